@@ -288,7 +288,17 @@ impl Bench {
         for (file, content) in FILES {
             bench.write(file, content.as_bytes());
         }
-        bench.must(&["scene", "pack", "@/scene.xml#s", "-o", "@/packed.vlscene", "--force", "-q"]);
+        bench.must(&[
+            "scene",
+            "pack",
+            "@/scene.xml#s",
+            "--physics",
+            "helios",
+            "-o",
+            "@/packed.vlscene",
+            "--force",
+            "-q",
+        ]);
         bench.must(fly!("--scene", "@/packed.vlscene"));
         bench.packed = fs::read(bench.path("packed.vlscene")).expect("the packed scene");
         bench.packed_points = fs::read(bench.path(POINTS)).expect("its points");
@@ -351,7 +361,7 @@ impl Bench {
     }
 
     fn read_preview(&self, file: &str) {
-        if let Ok(points) = read_points(&self.path(file)) {
+        if let Ok((points, _)) = read_points(&self.path(file)) {
             draw(&points, &PreviewOptions { width: 200, height: 150, ..PreviewOptions::default() });
         }
     }

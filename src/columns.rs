@@ -1,6 +1,7 @@
 //! Columns of tables in text and in Arrow streams: separators of lines, quoted fields, and headings such as `time[s]` or
 //! `roll_deg`.
 
+use crate::crs::LengthUnit;
 use std::ops::Range;
 
 /// Separator of the columns of a line.
@@ -61,6 +62,19 @@ impl Separator {
         fields
     }
 
+    /// The `count` columns of a line of a table, of which the last may be empty: then the separator at the end of the line
+    /// stands before it. `Err` has the number of columns found.
+    pub fn split_row(self, line: &str, count: usize) -> Result<Vec<Range<usize>>, usize> {
+        let mut fields = self.split(line);
+        if let Separator::Char(c) = self
+            && fields.len() + 1 == count
+            && line.trim_end_matches(|end: char| end.is_whitespace() && end != c).ends_with(c)
+        {
+            fields.push(line.len()..line.len());
+        }
+        if fields.len() == count { Ok(fields) } else { Err(fields.len()) }
+    }
+
     /// Name of the separator in messages.
     pub fn name(self) -> String {
         match self {
@@ -119,6 +133,31 @@ pub(crate) fn unquoted(line: &str, separator: Separator) -> Vec<String> {
     fields
 }
 
+/// The separator that spreadsheets state in a first line such as `sep=;`.
+pub(crate) fn stated_separator(line: &str) -> Option<char> {
+    let line = line.trim_start_matches('\u{feff}').trim_end_matches(['\r', '\n']);
+    let mut rest =
+        line.get(..4).filter(|word| word.eq_ignore_ascii_case("sep=")).map(|_| line[4..].chars())?;
+    let separator = rest.next()?;
+    rest.next().is_none().then_some(separator)
+}
+
+/// Whether a text is a number with a comma in place of the decimal point, such as `-1234,5` and `1,5e3`.
+pub(crate) fn has_decimal_comma(text: &str) -> bool {
+    let text = text.trim();
+    let is_digit = |digit: Option<u8>| digit.is_some_and(|digit| digit.is_ascii_digit());
+    text.split_once(',').is_some_and(|(whole, part)| {
+        is_digit(whole.bytes().last())
+            && is_digit(part.bytes().next())
+            && text.replacen(',', ".", 1).parse::<f64>().is_ok()
+    })
+}
+
+/// What a message about a text that should be a number adds if it has a decimal comma; an empty text for others.
+pub(crate) fn comma_note(text: &str) -> &'static str {
+    if has_decimal_comma(text) { ", which has a decimal comma; numbers need a decimal point" } else { "" }
+}
+
 fn trimmed(line: &str, at: Range<usize>) -> Range<usize> {
     let text = &line[at.clone()];
     let start = at.start + (text.len() - text.trim_start().len());
@@ -142,13 +181,13 @@ pub(crate) enum Dimension {
 
 impl Dimension {
     /// Factor from `unit` to seconds, metres or radians; `None` for units of other dimensions.
-    fn factor(self, unit: &str) -> Option<f64> {
+    pub fn factor(self, unit: &str) -> Option<f64> {
         Some(match (self, unit) {
             (Dimension::Time, "s" | "sec" | "seconds") => 1.0,
             (Dimension::Time, "ms") => 1e-3,
             (Dimension::Time, "us" | "µs") => 1e-6,
             (Dimension::Time, "ns") => 1e-9,
-            (Dimension::Length, "m" | "metres" | "meters") => 1.0,
+            (Dimension::Length, name) => LengthUnit::of_name(name)?.metres,
             (Dimension::Angle, "deg" | "degrees" | "°") => std::f64::consts::PI / 180.0,
             (Dimension::Angle, "mrad") => 1e-3,
             (Dimension::Angle, "rad" | "radians") => 1.0,
@@ -158,10 +197,10 @@ impl Dimension {
     }
 
     /// The units that [`Dimension::factor`] knows, for messages.
-    fn units(self) -> &'static str {
+    pub fn units(self) -> &'static str {
         match self {
             Dimension::Time => "s, ms, us or ns",
-            Dimension::Length => "m",
+            Dimension::Length => LengthUnit::USUAL,
             Dimension::Angle => "rad, mrad or deg",
             Dimension::Ratio | Dimension::Count => "no unit",
         }
@@ -190,7 +229,7 @@ pub(crate) fn parse_heading<T>(
     text: &str,
     known: impl Fn(&str) -> Option<(T, Dimension)>,
 ) -> Result<Heading<T>, HeadingError> {
-    let lower = text.trim().trim_matches(['"', '\'']).trim().to_ascii_lowercase();
+    let lower = text.trim().trim_matches(['"', '\'']).trim().to_lowercase();
     let (name, bracketed) = match lower.find(['[', '(']) {
         Some(i) => (lower[..i].trim_end(), Some(lower[i..].trim_matches(['[', ']', '(', ')', ' ']))),
         None => (lower.as_str(), None),
@@ -229,6 +268,24 @@ mod tests {
     }
 
     #[test]
+    fn the_last_column_of_a_row_may_be_empty() {
+        let row =
+            |line: &str, count| Separator::guess(line).split_row(line, count).map(|fields| fields.len());
+        assert_eq!(
+            [row("a,b,", 3), row("a,b,", 2), row("a,b", 2), row("a,,  ", 3)],
+            [Ok(3), Ok(2), Ok(2), Ok(3)]
+        );
+        assert_eq!(
+            [
+                Separator::Char('\t').split_row("a\t\t", 3).map(|fields| fields.len()),
+                row("a;b;c", 4),
+                row("a,b,c,d", 3)
+            ],
+            [Ok(3), Err(3), Err(4)]
+        );
+    }
+
+    #[test]
     fn headings_state_name_and_unit() {
         let known = |name: &str| match name {
             "t" | "gps_time" => Some(('t', Dimension::Time)),
@@ -255,6 +312,29 @@ mod tests {
         );
         assert_eq!(parse_heading("roll[gon]", known), Err(gon));
         assert!(matches!(parse_heading("x_deg", known), Err(HeadingError::WrongUnit(..))));
+    }
+
+    #[test]
+    fn spreadsheets_state_their_separator() {
+        let stated =
+            ["sep=;", "\u{feff}SEP=,\r", "sep=\t", "sep=", "sep=ab", "separator", "é"].map(stated_separator);
+        assert_eq!(stated, [Some(';'), Some(','), Some('\t'), None, None, None, None]);
+    }
+
+    #[test]
+    fn decimal_commas_are_recognised() {
+        for (text, is_one) in [
+            ("345600,0", true),
+            ("-1,5", true),
+            ("1,2,3", false),
+            ("1.5", false),
+            ("1,5e-3", true),
+            ("a,5", false),
+            ("5,", false),
+            (",5", false),
+        ] {
+            assert_eq!(has_decimal_comma(text), is_one, "{text}");
+        }
     }
 
     #[test]

@@ -1,5 +1,11 @@
 //! Coordinate reference systems as well-known text (WKT): by EPSG code, by UTM zone, and what a text names.
 
+mod area;
+mod units;
+
+pub use area::{Place, misfit, place_of};
+pub use units::{LengthUnit, Unit, Units};
+
 use crate::geom::UtmZone;
 
 /// Kind of system that an EPSG code denotes.
@@ -116,6 +122,25 @@ fn horizontal(wkt: &str) -> &str {
     range.and_then(|(from, to)| wkt.get(from..to)).unwrap_or(wkt)
 }
 
+/// Returns the unit of easting and northing of a projected or compound system by its EPSG code. `None` for other systems and
+/// unknown codes.
+pub fn length_unit(code: u32) -> Option<LengthUnit> {
+    let wkt = u16::try_from(code).ok().and_then(crs_definitions::from_code)?.wkt;
+    length_unit_in(horizontal(wkt))
+}
+
+/// Returns the unit of easting and northing of the first projected system in a text that holds WKT 1, as
+/// [`length_unit`] does.
+pub fn length_unit_in(text: &str) -> Option<LengthUnit> {
+    let wkt = &text[text.find("PROJCS[")?..];
+    let wkt = wkt.find("VERT_CS[").or(wkt.find("VERTCS[")).map_or(wkt, |end| &wkt[..end]);
+    // The unit of the system itself comes after those of the systems that it is made of.
+    let unit = &wkt[wkt.rfind("UNIT[\"")? + "UNIT[\"".len()..];
+    let (name, rest) = unit.split_once("\",")?;
+    let length = rest.split([',', ']']).next()?.trim().parse().ok()?;
+    Some(LengthUnit::defined(name, length))
+}
+
 /// Returns why coordinates in metres cannot be in this system.
 pub fn unit_problem(wkt: &str) -> Option<&'static str> {
     let lower = horizontal(wkt).to_ascii_lowercase();
@@ -180,6 +205,15 @@ mod tests {
         assert!(!differ(&wkt(25832), &esri) && differ(&wkt(25833), &esri));
         assert!(!differ(&wkt(2193), r#"PROJCS["mine",UNIT["metre",1]]"#), "nothing is known of it");
         assert_eq!(name(&wkt(25832)), "ETRS89 / UTM zone 32N (EPSG:25832)");
+    }
+
+    #[test]
+    fn projected_systems_have_their_units() {
+        for (code, metres) in [(2227, 1200.0 / 3937.0), (25832, 1.0), (2222, 0.3048), (5555, 1.0)] {
+            let found = length_unit(code).unwrap().metres;
+            assert!((found - metres).abs() < 1e-12, "{code}: {found}");
+        }
+        assert_eq!(length_unit(4326), None);
     }
 
     #[test]

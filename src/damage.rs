@@ -1,13 +1,8 @@
-//! Panics over damaged data: libraries that assert that a file is valid are called through [`catch_decoder_panic`];
-//! code that reads a mapped file may panic after a part of the file was lost ([`silence_panics`]).
+//! Panics over damaged data: libraries that assert that a file is valid are called through [`catch_decoder_panic`].
 
 use std::cell::Cell;
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::Once;
-use std::sync::atomic::{AtomicBool, Ordering};
-
-/// Whether panics of all threads are without a message, because another error explains them.
-static IS_SILENT: AtomicBool = AtomicBool::new(false);
 
 thread_local! {
     /// Whether a panic of this thread is caught by [`catch_decoder_panic`].
@@ -24,22 +19,17 @@ pub(crate) fn catch_decoder_panic<T>(decode: impl FnOnce() -> T) -> Option<T> {
     decoded.ok()
 }
 
-/// Installs the panic hook that omits messages as the functions of this module ask for.
-pub(crate) fn install_panic_hook() {
+/// Installs the panic hook that omits the messages of panics that are caught.
+fn install_panic_hook() {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {
         let default_hook = panic::take_hook();
         panic::set_hook(Box::new(move |info| {
-            if !IS_CAUGHT.get() && !IS_SILENT.load(Ordering::SeqCst) {
+            if !IS_CAUGHT.get() {
                 default_hook(info);
             }
         }));
     });
-}
-
-/// Omits the messages of panics of all threads, or no longer. May be called by a signal handler.
-pub(crate) fn silence_panics(silent: bool) {
-    IS_SILENT.store(silent, Ordering::SeqCst);
 }
 
 #[cfg(test)]

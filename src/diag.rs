@@ -12,16 +12,16 @@ use std::path::{Path, PathBuf};
 pub enum Severity {
     /// The run cannot continue.
     Error,
-    /// The run continues with a default that the message names; an error with `--strict`.
+    /// An input is suspicious, or is not used as it is written; the message names what counts instead. An error with `--strict`.
     Warning,
-    /// How an ambiguous value was interpreted.
+    /// How an input was understood that can be read in more than one way. Shown beside the warnings; never ends a run.
     Note,
 }
 
 /// A message during a run.
 #[derive(Clone, Debug)]
 pub enum Notice {
-    /// Input that was accepted although it is suspicious.
+    /// Input that was accepted although it is suspicious, and notes on how input was understood.
     Warnings(Diagnostics),
     /// Information for every user.
     Note(String),
@@ -54,6 +54,8 @@ const MAX_COUNTED_CHARACTERS: usize = 1 << 16;
 /// Maximum length and number of lines of a message or hint; longer ones, which quote long values, are cut.
 const MAX_MESSAGE_BYTES: usize = 600;
 const MAX_MESSAGE_LINES: usize = 6;
+/// Maximum length of a word, bytes: longer ones are cut where a message is.
+const MAX_WORD_BYTES: usize = 60;
 /// Maximum number of lines of a report.
 const MAX_REPORT_LINES: usize = 20;
 /// Maximum number of lines of a report that are reserved for problems with a line each.
@@ -64,6 +66,11 @@ const MAX_PROBLEMS: usize = 1000;
 const FURTHER_PROBLEMS: &str = "there are more problems than can be listed";
 
 impl Place {
+    /// A file of which no line is known.
+    pub fn of_file(path: &Path) -> Place {
+        Place::in_line(path, 0, "", 0..0)
+    }
+
     /// The place of byte range `at` of `text`. A range over several lines is cut at the end of its first line.
     pub fn in_text(path: &Path, text: &str, at: Range<usize>) -> Place {
         let mut start = at.start.min(text.len());
@@ -187,6 +194,17 @@ impl Diagnostics {
         }
     }
 
+    /// The problems that `told` does not have. Files may be named otherwise there: lines and messages count.
+    pub fn without(&self, told: &Diagnostics) -> Diagnostics {
+        let line = |d: &Diagnostic| d.place.as_ref().map(|place| place.line);
+        let is_told =
+            |d: &&Diagnostic| told.items.iter().any(|t| t.message == d.message && line(t) == line(d));
+        let items = self.items.iter().filter(|d| !is_told(d)).cloned().collect();
+        let mut rest = Diagnostics::default();
+        rest.extend(Diagnostics { items, ..Diagnostics::default() });
+        rest
+    }
+
     /// Whether there are no problems.
     pub fn is_empty(&self) -> bool {
         self.items.is_empty()
@@ -204,7 +222,7 @@ impl Diagnostics {
             .any(|d| d.severity == Severity::Error || (strict && d.severity == Severity::Warning))
     }
 
-    /// `Err` when [`Diagnostics::is_fatal`], otherwise the warnings to be shown.
+    /// `Err` when [`Diagnostics::is_fatal`], otherwise the warnings and notes to be shown.
     pub fn finish(mut self, strict: bool) -> Result<Diagnostics> {
         if !self.is_fatal(strict) {
             return Ok(self);
@@ -268,7 +286,7 @@ impl Diagnostic {
     }
 
     /// The problem with its hint in one line that ends with a line break.
-    fn line(&self) -> String {
+    pub fn line(&self) -> String {
         let severity = match self.severity {
             Severity::Error => "error",
             Severity::Warning => "warning",
@@ -358,25 +376,50 @@ fn shortened(text: String) -> String {
     }
     let head = text.floor_char_boundary(head.min(MAX_MESSAGE_BYTES * 2 / 3));
     let tail = text.ceil_char_boundary(text.len().saturating_sub(MAX_MESSAGE_BYTES / 3).max(head));
-    let tail = text[tail..].rsplit('\n').next().unwrap_or_default();
-    format!("{} … {tail}", &text[..head])
+    let tail = text[tail..].rfind('\n').map_or(tail, |end| tail + end + 1);
+    let (mut before, mut after) = (&text[..head], &text[tail..]);
+    // Words are kept whole or left out; what is longer than words are, a quoted value, is cut.
+    let is_blank = char::is_whitespace;
+    if !text[head..].starts_with(is_blank) {
+        let end = before.rfind(is_blank).filter(|end| head - end <= MAX_WORD_BYTES);
+        before = &before[..end.unwrap_or(head)];
+    }
+    if !text[..tail].ends_with(is_blank) {
+        let start = after.find(is_blank).filter(|start| *start <= MAX_WORD_BYTES);
+        after = &after[start.unwrap_or(0)..];
+    }
+    format!("{} … {}", before.trim_end(), after.trim_start())
 }
 
 /// The candidate that a misspelt `word` probably means: at most a third of its letters differ (an inserted, missing,
-/// wrong or swapped letter counts once; case is ignored). Among equally near candidates the first is returned.
+/// wrong or swapped letter counts once; case is ignored). Among equally near candidates the first is returned. If none is as
+/// near, it is the shortest one of which `word` is a part, whatever the signs between its letters.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let word = word.to_lowercase();
-    let length = word.chars().count();
+    let lower = word.to_lowercase();
+    let length = lower.chars().count();
     if length > 60 {
         return None;
     }
-    let distances = candidates.into_iter().map(|candidate| {
+    let candidates: Vec<&str> = candidates.into_iter().collect();
+    let distances = candidates.iter().map(|candidate| {
         let other = candidate.to_lowercase();
-        (strsim::osa_distance(&word, &other), other.chars().count(), candidate)
+        (strsim::osa_distance(&lower, &other), other.chars().count(), *candidate)
     });
     let near =
         distances.filter(|(distance, letters, _)| *distance <= (length / 3).max(1) && distance < letters);
-    near.min_by_key(|near| near.0).map(|near| near.2)
+    near.min_by_key(|near| near.0).map(|near| near.2).or_else(|| part_of(word, &candidates))
+}
+
+/// Letters and digits that a part of a name must have.
+const MIN_PART: usize = 3;
+
+/// The shortest candidate of which `word` is a part; only letters and digits count.
+fn part_of<'a>(word: &str, candidates: &[&'a str]) -> Option<&'a str> {
+    let plain = |text: &str| text.to_lowercase().chars().filter(|c| c.is_alphanumeric()).collect::<String>();
+    let part = plain(word);
+    let holds = |candidate: &&&str| plain(candidate).contains(&part);
+    let holding = candidates.iter().filter(holds).min_by_key(|candidate| candidate.len());
+    holding.copied().filter(|_| part.chars().count() >= MIN_PART)
 }
 
 #[cfg(test)]
@@ -486,11 +529,39 @@ mod tests {
     }
 
     #[test]
+    fn long_lists_are_cut_between_words() {
+        let names: Vec<String> = (0..100).map(|i| format!("received_energy_min_{i}_w")).collect();
+        let cut = shortened(format!("the keys here are {}", names.join(", ")));
+        let words: Vec<&str> = cut.split(' ').skip(4).map(|word| word.trim_end_matches(',')).collect();
+        assert!(words.len() > 15 && words.contains(&"…"), "{cut}");
+        assert!(words.iter().all(|word| *word == "…" || names.iter().any(|name| name == word)), "{cut}");
+    }
+
+    #[test]
+    fn what_has_been_told_is_left_out() {
+        let text = "<a>\n<b/>\n</a>";
+        let place = |path: &str, at: usize| Some(Place::in_text(Path::new(path), text, at..at + 1));
+        let (mut told, mut found) = (Diagnostics::default(), Diagnostics::default());
+        told.warn(place("s.xml", 4), "unknown element <b>");
+        found.warn(place("./s.xml", 4), "unknown element <b>");
+        found.warn(place("s.xml", 0), "unknown element <b>").help("write <c>");
+        found.warn(None, "a slow flight");
+        let rest = found.without(&told);
+        let messages: Vec<&str> = rest.items().iter().map(|d| d.message.as_str()).collect();
+        assert_eq!(messages, ["unknown element <b>", "a slow flight"]);
+        assert_eq!(rest.items()[0].help.as_deref(), Some("write <c>"));
+        assert!(found.without(&found).is_empty());
+    }
+
+    #[test]
     fn misspelt_words_find_their_neighbour() {
         let names = ["scanFreq_hz", "scanAngle_deg", "pulseFreq_hz", "id"];
         assert_eq!(nearest("scanFreq_Hz", names), Some("scanFreq_hz"));
         assert_eq!(nearest("pulsFreq_hz", names), Some("pulseFreq_hz"));
         assert_eq!(nearest("dI", names), Some("id"));
         assert_eq!(nearest("colour", names), None);
+        let ids = ["riegl_vux-1uav22", "riegl_vux-1uav", "velodyne_hdl-64e"];
+        assert_eq!([nearest("VUX-1UAV", ids), nearest("hdl64", ids)], [Some(ids[1]), Some(ids[2])]);
+        assert_eq!(nearest("1u", ids), None);
     }
 }

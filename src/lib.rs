@@ -20,11 +20,12 @@
 //! |---|---|---|
 //! | `error`, `diag` | errors; diagnostics with file, line and caret | |
 //! | `geom`, `rng` | rotations, boxes, map projection; counter-based random numbers | |
-//! | `crs` | coordinate reference systems: WKT by EPSG code, codes in WKT | geom |
-//! | `quantity`, `columns`, `markup` | bounds of numbers, counts and sizes as text; headings and separators of columns; text in XML and HTML | |
-//! | `files`, `damage`, `machine`, `input` | files named when complete; panics of decoders caught; threads and memory of the machine; byte streams and Arrow tables read while they arrive | |
-//! | `store` | arrays in memory or in a mapped file, and that file | geom |
-//! | `points` | reads point clouds: LAS and LAZ, PLY, columns of text | geom |
+//! | `quantity`, `markup` | bounds of numbers, counts and sizes as text; text in XML and HTML | |
+//! | `crs` | coordinate reference systems: WKT by EPSG code, codes in WKT, areas of use; units of length | geom |
+//! | `columns` | headings and separators of columns | crs |
+//! | `files`, `damage`, `machine`, `input` | files named when complete, files that are read; panics of decoders caught; threads and memory of the machine; byte streams and Arrow tables read while they arrive | |
+//! | `store` | files of arrays with checksums, the bytes of files | geom, files |
+//! | `points` | reads point clouds: LAS and LAZ, PLY, PCD, E57, PTS, text, Arrow, Parquet | geom, crs, input |
 //! | `survey` | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, input |
 //! | `tree` | primitives and rays: builders, traversal, watertight tests; nothing of LiDAR | geom, store |
 //! | `scene` | loads scenes; moving parts, instances, epochs with swapped parts, packed scenes | survey, tree, points |
@@ -32,7 +33,7 @@
 //! | `platform` | position and attitude per step; recorded trajectories in every layout | survey, geom |
 //! | `scanner` | heads and deflectors per step | survey, geom |
 //! | `flight` | the clock: legs, steps, pulses; replayed from a snapshot | platform, scanner |
-//! | `plan` | survey planning: legs from an area, a plot or a line, by closed formulas | survey, geom |
+//! | `plan` | survey planning: legs from an area, a plot or a line, by what the instrument's optics see | crs, flight, scanner, survey |
 //! | `pulse` | subrays, energy, waveform, detection: a pulse becomes returns | flight, scene, tree |
 //! | `schedule` | four ways to distribute chunks to workers; records and replays | nothing of LiDAR |
 //! | `parts` | shares of a run that other processes compute: their files, their borders in the flight | pulse, flight |
@@ -120,12 +121,12 @@ pub mod internals {
     pub use crate::output::{NoOffload, OutputContext, OutputPlan, unzip};
     pub use crate::platform::{PollResult, Pose, PoseReader};
     pub use crate::preview::{
-        ColourBy, PageOptions, PreviewOptions, draw, points_of_table, read_packet, read_points, read_wave,
-        write_page,
+        ColourBy, PageOptions, Points, PreviewOptions, draw, points_of_table, read_packet, read_points,
+        read_wave, write_page,
     };
     pub use crate::pulse::{Batch, Phase, Physics, PulseSimulator};
     pub use crate::rng::{Purpose, Stream};
-    pub use crate::scene::{LoadOptions, Scene, load, pack};
+    pub use crate::scene::{LoadOptions, Pack, Scene, load, pack};
     pub use crate::survey::{
         Loader, MaterialChange, MaterialChoice, MeshReading, MotionTiming, PartRecipe, PlatformKind,
         Replaced, Scanner, SceneRecipe, Survey, Transform, UpAxis, VoxelLoader, VoxelMode, XyzLoader,

@@ -1,12 +1,13 @@
 //! Pictures and pages of points.
 
-use crate::errors::exception;
+use crate::errors::{Notices, exception};
 use crate::table::batches;
+use arrow_array::RecordBatch;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use vlscan::Error;
-use vlscan::internals::{ColourBy, PageOptions, PreviewOptions, draw, points_of_table, write_page};
+use vlscan::internals::{ColourBy, PageOptions, Points, PreviewOptions, draw, points_of_table, write_page};
+use vlscan::{Error, Notice};
 
 fn colour_of(name: &str) -> PyResult<ColourBy> {
     let known = ColourBy::ALL.into_iter().find(|colour| colour.name() == name);
@@ -23,15 +24,17 @@ pub fn page(
     title: String,
     max_points: usize,
 ) -> PyResult<String> {
-    let (colour, (_, batches)) = (colour_of(colour)?, batches(table)?);
+    let (colour, (_, batches), notices) = (colour_of(colour)?, batches(table)?, Notices::default());
     let made = py.detach(|| {
-        let points = points_of_table(&one(batches)?)?;
+        let points = points(batches, colour, &notices)?;
         let mut bytes = Vec::new();
-        let options = PageOptions { colour, title, max_points };
+        let options = PageOptions { colour, title, max_points, ..PageOptions::default() };
         write_page(&points, &options, &mut bytes).map_err(|e| Error::io("write", "the page", e))?;
         Ok(String::from_utf8_lossy(&bytes).into_owned())
     });
-    made.map_err(|error| exception(py, error))
+    let made = made.map_err(|error| exception(py, error))?;
+    notices.issue(py)?;
+    Ok(made)
 }
 
 /// A PNG picture of points, from above and from the side. `table` has the columns X, Y, Z.
@@ -44,19 +47,28 @@ pub fn picture<'py>(
     width: u32,
     height: u32,
 ) -> PyResult<Bound<'py, PyBytes>> {
-    let (colour, (_, batches)) = (colour_of(colour)?, batches(table)?);
+    let (colour, (_, batches), notices) = (colour_of(colour)?, batches(table)?, Notices::default());
     if !(320..=16384).contains(&width) || !(240..=16384).contains(&height) {
         return Err(PyValueError::new_err("a picture has 320 to 16384 by 240 to 16384 dots"));
     }
     let made = py.detach(|| {
         let options = PreviewOptions { colour, width, height, title, ..PreviewOptions::default() };
-        draw(&points_of_table(&one(batches)?)?, &options).png()
+        draw(&points(batches, colour, &notices)?, &options).png()
     });
-    made.map(|bytes| PyBytes::new(py, &bytes)).map_err(|error| exception(py, error))
+    let made = made.map_err(|error| exception(py, error))?;
+    notices.issue(py)?;
+    Ok(PyBytes::new(py, &made))
+}
+
+/// The points of a table; what is to be said of them is added to `notices`.
+fn points(batches: Vec<RecordBatch>, colour: ColourBy, notices: &Notices) -> vlscan::Result<Points> {
+    let (points, found) = points_of_table(&one(batches)?, colour)?;
+    notices.add(Notice::Warnings(found));
+    Ok(points)
 }
 
 /// The only batch of a table.
-fn one(mut batches: Vec<arrow_array::RecordBatch>) -> Result<arrow_array::RecordBatch, Error> {
+fn one(mut batches: Vec<RecordBatch>) -> vlscan::Result<RecordBatch> {
     match (batches.pop(), batches.is_empty()) {
         (Some(batch), true) => Ok(batch),
         _ => Err(Error::input("expected a table in one piece; combine its chunks first")),

@@ -9,8 +9,8 @@ use pyo3::types::{PyBytes, PyDict, PyList};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan::internals::{
-    DVec3, Loader, MaterialChange, MaterialChoice, MeshReading, MotionTiming, PartRecipe, Replaced, Rotation,
-    SceneRecipe, Transform, UpAxis, VoxelLoader, VoxelMode, XyzLoader, pack,
+    DVec3, Loader, MaterialChange, MaterialChoice, MeshReading, MotionTiming, Pack, PartRecipe, Replaced,
+    Rotation, SceneRecipe, Transform, UpAxis, VoxelLoader, VoxelMode, XyzLoader, pack,
 };
 use vlscan::{Job, LoadedScene, MaterialDefinition, ReadOptions, Session, read_scene};
 
@@ -53,7 +53,7 @@ fn material(fields: &Bound<'_, PyDict>) -> PyResult<MaterialDefinition> {
         spectrum: get("spectrum")?.extract()?,
         classification: get("classification")?.extract()?,
         is_ground: get("is_ground")?.extract()?,
-        line: 0,
+        place: None,
     })
 }
 
@@ -75,7 +75,7 @@ impl Part {
     fn of_mesh_file(
         path: PathBuf,
         up: Option<&str>,
-        unit: &str,
+        unit: Option<&str>,
         materials: Option<PathBuf>,
         place: &Bound<'_, PyDict>,
     ) -> PyResult<Part> {
@@ -87,9 +87,11 @@ impl Part {
                 return Err(PyValueError::new_err(format!("up is {other:?}; expected 'y' or 'z'")));
             }
         };
-        let expected = || PyValueError::new_err(format!("unit is {unit:?}; expected {}", MeshReading::UNITS));
-        let unit_m = MeshReading::unit(unit).ok_or_else(expected)?;
-        let reading = MeshReading { up, unit_m, materials };
+        let metres = |unit: &str| {
+            let message = format!("unit is {unit:?}; expected {}", MeshReading::UNITS);
+            MeshReading::unit(unit).ok_or_else(|| PyValueError::new_err(message))
+        };
+        let reading = MeshReading { up, unit_m: unit.map(metres).transpose()?, materials };
         part(Loader::MeshFiles { files: vec![path], reading }, place)
     }
 
@@ -272,7 +274,12 @@ impl Scene {
     /// Loads scene and tree now; otherwise the first run does. `words` are options of a run, `document` is a pipeline.
     fn load(own: Py<Self>, py: Python<'_>, document: String, words: Vec<String>) -> PyResult<()> {
         let (notices, interruption) = (Notices::default(), Interruption::default());
+        let is_by_itself = words.is_empty();
         let mut job = own.get().job(document, words).map_err(|error| exception(py, error))?;
+        if let (true, Some(path)) = (is_by_itself, &own.get().recipe.packed) {
+            let pack = Pack::open(path).map_err(|error| exception(py, error))?;
+            job.settings.load.rules = pack.conditions().rules;
+        }
         interruption.watch(&mut job.settings);
         let own_notices = notices.clone();
         let work = move || own.get().session(job, &own_notices).map(drop);
@@ -287,9 +294,16 @@ impl Scene {
         let mut settings = self.job(document, words).map_err(|error| exception(py, error))?.settings;
         interruption.watch(&mut settings);
         let recipe = self.recipe.clone();
-        let work = move || pack(&recipe, &settings.load, &settings.tree, &path);
+        let own_notices = notices.clone();
+        let work = move || {
+            let strict = settings.strict;
+            let warn = |found: &vlscan::Diagnostics| {
+                own_notices.add(vlscan::Notice::Warnings(found.clone().finish(strict)?));
+                Ok(())
+            };
+            pack(&recipe, &settings.load, &settings.tree, &path, &warn).map(drop)
+        };
         let done = watched(py, &interruption, work, || py.check_signals())?;
-        let done = done.map(|(_, warnings)| notices.add(vlscan::Notice::Warnings(warnings)));
         notices.issue(py)?;
         done.map_err(|error| exception(py, error))
     }

@@ -71,7 +71,7 @@ def test_the_same_survey_as_file_gives_the_same(tmp_path):
 
 
 def test_the_survey_of_a_file_is_run_as_it_is_or_refused(tmp_path):
-    fine = helios.Survey.from_xml("survey.xml", full_waveform_settings=helios.FullWaveformSettings(beam_sample_quality=1, bin_size=1.0))
+    fine = helios.Survey.from_xml("survey.xml", full_waveform_settings=helios.FullWaveformSettings(beam_sample_quality=1, bin_size=0.5))
     plain = helios.Survey.from_xml("survey.xml")
     assert fine.full_waveform_settings.beam_sample_quality == 1
     for name in ("name", "legs", "scanner", "platform", "full_waveform_settings"):
@@ -83,7 +83,7 @@ def test_the_survey_of_a_file_is_run_as_it_is_or_refused(tmp_path):
     assert helios.display_xml(plain) == plain.to_xml() == (FIXTURES / "room/survey.xml").read_text()
     a, b = fine.run()[0], plain.run()[0]
     assert len(a) > 10_000 and (len(a) != len(b) or (a["intensity"] != b["intensity"]).any())
-    own = '<FWFSettings binSize_ns="1" beamSampleQuality="1" winSize_ns="1"/><leg>'
+    own = '<FWFSettings binSize_ns="0.5" beamSampleQuality="1" winSize_ns="1"/><leg>'
     (tmp_path / "own.xml").write_text(plain.to_xml().replace("<leg>", own, 1))
     assert helios.Survey.from_xml(tmp_path / "own.xml").run()[0].tobytes() == a.tobytes()
     for change in (
@@ -95,6 +95,17 @@ def test_the_survey_of_a_file_is_run_as_it_is_or_refused(tmp_path):
         setattr(survey, *next(iter(change.items())))
         with pytest.raises(NotImplementedError, match="cannot be replaced"):
             survey.run()
+
+
+def test_a_window_below_two_bins_is_an_error():
+    with pytest.raises(ValueError, match="win_size is 0.5 ns, expected at least two bins of bin_size 0.5 ns"):
+        helios.FullWaveformSettings(bin_size=0.5, win_size=0.5)
+    assert helios.FullWaveformSettings(bin_size=0.1, win_size=0.2).win_size == 0.2
+    settings = helios.FullWaveformSettings()
+    settings.bin_size = 1.0
+    survey = helios.Survey.from_xml("survey.xml", full_waveform_settings=settings)
+    with pytest.raises(ValueError, match="two bins"):
+        survey.run()
 
 
 def test_keywords_without_effect_are_refused():
@@ -205,7 +216,8 @@ def test_materials_can_be_changed():
     for wrong in ({"indices": [-1]}, {"indices": [2]}, {"indices": [True]}, {"range_stop": 3}):
         with pytest.raises(ValueError, match="expected"):
             helios.ScenePart.from_numpy_array(vertices, quads).update_material(helios.Material("a"), **wrong)
-    assert helios.StaticScene([plane()]).engine().materials == {"default": (50, 0)}
+    # As a fraction, which the default physics of the engine takes; surveys of this package take 50 with that of HELIOS++.
+    assert helios.StaticScene([plane()]).engine().materials == {"default": (0.5, 0)}
     with pytest.warns(vlscan.VlscanWarning, match="'bright' is 1.5"):
         helios.Material("bright", reflectance=1.5)
     read = helios.Material.from_file(FIXTURES / "forest/forest.mtl")

@@ -315,6 +315,20 @@ def test_warnings_are_warnings():
     assert {warning.filename for warning in caught} == {__file__}
 
 
+def test_pictures_warn_of_what_is_not_used_as_it_stands():
+    columns = {"X": [1.0, 2.0, float("nan")], "Y": [0.0] * 3, "Z": [0.0] * 3, "class": [300.0, 2.0, 2.0], "omnivariance": [0.0] * 3}
+    table = pyarrow.table(columns)
+    for draw in (
+        lambda: vlscan._vlscan.picture(table, "height", "", 640, 480),
+        lambda: vlscan._vlscan.page(table, "height", "", 10),
+    ):
+        with pytest.warns(vlscan.VlscanWarning) as caught:
+            draw()
+        text = str(caught[0].message)
+        assert "not read: omnivariance" in text and "1 point has a class" in text and "1 points without coordinates" in text
+        assert caught[0].filename == __file__
+
+
 def test_nothing_is_printed(room, capfd):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -333,8 +347,18 @@ def test_missing_and_odd_arguments():
         Part.mesh(*wall(), materials=[Material()], material_of=[0])
     with pytest.raises(ValueError, match="material_of"):
         Part.mesh(*wall(), materials=[Material("a"), Material("b")])
-    with pytest.raises(vlscan.InputError, match="material"):
-        Part.mesh(*wall(), materials=[Material()], material_of=[0, 1])
+    for odd in (1, -1, 2**31, 2**63, 2**64, 0.5, np.nan, np.inf, 2.0**63, True, "0"):
+        with pytest.raises(ValueError, match="material_of"):
+            Part.mesh(*wall(), materials=[Material()], material_of=[0, odd] if odd is not True else [False, True])
+        corners, faces = wall()
+        with pytest.raises(ValueError, match="faces"):
+            Part.mesh(corners, [faces[0], [0, 2, 9 if odd in (0.5, 1, True) else odd]])
+    Part.mesh(*wall(), materials=[Material(), Material()], material_of=[0.0, 1.0])
+    for axis in ([0, 0, 1e200], [0, 0, np.inf], [0, 0, np.nan], [0, 0, 0]):
+        with pytest.raises(ValueError, match="axis"):
+            Part.mesh(*wall()).rotate(axis, 90)
+    with pytest.raises(ValueError, match="angle"):
+        Part.mesh(*wall()).rotate([0, 0, 1], np.nan)
     with pytest.raises(vlscan.InputError, match="empty"):
         Survey([Part.mesh(np.zeros((0, 3)), np.zeros((0, 3), int))], "riegl_vz400", [LEG]).run()
     with pytest.raises(TypeError, match="origins"):

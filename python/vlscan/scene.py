@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import math
+import operator
 import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -121,23 +122,26 @@ class Part:
         corners = np.asarray(faces)
         if corners.ndim != 2 or corners.shape[1] not in (3, 4):
             raise ValueError(f"faces has the shape {corners.shape}, expected n by 3 or n by 4")
+        if corners.size and corners.dtype.kind not in "iu":
+            raise ValueError(f"faces has the type {corners.dtype}, expected whole numbers")
         if corners.size and (corners.min() < 0 or corners.max() >= len(points)):
             raise ValueError(f"faces has indices beyond the {len(points)} vertices")
         known = [materials] if isinstance(materials, Material) else list(materials or [])
         if len(known) > 1 and material_of is None:
             raise ValueError(f"there are {len(known)} materials, expected material_of with the index of the one of each face")
         index = np.asarray([] if material_of is None else material_of)
-        if index.size and (index.min() < 0 or index.shape != (len(corners),)):
+        if index.size and index.shape != (len(corners),):
             raise ValueError(f"material_of has the shape {index.shape}, expected an index per face, ({len(corners)},)")
+        index = _indices("material_of", index, len(known), "materials")
         count, per_face = len(corners), corners.shape[1] - 2
         if per_face == 2:
             corners = corners[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
             index = np.repeat(index, 2)
         made = _vlscan.Mesh(
             points.tobytes(),
-            np.asarray(corners, dtype="<u4").tobytes(),
+            corners.astype("<u4").tobytes(),
             [_fields(material) for material in known],
-            np.asarray(index, dtype="<u4").tobytes(),
+            index.tobytes(),
         )
         return Part("of_mesh", (made,), _Place(id=id), (count, per_face))
 
@@ -154,28 +158,29 @@ class Part:
         return Part.mesh(np.asarray(mesh.vertices), np.asarray(faces), materials, material_of, id)
 
     @staticmethod
-    def obj(path: PathLike, up: str = "z", id: str | None = None) -> Part:
-        """A part of a Wavefront OBJ file and the materials that it names. ``up``: the axis that points up, ``z`` or ``y``."""
+    def obj(path: PathLike, up: str | None = None, id: str | None = None) -> Part:
+        """A part of a Wavefront OBJ file and the materials that it names. ``up``: the axis that points up, ``z`` (the default) or ``y``."""
         return Part.mesh_file(path, up, id=id)
 
     @staticmethod
     def mesh_file(
         path: PathLike,
         up: str | None = None,
-        unit: str | float = "m",
+        unit: str | float | None = None,
         materials: PathLike | None = None,
         id: str | None = None,
     ) -> Part:
         """A part of a mesh file: OBJ, PLY, STL or glTF (``.gltf``, ``.glb``).
 
         ``up``: the axis that points up, ``z`` or ``y``; by default that of the format, y for glTF and z for the others. ``unit``
-        of its coordinates: m, cm, mm, km, ft, us-ft, in, or a number of metres. ``materials``: a table of materials
+        of its coordinates: m (the default, of which a mesh of improbable size is warned), cm, mm, km, ft, us-ft, in, or a number of
+        metres. ``materials``: a table of materials
         (docs/scenes.md).
         """
         if up not in (None, "y", "z"):
             raise ValueError(f"up is {up!r}, expected 'y' or 'z'")
         table = None if materials is None else os.fspath(materials)
-        return Part("of_mesh_file", (os.fspath(path), up, str(unit), table), _Place(id=id))
+        return Part("of_mesh_file", (os.fspath(path), up, None if unit is None else str(unit), table), _Place(id=id))
 
     @staticmethod
     def raster(
@@ -207,7 +212,7 @@ class Part:
             rgb_columns=rgb_columns,
             max_color_value=float(max_color_value),
             default_normal=default_normal,
-            estimate_normals=int(estimate_normals),
+            estimate_normals=operator.index(estimate_normals),
             snap_neighbor_normal=bool(snap_neighbor_normal),
         )
         return Part("of_points", (os.fspath(path), settings, _choice(material_file, material)), _Place(id=id))
@@ -263,16 +268,18 @@ class Part:
         """The part turned about an axis through the origin, right-handed."""
         direction = np.asarray(axis, float)
         length = np.linalg.norm(direction)
-        if direction.shape != (3,) or not length > 0:
-            raise ValueError(f"an axis is {axis}, expected three numbers that are not all 0")
+        if direction.shape != (3,) or not 0 < length < math.inf:
+            raise ValueError(f"an axis is {axis}, expected three finite numbers that are not all 0")
+        if not math.isfinite(angle_deg):
+            raise ValueError(f"an angle is {angle_deg}, expected a finite number of degrees")
         half = math.radians(angle_deg) / 2
         return self.turn((math.cos(half), *(direction / length * math.sin(half))))
 
     def turn(self, quaternion: Sequence[float]) -> Part:
         """The part turned about the origin by a quaternion w, x, y, z."""
         q = np.asarray(quaternion, float)
-        if q.shape != (4,) or not np.linalg.norm(q) > 0:
-            raise ValueError(f"a quaternion is {quaternion}, expected w, x, y, z")
+        if q.shape != (4,) or not 0 < np.linalg.norm(q) < math.inf:
+            raise ValueError(f"a quaternion is {quaternion}, expected finite numbers w, x, y, z that are not all 0")
         q = q / np.linalg.norm(q)
         offset = tuple(_turned(q, self._place.offset))
         return self._placed(quaternion=_product(q, self._place.quaternion), offset=offset)
@@ -325,6 +332,24 @@ class Part:
 
     def __repr__(self) -> str:
         return f"<Part {self._kind.removeprefix('of_')} {self._place}>"
+
+
+def _indices(name: str, values: np.ndarray, count: int, things: str) -> np.ndarray:
+    """Indices from 0 to ``count`` - 1 as unsigned integers of 32 bits. Other numbers would become one of these, so that they are
+    refused: fractions, NaN, and those beyond."""
+    if values.size == 0:
+        return np.zeros(values.shape, "<u4")
+    if values.dtype.kind not in "iuf" or not np.all(values == np.floor(values)):
+        raise ValueError(f"{name} holds {_first(values)} of the type {values.dtype}, expected whole numbers")
+    if values.min() < 0 or values.max() >= count:
+        raise ValueError(f"{name} has indices from {values.min()} to {values.max()}, and there are {count} {things}")
+    return values.astype("<u4")
+
+
+def _first(values: np.ndarray) -> Any:
+    """The first value that is not a whole number."""
+    numeric = values.dtype.kind == "f"
+    return values[values != np.floor(values)][0] if numeric else values.flat[0]
 
 
 def _fields(material: Material) -> dict[str, Any]:

@@ -283,7 +283,8 @@ class Survey:
         too. ``progress`` is called about twenty times per second with ``pulses``, ``points``, ``leg`` and ``done`` (0 to 1).
 
         Options are those of the command line with underscores, for example ``seed``, ``threads``, ``columns`` (a list), ``misses``,
-        ``physics`` (``"refined"``), ``force`` (replace files): see :func:`vlscan.options`.
+        ``physics`` (``"helios"`` or ``"refined"``, by default the former for XML surveys and the latter for others), ``force``
+        (replace files): see :func:`vlscan.options`.
 
         Raises :class:`vlscan.InputError` for invalid input and :class:`vlscan.FileError` for files; ``KeyboardInterrupt`` ends the
         run and leaves what was measured in ``NAME.partial.EXT``.

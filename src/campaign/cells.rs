@@ -2,11 +2,13 @@
 
 use super::file::{File, GroupBy, SceneEntry, Split, VariantEntry};
 use super::plots;
+use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::plan::{Area, read_area};
 use crate::rng::{Purpose, Stream};
 use std::collections::BTreeSet;
 use std::sync::Arc;
+use toml::Spanned;
 
 /// Maximum number of cells.
 const MAX_CELLS: usize = 1_000_000;
@@ -28,9 +30,9 @@ pub struct Cell {
     pub split: &'static str,
 }
 
-/// All cells, scene by scene.
+/// All cells, scene by scene, and what there is to say of the files of their areas.
 #[derive(Clone, Debug)]
-pub struct Cells(pub Vec<Cell>);
+pub struct Cells(pub Vec<Cell>, Diagnostics);
 
 impl Cells {
     /// The cells of a campaign; areas are read.
@@ -38,10 +40,14 @@ impl Cells {
     /// # Errors
     /// [`Error::Input`] for areas that cannot be read, plots that do not fit and names that are there twice.
     pub fn of(file: &File) -> Result<Cells> {
-        let mut scenes = Vec::new();
+        let (mut scenes, mut found) = (Vec::new(), Diagnostics::default());
         for scene in &file.scenes {
             let scene = Arc::new(scene.clone());
-            let area = scene.area.as_deref().map(read_area).transpose()?;
+            let area = scene.area.as_deref().map(|area| read_area(area, None, None)).transpose()?;
+            let area = area.map(|(area, told)| {
+                found.extend(told);
+                area
+            });
             match (scene.plots, area) {
                 (Some(count), Some(area)) => {
                     let plots = plots::draw(&area, count as usize, scene.plot_size(), 0)
@@ -66,7 +72,7 @@ impl Cells {
             for &seed in &seeds {
                 for variant in &variants {
                     let name = format!("{}-{}-{seed}", file_name(scene_name), file_name(&variant.name));
-                    let by = file.split.as_ref().map_or(GroupBy::Scene, |split| split.by);
+                    let by = file.split.as_ref().map_or(GroupBy::Scene, |split| split.get_ref().by);
                     let group = match by {
                         GroupBy::Scene => scene_name.clone(),
                         GroupBy::Variant => variant.name.clone(),
@@ -91,9 +97,26 @@ impl Cells {
             return Err(Error::input(format!("two cells are called {}: names must differ", cell.name)));
         }
         if let Some(split) = &file.split {
-            assign(&mut cells, split);
+            assign(&mut cells, split.get_ref());
         }
-        Ok(Cells(cells))
+        Ok(Cells(cells, found))
+    }
+
+    /// What there is to say of the files of areas, and of shares of the split that no group falls into.
+    pub fn warnings(&self, file: &File) -> Diagnostics {
+        let mut found = self.1.clone();
+        let Some(split) = file.split.as_ref().map(Spanned::get_ref) else { return found };
+        let groups = self.0.iter().map(|cell| cell.group.as_str()).collect::<BTreeSet<_>>().len();
+        for (name, share) in split.shares() {
+            if share > 0.0 && !self.0.iter().any(|cell| cell.split == name) {
+                let message = format!(
+                    "the split has no group for {name}: its share is {share}, and there are {groups} groups"
+                );
+                let help = "more scenes (or plots) make more groups; by = \"cell\" makes each cell one";
+                found.warn(file.split_place.clone(), message).help(help);
+            }
+        }
+        found
     }
 }
 
@@ -112,7 +135,7 @@ fn assign(cells: &mut [Cell], split: &Split) {
         (0..).zip(&groups).map(|(i, group)| (stream.uniform(i, 1, 0), (*group).to_owned())).collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let count = order.len() as f64;
-    let sum = split.train + split.validation + split.test;
+    let sum: f64 = split.shares().iter().map(|(_, share)| share).sum();
     let bounds =
         [split.train, split.train + split.validation].map(|share| (share / sum * count).round() as usize);
     let kind = |i: usize| match i {
@@ -149,6 +172,16 @@ mod tests {
                 all.iter().filter(|other| other.group == cell.group).all(|other| other.split == cell.split)
             );
         }
+    }
+
+    #[test]
+    fn what_of_an_area_is_not_used_is_told() {
+        let text = "out = \"o\"\n[[scene]]\nname = \"s\"\nfile = \"x\"\n\
+            area = \"POLYGON ((0 0, 200 0, 200 200, 0 200), (1 1, 2 1, 2 2))\"\n\
+            [[variant]]\nname = \"v\"\nplan = \"p\"\n";
+        let file = toml::from_str(text).unwrap();
+        let told = Cells::of(&file).unwrap().warnings(&file);
+        assert!(told.is_fatal(true) && told.render(false).contains("holes of the polygon (1)"));
     }
 
     #[test]

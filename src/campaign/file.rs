@@ -1,9 +1,13 @@
 //! The file of a campaign.
 
+use crate::diag::Place;
 use crate::error::{Error, Result};
 use crate::input::read_text;
+use crate::survey::Source;
 use serde::{Deserialize, Serialize, Serializer};
 use std::path::{Path, PathBuf};
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
 
 /// Maximum size of the file, bytes.
 const MAX_BYTES: u64 = 16 << 20;
@@ -27,11 +31,58 @@ pub struct File {
     pub run: String,
     /// Training, validation and test.
     #[serde(default)]
-    pub split: Option<Split>,
+    pub split: Option<Spanned<Split>>,
+    /// Where the split is written.
+    #[serde(skip)]
+    pub split_place: Option<Place>,
     #[serde(default, rename = "scene")]
     pub scenes: Vec<SceneEntry>,
     #[serde(default, rename = "variant")]
     pub variants: Vec<VariantEntry>,
+    /// The lines of options, with their places.
+    #[serde(skip)]
+    pub lines: Vec<Line>,
+}
+
+/// A key whose value is the options of a command.
+#[derive(Clone, Debug)]
+pub struct Line {
+    /// The key: `run`, `plan`, `make` or `stand`, which is the command's name, too.
+    pub key: &'static str,
+    pub text: String,
+    pub place: Place,
+}
+
+/// The keys with options of commands, by the tables in which they stand; "" is the top of the file.
+const LINE_KEYS: [(&str, &[&str]); 3] =
+    [("", &["run"]), ("scene", &["make", "stand"]), ("variant", &["plan", "run"])];
+
+/// The lines of options in a file that is valid TOML, in the order of the file.
+fn lines_of(path: &Path, text: &str) -> Vec<Line> {
+    let Ok(root) = DeTable::parse(text) else { return Vec::new() };
+    let root = root.into_inner();
+    let mut lines = Vec::new();
+    for (name, keys) in LINE_KEYS {
+        let tables: Vec<&DeTable<'_>> = match (name, root.get(name).map(|value| value.get_ref())) {
+            ("", _) => vec![&root],
+            (_, Some(DeValue::Array(all))) => {
+                all.iter().filter_map(|item| item.get_ref().as_table()).collect()
+            }
+            _ => Vec::new(),
+        };
+        for table in tables {
+            for &key in keys {
+                if let Some(value) = table.get(key)
+                    && let Some(options) = value.get_ref().as_str()
+                {
+                    let place = Place::in_text(path, text, value.span());
+                    lines.push(Line { key, text: options.to_owned(), place });
+                }
+            }
+        }
+    }
+    lines.sort_by_key(|line| line.place.line);
+    lines
 }
 
 /// Seeds as written.
@@ -94,6 +145,13 @@ pub struct Split {
     /// Another seed, another split.
     #[serde(default)]
     pub seed: u64,
+}
+
+impl Split {
+    /// What groups are for, with their shares.
+    pub fn shares(&self) -> [(&'static str, f64); 3] {
+        [("train", self.train), ("validation", self.validation), ("test", self.test)]
+    }
 }
 
 /// A scene, or plots of a stand, each of which is a scene.
@@ -171,13 +229,19 @@ impl File {
     /// # Errors
     /// [`Error::Input`] with the line of what is wrong, [`Error::Io`].
     pub fn read(path: &Path) -> Result<File> {
-        let text = read_text(path, MAX_BYTES)?;
-        File::parse(&text).map_err(|message| Error::input(format!("{}: {message}", path.display())))
+        File::parse(path, read_text(path, MAX_BYTES)?)
     }
 
-    fn parse(text: &str) -> Result<File, String> {
-        let file: File = toml::from_str(text).map_err(|e| e.to_string())?;
-        file.check()?;
+    /// Reads the text of a campaign; `path` is for messages.
+    ///
+    /// # Errors
+    /// [`Error::Input`] with the line of what is wrong.
+    pub fn parse(path: &Path, text: String) -> Result<File> {
+        let lines = lines_of(path, &text);
+        let source = Source::of_text(path, text);
+        let mut file = File { lines, ..source.parse()? };
+        file.split_place = file.split.as_ref().map(|split| source.place(split.span()));
+        file.check().map_err(|message| Error::input(format!("{}: {message}", path.display())))?;
         Ok(file)
     }
 
@@ -223,7 +287,7 @@ impl File {
             }
         }
         if let Some(split) = &self.split {
-            let shares = [split.train, split.validation, split.test];
+            let shares = split.get_ref().shares().map(|(_, share)| share);
             let sum: f64 = shares.iter().sum();
             if !(sum > 0.0 && sum.is_finite() && shares.iter().all(|share| *share >= 0.0)) {
                 return Err(
@@ -274,7 +338,8 @@ mod tests {
 
     #[test]
     fn mistakes_are_told() {
-        let wrong = |text: &str| File::parse(text).unwrap_err();
+        let parse = |text: &str| File::parse(Path::new("campaign.toml"), text.to_owned());
+        let wrong = |text: &str| parse(text).unwrap_err().to_string();
         assert!(wrong("out = \"a\"\nseedz = 3").contains("seedz"));
         assert!(wrong("out = \"a\"").contains("[[scene]]"));
         let scene = "out = \"a\"\n[[scene]]\nname = \"s\"\n";
@@ -287,7 +352,7 @@ mod tests {
         assert!(wrong(&format!("{scene}margin_m = 3\n{variant}plan = \"p\"")).contains("`margin_m` is for"));
         let split = "split = { train = -1 }\n";
         assert!(wrong(&format!("{split}{scene}{variant}plan = \"p\"")).contains("shares"));
-        let file = File::parse(&format!("seeds = [7, 9]\n{scene}{variant}plan = \"p\"")).unwrap();
+        let file = parse(&format!("seeds = [7, 9]\n{scene}{variant}plan = \"p\"")).unwrap();
         assert_eq!((file.seeds.all(), file.format.as_str()), (vec![7, 9], "laz"));
     }
 }

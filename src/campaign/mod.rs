@@ -13,15 +13,20 @@
 //! | `plots` | plots within an area |
 //! | `cells` | the matrix, groups and their split |
 //! | `store` | the folder of the data set: locks, work, failures, what is complete |
-//! | `record` | the line of a cell in the manifest; what its contents depend on |
+//! | `made` | what was written for a cell, and its removal |
+//! | `record` | the line of a cell in the manifest |
+//! | `inputs` | what the contents of cells depend on |
 
 mod cells;
 mod file;
+mod inputs;
+mod made;
 mod plots;
 mod record;
 mod store;
 
 pub use cells::{Cell, Cells};
-pub use file::{File, SceneEntry, words};
-pub use record::{FileRecord, Inputs, Record, checksum};
+pub use file::{File, Line, SceneEntry, words};
+pub use inputs::{Inputs, checksum};
+pub use record::{FileRecord, Record};
 pub use store::{CellLock, Outcome, Store};

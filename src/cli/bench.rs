@@ -14,7 +14,7 @@ mod table;
 use super::args::BenchArgs;
 use super::{Cli, Command, Console, RunArgs};
 use crate::error::{Error, Result};
-use crate::files::{FileWriter, Patched, is_special, write_stdout};
+use crate::files::{FileWriter, Patched, identity, is_special, reads, write_stdout};
 use crate::schedule::{Schedule, Workload};
 use clap::Parser;
 use matrix::{Matrix, thread_counts};
@@ -28,6 +28,14 @@ pub fn run(args: &BenchArgs, console: &Console) -> Result<()> {
         if path.exists() && !is_special(path) && !args.force {
             return Err(Error::input(format!("{} exists; --force replaces it", path.display())));
         }
+    }
+    if let (Some(json), Some(svg)) = (&args.json, &args.svg)
+        && identity(json) == identity(svg)
+    {
+        return Err(Error::input(format!("--json and --svg would both be written to {}", json.display())));
+    }
+    for path in [&args.json, &args.svg].into_iter().flatten() {
+        reads::refuse_input_of(path, [&args.survey])?;
     }
     let run = run_args(args)?;
     let bench = measure::Bench::prepare(&run, &args.format, console)?;
@@ -61,14 +69,13 @@ fn cluster(
     schedule: Schedule,
 ) -> report::ClusterForecast {
     let cluster = nodes::Cluster {
-        threads: args.node_threads.max(1),
+        threads: args.node_threads,
         pulses: args.simulate_pulses.map_or(costs.pulses, |pulses| pulses.0),
-        parts_per_node: args.node_parts.max(1),
+        parts_per_node: args.node_parts,
         node_bytes_per_s: args.node_disk.0 as f64,
         all_bytes_per_s: args.file_system.0 as f64,
     };
-    let counts: Vec<u32> = args.simulate_nodes.iter().map(|&nodes| nodes.max(1)).collect();
-    let nodes = nodes::simulate(load, &costs, schedule, cluster, &counts);
+    let nodes = nodes::simulate(load, &costs, schedule, cluster, &args.simulate_nodes);
     report::ClusterForecast { tree, cluster, costs, nodes }
 }
 

@@ -2,16 +2,18 @@
 
 use super::Console;
 use super::args::CompareArgs;
+use super::preview::read_cloud;
 use crate::compare::{CompareOptions, compare, page, table};
 use crate::error::{Error, Result};
-use crate::files::{FileWriter, Patched, write_stdout};
-use crate::preview::read_points;
+use crate::files::{FileWriter, Patched, reads, write_stdout};
 
 pub fn run(args: &CompareArgs, console: &Console) -> Result<()> {
     if let Some(path) = args.page.as_deref().filter(|path| path.exists() && !args.force) {
         return Err(Error::input(format!("{} exists; --force overwrites it", path.display())));
     }
-    let (first, second) = (read_points(&args.first)?, read_points(&args.second)?);
+    args.page.as_deref().map_or(Ok(()), |page| reads::refuse_input_of(page, [&args.first, &args.second]))?;
+    let [first, second] = [&args.first, &args.second].map(|path| read_cloud(path, console));
+    let (first, second) = (first?, second?);
     let options = CompareOptions {
         cell: args.cell.0,
         voxel: args.voxel.0,

@@ -7,7 +7,7 @@ use std::fmt::Display;
 use std::fs::{File, OpenOptions};
 use std::io::{IsTerminal, Write, stderr};
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Amount of messages shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Default)]
@@ -18,7 +18,7 @@ pub enum Verbosity {
     Errors,
     /// Errors and how long each stage took.
     Times,
-    /// Errors, warnings and the summary.
+    /// Errors, warnings, notes and the summary.
     #[default]
     Normal,
     /// What each stage did and how long it took, too.
@@ -42,16 +42,18 @@ pub enum LogTo {
 #[derive(Clone, Debug)]
 pub struct Console {
     verbosity: Verbosity,
+    is_strict: bool,
     coloured: bool,
     stderr: bool,
     file: Option<Arc<File>>,
+    collected: Option<Arc<Mutex<Diagnostics>>>,
 }
 
 impl Console {
     /// Creates a console of this verbosity; coloured when stderr is a terminal and `NO_COLOR` is not set.
     pub fn new(verbosity: Verbosity) -> Console {
         let coloured = stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty());
-        Console { verbosity, coloured, stderr: true, file: None }
+        Console { verbosity, is_strict: false, coloured, stderr: true, file: None, collected: None }
     }
 
     /// Sends messages to `to`. Runs that start within the same second share a log file, line by line.
@@ -68,6 +70,29 @@ impl Console {
         Ok(Console { coloured: false, stderr: to == LogTo::Both, file: Some(Arc::new(file)), ..self })
     }
 
+    /// Makes warnings errors if `is_strict` is set.
+    pub fn strict(self, is_strict: bool) -> Console {
+        Console { is_strict, ..self }
+    }
+
+    /// Whether warnings are errors.
+    pub fn is_strict(&self) -> bool {
+        self.is_strict
+    }
+
+    /// Keeps warnings and notes for [`Console::take_warnings`] and shows none.
+    pub fn collecting(self) -> Console {
+        Console { collected: Some(Arc::default()), ..self }
+    }
+
+    /// The warnings and notes since the last call.
+    pub fn take_warnings(&self) -> Diagnostics {
+        let collected = self.collected.as_ref();
+        collected
+            .map(|all| std::mem::take(&mut *all.lock().unwrap_or_else(PoisonError::into_inner)))
+            .unwrap_or_default()
+    }
+
     /// Whether a progress bar may be drawn on stderr.
     pub fn draws(&self) -> bool {
         self.stderr && self.shows(Verbosity::Normal)
@@ -82,7 +107,8 @@ impl Console {
     pub fn observer(&self) -> impl Fn(Notice) + Send + Sync + 'static + use<> {
         let console = self.clone();
         move |notice| match notice {
-            Notice::Warnings(found) => console.warnings(&found),
+            // Those of a session, which knows itself whether they are errors.
+            Notice::Warnings(found) => console.show(&found),
             Notice::Note(note) => console.say(note),
             Notice::Detail(detail) => console.detail(detail),
             Notice::Timing(text) => console.took(Verbosity::Verbose, text),
@@ -105,10 +131,25 @@ impl Console {
         self.line(if times { Verbosity::Times } else { level }, message);
     }
 
-    /// Shows all warnings, each with its place.
-    pub fn warnings(&self, found: &Diagnostics) {
-        if self.shows(Verbosity::Normal) {
-            self.raw(&found.render_warnings(self.coloured));
+    /// Shows all warnings and notes, each with its place.
+    ///
+    /// # Errors
+    /// [`Error::Input`] with the warnings if they are errors.
+    pub fn warnings(&self, found: &Diagnostics) -> Result<()> {
+        match found.is_fatal(self.is_strict) {
+            true => found.clone().finish(self.is_strict).map(drop),
+            false => {
+                self.show(found);
+                Ok(())
+            }
+        }
+    }
+
+    fn show(&self, found: &Diagnostics) {
+        if let Some(collected) = &self.collected {
+            collected.lock().unwrap_or_else(PoisonError::into_inner).extend(found.clone());
+        } else if self.shows(Verbosity::Normal) {
+            self.raw(&found.render(self.coloured));
         }
     }
 

@@ -15,7 +15,7 @@ const MAX_LISTED_LEGS: usize = 20;
 pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
     let (job, warnings) = Job::resolve(&args.file, &args.options)?;
-    console.warnings(&warnings);
+    console.warnings(&warnings)?;
     let Job { settings, mut output, schedule_log, part_table, .. } = job;
     output.inputs.push(args.file.clone());
     output.companions.extend(schedule_log.into_iter().chain(part_table));

@@ -4,7 +4,7 @@ use crate::diag::Diagnostics;
 use crate::error::Result;
 use crate::geom::DVec3;
 use crate::output::Ground;
-use crate::pipeline::{Fallback, SceneGround};
+use crate::pipeline::{Fallback, LoadedScene, SceneGround};
 use crate::scene::{self, LoadOptions};
 use crate::survey::SceneRecipe;
 use crate::tree::BuildOptions;
@@ -19,17 +19,40 @@ impl GroundModel {
     pub fn load(recipe: &SceneRecipe, options: &LoadOptions) -> Result<(GroundModel, Diagnostics)> {
         let (scene, warnings) = scene::load(recipe, options)?;
         let tree = scene.tree(&BuildOptions::default());
-        let ground = SceneGround::new(Arc::new(scene), Arc::new(tree), Fallback::Highest);
+        let ground = SceneGround::new(Arc::new(scene), tree, Fallback::Highest);
         Ok((GroundModel(ground), warnings))
     }
 
-    /// The corners of the scene's box, world coordinates, m.
+    /// The ground of a scene that is loaded.
+    pub fn over(loaded: &LoadedScene) -> GroundModel {
+        GroundModel(loaded.ground(Fallback::Highest))
+    }
+
+    /// The corners of the box of the scene's ground, which crowns and roofs may reach beyond, world coordinates, m; in
+    /// scenes without a ground material those of the scene's box.
     pub fn extent(&self) -> [[f64; 2]; 2] {
         let scene = &self.0.scene;
-        [scene.bounds.min, scene.bounds.max].map(|corner| {
+        let bounds = scene.ground_bounds().unwrap_or(scene.bounds);
+        [bounds.min, bounds.max].map(|corner| {
             let corner = scene.to_world(corner);
             [corner.x, corner.y]
         })
+    }
+
+    /// The system of the scene's coordinates as WKT, if its files name one.
+    pub fn crs(&self) -> Option<&str> {
+        self.0.scene.crs.as_deref()
+    }
+
+    /// Whether a material of the scene is ground.
+    pub fn has_ground(&self) -> bool {
+        self.0.scene.materials.iter().any(|material| material.is_ground)
+    }
+
+    /// Whether a leg at x, y finds ground, as a run looks for it.
+    pub fn is_under(&self, x: f64, y: f64) -> bool {
+        let place = self.0.scene.to_local(DVec3::new(x, y, 0.0));
+        self.0.scene.ground_height(place.x, place.y).is_some()
     }
 
     /// World height of the highest ground at x, y, m; in scenes without a ground material that of the highest surface.

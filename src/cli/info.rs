@@ -8,7 +8,8 @@ use crate::error::{Error, Result};
 use crate::machine;
 use crate::options::{InputOptions, Options, holds_survey, read_survey};
 use crate::output::ObjectIds;
-use crate::pipeline::check_raster_memory;
+use crate::pipeline::{check_raster_memory, material_rules};
+use crate::pulse::{Corrections, PhysicsProfile};
 use crate::quantity::amount;
 use crate::scene::{self, Inventory, LoadOptions, Material, Pack, Part, PartFacts, Scene};
 use crate::survey::{self, ReadOptions, SceneRecipe};
@@ -48,8 +49,10 @@ pub fn run(args: &InfoArgs, console: &Console) -> Result<()> {
         warnings: &warnings,
         seconds: [loaded, started.elapsed().as_secs_f64()],
     };
-    if !args.json {
-        console.warnings(&warnings);
+    // JSON holds them.
+    match args.json {
+        true => warnings.clone().finish(console.is_strict()).map(drop)?,
+        false => console.warnings(&warnings)?,
     }
     let text = if args.json { facts.json()? } else { facts.text() };
     crate::files::write_stdout(&text)
@@ -68,6 +71,8 @@ pub struct Scanning {
     pub wavelength_nm: f64,
     /// The survey's seed.
     pub seed: Option<u64>,
+    /// Those by which materials are read.
+    pub corrections: Corrections,
 }
 
 impl SceneName<'_> {
@@ -84,14 +89,15 @@ impl SceneName<'_> {
         };
         let usual = LoadOptions::default().wavelength_nm;
         match survey {
-            Some((survey, _, warnings)) => {
-                let wavelength = survey.scanner.devices.first().map(|d| d.beam.wavelength);
-                let scanning = Scanning { wavelength_nm: wavelength.unwrap_or(usual), seed: survey.seed };
-                Ok((survey.scene, scanning, warnings))
+            Some((survey, options, warnings)) => {
+                let wavelength_nm = survey.scanner.devices.first().map_or(usual, |d| d.beam.wavelength);
+                let corrections = options.profile.corrections(Corrections::NONE)?;
+                Ok((survey.scene, Scanning { wavelength_nm, seed: survey.seed, corrections }, warnings))
             }
             None => {
                 let (scene, warnings) = survey::read_scene(self.scene, &reading)?;
-                Ok((scene, Scanning { wavelength_nm: usual, seed: None }, warnings))
+                let corrections = PhysicsProfile::OF_PIPELINES.corrections();
+                Ok((scene, Scanning { wavelength_nm: usual, seed: None, corrections }, warnings))
             }
         }
     }
@@ -99,26 +105,23 @@ impl SceneName<'_> {
 
 /// Returns the options under which a scene loads; for a packed scene those that it was packed with.
 pub(super) fn options(recipe: &SceneRecipe, scanning: &Scanning, verify: bool) -> Result<LoadOptions> {
-    let usual = LoadOptions { wavelength_nm: scanning.wavelength_nm, ..LoadOptions::default() };
-    let within = LoadOptions { max_memory: machine::memory(), ..usual.clone() };
+    let options = LoadOptions {
+        wavelength_nm: scanning.wavelength_nm,
+        rules: material_rules(&scanning.corrections),
+        max_memory: machine::memory(),
+        ..LoadOptions::default()
+    };
     let Some(path) = &recipe.packed else {
         if verify {
             return Err(Error::input("--verify is about packed scenes (.vlscene)"));
         }
-        return Ok(within);
+        return Ok(options);
     };
     let pack = Pack::open(path)?;
     if verify {
         pack.verify()?;
     }
-    let c = pack.conditions();
-    Ok(LoadOptions {
-        wavelength_nm: c.wavelength_nm,
-        seed: c.seed,
-        rules: c.rules,
-        drop_polygons: c.drop_polygons,
-        ..usual
-    })
+    Ok(pack.load_options(options))
 }
 
 impl Facts<'_> {
@@ -243,8 +246,12 @@ impl Facts<'_> {
             })
         };
         let materials: Vec<_> = self.scene.materials.iter().zip(&i.of_material).map(material).collect();
-        let warnings = self.warnings.items().iter().filter(|d| d.severity == Severity::Warning);
-        let warnings: Vec<_> = warnings.map(|d| d.message.clone()).chain(self.faults()).collect();
+        let told = |severity| {
+            let found = self.warnings.items().iter().filter(move |d| d.severity == severity);
+            found.map(|d| d.message.clone())
+        };
+        let warnings: Vec<_> = told(Severity::Warning).chain(self.faults()).collect();
+        let notes: Vec<_> = told(Severity::Note).collect();
         let (scene, tree, s) = (self.scene.memory(), self.tree.memory(), self.tree.statistics());
         let facts = json!({
             "primitives": i.primitives(),
@@ -266,6 +273,7 @@ impl Facts<'_> {
             "parts": parts,
             "materials": materials,
             "warnings": warnings,
+            "notes": notes,
         });
         let text = serde_json::to_string_pretty(&facts).map_err(|e| Error::Internal(e.to_string()))?;
         Ok(text + "\n")

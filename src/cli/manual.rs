@@ -9,7 +9,7 @@ use super::Cli;
 use super::args::ManArgs;
 use super::console::Console;
 use crate::error::{Error, Result};
-use crate::files::{FileWriter, NewFolder, Patched};
+use crate::files::{FileWriter, NewFolder, Patched, reads};
 use crate::options::pipeline_keys;
 use crate::pulse::Corrections;
 use clap::{Command, CommandFactory};
@@ -33,10 +33,24 @@ pub fn command() -> Command {
     command
 }
 
-/// Runs `vlscan man`: writes a page for every subcommand to a directory, replacing existing pages.
+/// What every page of this program contains.
+const PAGE_MARK: &str = ".TH VLSCAN";
+
+/// Runs `vlscan man`: writes a page for every subcommand to a directory. Existing pages of this program are replaced, other files are
+/// not.
 pub fn run(args: &ManArgs, console: &Console) -> Result<()> {
     let folder = NewFolder::create_all(&args.dir).map_err(|e| Error::io("create", &args.dir, e))?;
     let pages = manual()?;
+    for path in pages.iter().map(|(name, _)| args.dir.join(name)).filter(|path| path.exists()) {
+        let is_page =
+            reads::read_own(&path).is_ok_and(|text| String::from_utf8_lossy(&text).contains(PAGE_MARK));
+        if !is_page {
+            return Err(Error::input(format!(
+                "{} exists and is no page of vlscan; choose another folder",
+                path.display()
+            )));
+        }
+    }
     for (name, text) in &pages {
         let mut page = FileWriter::create(&args.dir.join(name), true, Patched::Never)?;
         page.append(text)?;
@@ -69,7 +83,7 @@ fn with_examples(command: Command, path: &str) -> Command {
         let lines: String = page.examples.lines().map(|line| format!("  {line}\n")).collect();
         format!("Examples:\n{}\n\n", lines.replace("  \n", "\n").trim_end())
     });
-    let command = with_short_help(command);
+    let command = with_short_help(command, path);
     let corrections = takes_corrections(&command).then(corrections).unwrap_or_default();
     command.after_long_help(corrections + &examples.unwrap_or_default() + &exit_status())
 }
@@ -92,18 +106,19 @@ const USUAL: [&str; 13] = [
 ];
 
 /// Maximum number of options that `-h` shows all of.
-const MAX_SHORT_OPTIONS: usize = 20;
+const MAX_SHORT_OPTIONS: usize = 28;
 
-/// Leaves all but the usual options out of `-h` where there are many.
-fn with_short_help(command: Command) -> Command {
+/// Leaves all but the usual and the required options out of `-h` where there are many. `path` is the command's full name.
+fn with_short_help(command: Command, path: &str) -> Command {
     if command.get_arguments().count() <= MAX_SHORT_OPTIONS {
         return command;
     }
-    let name = command.get_name().to_owned();
-    let is_usual = |arg: &clap::Arg| arg.is_positional() || USUAL.contains(&arg.get_id().as_str());
+    let is_usual = |arg: &clap::Arg| {
+        arg.is_positional() || arg.is_required_set() || USUAL.contains(&arg.get_id().as_str())
+    };
     command
         .mut_args(|arg| if is_usual(&arg) { arg } else { arg.hide_short_help(true) })
-        .after_help(format!("All options, in groups, with examples: vlscan {name} --help"))
+        .after_help(format!("All options, in groups, with examples: {path} --help"))
 }
 
 fn takes_corrections(command: &Command) -> bool {
@@ -326,6 +341,27 @@ mod tests {
                 "pages.rs has {}, which is no command",
                 page.path
             );
+        }
+    }
+
+    #[test]
+    fn short_help_names_commands_that_exist_and_what_they_need() {
+        let root = command();
+        visit(&root, "vlscan", &mut |command, path| {
+            let help = command.clone().render_help().to_string();
+            for name in
+                command.get_arguments().filter(|arg| arg.is_required_set()).filter_map(clap::Arg::get_long)
+            {
+                assert!(help.contains(&format!("--{name}")), "{path} -h hides --{name}:\n{help}");
+            }
+            if let Some((_, named)) = help.split_once("with examples: ") {
+                assert_eq!(named.trim(), format!("{path} --help"));
+            }
+        });
+        let plan = root.find_subcommand("plan").unwrap().find_subcommand("airborne").unwrap();
+        let help = plan.clone().render_help().to_string();
+        for option in ["--height", "--area", "--density", "--speed", "--overlap"] {
+            assert!(help.contains(option), "{help}");
         }
     }
 

@@ -9,6 +9,7 @@
 //! | `run` | `vlscan run`; conversion of arguments and files to a session's settings |
 //! | `dry_run` | `vlscan run --dry-run` |
 //! | `stages` | `vlscan trajectory`, `pulses` and `trace` |
+//! | `companions` | files beside the points of a run: the log of its schedule, the table of parts |
 //! | `parts` | `vlscan run --part`, `vlscan plan-parts`, `vlscan merge` |
 //! | `plan` | `vlscan plan` |
 //! | `campaign` | `vlscan campaign` |
@@ -26,6 +27,7 @@ mod args;
 mod bench;
 mod campaign;
 mod catalogue;
+mod companions;
 mod compare;
 mod completions;
 mod console;
@@ -53,7 +55,8 @@ pub use console::{Console, LogTo, Verbosity};
 pub use manual::command as command_line;
 
 use crate::error::{Error, Result};
-use crate::{machine, store};
+use crate::files::ReadGuard;
+use crate::machine;
 use clap::FromArgMatches;
 use std::ffi::OsString;
 use std::io::Write as _;
@@ -83,14 +86,15 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
         }
     };
     let console = match Console::new(cli.verbosity()).logging(cli.log()) {
-        Ok(console) => console,
+        Ok(console) => console.strict(cli.strict),
         Err(error) => {
             Console::new(Verbosity::Normal).failure(&error);
             return error.exit_status();
         }
     };
     interrupt::listen(&console);
-    let outcome = machine::start_pool().and_then(|()| store::catch_loss(|| dispatch(&cli.command, &console)));
+    let _guard = ReadGuard::new();
+    let outcome = machine::start_pool().and_then(|()| dispatch(&cli.command, &console));
     let outcome = match outcome {
         // A stopped run has given up a stream whose reader takes nothing.
         Err(Error::ClosedPipe) if interrupt::is_signalled() => Err(Error::Interrupted),

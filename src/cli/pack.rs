@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::files::is_special;
 use crate::machine;
 use crate::pipeline::material_rules;
+use crate::pulse::PhysicsProfile;
 use crate::quantity::amount;
 use crate::scene::{self, LoadOptions};
 use crate::tree::BuildOptions;
@@ -16,14 +17,14 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
     let name = info::SceneName { scene: &args.scene, assets: &args.assets };
     let (recipe, found, warnings) = name.recipe()?;
-    console.warnings(&warnings);
+    console.warnings(&warnings)?;
     let out = args.out.clone().unwrap_or_else(|| recipe.path.with_extension("vlscene"));
     let is_stream = is_special(&out);
     if out.exists() && !is_stream && !args.force {
         return Err(Error::input(format!("{} exists; --force overwrites it", out.display())));
     }
     let seed = args.seed.map(|seed| seed.0).or(found.seed).unwrap_or(0);
-    let corrections = args.physics.unwrap_or_default().corrections();
+    let corrections = args.physics.map_or(found.corrections, PhysicsProfile::corrections);
     let options = LoadOptions {
         wavelength_nm: args.wavelength.unwrap_or(found.wavelength_nm),
         seed,
@@ -33,8 +34,7 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
         ..LoadOptions::default()
     };
     let tree = BuildOptions::of(args.tree.unwrap_or_default());
-    let (packed, warnings) = scene::pack(&recipe, &options, &tree, &out)?;
-    console.warnings(&warnings);
+    let packed = scene::pack(&recipe, &options, &tree, &out, &|found| console.warnings(found))?;
     let loaded = started.elapsed().as_secs_f64();
     let started = Instant::now();
     let opens = match is_stream {
@@ -57,13 +57,6 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
 /// Opens the file as a run does first.
 fn open(path: &Path) -> Result<()> {
     let pack = scene::Pack::open(path)?;
-    let c = pack.conditions();
-    let options = LoadOptions {
-        wavelength_nm: c.wavelength_nm,
-        seed: c.seed,
-        rules: c.rules,
-        drop_polygons: c.drop_polygons,
-        ..LoadOptions::default()
-    };
+    let options = pack.load_options(LoadOptions::default());
     pack.scene(&options, 0).map(drop)
 }

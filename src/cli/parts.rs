@@ -1,19 +1,20 @@
 //! `vlscan run --part`, `vlscan plan-parts` and `vlscan merge`: a run that is divided among processes.
 
 use super::args::{MergeArgs, PlanPartsArgs, RunArgs};
+use super::companions::Companions;
 use super::run::{Job, show_report, warn_of_few_points};
 use super::watch::watched;
 use super::{Console, interrupt};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
+use crate::files::reads;
 use crate::options::{Options, PartNumber, PartPoints};
 use crate::parts::{PartSet, part_path};
 use crate::pipeline::{
-    Control, Part, Progress, Session, join_segments, merge as merge_parts, merge_segment, output_context,
-    schedule_of,
+    Control, Part, Progress, Session, join_segments, merge as merge_parts, merge_segment, merge_warnings,
+    output_context, schedule_of,
 };
 use crate::quantity::amount;
-use crate::schedule::Recorder;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -27,12 +28,14 @@ pub fn run_part(args: &RunArgs, PartNumber { number, of }: PartNumber, console: 
         let mut problems = Diagnostics::default();
         problems
             .error(None, format!("{} exists already", path.display()))
-            .help("replace it with --force, or leave it as it is with --resume");
+            .help("replace it with --force; --resume computes it again only where it is damaged");
         return Err(Error::Input(Box::new(problems)));
     }
     let (job, warnings) = Job::resolve(&args.file, &options)?;
-    console.warnings(&warnings);
-    let Job { settings, output, schedule_log, part_table, progress_lines } = job;
+    console.warnings(&warnings)?;
+    let Job { mut settings, mut output, schedule_log, part_table, progress_lines } = job;
+    // A merge may write any format.
+    settings.physics.record_scanner_axes |= args.parts.part_points == PartPoints::Echoes;
     if part_table.is_some() {
         return Err(Error::input(
             "--parts counts the points of a whole run, and this is a part of one; vlscan scene info --json lists the parts \
@@ -40,6 +43,8 @@ pub fn run_part(args: &RunArgs, PartNumber { number, of }: PartNumber, console: 
         ));
     }
     let mut session = Session::open_without_tree(settings, console.observer())?;
+    schedule_log.as_deref().map_or(Ok(()), reads::refuse_input)?;
+    let companions = Companions::of(schedule_log, None, &mut output);
     let legs = session.survey().legs.len();
     let mut parts = session.parts(&folder, output.creation, force, &interrupt::STOP)?;
     if args.parts.part_points == PartPoints::Las {
@@ -50,11 +55,10 @@ pub fn run_part(args: &RunArgs, PartNumber { number, of }: PartNumber, console: 
         console.say(format!("{} exists and is complete", path.display()));
         return Ok(());
     }
-    let recorder = schedule_log.is_some().then(Recorder::new);
     let progress = Progress::default();
-    let control = Control { recorder: recorder.as_ref(), ..Control::new(&progress, &interrupt::STOP) };
+    let control = companions.control(&progress);
     let report = watched(console, progress_lines, legs, &progress, || parts.run(part, control))?;
-    super::run::write_schedule_log(schedule_log.as_deref(), recorder, force, &report)?;
+    companions.write(&report)?;
     show_report(console, &report, started)
 }
 
@@ -62,7 +66,7 @@ pub fn run_part(args: &RunArgs, PartNumber { number, of }: PartNumber, console: 
 pub fn plan(args: &PlanPartsArgs, console: &Console) -> Result<()> {
     let (folder, options) = folder_of_parts(&args.options)?;
     let (job, warnings) = Job::resolve(&args.file, &options)?;
-    console.warnings(&warnings);
+    console.warnings(&warnings)?;
     let Job { settings, output, .. } = job;
     let mut session = Session::open_without_tree(settings, console.observer())?;
     let parts = session.parts(&folder, output.creation, options.output.force, &interrupt::STOP)?;
@@ -102,6 +106,7 @@ pub fn merge(args: &MergeArgs, console: &Console) -> Result<()> {
     };
     options.schedule.threads = args.threads;
     let outputs = options.output_request(parts.head.creation)?;
+    console.warnings(&merge_warnings(&parts, &outputs)?)?;
     let progress = Progress::default();
     let control = Control::new(&progress, &interrupt::STOP);
     let legs = output_context(&parts)?.legs.len();
@@ -112,7 +117,7 @@ pub fn merge(args: &MergeArgs, console: &Console) -> Result<()> {
         None => merge_parts(&parts, outputs, schedule, control),
     })?;
     if args.part.is_none() {
-        warn_of_few_points(console, &report);
+        warn_of_few_points(console, &report)?;
     }
     show_report(console, &report, started)
 }

@@ -5,11 +5,12 @@ use super::args::{Colour, PreviewArgs};
 use super::sketch::survey_points;
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
-use crate::files::{FileWriter, Patched, identity, is_special};
+use crate::files::{FileWriter, Patched, is_special, reads};
 use crate::options::holds_survey;
 use crate::output::expand;
 use crate::preview::{
-    Chart, ColourBy, PageOptions, PreviewOptions, Wave, draw, read_packet, read_points, read_wave, write_page,
+    Chart, ColourBy, PageOptions, Points, PreviewOptions, Wave, draw, read_packet, read_points, read_wave,
+    write_page,
 };
 use crate::quantity::amount;
 use std::io::{BufReader, BufWriter, IsTerminal, Seek, Write};
@@ -21,7 +22,7 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
         return plot(args, pulse, console);
     }
     let is_survey = holds_survey(&args.points);
-    let points = if is_survey { survey_points(args, console)? } else { read_points(&args.points)? };
+    let points = if is_survey { survey_points(args, console)? } else { read_cloud(&args.points, console)? };
     let usual = if is_survey { Colour::Leg } else { Colour::Height };
     let colour = match args.colour.unwrap_or(usual) {
         Colour::Height => ColourBy::Height,
@@ -33,18 +34,24 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
         Colour::Channel => ColourBy::Channel,
         Colour::Time => ColourBy::Time,
     };
+    console.warnings(&points.doubts_of_colours(&args.points, colour))?;
     let title = title(&args.points);
     let count = amount(points.total() as f64);
     if !is_page(&args.out) {
         let (width, height) = (args.width, args.height);
-        let options = PreviewOptions { colour, width, height, title, ..PreviewOptions::default() };
+        let options =
+            PreviewOptions { colour, width, height, light: args.light, title, ..PreviewOptions::default() };
         let picture = draw(&points, &options).png()?;
         write(args, |out| out.write_all(&picture))?;
         console.say(format!("{}: {count} points", args.out.display()));
         return Ok(());
     }
-    let options =
-        PageOptions { colour, title, max_points: usize::try_from(args.most_points.0).unwrap_or(usize::MAX) };
+    let options = PageOptions {
+        colour,
+        light: args.light,
+        title,
+        max_points: usize::try_from(args.most_points.0).unwrap_or(usize::MAX),
+    };
     let page = write(args, |out| write_page(&points, &options, out))?;
     let sampled = if page.shown < page.total {
         format!("{} of {count} points, evenly chosen (--most-points)", amount(page.shown as f64))
@@ -53,6 +60,13 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     };
     console.say(format!("{}: {sampled}; open it in a browser", args.out.display()));
     Ok(())
+}
+
+/// Reads points, and tells what there is to say of their file.
+pub(super) fn read_cloud(path: &Path, console: &Console) -> Result<Points> {
+    let (points, found) = read_points(path)?;
+    console.warnings(&found)?;
+    Ok(points)
 }
 
 fn plot(args: &PreviewArgs, pulse: u64, console: &Console) -> Result<()> {
@@ -71,7 +85,7 @@ fn waveform(path: &Path, pulse: u64) -> Result<Wave> {
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("las") || e.eq_ignore_ascii_case("laz")) {
         return read_packet(path, pulse);
     }
-    let file = std::fs::File::open(path).map_err(|e| Error::open(path, e))?;
+    let file = reads::open(path).map_err(|e| Error::open(path, e))?;
     if path.extension().is_none_or(|e| !e.eq_ignore_ascii_case("bin")) {
         return read_wave(file, path, pulse);
     }
@@ -106,9 +120,7 @@ fn check(args: &PreviewArgs) -> Result<()> {
     if out.exists() && !is_special(out) && !args.force {
         return Err(Error::input(format!("{} exists already; overwrite it with --force", out.display())));
     }
-    if out.is_file() && identity(out) == identity(points) {
-        return Err(Error::input(format!("{} is the file of points, expected another name", out.display())));
-    }
+    reads::refuse_input_of(out, [points])?;
     let ending = out.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     if is_page(out) || ending.as_deref() == Some("png") {
         return Ok(());

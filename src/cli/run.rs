@@ -1,18 +1,16 @@
 //! `vlscan run`: flies and measures a survey.
 
 use super::args::RunArgs;
+use super::companions::Companions;
 use super::watch::watched;
-use super::{Console, Verbosity, interrupt};
+use super::{Console, Verbosity};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
-use crate::files::{FileWriter, Patched};
 use crate::output::{FileKind, Target};
 pub use crate::pipeline::Job;
-use crate::pipeline::{Control, PartTable, Progress, Report, Resumption, Session};
+use crate::pipeline::{Progress, Report, Resumption, Session};
 use crate::quantity::{amount, duration};
-use crate::schedule::Recorder;
 use std::io::Write;
-use std::path::Path;
 use std::time::Instant;
 
 pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
@@ -24,37 +22,30 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     }
     let started = Instant::now();
     let (job, warnings) = Job::resolve(&args.file, &args.options)?;
-    console.warnings(&warnings);
+    console.warnings(&warnings)?;
     let Job { settings, mut output, schedule_log, part_table, progress_lines } = job;
-    let force = output.force;
     output.inputs.push(args.file.clone());
-    output.companions.extend(schedule_log.iter().chain(&part_table).cloned());
-    output.counts_parts = part_table.is_some();
+    let mut companions = Companions::of(schedule_log, part_table, &mut output);
     let resumption = args.parts.resume.map(|pulses| Resumption::beside(&output, pulses.0)).transpose()?;
     let mut session = match resumption {
         Some(_) => Session::open_without_tree(settings, console.observer())?,
         None => Session::open(settings, console.observer())?,
     };
-    let recorder = schedule_log.is_some().then(Recorder::new);
+    companions.describe(session.scene());
     let progress = Progress::default();
-    let control = Control { recorder: recorder.as_ref(), ..Control::new(&progress, &interrupt::STOP) };
+    let control = companions.control(&progress);
     let is_helios_layout = output.sinks.iter().all(|(target, _)| matches!(target, Target::Helios(_)));
     let legs = session.survey().legs.len();
-    let parts = part_table.is_some().then(|| PartTable::new(session.scene()));
     let report = watched(console, progress_lines, legs, &progress, || match &resumption {
         Some(how) => session.run_resumable(output, how, control),
         None => session.run(output, control),
     })?;
-    write_schedule_log(schedule_log.as_deref(), recorder, force, &report)?;
-    let is_complete = !report.interrupted && !report.summary.files.is_empty();
-    if let (Some(path), Some(parts), true) = (&part_table, parts, is_complete) {
-        write_file(path, force, &parts.csv(&report.summary.points_of_part))?;
-    }
+    companions.write(&report)?;
     if is_helios_layout && console.shows(Verbosity::Times) {
         name_directories(&report);
     }
     if resumption.is_some() {
-        warn_of_few_points(console, &report);
+        warn_of_few_points(console, &report)?;
     }
     show_report(console, &report, started)
 }
@@ -68,32 +59,12 @@ fn name_directories(report: &Report) {
     }
 }
 
-/// Writes what the schedule did, unless the run was interrupted.
-pub fn write_schedule_log(
-    path: Option<&Path>,
-    recorder: Option<Recorder>,
-    force: bool,
-    report: &Report,
-) -> Result<()> {
-    if let (Some(path), Some(recorder), false) = (path, recorder, report.interrupted) {
-        let text = serde_json::to_string(&recorder.finish()).map_err(|e| Error::Internal(e.to_string()))?;
-        write_file(path, force, &(text + "\n"))?;
-    }
-    Ok(())
-}
-
-fn write_file(path: &Path, force: bool, text: &str) -> Result<()> {
-    let mut file = FileWriter::create(path, force, Patched::Never)?;
-    file.append(text.as_bytes())?;
-    file.finish().map(drop)
-}
-
 /// Points per pulse below which merged parts are reported.
 const MIN_YIELD: f64 = 0.01;
 
 /// Warns of merged parts that hit almost nothing; parts by themselves are not checked, since each sees a piece of the
 /// flight only.
-pub fn warn_of_few_points(console: &Console, report: &Report) {
+pub fn warn_of_few_points(console: &Console, report: &Report) -> Result<()> {
     let (pulses, points) = (report.pulses as f64, report.summary.points as f64);
     if !report.interrupted && pulses > 0.0 && points < MIN_YIELD * pulses && !report.summary.files.is_empty()
     {
@@ -101,8 +72,9 @@ pub fn warn_of_few_points(console: &Console, report: &Report) {
         found
             .warn(None, format!("{} pulses gave only {} points", amount(pulses), amount(points)))
             .help("a run without parts names the likely cause");
-        console.warnings(&found);
+        console.warnings(&found)?;
     }
+    Ok(())
 }
 
 /// Prints the summary of a run that began at `started`.

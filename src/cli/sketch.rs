@@ -19,14 +19,16 @@ const LINE_WIDTH: i32 = 3;
 
 /// The scene of a survey as points, whose leg is the first one that covers them plus one, or 0, and the flight lines.
 pub fn survey_points(args: &PreviewArgs, console: &Console) -> Result<Points> {
-    let input = InputOptions { assets: args.assets.clone(), ..InputOptions::default() };
+    let input =
+        InputOptions { assets: args.assets.clone(), strict: console.is_strict(), ..InputOptions::default() };
     let (job, warnings) = Job::resolve(&args.points, &Options { input, ..Options::default() })?;
-    console.warnings(&warnings);
+    console.warnings(&warnings)?;
     let mut session = Session::open(job.settings, console.observer())?;
     let progress = Progress::default();
     let sketch = session.sketch(Control::new(&progress, &interrupt::STOP))?;
     let loaded = session.loaded().ok_or_else(|| Error::Internal("the scene is not loaded".to_owned()))?;
     let mut points = Points::new(Attributes { class: true, leg: true, ..Attributes::default() });
+    points.count_legs_from_one();
     let table = loaded.sample(MAX_SURFACE_POINTS)?;
     let axis = |i: usize| table.column(i).as_primitive::<Float64Type>().values();
     let classes = table.column(3).as_primitive::<Int32Type>().values();
@@ -37,6 +39,7 @@ pub fn survey_points(args: &PreviewArgs, console: &Console) -> Result<Points> {
         points.push(&Point { position, class: classes[i], leg: cover.leg(position), ..Point::default() });
     }
     draw_tracks(&sketch, &mut points);
+    console.warnings(&points.doubts(&args.points))?;
     Ok(points)
 }
 

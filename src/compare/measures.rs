@@ -74,6 +74,22 @@ pub struct Canopy {
     pub heights: Histogram,
 }
 
+/// What changed between the clouds: the lowest point of each cell, which is the ground wherever a cell sees it, of the second cloud
+/// against that of the first, where both have points.
+#[derive(Clone, Debug, Serialize)]
+pub struct Change {
+    pub cells: usize,
+    /// Second minus first, m.
+    pub mean_m: f64,
+    pub rms_m: f64,
+    /// Volumes between both surfaces where the second is higher, and where it is lower, m³.
+    pub raised_m3: f64,
+    pub lowered_m3: f64,
+    /// Centres of the cells, world coordinates, and differences, m.
+    #[serde(skip)]
+    pub map: Vec<[f64; 3]>,
+}
+
 /// Voxels that hold points.
 #[derive(Clone, Debug, Serialize)]
 pub struct Voxels {
@@ -98,6 +114,7 @@ pub struct Comparison {
     pub density_correlation: f64,
     pub heights: Histogram,
     pub canopy: Canopy,
+    pub change: Change,
     /// Of intensities in units of each cloud's median.
     pub intensity: Option<Histogram>,
     pub first_to_second: Distances,
@@ -107,8 +124,9 @@ pub struct Comparison {
 
 /// The points of a cloud within the common box, relative to one origin.
 pub(super) struct Cut {
-    pub offsets: Vec<[f32; 3]>,
-    intensity: Vec<f32>,
+    pub offsets: Vec<[f64; 3]>,
+    /// Without points that have none.
+    intensity: Vec<f64>,
     returns: Vec<u8>,
     /// Points of the file per point kept.
     weight: f64,
@@ -138,7 +156,7 @@ pub fn compare(
     if cuts.iter().any(|cut| cut.offsets.is_empty()) {
         return Err("one of the clouds has no point in the box that both share".to_owned());
     }
-    let ground = lowest(&ground_grid, &cuts);
+    let ground = lowest(&ground_grid, cuts.iter());
     let heights = [0, 1].map(|i| heights(&ground_grid, &ground, &cuts[i]));
     let counts = [0, 1].map(|i| counts(&grid, &cuts[i]));
     let occupied = counts[0].iter().zip(&counts[1]).filter(|(a, b)| **a + **b > 0.0).count();
@@ -162,22 +180,23 @@ pub fn compare(
     let (first, second) = (cloud(0, first), cloud(1, second));
     let intensity = match (&first.intensity_percentiles, &second.intensity_percentiles) {
         (Some(a), Some(b)) if a[3] > 0.0 && b[3] > 0.0 => {
-            let scaled = |i: usize, median: f64| -> Vec<f32> {
-                cuts[i].intensity.iter().map(|v| (f64::from(*v) / median) as f32).collect()
+            let scaled = |i: usize, median: f64| -> Vec<f64> {
+                cuts[i].intensity.iter().map(|v| v / median).collect()
             };
             Some(Histogram::of([&scaled(0, a[3]), &scaled(1, b[3])], 0.0, 4.0))
         }
         _ => None,
     };
-    let top = heights.iter().flatten().fold(1.0_f32, |top, h| top.max(*h));
+    let top = heights.iter().flatten().fold(1.0_f64, |top, h| top.max(*h));
     Ok(Comparison {
         cell_m: options.cell,
         area_m2: area,
         density_correlation: correlation(
             counts[0].iter().zip(&counts[1]).filter(|(a, b)| **a + **b > 0.0).map(|(a, b)| (*a, *b)),
         ),
-        heights: Histogram::of([&heights[0], &heights[1]], 0.0, f64::from(top)),
+        heights: Histogram::of([&heights[0], &heights[1]], 0.0, top),
         canopy: canopy(&grid, &cuts, &heights),
+        change: change(&grid, &cuts, low),
         intensity,
         first_to_second: distances(&cuts[0].offsets, &cuts[1].offsets, options.most_distances),
         second_to_first: distances(&cuts[1].offsets, &cuts[0].offsets, options.most_distances),
@@ -201,8 +220,8 @@ impl Cut {
                 continue;
             }
             let offset = p - low;
-            cut.offsets.push([offset.x as f32, offset.y as f32, offset.z as f32]);
-            cut.intensity.extend(points.intensity_of(i));
+            cut.offsets.push(offset.to_array());
+            cut.intensity.extend(points.intensity_of(i).filter(|value| !value.is_nan()).map(f64::from));
             cut.returns.extend(points.return_number_of(i));
         }
         cut
@@ -244,23 +263,23 @@ impl Grid {
         self.columns * self.rows
     }
 
-    fn cell(&self, offset: &[f32; 3]) -> usize {
-        let index = |v: f32, count: usize| ((f64::from(v) / self.side) as usize).min(count - 1);
+    fn cell(&self, offset: &[f64; 3]) -> usize {
+        let index = |v: f64, count: usize| ((v / self.side) as usize).min(count - 1);
         index(offset[1], self.rows) * self.columns + index(offset[0], self.columns)
     }
 }
 
-/// The lowest point of both clouds in each cell.
-fn lowest(grid: &Grid, cuts: &[Cut; 2]) -> Vec<f32> {
-    let mut lowest = vec![f32::INFINITY; grid.len()];
-    for offset in cuts.iter().flat_map(|cut| &cut.offsets) {
+/// The lowest point of some clouds in each cell.
+fn lowest<'c>(grid: &Grid, cuts: impl Iterator<Item = &'c Cut>) -> Vec<f64> {
+    let mut lowest = vec![f64::INFINITY; grid.len()];
+    for offset in cuts.flat_map(|cut| &cut.offsets) {
         let cell = &mut lowest[grid.cell(offset)];
         *cell = cell.min(offset[2]);
     }
     lowest
 }
 
-fn heights(grid: &Grid, ground: &[f32], cut: &Cut) -> Vec<f32> {
+fn heights(grid: &Grid, ground: &[f64], cut: &Cut) -> Vec<f64> {
     cut.offsets.par_iter().map(|offset| offset[2] - ground[grid.cell(offset)]).collect()
 }
 
@@ -270,9 +289,9 @@ fn counts(grid: &Grid, cut: &Cut) -> Vec<f64> {
     counts
 }
 
-fn canopy(grid: &Grid, cuts: &[Cut; 2], heights: &[Vec<f32>; 2]) -> Canopy {
+fn canopy(grid: &Grid, cuts: &[Cut; 2], heights: &[Vec<f64>; 2]) -> Canopy {
     let tops = [0, 1].map(|i| {
-        let mut tops = vec![f32::NEG_INFINITY; grid.len()];
+        let mut tops = vec![f64::NEG_INFINITY; grid.len()];
         for (offset, height) in cuts[i].offsets.iter().zip(&heights[i]) {
             let cell = &mut tops[grid.cell(offset)];
             *cell = cell.max(*height);
@@ -281,26 +300,49 @@ fn canopy(grid: &Grid, cuts: &[Cut; 2], heights: &[Vec<f32>; 2]) -> Canopy {
     });
     let both = || {
         let pairs = tops[0].iter().zip(&tops[1]).filter(|(a, b)| a.is_finite() && b.is_finite());
-        pairs.map(|(a, b)| (f64::from(*a), f64::from(*b)))
+        pairs.map(|(a, b)| (*a, *b))
     };
     let cells = both().count();
     let mean_of =
         |of: &dyn Fn(f64, f64) -> f64| both().map(|(a, b)| of(a, b)).sum::<f64>() / (cells as f64).max(1.0);
     let present =
-        [0, 1].map(|i| -> Vec<f32> { tops[i].iter().copied().filter(|top| top.is_finite()).collect() });
-    let highest = present.iter().flatten().fold(1.0_f32, |most, top| most.max(*top));
+        [0, 1].map(|i| -> Vec<f64> { tops[i].iter().copied().filter(|top| top.is_finite()).collect() });
+    let highest = present.iter().flatten().fold(1.0_f64, |most, top| most.max(*top));
     Canopy {
         cells,
         mean_difference_m: mean_of(&|a, b| b - a),
         rms_difference_m: mean_of(&|a, b| (b - a) * (b - a)).sqrt(),
         correlation: correlation(both()),
-        heights: Histogram::of([&present[0], &present[1]], 0.0, f64::from(highest)),
+        heights: Histogram::of([&present[0], &present[1]], 0.0, highest),
+    }
+}
+
+fn change(grid: &Grid, cuts: &[Cut; 2], low: DVec3) -> Change {
+    let [first, second] = [0, 1].map(|i| lowest(grid, std::iter::once(&cuts[i])));
+    let cells = first.iter().zip(&second).enumerate().filter(|(_, (a, b))| a.is_finite() && b.is_finite());
+    let map: Vec<[f64; 3]> = cells
+        .map(|(cell, (a, b))| {
+            let centre = [cell % grid.columns, cell / grid.columns].map(|i| (i as f64 + 0.5) * grid.side);
+            [low.x + centre[0], low.y + centre[1], b - a]
+        })
+        .collect();
+    let mean = |of: &dyn Fn(f64) -> f64| {
+        map.iter().map(|cell| of(cell[2])).sum::<f64>() / (map.len() as f64).max(1.0)
+    };
+    let area = map.len() as f64 * grid.side * grid.side;
+    Change {
+        cells: map.len(),
+        mean_m: mean(&|d| d),
+        rms_m: mean(&|d| d * d).sqrt(),
+        raised_m3: mean(&|d| d.max(0.0)) * area,
+        lowered_m3: mean(&|d| (-d).max(0.0)) * area,
+        map,
     }
 }
 
 fn voxels(cuts: &[Cut; 2], side: f64) -> Voxels {
     let occupied = |cut: &Cut| -> HashSet<[i32; 3]> {
-        cut.offsets.iter().map(|offset| offset.map(|v| (f64::from(v) / side).floor() as i32)).collect()
+        cut.offsets.iter().map(|offset| offset.map(|v| (v / side).floor() as i32)).collect()
     };
     let [a, b] = [occupied(&cuts[0]), occupied(&cuts[1])];
     let both = a.intersection(&b).count();
@@ -315,12 +357,12 @@ fn voxels(cuts: &[Cut; 2], side: f64) -> Voxels {
 }
 
 impl Histogram {
-    fn of(values: [&[f32]; 2], from: f64, to: f64) -> Histogram {
+    fn of(values: [&[f64]; 2], from: f64, to: f64) -> Histogram {
         let width = (to - from) / BINS as f64;
         let fractions = values.map(|values| {
             let mut counts = vec![0.0; BINS];
             for value in values {
-                let bin = ((f64::from(*value) - from) / width).floor().clamp(0.0, (BINS - 1) as f64);
+                let bin = ((value - from) / width).floor().clamp(0.0, (BINS - 1) as f64);
                 counts[bin as usize] += 1.0;
             }
             counts.iter().map(|count| count / (values.len() as f64).max(1.0)).collect::<Vec<f64>>()
@@ -331,13 +373,13 @@ impl Histogram {
 }
 
 /// Values at [`PERCENTILES`] percent of the sorted values.
-fn percentiles(values: &[f32]) -> [f64; 7] {
-    let mut sorted: Vec<f32> = values.to_vec();
-    sorted.par_sort_unstable_by(f32::total_cmp);
+fn percentiles(values: &[f64]) -> [f64; 7] {
+    let mut sorted: Vec<f64> = values.to_vec();
+    sorted.par_sort_unstable_by(f64::total_cmp);
     PERCENTILES.map(|percent| {
         let place = percent / 100.0 * (sorted.len().saturating_sub(1)) as f64;
         let (low, high) = (sorted[place.floor() as usize], sorted[place.ceil() as usize]);
-        f64::from(low) + place.fract() * (f64::from(high) - f64::from(low))
+        low + place.fract() * (high - low)
     })
 }
 
@@ -401,6 +443,27 @@ mod tests {
         assert!((ratio - 3200.0 / 7841.0).abs() < 1e-9, "{ratio}");
         // A raised point is half a metre from the next one.
         assert!((c.second_to_first.max_m - 0.5).abs() < 1e-6, "{:?}", c.second_to_first);
+    }
+
+    #[test]
+    fn a_dam_and_a_pit_are_told_as_volumes() {
+        let ground = || square(0.5, 0.0);
+        let a = cloud(ground());
+        // A dam of 4 by 20 m, 1.5 m high, and a pit of 6 by 5 m, 3 m deep.
+        let b = cloud(ground().into_iter().map(|[x, y, z]| match (x, y) {
+            (x, _) if x < 4.0 => [x, y, z + 1.5],
+            (x, y) if (10.0..16.0).contains(&x) && (10.0..15.0).contains(&y) => [x, y, z - 3.0],
+            _ => [x, y, z],
+        }));
+        let change = compare([("a", &a), ("b", &b)], &OPTIONS).unwrap().change;
+        assert!(
+            (change.raised_m3 - 120.0).abs() < 1e-6 && (change.lowered_m3 - 90.0).abs() < 1e-6,
+            "{change:?}"
+        );
+        let nothing = compare([("a", &a), ("b", &a)], &OPTIONS).unwrap().change;
+        assert_eq!((nothing.raised_m3, nothing.lowered_m3, nothing.rms_m), (0.0, 0.0, 0.0));
+        let pit = change.map.iter().find(|cell| cell[2] < -2.9).unwrap();
+        assert_eq!(pit[..2], [431_010.5, 5_412_010.5]);
     }
 
     #[test]

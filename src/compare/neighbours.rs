@@ -20,11 +20,10 @@ pub struct Distances {
 }
 
 /// Distances from at most `most` points of `from`, evenly chosen, to the nearest of `to`; neither is empty.
-pub(super) fn distances(from: &[[f32; 3]], to: &[[f32; 3]], most: usize) -> Distances {
+pub(super) fn distances(from: &[[f64; 3]], to: &[[f64; 3]], most: usize) -> Distances {
     let tree = KdTree::new(to);
     let step = from.len().div_ceil(most.max(1)).max(1);
-    let mut found: Vec<f64> =
-        from.par_iter().step_by(step).map(|point| f64::from(tree.nearest(point)).sqrt()).collect();
+    let mut found: Vec<f64> = from.par_iter().step_by(step).map(|point| tree.nearest(point).sqrt()).collect();
     found.par_sort_unstable_by(f64::total_cmp);
     let count = found.len() as f64;
     let at = |fraction: f64| found[((count - 1.0) * fraction).round() as usize];
@@ -41,15 +40,15 @@ pub(super) fn distances(from: &[[f32; 3]], to: &[[f32; 3]], most: usize) -> Dist
 /// A k-d tree: points in an order in which the middle one of a range separates those before it from those behind it along an
 /// axis, and each half likewise. Where the points lie makes no difference to its depth.
 struct KdTree {
-    points: Vec<[f32; 3]>,
+    points: Vec<[f64; 3]>,
     /// The axis along which the point of this index separates.
     axes: Vec<u8>,
-    low: [f32; 3],
-    high: [f32; 3],
+    low: [f64; 3],
+    high: [f64; 3],
 }
 
 impl KdTree {
-    fn new(points: &[[f32; 3]]) -> KdTree {
+    fn new(points: &[[f64; 3]]) -> KdTree {
         let (low, high) = bounds(points);
         let mut tree = KdTree { points: points.to_vec(), axes: vec![0; points.len()], low, high };
         arrange(&mut tree.points, &mut tree.axes);
@@ -57,16 +56,16 @@ impl KdTree {
     }
 
     /// The square of the distance to the nearest point.
-    fn nearest(&self, p: &[f32; 3]) -> f32 {
+    fn nearest(&self, p: &[f64; 3]) -> f64 {
         let offsets =
             [0, 1, 2].map(|axis| (self.low[axis] - p[axis]).max(p[axis] - self.high[axis]).max(0.0));
-        let mut best = f32::INFINITY;
+        let mut best = f64::INFINITY;
         self.search(0..self.points.len(), p, offsets, &mut best);
         best
     }
 
     /// Searches a range of the points, which lie in a box that is `offsets` away along the axes.
-    fn search(&self, range: Range<usize>, p: &[f32; 3], offsets: [f32; 3], best: &mut f32) {
+    fn search(&self, range: Range<usize>, p: &[f64; 3], offsets: [f64; 3], best: &mut f64) {
         if squared(offsets) >= *best {
             return;
         }
@@ -91,7 +90,7 @@ impl KdTree {
 }
 
 /// Brings points into the order of a [`KdTree`].
-fn arrange(points: &mut [[f32; 3]], axes: &mut [u8]) {
+fn arrange(points: &mut [[f64; 3]], axes: &mut [u8]) {
     if points.len() <= MAX_LEAF_POINTS {
         return;
     }
@@ -106,14 +105,14 @@ fn arrange(points: &mut [[f32; 3]], axes: &mut [u8]) {
     rayon::join(|| arrange(before, axes_before), || arrange(&mut behind[1..], &mut axes_behind[1..]));
 }
 
-fn bounds(points: &[[f32; 3]]) -> ([f32; 3], [f32; 3]) {
-    let none = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+fn bounds(points: &[[f64; 3]]) -> ([f64; 3], [f64; 3]) {
+    let none = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     points.iter().fold(none, |(low, high), p| {
         ([0, 1, 2].map(|axis| low[axis].min(p[axis])), [0, 1, 2].map(|axis| high[axis].max(p[axis])))
     })
 }
 
-fn squared(v: [f32; 3]) -> f32 {
+fn squared(v: [f64; 3]) -> f64 {
     v.iter().map(|x| x * x).sum()
 }
 
@@ -125,16 +124,16 @@ mod tests {
     #[test]
     fn distances_are_those_of_brute_force() {
         let stream = Stream::new(5, Purpose::SceneMaking);
-        let draw = |n: u64, axis: u32| stream.uniform(0, n, axis) as f32;
+        let draw = |n: u64, axis: u32| stream.uniform(0, n, axis);
         for scale in [[10.0, 10.0, 10.0], [100.0, 100.0, 0.0], [50.0, 0.0, 0.0]] {
-            let cloud = |seed: u64, count: u64, shift: f32| -> Vec<[f32; 3]> {
+            let cloud = |seed: u64, count: u64, shift: f64| -> Vec<[f64; 3]> {
                 (0..count).map(|i| [0, 1, 2].map(|a| draw(seed + i, a as u32) * scale[a] + shift)).collect()
             };
             let (from, to) = (cloud(0, 200, 3.0), cloud(1000, 300, 0.0));
             let tree = KdTree::new(&to);
             for p in &from {
-                let distance = |q: &[f32; 3]| (0..3).map(|a| (q[a] - p[a]) * (q[a] - p[a])).sum::<f32>();
-                let expected = to.iter().map(distance).fold(f32::INFINITY, f32::min);
+                let distance = |q: &[f64; 3]| (0..3).map(|a| (q[a] - p[a]) * (q[a] - p[a])).sum::<f64>();
+                let expected = to.iter().map(distance).fold(f64::INFINITY, f64::min);
                 assert_eq!(tree.nearest(p), expected, "{p:?} {scale:?}");
             }
         }
@@ -143,11 +142,11 @@ mod tests {
     #[test]
     fn clusters_far_apart_are_searched_as_fast_as_others() {
         let stream = Stream::new(5, Purpose::SceneMaking);
-        let draw = |n: u64, axis: u32| stream.uniform(0, n, axis) as f32;
+        let draw = |n: u64, axis: u32| stream.uniform(0, n, axis);
         // Two clusters in opposite corners of a box, and places in a third one.
-        let to: Vec<[f32; 3]> =
-            (0..100_000).map(|i| [0, 1, 2].map(|a| draw(i, a) + (i % 2) as f32 * 1000.0)).collect();
-        let from: Vec<[f32; 3]> = (0..2000).map(|i| [draw(i, 3), draw(i, 4) + 1000.0, draw(i, 5)]).collect();
+        let to: Vec<[f64; 3]> =
+            (0..100_000).map(|i| [0, 1, 2].map(|a| draw(i, a) + (i % 2) as f64 * 1000.0)).collect();
+        let from: Vec<[f64; 3]> = (0..2000).map(|i| [draw(i, 3), draw(i, 4) + 1000.0, draw(i, 5)]).collect();
         let found = distances(&from, &to, usize::MAX);
         assert!((found.mean_m - 999.0).abs() < 2.0 && found.points == 2000, "{found:?}");
     }

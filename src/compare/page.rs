@@ -3,8 +3,9 @@
 use super::measures::{Comparison, Histogram};
 use super::report::table;
 use crate::error::Result;
+use crate::geom::DVec3;
 use crate::markup::escaped;
-use crate::preview::{Points, PreviewOptions, draw};
+use crate::preview::{Point, Points, PreviewOptions, common_heights, draw};
 use base64::prelude::{BASE64_STANDARD, Engine};
 use std::fmt::Write as _;
 
@@ -41,13 +42,32 @@ pub fn page(comparison: &Comparison, clouds: [&Points; 2]) -> Result<String> {
     if let Some(intensity) = &comparison.intensity {
         add(format_args!("{}", chart("Intensity in units of the median", intensity)));
     }
+    let heights = common_heights(&clouds);
     for (points, (name, class)) in clouds.into_iter().zip(names.iter().zip(["first", "second"])) {
-        let options = PreviewOptions { width: 1100, height: 800, ..PreviewOptions::default() };
+        let options =
+            PreviewOptions { width: 1100, height: 800, light: true, heights, ..PreviewOptions::default() };
         let picture = BASE64_STANDARD.encode(draw(points, &options).png()?);
         add(format_args!(
             "<h2 class=\"{class}\">{name}</h2>\n<img alt=\"{name} from above and from the side\" src=\"data:image/png;base64,{picture}\">\n"
         ));
     }
+    let reach = comparison.change.map.iter().map(|cell| cell[2].abs()).fold(0.1, f64::max);
+    let mut change = Points::default();
+    for cell in &comparison.change.map {
+        change.push(&Point { position: DVec3::from(*cell), ..Point::default() });
+    }
+    let options = PreviewOptions {
+        width: 1100,
+        height: 800,
+        light: true,
+        heights: Some((-reach, reach)),
+        title: "lowest point per cell, second minus first".to_owned(),
+        ..PreviewOptions::default()
+    };
+    let picture = BASE64_STANDARD.encode(draw(&change, &options).png()?);
+    add(format_args!(
+        "<h2>Change</h2>\n<img alt=\"differences of the lowest points of each cell\" src=\"data:image/png;base64,{picture}\">\n"
+    ));
     add(format_args!("</body></html>\n"));
     Ok(out)
 }

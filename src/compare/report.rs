@@ -28,7 +28,7 @@ pub fn table(c: &Comparison) -> String {
         &format!("  per cell of {} m", c.cell_m),
         none(),
         none(),
-        format!("correlation {:.3} on {:.0} m²", c.density_correlation, c.area_m2),
+        format!("correlation {} on {:.0} m²", correlation(c.density_correlation), c.area_m2),
     );
     for (i, percent) in PERCENTILES.iter().enumerate() {
         let (a, b, x, y) = both(&|cloud| cloud.height_percentiles_m[i], 2);
@@ -40,9 +40,24 @@ pub fn table(c: &Comparison) -> String {
         none(),
         none(),
         format!(
-            "mean {:+.2}, RMS {:.2}, correlation {:.3} in {} cells",
-            c.canopy.mean_difference_m, c.canopy.rms_difference_m, c.canopy.correlation, c.canopy.cells
+            "mean {:+.2}, RMS {:.2}, correlation {} in {} cells",
+            c.canopy.mean_difference_m,
+            c.canopy.rms_difference_m,
+            correlation(c.canopy.correlation),
+            c.canopy.cells
         ),
+    );
+    line(
+        "lowest points per cell, m",
+        none(),
+        none(),
+        format!("mean {}, RMS {:.2} in {} cells", signed(c.change.mean_m), c.change.rms_m, c.change.cells),
+    );
+    line(
+        "  volume between, m³",
+        none(),
+        none(),
+        format!("raised {:.1}, lowered {:.1}", c.change.raised_m3, c.change.lowered_m3),
     );
     if let (Some(a), Some(b)) = (c.first.intensity_percentiles, c.second.intensity_percentiles) {
         let overlap =
@@ -77,6 +92,11 @@ pub fn table(c: &Comparison) -> String {
         format!("{} in both, agreement {:.3}", v.both, v.agreement),
     );
     out
+}
+
+/// A correlation, which values that are all equal do not have.
+fn correlation(value: f64) -> String {
+    if value.is_nan() { "none".to_owned() } else { format!("{value:.3}") }
 }
 
 /// A difference with its sign, without that of a zero.

@@ -1,4 +1,4 @@
-//! A file that several threads write at the same time, each at its own offset.
+//! Files that several threads write or read at the same time, each at its own offset.
 
 use super::fault;
 use std::fs::File;
@@ -37,4 +37,24 @@ impl PositionedFile {
         }
         Ok(())
     }
+}
+
+/// Reads at an offset, independently of other threads that read the same file.
+#[cfg(unix)]
+pub fn read_exact_at(file: &File, bytes: &mut [u8], offset: u64) -> io::Result<()> {
+    std::os::unix::fs::FileExt::read_exact_at(file, bytes, offset)
+}
+
+/// Reads at an offset, independently of other threads that read the same file.
+#[cfg(windows)]
+pub fn read_exact_at(file: &File, mut bytes: &mut [u8], mut offset: u64) -> io::Result<()> {
+    while !bytes.is_empty() {
+        let count = std::os::windows::fs::FileExt::seek_read(file, bytes, offset)?;
+        if count == 0 {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+        bytes = &mut bytes[count..];
+        offset += count as u64;
+    }
+    Ok(())
 }

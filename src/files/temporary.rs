@@ -2,12 +2,13 @@
 
 use super::fault;
 use super::paths::folder_of;
+use super::reads::open_own;
 use crate::error::{Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::fs::{self, File, OpenOptions};
 use std::hash::{BuildHasher, Hasher, RandomState};
-use std::io;
+use std::io::{self, BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Duration;
@@ -104,7 +105,8 @@ fn temporary_name(target: &OsStr) -> std::ffi::OsString {
     name
 }
 
-fn is_temporary_name(name: &OsStr) -> bool {
+/// Whether a name is that of a temporary file of this program, which no user gives by chance.
+pub fn is_temporary_name(name: &OsStr) -> bool {
     let name = name.as_encoded_bytes().strip_suffix(END.as_bytes());
     name.and_then(|name| name.split_last_chunk::<DIGITS>()).is_some_and(|(name, digits)| {
         digits.iter().all(|d| matches!(d, b'0'..=b'9' | b'a'..=b'f')) && name.ends_with(MARK.as_bytes())
@@ -144,6 +146,20 @@ impl TemporaryFile {
     pub fn reopen(&self) -> io::Result<File> {
         fault::point()?;
         OpenOptions::new().read(true).write(true).open(&self.path)
+    }
+
+    /// Whether another regular file holds the same bytes.
+    pub fn is_equal(&self, other: &Path) -> io::Result<bool> {
+        let (mut mine, mut theirs) = (BufReader::new(self.reopen()?), BufReader::new(open_own(other)?));
+        loop {
+            let (one, two) = (mine.fill_buf()?, theirs.fill_buf()?);
+            let count = one.len().min(two.len());
+            if count == 0 || one[..count] != two[..count] {
+                return Ok(one.is_empty() && two.is_empty());
+            }
+            mine.consume(count);
+            theirs.consume(count);
+        }
     }
 
     /// Renames the file. Without `replace` an existing file is an error, after which the file can be renamed

@@ -37,6 +37,29 @@ fn files_appear_when_they_are_complete_or_not_at_all() {
 }
 
 #[test]
+fn a_file_of_the_same_bytes_may_stay_and_another_one_is_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let target = folder.path().join("a.laz");
+    let finish = |text: &[u8]| {
+        let mut out = create(&target, false).keeping_equal(true);
+        out.write_all(text).unwrap();
+        out.finish()
+    };
+    let text = b"points ".repeat(10_000);
+    for _ in 0..2 {
+        finish(&text).unwrap();
+        assert_eq!(names(folder.path()), ["a.laz"]);
+        assert_eq!(fs::read(&target).unwrap(), text);
+    }
+    for other in [&b"precious"[..], &text[1..], b"", &[&text[..], b"!"].concat()] {
+        fs::write(&target, other).unwrap();
+        assert!(finish(&text).unwrap_err().to_string().contains("a.new.laz"));
+        assert_eq!(fs::read(&target).unwrap(), other);
+        fs::remove_file(folder.path().join("a.new.laz")).unwrap();
+    }
+}
+
+#[test]
 fn the_last_of_several_files_with_one_name_stays() {
     let folder = tempfile::tempdir().unwrap();
     let target = folder.path().join("a");

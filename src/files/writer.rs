@@ -3,6 +3,7 @@
 use super::fault;
 use super::paths::{is_special, is_stdout, resolve, with_suffix};
 use super::positioned::PositionedFile;
+use super::reads::{is_input, is_read, refuse_input, refuse_input_at};
 use super::stream::{Stream, stderr_file, stdout_file};
 use super::temporary::{TemporaryFile, synchronise, synchronise_folder};
 use crate::error::{Error, Result};
@@ -39,7 +40,7 @@ enum Kind {
     /// Bytes go to an unnamed file, which is removed when it is closed.
     Scratch,
     /// Bytes go to a temporary file that is renamed at the end.
-    Named { temporary: TemporaryFile, target: PathBuf, replace: bool },
+    Named { temporary: TemporaryFile, target: PathBuf, replace: bool, is_own: bool, keeps_equal: bool },
 }
 
 /// Bytes per read when a file is copied.
@@ -48,28 +49,55 @@ const COPY_BYTES: usize = 64 * 1024;
 impl FileWriter {
     /// Opens `path` for writing. A pipe, terminal or device is written directly, or at the end if bytes at the
     /// beginning are `patched`; a file gets its name when it is [finished](FileWriter::finish), and replaces an
-    /// existing one only with `replace`.
+    /// existing one only with `replace`, and never one that this command has read.
     pub fn create(path: &Path, replace: bool, patched: Patched) -> Result<FileWriter> {
         if is_stdout(path) {
             return FileWriter::stdout(patched);
         }
+        refuse_input(path)?;
         if is_special(path) {
-            let file = fault::point()
-                .and_then(|()| OpenOptions::new().write(true).truncate(true).open(path))
-                .map_err(|e| Error::io("open", path, e))?;
+            // A file that the shell has opened (`3>>log`) keeps what it holds.
+            let is_filled = std::fs::metadata(path).is_ok_and(|about| about.is_file() && about.len() > 0);
+            let mut options = OpenOptions::new();
+            let options = if is_filled { options.append(true) } else { options.write(true) };
+            let file =
+                fault::point().and_then(|()| options.open(path)).map_err(|e| Error::io("open", path, e))?;
             return FileWriter::stream(path.to_path_buf(), file, patched);
         }
         let failed = |e| Error::io("create", path, e);
         let target = resolve(path).map_err(failed)?;
         let (temporary, file) = TemporaryFile::create(&target).map_err(failed)?;
-        let kind = Kind::Named { temporary, target, replace };
+        let kind = Kind::Named { temporary, target, replace, is_own: false, keeps_equal: false };
         Ok(FileWriter { name: path.to_path_buf(), kind, file: Some(file), seekable: true })
+    }
+
+    /// Opens a file of the program's own state, which replaces an existing one. A pipe or link in its place is an error and is not
+    /// waited for.
+    pub fn create_own(path: &Path) -> Result<FileWriter> {
+        let failed = |e| Error::io("create", path, e);
+        if path.symlink_metadata().is_ok_and(|about| !about.is_file()) {
+            return Err(Error::input(format!("{} is no regular file: remove it", path.display())));
+        }
+        let (temporary, file) = TemporaryFile::create(path).map_err(failed)?;
+        let target = path.to_path_buf();
+        let kind = Kind::Named { temporary, target, replace: true, is_own: true, keeps_equal: false };
+        Ok(FileWriter { name: path.to_path_buf(), kind, file: Some(file), seekable: true })
+    }
+
+    /// Whether a file of the same name that is not to be replaced is no error if it holds the same bytes: it stays, and this one is
+    /// removed.
+    pub fn keeping_equal(mut self, keeps: bool) -> FileWriter {
+        if let Kind::Named { keeps_equal, .. } = &mut self.kind {
+            *keeps_equal = keeps;
+        }
+        self
     }
 
     /// Opens standard output.
     pub fn stdout(patched: Patched) -> Result<FileWriter> {
         let name = PathBuf::from("standard output");
         let file = stdout_file().map_err(|e| Error::io("open", &name, e))?;
+        refuse_input_at(&name, &file)?;
         FileWriter::stream(name, file, patched)
     }
 
@@ -177,11 +205,28 @@ impl FileWriter {
     fn commit(mut self, path: &Path) -> Result<()> {
         self.handle().and_then(|file| synchronise(file)).map_err(|e| self.failed("write", e))?;
         self.file = None;
-        let Kind::Named { mut temporary, replace, .. } = self.kind else { return Ok(()) };
-        let renamed = temporary.rename(path, replace).map_err(|e| match e.kind() {
-            io::ErrorKind::AlreadyExists => appeared(&mut temporary, path),
-            _ => e,
-        });
+        let Kind::Named { mut temporary, replace, is_own, keeps_equal, .. } = self.kind else {
+            return Ok(());
+        };
+        if !is_own && is_input(path) {
+            // It was read after this file was created.
+            let beside =
+                rename_beside(&mut temporary, path).map_err(|e| Error::io("give its name to", path, e))?;
+            return Err(Error::input(format!(
+                "{}; the complete output is {}",
+                is_read(path),
+                beside.display()
+            )));
+        }
+        let renamed = match temporary.rename(path, replace) {
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {
+                match keeps_equal && temporary.is_equal(path).unwrap_or(false) {
+                    true => Ok(()),
+                    false => Err(appeared(&mut temporary, path)),
+                }
+            }
+            renamed => renamed,
+        };
         renamed.map_err(|e| Error::io("give its name to", path, e))?;
         synchronise_folder(path).map_err(|e| Error::io("synchronise the folder of", path, e))
     }
@@ -202,23 +247,30 @@ impl FileWriter {
 
 /// Leaves a complete file beside one of its name that has appeared meanwhile, and returns the error that tells so.
 fn appeared(temporary: &mut TemporaryFile, path: &Path) -> io::Error {
+    match rename_beside(temporary, path) {
+        Err(e) => e,
+        Ok(beside) => io::Error::new(
+            io::ErrorKind::AlreadyExists,
+            format!(
+                "a file of this name has appeared and is kept; the complete output is {}",
+                beside.display()
+            ),
+        ),
+    }
+}
+
+/// Names a complete file `NAME.new.EXT`, or `NAME.new-2.EXT` …, and returns that name.
+fn rename_beside(temporary: &mut TemporaryFile, path: &Path) -> io::Result<PathBuf> {
     let exists = io::ErrorKind::AlreadyExists;
     for number in 1..100 {
         let suffix = if number == 1 { ".new".to_owned() } else { format!(".new-{number}") };
         let beside = with_suffix(path, &suffix, None);
         match temporary.rename(&beside, false) {
             Err(e) if e.kind() == exists => {}
-            Err(e) => return e,
-            Ok(()) => {
-                let message = format!(
-                    "a file of this name has appeared and is kept; the complete output is {}",
-                    beside.display()
-                );
-                return io::Error::new(exists, message);
-            }
+            renamed => return renamed.map(|()| beside),
         }
     }
-    exists.into()
+    Err(exists.into())
 }
 
 fn scratch() -> Result<File> {

@@ -4,7 +4,7 @@ use super::noise::leg_offset;
 use crate::diag::{Diagnostics, Place};
 use crate::geom::DVec3;
 use crate::platform::{LegCourse, MAX_FLOWN_GAP, Span, TrajectoryTable};
-use crate::quantity::MAX_DURATION;
+use crate::quantity::{MAX_DURATION, number};
 use crate::survey::{Interpolated, Leg, LegTrajectory, Mount, ScannerSettings, Survey};
 
 #[derive(Clone, Debug)]
@@ -52,12 +52,17 @@ impl PlannedLeg {
     }
 }
 
-/// Courses of the legs in the scene frame: shifted, dropped to the ground and, given a seed, displaced at random.
+/// What to do where legs find no ground.
+const NO_GROUND_HELP: &str = "ground is what has a material with `helios_isGround true` (`vlscan scene info` lists them); give \
+                              the terrain one, or the leg a height of its own instead of on_ground";
+
+/// Courses of the legs in the scene frame: shifted, dropped to the ground and, given a seed, displaced at random. Where
+/// there is no ground that is an error if the ground is needed, and otherwise the height of the scene's centre counts.
 pub(super) fn courses(
     survey: &Survey,
     shift: DVec3,
     ground: &dyn Fn(f64, f64) -> Option<f64>,
-    noise_seed: Option<u64>,
+    (noise_seed, needs_ground): (Option<u64>, bool),
     problems: &mut Diagnostics,
 ) -> Vec<LegCourse> {
     let course = |leg: &Leg| {
@@ -65,11 +70,21 @@ pub(super) fn courses(
         let mut position = p.position - shift;
         if p.on_ground {
             position.z = ground(position.x, position.y).unwrap_or_else(|| {
-                let message = format!(
-                    "leg {}: no ground at x {} y {}; the leg is put at the height of the scene's centre, z {}",
-                    leg.number, p.position.x, p.position.y, shift.z
+                let which = format!(
+                    "leg {}: no ground at x {} y {}",
+                    leg.number,
+                    number(p.position.x),
+                    number(p.position.y)
                 );
-                problems.warn(leg.place.clone(), message);
+                if needs_ground {
+                    problems.error(leg.place.clone(), which).help(NO_GROUND_HELP);
+                } else {
+                    let message = format!(
+                        "{which}; the leg is put at the height of the scene's centre, z {}",
+                        number(shift.z)
+                    );
+                    problems.warn(leg.place.clone(), message).help(NO_GROUND_HELP);
+                }
                 0.0
             });
         }
@@ -147,13 +162,13 @@ pub(super) fn check_spans(
     for leg in &survey.legs {
         let span = span(leg.platform.trajectory.as_ref(), table);
         let world = |t: f64| t + table.first_time();
-        let (start, end) = (world(span.start), world(span.end));
+        let (start, end) = (number(world(span.start)), number(world(span.end)));
         if !(span.start.is_finite() && span.end.is_finite()) {
-            let message = format!("leg {}: from {start} s to {end} s is no stretch of time", leg.number);
+            let message = format!("leg {}: from {} s to {} s is no stretch of time", leg.number, start, end);
             problems.error(leg.place.clone(), message);
         } else if span.end - span.start > MAX_DURATION {
             let message = format!(
-                "leg {}: {start:?} s to {end:?} s is more than {MAX_DURATION} s, expected at most 31 days",
+                "leg {}: {start} s to {end} s is more than {MAX_DURATION} s, expected at most 31 days",
                 leg.number
             );
             problems.error(leg.place.clone(), message);
@@ -161,9 +176,10 @@ pub(super) fn check_spans(
             table.longest_gap(span.start, span.end).filter(|(_, gap)| *gap > MAX_FLOWN_GAP)
         {
             let message = format!(
-                "leg {}: no pose for {gap:?} s after {:?} s, at most {MAX_FLOWN_GAP} s are flown",
+                "leg {}: no pose for {} s after {} s, at most {MAX_FLOWN_GAP} s are flown",
                 leg.number,
-                world(from)
+                number(gap),
+                number(world(from))
             );
             problems
                 .error(leg.place.clone(), message)
@@ -175,8 +191,8 @@ pub(super) fn check_spans(
             let message = format!(
                 "leg {}: {start} s to {end} s leaves the trajectory ({} s to {} s); its ends are prolonged",
                 leg.number,
-                world(0.0),
-                world(table.duration())
+                number(world(0.0)),
+                number(world(table.duration()))
             );
             problems.warn(leg.place.clone(), message);
         }

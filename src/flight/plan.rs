@@ -29,6 +29,9 @@ pub struct FlightOptions {
     pub kinematics: Kinematics,
     /// Errors of the reported pose.
     pub navigation: NavigationErrors,
+    /// Whether a leg on the ground where there is none is an error. The reference puts it at the height of the scene's
+    /// centre (spec kinematics §2.7).
+    pub needs_ground: bool,
 }
 
 impl Default for FlightOptions {
@@ -41,6 +44,7 @@ impl Default for FlightOptions {
             gps_start_ns: 0.0,
             kinematics: Kinematics::HELIOS,
             navigation: NavigationErrors::NONE,
+            needs_ground: false,
         }
     }
 }
@@ -84,7 +88,7 @@ impl FlightPlan {
         let kind = &survey.platform.kind;
         let mut start_ns = options.gps_start_ns;
         let noise_seed = options.leg_noise.then_some(options.seed);
-        let mut courses = courses(survey, shift, ground, noise_seed, &mut problems);
+        let mut courses = courses(survey, shift, ground, (noise_seed, options.needs_ground), &mut problems);
         let mut legs: Vec<PlannedLeg> =
             survey.legs.iter().map(|l| PlannedLeg::new(l, l.scanner.clone())).collect();
         let motion = match kind {
@@ -158,6 +162,7 @@ impl FlightPlan {
         }
         for (i, leg) in self.legs.iter().enumerate() {
             settings::check_optics(leg, &self.devices, problems);
+            settings::check_reference(leg, &self.devices, &self.kinematics, problems);
             if let Some((reason, help)) =
                 settings::why_endless(i, &self.legs, &self.platform, &self.devices[0])
             {

@@ -4,9 +4,9 @@ use super::leg::PlannedLeg;
 use crate::diag::Diagnostics;
 use crate::geom::degrees;
 use crate::platform::{Motion, PlatformPlan};
-use crate::quantity::{COORDINATE, MAX_DURATION};
+use crate::quantity::{COORDINATE, MAX_DURATION, number};
 use crate::scanner::{DevicePlan, firing_window};
-use crate::survey::{Deflector, Leg, PlatformKind, Survey};
+use crate::survey::{Deflector, Kinematics, Leg, PlatformKind, Survey};
 
 /// Limit of steps of a warm-up: a quarter of an hour at 1 MHz.
 const MAX_WARMUP_STEPS: f64 = 1e9;
@@ -28,6 +28,7 @@ pub(super) fn check_numbers(survey: &Survey, problems: &mut Diagnostics) -> bool
         if !value.is_finite() || (name == "drag" && value < 0.0) {
             let bound = if name == "drag" { " of at least 0" } else { "" };
             let id = &survey.platform.id;
+            let value = number(value);
             let message = format!("platform `{id}`: {name} is {value}, expected a finite number{bound}");
             problems.error(None, message);
         }
@@ -70,7 +71,8 @@ fn check_leg_numbers(leg: &Leg, problems: &mut Diagnostics) {
     }
     let p = leg.platform.position;
     if !p.to_array().iter().all(|&coordinate| COORDINATE.contains(coordinate)) {
-        let message = format!("leg {n}: no place on earth: x {} y {} z {}", p.x, p.y, p.z);
+        let message =
+            format!("leg {n}: no place on earth: x {} y {} z {}", number(p.x), number(p.y), number(p.z));
         problems.error(leg.place.clone(), message);
     }
     let numbers = [
@@ -93,13 +95,14 @@ fn check_leg_numbers(leg: &Leg, problems: &mut Diagnostics) {
     }
     if s.max_duration.is_some_and(|duration| duration > MAX_DURATION) {
         let message = format!(
-            "leg {n}: a greatest duration of {:?} s, expected at most {MAX_DURATION} s (31 days)",
-            s.max_duration.unwrap_or_default()
+            "leg {n}: a greatest duration of {} s, expected at most {MAX_DURATION} s (31 days)",
+            number(s.max_duration.unwrap_or_default())
         );
         problems.error(leg.place.clone(), message);
     }
     if s.warmup * f64::from(s.pulse_freq) > MAX_WARMUP_STEPS {
-        let message = format!("leg {n}: a warm-up of {} s at {} Hz takes too long", s.warmup, s.pulse_freq);
+        let message =
+            format!("leg {n}: a warm-up of {} s at {} Hz takes too long", number(s.warmup), s.pulse_freq);
         problems.error(leg.place.clone(), message).help("warm-ups take seconds at most");
     }
 }
@@ -111,12 +114,56 @@ pub(super) fn check_optics(leg: &PlannedLeg, devices: &[DevicePlan], problems: &
         let (lower, upper) = firing_window(effective_max, angle, &leg.settings);
         if lower >= upper {
             let which = if devices.len() > 1 { format!(", channel {i}") } else { String::new() };
-            let range = format!("{:.3}° to {:.3}°", degrees(lower), degrees(upper));
+            let range = format!("{}° to {}°", number(degrees(lower)), number(degrees(upper)));
             let message =
                 format!("leg {}{which}: no pulse fires between vertical angles {range}", leg.number);
             problems.warn(leg.place.clone(), message).help(
                 "set verticalAngleMin_deg, verticalAngleMax_deg, or the scanner's scanAngleEffectiveMax_deg",
             );
+        }
+    }
+}
+
+/// Warns of settings of a leg that the reference replaces by those of the scanner or of the first leg.
+pub(super) fn check_reference(
+    leg: &PlannedLeg,
+    devices: &[DevicePlan],
+    kinematics: &Kinematics,
+    problems: &mut Diagnostics,
+) {
+    let s = &leg.settings;
+    if f64::from(s.pulse_freq) != leg.frequency {
+        let message = format!(
+            "leg {}: its time passes as if its pulse rate of {} Hz were {} Hz, that of the first leg, as in HELIOS++",
+            leg.number,
+            s.pulse_freq,
+            number(leg.frequency)
+        );
+        problems
+            .warn(leg.place.clone(), message)
+            .help("--physics refined, or --correct leg_pulse_rate, has a clock for each leg");
+    }
+    for device in devices.iter().filter(|_| s.active) {
+        let (max, name) = (device.scan_freq_max, leg.number);
+        if matches!(device.deflector, Deflector::Conic)
+            && !kinematics.conic_at_leg_frequency
+            && s.scan_freq != max
+        {
+            let (wanted, used) = (number(s.scan_freq), number(max));
+            let message = format!(
+                "leg {name}: conic optics turn with {used} Hz, the scanner's scanFreqMax_Hz, not with {wanted} Hz, as in HELIOS++"
+            );
+            problems
+                .warn(leg.place.clone(), message)
+                .help("--physics refined, or --correct conic_at_leg_frequency, turns them with the frequency of the leg");
+        }
+        let (wanted, used) = (s.scan_angle, device.scan_angle(s.scan_angle));
+        if matches!(device.deflector, Deflector::Oscillating { .. }) && wanted > used {
+            let (wanted, used) = (number(degrees(wanted)), number(degrees(used)));
+            let message = format!(
+                "leg {name}: a scan angle of {wanted} degrees is beyond the scanner's {used}, which is used"
+            );
+            problems.warn(leg.place.clone(), message);
         }
     }
 }
@@ -131,7 +178,7 @@ pub(super) fn check_firing(leg: &mut PlannedLeg, devices: &[DevicePlan], problem
              period of {} Hz",
             leg.number,
             last * 1e6,
-            leg.frequency
+            number(leg.frequency)
         );
         let help = format!("the instrument fires with a pulse rate below {:.0} Hz", 1.0 / last);
         problems.warn(leg.place.clone(), message).help(help);
@@ -173,9 +220,9 @@ fn why_head_never_stops(leg: &PlannedLeg, device: &DevicePlan) -> Option<(String
     }
     let reason = format!(
         "the head turns at {} °/s and never comes from {}° to {}°",
-        degrees(rate),
-        degrees(s.head_start),
-        degrees(s.head_stop)
+        number(degrees(rate)),
+        number(degrees(s.head_start)),
+        number(degrees(s.head_stop))
     );
     let help = if s.head_rate != 0.0 && rate == 0.0 {
         "the scanner's headRotatePerSecMax_deg is 0, so its head cannot turn"
@@ -191,23 +238,38 @@ fn why_never_arrives(index: usize, platform: &PlatformPlan) -> Option<(String, &
     let next = courses.get(index + 1);
     let way = next.map_or(0.0, |next| (next.position - here.position).length());
     if here.speed > 0.0 && way / here.speed > MAX_DURATION {
-        let reason = format!("{way:.0} m at {:?} m/s take more than {MAX_DURATION} s (31 days)", here.speed);
+        let reason =
+            format!("{way:.0} m at {} m/s take more than {MAX_DURATION} s (31 days)", number(here.speed));
         return Some((reason, "set movePerSec_m higher"));
     }
     if matches!(platform.motion, Motion::Linear) {
         // The last leg's target is reached when it starts; a single leg flies to the centre of the scene.
         let moves = next.is_some_and(|n| n.position != here.position) || courses.len() == 1;
         return (moves && here.speed <= 0.0)
-            .then(|| (format!("its speed is {} m/s", here.speed), "set movePerSec_m above 0"));
+            .then(|| (format!("its speed is {} m/s", number(here.speed)), "set movePerSec_m above 0"));
     }
     if matches!(platform.motion, Motion::GroundVehicle { .. }) {
         let cap = if here.speed > 0.0 { here.speed } else { f64::INFINITY };
         let max_step = cap.min(platform.terminal_speed()) / here.frequency;
-        let climb = (next?.position.z - courses[0].position.z).abs();
+        let next = next?.position;
+        if platform.kinematics.vehicle_heights {
+            let way = next - here.position;
+            let is_vertical = way.x == 0.0 && way.y == 0.0 && way.z.abs() >= max_step;
+            return is_vertical.then(|| {
+                let reason = format!(
+                    "the next waypoint is {:.3} m {} the last one, where a ground vehicle cannot drive",
+                    way.z.abs(),
+                    if way.z > 0.0 { "straight above" } else { "straight below" }
+                );
+                (reason, "move one of them aside, or give them the same height")
+            });
+        }
+        let climb = (next.z - courses[0].position.z).abs();
         return (climb >= max_step).then(|| {
             (
                 format!("a ground vehicle keeps its height and the next waypoint is {climb:.3} m off it"),
-                "give all legs the same height, or another platform",
+                "`--correct vehicle-heights`, which is part of `--physics refined`, drives up and down; or give all legs \
+                 the same height, or the platform the type `linearpath`",
             )
         });
     }
@@ -216,9 +278,10 @@ fn why_never_arrives(index: usize, platform: &PlatformPlan) -> Option<(String, &
 
 #[cfg(test)]
 mod tests {
+    use crate::flight::FlightOptions;
     use crate::flight::testing::*;
     use crate::geom::{DVec3, radians};
-    use crate::survey::{Leg, Mount, Multicopter, PlatformKind, Survey};
+    use crate::survey::{Kinematics, Leg, Mount, Multicopter, PlatformKind, Survey};
 
     fn flight(change: impl Fn(&mut Leg)) -> Survey {
         let legs = vec![leg([0.0, 0.0, 10.0], 30.0, &change), leg([50.0, 0.0, 10.0], 30.0, &change)];
@@ -240,7 +303,10 @@ mod tests {
         let mut hilly = flight(|_| {});
         hilly.platform.kind = PlatformKind::GroundVehicle { drag: 0.005 };
         hilly.legs[1].platform.position.z = 11.0;
-        assert!(refusal(&hilly).contains("1.000 m off it"));
+        let report = refusal(&hilly);
+        assert!(report.contains("1.000 m off it") && report.contains("vehicle-heights"), "{report}");
+        let corrected = FlightOptions { kinematics: Kinematics::CORRECTED, ..options() };
+        assert!(fly_plan(&plan_with(&hilly, corrected)).len() == 2);
         for endless in [still, stiff, hilly] {
             let mut timed = endless;
             timed.legs.iter_mut().for_each(|l| l.scanner.max_duration = Some(0.1));

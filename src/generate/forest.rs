@@ -10,16 +10,16 @@ use crate::geom::DVec3;
 
 pub(super) const MATERIAL_FILE: &str = "forest.mtl";
 pub(super) const MATERIALS: Materials = Materials {
-    comment: "helios_reflectance: per cent at 1064 nm. Classes: 2 ground, 3 low vegetation, 4 wood, 5 leaves and needles.",
+    comment: "helios_reflectance: 0 to 1, at 1064 nm. Classes: 2 ground, 3 low vegetation, 4 wood, 5 leaves and needles.",
     all: &[
-        ("forest_floor", "0.36 0.29 0.20", 35, 2, true),
-        ("undergrowth", "0.25 0.48 0.18", 48, 3, false),
-        ("spruce_bark", "0.33 0.24 0.17", 38, 4, false),
-        ("spruce_needles", "0.12 0.32 0.16", 42, 5, false),
-        ("beech_bark", "0.48 0.46 0.42", 45, 4, false),
-        ("beech_leaves", "0.24 0.52 0.14", 56, 5, false),
-        ("birch_bark", "0.82 0.80 0.76", 62, 4, false),
-        ("birch_leaves", "0.42 0.60 0.18", 54, 5, false),
+        ("forest_floor", "0.36 0.29 0.20", 0.35, 2, true),
+        ("undergrowth", "0.25 0.48 0.18", 0.48, 3, false),
+        ("spruce_bark", "0.33 0.24 0.17", 0.38, 4, false),
+        ("spruce_needles", "0.12 0.32 0.16", 0.42, 5, false),
+        ("beech_bark", "0.48 0.46 0.42", 0.45, 4, false),
+        ("beech_leaves", "0.24 0.52 0.14", 0.56, 5, false),
+        ("birch_bark", "0.82 0.80 0.76", 0.62, 4, false),
+        ("birch_leaves", "0.42 0.60 0.18", 0.54, 5, false),
     ],
 };
 

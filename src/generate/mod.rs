@@ -29,7 +29,9 @@ use crate::geom::Aabb;
 use obj::{Mesh, SceneFolder};
 use std::path::{Path, PathBuf};
 
-pub use stand::{Development, Inventory, Models, StandOptions, write_stand};
+pub use stand::{
+    Development, Inventory, Models, PROJECT, StandMade, StandOptions, Terrain, TerrainSurface, write_stand,
+};
 
 /// Kinds of scenes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -166,8 +168,8 @@ pub fn write_scene(options: &SceneOptions, folder: &Path) -> Result<GeneratedSce
 /// The materials of a scene, as written to its MTL file.
 struct Materials {
     comment: &'static str,
-    /// Name, colour, reflectance in per cent, class, whether it is ground.
-    all: &'static [(&'static str, &'static str, u8, u8, bool)],
+    /// Name, colour, reflectance, class, whether it is ground.
+    all: &'static [(&'static str, &'static str, f64, u8, bool)],
 }
 
 impl Materials {

@@ -11,15 +11,15 @@ use libm::{cos, sin};
 
 pub(super) const MATERIAL_FILE: &str = "room.mtl";
 pub(super) const MATERIALS: Materials = Materials {
-    comment: "helios_reflectance: per cent at 1550 nm. Classes: 2 floor, 5 leaves, 6 walls and ceiling, 64 furniture,\n# 65 books, 66 reference spheres.",
+    comment: "helios_reflectance: 0 to 1, at 1550 nm. Classes: 2 floor, 5 leaves, 6 walls and ceiling, 64 furniture,\n# 65 books, 66 reference spheres.",
     all: &[
-        ("parquet", "0.55 0.40 0.26", 45, 2, true),
-        ("wall", "0.88 0.87 0.83", 75, 6, false),
-        ("wood", "0.50 0.34 0.20", 50, 64, false),
-        ("book", "0.42 0.20 0.22", 35, 65, false),
-        ("sphere", "0.95 0.95 0.95", 90, 66, false),
-        ("pot", "0.66 0.36 0.24", 40, 64, false),
-        ("plant", "0.18 0.46 0.16", 52, 5, false),
+        ("parquet", "0.55 0.40 0.26", 0.45, 2, true),
+        ("wall", "0.88 0.87 0.83", 0.75, 6, false),
+        ("wood", "0.50 0.34 0.20", 0.5, 64, false),
+        ("book", "0.42 0.20 0.22", 0.35, 65, false),
+        ("sphere", "0.95 0.95 0.95", 0.9, 66, false),
+        ("pot", "0.66 0.36 0.24", 0.4, 64, false),
+        ("plant", "0.18 0.46 0.16", 0.52, 5, false),
     ],
 };
 

@@ -13,11 +13,17 @@ pub(super) struct SurveyTexts {
     pub(super) pulses: u64,
 }
 
+/// Detection threshold of airborne scanners, W: about that of an avalanche photodiode. In the physics of the reference,
+/// which compares it with nanowatts that fall with the fourth power of the range, surfaces of ordinary reflectance are
+/// seen from flying heights with it, and not with the reference's default of 0.0001.
+const DETECTION_THRESHOLD_W: f64 = 1e-9;
 const XML: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
+/// The root of a document whose files are those beside it, whatever lies in the working directory.
+pub(super) const DOCUMENT: &str = "<document paths=\"beside\">";
 
 /// Text of `scene.xml` with its parts in order; their ids are 0, 1, ….
 pub(super) fn scene_text(kind: Kind, parts: &[Part]) -> String {
-    let mut text = format!("{XML}<document>\n  <scene id=\"{0}\" name=\"{0}\">\n", kind.name());
+    let mut text = format!("{XML}{DOCUMENT}\n  <scene id=\"{0}\" name=\"{0}\">\n", kind.name());
     for (id, part) in parts.iter().enumerate() {
         let file = format!("<param type=\"string\" key=\"filepath\" value=\"{}\"/>", part.file);
         // Without an id every instance becomes a separate part.
@@ -117,14 +123,14 @@ impl Airborne {
         let emitted = (strips * length / self.speed * rate * emitting).round() as u64;
         let id = self.scanner_id;
         let scanners = format!(
-            "{XML}<document>\n  <scanner id=\"{id}\" {} pulseFreqs_Hz=\"{rate}\" averagePower_w=\"4\" \
-             beamQualityFactor=\"1\" opticalEfficiency=\"0.99\" receiverDiameter_m=\"0.15\" \
-             atmosphericVisibility_km=\"23\">\n    <FWFSettings beamSampleQuality=\"3\" binSize_ns=\"0.25\"/>\n    \
-             <beamOrigin x=\"0\" y=\"0\" z=\"0\"/>\n  </scanner>\n</document>\n",
+            "{XML}{DOCUMENT}\n  <scanner id=\"{id}\" {} pulseFreqs_Hz=\"{rate}\" averagePower_w=\"4\" \
+             opticalEfficiency=\"0.99\" receiverDiameter_m=\"0.15\" \
+             atmosphericVisibility_km=\"23\" receivedEnergyMin_W=\"{DETECTION_THRESHOLD_W:e}\">\n    \
+             <FWFSettings beamSampleQuality=\"3\" binSize_ns=\"0.25\"/>\n    <beamOrigin x=\"0\" y=\"0\" z=\"0\"/>\n  </scanner>\n</document>\n",
             self.scanner
         );
         let mut survey = format!(
-            "{XML}<document>\n  <!-- {strips} strips of {} m, {} m above the ground: about {emitted} pulses -->\n  \
+            "{XML}{DOCUMENT}\n  <!-- {strips} strips of {} m, {} m above the ground: about {emitted} pulses -->\n  \
              <platformSettings id=\"cruise\" z=\"{}\" movePerSec_m=\"{}\"/>\n  \
              <scannerSettings id=\"strip\" active=\"true\" pulseFreq_hz=\"{rate}\" scanAngle_deg=\"{angle}\" \
              scanFreq_hz=\"{}\" trajectoryTimeInterval_s=\"0.01\"/>\n  \
@@ -187,17 +193,17 @@ fn room_texts(extent: f64, pulses: Option<u64>) -> SurveyTexts {
     let turn = rounded(resolution * LINES_PER_SECOND, 4);
     let emitted = (2.0 * 360.0 / turn * rate).round() as u64;
     let scanners = format!(
-        "{XML}<document>\n  <scanner id=\"tls_polygon\" name=\"Terrestrial polygon mirror scanner\" \
+        "{XML}{DOCUMENT}\n  <scanner id=\"tls_polygon\" name=\"Terrestrial polygon mirror scanner\" \
          optics=\"rotating\" accuracy_m=\"0.003\" beamDivergence_rad=\"0.00035\" pulseFreqs_Hz=\"{rate}\" \
          pulseLength_ns=\"3\" rangeMin_m=\"0.3\" wavelength_nm=\"1550\" scanAngleMax_deg=\"52.5\" \
          scanAngleEffectiveMax_deg=\"52.5\" scanFreqMin_Hz=\"4\" scanFreqMax_Hz=\"420\" \
-         headRotatePerSecMax_deg=\"3600\" averagePower_w=\"4\" beamQualityFactor=\"1\" opticalEfficiency=\"0.99\" \
+         headRotatePerSecMax_deg=\"3600\" averagePower_w=\"4\" opticalEfficiency=\"0.99\" \
          receiverDiameter_m=\"0.15\" atmosphericVisibility_km=\"23\" maxNOR=\"5\">\n    \
          <FWFSettings beamSampleQuality=\"3\" binSize_ns=\"0.25\"/>\n    <beamOrigin x=\"0\" y=\"0\" z=\"0.2\"/>\n    \
          <headRotateAxis x=\"0\" y=\"0\" z=\"1\"/>\n  </scanner>\n</document>\n"
     );
     let mut survey = format!(
-        "{XML}<document>\n  <!-- two positions, {resolution} degrees in both directions: about {emitted} pulses -->\n  \
+        "{XML}{DOCUMENT}\n  <!-- two positions, {resolution} degrees in both directions: about {emitted} pulses -->\n  \
          <scannerSettings id=\"panorama\" active=\"true\" pulseFreq_hz=\"{rate}\" scanFreq_hz=\"{LINES_PER_SECOND}\" \
          headRotatePerSec_deg=\"{turn}\" headRotateStart_deg=\"0\" headRotateStop_deg=\"360\" \
          scanAngle_deg=\"52.5\" trajectoryTimeInterval_s=\"1\"/>\n  \

@@ -9,12 +9,12 @@ use crate::geom::DVec3;
 
 pub(super) const MATERIAL_FILE: &str = "terrain.mtl";
 pub(super) const MATERIALS: Materials = Materials {
-    comment: "helios_reflectance: per cent at 1064 nm. Classes: 2 ground, 6 buildings, 64 rocks.",
+    comment: "helios_reflectance: 0 to 1, at 1064 nm. Classes: 2 ground, 6 buildings, 64 rocks.",
     all: &[
-        ("meadow", "0.34 0.46 0.20", 45, 2, true),
-        ("rock", "0.52 0.50 0.47", 30, 64, false),
-        ("plaster", "0.84 0.81 0.74", 60, 6, false),
-        ("tiles", "0.58 0.25 0.18", 28, 6, false),
+        ("meadow", "0.34 0.46 0.20", 0.45, 2, true),
+        ("rock", "0.52 0.50 0.47", 0.3, 64, false),
+        ("plaster", "0.84 0.81 0.74", 0.6, 6, false),
+        ("tiles", "0.58 0.25 0.18", 0.28, 6, false),
     ],
 };
 

@@ -40,6 +40,22 @@ pub fn degrees(radians: f64) -> f64 {
     radians * (180.0 / std::f64::consts::PI)
 }
 
+/// `v` itself or, where its square overflows or underflows, `v` times a power of two, which has the same direction.
+pub fn rescaled(v: DVec3) -> DVec3 {
+    // 2⁶⁰⁰: brings every finite number but 0 between 1e-143 and 1e128.
+    const UP: f64 = f64::from_bits((1023 + 600) << 52);
+    match v.abs().max_element() {
+        largest if largest > 1e100 => v * (1.0 / UP),
+        largest if largest < 1e-100 => v * UP,
+        _ => v,
+    }
+}
+
+/// The unit vector in the direction of `v`, whatever its length; `None` for the zero vector and for one that is not finite.
+pub fn direction(v: DVec3) -> Option<DVec3> {
+    Some(unit(rescaled(v))).filter(|unit| v.is_finite() && unit.is_finite())
+}
+
 /// `v / |v|`, computed as a multiplication by `1 / sqrt(v·v)`; NaN for the zero vector.
 pub fn unit(v: DVec3) -> DVec3 {
     v * (1.0 / v.dot(v).sqrt())

@@ -70,7 +70,8 @@ pub struct TableField {
 }
 
 impl TableField {
-    fn new(field: &::arrow_schema::Field) -> TableField {
+    /// The description of a field.
+    pub fn new(field: &::arrow_schema::Field) -> TableField {
         let name = field.name();
         let heading = match field.metadata().get("unit").map_or("", String::as_str) {
             "" => name.clone(),

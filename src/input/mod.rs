@@ -4,6 +4,7 @@
 pub mod arrow;
 
 use crate::error::{Error, Result};
+use crate::files::reads;
 use std::io::{ErrorKind, Read};
 use std::path::Path;
 use std::time::Duration;
@@ -71,7 +72,7 @@ impl InputStream {
         if std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
             return Ok(InputStream::from_reader(LazyPipe::Closed(path.to_path_buf())));
         }
-        std::fs::File::open(path).map(InputStream::from_reader)
+        reads::open(path).map(InputStream::from_reader)
     }
 
     /// Waits for bytes; without a timeout until bytes arrive or the stream ends.
@@ -101,7 +102,7 @@ enum LazyPipe {
 impl Read for LazyPipe {
     fn read(&mut self, to: &mut [u8]) -> std::io::Result<usize> {
         if let LazyPipe::Closed(path) = self {
-            *self = LazyPipe::Open(std::fs::File::open(path)?);
+            *self = LazyPipe::Open(reads::open(path)?);
         }
         match self {
             LazyPipe::Open(file) => file.read(to),
@@ -118,7 +119,7 @@ const MAX_DEVICE_BYTES: u64 = 1 << 28;
 /// # Errors
 /// The error of the operating system; [`ErrorKind::FileTooLarge`] for more bytes.
 pub fn read_file(path: &Path, max_bytes: u64) -> std::io::Result<Vec<u8>> {
-    let file = std::fs::File::open(path)?;
+    let file = reads::open(path)?;
     let about = file.metadata()?;
     let max_bytes = if about.is_file() { max_bytes } else { max_bytes.min(MAX_DEVICE_BYTES) };
     let mut bytes = Vec::new();

@@ -4,10 +4,12 @@ use super::groups::Options;
 use super::outputs::OutputKeys;
 use super::over::Over;
 use super::trajectory::TrajectoryOptions;
-use super::values::{Crs, NavigationError};
-use crate::diag::Diagnostics;
+use super::values::{Crs, GpsStart, NavigationError};
+use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::input::{is_stdin, read_file};
+use crate::pulse::PhysicsProfile;
+use crate::quantity;
 use crate::survey::{
     self, Grid, MAX_DOCUMENT_BYTES, NavigationErrors, PlatformKind, ReadOptions, SceneChoice, Source, Survey,
     Tables,
@@ -25,7 +27,10 @@ pub fn read_survey(path: &Path, typed: Options) -> Result<(Survey, Options, Diag
         return read_source(&Source::read(path)?, typed);
     }
     let chosen = typed.trajectory.clone();
-    let (mut survey, warnings) = survey::read_survey(path, &typed.read_options())?;
+    let (mut survey, mut warnings) = survey::read_survey(path, &typed.read_options())?;
+    warnings.extend(doubts(&chosen, &chosen, [const { None }; TRAJECTORY_KEYS.len()]));
+    warn_of_fraction(&typed, None, &mut warnings);
+    let warnings = warnings.finish(typed.input.strict)?;
     check_trajectory_options(chosen, &mut survey)?;
     Ok((survey, typed, warnings))
 }
@@ -98,6 +103,7 @@ fn read_pipeline(source: &Source, typed: Options) -> Result<(Survey, Options, Di
     let replaces_outputs = !typed.output.out.is_empty() || typed.output.output.is_some();
     let (typed_crs, typed_columns) = (typed.output.crs.is_some(), typed.output.columns.is_some());
     let replaces_trajectory = typed.trajectory.path.is_some();
+    let chosen = typed.trajectory.clone();
     let mut options = typed.over(file);
     options.input.assets = assets;
     // Columns that the file chooses are for its own outputs.
@@ -123,9 +129,67 @@ fn read_pipeline(source: &Source, typed: Options) -> Result<(Survey, Options, Di
         tables.error(place, "[trajectory] needs the key `path`").help("path = \"-\" is standard input");
     }
     reading.trajectory = options.trajectory.stream();
-    let (read, warnings) = survey::read_pipeline_survey(tables, &reading)?;
+    let gps_place = tables.place("", "gps_start");
+    let places = TRAJECTORY_KEYS.map(|key| tables.place("trajectory", key));
+    let (read, mut warnings) = survey::read_pipeline_survey(tables, &reading)?;
+    warnings.extend(doubts(&options.trajectory, &chosen, places));
+    warn_of_fraction(&options, gps_place, &mut warnings);
     options.has_own_flight = read.has_own_flight && !options.is_traced;
-    Ok((read.survey, options, warnings))
+    if !read.is_of_survey {
+        options.profile.profile.get_or_insert(PhysicsProfile::OF_PIPELINES);
+    }
+    Ok((read.survey, options, warnings.finish(reading.strict)?))
+}
+
+/// Warns of a fraction of a second in the start of GPS time.
+fn warn_of_fraction(options: &Options, place: Option<Place>, warnings: &mut Diagnostics) {
+    if options.origin.gps_start.as_ref().is_some_and(GpsStart::has_fraction) {
+        warnings.warn(place, "the fraction of a second of the GPS start does not count, as in HELIOS++");
+    }
+}
+
+/// Keys of `[trajectory]` whose values are compared with what is usual.
+const TRAJECTORY_KEYS: [&str; 3] = ["lever_arm_m", "boresight_deg", "height_offset_m"];
+
+/// Warns of offsets of a trajectory beyond what is usual. `places` are those of [`TRAJECTORY_KEYS`] in a file, over which
+/// `typed` options go.
+fn doubts(
+    options: &TrajectoryOptions,
+    typed: &TrajectoryOptions,
+    places: [Option<Place>; TRAJECTORY_KEYS.len()],
+) -> Diagnostics {
+    let mut found = Diagnostics::default();
+    let [arm, boresight, height] = places;
+    let values = [
+        (
+            options.lever_arm.map(|v| v.0.to_vec()),
+            typed.lever_arm.is_some(),
+            arm,
+            "--lever-arm",
+            quantity::LEVER_ARM,
+        ),
+        (
+            options.boresight.map(|v| v.0.to_vec()),
+            typed.boresight.is_some(),
+            boresight,
+            "--boresight",
+            quantity::BORESIGHT,
+        ),
+        (
+            options.height_offset.map(|v| vec![v.0]),
+            typed.height_offset.is_some(),
+            height,
+            "--height-offset",
+            quantity::HEIGHT_OFFSET,
+        ),
+    ];
+    for (numbers, is_typed, place, option, bounds) in values {
+        let doubt = numbers.iter().flatten().find_map(|number| bounds.doubt(*number));
+        if let Some((doubt, hint)) = doubt {
+            found.warn(place.filter(|_| !is_typed), format!("a number of {option} {doubt}")).help(hint);
+        }
+    }
+    found
 }
 
 /// Takes all options from a pipeline file.

@@ -6,8 +6,9 @@ use super::trajectory::TrajectoryOptions;
 use super::values::{
     Bytes, ChunkSize, ColumnList, Count, Crs, GpsStart, NavigationError, NotNegative, Positive, Seed,
 };
+use crate::error::{Error, Result};
 use crate::output::{ExtraDimensions, PacketPlace, PointFormat};
-use crate::pulse::PhysicsProfile;
+use crate::pulse::{Corrections, PhysicsProfile};
 use crate::scene::Sharing;
 use crate::schedule::PolicyKind;
 use crate::survey::SceneRecipe;
@@ -252,7 +253,7 @@ group! {
 #[command(next_help_heading = "Simulation")]
 #[serde(default)]
 pub struct ProfileOptions {
-    /// Reproduce HELIOS++, or switch its known weaknesses off. [default: helios]
+    /// Reproduce HELIOS++, or switch its known weaknesses off. [default: helios for XML surveys, refined for pipeline files]
     #[arg(id = "profile", long = "physics", value_name = "PROFILE")]
     #[serde(alias = "physics")]
     pub profile: Option<PhysicsProfile>,
@@ -261,6 +262,21 @@ pub struct ProfileOptions {
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     pub correct: Vec<String>,
 }
+}
+
+impl ProfileOptions {
+    /// The corrections of the profile, of XML surveys unless one is chosen, with those that are on in any profile, and
+    /// then what is switched by name.
+    ///
+    /// # Errors
+    /// A name that no correction has.
+    pub fn corrections(&self, in_any: Corrections) -> Result<Corrections> {
+        let mut corrections = self.profile.unwrap_or(PhysicsProfile::OF_SURVEYS).corrections().or(in_any);
+        for name in &self.correct {
+            corrections.switch(name).map_err(|e| Error::input(format!("--correct: {e}")))?;
+        }
+        Ok(corrections)
+    }
 }
 
 group! {

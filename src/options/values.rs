@@ -3,6 +3,7 @@
 
 use crate::crs;
 use crate::error::Error;
+use crate::files::reads;
 use crate::flight::{calendar_day, gps_start};
 use crate::geom::UtmZone;
 use crate::input::read_file;
@@ -78,7 +79,9 @@ impl<const MIN: u64> FromStr for Count<MIN> {
             _ => None,
         };
         let n = factor.and_then(|factor| Some(digits.parse::<f64>().ok()? * factor));
-        match n.filter(|n| (0.0..1e18).contains(n)).map(|n| n.round() as u64) {
+        // 0.3k is 300 but for its last digit.
+        let whole = n.filter(|n| (0.0..1e18).contains(n) && (n - n.round()).abs() <= 1e-9 * n.abs());
+        match whole.map(|n| n.round() as u64) {
             Some(n) if n >= MIN => Ok(Count(n)),
             _ => Err(format!("expected a number such as 250000 or 250k, found {text:?}")),
         }
@@ -255,6 +258,14 @@ impl GpsStart {
     }
 }
 
+impl GpsStart {
+    /// Whether it has a fraction of a second, which does not count.
+    pub fn has_fraction(&self) -> bool {
+        let fraction = self.0.split_once('.').map_or("", |(_, fraction)| fraction);
+        fraction.bytes().any(|digit| digit != b'0')
+    }
+}
+
 impl Default for GpsStart {
     /// A fixed time, so that equal runs give equal bytes.
     fn default() -> GpsStart {
@@ -339,7 +350,7 @@ impl FromStr for Crs {
             crs::wkt_of_epsg(code).map(|_| Crs::Epsg(code))
         } else if crs::is_wkt(text) {
             Ok(Crs::Wkt(text.trim().to_owned()))
-        } else if path.is_file() || matches!(extension, "wkt" | "prj") {
+        } else if reads::is_file(path) || matches!(extension, "wkt" | "prj") {
             Ok(Crs::File(path.to_path_buf()))
         } else {
             Err(format!(

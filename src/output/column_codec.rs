@@ -72,9 +72,9 @@ impl ColumnCodec<'_> {
             Column::NormalY => f32s(out, echoes, |e| e.truth(truths).normal.y as f32),
             Column::NormalZ => f32s(out, echoes, |e| e.truth(truths).normal.z as f32),
             Column::FootprintFraction => f32s(out, echoes, |e| e.truth(truths).fraction as f32),
-            Column::ScannerX => f64s(out, echoes, |e| e.position_in_scanner(truths).x),
-            Column::ScannerY => f64s(out, echoes, |e| e.position_in_scanner(truths).y),
-            Column::ScannerZ => f64s(out, echoes, |e| e.position_in_scanner(truths).z),
+            Column::ScannerX => f64s(out, echoes, |e| e.position_in_scanner().x),
+            Column::ScannerY => f64s(out, echoes, |e| e.position_in_scanner().y),
+            Column::ScannerZ => f64s(out, echoes, |e| e.position_in_scanner().z),
             Column::Subray => u32s(out, echoes, |e| e.truth(truths).subray),
         }
     }

@@ -2,6 +2,7 @@
 //! dimension, otherwise PDAL or plain English.
 
 use crate::diag::nearest;
+use crate::parts::Records;
 
 /// Storage type of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -98,14 +99,14 @@ columns! {
     TrueX F64 4 "m" "Position with the pose that was flown, without errors of navigation.";
     TrueY F64 4 "m" "Position with the pose that was flown, without errors of navigation.";
     TrueZ F64 4 "m" "Position with the pose that was flown, without errors of navigation.";
-    SurfaceX F64 4 "m" "Where the strongest subray of the echo met a surface, world frame.";
-    SurfaceY F64 4 "m" "Where the strongest subray of the echo met a surface, world frame.";
-    SurfaceZ F64 4 "m" "Where the strongest subray of the echo met a surface, world frame.";
-    NormalX F32 6 "" "Unit normal of that surface, towards the instrument; 0 in voxels.";
-    NormalY F32 6 "" "Unit normal of that surface, towards the instrument; 0 in voxels.";
-    NormalZ F32 6 "" "Unit normal of that surface, towards the instrument; 0 in voxels.";
-    FootprintFraction F32 6 "" "Share of the beam's subrays that are part of the echo.";
-    Subray U32 0 "" "Number of the strongest subray within the beam, from 0.";
+    SurfaceX F64 4 "m" "Where the strongest subray of the echo met a surface, world frame; NaN where noise caused it.";
+    SurfaceY F64 4 "m" "Where the strongest subray of the echo met a surface, world frame; NaN where noise caused it.";
+    SurfaceZ F64 4 "m" "Where the strongest subray of the echo met a surface, world frame; NaN where noise caused it.";
+    NormalX F32 6 "" "Unit normal of that surface, towards the instrument; 0 in voxels, NaN without a surface.";
+    NormalY F32 6 "" "Unit normal of that surface, towards the instrument; 0 in voxels, NaN without a surface.";
+    NormalZ F32 6 "" "Unit normal of that surface, towards the instrument; 0 in voxels, NaN without a surface.";
+    FootprintFraction F32 6 "" "Share of the beam's subrays that are part of the echo; NaN without a surface.";
+    Subray U32 0 "" "Number of the strongest subray within the beam, from 0; 4294967295 without a surface.";
     ScannerX F64 4 "m" "Position relative to the beam's origin, in the axes of the scanner's mount.";
     ScannerY F64 4 "m" "Position relative to the beam's origin, in the axes of the scanner's mount.";
     ScannerZ F64 4 "m" "Position relative to the beam's origin, in the axes of the scanner's mount.";
@@ -118,9 +119,21 @@ impl Column {
         Column::ALL.iter().copied().filter(|c| *c <= last && *c != Column::SurfaceClass).collect()
     }
 
-    /// Whether values exist only where the true causes of echoes are recorded.
-    pub fn is_truth(self) -> bool {
-        self >= Column::SurfaceX
+    /// What has to be recorded beside echoes for the values.
+    pub fn records(self) -> Records {
+        match self {
+            Column::SurfaceX | Column::SurfaceY | Column::SurfaceZ => {
+                Records { truth: true, ..Records::default() }
+            }
+            Column::NormalX | Column::NormalY | Column::NormalZ => {
+                Records { truth: true, ..Records::default() }
+            }
+            Column::FootprintFraction | Column::Subray => Records { truth: true, ..Records::default() },
+            Column::ScannerX | Column::ScannerY | Column::ScannerZ => {
+                Records { scanner_axes: true, ..Records::default() }
+            }
+            _ => Records::default(),
+        }
     }
 
     /// Parses a comma-separated list of column names; case is ignored.

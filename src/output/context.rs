@@ -1,6 +1,6 @@
 //! The facts about a survey and its scene that outputs depend on.
 
-use crate::geom::{Aabb, DVec3};
+use crate::geom::{Aabb, DVec3, LIGHT_SPEED};
 use crate::scene::Scene;
 use crate::survey::{Deflector, Leg, Scanner, Survey};
 use serde::{Deserialize, Serialize};
@@ -26,6 +26,10 @@ pub struct OutputContext {
     pub bounds: Aabb,
     /// Ids of the scene's parts.
     pub parts: Vec<String>,
+    /// The highest class of the scene's materials.
+    pub highest_class: i32,
+    /// Metres of range per nanosecond of the times of waveforms: of one way, or of the way there and back.
+    pub metres_per_ns: f64,
 }
 
 /// A leg.
@@ -74,7 +78,14 @@ impl OutputContext {
             shift: scene.shift,
             bounds: scene.bounds,
             parts: scene.parts.iter().map(|part| part.id.clone()).collect(),
+            highest_class: scene.materials.iter().map(|m| m.classification).max().unwrap_or(0),
+            metres_per_ns: LIGHT_SPEED,
         }
+    }
+
+    /// The facts where times of waveforms are those of the way there and back if `two_way` is set.
+    pub fn with_times(self, two_way: bool) -> OutputContext {
+        OutputContext { metres_per_ns: if two_way { LIGHT_SPEED * 0.5 } else { LIGHT_SPEED }, ..self }
     }
 }
 

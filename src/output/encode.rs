@@ -199,7 +199,7 @@ impl OutputPlan {
             PointFormat::E57 => encode_points(&E57Codec { shift }, leg, slots, echoes, pieces),
             PointFormat::Mcap => {
                 let frame_ns = self.frame_ns(batch.leg);
-                let codec = McapCodec { shift, truths: &batch.truths, frame_ns };
+                let codec = McapCodec { shift, frame_ns };
                 encode_points(&codec, leg, slots, echoes, pieces);
             }
             PointFormat::Pcd => {

@@ -148,7 +148,7 @@ impl OutputFile {
         };
         // Processes that compute the same part write the same bytes.
         let replace = plan.force || content == Content::Part;
-        let mut out = OutputStream::open(destination, replace, patched)?;
+        let mut out = OutputStream::open(destination, replace, patched)?.keeping_equal(plan.goes_on);
         let head = Head::new(content, plan, &out)?;
         let mut bytes = head.bytes(plan, &Tally::EMPTY, None, &Octree::EMPTY, COMPLETE);
         match head {
@@ -321,7 +321,7 @@ impl Packets {
             (PacketPlace::Beside, Some(las)) => {
                 let path = packets_path(las);
                 let out = OutputStream::open(&Destination::Path(path.clone()), plan.force, Patched::Always)?;
-                (Some(path), out)
+                (Some(path), out.keeping_equal(plan.goes_on))
             }
             _ => (None, OutputStream::unnamed()?),
         };

@@ -5,8 +5,9 @@ use super::laz::CHUNK_POINTS;
 use super::summary::{FileKind, FileSummary};
 use crate::damage::catch_decoder_panic;
 use crate::error::{Error, Result};
-use crate::files::{FileWriter, Patched};
+use crate::files::{FileWriter, Patched, reads};
 use crate::geom::{Aabb, DVec3};
+use crate::store::Checksum;
 use ::laz::LazVlr;
 use ::laz::laszip::ChunkTable;
 use std::fs::File;
@@ -31,8 +32,17 @@ const COUNT_AT: usize = 247;
 const RETURNS_AT: usize = 255;
 const HEADER_BYTES: usize = 375;
 
-/// One of the files.
-struct Segment<'a> {
+/// A file to be joined.
+pub struct Segment {
+    pub path: PathBuf,
+    /// Number of its points.
+    pub records: u64,
+    /// Checksum of the file, as of [`Checksum::file`].
+    pub sum: u64,
+}
+
+/// An open file to be joined.
+struct OpenSegment<'a> {
     path: &'a Path,
     file: File,
     /// Header and variable length records.
@@ -72,12 +82,12 @@ fn laszip(head: &[u8]) -> Option<LazVlr> {
     }
 }
 
-impl Segment<'_> {
-    fn open(path: &Path) -> Result<Segment<'_>> {
+impl OpenSegment<'_> {
+    fn open(path: &Path) -> Result<OpenSegment<'_>> {
         let failed = |e| Error::io("read", path, e);
         let unusable =
             || Error::input(format!("{} is not a segment that a merge has written", path.display()));
-        let mut file = File::open(path).map_err(|e| Error::open(path, e))?;
+        let mut file = reads::open(path).map_err(|e| Error::open(path, e))?;
         let length = file.metadata().map_err(failed)?.len();
         let mut head = vec![0; HEADER_BYTES];
         file.read_exact(&mut head).map_err(failed)?;
@@ -94,7 +104,7 @@ impl Segment<'_> {
             if points.end != length {
                 return Err(unusable());
             }
-            return Ok(Segment { path, file, head, compression: None, points });
+            return Ok(OpenSegment { path, file, head, compression: None, points });
         }
         let vlr = laszip(&head).ok_or_else(unusable)?;
         let mut table_at = [0; 8];
@@ -119,7 +129,7 @@ impl Segment<'_> {
         if bytes != Some(points.end - points.start) || table.as_ref().len() as u64 != chunks {
             return Err(unusable());
         }
-        Ok(Segment { path, file, head, compression: Some((vlr, table)), points })
+        Ok(OpenSegment { path, file, head, compression: Some((vlr, table)), points })
     }
 
     fn records(&self) -> u64 {
@@ -134,17 +144,22 @@ impl Segment<'_> {
         head
     }
 
-    fn copy(&mut self, block: &mut [u8], mut write: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
+    /// Reads the complete file, passes the bytes of the points to `write` and returns the checksum of all bytes.
+    fn copy(&mut self, block: &mut [u8], mut write: impl FnMut(&[u8]) -> Result<()>) -> Result<u64> {
         let failed = |e| Error::io("read", self.path, e);
-        self.file.seek(SeekFrom::Start(self.points.start)).map_err(failed)?;
-        let mut left = self.points.end - self.points.start;
-        while left > 0 {
-            let count = left.min(block.len() as u64) as usize;
-            self.file.read_exact(&mut block[..count]).map_err(failed)?;
-            write(&block[..count])?;
-            left -= count as u64;
+        self.file.seek(SeekFrom::Start(0)).map_err(failed)?;
+        let (mut sum, mut at) = (Checksum::default(), 0);
+        loop {
+            let count = self.file.read(block).map_err(failed)?;
+            if count == 0 {
+                return Ok(sum.finish());
+            }
+            sum.bytes(&block[..count]);
+            let within = |place: u64| place.clamp(at, at + count as u64) - at;
+            let points = within(self.points.start) as usize..within(self.points.end) as usize;
+            write(&block[points])?;
+            at += count as u64;
         }
-        Ok(())
     }
 }
 
@@ -167,20 +182,20 @@ fn add(head: &mut [u8], other: &[u8]) {
     }
 }
 
-/// Joins files with `records` points each, which were written by merges of the same parts, to `out`. `progress` is called
-/// with the number of points of each file that is copied, and returns whether to go on.
+/// Joins files that were written by merges of the same parts to `out`. `progress` is called with the number of points of each
+/// file that is copied, and returns whether to go on.
 ///
 /// # Errors
-/// [`Error::Input`] for files of other contents, [`Error::Interrupted`] when `progress` returns false, [`Error::Io`].
+/// [`Error::Input`] for files of other contents and for those that do not match their checksums, [`Error::Interrupted`] when `progress` returns false, [`Error::Io`].
 pub fn join(
-    segments: &[(PathBuf, u64)],
+    segments: &[Segment],
     out: &Path,
     force: bool,
     mut progress: impl FnMut(u64) -> bool,
 ) -> Result<FileSummary> {
     let mut head: Option<(Vec<u8>, Vec<u8>)> = None;
-    for (path, records) in segments {
-        let segment = Segment::open(path)?;
+    for Segment { path, records, .. } in segments {
+        let segment = OpenSegment::open(path)?;
         if segment.records() != *records {
             return Err(Error::input(format!(
                 "{} holds {} points instead of {records}: where points are left out because they do not fit the \
@@ -194,7 +209,7 @@ pub fn join(
             Some((sum, common)) if *common == segment.common() => add(sum, &segment.head),
             Some(_) => {
                 let message =
-                    format!("{} and {} are of different merges", segments[0].0.display(), path.display());
+                    format!("{} and {} are of different merges", segments[0].path.display(), path.display());
                 return Err(Error::input(message));
             }
         }
@@ -204,8 +219,8 @@ pub fn join(
     file.append(&head)?;
     let mut bytes = head.len() as u64;
     let (mut block, mut table, mut laszip) = (vec![0; COPY_BYTES], ChunkTable::default(), None);
-    for (path, records) in segments {
-        let mut segment = Segment::open(path)?;
+    for Segment { path, records, sum } in segments {
+        let mut segment = OpenSegment::open(path)?;
         if let Some((vlr, chunks)) = segment.compression.take() {
             if laszip.replace(vlr).is_none() {
                 file.append(&[0; 8])?;
@@ -213,10 +228,14 @@ pub fn join(
             }
             chunks.as_ref().iter().for_each(|chunk| table.push(*chunk));
         }
-        segment.copy(&mut block, |points| {
+        let copied = segment.copy(&mut block, |points| {
             bytes += points.len() as u64;
             file.append(points)
         })?;
+        if copied != *sum {
+            let message = format!("{} is damaged: it does not match its checksum", path.display());
+            return Err(Error::input(message));
+        }
         if !progress(*records) {
             return Err(Error::Interrupted);
         }
@@ -261,7 +280,7 @@ mod tests {
         let sinks = vec![(Target::File(path.clone()), PointFormat::Laz)];
         let request = OutputRequest { sinks, ..OutputRequest::default() };
         write(request, &survey(1, &[None]), &[batch(0, 0, 60_000)]).unwrap();
-        assert_eq!(Segment::open(&path).unwrap().records(), 60_000);
+        assert_eq!(OpenSegment::open(&path).unwrap().records(), 60_000);
         let bytes = std::fs::read(&path).unwrap();
         let data = word(&bytes, DATA_AT) as usize;
         let table = u64::from_le_bytes(number(&bytes, data)) as usize;
@@ -269,7 +288,7 @@ mod tests {
             let mut damaged = bytes.clone();
             change(&mut damaged);
             std::fs::write(&path, damaged).unwrap();
-            let (_, table) = Segment::open(&path).ok()?.compression?;
+            let (_, table) = OpenSegment::open(&path).ok()?.compression?;
             Some(table.as_ref().iter().map(|chunk| chunk.byte_count).collect())
         };
         let whole = chunks(&|_| {}).unwrap();
@@ -288,6 +307,37 @@ mod tests {
                     found.is_none() || at > table + 8 && found.as_ref() == Some(&whole),
                     "{at} {value} {found:?}"
                 );
+            }
+        }
+    }
+
+    #[test]
+    fn every_changed_bit_of_a_segment_is_found() {
+        let dir = tempfile::tempdir().unwrap();
+        for (name, format) in [("a.las", PointFormat::Las), ("a.laz", PointFormat::Laz)] {
+            let (path, out) = (dir.path().join(name), dir.path().join("out"));
+            let sinks = vec![(Target::File(path.clone()), format)];
+            let request = OutputRequest { sinks, ..OutputRequest::default() };
+            write(request, &survey(1, &[None]), &[batch(0, 0, 7)]).unwrap();
+            let mut whole = std::fs::read(&path).unwrap();
+            let mut sum = Checksum::default();
+            sum.bytes(&whole);
+            let segments = [Segment { path: path.clone(), records: 7, sum: sum.finish() }];
+            assert_eq!(join(&segments, &out, true, |_| true).unwrap().records, 7);
+            assert!(std::fs::read(&out).unwrap() == whole, "{name}");
+            let mut block = vec![0; 1 << 10];
+            for bit in 0..8 * whole.len() {
+                whole[bit / 8] ^= 1 << (bit % 8);
+                std::fs::write(&path, &whole).unwrap();
+                let copied = OpenSegment::open(&path).and_then(|mut open| open.copy(&mut block, |_| Ok(())));
+                assert!(
+                    copied.is_err() || copied.is_ok_and(|sum| sum != segments[0].sum),
+                    "{name}: bit {bit}"
+                );
+                if bit % 61 == 0 {
+                    assert!(join(&segments, &out, true, |_| true).is_err(), "{name}: bit {bit}");
+                }
+                whole[bit / 8] ^= 1 << (bit % 8);
             }
         }
     }

@@ -8,7 +8,7 @@ use super::codec::{LegFacts, PointCodec, byte};
 use super::stream::OutputStream;
 use crate::error::Result;
 use crate::geom::DVec3;
-use crate::pulse::{Echo, EchoTruth};
+use crate::pulse::Echo;
 use container::{Container, Text};
 
 /// Duration of frames of instruments that do not spin, s.
@@ -75,22 +75,21 @@ uint32 nanosec
 ";
 
 /// Encoder of echoes as collected points. `ring` is the channel of the scanner, `label` the class.
-pub(super) struct McapCodec<'a> {
+pub(super) struct McapCodec {
     /// Scene frame to world, m.
     pub shift: DVec3,
-    pub truths: &'a [EchoTruth],
     /// Duration of a frame, ns. Frames begin at its multiples.
     pub frame_ns: f64,
 }
 
-impl PointCodec for McapCodec<'_> {
+impl PointCodec for McapCodec {
     const TYPICAL_BYTES: usize = TIMES_BYTES + POINT_BYTES;
 
     fn push(&self, out: &mut Vec<u8>, _: &LegFacts, echo: &Echo) -> Option<DVec3> {
         let begin = libm::floor(echo.time_ns / self.frame_ns) * self.frame_ns;
         out.extend((begin.max(0.0) as u64).to_le_bytes());
         out.extend(echo.time_ns.to_le_bytes());
-        let local = echo.position_in_scanner(self.truths);
+        let local = echo.position_in_scanner();
         local.to_array().into_iter().for_each(|c| out.extend((c as f32).to_le_bytes()));
         out.extend((echo.intensity as f32).to_le_bytes());
         out.extend([0; 4]);

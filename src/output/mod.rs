@@ -81,7 +81,7 @@ pub use context::OutputContext;
 pub use division::{Division, Ring};
 pub use encode::Encoded;
 pub use ground::Ground;
-pub use join::{JOINED_POINTS, join};
+pub use join::{JOINED_POINTS, Segment, join};
 pub use memory::{TableContent, TableRequest, TableSink};
 pub use objects::ObjectIds;
 pub use offload::{NoOffload, Offload};

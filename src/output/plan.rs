@@ -18,7 +18,7 @@ use super::text;
 use crate::crs;
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
-use crate::files::{NewFolder, identity, is_special, remove_litter};
+use crate::files::{FileSet, NewFolder, identity, is_special, reads, remove_litter};
 use crate::geom::{Aabb, DVec3};
 use crate::parts::Fingerprint;
 use ::arrow_schema::SchemaRef;
@@ -64,6 +64,8 @@ pub struct OutputPlan {
     pub(super) crs_name: Option<String>,
     warnings: Diagnostics,
     pub(super) force: bool,
+    /// Whether files that exist stay if they hold the same bytes.
+    pub(super) goes_on: bool,
     pub(super) run_stamp: Option<String>,
     /// The bytes before the first block of a part.
     pub(super) part_head: Vec<u8>,
@@ -103,7 +105,7 @@ impl OutputPlan {
         if part_as_las || request.sinks.iter().any(|(_, format)| format.is_las()) {
             problems.extend(las_problems);
             if las.packet_place() == Some(PacketPlace::Beside) {
-                check_packets(&layout, request.force, &inputs, &mut problems);
+                check_packets(&layout, request.force || request.goes_on, &inputs, &mut problems);
             }
         }
         let warnings = problems.finish(false)?;
@@ -142,6 +144,7 @@ impl OutputPlan {
             crs_name: wkt.map(crs::short_name),
             warnings,
             force: request.force,
+            goes_on: request.goes_on,
             run_stamp: request.run_stamp,
             part_as_las,
             part_head: request.part.map(|part| part.head).unwrap_or_default(),
@@ -258,17 +261,15 @@ fn check_requests(request: &OutputRequest, devices: usize, problems: &mut Diagno
 }
 
 /// The files that a run reads, none of which an output may replace.
-struct Inputs(BTreeSet<PathBuf>);
+struct Inputs(FileSet);
 
 impl Inputs {
     fn of(request: &OutputRequest) -> Inputs {
-        // Without --force no file is replaced.
-        let inputs = request.inputs.iter().filter(|_| request.force);
-        Inputs(inputs.map(|path| identity(path)).collect())
+        Inputs(FileSet::of(&request.inputs))
     }
 
     fn contain(&self, path: &Path) -> bool {
-        !self.0.is_empty() && path.is_file() && self.0.contains(&identity(path))
+        self.0.contains(path) || reads::is_input(path)
     }
 }
 
@@ -291,8 +292,10 @@ fn check_files(layout: &OutputLayout, request: &OutputRequest, inputs: &Inputs, 
         OutputLocation::Fixed(Destination::Path(path)) if *content != Content::Part => Some(path),
         _ => None,
     });
-    for path in planned.chain(&request.companions) {
-        check_path(path, &layout.directories, request.force, inputs, problems);
+    let may_exist = request.force || request.goes_on;
+    let planned = planned.map(|path| (path, may_exist));
+    for (path, may_exist) in planned.chain(request.companions.iter().map(|path| (path, request.force))) {
+        check_path(path, &layout.directories, may_exist, inputs, problems);
         if !is_special(path) && !taken.insert(identity(path)) {
             problems.error(None, format!("two outputs would be written to {}", path.display()));
         }
@@ -300,7 +303,7 @@ fn check_files(layout: &OutputLayout, request: &OutputRequest, inputs: &Inputs, 
 }
 
 /// Reports problems of the separate files of waveform packets.
-fn check_packets(layout: &OutputLayout, force: bool, inputs: &Inputs, problems: &mut Diagnostics) {
+fn check_packets(layout: &OutputLayout, may_exist: bool, inputs: &Inputs, problems: &mut Diagnostics) {
     let mut taken = BTreeSet::new();
     for file in &layout.files {
         if !matches!(file.content, Content::Points(format) if format.is_las()) {
@@ -315,7 +318,7 @@ fn check_packets(layout: &OutputLayout, force: bool, inputs: &Inputs, problems: 
             }
             OutputLocation::Fixed(Destination::Path(path)) => {
                 let path = packets_path(path);
-                check_path(&path, &layout.directories, force, inputs, problems);
+                check_path(&path, &layout.directories, may_exist, inputs, problems);
                 OutputLocation::Fixed(Destination::Path(path))
             }
             // Tables hold no LAS.
@@ -343,7 +346,11 @@ pub(super) fn packets_path(las: &Path) -> PathBuf {
     las.with_extension("wdp")
 }
 
-fn check_path(path: &Path, made: &[PathBuf], force: bool, inputs: &Inputs, problems: &mut Diagnostics) {
+fn check_path(path: &Path, made: &[PathBuf], may_exist: bool, inputs: &Inputs, problems: &mut Diagnostics) {
+    if inputs.contain(path) {
+        problems.error(None, reads::is_read(path));
+        return;
+    }
     if is_special(path) {
         return;
     }
@@ -357,11 +364,8 @@ fn check_path(path: &Path, made: &[PathBuf], force: bool, inputs: &Inputs, probl
         problems
             .error(None, format!("{} is not a directory, so {shown} cannot be written", folder.display()));
     }
-    if !force && path.exists() {
+    if !may_exist && path.exists() {
         problems.error(None, format!("{shown} exists already")).help("overwrite it with --force");
-    }
-    if inputs.contain(path) {
-        problems.error(None, format!("{shown} is read by this run, so it cannot be replaced"));
     }
 }
 

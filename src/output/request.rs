@@ -1,6 +1,7 @@
 //! Specification of the outputs of a run.
 
-use super::{Column, Division, Ring, TableRequest};
+use super::{Column, Division, Ring, TableContent, TableRequest};
+use crate::parts::Records;
 use clap::ValueEnum;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -123,6 +124,19 @@ impl PointFormat {
         matches!(self, PointFormat::Xyz | PointFormat::PlyAscii | PointFormat::Csv)
     }
 
+    /// What has to be recorded beside echoes for the points of the format, whatever else is written. Columns that are chosen
+    /// add what they need, see [`Column::records`].
+    pub fn records(self) -> Records {
+        match self {
+            PointFormat::Mcap => Records { scanner_axes: true, ..Records::default() },
+            PointFormat::Xyz | PointFormat::Csv | PointFormat::Bin => Records::default(),
+            PointFormat::Las | PointFormat::Laz | PointFormat::Copc => Records::default(),
+            PointFormat::PlyBinary | PointFormat::PlyAscii | PointFormat::RayCloud => Records::default(),
+            PointFormat::Pcd | PointFormat::E57 => Records::default(),
+            PointFormat::Arrow | PointFormat::Parquet => Records::default(),
+        }
+    }
+
     /// Whether the columns can be chosen.
     pub fn has_columns(self) -> bool {
         matches!(self, PointFormat::Xyz | PointFormat::Csv | PointFormat::Arrow | PointFormat::Parquet)
@@ -209,6 +223,9 @@ pub struct OutputRequest {
     pub las: LasSettings,
     /// Whether to replace existing files and to write binary data to a terminal.
     pub force: bool,
+    /// Whether an earlier run with the same outputs, which was ended, may have written some of them: a file that exists stays if it
+    /// holds the same bytes.
+    pub goes_on: bool,
     /// Files that the run reads; no output may replace them.
     pub inputs: Vec<PathBuf>,
     /// Files that the caller writes besides the outputs, which are checked with them.
@@ -250,6 +267,7 @@ impl Default for OutputRequest {
             live: false,
             las: LasSettings::default(),
             force: false,
+            goes_on: false,
             inputs: Vec::new(),
             companions: Vec::new(),
             counts_parts: false,
@@ -260,6 +278,22 @@ impl Default for OutputRequest {
             tables: Vec::new(),
             epochs: 1,
         }
+    }
+}
+
+impl OutputRequest {
+    /// What has to be recorded beside echoes and poses for all outputs: the one place where formats, columns and tables say
+    /// what they need. A run records it, a merge refuses parts without it.
+    pub fn records(&self) -> Records {
+        let has_table = |content| self.tables.iter().any(|table| table.content == content);
+        let own = Records {
+            waveforms: self.waveforms || self.las.packets.is_some() || has_table(TableContent::Waveforms),
+            pulses: self.pulses || self.misses || has_table(TableContent::Pulses),
+            ..Records::default()
+        };
+        let formats = self.sinks.iter().map(|(_, format)| format.records());
+        let columns = self.columns.iter().flatten().map(|column| column.records());
+        formats.chain(columns).fold(own, Records::union)
     }
 }
 

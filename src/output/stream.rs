@@ -38,6 +38,12 @@ impl OutputStream {
         }))
     }
 
+    /// As [`FileWriter::keeping_equal`].
+    pub fn keeping_equal(mut self, keeps: bool) -> OutputStream {
+        self.out = self.out.keeping_equal(keeps);
+        self
+    }
+
     /// Creates an unnamed file that is removed when it is closed, see [`OutputStream::append_to`].
     pub fn unnamed() -> Result<OutputStream> {
         FileWriter::scratch().map(OutputStream::new)

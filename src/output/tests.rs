@@ -353,7 +353,7 @@ fn requests_that_cannot_be_met() {
     fs::write(dir.path().join("read.xyz"), "").unwrap();
     let mut source = points(Target::File(dir.path().join("read.xyz")));
     (source.force, source.inputs) = (true, vec![dir.path().join("./read.xyz")]);
-    refused(source, "is read by this run");
+    refused(source, "is read by this command");
     refused(points(Target::File(dir.path().into())), "is a directory");
     fs::write(dir.path().join("file"), "").unwrap();
     refused(points(Target::Directory(dir.path().join("file"))), "expected a directory");

@@ -25,13 +25,13 @@ const MAGIC: [u8; 4] = *b"BLK\n";
 const NO_LEG_NUMBER: u32 = u32::MAX;
 
 columns!(put_echoes, get_echoes, Echo, [
-    { .origin.x } { .origin.y } { .origin.z } { .direction.x } { .direction.y } { .direction.z } { .range } { .true_range } { .intensity } { .echo_width }
+    { .origin.x } { .origin.y } { .origin.z } { .direction.x } { .direction.y } { .direction.z } { .in_scanner } { .range } { .true_range } { .intensity } { .echo_width }
     { .return_number } { .number_of_returns } { .pulse_number } { .device } { .part } { .primitive }
     { .classification } { .incidence_cosine } { .scan_angle } { .time_ns } { .truth_index }
 ]);
 columns!(put_stored_positions, get_stored_positions, Echo, [{ .position.x } { .position.y } { .position.z }]);
 columns!(put_truths, get_truths, EchoTruth, [
-    { .beam[0] } { .beam[1] } { .surface } { .normal } { .fraction } { .subray } { .in_scanner }
+    { .beam[0] } { .beam[1] } { .surface } { .normal } { .fraction } { .subray }
 ]);
 columns!(put_waveforms, get_waveforms, WaveformRecord, [
     { .pulse_number } { .device } { .origin } { .direction } { .start_ns } { .end_ns } { .time_ns }
@@ -138,6 +138,13 @@ impl BlockHead {
         })
     }
 
+    /// Whether `bytes` are a block with this head that is not damaged.
+    pub(super) fn is_of(&self, bytes: &[u8]) -> bool {
+        BlockHead::read(bytes).is_some_and(|head| head == *self)
+            && bytes.len() as u64 == HEAD_BYTES as u64 + self.length
+            && self.sum(&[&bytes[HEAD_BYTES..]]) == self.sum
+    }
+
     fn sum(&self, columns: &[&[u8]]) -> u64 {
         let mut sum = Xxh3::new();
         sum.update(&self.bytes()[..HEAD_BYTES - 8]);
@@ -219,7 +226,7 @@ pub(super) fn decode(head: &BlockHead, block: &RawBlock, batch: &mut Batch) -> O
     let mut columns = block.columns;
     if block.records.is_none() {
         batch.echoes.resize(head.echoes as usize, BLANK_ECHO);
-        batch.truths.resize(head.truths as usize, EchoTruth::default());
+        batch.truths.resize(head.truths as usize, EchoTruth::unknown([DVec3::ZERO; 2]));
         columns = get_echoes(columns, &mut batch.echoes)?;
         columns = get_positions(columns, &mut batch.echoes)?;
         columns = get_truths(columns, &mut batch.truths)?;
@@ -269,6 +276,7 @@ const BLANK_ECHO: Echo = Echo {
     position: DVec3::ZERO,
     origin: DVec3::ZERO,
     direction: DVec3::ZERO,
+    in_scanner: DVec3::ZERO,
     range: 0.0,
     true_range: 0.0,
     intensity: 0.0,
@@ -310,7 +318,7 @@ pub(super) mod tests {
             batch.truths.push(EchoTruth {
                 beam: [DVec3::X * x, DVec3::Z],
                 subray: i,
-                ..EchoTruth::default()
+                ..EchoTruth::unknown([DVec3::ZERO; 2])
             });
             batch.waveforms.push(WaveformRecord {
                 first_sample: batch.samples.len(),

@@ -4,14 +4,15 @@
 use super::fingerprint::Fingerprint;
 use super::private::PrivateFolder;
 use crate::error::{Error, Result};
-use crate::files::{FileWriter, Patched};
+use crate::files::{FileWriter, Patched, reads};
 use crate::flight::FlightState;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::xxh3_64;
 
-const MAGIC: &[u8; 8] = b"VLSPLAN\n";
+/// The first bytes of every file of borders.
+pub(super) const MAGIC: &[u8; 8] = b"VLSPLAN\n";
 /// Maximum number of stored states.
 const MAX_STATES: usize = 2048;
 /// Maximum size of all stored states together, bytes.
@@ -29,6 +30,15 @@ pub struct Borders {
     epochs: Vec<u64>,
     /// Encoded states, ascending; none for a flight along a stream of poses.
     states: Vec<StoredState>,
+}
+
+/// The borders in a folder of parts.
+#[derive(Debug)]
+pub enum StoredBorders {
+    Found(Borders),
+    Missing,
+    /// The file does not match its checksum.
+    Damaged,
 }
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -89,32 +99,33 @@ impl Borders {
         folder.join("flight.vlplan")
     }
 
-    /// Reads the borders of a folder; `None` if there are none.
+    /// Reads the borders of a folder.
     ///
     /// # Errors
-    /// [`Error::Input`] for a damaged file, and for a flight of another fingerprint.
-    pub fn load(folder: &Path, fingerprint: &Fingerprint) -> Result<Option<Borders>> {
+    /// [`Error::Input`] for a file of another kind or version, and for a flight of another fingerprint.
+    pub fn load(folder: &Path, fingerprint: &Fingerprint) -> Result<StoredBorders> {
         let path = Borders::path(folder);
-        let bytes = match std::fs::read(&path) {
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        let bytes = match reads::read(&path) {
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(StoredBorders::Missing),
             bytes => bytes.map_err(|e| Error::io("read", &path, e))?,
         };
         let refuse = |reason: &str| {
             let mut problems = crate::diag::Diagnostics::default();
             problems
                 .error(None, format!("{} {reason}", path.display()))
-                .help("choose another folder for these parts, or replace the file with --force");
+                .help("choose another folder for these parts, or remove the file: it is made again");
             Error::Input(Box::new(problems))
         };
         let body = bytes.strip_prefix(MAGIC).ok_or_else(|| refuse("is a file of another kind"))?;
-        let (sum, body) = body.split_at_checked(8).ok_or_else(|| refuse("is cut short"))?;
-        if sum != xxh3_64(body).to_le_bytes() {
-            return Err(refuse("is damaged: its checksum differs"));
-        }
+        let Some((_, body)) =
+            body.split_at_checked(8).filter(|(sum, body)| *sum == xxh3_64(body).to_le_bytes())
+        else {
+            return Ok(StoredBorders::Damaged);
+        };
         let borders: Result<Borders, _> = postcard::from_bytes(body);
         let borders = borders.map_err(|_| refuse("is of another version"))?;
         match borders.fingerprint.of_flight().difference(&fingerprint.of_flight()) {
-            None => Ok(Some(borders)),
+            None => Ok(StoredBorders::Found(borders)),
             Some(what) => Err(refuse(&format!("belongs to another flight; they differ in {what}"))),
         }
     }
@@ -248,16 +259,36 @@ mod tests {
         assert_eq!(format!("{:?}", near.state), format!("{state:?}"));
         assert!(made.nearest(0).unwrap().is_none());
         let dir = tempfile::tempdir().unwrap();
-        assert!(Borders::load(dir.path(), &fingerprint).unwrap().is_none());
+        let load = || Borders::load(dir.path(), &fingerprint).unwrap();
+        assert!(matches!(load(), StoredBorders::Missing));
         let path = made.save(dir.path()).unwrap();
-        let read = Borders::load(dir.path(), &fingerprint).unwrap().unwrap();
+        let StoredBorders::Found(read) = load() else { panic!("they are there") };
         assert_eq!((read.total, read.states()), (total, made.states()));
         let mut other = Fingerprint::default();
         other.flight("seed", 2);
         assert!(Borders::load(dir.path(), &other).unwrap_err().to_string().contains("seed (1, 2)"));
         let mut bytes = std::fs::read(&path).unwrap();
         *bytes.last_mut().unwrap() ^= 1;
-        std::fs::write(&path, bytes).unwrap();
-        assert!(Borders::load(dir.path(), &fingerprint).unwrap_err().to_string().contains("damaged"));
+        std::fs::write(&path, &bytes).unwrap();
+        assert!(matches!(load(), StoredBorders::Damaged));
+        std::fs::write(&path, &bytes[..12]).unwrap();
+        assert!(matches!(load(), StoredBorders::Damaged));
+        std::fs::write(&path, "somebody's notes").unwrap();
+        assert!(Borders::load(dir.path(), &fingerprint).unwrap_err().to_string().contains("another kind"));
+    }
+
+    #[test]
+    fn every_changed_bit_is_found() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = borders(300, &[0, 100]).save(dir.path()).unwrap();
+        let mut bytes = std::fs::read(&path).unwrap();
+        let load = || Borders::load(dir.path(), &Fingerprint::default());
+        assert!(matches!(load(), Ok(StoredBorders::Found(_))));
+        for bit in 0..8 * bytes.len() {
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            std::fs::write(&path, &bytes).unwrap();
+            assert!(matches!(load(), Ok(StoredBorders::Damaged) | Err(_)), "bit {bit}");
+            bytes[bit / 8] ^= 1 << (bit % 8);
+        }
     }
 }

@@ -10,14 +10,17 @@
 
 use super::block::{self, BlockHead, HEAD_BYTES, RECORDS_AT, RawBlock};
 use super::fingerprint::Fingerprint;
+use crate::files::{read_exact_at, reads};
 use crate::pulse::Batch;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
-const MAGIC: &[u8; 8] = b"VLSPART\n";
+/// The first bytes of every part.
+pub(super) const MAGIC: &[u8; 8] = b"VLSPART\n";
 /// Version of the contents; incremented whenever the meaning of any content changes.
 pub(super) const VERSION: u32 = 4;
 const START_BYTES: usize = 24;
@@ -55,8 +58,23 @@ pub struct Records {
     pub pulses: bool,
     /// True causes of echoes.
     pub truth: bool,
+    /// Positions of echoes in the axes of the scanner.
+    pub scanner_axes: bool,
     /// Whether the echoes are the reflections of subrays.
     pub subrays: bool,
+}
+
+impl Records {
+    /// What is in either of both.
+    pub fn union(self, other: Records) -> Records {
+        Records {
+            waveforms: self.waveforms | other.waveforms,
+            pulses: self.pulses | other.pulses,
+            truth: self.truth | other.truth,
+            scanner_axes: self.scanner_axes | other.scanner_axes,
+            subrays: self.subrays | other.subrays,
+        }
+    }
 }
 
 impl PartHead {
@@ -67,7 +85,7 @@ impl PartHead {
             (None, None) => None,
             _ => Some("what they hold of the points, echoes or records of LAS (--part-points)".to_owned()),
         };
-        let found = self.fingerprint.difference(&other.fingerprint).or_else(points);
+        let found = points().or_else(|| self.fingerprint.difference(&other.fingerprint));
         found.unwrap_or_else(|| "what they are parts of".to_owned())
     }
 
@@ -146,7 +164,7 @@ impl PartFile {
     /// Opens a part and checks its head and its table. The error is the reason why it cannot be used.
     pub fn open(path: &Path) -> Result<PartFile, String> {
         let read = |e: io::Error| format!("cannot be read: {e}");
-        let file = File::open(path).map_err(read)?;
+        let file = reads::open(path).map_err(read)?;
         let length = file.metadata().map_err(read)?.len();
         if length < (START_BYTES + END_BYTES) as u64 {
             return Err("is too short to be a part".to_owned());
@@ -210,6 +228,16 @@ impl PartFile {
         self.blocks.get(number).map(|(_, head)| *head)
     }
 
+    /// Reads the complete part and compares its checksums, with all threads. The error is the reason why it cannot be used.
+    pub fn verify(&self) -> Result<(), String> {
+        let check = |buffer: &mut Vec<u8>, (number, (at, head)): (usize, &(u64, BlockHead))| {
+            buffer.resize(HEAD_BYTES + head.length as usize, 0);
+            read_exact_at(&self.file, buffer, *at).map_err(|e| format!("cannot be read: {e}"))?;
+            head.is_of(buffer).then_some(()).ok_or_else(|| damaged_block(number))
+        };
+        self.blocks.par_iter().enumerate().try_for_each_init(Vec::new, check)
+    }
+
     /// Reads a block into a batch, by way of `buffer`. Returns the records of LAS, if the part holds these instead of echoes.
     /// The error is the reason why it cannot be used.
     pub fn read(
@@ -220,17 +248,17 @@ impl PartFile {
     ) -> Result<Option<Vec<u8>>, String> {
         let (at, head) = self.blocks.get(block).ok_or_else(|| format!("has no block {block}"))?;
         let failed = |e| format!("cannot be read: {e}");
-        let damaged = || format!("is damaged: the checksum of block {block} differs");
+        let damaged = || damaged_block(block);
         if self.head.las.is_none() {
             buffer.resize(HEAD_BYTES + head.length as usize, 0);
-            read_at(&self.file, buffer, *at).map_err(failed)?;
+            read_exact_at(&self.file, buffer, *at).map_err(failed)?;
             let (start, columns) = buffer.split_at(HEAD_BYTES);
             let block = RawBlock { head: start, records: None, columns };
             return block::decode(head, &block, batch).map(|()| None).ok_or_else(damaged);
         }
         // Records are read to the memory from which they are written.
         let mut start = [0; RECORDS_AT];
-        read_at(&self.file, &mut start, *at).map_err(failed)?;
+        read_exact_at(&self.file, &mut start, *at).map_err(failed)?;
         let (start, length) = start.split_at(HEAD_BYTES);
         let room = head.length.saturating_sub(8);
         let count = long(length, 0);
@@ -239,10 +267,14 @@ impl PartFile {
         }
         let records = take(&self.file, at + RECORDS_AT as u64, count as usize).map_err(failed)?;
         buffer.resize((room - count) as usize, 0);
-        read_at(&self.file, buffer, at + RECORDS_AT as u64 + count).map_err(failed)?;
+        read_exact_at(&self.file, buffer, at + RECORDS_AT as u64 + count).map_err(failed)?;
         let block = RawBlock { head: start, records: Some([length, &records]), columns: buffer };
         block::decode(head, &block, batch).map(|()| Some(records)).ok_or_else(damaged)
     }
+}
+
+fn damaged_block(number: usize) -> String {
+    format!("is damaged: the checksum of block {number} differs")
 }
 
 fn long(bytes: &[u8], at: usize) -> u64 {
@@ -270,26 +302,7 @@ fn take(file: &File, at: u64, count: usize) -> io::Result<Vec<u8>> {
 #[cfg(windows)]
 fn take(file: &File, at: u64, count: usize) -> io::Result<Vec<u8>> {
     let mut bytes = vec![0; count];
-    read_at(file, &mut bytes, at).map(|()| bytes)
-}
-
-/// Reads at an offset, independently of other threads that read the same file.
-#[cfg(unix)]
-fn read_at(file: &File, bytes: &mut [u8], at: u64) -> io::Result<()> {
-    std::os::unix::fs::FileExt::read_exact_at(file, bytes, at)
-}
-
-#[cfg(windows)]
-fn read_at(file: &File, mut bytes: &mut [u8], mut at: u64) -> io::Result<()> {
-    while !bytes.is_empty() {
-        let count = std::os::windows::fs::FileExt::seek_read(file, bytes, at)?;
-        if count == 0 {
-            return Err(io::ErrorKind::UnexpectedEof.into());
-        }
-        bytes = &mut bytes[count..];
-        at += count as u64;
-    }
-    Ok(())
+    read_exact_at(file, &mut bytes, at).map(|()| bytes)
 }
 
 #[cfg(test)]
@@ -340,23 +353,46 @@ pub(super) mod tests {
             file.read(i, &mut read, &mut buffer).unwrap();
             assert_eq!(format!("{read:?}"), format!("{expected:?}"));
         }
-        let first_block = START_BYTES + postcard::to_stdvec(&head(3, 7)).unwrap().len();
-        let step = (whole.len() / 500).max(1);
-        for at in (0..first_block + 70)
-            .chain((first_block..whole.len()).step_by(step))
-            .chain(whole.len() - 120..whole.len())
-        {
-            let mut bytes = whole.clone();
-            bytes[at] ^= 4;
-            std::fs::write(&path, &bytes).unwrap();
-            let found = PartFile::open(&path).and_then(|file| {
-                (0..file.blocks()).try_for_each(|i| file.read(i, &mut read, &mut buffer).map(drop))
-            });
-            assert!(found.is_err(), "a change of byte {at} is not found");
-        }
         for length in [0, 10, 63, 100, whole.len() / 2, whole.len() - 1] {
             std::fs::write(&path, &whole[..length]).unwrap();
             assert!(PartFile::open(&path).is_err(), "{length} bytes");
+        }
+    }
+
+    #[test]
+    fn every_changed_bit_is_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        for holds_records in [false, true] {
+            let las = holds_records.then(Fingerprint::default);
+            let mut whole = PartHead { las, ..head(0, 1) }.bytes().unwrap();
+            let mut table = PartTable::new(whole.len() as u64);
+            for batch in [batch(0, 0, 3), batch(1, 1, 1)] {
+                let mut block = Vec::new();
+                match holds_records {
+                    false => block::encode(&batch, &mut block),
+                    true => block::encode_records(&batch, |out| out.extend([7; 30]), &mut block),
+                }
+                table.add(&block);
+                whole.extend(block);
+            }
+            whole.extend(table.finish());
+            let (mut batch, mut buffer) = (Batch::default(), Vec::new());
+            let mut read = |bytes: &[u8]| {
+                std::fs::write(&path, bytes).unwrap();
+                let file = PartFile::open(&path)?;
+                let mut read_all =
+                    || (0..file.blocks()).try_for_each(|i| file.read(i, &mut batch, &mut buffer).map(drop));
+                // What a merge reads and what is verified agree.
+                assert_eq!(read_all().is_err(), file.verify().is_err());
+                read_all()
+            };
+            read(&whole).unwrap();
+            for bit in 0..8 * whole.len() {
+                whole[bit / 8] ^= 1 << (bit % 8);
+                assert!(read(&whole).is_err(), "a change of bit {bit} is not found");
+                whole[bit / 8] ^= 1 << (bit % 8);
+            }
         }
     }
 }

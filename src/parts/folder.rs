@@ -1,11 +1,13 @@
 //! The parts in a folder.
 
-use super::file::{PartFile, PartHead};
+use super::borders::{self, Borders};
+use super::file::{self, PartFile, PartHead};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
-use crate::pulse::Batch;
+use crate::files::reads;
 use crate::schedule::Stop;
 use std::collections::{BTreeMap, BTreeSet};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// The file of part `number` of `of` in a folder.
@@ -18,6 +20,28 @@ fn parse_name(name: &str) -> Option<(u32, u32)> {
     let (number, of) = name.strip_prefix("part-")?.strip_suffix(".vlpart")?.split_once("-of-")?;
     let (number, of) = (number.parse().ok()?, of.parse().ok()?);
     (number < of).then_some((number, of))
+}
+
+/// Whether a file begins as every part does, whatever follows: one of another kind is not the program's own.
+pub fn is_part(path: &Path) -> bool {
+    begins_with(path, file::MAGIC)
+}
+
+/// Whether a file is one of a run in parts, by its name and by its first bytes: a part, or the borders between them.
+pub fn is_file_of_parts(path: &Path) -> bool {
+    let Some(name) = path.file_name() else { return false };
+    let is_borders = || Borders::path(Path::new("")).file_name() == Some(name);
+    match name.to_str().and_then(parse_name) {
+        Some(_) => is_part(path),
+        None => is_borders() && begins_with(path, borders::MAGIC),
+    }
+}
+
+/// Whether the first bytes of a regular file are these.
+fn begins_with(path: &Path, magic: &[u8; 8]) -> bool {
+    let mut first = [0; 8];
+    let read = reads::open_own(path).and_then(|mut file| file.read_exact(&mut first));
+    read.is_ok() && first == *magic
 }
 
 /// Numbers as ranges: `3,17,40-44`, as array jobs take them.
@@ -65,14 +89,6 @@ impl PartSet {
         Ok(found)
     }
 
-    /// [`PartSet::list`], empty for a folder that does not exist.
-    ///
-    /// # Errors
-    /// [`Error::Io`] for a folder that cannot be read.
-    pub fn list_if_exists(folder: &Path) -> Result<BTreeMap<u32, BTreeSet<u32>>> {
-        if folder.exists() { PartSet::list(folder) } else { Ok(BTreeMap::new()) }
-    }
-
     /// Opens all parts of a folder once.
     ///
     /// # Errors
@@ -118,7 +134,7 @@ impl PartSet {
         if !missing.is_empty() {
             problems
                 .error(None, format!("{} of {of} parts are missing in {}", missing.len(), folder.display()))
-                .help(format!("compute them: --array={}", array_list(missing)));
+                .help(compute_again(folder, of, missing));
         }
         problems.finish(false)?;
         let head = runs.0.into_iter().next().map(|(head, _)| head);
@@ -139,7 +155,11 @@ impl PartSet {
     /// [`Error::Input`] for a part that has been changed or removed meanwhile.
     pub fn part(&self, number: u32) -> Result<PartFile> {
         let path = part_path(&self.folder, number, self.head.of);
-        PartFile::open(&path).map_err(|reason| unusable(&path, &reason))
+        PartFile::open(&path).map_err(|reason| {
+            let mut problems = Diagnostics::default();
+            report_damaged(&self.folder, self.head.of, &BTreeMap::from([(number, reason)]), &mut problems);
+            Error::Input(Box::new(problems))
+        })
     }
 
     /// Reads all parts and names those that are damaged.
@@ -148,13 +168,9 @@ impl PartSet {
     /// [`Error::Input`] with all damaged parts.
     pub fn verify(&self, stop: &Stop) -> Result<()> {
         let mut damaged = BTreeMap::new();
-        let (mut batch, mut buffer) = (Batch::default(), Vec::new());
         for number in (0..self.head.of).take_while(|_| !stop.is_requested()) {
             let path = part_path(&self.folder, number, self.head.of);
-            let read = PartFile::open(&path).and_then(|part| {
-                (0..part.blocks()).try_for_each(|block| part.read(block, &mut batch, &mut buffer).map(drop))
-            });
-            if let Err(reason) = read {
+            if let Err(reason) = PartFile::open(&path).and_then(|part| part.verify()) {
                 damaged.insert(number, reason);
             }
         }
@@ -164,20 +180,19 @@ impl PartSet {
     }
 }
 
-/// The error for a part that cannot be used.
-pub(super) fn unusable(path: &Path, reason: &str) -> Error {
-    let mut problems = Diagnostics::default();
-    problems
-        .error(None, format!("{} {reason}", path.display()))
-        .help("remove the file and compute the part again");
-    Error::Input(Box::new(problems))
+/// How parts are computed that are missing or damaged.
+fn compute_again(folder: &Path, of: u32, numbers: impl IntoIterator<Item = u32> + Clone) -> String {
+    let first = numbers.clone().into_iter().next().unwrap_or(0);
+    format!(
+        "compute them as before, with --resume, which replaces damaged parts: vlscan run … -o {} --part {first}/{of} --resume \
+         (as an array job: --array={}); or repeat the command if it was one vlscan run --resume",
+        folder.display(),
+        array_list(numbers)
+    )
 }
 
 fn report_damaged(folder: &Path, of: u32, damaged: &BTreeMap<u32, String>, problems: &mut Diagnostics) {
-    let again = format!(
-        "remove these files and compute the parts again: --array={}",
-        array_list(damaged.keys().copied())
-    );
+    let again = compute_again(folder, of, damaged.keys().copied());
     for (i, (&number, reason)) in damaged.iter().take(MAX_LISTED).enumerate() {
         let path = part_path(folder, number, of);
         let problem = problems.error(None, format!("{} {reason}", path.display()));
@@ -242,6 +257,23 @@ mod tests {
         {
             assert_eq!(parse_name(name), None, "{name}");
         }
+    }
+
+    #[test]
+    fn names_alone_make_no_file_one_of_parts() {
+        let dir = tempfile::tempdir().unwrap();
+        let (numbered, plan) = (part_path(dir.path(), 0, 2), Borders::path(dir.path()));
+        for path in [&numbered, &plan] {
+            assert!(!is_file_of_parts(path));
+            fs::write(path, "precious").unwrap();
+            assert!(!is_file_of_parts(path) && !is_part(path));
+        }
+        fs::write(&numbered, &part(&head(0, 2))[..9]).unwrap();
+        fs::write(&plan, borders::MAGIC).unwrap();
+        assert!(is_file_of_parts(&numbered) && is_part(&numbered) && is_file_of_parts(&plan));
+        let other = dir.path().join("notes.txt");
+        fs::copy(&numbered, &other).unwrap();
+        assert!(!is_file_of_parts(&other));
     }
 
     #[test]

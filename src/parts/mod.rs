@@ -26,8 +26,8 @@ mod folder;
 mod private;
 
 pub use block::{BlockHead, encode, encode_records};
-pub use borders::{Border, Borders, BordersBuilder};
+pub use borders::{Border, Borders, BordersBuilder, StoredBorders};
 pub use file::{PartFile, PartHead, PartTable, Records};
 pub use fingerprint::Fingerprint;
-pub use folder::{PartSet, array_list, part_path};
+pub use folder::{PartSet, array_list, is_file_of_parts, is_part, part_path};
 pub use private::PrivateFolder;

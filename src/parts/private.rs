@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::files::{NewFolder, publish};
+use std::ffi::OsStr;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -37,6 +38,12 @@ impl PrivateFolder {
         }
     }
 
+    /// Whether a folder of this name is a private one, of this or of another process.
+    pub fn is_name(name: &OsStr) -> bool {
+        let number = name.to_str().and_then(|name| name.strip_prefix(PREFIX));
+        number.is_some_and(|n| n.len() == 16 && n.bytes().all(|b| matches!(b, b'0'..=b'9' | b'a'..=b'f')))
+    }
+
     /// The path of a file of this process.
     pub fn path(&self, name: impl AsRef<Path>) -> PathBuf {
         self.path.join(name)
@@ -47,7 +54,15 @@ impl PrivateFolder {
     /// # Errors
     /// [`Error::Io`].
     pub fn publish(self, name: impl AsRef<Path>) -> Result<PathBuf> {
-        let path = self.shared.join(&name);
+        self.publish_as(&name, &name)
+    }
+
+    /// As [`PrivateFolder::publish`], under another name.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn publish_as(self, name: impl AsRef<Path>, shared_name: impl AsRef<Path>) -> Result<PathBuf> {
+        let path = self.shared.join(&shared_name);
         publish(&self.path(&name), &path)?;
         Ok(path)
     }

@@ -3,11 +3,13 @@
 
 use crate::flight::Pulse;
 use crate::geom::{Aabb, DVec3};
+use crate::pulse::WeakPulses;
+use crate::rng::GOLDEN;
 
 /// Pulses per chunk that are compared.
 const SAMPLED_PULSES: usize = 8;
-/// Maximum number of positions in an [`AimLog`].
-const MAX_PLACES: usize = 64;
+/// Maximum number of beams in an [`AimLog`].
+const MAX_BEAMS: usize = 64;
 
 /// What beams are compared with, scene frame.
 #[derive(Clone, Copy, Debug)]
@@ -31,18 +33,37 @@ pub struct Aim {
     pub upwards: u64,
     /// Box around the origins, scene frame, m.
     pub origins: Aabb,
-    /// One of the origins, scene frame, m.
-    pub place: Option<DVec3>,
+    /// One of the beams.
+    pub beam: Option<SampledBeam>,
+    /// Of all pulses those that hit and were too weak.
+    pub weak: WeakPulses,
+}
+
+/// Origin (m) and direction of a beam, scene frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SampledBeam {
+    pub origin: DVec3,
+    pub direction: DVec3,
 }
 
 impl Aim {
-    pub const NONE: Aim =
-        Aim { sampled: 0, towards: 0, within: 0, upwards: 0, origins: Aabb::EMPTY, place: None };
+    pub const NONE: Aim = Aim {
+        sampled: 0,
+        towards: 0,
+        within: 0,
+        upwards: 0,
+        origins: Aabb::EMPTY,
+        beam: None,
+        weak: WeakPulses { count: 0, strongest: 0.0, threshold: 0.0 },
+    };
 
-    /// Compares a sample of `pulses`, evenly spaced.
+    /// Compares a sample of `pulses`: one of each of some equal runs, at changing places, so that no channel of the scanner and no
+    /// phase of a mirror is met more often than others.
     pub fn of(target: &AimTarget, pulses: &[Pulse]) -> Aim {
         let mut aim = Aim::NONE;
-        for pulse in pulses.iter().step_by(pulses.len().div_ceil(SAMPLED_PULSES).max(1)) {
+        for run in pulses.chunks(pulses.len().div_ceil(SAMPLED_PULSES).max(1)) {
+            let place = (run[0].number as f64 * GOLDEN).fract() * run.len() as f64;
+            let pulse = &run[(place as usize).min(run.len() - 1)];
             aim.add_beam(target, pulse.origin, pulse.attitude.forward());
         }
         aim
@@ -52,9 +73,12 @@ impl Aim {
         self.sampled += 1;
         self.upwards += u64::from(direction.z > 0.0);
         self.origins = self.origins.with(origin);
-        self.place = self.place.or(Some(origin));
-        if let Some((enter, leave)) = target.bounds.slabs(origin, direction).filter(|(_, leave)| *leave > 0.0)
-        {
+        let slabs = target.bounds.slabs(origin, direction).filter(|(_, leave)| *leave > 0.0);
+        // A beam that points at the box is kept rather than one that does not.
+        if self.beam.is_none() || slabs.is_some() && self.towards == 0 {
+            self.beam = Some(SampledBeam { origin, direction });
+        }
+        if let Some((enter, leave)) = slabs {
             self.towards += 1;
             let [nearest, farthest] = target.ranges;
             self.within += u64::from(enter <= farthest && leave >= nearest);
@@ -67,41 +91,41 @@ impl Aim {
         self.within += other.within;
         self.upwards += other.upwards;
         self.origins = self.origins.union(other.origins);
-        self.place = self.place.or(other.place);
+        self.beam = self.beam.or(other.beam);
+        self.weak.add(&other.weak);
     }
 }
 
-/// The sum of all pieces, and positions evenly spread over the flight.
+/// The sum of all pieces, and beams evenly spread over the flight.
 #[derive(Clone, Debug)]
 pub struct AimLog {
     pub sum: Aim,
-    /// Positions, scene frame, m.
-    pub places: Vec<DVec3>,
-    /// Number of pieces from one kept position to the next, and number of pieces since the last.
+    pub beams: Vec<SampledBeam>,
+    /// Number of pieces from one kept beam to the next, and number of pieces since the last.
     stride: u32,
     since: u32,
 }
 
 impl Default for AimLog {
     fn default() -> AimLog {
-        AimLog { sum: Aim::NONE, places: Vec::new(), stride: 1, since: 0 }
+        AimLog { sum: Aim::NONE, beams: Vec::new(), stride: 1, since: 0 }
     }
 }
 
 impl AimLog {
-    /// Adds a piece. Every second position is removed when there are more than [`MAX_PLACES`].
+    /// Adds a piece. Every second beam is removed when there are more than [`MAX_BEAMS`].
     pub fn add(&mut self, piece: &Aim) {
         self.sum.add(piece);
-        let Some(place) = piece.place else { return };
+        let Some(beam) = piece.beam else { return };
         self.since += 1;
-        if self.since < self.stride && !self.places.is_empty() {
+        if self.since < self.stride && !self.beams.is_empty() {
             return;
         }
         self.since = 0;
-        self.places.push(place);
-        if self.places.len() > MAX_PLACES {
+        self.beams.push(beam);
+        if self.beams.len() > MAX_BEAMS {
             let mut keep = false;
-            self.places.retain(|_| {
+            self.beams.retain(|_| {
                 keep = !keep;
                 keep
             });
@@ -113,6 +137,7 @@ impl AimLog {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geom::Rotation;
 
     #[test]
     fn beams_are_sorted_by_where_they_point() {
@@ -135,13 +160,46 @@ mod tests {
     }
 
     #[test]
-    fn places_stay_few_and_spread() {
+    fn all_channels_are_sampled_alike() {
+        let bounds = Aabb { min: DVec3::new(-20.0, -20.0, 0.0), max: DVec3::new(20.0, 20.0, 1.0) };
+        let target = AimTarget { bounds, ranges: [0.0, 100.0] };
+        for channels in [1, 16, 128] {
+            // Half of the channels point down, half of them up.
+            let pulse = |i: u64| {
+                let (number, device) = (i / channels + 1, i % channels);
+                let is_down = if channels == 1 { number % 2 == 0 } else { device < channels / 2 };
+                let attitude = Rotation::about_x(if is_down { -0.5 } else { 0.5 });
+                Pulse {
+                    origin: DVec3::Z * 5.0,
+                    attitude,
+                    exact_attitude: attitude,
+                    reported_attitude: attitude,
+                    scanner_attitude: Rotation::IDENTITY,
+                    origin_error: DVec3::ZERO,
+                    time_ns: 0.0,
+                    number,
+                    device: device as u32,
+                    scan_angle: 0.0,
+                    range_error: 0.0,
+                }
+            };
+            let pulses: Vec<Pulse> = (0..200 * 1024).map(pulse).collect();
+            let mut sum = Aim::NONE;
+            pulses.chunks(1024).for_each(|chunk| sum.add(&Aim::of(&target, chunk)));
+            let share = sum.towards as f64 / sum.sampled as f64;
+            assert!(sum.sampled == 1600 && (share - 0.5).abs() < 0.05, "{channels}: {share}");
+        }
+    }
+
+    #[test]
+    fn beams_stay_few_and_spread() {
         let mut log = AimLog::default();
         for i in 0..10_000 {
-            log.add(&Aim { sampled: 1, place: Some(DVec3::X * f64::from(i)), ..Aim::NONE });
+            let beam = SampledBeam { origin: DVec3::X * f64::from(i), direction: DVec3::Y };
+            log.add(&Aim { sampled: 1, beam: Some(beam), ..Aim::NONE });
         }
-        assert!((MAX_PLACES / 2..=MAX_PLACES).contains(&log.places.len()), "{}", log.places.len());
-        assert!(log.places[0].x == 0.0 && log.places.last().unwrap().x > 9500.0);
+        assert!((MAX_BEAMS / 2..=MAX_BEAMS).contains(&log.beams.len()), "{}", log.beams.len());
+        assert!(log.beams[0].origin.x == 0.0 && log.beams.last().unwrap().origin.x > 9500.0);
         assert_eq!(log.sum.sampled, 10_000);
     }
 }

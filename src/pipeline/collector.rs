@@ -1,13 +1,12 @@
 //! The last stage: appends the encoded results of the workers to the outputs, in pulse order.
 
-use super::plausibility::{CheckTime, YieldCheck};
+use super::plausibility::YieldCheck;
 use super::progress::Progress;
 use super::worker::{Measured, Pieces};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::output::{Summary, Writer};
 use crate::schedule::Collect;
-use crate::store::check_loss;
 
 /// What happens at the end of a pass.
 #[derive(Clone, Copy)]
@@ -25,11 +24,7 @@ pub(super) struct Collector<'a> {
     end: PassEnd<'a>,
     writer: Box<Writer>,
     leg: u32,
-    is_checked_early: bool,
 }
-
-/// Pulses after which the yield of a run is checked for the first time.
-const PULSES_BEFORE_CHECK: u64 = 20_000;
 
 /// Outcome of a pass over one epoch.
 pub enum Ended {
@@ -43,16 +38,10 @@ pub enum Ended {
 
 impl<'a> Collector<'a> {
     pub fn new(progress: &'a Progress, end: PassEnd<'a>, writer: Box<Writer>) -> Collector<'a> {
-        Collector { progress, end, writer, leg: 0, is_checked_early: false }
-    }
-
-    fn check(&self, time: CheckTime) -> Result<()> {
-        self.end.check.map_or(Ok(()), |check| check.run(self.progress, time))
+        Collector { progress, end, writer, leg: 0 }
     }
 
     fn append(&mut self, m: Measured, more_waiting: bool) -> Result<()> {
-        // A loss is recorded before anything is computed from it, so what is appended is free of it.
-        check_loss()?;
         let leg = m.encoded.leg();
         if leg < self.leg {
             let mut problems = Diagnostics::default();
@@ -70,10 +59,6 @@ impl<'a> Collector<'a> {
         let progress = self.progress;
         progress.add(m.pulses, m.echoes, m.leg, m.done);
         progress.add_aim(&m.aim);
-        if !self.is_checked_early && progress.snapshot().pulses >= PULSES_BEFORE_CHECK {
-            self.is_checked_early = true;
-            self.check(CheckTime::Early)?;
-        }
         Ok(())
     }
 }
@@ -88,9 +73,9 @@ impl Collect<Pieces> for Collector<'_> {
     }
 
     fn finish(mut self) -> Result<Ended> {
-        check_loss()?;
         if self.end.is_last {
-            self.check(CheckTime::End)?;
+            // The whole run is judged: what begins beside the scene may yet reach it.
+            self.end.check.map_or(Ok(()), |check| check.run(self.progress))?;
             return self.writer.finish().map(Ended::Complete);
         }
         self.writer.next_epoch()?;

@@ -4,7 +4,7 @@ use super::settings::Settings;
 use crate::crs;
 use crate::diag::Diagnostics;
 use crate::flight::FlightPlan;
-use crate::geom::UtmZone;
+use crate::geom::{DVec3, UtmZone};
 use crate::output::{OutputContext, OutputRequest};
 use crate::platform::PoseReader;
 use crate::scene::Scene;
@@ -15,9 +15,9 @@ use crate::survey::{Grid, PlatformKind};
 const MIN_PROJECTED_COORDINATE: f64 = 100_000.0;
 
 /// Sets the system of the survey to the one that the scene's files name, unless one is chosen, and the grid of its flight
-/// to its UTM zone. Returns contradictions as warnings.
-pub(super) fn adopt(settings: &mut Settings, scene: &Scene) -> Diagnostics {
-    let mut found = Diagnostics::default();
+/// to its UTM zone. Returns contradictions as warnings, and where a chosen system puts a scene whose files name none.
+pub(super) fn adopt(settings: &mut Settings, scene: &Scene) -> (Diagnostics, Option<String>) {
+    let (mut found, mut note) = (Diagnostics::default(), None);
     let survey = &mut settings.survey;
     if let (Some(chosen), Some(named)) = (&survey.crs_wkt, &scene.crs)
         && crs::differ(chosen, named)
@@ -28,7 +28,15 @@ pub(super) fn adopt(settings: &mut Settings, scene: &Scene) -> Diagnostics {
             "nothing is projected: the points have the coordinates of the scene; leave out --crs, or project the scene first",
         );
     }
+    let is_confirmed = scene.crs.is_some();
+    let is_chosen = survey.crs_wkt.is_some();
     survey.crs_wkt = survey.crs_wkt.take().or_else(|| scene.crs.clone());
+    if let Some(wkt) = survey.crs_wkt.as_deref().filter(|_| !scene.bounds.is_empty()) {
+        let place = check_place(wkt, scene.to_world(scene.bounds.centre()), &mut found);
+        let is_told = is_chosen && !is_confirmed;
+        note =
+            place.filter(|_| is_told).map(|place| format!("in {}, the scene is at {place}", crs::name(wkt)));
+    }
     let wkt = survey.crs_wkt.as_deref();
     if let Some((wkt, problem)) = wkt.and_then(|wkt| Some((wkt, crs::unit_problem(wkt)?))) {
         let message = format!("{} does not fit: {problem}", crs::name(wkt));
@@ -39,7 +47,7 @@ pub(super) fn adopt(settings: &mut Settings, scene: &Scene) -> Diagnostics {
     let grid = match &mut survey.platform.kind {
         PlatformKind::Stream(stream) => &mut stream.grid,
         PlatformKind::Interpolated(files) => &mut files.grid,
-        _ => return found,
+        _ => return (found, note),
     };
     if let (Grid::Utm(zone), Some(wkt)) = (&grid, wkt)
         && UtmZone::of_wkt(wkt).is_some_and(|of_scene| of_scene != *zone)
@@ -49,7 +57,18 @@ pub(super) fn adopt(settings: &mut Settings, scene: &Scene) -> Diagnostics {
         found.warn(None, message).help("leave out --utm-zone: the flight follows the scene");
     }
     *grid = grid.of_scene(wkt);
-    found
+    (found, note)
+}
+
+/// Warns of a system in which a scene around `centre` can hardly be; returns where it is otherwise.
+pub(super) fn check_place(wkt: &str, centre: DVec3, found: &mut Diagnostics) -> Option<crs::Place> {
+    match crs::misfit(wkt, centre.x, centre.y) {
+        Some((message, hint)) => {
+            found.warn(None, message).help(hint);
+            None
+        }
+        None => crs::place_of(wkt, centre.x, centre.y),
+    }
 }
 
 /// Returns the system of a flight that is projected: its UTM zone. Waits for the first pose of a flight that is streamed

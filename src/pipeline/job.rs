@@ -7,7 +7,7 @@ use crate::flight::FlightOptions;
 use crate::machine;
 use crate::options::{Options, read_pipeline_text, read_survey};
 use crate::output::OutputRequest;
-use crate::pulse::{Corrections, PhysicsOptions};
+use crate::pulse::{Corrections, PhysicsOptions, PhysicsProfile};
 use crate::scene::{LoadOptions, MaterialRules};
 use crate::schedule::{Policy, PolicyKind, Schedule};
 use crate::survey::{NavigationErrors, PlatformKind, Survey};
@@ -63,6 +63,13 @@ impl Job {
             survey.crs_wkt = Some(crs.wkt()?);
         }
         let seed = options.origin.seed.map(|seed| seed.0).or(survey.seed).unwrap_or(0);
+        for (option, wanted) in
+            [("--threads", options.schedule.threads), ("--tree-jobs", options.tree.tree_jobs)]
+        {
+            if let Some(wanted) = wanted.filter(|wanted| *wanted > MAX_THREADS) {
+                return Err(Error::input(format!("{option} {wanted}: expected at most {MAX_THREADS}")));
+            }
+        }
         let threads = threads(options.schedule.threads, all_threads());
         let physics = physics(options, &survey, seed)?;
         let kinematics = physics.corrections.kinematics();
@@ -77,11 +84,7 @@ impl Job {
             load: LoadOptions {
                 wavelength_nm: survey.scanner.devices[0].beam.wavelength,
                 seed,
-                // A packed scene is mapped, and can be larger than the memory.
-                max_memory: match options.schedule.max_memory {
-                    Some(bytes) => Some(bytes.0),
-                    None => machine::memory().filter(|_| survey.scene.packed.is_none()),
-                },
+                max_memory: options.schedule.max_memory.map(|bytes| bytes.0).or_else(machine::memory),
                 jobs: threads,
                 sharing: options.tree.instances.unwrap_or_default(),
                 rules: material_rules(&physics.corrections),
@@ -96,12 +99,15 @@ impl Job {
                 gps_start_ns,
                 kinematics,
                 navigation: navigation(options)?,
+                needs_ground: options.has_own_flight
+                    || options.profile.profile == Some(PhysicsProfile::Refined),
             },
             physics,
             schedule: schedule(options, threads),
             max_latency: options.trajectory.latency.map_or(DEFAULT_LATENCY, |latency| latency.0),
             survey,
         };
+        let settings = Settings { physics: settings.physics_for(&output), ..settings };
         let speed = &options.schedule;
         Ok(Job {
             settings,
@@ -166,14 +172,9 @@ fn all_threads() -> usize {
 
 fn physics(options: &Options, survey: &Survey, seed: u64) -> Result<PhysicsOptions> {
     let (output, echoes) = (&options.output, &options.echoes);
-    let mut corrections = options.profile.profile.unwrap_or_default().corrections();
-    if options.has_own_flight {
-        corrections = corrections.or(Corrections::kinematic());
-    }
-    corrections.mount_offsets_turn |= matches!(survey.platform.kind, PlatformKind::Stream(_));
-    for name in &options.profile.correct {
-        corrections.switch(name).map_err(|e| Error::input(format!("--correct: {e}")))?;
-    }
+    let mut in_any = if options.has_own_flight { Corrections::kinematic() } else { Corrections::NONE };
+    in_any.mount_offsets_turn |= matches!(survey.platform.kind, PlatformKind::Stream(_));
+    let mut corrections = options.profile.corrections(in_any)?;
     let record_waveforms = output.waveforms || output.wave_packets.is_some();
     if output.subrays && record_waveforms {
         return Err(Error::input("subrays have no waveforms: leave out either --subrays or the waveforms"));
@@ -186,11 +187,9 @@ fn physics(options: &Options, survey: &Survey, seed: u64) -> Result<PhysicsOptio
         fixed_incidence: echoes.fixed_incidence,
         echo_width: echoes.echo_width,
         waveform_noise: echoes.waveform_noise,
-        record_waveforms,
-        record_pulses: output.pulses || output.misses,
-        record_truth: output.columns.iter().flat_map(|columns| &columns.0).any(|column| column.is_truth()),
         record_subrays: output.subrays,
         corrections,
+        ..PhysicsOptions::helios()
     })
 }
 

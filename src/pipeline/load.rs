@@ -1,29 +1,29 @@
 //! Loading of an epoch's scene and construction of its tree, both refused when they would exceed the memory limit.
 
-use super::settings::Settings;
 use crate::diag::Notice;
 use crate::error::{Error, Result};
 use crate::quantity::amount;
-use crate::scene::{self, Scene, SceneFrame};
-use crate::store::check_loss;
+use crate::scene::{self, LoadOptions, Scene, SceneFrame};
 use crate::survey::SceneRecipe;
 use crate::tree::{BuildOptions, Builder, Tree};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Minimum memory of rasters and their tree that is reported.
 const MIN_REPORTED_BYTES: u64 = 500_000_000;
 
-/// Loads the scene of an epoch. `frame` is the frame of the first epoch's scene.
+/// Loads the scene of an epoch, the first one without a `frame`, later ones in that of the first. Warnings are errors if it
+/// `is_strict`.
 pub(super) fn load_scene(
-    settings: &Settings,
-    epoch: u32,
-    frame: Option<SceneFrame>,
+    recipe: &SceneRecipe,
+    options: &LoadOptions,
+    is_strict: bool,
+    (epoch, frame): (u32, Option<SceneFrame>),
     notify: &dyn Fn(Notice),
 ) -> Result<Scene> {
     let started = Instant::now();
-    let (scene, found) = scene::load_epoch(&settings.survey.scene, &settings.load, epoch, frame)?;
-    check_loss()?;
-    notify(Notice::Warnings(found.finish(settings.strict)?));
+    let (scene, found) = scene::load_epoch(recipe, options, epoch, frame)?;
+    notify(Notice::Warnings(found.finish(is_strict)?));
     notify(Notice::Timing(format!(
         "scene: {} parts, {} primitives, {:.1} MB, {:.2} s",
         scene.parts.len(),
@@ -36,13 +36,13 @@ pub(super) fn load_scene(
 
 /// Builds the tree over a scene, unless both together exceed the memory limit.
 pub(super) fn build_tree(
-    settings: &Settings,
     options: &BuildOptions,
+    max_memory: Option<u64>,
     scene: &Scene,
     notify: &dyn Fn(Notice),
-) -> Result<Tree> {
+) -> Result<Arc<Tree>> {
     let (held, needed) = (scene.memory() as u64, scene.tree_forecast(options.builder));
-    if let Some(limit) = settings.load.max_memory.filter(|limit| held.saturating_add(needed) > *limit) {
+    if let Some(limit) = max_memory.filter(|limit| held.saturating_add(needed) > *limit) {
         return Err(Error::input(format!(
             "the scene needs {}B and the tree over it about {}B more; the limit is {}B",
             amount(held as f64),

@@ -3,6 +3,7 @@
 
 use super::aim::Aim;
 use super::collector::{Ended, PassEnd};
+use super::crs::check_place;
 use super::fly::run_stages;
 use super::pass::Control;
 use super::session::Report;
@@ -153,6 +154,21 @@ pub fn output_context(parts: &PartSet) -> Result<OutputContext> {
     context.map_err(|e| Error::input(format!("the parts do not say what outputs need to know: {e}")))
 }
 
+/// What the outputs of parts do not hold of their points, and a system in which these can hardly be.
+///
+/// # Errors
+/// Those of planning outputs, but for files that exist: they are asked for where they are written.
+pub fn merge_warnings(parts: &PartSet, outputs: &OutputRequest) -> Result<Diagnostics> {
+    let context = output_context(parts)?;
+    let epochs = parts.head.epochs.max(1);
+    let request = OutputRequest { epochs, force: true, ..outputs.clone() };
+    let mut found = OutputPlan::new(request, &context)?.warnings().clone();
+    if let Some(wkt) = outputs.crs_wkt.as_deref().filter(|_| !context.bounds.is_empty()) {
+        check_place(wkt, context.bounds.centre() + context.shift, &mut found);
+    }
+    Ok(found)
+}
+
 /// Writes the outputs of the run that the parts are parts of.
 ///
 /// # Errors
@@ -279,15 +295,18 @@ fn encode(
 
 /// Refuses outputs that need records which the parts do not hold.
 pub(super) fn check_records(parts: &PartSet, outputs: &OutputRequest) -> Result<()> {
-    let records = parts.head.records;
-    let truth = outputs.columns.iter().flatten().find(|column| column.is_truth());
+    let (held, needed) = (parts.head.records, outputs.records());
     let mut problems = Diagnostics::default();
     let needs = [
-        (outputs.waveforms && !records.waveforms, "waveforms", "--waveforms"),
-        (outputs.las.packets.is_some() && !records.waveforms, "waveforms", "--waveforms"),
-        (outputs.pulses && !records.pulses, "pulses", "--pulses"),
-        (outputs.misses && !records.pulses, "pulses without echoes", "--misses"),
-        (truth.is_some() && !records.truth, "true causes of echoes", "--columns"),
+        (needed.waveforms && !held.waveforms, "waveforms", "--waveforms"),
+        (outputs.misses && !held.pulses, "pulses without echoes", "--misses"),
+        (needed.pulses && !outputs.misses && !held.pulses, "pulses", "--pulses"),
+        (needed.truth && !held.truth, "true causes of echoes", "--columns"),
+        (
+            needed.scanner_axes && !held.scanner_axes && parts.head.las.is_none(),
+            "positions in the axes of the scanner",
+            "--columns ScannerX,ScannerY,ScannerZ",
+        ),
     ];
     if parts.head.las.is_some() {
         check_outputs_of_records(outputs, &mut problems);

@@ -21,6 +21,7 @@
 //! | `stream` | the producer and worker of a stream of pulses |
 //! | `worker`, `moving` | the computing stage, and the moving parts of the scene |
 //! | `part`, `merge`, `resume` | shares of a run as files, their merging to outputs, runs that go on where they were ended |
+//! | `resume_folder` | the folder with the parts of a run that can go on: its mark, its lock, its removal |
 //! | `segment` | merges that many processes share |
 //! | `collector` | the last stage: encoded results to the outputs, in order |
 //! | `part_table` | the parts of the scene as a table beside labelled points |
@@ -47,6 +48,7 @@ mod pass;
 mod plausibility;
 mod progress;
 mod resume;
+mod resume_folder;
 mod sample;
 mod segment;
 mod session;
@@ -62,7 +64,7 @@ pub use fly::fly;
 pub use heights::{Fallback, SceneGround};
 pub use job::{Job, material_rules, policy, schedule_of};
 pub use load::check_raster_memory;
-pub use merge::{merge, output_context};
+pub use merge::{merge, merge_warnings, output_context};
 pub use part::Part;
 pub use part_table::PartTable;
 pub use pass::{Control, Pass};

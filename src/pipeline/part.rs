@@ -13,7 +13,8 @@ use crate::files::NewFolder;
 use crate::flight::{FlightPlan, FlightState};
 use crate::output::{NoOffload, OutputContext, OutputPlan, OutputRequest, PartOutput};
 use crate::parts::{
-    Border, Borders, BordersBuilder, Fingerprint, PartFile, PartHead, PrivateFolder, Records, part_path,
+    Border, Borders, BordersBuilder, Fingerprint, PartFile, PartHead, PrivateFolder, Records, StoredBorders,
+    is_part, part_path,
 };
 use crate::platform::PoseReader;
 use crate::scene;
@@ -33,10 +34,18 @@ pub struct Part {
     pub of: u32,
 }
 
+/// A flight that can be divided.
+#[derive(Clone)]
+pub(super) struct Divisible {
+    flight: Arc<FlightPlan>,
+    /// What the contents of its parts depend on.
+    pub(super) fingerprint: Fingerprint,
+}
+
 /// A session whose flight is divided into parts.
 pub struct PartRunner<'s> {
     session: &'s mut Session,
-    flight: FlightPlan,
+    flight: Arc<FlightPlan>,
     borders: Borders,
     context: OutputContext,
     /// Head of every part, but for its number.
@@ -48,6 +57,18 @@ pub struct PartRunner<'s> {
 }
 
 impl Session {
+    /// Plans the flight, and computes what the contents of its parts depend on.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for flights that cannot be divided; [`Error::Io`].
+    pub(super) fn divisible(&self) -> Result<Divisible> {
+        check_platform(self.survey())?;
+        let flight = Arc::new(self.plan_flight()?);
+        let scene = scene::fingerprint(self.scene(), &self.survey().scene)?;
+        let fingerprint = fingerprint(self.settings(), scene, &flight)?;
+        Ok(Divisible { flight, fingerprint })
+    }
+
     /// Prepares parts in `folder`, which is created when it is missing. The borders of the flight are read from it or,
     /// when there are none, found by stepping once through the flight, and written to it. `creation` is the day for the
     /// headers of files. `force` replaces borders of another flight.
@@ -62,9 +83,21 @@ impl Session {
         force: bool,
         stop: &Stop,
     ) -> Result<PartRunner<'_>> {
-        check_platform(self.survey())?;
-        let flight = self.plan_flight()?;
-        let mut context = OutputContext::new(self.survey(), self.scene());
+        let run = self.divisible()?;
+        self.parts_of(run, folder, creation, force, stop)
+    }
+
+    /// [`Session::parts`] of a flight that is planned.
+    pub(super) fn parts_of(
+        &mut self,
+        run: Divisible,
+        folder: &Path,
+        creation: (u16, u16),
+        force: bool,
+        stop: &Stop,
+    ) -> Result<PartRunner<'_>> {
+        let Divisible { flight, fingerprint } = run;
+        let mut context = self.output_context();
         if context.crs.is_none() {
             let mut poses = match &self.survey().platform.kind {
                 PlatformKind::Stream(stream) => Some(PoseReader::open(stream)?),
@@ -72,16 +105,18 @@ impl Session {
             };
             context.crs = crs::of_flight(&flight, poses.as_mut(), stop);
         }
-        let scene = scene::fingerprint(self.scene(), &self.survey().scene)?;
-        let fingerprint = fingerprint(self.settings(), scene, &flight)?;
         let made = NewFolder::create_all(folder).map_err(|e| Error::io("create", folder, e))?;
         let stored = match Borders::load(folder, &fingerprint) {
-            Err(Error::Input(_)) if force => None,
+            Err(Error::Input(_)) if force => StoredBorders::Missing,
             stored => stored?,
         };
+        if let StoredBorders::Damaged = stored {
+            let path = Borders::path(folder);
+            self.notify(Notice::Note(format!("{} is damaged and made again", path.display())));
+        }
         let borders = match stored {
-            Some(borders) => borders,
-            None => self.find_borders(&flight, &fingerprint, folder, stop)?,
+            StoredBorders::Found(borders) => borders,
+            _ => self.find_borders(&flight, &fingerprint, folder, stop)?,
         };
         made.keep();
         let encoded = postcard::to_stdvec(&context);
@@ -97,6 +132,7 @@ impl Session {
                 waveforms: physics.record_waveforms,
                 pulses: physics.record_pulses,
                 truth: physics.record_truth,
+                scanner_axes: physics.record_scanner_axes,
                 subrays: physics.record_subrays,
             },
             las: None,
@@ -184,19 +220,38 @@ impl PartRunner<'_> {
         part_path(&self.folder, part.number, part.of)
     }
 
-    /// Opens the file of a part; `None` if there is no such file, or only a damaged one.
+    /// Opens the file of a part after comparing all its checksums; `None` if there is no such file, or only a damaged one,
+    /// which the observer is told of.
     ///
     /// # Errors
-    /// [`Error::Input`] for a part of another run, with what differs.
+    /// [`Error::Input`] for a part of another run, with what differs, and for a file of another kind.
     pub fn existing(&self, part: Part) -> Result<Option<PartFile>> {
         let path = self.path(part);
         if !path.exists() {
             return Ok(None);
         }
-        let Ok(file) = PartFile::open(&path) else { return Ok(None) };
+        let damaged = |reason: String| {
+            let note = format!("{} {reason}; the part is computed again", path.display());
+            self.session.notify(Notice::Note(note));
+            Ok(None)
+        };
+        let file = match PartFile::open(&path) {
+            Ok(file) => file,
+            Err(reason) if is_part(&path) => return damaged(reason),
+            Err(reason) => {
+                let mut problems = Diagnostics::default();
+                problems
+                    .error(None, format!("{} {reason}, so it is not replaced", path.display()))
+                    .help("move it to another folder, then repeat the command");
+                return Err(Error::Input(Box::new(problems)));
+            }
+        };
         let expected = self.head_of(part);
         if file.head == expected {
-            return Ok(Some(file));
+            return match file.verify() {
+                Ok(()) => Ok(Some(file)),
+                Err(reason) => damaged(reason),
+            };
         }
         let what = expected.difference(&file.head);
         let mut problems = Diagnostics::default();
@@ -247,7 +302,6 @@ impl PartRunner<'_> {
         let epochs = Epochs {
             range: first..=self.borders.last_epoch((!is_last).then_some(range.end)),
             options: self.session.settings().physics,
-            is_live: false,
             is_checked: false,
         };
         let flight = &self.flight;
@@ -283,6 +337,7 @@ impl PartRunner<'_> {
         if epoch > 0 || std::mem::replace(&mut self.is_checked, true) {
             return Ok(());
         }
+        self.session.check_instrument()?;
         self.session.enter_epoch(0, stop)?;
         let (settings, scene) = (self.session.settings(), self.session.scene());
         let found = plausibility::check_flight(&settings.survey, scene, self.session.tree()?, &self.flight);

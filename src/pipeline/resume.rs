@@ -1,18 +1,15 @@
 //! Runs that go on where they were ended: a run is divided into parts, of which those that exist are not computed again.
 
 use super::merge::{merge, records_of_las_suffice};
-use super::part::Part;
+use super::part::{Divisible, Part};
 use super::pass::Control;
 use super::progress::Progress;
+use super::resume_folder::{ResumeFolder, RunId, State};
 use super::session::{Report, Session};
 use crate::diag::Notice;
 use crate::error::{Error, Result};
-use crate::files::{NewFolder, fault, publish};
-use crate::output::{OutputContext, OutputPlan, OutputRequest, Summary, Target};
+use crate::output::{OutputPlan, OutputRequest, Summary, Target};
 use crate::parts::{PartFile, PartSet, part_path};
-use crate::store::catch_loss;
-use std::collections::BTreeSet;
-use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 
 /// Maximum number of parts.
@@ -33,23 +30,12 @@ impl Resumption {
     /// # Errors
     /// [`Error::Input`] when all outputs are streams.
     pub fn beside(outputs: &OutputRequest, pulses_per_part: u64) -> Result<Resumption> {
-        let path = |(target, _): &(Target, _)| match target {
-            Target::Stdout => None,
-            Target::File(path) | Target::Directory(path) | Target::Helios(path) => Some(path.clone()),
-        };
-        let path = outputs.sinks.iter().find_map(path).ok_or_else(|| {
+        let path = outputs.sinks.iter().find_map(|(target, _)| path_of(target)).ok_or_else(|| {
             Error::input("a run that can be resumed needs an output with a name: -o, a file or a folder")
         })?;
         let mut name = path.file_name().unwrap_or_default().to_os_string();
         name.push(".parts");
         Ok(Resumption { folder: path.with_file_name(name), pulses_per_part })
-    }
-
-    /// Name of the folder while it is removed: the outputs are complete.
-    fn done_folder(&self) -> PathBuf {
-        let mut name = self.folder.file_name().unwrap_or_default().to_os_string();
-        name.push(".done");
-        self.folder.with_file_name(name)
     }
 }
 
@@ -66,34 +52,40 @@ impl Session {
         how: &Resumption,
         control: Control<'_>,
     ) -> Result<Report> {
-        catch_loss(|| self.resume(outputs, how, control))
-    }
-
-    fn resume(&mut self, outputs: OutputRequest, how: &Resumption, control: Control<'_>) -> Result<Report> {
-        let folder = how.folder.as_path();
-        let done = how.done_folder();
-        if done.exists() {
+        let path = how.folder.as_path();
+        let known = ResumeFolder::state_of(path)?;
+        self.record_for(&outputs);
+        let flight = self.divisible()?;
+        let run = RunId::new(&flight.fingerprint, &outputs);
+        let goes_on = known.as_ref().is_some_and(|state| state.has_outputs_of(run));
+        // The caller writes companions after the outputs.
+        let needs_no_more = goes_on && outputs.companions.is_empty();
+        if needs_no_more && known.as_ref().is_some_and(State::is_complete) {
             self.notify(Notice::Note("an earlier run has completed the outputs".to_owned()));
-            remove(&done)?;
+            self.remove_parts(ResumeFolder::open(path, known.as_ref())?, path)?;
             return Ok(Report { summary: Summary::default(), pulses: 0, seconds: 0.0, interrupted: false });
         }
-        let has_begun = !PartSet::list_if_exists(folder)?.is_empty();
-        // What an earlier attempt has left under the names of the outputs is its own.
-        let request = OutputRequest { force: outputs.force || has_begun, ..outputs.clone() };
-        let context = OutputContext::new(self.survey(), self.scene());
-        OutputPlan::new(OutputRequest { epochs: self.epochs(), ..request.clone() }, &context)?;
-        self.record_for(&outputs);
-        NewFolder::create_all(folder).map_err(|e| Error::io("create", folder, e))?.keep();
-        let lock = lock(folder)?;
-        let computed = match self.complete_parts(&outputs, how, control) {
+        let request = OutputRequest { goes_on, ..outputs.clone() };
+        let context = self.output_context();
+        let planned = OutputPlan::new(OutputRequest { epochs: self.epochs(), ..request.clone() }, &context)?;
+        self.notify(Notice::Warnings(planned.warnings().clone().finish(self.settings().strict)?));
+        let mut folder = ResumeFolder::open(path, known.as_ref())?;
+        if folder.state().is_complete() && !goes_on {
+            // Another run has completed its outputs, and was ended while it removed its parts.
+            folder.remove_parts()?;
+            folder.mark(State::Parts)?;
+        }
+        let has_begun = !PartSet::list(path)?.is_empty();
+        let computed = match self.complete_parts(&flight, &outputs, how, control) {
             Err(Error::Input(found)) if outputs.force && has_begun => {
                 self.notify(Notice::Note(format!(
                     "the parts in {} are replaced: {}",
-                    folder.display(),
+                    path.display(),
                     found.headline()
                 )));
-                remove_files(folder)?;
-                self.complete_parts(&outputs, how, control)
+                folder.mark(State::Parts)?;
+                folder.remove_parts()?;
+                self.complete_parts(&flight, &outputs, how, control)
             }
             computed => computed,
         };
@@ -102,7 +94,7 @@ impl Session {
             Err(Error::Interrupted) => {
                 self.notify(Notice::Note(format!(
                     "complete parts are kept in {}; the same command goes on from there",
-                    folder.display()
+                    path.display()
                 )));
                 let pulses = control.progress.snapshot().pulses;
                 return Ok(Report { summary: Summary::default(), pulses, seconds: 0.0, interrupted: true });
@@ -111,34 +103,48 @@ impl Session {
         };
         self.drop_tree();
         let progress = Progress::default();
-        let parts = PartSet::open(folder)?;
+        let parts = PartSet::open(path)?;
         let schedule = self.settings().schedule;
+        if *folder.state() != State::Merging(run) {
+            folder.mark(State::Merging(run))?;
+        }
         let report = merge(&parts, request, schedule, Control { progress: &progress, ..control })?;
         if !report.interrupted {
             // A run that is ended while it removes the parts must not compute them again.
-            publish(folder, &done)?;
-            drop(lock);
-            remove(&done)?;
+            folder.mark(State::complete(run, &report.summary))?;
+            self.remove_parts(folder, path)?;
         }
         Ok(Report { seconds: seconds + report.seconds, ..report })
+    }
+
+    /// Removes the parts of a run that is complete.
+    fn remove_parts(&self, folder: ResumeFolder, path: &Path) -> Result<()> {
+        if let Some(other) = folder.remove()?.first() {
+            self.notify(Notice::Note(format!(
+                "{} is kept: it holds what the run has not made, such as {}",
+                path.display(),
+                other.display()
+            )));
+        }
+        Ok(())
     }
 
     /// Computes all parts that do not exist. Returns the time that it took, s.
     fn complete_parts(
         &mut self,
+        flight: &Divisible,
         outputs: &OutputRequest,
         how: &Resumption,
         control: Control<'_>,
     ) -> Result<f64> {
         let known = PartSet::list(&how.folder)?;
-        let mut runner = self.parts(&how.folder, outputs.creation, false, control.stop)?;
+        let mut runner = self.parts_of(flight.clone(), &how.folder, outputs.creation, false, control.stop)?;
         let wanted = runner.pulses().div_ceil(how.pulses_per_part.max(1)).clamp(1, MAX_PARTS) as u32;
         let of = known.keys().next().copied().unwrap_or(wanted);
         // Parts that exist may hold echoes, for an output that was wanted then.
-        let first =
-            known.get(&of).and_then(BTreeSet::first).map(|&number| part_path(&how.folder, number, of));
-        let holds_echoes =
-            first.is_some_and(|path| PartFile::open(&path).is_ok_and(|part| part.head.las.is_none()));
+        let mut parts = known.get(&of).into_iter().flatten();
+        let first = parts.find_map(|&number| PartFile::open(&part_path(&how.folder, number, of)).ok());
+        let holds_echoes = first.is_some_and(|part| part.head.las.is_none());
         if !holds_echoes && records_of_las_suffice(outputs) {
             runner.hold_las(outputs)?;
         }
@@ -161,33 +167,140 @@ impl Session {
     }
 }
 
-fn remove(folder: &Path) -> Result<()> {
-    fs::remove_dir_all(folder).map_err(|e| Error::io("remove", folder, e))
-}
-
-/// Makes sure that no other run works in the folder until the file is dropped.
-fn lock(folder: &Path) -> Result<File> {
-    let path = folder.join("lock");
-    let file =
-        fault::point().and_then(|()| File::create(&path)).map_err(|e| Error::io("create", &path, e))?;
-    match file.try_lock() {
-        Err(TryLockError::WouldBlock) => {
-            Err(Error::input(format!("another run is at work in {}", folder.display())))
-        }
-        // Some file systems have no locks.
-        Err(TryLockError::Error(_)) | Ok(()) => Ok(file),
+/// The file or folder of an output; `None` for a stream.
+fn path_of(target: &Target) -> Option<&Path> {
+    match target {
+        Target::Stdout => None,
+        Target::File(path) | Target::Directory(path) | Target::Helios(path) => Some(path),
     }
 }
 
-/// Removes the files of parts and of the flight's borders, but not the lock.
-fn remove_files(folder: &Path) -> Result<()> {
-    let failed = |e| Error::io("remove", folder, e);
-    for entry in fs::read_dir(folder).map_err(failed)? {
-        let path = entry.map_err(failed)?.path();
-        if path.file_name().is_some_and(|name| name != "lock") {
-            let removed = if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
-            removed.map_err(|e| Error::io("remove", &path, e))?;
+#[cfg(test)]
+mod tests {
+    use super::super::settings::Settings;
+    use super::*;
+    use crate::output::PointFormat;
+    use crate::schedule::Stop;
+    use crate::survey::{ReadOptions, read_survey};
+    use std::fs;
+
+    /// The folder of a run and its parts.
+    struct Place(tempfile::TempDir);
+
+    impl Place {
+        fn at(&self, name: &str) -> PathBuf {
+            self.0.path().join(name)
+        }
+
+        fn read(&self, name: &str) -> Vec<u8> {
+            fs::read(self.at(name)).unwrap()
+        }
+
+        fn outputs(&self, names: &[&str]) -> OutputRequest {
+            let sink = |name: &&str| (Target::File(self.at(name)), PointFormat::Las);
+            OutputRequest { sinks: names.iter().map(sink).collect(), ..OutputRequest::default() }
+        }
+
+        fn run(&self, seed: u64, outputs: OutputRequest) -> Result<Report> {
+            let how = Resumption { folder: self.at("parts"), pulses_per_part: 1000 };
+            let (progress, stop) = (Progress::default(), Stop::new());
+            session(seed).run_resumable(outputs, &how, Control::new(&progress, &stop))
+        }
+
+        /// Leaves the folder of parts as a run that was ended.
+        fn mark(&self, state: State) {
+            let path = self.at("parts");
+            let _ = fs::remove_dir_all(&path);
+            ResumeFolder::open(&path, None).unwrap().mark(state).unwrap();
         }
     }
-    Ok(())
+
+    fn session(seed: u64) -> Session {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/moving/survey.xml");
+        let (survey, _) = read_survey(&path, &ReadOptions::default()).unwrap();
+        let mut settings = Settings::new(survey);
+        (settings.flight.seed, settings.physics.seed) = (seed, seed);
+        Session::open_without_tree(settings, |_| {}).unwrap()
+    }
+
+    fn id(seed: u64, outputs: &OutputRequest) -> RunId {
+        let mut session = session(seed);
+        session.record_for(outputs);
+        RunId::new(&session.divisible().unwrap().fingerprint, outputs)
+    }
+
+    #[test]
+    fn a_mark_of_complete_outputs_is_that_of_one_run() {
+        let place = Place(tempfile::tempdir().unwrap());
+        let outputs = place.outputs(&["a.las"]);
+        let summary = place.run(1, outputs.clone()).unwrap().summary;
+        let (first, state) = (place.read("a.las"), State::complete(id(1, &outputs), &summary));
+        place.mark(state.clone());
+        assert_eq!(place.run(1, outputs.clone()).unwrap().pulses, 0);
+        assert!(place.read("a.las") == first && !place.at("parts").exists());
+        // What the caller writes besides is not there yet.
+        place.mark(state.clone());
+        let companions = vec![place.at("parts.csv")];
+        let report = place.run(1, OutputRequest { companions, ..outputs.clone() }).unwrap();
+        assert!(report.pulses > 0 && place.read("a.las") == first && !place.at("parts").exists());
+        // Other contents, and other outputs.
+        place.mark(state.clone());
+        let refused = place.run(2, outputs.clone()).unwrap_err();
+        assert!(refused.to_string().contains("exists already"), "{refused}");
+        assert!(place.read("a.las") == first);
+        let both = OutputRequest { force: true, ..place.outputs(&["a.las", "b.las"]) };
+        place.run(1, both).unwrap();
+        assert!(place.read("a.las") == first && place.read("b.las") == first && !place.at("parts").exists());
+        let state = State::complete(id(1, &outputs), &summary);
+        place.mark(state);
+        assert!(place.run(2, OutputRequest { force: true, ..outputs }).unwrap().pulses > 0);
+        place.run(2, place.outputs(&["c.las"])).unwrap();
+        assert!(place.read("a.las") != first && place.read("a.las") == place.read("c.las"));
+        assert!(!place.at("parts").exists());
+    }
+
+    #[test]
+    fn outputs_that_were_merged_are_those_of_one_run() {
+        let place = Place(tempfile::tempdir().unwrap());
+        let outputs = place.outputs(&["a.las", "b.las"]);
+        place.run(1, outputs.clone()).unwrap();
+        let complete = place.read("a.las");
+        // Of an ended merge some outputs have their names.
+        let merging = || place.mark(State::Merging(id(1, &outputs)));
+        fs::remove_file(place.at("b.las")).unwrap();
+        merging();
+        place.run(1, outputs.clone()).unwrap();
+        assert!(place.read("a.las") == complete && place.read("b.las") == complete);
+        assert!(!place.at("parts").exists());
+        // Files of the user with the names of the outputs, of this run and of another one.
+        fs::write(place.at("a.las"), "precious").unwrap();
+        merging();
+        let refused = place.run(1, outputs.clone()).unwrap_err();
+        assert!(refused.to_string().contains("a.new.las"), "{refused}");
+        assert_eq!(place.read("a.las"), b"precious");
+        assert!(place.read("a.new.las") == complete);
+        for (seed, names) in [(1, &["a.las"][..]), (2, &["a.las", "b.las"])] {
+            merging();
+            let refused = place.run(seed, place.outputs(names)).unwrap_err();
+            assert!(refused.to_string().contains("a.las exists already"), "{refused}");
+            assert_eq!(place.read("a.las"), b"precious");
+        }
+    }
+
+    #[test]
+    fn a_file_of_the_user_with_the_name_of_a_part_is_kept() {
+        let place = Place(tempfile::tempdir().unwrap());
+        place.mark(State::Parts);
+        let name = "parts/part-000000-of-000005.vlpart";
+        fs::write(place.at(name), "precious").unwrap();
+        for force in [false, true] {
+            let outputs = OutputRequest { force, ..place.outputs(&["a.las"]) };
+            let refused = place.run(1, outputs).unwrap_err();
+            assert!(refused.to_string().contains("so it is not replaced"), "{refused}");
+            assert_eq!(place.read(name), b"precious");
+        }
+        fs::remove_file(place.at(name)).unwrap();
+        place.run(1, place.outputs(&["a.las"])).unwrap();
+        assert!(!place.at("parts").exists());
+    }
 }

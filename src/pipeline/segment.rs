@@ -1,5 +1,5 @@
 //! Merges that many processes share: each writes a segment of the points, a LAS or LAZ file of its own, and the segments are
-//! joined by copying.
+//! joined by copying. The name of a segment has the checksum of the file, with which joining compares what it copies.
 
 use super::merge::{check_records, merge_echoes};
 use super::pass::Control;
@@ -7,11 +7,12 @@ use super::session::Report;
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::files::NewFolder;
-use crate::output::{JOINED_POINTS, LasVersion, OutputRequest, PointFormat, Summary, Target, join};
+use crate::output::{JOINED_POINTS, LasVersion, OutputRequest, PointFormat, Segment, Summary, Target, join};
 use crate::parts::{PartHead, PartSet, PrivateFolder, array_list};
 use crate::schedule::Schedule;
 use crate::store::Checksum;
-use std::collections::{BTreeMap, BTreeSet};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -79,43 +80,56 @@ impl<'a> Segments<'a> {
         at(number)..at(number + 1)
     }
 
-    fn name(&self, number: u32, of: u32) -> String {
-        format!("segment-{number:06}-of-{of:06}-{:016x}.{}", self.digest, self.extension)
+    fn name(&self, number: u32, of: u32, sum: u64) -> String {
+        format!("segment-{number:06}-of-{of:06}-{:016x}-{sum:016x}.{}", self.digest, self.extension)
     }
 
-    /// Number of segment and number of segments in the name of a file.
-    fn parse_name(&self, name: &str) -> Option<(u32, u32)> {
-        let end = format!("-{:016x}.{}", self.digest, self.extension);
-        let (number, of) = name.strip_prefix("segment-")?.strip_suffix(&end)?.split_once("-of-")?;
+    /// Number of segment, number of segments and checksum in the name of a file.
+    fn parse_name(&self, name: &str) -> Option<(u32, u32, u64)> {
+        let (place, digests) = name.strip_prefix("segment-")?.split_at_checked("000000-of-000000".len())?;
+        let (number, of) = place.split_once("-of-")?;
         let (number, of) = (number.parse().ok()?, of.parse().ok()?);
-        (number < of).then_some((number, of))
+        let sum = digests.strip_prefix(&format!("-{:016x}-", self.digest))?.strip_suffix(self.extension)?;
+        let sum = u64::from_str_radix(sum.strip_suffix('.')?, 16).ok()?;
+        (number < of && self.name(number, of, sum) == name).then_some((number, of, sum))
     }
 
-    /// The number of segments into which the output is divided.
+    /// Number of segment, number of segments and checksum of all segments in the folder.
+    fn list(&self) -> Result<Vec<(u32, u32, u64)>> {
+        let failed = |e| Error::open(&self.folder, e);
+        let mut found = Vec::new();
+        for entry in std::fs::read_dir(&self.folder).map_err(failed)? {
+            let name = entry.map_err(failed)?.file_name();
+            found.extend(name.to_str().and_then(|name| self.parse_name(name)));
+        }
+        Ok(found)
+    }
+
+    /// The files of all segments, in order.
     ///
     /// # Errors
     /// [`Error::Input`] when segments are missing, with their numbers.
-    fn count(&self) -> Result<u32> {
-        let mut found: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
-        let failed = |e| Error::open(&self.folder, e);
-        for entry in std::fs::read_dir(&self.folder).map_err(failed)? {
-            if let Some((number, of)) =
-                entry.map_err(failed)?.file_name().to_str().and_then(|n| self.parse_name(n))
-            {
-                found.entry(of).or_default().insert(number);
-            }
+    fn find(&self) -> Result<Vec<Segment>> {
+        let mut found: BTreeMap<u32, BTreeMap<u32, u64>> = BTreeMap::new();
+        for (number, of, sum) in self.list()? {
+            found.entry(of).or_default().insert(number, sum);
         }
-        let is_complete = |(of, numbers): &(&u32, &BTreeSet<u32>)| numbers.len() as u64 == u64::from(**of);
-        if let Some((&of, _)) = found.iter().find(is_complete) {
-            return Ok(of);
+        let is_complete = |(of, sums): &(&u32, &BTreeMap<u32, u64>)| sums.len() as u64 == u64::from(**of);
+        if let Some((&of, sums)) = found.iter().find(is_complete) {
+            let segment = |(&number, &sum)| {
+                let range = self.range(number, of);
+                let path = self.folder.join(self.name(number, of, sum));
+                Segment { path, records: range.end - range.start, sum }
+            };
+            return Ok(sums.iter().map(segment).collect());
         }
         let mut problems = Diagnostics::default();
-        match found.iter().max_by_key(|(_, numbers)| numbers.len()) {
-            Some((&of, numbers)) => {
-                let missing: Vec<u32> = (0..of).filter(|number| !numbers.contains(number)).collect();
+        match found.iter().max_by_key(|(_, sums)| sums.len()) {
+            Some((&of, sums)) => {
+                let missing: Vec<u32> = (0..of).filter(|number| !sums.contains_key(number)).collect();
                 let text =
                     format!("{} of {of} segments are missing in {}", missing.len(), self.folder.display());
-                problems.error(None, text).help(format!("merge them: --array={}", array_list(missing)));
+                problems.error(None, text).help(merge_again(of, &missing));
             }
             None => {
                 let text = format!("{} holds no segments of these parts and options", self.folder.display());
@@ -126,6 +140,52 @@ impl<'a> Segments<'a> {
         }
         Err(Error::Input(Box::new(problems)))
     }
+
+    /// Moves the file of a segment from the folder of this process to the shared one, where it replaces earlier ones of its
+    /// number.
+    fn publish(&self, private: PrivateFolder, written: &str, (number, of): (u32, u32)) -> Result<PathBuf> {
+        let mut sum = Checksum::default();
+        let path = private.path(written);
+        sum.file(&path).map_err(|e| Error::io("read", path, e))?;
+        let sum = sum.finish();
+        let path = private.publish_as(written, self.name(number, of, sum))?;
+        for earlier in self.list()?.into_iter().filter(|found| (found.0, found.1) == (number, of)) {
+            if earlier.2 != sum {
+                let path = self.folder.join(self.name(number, of, earlier.2));
+                std::fs::remove_file(&path).map_err(|e| Error::io("remove", path, e))?;
+            }
+        }
+        Ok(path)
+    }
+}
+
+/// How segments are written that are missing or damaged.
+fn merge_again(of: u32, numbers: &[u32]) -> String {
+    format!(
+        "repeat this command with --part {}/{of} instead of --join (as an array job: --array={}), then with --join",
+        numbers.first().unwrap_or(&0),
+        array_list(numbers.iter().copied())
+    )
+}
+
+/// Names the segments that do not match their checksums.
+fn check_sums(segments: &[Segment]) -> Result<()> {
+    let of = segments.len() as u32;
+    let is_damaged = |segment: &Segment| {
+        let mut sum = Checksum::default();
+        sum.file(&segment.path).is_err() || sum.finish() != segment.sum
+    };
+    let damaged: Vec<u32> =
+        (0..of).into_par_iter().filter(|&number| is_damaged(&segments[number as usize])).collect();
+    let mut problems = Diagnostics::default();
+    for (i, &number) in damaged.iter().enumerate() {
+        let path = segments[number as usize].path.display();
+        let problem = problems.error(None, format!("{path} is damaged: it does not match its checksum"));
+        if i + 1 == damaged.len() {
+            problem.help(merge_again(of, &damaged));
+        }
+    }
+    problems.finish(false).map(drop)
 }
 
 /// Writes segment `number` of `of` of an output: `OUT.segments/segment-…`. An existing one is replaced.
@@ -143,13 +203,13 @@ pub fn merge_segment(
     let folder = segments.folder.as_path();
     let made = NewFolder::create_all(folder).map_err(|e| Error::io("create", folder, e))?;
     let private = PrivateFolder::new(folder)?;
-    let name = segments.name(number, of);
     let format = outputs.sinks[0].1;
+    let written = format!("segment.{}", segments.extension);
     let request =
-        OutputRequest { sinks: vec![(Target::File(private.path(&name)), format)], ..outputs.clone() };
+        OutputRequest { sinks: vec![(Target::File(private.path(&written)), format)], ..outputs.clone() };
     let mut report = merge_echoes(parts, request, segments.range(number, of), schedule, control)?;
     if !report.interrupted {
-        let path = private.publish(&name)?;
+        let path = segments.publish(private, &written, (number, of))?;
         report.summary.files.iter_mut().for_each(|file| file.path = Some(path.clone()));
         made.keep();
     }
@@ -163,20 +223,18 @@ pub fn merge_segment(
 pub fn join_segments(parts: &PartSet, outputs: &OutputRequest, control: Control<'_>) -> Result<Report> {
     let started = Instant::now();
     let segments = Segments::new(parts, outputs)?;
-    let of = segments.count()?;
-    let files: Vec<(PathBuf, u64)> = (0..of)
-        .map(|number| {
-            let range = segments.range(number, of);
-            (segments.folder.join(segments.name(number, of)), range.end - range.start)
-        })
-        .collect();
+    let files = segments.find()?;
     check_out(&segments.out, outputs.force)?;
     let mut copied = 0;
-    let file = join(&files, &segments.out, outputs.force, |points| {
+    let joined = join(&files, &segments.out, outputs.force, |points| {
         copied += points;
         control.progress.add(0, points, 0, copied as f64 / parts.echoes.max(1) as f64);
         !control.stop.is_requested()
-    })?;
+    });
+    if let Err(Error::Input(_) | Error::Io { action: "read", .. }) = joined {
+        check_sums(&files)?;
+    }
+    let file = joined?;
     let points = file.records;
     let summary = Summary { files: vec![file], points, ..Summary::default() };
     let seconds = started.elapsed().as_secs_f64();

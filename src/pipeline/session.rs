@@ -12,16 +12,16 @@ use super::settings::Settings;
 use super::stream::{LegRule, PulseSource, Tracing};
 use crate::diag::Notice;
 use crate::error::{Error, Result};
+use crate::files::{Reads, Recording};
 use crate::flight::{FlightPlan, FlightState};
 use crate::machine;
 use crate::output::{FileSummary, Ground, OutputContext, OutputPlan, OutputRequest, Summary, Target, Writer};
 use crate::platform::PoseReader;
 use crate::pulse::{Physics, PhysicsOptions};
-use crate::scene::{self, Conditions, MotionPlan, Scene, SceneFrame, Sharing};
+use crate::scene::{self, Conditions, LoadOptions, MotionPlan, Scene, SceneFrame, Sharing};
 use crate::schedule::Stop;
-use crate::store::{catch_loss, check_loss};
 use crate::streams::PulseReader;
-use crate::survey::{PlatformKind, Survey};
+use crate::survey::{PlatformKind, SceneRecipe, Survey};
 use crate::tree::{BuildOptions, Tree};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
@@ -62,6 +62,8 @@ pub struct Session {
     tree: Option<Arc<Tree>>,
     /// The settings that the first epoch's scene depends on.
     conditions: Conditions,
+    /// What was read when the first epoch's scene was loaded.
+    reads: Arc<Reads>,
 }
 
 /// The scene of the first epoch and the tree over it, which further sessions can share.
@@ -73,9 +75,39 @@ pub struct LoadedScene {
     sharing: Sharing,
     trees: BuildOptions,
     epochs: u32,
+    reads: Arc<Reads>,
 }
 
 impl LoadedScene {
+    /// Loads the scene of the first epoch and builds the tree over it, before there is a survey of it; sessions with equal options
+    /// are opened over it by [`Session::open_loaded`]. Warnings are errors if it `is_strict`.
+    ///
+    /// # Errors
+    /// As for [`Session::open`].
+    pub fn load(
+        recipe: &SceneRecipe,
+        options: &LoadOptions,
+        trees: BuildOptions,
+        is_strict: bool,
+        notify: &dyn Fn(Notice),
+    ) -> Result<LoadedScene> {
+        check_raster_memory(recipe, trees.builder, options.max_memory, notify)?;
+        let FirstScene { scene, conditions, epochs, reads } =
+            FirstScene::load(recipe, options, is_strict, notify)?;
+        let tree = build_tree(&trees, options.max_memory, &scene, notify)?;
+        Ok(LoadedScene { scene, tree, conditions, sharing: options.sharing, trees, epochs, reads })
+    }
+
+    /// The ground of the scene; `fallback` is what counts where no material is ground.
+    pub fn ground(&self, fallback: Fallback) -> SceneGround {
+        SceneGround::new(self.scene.clone(), self.tree.clone(), fallback)
+    }
+
+    /// What was read when the scene was loaded.
+    pub fn reads(&self) -> &Reads {
+        &self.reads
+    }
+
     pub(super) fn scene(&self) -> &Scene {
         &self.scene
     }
@@ -88,6 +120,32 @@ impl LoadedScene {
 impl std::fmt::Debug for LoadedScene {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("LoadedScene").field("epochs", &self.epochs).finish_non_exhaustive()
+    }
+}
+
+/// The scene of the first epoch without a tree, and what it was loaded from.
+struct FirstScene {
+    scene: Arc<Scene>,
+    conditions: Conditions,
+    epochs: u32,
+    reads: Arc<Reads>,
+}
+
+impl FirstScene {
+    fn load(
+        recipe: &SceneRecipe,
+        options: &LoadOptions,
+        is_strict: bool,
+        notify: &dyn Fn(Notice),
+    ) -> Result<FirstScene> {
+        machine::start_pool()?;
+        let recording = Recording::start();
+        let epochs = scene::count_epochs(recipe)?;
+        let scene = Arc::new(load_scene(recipe, options, is_strict, (0, None), notify)?);
+        let reads = Arc::new(recording.reads());
+        let mut conditions = Conditions::of(recipe, options);
+        conditions.add(&scene);
+        Ok(FirstScene { scene, conditions, epochs, reads })
     }
 }
 
@@ -108,8 +166,6 @@ pub struct Report {
 pub(super) struct Epochs {
     pub range: RangeInclusive<u32>,
     pub options: PhysicsOptions,
-    /// Whether the flight is streamed, see [`YieldCheck`].
-    pub is_live: bool,
     /// Whether too few points are reported.
     pub is_checked: bool,
 }
@@ -123,7 +179,7 @@ impl Session {
     pub fn open(settings: Settings, observer: impl Fn(Notice) + Send + Sync + 'static) -> Result<Session> {
         let mut session = Session::open_without_tree(settings, observer)?;
         session.settings.load.check_stop()?;
-        session.tree = Some(Arc::new(catch_loss(|| session.build_tree(&session.settings.tree))?));
+        session.tree = Some(session.build_tree(&session.settings.tree)?);
         Ok(session)
     }
 
@@ -135,11 +191,9 @@ impl Session {
         settings: Settings,
         observer: impl Fn(Notice) + Send + Sync + 'static,
     ) -> Result<Session> {
-        catch_loss(|| {
-            let Settings { survey, tree, load, .. } = &settings;
-            check_raster_memory(&survey.scene, tree.builder, load.max_memory, &observer)?;
-            Session::open_scene(settings, observer)
-        })
+        let Settings { survey, tree, load, .. } = &settings;
+        check_raster_memory(&survey.scene, tree.builder, load.max_memory, &observer)?;
+        Session::open_scene(settings, observer)
     }
 
     /// Loads the scene of the first epoch without building a tree: for flights without tracing, and for other kinds
@@ -151,12 +205,9 @@ impl Session {
         settings: Settings,
         observer: impl Fn(Notice) + Send + Sync + 'static,
     ) -> Result<Session> {
-        machine::start_pool()?;
-        let epochs = scene::count_epochs(&settings.survey.scene)?;
-        let scene = Arc::new(load_scene(&settings, 0, None, &observer)?);
-        let mut conditions = Conditions::of(&settings.survey.scene, &settings.load);
-        conditions.add(&scene);
-        Session::over(settings, Arc::new(observer), epochs, scene, None, conditions)
+        let FirstScene { scene, conditions, epochs, reads } =
+            FirstScene::load(&settings.survey.scene, &settings.load, settings.strict, &observer)?;
+        Session::over(settings, Arc::new(observer), epochs, (scene, None), conditions, reads)
     }
 
     /// Opens a session over a scene that is loaded already. `None` if the settings ask for another one: for spectra at
@@ -170,7 +221,7 @@ impl Session {
         loaded: &LoadedScene,
         observer: impl Fn(Notice) + Send + Sync + 'static,
     ) -> Result<Option<Session>> {
-        let LoadedScene { scene, tree, conditions, sharing, trees, epochs } = loaded;
+        let LoadedScene { scene, tree, conditions, sharing, trees, epochs, reads } = loaded;
         let jobs = (settings.tree.jobs, settings.tree.geometry_jobs);
         let trees = BuildOptions { jobs: jobs.0, geometry_jobs: jobs.1, ..*trees };
         if conditions.check(&settings.load).is_err()
@@ -179,22 +230,28 @@ impl Session {
         {
             return Ok(None);
         }
-        let (scene, tree) = (scene.clone(), Some(tree.clone()));
-        Session::over(settings, Arc::new(observer), *epochs, scene, tree, conditions.clone()).map(Some)
+        let scene = (scene.clone(), Some(tree.clone()));
+        let (observer, reads) = (Arc::new(observer), reads.clone());
+        Session::over(settings, observer, *epochs, scene, conditions.clone(), reads).map(Some)
     }
 
     fn over(
         mut settings: Settings,
         observer: Observer,
         epochs: u32,
-        scene: Arc<Scene>,
-        tree: Option<Arc<Tree>>,
+        (scene, tree): (Arc<Scene>, Option<Arc<Tree>>),
         conditions: Conditions,
+        reads: Arc<Reads>,
     ) -> Result<Session> {
-        observer(Notice::Warnings(crs::adopt(&mut settings, &scene).finish(settings.strict)?));
+        let (found, note) = crs::adopt(&mut settings, &scene);
+        observer(Notice::Warnings(found.finish(settings.strict)?));
+        note.into_iter().for_each(|note| observer(Notice::Note(note)));
         let frame = SceneFrame::of(&scene);
         let motion = plan_motion(&settings, &scene);
-        Ok(Session { settings, observer, epochs, epoch: 0, frame, scene, motion, tree, conditions })
+        let rate = first_pulse_rate(&settings);
+        let found = scene::check_time_step(&scene, &settings.survey.scene.path, rate);
+        observer(Notice::Warnings(found.finish(settings.strict)?));
+        Ok(Session { settings, observer, epochs, epoch: 0, frame, scene, motion, tree, conditions, reads })
     }
 
     /// The scene and its tree, for further sessions; `None` before the tree is built and in later epochs.
@@ -207,6 +264,7 @@ impl Session {
             sharing: self.settings.load.sharing,
             trees: self.settings.tree.clone(),
             epochs: self.epochs,
+            reads: self.reads.clone(),
         })
     }
 
@@ -254,8 +312,8 @@ impl Session {
     ///
     /// # Errors
     /// [`Error::Input`] when it would exceed the memory limit.
-    pub fn build_tree(&self, options: &BuildOptions) -> Result<Tree> {
-        build_tree(&self.settings, options, &self.scene, &*self.observer)
+    pub fn build_tree(&self, options: &BuildOptions) -> Result<Arc<Tree>> {
+        build_tree(options, self.settings.load.max_memory, &self.scene, &*self.observer)
     }
 
     /// Plans the flight over the current scene.
@@ -266,7 +324,6 @@ impl Session {
         let Session { settings, scene, .. } = self;
         let ground = |x, y| scene.ground_height(x, y);
         let (flight, found) = FlightPlan::new(&settings.survey, scene.shift, &ground, &settings.flight)?;
-        check_loss()?;
         (self.observer)(Notice::Warnings(found.finish(settings.strict)?));
         Ok(flight)
     }
@@ -278,7 +335,7 @@ impl Session {
     /// [`Error::Interrupted`] when a stop is requested before the first pulse or between two epochs.
     pub fn run(&mut self, outputs: OutputRequest, control: Control<'_>) -> Result<Report> {
         control.stop.begin_run();
-        catch_loss(|| self.fly(outputs, control))
+        self.fly(outputs, control)
     }
 
     fn fly(&mut self, outputs: OutputRequest, control: Control<'_>) -> Result<Report> {
@@ -289,6 +346,7 @@ impl Session {
         if let Some(note) = plausibility::describe_idle_mirror(&settings.survey) {
             (self.observer)(Notice::Note(note));
         }
+        self.check_instrument()?;
         let found = plausibility::check_flight(&settings.survey, scene, self.tree()?, &flight);
         let found = found.finish(settings.strict)?;
         let is_reported = Arc::new(AtomicBool::new(!found.is_empty()));
@@ -299,21 +357,37 @@ impl Session {
             let mut check = PoseCheck::new(stream, bounds, is_reported.clone());
             poses = poses.map(|poses| poses.on_pose(move |seen| check.add(seen)));
         }
-        let is_live = poses.is_some();
         let mut state = FlightState::start(&flight);
-        let mut context = OutputContext::new(self.survey(), self.scene());
+        let mut context = self.output_context();
         if context.crs.is_none() && outputs.sinks.iter().any(|(_, format)| format.holds_crs()) {
             // Mistakes in the outputs are reported before the first pose is waited for.
             OutputPlan::new(OutputRequest { epochs: self.epochs, ..outputs.clone() }, &context)?;
             context.crs = crs::of_flight(&flight, poses.as_mut(), control.stop);
         }
-        let (output, epochs) = self.plan_outputs(outputs, &context, is_live)?;
+        let (output, epochs) = self.plan_outputs(outputs, &context)?;
         self.run_epochs(output, epochs, control, &is_reported, |_, pass, epoch, writer| {
             if epoch > 0 {
                 state.repeat(&flight);
             }
             fly(pass, &flight, &mut state, poses.take(), u64::MAX, writer)
         })
+    }
+
+    /// What outputs depend on.
+    pub(super) fn output_context(&self) -> OutputContext {
+        let two_way = self.settings.physics.corrections.two_way_time;
+        OutputContext::new(self.survey(), self.scene()).with_times(two_way)
+    }
+
+    /// Warns of settings of the instrument that the physics passes over or replaces.
+    pub(super) fn check_instrument(&self) -> Result<()> {
+        let Settings { survey, physics, strict, .. } = &self.settings;
+        let mut found = plausibility::check_instrument(survey, &physics.corrections);
+        if self.conditions.has_spectra {
+            found.extend(plausibility::check_wavelengths(survey));
+        }
+        (self.observer)(Notice::Warnings(found.finish(*strict)?));
+        Ok(())
     }
 
     /// Traces a stream of pulses through the scene instead of flying the survey.
@@ -328,7 +402,7 @@ impl Session {
         control: Control<'_>,
     ) -> Result<Report> {
         control.stop.begin_run();
-        catch_loss(|| self.trace_stream(pulses, legs, outputs, control))
+        self.trace_stream(pulses, legs, outputs, control)
     }
 
     fn trace_stream(
@@ -339,10 +413,11 @@ impl Session {
         control: Control<'_>,
     ) -> Result<Report> {
         let mut source = PulseSource::new(pulses);
+        self.check_instrument()?;
         self.enter_epoch(0, control.stop)?;
         let outputs = OutputRequest { has_ground: true, ..outputs };
-        let context = OutputContext::new(self.survey(), self.scene());
-        let (output, epochs) = self.plan_outputs(outputs, &context, false)?;
+        let context = self.output_context();
+        let (output, epochs) = self.plan_outputs(outputs, &context)?;
         let options = epochs.options;
         let is_reported = AtomicBool::new(false);
         self.run_epochs(output, epochs, control, &is_reported, |session, pass, epoch, writer| {
@@ -370,12 +445,11 @@ impl Session {
         })
     }
 
-    /// Plans the outputs of all epochs over the scene of the first. `is_live` tells whether the flight is streamed.
+    /// Plans the outputs of all epochs over the scene of the first.
     fn plan_outputs(
         &self,
         outputs: OutputRequest,
         context: &OutputContext,
-        is_live: bool,
     ) -> Result<(Arc<OutputPlan>, Epochs)> {
         let options = self.settings.physics_for(&outputs);
         let inputs = self.inputs().chain(outputs.inputs.iter().cloned()).collect();
@@ -392,7 +466,7 @@ impl Session {
         }
         let output = OutputPlan::new(OutputRequest { epochs: self.epochs, inputs, ..outputs }, context)?;
         self.notify(Notice::Warnings(output.warnings().clone().finish(self.settings.strict)?));
-        Ok((Arc::new(output), Epochs { range: 0..=self.epochs - 1, options, is_live, is_checked: true }))
+        Ok((Arc::new(output), Epochs { range: 0..=self.epochs - 1, options, is_checked: true }))
     }
 
     /// The files of survey and scene.
@@ -403,7 +477,12 @@ impl Session {
             PlatformKind::Stream(stream) => vec![&stream.path],
             _ => Vec::new(),
         };
-        [path, &scene.path].into_iter().chain(&self.scene.sources).chain(poses).cloned()
+        [path, &scene.path]
+            .into_iter()
+            .chain(&self.scene.sources)
+            .chain(self.reads.files.keys())
+            .chain(poses)
+            .cloned()
     }
 
     /// Runs epochs; outputs continue from one to the next. `is_reported` records whether the cause of too few points has
@@ -428,7 +507,7 @@ impl Session {
         is_reported: &AtomicBool,
         mut pass_over: impl FnMut(&Session, &Pass<'_>, u32, Option<Box<Writer>>) -> Result<Ended>,
     ) -> Result<Report> {
-        let Epochs { range, options, is_live, is_checked } = epochs;
+        let Epochs { range, options, is_checked } = epochs;
         let (mut epoch, mut seconds, mut writer) = (*range.start(), 0.0, None);
         let (summary, interrupted) = loop {
             self.enter_epoch(epoch, control.stop)?;
@@ -451,7 +530,6 @@ impl Session {
                     settings,
                     scene,
                     tree,
-                    is_live,
                     is_reported,
                     observer: &**observer,
                 }),
@@ -485,12 +563,14 @@ impl Session {
         if epoch != self.epoch {
             self.tree = None;
             self.scene = Arc::default();
-            self.scene = Arc::new(load_scene(&self.settings, epoch, Some(self.frame), &*self.observer)?);
+            let Settings { survey, load, strict, .. } = &self.settings;
+            let later = (epoch, Some(self.frame));
+            self.scene = Arc::new(load_scene(&survey.scene, load, *strict, later, &*self.observer)?);
             self.motion = plan_motion(&self.settings, &self.scene);
             self.epoch = epoch;
         }
         if self.tree.is_none() {
-            self.tree = Some(Arc::new(self.build_tree(&self.settings.tree)?));
+            self.tree = Some(self.build_tree(&self.settings.tree)?);
         }
         if stop.is_requested() { Err(Error::Interrupted) } else { Ok(()) }
     }
@@ -544,5 +624,10 @@ fn what_is_kept(file: &FileSummary) -> String {
 
 /// Plans the motions of a scene. Time steps count in pulse periods of the first leg.
 fn plan_motion(settings: &Settings, scene: &Scene) -> Option<MotionPlan> {
-    MotionPlan::new(scene, settings.survey.legs.first().map_or(0.0, |leg| f64::from(leg.scanner.pulse_freq)))
+    MotionPlan::new(scene, first_pulse_rate(settings))
+}
+
+/// Pulse rate of the first leg, Hz.
+fn first_pulse_rate(settings: &Settings) -> f64 {
+    settings.survey.legs.first().map_or(0.0, |leg| f64::from(leg.scanner.pulse_freq))
 }

@@ -1,7 +1,7 @@
 //! Settings of a session, with every choice resolved.
 
 use crate::flight::FlightOptions;
-use crate::output::{OutputRequest, TableContent};
+use crate::output::OutputRequest;
 use crate::pulse::PhysicsOptions;
 use crate::scene::LoadOptions;
 use crate::schedule::{Policy, Schedule};
@@ -67,19 +67,12 @@ impl Settings {
 
     /// Returns the options of the physics, with everything recorded that the outputs need.
     pub(super) fn physics_for(&self, outputs: &OutputRequest) -> PhysicsOptions {
-        let has_truth = outputs.columns.iter().flatten().any(|column| column.is_truth());
-        let has_table = |content| outputs.tables.iter().any(|table| table.content == content);
-        let physics = self.physics;
+        let (physics, records) = (self.physics, outputs.records());
         PhysicsOptions {
-            record_waveforms: physics.record_waveforms
-                || outputs.waveforms
-                || outputs.las.packets.is_some()
-                || has_table(TableContent::Waveforms),
-            record_pulses: physics.record_pulses
-                || outputs.pulses
-                || outputs.misses
-                || has_table(TableContent::Pulses),
-            record_truth: physics.record_truth || has_truth,
+            record_waveforms: physics.record_waveforms || records.waveforms,
+            record_pulses: physics.record_pulses || records.pulses,
+            record_truth: physics.record_truth || records.truth,
+            record_scanner_axes: physics.record_scanner_axes || records.scanner_axes,
             ..physics
         }
     }

@@ -95,7 +95,7 @@ impl<'a> Worker<'a> {
             echoes: batch.echoes.len() as u64,
             leg,
             done,
-            aim: Aim::of(&pass.target, pulses),
+            aim: Aim { weak: batch.weak, ..Aim::of(&pass.target, pulses) },
         })
     }
 }

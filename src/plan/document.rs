@@ -1,5 +1,7 @@
 //! The pipeline file of a plan.
 
+use super::beams::QuarterTurns;
+use super::reach::Reach;
 use crate::geom::DVec3;
 use std::fmt::Write as _;
 
@@ -18,6 +20,25 @@ pub struct Waypoint {
     pub strip: Option<String>,
 }
 
+/// A mount that replaces that of the platform.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Turned {
+    /// Where the scanner is on the platform, m.
+    pub offset: DVec3,
+    pub turns: QuarterTurns,
+}
+
+/// What a plan of a flight promises of flat ground.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Promise {
+    /// Mean over the area of the parallel lines, pulses/m².
+    pub density: f64,
+    /// Width of a strip, m.
+    pub width: f64,
+    /// Height of the flight above the ground, m.
+    pub height: f64,
+}
+
 /// A planned survey.
 #[derive(Clone, Debug, Default)]
 pub struct Document {
@@ -29,19 +50,21 @@ pub struct Document {
     pub scene: Option<String>,
     /// Reference to the platform.
     pub platform: String,
+    /// The mount of the scanner, if it is not the platform's.
+    pub turned: Option<Turned>,
     /// Reference to the scanner.
     pub scanner: String,
     /// Keys of `[settings]`.
     pub settings: Vec<(&'static str, f64)>,
     /// Legs.
     pub waypoints: Vec<Waypoint>,
+    /// What its flight is checked against, if it is one.
+    pub promise: Option<Promise>,
+    /// The ground that each device of its scanner measures.
+    pub reaches: Vec<Reach>,
 }
 
 impl Document {
-    pub fn setting(&mut self, key: &'static str, value: f64) {
-        self.settings.push((key, value));
-    }
-
     /// Length of the way along all waypoints, m.
     pub fn length(&self) -> f64 {
         self.waypoints.windows(2).map(|pair| pair[0].position.distance(pair[1].position)).sum()
@@ -70,6 +93,13 @@ impl Document {
             }
         }
         line(format_args!("\n[platform]\ncatalogue = {}", quoted(&self.platform)));
+        if let Some(Turned { offset, turns }) = &self.turned {
+            let [x, y, z] = offset.to_array().map(setting);
+            let steps: Vec<String> =
+                turns.steps().map(|(axis, angle)| format!("{{ {axis} = {angle} }}")).collect();
+            let steps = steps.join(", ");
+            line(format_args!("mount = {{ offset_m = [{x}, {y}, {z}], rotate_deg = [{steps}] }}"));
+        }
         line(format_args!("\n[scanner]\ncatalogue = {}", quoted(&self.scanner)));
         line(format_args!("\n[settings]"));
         for (key, value) in &self.settings {
@@ -139,6 +169,10 @@ mod tests {
             scene: Some("a \"b\"\\c.xml".to_owned()),
             platform: "data/platforms.xml#sr22".to_owned(),
             scanner: "data/scanners_als.xml#x".to_owned(),
+            turned: Some(Turned {
+                offset: DVec3::new(0.0, 0.0, 0.2),
+                turns: QuarterTurns([-90.0, 0.0, 180.0]),
+            }),
             settings: vec![("pulse_freq_hz", 100_000.0), ("scan_freq_hz", 80.25)],
             waypoints: vec![
                 Waypoint { position: DVec3::new(0.5, -1e-9, 100.0), active: true, ..Waypoint::default() },
@@ -150,6 +184,8 @@ mod tests {
         let read: toml::Table = text.parse().unwrap();
         assert_eq!(read["scene"].as_str(), document.scene.as_deref());
         assert_eq!(read["settings"]["pulse_freq_hz"].as_integer(), Some(100_000));
+        let turns = read["platform"]["mount"]["rotate_deg"].as_array().unwrap();
+        assert_eq!((turns[0]["x"].as_integer(), turns[1]["z"].as_integer()), (Some(-90), Some(180)));
         let legs = read["leg"].as_array().unwrap();
         assert_eq!(legs[0]["position_m"].to_string(), "[0.5, 0, 100]");
         assert_eq!((legs[1]["on_ground"].as_bool(), legs[1]["active"].as_bool()), (Some(true), Some(false)));

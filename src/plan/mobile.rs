@@ -1,14 +1,14 @@
 //! Mobile surveys: a vehicle along a line.
 
-use super::airborne::settings;
 use super::document::{Document, Waypoint};
 use super::swath::Instrument;
 use crate::geom::DVec3;
-use crate::quantity::{amount, duration, metres};
-use std::f64::consts::TAU;
+use crate::quantity::{amount, duration, metres, number};
 
 /// Most waypoints of a plan.
 const MAX_WAYPOINTS: f64 = 1e6;
+/// Distance for which the spacing of points is told, m.
+const POINT_DISTANCE: f64 = 10.0;
 
 /// What a mobile survey shall be.
 #[derive(Clone, Debug)]
@@ -39,13 +39,14 @@ pub fn plan_mobile(
     options: &MobileOptions,
 ) -> Result<Document, String> {
     let half_angle = instrument.mobile_half_angle(options.scan_angle)?;
-    let pulse_rate = match (options.pulse_rate, instrument.pulse_rates.first()) {
-        (Some(rate), _) | (None, Some(&rate)) if rate > 0 => rate,
-        _ => return Err("the instrument has no usual pulse rate: --pulse-rate is needed".to_owned()),
-    };
-    // Lines as far apart at 10 m as the points on them, unless a frequency is given.
-    let swath =
-        instrument.swath(half_angle, pulse_rate, options.scan_freq, [options.speed, 20.0 * half_angle])?;
+    let pulse_rate = instrument.pulse_rate(options.pulse_rate)?;
+    // Lines as far apart as the points on them at that distance, unless a frequency is given: v / f = 2·θ·R·f / N.
+    let opening = 2.0 * half_angle.unwrap_or(1.0) * POINT_DISTANCE;
+    let lines = |fired: f64| (options.speed * f64::from(pulse_rate) * fired / opening).sqrt();
+    let scan_of = |fired: f64| instrument.scan(half_angle, pulse_rate, options.scan_freq, lines(fired));
+    let scan = scan_of(instrument.beams(&scan_of(1.0)?)?.fired)?;
+    let beams = instrument.beams(&scan)?;
+    let fired_rate = f64::from(pulse_rate) * beams.fired * instrument.devices();
     let mut document = Document::default();
     let mut total = 0.0;
     let mut places = vec![line[0]];
@@ -73,28 +74,25 @@ pub fn plan_mobile(
             strip: (i < last).then(|| "drive".to_owned()),
         })
         .collect();
-    settings(&mut document, instrument, &swath);
+    document.scanner.clone_from(&instrument.reference);
+    document.settings = scan.settings();
     let seconds = total / options.speed;
     document.comments = vec![
-        format!("{} along {} at {} m/s", instrument.name, metres(total), options.speed),
+        format!("{} along {} at {} m/s", instrument.name(), metres(total), number(options.speed)),
         format!("duration   {}", duration(seconds)),
         format!(
             "pulses     {} leave the instrument, {} per second",
-            amount(seconds * swath.fired_rate),
-            amount(swath.fired_rate)
+            amount(seconds * fired_rate),
+            amount(fired_rate)
         ),
     ];
-    if swath.line_rate > 0.0 {
+    if scan.line_rate > 0.0 {
         // A spinning scanner draws a line per channel with each turn, over a full circle.
-        let (lines, angle) = match instrument.spins() {
-            true => ("from turn to turn", TAU),
-            false => ("from line to line", 2.0 * swath.half_angle),
-        };
-        let per_second = swath.fired_rate / instrument.channels_in_turn();
+        let lines = if instrument.spins() { "from turn to turn" } else { "from line to line" };
         document.comments.push(format!(
-            "spacing    v/f = {:.4} m {lines}, {:.4} m from point to point on a line at 10 m",
-            options.speed / swath.line_rate,
-            10.0 * angle * swath.line_rate / per_second
+            "spacing    v/f = {:.4} m {lines}, {:.4} m from point to point on a line at {POINT_DISTANCE} m",
+            options.speed / scan.line_rate,
+            POINT_DISTANCE * beams.step_angle()
         ));
     }
     Ok(document)
@@ -103,13 +101,11 @@ pub fn plan_mobile(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::survey::catalogue;
+    use crate::plan::testing::instrument;
 
     #[test]
     fn waypoints_are_no_farther_apart_than_the_step() {
-        let (known, _) = catalogue().unwrap();
-        let (reference, scanner) = known.scanners.iter().find(|(r, _)| r.ends_with("#vlp16")).unwrap();
-        let instrument = Instrument::new(reference.clone(), scanner);
+        let instrument = instrument("vlp16");
         let options = MobileOptions {
             speed: 8.0,
             scan_angle: None,

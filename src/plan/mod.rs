@@ -1,29 +1,45 @@
-//! Plans surveys: legs from an area, a plot or a line, with overlap, density, spacing and height above the ground, by the
-//! closed formulas of survey planning. A plan is written as a pipeline file that tells its figures in comments.
+//! Plans surveys: legs from an area, a plot or a line, with overlap, density, spacing and height above the ground. What an
+//! instrument sees is sampled from the optics that the simulator turns, and a sample of the planned flight is flown to check what
+//! the plan promises. A plan is written as a pipeline file that tells its figures in comments.
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `area` | polygons and lines, from GeoJSON, well-known text and boxes |
-//! | `swath` | what an instrument does in a straight flight over flat ground: swath, rates, spacing, density |
+//! | `area`, `corridor` | polygons and boxes; areas beside a line |
+//! | `area_file`, `geometries` | areas and lines from files, in the scene's coordinates; GeoJSON, KML, well-known text |
+//! | `swath` | scans within the limits of an instrument |
+//! | `beams` | where the beams of a scan meet flat ground; mounts that point them there |
+//! | `reach` | how far a device measures ground |
 //! | `line` | flight lines and the turns between them |
 //! | `height` | the ground below a flight, heights that follow it |
-//! | `airborne` | parallel flight lines, cross lines |
+//! | `airborne`, `report` | parallel flight lines, cross lines; what such a plan promises |
+//! | `flown` | a sample of a planned flight against its promise |
 //! | `terrestrial` | positions of a tripod on a grid or around a plot |
 //! | `mobile` | a vehicle along a line |
 //! | `document` | the pipeline file |
 
 mod airborne;
 mod area;
+mod area_file;
+mod beams;
+mod corridor;
 mod document;
+mod flown;
+mod geometries;
 mod height;
 mod line;
 mod mobile;
+mod reach;
+mod report;
 mod swath;
 mod terrestrial;
+#[cfg(test)]
+mod testing;
 
 pub use airborne::{AirborneOptions, plan_airborne};
-pub use area::{Area, read_area, read_line};
-pub use document::Document;
+pub use area::Area;
+pub use area_file::{read_area, read_line};
+pub use document::{Document, Promise};
+pub use flown::fly_sample;
 pub use height::Ground;
 pub use mobile::{MobileOptions, plan_mobile};
 pub use swath::Instrument;

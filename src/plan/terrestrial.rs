@@ -2,9 +2,9 @@
 
 use super::area::Area;
 use super::document::{Document, Waypoint};
-use super::swath::Instrument;
-use crate::geom::{DVec3, degrees};
-use crate::quantity::{amount, duration};
+use super::swath::{Instrument, Scan, span};
+use crate::geom::{DVec3, degrees, radians};
+use crate::quantity::{amount, duration, number};
 use std::f64::consts::TAU;
 
 /// Most positions of a plan.
@@ -36,22 +36,16 @@ pub struct TerrestrialOptions {
 /// Plans full turns of the head at each position.
 ///
 /// # Errors
-/// A sentence: no position, too many, an instrument without a turning head.
+/// A sentence: no position, too many, an instrument without a turning head, a resolution that it cannot draw.
 pub fn plan_terrestrial(instrument: &Instrument, options: &TerrestrialOptions) -> Result<Document, String> {
-    if instrument.head_rate <= 0.0 {
-        return Err(format!("the head of {} does not turn; it is no terrestrial scanner", instrument.name));
+    if instrument.head_rate() <= 0.0 {
+        return Err(format!("the head of {} does not turn; it is no terrestrial scanner", instrument.name()));
     }
-    let pulse_rate = match (options.pulse_rate, instrument.pulse_rates.first()) {
-        (Some(rate), _) | (None, Some(&rate)) if rate > 0 => rate,
-        _ => return Err("the instrument has no usual pulse rate: --pulse-rate is needed".to_owned()),
-    };
+    let scan = resolved_scan(instrument, options)?;
     let places = positions(&options.arrangement)?;
-    let mut document = Document { scanner: instrument.reference.clone(), ..Document::default() };
-    document.setting("pulse_freq_hz", f64::from(pulse_rate));
-    document.setting("vertical_resolution_deg", options.resolution);
-    document.setting("horizontal_resolution_deg", options.resolution);
-    document.setting("head_start_deg", 0.0);
-    document.setting("head_stop_deg", 360.0);
+    let mut document =
+        Document { scanner: instrument.reference.clone(), settings: scan.settings(), ..Document::default() };
+    document.settings.extend([("head_start_deg", 0.0), ("head_stop_deg", 360.0)]);
     document.waypoints = places
         .iter()
         .enumerate()
@@ -63,8 +57,89 @@ pub fn plan_terrestrial(instrument: &Instrument, options: &TerrestrialOptions) -
             speed: None,
         })
         .collect();
-    describe(&mut document, instrument, options, pulse_rate);
+    describe(&mut document, instrument, options, &scan)?;
     Ok(document)
+}
+
+/// The scan with the requested resolution at the requested pulse rate, else at the first of the instrument's rates that its
+/// mirror and its head can draw it with.
+fn resolved_scan(instrument: &Instrument, options: &TerrestrialOptions) -> Result<Scan, String> {
+    let first = instrument.pulse_rate(options.pulse_rate)?;
+    let others = instrument.pulse_rates().iter().copied().filter(|_| options.pulse_rate.is_none());
+    let mut refused = None;
+    for rate in [first].into_iter().chain(others) {
+        match scan_of(instrument, options.resolution, rate) {
+            Ok(scan) => return Ok(scan),
+            Err(reason) => {
+                refused.get_or_insert(reason);
+            }
+        }
+    }
+    Err(refused.unwrap_or_default())
+}
+
+/// The scan with that resolution, degrees, at that pulse rate. Lines of a mirror and steps of the head are that far apart (spec
+/// kinematics §4.2: pulses are counted over the mirror's whole mechanical angle); of a scanner whose channels the head alone
+/// turns the steps of the head.
+fn scan_of(instrument: &Instrument, resolution: f64, pulse_rate: u32) -> Result<Scan, String> {
+    let (rate, most_head) = (f64::from(pulse_rate), instrument.head_rate());
+    let step = radians(resolution);
+    let asked = || format!("--resolution {} at {} kHz", number(resolution), number(rate / 1e3));
+    if !instrument.has_mirror() {
+        if !instrument.spins() {
+            return Err(format!("{} has neither a mirror nor channels that draw lines", instrument.name()));
+        }
+        let head_rate = step * rate;
+        return match head_rate <= most_head * (1.0 + 1e-9) {
+            true => Ok(Scan { half_angle: None, pulse_rate, scan_freq: 0.0, line_rate: 0.0, head_rate }),
+            false => Err(format!(
+                "{}: the head would turn at {}°/s, and that of {} at most at {}°/s; at most {}° is possible",
+                asked(),
+                number(degrees(head_rate)),
+                instrument.name(),
+                number(degrees(most_head)),
+                number(degrees(most_head / rate))
+            )),
+        };
+    }
+    let mechanical = instrument.mechanical_angle();
+    if !instrument.has_polygon() || mechanical <= 0.0 {
+        return Err(format!(
+            "{} has no polygon mirror, for which resolutions are defined",
+            instrument.name()
+        ));
+    }
+    let scan_freq = rate * step / (2.0 * mechanical);
+    let head_rate = step * scan_freq;
+    let (least, most) = instrument.scan_frequencies();
+    let resolution_at = |freq: f64| degrees(freq * 2.0 * mechanical / rate);
+    if scan_freq < least * (1.0 - 1e-9) || scan_freq > most * (1.0 + 1e-9) {
+        return Err(format!(
+            "{}: the mirror would draw {} lines a second, and that of {} draws {}; resolutions of {}° are possible",
+            asked(),
+            number(scan_freq),
+            instrument.name(),
+            span(least, most),
+            span(resolution_at(least), resolution_at(most))
+        ));
+    }
+    if head_rate > most_head * (1.0 + 1e-9) {
+        return Err(format!(
+            "{}: the head would turn at {}°/s, and that of {} at most at {}°/s; choose a finer resolution or a lower pulse rate",
+            asked(),
+            number(degrees(head_rate)),
+            instrument.name(),
+            number(degrees(most_head))
+        ));
+    }
+    let scan_freq = scan_freq.max(least).min(most);
+    Ok(Scan {
+        half_angle: None,
+        pulse_rate,
+        scan_freq,
+        line_rate: scan_freq,
+        head_rate: head_rate.min(most_head),
+    })
 }
 
 fn positions(arrangement: &Arrangement) -> Result<Vec<[f64; 2]>, String> {
@@ -103,42 +178,42 @@ fn positions(arrangement: &Arrangement) -> Result<Vec<[f64; 2]>, String> {
     }
 }
 
-fn describe(document: &mut Document, instrument: &Instrument, options: &TerrestrialOptions, pulse_rate: u32) {
-    let count = document.waypoints.len();
-    // Lines of one turn of the head, and the time that the mirror takes for each (spec kinematics §4.2): pulses are counted
-    // over its whole mechanical angle.
-    let lines = 360.0 / options.resolution;
-    let pulses_per_line = 2.0 * degrees(instrument.mechanical_angle()) / options.resolution;
-    let seconds = lines * pulses_per_line / f64::from(pulse_rate);
-    let fired = lines * pulses_per_line * instrument.usable_fraction();
-    let at = |range: f64| range * options.resolution.to_radians();
+fn describe(
+    document: &mut Document,
+    instrument: &Instrument,
+    options: &TerrestrialOptions,
+    scan: &Scan,
+) -> Result<(), String> {
+    let count = document.waypoints.len() as f64;
+    let seconds = TAU / scan.head_rate;
+    let beams = instrument.beams(scan)?;
+    let fired = seconds * f64::from(scan.pulse_rate) * beams.fired * instrument.devices();
+    let at = |range: f64| range * radians(options.resolution);
+    let kilohertz = number(f64::from(scan.pulse_rate) / 1e3);
     document.comments = vec![
-        format!("{} at {count} positions, {}° from point to point", instrument.name, options.resolution),
-        format!("duration   {} per position, {} in all", duration(seconds), duration(seconds * count as f64)),
-        format!("pulses     {} per position, {} in all", amount(fired), amount(fired * count as f64)),
-        format!("spacing    R·Δ = {:.4} m at 10 m, {:.4} m at 50 m", at(10.0), at(50.0)),
         format!(
-            "footprint  {:.4} m at 10 m, {:.4} m at 50 m",
-            instrument.footprint(10.0),
-            instrument.footprint(50.0)
+            "{} at {count} positions, {}° from point to point at {kilohertz} kHz",
+            instrument.name(),
+            number(options.resolution)
         ),
+        format!("duration   {} per position, {} in all", duration(seconds), duration(seconds * count)),
+        format!("pulses     {} per position, {} in all", amount(fired), amount(fired * count)),
+        format!("spacing    R·Δ = {:.4} m at 10 m, {:.4} m at 50 m", at(10.0), at(50.0)),
+        format!("footprint  {} at 10 m, {} at 50 m", instrument.footprint(10.0), instrument.footprint(50.0)),
     ];
-    let (least, most) = instrument.scan_frequencies();
-    let scan_freq = f64::from(pulse_rate) / pulses_per_line;
-    if scan_freq < least || (most > 0.0 && scan_freq > most) {
-        document.warnings.push(format!(
-            "the mirror would draw {scan_freq:.1} lines a second, and the instrument {least} to {most}; choose another resolution \
-             or pulse rate"
+    if !instrument.has_mirror() {
+        document.comments.push(format!(
+            "channels   {} of them, whose angles to one another are the instrument's: the resolution is that of the turning head",
+            instrument.devices()
         ));
     }
-    let head_rate = 360.0 / seconds;
-    if head_rate > degrees(instrument.head_rate) {
+    if scan.pulse_rate != instrument.pulse_rate(options.pulse_rate)? {
         document.warnings.push(format!(
-            "the head would turn at {head_rate:.2}°/s, faster than the instrument's {:.2}°/s; raise the resolution or lower the \
-             pulse rate",
-            degrees(instrument.head_rate)
+            "the pulse rate is {kilohertz} kHz, since the instrument cannot draw {}° at its first one",
+            number(options.resolution)
         ));
     }
+    Ok(())
 }
 
 #[cfg(test)]

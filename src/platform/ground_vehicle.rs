@@ -71,8 +71,13 @@ impl GroundVehicle {
         }
     }
 
-    pub(super) fn step(&mut self, drag: f64, leg: &LegCourse) {
+    /// Takes one step. With `follows_heights` the vehicle climbs from waypoint to waypoint, otherwise it keeps its height.
+    pub(super) fn step(&mut self, drag: f64, leg: &LegCourse, follows_heights: bool) {
         self.course.position += self.course.velocity;
+        let slope = if follows_heights { self.slope() } else { Slope::LEVEL };
+        if let Some(height) = slope.height {
+            self.course.position.z = height;
+        }
         let turn = self.steer();
         if turn != 0.0 {
             self.attitude = Rotation::about_z(turn).after(self.attitude);
@@ -80,13 +85,33 @@ impl GroundVehicle {
         self.force =
             (self.force + sign(self.target_force - self.force) * FORCE_RAMP).clamp(-MAX_FORCE, MAX_FORCE);
         let forward = horizontal_unit(self.attitude.forward()).unwrap_or(DVec3::ZERO);
-        self.course.velocity = accelerated(self.course.velocity, forward * self.force, drag, leg);
+        // The speed of the leg is that along the slope.
+        let leg = LegCourse { step_length: leg.step_length * slope.cosine, ..*leg };
+        let level = accelerated(horizontal(self.course.velocity), forward * self.force, drag, &leg);
+        self.course.velocity = level + DVec3::Z * level.dot(slope.gradient);
+    }
+
+    /// The slope of the straight line from the last waypoint to the next where the vehicle is, which may be beside it.
+    fn slope(&self) -> Slope {
+        let Course { position, origin, target, .. } = self.course;
+        let (way, climb) = (horizontal(target - origin), target.z - origin.z);
+        let length_squared = way.length_squared();
+        if length_squared == 0.0 {
+            return Slope::LEVEL;
+        }
+        let share = way.dot(position - origin) / length_squared;
+        let height = Some(origin.z + share.clamp(0.0, 1.0) * climb);
+        if !(0.0..1.0).contains(&share) {
+            return Slope { height, ..Slope::LEVEL };
+        }
+        let cosine = (length_squared / (length_squared + climb * climb)).sqrt();
+        Slope { height, gradient: way * (climb / length_squared), cosine }
     }
 
     /// Continues the manoeuvre; returns the change of heading of this step, rad, counter-clockwise.
     fn steer(&mut self) -> f64 {
         let q = horizontal(self.course.to_target());
-        let travel = self.course.velocity.length();
+        let travel = horizontal(self.course.velocity).length();
         match self.manoeuvre {
             Manoeuvre::Drive if q.length() > 0.0 => {
                 self.target_force = CRUISE_FORCE;
@@ -135,6 +160,20 @@ impl GroundVehicle {
     }
 }
 
+/// The ground that a vehicle follows.
+struct Slope {
+    /// Height of the vehicle, m; `None` where it keeps its own.
+    height: Option<f64>,
+    /// Climb per horizontal metre along x and y.
+    gradient: DVec3,
+    /// Cosine of its angle along the way.
+    cosine: f64,
+}
+
+impl Slope {
+    const LEVEL: Slope = Slope { height: None, gradient: DVec3::ZERO, cosine: 1.0 };
+}
+
 struct Bearing {
     /// +1: to the left, −1: straight ahead or to the right.
     side: f64,
@@ -166,7 +205,7 @@ mod tests {
         car.start_leg(&legs, 0, entry(0), &Kinematics::HELIOS);
         let speeds: Vec<f64> = (0..400)
             .map(|_| {
-                car.step(0.005, &legs[0]);
+                car.step(0.005, &legs[0], false);
                 car.course.velocity.length() * 100.0
             })
             .collect();
@@ -203,7 +242,7 @@ mod tests {
             let last = rows.last().unwrap().0;
             for step in 0..=last {
                 assert!(!car.course.is_reached(), "leg {leg} ends before step {step}");
-                car.step(0.005, &legs[leg]);
+                car.step(0.005, &legs[leg], false);
                 if let Some(row) = rows.iter().find(|r| r.0 == step) {
                     let yaw = reported_angles(car.attitude, None)[2].to_degrees();
                     let p = car.course.position;
@@ -213,6 +252,36 @@ mod tests {
                 }
             }
             assert!(car.course.is_reached(), "leg {leg} does not end after step {last}");
+        }
+    }
+
+    #[test]
+    fn heights_lie_on_the_line_between_the_waypoints() {
+        // Up by 20 m on 50 m, then level, then down: the speed is that along the slope.
+        let legs = [[0.0, 0.0, 5.0], [0.0, 50.0, 25.0], [0.0, 90.0, 25.0], [0.0, 130.0, 0.0]]
+            .map(|p| course(p, 3.0));
+        let mut car = GroundVehicle::default();
+        for leg in 0..3 {
+            car.start_leg(&legs, leg, entry(leg), &Kinematics::CORRECTED);
+            let (from, to) = (legs[leg].position, legs[leg + 1].position);
+            let mut steps = 0;
+            while !car.course.is_reached() {
+                let before = car.course.position;
+                car.step(0.005, &legs[leg], true);
+                let p = car.course.position;
+                let line = from.z + (p.y - from.y) / (to.y - from.y) * (to.z - from.z);
+                assert!((p.z - line).abs() < 0.02 && p.x.abs() < 0.05, "leg {leg}: {p}");
+                assert!((p - before).length() < 0.033, "leg {leg}: {}", (p - before).length());
+                steps += 1;
+                assert!(steps < 10_000, "leg {leg} does not end");
+            }
+            if leg > 0 {
+                let expected = (to - from).length() / 0.03;
+                assert!(
+                    (f64::from(steps) / expected - 1.0).abs() < 0.03,
+                    "leg {leg}: {steps} for {expected}"
+                );
+            }
         }
     }
 }

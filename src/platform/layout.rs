@@ -1,6 +1,6 @@
 //! Columns of poses: which column of a row holds which component, and its unit.
 
-use crate::columns::{Dimension, Heading, HeadingError, Separator, parse_heading};
+use crate::columns::{Dimension, Heading, HeadingError, Separator, comma_note, parse_heading};
 use crate::geom::radians;
 use std::ops::Range;
 
@@ -194,7 +194,30 @@ impl PoseLayout {
                 None => {}
             }
         }
-        Ok(headings.finish())
+        let layout = headings.finish();
+        match layout.shared_column() {
+            Some((one, other, column)) => Err(format!("{one} and {other} are both column {}", column + 1)),
+            None => Ok(layout),
+        }
+    }
+
+    /// Two quantities that are read from one column, if there are any, and that column.
+    fn shared_column(&self) -> Option<(&'static str, &'static str, usize)> {
+        let column = |c: PoseColumn| self.columns[c as usize];
+        POSE_COLUMNS.iter().enumerate().find_map(|(i, &later)| {
+            let earlier =
+                POSE_COLUMNS[..i].iter().find(|&&c| column(c).is_some() && column(c) == column(later))?;
+            Some((self.name_of(*earlier), self.name_of(later), column(later)?))
+        })
+    }
+
+    /// The first quantity that `named` has in another column: its name, its column here and there.
+    pub fn difference(&self, named: &PoseLayout) -> Option<(&'static str, usize, usize)> {
+        let pairs = POSE_COLUMNS.iter().filter_map(|&c| {
+            let (here, there) = (self.columns[c as usize]?, named.columns[c as usize]?);
+            (here != there).then(|| (named.name_of(c), here, there))
+        });
+        pairs.into_iter().next()
     }
 
     fn name_of(&self, column: PoseColumn) -> &'static str {
@@ -236,7 +259,7 @@ impl PoseLayout {
             let number = text.parse().ok().filter(|v: &f64| v.is_finite());
             values[column as usize] = number.ok_or_else(|| RowError {
                 at: field.clone(),
-                message: format!("expected a number for {name}, found `{text}`"),
+                message: format!("expected a number for {name}, found `{text}`{}", comma_note(text)),
             })?;
         }
         Ok((values, time))
@@ -333,6 +356,19 @@ mod tests {
     }
 
     #[test]
+    fn two_quantities_in_one_column_are_refused() {
+        let chosen =
+            |list: &[&str]| PoseLayout::chosen(&list.iter().map(|c| (*c).to_owned()).collect::<Vec<_>>());
+        let e = chosen(&["time=1", "x=1", "y=2", "z=3", "roll=4", "pitch=5", "yaw=6"]).unwrap_err();
+        assert_eq!(e, "time and x are both column 1");
+        assert!(chosen(&["time", "x", "y", "z", "roll", "pitch", "yaw"]).is_ok());
+        let named = layout("time,x,y,z,roll,pitch,yaw").unwrap();
+        let numbered = PoseLayout::numbered([0, 1, 2, 3, 4, 5, 6]);
+        assert_eq!(numbered.difference(&named), Some(("roll", 1, 4)));
+        assert_eq!(named.difference(&named), None);
+    }
+
+    #[test]
     fn errors_in_rows_are_located() {
         let l = PoseLayout::in_order(&POSE_COLUMNS, None);
         let comma = Separator::Char(',');
@@ -341,6 +377,8 @@ mod tests {
         let e = l.read("1,2,3", comma).unwrap_err();
         assert!(e.message.contains("column 4 for yaw is missing: 3 columns"));
         assert!(l.read("1,2,3,nan,5,6,7", comma).is_err());
+        let e = l.read("1;2;3,5;4;5;6;7", Separator::Char(';')).unwrap_err();
+        assert!(e.message.contains("decimal comma"), "{}", e.message);
         assert!(layout("time,x,x").unwrap_err().message.contains("second column for x"));
     }
 

@@ -85,7 +85,7 @@ impl PlatformState {
         match (self, &plan.motion) {
             (PlatformState::Linear(s), _) => s.step(&plan.legs[leg]),
             (PlatformState::GroundVehicle(s), Motion::GroundVehicle { drag }) => {
-                s.step(*drag, &plan.legs[leg])
+                s.step(*drag, &plan.legs[leg], plan.kinematics.vehicle_heights)
             }
             (PlatformState::Multicopter(s), Motion::Multicopter(m)) => s.step(&m[leg], &plan.legs[leg]),
             (PlatformState::Interpolated(s), Motion::Interpolated(table)) => s.step(table, clock),

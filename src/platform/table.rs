@@ -136,6 +136,14 @@ impl TrajectoryTable {
         })
     }
 
+    /// Time (s after the first row) and position (m) of every row.
+    pub fn timed_positions(&self) -> impl Iterator<Item = (f64, DVec3)> {
+        self.rows.iter().map(|row| {
+            let [.., x, y, z] = row.values;
+            (row.time, DVec3::new(x, y, z))
+        })
+    }
+
     pub(super) fn rows(&self) -> &[TableRow] {
         &self.rows
     }

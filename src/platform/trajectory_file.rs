@@ -8,7 +8,7 @@ use super::poses::fix::{Fix, FixPlace, Pose, RecordError};
 use super::poses::georeference::Georeference;
 use super::poses::text::MAX_LINE_BYTES;
 use super::table::{PoseValues, TrajectoryTable, filter_slopes, unwrap_angles};
-use crate::columns::Separator;
+use crate::columns::{Separator, stated_separator};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::input;
@@ -65,6 +65,10 @@ fn read_file(
     if let Some(read) = read_binary(&file.path, bytes, georeference) {
         let poses = read.map_err(|found| problems.extend(found)).ok()?;
         check_count(&file.path, poses.len(), problems)?;
+        if file.columns.is_some() || file.separator.is_some() {
+            let message = "tIndex, xIndex … and the separator have no effect: the file is no text";
+            problems.warn(Some(Place::of_file(&file.path)), message);
+        }
         return Some(thin(pose_rows(&poses, settings), threshold));
     }
     let (rows, layout) = read_rows(file, &String::from_utf8_lossy(bytes), settings.position_only, problems)?;
@@ -94,8 +98,12 @@ fn check_rows(path: &Path, rows: &[(f64, PoseValues)], problems: &mut Diagnostic
     };
     let Some((time, [_, _, _, x, y, z])) = rows.iter().find(|row| !is_sound(row)) else { return true };
     let message = format!(
-        "{}: a pose at time {time:?}, x {x:?}, y {y:?}, z {z:?}, expected {} and {}",
+        "{}: a pose at time {}, x {}, y {}, z {}, expected {} and {}",
         path.display(),
+        quantity::number(*time),
+        quantity::number(*x),
+        quantity::number(*y),
+        quantity::number(*z),
         quantity::TIME.expected,
         quantity::COORDINATE.expected
     );
@@ -157,6 +165,12 @@ fn read_rows(
 ) -> Option<(Vec<(f64, PoseValues)>, PoseLayout)> {
     let mut directives = Directives::default();
     let mut reading: Option<(PoseLayout, Separator)> = None;
+    let mut stated = None;
+    if text.contains('\0') {
+        let place = Place::of_file(&file.path);
+        problems.error(Some(place), "expected a trajectory as text, SBET or TerraScan, found other bytes");
+        return None;
+    }
     let (mut rows, mut wrong) = (Vec::new(), 0);
     for (number, line) in text.lines().enumerate() {
         let place = |at| Some(Place::in_line(&file.path, number + 1, line, at));
@@ -176,12 +190,24 @@ fn read_rows(
             }
             continue;
         }
+        if let Some(separator) = stated_separator(content).filter(|_| reading.is_none()) {
+            stated = Some(separator);
+            continue;
+        }
         if reading.is_none() {
-            let separator = file.separator.map_or_else(|| Separator::guess(line), Separator::named);
+            let separator =
+                file.separator.or(stated).map_or_else(|| Separator::guess(line), Separator::named);
             let header = is_header(line, separator);
             let named = header.then_some((line, separator));
             match choose_layout(file, &directives, named, position_only) {
-                Ok(layout) => reading = Some((layout, separator)),
+                Ok(layout) => {
+                    let named = match header {
+                        true => PoseLayout::from_headings(line, separator).ok(),
+                        false => directives.layout.clone(),
+                    };
+                    warn_of_other_columns(&layout, named, place(0..line.len()), problems);
+                    reading = Some((layout, separator));
+                }
                 Err(message) => {
                     problems.error(place(0..line.len()), message).help(
                         "give tIndex, xIndex … in the survey or a line `#HEADER: \"t\", \"roll\", \"pitch\", \
@@ -214,6 +240,21 @@ fn read_rows(
     }
     check_count(&file.path, rows.len(), problems)?;
     Some((rows, reading?.0))
+}
+
+/// Warns of column numbers of the survey that contradict the names in the file.
+fn warn_of_other_columns(
+    layout: &PoseLayout,
+    named: Option<PoseLayout>,
+    place: Option<Place>,
+    problems: &mut Diagnostics,
+) {
+    if let Some((name, used, named)) = named.and_then(|named| layout.difference(&named)) {
+        let message = format!(
+            "{name} is read from column {used} as the survey says; the file has it in column {named}, from 0"
+        );
+        problems.warn(place, message).help("leave out tIndex, xIndex … to read the columns by their names");
+    }
 }
 
 /// Chooses by precedence: the survey's column numbers, the file's `#HEADER`, a first line of headings, the order roll,

@@ -1,91 +1,120 @@
 //! Reads the vertices of PLY files, text and binary.
 
-use super::{Attribute, BATCH_POINTS, Columns, PointReader, PointRow};
-use crate::geom::DVec3;
+use super::{Attribute, Columns, PlyNumbers, Reading, ply_header};
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{
     Addable, ElementDef, Encoding, Header, KeyMap, Property, PropertyAccess, PropertyAccessResult,
-    PropertyDef,
+    PropertyDef, PropertyType,
 };
-use std::io::{BufRead, Read};
+use std::io::ErrorKind;
 
-/// Maximum length of a line of a text file, bytes: a file without line ends must not fill the memory.
-const MAX_LINE_BYTES: u64 = 1 << 16;
-
-/// Whether a file begins with the signature of PLY files.
-pub fn is_ply(bytes: &[u8]) -> bool {
-    matches!(bytes, [b'p', b'l', b'y', b'\r' | b'\n', ..])
+/// Reads the vertices of a file.
+pub(super) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
+    let mut file = PlyReader::open(bytes)?;
+    file.remarks.iter().for_each(|remark| reading.warn(remark.as_str()));
+    reading.sink.start(file.columns.attributes());
+    for at in 0..file.element.count {
+        let vertex = file.read_element(at)?;
+        if reading.take(&file.columns.row(|column| vertex.0[column])).is_break() {
+            break;
+        }
+    }
+    Ok(())
 }
 
 /// Reads the vertices of a file in order.
-pub struct PlyReader<'a> {
-    parser: Parser<Vertex>,
-    encoding: Encoding,
+struct PlyReader<'a> {
+    values: Values<'a>,
     element: ElementDef,
-    /// The unread bytes after the header.
-    rest: &'a [u8],
     /// The attributes of the vertices; the column of each is the number of the attribute.
     columns: Columns,
-    line: String,
-    at: usize,
+    remarks: Vec<String>,
+}
+
+/// The values behind the header that are not read yet.
+enum Values<'a> {
+    Text(PlyNumbers<'a>),
+    Binary(Parser<Vertex>, Encoding, &'a [u8]),
 }
 
 impl<'a> PlyReader<'a> {
     /// Reads the header of a file and skips the elements before the vertices.
-    pub fn open(bytes: &'a [u8]) -> Result<PlyReader<'a>, String> {
+    fn open(bytes: &'a [u8]) -> Result<PlyReader<'a>, String> {
         let parser = Parser::<Vertex>::new();
-        let mut reader = Reader::new(bytes);
+        let header = ply_header(bytes)?;
+        let mut reader = Reader::new(header.text.as_bytes());
         let Header { encoding, elements, .. } = parser.read_header(&mut reader).map_err(|e| e.to_string())?;
+        let body = &bytes[header.body..];
         let mut file = PlyReader {
-            parser,
-            encoding,
+            values: match encoding {
+                Encoding::Ascii => Values::Text(PlyNumbers::new(body)),
+                encoding => Values::Binary(parser, encoding, body),
+            },
             element: ElementDef::new("vertex".to_owned()),
-            rest: reader.into_inner(),
             columns: Columns::default(),
-            line: String::new(),
-            at: 0,
+            remarks: Vec::new(),
         };
         for element in elements.into_values().filter(|e| !e.properties.is_empty()) {
             file.element = element;
             if file.element.name == "vertex" {
-                file.columns = number_properties(&mut file.element);
-                return match Attribute::POSITION.into_iter().find(|axis| !file.columns.has(*axis)) {
-                    Some(axis) => Err(format!("its vertices have no {}", axis.described())),
-                    None => Ok(file),
-                };
+                let names: Vec<String> = file.element.properties.keys().cloned().collect();
+                let names: Vec<&str> = names.iter().map(String::as_str).collect();
+                let found = Columns::find_positions(&names).map_err(|e| format!("its vertices: {e}"))?;
+                file.remarks = found.remarks(&names);
+                file.columns = number_properties(&mut file.element, &found);
+                return Ok(file);
             }
-            for _ in 0..file.element.count {
-                file.read_element()?;
+            for at in 0..file.element.count {
+                file.read_element(at)?;
             }
         }
         Err("it has no element \"vertex\"".to_owned())
     }
 
-    fn read_element(&mut self) -> Result<Vertex, String> {
-        let read = match self.encoding {
-            Encoding::Ascii => {
-                self.line.clear();
-                let line = self.rest.by_ref().take(MAX_LINE_BYTES).read_line(&mut self.line);
-                line.map_err(|e| e.to_string())?;
-                self.parser.read_ascii_element(&self.line, &self.element)
+    /// Reads element number `at`, from 0.
+    fn read_element(&mut self, at: usize) -> Result<Vertex, String> {
+        let read = match &mut self.values {
+            Values::Text(numbers) => read_text_element(numbers, &self.element),
+            Values::Binary(parser, encoding, rest) => {
+                let read = match encoding {
+                    Encoding::BinaryBigEndian => parser.read_big_endian_element(rest, &self.element),
+                    _ => parser.read_little_endian_element(rest, &self.element),
+                };
+                read.map_err(|e| match e.kind() {
+                    ErrorKind::UnexpectedEof => "the file ends; is it whole?".to_owned(),
+                    _ => e.to_string().lines().next().unwrap_or_default().to_owned(),
+                })
             }
-            Encoding::BinaryLittleEndian => {
-                self.parser.read_little_endian_element(&mut self.rest, &self.element)
-            }
-            Encoding::BinaryBigEndian => self.parser.read_big_endian_element(&mut self.rest, &self.element),
         };
         read.map_err(|e| {
-            let (name, at, count) = (&self.element.name, self.at, self.element.count);
-            format!("{e} after {at} of {count} elements \"{name}\"; is the file whole?")
+            let (name, count) = (&self.element.name, self.element.count);
+            format!("{e} (after {at} of {count} elements \"{name}\")")
         })
     }
 }
 
+/// Reads an element of a text file. Lines do not matter.
+fn read_text_element(numbers: &mut PlyNumbers, element: &ElementDef) -> Result<Vertex, String> {
+    let mut vertex = Vertex::new();
+    for property in element.properties.values() {
+        match &property.data_type {
+            PropertyType::Scalar(_) => {
+                vertex.set_property(&property.name, Property::Double(numbers.number()?));
+            }
+            PropertyType::List(..) => {
+                for _ in 0..numbers.length()? {
+                    numbers.number()?;
+                }
+            }
+        }
+    }
+    Ok(vertex)
+}
+
 /// Renames the properties that hold attributes to the attributes' numbers, so that names are compared once per file
 /// instead of once per vertex.
-fn number_properties(element: &mut ElementDef) -> Columns {
-    let found = Columns::find(element.properties.keys().map(String::as_str));
-    let (mut numbered, mut columns) = (KeyMap::new(), Columns::default());
+fn number_properties(element: &mut ElementDef, found: &Columns) -> Columns {
+    let (mut numbered, mut columns) = (KeyMap::new(), *found);
     for (column, property) in std::mem::take(&mut element.properties).into_values().enumerate() {
         let name = match found.used().find(|(_, c)| *c == column) {
             Some((attribute, _)) => {
@@ -98,26 +127,6 @@ fn number_properties(element: &mut ElementDef) -> Columns {
     }
     element.properties = numbered;
     columns
-}
-
-impl PointReader for PlyReader<'_> {
-    fn has(&self, attribute: Attribute) -> bool {
-        self.columns.has(attribute)
-    }
-
-    fn stated_centre(&self) -> Option<DVec3> {
-        None
-    }
-
-    fn read_batch(&mut self, batch: &mut Vec<PointRow>) -> Result<bool, String> {
-        let end = self.element.count.min(self.at + BATCH_POINTS);
-        while self.at < end {
-            let vertex = self.read_element()?;
-            batch.push(self.columns.row(|column| vertex.0[column]));
-            self.at += 1;
-        }
-        Ok(self.at < self.element.count)
-    }
 }
 
 /// The values of a vertex, by attribute.

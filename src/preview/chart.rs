@@ -110,10 +110,10 @@ impl Axes {
 }
 
 impl Chart {
-    /// Draws a waveform. `name` is the name of its file and may be empty. The size is clamped to 480 to 8192 by 320 to
-    /// 8192 dots.
+    /// Draws a waveform. `name` is the name of its file and may be empty. The size is clamped to 320 to 16384 by 240 to
+    /// 16384 dots.
     pub fn new(wave: &Wave, name: &str, width: u32, height: u32) -> Chart {
-        let (width, height) = (f64::from(width.clamp(480, 8192)), f64::from(height.clamp(320, 8192)));
+        let (width, height) = (f64::from(width.clamp(320, 16_384)), f64::from(height.clamp(240, 16_384)));
         let text = (width.min(height * 4.0 / 3.0) / 620.0).floor().max(1.0);
         let title = if name.is_empty() {
             format!("pulse {}", wave.pulse)

@@ -1,8 +1,8 @@
 //! Colours of points, and the legend.
 
+use super::label;
 use super::picture::Rgb;
-use super::points::Points;
-use super::{ColourBy, label};
+use super::points::{ColourBy, Points};
 use libm::{cos, sin};
 
 /// From low to high: dark to light and blue to yellow, readable in greyscale and with colour vision deficiency.
@@ -28,6 +28,16 @@ const STRENGTHS: [Rgb; 7] = [
 ];
 const RETURNS: [Rgb; 6] =
     [[236, 240, 244], [96, 178, 240], [246, 174, 66], [118, 204, 120], [226, 100, 130], [178, 140, 230]];
+
+/// Places that no leg of a survey covers.
+const NO_LEG: Rgb = [112, 118, 126];
+
+/// Heights of the lowest and the highest colour of a cloud by itself, world coordinates.
+pub(super) fn height_range(points: &Points) -> (f64, f64) {
+    let (low, high) = inner_range(points.offsets().map(|p| p[2]));
+    let z = points.origin().z;
+    (f64::from(low) + z, f64::from(high) + z)
+}
 
 /// How values are mapped to colours.
 pub(super) enum Colouring {
@@ -57,8 +67,9 @@ pub(super) enum Legend {
 }
 
 impl Colouring {
-    /// Colours by `wanted`, or by height if the points lack that attribute.
-    pub(super) fn new(points: &Points, wanted: ColourBy) -> Colouring {
+    /// Colours by `wanted`, or by height if the points lack that attribute; `heights` are those of the lowest and the highest
+    /// colour, world coordinates, if not those of the points.
+    pub(super) fn new(points: &Points, wanted: ColourBy, heights: Option<(f64, f64)>) -> Colouring {
         let has = points.attributes;
         match wanted {
             ColourBy::Intensity if has.intensity => {
@@ -69,7 +80,12 @@ impl Colouring {
                 Colouring::Ramp { value: wanted, low, high, table: &HEIGHTS }
             }
             ColourBy::Leg if has.leg => {
-                Colouring::Table { value: wanted, colours: (0..=255).map(object_colour).collect() }
+                let colour = |n: usize| match (points.legs_from_one(), n) {
+                    (true, 0) => NO_LEG,
+                    (true, n) => object_colour(n - 1),
+                    (false, n) => object_colour(n),
+                };
+                Colouring::Table { value: wanted, colours: (0..=255).map(colour).collect() }
             }
             ColourBy::Channel if has.channel => {
                 Colouring::Table { value: wanted, colours: (0..=255).map(object_colour).collect() }
@@ -86,7 +102,11 @@ impl Colouring {
                 colours: (0..points.objects.len()).map(object_colour).collect(),
             },
             _ => {
-                let (low, high) = inner_range(points.offsets.iter().map(|p| p[2]));
+                let z = points.origin().z;
+                let (low, high) = match heights {
+                    Some((low, high)) => ((low - z) as f32, (high - z) as f32),
+                    None => inner_range(points.offsets().map(|p| p[2])),
+                };
                 Colouring::Ramp { value: ColourBy::Height, low, high, table: &HEIGHTS }
             }
         }
@@ -105,7 +125,7 @@ impl Colouring {
     pub(super) fn fraction(&self, points: &Points, i: usize) -> f32 {
         match self {
             Colouring::Ramp { value: ColourBy::Time, low, high, .. } => (points.time[i] - low) / (high - low),
-            Colouring::Ramp { low, high, .. } => (points.offsets[i][2] - low) / (high - low),
+            Colouring::Ramp { low, high, .. } => (points.offset(i)[2] - low) / (high - low),
             Colouring::Ranks { quantiles, .. } => rank(quantiles, points.intensity[i]),
             Colouring::Table { .. } => 0.0,
         }
@@ -176,7 +196,9 @@ fn name(points: &Points, value: ColourBy, n: usize) -> String {
         ColourBy::Class => class_name(n),
         ColourBy::Return if n == 0 => "unknown".to_owned(),
         ColourBy::Return => format!("return {n}"),
-        ColourBy::Leg => format!("leg {n}"),
+        ColourBy::Leg if !points.legs_from_one() => format!("leg {n}"),
+        ColourBy::Leg if n == 0 => "no leg".to_owned(),
+        ColourBy::Leg => format!("leg {}", n - 1),
         ColourBy::Channel => format!("channel {n}"),
         _ => match points.objects.get(n) {
             Some(object) if !object.is_empty() => object.clone(),
@@ -267,12 +289,13 @@ fn inner_range(values: impl Iterator<Item = f32> + Clone) -> (f32, f32) {
     (low + below as f32 * step, high - above as f32 * step)
 }
 
+/// Colours of classes: bare ground like sand, trunks (4) brown, leaves (5) green.
 fn class_colour(class: usize) -> Rgb {
     match class {
         0 | 1 => [150, 158, 166],
-        2 => [176, 132, 88],
+        2 => [198, 178, 142],
         3 => [166, 204, 98],
-        4 => [206, 170, 84],
+        4 => [142, 88, 48],
         5 => [66, 160, 84],
         6 => [222, 100, 78],
         7 | 18 => [220, 60, 160],
@@ -383,13 +406,52 @@ mod tests {
             points.push(&Point { position: DVec3::new(0.0, 0.0, z), class, ..Point::default() });
         }
         assert!(matches!(
-            Colouring::new(&points, ColourBy::Object),
+            Colouring::new(&points, ColourBy::Object, None),
             Colouring::Ramp { value: ColourBy::Height, .. }
         ));
-        let Legend::List { entries, more, .. } = Colouring::new(&points, ColourBy::Class).legend(&points, 1)
+        let Legend::List { entries, more, .. } =
+            Colouring::new(&points, ColourBy::Class, None).legend(&points, 1)
         else {
             panic!("no list")
         };
         assert_eq!((entries.len(), entries[0].label.as_str(), more), (1, "2 ground 75%", 1));
+    }
+
+    #[test]
+    fn clouds_side_by_side_have_one_scale_of_heights() {
+        let cloud = |top: f64| {
+            let mut points = Points::new(Attributes::default());
+            for i in 0..1000 {
+                let position = DVec3::new(0.0, 0.0, 200.0 + top * f64::from(i) / 999.0);
+                points.push(&Point { position, ..Point::default() });
+            }
+            points
+        };
+        let (low, high) = (cloud(10.0), cloud(40.0));
+        let heights = super::super::common_heights(&[&low, &high]);
+        // The highest point of the lower cloud has the colour of its height in the other one.
+        let top = Colouring::new(&low, ColourBy::Height, heights).of(&low, 999);
+        let same = Colouring::new(&high, ColourBy::Height, heights).of(&high, 250);
+        assert!((0..3).all(|c| top[c].abs_diff(same[c]) < 4), "{top:?} {same:?}");
+        assert_ne!(Colouring::new(&low, ColourBy::Height, None).of(&low, 999), top);
+    }
+
+    #[test]
+    fn places_without_a_leg_are_grey_and_legs_count_from_0() {
+        let mut points = Points::new(Attributes { leg: true, ..Attributes::default() });
+        for leg in [0, 0, 1, 2] {
+            points.push(&Point { leg, ..Point::default() });
+        }
+        let labels = |points: &Points| {
+            let legend = Colouring::new(points, ColourBy::Leg, None).legend(points, 9);
+            let Legend::List { entries, .. } = legend else { panic!("no list") };
+            entries.into_iter().map(|entry| (entry.label, entry.colour)).collect::<Vec<_>>()
+        };
+        let recorded = labels(&points);
+        assert_eq!((recorded[0].0.as_str(), recorded[0].1), ("leg 0 50%", object_colour(0)));
+        points.count_legs_from_one();
+        let planned = labels(&points);
+        assert_eq!((planned[0].0.as_str(), planned[0].1), ("no leg 50%", NO_LEG));
+        assert_eq!((planned[1].0.as_str(), planned[1].1), ("leg 0 25%", object_colour(0)));
     }
 }

@@ -7,10 +7,22 @@ use super::picture::{Frame, Picture, Rgb};
 use super::points::Points;
 use super::{PreviewOptions, font};
 
-const PAPER: Rgb = [16, 20, 27];
-const GROUND: Rgb = [23, 29, 38];
-const INK: Rgb = [226, 231, 236];
-const FAINT: Rgb = [142, 152, 164];
+/// Colours of everything but the points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Style {
+    paper: Rgb,
+    /// Background of the views.
+    ground: Rgb,
+    ink: Rgb,
+    faint: Rgb,
+}
+
+/// For screens.
+const DARK: Style =
+    Style { paper: [16, 20, 27], ground: [23, 29, 38], ink: [226, 231, 236], faint: [142, 152, 164] };
+/// For paper.
+const LIGHT: Style =
+    Style { paper: [255, 255, 255], ground: [243, 245, 247], ink: [22, 32, 43], faint: [82, 96, 109] };
 
 /// The layout of one picture.
 pub(super) struct Sheet {
@@ -19,6 +31,7 @@ pub(super) struct Sheet {
     /// Scale of the font: dots of the picture per dot of the font.
     text: u32,
     title: String,
+    style: Style,
     panels: Vec<(Panel, String)>,
     legend: Frame,
 }
@@ -54,15 +67,29 @@ struct Split {
     above: (Frame, f64),
     south: (Frame, f64, f64),
     legend: Frame,
+    is_stacked: bool,
     quality: f64,
 }
+
+/// Margin around what a view shows, as a fraction of it.
+const MARGIN: f64 = 0.06;
+
+/// Largest ratio of the scales of both views: the smaller view is not blown up beyond it.
+const MAX_SCALE_RATIO: f64 = 2.0;
 
 impl Sheet {
     pub(super) fn new(points: &Points, options: &PreviewOptions) -> Sheet {
         let (width, height) = (options.width.clamp(320, 16_384), options.height.clamp(240, 16_384));
         let text = (width.min(height * 4 / 3) / 760).max(1);
-        let mut sheet =
-            Sheet { width, height, text, title: String::new(), panels: Vec::new(), legend: Frame::NONE };
+        let mut sheet = Sheet {
+            width,
+            height,
+            text,
+            title: String::new(),
+            style: if options.light { LIGHT } else { DARK },
+            panels: Vec::new(),
+            legend: Frame::NONE,
+        };
         sheet.title = title(points, &options.title, width / (text * font::ADVANCE));
         if points.is_empty() {
             return sheet;
@@ -115,27 +142,29 @@ impl Sheet {
             let above = Frame { x: left, y: top, width: beside, height: upper };
             let south = Frame { x: left, y: top + upper + line, width: full, height: lower };
             let beside_above = Frame { x: left + beside + 2 * gap, y: top, width: legend, height: upper };
-            consider(&mut best, extent, above, south, beside_above);
+            consider(&mut best, extent, above, south, beside_above, true);
             // Side by side.
             let right = (beside.saturating_sub(2 * gap) * percent / 100).max(8);
             let wide = beside.saturating_sub(2 * gap + right).max(8);
             let above = Frame { x: left, y: top, width: wide, height: tall };
             let south = Frame { x: left + wide + 2 * gap, y: top, width: right, height: tall };
             let legend = Frame { x: south.x + right + 2 * gap, y: top, width: legend, height: tall };
-            consider(&mut best, extent, above, south, legend);
+            consider(&mut best, extent, above, south, legend, false);
         }
-        best.expect("at least one arrangement was considered")
+        let mut split = best.expect("at least one arrangement was considered");
+        split.trim(extent, gap, line, top + tall, font::ADVANCE * self.text);
+        split
     }
 
     pub(super) fn draw(&self, points: &Points, colouring: &Colouring) -> Picture {
-        let mut picture = Picture::new(self.width, self.height, PAPER);
+        let mut picture = Picture::new(self.width, self.height, self.style.paper);
         let line = (font::HEIGHT + 6) * self.text;
-        picture.text(12 * self.text, 6 * self.text, &self.title, self.text, INK);
+        picture.text(12 * self.text, 6 * self.text, &self.title, self.text, self.style.ink);
         for (panel, caption) in &self.panels {
-            picture.fill(panel.frame, GROUND);
-            panel.draw(&mut picture, points, colouring, GROUND);
+            picture.fill(panel.frame, self.style.ground);
+            panel.draw(&mut picture, points, colouring, self.style.ground);
             let (x, y) = (panel.frame.x, panel.frame.y.saturating_sub(line - 3 * self.text));
-            picture.text(x, y, caption, self.text, FAINT);
+            picture.text(x, y, caption, self.text, self.style.faint);
             self.scale_bar(&mut picture, panel, caption);
         }
         if !self.panels.is_empty() {
@@ -156,13 +185,13 @@ impl Sheet {
         }
         let x = frame.x + frame.width - dots;
         let y = frame.y - 6 * self.text;
-        picture.fill(Frame { x, y, width: dots, height: self.text }, INK);
+        picture.fill(Frame { x, y, width: dots, height: self.text }, self.style.ink);
         for end in [x, x + dots - self.text.min(dots)] {
             let tick = Frame { x: end, y: y - 3 * self.text, width: self.text, height: 4 * self.text };
-            picture.fill(tick, INK);
+            picture.fill(tick, self.style.ink);
         }
         let text_x = x - (font::width(&name) + 6) * self.text;
-        picture.text(text_x, frame.y - 10 * self.text, &name, self.text, INK);
+        picture.text(text_x, frame.y - 10 * self.text, &name, self.text, self.style.ink);
     }
 
     fn draw_legend(&self, picture: &mut Picture, points: &Points, colouring: &Colouring) {
@@ -172,7 +201,7 @@ impl Sheet {
         let top = y + 2 * line;
         let bar = height.saturating_sub(3 * line).clamp(1, 26 * line);
         let draw_bar = |picture: &mut Picture, title: &str, table: &[Rgb]| {
-            picture.text(x, y, title, t, FAINT);
+            picture.text(x, y, title, t, self.style.faint);
             for row in 0..bar {
                 let colour = mixed(table, 1.0 - row as f32 / bar as f32);
                 picture.fill(Frame { x, y: top + row, width: 14 * t, height: 1 }, colour);
@@ -183,8 +212,8 @@ impl Sheet {
                 draw_bar(picture, title, table);
                 for (share, text) in marks {
                     let at = top + (bar as f32 * (1.0 - share)) as u32;
-                    picture.fill(Frame { x: x + 14 * t, y: at, width: 4 * t, height: t }, FAINT);
-                    picture.text(x + 22 * t, at.saturating_sub(3 * t), &text, t, INK);
+                    picture.fill(Frame { x: x + 14 * t, y: at, width: 4 * t, height: t }, self.style.faint);
+                    picture.text(x + 22 * t, at.saturating_sub(3 * t), &text, t, self.style.ink);
                 }
             }
             Legend::Bar { title, low, high, table } => {
@@ -194,8 +223,14 @@ impl Sheet {
                 let mut tick = (low / step).ceil() * step;
                 while tick <= high {
                     let at = top + (f64::from(bar) * (high - tick) / (high - low)) as u32;
-                    picture.fill(Frame { x: x + 14 * t, y: at, width: 4 * t, height: t }, FAINT);
-                    picture.text(x + 22 * t, at.saturating_sub(3 * t), &round_number(tick, step), t, INK);
+                    picture.fill(Frame { x: x + 14 * t, y: at, width: 4 * t, height: t }, self.style.faint);
+                    picture.text(
+                        x + 22 * t,
+                        at.saturating_sub(3 * t),
+                        &round_number(tick, step),
+                        t,
+                        self.style.ink,
+                    );
                     if tick + step <= tick {
                         // The height is too large for such a small step.
                         break;
@@ -204,15 +239,15 @@ impl Sheet {
                 }
             }
             Legend::List { title, entries, more } => {
-                picture.text(x, y, title, t, FAINT);
+                picture.text(x, y, title, t, self.style.faint);
                 let mut at = y + 2 * line;
                 for entry in entries {
                     picture.fill(Frame { x, y: at, width: 8 * t, height: 7 * t }, entry.colour);
-                    picture.text(x + 14 * t, at, &entry.label, t, INK);
+                    picture.text(x + 14 * t, at, &entry.label, t, self.style.ink);
                     at += line;
                 }
                 if more > 0 {
-                    picture.text(x + 14 * t, at, &format!("and {more} more"), t, FAINT);
+                    picture.text(x + 14 * t, at, &format!("and {more} more"), t, self.style.faint);
                 }
             }
         }
@@ -220,7 +255,14 @@ impl Sheet {
 }
 
 /// Replaces the layout if this one shows the cloud at a larger scale.
-fn consider(best: &mut Option<Split>, extent: &Extent, above: Frame, south: Frame, legend: Frame) {
+fn consider(
+    best: &mut Option<Split>,
+    extent: &Extent,
+    above: Frame,
+    south: Frame,
+    legend: Frame,
+    is_stacked: bool,
+) {
     let (dx, dy, dz) = (extent.size(0), extent.size(1), extent.size(2));
     let fit =
         |frame: Frame, w: f64, h: f64| (f64::from(frame.width) / w).min(f64::from(frame.height) / h) * 0.97;
@@ -228,13 +270,46 @@ fn consider(best: &mut Option<Split>, extent: &Extent, above: Frame, south: Fram
     // Flat terrain would otherwise be drawn as a line.
     let wanted = 0.1 * dx / dz;
     let exaggeration = [1.0, 2.0, 5.0, 10.0, 20.0].into_iter().find(|e| *e >= wanted).unwrap_or(20.0);
-    let south_scale = fit(south, dx, dz * exaggeration);
+    let south_scale = fit(south, dx, dz * exaggeration).min(MAX_SCALE_RATIO * above_scale);
     let seen = dx * dy * above_scale * above_scale;
     let seen_south = dx * dz * exaggeration * south_scale * south_scale;
     let quality = seen * seen_south.sqrt();
     if best.as_ref().is_none_or(|b| quality > b.quality) {
         let (above, south) = ((above, above_scale), (south, south_scale, exaggeration));
-        *best = Some(Split { above, south, legend, quality });
+        *best = Some(Split { above, south, legend, is_stacked, quality });
+    }
+}
+
+impl Split {
+    /// Makes the frames as large as what they show and their captions, and moves what follows them; `bottom` is the lower edge of
+    /// all frames, `letter` the width of a letter.
+    fn trim(&mut self, extent: &Extent, gap: u32, line: u32, bottom: u32, letter: u32) {
+        const CAPTION_LETTERS: [u32; 2] = [24, 40];
+        let (dx, dy, dz) = (extent.size(0), extent.size(1), extent.size(2));
+        let shown = |frame: Frame, scale: f64, width: f64, height: f64, letters: u32| {
+            let dots = |metres: f64, least: u32, room: u32| {
+                ((metres * scale * (1.0 + MARGIN)).ceil() as u32).clamp(least.min(room), room)
+            };
+            let width = dots(width, letters * letter, frame.width);
+            Frame { width, height: dots(height, 8, frame.height), ..frame }
+        };
+        let (above, scale) = self.above;
+        let above = shown(above, scale, dx, dy, CAPTION_LETTERS[0]);
+        let (south, scale, exaggeration) = self.south;
+        let mut south = shown(south, scale, dx, dz * exaggeration, CAPTION_LETTERS[1]);
+        match self.is_stacked {
+            true => {
+                south.y = above.y + above.height + line;
+                self.legend.x = above.x + above.width + 2 * gap;
+                let is_free = south.x + south.width < self.legend.x;
+                self.legend.height = if is_free { bottom.saturating_sub(above.y) } else { above.height };
+            }
+            false => {
+                south.x = above.x + above.width + 2 * gap;
+                self.legend.x = south.x + south.width + 2 * gap;
+            }
+        }
+        (self.above.0, self.south.0) = (above, south);
     }
 }
 
@@ -280,7 +355,7 @@ fn slice(points: &Points, extent: &Extent, middle: f64) -> f64 {
     let mut thickness = (extent.size(2) / 3.0).clamp(0.04 * depth, 0.25 * depth);
     while thickness < depth {
         let half = (0.5 * thickness) as f32;
-        let inside = points.offsets.iter().filter(|p| (p[1] - middle as f32).abs() <= half).count();
+        let inside = points.offsets().filter(|p| (p[1] - middle as f32).abs() <= half).count();
         if inside >= MIN_POINTS.min(points.len() / 2) {
             return thickness;
         }
@@ -300,8 +375,8 @@ fn fullest(points: &Points, extent: &Extent, thickness: f64) -> f64 {
     };
     // A bit for each cell of the view.
     let mut filled = vec![[0u64; ROWS]; SLICES];
-    for p in &points.offsets {
-        filled[cell(p, 1, SLICES)][cell(p, 2, ROWS)] |= 1 << cell(p, 0, COLUMNS);
+    for p in points.offsets() {
+        filled[cell(&p, 1, SLICES)][cell(&p, 2, ROWS)] |= 1 << cell(&p, 0, COLUMNS);
     }
     let depth = extent.size(1);
     let width = ((thickness / depth * SLICES as f64).round() as usize).clamp(1, SLICES);
@@ -327,7 +402,7 @@ fn is_room(points: &Points, extent: &Extent) -> bool {
     }
     let (roof, floor) = (extent.low[2] + 0.85 * height, extent.low[2] + 0.3 * height);
     let mut cells = vec![(false, false); CELLS * CELLS];
-    for p in &points.offsets {
+    for p in points.offsets() {
         let cell = |axis: usize| {
             let share = (f64::from(p[axis]) - extent.low[axis]) / extent.size(axis);
             ((share * CELLS as f64) as usize).min(CELLS - 1)
@@ -396,7 +471,7 @@ mod tests {
         let dots = picture.width() * picture.height();
         let drawn = (0..dots)
             .map(|i| picture.dot(i % picture.width(), i / picture.width()))
-            .filter(|c| ![PAPER, GROUND, INK, FAINT].contains(c))
+            .filter(|c| ![DARK.paper, DARK.ground, DARK.ink, DARK.faint].contains(c))
             .count();
         drawn as f64 / f64::from(dots)
     }

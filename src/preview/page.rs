@@ -30,6 +30,8 @@ const SCRIPTS: [&str; 4] = [
 pub struct PageOptions {
     /// What the colours show first; height if the points lack the attribute.
     pub colour: ColourBy,
+    /// Whether the page begins in its light style.
+    pub light: bool,
     /// Name of the cloud, usually that of its file; may be empty.
     pub title: String,
     /// Maximum number of points; beyond it the points are divided into this number of equal runs, one point of each is
@@ -39,7 +41,7 @@ pub struct PageOptions {
 
 impl Default for PageOptions {
     fn default() -> PageOptions {
-        PageOptions { colour: ColourBy::Height, title: String::new(), max_points: 5_000_000 }
+        PageOptions { colour: ColourBy::Height, light: false, title: String::new(), max_points: 5_000_000 }
     }
 }
 
@@ -65,6 +67,7 @@ pub fn write_page(points: &Points, options: &PageOptions, out: &mut dyn Write) -
         ("heading", escaped(if options.title.is_empty() { "points" } else { &options.title })),
         ("facts", escaped(&facts(points, page))),
         ("css", STYLE.to_owned()),
+        ("theme", if options.light { "light" } else { "dark" }.to_owned()),
         ("meta", legends.meta(points, &packed, &chosen, options)),
         ("blocks", String::new()),
         ("script", format!("'use strict';\n(() => {{\n{}}})();\n", SCRIPTS.join("\n"))),
@@ -111,7 +114,7 @@ impl Legends {
         let ways: Vec<(ColourBy, Colouring)> = ColourBy::ALL
             .into_iter()
             .filter(|way| way.shown_by(points))
-            .map(|way| (way, Colouring::new(points, way)))
+            .map(|way| (way, Colouring::new(points, way, None)))
             .collect();
         Legends { ways }
     }
@@ -234,7 +237,7 @@ mod tests {
         assert!(!text.contains("http:") && !text.contains("https:") && !text.contains("{{"));
         let meta = meta(&text);
         assert_eq!(meta["low"], json!([500_000.0, 5_400_000.0, 100.0]));
-        assert_eq!(meta["class"]["entries"][0], json!([2, "2 ground", [176, 132, 88], 334]));
+        assert_eq!(meta["class"]["entries"][0], json!([2, "2 ground", [198, 178, 142], 334]));
         assert_eq!(meta["object"]["entries"][0][1], "</script><b>");
         assert!((meta["height"]["high"].as_f64().unwrap() - 9.9).abs() < 0.2, "{}", meta["height"]);
         assert!(

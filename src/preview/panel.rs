@@ -107,8 +107,8 @@ impl Panel {
             point: vec![u32::MAX; width * height],
         };
         let splat = splat(splat_radius(points, &projection, width, height));
-        for (i, p) in points.offsets.iter().enumerate() {
-            let Some((u, v, depth)) = projection.of(p) else { continue };
+        for (i, p) in points.offsets().enumerate() {
+            let Some((u, v, depth)) = projection.of(&p) else { continue };
             for &(du, dv, back) in &splat {
                 samples.offer((u + du).floor(), (v + dv).floor(), depth - back, i as u32);
             }
@@ -122,7 +122,7 @@ fn splat_radius(points: &Points, projection: &Projection, width: usize, height: 
     const CELL: usize = 8;
     let (columns, rows) = (width.div_ceil(CELL), height.div_ceil(CELL));
     let mut counts = vec![0u32; columns * rows];
-    for (u, v, _) in points.offsets.iter().filter_map(|p| projection.of(p)) {
+    for (u, v, _) in points.offsets().filter_map(|p| projection.of(&p)) {
         if u >= 0.0 && v >= 0.0 && (u as usize) < width && (v as usize) < height {
             counts[v as usize / CELL * columns + u as usize / CELL] += 1;
         }

@@ -1,7 +1,59 @@
-//! A point cloud in memory: 20 bytes per point, and a bounded number of points.
+//! A point cloud in memory: 24 bytes for each position and up to 12 for its attributes, and a bounded number of points.
 
+use crate::diag::{Diagnostics, Place};
 use crate::geom::{Aabb, DVec3, MAX_COORDINATE};
 use std::collections::HashMap;
+use std::path::Path;
+
+/// What the colours show.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ColourBy {
+    /// Height above the datum.
+    #[default]
+    Height,
+    /// Point class, in the customary colours of LAS classes.
+    Class,
+    /// Strength of the return.
+    Intensity,
+    /// Object that was hit.
+    Object,
+    /// Return number.
+    Return,
+    /// Leg that was flown.
+    Leg,
+    /// Device of the scanner.
+    Channel,
+    /// Time of the pulse.
+    Time,
+}
+
+impl ColourBy {
+    /// All of them.
+    pub const ALL: [ColourBy; 8] = [
+        ColourBy::Height,
+        ColourBy::Class,
+        ColourBy::Intensity,
+        ColourBy::Object,
+        ColourBy::Return,
+        ColourBy::Leg,
+        ColourBy::Channel,
+        ColourBy::Time,
+    ];
+
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            ColourBy::Height => "height",
+            ColourBy::Class => "class",
+            ColourBy::Intensity => "intensity",
+            ColourBy::Object => "object",
+            ColourBy::Return => "return",
+            ColourBy::Leg => "leg",
+            ColourBy::Channel => "channel",
+            ColourBy::Time => "time",
+        }
+    }
+}
 
 /// Maximum number of points that are kept.
 const MAX_POINTS: usize = 40_000_000;
@@ -38,12 +90,11 @@ pub struct Attributes {
     pub time: bool,
 }
 
-/// A point cloud. Positions are `f32` offsets from an origin near the points. When there are too many points, every
-/// second one of those kept is dropped.
+/// A point cloud. When there are too many points, every second one of those kept is dropped.
 #[derive(Clone, Debug)]
 pub struct Points {
     pub(super) attributes: Attributes,
-    pub(super) offsets: Vec<[f32; 3]>,
+    positions: Vec<DVec3>,
     pub(super) intensity: Vec<f32>,
     pub(super) class: Vec<u8>,
     pub(super) return_number: Vec<u8>,
@@ -55,8 +106,9 @@ pub struct Points {
     /// Seconds after the first point.
     pub(super) time: Vec<f32>,
     first_time: Option<f64>,
-    origin: Option<DVec3>,
     bounds: Aabb,
+    /// Whether 0 stands for no leg, and N + 1 for leg N.
+    legs_from_one: bool,
     object_numbers: HashMap<String, u16>,
     latest_object: u16,
     /// Number of points that were added, without those skipped.
@@ -65,6 +117,10 @@ pub struct Points {
     stride: u64,
     max_points: usize,
     skipped: u64,
+    odd_classes: u64,
+    /// Numbers of points with legs and channels above 255.
+    high_legs: u64,
+    high_channels: u64,
 }
 
 impl Default for Points {
@@ -78,7 +134,7 @@ impl Points {
     pub fn new(attributes: Attributes) -> Points {
         Points {
             attributes,
-            offsets: Vec::new(),
+            positions: Vec::new(),
             intensity: Vec::new(),
             class: Vec::new(),
             return_number: Vec::new(),
@@ -88,14 +144,17 @@ impl Points {
             channel: Vec::new(),
             time: Vec::new(),
             first_time: None,
-            origin: None,
-            bounds: Aabb::default(),
+            bounds: Aabb::EMPTY,
+            legs_from_one: false,
             object_numbers: HashMap::new(),
             latest_object: 0,
             added: 0,
             stride: 1,
             max_points: MAX_POINTS,
             skipped: 0,
+            odd_classes: 0,
+            high_legs: 0,
+            high_channels: 0,
         }
     }
 
@@ -107,21 +166,20 @@ impl Points {
             self.skipped += 1;
             return;
         }
-        let origin = *self.origin.get_or_insert(point.position);
         self.bounds = self.bounds.with(point.position);
-        if self.offsets.len() >= self.max_points {
+        if self.positions.len() >= self.max_points {
             self.drop_every_second();
         }
         self.added += 1;
         if !(self.added - 1).is_multiple_of(self.stride) {
             return;
         }
-        let offset = point.position - origin;
-        self.offsets.push([offset.x as f32, offset.y as f32, offset.z as f32]);
+        self.positions.push(point.position);
         if self.attributes.intensity {
             self.intensity.push(point.intensity);
         }
         if self.attributes.class {
+            self.odd_classes += u64::from(!(0..=255).contains(&point.class));
             self.class.push(point.class.clamp(0, 255) as u8);
         }
         if self.attributes.return_number {
@@ -132,9 +190,11 @@ impl Points {
             self.object.push(number);
         }
         if self.attributes.leg {
+            self.high_legs += u64::from(point.leg > 255);
             self.leg.push(point.leg.min(255) as u8);
         }
         if self.attributes.channel {
+            self.high_channels += u64::from(point.channel > 255);
             self.channel.push(point.channel.min(255) as u8);
         }
         if self.attributes.time {
@@ -149,7 +209,7 @@ impl Points {
             (0..kept).for_each(|i| values[i] = values[2 * i]);
             values.truncate(kept);
         }
-        halve(&mut self.offsets);
+        halve(&mut self.positions);
         halve(&mut self.intensity);
         halve(&mut self.class);
         halve(&mut self.return_number);
@@ -178,17 +238,34 @@ impl Points {
         self.latest_object
     }
 
-    /// Sets the origin of the offsets; by default it is the first point. It must be called before the first point is
-    /// added.
-    pub fn set_origin(&mut self, origin: DVec3) {
-        if self.offsets.is_empty() && origin.is_finite() {
-            self.origin = Some(origin);
-        }
+    /// From now on leg 0 of the points stands for no leg, and N + 1 for leg N.
+    pub fn count_legs_from_one(&mut self) {
+        self.legs_from_one = true;
     }
 
-    /// World position of a point that is kept, m, exact to half a millimetre within some kilometres of the origin.
+    pub(super) fn legs_from_one(&self) -> bool {
+        self.legs_from_one
+    }
+
+    /// World position of a point that is kept, m.
     pub fn position(&self, i: usize) -> DVec3 {
-        self.origin() + DVec3::from(self.offsets[i].map(f64::from))
+        self.positions[i]
+    }
+
+    /// World positions of the points that are kept, m.
+    pub fn positions(&self) -> &[DVec3] {
+        &self.positions
+    }
+
+    /// Position of a point relative to [`Points::origin`], m.
+    pub(super) fn offset(&self, i: usize) -> [f32; 3] {
+        rounded(self.positions[i] - self.origin())
+    }
+
+    /// The offsets of all points.
+    pub(super) fn offsets(&self) -> impl Iterator<Item = [f32; 3]> + Clone {
+        let origin = self.origin();
+        self.positions.iter().map(move |position| rounded(*position - origin))
     }
 
     /// Intensity of a point; `None` if the points have none.
@@ -201,14 +278,14 @@ impl Points {
         self.return_number.get(i).copied()
     }
 
-    /// World position of the origin of the offsets, m.
+    /// World position of the origin of offsets, the centre of the cloud's box, m.
     pub(super) fn origin(&self) -> DVec3 {
-        self.origin.unwrap_or(DVec3::ZERO)
+        if self.is_empty() { DVec3::ZERO } else { self.bounds.centre() }
     }
 
     /// Number of points that are kept.
     pub fn len(&self) -> usize {
-        self.offsets.len()
+        self.positions.len()
     }
 
     /// Number of points of the cloud, of which not all may be kept.
@@ -216,8 +293,9 @@ impl Points {
         self.added as usize
     }
 
+    /// Whether there are no points.
     pub fn is_empty(&self) -> bool {
-        self.offsets.is_empty()
+        self.positions.is_empty()
     }
 
     /// Box around the points, world frame, m; empty without points.
@@ -225,14 +303,54 @@ impl Points {
         if self.is_empty() { Aabb::EMPTY } else { self.bounds }
     }
 
+    /// Warnings of the points of the file `path` that are left out, and of classes that are not kept as they are.
+    pub fn doubts(&self, path: &Path) -> Diagnostics {
+        let mut found = Diagnostics::default();
+        let place = || Some(Place::of_file(path));
+        if self.skipped > 0 {
+            let count = self.skipped;
+            let message =
+                format!("{count} points without coordinates within ±{MAX_COORDINATE:e} m are left out");
+            found.warn(place(), message);
+        }
+        if self.odd_classes > 0 {
+            let count = self.odd_classes;
+            found.warn(
+                place(),
+                format!("{count} points have classes beyond 0 to 255, which count as 0 or 255"),
+            );
+        }
+        found
+    }
+
+    /// A warning of the points of the file `path` whose colour is that of other numbers, if the colours are `colour`.
+    pub fn doubts_of_colours(&self, path: &Path, colour: ColourBy) -> Diagnostics {
+        let (count, what) = match colour {
+            ColourBy::Leg => (self.high_legs, "legs"),
+            ColourBy::Channel => (self.high_channels, "channels"),
+            _ => (0, ""),
+        };
+        let mut found = Diagnostics::default();
+        if count > 0 {
+            let message = format!("{count} points have {what} above 255, which are shown as 255");
+            found.warn(Some(Place::of_file(path)), message);
+        }
+        found
+    }
+
     /// Number of points skipped because of their position.
     pub fn skipped(&self) -> u64 {
         self.skipped
     }
 
+    /// The attributes that the points have.
     pub fn attributes(&self) -> Attributes {
         self.attributes
     }
+}
+
+fn rounded(offset: DVec3) -> [f32; 3] {
+    [offset.x as f32, offset.y as f32, offset.z as f32]
 }
 
 #[cfg(test)]
@@ -247,7 +365,10 @@ mod tests {
         }
         points.push(&Point { position: DVec3::NAN, ..Point::default() });
         assert_eq!((points.len(), points.skipped()), (2, 1));
-        assert!((f64::from(points.offsets[1][0]) + points.origin().x - 478_001.456).abs() < 1e-6);
+        let doubts = points.doubts(Path::new("a.xyz")).render(false);
+        assert!(doubts.contains("1 points without coordinates") && doubts.contains("a.xyz"), "{doubts}");
+        assert_eq!(points.position(1), DVec3::new(478_001.456, 5_474_500.5, 110.25));
+        assert!((f64::from(points.offset(1)[0]) + points.origin().x - 478_001.456).abs() < 1e-6);
         assert_eq!(points.bounds().max.x, 478_001.456);
     }
 
@@ -267,8 +388,24 @@ mod tests {
         }
         assert_eq!((points.total(), points.len()), (100, 7));
         assert_eq!(points.class, [0, 16, 32, 48, 64, 80, 96]);
-        assert_eq!((points.intensity[6], points.offsets[6][0], points.object.len()), (96.0, 96.0, 7));
+        assert_eq!((points.intensity[6], points.position(6).x, points.object.len()), (96.0, 96.0, 7));
         assert_eq!(points.bounds().max.x, 99.0);
+    }
+
+    #[test]
+    fn numbers_beyond_those_that_are_kept_are_told() {
+        let all = Attributes { class: true, leg: true, channel: true, ..Attributes::default() };
+        let mut points = Points::new(all);
+        for (class, leg, channel) in [(5, 0, 3), (300, 255, 256), (-1, 300, 0), (255, 70, 1)] {
+            points.push(&Point { class, leg, channel, ..Point::default() });
+        }
+        assert_eq!((&points.class[..], &points.leg[..]), (&[5, 255, 0, 255][..], &[0, 255, 255, 70][..]));
+        let path = Path::new("a.las");
+        assert!(points.doubts(path).render(false).contains("2 points have classes beyond 0 to 255"));
+        let colours = |colour| points.doubts_of_colours(path, colour).render(false);
+        assert!(colours(ColourBy::Leg).contains("1 points have legs above 255"));
+        assert!(colours(ColourBy::Channel).contains("1 points have channels above 255"));
+        assert_eq!(colours(ColourBy::Class), "");
     }
 
     #[test]

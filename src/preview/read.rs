@@ -1,206 +1,88 @@
-//! Reads point clouds: text, LAS, LAZ, PLY, Arrow, Parquet.
+//! Reads point clouds into memory.
 
+use super::ColourBy;
 use super::points::{Attributes, Point, Points};
-use crate::diag::{Diagnostics, Place};
+use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::geom::MAX_COORDINATE;
-use crate::input::arrow::{ArrowDetection, detect_arrow};
-use crate::points::text::{Separators, is_heading, is_skipped};
-use crate::points::{Attribute, Columns, LasReader, PlyReader, PointReader, PointRow, Selection};
-use crate::store::FileBytes;
-use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
-use std::ops::Range;
+use crate::points::{self, Attribute, AttributeSet, PointRow, PointSink};
+use ::arrow_array::RecordBatch;
+use std::ops::ControlFlow;
 use std::path::Path;
 
-/// Reads a point cloud. The extension of the file name determines the format: `.las` and `.laz`, `.ply`, `.parquet`;
-/// everything else is text or an Arrow stream, distinguished by the first bytes. `-` reads one of these two from stdin.
+/// Reads a point cloud in any format of [`points`]; `-` is stdin. Returns the points and what is to be said of
+/// them: warnings, also of points that are left out, and notes on how the file was interpreted.
 ///
-/// Text has one point per line, columns separated by blanks, tabs, commas or semicolons: `x y z` and optionally an
-/// intensity in the fourth column; 11 columns are the point files of this program and of HELIOS++ (spec outputs §3). If
-/// the first line consists of more than four names, X, Y and Z among them, it names the columns. Empty lines, lines
-/// beginning with `#` or `//`, and a first line of other names are skipped.
+/// # Errors
+/// [`Error::Input`] when the file is of no format that is read or damaged, with the invalid lines of text.
+pub fn read_points(path: &Path) -> Result<(Points, Diagnostics)> {
+    let (mut collector, mut found) = (Collector::default(), Diagnostics::default());
+    points::read_points(path, &mut collector, &mut found)?;
+    let found = found.finish(false)?;
+    collector.ended(path, found)
+}
+
+/// The points of a table in memory, and what is to be said of them as [`read_points`] does, and of their colours.
 ///
-/// Fails with [`Error::Input`] when the file does not have its stated format, with the invalid lines of text.
-pub fn read_points(path: &Path) -> Result<Points> {
-    if path.as_os_str() == "-" {
-        return read_text_or_arrow(std::io::stdin().lock(), Path::new("<stdin>"));
+/// # Errors
+/// [`Error::Input`] for tables without the columns X, Y and Z, for columns of other numbers than integers and floats of 32 and
+/// 64 bits, and for empty ones.
+pub fn points_of_table(batch: &RecordBatch, colour: ColourBy) -> Result<(Points, Diagnostics)> {
+    const NAME: &str = "the table";
+    let (mut collector, mut found) = (Collector::default(), Diagnostics::default());
+    points::read_record_batch(batch, NAME, &mut collector, &mut found)?;
+    let (points, mut found) = collector.ended(Path::new(NAME), found)?;
+    found.extend(points.doubts_of_colours(Path::new(NAME), colour));
+    Ok((points, found))
+}
+
+/// Collects the points of a file.
+#[derive(Default)]
+struct Collector(Points);
+
+impl PointSink for Collector {
+    fn start(&mut self, attributes: AttributeSet) {
+        self.0 = Points::new(Attributes {
+            intensity: attributes.has(Attribute::Intensity),
+            class: attributes.has(Attribute::Class),
+            return_number: attributes.has(Attribute::ReturnNumber),
+            object: attributes.has(Attribute::Object),
+            leg: attributes.has(Attribute::Leg),
+            channel: attributes.has(Attribute::Channel),
+            time: attributes.has(Attribute::Time),
+        });
     }
-    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    match ending.as_str() {
-        "las" | "laz" => read_binary(path, true),
-        "ply" => read_binary(path, false),
-        "parquet" => super::read_table::read_parquet(path),
-        _ => {
-            let file = File::open(path).map_err(|e| Error::open(path, e))?;
-            read_text_or_arrow(BufReader::with_capacity(1 << 20, file), path)
-        }
+
+    fn point(&mut self, row: &PointRow, object: Option<&str>) -> ControlFlow<()> {
+        let mut number = itoa::Buffer::new();
+        self.0.push(&Point {
+            position: row.position,
+            intensity: row.intensity,
+            class: row.class.into(),
+            return_number: row.return_number.into(),
+            object: object.unwrap_or_else(|| number.format(row.object)),
+            leg: row.leg,
+            channel: row.channel,
+            time: row.time,
+        });
+        ControlFlow::Continue(())
     }
 }
 
-fn read_text_or_arrow(mut source: impl BufRead, path: &Path) -> Result<Points> {
-    // A pipe may deliver the first bytes one by one.
-    let mut first = Vec::new();
-    while detect_arrow(&first) == ArrowDetection::NeedMoreBytes {
-        let arrived = source.fill_buf().map_err(|e| Error::io("read", path, e))?;
-        if arrived.is_empty() {
-            break;
-        }
-        let count = arrived.len().min(8 - first.len());
-        first.extend_from_slice(&arrived[..count]);
-        source.consume(count);
-    }
-    let is_arrow = detect_arrow(&first) == ArrowDetection::Arrow;
-    let whole = std::io::Cursor::new(first).chain(source);
-    if is_arrow { super::read_table::read_arrow(whole, path) } else { read_text(whole, path) }
-}
-
-/// Reads a binary file of points.
-fn read_binary(path: &Path, is_las: bool) -> Result<Points> {
-    let file = FileBytes::open(path).map_err(|e| Error::open(path, e))?;
-    let failed = |problem: String| Error::input(format!("{}: {problem}", path.display()));
-    let mut reader: Box<dyn PointReader + '_> = match is_las {
-        true => Box::new(LasReader::open(&file, Selection::All).map_err(failed)?),
-        false => Box::new(PlyReader::open(&file).map_err(failed)?),
-    };
-    let mut points = Points::new(attributes(|attribute| reader.has(attribute)));
-    if let Some(centre) = reader.stated_centre() {
-        points.set_origin(centre);
-    }
-    let mut batch = Vec::new();
-    let mut more = true;
-    while more {
-        batch.clear();
-        more = reader.read_batch(&mut batch).map_err(failed)?;
-        for row in &batch {
-            push_row(&mut points, row, None);
-        }
-    }
-    not_empty(points, path)
-}
-
-/// Adds a point; `object` replaces the number of its object.
-pub(super) fn push_row(points: &mut Points, row: &PointRow, object: Option<&str>) {
-    let mut number = itoa::Buffer::new();
-    points.push(&Point {
-        position: row.position,
-        intensity: row.intensity,
-        class: row.class.into(),
-        return_number: row.return_number.into(),
-        object: object.unwrap_or_else(|| number.format(row.object)),
-        leg: row.leg,
-        channel: row.channel,
-        time: row.time,
-    });
-}
-
-/// Returns the points, or an error if there are none.
-pub(super) fn not_empty(points: Points, path: &Path) -> Result<Points> {
-    match points.is_empty() {
-        true if points.skipped() > 0 => Err(Error::input(format!(
-            "{} holds no points with coordinates within ±{MAX_COORDINATE:e} m",
-            path.display()
-        ))),
-        true => Err(Error::input(format!("{} holds no points", path.display()))),
-        false => Ok(points),
-    }
-}
-
-/// The attributes for which `has` is true.
-pub(super) fn attributes(has: impl Fn(Attribute) -> bool) -> Attributes {
-    Attributes {
-        intensity: has(Attribute::Intensity),
-        class: has(Attribute::Class),
-        return_number: has(Attribute::ReturnNumber),
-        object: has(Attribute::Object),
-        leg: has(Attribute::Leg),
-        channel: has(Attribute::Channel),
-        time: has(Attribute::Time),
-    }
-}
-
-/// Number of problems after which reading stops.
-const MAX_PROBLEMS: usize = 10;
-
-/// Maximum length of a line, bytes: a binary file without line ends must not fill the memory.
-const MAX_LINE_BYTES: u64 = 1 << 16;
-
-/// Reads text; `path` is the name of the file in messages.
-fn read_text(mut source: impl BufRead, path: &Path) -> Result<Points> {
-    let mut problems = Diagnostics::default();
-    let mut points: Option<Points> = None;
-    let (mut line, mut words) = (Vec::new(), Vec::new());
-    let mut named: Option<Columns> = None;
-    let mut is_first = true;
-    for number in 1.. {
-        line.clear();
-        let read = source.by_ref().take(MAX_LINE_BYTES).read_until(b'\n', &mut line);
-        if read.map_err(|e| Error::io("read", path, e))? == 0 {
-            break;
-        }
-        let text = line.trim_ascii_end();
-        let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
-        if is_skipped(text) {
-            continue;
-        }
-        words.clear();
-        words.extend(Separators::guess(text).split(text));
-        let columns = named.unwrap_or_else(|| columns_by_count(text, &mut words));
-        match columns.parse(text, &words) {
-            Ok(row) => {
-                let object = columns.get(Attribute::Object).and_then(|column| words.get(column));
-                let object = object.map(|at| String::from_utf8_lossy(text[at.clone()].trim_ascii()));
-                let points = points.get_or_insert_with(|| Points::new(attributes(|a| columns.has(a))));
-                push_row(points, &row, object.as_deref());
-            }
-            Err(_) if is_first && is_heading(text, &words) => {
-                let name = |at: &Range<usize>| String::from_utf8_lossy(&text[at.clone()]).trim().to_owned();
-                let names: Vec<String> = words.iter().map(name).collect();
-                let found = Columns::find(names.iter().map(|name| name.trim_matches('"')));
-                let has_position = Attribute::POSITION.iter().all(|a| found.has(*a));
-                named = Some(found).filter(|_| has_position && names.len() > 4);
-            }
-            Err(bad) => {
-                let shown = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-                let (before, found) = (shown(&text[..bad.at.start]), shown(text[bad.at].trim_ascii()));
-                let place =
-                    Place::in_line(path, number, &shown(text), before.len()..before.len() + found.len());
-                let found =
-                    if found.is_empty() { "the end of the line".to_owned() } else { format!("{found:?}") };
-                problems.error(Some(place), format!("expected {}, found {found}", bad.attribute.described()));
-                if problems.items().len() == MAX_PROBLEMS {
-                    break;
-                }
+impl Collector {
+    /// The points with what was found and what is to be said of them, or an error if there are none.
+    fn ended(self, path: &Path, mut found: Diagnostics) -> Result<(Points, Diagnostics)> {
+        match self.0.is_empty() {
+            true if self.0.skipped() > 0 => Err(Error::input(format!(
+                "{} holds no points with coordinates within ±{MAX_COORDINATE:e} m",
+                path.display()
+            ))),
+            true => Err(Error::input(format!("{} holds no points", path.display()))),
+            false => {
+                found.extend(self.0.doubts(path));
+                Ok((self.0, found))
             }
         }
-        is_first = false;
-    }
-    problems.finish(false)?;
-    not_empty(points.unwrap_or_default(), path)
-}
-
-/// Number of columns of the point files of this program and of HELIOS++ (spec outputs §3).
-const FULL_COLUMNS: usize = 11;
-
-/// Assigns columns by the number of words of a line. The name of the hit object may be empty, which is not visible
-/// between blanks: its word is inserted then.
-fn columns_by_count(line: &[u8], words: &mut Vec<Range<usize>>) -> Columns {
-    const OBJECT: usize = 8;
-    words.truncate(FULL_COLUMNS);
-    if words.len() == FULL_COLUMNS - 1 && !line.iter().any(|b| matches!(b, b',' | b';')) {
-        words.insert(OBJECT, 0..0);
-    }
-    let columns = Attribute::POSITION.into_iter().zip(0..);
-    let columns = columns.fold(Columns::default(), |columns, (a, column)| columns.with(a, column));
-    match words.len() {
-        FULL_COLUMNS => columns
-            .with(Attribute::Intensity, 3)
-            .with(Attribute::ReturnNumber, 5)
-            .with(Attribute::Object, OBJECT)
-            .with(Attribute::Class, 9)
-            .with(Attribute::Time, 10),
-        4.. => columns.with(Attribute::Intensity, 3),
-        _ => columns,
     }
 }
 
@@ -209,8 +91,118 @@ mod tests {
     use super::*;
     use crate::geom::DVec3;
 
+    fn read_bytes(bytes: &[u8], name: &str) -> Result<Points> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        read_points(&path).map(|(points, _)| points)
+    }
+
     fn read(text: &str) -> Result<Points> {
-        read_text(text.as_bytes(), Path::new("cloud.xyz"))
+        read_bytes(text.as_bytes(), "cloud.xyz")
+    }
+
+    /// What is said of a file that is read.
+    fn said(bytes: &[u8], name: &str) -> String {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        read_points(&path).unwrap().1.render(false)
+    }
+
+    #[test]
+    fn lines_end_in_any_way() {
+        let rows: Vec<String> = (0..100).map(|i| format!("{i} 0 5")).collect();
+        for end in ["\n", "\r\n", "\r"] {
+            for head in ["", "x y z", "# x y z", "//X Y Z"] {
+                let text = [vec![head.to_owned()], rows.clone()].concat().join(end);
+                let points = read(&text).unwrap();
+                assert_eq!((points.len(), points.bounds().max.x), (100, 99.0), "{end:?} {head:?}");
+            }
+            // A file behind another one whose lines end otherwise.
+            let both = format!("1 2 3\n{}{end}", rows.join(end));
+            assert_eq!(read(&both).unwrap().len(), 101, "{end:?}");
+            let pts = [vec!["100".to_owned()], rows.clone()].concat().join(end);
+            assert_eq!(read_bytes(pts.as_bytes(), "a.pts").unwrap().len(), 100, "{end:?}");
+            let pcd = "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 100\nHEIGHT 1\nDATA ascii\n";
+            let pcd = pcd.replace('\n', end) + &rows.join(end);
+            assert_eq!(read_bytes(pcd.as_bytes(), "a.pcd").unwrap().len(), 100, "{end:?}");
+            let ply = "ply\nformat ascii 1.0\nelement vertex 100\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
+            let ply = ply.replace('\n', end) + &rows.join(end);
+            assert_eq!(read_bytes(ply.as_bytes(), "a.ply").unwrap().len(), 100, "{end:?}");
+        }
+        let Err(Error::Input(report)) = read("1 2 3\r4 5 6\r7 two 9\r") else { panic!("read") };
+        assert!(report.render(false).contains("cloud.xyz:3:3"), "{}", report.render(false));
+    }
+
+    #[test]
+    fn elements_of_text_ply_need_no_lines() {
+        let header = "ply\nformat ascii 1.0\nelement camera 1\nproperty list uchar int k\nelement vertex 2\n\
+                      property float x\nproperty float y\nproperty float z\nend_header\n";
+        for rows in ["1 7\n1 2 3\n4 5 6\n", "1\n7\n\n1 2\n3\n\n4 5 6", "1 7 1 2 3 4 5 6 "] {
+            let points = read_ply(format!("{header}{rows}").as_bytes()).unwrap();
+            assert_eq!((points.len(), points.bounds().max), (2, DVec3::new(4.0, 5.0, 6.0)), "{rows:?}");
+        }
+        for (rows, expected, is_cut) in [
+            ("1 7\n1 2 3\n4 5", "the end of the file; is it whole? (after 1 of 2 elements \"vertex\")", true),
+            ("1 7\n1 2 3\n4 5,5 6", "found \"5,5\", which has a decimal comma", false),
+            ("9 7\n1 2 3\n4 5 six", "found \"six\"", false),
+        ] {
+            let Err(Error::Input(report)) = read_ply(format!("{header}{rows}").as_bytes()) else {
+                panic!("read {rows:?}")
+            };
+            let report = report.render(false);
+            assert!(report.contains(expected) && report.contains("whole") == is_cut, "{report}");
+        }
+    }
+
+    #[test]
+    fn values_that_are_not_used_as_written_are_told_with_their_place() {
+        let text = "x,y,z,class,return,leg,ring,time\n1,2,3,300,1,0,0,5\n4,5,6,-1,1,0,0,5\n\
+                    7,8,9,2.7,1,0,0,5\n7,8,9,nan,400,A,-3,noon\n7,8,9,5,1,1,1,5\n";
+        let report = said(text.as_bytes(), "a.csv");
+        for part in [
+            "4 points have a class that is no whole number from 0 to 255",
+            "a.csv:2:7",
+            "1 point has a return number",
+            "a.csv:5:11",
+            "1 point has a leg",
+            "1 point has a channel",
+            "1 point has a time that is no number",
+        ] {
+            assert!(report.contains(part), "{part} is missing from {report}");
+        }
+        let points = read(text).unwrap();
+        assert_eq!(points.class, [255, 0, 2, 0, 5]);
+        // Names of objects are no numbers.
+        assert_eq!(said(b"x,y,z,object,class\n1,2,3,oak,5\n1,2,3,2.5,255\n", "a.csv"), "");
+        let ply = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n\
+                   property float label\nend_header\n1 2 3 0.5\n4 5 6 7\n";
+        assert!(said(ply.as_bytes(), "a.ply").contains("1 point has a class"));
+        let skipped = said(b"inf 0 0\n1 2 3\n", "a.xyz");
+        assert!(skipped.contains("1 points without coordinates"), "{skipped}");
+    }
+
+    #[test]
+    fn decimal_commas_are_named_whatever_separates_the_columns() {
+        for text in [
+            "1,5\t2,5\t3,5\n",
+            "1,5 2,5 3,5\n",
+            "x y z\n1,5 2,5 3,5\n",
+            "X\tY\tZ\n1,5\t2,5\t3,5\n",
+            "1,5;2,5;3,5\n",
+            "1 2 3\n4 5,5 6\n",
+            "2\n1,5 2,5 3,5 100\n4,5 5,5 6,5 100\n",
+            "2\n1 2 3 100\n4,5 5,5 6,5 100\n",
+        ] {
+            let Err(Error::Input(report)) = read(text) else { panic!("read {text:?}") };
+            let report = report.render(false);
+            assert!(
+                report.contains("decimal comma") && report.contains("decimal point"),
+                "{text:?}: {report}"
+            );
+            assert!(!report.contains("columns are named"), "{text:?}: {report}");
+        }
     }
 
     #[test]
@@ -272,7 +264,7 @@ mod tests {
     #[test]
     fn rubbish_ends_in_a_report() {
         for bytes in [&b""[..], b"\n\n", b"#only a comment\n", b"\xff\xfe\x00\x01\x02", &[0u8; 300_000]] {
-            assert!(matches!(read_text(bytes, Path::new("rubbish")), Err(Error::Input(_))));
+            assert!(matches!(read_bytes(bytes, "rubbish"), Err(Error::Input(_))));
         }
         // Infinite coordinates are numbers; the point is skipped.
         assert!(matches!(read("inf 0 0\n"), Err(Error::Input(_))));
@@ -324,7 +316,7 @@ mod tests {
     fn las_and_laz_give_position_class_return_amplitude_and_object() {
         for (name, compressed) in [("a.las", false), ("b.laz", true)] {
             let (_folder, path) = written(name, compressed);
-            let points = read_points(&path).unwrap();
+            let points = read_points(&path).unwrap().0;
             assert_eq!(points.len(), 1000, "{name}");
             assert!((points.bounds().max.x - 99.9).abs() < 1e-9);
             assert_eq!(points.class[7], 5);
@@ -351,10 +343,7 @@ mod tests {
                           property int hit_object_id\nproperty list uchar int unused\nend_header\n";
 
     fn read_ply(bytes: &[u8]) -> Result<Points> {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("cloud.ply");
-        std::fs::write(&path, bytes).unwrap();
-        read_points(&path)
+        read_bytes(bytes, "cloud.ply")
     }
 
     fn check(points: &Points) {

@@ -3,11 +3,12 @@
 
 use super::wave::{NearestPulses, Wave};
 use crate::error::{Error, Result};
+use crate::files::reads;
 use crate::geom::DVec3;
 use crate::points::{LasReader, Selection};
 use crate::store::FileBytes;
-use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 /// Speed of light, m/ns.
@@ -42,12 +43,14 @@ pub fn read_packet(path: &Path, number_wanted: u64) -> Result<Wave> {
         more = reader
             .read_records(|record, position| {
                 // Files store the low 32 bits of the number.
-                let Some(pulse) = index.value(record).map(|pulse| pulse as i64 as u32) else { return };
+                let Some(pulse) = index.value(record).map(|pulse| pulse as i64 as u32) else {
+                    return ControlFlow::Continue(());
+                };
                 near.see(u64::from(pulse), number_wanted);
                 if u64::from(pulse) != number_wanted & u64::from(u32::MAX) {
-                    return;
+                    return ControlFlow::Continue(());
                 }
-                let Some(packet) = Packet::of(record, packet_at) else { return };
+                let Some(packet) = Packet::of(record, packet_at) else { return ControlFlow::Continue(()) };
                 match &found {
                     Some((first, _)) => duplicates += u64::from(*first != packet),
                     None => {
@@ -56,9 +59,11 @@ pub fn read_packet(path: &Path, number_wanted: u64) -> Result<Wave> {
                         found = Some((packet, Echo { position, range, gps_time }));
                     }
                 }
+                ControlFlow::Continue(())
             })
             .map_err(failed)?;
     }
+    file.check_unchanged().map_err(|e| Error::io("read", path, e))?;
     let (packet, echo) = found.ok_or_else(|| Error::input(near.advice(path, number_wanted)))?;
     let wave = packet.wave(number_wanted, &echo, &reader, path)?;
     Ok(Wave { duplicates, ..wave })
@@ -170,7 +175,7 @@ impl Packet {
         if self.bytes > MAX_PACKET_BYTES {
             return Err(Error::input(format!("{}: a packet of {} bytes", path.display(), self.bytes)));
         }
-        let mut file = File::open(path).map_err(failed(path))?;
+        let mut file = reads::open(path).map_err(failed(path))?;
         let mut head = [0; 235];
         file.read_exact(&mut head).map_err(failed(path))?;
         let encoding = u16::from_le_bytes([head[6], head[7]]);
@@ -181,7 +186,7 @@ impl Packet {
         // Global encoding: bit 1 means within the file, bit 2 in a file beside it.
         if encoding & 4 != 0 || start == 0 {
             (home, start) = (beside(path), 0);
-            file = File::open(&home).map_err(failed(&home))?;
+            file = reads::open(&home).map_err(failed(&home))?;
         }
         let mut bytes = Vec::new();
         file.seek(SeekFrom::Start(start.saturating_add(self.offset)))

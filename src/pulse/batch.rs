@@ -14,6 +14,8 @@ pub struct Batch {
     pub emitted: u32,
     /// Leg number in records, if it differs from the survey leg's number: for streamed pulses.
     pub leg_number: Option<u32>,
+    /// Pulses that hit and gave no echo.
+    pub weak: WeakPulses,
     /// Echoes, pulse by pulse, by return number within a pulse.
     pub echoes: Vec<Echo>,
     /// True causes of echoes, if they are recorded or differ from the reported values; see [`Echo::truth_index`].
@@ -28,12 +30,32 @@ pub struct Batch {
     pub poses: Vec<PoseSample>,
 }
 
+/// Pulses whose light came back, but too weak to be detected.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WeakPulses {
+    pub count: u64,
+    /// Largest amplitude that one of them had at the detector, nW.
+    pub strongest: f64,
+    /// Detection threshold of that one, nW.
+    pub threshold: f64,
+}
+
+impl WeakPulses {
+    pub fn add(&mut self, other: &WeakPulses) {
+        self.count += other.count;
+        if other.strongest > self.strongest {
+            (self.strongest, self.threshold) = (other.strongest, other.threshold);
+        }
+    }
+}
+
 impl Batch {
     /// Empties the batch for the next chunk; memory is kept.
     pub fn clear(&mut self, leg: u32) {
         self.leg = leg;
         self.emitted = 0;
         self.leg_number = None;
+        self.weak = WeakPulses::default();
         self.echoes.clear();
         self.truths.clear();
         self.waveforms.clear();

@@ -35,8 +35,8 @@ impl ClusterRule {
             && shape.peak >= 1
             && shape.peak + 2 < shape.samples.len();
         is_simple.then(|| ClusterRule {
-            // The last pulse may start almost a bin later than its bin.
-            reach: (shape.concave_reach() as i64 - 1).clamp(0, MAX_REACH),
+            // The last pulse may start almost a bin later than its bin; in wide bins even two pulses in one bin may part.
+            reach: (shape.concave_reach() as i64 - 1).min(MAX_REACH),
             gap: shape.samples.len() as i64 + rule.window as i64,
             threshold: rule.threshold,
             window: rule.window as usize,
@@ -75,15 +75,16 @@ impl ClusterDetector {
         if !profile.intensities().iter().sum::<f64>().is_finite() {
             return false;
         }
-        let start = nearest / c - shape.peak as f64 * shape.bin;
-        self.starts.compute(profile, detector, 0.0);
+        let (lead_bins, late) = shape.first_start();
+        let start = nearest / c - lead_bins * shape.bin;
+        self.starts.compute(profile, detector, late);
         let count = profile.ranges().len();
         let max_returns = if detector.max_returns > 0 { detector.max_returns as usize } else { usize::MAX };
         let mut report = |t: SampledPeak| {
-            let position = t.bin as f64 + shape.offset(t.before, t.after);
-            let range = c * (position * shape.bin + start);
+            let maximum = shape.maximum([t.before, t.top, t.after]);
+            let range = c * ((t.bin as f64 + maximum.offset) * shape.bin + start);
             if is_kept(range) && out.len() < max_returns {
-                out.push(Return { range, amplitude: t.top, width: 0.0, is_noise: false });
+                out.push(Return { range, amplitude: maximum.amplitude, width: 0.0, is_noise: false });
             }
         };
         let mut i = 0;
@@ -218,7 +219,7 @@ mod tests {
             let rule = ClusterRule::new(&detector.shape, &detector.rule).expect("a fast path");
             let (mut found, mut all) = (Vec::new(), Vec::new());
             prop_assert!(ClusterDetector::default().detect(&rule, &ReturnProfile::of(&map), &detector, |_| true, &mut found));
-            detect(Portable, &received(&map, &detector), (&detector, None), false, |_| true, &mut all);
+            detect(Portable, &received(&map, &detector), (&detector, None), None, |_| true, &mut all);
             prop_assert_eq!(all, found);
         }
     }

@@ -11,38 +11,42 @@ use crate::tree::simd::Simd;
 /// Minimum fitted width of an echo, ns; narrower echoes are dropped.
 const MIN_ECHO_WIDTH: f64 = 0.1;
 
-/// Appends the returns of `waveform` whose range `is_kept` accepts, nearest first, up to the detector's maximum.
+/// Appends the returns of `waveform` whose range `is_kept` accepts, nearest first, up to the detector's maximum. Widths
+/// are fitted to `fitted`, if it is given: the waveform as the receiver puts it out.
 #[inline(always)]
 pub(super) fn detect<S: Simd>(
     simd: S,
     waveform: &Waveform,
     (detector, receiver): (&DetectorSettings, Option<&ReceiverModel>),
-    echo_width: bool,
+    fitted: Option<&Waveform>,
     is_kept: impl Fn(f64) -> bool,
     out: &mut Vec<Return>,
 ) {
     let corrections = &detector.corrections;
     let (shape, max_returns) = (&detector.shape, detector.max_returns as usize);
-    for (bin, amplitude) in Peaks::of(simd, waveform, detector.rule) {
-        let width = if echo_width {
-            let reach = corrections.local_fit.then_some(shape.samples.len() as u64);
-            let width = fit::width(waveform, bin, amplitude, reach) * shape.bin;
-            if width < MIN_ECHO_WIDTH && !corrections.keep_narrow_echoes {
-                continue;
-            }
-            width
-        } else {
-            0.0
-        };
-        let mut position = bin as f64;
-        if corrections.fractional_bins && bin > 0 {
+    for (bin, sample) in Peaks::of(simd, waveform, detector.rule) {
+        let width = fitted.map_or(0.0, |fitted| {
+            let width = match corrections.local_fit {
+                true => fit::local_width(fitted, bin, shape.samples.len() as u64),
+                false => fit::width(fitted, bin, sample),
+            };
+            width * shape.bin
+        });
+        if fitted.is_some() && width < MIN_ECHO_WIDTH && !corrections.keep_narrow_echoes {
+            continue;
+        }
+        let (mut position, mut amplitude) = (bin as f64, sample);
+        if corrections.fractional_bins {
+            let before = bin.checked_sub(1).map_or(0.0, |bin| waveform.at(bin));
+            let maximum = shape.maximum([before, sample, waveform.at(bin + 1)]);
             let calibrated = receiver.and_then(|r| r.offset(waveform, bin));
-            position +=
-                calibrated.unwrap_or_else(|| shape.offset(waveform.at(bin - 1), waveform.at(bin + 1)));
+            position += calibrated.unwrap_or(maximum.offset);
+            amplitude = maximum.amplitude;
         }
         let mut range = detector.light_speed * (position * shape.bin + waveform.start);
         if let Some(receiver) = receiver {
             range += receiver.walk(amplitude);
+            amplitude = receiver.output(amplitude);
         }
         if !is_kept(range) {
             continue;
@@ -79,7 +83,7 @@ mod tests {
 
     fn returns(of: &[(f64, f64)], detector: &DetectorSettings) -> Vec<Return> {
         let mut out = Vec::new();
-        detect(Portable, &received(of, detector), (detector, None), false, |_| true, &mut out);
+        detect(Portable, &received(of, detector), (detector, None), None, |_| true, &mut out);
         out
     }
 

@@ -1,6 +1,6 @@
 //! Turns the hits of a pulse into its records: reflections, waveform, returns, echoes.
 
-use super::batch::Batch;
+use super::batch::{Batch, WeakPulses};
 use super::cluster::ClusterDetector;
 use super::detect::{attribute, detect};
 use super::detector::{DetectorSettings, Return};
@@ -32,7 +32,15 @@ pub(super) struct Detection {
     sources: ReflectionSources,
     clusters: ClusterDetector,
     waveform: Waveform,
+    /// The waveform after saturation, where it is needed.
+    saturated: Waveform,
     returns: Vec<Return>,
+}
+
+/// Direction in the axes of the scanner's mount.
+#[inline(never)]
+fn in_scanner(pulse: &Pulse, direction: DVec3) -> DVec3 {
+    pulse.scanner_attitude.inverse().apply(direction)
 }
 
 /// Direction of the beam as it is traced; no component is a negative zero.
@@ -54,6 +62,13 @@ pub(super) fn pulse_record(pulse: &Pulse) -> PulseRecord {
 /// The near-range filter. NaN passes.
 fn is_too_near(range: f64, detector: &DetectorSettings) -> bool {
     range < detector.range_min
+}
+
+/// Whether the device's range error puts a return beyond the maximum range.
+fn is_moved_too_far(range: f64, pulse: &Pulse, detector: &DetectorSettings) -> bool {
+    detector.corrections.range_gate
+        && pulse.range_error > 0.0
+        && range + pulse.range_error > detector.range_max
 }
 
 impl Detection {
@@ -78,8 +93,10 @@ impl Detection {
         }
         self.profile.sort_by_range(simd, &self.reflections, corrections.sum_equal_ranges);
         self.returns.clear();
-        let is_kept =
-            |range: f64| !corrections.count_kept_returns || !is_too_near(range + pulse.range_error, detector);
+        let is_kept = |range: f64| {
+            (!corrections.count_kept_returns || !is_too_near(range + pulse.range_error, detector))
+                && !is_moved_too_far(range, pulse, detector)
+        };
         if corrections.smooth_slopes && !self.reflections.is_empty() {
             let triangles = &mut self.scratch.triangles;
             self.slopes.merge(
@@ -97,10 +114,17 @@ impl Detection {
             }
             let draw = (pulse.device, pulse.number);
             if let Some(model) = model {
-                model.distort(&mut self.waveform, options.record_waveforms, draw);
+                model.add_noise(&mut self.waveform, options.record_waveforms, draw);
             }
-            let width = options.echo_width;
-            detect(simd, &self.waveform, (detector, model), width, is_kept, &mut self.returns);
+            let mut output = &self.waveform;
+            if let Some(model) = model.filter(|m| m.can_saturate())
+                && (options.echo_width || options.record_waveforms)
+            {
+                model.saturate(&self.waveform, &mut self.saturated);
+                output = &self.saturated;
+            }
+            let fitted = options.echo_width.then_some(output);
+            detect(simd, &self.waveform, (detector, model), fitted, is_kept, &mut self.returns);
             if let Some(model) = model {
                 model.add_false_alarms(&self.waveform, detector, draw, &mut self.returns);
             }
@@ -113,13 +137,29 @@ impl Detection {
             return Ok(());
         }
         if self.returns.is_empty() {
+            self.count_weak(detector, pulse, batch);
             return Ok(());
         }
-        self.emit_echoes(view, instrument, options.record_truth.then_some(&traced), pulse, batch);
+        let in_scanner =
+            options.record_scanner_axes.then(|| in_scanner(pulse, pulse.reported_attitude.forward()));
+        let recorded = (options.record_truth.then_some(&traced), in_scanner.unwrap_or_default());
+        self.emit_echoes(view, instrument, recorded, pulse, batch);
         if options.record_waveforms && self.waveform.bins > 0 {
             self.emit_waveform(physics, instrument, pulse, batch)?;
         }
         Ok(())
+    }
+
+    /// Counts a pulse without a return whose light, all at once, would stay below the threshold. Others have no return
+    /// because they hit too near.
+    #[inline(never)]
+    fn count_weak(&self, detector: &DetectorSettings, pulse: &Pulse, batch: &mut Batch) {
+        let is_measured = |range: &&f64| !is_too_near(**range + pulse.range_error, detector);
+        let strongest = self.reflections.intensities().iter().sum::<f64>() * detector.shape.top;
+        let threshold = detector.rule.threshold;
+        if strongest < threshold && self.reflections.ranges().iter().any(|range| is_measured(&range)) {
+            batch.weak.add(&WeakPulses { count: 1, strongest, threshold });
+        }
     }
 
     /// Detects returns without a sampled waveform; `false` if that is not possible.
@@ -141,13 +181,14 @@ impl Detection {
     }
 
     /// Appends an echo for each return: its range error and the surface it is attributed to (spec pulse-physics
-    /// §4.7–4.9). `traced` is given if the truth of the echoes is recorded.
+    /// §4.7–4.9). `traced` is given if the truth of the echoes is recorded, `in_scanner` is the beam's direction in the
+    /// axes of the scanner.
     #[inline(always)]
     fn emit_echoes(
         &mut self,
         view: &SceneView,
         instrument: &Instrument,
-        traced: Option<&TracedPulse>,
+        (traced, in_scanner): (Option<&TracedPulse>, DVec3),
         pulse: &Pulse,
         batch: &mut Batch,
     ) {
@@ -156,16 +197,15 @@ impl Detection {
         let has_navigation_error =
             pulse.origin_error != DVec3::ZERO || pulse.reported_attitude != pulse.exact_attitude;
         let beam = [pulse.origin, pulse.exact_attitude.forward()];
-        let in_scanner = traced.map_or(DVec3::ZERO, |_| pulse.scanner_attitude.inverse().apply(direction));
         for (number, r) in (1..).zip(&self.returns) {
             let source = if r.is_noise { None } else { self.source_of(r, instrument) };
             let Some(source) = source else {
                 let mut truth_index = Echo::NO_TRUTH;
                 if traced.is_some() {
                     truth_index = batch.truths.len() as u32;
-                    batch.truths.push(EchoTruth { beam, in_scanner, ..EchoTruth::default() });
+                    batch.truths.push(EchoTruth::unknown(beam));
                 }
-                batch.echoes.push(Echo { truth_index, ..self.false_alarm(pulse, number, r) });
+                batch.echoes.push(Echo { truth_index, in_scanner, ..self.false_alarm(pulse, number, r) });
                 continue;
             };
             let primitive = self.reflections.primitives()[source];
@@ -180,10 +220,9 @@ impl Detection {
             let mut truth_index = Echo::NO_TRUTH;
             if traced.is_some() || has_navigation_error {
                 truth_index = batch.truths.len() as u32;
-                batch.truths.push(traced.map_or(EchoTruth { beam, ..EchoTruth::default() }, |traced| {
+                batch.truths.push(traced.map_or(EchoTruth::unknown(beam), |traced| {
                     let found = (&self.reflections, &mut self.scratch.triangles);
-                    let truth = self.sources.of_return(number, source, view, (traced, beam), found);
-                    EchoTruth { in_scanner, ..truth }
+                    self.sources.of_return(number, source, view, (traced, beam), found)
                 }));
             }
             batch.echoes.push(Echo {
@@ -191,6 +230,7 @@ impl Detection {
                 position: origin,
                 origin,
                 direction,
+                in_scanner,
                 range,
                 true_range: self.reflections.ranges()[source],
                 intensity: r.amplitude,
@@ -225,16 +265,18 @@ impl Detection {
     #[inline(never)]
     fn emit_subrays(&mut self, view: &SceneView, traced: &TracedPulse, pulse: &Pulse, batch: &mut Batch) {
         for i in 0..self.reflections.count() {
-            let direction = traced.direction(self.sources.subray_of(i) as usize);
+            let subray = self.sources.subray_of(i) as usize;
+            let (origin, direction) = (traced.start(subray), traced.direction(subray));
             let found = (&self.reflections, &mut self.scratch.triangles);
-            let truth = self.sources.of_reflection(i, view, (traced, [pulse.origin, direction]), found);
-            let in_scanner = pulse.scanner_attitude.inverse().apply(direction);
+            let truth = self.sources.of_reflection(i, view, (traced, [origin, direction]), found);
             let primitive = self.reflections.primitives()[i];
             let (part, classification) = view.part_and_class(primitive);
             let range = self.reflections.ranges()[i];
             batch.echoes.push(Echo {
                 position: truth.surface,
+                origin,
                 direction,
+                in_scanner: in_scanner(pulse, direction),
                 range,
                 true_range: range,
                 intensity: self.reflections.intensities()[i],
@@ -247,7 +289,7 @@ impl Detection {
                 truth_index: batch.truths.len() as u32,
                 ..Echo::miss(&pulse_record(pulse))
             });
-            batch.truths.push(EchoTruth { in_scanner, ..truth });
+            batch.truths.push(truth);
         }
     }
 
@@ -273,7 +315,8 @@ impl Detection {
         pulse: &Pulse,
         batch: &mut Batch,
     ) -> Result<()> {
-        let waveform = &self.waveform;
+        let is_saturated = instrument.receiver.as_ref().is_some_and(ReceiverModel::can_saturate);
+        let waveform = if is_saturated { &self.saturated } else { &self.waveform };
         if waveform.bins > MAX_RECORD_SAMPLES {
             return Err(Error::input(format!(
                 "the waveform of pulse {} of device {} has {} samples, at most {MAX_RECORD_SAMPLES} can be recorded; \

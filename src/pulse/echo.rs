@@ -11,6 +11,9 @@ pub struct Echo {
     pub origin: DVec3,
     /// Reported beam direction, unit.
     pub direction: DVec3,
+    /// Reported beam direction in the axes of the scanner's mount, unit; zero unless it is recorded
+    /// ([`super::PhysicsOptions::record_scanner_axes`]).
+    pub in_scanner: DVec3,
     /// Measured range, m, noise and errors included.
     pub range: f64,
     /// Distance along the subray to the hit, m, without noise, errors or bins.
@@ -41,13 +44,13 @@ pub struct Echo {
 }
 
 /// The true cause of an echo.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EchoTruth {
     /// True origin and direction of the beam, scene frame; equal to the reported ones if there are no navigation
     /// errors.
     pub beam: [DVec3; 2],
-    /// Point where the strongest subray hit the surface, m, scene frame. The point of the echo lies on the beam's axis
-    /// instead.
+    /// Point where the strongest subray hit the surface, m, scene frame; NaN if no surface caused the echo. The point of
+    /// the echo lies on the beam's axis instead.
     pub surface: DVec3,
     /// Unit normal there, towards the instrument; 0 in voxels.
     pub normal: DVec3,
@@ -55,8 +58,13 @@ pub struct EchoTruth {
     pub fraction: f64,
     /// Number of the strongest subray within the beam, from 0.
     pub subray: u32,
-    /// Reported direction of the beam in the scanner's axes, unit.
-    pub in_scanner: DVec3,
+}
+
+impl EchoTruth {
+    /// What is known of an echo that no surface caused, or whose cause is not recorded: NaN, no subray.
+    pub fn unknown(beam: [DVec3; 2]) -> EchoTruth {
+        EchoTruth { beam, surface: DVec3::NAN, normal: DVec3::NAN, fraction: f64::NAN, subray: u32::MAX }
+    }
 }
 
 impl Echo {
@@ -69,6 +77,7 @@ impl Echo {
             position: pulse.origin,
             origin: pulse.origin,
             direction: pulse.direction,
+            in_scanner: DVec3::ZERO,
             range: 0.0,
             true_range: 0.0,
             intensity: 0.0,
@@ -87,14 +96,20 @@ impl Echo {
         }
     }
 
-    /// The true cause of the echo, zeros if it is not recorded; `truths` belong to its batch.
+    /// The true cause of the echo, [`EchoTruth::unknown`] if it is not recorded; `truths` belong to its batch.
     pub fn truth(&self, truths: &[EchoTruth]) -> EchoTruth {
-        truths.get(self.truth_index as usize).copied().unwrap_or_default()
+        let recorded = truths.get(self.truth_index as usize).copied();
+        recorded.unwrap_or_else(|| EchoTruth::unknown([self.origin, self.direction]))
     }
 
-    /// Position relative to the origin of the beam in the scanner's axes, m; `truths` belong to the echo's batch.
-    pub fn position_in_scanner(&self, truths: &[EchoTruth]) -> DVec3 {
-        self.truth(truths).in_scanner * self.range
+    /// Position relative to the origin of the beam in the scanner's axes, m: the origin itself for a missed pulse; NaN
+    /// unless it is recorded.
+    pub fn position_in_scanner(&self) -> DVec3 {
+        match self.in_scanner {
+            _ if self.is_miss() => DVec3::ZERO,
+            DVec3::ZERO => DVec3::NAN,
+            direction => direction * self.range,
+        }
     }
 
     /// True position, m, scene frame; `truths` belong to the echo's batch.

@@ -3,29 +3,57 @@
 use super::waveform::Waveform;
 use libm::exp;
 
+/// Maximum number of iterations of the reference's fit.
 const MAX_ITERATIONS: u32 = 10_000;
-/// Reduction of the squared error below which a step ends the fit.
+/// Reduction of the squared error, nW², below which a step ends the reference's fit.
 const MIN_GAIN: f64 = 1e-4;
+/// Maximum number of iterations of a local fit.
+const MAX_LOCAL_ITERATIONS: u32 = 100;
+/// Relative change of height and width, and change of the centre by widths, below which a step ends a local fit.
+const MIN_STEP: f64 = 1e-5;
+/// Damping above which no step of a local fit lessens the error.
+const MAX_DAMPING: f64 = 1e12;
 /// Largest distance of a fitted bin from the peak: 5 km of 0.25 ns bins on either side.
 const MAX_REACH: u64 = 1 << 16;
 /// e^(−x) is exactly zero from here on.
 const UNDERFLOW: f64 = 746.0;
 
-/// Half width at 1/e, in bins, of the Gaussian on a pedestal that fits `waveform` around its peak of height `top` in
-/// bin `peak`. `reach` limits the fit to bins at most that far from the peak. The width may be negative, absurd or NaN.
-pub(super) fn width(waveform: &Waveform, peak: u64, top: f64, reach: Option<u64>) -> f64 {
-    fit_gaussian(waveform, peak, top, reach)[3]
+/// Width of the Gaussian that the reference fits to all bins within [`MAX_REACH`] of a peak of height `top` in bin
+/// `peak`: half width at 1/e, in bins. May be negative, absurd or NaN.
+pub(super) fn width(waveform: &Waveform, peak: u64, top: f64) -> f64 {
+    reference_fit(waveform, window_around(waveform, peak, MAX_REACH), [0.0, top, peak as f64, 1.0]).0[3]
 }
 
-/// The Gaussian of [`width`]: pedestal, height above it, centre and half width at 1/e, in bins.
-pub(super) fn fit_gaussian(waveform: &Waveform, peak: u64, top: f64, reach: Option<u64>) -> [f64; 4] {
-    let reach = reach.unwrap_or(MAX_REACH).min(MAX_REACH);
-    let window = (peak.saturating_sub(reach), peak.saturating_add(reach + 1).min(waveform.bins));
-    marquardt(waveform, window, [0.0, top, peak as f64, 1.0]).0
+/// Width of the Gaussian that fits the bins at most `reach` bins from a peak: half width at 1/e, in bins.
+pub(super) fn local_width(waveform: &Waveform, peak: u64, reach: u64) -> f64 {
+    fit_gaussian(waveform, peak, reach)[3]
 }
 
-/// Levenberg–Marquardt fit and its number of iterations.
-fn marquardt(waveform: &Waveform, window: (u64, u64), start: [f64; 4]) -> ([f64; 4], u32) {
+/// The Gaussian on a pedestal that fits the bins at most `reach` bins from a peak in the sense of least squares:
+/// pedestal, height above it, centre and half width at 1/e, in bins; NaN where the samples do not resemble one.
+pub(super) fn fit_gaussian(waveform: &Waveform, peak: u64, reach: u64) -> [f64; 4] {
+    let window = window_around(waveform, peak, reach.min(MAX_REACH));
+    let start = [0.0, waveform.at(peak), peak as f64, width_at_peak(waveform, peak, window)];
+    let [pedestal, height, centre, width] = levenberg_marquardt(waveform, window, start).0;
+    [pedestal, height, centre, width.abs()]
+}
+
+fn window_around(waveform: &Waveform, peak: u64, reach: u64) -> (u64, u64) {
+    (peak.saturating_sub(reach), peak.saturating_add(reach + 1).min(waveform.bins))
+}
+
+/// Distance of a peak from the nearer bin on either side in which 1/e of its height is left.
+fn width_at_peak(waveform: &Waveform, peak: u64, (from, to): (u64, u64)) -> f64 {
+    let level = waveform.at(peak) * exp(-1.0);
+    let is_inside = |bin: u64| bin >= from && bin < to && waveform.at(bin) > level;
+    let above =
+        (1..=to - from).take_while(|k| is_inside(peak + k) && peak.checked_sub(*k).is_some_and(is_inside));
+    above.count() as f64 + 0.5
+}
+
+/// The fit of the reference: its damping never falls, and it ends where the squared error, in nW², hardly does.
+/// Returns the number of iterations, too.
+fn reference_fit(waveform: &Waveform, window: (u64, u64), start: [f64; 4]) -> ([f64; 4], u32) {
     let mut at = start;
     let mut sums = NormalEquations::over(waveform, window, &at);
     let mut mu = 0.01;
@@ -45,6 +73,35 @@ fn marquardt(waveform: &Waveform, window: (u64, u64), start: [f64; 4]) -> ([f64;
         }
     }
     (at, MAX_ITERATIONS)
+}
+
+/// The fit by Levenberg's and Marquardt's method (Marquardt 1963, "An algorithm for least-squares estimation of nonlinear
+/// parameters"), and its number of iterations. It ends where a step changes the curve by less than [`MIN_STEP`] of itself,
+/// whatever its height and noise.
+fn levenberg_marquardt(waveform: &Waveform, window: (u64, u64), start: [f64; 4]) -> ([f64; 4], u32) {
+    let mut at = start;
+    let mut sums = NormalEquations::over(waveform, window, &at);
+    let mut mu = 1e-3;
+    for iteration in 1..=MAX_LOCAL_ITERATIONS {
+        let Some(step) = sums.step(mu) else { return (at, iteration) };
+        let tried: [f64; 4] = std::array::from_fn(|k| at[k] + step[k]);
+        let there = NormalEquations::over(waveform, window, &tried);
+        let [height, width] = [tried[1].abs(), tried[3].abs()];
+        let is_small = step[0].abs().max(step[1].abs()) <= MIN_STEP * height
+            && step[2].abs().max(step[3].abs()) <= MIN_STEP * width;
+        if there.error <= sums.error {
+            (at, sums) = (tried, there);
+            mu *= 0.1;
+        } else if mu > MAX_DAMPING || tried[3].is_nan() {
+            return (at, iteration);
+        } else {
+            mu *= 10.0;
+        }
+        if is_small {
+            return (at, iteration);
+        }
+    }
+    (at, MAX_LOCAL_ITERATIONS)
 }
 
 /// The normal equations of a step, summed over the bins.
@@ -215,8 +272,9 @@ mod tests {
     fn fitted(pulse_length: f64, returns: &[(f64, f64)], peak: u64) -> (f64, u32) {
         let waveform = received(returns, &tls_detector(pulse_length));
         let top = waveform.at(peak);
-        let ([.., p3], iterations) = marquardt(&waveform, (0, waveform.bins), [0.0, top, peak as f64, 1.0]);
-        assert_eq!(p3.to_bits(), width(&waveform, peak, top, None).to_bits());
+        let ([.., p3], iterations) =
+            reference_fit(&waveform, (0, waveform.bins), [0.0, top, peak as f64, 1.0]);
+        assert_eq!(p3.to_bits(), width(&waveform, peak, top).to_bits());
         (p3 * 0.25, iterations)
     }
 
@@ -252,14 +310,55 @@ mod tests {
         assert!((second - 11.823276).abs() < 1e-3, "{second}");
         assert!((4000..6000).contains(&iterations), "{iterations}");
         let waveform = received(&returns, &tls_detector(4.0));
-        let local = width(&waveform, 45, waveform.at(45), Some(16)) * 0.25;
+        let local = local_width(&waveform, 45, 16) * 0.25;
         assert!((0.9..1.2).contains(&local), "a fit near the peak gives {local}");
+    }
+
+    #[test]
+    fn local_widths_are_the_same_at_any_amplitude() {
+        // (t/τ)²·e^(−t/τ) of 4 ns, τ = 4/7 ns, in bins of 0.25 ns: least squares give 1.0548 ns.
+        let of = |intensity: f64| {
+            let waveform = received(&[(100.0, intensity)], &tls_detector(4.0));
+            let window = window_around(&waveform, 5, 16);
+            let start = [0.0, waveform.at(5), 5.0, width_at_peak(&waveform, 5, window)];
+            let ([.., width], iterations) = levenberg_marquardt(&waveform, window, start);
+            assert!(iterations < 20, "{intensity}: {iterations} iterations");
+            assert_eq!(local_width(&waveform, 5, 16), width.abs());
+            width.abs() * 0.25
+        };
+        let widths = [1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e9].map(of);
+        for width in widths {
+            assert!((width / 1.054668 - 1.0).abs() < 1e-4, "{width}");
+        }
+    }
+
+    #[test]
+    fn noise_costs_a_fit_few_iterations() {
+        // Gaussians of 4 bins with pseudorandom noise of a fifth of their height.
+        let mut state = 1u64;
+        let mut noise = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+        };
+        let mut sum = 0.0;
+        for _ in 0..200 {
+            let samples: Vec<f64> = (0..41)
+                .map(|k| 500.0 * exp(-((f64::from(k) - 20.0) / 4.0).powi(2)) + 200.0 * noise())
+                .collect();
+            let waveform = Waveform::of_samples(&samples);
+            let window = window_around(&waveform, 20, 16);
+            let start = [0.0, samples[20], 20.0, width_at_peak(&waveform, 20, window)];
+            let ([.., width], iterations) = levenberg_marquardt(&waveform, window, start);
+            assert!(iterations <= MAX_LOCAL_ITERATIONS / 2, "{iterations} iterations");
+            sum += width.abs();
+        }
+        assert!((sum / 200.0 / 4.0 - 1.0).abs() < 0.05, "{}", sum / 200.0);
     }
 
     #[test]
     fn a_fit_without_numbers_ends_at_once_and_stays_nan() {
         let waveform = received(&[(100.0, f64::NAN)], &tls_detector(5.0));
-        let ([.., p3], iterations) = marquardt(&waveform, (0, waveform.bins), [0.0, f64::NAN, 6.0, 1.0]);
+        let ([.., p3], iterations) = reference_fit(&waveform, (0, waveform.bins), [0.0, f64::NAN, 6.0, 1.0]);
         assert!(p3.is_nan() && iterations == 1);
     }
 

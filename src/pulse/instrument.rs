@@ -6,13 +6,17 @@ use super::energy::{BeamState, Energy, NANO, half_angle};
 use super::footprint::Footprint;
 use super::noise::{ReceiverNoise, signal_to_noise};
 use super::options::{Corrections, PhysicsOptions};
+use super::peaks::Peaks;
 use super::receiver::{ReceiverModel, receiver_noise};
 use super::sampled;
 use super::shape::{self, PulseShape, sample_count};
 use super::single_bin::SingleBinDetector;
 use super::subray::Subrays;
+use super::waveform::Waveform;
 use crate::geom::LIGHT_SPEED;
+use crate::quantity::number;
 use crate::survey::{Beam, Device, Formula, Receiver, ReferenceTarget, ScannerSettings, Survey};
+use crate::tree::simd::portable::Portable;
 use crate::{Error, Result};
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -51,10 +55,7 @@ impl Instrument {
         let (o, c) = (context.options, context.options.corrections);
         let ideal = Receiver::default();
         let receiver = if c.receiver { &device.receiver } else { &ideal };
-        let shape = match &receiver.pulse_shape {
-            Some(pulse) => PulseShape::measured(pulse, device.waveform.bin),
-            None => PulseShape::new(device.beam.pulse_length, c.whole_pulse, &device.waveform),
-        };
+        let shape = pulse_shape(device, &c);
         let beam = Beam { pulse_length: shape.length_of_equal_energy(), ..device.beam };
         let state = BeamState {
             beam: &beam,
@@ -84,6 +85,8 @@ impl Instrument {
         let gate = (device.detector.range_min / light_speed, farthest / light_speed);
         let model = ReceiverModel::new(receiver, noise, &shape, rule.threshold, gate, o.seed)
             .map_err(|problem| Error::input(format!("device {}: {problem}", device.id)))?;
+        let rule =
+            PeakRule { threshold: model.as_ref().map_or(rule.threshold, ReceiverModel::threshold), ..rule };
         let waveform_noise = match (o.waveform_noise, c.receiver) {
             (false, _) => WaveformNoise::None,
             (true, false) => WaveformNoise::Amplitude(device.detector.accuracy * 0.5),
@@ -94,8 +97,11 @@ impl Instrument {
                 WaveformNoise::OverPeak(1.0 / ratio)
             }
         };
-        let has_fast_path =
-            model.is_none() && !receiver.digitiser_clock && !o.echo_width && device.waveform.max_range <= 0.0;
+        let has_fast_path = model.is_none()
+            && receiver.pulse_shape.is_none()
+            && !receiver.digitiser_clock
+            && !o.echo_width
+            && device.waveform.max_range <= 0.0;
         let single_bin = has_fast_path && !c.fractional_bins && !c.clip_dead_zone;
         let clusters = has_fast_path && c.fractional_bins && c.clip_dead_zone;
         Ok(Instrument {
@@ -120,6 +126,17 @@ impl Instrument {
             waveform_noise,
             receiver: model,
         })
+    }
+}
+
+/// The pulse that a device emits, in its bins.
+fn pulse_shape(device: &Device, corrections: &Corrections) -> PulseShape {
+    match &device.receiver.pulse_shape {
+        Some(pulse) if corrections.receiver => PulseShape::measured(pulse, device.waveform.bin),
+        _ => {
+            let length = device.beam.length(corrections.stated_pulse_widths);
+            PulseShape::new(length, corrections.whole_pulse, &device.waveform)
+        }
     }
 }
 
@@ -295,18 +312,30 @@ fn divergence(
     Divergence { start: first, leg: leg.beam_divergence }
 }
 
+/// Number of echoes of a single strong pulse of a device; `None` if its settings are impossible.
+pub fn count_echoes_of_one_pulse(device: &Device, corrections: &Corrections) -> Option<usize> {
+    check(device, corrections).ok()?;
+    let shape = pulse_shape(device, corrections);
+    let rule = PeakRule { threshold: f64::MIN_POSITIVE, ..peak_rule(device, corrections) };
+    // A waveform has another bin behind its last pulse.
+    let samples: Vec<f64> = shape.samples.iter().copied().chain([0.0]).collect();
+    let waveform = Waveform::of_samples(&samples);
+    Some(Peaks::of(Portable, &waveform, rule).count())
+}
+
 fn check(device: &Device, corrections: &Corrections) -> Result<()> {
     let w = &device.waveform;
     let duration = match &device.receiver.pulse_shape {
         Some(pulse) if corrections.receiver => sampled::duration(pulse),
-        _ => shape::duration(device.beam.pulse_length, corrections.whole_pulse),
+        _ => shape::duration(device.beam.length(corrections.stated_pulse_widths), corrections.whole_pulse),
     };
     let problem = if !(w.bin > 0.0 && w.bin.is_finite()) {
         format!("binSize_ns is {}, expected a positive number", w.bin)
     } else if !(duration.is_finite() && duration / w.bin <= MAX_PULSE_BINS) {
         format!(
-            "a pulse of {duration} ns does not fit into a million bins of {} ns; choose a larger binSize_ns",
-            w.bin
+            "a pulse of {} ns does not fit into a million bins of {} ns; choose a larger binSize_ns",
+            number(duration),
+            number(w.bin)
         )
     } else if w.quality > MAX_RINGS {
         format!("beamSampleQuality is {}, expected at most {MAX_RINGS}", w.quality)

@@ -15,6 +15,7 @@
 //! | `single_bin`, `cluster`, `pulse_starts` | returns without a waveform |
 //! | `shape`, `sampled`, `waveform` | the outgoing pulse and the received waveform |
 //! | `receiver`, `noise`, `ranging` | receivers that are not ideal |
+//! | `maximum` | time and height of an echo between its samples |
 //! | `detector`, `detect`, `peaks`, `fit`, `recorded` | detection settings; returns of simulated, recorded waveforms |
 //! | `sources`, `range_noise` | true causes of echoes; noise of ranges |
 //! | `echo`, `batch` | the records |
@@ -32,6 +33,7 @@ mod foliage;
 mod footprint;
 mod instrument;
 mod lanes;
+mod maximum;
 mod medium;
 mod noise;
 mod options;
@@ -62,9 +64,9 @@ mod triangle_cache;
 mod view;
 mod waveform;
 
-pub use batch::Batch;
+pub use batch::{Batch, WeakPulses};
 pub use echo::{Echo, EchoTruth, PulseRecord, WaveformRecord};
-pub use instrument::InstrumentTable;
+pub use instrument::{InstrumentTable, count_echoes_of_one_pulse};
 pub use options::{Corrections, PhysicsOptions, PhysicsProfile};
 pub use physics::Physics;
 pub use recorded::{RecordedEcho, recorded_echoes};

@@ -3,17 +3,21 @@
 use crate::survey::Kinematics;
 
 /// Which corrections of the reference's physics are on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PhysicsProfile {
     /// Reproduce HELIOS++.
-    #[default]
     Helios,
     /// Switch on the corrections of its known weaknesses.
     Refined,
 }
 
 impl PhysicsProfile {
+    /// The default of XML surveys, which are written for HELIOS++.
+    pub const OF_SURVEYS: PhysicsProfile = PhysicsProfile::Helios;
+    /// The default wherever no XML survey is run: pipeline files, scenes by themselves, instruments by themselves.
+    pub const OF_PIPELINES: PhysicsProfile = PhysicsProfile::Refined;
+
     /// The corrections that belong to the profile.
     pub fn corrections(self) -> Corrections {
         match self {
@@ -43,6 +47,8 @@ pub struct PhysicsOptions {
     pub record_pulses: bool,
     /// Append a record to the batch of the true cause of every echo ([`super::EchoTruth`]).
     pub record_truth: bool,
+    /// Give every echo the direction of its beam in the axes of the scanner ([`super::Echo::in_scanner`]).
+    pub record_scanner_axes: bool,
     /// Append the reflections of all subrays to the batch instead of echoes.
     pub record_subrays: bool,
     /// Where the physics departs from the reference's.
@@ -61,6 +67,7 @@ impl PhysicsOptions {
             record_waveforms: false,
             record_pulses: false,
             record_truth: false,
+            record_scanner_axes: false,
             record_subrays: false,
             corrections: Corrections::NONE,
         }
@@ -144,7 +151,7 @@ corrections! {
     /// that they passed, and those around the origin.
     adjacent_voxels: true,
     /// The beam is narrowest where it leaves the instrument; the reference's improved model focuses it at the minimum
-    /// range, and receives nothing if that is 0.
+    /// range.
     waist_at_exit: true,
     /// The improved model compares radii and beam width both in metres, so that extended targets fade with R⁻²; the
     /// reference compares radians with metres, hence R⁻⁴.
@@ -154,8 +161,6 @@ corrections! {
     full_angle_divergence: true,
     /// The legacy model divides by the number of subrays that exist; the reference's divisor is wrong from 5 rings on.
     true_subray_count: true,
-    /// A beam without divergence keeps its energy on its axis; in the reference its echoes are NaN.
-    collimated_energy: true,
     /// The divergence of a leg holds for the whole physics of that leg; in the reference only for a part of the legacy
     /// model.
     divergence_per_leg: true,
@@ -187,6 +192,9 @@ corrections! {
     own_accuracy: true,
     /// Returns are numbered and counted after the near-range filter.
     count_kept_returns: true,
+    /// Returns whose measured range, errors and noise included, lies outside the range limits of the instrument are not
+    /// reported; in the reference range noise puts points behind the scanner.
+    range_gate: true,
     /// Subrays may hit though the axis of the beam misses the scene's box.
     no_axis_gate: true,
     /// The scene has no box: moving parts stay visible wherever they go, and the axis need not hit it.
@@ -215,6 +223,9 @@ corrections! {
     threshold_in_watts: true,
     /// A pulse fades out; in the reference it ends with 8 % of its peak power, which makes steps in waveforms.
     whole_pulse: true,
+    /// Pulse lengths of the scanners that ship are full widths at half maximum, as data sheets state them; in the reference the
+    /// same numbers make pulses half as wide. Always on where a pipeline file names such a scanner.
+    stated_pulse_widths: true,
     /// Subrays on one slope return one broad echo, as the whole beam does; otherwise each becomes an echo of its own once
     /// they are farther apart in range than the pulse is long.
     smooth_slopes: true,
@@ -253,6 +264,9 @@ corrections! {
     /// Kinematics: straight flights turn at the waypoint and fly the rest of that step along the new leg; in the reference
     /// they overshoot by up to a step. Where the next leg has no speed they stand; in the reference they fly on.
     sharp_corners: true,
+    /// Kinematics: ground vehicles drive up and down in a straight line between the heights of their waypoints; in the
+    /// reference they keep the height of the first one and never arrive at others.
+    vehicle_heights: true,
     /// Kinematics: pitch and roll of a multicopter turn about its own axes and reach the beam; in the reference they turn
     /// about the axes of the world and only trajectories show them.
     multicopter_tilt: true,
@@ -319,6 +333,7 @@ impl Corrections {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::survey::KeyUse;
 
     #[test]
     fn the_reference_has_no_corrections_and_each_is_found_by_name() {
@@ -332,6 +347,21 @@ mod tests {
         assert!(c.by_name("helios").is_none());
         c.see_through_near = false;
         assert_eq!(c, Corrections::REFINED);
+    }
+
+    #[test]
+    fn the_list_of_keys_names_corrections_that_there_are() {
+        for key in crate::survey::INSTRUMENT_KEYS {
+            let name = match key.used {
+                KeyUse::Always => continue,
+                KeyUse::With(name) | KeyUse::Without(name) | KeyUse::InLaterChannelsWith(name) => name,
+                KeyUse::UnlessBeside { key, correction } => {
+                    assert!(crate::survey::key_named(key).is_some(), "{key}");
+                    correction
+                }
+            };
+            assert!(Corrections::NAMES.contains(&name), "{name}");
+        }
     }
 
     #[test]

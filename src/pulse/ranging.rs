@@ -14,9 +14,15 @@ const ITERATIONS: usize = 8;
 /// Full width at half maximum of a Gaussian of standard deviation 1: √(8·ln 2).
 const GAUSSIAN_WIDTH: f64 = 2.354_820_045_030_949_3;
 
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Method {
+    Centroid,
+    Gaussian,
+}
+
 #[derive(Clone, Debug)]
 pub(super) struct RangeReader {
-    ranging: Ranging,
+    method: Method,
     /// Bins on either side of the peak that are read.
     reach: i64,
     /// Standard deviation of a Gaussian as wide as the pulse, bins.
@@ -26,14 +32,17 @@ pub(super) struct RangeReader {
 }
 
 impl RangeReader {
-    /// The detector for pulses that are `width` bins wide at half maximum. `pulse(k, by)` is sample `k` relative to the
-    /// peak of a pulse that begins `by` bins (0 to 1) late, 0 where there is none.
-    pub fn new(ranging: Ranging, width: f64, pulse: impl Fn(i64, f64) -> f64) -> RangeReader {
-        let reach = match ranging {
-            Ranging::Peak => 1,
-            Ranging::Centroid | Ranging::Gaussian => ((REACH * width).ceil() as i64).clamp(1, MAX_REACH),
+    /// The detector for pulses that are `width` bins wide at half maximum; `None` for the peak, see [`super::maximum`].
+    /// `pulse(k, by)` is sample `k` relative to the peak of a pulse that begins `by` bins (0 to 1) late, 0 where there is
+    /// none.
+    pub fn new(ranging: Ranging, width: f64, pulse: impl Fn(i64, f64) -> f64) -> Option<RangeReader> {
+        let method = match ranging {
+            Ranging::Peak => return None,
+            Ranging::Centroid => Method::Centroid,
+            Ranging::Gaussian => Method::Gaussian,
         };
-        let mut reader = RangeReader { ranging, reach, width: width / GAUSSIAN_WIDTH, readings: Vec::new() };
+        let reach = ((REACH * width).ceil() as i64).clamp(1, MAX_REACH);
+        let mut reader = RangeReader { method, reach, width: width / GAUSSIAN_WIDTH, readings: Vec::new() };
         let reading = |i: usize| {
             let shift = i as f64 / STEPS_PER_BIN as f64 - 1.0;
             // A pulse that starts early starts late in the previous bin.
@@ -46,7 +55,7 @@ impl RangeReader {
             readings[i] = readings[i].max(readings[i - 1]);
         }
         reader.readings = readings;
-        reader
+        Some(reader)
     }
 
     /// Shift of a pulse relative to one that starts with a bin, bins, given its samples relative to the peak.
@@ -71,10 +80,9 @@ impl RangeReader {
 
     /// Position relative to the largest sample, bins; 0 if the samples are no echo.
     fn read(&self, sample: impl Fn(i64) -> f64) -> f64 {
-        let position = match self.ranging {
-            Ranging::Peak => vertex(sample(-1), sample(0), sample(1)),
-            Ranging::Centroid => self.centroid(sample),
-            Ranging::Gaussian => self.gaussian(sample),
+        let position = match self.method {
+            Method::Centroid => self.centroid(sample),
+            Method::Gaussian => self.gaussian(sample),
         };
         if position.is_finite() {
             position.clamp(-2.0 * self.reach as f64, 2.0 * self.reach as f64)
@@ -126,11 +134,6 @@ const REACH: f64 = 0.75;
 /// Longest reach, bins.
 const MAX_REACH: i64 = 1 << 12;
 
-/// Position of the vertex of the parabola through three samples, bins from the middle one.
-fn vertex(before: f64, top: f64, after: f64) -> f64 {
-    0.5 * (after - before) / ((top - before) + (top - after))
-}
-
 /// Solution of a system of three equations by Cramer's rule; `None` if there is none.
 fn solve(m: [[f64; 3]; 3], v: [f64; 3]) -> Option<[f64; 3]> {
     let determinant = |m: &[[f64; 3]; 3]| {
@@ -154,7 +157,7 @@ mod tests {
     use crate::pulse::noise::{PulseDraws, ReceiverNoise, matched_bandwidth};
     use crate::rng::{Purpose, Stream};
 
-    const ALL: [Ranging; 3] = [Ranging::Peak, Ranging::Centroid, Ranging::Gaussian];
+    const ALL: [Ranging; 2] = [Ranging::Centroid, Ranging::Gaussian];
     /// Sample of the peak.
     const PEAK: i64 = 40;
 
@@ -172,7 +175,7 @@ mod tests {
     }
 
     fn reader(ranging: Ranging, width: f64, shape: &dyn Fn(f64) -> f64) -> RangeReader {
-        RangeReader::new(ranging, width, |k, by| shape((PEAK + k) as f64 - by))
+        RangeReader::new(ranging, width, |k, by| shape((PEAK + k) as f64 - by)).expect("a calibrated reader")
     }
 
     /// Start of the pulse as read from samples, bins; 0 if it begins with its bin.
@@ -210,9 +213,7 @@ mod tests {
         let shape = gaussian(sigma);
         for ratio in [20.0, 50.0, 200.0] {
             let noise = ReceiverNoise::new(1.0, 0.0, matched_bandwidth(fwhm), bin);
-            for (ranging, worst) in
-                [(Ranging::Peak, 1.15), (Ranging::Centroid, 1.6), (Ranging::Gaussian, 1.6)]
-            {
+            for (ranging, worst) in [(Ranging::Centroid, 1.6), (Ranging::Gaussian, 1.6)] {
                 let reader = reader(ranging, fwhm / bin, &shape);
                 let (n, mut sum) = (3000, 0.0);
                 for pulse in 0..n {

@@ -1,7 +1,9 @@
 //! Receivers that are not ideal: noise, saturation, range walk, and ranging between bins.
 //!
 //! Amplitudes are received power in nanowatts. Light is summed up first ([`super::waveform`]), then noise is added to
-//! the samples, then the receiver saturates, then echoes are detected.
+//! the samples, then echoes are detected. Saturation is a function of the momentary power that grows with it, so that
+//! maxima stay where they are: ranges are read as an instrument does that knows its own response, from the samples
+//! before saturation. Amplitudes, recorded waveforms and the widths of echoes are those after it.
 
 use super::detector::{DetectorSettings, Return};
 use super::energy::NANO;
@@ -11,7 +13,7 @@ use super::ranging::RangeReader;
 use super::shape::PulseShape;
 use super::waveform::{MAX_RECORD_SAMPLES, Waveform};
 use crate::rng::{Purpose, Stream};
-use crate::survey::{AmplifierNoise, Ranging, Receiver, ReferenceTarget};
+use crate::survey::{AmplifierNoise, Receiver, ReferenceTarget};
 use libm::sqrt;
 
 /// Maximum number of false alarms per pulse, on average.
@@ -41,9 +43,15 @@ pub(super) fn receiver_noise(
 /// Output of a receiver that saturates at `limit`: v/√(1 + (v/limit)²), linear below and never above (Rapp 1991,
 /// "Effects of HPA-nonlinearity on a 4-DPSK/OFDM-signal for a digital sound broadcasting system", with the smoothness
 /// 1). The order of amplitudes stays, so that a peak stays a peak.
-pub(super) fn saturated(value: f64, limit: f64) -> f64 {
+fn saturated(value: f64, limit: f64) -> f64 {
     let ratio = value / limit;
     if ratio > 0.0 { value / sqrt(1.0 + ratio * ratio) } else { value }
+}
+
+/// Power at which the output of a receiver that saturates at `limit` is `value`; infinite from `limit` on.
+fn unsaturated(value: f64, limit: f64) -> f64 {
+    let ratio = value / limit;
+    if ratio < 1.0 { value / sqrt((1.0 - ratio) * (1.0 + ratio)) } else { f64::INFINITY }
 }
 
 /// Shift of a measured range by the amplitude, m: a timer that stops where a linearly rising edge crosses the threshold
@@ -62,10 +70,13 @@ pub(super) struct ReceiverModel {
     limit: f64,
     /// Shift of the range of an echo at the threshold, m.
     walk: f64,
+    /// Power at which the output reaches the detection threshold.
     threshold: f64,
     /// Travel times between which it detects echoes, ns.
     gate: (f64, f64),
     reader: Option<RangeReader>,
+    /// Time from the largest sample of a pulse that starts with a bin to its maximum, bins.
+    top_offset: f64,
     samples: Stream,
     alarms: Stream,
 }
@@ -74,7 +85,8 @@ impl ReceiverModel {
     /// The model of a receiver; `None` if it is ideal. `gate` are the travel times between which echoes count, ns.
     ///
     /// # Errors
-    /// A message if the threshold is so low that noise causes more than [`MAX_ALARMS`] echoes per pulse.
+    /// A message if the threshold is so low that noise causes more than [`MAX_ALARMS`] echoes per pulse, or so high that
+    /// the saturated output never reaches it.
     pub fn new(
         receiver: &Receiver,
         noise: Option<ReceiverNoise>,
@@ -88,8 +100,17 @@ impl ReceiverModel {
         if noise.is_none() && limit == f64::INFINITY && receiver.range_walk == 0.0 && reader.is_none() {
             return Ok(None);
         }
+        let power = unsaturated(threshold, limit);
+        if power == f64::INFINITY {
+            return Err(format!(
+                "the detection threshold of {:.3e} W is not below the saturation at {:.3e} W, so that no echo can reach it; \
+                 lower the threshold or raise the saturation",
+                threshold / NANO,
+                limit / NANO,
+            ));
+        }
         if let Some(noise) = &noise {
-            let expected = noise.alarm_rate(threshold) * (gate.1 - gate.0);
+            let expected = noise.alarm_rate(power) * (gate.1 - gate.0);
             if expected > MAX_ALARMS {
                 return Err(format!(
                     "a threshold of {:.3e} W over noise of {:.3e} W makes about {expected:.0} false alarms per pulse, at most \
@@ -103,9 +124,10 @@ impl ReceiverModel {
             noise,
             limit,
             walk: receiver.range_walk,
-            threshold,
+            threshold: power,
             gate,
             reader,
+            top_offset: shape.top_time / shape.bin - shape.peak as f64,
             samples: Stream::new(seed, Purpose::ReceiverNoise),
             alarms: Stream::new(seed, Purpose::FalseAlarm),
         }))
@@ -116,30 +138,48 @@ impl ReceiverModel {
         self.noise.as_ref().is_some_and(|noise| noise.alarm_rate(self.threshold) > 0.0)
     }
 
-    /// Adds noise to the samples of a pulse and saturates them. Recorded and short waveforms have noise on all bins,
-    /// others on the stored bins only.
-    pub fn distort(&self, waveform: &mut Waveform, is_recorded: bool, (device, pulse): (u32, u64)) {
-        if let Some(noise) = &self.noise {
-            waveform.store_gaps(if is_recorded { MAX_RECORD_SAMPLES } else { MAX_FILLED_BINS });
-            let (draws, mut white) = (self.draws(device, pulse), Vec::new());
-            waveform.change_segments(|first, samples| noise.add(samples, first, &draws, &mut white));
-        }
-        if self.limit < f64::INFINITY {
-            waveform.change_segments(|_, samples| {
-                samples.iter_mut().for_each(|sample| *sample = saturated(*sample, self.limit));
-            });
-        }
+    /// Power of a sample that reaches the detection threshold after saturation.
+    pub fn threshold(&self) -> f64 {
+        self.threshold
     }
 
-    /// Position of the echo relative to bin `peak` by this receiver's method, bins; `None` for the default method.
+    /// Adds noise to the samples of a pulse. Recorded and short waveforms have noise on all bins, others on the stored bins
+    /// only.
+    pub fn add_noise(&self, waveform: &mut Waveform, is_recorded: bool, (device, pulse): (u32, u64)) {
+        let Some(noise) = &self.noise else { return };
+        waveform.store_gaps(if is_recorded { MAX_RECORD_SAMPLES } else { MAX_FILLED_BINS });
+        let (draws, mut white) = (self.draws(device, pulse), Vec::new());
+        waveform.change_segments(|first, samples| noise.add(samples, first, &draws, &mut white));
+    }
+
+    pub fn can_saturate(&self) -> bool {
+        self.limit < f64::INFINITY
+    }
+
+    /// Replaces `out` by the output of the receiver for that waveform.
+    pub fn saturate(&self, waveform: &Waveform, out: &mut Waveform) {
+        out.clone_from(waveform);
+        out.change_segments(|_, samples| {
+            samples.iter_mut().for_each(|sample| *sample = saturated(*sample, self.limit));
+        });
+    }
+
+    /// Output of the receiver at that power.
+    pub fn output(&self, power: f64) -> f64 {
+        saturated(power, self.limit)
+    }
+
+    /// Position of the maximum of an echo relative to bin `peak` by this receiver's method, bins; `None` for the default
+    /// method.
     pub fn offset(&self, waveform: &Waveform, peak: u64) -> Option<f64> {
         let reader = self.reader.as_ref()?;
-        Some(reader.offset(|k| peak.checked_add_signed(k).map_or(0.0, |bin| waveform.at(bin))))
+        let shift = reader.offset(|k| peak.checked_add_signed(k).map_or(0.0, |bin| waveform.at(bin)));
+        Some(shift + self.top_offset)
     }
 
-    /// Shift of a range that was read at this amplitude, m.
-    pub fn walk(&self, amplitude: f64) -> f64 {
-        if self.walk == 0.0 { 0.0 } else { range_walk(self.walk, self.threshold, amplitude) }
+    /// Shift of the range of an echo of that power before saturation, m.
+    pub fn walk(&self, power: f64) -> f64 {
+        if self.walk == 0.0 { 0.0 } else { range_walk(self.walk, self.threshold, power) }
     }
 
     /// Inserts the false alarms of a pulse into its returns, sorted by range, and truncates to the detector's maximum.
@@ -160,8 +200,8 @@ impl ReceiverModel {
             return;
         }
         let echo = |alarm: FalseAlarm| {
-            let amplitude = saturated(alarm.amplitude, self.limit);
-            let range = detector.light_speed * alarm.time + self.walk(amplitude);
+            let amplitude = self.output(alarm.amplitude);
+            let range = detector.light_speed * alarm.time + self.walk(alarm.amplitude);
             Return { range, amplitude, width: noise.alarm_width(), is_noise: true }
         };
         returns.extend(alarms.into_iter().map(echo));
@@ -176,12 +216,11 @@ impl ReceiverModel {
     }
 }
 
-/// The reader that is calibrated for the pulse; `None` where the exact formula of the default pulse applies.
+/// The reader that is calibrated for the pulse; `None` for the peak, which the shape of the pulse reads itself.
 fn calibrated_reader(receiver: &Receiver, shape: &PulseShape) -> Option<RangeReader> {
-    let is_default = receiver.ranging == Ranging::Peak && receiver.pulse_shape.is_none();
     let pulse = |k: i64, by: f64| {
         let at = shape.peak.checked_add_signed(k as isize).filter(|at| *at < shape.samples.len());
         at.map_or(0.0, |at| shape.late_sample(at, &shape.late(&[by; LANES]).map(|factor| factor[0])))
     };
-    (!is_default).then(|| RangeReader::new(receiver.ranging, shape.width() / shape.bin, pulse))
+    RangeReader::new(receiver.ranging, shape.width() / shape.bin, pulse)
 }

@@ -28,7 +28,7 @@ const WINDOW: u64 = 5;
 /// Smallest amplitude of an echo, as a share of the highest.
 const MIN_SHARE: f64 = 0.01;
 
-/// The echoes of `samples` in their order. If there is one echo, all samples are fitted, as in a run with echo widths;
+/// The echoes of `samples` in their order. If there is one echo, all samples are fitted;
 /// each of several echoes is fitted up to the nearer valley on either side.
 pub fn recorded_echoes(samples: &[f64]) -> Vec<RecordedEcho> {
     let highest = samples.iter().copied().fold(0.0, f64::max);
@@ -41,9 +41,9 @@ pub fn recorded_echoes(samples: &[f64]) -> Vec<RecordedEcho> {
     let peaks: Vec<(u64, f64)> = Peaks::of(Portable, &waveform, rule).collect();
     let echo = |&(bin, amplitude): &(u64, f64)| {
         let sample = bin as usize;
-        let reach = (peaks.len() > 1).then(|| valley(samples, sample));
-        let [pedestal, height, centre, width] = fit::fit_gaussian(&waveform, bin, amplitude, reach);
-        RecordedEcho { sample, amplitude, width: width.abs(), centre, height, pedestal }
+        let reach = if peaks.len() > 1 { valley(samples, sample) } else { u64::MAX };
+        let [pedestal, height, centre, width] = fit::fit_gaussian(&waveform, bin, reach);
+        RecordedEcho { sample, amplitude, width, centre, height, pedestal }
     };
     peaks.iter().map(echo).collect()
 }

@@ -123,7 +123,7 @@ impl<'a> SceneView<'a> {
                 let cosine = if self.fixed_incidence { 1.0 } else { surface.plane_cosine(direction) };
                 out.push((i as u32, *ring), (*range, *range), primitive, cosine, surface.factor(cosine));
             } else if primitive != Hits::MISS || !around.is_empty() {
-                let ray = (traced.origin, direction);
+                let ray = (traced.start(i), direction);
                 let first =
                     Interaction { from: ray.0, t: t[i], primitive, range: *range, scatter_range: *range };
                 let end = if is_continuous {
@@ -322,6 +322,7 @@ fn face_of_cube(p: DVec3, half: f64) -> DVec3 {
 mod tests {
     use super::*;
     use crate::geom::Rotation;
+    use crate::pulse::ray_batch::RayBatch;
     use crate::pulse::subray::Subrays;
     use crate::pulse::testkit::{foliage, half_white, rectangles, tls_instrument, tree, wall};
     use crate::pulse::traced::GainBuffer;
@@ -353,11 +354,11 @@ mod tests {
             fixed_incidence: false,
             max_cube_size: 1.0,
         };
-        let mut rays = RayGroup::new(instrument.subrays.len());
-        instrument.subrays.expand(0, turn, rays.push_registers(-scene.shift));
-        let mut hits = Hits::default();
-        tree.trace_group(&scene.geometry, &rays, &mut hits, &mut TraceScratch::default());
-        let (traced, mut gain_buffer) = (TracedPulse::of(&rays, &hits, 0), GainBuffer::default());
+        let mut batch = RayBatch::default();
+        batch.rays = RayGroup::new(instrument.subrays.len());
+        instrument.subrays.expand(0, turn, batch.rays.push_registers(-scene.shift));
+        batch.trace(&tree, &scene.geometry, &mut TraceScratch::default());
+        let (traced, mut gain_buffer) = (TracedPulse::of(&batch, 0), GainBuffer::default());
         gain_buffer.push(instrument, &traced);
         let mut paths =
             FreePaths { stream: Stream::new(0, Purpose::FreePath), device: 0, pulse: 1, drawn: 0 };

@@ -1,6 +1,7 @@
 //! The outgoing pulse, digitised (spec pulse-physics §4.1).
 
 use super::lanes::{Block, LANES};
+use super::maximum::{self, Maximum, MeasuredMaximum};
 use super::sampled;
 use crate::survey::{PulseSamples, WaveformSettings, pulse_length_of_width, width_of_pulse_length};
 use libm::exp;
@@ -23,6 +24,8 @@ pub(super) struct PulseShape {
     pub duration: f64,
     /// Largest power between the samples.
     pub top: f64,
+    /// Time from the start of the pulse to its largest power, ns.
+    pub top_time: f64,
     /// Integral of the power, ns.
     integral: f64,
     /// Bins per τ, inverted: x = Δ/τ; 0 for a measured shape.
@@ -31,7 +34,12 @@ pub(super) struct PulseShape {
     /// Coefficients of late starts, see [`PulseShape::late`]: −2kx²e^(−kx) and x²e^(−kx), 0 in bin 0; see
     /// [`sampled::digitise`] for a measured shape.
     pub lateness: [Vec<f64>; 2],
+    /// Readings of the maximum of a measured shape.
+    measured: Option<MeasuredMaximum>,
 }
+
+/// Maxima that are this close behind a sample, by rounding, count as on it, bins.
+const ROUNDING: f64 = 1e-9;
 
 /// Pulse length over the integral of the gamma-like curve, which is 2τ.
 const LENGTH_OVER_INTEGRAL: f64 = 3.5;
@@ -64,16 +72,19 @@ impl PulseShape {
             length,
             duration,
             top: 4.0 * exp(-2.0),
+            top_time: 2.0 * tau,
             integral: length / LENGTH_OVER_INTEGRAL,
             decay,
             growth: exp(decay),
             lateness,
+            measured: None,
         }
     }
 
     pub fn measured(pulse: &PulseSamples, bin: f64) -> PulseShape {
         let (samples, lateness) = sampled::digitise(pulse, bin);
-        PulseShape {
+        let top_time = maximum::time_of_measured(pulse);
+        let mut shape = PulseShape {
             peak: index_of_max(&samples),
             samples,
             bin,
@@ -81,11 +92,22 @@ impl PulseShape {
             length: pulse_length_of_width(sampled::width(pulse)),
             duration: sampled::duration(pulse),
             top: 1.0,
+            top_time,
             integral: sampled::integral(pulse),
             decay: 0.0,
             growth: 1.0,
             lateness,
-        }
+            measured: None,
+        };
+        let late = |k: usize, by: f64| shape.late_sample(k, &shape.late(&[by; LANES]).map(|f| f[0]));
+        shape.measured = Some(MeasuredMaximum::new(top_time / bin, shape.samples.len(), late));
+        shape
+    }
+
+    /// Time from the start of a pulse to the point that its range refers to, ns: its maximum where pulses may start
+    /// between bins, otherwise its largest sample.
+    pub fn lead(&self, between_bins: bool) -> f64 {
+        if between_bins { self.top_time } else { self.peak as f64 * self.bin }
     }
 
     /// Full width at half maximum, ns.
@@ -139,13 +161,21 @@ impl PulseShape {
         std::f64::consts::SQRT_2 / self.decay
     }
 
-    /// Delay of a pulse within its bin, bins, from the samples on both sides of the peak: √(F·e^(kx)) grows linearly
-    /// from the start of a pulse. At most one bin either way, else 0.
-    pub fn offset(&self, before: f64, after: f64) -> f64 {
-        let growth = (after / before).sqrt() * self.growth;
-        let start = -1.0 - 2.0 / (growth - 1.0);
-        let offset = start + self.peak as f64;
-        if offset.abs() <= 1.0 { offset } else { 0.0 }
+    /// Bins from the start of a waveform to the maximum of its first pulse, which so lies on a sample, and how many bins that
+    /// pulse starts late.
+    pub fn first_start(&self) -> (f64, f64) {
+        let lead = self.top_time / self.bin;
+        let bins = (lead - ROUNDING).ceil();
+        (bins, bins - lead)
+    }
+
+    /// The maximum of an echo from its largest sample and the samples before and after it.
+    #[inline(always)]
+    pub fn maximum(&self, samples: [f64; 3]) -> Maximum {
+        match &self.measured {
+            Some(readings) => readings.read(samples),
+            None => maximum::of_gamma(samples, self.decay, self.growth),
+        }
     }
 }
 
@@ -244,9 +274,11 @@ mod tests {
             assert!((f - t * t * exp(-t)).abs() < 1e-13);
         }
         assert_eq!(late[0], 0.0);
-        assert!((s.offset(late[4], late[6]) - by).abs() < 1e-11);
-        assert!(s.offset(s.samples[4], s.samples[6]).abs() < 1e-12);
-        assert_eq!(s.offset(0.0, 1.0), 0.0, "nonsense moves nothing");
+        for (samples, by) in [(&late, by), (&s.samples, 0.0)] {
+            let found = s.maximum([samples[4], samples[5], samples[6]]);
+            let time = (5.0 + found.offset - by) * s.bin;
+            assert!((time - s.top_time).abs() < 1e-11 && (found.amplitude / s.top - 1.0).abs() < 1e-11);
+        }
     }
 
     #[test]

@@ -11,6 +11,7 @@ use super::subray::Subrays;
 use super::traced::{GainBuffer, TracedPulse};
 use super::view::SceneView;
 use crate::flight::Pulse;
+use crate::quantity::number;
 use crate::rng;
 use crate::scene::{DynamicObject, DynamicScene, ObjectUpdate};
 use crate::tree::TraceScratch;
@@ -237,7 +238,7 @@ impl<'p> PulseSimulator<'p> {
                 if let Some(slot) = *slot {
                     let traced = &self.batches[pulse.device as usize];
                     let instrument = self.instruments.instrument(leg, pulse.device)?;
-                    let traced = TracedPulse::of(&traced.rays, &traced.hits, slot);
+                    let traced = TracedPulse::of(traced, slot);
                     traced.prefetch_surfaces(view.scene);
                     self.gain_buffer.push(instrument, &traced);
                 }
@@ -250,7 +251,7 @@ impl<'p> PulseSimulator<'p> {
                 if let Some(slot) = *slot {
                     let traced = &self.batches[pulse.device as usize];
                     let instrument = self.instruments.instrument(leg, pulse.device)?;
-                    let traced = TracedPulse::of(&traced.rays, &traced.hits, slot);
+                    let traced = TracedPulse::of(traced, slot);
                     let gains = self.gain_buffer.of(first_block, &traced);
                     let pulse = (instrument, pulse);
                     self.detection.detect(simd, physics, &view, pulse, (traced, gains), batch)?;
@@ -259,8 +260,12 @@ impl<'p> PulseSimulator<'p> {
             }
         }
         if !physics.options.record_subrays {
+            let mut is_outside = false;
             for echoes in batch.echoes[first_echo..].chunks_mut(rng::NORMALS_PER_BLOCK) {
-                range_noise::apply_noise(echoes, &physics.range_noise, &self.instruments, leg)?;
+                is_outside |= range_noise::apply_noise(echoes, &physics.range_noise, &self.instruments, leg)?;
+            }
+            if is_outside && physics.options.corrections.range_gate {
+                range_noise::remove_outside(batch, first_echo, &self.instruments, leg)?;
             }
         }
         check_positions(&batch.echoes[first_echo..])
@@ -286,9 +291,12 @@ fn no_place(echo: Option<&Echo>) -> Error {
         return Error::Internal("a point is no place".to_owned());
     };
     Error::input(format!(
-        "pulse {pulse_number} of device {device} gives a point that is no place: x {:?} y {:?} z {:?} at the range \
-         {range:?} m; settings of the scanner or coordinates of the scene are out of proportion",
-        p.x, p.y, p.z
+        "pulse {pulse_number} of device {device} gives a point that is no place: x {} y {} z {} at the range \
+         {} m; settings of the scanner or coordinates of the scene are out of proportion",
+        number(p.x),
+        number(p.y),
+        number(p.z),
+        number(*range)
     ))
 }
 

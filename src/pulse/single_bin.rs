@@ -102,7 +102,7 @@ mod tests {
             let short = fast.and_then(|l| l.detect(&profile, &detector));
             if let Some(short) = short {
                 let mut long = Vec::new();
-                detect(Portable, &received(&map, &detector), (&detector, None), false, |_| true, &mut long);
+                detect(Portable, &received(&map, &detector), (&detector, None), None, |_| true, &mut long);
                 prop_assert_eq!(long, short.into_iter().collect::<Vec<_>>());
             }
         }

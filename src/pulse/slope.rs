@@ -98,7 +98,8 @@ impl SlopeMerger {
             if reflections.cosines()[reflection] <= max_cosine
                 && let Some(triangle) = triangles.look_up(view, *primitive)
             {
-                let (at, normal) = (traced.direction(subray) * range, triangle.normal);
+                let from = traced.start(subray) - traced.origin;
+                let (at, normal) = (from + traced.direction(subray) * range, triangle.normal);
                 let intensity = reflections.intensities()[reflection];
                 self.points.push(Point { reflection, at, normal, range, intensity, is_merged: false });
             }

@@ -72,15 +72,14 @@ impl ReflectionSources {
         (reflections, triangles): (&Reflections, &mut TriangleCache),
     ) -> EchoTruth {
         let subray = self.subray_of(i);
-        let direction = traced.direction(subray as usize);
+        let (start, direction) = (traced.start(subray as usize), traced.direction(subray as usize));
         let normal = triangles.look_up(view, reflections.primitives()[i]).map_or(DVec3::ZERO, |t| t.normal);
         EchoTruth {
             beam,
-            surface: beam[0] + direction * reflections.ranges()[i],
+            surface: start + direction * reflections.ranges()[i],
             normal: if normal.dot(direction) > 0.0 { -normal } else { normal },
             fraction: 1.0 / traced.primitives.len().max(1) as f64,
             subray,
-            in_scanner: DVec3::ZERO,
         }
     }
 

@@ -2,14 +2,17 @@
 
 use super::instrument::Instrument;
 use super::lanes::{Block, LANES};
+use super::ray_batch::RayBatch;
 use crate::geom::DVec3;
 use crate::scene::Scene;
-use crate::tree::{Hits, RayGroup, prefetch};
+use crate::tree::prefetch;
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TracedPulse<'a> {
-    /// Common origin of the subrays, m.
+    /// Origin of the pulse, m.
     pub origin: DVec3,
+    /// Where each subray leaves the instrument, m; empty if all leave the pulse's origin.
+    pub exits: &'a [DVec3],
     /// x, y and z of their directions.
     pub directions: [&'a [Block]; 3],
     /// Distances to the hits, in units of the directions.
@@ -22,10 +25,12 @@ pub(super) struct TracedPulse<'a> {
 
 impl<'a> TracedPulse<'a> {
     #[inline(always)]
-    pub fn of(group: &'a RayGroup, hits: &'a Hits, pulse: usize) -> TracedPulse<'a> {
+    pub fn of(batch: &'a RayBatch, pulse: usize) -> TracedPulse<'a> {
+        let RayBatch { rays: group, hits, exits, .. } = batch;
         let row = pulse * group.stride();
         TracedPulse {
             origin: group.origin(pulse),
+            exits: exits.get(pulse * group.rays()..(pulse + 1) * group.rays()).unwrap_or_default(),
             directions: group.registers(pulse),
             t: hits.t[row..row + group.stride()].as_chunks().0,
             primitives: &hits.primitive[row..row + group.rays()],
@@ -54,6 +59,12 @@ impl<'a> TracedPulse<'a> {
     pub fn direction(&self, i: usize) -> DVec3 {
         let [x, y, z] = self.directions.map(|d| d.as_flattened());
         DVec3::new(x[i], y[i], z[i])
+    }
+
+    /// Where subray `i` starts, m.
+    #[inline(always)]
+    pub fn start(&self, i: usize) -> DVec3 {
+        self.exits.get(i).copied().unwrap_or(self.origin)
     }
 
     /// Computes the distance of every hit from the origin through the hit point in the scene frame, whose rounding

@@ -53,9 +53,17 @@ impl Waveform {
         };
         let (shape, corrections) = (&detector.shape, &detector.corrections);
         let (c, bin) = (detector.light_speed, shape.bin);
-        let lead = shape.peak as f64 * bin;
+        let lead = shape.lead(corrections.fractional_bins);
         let begin = nearest / c - lead;
-        let start = if detector.digitiser_clock { (begin / bin).floor() * bin } else { begin };
+        let (lead_bins, late) = shape.first_start();
+        let (start, first) = if detector.digitiser_clock {
+            let start = (begin / bin).floor() * bin;
+            (start, (begin - start) / bin)
+        } else if corrections.fractional_bins {
+            (nearest / c - lead_bins * bin, late)
+        } else {
+            (begin, 0.0)
+        };
         let mut end = farthest / c + shape.duration - lead + bin;
         let mut count = profile.ranges().len();
         if detector.max_duration > 0.0 && end - start > detector.max_duration {
@@ -70,7 +78,7 @@ impl Waveform {
         self.start = start;
         self.bins = ((end / bin).ceil() - (start / bin).ceil()) as u64;
         if corrections.fractional_bins {
-            self.add_between_bins(count, profile, (begin - start) / bin, detector);
+            self.add_between_bins(count, profile, first, detector);
         } else {
             self.place(profile.blocks(), detector);
             self.add_in_bins(count, profile.intensities(), detector);

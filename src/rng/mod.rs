@@ -10,6 +10,9 @@ pub use normals::NORMALS_PER_BLOCK;
 
 use libm::{cos, log, sin};
 
+/// Consecutive multiples of the golden ratio, without their integers, are evenly distributed and repeat nowhere.
+pub const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
 /// The purpose of a draw. Streams of different purposes are independent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]

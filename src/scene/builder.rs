@@ -13,7 +13,7 @@ use crate::geom::{Aabb, DVec3};
 use crate::survey::UpAxis;
 use crate::tree::{Cube, Geometry, Model, Placement};
 use rayon::prelude::*;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::mem::size_of;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -87,7 +87,7 @@ pub enum Sharing {
 pub(super) enum MeshFile {
     /// Path of a mesh file, its up axis, the bits of its unit, its table of materials, and the address of the changes of its
     /// materials.
-    File(PathBuf, Option<UpAxis>, u64, Option<PathBuf>, usize),
+    File(PathBuf, Option<UpAxis>, Option<u64>, Option<PathBuf>, usize),
     /// The addresses of a mesh in memory and of the changes of its materials.
     Memory(usize, usize),
 }
@@ -149,6 +149,8 @@ pub(super) struct SceneBuilder<'a> {
     pub diagnostics: Diagnostics,
     /// Numbers of the faces of the part being loaded.
     pub faces: FaceNumbers,
+    /// Mesh files whose unit and axes have been looked at.
+    pub doubted: HashSet<PathBuf>,
     surface_numbers: HashMap<Surface, u32>,
 }
 
@@ -203,6 +205,7 @@ impl<'a> SceneBuilder<'a> {
             leaf_table_rules: MaterialRules::default(),
             diagnostics: Diagnostics::default(),
             faces: FaceNumbers::default(),
+            doubted: HashSet::new(),
             surface_numbers: HashMap::new(),
         }
     }
@@ -258,7 +261,7 @@ impl<'a> SceneBuilder<'a> {
     /// Completes triangles appended after `start`, whose vertex indices count from there: removes unused vertices and
     /// converts the indices to indices in the scene.
     pub fn finish_mesh(&mut self, start: &Extent) -> Result<()> {
-        let (first, vertices) = (start.vertices.start, self.geometry.vertices.to_mut());
+        let (first, vertices) = (start.vertices.start, &mut self.geometry.vertices);
         let triangles = &mut self.geometry.triangles[start.triangles.start..];
         let mut used = vec![false; vertices.len() - first];
         triangles.iter().flatten().for_each(|&v| used[v as usize] = true);
@@ -314,9 +317,10 @@ impl<'a> SceneBuilder<'a> {
         self.check_memory(memory_of(vertices, triangles, cubes), source)?;
         let Geometry { vertices: all_vertices, triangles: all_triangles, cubes: all_cubes } =
             &mut self.geometry;
-        let reserved = (all_vertices.to_mut().try_reserve(vertices))
-            .and_then(|()| all_triangles.to_mut().try_reserve(triangles))
-            .and_then(|()| all_cubes.to_mut().try_reserve(cubes))
+        let reserved = all_vertices
+            .try_reserve(vertices)
+            .and_then(|()| all_triangles.try_reserve(triangles))
+            .and_then(|()| all_cubes.try_reserve(cubes))
             .and_then(|()| self.voxels.try_reserve(cubes));
         reserved.map_err(|_| Error::io("load", source, std::io::ErrorKind::OutOfMemory.into()))
     }

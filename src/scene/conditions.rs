@@ -60,14 +60,26 @@ impl Conditions {
             return Err(format!("its random materials or places are those of seed {packed}, not of {asked}"));
         }
         if self.rules.and(self.relevant_rules) != options.rules.and(self.relevant_rules) {
-            return Err(
-                "its materials or leaf angle tables were read for other physics (--physics)".to_owned()
-            );
+            let (packed, asked) = (profile_of(self.rules), profile_of(options.rules));
+            return Err(format!(
+                "its materials or leaf angle tables were read for {packed}, and this run has {asked}"
+            ));
         }
         if self.drop_polygons != options.drop_polygons {
             return Err("faces with more than four corners are treated otherwise in it".to_owned());
         }
         Ok(())
+    }
+}
+
+/// The option by which materials are read like that.
+fn profile_of(rules: MaterialRules) -> &'static str {
+    if rules == MaterialRules::default() {
+        "--physics helios"
+    } else if rules.to_array() == [true; MaterialRules::COUNT] {
+        "--physics refined"
+    } else {
+        "other corrections (--correct)"
     }
 }
 

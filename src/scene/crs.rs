@@ -4,6 +4,7 @@ use super::geotiff;
 use super::text::Source;
 use crate::crs;
 use crate::diag::Diagnostics;
+use crate::files::reads;
 use crate::geom::DVec3;
 use crate::input::read_file;
 use crate::survey::{Loader, PartRecipe, SceneRecipe, Transform};
@@ -66,7 +67,7 @@ fn crs_of_file(file: &Path, part: &PartRecipe, problems: &mut Diagnostics) -> Op
         return crs::wkt_of_epsg(code.into()).ok().map(|wkt| Named { wkt, file: file.to_path_buf() });
     }
     let prj = file.with_extension("prj");
-    if !prj.is_file() {
+    if !reads::is_file(&prj) {
         return None;
     }
     match read_file(&prj, MAX_PRJ_BYTES) {

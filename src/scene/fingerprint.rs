@@ -57,7 +57,7 @@ fn add_loader(sum: &mut Checksum, loader: &Loader) -> Result<()> {
     };
     match loader {
         Loader::MeshFiles { files, reading } => {
-            sum.debug(&(reading.up, reading.unit_m));
+            sum.debug(&(reading.up, reading.metres_per_unit()));
             files.iter().chain(&reading.materials).try_for_each(|path| file(sum, path))
         }
         Loader::Mesh(mesh) => {

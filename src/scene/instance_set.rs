@@ -1,5 +1,5 @@
 use super::surfaces::Surface;
-use crate::store::Store;
+use crate::store::vec_bytes;
 use crate::tree::Instances;
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use std::sync::Arc;
 pub struct InstanceSet {
     pub instances: Arc<Instances>,
     /// The material of each triangle of each mesh.
-    pub materials: Vec<Store<u32>>,
+    pub materials: Vec<Vec<u32>>,
     /// The part of each instance.
     pub parts: Vec<u32>,
 }
@@ -23,7 +23,7 @@ impl InstanceSet {
 
     pub fn memory(&self) -> usize {
         self.instances.memory()
-            + self.materials.iter().map(Store::memory).sum::<usize>()
+            + self.materials.iter().map(vec_bytes).sum::<usize>()
             + self.parts.capacity() * size_of::<u32>()
     }
 }

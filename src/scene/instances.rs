@@ -7,7 +7,6 @@ use super::builder::{
 use super::instance_set::InstanceSet;
 use crate::error::{Error, Result};
 use crate::geom::{Aabb, DVec3};
-use crate::store::Store;
 use crate::survey::{Loader, PartRecipe, Transform};
 use crate::tree::{Geometry, Instances, Model, Placement};
 use std::collections::HashMap;
@@ -48,9 +47,13 @@ fn shared_mesh(part: &PartRecipe) -> Option<MeshFile> {
     };
     match &part.loader {
         _ if !part.motions.is_empty() => None,
-        Loader::MeshFiles { files, reading: r } if files.len() == 1 => {
-            Some(MeshFile::File(files[0].clone(), r.up, r.unit_m.to_bits(), r.materials.clone(), changes))
-        }
+        Loader::MeshFiles { files, reading: r } if files.len() == 1 => Some(MeshFile::File(
+            files[0].clone(),
+            r.up,
+            r.unit_m.map(f64::to_bits),
+            r.materials.clone(),
+            changes,
+        )),
         Loader::Mesh(mesh) => Some(MeshFile::Memory(Arc::as_ptr(mesh) as usize, changes)),
         _ => None,
     }
@@ -115,7 +118,7 @@ fn read_model(
     let vertices = scene.geometry.vertices.split_off(start.vertices.start);
     let surfaces = scene.triangle_surfaces.split_off(start.triangles.start);
     let materials = surfaces.iter().map(|&s| scene.surfaces[s as usize].material).collect();
-    let geometry = Geometry { vertices: vertices.into(), triangles: triangles.into(), ..Geometry::default() };
+    let geometry = Geometry { vertices, triangles, ..Geometry::default() };
     scene.meshes.models.push(Arc::new(Model::new(geometry)));
     scene.meshes.materials.push(materials);
     Ok(scene.meshes.models.len() as u32 - 1)
@@ -135,11 +138,7 @@ pub(super) fn freeze(meshes: SharedMeshes, own: usize) -> Result<Option<Instance
             "the scene has {total} primitives with all its instances; at most {MAX_ELEMENTS} can be numbered"
         )));
     };
-    Ok(Some(InstanceSet {
-        instances: Arc::new(instances),
-        materials: meshes.materials.into_iter().map(Store::from).collect(),
-        parts: meshes.parts,
-    }))
+    Ok(Some(InstanceSet { instances: Arc::new(instances), materials: meshes.materials, parts: meshes.parts }))
 }
 
 /// Whether an instance is certainly within [`MAX_COORDINATE`]; a conservative test.

@@ -171,7 +171,7 @@ mod tests {
         let mut scene = f.load().unwrap().0;
         assert_eq!(Inventory::of(&scene).duplicates, 3 + 3, "one in each, and the whole of one");
         let cube = Cube { centre: DVec3::ONE, half: 0.5 };
-        scene.geometry.cubes = vec![cube, Cube { half: 0.25, ..cube }, cube].into();
+        scene.geometry.cubes = vec![cube, Cube { half: 0.25, ..cube }, cube];
         assert_eq!(Inventory::of(&scene).duplicate_cubes, 1);
     }
 }

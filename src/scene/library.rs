@@ -3,10 +3,12 @@
 use super::material::{Material, Reflection};
 use super::mtl;
 use super::reflectance_issues::{ReflectanceIssue, ReflectanceIssues};
+use super::reflectance_units::{MAX_FRACTION, ReflectanceUnits};
 use super::rules::MaterialRules;
 use super::spectra::Spectra;
 use super::text::Source;
 use crate::diag::{Diagnostics, Place};
+use crate::quantity::CLASSES;
 use crate::rng::{Purpose, Stream};
 use crate::survey::{MaterialChoice, MaterialDefinition, Mesh};
 use std::collections::HashMap;
@@ -17,8 +19,6 @@ use std::sync::Arc;
 /// Name of the material of faces without one; no file can redefine it.
 pub(super) const DEFAULT: &str = "default";
 
-/// Reflectances above this are interpreted as per cent; those between 1 and this can be of retroreflectors.
-const MAX_FRACTION: f64 = 2.0;
 /// Maximum number of randomised variants of one material.
 const MAX_VARIANTS: u32 = 10_000;
 
@@ -30,6 +30,8 @@ pub(super) struct Library {
     pub relevant_rules: MaterialRules,
     /// Reflectances that are missing or not fractions.
     pub issues: ReflectanceIssues,
+    /// All reflectances, whose units should be alike.
+    pub units: ReflectanceUnits,
     seed: u64,
     files: Vec<MtlFile>,
     file_of: HashMap<PathBuf, Option<usize>>,
@@ -37,7 +39,8 @@ pub(super) struct Library {
     in_memory: HashMap<usize, usize>,
     /// Index in `files` of mesh files, with the tables of materials they are read with, and of those tables.
     mesh_files: HashMap<(PathBuf, Option<PathBuf>), usize>,
-    /// Definitions without a source, by name, with their materials: meshes with equal ones share them.
+    /// Definitions without a source and without their places, by name, with their materials: meshes with equal ones share
+    /// them.
     of_memory: HashMap<String, Vec<(MaterialDefinition, u32)>>,
     index_of: HashMap<Key, u32>,
     /// In the order of first use.
@@ -46,6 +49,7 @@ pub(super) struct Library {
 
 /// Definitions of a file, or of a mesh in memory.
 struct MtlFile {
+    /// `None` for definitions that were read elsewhere.
     source: Option<Source>,
     definitions: Vec<MaterialDefinition>,
 }
@@ -67,7 +71,45 @@ pub(super) struct DefinitionId {
 
 /// The names available to the files of one part; the first definition of a name counts.
 #[derive(Default)]
-pub(super) struct Names(HashMap<String, DefinitionId>);
+pub(super) struct Names {
+    by_name: HashMap<String, DefinitionId>,
+    /// Names by their first word, which is all that the reference reads of a name.
+    by_first_word: HashMap<String, String>,
+}
+
+impl Names {
+    fn add(&mut self, name: &str, id: DefinitionId) {
+        if let Entry::Vacant(free) = self.by_name.entry(name.to_owned()) {
+            free.insert(id);
+            self.by_first_word.entry(first_word(name).to_owned()).or_insert_with(|| name.to_owned());
+        }
+    }
+
+    /// The definition of a name, and how it was found.
+    fn find(&self, name: &str) -> Option<(DefinitionId, Known)> {
+        if let Some(&id) = self.by_name.get(name) {
+            return Some((id, Known::Whole));
+        }
+        let other = self.by_first_word.get(first_word(name)).filter(|_| !name.is_empty())?;
+        Some((*self.by_name.get(other)?, Known::FirstWord(other.clone())))
+    }
+}
+
+/// How a name of a material was resolved.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Known {
+    /// A file defines it, or it is that of faces without a material.
+    Whole,
+    /// A file defines this name, whose first word is the same.
+    FirstWord(String),
+    /// No file defines it.
+    Nowhere,
+}
+
+/// A name up to its first blank.
+fn first_word(name: &str) -> &str {
+    name.split_whitespace().next().unwrap_or_default()
+}
 
 impl Library {
     pub fn new(spectra: Spectra, rules: MaterialRules, seed: u64) -> Library {
@@ -76,6 +118,7 @@ impl Library {
             rules,
             relevant_rules: MaterialRules::default(),
             issues: ReflectanceIssues::default(),
+            units: ReflectanceUnits::default(),
             seed,
             files: Vec::new(),
             file_of: HashMap::new(),
@@ -96,10 +139,8 @@ impl Library {
     pub fn add_file(&mut self, path: &Path, names: &mut Names, diagnostics: &mut Diagnostics) -> bool {
         let Some(file) = self.open(path, diagnostics) else { return false };
         for (index, definition) in self.files[file].definitions.iter().enumerate() {
-            if let Entry::Vacant(free) = names.0.entry(definition.name.clone())
-                && definition.name != DEFAULT
-            {
-                free.insert(DefinitionId { file, index });
+            if definition.name != DEFAULT {
+                names.add(&definition.name, DefinitionId { file, index });
             }
         }
         true
@@ -118,11 +159,14 @@ impl Library {
         file
     }
 
-    /// Resolves a name to a material; the flag is true if a file defines it.
-    pub fn named(&mut self, name: &str, names: &Names, diagnostics: &mut Diagnostics) -> (u32, bool) {
-        match names.0.get(name) {
-            Some(&known) => (self.defined(known, diagnostics), true),
-            None => (self.unnamed(name), name == DEFAULT),
+    /// Resolves a name to a material: the definition of this name, else one with the same first word.
+    pub fn named(&mut self, name: &str, names: &Names, diagnostics: &mut Diagnostics) -> (u32, Known) {
+        if name == DEFAULT && !names.by_name.contains_key(name) {
+            return (self.unnamed(name), Known::Whole);
+        }
+        match names.find(name) {
+            Some((id, known)) => (self.defined(id, diagnostics), known),
+            None => (self.unnamed(name), Known::Nowhere),
         }
     }
 
@@ -173,7 +217,7 @@ impl Library {
             self.files.len() - 1
         });
         for (index, definition) in self.files[file].definitions.iter().enumerate() {
-            names.0.entry(definition.name.clone()).or_insert(DefinitionId { file, index });
+            names.add(&definition.name, DefinitionId { file, index });
         }
     }
 
@@ -182,7 +226,11 @@ impl Library {
         let (materials, rules) = (&mut self.materials, self.rules);
         self.relevant_rules.reflectance_fraction = true;
         self.relevant_rules.lambert_default = true;
+        let units = &mut self.units;
         *self.index_of.entry(Key::Named(name.to_owned())).or_insert_with(|| {
+            if !rules.reflectance_fraction {
+                units.add(name, 50.0, || None);
+            }
             materials.push(Material::unnamed(name, rules));
             materials.len() as u32 - 1
         })
@@ -211,60 +259,71 @@ impl Library {
         let is_last = known.index + 1 == self.files[known.file].definitions.len();
         let definition = self.files[known.file].definitions[known.index].clone();
         let is_in_memory = self.files[known.file].source.is_none();
+        let placeless = MaterialDefinition { place: None, ..definition.clone() };
         let equal = self.of_memory.get(&definition.name).into_iter().flatten();
-        if let Some(&(_, index)) = equal.filter(|_| is_in_memory).find(|(other, _)| *other == definition) {
+        if let Some(&(_, index)) = equal.filter(|_| is_in_memory).find(|(other, _)| *other == placeless) {
             self.index_of.insert(Key::Defined(known), index);
             return index;
         }
-        let material = self.resolve(&definition, is_last, known.file, diagnostics);
+        let material = self.resolve(&definition, is_last, diagnostics);
         self.materials.push(material);
         let index = self.materials.len() as u32 - 1;
         self.index_of.insert(Key::Defined(known), index);
         if is_in_memory {
-            self.of_memory.entry(definition.name.clone()).or_default().push((definition, index));
+            self.of_memory.entry(definition.name).or_default().push((placeless, index));
         }
         index
     }
 
-    fn resolve(
-        &mut self,
-        d: &MaterialDefinition,
-        is_last: bool,
-        file: usize,
-        diagnostics: &mut Diagnostics,
-    ) -> Material {
-        let source = self.files[file].source.as_ref();
-        let place = || source.map(|source| source.place(d.line, line_start(source.bytes(), d.line)));
+    fn resolve(&mut self, d: &MaterialDefinition, is_last: bool, diagnostics: &mut Diagnostics) -> Material {
+        if let (Some(_), Some(spectrum)) = (d.reflectance, &d.spectrum) {
+            let message = format!(
+                "material \"{}\" has a reflectance, which counts, and a spectrum, {spectrum}",
+                d.name
+            );
+            diagnostics.warn(d.place.clone(), message);
+        }
+        // Definitions with a line have been checked where they were read.
+        if !d.has_line() && !CLASSES.contains(&d.classification) {
+            let message = format!(
+                "material \"{}\" has the class {}, which is written as 0 in LAS and LAZ: they have classes 0 to 255",
+                d.name, d.classification
+            );
+            diagnostics.warn(d.place.clone(), message);
+        }
         let mut from_spectrum = None;
         if let (None, Some(name)) = (d.reflectance, &d.spectrum) {
             from_spectrum = self.spectra.reflectance(name, diagnostics);
             if from_spectrum.is_none() {
                 let message =
                     format!("no spectrum \"{name}\" for material \"{}\"; it reflects 50 per cent", d.name);
-                diagnostics.warn(place(), message).help(self.spectra.described());
+                diagnostics.warn(d.place.clone(), message).help(self.spectra.described());
             }
-        } else if let (None, Some(place)) = (d.reflectance, place()) {
-            self.issues.add(ReflectanceIssue::Missing, &d.name, place);
+        } else if d.reflectance.is_none() && d.has_line() {
+            // Readers of mesh files report materials without a line.
+            self.add_issue(ReflectanceIssue::Missing, d);
         }
         let is_fraction = self.rules.reflectance_fraction;
         let reflectance = match d.reflectance {
             Some(per_cent) if is_fraction && per_cent > MAX_FRACTION => {
-                if let Some(place) = place() {
-                    self.issues.add(ReflectanceIssue::PerCent, &d.name, place);
-                }
+                self.add_issue(ReflectanceIssue::PerCent, d);
                 per_cent / 100.0
             }
             Some(fraction) => fraction,
             None if is_fraction => from_spectrum.unwrap_or(50.0) / 100.0,
             None => from_spectrum.unwrap_or(50.0),
         };
-        if let (true, Some(place)) = (!(0.0..=1.0).contains(&reflectance), place()) {
-            self.issues.add(ReflectanceIssue::NoFraction, &d.name, place);
+        // Spectra and the default of 50 are per cent, but fractions in the refined physics.
+        if let Some(given) = d.reflectance.or((!is_fraction).then_some(reflectance)) {
+            self.units.add(&d.name, given, || d.place.clone());
+        }
+        if is_fraction && !(0.0..=1.0).contains(&reflectance) {
+            self.add_issue(ReflectanceIssue::NoFraction, d);
         }
         if is_specular_only(d) {
             let message =
                 format!("material \"{}\" has Ks but no Kd; it reflects by its specular share alone", d.name);
-            diagnostics.warn(place(), message);
+            diagnostics.warn(d.place.clone(), message);
         }
         let (has_kd, has_ks) = (d.kd != [0.0; 3], d.ks != [0.0; 3]);
         self.relevant_rules = self.relevant_rules.or(MaterialRules {
@@ -284,6 +343,13 @@ impl Library {
         }
     }
 
+    /// Records an issue of a material that a file defines.
+    fn add_issue(&mut self, issue: ReflectanceIssue, d: &MaterialDefinition) {
+        if let Some(place) = &d.place {
+            self.issues.add(issue, &d.name, place.clone());
+        }
+    }
+
     /// The materials of a part whose loader defines none: the selected one and its randomised variants. Primitive i of
     /// the part uses material i modulo their number. `None` after an error.
     pub fn chosen(
@@ -296,6 +362,9 @@ impl Library {
         let Some(path) = &choice.file else {
             if let Some(place) = place {
                 self.issues.add(ReflectanceIssue::Missing, DEFAULT, place.clone());
+                if !self.rules.reflectance_fraction {
+                    self.units.add(DEFAULT, 50.0, || Some(place.clone()));
+                }
             }
             return Some(vec![self.unnamed(DEFAULT)]);
         };
@@ -307,7 +376,19 @@ impl Library {
         };
         let definitions = &self.files[file].definitions;
         let index = match &choice.name {
-            Some(name) => definitions.iter().position(|d| d.name == *name),
+            Some(name) => {
+                let same_word = || definitions.iter().position(|d| first_word(&d.name) == first_word(name));
+                definitions.iter().position(|d| d.name == *name).or_else(|| {
+                    let index = same_word()?;
+                    let other = &definitions[index].name;
+                    let message = format!(
+                        "{} defines no material \"{name}\"; \"{other}\" is taken, whose first word is the same",
+                        path.display()
+                    );
+                    diagnostics.warn(place.cloned(), message);
+                    Some(index)
+                })
+            }
             None => (0..definitions.len()).min_by(|&a, &b| definitions[a].name.cmp(&definitions[b].name)),
         };
         let Some(index) = index else {
@@ -380,15 +461,6 @@ fn reflection(d: &MaterialDefinition, has_share: bool, rules: MaterialRules) -> 
         (false, false) if !rules.lambert_default => Reflection::Uniform,
         _ => Reflection::Lambert,
     }
-}
-
-fn line_start(bytes: &[u8], line: usize) -> std::ops::Range<usize> {
-    let mut start = 0;
-    for _ in 1..line {
-        start = memchr::memchr(b'\n', &bytes[start..]).map_or(bytes.len(), |n| start + n + 1);
-    }
-    let end = memchr::memchr(b'\n', &bytes[start..]).map_or(bytes.len(), |n| start + n);
-    start..end
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use super::model::{MovingPart, Part, Scene};
 use super::pack::Pack;
 use super::spectra::Spectra;
 use super::text::{Source, printable};
-use super::{change, geotiff, instances, mesh, vox, xyz};
+use super::{change, geotiff, instances, mesh, mesh_doubts, vox, xyz};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::files::fault;
@@ -39,7 +39,8 @@ pub fn load_epoch(
     first: Option<SceneFrame>,
 ) -> Result<(Scene, Diagnostics)> {
     if let Some(path) = &recipe.packed {
-        return Ok((Pack::open(path)?.scene(options, epoch)?, Diagnostics::default()));
+        let read = || Pack::open(path)?.scene(options, epoch);
+        return Ok((machine::with_pool(options.jobs, read)??, Diagnostics::default()));
     }
     machine::with_pool(options.jobs, || load_sources(recipe, options, epoch, first))?
 }
@@ -79,6 +80,7 @@ fn load_sources(
     scene.diagnostics = warnings;
     frames.report(&mut scene);
     scene.library.issues.report(options.rules, &mut scene.diagnostics);
+    scene.library.units.report(options.rules.reflectance_fraction, &mut scene.diagnostics);
     ground::drop_to_ground(&mut scene, &loaded);
     let crs = match epoch {
         0 => find_crs(recipe, &mut scene.diagnostics),
@@ -142,8 +144,11 @@ fn load_part(
             }
         };
         let Some(body) = body else {
-            let message = format!("part \"{id}\" holds no primitives and is left out");
-            scene.diagnostics.warn(part.place.clone(), message);
+            // What could not be read is an error already.
+            if !scene.diagnostics.is_fatal(false) {
+                let message = format!("part \"{id}\" holds no primitives and is left out");
+                scene.diagnostics.warn(part.place.clone(), message);
+            }
             if !part.swaps.is_empty() {
                 scene.parts.push(Part { id, name: name_of(&part.loader, files), lad: None });
             }
@@ -152,6 +157,7 @@ fn load_part(
         let bounds = ground::bounds_of(scene, &body);
         check_coordinates(scene, &id, bounds, &body, part.place.as_ref());
         frames.add(&id, part.place.as_ref(), bounds);
+        mesh_doubts::check(scene, part, files, &body, bounds);
         if let Body::Stored(extent) = &body
             && !part.motions.is_empty()
         {
@@ -235,6 +241,7 @@ fn load_files(
                 densities.extend(vox::load(scene, &target, &source, loader, &materials)?);
             }
         }
+        source.check_unchanged()?;
     }
     let extent = scene.since(&start);
     change::apply(scene, &target, &part.changes, &extent);
@@ -271,7 +278,7 @@ fn choose(scene: &mut SceneBuilder, part: &PartSource, choice: &MaterialChoice) 
 
 /// Opens a file of a part; `None` after an error in its name.
 fn open(scene: &mut SceneBuilder, part: &PartRecipe, file: &Path) -> Result<Option<Source>> {
-    match fault::point().and_then(|()| Source::open(file)) {
+    match fault::point().and_then(|()| Source::open_within(file, scene.options.max_memory)) {
         Ok(source) => {
             scene.sources.push(file.to_path_buf());
             Ok(Some(source))
@@ -321,9 +328,9 @@ fn freeze(scene: SceneBuilder, first: Option<SceneFrame>, keep_frame: bool) -> R
     if let Some(instances) = instances.as_mut().and_then(|set| Arc::get_mut(&mut set.instances)) {
         instances.shift = shift;
     }
-    geometry.vertices.to_mut().shrink_to_fit();
-    geometry.triangles.to_mut().shrink_to_fit();
-    geometry.cubes.to_mut().shrink_to_fit();
+    geometry.vertices.shrink_to_fit();
+    geometry.triangles.shrink_to_fit();
+    geometry.cubes.shrink_to_fit();
     voxels.shrink_to_fit();
     let mut surface_ids = scene.triangle_surfaces;
     surface_ids.extend(scene.cube_surfaces);
@@ -341,7 +348,7 @@ fn freeze(scene: SceneBuilder, first: Option<SceneFrame>, keep_frame: bool) -> R
         parts: scene.parts,
         relevant_rules: library.relevant_rules.or(scene.leaf_table_rules),
         materials: library.materials,
-        voxels: voxels.into(),
+        voxels,
         moving_parts: scene.moving_parts,
         instances,
         sources,

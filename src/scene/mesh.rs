@@ -34,7 +34,7 @@ pub(super) fn load_with(
         let [a, b, c] = t.map(|v| vertices[v as usize]);
         (b - a).cross(c - a) != DVec3::ZERO
     };
-    scene.geometry.vertices.to_mut().extend_from_slice(vertices);
+    scene.geometry.vertices.extend_from_slice(vertices);
     let first_face = scene.faces.count;
     scene.faces.count += face_of.last().map_or(triangles.len(), |last| *last as usize + 1);
     let mut without_area = 0;
@@ -47,7 +47,7 @@ pub(super) fn load_with(
             let face = face_of.get(i).map_or(i, |&face| face as usize);
             scene.faces.of_triangles.push((first_face + face) as u32);
         }
-        scene.geometry.triangles.to_mut().push(*triangle);
+        scene.geometry.triangles.push(*triangle);
         let material = mesh.material_of().get(i).map_or(0, |&m| m as usize);
         scene.triangle_surfaces.push(surfaces[material]);
     }

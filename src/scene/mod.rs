@@ -19,7 +19,7 @@
 //! | `obj`, `mesh`, `geotiff`, `xyz`, `vox` | loaders: meshes in files and in memory, rasters, point clouds, vegetation voxels |
 //! | `text`, `number` | files of text: lines, problems with their places, numbers |
 //! | `change` | materials that replace those of a part |
-//! | `library`, `mtl`, `spectra`, `reflectance_issues`, `rules` | material definitions, their resolution and problems |
+//! | `library`, `mtl`, `spectra`, `reflectance_issues`, `reflectance_units`, `rules` | material definitions, their resolution and problems |
 //! | `ground`, `plane` | drop parts to the ground; planes fitted to points |
 //! | `instances`, `instance_set` | parts that share a mesh |
 //! | `model`, `surfaces`, `material`, `voxel`, `lad` | the loaded scene and its components |
@@ -29,7 +29,9 @@
 //! | `pack` | packed scenes |
 //! | `fingerprint` | checksums of scenes |
 //! | `crs`, `frames` | coordinate reference systems of rasters and meshes; parts in local coordinates beside a grid |
+//! | `mesh_doubts` | meshes that are probably in another unit, or with another axis up |
 //! | `mesh_file` | mesh files: PLY, STL, glTF and, by `obj`, OBJ; tables of materials |
+//! | `polygon` | polygons as triangles, for all formats |
 //! | `inventory`, `part_facts` | count the contents of a scene and of its parts |
 
 mod builder;
@@ -51,6 +53,7 @@ mod library;
 mod load;
 mod material;
 mod mesh;
+mod mesh_doubts;
 mod mesh_file;
 mod model;
 mod motion;
@@ -60,7 +63,9 @@ mod obj;
 mod pack;
 mod part_facts;
 mod plane;
+mod polygon;
 mod reflectance_issues;
+mod reflectance_units;
 mod rules;
 mod spectra;
 mod surfaces;
@@ -82,7 +87,8 @@ pub use lad::LadTable;
 pub use load::{load, load_epoch};
 pub use material::{Material, Reflection, SPHERICAL_MEAN_COSINE};
 pub use model::{MovingPart, PackedTree, Part, Scene, Sizes};
-pub use motion::{DynamicObject, DynamicScene, MotionPlan, MotionState, ObjectUpdate};
+pub use motion::{DynamicObject, DynamicScene, MotionPlan, MotionState, ObjectUpdate, check_time_step};
+pub use mtl::read_materials;
 pub use pack::{Pack, pack};
 pub use part_facts::PartFacts;
 pub use rules::MaterialRules;

@@ -7,7 +7,7 @@ use super::rules::MaterialRules;
 use super::surfaces::{Surface, SurfaceIds};
 use super::voxel::Voxel;
 use crate::geom::{Aabb, DVec3};
-use crate::store::Store;
+use crate::store::vec_bytes;
 use crate::survey::{MotionSequence, MotionTiming};
 use crate::tree::{BuildOptions, Builder, Geometry, Tree};
 use std::ops::Range;
@@ -33,7 +33,7 @@ pub struct Scene {
     /// Materials of all parts.
     pub materials: Vec<Material>,
     /// Attributes of the cubes, parallel to `geometry.cubes`.
-    pub voxels: Store<Voxel>,
+    pub voxels: Vec<Voxel>,
     /// Moving parts in document order; their primitives in the fields above are in the initial pose.
     pub moving_parts: Vec<MovingPart>,
     /// Instances of shared meshes, if any; their triangle indices continue after the primitives of `geometry`. Moving
@@ -50,7 +50,7 @@ pub struct Scene {
     /// Files that it was loaded from, except those named in its description.
     pub sources: Vec<PathBuf>,
     /// The tree of a packed scene.
-    pub packed_tree: Option<Arc<PackedTree>>,
+    pub packed_tree: Option<PackedTree>,
     /// The sizes of a packed scene.
     pub packed_sizes: Option<Sizes>,
 }
@@ -66,11 +66,11 @@ pub struct Sizes {
 }
 
 /// A tree that was stored in a pack.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct PackedTree {
     pub builder: Builder,
     /// The tree over all static primitives.
-    pub tree: Tree,
+    pub tree: Arc<Tree>,
 }
 
 /// A part that moves during the survey, see [`MotionPlan`](super::MotionPlan).
@@ -101,7 +101,7 @@ pub struct Part {
 
 impl Scene {
     /// The tree over all static primitives and all instances. A packed scene contains the tree of one builder.
-    pub fn tree(&self, options: &BuildOptions) -> Tree {
+    pub fn tree(&self, options: &BuildOptions) -> Arc<Tree> {
         let default = BuildOptions::of(options.builder);
         // The other settings apply to kd-trees.
         let is_default = options.builder == Builder::Bvh
@@ -111,10 +111,10 @@ impl Scene {
             return ready.tree.clone();
         }
         let tree = Tree::build_where(&self.geometry, options, |i| self.is_still(i));
-        match &self.instances {
+        Arc::new(match &self.instances {
             Some(set) => tree.with_instances(&set.instances, options),
             None => tree,
-        }
+        })
     }
 
     /// Approximate memory of [`Scene::tree`], bytes, see [`Tree::estimate_build_memory`]; each model of instances has a
@@ -221,10 +221,10 @@ impl Scene {
         size_of::<Scene>()
             + names
             + self.instances.as_ref().map_or(0, InstanceSet::memory)
-            + self.geometry.vertices.memory()
-            + self.geometry.triangles.memory()
-            + self.geometry.cubes.memory()
-            + self.voxels.memory()
+            + vec_bytes(&self.geometry.vertices)
+            + vec_bytes(&self.geometry.triangles)
+            + vec_bytes(&self.geometry.cubes)
+            + vec_bytes(&self.voxels)
             + self.surface_ids.memory()
             + self.surfaces.capacity() * size_of::<Surface>()
             + self.parts.capacity() * size_of::<Part>()
@@ -258,6 +258,21 @@ impl Scene {
 }
 
 impl Scene {
+    /// The box of all ground, local frame, m; instances with ground count with their whole box. `None` without ground.
+    pub fn ground_bounds(&self) -> Option<Aabb> {
+        let is_ground: Vec<bool> = self.materials.iter().map(|m| m.is_ground).collect();
+        let surfaces: Vec<bool> = self.surfaces.iter().map(|s| is_ground[s.material as usize]).collect();
+        let own = self.surface_ids.iter().enumerate().filter(|(_, s)| surfaces[*s as usize]);
+        let own = own.map(|(i, _)| self.geometry.bounds_of(i));
+        let instances = self.instances.iter().flat_map(|set| {
+            let has_ground: Vec<bool> =
+                set.materials.iter().map(|of| of.iter().any(|&m| is_ground[m as usize])).collect();
+            let all = set.instances.all.iter().filter(move |i| has_ground[i.model as usize]);
+            all.map(|i| set.instances.exact_bounds_of(i))
+        });
+        own.chain(instances).reduce(Aabb::union)
+    }
+
     /// Heights over (x, y) of the triangles of instances whose material is one of `wanted`.
     fn instances_over(&self, wanted: &[bool], x: f64, y: f64) -> impl Iterator<Item = f64> {
         self.instances.iter().flat_map(move |set| {
@@ -301,9 +316,9 @@ mod tests {
         let roof: Vec<DVec3> = vertices.iter().map(|v| *v - DVec3::Z * 10.0).collect();
         Scene {
             geometry: Geometry {
-                vertices: [vertices, lifted, roof].concat().into(),
-                triangles: vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [8, 9, 10]].into(),
-                cubes: vec![Cube { centre: DVec3::new(6.0, 1.0, 0.0), half: 0.5 }].into(),
+                vertices: [vertices, lifted, roof].concat(),
+                triangles: vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [8, 9, 10]],
+                cubes: vec![Cube { centre: DVec3::new(6.0, 1.0, 0.0), half: 0.5 }],
             },
             surface_ids: vec![0, 0, 0, 1, 0].into(),
             surfaces: vec![Surface { part: 0, material: 0 }, Surface { part: 0, material: 1 }],
@@ -311,7 +326,7 @@ mod tests {
                 Material { is_ground: true, ..Material::unnamed("soil", MaterialRules::default()) },
                 Material::unnamed("tile", MaterialRules::default()),
             ],
-            voxels: vec![Voxel::default()].into(),
+            voxels: vec![Voxel::default()],
             shift: DVec3::new(1000.0, 2000.0, 3.0),
             ..Scene::default()
         }
@@ -325,6 +340,16 @@ mod tests {
         assert_eq!(s.ground_height(4.0, 4.0), Some(5.0), "on a corner");
         assert_eq!(s.ground_height(6.2, 1.2), Some(0.5), "the upper face of a cube");
         assert_eq!(s.ground_height(-1.0, 1.0), None);
+    }
+
+    #[test]
+    fn the_box_of_the_ground_has_neither_roofs_nor_voxels() {
+        let mut s = scene();
+        let bounds = s.ground_bounds().unwrap();
+        assert_eq!(bounds.min, DVec3::new(0.0, 0.0, -0.5), "the tile lies ten metres lower");
+        assert_eq!(bounds.max, DVec3::new(6.5, 4.0, 15.0));
+        s.materials[0].is_ground = false;
+        assert_eq!(s.ground_bounds(), None);
     }
 
     #[test]

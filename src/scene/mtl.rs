@@ -1,10 +1,24 @@
 //! Material libraries (spec input-formats §4.2).
 
 use super::number::{float, skip_blanks};
-use super::text::{Line, Lines, Problems, Source, Words, printable, shown};
-use crate::diag::Diagnostics;
+use super::text::{Line, Lines, Problems, Source, Words, operand, printable, shown};
+use crate::columns::comma_note;
+use crate::diag::{Diagnostics, nearest};
+use crate::quantity::CLASSES;
 use crate::survey::MaterialDefinition;
 use std::ops::Range;
+use std::path::Path;
+
+/// Reads the materials of a file by itself.
+///
+/// # Errors
+/// [`crate::Error::Io`]; [`crate::Error::Input`] with all problems of the file.
+pub fn read_materials(path: &Path) -> crate::Result<(Vec<MaterialDefinition>, Diagnostics)> {
+    let source = Source::open(path).map_err(|e| crate::Error::open(path, e))?;
+    let mut problems = Diagnostics::default();
+    let definitions = read(&source, &mut problems);
+    Ok((definitions, problems.finish(false)?))
+}
 
 /// Reads all definitions in the order of the file. An unreadable value is an error.
 pub(super) fn read(source: &Source, diagnostics: &mut Diagnostics) -> Vec<MaterialDefinition> {
@@ -14,62 +28,107 @@ pub(super) fn read(source: &Source, diagnostics: &mut Diagnostics) -> Vec<Materi
     let mut problems = Problems::default();
     let mut definitions: Vec<MaterialDefinition> = Vec::new();
     for line in Lines::new(source.bytes(), true) {
-        statement(&line, &mut definitions, &mut problems);
+        statement(source, &line, &mut definitions, &mut problems);
     }
     problems.report(source, diagnostics);
     definitions
 }
 
-fn statement(line: &Line, definitions: &mut Vec<MaterialDefinition>, problems: &mut Problems) {
+fn statement(
+    source: &Source,
+    line: &Line,
+    definitions: &mut Vec<MaterialDefinition>,
+    problems: &mut Problems,
+) {
     let mut words = Words::new(&line.text, skip_blanks(&line.text, 0));
     let Some((keyword, at)) = words.next() else { return };
     let in_file = |at: Range<usize>| line.start + at.start..line.start + at.end;
     let values: Vec<(&[u8], Range<usize>)> = words.collect();
     if keyword == b"newmtl" {
-        let Some((name, name_at)) = values.first() else {
+        let name_at = operand(&line.text, at.end);
+        if name_at.is_empty() {
             return problems.error(line.number, in_file(at), || "newmtl without a name".to_owned());
-        };
-        let name = name_of(name);
+        }
+        let name = name_of(&line.text[name_at.clone()]);
         if let Some(first) = definitions.iter().find(|d| d.name == name) {
-            let message =
-                format!("material \"{name}\" is already defined in line {}, which counts", first.line);
+            let first = first.place.as_ref().map_or(0, |place| place.line);
+            let message = format!("material \"{name}\" is already defined in line {first}, which counts");
             problems.warn(line.number, in_file(name_at.clone()), || message);
         }
-        return definitions.push(MaterialDefinition { line: line.number, ..MaterialDefinition::new(name) });
+        let place = Some(source.place(line.number, in_file(0..line.text.len())));
+        return definitions.push(MaterialDefinition { place, ..MaterialDefinition::new(name) });
     }
     if !is_known(keyword) {
-        return;
+        return warn_of_unknown(line.number, keyword, in_file(at), problems);
     }
     let Some(material) = definitions.last_mut() else {
         return problems.warn(line.number, in_file(at), || {
             format!("{} before the first newmtl is ignored", shown(keyword))
         });
     };
-    if let Err(expected) = set(material, keyword, &values) {
+    if keyword == b"helios_spectra" {
+        // What begins with `#` is a comment here.
+        let last = values.last().map_or(at.end, |(_, at)| at.end);
+        let name = &line.text[skip_blanks(&line.text, at.end).min(last)..last];
+        if !name.is_empty() {
+            material.spectrum = Some(name_of(name));
+            return;
+        }
+    }
+    let is_set = set(material, keyword, &values);
+    if is_set.is_ok() && keyword == b"helios_classification" && !CLASSES.contains(&material.classification) {
+        let message = format!(
+            "class {} is written as 0 in LAS and LAZ, which have classes 0 to 255",
+            material.classification
+        );
+        return problems.warn(line.number, in_file(at), || message);
+    }
+    if let Err(expected) = is_set {
         let found = values.first().map_or("nothing".to_owned(), |(w, _)| format!("\"{}\"", shown(w)));
         let marked = values.first().map_or(at, |(_, at)| at.clone());
         if matches!(values.first(), Some((b"spectral" | b"xyz", _))) {
             let message = "colours by spectral curves or CIE XYZ are not read; the line is ignored";
             return problems.warn(line.number, in_file(marked), || message.to_owned());
         }
+        let hint =
+            values.iter().find_map(|(word, _)| Some(comma_note(&shown(word))).filter(|h| !h.is_empty()));
         problems.error(line.number, in_file(marked), || {
-            format!("expected {expected} after {}, found {found}", shown(keyword))
+            format!("expected {expected} after {}, found {found}{}", shown(keyword), hint.unwrap_or_default())
         });
     }
 }
 
+/// Keywords that matter.
+const KNOWN: [&str; 8] = [
+    "Kd",
+    "Ks",
+    "Ns",
+    "vlscan_roughness_deg",
+    "helios_reflectance",
+    "helios_spectra",
+    "helios_classification",
+    "helios_isGround",
+];
+/// Prefixes of keywords that only laser scanners have.
+const OWN_PREFIXES: [&str; 2] = ["helios_", "vlscan_"];
+/// Keywords of programs of HELIOS++ without effect there.
+const WITHOUT_EFFECT: [&str; 1] = ["helios_useVertexColors"];
+
 fn is_known(keyword: &[u8]) -> bool {
-    matches!(
-        keyword,
-        b"Kd"
-            | b"Ks"
-            | b"Ns"
-            | b"vlscan_roughness_deg"
-            | b"helios_reflectance"
-            | b"helios_spectra"
-            | b"helios_classification"
-            | b"helios_isGround"
-    )
+    KNOWN.iter().any(|known| known.as_bytes() == keyword)
+}
+
+/// Warns of a keyword that is none of [`KNOWN`] and looks like one of those that matter here: what is for pictures only is
+/// skipped.
+fn warn_of_unknown(line: usize, keyword: &[u8], at: Range<usize>, problems: &mut Problems) {
+    let keyword = shown(keyword);
+    let lower = keyword.to_ascii_lowercase();
+    let is_own = OWN_PREFIXES.iter().any(|prefix| lower.starts_with(prefix));
+    if !is_own || WITHOUT_EFFECT.contains(&keyword.as_str()) {
+        return;
+    }
+    let near = nearest(&keyword, KNOWN).map_or(String::new(), |near| format!("; did you mean {near}?"));
+    problems.warn(line, at, || format!("unknown keyword {keyword} is ignored{near}"));
 }
 
 fn set(
@@ -94,7 +153,7 @@ fn set(
             material.reflectance =
                 Some(number().filter(|r| *r >= 0.0).ok_or("a reflectance, 0 or greater,")?);
         }
-        b"helios_spectra" => material.spectrum = Some(name_of(first.ok_or("the name of a spectrum")?)),
+        b"helios_spectra" => return Err("the name of a spectrum"),
         b"helios_classification" => {
             material.classification = first.and_then(integer).ok_or("a whole number")?
         }
@@ -148,13 +207,13 @@ mod tests {
     #[test]
     fn the_example_of_the_dialect() {
         let (m, d) = read_text(
-            b"# fields\r\nnewmtl meadow wide\r\n\tKd 0.2 0.6 0.2\r\nhelios_spectra grass\r\nhelios_classification 2\r\n\
+            b"# fields\r\nnewmtl meadow wide\r\n\tKd 0.2 0.6 0.2\r\nhelios_spectra tall grass # dry\r\nhelios_classification 2\r\n\
               helios_isGround TRUE\r\nillum 2\r\nnewmtl b\xe4r\nKs .5 # grey\nNs 20\nvlscan_roughness_deg 18\nhelios_reflectance 0.4\n",
         );
         assert!(d.items().is_empty(), "{}", d.render(false));
         assert_eq!(
             (m[0].name.as_str(), m[0].kd, m[0].spectrum.as_deref()),
-            ("meadow", [0.2, 0.6, 0.2], Some("grass"))
+            ("meadow wide", [0.2, 0.6, 0.2], Some("tall grass"))
         );
         assert_eq!((m[0].classification, m[0].is_ground, m[0].reflectance), (2, true, None));
         assert_eq!((m[1].name.as_str(), m[1].ks, m[1].ns), ("bär", [0.5; 3], 20.0));

@@ -2,7 +2,6 @@
 
 use super::Scene;
 use crate::geom::{Aabb, DVec3};
-use crate::store::Store;
 use crate::tree::Cube;
 use std::collections::BTreeMap;
 
@@ -42,12 +41,12 @@ impl PartFacts {
             };
         }
         if let Some(set) = &scene.instances {
-            let of_model = |materials: &Store<u32>| {
+            let of_model = |materials: &[u32]| {
                 let mut counts: BTreeMap<u32, u64> = BTreeMap::new();
                 materials.iter().for_each(|&material| *counts.entry(material).or_default() += 1);
                 counts
             };
-            let of_models: Vec<BTreeMap<u32, u64>> = set.materials.iter().map(of_model).collect();
+            let of_models: Vec<BTreeMap<u32, u64>> = set.materials.iter().map(|of| of_model(of)).collect();
             let vertices = |i| set.instances.model(i).geometry.vertices.len() as u64;
             let is_exact = set.instances.all.iter().map(vertices).sum::<u64>() <= most;
             for (instance, &part) in set.instances.all.iter().zip(&set.parts) {

@@ -3,8 +3,10 @@
 use super::MaterialRules;
 use super::library::DEFAULT;
 use crate::diag::{Diagnostics, Place};
+use std::collections::{HashMap, HashSet};
+use std::path::PathBuf;
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum ReflectanceIssue {
     /// There is no reflectance.
     Missing,
@@ -16,7 +18,21 @@ pub(super) enum ReflectanceIssue {
 
 /// Issues with the materials' names and places, in the order of first use.
 #[derive(Clone, Debug, Default)]
-pub(super) struct ReflectanceIssues(Vec<(ReflectanceIssue, String, Place)>);
+pub(super) struct ReflectanceIssues {
+    groups: Vec<Group>,
+    /// Index in `groups` by issue and file.
+    index: HashMap<(ReflectanceIssue, PathBuf), usize>,
+    /// Names and lines that are in a group.
+    known: HashSet<(usize, String, usize)>,
+}
+
+/// An issue in a file.
+#[derive(Clone, Debug)]
+struct Group {
+    issue: ReflectanceIssue,
+    /// Materials that have it, with their places.
+    materials: Vec<(String, Place)>,
+}
 
 /// Maximum number of names in one message.
 const MAX_LISTED: usize = 8;
@@ -24,8 +40,13 @@ const MAX_LISTED: usize = 8;
 impl ReflectanceIssues {
     /// Records an issue of the material `name`, defined or used at `place`.
     pub fn add(&mut self, issue: ReflectanceIssue, name: &str, place: Place) {
-        if !self.0.iter().any(|(i, n, p)| *i == issue && n == name && *p == place) {
-            self.0.push((issue, name.to_owned(), place));
+        let next = self.groups.len();
+        let group = *self.index.entry((issue, place.path.clone())).or_insert(next);
+        if group == next {
+            self.groups.push(Group { issue, materials: Vec::new() });
+        }
+        if self.known.insert((group, name.to_owned(), place.line)) {
+            self.groups[group].materials.push((name.to_owned(), place));
         }
     }
 
@@ -34,37 +55,33 @@ impl ReflectanceIssues {
     pub fn report(&self, rules: MaterialRules, diagnostics: &mut Diagnostics) {
         let is_fraction = rules.reflectance_fraction;
         let assumed = if is_fraction { "0.5" } else { "50 per cent, the default of HELIOS++" };
-        for (i, (issue, name, place)) in self.0.iter().enumerate() {
-            let is_alike =
-                |(other, _, p): &&(ReflectanceIssue, String, Place)| other == issue && p.path == place.path;
+        for Group { issue, materials } in &self.groups {
             // Parts without any material are meant to have the default.
-            if !is_fraction && (*issue != ReflectanceIssue::Missing || name == DEFAULT) {
-                continue;
-            }
-            if self.0[..i].iter().any(|earlier| is_alike(&earlier)) {
-                continue;
-            }
-            let names: Vec<String> =
-                self.0.iter().filter(is_alike).map(|(_, name, _)| format!("\"{name}\"")).collect();
+            let counts = |name: &str| is_fraction || *issue == ReflectanceIssue::Missing && name != DEFAULT;
+            let mut materials = materials.iter().filter(|(name, _)| counts(name)).peekable();
+            let Some((_, place)) = materials.peek() else { continue };
+            let place = Some(place.clone());
+            let names: Vec<String> = materials.map(|(name, _)| format!("\"{name}\"")).collect();
             let mut listed = names[..names.len().min(MAX_LISTED)].join(", ");
             if names.len() > MAX_LISTED {
                 listed += &format!(" and {} more", names.len() - MAX_LISTED);
             }
-            let place = Some(place.clone());
             let (message, help) = match (issue, names.len()) {
-                (ReflectanceIssue::PerCent, n) => {
-                    let (noun, are) = if n == 1 { ("reflectance", "is") } else { ("reflectances", "are") };
-                    diagnostics
-                        .note(place, format!("the {noun} of {listed} {are} above 2 and taken as per cent"));
-                    continue;
-                }
+                (ReflectanceIssue::PerCent, 1) => (
+                    format!("the reflectance of material {listed} is above 2 and taken as per cent"),
+                    "write a number from 0 to 1: 0.5 reflects 50 per cent",
+                ),
+                (ReflectanceIssue::PerCent, n) => (
+                    format!("the reflectances of {n} materials are above 2 and taken as per cent: {listed}"),
+                    "write a number from 0 to 1: 0.5 reflects 50 per cent",
+                ),
                 (ReflectanceIssue::Missing, 1) => (
                     format!("material {listed} has no reflectance; it reflects {assumed}"),
-                    "give it a helios_reflectance from 0 to 1, or helios_spectra",
+                    "give it a reflectance from 0 to 1 (helios_reflectance in MTL files), or a spectrum (helios_spectra)",
                 ),
                 (ReflectanceIssue::Missing, n) => (
                     format!("{n} materials have no reflectance: {listed}; they reflect {assumed}"),
-                    "give each a helios_reflectance from 0 to 1, or helios_spectra",
+                    "give each a reflectance from 0 to 1 (helios_reflectance in MTL files), or a spectrum (helios_spectra)",
                 ),
                 (ReflectanceIssue::NoFraction, 1) => (
                     format!("the reflectance of material {listed} is not between 0 and 1, and used as it is"),
@@ -85,6 +102,7 @@ impl ReflectanceIssues {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diag::Severity;
     use std::path::Path;
 
     #[test]
@@ -96,11 +114,26 @@ mod tests {
         }
         issues.add(ReflectanceIssue::Missing, "m1", place("b.mtl", 3));
         issues.add(ReflectanceIssue::NoFraction, "glare", place("a.mtl", 20));
+        issues.add(ReflectanceIssue::PerCent, "wall", place("a.mtl", 30));
         let mut d = Diagnostics::default();
         issues.report(MaterialRules { reflectance_fraction: true, ..MaterialRules::default() }, &mut d);
-        let [of_a, of_b, glare] = d.items() else { panic!("{}", d.render(false)) };
+        let [of_a, of_b, glare, wall] = d.items() else { panic!("{}", d.render(false)) };
         assert!(of_a.message.contains("10 materials") && of_a.message.contains("\"m7\" and 2 more"));
         assert_eq!(of_b.message, "material \"m1\" has no reflectance; it reflects 0.5");
         assert!(glare.message.contains("\"glare\""));
+        assert!(wall.severity == Severity::Warning && wall.message.contains("\"wall\" is above 2"));
+    }
+
+    #[test]
+    fn the_default_hides_no_other_material_under_the_rules_of_the_reference() {
+        let mut issues = ReflectanceIssues::default();
+        for (line, name) in [(1, DEFAULT), (2, "wall"), (2, "wall")] {
+            issues.add(ReflectanceIssue::Missing, name, Place::in_line(Path::new("a.obj"), line, "", 0..0));
+        }
+        let mut d = Diagnostics::default();
+        issues.report(MaterialRules::default(), &mut d);
+        let [told] = d.items() else { panic!("{}", d.render(false)) };
+        assert!(told.message.contains("material \"wall\" has no"), "{}", told.message);
+        assert_eq!(told.place.as_ref().map(|place| place.line), Some(2));
     }
 }

@@ -1,7 +1,7 @@
 //! Surfaces, and the surface of each primitive.
 
 use crate::error::Result;
-use crate::store::{ArrayFile, ArrayFileWriter, Store};
+use crate::store::{ArrayFile, ArrayFileWriter, vec_bytes};
 use crate::tree::prefetch;
 use std::ops::Range;
 
@@ -19,9 +19,9 @@ pub struct Surface {
 #[derive(Clone, Debug)]
 pub enum SurfaceIds {
     /// Indices below 65 536.
-    Narrow(Store<u16>),
+    Narrow(Vec<u16>),
     /// Indices of any size.
-    Wide(Store<u32>),
+    Wide(Vec<u32>),
 }
 
 impl SurfaceIds {
@@ -66,7 +66,7 @@ impl SurfaceIds {
                 (SurfaceIds::Narrow(_), Err(_)) => {
                     let mut wide: Vec<u32> = self.iter().collect();
                     wide.push(surface);
-                    *self = SurfaceIds::Wide(wide.into());
+                    *self = SurfaceIds::Wide(wide);
                 }
             }
         }
@@ -83,8 +83,8 @@ impl SurfaceIds {
 
     pub fn memory(&self) -> usize {
         match self {
-            SurfaceIds::Narrow(numbers) => numbers.memory(),
-            SurfaceIds::Wide(numbers) => numbers.memory(),
+            SurfaceIds::Narrow(numbers) => vec_bytes(numbers),
+            SurfaceIds::Wide(numbers) => vec_bytes(numbers),
         }
     }
 
@@ -96,18 +96,21 @@ impl SurfaceIds {
         }
     }
 
-    /// Maps the indices written by [`SurfaceIds::pack`]. The error is the reason why they cannot be used.
-    pub fn unpack(name: &str, file: &ArrayFile) -> std::result::Result<SurfaceIds, String> {
-        match file.array(name) {
-            Ok(numbers) => Ok(SurfaceIds::Narrow(numbers)),
-            Err(_) => file.array(name).map(SurfaceIds::Wide),
+    /// Reads the indices written by [`SurfaceIds::pack`].
+    ///
+    /// # Errors
+    /// As for [`ArrayFile::array`].
+    pub fn unpack(name: &str, file: &ArrayFile) -> Result<SurfaceIds> {
+        match file.element(name) {
+            Some(2) => file.array(name).map(SurfaceIds::Narrow),
+            _ => file.array(name).map(SurfaceIds::Wide),
         }
     }
 }
 
 impl Default for SurfaceIds {
     fn default() -> SurfaceIds {
-        SurfaceIds::Narrow(Store::new())
+        SurfaceIds::Narrow(Vec::new())
     }
 }
 
@@ -129,7 +132,7 @@ impl From<Vec<u32>> for SurfaceIds {
     fn from(mut surfaces: Vec<u32>) -> SurfaceIds {
         if surfaces.iter().any(|n| *n > u32::from(u16::MAX)) {
             surfaces.shrink_to_fit();
-            return SurfaceIds::Wide(surfaces.into());
+            return SurfaceIds::Wide(surfaces);
         }
         SurfaceIds::Narrow(surfaces.into_iter().map(|n| n as u16).collect())
     }

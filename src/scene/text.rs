@@ -1,7 +1,8 @@
-//! Scene files as bytes: mapped, split into lines, and quoted in messages.
+//! Scene files as bytes: read, split into lines, and quoted in messages.
 
 use super::number::{is_blank, skip_blanks, word_end};
 use crate::diag::{Diagnostics, Place};
+use crate::error::{Error, Result};
 use crate::store::FileBytes;
 use memchr::{memchr, memrchr};
 use std::borrow::Cow;
@@ -17,7 +18,7 @@ const MAX_LINE_BYTES: usize = 1 << 20;
 /// Maximum length of the excerpt of a line in a message, bytes.
 const MAX_SHOWN_BYTES: usize = 160;
 
-/// A mapped file of a scene.
+/// A file of a scene.
 pub(super) struct Source {
     path: PathBuf,
     data: FileBytes,
@@ -25,17 +26,26 @@ pub(super) struct Source {
     begin: usize,
 }
 
-/// Bytes that are read before their memory is released.
-const RELEASED_BYTES: usize = 1 << 24;
-
 /// UTF-8 byte order mark.
 const MARK: &[u8] = b"\xef\xbb\xbf";
 
 impl Source {
-    /// Maps `path`, or reads it if it is not a regular file. If the file is shortened while it is read, its missing parts
-    /// read as bytes that are no text, and [`check_loss`](crate::store::check_loss) fails.
+    /// Reads `path`, or maps it if it is large, see [`FileBytes`].
     pub fn open(path: &Path) -> std::io::Result<Source> {
-        FileBytes::open(path).map(|data| Source::new(path, data))
+        Source::open_within(path, None)
+    }
+
+    /// As [`Source::open`], with a limit of the memory, bytes.
+    pub fn open_within(path: &Path, max_memory: Option<u64>) -> std::io::Result<Source> {
+        FileBytes::open_within(path, max_memory).map(|data| Source::new(path, data))
+    }
+
+    /// Fails if the file has changed since it was opened.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn check_unchanged(&self) -> Result<()> {
+        self.data.check_unchanged().map_err(|e| Error::io("read", &self.path, e))
     }
 
     fn new(path: &Path, data: FileBytes) -> Source {
@@ -53,14 +63,20 @@ impl Source {
         &self.path
     }
 
+    /// The same text with line feeds for the carriage returns that end a line alone, so that places in it are those in the
+    /// file; `None` if there are none.
+    pub fn with_line_feeds(&self) -> Option<Source> {
+        let is_alone = |at: &usize| self.data.get(at + 1) != Some(&b'\n');
+        memchr::memchr_iter(b'\r', &self.data).find(is_alone)?;
+        let mut data = self.data.to_vec();
+        let alone: Vec<usize> = memchr::memchr_iter(b'\r', &self.data).filter(is_alone).collect();
+        alone.into_iter().for_each(|at| data[at] = b'\n');
+        Some(Source { path: self.path.clone(), data: FileBytes::from(data), begin: self.begin })
+    }
+
     /// The content without a byte order mark.
     pub fn bytes(&self) -> &[u8] {
         &self.data[self.begin..]
-    }
-
-    /// Gives the memory of content that has been read back to the system, see [`FileBytes::release`].
-    pub fn release(&self, bytes: Range<usize>) {
-        self.data.release(bytes.start..bytes.end + self.begin);
     }
 
     /// Whether the file is text; otherwise reports an error at the first line that is not.
@@ -75,13 +91,7 @@ impl Source {
         if memchr(0, start).is_none() && !self.has_short_lines(what, diagnostics) {
             return false;
         }
-        let in_piece = |start: usize| {
-            let piece = start..(start + RELEASED_BYTES).min(bytes.len());
-            let found = memchr(0, &bytes[piece.clone()]).map(|at| start + at);
-            self.release(piece);
-            found
-        };
-        let Some(at) = (0..bytes.len()).step_by(RELEASED_BYTES).find_map(in_piece) else { return true };
+        let Some(at) = memchr(0, bytes) else { return true };
         let line = memchr::memchr_iter(b'\n', &bytes[..at]).count() + 1;
         let found = if matches!(bytes, [0xff, 0xfe, ..] | [0xfe, 0xff, ..]) {
             "UTF-16; save it as UTF-8"
@@ -247,6 +257,17 @@ impl<'a> Iterator for Words<'a> {
     }
 }
 
+/// The rest of a line from byte `at` on, without the blanks around it and without a comment: a word `#`. What begins with `#`
+/// otherwise belongs to the operand, as in the name `Material #25`.
+pub(super) fn operand(line: &[u8], at: usize) -> Range<usize> {
+    let start = skip_blanks(line, at);
+    let is_end = |i: usize| line.get(i).is_none_or(|&b| is_blank(b));
+    let is_comment =
+        |i: &usize| line[*i] == b'#' && (*i == start || is_blank(line[*i - 1])) && is_end(*i + 1);
+    let end = (start..line.len()).find(is_comment).unwrap_or(line.len());
+    start..start + line[start..end].trim_ascii_end().len()
+}
+
 /// Problems of one file, collected in any order and reported in the order of the file: errors, where the file is
 /// provably broken, and warnings.
 #[derive(Default)]
@@ -321,17 +342,16 @@ impl Problems {
             let more = list.count - list.shown.len();
             all.extend(list.shown.into_iter().map(|p| (p.line, Some(p.at), p.message, is_error)));
             if more > 0 {
-                let message = format!("{more} more problems in {}", source.path().display());
-                all.push((usize::MAX, None, message, is_error));
+                all.push((usize::MAX, None, format!("{more} more problems in this file"), is_error));
             }
         }
         all.sort_by_key(|p| p.0);
         for (line, at, message, is_error) in all {
-            let place = at.map(|at| source.place(line, at));
+            let place = at.map_or_else(|| Place::of_file(source.path()), |at| source.place(line, at));
             if is_error {
-                diagnostics.error(place, message);
+                diagnostics.error(Some(place), message);
             } else {
-                diagnostics.warn(place, message);
+                diagnostics.warn(Some(place), message);
             }
         }
         is_sound
@@ -378,6 +398,21 @@ mod tests {
     }
 
     #[test]
+    fn an_operand_is_the_rest_of_the_line_without_a_comment() {
+        for (line, expected) in [
+            ("usemtl red  brick\r", "red  brick"),
+            ("usemtl\tMaterial #25", "Material #25"),
+            ("usemtl oak # the old one", "oak"),
+            ("usemtl oak #", "oak"),
+            ("usemtl # none", ""),
+            ("usemtl", ""),
+            ("usemtl C#", "C#"),
+        ] {
+            assert_eq!(&line[operand(line.as_bytes(), 6)], expected, "{line}");
+        }
+    }
+
+    #[test]
     fn a_continuation_at_the_end_of_the_file_ends_with_it() {
         for text in [&b"f 1 2 \\"[..], b"\\", b"\\\r", b"\\\n\\\n\\"] {
             assert_eq!(Lines::new(text, true).count(), 1, "{text:?}");
@@ -394,6 +429,13 @@ mod tests {
             let lines: usize = pieces.iter().map(|p| Lines::new(&text[p.clone()], true).count()).sum();
             assert_eq!(lines, 3, "pieces of {length}");
         }
+    }
+
+    #[test]
+    fn carriage_returns_alone_become_line_feeds() {
+        let fed = |text: &str| Source::of("a", text.as_bytes()).with_line_feeds().map(|s| s.bytes().to_vec());
+        assert_eq!(fed("\u{feff}1 2\r3 4\r\n5\r"), Some(b"1 2\n3 4\r\n5\n".to_vec()));
+        assert_eq!((fed("1 2\r\n3\n"), fed("")), (None, None));
     }
 
     #[test]

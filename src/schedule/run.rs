@@ -77,7 +77,7 @@ where
         context.announce_idle();
     }
     let make_worker = &make_worker;
-    std::thread::scope(|scope| {
+    let ended = std::thread::scope(|scope| {
         let mut workers = Vec::new();
         for _ in 0..schedule.workers() {
             let context = context.clone();
@@ -150,7 +150,10 @@ where
             (Ok(_), Err(reason)) => Err(reason),
             (Ok(summary), Ok(())) => Ok(summary),
         }
-    })
+    });
+    // A failure of this run is no reason to stop what the process does next.
+    stop.begin_run();
+    ended
 }
 
 /// Channels of a worker thread.

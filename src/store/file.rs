@@ -1,54 +1,45 @@
-//! File format of named arrays, for mapping.
+//! File format of named arrays.
 //!
 //! ```text
 //! 0    magic "VLSCENE\n" │ version u32 │ byte order u32 │ table: offset, length, checksum │ file length │ checksum │ 0 u64
-//! 64   arrays, each at a multiple of 64, padded with zeros
-//!      table: for each array its name, first and last offset, bytes of an element; the checksums of blocks
+//! 64   arrays, one after the other
+//!      table: for each array its name, offset, length, bytes of an element, checksums of its blocks
 //! ```
 //!
-//! The file from byte 64 to the table is divided at multiples of 256 KiB into blocks, each with a checksum. Opening
-//! checks the header and the table, which takes microseconds: it detects other formats, versions and byte orders,
-//! truncated and extended files, and damage outside the blocks. A block is compared with its checksum before the first
-//! access to it, see [`super::catch_loss`]; [`ArrayFile::verify`] compares all of them.
+//! An array is divided into blocks of 256 KiB, each with a checksum. Opening a file checks header and table; reading an
+//! array reads its blocks into memory, by all threads in parallel, and compares each with its checksum before the array
+//! is returned. So the numbers that a program computes with are those that were compared, whatever happens to the file
+//! afterwards.
 
-use super::array::Store;
 use super::bytes::{ByteReader, ByteWriter, UnexpectedEnd};
-use super::mapped::{CHECKED_BYTES, Cause, Checksums, FileBytes};
-use super::sum::Checksum;
 use crate::error::{Error, Result};
-use crate::files::{FileWriter, Patched, fault};
+use crate::files::{FileWriter, Patched, fault, read_exact_at, reads};
 use bytemuck::{AnyBitPattern, NoUninit};
 use rayon::prelude::*;
+use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
+use xxhash_rust::xxh3::xxh3_64;
 
 const MAGIC: &[u8; 8] = b"VLSCENE\n";
 
 /// Version of the contents; incremented whenever the meaning of any content changes, such as the elements of an array.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 
 /// Written in native byte order; a machine of the opposite order reads a different number.
 const BYTE_ORDER: u32 = 0x0102_0304;
 
 const HEADER_BYTES: usize = 64;
 
-/// Maximum number of arrays that a message names.
-const MAX_SHOWN_NAMES: usize = 5;
-
-/// Offsets of arrays are multiples of this number of bytes, which satisfies the alignment of every element type.
-const ALIGNMENT: u64 = 64;
+/// Number of bytes of an array that a checksum protects; the last block of an array can be shorter.
+const BLOCK_BYTES: usize = 1 << 18;
 
 /// Writes a file of arrays.
 pub struct ArrayFileWriter {
     out: BufWriter<FileWriter>,
     at: u64,
     table: Vec<Entry>,
-    /// Checksums of the complete blocks, and of the last block so far.
-    sums: Vec<u64>,
-    last: Xxh3Default,
 }
 
 /// Table entry of an array.
@@ -56,6 +47,15 @@ struct Entry {
     name: String,
     bytes: Range<u64>,
     element: u64,
+    /// Checksums of the blocks.
+    sums: Vec<u64>,
+}
+
+impl Entry {
+    /// Number of the entry's bytes.
+    fn length(&self) -> u64 {
+        self.bytes.end - self.bytes.start
+    }
 }
 
 impl ArrayFileWriter {
@@ -63,20 +63,18 @@ impl ArrayFileWriter {
     pub fn create(path: &Path) -> Result<ArrayFileWriter> {
         let file = FileWriter::create(path, true, Patched::Always)?;
         let out = BufWriter::with_capacity(1 << 20, file);
-        let (table, sums, last) = (Vec::new(), Vec::new(), Xxh3Default::new());
-        let mut writer = ArrayFileWriter { out, at: 0, table, sums, last };
+        let mut writer = ArrayFileWriter { out, at: 0, table: Vec::new() };
         writer.put(&[0; HEADER_BYTES])?;
         Ok(writer)
     }
 
     pub fn array<T: NoUninit>(&mut self, name: impl Into<String>, values: &[T]) -> Result<()> {
         let bytes: &[u8] = bytemuck::cast_slice(values);
-        let gap = self.at.next_multiple_of(ALIGNMENT) - self.at;
-        self.put_checked(&[0; ALIGNMENT as usize][..gap as usize])?;
+        let sums = bytes.par_chunks(BLOCK_BYTES).map(xxh3_64).collect();
         let start = self.at;
-        self.put_checked(bytes)?;
+        self.put(bytes)?;
         let element = size_of::<T>() as u64;
-        self.table.push(Entry { name: name.into(), bytes: start..self.at, element });
+        self.table.push(Entry { name: name.into(), bytes: start..self.at, element, sums });
         Ok(())
     }
 
@@ -85,10 +83,9 @@ impl ArrayFileWriter {
         let mut table = ByteWriter::default();
         table.list(&self.table, |w, e| {
             w.text(&e.name);
-            [e.bytes.start, e.bytes.end, e.element].into_iter().for_each(|n| w.u64(n));
+            [e.bytes.start, e.length(), e.element].into_iter().for_each(|n| w.u64(n));
+            w.list(&e.sums, |w, sum| w.u64(*sum));
         });
-        self.sums.push(self.last.digest());
-        table.list(&self.sums, |w, sum| w.u64(*sum));
         let start = self.at;
         self.put(table.bytes())?;
         let mut header = MAGIC.to_vec();
@@ -109,22 +106,6 @@ impl ArrayFileWriter {
         file.finish().map(|_| at)
     }
 
-    /// Writes bytes and adds them to the checksums of their blocks.
-    fn put_checked(&mut self, mut bytes: &[u8]) -> Result<()> {
-        while !bytes.is_empty() {
-            let room = CHECKED_BYTES - self.at as usize % CHECKED_BYTES;
-            let (now, later) = bytes.split_at(room.min(bytes.len()));
-            self.last.update(now);
-            self.put(now)?;
-            if now.len() == room {
-                self.sums.push(self.last.digest());
-                self.last.reset();
-            }
-            bytes = later;
-        }
-        Ok(())
-    }
-
     fn put(&mut self, bytes: &[u8]) -> Result<()> {
         self.out.write_all(bytes).map_err(|e| self.out.get_ref().failed("write", e))?;
         self.at += bytes.len() as u64;
@@ -132,13 +113,15 @@ impl ArrayFileWriter {
     }
 }
 
-/// A mapped file of arrays.
+/// An open file of arrays, whose header and table are valid.
 #[derive(Debug)]
 pub struct ArrayFile {
     path: PathBuf,
-    bytes: Arc<FileBytes>,
+    file: File,
+    length: u64,
     table: Vec<Entry>,
-    sums: Arc<Checksums>,
+    /// Checksum of the table, which has those of all blocks.
+    table_sum: u64,
 }
 
 impl std::fmt::Debug for Entry {
@@ -148,88 +131,103 @@ impl std::fmt::Debug for Entry {
 }
 
 impl ArrayFile {
-    /// Maps a file and checks its header and its table.
+    /// Opens a file and checks its header and its table.
     ///
     /// # Errors
     /// [`Error::Input`] with the reason why the file cannot be used; [`Error::Io`] when it cannot be read.
     pub fn open(path: &Path) -> Result<ArrayFile> {
-        let bytes = fault::point().and_then(|()| FileBytes::open(path));
-        let bytes = bytes.map_err(|e| Error::io("read", path, e))?;
-        if bytes.len() < HEADER_BYTES {
+        let failed = |e| Error::io("read", path, e);
+        if !std::fs::metadata(path).map_err(failed)?.is_file() {
+            return Err(refuse(path, "it is a pipe, a folder or a device, expected a regular file"));
+        }
+        let file = fault::point().and_then(|()| reads::open(path)).map_err(failed)?;
+        let length = file.metadata().map_err(failed)?.len();
+        if length < HEADER_BYTES as u64 {
             return Err(refuse(path, "it is too short to be a packed scene"));
         }
-        let (table, sums) = read_table(&bytes).map_err(|reason| refuse(path, &reason))?;
-        let sums = Arc::new(sums);
-        bytes.protect(sums.clone()).map_err(|e| Error::io("read", path, e))?;
-        let file = ArrayFile { path: path.to_path_buf(), bytes: Arc::new(bytes), table, sums };
-        if !file.bytes.is_mapped() {
-            file.verify()?;
-        }
-        Ok(file)
-    }
-
-    pub fn path(&self) -> &Path {
-        &self.path
+        let mut header = [0; HEADER_BYTES];
+        read_exact_at(&file, &mut header, 0).map_err(failed)?;
+        let place = read_header(&header, length).map_err(|reason| refuse(path, &reason))?;
+        let mut bytes = vec![0; (place.end - place.start) as usize];
+        read_exact_at(&file, &mut bytes, place.start).map_err(failed)?;
+        let table_sum = xxh3_64(&bytes);
+        let table = (table_sum == u64_at(&header, 32)).then(|| read_table(&bytes, place.start)).flatten();
+        let table = table.ok_or_else(|| refuse(path, &damaged("its table")))?;
+        Ok(ArrayFile { path: path.to_path_buf(), file, length, table, table_sum })
     }
 
     /// Length of the file, bytes.
     pub fn length(&self) -> u64 {
-        self.bytes.len() as u64
+        self.length
     }
 
-    /// An array by its name. The error is the reason why it cannot be used.
-    pub fn array<T: AnyBitPattern>(&self, name: &str) -> std::result::Result<Store<T>, String> {
-        let entry = self.table.iter().find(|e| e.name == name);
-        let entry = entry.ok_or_else(|| format!("it lacks the array {name}"))?;
-        let range = entry.bytes.start as usize..entry.bytes.end as usize;
-        let values =
-            (entry.element == size_of::<T>() as u64).then(|| Store::mapped(&self.bytes, range)).flatten();
-        values.ok_or_else(|| format!("the array {name} has another layout"))
+    /// Bytes of all arrays whose names are `wanted`.
+    pub fn bytes_of(&self, wanted: impl Fn(&str) -> bool) -> u64 {
+        self.table.iter().filter(|entry| wanted(&entry.name)).map(Entry::length).sum()
     }
 
-    /// A small array of bytes, after comparing its checksums.
-    pub fn checked(&self, name: &str) -> Result<Store<u8>> {
-        let values = self.array::<u8>(name).map_err(|reason| self.refuse(&reason))?;
-        let bytes = self.table.iter().find(|e| e.name == name).map_or(0..0, |e| e.bytes.clone());
-        let blocks = bytes.start as usize / CHECKED_BYTES..(bytes.end as usize).div_ceil(CHECKED_BYTES);
-        self.verify_blocks(blocks).map(|()| values)
+    /// Bytes of an element of an array; `None` without an array of this name.
+    pub fn element(&self, name: &str) -> Option<u64> {
+        self.table.iter().find(|entry| entry.name == name).map(|entry| entry.element)
+    }
+
+    /// Reads an array and compares its checksums.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for an array that is missing, damaged, of other elements or larger than the memory;
+    /// [`Error::Io`] when it cannot be read.
+    pub fn array<T: AnyBitPattern + NoUninit>(&self, name: &str) -> Result<Vec<T>> {
+        let entry = self.table.iter().find(|entry| entry.name == name);
+        let entry = entry.ok_or_else(|| self.refuse(&format!("it lacks the array {name}")))?;
+        let (length, element) = (entry.length() as usize, size_of::<T>());
+        if entry.element != element as u64 || !length.is_multiple_of(element) {
+            return Err(self.refuse(&format!("the array {name} has another layout")));
+        }
+        let values = bytemuck::allocation::try_zeroed_vec::<T>(length / element);
+        let mut values = values.map_err(|()| self.refuse("it does not fit into the memory"))?;
+        let blocks = bytemuck::cast_slice_mut::<T, u8>(&mut values).par_chunks_mut(BLOCK_BYTES);
+        let blocks = blocks.zip(&entry.sums).enumerate();
+        blocks.try_for_each(|(i, (block, sum))| self.read_block(entry, i, block, *sum))?;
+        Ok(values)
     }
 
     /// Checksum of the contents, from the checksums within the file.
     pub fn fingerprint(&self) -> u64 {
-        let mut sum = Checksum::default();
-        self.table.iter().for_each(|e| sum.debug(&(&e.name, e.element, &e.bytes)));
-        sum.array(&self.sums.sums);
-        sum.finish()
+        self.table_sum
     }
 
-    /// Reads the complete file and compares all checksums.
+    /// Reads all arrays and compares all checksums.
     ///
     /// # Errors
-    /// [`Error::Input`] with the names of the damaged arrays; [`Error::Io`] when the file cannot be read.
+    /// [`Error::Input`] with the name of a damaged array; [`Error::Io`] when the file cannot be read.
     pub fn verify(&self) -> Result<()> {
-        self.verify_blocks(0..self.sums.sums.len())
+        let check = |entry: &Entry| {
+            (0..entry.sums.len()).into_par_iter().try_for_each_init(
+                || vec![0; BLOCK_BYTES],
+                |buffer, i| {
+                    let length = (entry.length() - (i * BLOCK_BYTES) as u64).min(BLOCK_BYTES as u64);
+                    self.read_block(entry, i, &mut buffer[..length as usize], entry.sums[i])
+                },
+            )
+        };
+        self.table.iter().try_for_each(check)
     }
 
-    fn verify_blocks(&self, blocks: Range<usize>) -> Result<()> {
-        let check = |i| self.bytes.check(&self.sums, i).err().map(|cause| (self.sums.block(i), cause));
-        let faults: Vec<(Range<usize>, Cause)> = blocks.into_par_iter().filter_map(check).collect();
-        let Some((first, cause)) = faults.first() else { return Ok(()) };
-        if *cause != Cause::Damaged {
-            return Err(cause.error(&self.path, first));
+    /// Reads block `i` of an array and compares its checksum.
+    fn read_block(&self, entry: &Entry, i: usize, block: &mut [u8], sum: u64) -> Result<()> {
+        let at = entry.bytes.start + (i * BLOCK_BYTES) as u64;
+        read_exact_at(&self.file, block, at).map_err(|e| match e.kind() {
+            io::ErrorKind::UnexpectedEof => {
+                let message = "its end is missing; it was truncated while it was read";
+                Error::io("read", &self.path, io::Error::new(io::ErrorKind::UnexpectedEof, message))
+            }
+            _ => Error::io("read", &self.path, e),
+        })?;
+        if xxh3_64(block) == sum {
+            return Ok(());
         }
-        let is_within = |e: &&Entry| {
-            faults.iter().any(|(b, _)| (e.bytes.start as usize) < b.end && b.start < e.bytes.end as usize)
-        };
-        let mut names: Vec<&str> = self.table.iter().filter(is_within).map(|e| &e.name[..]).collect();
-        if names.len() > MAX_SHOWN_NAMES {
-            names.truncate(MAX_SHOWN_NAMES);
-            names.push("…");
-        }
-        let names = names.join(", ");
-        Err(self.refuse(&format!(
-            "it is damaged: a checksum of the blocks with {names} differs; pack the scene again"
-        )))
+        let end = at + block.len() as u64;
+        Err(self.refuse(&damaged(&format!("its bytes {at} to {end}, of the array {},", entry.name))))
     }
 
     /// The error for a file that cannot be used.
@@ -238,37 +236,23 @@ impl ArrayFile {
     }
 }
 
-impl Cause {
-    /// The error of a file that lacks these bytes.
-    pub(super) fn error(&self, path: &Path, bytes: &Range<usize>) -> Error {
-        let cause = match self {
-            Cause::Damaged => {
-                let (start, end) = (bytes.start, bytes.end);
-                return refuse(
-                    path,
-                    &format!(
-                        "it is damaged: the checksum of its bytes {start} to {end} differs; pack the scene again"
-                    ),
-                );
-            }
-            Cause::Truncated => io::Error::new(
-                io::ErrorKind::UnexpectedEof,
-                "the end of the file is missing; it was truncated during the run",
-            ),
-            Cause::System(code) => io::Error::from_raw_os_error(*code),
-        };
-        Error::io("read", path, cause)
-    }
-}
-
 fn refuse(path: &Path, reason: &str) -> Error {
     Error::input(format!("cannot use the packed scene {}: {reason}", path.display()))
 }
 
-fn read_table(file: &[u8]) -> std::result::Result<(Vec<Entry>, Checksums), String> {
-    let u64_at = |at: usize| file[at..at + 8].try_into().map_or(0, u64::from_ne_bytes);
-    let u32_at = |at: usize| file[at..at + 4].try_into().map_or(0, u32::from_ne_bytes);
-    if !file.starts_with(MAGIC) {
+/// The reason to refuse a file of which `what` is damaged.
+fn damaged(what: &str) -> String {
+    format!("it is damaged: {what} do not match their checksum; pack the scene again")
+}
+
+fn u64_at(header: &[u8; HEADER_BYTES], at: usize) -> u64 {
+    header[at..at + 8].try_into().map_or(0, u64::from_ne_bytes)
+}
+
+/// Checks a header and returns the bytes of the table.
+fn read_header(header: &[u8; HEADER_BYTES], length: u64) -> std::result::Result<Range<u64>, String> {
+    let u32_at = |at: usize| header[at..at + 4].try_into().map_or(0, u32::from_ne_bytes);
+    if !header.starts_with(MAGIC) {
         return Err("it is a file of another kind".to_owned());
     }
     match u32_at(12) {
@@ -276,34 +260,35 @@ fn read_table(file: &[u8]) -> std::result::Result<(Vec<Entry>, Checksums), Strin
         n if n == BYTE_ORDER.swap_bytes() => {
             return Err("it was made on a machine of the other byte order; pack the scene again".to_owned());
         }
-        _ => return Err("its header is damaged".to_owned()),
+        _ => return Err(damaged("the bytes of its header")),
     }
-    if u64_at(48) != xxh3_64(&file[..48]) || u64_at(56) != 0 {
-        return Err("its header is damaged".to_owned());
+    if u64_at(header, 48) != xxh3_64(&header[..48]) || u64_at(header, 56) != 0 {
+        return Err(damaged("the bytes of its header"));
     }
     if u32_at(8) != VERSION {
         let found = u32_at(8);
         return Err(format!("it has version {found}, this program reads {VERSION}; pack the scene again"));
     }
-    let (start, length, sum, whole) = (u64_at(16), u64_at(24), u64_at(32), u64_at(40));
-    if whole != file.len() as u64 {
-        return Err(format!("it has {} bytes instead of {whole}; is it cut short?", file.len()));
+    let (start, table, stated) = (u64_at(header, 16), u64_at(header, 24), u64_at(header, 40));
+    if stated != length {
+        return Err(format!("it has {length} bytes instead of {stated}; is it cut short?"));
     }
-    let range = start as usize..start.saturating_add(length) as usize;
-    let bytes = file.get(range).filter(|b| xxh3_64(b) == sum).ok_or("its table is damaged")?;
+    let end = start.checked_add(table).filter(|end| *end <= length);
+    end.map(|end| start..end).ok_or_else(|| damaged("the bytes of its header"))
+}
+
+/// Reads a table of arrays that end before `limit`; `None` for one that is not valid.
+fn read_table(bytes: &[u8], limit: u64) -> Option<Vec<Entry>> {
     let entry = |r: &mut ByteReader| {
-        let name = r.text()?;
-        let bytes = r.u64()?..r.u64()?;
-        let element = r.u64()?;
-        if bytes.start > bytes.end || bytes.end > start {
+        let (name, start, length, element) = (r.text()?, r.u64()?, r.u64()?, r.u64()?);
+        let sums = r.list(ByteReader::u64)?;
+        let end = start.checked_add(length).filter(|end| *end <= limit).ok_or(UnexpectedEnd)?;
+        if length.div_ceil(BLOCK_BYTES as u64) != sums.len() as u64 {
             return Err(UnexpectedEnd);
         }
-        Ok(Entry { name, bytes, element })
+        Ok(Entry { name, bytes: start..end, element, sums })
     };
-    let mut reader = ByteReader(bytes);
-    let mut all = || Ok((reader.list(entry)?, reader.list(ByteReader::u64)?));
-    let (table, sums) = all().map_err(|UnexpectedEnd| "its table is damaged".to_owned())?;
-    Ok((table, Checksums { bytes: HEADER_BYTES..start as usize, sums }))
+    ByteReader(bytes).list(entry).ok()
 }
 
 #[cfg(test)]
@@ -318,8 +303,10 @@ mod tests {
         w.finish().unwrap();
     }
 
-    fn reason(path: &Path) -> String {
-        ArrayFile::open(path).unwrap_err().to_string()
+    /// Opens a file and reads everything in it.
+    fn read_all(path: &Path) -> Result<(Vec<u8>, Vec<f64>, Vec<u32>)> {
+        let file = ArrayFile::open(path)?;
+        Ok((file.array("letters")?, file.array("numbers")?, file.array("none")?))
     }
 
     #[test]
@@ -327,12 +314,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.vlscene");
         write(&path);
+        let expected = (b"abc".to_vec(), vec![1.5, -2.5], vec![]);
+        assert_eq!(read_all(&path).unwrap(), expected);
         let archive = ArrayFile::open(&path).unwrap();
-        assert_eq!(archive.array::<f64>("numbers").unwrap(), [1.5, -2.5]);
-        assert_eq!(archive.checked("letters").unwrap(), *b"abc");
-        assert!(archive.array::<u32>("none").unwrap().is_empty());
-        assert!(archive.array::<f32>("numbers").unwrap_err().contains("layout"));
-        assert!(archive.array::<f32>("others").unwrap_err().contains("lacks"));
+        assert!(archive.array::<f32>("numbers").unwrap_err().to_string().contains("layout"));
+        assert!(archive.array::<f32>("others").unwrap_err().to_string().contains("lacks"));
+        assert_eq!((archive.element("numbers"), archive.element("others")), (Some(8), None));
+        assert_eq!(archive.bytes_of(|name| name != "letters"), 16);
         archive.verify().unwrap();
 
         let whole = std::fs::read(&path).unwrap();
@@ -352,17 +340,17 @@ mod tests {
             (&|b: &mut Vec<u8>| b.push(0), "cut short"),
             (&|b: &mut Vec<u8>| b[12..16].reverse(), "byte order"),
             (&|b: &mut Vec<u8>| (b[8] = 99, seal(b)).1, "version 99"),
-            (&|b: &mut Vec<u8>| b[20] ^= 1, "header is damaged"),
-            (&|b: &mut Vec<u8>| *b.last_mut().unwrap() ^= 1, "table is damaged"),
+            (&|b: &mut Vec<u8>| b[20] ^= 1, "the bytes of its header"),
+            (&|b: &mut Vec<u8>| *b.last_mut().unwrap() ^= 1, "its table"),
         ] {
             with(change);
-            let found = reason(&path);
+            let found = ArrayFile::open(&path).unwrap_err().to_string();
             assert!(found.contains(expected), "{found} does not tell {expected}");
         }
-        for at in 0..whole.len() {
-            with(&|b| b[at] ^= 16);
-            let found = ArrayFile::open(&path).and_then(|a| a.verify());
-            assert!(found.is_err(), "a change of byte {at} is not found");
+        for bit in 0..8 * whole.len() {
+            with(&|b| b[bit / 8] ^= 1 << (bit % 8));
+            assert!(read_all(&path).is_err(), "a change of bit {bit} is not found");
+            assert!(ArrayFile::open(&path).and_then(|a| a.verify()).is_err(), "bit {bit}");
         }
     }
 
@@ -374,22 +362,36 @@ mod tests {
         let numbers: Vec<u64> = (0..100_000).collect();
         w.array("first", &numbers).unwrap();
         // Ends with a block.
-        w.array("second", &vec![7u8; 4 * CHECKED_BYTES - HEADER_BYTES - 800_000]).unwrap();
+        w.array("second", &vec![7u8; 2 * BLOCK_BYTES]).unwrap();
         w.finish().unwrap();
         let whole = std::fs::read(&path).unwrap();
         let file = ArrayFile::open(&path).unwrap();
         assert_eq!(file.array::<u64>("first").unwrap(), numbers);
         file.verify().unwrap();
-        drop(file);
-        for (at, name) in
-            [(HEADER_BYTES, "first"), (CHECKED_BYTES, "first"), (4 * CHECKED_BYTES - 1, "second")]
-        {
+        // What was read stays what it was; what is read later is compared.
+        let second = HEADER_BYTES + 800_000;
+        for (at, name) in [
+            (HEADER_BYTES, "first"),
+            (HEADER_BYTES + BLOCK_BYTES, "first"),
+            (second - 1, "first"),
+            (second, "second"),
+            (second + 2 * BLOCK_BYTES - 1, "second"),
+        ] {
             let mut bytes = whole.clone();
             bytes[at] ^= 1;
             std::fs::write(&path, bytes).unwrap();
-            let file = ArrayFile::open(&path).unwrap();
-            let found = file.verify().unwrap_err().to_string();
-            assert!(found.contains("damaged") && found.contains(name), "{at}: {found}");
+            let array = if name == "first" {
+                file.array::<u64>("first").map(drop)
+            } else {
+                file.array::<u8>("second").map(drop)
+            };
+            for found in [array.unwrap_err(), file.verify().unwrap_err()] {
+                let found = found.to_string();
+                assert!(found.contains("damaged") && found.contains(name), "{at}: {found}");
+            }
         }
+        std::fs::write(&path, &whole[..second]).unwrap();
+        let found = file.array::<u8>("second").unwrap_err();
+        assert!(matches!(found, Error::Io { .. }) && found.to_string().contains("truncated"), "{found}");
     }
 }

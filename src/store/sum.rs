@@ -1,8 +1,8 @@
 //! Checksums of values of any kind.
 
+use crate::files::reads;
 use bytemuck::NoUninit;
 use std::fmt::{self, Debug, Write as _};
-use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 use xxhash_rust::xxh3::Xxh3;
@@ -18,18 +18,23 @@ impl Checksum {
         self.0.update(bytemuck::cast_slice(values));
     }
 
+    /// Adds bytes, as those of a file.
+    pub fn bytes(&mut self, bytes: &[u8]) {
+        self.0.update(bytes);
+    }
+
     /// Adds everything that the debug representation of a value shows: floats are written with all their digits.
     pub fn debug(&mut self, value: &impl Debug) {
         // Writing to a checksum cannot fail.
         let _ = write!(self, "{value:?};");
     }
 
-    /// Adds the contents of a file.
+    /// Adds the contents of a regular file.
     ///
     /// # Errors
     /// When the file cannot be read.
     pub fn file(&mut self, path: &Path) -> io::Result<()> {
-        let mut file = File::open(path)?;
+        let mut file = reads::open_own(path)?;
         let mut block = vec![0; 1 << 18];
         loop {
             match file.read(&mut block)? {

@@ -143,7 +143,8 @@ mod tests {
         }
         assert_eq!(parse_pulse_heading("divergence (mrad)").unwrap(), (PulseColumn::Divergence, 1e-3));
         assert!(parse_pulse_heading("divergense").unwrap_err().1.contains("did you mean `divergence`"));
-        assert!(parse_pulse_heading("x[ft]").unwrap_err().0.contains("is in `ft`"));
+        assert_eq!(parse_pulse_heading("x[ft]").unwrap(), (PulseColumn::X, 0.3048));
+        assert!(parse_pulse_heading("x[furlong]").unwrap_err().0.contains("is in `furlong`"));
         assert!(parse_pulse_heading("colour_of_the_sky").unwrap_err().1.contains("the columns are time, x"));
     }
 }

@@ -3,7 +3,7 @@
 use super::columns::{COLUMNS, ColumnEntry, ENTRIES, PulseColumn};
 use crate::columns::Dimension;
 use crate::flight::Pulse;
-use crate::geom::{DVec3, Rotation, unit};
+use crate::geom::{self, DVec3, Rotation, rescaled};
 use crate::quantity::{self, Bounds};
 
 /// A pulse with its metadata in a stream.
@@ -195,7 +195,10 @@ fn check_numbers(values: &Values, present: ColumnSet) -> Result<(), RowFault> {
         }
         let bounds = bounds(entry);
         if !bounds.contains(value) {
-            return Err((entry.column, format!("{} is {value:?}, expected {}", entry.name, bounds.expected)));
+            return Err((
+                entry.column,
+                format!("{} is {}, expected {}", entry.name, quantity::number(value), bounds.expected),
+            ));
         }
     }
     Ok(())
@@ -221,7 +224,8 @@ fn check_unit_length(rotation: Rotation, first: PulseColumn) -> Result<Rotation,
 }
 
 fn check_agreement(direction: DVec3, attitude: Rotation) -> Result<Rotation, RowFault> {
-    if (unit(direction) - attitude.forward()).length() <= MAX_DISAGREEMENT {
+    let unit = geom::direction(direction);
+    if unit.is_some_and(|unit| (unit - attitude.forward()).length() <= MAX_DISAGREEMENT) {
         return Ok(attitude);
     }
     let message =
@@ -231,7 +235,7 @@ fn check_agreement(direction: DVec3, attitude: Rotation) -> Result<Rotation, Row
 
 /// The attitude of a beam of which only the direction is known: the smallest rotation from +y.
 fn attitude_of_direction(direction: DVec3) -> Result<Rotation, RowFault> {
-    let attitude = Rotation::between(DVec3::Y, direction);
+    let attitude = Rotation::between(DVec3::Y, rescaled(direction));
     if attitude.w.is_finite() && attitude.u.is_finite() {
         return Ok(attitude);
     }
@@ -312,6 +316,10 @@ mod tests {
         let base = [(X, 1.0), (Y, 2.0), (Z, 3.0), (DirectionX, 0.0), (DirectionY, 0.0)];
         let r = some(&[&base[..], &[(DirectionZ, -5.0)]].concat()).unwrap();
         assert!((r.pulse.attitude.forward() + DVec3::Z).length() < 1e-12);
+        for length in [5e-324, 1e-200, 1e154, 1e155, f64::MAX] {
+            let r = some(&[&base[..], &[(DirectionZ, -length)]].concat()).unwrap();
+            assert!((r.pulse.attitude.forward() + DVec3::Z).length() < 1e-12, "{length}");
+        }
         assert_eq!((r.pulse.number, r.leg, r.pulse.device, r.divergence), (42, 0, 0, None));
         let e = some(&[&base[..], &[(DirectionZ, 0.0)]].concat()).unwrap_err();
         assert!(e.1.contains("0 0 0 is no direction"), "{}", e.1);
@@ -334,7 +342,7 @@ mod tests {
         refuse(PulseColumn::AttitudeW, 2.0, "length is");
         refuse(PulseColumn::Divergence, -1.0, "expected a number of at least 0");
         refuse(PulseColumn::StartDivergence, 1e300, "at most 1.5 rad");
-        refuse(PulseColumn::X, 1e11, "x is 100000000000.0, expected metres");
+        refuse(PulseColumn::X, 1e11, "x is 100000000000, expected metres");
         refuse(PulseColumn::RangeError, -1e300, "is -1e300, expected metres");
         refuse(PulseColumn::ScanAngle, 1e300, "to 1e12");
         refuse(PulseColumn::Time, 1e21, "expected seconds");

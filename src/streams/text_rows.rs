@@ -3,7 +3,7 @@
 use super::columns::PulseColumn;
 use super::row::{DIRECTION, ORIGIN, PulseRow, RowFault};
 use super::schema::StreamSchema;
-use crate::columns::Separator;
+use crate::columns::{Separator, comma_note};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
 use crate::geom::DVec3;
@@ -198,7 +198,8 @@ impl TextFormat {
         let values = self.schema.values(|column, at| {
             let text = &line[fields[at].clone()];
             text.parse::<f64>().map_err(|_| {
-                let message = format!("expected a number for {}, found `{text}`", column.entry().name);
+                let name = column.entry().name;
+                let message = format!("expected a number for {name}, found `{text}`{}", comma_note(text));
                 fail(fields[at].clone(), message)
             })
         })?;

@@ -1,19 +1,24 @@
 //! Checks of the complete survey: limits of the scanner, legs that never end.
 
 use super::context::Context;
+use super::effects::{
+    HEAD_RATE, MAX_DURATION, PULSE_FREQ, Places, SCAN_ANGLE, SCAN_FREQ, Setting, VERTICAL_MAX, check_effects,
+};
 use super::xml::Element;
 use super::{Deflector, Device, Leg, PlatformKind, Survey};
 use crate::diag::Place;
 use crate::geom::degrees;
+use crate::quantity::number;
 
-/// Checks every leg against the scanner and the platform. `elements` are the legs' XML elements, if they have any.
-pub(super) fn check_legs(context: &Context, survey: &Survey, elements: &[Element]) {
-    for (i, leg) in survey.legs.iter().enumerate() {
-        let leg = Checked { leg, element: elements.get(i) };
+/// Checks every leg against the scanner and the platform. `places` tells where a setting is written.
+pub(super) fn check_legs(context: &Context, survey: &Survey, places: Places) {
+    check_effects(context, survey, places);
+    for (index, leg) in survey.legs.iter().enumerate() {
+        let leg = Checked { leg, index, places };
         check_end(context, survey, &leg);
         if leg.leg.scanner.pulse_freq == 0 {
             let message = format!("leg {}: the pulse frequency must be above 0", leg.leg.number);
-            context.error_help(leg.place("pulseFreq_hz"), message, "it is the clock of inactive legs, too");
+            context.error_help(leg.place(PULSE_FREQ), message, "it is the clock of inactive legs, too");
             continue;
         }
         if !leg.leg.scanner.active {
@@ -27,17 +32,29 @@ pub(super) fn check_legs(context: &Context, survey: &Survey, elements: &[Element
     }
 }
 
-/// A leg and its XML element.
+/// Where the settings of legs with these elements are written: in an element of the leg, or in the element that lacks them.
+pub(super) fn places_in(elements: &[Element]) -> impl Fn(usize, Setting) -> Option<Place> + '_ {
+    |index, setting| {
+        let leg = elements.get(index)?;
+        Some(leg.child(setting.tag)?.value_place(setting.xml))
+    }
+}
+
+/// A leg and where its settings are written.
 struct Checked<'a> {
     leg: &'a Leg,
-    element: Option<&'a Element>,
+    index: usize,
+    places: Places<'a>,
 }
 
 impl Checked<'_> {
-    /// The place of an attribute of the scanner settings, or of the element that lacks it.
-    fn place(&self, attribute: &str) -> Option<Place> {
-        let settings = self.element.and_then(|e| e.child("scannerSettings"));
-        settings.map(|s| s.value_place(attribute)).or_else(|| self.leg.place.clone())
+    fn place(&self, setting: Setting) -> Option<Place> {
+        (self.places)(self.index, setting).or_else(|| self.leg.place.clone())
+    }
+
+    /// The name of a setting in the file of the leg.
+    fn name(&self, setting: Setting) -> &'static str {
+        setting.name_at(self.place(setting).as_ref())
     }
 }
 
@@ -47,20 +64,22 @@ fn check_scan_freq(context: &Context, device: &Device, leg: &Checked) {
     let freq = leg.leg.scanner.scan_freq;
     if freq < low || high != 0.0 && freq > high {
         let message = format!(
-            "leg {}: the scan frequency of {freq} Hz is outside the scanner's limits",
-            leg.leg.number
+            "leg {}: the scan frequency of {} Hz is outside the scanner's limits",
+            leg.leg.number,
+            number(freq)
         );
+        let (low, high_text) = (number(low), number(high));
         let help = match high != 0.0 {
-            true => format!("the scanner allows {low} to {high} Hz"),
+            true => format!("the scanner allows {low} to {high_text} Hz"),
             false => format!("the scanner allows {low} Hz and more"),
         };
-        context.limit(leg.place("scanFreq_hz"), message, help);
+        context.limit(leg.place(SCAN_FREQ), message, help);
     }
 }
 
 fn check_pulse_freq(context: &Context, survey: &Survey, leg: &Checked) {
     let freq = leg.leg.scanner.pulse_freq;
-    if let Some(place) = leg.place("pulseFreq_hz")
+    if let Some(place) = leg.place(PULSE_FREQ)
         && !survey.scanner.pulse_freqs.contains(&freq)
     {
         let message = format!("the pulse frequency of {freq} Hz is not among those of the scanner");
@@ -78,22 +97,23 @@ fn check_deflection(context: &Context, device: &Device, leg: &Checked) {
             let window = (settings.vertical_min.unwrap_or(-half), settings.vertical_max.unwrap_or(half));
             if window.1 - window.0 > 2.0 * effective_max {
                 let message = format!(
-                    "leg {}: the vertical angles {:.4} to {:.4} degrees are wider than the scanner's field of view",
+                    "leg {}: the vertical angles {} to {} degrees are wider than the scanner's field of view",
                     leg.leg.number,
-                    degrees(window.0),
-                    degrees(window.1)
+                    number(degrees(window.0)),
+                    number(degrees(window.1))
                 );
-                let help = format!("the field of view is {:.4} degrees", 2.0 * degrees(effective_max));
-                context.error_help(leg.place("verticalAngleMax_deg"), message, help);
+                let help = format!("the field of view is {} degrees", number(2.0 * degrees(effective_max)));
+                context.error_help(leg.place(VERTICAL_MAX), message, help);
             }
         }
         Deflector::Oscillating { .. } => {
             let missing = match (settings.scan_angle > 0.0, settings.scan_freq > 0.0) {
-                (false, _) => "scanAngle_deg",
-                (_, false) => "scanFreq_hz",
+                (false, _) => SCAN_ANGLE,
+                (_, false) => SCAN_FREQ,
                 _ => return,
             };
-            let message = format!("leg {}: oscillating optics need `{missing}` above 0", leg.leg.number);
+            let (number, name) = (leg.leg.number, leg.name(missing));
+            let message = format!("leg {number}: oscillating optics need `{name}` above 0");
             context.error_help(leg.place(missing), message, "");
         }
         _ => {}
@@ -111,24 +131,18 @@ fn check_end(context: &Context, survey: &Survey, leg: &Checked) {
     if rate != 0.0 {
         return;
     }
-    let cannot_turn = settings.head_rate != 0.0;
-    let help = match cannot_turn {
-        true => {
-            "the scanner's head cannot turn (`headRotatePerSecMax_deg` is 0); give the leg `maxDuration_s`"
-        }
-        false => "give the leg `maxDuration_s`, or `headRotatePerSec_deg` with start and stop angles",
+    let (rate_name, duration) = (leg.name(HEAD_RATE), leg.name(MAX_DURATION));
+    let help = match settings.head_rate != 0.0 {
+        true => format!("the scanner's head cannot turn; give the leg `{duration}`"),
+        false => format!("give the leg `{duration}`, or `{rate_name}` with start and stop angles"),
     };
-    if matches!(survey.platform.kind, PlatformKind::Static) {
-        let message = format!(
-            "leg {} would never end: neither the platform nor the scanner's head moves",
-            leg.leg.number
-        );
-        context.error_help(leg.place("headRotatePerSec_deg"), message, help);
+    let reason = if matches!(survey.platform.kind, PlatformKind::Static) {
+        "neither the platform nor the scanner's head moves"
     } else if settings.head_stop > settings.head_start {
-        let message = format!(
-            "leg {} would never end: the scanner's head does not reach its stop angle",
-            leg.leg.number
-        );
-        context.error_help(leg.place("headRotatePerSec_deg"), message, help);
-    }
+        "the scanner's head does not reach its stop angle"
+    } else {
+        return;
+    };
+    let message = format!("leg {} would never end: {reason}", leg.leg.number);
+    context.error_help(leg.place(HEAD_RATE), message, help);
 }

@@ -4,7 +4,8 @@ use super::context::Context;
 use super::fields::Fields;
 use super::xml::Element;
 use super::{Deflector, Prism};
-use crate::geom::{DVec3, unit};
+use crate::geom::{DVec3, radians, unit};
+use crate::quantity::{self, HALF_ANGLE, number};
 
 /// Kinds of optics; no others exist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,6 +15,21 @@ pub(super) enum Optics {
     Conic,
     Line,
     Risley,
+}
+
+impl Optics {
+    pub const ALL: [Optics; 5] =
+        [Optics::Rotating, Optics::Oscillating, Optics::Conic, Optics::Line, Optics::Risley];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Optics::Rotating => "rotating",
+            Optics::Oscillating => "oscillating",
+            Optics::Conic => "conic",
+            Optics::Line => "line",
+            Optics::Risley => "risley",
+        }
+    }
 }
 
 /// All parameters of a deflector, for every kind of optics.
@@ -40,6 +56,29 @@ pub(super) struct DeflectorSettings {
 /// Wedges flatter than this (degrees) do not deflect and are left out.
 const NO_WEDGE_DEG: f64 = 1e-6;
 
+/// Attributes that only one kind of optics has.
+const OWN_ATTRIBUTES: [(Optics, &[&str]); 5] = [
+    (Optics::Rotating, &["scanAngleEffectiveMax_deg", "facetTilts_deg"]),
+    (Optics::Oscillating, &["scanProduct"]),
+    (Optics::Conic, &["scanAngleAlongMax_deg"]),
+    (Optics::Line, &["numFibers"]),
+    (
+        Optics::Risley,
+        &[
+            "rotorFreq1_Hz",
+            "rotorFreq2_Hz",
+            "rotorFreq3_Hz",
+            "angle1_deg",
+            "angle2_deg",
+            "angle3_deg",
+            "refrIndex1",
+            "refrIndex2",
+            "refrIndex3",
+            "refrIndex_air",
+        ],
+    ),
+];
+
 const ROTOR_FREQ: [&str; 3] = ["rotorFreq1_Hz", "rotorFreq2_Hz", "rotorFreq3_Hz"];
 const WEDGE: [&str; 3] = ["angle1_deg", "angle2_deg", "angle3_deg"];
 const INDEX: [&str; 3] = ["refrIndex1", "refrIndex2", "refrIndex3"];
@@ -65,20 +104,27 @@ impl DeflectorSettings {
     pub fn with(&self, fields: &mut Fields) -> DeflectorSettings {
         let mut prisms = self.prisms;
         for (i, prism) in prisms.iter_mut().enumerate() {
-            prism.rotor_freq = fields.number(ROTOR_FREQ[i], prism.rotor_freq);
-            prism.angle = fields.angle(WEDGE[i], prism.angle);
-            prism.index = fields.positive(INDEX[i], prism.index);
+            prism.rotor_freq = fields.within(ROTOR_FREQ[i], prism.rotor_freq, &quantity::ROTOR_FREQ);
+            prism.angle = fields.angle(WEDGE[i], prism.angle, &quantity::WEDGE);
+            prism.index = fields.within(INDEX[i], prism.index, &quantity::REFRACTIVE_INDEX);
         }
+        for (optics, names) in OWN_ATTRIBUTES {
+            if optics != self.optics {
+                fields.without_effect(names, &format!("with {} optics", self.optics.name()));
+            }
+        }
+        let scan_freq = (
+            fields.within("scanFreqMin_Hz", self.scan_freq.0, &quantity::SCAN_FREQ),
+            fields.within("scanFreqMax_Hz", self.scan_freq.1, &quantity::SCAN_FREQ),
+        );
+        check_scan_freqs(fields, scan_freq);
         DeflectorSettings {
             optics: self.optics,
-            angle_max: fields.angle("scanAngleMax_deg", self.angle_max),
-            effective_max: fields.angle("scanAngleEffectiveMax_deg", self.effective_max),
+            angle_max: fields.angle("scanAngleMax_deg", self.angle_max, &HALF_ANGLE),
+            effective_max: fields.angle("scanAngleEffectiveMax_deg", self.effective_max, &HALF_ANGLE),
             facet_tilts: read_facet_tilts(fields).unwrap_or_else(|| self.facet_tilts.clone()),
-            along_max: fields.angle("scanAngleAlongMax_deg", self.along_max),
-            scan_freq: (
-                fields.not_negative("scanFreqMin_Hz", self.scan_freq.0),
-                fields.not_negative("scanFreqMax_Hz", self.scan_freq.1),
-            ),
+            along_max: fields.angle("scanAngleAlongMax_deg", self.along_max, &HALF_ANGLE),
+            scan_freq,
             scan_product: f64::from(fields.whole_within(
                 "scanProduct",
                 self.scan_product as u32,
@@ -86,7 +132,7 @@ impl DeflectorSettings {
             )),
             fibres: fields.whole_within("numFibers", self.fibres, 1..=u32::MAX),
             prisms,
-            air: fields.positive("refrIndex_air", self.air),
+            air: fields.within("refrIndex_air", self.air, &quantity::REFRACTIVE_INDEX),
             incident: self.incident,
         }
     }
@@ -115,7 +161,7 @@ impl DeflectorSettings {
             Optics::Conic => Deflector::Conic,
             Optics::Line => Deflector::Fibres { count: self.fibres },
             Optics::Risley => {
-                let wedge = crate::geom::radians(NO_WEDGE_DEG);
+                let wedge = radians(NO_WEDGE_DEG);
                 let prisms = self.prisms.iter().filter(|p| p.angle.abs() > wedge).copied().collect();
                 Deflector::Risley { prisms, air: self.air, incident: self.incident }
             }
@@ -127,6 +173,9 @@ impl DeflectorSettings {
         if self.optics == Optics::Conic && self.along_max > 0.0 && self.angle_max <= 0.0 {
             let message = "an elliptic cone (`scanAngleAlongMax_deg`) needs a `scanAngleMax_deg` above 0";
             context.error(element.value_place("scanAngleAlongMax_deg"), message);
+        }
+        if self.optics == Optics::Risley {
+            self.check_prisms(context, element);
         }
         if self.optics != Optics::Rotating {
             return;
@@ -142,6 +191,48 @@ impl DeflectorSettings {
     }
 }
 
+impl DeflectorSettings {
+    /// Warns of prisms that do not deflect or do not turn.
+    fn check_prisms(&self, context: &Context, element: &Element) {
+        let wedge = radians(NO_WEDGE_DEG);
+        let deflects = |p: &Prism| p.angle.abs() > wedge && p.index != self.air;
+        if !self.prisms.iter().any(deflects) {
+            let message = "risley optics without `angle1_deg`, `angle2_deg` and their `refrIndex1`, `refrIndex2`: the beam \
+                           is never deflected, all pulses leave in one direction";
+            let help = "files for HELIOS++ 1 leave them out; data/scanners_tls.xml#livox_mid-70 of the catalogue has them";
+            context.warn_help(element.place(), message, help);
+            return;
+        }
+        for (i, prism) in self.prisms.iter().enumerate() {
+            let (freq, angle, index) = (ROTOR_FREQ[i], WEDGE[i], INDEX[i]);
+            let message = match (prism.rotor_freq != 0.0, prism.angle.abs() > wedge) {
+                (true, false) => format!("`{freq}` has no effect without `{angle}`"),
+                (false, true) => format!("`{angle}` without `{freq}`: this prism does not turn"),
+                (_, true) if prism.index == self.air => {
+                    format!("`{angle}` has no effect with `{index}` as that of air, {}", number(self.air))
+                }
+                _ => continue,
+            };
+            context.warn(element.value_place(if prism.rotor_freq != 0.0 { freq } else { angle }), message);
+        }
+    }
+}
+
+/// Refuses limits of the scan frequency that no leg can meet both, where the element states one of them (spec input-formats §2.7).
+fn check_scan_freqs(fields: &Fields, (least, most): (f64, f64)) {
+    if most == 0.0 || least <= most {
+        return;
+    }
+    if fields.has("scanFreqMax_Hz") {
+        fields.refuse(
+            "scanFreqMax_Hz",
+            &format!("at least scanFreqMin_Hz, {}, or 0 for no limit", number(least)),
+        );
+    } else if fields.has("scanFreqMin_Hz") {
+        fields.refuse("scanFreqMin_Hz", &format!("at most scanFreqMax_Hz, {}", number(most)));
+    }
+}
+
 /// The angles in `facetTilts_deg`, separated by semicolons, as rad.
 fn read_facet_tilts(fields: &mut Fields) -> Option<Vec<f64>> {
     let text = fields.text("facetTilts_deg")?.to_owned();
@@ -150,7 +241,7 @@ fn read_facet_tilts(fields: &mut Fields) -> Option<Vec<f64>> {
     if tilts.is_none() {
         fields.refuse("facetTilts_deg", FACET_TILTS);
     }
-    tilts.map(|tilts| tilts.into_iter().map(crate::geom::radians).collect())
+    tilts.map(|tilts| tilts.into_iter().map(radians).collect())
 }
 
 /// What is expected of the tilts of facets.
@@ -162,21 +253,15 @@ pub(super) fn are_facet_tilts(tilts: &[f64]) -> bool {
 }
 
 pub(super) fn read_optics(fields: &mut Fields, context: &Context) -> Option<Optics> {
-    Some(match fields.text("optics")? {
-        "rotating" => Optics::Rotating,
-        "oscillating" => Optics::Oscillating,
-        "conic" => Optics::Conic,
-        "line" => Optics::Line,
-        "risley" => Optics::Risley,
-        other => {
-            let known = ["rotating", "oscillating", "conic", "line", "risley"];
-            let help = match crate::diag::nearest(other, known) {
-                Some(near) => format!("did you mean `{near}`?"),
-                None => format!("the optics are {}", known.join(", ")),
-            };
-            let place = fields.element.value_place("optics");
-            context.error_help(place, format!("unknown optics `{other}`"), help);
-            return None;
-        }
-    })
+    let text = fields.text("optics")?;
+    let found = Optics::ALL.into_iter().find(|optics| optics.name() == text);
+    if found.is_none() {
+        let known = Optics::ALL.map(Optics::name);
+        let help = match crate::diag::nearest(text, known) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => format!("the optics are {}", known.join(", ")),
+        };
+        context.error_help(fields.element.value_place("optics"), format!("unknown optics `{text}`"), help);
+    }
+    found
 }

@@ -6,6 +6,7 @@
 use super::context::Context;
 use super::xml::Element;
 use super::{Formula, Mount};
+use crate::columns::has_decimal_comma;
 use crate::diag::nearest;
 use crate::geom::{DVec3, Rotation, degrees, radians};
 use crate::quantity::{self, Bounds};
@@ -13,6 +14,12 @@ use std::fmt::Display;
 
 /// Maximum number of unknown elements in an element that are reported.
 const MAX_UNKNOWN_CHILDREN: usize = 1000;
+
+/// Elements of which an element may have several.
+const REPEATED: [&str; 10] =
+    ["channel", "dmotion", "filter", "leg", "motion", "param", "part", "rot", "source", "swap"];
+/// The root, whose elements are told apart by their ids.
+const ROOT: &str = "document";
 
 /// The attributes of an element while they are read.
 pub(super) struct Fields<'c> {
@@ -39,10 +46,32 @@ impl<'c> Fields<'c> {
             let help = meant(name, &self.known);
             self.context.warn_help(self.element.name_place(name), message, help);
         }
+        self.report_repeated(children);
         let unknown = self.element.children().filter(|c| !children.contains(&c.name()));
         for child in unknown.take(MAX_UNKNOWN_CHILDREN) {
             let message = format!("unknown element <{}> in <{tag}> is ignored", child.name());
             self.context.warn_help(child.place(), message, meant(child.name(), children));
+        }
+    }
+
+    /// The attributes that have been read or marked as known.
+    pub fn known(&self) -> &[&'static str] {
+        &self.known
+    }
+
+    /// Warns of second children of a kind of which the first one counts.
+    fn report_repeated(&self, children: &[&'static str]) {
+        if self.element.name() == ROOT {
+            return;
+        }
+        for name in children.iter().filter(|name| !REPEATED.contains(name)) {
+            for second in self.element.named(name).skip(1).take(MAX_UNKNOWN_CHILDREN) {
+                let message = format!(
+                    "a second <{name}> in <{}> is ignored; the first one counts",
+                    self.element.name()
+                );
+                self.context.warn(second.place(), message);
+            }
         }
     }
 
@@ -74,7 +103,7 @@ impl<'c> Fields<'c> {
     pub fn within(&mut self, name: &'static str, default: f64, bounds: &Bounds) -> f64 {
         let Some(text) = self.text(name) else { return default };
         match text.parse::<f64>() {
-            Ok(value) if bounds.contains(value) => value,
+            Ok(value) if bounds.contains(value) => self.doubted(name, value, bounds),
             Ok(_) => {
                 self.refuse(name, bounds.expected);
                 default
@@ -83,14 +112,43 @@ impl<'c> Fields<'c> {
         }
     }
 
+    /// `value`, with a warning if it is beyond what is usual.
+    fn doubted(&self, name: &str, value: f64, bounds: &Bounds) -> f64 {
+        if let Some((doubt, hint)) = bounds.doubt(value) {
+            self.context.warn_help(self.element.value_place(name), format!("`{name}` {doubt}"), hint);
+        }
+        value
+    }
+
+    /// Warns of the value of an attribute; the message follows its name.
+    pub fn warn(&self, name: &str, message: &str) {
+        self.context.warn(self.element.value_place(name), format!("`{name}` {message}"));
+    }
+
+    /// Warns that attributes of the element have no effect, as `why` says, if they are written.
+    pub fn without_effect(&mut self, names: &[&'static str], why: &str) {
+        for name in names.iter().filter(|name| self.has(name)) {
+            let message = format!("`{name}` has no effect {why}");
+            self.context.warn(self.element.name_place(name), message);
+        }
+        self.ignore(names);
+    }
+
+    /// [`Fields::without_effect`] of those of `names` that have not been read.
+    pub fn rest_without_effect(&mut self, names: &[&'static str], why: &str) {
+        let rest: Vec<&'static str> =
+            names.iter().copied().filter(|name| !self.known.contains(name)).collect();
+        self.without_effect(&rest, why);
+    }
+
     /// Strict number; NaN means "not set".
-    pub fn optional_number(&mut self, name: &'static str) -> Option<f64> {
+    pub fn optional_number(&mut self, name: &'static str, bounds: &Bounds) -> Option<f64> {
         let text = self.text(name)?;
         match text.parse::<f64>() {
-            Ok(value) if quantity::NUMBER.contains(value) => Some(value),
+            Ok(value) if bounds.contains(value) => Some(self.doubted(name, value, bounds)),
             Ok(value) if value.is_nan() => None,
             Ok(_) => {
-                self.refuse(name, quantity::NUMBER.expected);
+                self.refuse(name, bounds.expected);
                 None
             }
             Err(_) => {
@@ -110,13 +168,13 @@ impl<'c> Fields<'c> {
         self.within(name, default, &quantity::NOT_NEGATIVE)
     }
 
-    /// Strict number of degrees as radians; the default is in radians.
-    pub fn angle(&mut self, name: &'static str, default: f64) -> f64 {
+    /// Strict number of degrees within `bounds` as radians; the default is in radians.
+    pub fn angle(&mut self, name: &'static str, default: f64, bounds: &Bounds) -> f64 {
         let Some(text) = self.text(name) else { return default };
         match text.parse::<f64>() {
-            Ok(value) if quantity::NUMBER.contains(value) => radians(value),
+            Ok(value) if bounds.contains(value) => radians(self.doubted(name, value, bounds)),
             Ok(_) => {
-                self.refuse(name, quantity::NUMBER.expected);
+                self.refuse(name, bounds.expected);
                 default
             }
             Err(_) => {
@@ -129,7 +187,7 @@ impl<'c> Fields<'c> {
 
     /// Strict angle in degrees as radians; NaN means "not set".
     pub fn optional_angle(&mut self, name: &'static str) -> Option<f64> {
-        self.optional_number(name).map(radians)
+        self.optional_number(name, &quantity::ANGLE).map(radians)
     }
 
     /// Strict 32-bit integer.
@@ -268,9 +326,13 @@ impl<'c> Fields<'c> {
     fn warn_replaced(&self, name: &str, expected: &str, used: &str) {
         let found = self.element.value(name).unwrap_or_default();
         let message = format!("expected {expected} for `{name}`, found `{found}`; {used}");
-        self.context.warn(self.element.value_place(name), message);
+        let hint = if has_decimal_comma(found) { DECIMAL_POINT } else { "" };
+        self.context.warn_help(self.element.value_place(name), message, hint);
     }
 }
+
+/// The hint for a number with a decimal comma.
+const DECIMAL_POINT: &str = "numbers have a decimal point, not a comma";
 
 /// The hint "did you mean …", or an empty text.
 pub(super) fn meant(word: &str, known: &[&'static str]) -> String {
@@ -297,9 +359,18 @@ fn numeric_beginning(text: &str) -> Option<f64> {
 pub(super) fn read_mount(context: &Context, element: &Element) -> Mount {
     let mut fields = Fields::new(context, element);
     let offset = fields.xyz();
-    let local = fields.text("rotations") == Some("local");
+    let local = fields.text("rotations").is_some_and(|text| is_local(context, element, text));
     fields.done(&["rot"]);
     Mount { offset, rotation: read_rotations(context, element, local) }
+}
+
+/// Whether rotations are about axes that turn with them, by the attribute `rotations` of an element.
+pub(super) fn is_local(context: &Context, element: &Element, text: &str) -> bool {
+    if !matches!(text, "local" | "global") {
+        let message = format!("expected local or global for `rotations`, found `{text}`; global is used");
+        context.warn_help(element.value_place("rotations"), message, meant(text, &["local", "global"]));
+    }
+    text == "local"
 }
 
 /// The composed `<rot>` children of an element: each about the fixed axes, or (`local`) about the axes as rotated by

@@ -92,7 +92,7 @@ pub(super) fn read_table(context: &Context, path: &Path, base: &Base) -> Option<
                 context.error_help(place(content), "expected the name of a mesh file, found nothing", HELP);
                 None
             }
-            (name, _) => context.file(name, folder, place(name)),
+            (name, _) => context.file_beside(name, folder, place(name)),
         });
         if let Some(file) = file {
             let loader = Loader::MeshFiles { files: vec![file.clone()], reading: base.reading.clone() };
@@ -112,13 +112,15 @@ const MAX_TABLE_BYTES: u64 = 1 << 29;
 const MAX_LINE_BYTES: usize = 1 << 16;
 
 const HELP: &str = "a line is file,x,y,z,yaw,scale";
+const COMMAS: &str = "fields are separated by commas, and numbers have decimal points: file,x,y,z,yaw,scale";
 const MAX_FIELDS: usize = 6;
 
 fn read_numbers(context: &Context, fields: &[&str], place: &dyn Fn(&str) -> Place) -> Option<Transform> {
     if !(4..=MAX_FIELDS).contains(&fields.len()) {
         let found = if fields.len() > MAX_FIELDS { "more".to_owned() } else { fields.len().to_string() };
         let message = format!("expected four to six fields, found {found}");
-        context.error_help(place(fields[0]), message, HELP);
+        let help = if fields.iter().any(|field| field.contains(';')) { COMMAS } else { HELP };
+        context.error_help(place(fields[0]), message, help);
         return None;
     }
     let mut numbers = [0.0, 0.0, 0.0, 0.0, 1.0];

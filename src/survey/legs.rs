@@ -19,6 +19,8 @@ pub(super) struct LegReader<'c> {
     pub trajectories: Option<Trajectories>,
 }
 
+/// The duration that means "no limit", s.
+const NO_LIMIT: f64 = -1.0;
 /// The text that means "no strip".
 const NO_STRIP: &str = "NULL_STRIP_ID";
 
@@ -40,7 +42,10 @@ impl<'c> LegReader<'c> {
     pub fn read(&mut self, element: &Element, number: u32) -> Leg {
         let mut fields = Fields::new(self.context, element);
         let strip = fields.text("stripId").filter(|s| *s != NO_STRIP).map(str::to_owned);
-        let max_duration = fields.number("maxDuration_s", -1.0);
+        let max_duration = fields.number("maxDuration_s", NO_LIMIT);
+        if max_duration < 0.0 && max_duration != NO_LIMIT {
+            fields.warn("maxDuration_s", "is below 0: the leg has no limit of its own");
+        }
         fields.ignore(&["id", "platform"]);
         fields.done(&["platformSettings", "scannerSettings", "scannerMount"]);
         let mut platform = self.read_platform(element);
@@ -72,6 +77,11 @@ impl<'c> LegReader<'c> {
             }
             Some(element) => {
                 let template = self.platform_templates.of(self.context, &element, &default);
+                if template.as_ref().is_some_and(PlatformLayer::has_departure) {
+                    let message =
+                        "`yawAtDeparture_deg` of this template has no effect: a leg needs one of its own";
+                    self.context.warn(element.value_place("template"), message);
+                }
                 PlatformLayer::read(self.context, &element, template.as_ref().unwrap_or(&default))
             }
         };
@@ -90,6 +100,7 @@ impl<'c> LegReader<'c> {
         let layer =
             ScannerLayer::read(self.context, &element, template.as_ref().unwrap_or(&ScannerLayer::DEFAULT));
         let mut merged = layer.merged(template.as_ref(), &own);
+        layer.report_unheeded(self.context, &element, &merged);
         if let Some(scanner) = self.scanner {
             apply_resolution(self.context, &element, &mut merged, scanner);
         }
@@ -123,6 +134,16 @@ fn apply_resolution(context: &Context, element: &Element, layer: &mut ScannerLay
     if device.scan_angle_max <= 0.0 {
         return context
             .error(element.place(), "angular resolutions need a scanner with `scanAngleMax_deg` above 0");
+    }
+    let given =
+        [("scanFreq_hz", "verticalResolution_deg"), ("headRotatePerSec_deg", "horizontalResolution_deg")];
+    for (replaced, by) in given {
+        if element.value(replaced).is_some() && element.value(by).is_some() {
+            context.warn(
+                element.name_place(replaced),
+                format!("`{replaced}` has no effect beside `{by}`, from which it follows"),
+            );
+        }
     }
     layer.scan_freq = f64::from(layer.pulse_freq) * vertical / (2.0 * device.scan_angle_max);
     layer.head_rate = horizontal * layer.scan_freq;

@@ -1,9 +1,9 @@
 //! Parameters of the geometry loaders (spec input-formats §3.5, §4). Files are resolved here, not read.
 
-use super::assets::NoMatch;
+use super::assets::{Located, NoMatch};
 use super::params::Params;
 use super::{Loader, MaterialChoice, MeshReading, UpAxis, VoxelLoader, VoxelMode, XyzLoader};
-use crate::geom::{DVec3, unit};
+use crate::geom::{DVec3, direction};
 use std::path::PathBuf;
 
 /// Types of filters that load geometry.
@@ -65,7 +65,7 @@ fn read_meshes(params: &mut Params) -> Option<Loader> {
         params.refuse("unit", MeshReading::UNITS);
     }
     let materials = read_file(params, "materials");
-    let reading = MeshReading { up, unit_m: unit.flatten().unwrap_or(1.0), materials };
+    let reading = MeshReading { up, unit_m: unit.flatten(), materials };
     Some(Loader::MeshFiles { files: files?, reading })
 }
 
@@ -87,11 +87,15 @@ fn read_xyz(params: &mut Params) -> Option<Loader> {
     }
     let voxel_size = params.number("voxelSize");
     match voxel_size {
+        Some(0.0) => params.warn("voxelSize", "is 0; cubes of 1 m are used, as in HELIOS++"),
         None if !params.has("voxelSize") => params.missing("voxelSize"),
         Some(size) if size < 0.0 => params.refuse("voxelSize", "a number of at least 0"),
         _ => {}
     }
     let max_color_value = params.number("maxColorValue").unwrap_or(0.0);
+    if params.has("maxColorValue") && max_color_value == 0.0 {
+        params.warn("maxColorValue", "is 0; 255 is used, as in HELIOS++");
+    }
     let default_normal = params.vector("defaultNormal");
     if default_normal == Some(DVec3::ZERO) {
         params.refuse("defaultNormal", "a direction");
@@ -107,7 +111,7 @@ fn read_xyz(params: &mut Params) -> Option<Loader> {
         separator: separator.unwrap_or_default(),
         voxel_size: voxel_size.map(|size| if size == 0.0 { 1.0 } else { size })?,
         max_color_value: if max_color_value == 0.0 { 255.0 } else { max_color_value },
-        default_normal: default_normal.map(unit),
+        default_normal: default_normal.and_then(direction),
         rgb_columns,
         normal_columns,
         snap_neighbor_normal,
@@ -118,17 +122,23 @@ fn read_xyz(params: &mut Params) -> Option<Loader> {
 
 /// Whether files with this extension are point clouds whose columns need no separator.
 fn is_binary_cloud(extension: &std::ffi::OsStr) -> bool {
-    ["las", "laz", "ply"].iter().any(|e| extension.eq_ignore_ascii_case(e))
+    ["las", "laz", "ply", "pcd", "e57", "pts", "ptx", "arrow", "parquet"]
+        .iter()
+        .any(|e| extension.eq_ignore_ascii_case(e))
 }
 
 /// Three column numbers, which take effect only when the first of them is present.
 fn read_columns(params: &mut Params, keys: [&'static str; 3], first: u32) -> Option<[usize; 3]> {
     let given = params.has(keys[0]);
+    if !given {
+        params.without_effect(&keys[1..], &format!("without `{}`", keys[0]));
+        return None;
+    }
     let mut columns = [0; 3];
     for (column, (key, default)) in columns.iter_mut().zip(keys.iter().zip(first..)) {
         *column = params.count(key, default) as usize;
     }
-    given.then_some(columns)
+    Some(columns)
 }
 
 fn read_voxels(params: &mut Params) -> Option<Loader> {
@@ -149,6 +159,9 @@ fn read_voxels(params: &mut Params) -> Option<Loader> {
             VoxelMode::Transmittive
         }
     };
+    if !matches!(mode, VoxelMode::Scaled(_)) {
+        params.without_effect(&["intersectionArgument"], "without `intersectionMode` scaled");
+    }
     let random_shift = params.flag("randomShift");
     let lad_table = read_file(params, "ladlut");
     let material = read_material(params, true);
@@ -169,7 +182,10 @@ fn read_files(params: &mut Params) -> Option<Vec<PathBuf>> {
     let context = params.context;
     let place = param.value_place("value");
     match context.assets.matching(&expression, param.folder()) {
-        Ok(files) => Some(files),
+        Ok(Located { found, respelled }) => {
+            context.warn_of_spelling(&expression, respelled.as_deref(), Some(place));
+            Some(found)
+        }
         Err(NoMatch::Expression(e)) => {
             let reason = e.lines().last().unwrap_or_default().trim().to_owned();
             context.error_help(place, "the part after the last `/` is no regular expression", reason);
@@ -189,12 +205,20 @@ pub(super) fn read_file(params: &mut Params, key: &'static str) -> Option<PathBu
 }
 
 fn read_material(params: &mut Params, variants: bool) -> MaterialChoice {
+    if !params.has("matfile") {
+        params.without_effect(&["matname", "randomMaterials", "randomRange"], "without `matfile`");
+    }
     let file = read_file(params, "matfile");
     let name = params.text("matname").map(|(text, _)| text);
     let (random_variants, random_range) = match variants {
-        true => (params.count("randomMaterials", 0), params.number("randomRange").unwrap_or(1.0)),
+        true => {
+            if !params.has("randomMaterials") {
+                params.without_effect(&["randomRange"], "without `randomMaterials`");
+            }
+            (params.count("randomMaterials", 0), params.number("randomRange").unwrap_or(1.0))
+        }
         false => {
-            params.ignore(&["randomMaterials", "randomRange"]);
+            params.without_effect(&["randomMaterials", "randomRange"], "for rasters");
             (0, 1.0)
         }
     };

@@ -10,7 +10,7 @@
 //! | `read` | the entry points: a survey, a scene, a scanner |
 //! | `survey_xml`, `settings`, `templates`, `legs`, `trajectories` | the `<survey>` element: templates, legs, trajectories |
 //! | `follow` | surveys that follow a stream of poses |
-//! | `checks` | checks that need the complete survey: limits, legs that never end |
+//! | `checks`, `effects` | checks that need the complete survey: limits, legs that never end; settings that are limited or have no effect |
 //! | `scanner_xml`, `deflector_xml`, `receiver_xml`, `pulse_file`, `platform_xml` | instruments and platforms |
 //! | `scene_xml`, `params`, `loaders`, `instances`, `motions` | the parts of a scene |
 //! | `pipeline` | pipeline files |
@@ -23,6 +23,7 @@ mod checks;
 mod context;
 mod deflector_xml;
 mod documents;
+mod effects;
 mod fields;
 mod follow;
 mod foreign;
@@ -56,11 +57,13 @@ mod xml_limits;
 
 pub use catalogue::catalogue;
 pub use context::{ReadOptions, SceneChoice};
-pub(crate) use foreign::foreign_mesh;
+pub(crate) use foreign::foreign_format;
 pub use formula::Formula;
 pub use model::*;
+pub(crate) use motions::rounded_steps;
 pub(crate) use pipeline::key_table;
 pub use pipeline::{KeyTable, SURVEY_TABLES, Source, Tables, field_names, read_pipeline_survey};
-pub use read::{find_scanner, read_scene, read_survey};
+pub use read::{find_platform, find_scanner, read_scene, read_survey};
 pub use seed::parse_seed;
+pub use text::decode_table;
 pub use xml_limits::MAX_DOCUMENT_BYTES;

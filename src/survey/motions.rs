@@ -51,13 +51,19 @@ fn read_sequence(context: &Context, element: &Element, ids: &HashMap<&str, usize
     MotionSequence { id, loops, next, motions }
 }
 
+/// Attributes of motions, of which each type has some.
+const MOTION_ATTRIBUTES: [&str; 7] = ["vec", "axis", "angle", "center", "ortho", "shift", "glide"];
+
 fn read_motion(context: &Context, element: &Element) -> Option<Motion> {
     let mut fields = Fields::new(context, element);
     let kind = fields.required("type").map(str::to_owned);
     let about_self = fields.lenient_flag("selfMode", false);
     let auto_crs = fields.lenient_number("autoCRS", 0.0);
     let kind = kind.and_then(|kind| read_kind(context, &mut fields, &kind));
-    fields.ignore(&["vec", "axis", "angle", "center", "ortho", "shift", "glide"]);
+    fields.rest_without_effect(
+        &MOTION_ATTRIBUTES,
+        &format!("in a motion of type {}", element.value("type").unwrap_or_default()),
+    );
     fields.done(&[]);
     Some(Motion { kind: kind?, about_self, auto_crs })
 }
@@ -66,9 +72,11 @@ fn read_kind(context: &Context, fields: &mut Fields, kind: &str) -> Option<Motio
     Some(match kind {
         "identity" => MotionKind::Identity,
         "translation" => MotionKind::Translation { by: required_vector(fields, "vec")? },
-        "rotation" if is_null_rotation(fields) => {
-            let message = "a rotation by 0 about an `axis` without direction moves nothing";
-            context.warn(fields.element.value_place("axis"), message);
+        "rotation" | "helical" if has_null_axis(fields) => {
+            let message = "the `axis` of this motion is 0 0 0, so that nothing moves";
+            let help = "if rounding left nothing of the axis, write it with more digits";
+            context.warn_help(fields.element.value_place("axis"), message, help);
+            fields.ignore(&["axis", "angle", "center", "glide"]);
             MotionKind::Identity
         }
         "rotation" => {
@@ -108,11 +116,17 @@ fn read_kind(context: &Context, fields: &mut Fields, kind: &str) -> Option<Motio
     })
 }
 
-/// Whether the axis is the null vector and the angle 0, as programs write a part that stands still.
-fn is_null_rotation(fields: &Fields) -> bool {
+/// Largest angle about a null axis that counts as no motion, degrees. The matrix of such a rotation is cos(angle) times the
+/// identity: up to here the reference shrinks a part by less than 0.02 %.
+const MAX_NULL_AXIS_ANGLE: f64 = 1.0;
+
+/// Whether the axis is the null vector and the angle small, as programs write a part that hardly turns and round the axis
+/// to a few digits.
+fn has_null_axis(fields: &Fields) -> bool {
     let element = &fields.element;
     let angle = element.value("angle").and_then(|text| text.trim().parse::<f64>().ok());
-    angle == Some(0.0) && element.value("axis").and_then(parse_vector) == Some(DVec3::ZERO)
+    angle.is_some_and(|angle| angle.abs() <= MAX_NULL_AXIS_ANGLE)
+        && element.value("axis").and_then(parse_vector) == Some(DVec3::ZERO)
 }
 
 fn axis_and_angle(fields: &mut Fields) -> (Option<DVec3>, Option<f64>) {
@@ -157,9 +171,47 @@ pub(super) fn read_timing(fields: &mut Fields) -> MotionTiming {
     }
 }
 
+/// Attributes of a part's timing: in steps, and in seconds.
+const STEPS: [&str; 2] = ["dynStep", "kdtDynStep"];
+const TIMES: [&str; 2] = ["dynTimeStep", "kdtDynTimeStep"];
+
+/// Warns of timing of a `<part>` that has no effect or is no whole number of the steps that it is counted in. `scene` is the
+/// `dynTimeStep` of the scene.
+pub(super) fn check_timing(context: &Context, part: &Element, scene: Option<f64>) {
+    let unused = |names: &[&str], why: &str| {
+        for name in names.iter().filter(|name| part.value(name).is_some()) {
+            context.warn(part.name_place(name), format!("`{name}` has no effect {why}"));
+        }
+    };
+    if part.child("dmotion").is_none() {
+        return unused(&[STEPS, TIMES].concat(), "on a part that does not move");
+    }
+    let Some(scene) = scene else {
+        return unused(&TIMES, "without a `dynTimeStep` of the <scene>");
+    };
+    unused(&STEPS, "beside the `dynTimeStep` of the <scene>");
+    let mut step = scene;
+    for name in TIMES {
+        let written = part.value(name).and_then(|text| text.parse::<f64>().ok()).filter(|time| *time > 0.0);
+        let Some(time) = written else { continue };
+        if let Some(message) = rounded_steps(time / step, time, step) {
+            context.warn(part.value_place(name), format!("`{name}` of {message}"));
+        }
+        step = time;
+    }
+}
+
+/// Describes a time that is no whole number of steps, of which `steps` is the number, and what counts.
+pub(crate) fn rounded_steps(steps: f64, time: f64, step: f64) -> Option<String> {
+    let whole = steps.floor();
+    let [time, found, step, counted] = [time, steps, step, whole].map(quantity::number);
+    let counts = if whole == 0.0 { "it happens once".to_owned() } else { format!("{counted} count") };
+    (whole != steps).then(|| format!("{time} s is {found} steps of {step} s; {counts}"))
+}
+
 /// A time step, s; `None` when it is missing or NaN.
 pub(super) fn positive_time(fields: &mut Fields, name: &'static str) -> Option<f64> {
-    let time = fields.optional_number(name)?;
+    let time = fields.optional_number(name, &quantity::NUMBER)?;
     if time <= 0.0 {
         fields.refuse(name, "a number of seconds above 0");
         return None;

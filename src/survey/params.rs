@@ -1,7 +1,7 @@
 //! Parameters of a filter: `<param type= key= value=>` (spec input-formats §3.3).
 
 use super::context::Context;
-use super::fields::{Fields, meant, parse_vector, read_rotations};
+use super::fields::{Fields, is_local, meant, parse_vector, read_rotations};
 use super::xml::Element;
 use crate::diag::nearest;
 use crate::geom::{DVec3, Rotation};
@@ -34,7 +34,14 @@ impl<'c> Params<'c> {
         for param in filter.named("param") {
             let mut fields = Fields::new(context, &param);
             let key = fields.required("key");
-            fields.ignore(&["type", "value", "rotations"]);
+            let is_rotation = fields.text("type").is_some_and(|t| ROTATION.contains(&t));
+            match is_rotation {
+                true => fields.ignore(&["value", "rotations"]),
+                false => {
+                    fields.ignore(&["value"]);
+                    fields.without_effect(&["rotations"], "on a parameter that is no rotation");
+                }
+            }
             fields.done(&["rot"]);
             if !keys.insert(key.map(str::to_owned)) {
                 let message = format!(
@@ -61,6 +68,15 @@ impl<'c> Params<'c> {
     /// Marks parameters without effect as known.
     pub fn ignore(&mut self, keys: &[&'static str]) {
         self.known.extend(keys);
+    }
+
+    /// Warns that parameters have no effect, as `why` says, if they are present.
+    pub fn without_effect(&mut self, keys: &[&'static str], why: &str) {
+        for param in self.params.iter().filter(|p| p.value("key").is_some_and(|key| keys.contains(&key))) {
+            let key = param.value("key").unwrap_or_default();
+            self.context.warn(param.value_place("key"), format!("the parameter `{key}` has no effect {why}"));
+        }
+        self.ignore(keys);
     }
 
     /// The element of a parameter, if it is present; warns when its declared type is not in `types`.
@@ -129,7 +145,7 @@ impl<'c> Params<'c> {
 
     pub fn rotation(&mut self, key: &'static str) -> Option<Rotation> {
         let param = self.find(key, ROTATION)?;
-        let local = param.value("rotations") == Some("local");
+        let local = param.value("rotations").is_some_and(|text| is_local(self.context, &param, text));
         Some(read_rotations(self.context, &param, local))
     }
 
@@ -144,6 +160,13 @@ impl<'c> Params<'c> {
         let found = param.value("value").unwrap_or_default();
         let message = format!("the parameter `{key}` must be {expected}, found `{found}`");
         self.context.error(param.value_place("value"), message);
+    }
+
+    /// Warns of the value of a parameter; the message follows its name.
+    pub fn warn(&self, key: &str, message: &str) {
+        if let Some(param) = self.params.iter().find(|p| p.value("key") == Some(key)) {
+            self.context.warn(param.value_place("value"), format!("the parameter `{key}` {message}"));
+        }
     }
 
     fn parsed<T>(

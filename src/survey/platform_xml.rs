@@ -16,6 +16,20 @@ pub(super) const NOISE: [&str; 6] = [
     "attitudeZNoise",
 ];
 
+/// Attributes of multicopters; a ground vehicle has the first one.
+const MULTICOPTER: [&str; 10] = [
+    "drag",
+    "engine_max_force",
+    "speedup_magnitude",
+    "slowdown_magnitude",
+    "base_pitch_deg",
+    "pitch_speed_deg",
+    "roll_speed_deg",
+    "yaw_speed_deg",
+    "pitch_offset_deg",
+    "roll_offset_deg",
+];
+
 pub(super) fn read_platform(context: &Context, element: &Element) -> Option<Platform> {
     let mut fields = Fields::new(context, element);
     let id = fields.text("id").unwrap_or_default().to_owned();
@@ -74,6 +88,11 @@ fn read_kind(fields: &mut Fields, kind: Option<&str>, context: &Context) -> Opti
         roll_offset: fields.lenient_angle("roll_offset_deg", 25.0),
     };
     fields.ignore(&["slowdown_distance"]);
+    let drag_only = kind == Some("groundvehicle");
+    if matches!(kind, Some("static" | "linearpath")) || drag_only {
+        let names = if drag_only { &MULTICOPTER[1..] } else { &MULTICOPTER[..] };
+        fields.without_effect(names, &format!("on a platform of type {}", kind.unwrap_or_default()));
+    }
     Some(match kind? {
         "static" => PlatformKind::Static,
         "linearpath" => PlatformKind::LinearPath,
@@ -109,9 +128,16 @@ fn read_noise(context: &Context, element: &Element) -> Noise {
             false
         }
     };
+    match uniform {
+        true => fields.without_effect(&["mean", "stdev"], "with uniform noise, which has `min` and `max`"),
+        false => fields.without_effect(&["min", "max"], "with normal noise, which has `mean` and `stdev`"),
+    }
     let (mean, stdev) = (fields.lenient_number("mean", 0.0), fields.lenient_number("stdev", 1.0));
     let (min, max) = (fields.lenient_number("min", 0.0), fields.lenient_number("max", 1.0));
     let clipped = fields.lenient_flag("clipEnabled", false);
+    if !clipped {
+        fields.without_effect(&["clipMin", "clipMax"], "without `clipEnabled`");
+    }
     let clip = (fields.lenient_number("clipMin", 0.0), fields.lenient_number("clipMax", 1.0));
     let lifespan = fields.lenient_count("fixedLifespan", 1);
     if !uniform && stdev < 0.0 {

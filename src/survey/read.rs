@@ -2,18 +2,22 @@
 
 use super::assets::Found;
 use super::context::{Context, ReadOptions, SceneChoice};
+use super::documents::built_in_ids;
 use super::foreign::{MESH_ENDINGS, is_foreign_ending};
 use super::instances::{Base, read_table};
+use super::platform_xml::read_platform;
 use super::scanner_xml::read_scanner;
 use super::scene_xml::read_scene_element;
-use super::shipped::FILES;
 use super::survey_xml::read_survey_document;
+use super::xml::Element;
 use super::{
-    Loader, MaterialChoice, MeshReading, MotionTiming, PartRecipe, Scanner, SceneRecipe, Survey, Transform,
+    Loader, MaterialChoice, MeshReading, MotionTiming, PartRecipe, Platform, Scanner, SceneRecipe, Survey,
+    Transform,
 };
 use super::{VoxelLoader, VoxelMode};
 use crate::diag::{Diagnostics, Place, nearest};
 use crate::error::Result;
+use crate::files::reads;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -25,7 +29,7 @@ use std::sync::Arc;
 /// contradictory trajectory settings as [`crate::Error::Limits`].
 pub fn read_survey(path: &Path, options: &ReadOptions) -> Result<(Survey, Diagnostics)> {
     let context = Context::new(options);
-    let root = match path.is_file() {
+    let root = match reads::is_file(path) {
         true => context.open(&Found::File(path.to_path_buf())),
         false => context.referred_document(&path.to_string_lossy(), Path::new(""), None),
     };
@@ -44,45 +48,71 @@ pub fn read_scene(reference: &str, options: &ReadOptions) -> Result<(SceneRecipe
     context.finish(scene)
 }
 
-/// Reads a scanner: `file.xml#id`, `file.xml` for its first scanner, or the id of a built-in scanner.
+/// Reads a scanner: `file.xml#id`, `file.xml` for its first scanner, or the id of a built-in scanner. An id that two built-in
+/// scanners have is an error that tells their full references.
 ///
 /// # Errors
 /// The errors of [`read_survey`].
 pub fn find_scanner(reference: &str, options: &ReadOptions) -> Result<(Scanner, Diagnostics)> {
     let context = Context::new(options);
-    let is_file = |name: &str| name.contains('/') || extension(name) == "xml";
-    let (file, id) = match reference.split_once('#') {
-        Some((file, id)) => (file, Some(id)),
-        None if is_file(reference) => (reference, None),
-        None => {
-            let shipped = shipped_scanner(&context, reference);
-            return context.finish(shipped);
-        }
-    };
-    let scanner = context
-        .referred_document(file, Path::new(""), None)
-        .and_then(|root| context.pick(&root, "scanner", id, None))
-        .and_then(|element| read_scanner(&context, &element));
+    let element = find_asset(&context, "scanner", reference, Path::new(""), None);
+    let scanner = element.and_then(|element| read_scanner(&context, &element));
     context.finish(scanner)
 }
 
-/// The scanner with that id in the built-in catalogue.
-fn shipped_scanner(context: &Context, id: &str) -> Option<Scanner> {
-    let mut ids = Vec::new();
-    for file in &FILES {
-        let Some(root) = context.open(&Found::BuiltIn(file)) else { continue };
-        for element in root.named("scanner") {
-            match element.value("id") {
-                Some(own) if own == id => return read_scanner(context, &element),
-                own => ids.extend(own.map(str::to_owned)),
-            }
-        }
+/// Reads a platform, which is named as [`find_scanner`] says.
+///
+/// # Errors
+/// The errors of [`read_survey`].
+pub fn find_platform(reference: &str, options: &ReadOptions) -> Result<(Platform, Diagnostics)> {
+    let context = Context::new(options);
+    let element = find_asset(&context, "platform", reference, Path::new(""), None);
+    let platform = element.and_then(|element| read_platform(&context, &element));
+    context.finish(platform)
+}
+
+/// The element of a scanner or a platform: `file.xml#id`, `file.xml` for its first one, or the id of a built-in one. Files are
+/// searched from `folder`; `place` is the place of the reference.
+pub(super) fn find_asset(
+    context: &Context,
+    kind: &str,
+    reference: &str,
+    folder: &Path,
+    place: Option<Place>,
+) -> Option<Element> {
+    let is_file = reference.contains(['/', '\\']) || extension(reference) == "xml";
+    let (file, id) = match reference.split_once('#') {
+        Some((file, id)) => (file, Some(id)),
+        None if is_file || context.assets.file(reference, folder).is_some() => (reference, None),
+        None => return built_in(context, kind, reference, place),
+    };
+    let root = context.referred_document(file, folder, place.clone())?;
+    context.pick(&root, kind, id, place)
+}
+
+/// The built-in scanner or platform with that id, which must not be in two files of the catalogue.
+fn built_in(context: &Context, kind: &str, id: &str, place: Option<Place>) -> Option<Element> {
+    let ids = built_in_ids(context, kind);
+    let files: Vec<_> = ids.iter().filter(|(_, own)| own == id).map(|(file, _)| *file).collect();
+    if let [file] = files[..] {
+        let root = context.open(&Found::BuiltIn(file))?;
+        return context.pick(&root, kind, Some(id), place);
     }
-    let help = match nearest(id, ids.iter().map(String::as_str)) {
+    if !files.is_empty() {
+        let all: Vec<String> = files.iter().map(|file| format!("{}#{id}", file.path)).collect();
+        let message = format!("{} {kind}s that ship have the id `{id}`", all.len());
+        context.error_help(place, message, format!("write the one that is meant: {}", all.join(" or ")));
+        return None;
+    }
+    let help = match nearest(id, ids.iter().map(|(_, own)| own.as_str())) {
         Some(near) => format!("did you mean `{near}`?"),
+        None if kind == "platform" => {
+            let all: Vec<&str> = ids.iter().map(|(_, own)| own.as_str()).collect();
+            format!("there are {}, and file.xml#id", all.join(", "))
+        }
         None => "`vlscan catalogue` lists those that ship; a file of one's own is file.xml#id".to_owned(),
     };
-    context.error_help(None, format!("no scanner that ships has the id `{id}`"), help);
+    context.error_help(place, format!("no {kind} that ships has the id `{id}`"), help);
     None
 }
 
@@ -151,7 +181,8 @@ fn scene_of_file(context: &Context, name: &str, folder: &Path, place: Option<Pla
         let rows = read_table(context, &path, &base)?;
         (0..).zip(rows).map(|(n, row)| part(n, row.loader, row.transform, Some(row.place))).collect()
     } else {
-        vec![part(0, loader_of_file(path.clone()), Transform::IDENTITY, None)]
+        let place = Some(Place::of_file(&path));
+        vec![part(0, loader_of_file(path.clone()), Transform::IDENTITY, place)]
     };
     let id = Path::new(name).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let packed = is_packed(name).then(|| path.clone());

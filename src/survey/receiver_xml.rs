@@ -8,7 +8,7 @@ use super::{
     AmplifierNoise, Beam, BeamProfile, Detector, Ranging, Receiver, ReferenceTarget, ShotNoise,
     pulse_length_of_width,
 };
-use crate::quantity::DIVERGENCE;
+use crate::quantity::{APERTURE, DIVERGENCE, PULSE_ENERGY_UJ, PULSE_LENGTH_NS};
 
 /// `base` with the element's pulse energy, width, profile and aperture applied. The pulse length has been read
 /// before.
@@ -18,10 +18,11 @@ pub(super) fn read_emission(fields: &mut Fields, base: Beam) -> Beam {
         if fields.has("pulseLength_ns") {
             fields.refuse("pulseFwhm_ns", "given without pulseLength_ns, which it replaces");
         }
-        beam.pulse_length = pulse_length_of_width(fields.positive("pulseFwhm_ns", 2.0));
+        beam.pulse_length = pulse_length_of_width(fields.within("pulseFwhm_ns", 2.0, &PULSE_LENGTH_NS));
+        beam.stated_width = None;
     }
     if fields.has("pulseEnergy_uJ") {
-        beam.pulse_energy = Some(1e-6 * fields.positive("pulseEnergy_uJ", 1.0));
+        beam.pulse_energy = Some(1e-6 * fields.within("pulseEnergy_uJ", 1.0, &PULSE_ENERGY_UJ));
     }
     match fields.text("beamProfile") {
         None => {}
@@ -32,7 +33,7 @@ pub(super) fn read_emission(fields: &mut Fields, base: Beam) -> Beam {
     if fields.has("beamDivergenceY_rad") {
         beam.divergence_y = Some(fields.within("beamDivergenceY_rad", beam.divergence, &DIVERGENCE));
     }
-    beam.aperture = fields.not_negative("exitAperture_m", beam.aperture);
+    beam.aperture = fields.within("exitAperture_m", beam.aperture, &APERTURE);
     // Marks the names as known where the attributes are missing.
     fields.ignore(&["pulseFwhm_ns", "pulseEnergy_uJ", "beamDivergenceY_rad"]);
     beam

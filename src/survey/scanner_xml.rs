@@ -2,11 +2,13 @@
 
 use super::context::Context;
 use super::deflector_xml::{DeflectorSettings, read_optics};
+use super::documents::is_built_in;
 use super::fields::{Fields, read_mount};
 use super::receiver_xml::{read_emission, read_pulse_shape, read_receiver};
 use super::xml::Element;
 use super::{
-    Beam, BeamProfile, Detector, Device, Head, MechanicalErrors, Mount, Receiver, Scanner, WaveformSettings,
+    Beam, BeamProfile, Detector, Device, FigureSource, Head, KeyUse, MechanicalErrors, Mount, Receiver,
+    Scanner, WaveformPlace, WaveformSettings, WrittenKey, key_of_attribute,
 };
 use crate::geom::{DVec3, Rotation, radians};
 use crate::quantity;
@@ -27,6 +29,7 @@ pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scann
     let receiver = read_receiver(context, &mut fields, receiver, &detector);
     let head =
         Head { axis: read_head_axis(context, element, DVec3::Z), max_rate: read_head_rate(&mut fields, 0.0) };
+    check_listed(&fields);
     fields.done(&[
         "beamOrigin",
         "headRotateAxis",
@@ -37,6 +40,7 @@ pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scann
         "headError",
         "snr",
         "maxRange",
+        "source",
     ]);
     let deflector = deflector?;
 
@@ -54,6 +58,7 @@ pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scann
         detector,
         receiver,
         waveform: read_waveform(context, element, &WAVEFORM, pulse_length),
+        waveform_place: waveform_place(element),
         errors: read_errors(context, element, &deflector),
     };
     let devices = match &channels {
@@ -70,7 +75,19 @@ pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scann
         pulse_freqs,
         devices,
         multi_channel: channels.is_some(),
+        written: written_keys(element),
+        sources: element.named("source").filter_map(|source| read_source(context, &source)).collect(),
     })
+}
+
+/// Where figures of a scanner come from: `<source figures="beamDivergence_rad …" name="…"/>`.
+fn read_source(context: &Context, element: &Element) -> Option<FigureSource> {
+    let mut fields = Fields::new(context, element);
+    let figures =
+        fields.required("figures").map(|names| names.split_whitespace().map(str::to_owned).collect());
+    let name = fields.required("name").map(str::to_owned);
+    fields.done(&[]);
+    Some(FigureSource { figures: figures?, name: name? })
 }
 
 /// The pulse length that the waveform settings of a multi-channel scanner assume, ns (spec input-formats §2.11).
@@ -103,6 +120,7 @@ pub(super) const DEVICE_BEAM: Beam = Beam {
     pulse_length: 4.0,
     wavelength: 1064.0,
     atmosphere_wavelength: 1064.0,
+    stated_width: None,
     average_power: 4.0,
     pulse_energy: None,
     quality: 1.0,
@@ -124,20 +142,41 @@ fn read_pulse_freqs(fields: &mut Fields) -> Option<Vec<u32>> {
 
 fn read_beam(fields: &mut Fields) -> Beam {
     let base = DEVICE_BEAM;
-    let wavelength = f64::from(fields.whole_within("wavelength_nm", base.wavelength as u32, WAVELENGTHS));
+    let wavelength = read_wavelength(fields, base.wavelength);
+    let pulse_length = fields.within("pulseLength_ns", base.pulse_length, &quantity::PULSE_LENGTH_NS);
     let beam = Beam {
         divergence: fields.within("beamDivergence_rad", base.divergence, &quantity::DIVERGENCE),
-        pulse_length: fields.positive("pulseLength_ns", base.pulse_length),
+        pulse_length,
+        stated_width: is_built_in(fields.element).then_some(pulse_length),
         wavelength,
         atmosphere_wavelength: wavelength,
-        average_power: fields.positive("averagePower_w", base.average_power),
-        quality: fields.positive("beamQualityFactor", base.quality),
-        efficiency: fields.positive("opticalEfficiency", base.efficiency),
-        receiver_diameter: fields.positive("receiverDiameter_m", base.receiver_diameter),
+        average_power: fields.within("averagePower_w", base.average_power, &quantity::AVERAGE_POWER_W),
+        quality: fields.within("beamQualityFactor", base.quality, &quantity::BEAM_QUALITY),
+        efficiency: fields.within("opticalEfficiency", base.efficiency, &quantity::EFFICIENCY),
+        receiver_diameter: fields.within(
+            "receiverDiameter_m",
+            base.receiver_diameter,
+            &quantity::RECEIVER_DIAMETER,
+        ),
         visibility: fields.within("atmosphericVisibility_km", base.visibility, &quantity::VISIBILITY),
         ..base
     };
     read_emission(fields, beam)
+}
+
+/// The wavelength, nm.
+fn read_wavelength(fields: &mut Fields, base: f64) -> f64 {
+    let wavelength = fields.whole_within("wavelength_nm", base as u32, WAVELENGTHS);
+    if fields.has("wavelength_nm") && !quantity::USUAL_WAVELENGTHS.contains(&wavelength) {
+        fields.warn("wavelength_nm", &unusual_wavelength(wavelength));
+    }
+    f64::from(wavelength)
+}
+
+/// Describes a wavelength that laser scanners do not have.
+pub(super) fn unusual_wavelength(wavelength: u32) -> String {
+    let usual = quantity::USUAL_WAVELENGTHS;
+    format!("is {wavelength} nm; usual are {} to {} nm", usual.start(), usual.end())
 }
 
 fn read_detector(fields: &mut Fields, base: &Detector) -> Detector {
@@ -152,8 +191,8 @@ fn read_detector(fields: &mut Fields, base: &Detector) -> Detector {
 
 /// `base` with the accuracy and the range limits of the element applied.
 pub(super) fn read_ranges(fields: &mut Fields, base: &Detector) -> Detector {
-    let accuracy = fields.not_negative("accuracy_m", base.accuracy);
-    let range_min = fields.not_negative("rangeMin_m", base.range_min);
+    let accuracy = fields.within("accuracy_m", base.accuracy, &quantity::ACCURACY);
+    let range_min = fields.within("rangeMin_m", base.range_min, &quantity::MIN_RANGE);
     // "unlimited" may also be written out
     let unlimited = matches!(fields.element.value("rangeMax_m"), Some("inf" | "Inf" | "INF" | "infinity"));
     let range_max = match unlimited {
@@ -171,7 +210,7 @@ pub(super) fn read_ranges(fields: &mut Fields, base: &Detector) -> Detector {
 }
 
 fn read_head_rate(fields: &mut Fields, base: f64) -> f64 {
-    fields.angle("headRotatePerSecMax_deg", base).abs()
+    fields.angle("headRotatePerSecMax_deg", base, &quantity::HEAD_RATE).abs()
 }
 
 /// The axis of the head; vectors shorter than 0.1 are ignored.
@@ -201,14 +240,48 @@ pub(super) fn read_waveform(
     let Some(element) = parent.child("FWFSettings") else { return *base };
     let mut fields = Fields::new(context, &element);
     let waveform = WaveformSettings {
-        bin: fields.positive("binSize_ns", base.bin),
-        window: fields.positive("winSize_ns", pulse_length / 4.0),
+        bin: fields.within("binSize_ns", base.bin, &quantity::BIN_NS),
+        window: fields.within("winSize_ns", pulse_length / 4.0, &quantity::BIN_NS),
         quality: fields.whole_within("beamSampleQuality", base.quality, 1..=MAX_QUALITY),
         max_range: fields.not_negative("maxFullwaveRange_ns", base.max_range),
     };
-    fields.ignore(&["apertureDiameter_m"]);
+    fields.without_effect(
+        &["apertureDiameter_m"],
+        "here, as in HELIOS++; `receiverDiameter_m` of the scanner has",
+    );
     fields.done(&[]);
     waveform
+}
+
+/// Where the element sets bins and window of the waveform; `None` if it does not, or in the built-in catalogue.
+pub(super) fn waveform_place(parent: &Element) -> Option<WaveformPlace> {
+    let element = parent.child("FWFSettings").filter(|_| !is_built_in(parent))?;
+    let keys = ["binSize_ns", "winSize_ns"];
+    let written = keys.into_iter().rev().find(|key| element.value(key).is_some());
+    let place = written.map_or_else(|| element.place(), |key| element.value_place(key));
+    Some(WaveformPlace { place, keys })
+}
+
+/// The keys of a scanner, of its channels, or of `<detectorSettings>` that not every physics makes use of; none in the
+/// built-in catalogue, which serves all.
+pub(super) fn written_keys(element: &Element) -> Vec<WrittenKey> {
+    if is_built_in(element) {
+        return Vec::new();
+    }
+    let channels = element.child("channels");
+    let each = channels.iter().flat_map(|all| all.named("channel").collect::<Vec<_>>());
+    let owners = std::iter::once((element.clone(), None)).chain(channels.clone().map(|all| (all, None)));
+    let owners = owners.chain(each.zip((0..).map(Some)));
+    let keys_of = |(element, channel): (Element, Option<usize>)| {
+        let attributes = element.attribute_names().map(|name| (name.to_owned(), element.name_place(name)));
+        let children = element.children().map(|child| (child.name().to_owned(), child.place()));
+        let written = attributes.chain(children).filter_map(|(name, place)| {
+            let key = key_of_attribute(&name).filter(|key| key.used != KeyUse::Always)?;
+            Some(WrittenKey { key, name: key.attribute, place, channel })
+        });
+        written.collect::<Vec<_>>()
+    };
+    owners.flat_map(keys_of).collect()
 }
 
 fn read_errors(context: &Context, element: &Element, deflector: &DeflectorSettings) -> MechanicalErrors {
@@ -331,11 +404,13 @@ fn read_channel(
     };
     let mut deflector = start.with(&mut fields);
     deflector.read_incident_beam(context, element);
-    let wavelength = fields.whole_within("wavelength_nm", base.beam.wavelength as u32, WAVELENGTHS);
+    let wavelength = read_wavelength(&mut fields, base.beam.wavelength);
+    let pulse_length = fields.within("pulseLength_ns", base.beam.pulse_length, &quantity::PULSE_LENGTH_NS);
     let beam = Beam {
         divergence: fields.within("beamDivergence_rad", base.beam.divergence, &quantity::DIVERGENCE),
-        pulse_length: fields.positive("pulseLength_ns", base.beam.pulse_length),
-        wavelength: f64::from(wavelength),
+        pulse_length,
+        stated_width: is_built_in(fields.element).then_some(pulse_length),
+        wavelength,
         ..base.beam
     };
     let beam = read_emission(&mut fields, beam);
@@ -346,6 +421,7 @@ fn read_channel(
     let firing_offset = fields.within("firingOffset_us", 0.0, &quantity::FIRING_OFFSET_US) * 1e-6;
     fields.ignore(&["name"]);
     warn_without_effect(context, &mut fields);
+    check_listed(&fields);
     fields.done(&["beamOrigin", "FWFSettings", "incidentBeam", "headRotateAxis", "snr", "maxRange"]);
     deflector.check(context, element);
     let rotating = deflector.optics == super::deflector_xml::Optics::Rotating;
@@ -365,8 +441,18 @@ fn read_channel(
         detector,
         receiver,
         waveform: read_waveform(context, element, &base.waveform, MULTI_CHANNEL_PULSE_LENGTH),
+        waveform_place: waveform_place(element).or_else(|| base.waveform_place.clone()),
         errors,
     })
+}
+
+/// Every attribute that is read is in the list that [`key_of_attribute`] searches, which says what makes use of it.
+pub(super) fn check_listed(fields: &Fields) {
+    debug_assert!(
+        fields.known().iter().all(|name| key_of_attribute(name).is_some()),
+        "an attribute of a scanner is missing in INSTRUMENT_KEYS: {:?}",
+        fields.known()
+    );
 }
 
 /// Warns about attributes of a channel that take effect only in the scanner element.

@@ -4,7 +4,7 @@ use super::context::Context;
 use super::fields::Fields;
 use super::instances::{Base, Row, read_table};
 use super::loaders::{LOADERS, read_file, read_loader};
-use super::motions::{positive_time, read_motions, read_timing};
+use super::motions::{check_timing, positive_time, read_motions, read_timing};
 use super::params::Params;
 use super::xml::Element;
 use super::{Loader, MeshReading, PartRecipe, SceneRecipe, Swap, Transform};
@@ -24,7 +24,11 @@ pub(super) fn read_scene_element(context: &Context, element: &Element) -> Option
     }
     let mut parts = Vec::new();
     let mut number = 0;
+    if dyn_time_step.is_some() && element.value("dynStep").is_some() {
+        context.warn(element.name_place("dynStep"), "`dynStep` has no effect beside `dynTimeStep`");
+    }
     for part in element.named("part") {
+        check_timing(context, &part, dyn_time_step);
         let read = read_part(context, &part, number);
         // a skipped part still consumes its number
         number += u32::try_from(read.len().max(1)).unwrap_or(u32::MAX);

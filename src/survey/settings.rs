@@ -5,8 +5,8 @@ use super::context::Context;
 use super::fields::Fields;
 use super::xml::Element;
 use super::{LegTrajectory, PlatformSettings, ScannerSettings};
-use crate::geom::DVec3;
-use crate::quantity;
+use crate::geom::{DVec3, degrees};
+use crate::quantity::{self, number};
 
 /// Scanner settings as written, before merging. Angles are radians; vertical angles that are NaN are not set.
 #[derive(Clone, Debug)]
@@ -79,24 +79,36 @@ impl ScannerLayer {
         let layer = ScannerLayer {
             active: fields.flag("active", base.active),
             pulse_freq: fields.whole("pulseFreq_hz", base.pulse_freq),
-            scan_freq: fields.not_negative("scanFreq_hz", base.scan_freq),
-            scan_angle: fields.angle("scanAngle_deg", base.scan_angle),
+            scan_freq: fields.within("scanFreq_hz", base.scan_freq, &quantity::SCAN_FREQ),
+            scan_angle: fields.angle("scanAngle_deg", base.scan_angle, &quantity::HALF_ANGLE),
             vertical_min,
             vertical_max,
-            head_rate: fields.angle("headRotatePerSec_deg", base.head_rate),
-            head_start: fields.angle("headRotateStart_deg", base.head_start),
-            head_stop: fields.angle("headRotateStop_deg", base.head_stop),
+            head_rate: fields.angle("headRotatePerSec_deg", base.head_rate, &quantity::HEAD_RATE),
+            head_start: fields.angle("headRotateStart_deg", base.head_start, &quantity::ANGLE),
+            head_stop: fields.angle("headRotateStop_deg", base.head_stop, &quantity::ANGLE),
             beam_divergence,
             own_divergence: if fields.has("beamDivergence_rad") {
                 beam_divergence
             } else {
                 base.own_divergence
             },
-            trajectory_interval: fields.not_negative("trajectoryTimeInterval_s", base.trajectory_interval),
+            trajectory_interval: fields.within(
+                "trajectoryTimeInterval_s",
+                base.trajectory_interval,
+                &quantity::SAMPLE_INTERVAL,
+            ),
             max_duration: read_duration(context, &mut fields, base.max_duration),
-            warmup: fields.not_negative("opticsWarmupPhase_s", base.warmup),
-            vertical_resolution: fields.angle("verticalResolution_deg", base.vertical_resolution),
-            horizontal_resolution: fields.angle("horizontalResolution_deg", base.horizontal_resolution),
+            warmup: fields.within("opticsWarmupPhase_s", base.warmup, &quantity::WARMUP),
+            vertical_resolution: fields.angle(
+                "verticalResolution_deg",
+                base.vertical_resolution,
+                &quantity::ANGLE,
+            ),
+            horizontal_resolution: fields.angle(
+                "horizontalResolution_deg",
+                base.horizontal_resolution,
+                &quantity::ANGLE,
+            ),
         };
         if fields.has("pulseFreq_hz") && layer.pulse_freq < 0 {
             fields.refuse("pulseFreq_hz", "a whole number above 0");
@@ -109,6 +121,9 @@ impl ScannerLayer {
             };
             fields.refuse(name, "such that the lower vertical angle does not exceed the upper one");
         }
+        if layer.max_duration < 0.0 && layer.max_duration != ScannerLayer::DEFAULT.max_duration {
+            fields.warn("maxDuration_s", "is below 0: the leg has no limit");
+        }
         layer.check_head(&mut fields);
         fields.ignore(&["id", "name", "template"]);
         fields.done(&["maxDuration_s"]);
@@ -120,10 +135,10 @@ impl ScannerLayer {
         let way = self.head_stop - self.head_start;
         if fields.has("headRotateStop_deg") && way * self.head_rate < 0.0 {
             let direction = if self.head_rate > 0.0 { "at least" } else { "at most" };
-            let start = crate::geom::degrees(self.head_start);
+            let start = number(degrees(self.head_start));
             fields.refuse(
                 "headRotateStop_deg",
-                &format!("{direction} the start angle {start:.6} for this head speed"),
+                &format!("{direction} the start angle {start} for this head speed"),
             );
         }
     }
@@ -167,6 +182,44 @@ impl ScannerLayer {
         )
     }
 
+    /// Warns of attributes of `element`, read as these settings, whose values count as not given in merging.
+    pub fn report_unheeded(&self, context: &Context, element: &Element, merged: &ScannerLayer) {
+        let angle = |value: f64| if value.is_nan() { "none".to_owned() } else { number(degrees(value)) };
+        let pairs = [
+            ("active", self.active.to_string(), merged.active.to_string()),
+            ("pulseFreq_hz", self.pulse_freq.to_string(), merged.pulse_freq.to_string()),
+            ("scanFreq_hz", number(self.scan_freq), number(merged.scan_freq)),
+            ("scanAngle_deg", angle(self.scan_angle), angle(merged.scan_angle)),
+            ("verticalAngleMin_deg", angle(self.vertical_min), angle(merged.vertical_min)),
+            ("verticalAngleMax_deg", angle(self.vertical_max), angle(merged.vertical_max)),
+            ("headRotatePerSec_deg", angle(self.head_rate), angle(merged.head_rate)),
+            ("headRotateStart_deg", angle(self.head_start), angle(merged.head_start)),
+            ("headRotateStop_deg", angle(self.head_stop), angle(merged.head_stop)),
+            ("beamDivergence_rad", number(self.beam_divergence), number(merged.beam_divergence)),
+            (
+                "trajectoryTimeInterval_s",
+                number(self.trajectory_interval),
+                number(merged.trajectory_interval),
+            ),
+            ("maxDuration_s", number(self.max_duration), number(merged.max_duration)),
+            ("opticsWarmupPhase_s", number(self.warmup), number(merged.warmup)),
+            ("verticalResolution_deg", angle(self.vertical_resolution), angle(merged.vertical_resolution)),
+            (
+                "horizontalResolution_deg",
+                angle(self.horizontal_resolution),
+                angle(merged.horizontal_resolution),
+            ),
+        ];
+        for (name, written, used) in pairs {
+            if element.value(name).is_some() && written != used {
+                let message = format!(
+                    "`{name}` of {written} is a default and counts as not given; {used} is used, as in HELIOS++"
+                );
+                context.warn(element.value_place(name), message);
+            }
+        }
+    }
+
     /// Converts the settings to the model. A pulse rate below 1 has been reported.
     pub fn resolved(&self) -> ScannerSettings {
         let set = |angle: f64| (!angle.is_nan()).then_some(angle);
@@ -197,7 +250,7 @@ fn is_nan(text: &str) -> bool {
 
 /// The value of the attribute, else of the child element's text.
 fn read_duration(context: &Context, fields: &mut Fields, base: f64) -> f64 {
-    let attribute = fields.number("maxDuration_s", base);
+    let attribute = fields.within("maxDuration_s", base, &quantity::NUMBER);
     if fields.has("maxDuration_s") {
         return attribute;
     }
@@ -244,6 +297,11 @@ pub(super) struct TrajectoryLayer {
 }
 
 impl PlatformLayer {
+    /// Whether the element says how the platform turns at its departure.
+    pub fn has_departure(&self) -> bool {
+        self.yaw_at_departure.is_some()
+    }
+
     pub fn unset() -> PlatformLayer {
         PlatformLayer {
             position: DVec3::ZERO,
@@ -261,6 +319,9 @@ impl PlatformLayer {
     pub fn read(context: &Context, element: &Element, base: &PlatformLayer) -> PlatformLayer {
         let mut fields = Fields::new(context, element);
         let smooth_turn = fields.flag("smoothTurn", base.smooth_turn);
+        if smooth_turn && matches!(fields.element.value("stopAndTurn"), Some("true" | "1")) {
+            fields.warn("stopAndTurn", "has no effect beside `smoothTurn`");
+        }
         let layer = PlatformLayer {
             position: DVec3::new(
                 fields.number("x", base.position.x),
@@ -268,7 +329,7 @@ impl PlatformLayer {
                 fields.number("z", base.position.z),
             ),
             on_ground: fields.flag("onGround", base.on_ground),
-            speed: fields.number("movePerSec_m", base.speed),
+            speed: fields.within("movePerSec_m", base.speed, &quantity::SPEED),
             // A template with smooth turns passes on that the platform does not stop.
             stop_and_turn: fields.flag("stopAndTurn", base.stop_and_turn) && !smooth_turn,
             smooth_turn,

@@ -1,18 +1,21 @@
 //! The `<survey>` element (spec input-formats §2.2).
 
-use super::checks::check_legs;
+use super::checks::{check_legs, places_in};
 use super::context::Context;
 use super::fields::{Fields, read_mount};
 use super::legs::LegReader;
 use super::platform_xml::{NOISE, read_platform, replace_noise};
 use super::read::{chosen_scene, find_scene, is_geometry};
 use super::receiver_xml::read_receiver;
-use super::scanner_xml::{MULTI_CHANNEL_PULSE_LENGTH, read_ranges, read_scanner, read_waveform};
+use super::scanner_xml::{
+    MULTI_CHANNEL_PULSE_LENGTH, check_listed, read_ranges, read_scanner, read_waveform, waveform_place,
+    written_keys,
+};
 use super::scene_xml::read_scene_element;
 use super::seed::parse_seed;
 use super::trajectories::{Trajectories, read_rotation_spec};
 use super::xml::Element;
-use super::{Mount, Platform, PlatformKind, PlatformNoise, PoseStream, Receiver, Scanner, Survey};
+use super::{Detector, Mount, Platform, PlatformKind, PlatformNoise, PoseStream, Receiver, Scanner, Survey};
 use std::path::Path;
 
 /// Reads the survey of a document and checks it.
@@ -25,7 +28,7 @@ pub(super) fn read_survey_document(
     match trajectory {
         Some(stream) => {
             survey.follow(stream);
-            check_legs(context, &survey, &[]);
+            check_legs(context, &survey, &|_, _| None);
         }
         None if legs.is_empty() => {
             let element = root.child("survey")?;
@@ -35,7 +38,7 @@ pub(super) fn read_survey_document(
                 "a leg says where to scan from and how",
             );
         }
-        None => check_legs(context, &survey, &legs),
+        None => check_legs(context, &survey, &places_in(&legs)),
     }
     Some(survey)
 }
@@ -73,7 +76,12 @@ fn read_survey_element(context: &Context, element: &Element) -> Option<Survey> {
     let platform_reference = fields.required("platform");
     fields.required("scanner");
     fields.required("scene");
-    fields.ignore(&["basePlatform", "rotationSpec", "numRuns", "simSpeed", "id"]);
+    for name in ["numRuns", "simSpeed"] {
+        if fields.text(name).is_some_and(|text| text.trim().parse::<f64>() != Ok(1.0)) {
+            fields.warn(name, "has no effect, as in HELIOS++");
+        }
+    }
+    fields.ignore(&["basePlatform", "rotationSpec", "id"]);
     let mut children = vec!["leg", "FWFSettings", "detectorSettings", "scannerMount"];
     children.extend(NOISE);
     fields.done(&children);
@@ -136,38 +144,73 @@ fn read_seed(context: &Context, fields: &mut Fields) -> Option<u64> {
 
 fn read_leg_offset(fields: &mut Fields) -> Option<(f64, f64)> {
     let wanted = fields.lenient_flag("legRandomOffset", false);
+    if !wanted {
+        let names = ["legRandomOffsetMean", "legRandomOffsetStdev"];
+        fields.without_effect(&names, "without `legRandomOffset`");
+        return None;
+    }
     let mean = fields.lenient_number("legRandomOffsetMean", 0.0);
     let stdev = fields.lenient_number("legRandomOffsetStdev", 0.1);
     if stdev < 0.0 {
         fields.refuse("legRandomOffsetStdev", "a number of at least 0");
     }
-    wanted.then_some((mean, stdev))
+    Some((mean, stdev))
 }
 
-/// Applies the survey's waveform and detector settings, which affect the first device only. The range noise of the
-/// first device applies to all devices (spec input-formats §2.11–2.12, trap 17).
+/// Applies the survey's waveform and detector settings, which affect the first device only. An accuracy of the survey and the
+/// factor on the range noise apply to all devices (spec input-formats §2.11–2.12, trap 17); without one, each has its own
+/// in refined physics.
 fn override_device_0(context: &Context, survey: &Element, scanner: &mut Scanner) {
     let multi_channel = scanner.multi_channel;
     let device = &mut scanner.devices[0];
     let pulse_length = if multi_channel { MULTI_CHANNEL_PULSE_LENGTH } else { device.beam.pulse_length };
-    device.waveform = read_waveform(context, survey, &device.waveform, pulse_length);
+    let channels = if multi_channel { scanner.devices.len() } else { 1 };
+    let device = &mut scanner.devices[0];
+    let waveform = read_waveform(context, survey, &device.waveform, pulse_length);
+    if waveform != device.waveform
+        && let Some(element) = survey.child("FWFSettings")
+    {
+        warn_of_first_channel(context, &element, channels);
+    }
+    device.waveform = waveform;
+    device.waveform_place = waveform_place(survey).or(device.waveform_place.take());
     if let Some(element) = survey.child("detectorSettings") {
         let mut fields = Fields::new(context, &element);
-        device.detector = read_ranges(&mut fields, &device.detector);
+        let detector = read_ranges(&mut fields, &device.detector);
+        let limits = |d: &Detector| (d.range_min, d.range_max);
+        if limits(&detector) != limits(&device.detector) {
+            warn_of_first_channel(context, &element, channels);
+        }
+        device.detector = detector;
         if fields.has("distanceMeasurementError") {
             device.detector.distance_error = fields.formula("distanceMeasurementError");
         }
         let receiver = read_receiver(context, &mut fields, device.receiver.clone(), &device.detector);
+        check_listed(&fields);
         fields.done(&["snr", "maxRange"]);
         if receiver != device.receiver {
             set_receiver(scanner, &receiver);
         }
     }
+    scanner.written.extend(survey.child("detectorSettings").iter().flat_map(written_keys));
     let device = &scanner.devices[0];
+    let has_accuracy = survey.child("detectorSettings").is_some_and(|e| e.value("accuracy_m").is_some());
     let (accuracy, distance_error) = (device.detector.accuracy, device.detector.distance_error.clone());
     for device in &mut scanner.devices[1..] {
-        device.detector.accuracy = accuracy;
+        if has_accuracy {
+            device.detector.accuracy = accuracy;
+        }
         device.detector.distance_error.clone_from(&distance_error);
+    }
+}
+
+/// Warns of an element of the survey that changes the first channel alone.
+fn warn_of_first_channel(context: &Context, element: &Element, channels: usize) {
+    if channels > 1 {
+        let name = element.name();
+        let message =
+            format!("<{name}> of a survey reaches the first of the {channels} channels only, as in HELIOS++");
+        context.warn_help(element.place(), message, "give the scanner the settings for all channels");
     }
 }
 

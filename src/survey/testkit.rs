@@ -18,6 +18,7 @@ pub fn device() -> Device {
         detector: DETECTOR,
         receiver: Receiver::default(),
         waveform: WAVEFORM,
+        waveform_place: None,
         errors: MechanicalErrors::default(),
     }
 }
@@ -80,7 +81,9 @@ pub fn survey(devices: Vec<Device>) -> Survey {
             name: "Test scanner".to_owned(),
             pulse_freqs: vec![1000],
             multi_channel: devices.len() > 1,
+            sources: Vec::new(),
             devices,
+            written: Vec::new(),
         },
         scene: SceneRecipe {
             id: "scene".to_owned(),

@@ -40,6 +40,23 @@ pub(super) fn decode(bytes: &[u8]) -> Result<String, NotText> {
     }
 }
 
+/// The text of a table as spreadsheets write it: UTF-8, UTF-16 or Western European single bytes. The second value tells of an
+/// encoding that was guessed.
+///
+/// # Errors
+/// A sentence for bytes that are no text.
+pub fn decode_table(bytes: &[u8]) -> Result<(String, Option<String>), String> {
+    match decode(bytes) {
+        Ok(text) => Ok((text, None)),
+        Err(NotText { guess: Some(text), .. }) if !bytes.contains(&0) => {
+            let message =
+                "it is not UTF-8 and read as Windows-1252 (Latin-1); save it as UTF-8 if letters are wrong";
+            Ok((text, Some(message.to_owned())))
+        }
+        Err(NotText { message, .. }) => Err(message),
+    }
+}
+
 fn utf8(bytes: &[u8], skipped: usize) -> Result<String, NotText> {
     match std::str::from_utf8(bytes) {
         Ok(text) => Ok(text.to_owned()),

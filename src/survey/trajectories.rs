@@ -5,6 +5,19 @@ use super::settings::{PlatformLayer, TrajectoryLayer};
 use super::xml::Element;
 use super::{Interpolated, LegTrajectory, RotationSpec, TrajectoryFile};
 
+/// Attributes of columns, in the order of their default numbers, and what they hold.
+const COLUMNS: [(&str, &str); 7] = [
+    ("tIndex", "time"),
+    ("rollIndex", "roll"),
+    ("pitchIndex", "pitch"),
+    ("yawIndex", "yaw"),
+    ("xIndex", "x"),
+    ("yIndex", "y"),
+    ("zIndex", "z"),
+];
+/// Those of them that are angles.
+const ANGLES: std::ops::RangeInclusive<usize> = 1..=3;
+
 /// Collects the trajectory files of a survey leg by leg.
 pub(super) struct Trajectories {
     platform: Interpolated,
@@ -27,7 +40,13 @@ impl Trajectories {
     /// Adds the file of a leg and returns the part that the leg flies.
     pub fn add(&mut self, context: &Context, leg: &Element, layer: &PlatformLayer) -> Option<LegTrajectory> {
         let says = &layer.trajectory;
-        self.platform.degrees &= says.degrees.unwrap_or(true);
+        let degrees = says.degrees.unwrap_or(true);
+        if !self.platform.files.is_empty() && degrees != self.platform.degrees {
+            let message =
+                "the legs differ in `toRadians`: one that is false holds for all, whose angles are radians";
+            context.warn(place_of(leg, "toRadians"), message);
+        }
+        self.platform.degrees &= degrees;
         self.platform.sync_gps_time |= says.sync_gps;
         match (self.position_only, says.position_only) {
             (Some(before), Some(now)) if before != now => {
@@ -43,6 +62,7 @@ impl Trajectories {
             context.error(leg.child("platformSettings").as_ref().unwrap_or(leg).place(), message);
             return None;
         };
+        check_columns(context, leg, says);
         let path = context.file(name, at.folder(), at.value_place("trajectory"))?;
         let file = self.file(context, leg, says, path);
         Some(LegTrajectory { file, start: says.start, end: says.end, teleport: says.teleport })
@@ -57,6 +77,10 @@ impl Trajectories {
     ) -> usize {
         let files = &mut self.platform.files;
         let Some(known) = files.iter().position(|f| f.path == path) else {
+            if says.slope_filter > 0.0 && !files.is_empty() {
+                let message = "`slopeFilterThreshold` has no effect: it thins the first trajectory file only";
+                context.warn(place_of(leg, "slopeFilterThreshold"), message);
+            }
             files.push(TrajectoryFile {
                 path,
                 columns: says.columns,
@@ -66,6 +90,13 @@ impl Trajectories {
             return files.len() - 1;
         };
         let file = &mut files[known];
+        let other_separator = says.separator.is_some() && says.separator != file.separator;
+        if other_separator || says.slope_filter != 0.0 && says.slope_filter != file.slope_filter {
+            let name = if other_separator { "trajectory_separator" } else { "slopeFilterThreshold" };
+            let message =
+                format!("`{name}` has no effect: what an earlier leg says of {} counts", file.path.display());
+            context.warn(place_of(leg, name), message);
+        }
         match (file.columns, says.columns) {
             (Some(before), Some(now)) if before != now => {
                 let message =
@@ -82,6 +113,38 @@ impl Trajectories {
     pub fn finish(mut self) -> Interpolated {
         self.platform.position_only = self.position_only.unwrap_or(false);
         self.platform
+    }
+}
+
+/// Warns of two quantities that are read from one column, and of columns that are not read.
+fn check_columns(context: &Context, leg: &Element, says: &TrajectoryLayer) {
+    let Some(columns) = says.columns else { return };
+    let position_only = says.position_only.unwrap_or(false);
+    let is_read = |i: usize| !(position_only && ANGLES.contains(&i));
+    let written = |i: usize| leg.child("platformSettings").is_some_and(|e| e.value(COLUMNS[i].0).is_some());
+    for i in 0..columns.len() {
+        let (name, quantity) = COLUMNS[i];
+        if !is_read(i) {
+            if written(i) {
+                let message = format!("`{name}` has no effect with interpolationDomain=\"position\"");
+                context.warn(place_of(leg, name), message);
+            }
+            continue;
+        }
+        let earlier = (0..i).find(|&j| is_read(j) && columns[j] == columns[i]);
+        if let Some(j) = earlier {
+            // The one whose number is a default is the surprise.
+            let at = if written(i) || !written(j) { name } else { COLUMNS[j].0 };
+            let message = format!("{} and {quantity} are both column {}", COLUMNS[j].1, columns[i]);
+            let help = if i == 0 || j == 0 {
+                "a path without times needs a column of them: name it with tIndex"
+            } else if ANGLES.contains(&i) || ANGLES.contains(&j) {
+                "name the columns of all angles, or give interpolationDomain=\"position\" for a path without attitude"
+            } else {
+                "give each its own column; those that are not named are 0 to 6: time, roll, pitch, yaw, x, y, z"
+            };
+            context.warn_help(place_of(leg, at), message, help);
+        }
     }
 }
 

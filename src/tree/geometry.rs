@@ -1,7 +1,6 @@
 //! Primitives, and the hit of a ray.
 
 use crate::geom::{Aabb, DVec3};
-use crate::store::Store;
 use bytemuck::{Pod, Zeroable};
 
 /// An axis-aligned cube.
@@ -18,11 +17,11 @@ pub struct Cube {
 #[derive(Clone, Debug, Default)]
 pub struct Geometry {
     /// Vertices in the frame of the rays, m.
-    pub vertices: Store<DVec3>,
+    pub vertices: Vec<DVec3>,
     /// Vertex numbers of each triangle.
-    pub triangles: Store<[u32; 3]>,
+    pub triangles: Vec<[u32; 3]>,
     /// Cubes; cube `i` is primitive number `triangles.len() + i`.
-    pub cubes: Store<Cube>,
+    pub cubes: Vec<Cube>,
 }
 
 impl Geometry {

@@ -8,7 +8,7 @@ use super::geometry::Geometry;
 use super::node::{KdNode, WideNode};
 use super::options::{BuildOptions, Builder, Statistics};
 use crate::geom::Aabb;
-use crate::store::Store;
+use crate::store::vec_bytes;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ pub struct Tree {
     /// Lower and upper corner of everything, in the tree's frame.
     pub(super) bounds: [[f32; 3]; 2],
     pub(super) nodes: Nodes,
-    pub(super) blocks: Store<Block>,
+    pub(super) blocks: Vec<Block>,
     statistics: Statistics,
     pub(super) instances: Option<Box<InstanceTree>>,
 }
@@ -41,8 +41,8 @@ const MIN_SHARED_PRIMITIVES: usize = 1024;
 
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Nodes {
-    Kd(Store<KdNode>),
-    Wide(Store<WideNode>),
+    Kd(Vec<KdNode>),
+    Wide(Vec<WideNode>),
 }
 
 impl Tree {
@@ -83,7 +83,7 @@ impl Tree {
         frame: Frame,
         bounds: [[f32; 3]; 2],
         nodes: Nodes,
-        blocks: Store<Block>,
+        blocks: Vec<Block>,
         statistics: Statistics,
     ) -> Tree {
         Tree { frame, bounds, nodes, blocks, statistics, instances: None }
@@ -111,11 +111,11 @@ impl Tree {
     /// Memory of the tree in bytes, without the geometry.
     pub fn memory(&self) -> usize {
         let nodes = match &self.nodes {
-            Nodes::Kd(n) => n.memory(),
-            Nodes::Wide(n) => n.memory(),
+            Nodes::Kd(n) => vec_bytes(n),
+            Nodes::Wide(n) => vec_bytes(n),
         };
         let instances = self.instances.as_ref().map_or(0, |i| i.memory());
-        nodes + self.blocks.memory() + size_of::<Tree>() + instances
+        nodes + vec_bytes(&self.blocks) + size_of::<Tree>() + instances
     }
 }
 
@@ -147,7 +147,7 @@ fn over_boxes(boxes: &[Aabb], options: &BuildOptions) -> Tree {
     let block = |ids| Block::of_boxes(ids, |id| frame.local_box(&boxes[id as usize]));
     let blocks: Vec<Block> = arena.slots.chunks(BLOCK_SIZE).map(block).collect();
     let (lo, hi) = frame.local_box(&all);
-    Tree::of(frame, [lo, hi], Nodes::Wide(arena.nodes.into()), blocks.into(), statistics)
+    Tree::of(frame, [lo, hi], Nodes::Wide(arena.nodes), blocks, statistics)
 }
 
 fn build(geometry: &Geometry, options: &BuildOptions, keep: impl Fn(u32) -> bool + Sync) -> Tree {
@@ -159,11 +159,11 @@ fn build(geometry: &Geometry, options: &BuildOptions, keep: impl Fn(u32) -> bool
     let (nodes, slots, statistics) = match options.builder {
         Builder::Bvh => {
             let (arena, statistics) = build_wide(geometry.triangles.len(), &frame, prims, options);
-            (Nodes::Wide(arena.nodes.into()), arena.slots, statistics)
+            (Nodes::Wide(arena.nodes), arena.slots, statistics)
         }
         _ => {
             let (arena, statistics) = build_kd(geometry, frame, prims, options);
-            (Nodes::Kd(arena.nodes.into()), arena.slots, statistics)
+            (Nodes::Kd(arena.nodes), arena.slots, statistics)
         }
     };
     let blocks: Vec<Block> = slots
@@ -171,7 +171,7 @@ fn build(geometry: &Geometry, options: &BuildOptions, keep: impl Fn(u32) -> bool
         .with_min_len(MIN_SHARED_PRIMITIVES / BLOCK_SIZE)
         .map(|ids| Block::of(geometry, &frame, ids))
         .collect();
-    Tree::of(frame, bounds, nodes, blocks.into(), statistics)
+    Tree::of(frame, bounds, nodes, blocks, statistics)
 }
 
 #[cfg(test)]
@@ -183,8 +183,8 @@ mod tests {
     fn primitives_that_are_not_kept_are_not_hit() {
         let corners = |y: f64| [[-1.0, y, -1.0], [1.0, y, -1.0], [0.0, y, 2.0]].map(DVec3::from);
         let geometry = Geometry {
-            vertices: [corners(5.0), corners(9.0)].concat().into(),
-            triangles: vec![[0, 1, 2], [3, 4, 5]].into(),
+            vertices: [corners(5.0), corners(9.0)].concat(),
+            triangles: vec![[0, 1, 2], [3, 4, 5]],
             ..Geometry::default()
         };
         for builder in [Builder::Bvh, Builder::Median] {

@@ -7,6 +7,7 @@
 
 use super::Geometry;
 use crate::geom::{Aabb, DVec3, Rotation};
+use crate::store::vec_bytes;
 use glam::DMat3;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -119,8 +120,8 @@ impl Model {
     }
 
     pub fn memory(&self) -> usize {
-        self.geometry.vertices.memory()
-            + self.geometry.triangles.memory()
+        vec_bytes(&self.geometry.vertices)
+            + vec_bytes(&self.geometry.triangles)
             + self.outline.capacity() * size_of::<Aabb>()
     }
 }

@@ -7,16 +7,14 @@ use super::instances::{Instances, Model, Placement};
 use super::node::{KdNode, WideChild, WideNode};
 use super::options::Statistics;
 use super::{Geometry, Hits, Tree};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::geom::{Aabb, Rotation};
 use crate::store::{ArrayFile, ArrayFileWriter, ByteReader, ByteWriter, UnexpectedEnd};
 use std::sync::Arc;
 
-/// Why data cannot be read from a file.
-type Reason = String;
-
-fn cut(UnexpectedEnd: UnexpectedEnd) -> Reason {
-    "its contents end too early".to_owned()
+/// The error for values that end too early.
+fn cut(file: &ArrayFile) -> impl FnOnce(UnexpectedEnd) -> Error {
+    |UnexpectedEnd| file.refuse("its contents end too early")
 }
 
 impl Geometry {
@@ -27,8 +25,11 @@ impl Geometry {
         out.array(format!("{name}.cubes"), &self.cubes)
     }
 
-    /// Maps the arrays written by [`Geometry::pack`].
-    pub fn unpack(name: &str, file: &ArrayFile) -> std::result::Result<Geometry, Reason> {
+    /// Reads the arrays written by [`Geometry::pack`].
+    ///
+    /// # Errors
+    /// As for [`ArrayFile::array`].
+    pub fn unpack(name: &str, file: &ArrayFile) -> Result<Geometry> {
         Ok(Geometry {
             vertices: file.array(&format!("{name}.vertices"))?,
             triangles: file.array(&format!("{name}.triangles"))?,
@@ -66,7 +67,10 @@ impl Tree {
     }
 
     /// Reads a tree written by [`Tree::pack`].
-    pub fn unpack(name: &str, file: &ArrayFile, words: &mut ByteReader) -> std::result::Result<Tree, Reason> {
+    ///
+    /// # Errors
+    /// As for [`ArrayFile::array`].
+    pub fn unpack(name: &str, file: &ArrayFile, words: &mut ByteReader) -> Result<Tree> {
         let mut head = || {
             let frame = Frame { origin: words.vector()?, scale: words.f64()? };
             let mut bounds = [[0.0f32; 3]; 2];
@@ -87,7 +91,7 @@ impl Tree {
             };
             Ok((frame, bounds, statistics, words.flag()?))
         };
-        let (frame, bounds, statistics, is_wide) = head().map_err(cut)?;
+        let (frame, bounds, statistics, is_wide) = head().map_err(cut(file))?;
         let nodes = format!("{name}.nodes");
         let nodes = match is_wide {
             true => Nodes::Wide(file.array::<WideNode>(&nodes)?),
@@ -125,31 +129,41 @@ impl Tree {
             })
     }
 
-    /// Writes the instances and their trees.
-    pub fn pack_instances(&self, out: &mut ArrayFileWriter, words: &mut ByteWriter) -> Result<()> {
+    /// Writes the trees of instances, as arrays under names that begin with `name`.
+    pub fn pack_instances(
+        &self,
+        name: &str,
+        out: &mut ArrayFileWriter,
+        words: &mut ByteWriter,
+    ) -> Result<()> {
         let Some(trees) = &self.instances else { return Ok(()) };
-        trees.top.pack("top", out, words)?;
-        trees.models.iter().enumerate().try_for_each(|(i, m)| m.pack(&format!("model {i}"), out, words))
+        trees.top.pack(&format!("{name}top"), out, words)?;
+        trees.models.iter().enumerate().try_for_each(|(i, m)| m.pack(&format!("{name}model {i}"), out, words))
     }
 
     /// Adds the trees written by [`Tree::pack_instances`].
+    ///
+    /// # Errors
+    /// As for [`ArrayFile::array`].
     pub fn unpack_instances(
         mut self,
+        name: &str,
         instances: &Arc<Instances>,
         file: &ArrayFile,
         words: &mut ByteReader,
-    ) -> std::result::Result<Tree, Reason> {
-        let top = Tree::unpack("top", file, words)?;
-        let models = (0..instances.models.len()).map(|i| Tree::unpack(&format!("model {i}"), file, words));
-        let models = models.collect::<std::result::Result<_, Reason>>()?;
+    ) -> Result<Tree> {
+        let top = Tree::unpack(&format!("{name}top"), file, words)?;
+        let models =
+            (0..instances.models.len()).map(|i| Tree::unpack(&format!("{name}model {i}"), file, words));
+        let models = models.collect::<Result<_>>()?;
         self.instances = Some(Box::new(InstanceTree { instances: instances.clone(), models, top }));
         Ok(self)
     }
 }
 
 impl Instances {
-    /// Writes models and placements.
-    pub fn pack(&self, out: &mut ArrayFileWriter, words: &mut ByteWriter) -> Result<()> {
+    /// Writes models and placements, the models as arrays under names that begin with `name`.
+    pub fn pack(&self, name: &str, out: &mut ArrayFileWriter, words: &mut ByteWriter) -> Result<()> {
         words.vector(self.shift);
         words.u64(u64::from(self.first));
         words.list(&self.models, |w, m| {
@@ -166,11 +180,14 @@ impl Instances {
             w.vector(p.rotation.u);
             w.vector(p.offset);
         });
-        self.models.iter().enumerate().try_for_each(|(i, m)| m.geometry.pack(&format!("mesh {i}"), out))
+        self.models.iter().enumerate().try_for_each(|(i, m)| m.geometry.pack(&format!("{name}mesh {i}"), out))
     }
 
     /// Reads instances written by [`Instances::pack`].
-    pub fn unpack(file: &ArrayFile, words: &mut ByteReader) -> std::result::Result<Instances, Reason> {
+    ///
+    /// # Errors
+    /// As for [`ArrayFile::array`].
+    pub fn unpack(name: &str, file: &ArrayFile, words: &mut ByteReader) -> Result<Instances> {
         let mut head = || {
             let (shift, first) = (words.vector()?, words.u32()?);
             let models = words.list(|r| {
@@ -185,14 +202,14 @@ impl Instances {
             })?;
             Ok((shift, first, models, places))
         };
-        let (shift, first, outlines, places) = head().map_err(cut)?;
+        let (shift, first, outlines, places) = head().map_err(cut(file))?;
         let mut models = Vec::with_capacity(outlines.len());
         for (i, (reach, outline)) in outlines.into_iter().enumerate() {
-            let geometry = Geometry::unpack(&format!("mesh {i}"), file)?;
+            let geometry = Geometry::unpack(&format!("{name}mesh {i}"), file)?;
             models.push(Arc::new(Model::of(geometry, reach, outline)));
         }
         let instances = Instances::new(models, places, first as usize);
-        let mut instances = instances.ok_or("its instances cannot be numbered")?;
+        let mut instances = instances.ok_or_else(|| file.refuse("its instances cannot be numbered"))?;
         instances.shift = shift;
         Ok(instances)
     }
@@ -219,7 +236,7 @@ mod tests {
         let mesh = |n: u32| Geometry {
             vertices: (0..3 * n).map(|i| DVec3::new(point(i, 1), point(i, 77), point(i, 5))).collect(),
             triangles: (0..n).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
-            cubes: vec![Cube { centre: DVec3::splat(3.0), half: 0.5 }; usize::from(n > 50)].into(),
+            cubes: vec![Cube { centre: DVec3::splat(3.0), half: 0.5 }; usize::from(n > 50)],
         };
         let (own, model) = (mesh(100), mesh(40));
         let place = |x: f64| Placement { offset: DVec3::X * x, scale: 0.5, ..Placement::IDENTITY };
@@ -235,17 +252,17 @@ mod tests {
             let (mut out, mut words) = (ArrayFileWriter::create(&path).unwrap(), ByteWriter::default());
             own.pack("own", &mut out).unwrap();
             tree.pack("tree", &mut out, &mut words).unwrap();
-            instances.pack(&mut out, &mut words).unwrap();
-            tree.pack_instances(&mut out, &mut words).unwrap();
+            instances.pack("a ", &mut out, &mut words).unwrap();
+            tree.pack_instances("a ", &mut out, &mut words).unwrap();
             out.finish().unwrap();
             let file = ArrayFile::open(&path).unwrap();
             let mut reader = ByteReader(words.bytes());
             let again = Geometry::unpack("own", &file).unwrap();
             assert!(again.is_sound());
-            let mapped = Tree::unpack("tree", &file, &mut reader).unwrap();
-            let placed = Arc::new(Instances::unpack(&file, &mut reader).unwrap());
-            let mapped = mapped.unpack_instances(&placed, &file, &mut reader).unwrap();
-            assert!(mapped.is_sound(&again) && !mapped.is_sound(&Geometry::default()));
+            let read = Tree::unpack("tree", &file, &mut reader).unwrap();
+            let placed = Arc::new(Instances::unpack("a ", &file, &mut reader).unwrap());
+            let read = read.unpack_instances("a ", &placed, &file, &mut reader).unwrap();
+            assert!(read.is_sound(&again) && !read.is_sound(&Geometry::default()));
             assert_eq!(placed.all, instances.all);
             assert_eq!(placed.shift, instances.shift);
             let mut found = 0;
@@ -254,10 +271,10 @@ mod tests {
                 let d = unit(DVec3::new(point(i, 11) * 0.1, 1.0, point(i, 13) * 0.1));
                 let hit = tree.nearest_where(&own, origin, d, |_| true);
                 found += usize::from(hit.is_some());
-                assert_eq!(mapped.nearest_where(&again, origin, d, |_| true), hit);
+                assert_eq!(read.nearest_where(&again, origin, d, |_| true), hit);
             }
             assert!(found > 100, "{found}");
-            assert_eq!(mapped.statistics(), tree.statistics());
+            assert_eq!(read.statistics(), tree.statistics());
         }
     }
 }

@@ -131,7 +131,7 @@ fn geometry() -> impl Strategy<Value = Geometry> {
                 if flat < 3 {
                     vertices.iter_mut().for_each(|v| v[flat] = 0.0);
                 }
-                Geometry { vertices: vertices.into(), triangles: triangles.into(), cubes: cubes.into() }
+                Geometry { vertices, triangles, cubes }
             })
     })
 }
@@ -262,25 +262,19 @@ fn ball(centre: DVec3, rings: usize, sides: usize, seed: u64) -> Geometry {
 fn trees_of_nothing_and_of_one_work() {
     let empty = Geometry::default();
     let one = Geometry {
-        vertices: vec![DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, -1.0, 0.0), DVec3::new(0.0, 1.0, 0.0)]
-            .into(),
-        triangles: vec![[0, 1, 2]].into(),
-        cubes: vec![].into(),
+        vertices: vec![DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, -1.0, 0.0), DVec3::new(0.0, 1.0, 0.0)],
+        triangles: vec![[0, 1, 2]],
+        cubes: vec![],
     };
-    let point = Geometry {
-        vertices: vec![DVec3::ONE].into(),
-        triangles: vec![[0, 0, 0]; 40].into(),
-        cubes: vec![].into(),
-    };
-    let same = Geometry { triangles: vec![[0, 1, 2]; 1000].into(), ..one.clone() };
+    let point = Geometry { vertices: vec![DVec3::ONE], triangles: vec![[0, 0, 0]; 40], cubes: vec![] };
+    let same = Geometry { triangles: vec![[0, 1, 2]; 1000], ..one.clone() };
     let broken = Geometry {
-        vertices: vec![DVec3::NAN, DVec3::ONE, DVec3::ZERO, DVec3::INFINITY].into(),
-        triangles: vec![[0, 1, 2], [1, 2, 3]].into(),
+        vertices: vec![DVec3::NAN, DVec3::ONE, DVec3::ZERO, DVec3::INFINITY],
+        triangles: vec![[0, 1, 2], [1, 2, 3]],
         cubes: vec![
             Cube { centre: DVec3::NAN, half: 1.0 },
             Cube { centre: DVec3::Z * 4.0, half: f64::INFINITY },
-        ]
-        .into(),
+        ],
     };
     for g in [empty, one, point, same, broken] {
         assert_agreement(

@@ -231,8 +231,7 @@ mod tests {
 
     fn parts() -> impl Strategy<Value = Parts> {
         let cube = (point(10.0), 0.1..1.0).prop_map(|(centre, half)| Cube { centre, half });
-        let own = (model(), prop::collection::vec(cube, 0..4))
-            .prop_map(|(g, cubes)| Geometry { cubes: cubes.into(), ..g });
+        let own = (model(), prop::collection::vec(cube, 0..4)).prop_map(|(g, cubes)| Geometry { cubes, ..g });
         let shift = prop_oneof![Just(DVec3::ZERO), point(5e6), point(30.0)];
         let places = prop::collection::vec((0..3u32, any::<u32>(), placement()), 0..12);
         (own, [model(), model(), model()], places, shift).prop_map(|(own, models, mut places, shift)| {
@@ -350,8 +349,8 @@ mod tests {
                 let exact = all.exact_bounds_of(instance);
                 prop_assert!(exact.min.cmpge(wide.min).all() && exact.max.cmple(wide.max).all());
             }
-            let own = Geometry { cubes: Vec::new().into(), ..parts.0.clone() }.bounds();
-            let expected = Geometry { cubes: Vec::new().into(), ..flat }.bounds();
+            let own = Geometry { cubes: Vec::new(), ..parts.0.clone() }.bounds();
+            let expected = Geometry { cubes: Vec::new(), ..flat }.bounds();
             prop_assert_eq!(all.exact_bounds(own), expected);
         }
 

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// Everything in a data set but times and what is hidden.
@@ -97,12 +98,14 @@ fn failures_are_kept_and_stop_nothing() {
     succeed(dir.path(), &["campaign", &name, "--cell", "boxes-tiles-1", "-q"]);
     assert!(manifest(&dir.path().join("set")).iter().all(|line| line["error"].is_null()));
     assert!(!run(dir.path(), &["campaign", &name, "--cell", "nothing"]).status.success());
-    // A cell answers for itself alone.
+    // The status of a command with --cell is that of this cell.
     fs::write(dir.path().join(&name), &bad).unwrap();
     let of = |cell: &str| run(dir.path(), &["campaign", &name, "--cell", cell]);
     let failed = of("boxes-tiles-1");
     assert_eq!(failed.status.code(), Some(2));
     assert!(text(&failed.stderr).contains("boxes-tiles-1 has failed: "), "{}", text(&failed.stderr));
+    let retry = format!("vlscan campaign {name} --cell boxes-tiles-1 --retry computes it again");
+    assert!(text(&failed.stderr).contains(&retry), "{}", text(&failed.stderr));
     let complete = of("boxes-plain-1");
     assert_eq!(complete.status.code(), Some(0), "{}", text(&complete.stderr));
 }
@@ -140,6 +143,105 @@ fn a_changed_input_is_noticed() {
     let line = &manifest(&dir.path().join("set"))[0];
     assert_eq!(line["area_m2"], 1600.0);
     assert!(line["inputs"]["flat.obj"].as_str().is_some_and(|sum| sum.len() == 16), "{line}");
+}
+
+/// A campaign of one cell over a flat square, and its file.
+fn square(folder: &Path) -> String {
+    fs::write(folder.join("flat.obj"), flat(0.0)).unwrap();
+    let file = "out = \"set\"\n[[scene]]\nname = \"flat\"\nfile = \"flat.obj\"\n\
+        area = \"POLYGON ((-20 -20, 20 -20, 20 20, -20 20))\"\n\
+        [[variant]]\nname = \"u\"\nplan = \"airborne --scanner riegl_vux-1uav --height 50 --density 5\"\n";
+    fs::write(folder.join("c.toml"), file).unwrap();
+    "c.toml".to_owned()
+}
+
+#[test]
+fn a_cell_whose_input_is_touched_meanwhile_is_computed_by_the_next_start() {
+    let dir = folder();
+    let name = square(dir.path());
+    let is_ended = AtomicBool::new(false);
+    let touch = || {
+        while !is_ended.load(Ordering::SeqCst) {
+            let mesh = fs::File::options().append(true).open(dir.path().join("flat.obj")).unwrap();
+            mesh.set_modified(std::time::SystemTime::now()).unwrap();
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    };
+    let out = std::thread::scope(|scope| {
+        scope.spawn(touch);
+        let out = run(dir.path(), &["campaign", &name]);
+        is_ended.store(true, Ordering::SeqCst);
+        out
+    });
+    let said = text(&out.stderr);
+    assert_eq!(out.status.code(), Some(2), "{said}");
+    assert!(said.contains("flat.obj was written, touched or removed while the cell was computed"), "{said}");
+    assert!(said.contains("the next start computes the cell again") && !said.contains("--retry"), "{said}");
+    let is_failed = |path: &PathBuf| path.extension().is_some_and(|e| e == "failed");
+    assert!(!files(&dir.path().join("set")).iter().any(is_failed), "{said}");
+    assert!(manifest(&dir.path().join("set"))[0]["error"].is_string());
+    succeed(dir.path(), &["campaign", &name]);
+    let line = &manifest(&dir.path().join("set"))[0];
+    assert!(line["error"].is_null() && line["points"].as_u64().unwrap() > 1000, "{line}");
+}
+
+#[test]
+fn messages_in_the_manifest_do_not_depend_on_the_folder() {
+    let manifests = ["one", "another/one"].map(|place| {
+        let dir = folder();
+        let place = dir.path().join(place);
+        fs::create_dir_all(&place).unwrap();
+        let name = square(&place);
+        fs::write(place.join("bad.stl"), "no mesh").unwrap();
+        let file = fs::read_to_string(place.join(&name)).unwrap().replace("flat.obj", "bad.stl");
+        fs::write(place.join(&name), file).unwrap();
+        // From another folder.
+        let path = place.join(&name);
+        let out = run(dir.path(), &["campaign", path.to_str().unwrap()]);
+        assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));
+        let error = manifest(&place.join("set"))[0]["error"].as_str().unwrap().to_owned();
+        assert!(error.contains("bad.stl") && !error.contains(dir.path().to_str().unwrap()), "{error}");
+        // Neither do those about files of others.
+        let theirs = place.join("set/cells/flat-u-1/notes.txt");
+        fs::create_dir_all(theirs.parent().unwrap()).unwrap();
+        fs::write(&theirs, "precious").unwrap();
+        fs::remove_file(place.join("set/.campaign/flat-u-1.failed")).unwrap();
+        let out = run(dir.path(), &["campaign", path.to_str().unwrap()]);
+        let whole = fs::canonicalize(&theirs).unwrap();
+        let said = text(&out.stderr);
+        assert!(said.contains(&format!("mv '{}' FOLDER", whole.display())), "{said}");
+        let error = manifest(&place.join("set"))[0]["error"].as_str().unwrap().to_owned();
+        assert!(error.contains("mv 'set/cells/flat-u-1/notes.txt' FOLDER"), "{error}");
+        fs::read(place.join("set/manifest.jsonl")).unwrap()
+    });
+    assert!(manifests[0] == manifests[1]);
+}
+
+#[test]
+fn what_to_do_about_a_file_of_the_user_is_what_helps() {
+    let dir = folder();
+    let name = square(dir.path());
+    let theirs = dir.path().join("set/cells/flat-u-1/notes.txt");
+    fs::create_dir_all(theirs.parent().unwrap()).unwrap();
+    fs::write(&theirs, "precious").unwrap();
+    for options in [&[][..], &["--retry"]] {
+        let out = run(dir.path(), &[&["campaign", &name], options].concat());
+        let said = text(&out.stderr);
+        assert_eq!(out.status.code(), Some(2), "{said}");
+        assert!(
+            said.contains("notes.txt was not written by a campaign: move it to another folder"),
+            "{said}"
+        );
+        assert!(said.contains("then start the campaign again") && !said.contains("--retry"), "{said}");
+    }
+    fs::rename(&theirs, dir.path().join("notes.txt")).unwrap();
+    succeed(dir.path(), &["campaign", &name]);
+    assert!(manifest(&dir.path().join("set"))[0]["points"].as_u64().unwrap() > 1000);
+    // A manifest of the user's is none of the data set.
+    fs::write(dir.path().join("set/manifest.jsonl"), "precious").unwrap();
+    let out = run(dir.path(), &["campaign", &name]);
+    assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));
+    assert_eq!(fs::read(dir.path().join("set/manifest.jsonl")).unwrap(), b"precious");
 }
 
 #[test]
@@ -204,7 +306,7 @@ fn hostile_files_are_refused_with_a_reason() {
         "[[scene]]\nname = \"s\"\nfile = \"none.obj\"\n[[variant]]\nname = \"v\"\nsurvey = \"none.xml\"\n";
     let stand = scene.replace(
         "file = \"none.obj\"",
-        "stand = \"i.csv\"\nplots = 3\narea = \"POLYGON ((0 0, 90 0, 90 9))\"",
+        "stand = \"i.csv --trees m\"\nplots = 3\narea = \"POLYGON ((0 0, 90 0, 90 9))\"",
     );
     for (text_of_file, reason) in [
         ("out = \"".to_owned(), "TOML"),
@@ -245,7 +347,7 @@ fn the_data_set_is_no_input_of_its_own_cells() {
         let again = succeed(dir.path(), &["campaign", "c.toml"]);
         assert!(!text(&again.stderr).contains("cells in"), "{out}: {}", text(&again.stderr));
         let line = &manifest(&dir.path().join(out))[0];
-        assert!(line["inputs"]["./flat.obj"].is_string(), "{line}");
+        assert!(line["inputs"]["flat.obj"].is_string(), "{line}");
     }
 }
 
@@ -260,6 +362,209 @@ fn a_file_for_all_cells_is_refused() {
         assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));
         assert!(text(&out.stderr).contains("which every cell would write"), "{}", text(&out.stderr));
     }
+    assert!(!dir.path().join("set").exists());
+}
+
+#[test]
+fn options_that_a_campaign_decides_are_refused_with_their_line() {
+    let dir = folder();
+    let name = boxes(dir.path(), "set", 1);
+    let good = fs::read_to_string(dir.path().join(&name)).unwrap();
+    for (option, advice) in [
+        ("--seed 7", "`seeds`"),
+        ("--format xyz", "`format"),
+        ("--scene x.xml", "[[scene]]"),
+        ("-o a.laz", "`out`"),
+        ("--resume", "the same campaign"),
+        ("-j 3", "vlscan campaign"),
+        ("--nonsense", "--nonsense"),
+    ] {
+        fs::write(dir.path().join(&name), good.replace("--tile 10", option)).unwrap();
+        let out = run(dir.path(), &["campaign", &name]);
+        let said = text(&out.stderr);
+        assert_eq!(out.status.code(), Some(2), "{option}: {said}");
+        assert!(said.contains("set.toml:13") && said.contains(advice), "{option}: {said}");
+    }
+    assert!(!dir.path().join("set").exists());
+}
+
+#[test]
+fn damaged_cells_are_noticed_at_every_start_and_computed_again() {
+    let dir = folder();
+    let name = boxes(dir.path(), "set", 1);
+    let set = dir.path().join("set");
+    succeed(dir.path(), &["campaign", &name, "-q"]);
+    let whole = contents(&set);
+    let bytes = |path: &Path| fs::read(path).unwrap();
+    let flip = |path: &Path| {
+        let mut bytes = bytes(path);
+        let at = bytes.len() / 2;
+        bytes[at] ^= 4;
+        fs::write(path, bytes).unwrap();
+    };
+    let points = set.join("cells/boxes-plain-1/points.laz");
+    let tile = set.join("cells/boxes-tiles-1/points").read_dir().unwrap().next().unwrap().unwrap().path();
+    let damages: [(&str, &dyn Fn()); 8] = [
+        ("emptied", &|| fs::write(&points, "").unwrap()),
+        ("a bit", &|| flip(&points)),
+        ("a tile", &|| flip(&tile)),
+        ("a table", &|| fs::remove_file(set.join("cells/boxes-plain-1/objects.csv")).unwrap()),
+        ("a record", &|| flip(&set.join("cells/boxes-plain-1/record.json"))),
+        ("an empty record", &|| fs::write(set.join("cells/boxes-tiles-1/record.json"), "").unwrap()),
+        ("a cell", &|| fs::remove_dir_all(set.join("cells/boxes-plain-1")).unwrap()),
+        ("the manifest", &|| flip(&set.join("manifest.jsonl"))),
+    ];
+    for (what, damage) in damages {
+        damage();
+        let out = succeed(dir.path(), &["campaign", &name]);
+        let said = text(&out.stderr);
+        let is_told = said.contains("is computed again: ")
+            || what == "a cell"
+            || said.contains("was not that of the cells");
+        assert!(is_told, "{what}: {said}");
+        assert!(contents(&set) == whole, "{what}");
+    }
+    // What is hidden can go, or be damaged.
+    fs::remove_dir_all(set.join(".campaign")).unwrap();
+    let out = succeed(dir.path(), &["campaign", &name, "--verify"]);
+    assert!(!text(&out.stderr).contains("cells in"), "{}", text(&out.stderr));
+    assert!(contents(&set) == whole);
+}
+
+#[test]
+fn a_file_that_appears_is_noticed() {
+    let dir = folder();
+    fs::write(dir.path().join("flat.obj"), format!("mtllib m.mtl\nusemtl moss\n{}", flat(0.0))).unwrap();
+    fs::write(
+        dir.path().join("c.toml"),
+        "out = \"set\"\n[[scene]]\nname = \"flat\"\nfile = \"flat.obj\"\n\
+         area = \"POLYGON ((-20 -20, 20 -20, 20 20, -20 20))\"\n\
+         [[variant]]\nname = \"u\"\nplan = \"airborne --scanner riegl_vux-1uav --height 50 --density 1\"\n",
+    )
+    .unwrap();
+    succeed(dir.path(), &["campaign", "c.toml", "-q"]);
+    let due = || text(&succeed(dir.path(), &["campaign", "c.toml", "--list"]).stdout);
+    assert_eq!(due(), "");
+    for name in ["m.mtl", "flat.prj"] {
+        fs::write(dir.path().join(name), "newmtl moss\nKd 0.2 0.2 0.2\n").unwrap();
+        assert_eq!(due(), "flat-u-1\n", "{name}");
+        fs::remove_file(dir.path().join(name)).unwrap();
+        assert_eq!(due(), "", "{name}");
+    }
+}
+
+/// A campaign of one trajectory that fails in flight, and one that does not.
+fn flights(folder: &Path) {
+    fs::write(folder.join("flat.obj"), flat(0.0)).unwrap();
+    let rows: String = (0..40).map(|i| format!("{},{i},0,60,0,0,90\n", f64::from(i) / 200.0)).collect();
+    for (name, end) in [("bad", "nan,nan,nan,nan,nan,nan,nan\n"), ("ok", "")] {
+        fs::write(folder.join(format!("{name}.csv")), format!("{rows}{end}")).unwrap();
+        let survey = format!(
+            "scene = \"flat.obj\"\ntrajectory = {{ path = \"{name}.csv\" }}\n\
+             platform = {{ catalogue = \"data/platforms.xml#sr22\" }}\n\
+             scanner = {{ catalogue = \"data/scanners_als.xml#riegl_lms-q780\" }}\n\
+             settings = {{ pulse_freq_hz = 100000, scan_freq_hz = 80, scan_angle_deg = 25 }}\n"
+        );
+        fs::write(folder.join(format!("{name}.toml")), survey).unwrap();
+    }
+    let campaign = "out = \"set\"\n[[scene]]\nname = \"g\"\nfile = \"flat.obj\"\n\
+         [[variant]]\nname = \"bad\"\nsurvey = \"bad.toml\"\n[[variant]]\nname = \"ok\"\nsurvey = \"ok.toml\"\n";
+    fs::write(folder.join("c.toml"), campaign).unwrap();
+}
+
+#[test]
+fn a_cell_that_fails_in_flight_stops_no_other() {
+    let dir = folder();
+    flights(dir.path());
+    for start in 0..2 {
+        let out = run(dir.path(), &["campaign", "c.toml"]);
+        let said = text(&out.stderr);
+        assert_eq!(out.status.code(), Some(2), "{said}");
+        assert_eq!(said.contains("g-bad-1  failed: "), start == 0, "{said}");
+        let lines = manifest(&dir.path().join("set"));
+        assert!(lines[0]["error"].is_string() && lines[1]["points"].as_u64().unwrap() > 0, "{said}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn files_of_others_are_kept_and_pipes_hang_nothing() {
+    let dir = folder();
+    let name = boxes(dir.path(), "set", 1);
+    let set = dir.path().join("set");
+    let theirs = set.join("cells/boxes-plain-1/thesis/chapter.txt");
+    fs::create_dir_all(theirs.parent().unwrap()).unwrap();
+    fs::write(&theirs, "precious").unwrap();
+    let failing = |reason: &str| {
+        let out = run(dir.path(), &["campaign", &name]);
+        let said = text(&out.stderr);
+        assert_eq!(out.status.code(), Some(2), "{reason}: {said}");
+        let lines = manifest(&set);
+        assert!(
+            lines[0]["error"].as_str().unwrap_or_default().contains(reason),
+            "{reason}: {said} {}",
+            lines[0]
+        );
+        assert!(lines[1]["points"].as_u64().unwrap() > 0, "{reason}: {said}");
+    };
+    failing("chapter.txt");
+    assert_eq!(fs::read(&theirs).unwrap(), b"precious");
+    fs::remove_dir_all(set.join("cells/boxes-plain-1")).unwrap();
+    succeed(dir.path(), &["campaign", &name, "-q"]);
+    let pipe = |path: &str| {
+        let path = set.join(path);
+        let _ = fs::remove_file(&path);
+        assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+        path
+    };
+    for path in ["cells/boxes-plain-1/points.laz", "cells/boxes-plain-1/record.json"] {
+        let pipe = pipe(path);
+        failing("no regular file");
+        fs::remove_file(pipe).unwrap();
+        succeed(dir.path(), &["campaign", &name, "-q"]);
+    }
+    for path in
+        [".campaign/boxes-plain-1.lock", ".campaign/boxes-plain-1.failed", ".campaign/boxes-plain-1.made"]
+    {
+        fs::remove_dir_all(set.join("cells/boxes-plain-1")).unwrap();
+        let pipe = pipe(path);
+        failing("no regular file");
+        fs::remove_file(pipe).unwrap();
+        succeed(dir.path(), &["campaign", &name, "-q"]);
+    }
+    for path in ["manifest.jsonl", "times.jsonl"] {
+        let pipe = pipe(path);
+        assert_eq!(run(dir.path(), &["campaign", &name]).status.code(), Some(2), "{path}");
+        fs::remove_file(pipe).unwrap();
+        succeed(dir.path(), &["campaign", &name, "-q"]);
+    }
+}
+
+#[cfg(debug_assertions)]
+#[test]
+fn a_full_disk_is_no_failure_of_a_cell() {
+    let dir = folder();
+    let name = boxes(dir.path(), "set", 1);
+    for first in [1, 4, 9, 14, 19, 26, 34] {
+        let mut command = vlscan(dir.path());
+        command.args(["campaign", &name, "-j", "1"]).env("VLSCAN_FAULT", format!("{first}+"));
+        let out = command.stdin(Stdio::null()).output().unwrap();
+        if out.status.success() {
+            // It was complete before.
+            break;
+        }
+        let said = text(&out.stderr);
+        assert_eq!(out.status.code(), Some(1), "{first}: {said}");
+        assert!(said.contains("injected failure"), "{first}: {said}");
+        let is_failed = |path: &PathBuf| path.extension().is_some_and(|e| e == "failed");
+        assert!(!files(&dir.path().join("set")).iter().any(is_failed), "{first}: {said}");
+    }
+    let out = succeed(dir.path(), &["campaign", &name]);
+    assert!(
+        manifest(&dir.path().join("set")).iter().all(|line| line["error"].is_null()),
+        "{}",
+        text(&out.stderr)
+    );
 }
 
 #[test]
@@ -337,4 +642,34 @@ fn a_tree_is_the_same_model_in_every_plot() {
     for (tree, all) in models {
         assert!(all.iter().all(|model| *model == all[0]), "{tree}: {all:?}");
     }
+}
+
+#[test]
+fn warnings_of_cells_are_shown_once_and_are_errors_if_strict() {
+    let dir = folder();
+    let (scene, scanner) = (fixture("forest/ground.obj"), fixture("forest/scanners.xml"));
+    let poses = "0,0,0,30,0,0,0\n1,9,0,30,0,0,0\n";
+    fs::write(dir.path().join("poses.csv"), poses).unwrap();
+    let survey = format!(
+        "seed = 5\nscene = {scene:?}\ntrajectory = {{ path = \"poses.csv\" }}\nplatform = {{ catalogue = \"data/platforms.xml#sr22\" }}\n\
+         scanner = {{ catalogue = \"{}#uls\" }}\nsettings = {{ pulse_freq_hz = 1000, scan_freq_hz = 20, scan_angle_deg = 20 }}\n\
+         [[output]]\npath = \"mine.las\"\n",
+        scanner.display()
+    );
+    let id = fs::read_to_string(&scanner).unwrap();
+    let id = id.split("<scanner id=\"").nth(1).unwrap().split('"').next().unwrap().to_owned();
+    fs::write(dir.path().join("s.toml"), survey.replace("#uls", &format!("#{id}"))).unwrap();
+    let campaign = format!(
+        "out = \"set\"\nseeds = 2\n[[scene]]\nname = \"g\"\nfile = {scene:?}\n[[variant]]\nname = \"own\"\nsurvey = \"s.toml\"\n"
+    );
+    fs::write(dir.path().join("c.toml"), campaign).unwrap();
+    let strict = run(dir.path(), &["campaign", "c.toml", "--strict"]);
+    assert_eq!(strict.status.code(), Some(2), "{}", text(&strict.stderr));
+    assert!(text(&strict.stderr).contains("its seed 5 is not used"), "{}", text(&strict.stderr));
+    let said = text(&succeed(dir.path(), &["campaign", "c.toml", "--retry"]).stderr);
+    for warning in ["g-own-1  warning: s.toml: its seed 5 is not used", "its [[output]] is not used"] {
+        assert_eq!(said.matches(warning).count(), 1, "{warning}: {said}");
+    }
+    assert!(!said.contains("g-own-2  warning"), "{said}");
+    assert!(!dir.path().join("mine.las").exists());
 }

@@ -8,26 +8,36 @@ use vlscan::{
     Control, OutputRequest, PointFormat, Progress, ReadOptions, Session, Settings, Stop, Target, read_survey,
 };
 
+const OUTPUTS: [&str; 13] = [
+    "all.xyz",
+    "all.las",
+    "all.laz",
+    "all.bin",
+    "all.ply",
+    "all.raycloud.ply",
+    "all.pcd",
+    "all.e57",
+    "all.mcap",
+    "all.csv",
+    "all.arrow",
+    "all.parquet",
+    "legs",
+];
+
+/// Compares what two runs have written: the same files with the same bytes.
+fn check_same(reference: &BTreeMap<PathBuf, Vec<u8>>, other: &BTreeMap<PathBuf, Vec<u8>>, extra: &[&str]) {
+    assert!(reference.keys().eq(other.keys()), "{extra:?}: {:?}, not {:?}", other.keys(), reference.keys());
+    for (file, bytes) in other {
+        assert!(&reference[file] == bytes, "{} differs with {extra:?}", file.display());
+    }
+}
+
 /// A survey with noise on every source that may draw random numbers.
 fn outputs(survey: &Path, extra: &[&str]) -> BTreeMap<PathBuf, Vec<u8>> {
     let dir = folder();
     let survey = survey.to_str().unwrap();
     let mut args = vec!["run", survey, "-q", "--seed", "11", "--waveforms", "--pulses", "--waveform-noise"];
-    for path in [
-        "all.xyz",
-        "all.las",
-        "all.laz",
-        "all.bin",
-        "all.ply",
-        "all.raycloud.ply",
-        "all.pcd",
-        "all.e57",
-        "all.mcap",
-        "all.csv",
-        "all.arrow",
-        "all.parquet",
-        "legs",
-    ] {
+    for path in OUTPUTS {
         args.extend(["-o", path]);
     }
     args.extend(extra);
@@ -40,7 +50,7 @@ fn threads_and_chunk_sizes_leave_no_trace() {
     for survey in ["forest/survey.xml", "room/survey.xml", "moving/survey.xml"] {
         let survey = fixture(survey);
         let reference = outputs(&survey, &["-j", "1"]);
-        assert!(reference.len() >= 5, "outputs are missing: {:?}", reference.keys());
+        assert!(reference.len() >= OUTPUTS.len(), "outputs are missing: {:?}", reference.keys());
         assert!(reference.values().all(|bytes| !bytes.is_empty()));
         let settings: &[&[&str]] = &[
             &["-j", "2"],
@@ -53,9 +63,7 @@ fn threads_and_chunk_sizes_leave_no_trace() {
             &["-j", "2", "--tree", "sah"],
         ];
         for extra in settings {
-            for (file, bytes) in outputs(&survey, extra) {
-                assert!(reference.get(&file) == Some(&bytes), "{} differs with {extra:?}", file.display());
-            }
+            check_same(&reference, &outputs(&survey, extra), extra);
         }
     }
 }
@@ -74,9 +82,7 @@ fn channels_that_fire_in_turn_leave_no_trace() {
     std::fs::write(&survey, text).unwrap();
     let reference = outputs(&survey, &["-j", "1"]);
     for extra in [&["-j", "2", "--chunk-size", "5"][..], &["-j", "3", "--chunk-size", "4096"]] {
-        for (file, bytes) in outputs(&survey, extra) {
-            assert!(reference.get(&file) == Some(&bytes), "{} differs with {extra:?}", file.display());
-        }
+        check_same(&reference, &outputs(&survey, extra), extra);
     }
     let text = std::fs::read_to_string(&survey).unwrap();
     std::fs::write(&survey, text.replace("[settings]", "firing_offset_us = 0\n[settings]")).unwrap();

@@ -23,6 +23,75 @@ fn refused(dir: &Path, args: &[&str], part: &str) {
 }
 
 #[test]
+fn no_command_replaces_what_it_reads() {
+    let dir = folder();
+    let at = |name: &str| dir.path().join(name);
+    for entry in fs::read_dir(fixture("room")).unwrap() {
+        let path = entry.unwrap().path();
+        fs::copy(&path, at(path.file_name().unwrap().to_str().unwrap())).unwrap();
+    }
+    // A mesh of the scene under names that outputs may have.
+    let scene = fs::read_to_string(at("scene.xml")).unwrap();
+    fs::copy(at("shell.obj"), at("shell.png")).unwrap();
+    fs::write(at("scene.xml"), scene.replace("shell.obj", "shell.png")).unwrap();
+    fs::hard_link(at("shell.png"), at("hard.laz")).unwrap();
+    #[cfg(unix)]
+    std::os::unix::fs::symlink("shell.png", at("soft.laz")).unwrap();
+    succeed(dir.path(), &["run", "survey.xml", "-q", "-o", "a.las"]);
+    fs::copy(at("a.las"), at("b.las")).unwrap();
+    succeed(dir.path(), &["run", "survey.xml", "-q", "--part", "0/1", "-o", "p"]);
+    fs::write(at("area.wkt"), "POLYGON ((-5 -5, 5 -5, 5 5, -5 5))").unwrap();
+    fs::create_dir(at("models")).unwrap();
+    let pyramid = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv 0 0 10\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n";
+    fs::write(at("models/beech.obj"), pyramid).unwrap();
+    fs::write(at("trees.csv"), "id,x,y,height,species\na,0,0,9,beech\n").unwrap();
+    fs::write(at("ground.obj"), "v -9 -9 0\nv 9 -9 0\nv 9 9 0\nf 1 2 3\n").unwrap();
+    let airborne = ["plan", "airborne", "--scanner", "riegl_vux-1uav", "--height", "60", "--density", "5"];
+    let terrestrial = ["plan", "terrestrial", "--scanner", "riegl_vz400", "--spacing", "5"];
+    let commands: Vec<Vec<&str>> = vec![
+        vec!["run", "survey.xml", "-o", "hard.laz"],
+        vec!["run", "survey.xml", "-o", "soft.laz"],
+        vec!["run", "survey.xml", "-o", "c.laz", "--schedule-log", "scene.xml"],
+        vec!["run", "survey.xml", "-o", "c.laz", "--parts", "shell.png"],
+        vec!["run", "survey.xml", "--format", "las", "-o", "scene.xml"],
+        vec!["scene", "pack", "survey.xml", "-o", "shell.png"],
+        vec!["preview", "survey.xml", "-o", "shell.png"],
+        vec!["preview", "a.las", "-o", "a.las"],
+        vec!["compare", "a.las", "b.las", "--page", "a.las"],
+        vec!["compare", "a.las", "b.las", "--page", "b.las"],
+        vec!["merge", "p", "-o", "p/part-000000-of-000001.vlpart", "--format", "las"],
+        [&airborne[..], &["--area", "area.wkt", "-o", "area.wkt"]].concat(),
+        [&terrestrial[..], &["--ground", "0", "--scene", "ground.obj", "-o", "ground.obj"]].concat(),
+        vec!["scene", "stand", "trees.csv", "--trees", "models", "-o", "."],
+    ];
+    let contents = || {
+        let all = names(dir.path()).into_iter();
+        all.map(|name| (fs::read(at(&name)).unwrap(), name)).collect::<Vec<_>>()
+    };
+    let pulses = succeed(dir.path(), &["pulses", "survey.xml", "-q"]).stdout;
+    fs::write(at("pulses.csv"), pulses).unwrap();
+    let before = contents();
+    #[cfg(unix)]
+    {
+        let trace = ["trace", "-", "--scene", "scene.xml", "--scanner", "survey.xml"];
+        let mut command = vlscan(dir.path());
+        command.args(trace).args(["-o", "pulses.csv", "--force"]);
+        let out = command.stdin(fs::File::open(at("pulses.csv")).unwrap()).output().unwrap();
+        assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));
+        assert!(contents() == before);
+    }
+    for command in &commands {
+        let args = [&command[..], &["--force", "-q"]].concat();
+        let out = run(dir.path(), &args);
+        let said = text(&out.stderr);
+        assert_eq!(out.status.code(), Some(2), "vlscan {}: {said}", args.join(" "));
+        let is_told = said.contains("is read by this command") || said.contains("is a source of the scene");
+        assert!(is_told, "vlscan {}: {said}", args.join(" "));
+        assert!(contents() == before, "vlscan {}", args.join(" "));
+    }
+}
+
+#[test]
 fn two_runs_with_one_name_never_share_a_file() {
     let dir = folder();
     fs::write(dir.path().join("a.laz.part"), "mine").unwrap();
@@ -57,7 +126,7 @@ fn one_file_has_one_output_and_no_source_is_replaced() {
     }
     let survey = fs::read(dir.path().join("survey.xml")).unwrap();
     let log = ["run", "survey.xml", "-o", "y.las", "--schedule-log", "survey.xml", "--force"];
-    refused(dir.path(), &log, "is read by this run");
+    refused(dir.path(), &log, "is read by this command");
     let pack = ["scene", "pack", "survey.xml", "-o", "shell.obj", "--force"];
     refused(dir.path(), &pack, "is a source of the scene");
     assert!(fs::read(dir.path().join("survey.xml")).unwrap() == survey);
@@ -70,7 +139,7 @@ fn one_file_has_one_output_and_no_source_is_replaced() {
     fs::write(dir.path().join("flight.csv"), &flight).unwrap();
     let forest = fixture("forest/survey.xml").to_str().unwrap().to_owned();
     let onto = ["run", &forest, "--trajectory", "flight.csv", "-o", "./flight.csv", "--force"];
-    refused(dir.path(), &onto, "is read by this run");
+    refused(dir.path(), &onto, "is read by this command");
     assert!(fs::read(dir.path().join("flight.csv")).unwrap() == flight);
     assert_eq!(names(dir.path()), ["flight.csv"]);
 }

@@ -418,7 +418,7 @@ fn previews_show_tables_and_wave_packets() {
         succeed(dir.path(), &["preview", name, "-o", &format!("{name}.png"), "--colour", "return", "-q"]);
         let picture = std::fs::read(dir.path().join(format!("{name}.png"))).unwrap();
         assert!(picture.len() > 5000 && picture.starts_with(b"\x89PNG"));
-        vlscan::internals::read_points(&dir.path().join(name)).unwrap()
+        vlscan::internals::read_points(&dir.path().join(name)).unwrap().0
     });
     for cloud in &clouds {
         assert!(cloud.len() > 1000 && cloud.len() == clouds[0].len());
@@ -454,4 +454,43 @@ fn previews_show_tables_and_wave_packets() {
     succeed(dir.path(), &["run", &survey, "-q", "-o", "plain.laz"]);
     let plain = common::run(dir.path(), &["preview", "plain.laz", "--pulse", "1", "-o", "none.png"]);
     assert!(text(&plain.stderr).contains("--wave-packets"), "{}", text(&plain.stderr));
+}
+
+#[test]
+fn classes_that_las_1_0_has_not_are_told() {
+    let dir = folder();
+    std::fs::write(
+        dir.path().join("m.mtl"),
+        "newmtl roof\nhelios_reflectance 0.5\nhelios_classification 77\n",
+    )
+    .unwrap();
+    let ground = "mtllib m.mtl\nusemtl roof\nv -50 -50 0\nv 50 -50 0\nv 50 50 0\nv -50 50 0\nf 1 2 3 4\n";
+    std::fs::write(dir.path().join("g.obj"), ground).unwrap();
+    std::fs::write(dir.path().join("p.csv"), "x,y,z,dx,dy,dz\n0,0,60,0,0,-1\n").unwrap();
+    let args = ["trace", "p.csv", "--scene", "g.obj", "--scanner", "riegl_vz400", "-o", "a.las", "--force"];
+    let said = text(&succeed(dir.path(), &[&args[..], &["--las10"]].concat()).stderr);
+    assert!(said.contains("--las10 has classes 0 to 31, the scene has up to 77"), "{said}");
+    let strict = common::run(dir.path(), &[&args[..], &["--las10", "--strict"]].concat());
+    assert_eq!(strict.status.code(), Some(2));
+    let said = text(&succeed(dir.path(), &args).stderr);
+    assert!(!said.contains("class"), "{said}");
+    // Whichever way the points take into the file.
+    let survey = "scene = \"g.obj\"\nplatform = { catalogue = \"data/platforms.xml#tripod\" }\nscanner = { catalogue = \"riegl_vz400\" }\n\
+        settings = { pulse_freq_hz = 100000, scan_freq_hz = 100, scan_angle_deg = 30, head_rate_deg_per_s = 60, \
+        head_start_deg = 0, head_stop_deg = 6 }\n[[leg]]\nposition_m = [0, 0, 9]\n";
+    std::fs::write(dir.path().join("s.toml"), survey).unwrap();
+    succeed(dir.path(), &["run", "s.toml", "--part", "0/1", "-o", "parts"]);
+    for command in [
+        &["run", "s.toml", "-o", "b.las"][..],
+        &["run", "s.toml", "-o", "b.las", "--resume"],
+        &["run", "s.toml", "-o", "b.las", "--dry-run"],
+        &["merge", "parts", "-o", "b.las"],
+    ] {
+        let strict = common::run(dir.path(), &[command, &["--las10", "--strict"]].concat());
+        let said = text(&strict.stderr);
+        assert!(strict.status.code() == Some(2) && said.contains("classes 0 to 31"), "{command:?}: {said}");
+    }
+    let merge = ["merge", "parts", "-o", "b.las", "--crs", "EPSG:25832"];
+    let said = text(&succeed(dir.path(), &merge).stderr);
+    assert!(said.contains("does not fit"), "{said}");
 }

@@ -92,7 +92,7 @@ fn parts_that_stand_still_and_motions_that_end() {
     let plain = points(dir);
     let still = "<dmotion id='a' loop='1' next='a'><motion type='rotation' axis='0;0;-0' angle='0.0' center='0;0;0'/></dmotion>";
     write_survey(dir, "", "dynTimeStep='0.1'", still);
-    assert_eq!(points_with_warning(dir, "moves nothing"), plain);
+    assert_eq!(points_with_warning(dir, "nothing moves"), plain);
     let drive = |next: &str| {
         format!("<dmotion id='a' loop='3' {next}><motion type='translation' vec='0;0.05;0'/></dmotion>")
     };

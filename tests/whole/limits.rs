@@ -1,6 +1,6 @@
 //! Every limit that docs/limits.md states is exceeded, and ends the run with the stated message.
 
-use crate::common::{folder, run, text};
+use crate::common::{folder, run, succeed, text};
 use crate::hostile::raster;
 use std::collections::BTreeMap;
 
@@ -128,6 +128,16 @@ fn cases() -> BTreeMap<&'static str, Case> {
             let mut case = case("mesh.obj", mesh, RUN);
             case.args.extend(["--max-memory", "1M"]);
             case
+        }),
+        ("packed scene", {
+            let dir = folder();
+            std::fs::write(dir.path().join("many.obj"), MESH.repeat(10_000)).unwrap();
+            succeed(
+                dir.path(),
+                &["scene", "pack", "many.obj", "--physics", "helios", "-o", "s.vlscene", "-q"],
+            );
+            let args = [RUN, &["--max-memory", "300k", "--scene", "s.vlscene"]].concat();
+            case("s.vlscene", std::fs::read(dir.path().join("s.vlscene")).unwrap(), &args)
         }),
         ("rasters and the tree over them", {
             let args = [RUN, &["--max-memory", "100M", "--scene", "r.tif"]].concat();

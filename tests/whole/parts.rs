@@ -324,20 +324,19 @@ fn borders_found_before_give_the_same_parts() {
         compute(dir.path(), &survey, &["--seed", "4"], 0..2, 2);
     }
     assert_same(&contents(planned.path()), &contents(unplanned.path()), "parts");
-    // Borders of another flight are refused, and damaged ones, too.
+    // Borders of another flight are refused, and damaged ones are made again.
     let other = ["run", &survey, "-q", "-o", "parts", "--part", "1/4", "--seed", "5"];
     let out = run(planned.path(), &other);
     assert_eq!(out.status.code(), Some(2));
     assert!(text(&out.stderr).contains("seed (4, 5)"), "{}", text(&out.stderr));
     let plan = planned.path().join("parts/flight.vlplan");
-    let mut bytes = fs::read(&plan).unwrap();
-    let middle = bytes.len() / 2;
-    bytes[middle] ^= 1;
-    fs::write(&plan, bytes).unwrap();
-    let part = ["run", &survey, "-q", "-o", "parts", "--part", "1/4", "--seed", "4"];
-    let out = run(planned.path(), &part);
-    assert!(text(&out.stderr).contains("damaged") && out.status.code() == Some(2), "{}", text(&out.stderr));
-    succeed(planned.path(), &arguments(&[&part, &["--force"]]));
+    let sound = fs::read(&plan).unwrap();
+    damage(&plan);
+    let part = ["run", &survey, "-o", "parts", "--part", "1/2", "--seed", "4", "--resume"];
+    let out = succeed(planned.path(), &part);
+    assert!(text(&out.stderr).contains("flight.vlplan is damaged and made again"), "{}", text(&out.stderr));
+    assert!(text(&out.stderr).contains("is complete"), "{}", text(&out.stderr));
+    assert!(fs::read(&plan).unwrap() == sound);
 }
 
 #[test]
@@ -373,19 +372,19 @@ fn parts_of_other_runs_are_refused_and_what_is_missing_is_named() {
     compute(dir.path(), &survey, &["--seed", "1", "--force"], [3, 4], 8);
     // Damage within a block is found while merging; all damaged parts are named, and no output remains.
     for number in [2, 5] {
-        let path = dir.path().join(format!("parts/part-{number:06}-of-000008.vlpart"));
-        let mut bytes = fs::read(&path).unwrap();
-        let middle = bytes.len() / 2;
-        bytes[middle] ^= 1;
-        fs::write(&path, bytes).unwrap();
+        damage(&dir.path().join(format!("parts/part-{number:06}-of-000008.vlpart")));
     }
     refused(&merge, &["part-000002-of-000008.vlpart", "part-000005-of-000008.vlpart", "--array=2,5"]);
     refused(&["merge", "parts", "--check"], &["--array=2,5"]);
     assert!(!dir.path().join("a.laz").exists());
-    for number in [2, 5] {
-        fs::remove_file(dir.path().join(format!("parts/part-{number:06}-of-000008.vlpart"))).unwrap();
+    // What the message says to be done: a damaged part is not taken for a complete one.
+    refused(&merge, &["-o parts --part 2/8 --resume"]);
+    for number in ["2/8", "5/8"] {
+        let again = ["run", &survey, "-o", "parts", "--part", number, "--seed", "1", "--resume"];
+        let said = text(&succeed(dir.path(), &again).stderr);
+        assert!(said.contains("is damaged") && said.contains("computed again"), "{said}");
+        assert!(text(&succeed(dir.path(), &again).stderr).contains("is complete"));
     }
-    compute(dir.path(), &survey, &["--seed", "1"], [2, 5], 8);
     succeed(dir.path(), &merge);
     let expected = of_run(&survey, &["--seed", "1"], &["-o", "a.laz"]);
     assert!(fs::read(dir.path().join("a.laz")).unwrap() == expected[Path::new("a.laz")]);
@@ -397,15 +396,117 @@ fn a_run_in_parts_at_once_gives_the_same_bytes_and_leaves_nothing() {
     let expected = of_run(&survey, &["--pulses"], EVERY_FORMAT);
     let found = of_run(&survey, &["--pulses", "--resume=3000"], EVERY_FORMAT);
     assert_same(&found, &expected, "--resume");
-    // What was ended while it removed its parts is complete.
     let dir = folder();
-    fs::create_dir(dir.path().join("a.laz.parts.done")).unwrap();
-    fs::write(dir.path().join("a.laz"), "complete").unwrap();
-    let out = succeed(dir.path(), &["run", &survey, "-o", "a.laz", "--resume"]);
-    assert!(text(&out.stderr).contains("has completed the outputs"), "{}", text(&out.stderr));
-    assert_eq!(files(dir.path()), [Path::new("a.laz")]);
     let out = run(dir.path(), &["run", &survey, "-o", "-", "--format", "xyz", "--resume"]);
     assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));
+}
+
+#[test]
+fn damaged_parts_of_a_run_that_goes_on_are_computed_again() {
+    let survey = survey("forest/survey.xml");
+    for (out, holding) in [("a.laz", &["--part-points", "las"][..]), ("a.mcap", &[])] {
+        let expected = &of_run(&survey, &["--seed", "2"], &["-o", out])[Path::new(out)];
+        let dir = folder();
+        let parts = format!("{out}.parts");
+        for number in ["0/4", "1/4", "2/4"] {
+            let run = ["run", &survey, "-q", "-o", &parts, "--part", number, "--seed", "2"];
+            succeed(dir.path(), &arguments(&[&run, holding]));
+        }
+        // As those that a run with --resume has made.
+        let mark = "{\"program\":\"vlscan run --resume\",\"state\":\"parts\"}";
+        fs::write(dir.path().join(&parts).join("vlscan-resume.json"), mark).unwrap();
+        for name in ["part-000000-of-000004.vlpart", "part-000002-of-000004.vlpart", "flight.vlplan"] {
+            damage(&dir.path().join(&parts).join(name));
+        }
+        let said = text(&succeed(dir.path(), &["run", &survey, "-o", out, "--resume", "--seed", "2"]).stderr);
+        assert_eq!(said.matches("the part is computed again").count(), 2, "{said}");
+        assert!(said.contains("part-000000-of-000004.vlpart is damaged"), "{said}");
+        assert!(said.contains("flight.vlplan is damaged and made again"), "{said}");
+        assert!(fs::read(dir.path().join(out)).unwrap() == *expected, "{out}");
+        assert_eq!(files(dir.path()), [Path::new(out)]);
+    }
+}
+
+/// Changes a bit in the middle of a file.
+fn damage(path: &Path) {
+    let mut bytes = fs::read(path).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(path, bytes).unwrap();
+}
+
+#[test]
+fn a_folder_of_the_user_is_no_folder_of_parts() {
+    let survey = survey("moving/survey.xml");
+    let dir = folder();
+    let chapter = dir.path().join("a.laz.parts/thesis/chapter1.txt");
+    fs::create_dir_all(chapter.parent().unwrap()).unwrap();
+    fs::write(&chapter, "precious").unwrap();
+    for options in [&["--resume"][..], &["--resume", "--force"]] {
+        let command = [&["run", &survey, "-o", "a.laz"], options].concat();
+        let out = run(dir.path(), &command);
+        assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));
+        assert!(
+            text(&out.stderr).contains("a.laz.parts exists and was not made by"),
+            "{}",
+            text(&out.stderr)
+        );
+        assert_eq!(fs::read(&chapter).unwrap(), b"precious");
+    }
+    fs::rename(dir.path().join("a.laz.parts"), dir.path().join("a.laz.parts.done")).unwrap();
+    succeed(dir.path(), &["run", &survey, "-q", "-o", "a.laz", "--resume"]);
+    assert_eq!(fs::read(dir.path().join("a.laz.parts.done/thesis/chapter1.txt")).unwrap(), b"precious");
+    assert!(dir.path().join("a.laz").exists() && !dir.path().join("a.laz.parts").exists());
+}
+
+#[test]
+fn files_of_the_user_with_the_names_of_a_run_in_parts_are_kept() {
+    let survey = survey("moving/survey.xml");
+    for name in ["lock", "flight.vlplan", "a.laz.vlscan-0123abcd.part", "part-000000-of-000001.vlpart"] {
+        let dir = folder();
+        let theirs = dir.path().join("a.laz.parts").join(name);
+        fs::create_dir(theirs.parent().unwrap()).unwrap();
+        fs::write(&theirs, "precious").unwrap();
+        for options in [&["--resume"][..], &["--resume", "--force"]] {
+            let out = run(dir.path(), &arguments(&[&["run", &survey, "-o", "a.laz"], options]));
+            let said = text(&out.stderr);
+            assert_eq!(out.status.code(), Some(2), "{name}: {said}");
+            assert!(said.contains("a.laz.parts exists and was not made by"), "{name}: {said}");
+            assert_eq!(fs::read(&theirs).unwrap(), b"precious", "{name}");
+        }
+    }
+    // A damaged part is replaced, and a file that is no part is not.
+    let dir = folder();
+    let part = dir.path().join("parts/part-000000-of-000002.vlpart");
+    fs::create_dir(part.parent().unwrap()).unwrap();
+    fs::write(&part, "precious").unwrap();
+    let command = ["run", &survey, "-o", "parts", "--part", "0/2", "--resume"];
+    let out = run(dir.path(), &command);
+    assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));
+    assert!(text(&out.stderr).contains("so it is not replaced"), "{}", text(&out.stderr));
+    assert_eq!(fs::read(&part).unwrap(), b"precious");
+    fs::write(&part, "VLSPART\n, and cut short").unwrap();
+    succeed(dir.path(), &command);
+    assert!(fs::read(&part).unwrap().len() > 1000);
+}
+
+#[test]
+fn an_output_that_appears_while_a_run_is_ended_is_kept() {
+    let dir = folder();
+    let survey = survey("forest/survey.xml");
+    let command = ["run", &survey, "-q", "-o", "a.laz", "--resume=1000"];
+    let mut child = begin(dir.path(), &command, "a.laz.parts");
+    child.kill().unwrap();
+    child.wait().unwrap();
+    fs::write(dir.path().join("a.laz"), "precious").unwrap();
+    fs::write(dir.path().join("a.laz.parts/notes.txt"), "precious").unwrap();
+    let out = run(dir.path(), &command);
+    assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));
+    assert!(text(&out.stderr).contains("a.laz exists already"), "{}", text(&out.stderr));
+    assert_eq!(fs::read(dir.path().join("a.laz")).unwrap(), b"precious");
+    fs::remove_file(dir.path().join("a.laz")).unwrap();
+    succeed(dir.path(), &command);
+    assert_eq!(files(dir.path()), [Path::new("a.laz"), Path::new("a.laz.parts/notes.txt")]);
 }
 
 /// Kills runs of a survey after growing times until one is complete; returns how many were killed.
@@ -470,8 +571,8 @@ fn a_hundred_killed_runs_go_on_where_they_were() {
 /// Begins a run that can be resumed, and waits until `parts` holds some.
 fn begin(folder: &Path, command: &[&str], parts: &str) -> std::process::Child {
     let mut child = vlscan(folder).args(command).spawn().unwrap();
-    // The lock, the borders, and at least one part beside the one that is being written.
-    while fs::read_dir(folder.join(parts)).map_or(0, Iterator::count) < 4 {
+    // The lock, the mark, the borders, and at least one part beside the one that is being written.
+    while fs::read_dir(folder.join(parts)).map_or(0, Iterator::count) < 5 {
         assert!(child.try_wait().unwrap().is_none(), "the run has ended");
         std::thread::sleep(Duration::from_millis(2));
     }
@@ -669,11 +770,19 @@ fn merges_in_parts_are_joined_to_the_same_bytes() {
             assert!(fs::read(dir.path().join(out)).unwrap() == *expected, "{out} in {of} parts");
             refused(&["--join"], "--force");
             fs::remove_file(dir.path().join(out)).unwrap();
-            // A damaged segment is found.
-            let name =
-                fs::read_dir(dir.path().join(format!("{out}.segments"))).unwrap().next().unwrap().unwrap();
-            fs::write(name.path(), &fs::read(name.path()).unwrap()[..400]).unwrap();
-            refused(&["--join"], "segment");
+            // Damaged segments are found, and what the message says to be done mends them.
+            let segments = fs::read_dir(dir.path().join(format!("{out}.segments"))).unwrap();
+            let mut segments: Vec<PathBuf> = segments.map(|entry| entry.unwrap().path()).collect();
+            segments.sort();
+            damage(&segments[1]);
+            refused(&["--join"], &segments[1].file_name().unwrap().to_string_lossy());
+            refused(&["--join"], &format!("--part 1/{of} instead of --join"));
+            fs::write(&segments[1], &fs::read(&segments[1]).unwrap()[..400]).unwrap();
+            refused(&["--join"], "does not match its checksum");
+            succeed(dir.path(), &arguments(&[&merge, &["--part", &format!("1/{of}")]]));
+            succeed(dir.path(), &arguments(&[&merge, &["--join"]]));
+            assert!(fs::read(dir.path().join(out)).unwrap() == *expected, "{out} in {of} parts, mended");
+            fs::remove_file(dir.path().join(out)).unwrap();
             fs::remove_dir_all(dir.path().join(format!("{out}.segments"))).unwrap();
         }
         let message = if parts == "parts" { "alone" } else { "b.xyz cannot be made" };

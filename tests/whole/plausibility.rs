@@ -1,7 +1,7 @@
 //! Mistakes that are easy to make: each ends with an error, or with a warning that `--strict` makes an error, whose text names
 //! the cause. Correct input runs without a message.
 
-use crate::common::{feed, fixture, folder, raster, text};
+use crate::common::{feed, fixture, folder, raster, run, succeed, text};
 use std::fs;
 
 /// A mistake, and what the program must say about it.
@@ -55,6 +55,23 @@ fn along(middle: [f64; 3], step: [f64; 3], [roll, pitch, yaw]: [f64; 3]) -> Stri
     text
 }
 
+/// The scanner of the terrain with a detection threshold of 1 W.
+fn scanner_with_high_threshold() -> String {
+    let scanner = fs::read_to_string(fixture("terrain/scanners.xml")).unwrap();
+    scanner.replace("receivedEnergyMin_W=\"1e-9\"", "receivedEnergyMin_W=\"1\"")
+}
+
+/// Poses whose times are milliseconds, without a word of it.
+fn in_milliseconds(poses: &str) -> String {
+    let line = |line: &str| match line.split_once(',') {
+        Some((time, rest)) if line != HEADER.trim_end() => {
+            format!("{},{rest}\n", 1000.0 * time.parse::<f64>().unwrap())
+        }
+        _ => format!("{line}\n"),
+    };
+    poses.lines().map(line).collect()
+}
+
 /// A pipeline over the terrain with an airborne scanner and its mount; `rest` follows.
 fn pipeline(scene: &str, rest: &str) -> String {
     format!(
@@ -84,7 +101,7 @@ fn tripod(place: &str) -> String {
     format!(
         "<document><survey name=\"t\" scene=\"scene.xml#terrain\" platform=\"data/platforms.xml#tripod\" \
          scanner=\"data/scanners_tls.xml#riegl_vz400\"><leg><platformSettings {place}/><scannerSettings active=\"true\" \
-         pulseFreq_hz=\"100000\" scanAngle_deg=\"50\" scanFreq_hz=\"60\" headRotatePerSec_deg=\"180\" headRotateStart_deg=\"0\" \
+         pulseFreq_hz=\"100000\" scanAngle_deg=\"50\" scanFreq_hz=\"60\" headRotatePerSec_deg=\"60\" headRotateStart_deg=\"0\" \
          headRotateStop_deg=\"360\" trajectoryTimeInterval_s=\"1\"/></leg></survey></document>"
     )
 }
@@ -124,6 +141,9 @@ fn two_rasters() -> String {
 const TO_EAST: [f64; 3] = [0.0, 0.0, 90.0];
 const UTM: [f64; 3] = [476_000.0, 5_429_000.0, 700.0];
 const STREAM: &str = "run local.toml -o a.xyz";
+const PLAN: &str =
+    "plan airborne --scanner riegl_vux-1uav --height 80 --speed 8 --area plot.geojson -o plan.toml";
+const STAND: &str = "scene stand trees.csv --trees sub -o stand";
 const OVER_UTM: &str = "run utm.toml -o a.xyz";
 
 fn plausible_numbers() -> Vec<Mistake> {
@@ -171,6 +191,44 @@ fn plausible_numbers() -> Vec<Mistake> {
             OVER_UTM,
             poses([x, y, 120.0], TO_EAST),
             "same level",
+        ),
+        written(
+            "reflectances in two units",
+            "terrain.mtl",
+            fs::read_to_string(fixture("terrain/terrain.mtl")).unwrap().replacen("reflectance 0.45", "reflectance 45", 1),
+            "run survey.xml -o a.xyz",
+            "per cent: \"meadow\" 45 (terrain.mtl:2); and fractions:",
+        ),
+        written(
+            "the same in the refined physics",
+            "terrain.mtl",
+            fs::read_to_string(fixture("terrain/terrain.mtl")).unwrap().replacen("reflectance 0.45", "reflectance 45", 1),
+            "run survey.xml -o a.xyz --physics refined",
+            "are in two units",
+        ),
+        written(
+            "a threshold that no echo reaches",
+            "scanners.xml",
+            scanner_with_high_threshold(),
+            "run survey.xml -o a.xyz",
+            "beams met the scene and returned less than the detector needs: strongest",
+        ),
+        written(
+            "the same in the refined physics, in watts",
+            "scanners.xml",
+            scanner_with_high_threshold(),
+            "run survey.xml -o a.xyz --physics refined",
+            "W, threshold 1.00e0 W",
+        ),
+        Mistake {
+            is_note: true,
+            ..flown("times in milliseconds", OVER_UTM, in_milliseconds(&poses(UTM, TO_EAST)), "m/s on average")
+        },
+        flown(
+            "heights in feet",
+            OVER_UTM,
+            poses([x, y, 25_000.0], TO_EAST),
+            "if its heights are in feet",
         ),
         flown("the geoid's height taken off twice", OVER_UTM, poses([x, y, 255.0], TO_EAST), "ellipsoid"),
         flown("far above the scanner's range", STREAM, poses([0.0, 0.0, 9000.0], TO_EAST), "the scanner"),
@@ -260,6 +318,44 @@ fn plausible_numbers() -> Vec<Mistake> {
             "its coordinates are degrees",
         ),
         typed("a system in feet", "run survey.xml -o a.laz --crs EPSG:2263", "its coordinates are feet"),
+        flown(
+            "a system of another part of the Earth",
+            "run utm.toml -o a.laz --crs EPSG:2193",
+            poses(UTM, TO_EAST),
+            "from the area in which it is used",
+        ),
+        flown(
+            "a code without its last digit",
+            "run utm.toml -o a.laz --crs EPSG:2583",
+            poses(UTM, TO_EAST),
+            "a digit of its code missing",
+        ),
+        typed(
+            "a system for local coordinates",
+            "run survey.xml -o a.laz --crs EPSG:25832",
+            "the scene has local coordinates",
+        ),
+        Mistake {
+            is_note: true,
+            ..flown(
+                "a neighbouring zone that nothing contradicts",
+                "run utm.toml -o a.laz --crs EPSG:25833",
+                poses(UTM, TO_EAST),
+                "the scene is at 49.0° N 14.7° E",
+            )
+        },
+        flown(
+            "a lever arm in centimetres",
+            "run local.toml -o a.xyz --lever-arm 0,100,0",
+            poses([0.0, 0.0, 400.0], TO_EAST),
+            "--lever-arm is 100 m",
+        ),
+        flown(
+            "decimal commas",
+            STREAM,
+            poses([0.0, 0.0, 400.0], TO_EAST).replace(',', ";").replace('.', ","),
+            "decimal comma",
+        ),
         Mistake {
             is_note: true,
             ..flown("LAZ without a system", "run utm.toml -o a.laz", poses(UTM, TO_EAST), "--crs EPSG:25832")
@@ -271,6 +367,40 @@ fn plausible_numbers() -> Vec<Mistake> {
             "run survey.xml -o a.xyz",
             "local coordinates",
         ),
+        written(
+            "a window of less than two bins",
+            "survey.xml",
+            survey().replacen("<leg", "<FWFSettings binSize_ns=\"0.5\" winSize_ns=\"0.5\"/><leg", 1),
+            "run survey.xml -o a.xyz --physics helios",
+            "every bin of the waveform counts as an echo",
+        ),
+        written(
+            "a window of less than two bins where two are compared anyway",
+            "survey.xml",
+            survey().replacen("<leg", "<FWFSettings binSize_ns=\"0.5\" winSize_ns=\"0.5\"/><leg", 1),
+            "run survey.xml -o a.xyz --physics refined",
+            "a window of two bins is used",
+        ),
+        Mistake {
+            stdin: poses([0.0, 0.0, 400.0], TO_EAST),
+            ..written(
+                "noise of a receiver in the physics that has none",
+                "m.toml",
+                stream("scene.xml#terrain").replace("[settings]", "nep_w = 1e-9\n[settings]"),
+                "run m.toml -o a.xyz --physics helios",
+                "`nep_w` has no effect without the correction receiver",
+            )
+        },
+        Mistake {
+            stdin: poses([0.0, 0.0, 400.0], TO_EAST),
+            ..written(
+                "a beam quality beside a divergence",
+                "m.toml",
+                stream("scene.xml#terrain").replace("[settings]", "beam_quality = 1.5\n[settings]"),
+                "run m.toml -o a.xyz --physics refined",
+                "`beam_quality` has no effect",
+            )
+        },
         written("a slope under a house", "scene.xml", slope(), "run survey.xml -o a.xyz", "above the ground under it"),
         flown(
             "latitude and longitude in radians",
@@ -378,6 +508,69 @@ fn plausible_numbers() -> Vec<Mistake> {
     ]
 }
 
+/// A polygon in GeoJSON, with what stands before its type.
+fn polygon(before: &str, rings: &str) -> String {
+    format!(r#"{{{before}"type":"Polygon","coordinates":{rings}}}"#)
+}
+
+fn areas_and_inventories() -> Vec<Mistake> {
+    let ring = "[[0,0],[90,0],[90,60],[0,0]]";
+    let beech = fs::read(fixture("forest/beech.obj")).unwrap();
+    let stand = |name, table: &str, answer| Mistake {
+        files: vec![("trees.csv", table.into()), ("sub/beech_1.obj", beech.clone())],
+        ..typed(name, STAND, answer)
+    };
+    vec![
+        written(
+            "an area of two polygons",
+            "plot.geojson",
+            polygon("\"crs\":null,", &format!("[[{ring}],[{ring}]]")).replace("Polygon", "MultiPolygon"),
+            PLAN,
+            "of 2 polygons only the first one is used",
+        ),
+        written(
+            "an area with a hole",
+            "plot.geojson",
+            polygon("\"crs\":null,", &format!("[{ring},[[50,5],[60,5],[60,9],[50,5]]]")),
+            PLAN,
+            "the holes of the polygon (1) are not left out",
+        ),
+        written(
+            "metres in GeoJSON that says nothing of its system",
+            "plot.geojson",
+            polygon("", &format!("[{ring}]")),
+            PLAN,
+            "are taken as metres in the scene's coordinates",
+        ),
+        written(
+            "a road in degrees over a scene without a system",
+            "road.geojson",
+            r#"{"type":"LineString","coordinates":[[8,49],[8.8,49.3]]}"#,
+            "plan airborne --scanner riegl_vux-1uav --height 80 --speed 8 --area road.geojson --buffer 40 -o plan.toml",
+            "its coordinates are degrees",
+        ),
+        Mistake {
+            is_note: true,
+            ..written(
+                "an area in a system that nothing confirms",
+                "plot.geojson",
+                polygon(
+                    r#""crs":{"type":"name","properties":{"name":"urn:ogc:def:crs:EPSG::25833"}},"#,
+                    "[[[500000,5400000],[500090,5400000],[500090,5400060],[500000,5400000]]]",
+                ),
+                PLAN,
+                "note: its coordinates are in EPSG:25833",
+            )
+        },
+        stand("a misspelt column", "x,y,height,dhb,note\n0,0,9,3,old\n", "did you mean `dbh` by `dhb`?"),
+        stand(
+            "a column that is not read",
+            "x,y,height,note\n0,0,9,old\n",
+            "columns that are not read: `note`",
+        ),
+    ]
+}
+
 fn words_and_files() -> Vec<Mistake> {
     let good = || poses([0.0, 0.0, 400.0], TO_EAST);
     let wrong_line = |from: &str, to: &str| good().replacen(from, to, 1);
@@ -472,7 +665,7 @@ fn words_and_files() -> Vec<Mistake> {
         written(
             "a head that does not turn",
             "t.xml",
-            tripod("z=\"5\"").replace("\"180\"", "\"0\""),
+            tripod("z=\"5\"").replace("\"60\"", "\"0\""),
             "run t.xml -o a.xyz",
             "never end",
         ),
@@ -509,7 +702,7 @@ fn words_and_files() -> Vec<Mistake> {
             "h.stl",
             [0u8; 90],
             "run survey.xml --scene h.stl -o a.xyz",
-            "is it whole?",
+            "is it whole",
         ),
         written(
             "points for a scene",
@@ -528,14 +721,37 @@ fn words_and_files() -> Vec<Mistake> {
         written(
             "a material without reflectance",
             "terrain.mtl",
-            fs::read_to_string(fixture("terrain/terrain.mtl")).unwrap().replace("helios_reflectance 60", ""),
+            fs::read_to_string(fixture("terrain/terrain.mtl"))
+                .unwrap()
+                .replace("helios_reflectance 0.6\n", ""),
             "run survey.xml -o a.xyz",
             "no reflectance",
         ),
+        written(
+            "a reflectance in per cent",
+            "terrain.mtl",
+            fs::read_to_string(fixture("terrain/terrain.mtl"))
+                .unwrap()
+                .replace("helios_reflectance 0.", "helios_reflectance "),
+            "run survey.xml -o a.xyz --physics refined",
+            "above 2 and taken as per cent",
+        ),
+        written(
+            "a scanner of two catalogues",
+            "m.toml",
+            stream("scene.xml#terrain").replace("data/scanners_als.xml#riegl_lms-q780", "livox_mid-70"),
+            "run m.toml -o a.xyz",
+            "data/scanners_als.xml#livox_mid-70 or data/scanners_tls.xml#livox_mid-70",
+        ),
+        typed(
+            "the same on the command line",
+            "catalogue show livox_mid-70",
+            "data/scanners_als.xml#livox_mid-70 or data/scanners_tls.xml#livox_mid-70",
+        ),
         Mistake {
             files: vec![
-                ("sub/survey.xml", survey().into_bytes()),
-                ("sub/scene.xml", utm_scene().into_bytes()),
+                ("sub/survey.xml", survey().replace(" paths=\"beside\"", "").into_bytes()),
+                ("sub/scene.xml", utm_scene().replace(" paths=\"beside\"", "").into_bytes()),
             ],
             ..typed(
                 "a scene of the working directory",
@@ -569,7 +785,8 @@ fn make(mistake: &Mistake, strict: bool) -> std::process::Output {
     lay("flight.toml", stream("dem.xml#dem").as_bytes());
     lay("taken.xyz", b"1 2 3\n");
     mistake.files.iter().for_each(|(name, content)| lay(name, content));
-    let strict = ["--strict"].into_iter().filter(|_| strict && mistake.line.starts_with("run "));
+    let takes_strict = ["run ", "plan ", "scene "].iter().any(|command| mistake.line.starts_with(command));
+    let strict = ["--strict"].into_iter().filter(|_| strict && takes_strict);
     let words: Vec<&str> = mistake.line.split(' ').chain(strict).collect();
     feed(dir.path(), &words, mistake.stdin.as_bytes())
 }
@@ -597,6 +814,11 @@ fn numbers_that_cannot_be_meant_are_answered_with_their_cause() {
 }
 
 #[test]
+fn areas_and_inventories_that_are_not_used_as_written_are_told() {
+    check(&areas_and_inventories());
+}
+
+#[test]
 fn words_and_files_that_are_wrong_are_answered_with_their_cause() {
     check(&words_and_files());
     assert!(plausible_numbers().len() + words_and_files().len() >= 47);
@@ -607,6 +829,13 @@ fn what_is_right_runs_without_a_word() {
     let right = [
         flown("a flight", STREAM, poses([0.0, 0.0, 400.0], TO_EAST), ""),
         flown("a flight in UTM", OVER_UTM, poses(UTM, TO_EAST), ""),
+        // The first second is flown beside the scene, and nothing is measured in it.
+        flown(
+            "a flight that reaches the scene late",
+            STREAM,
+            along([-60.0, 0.0, 400.0], [8.0, 0.0, 0.0], TO_EAST),
+            "",
+        ),
         flown(
             "an approach from 20 km away",
             STREAM,
@@ -634,11 +863,23 @@ fn what_is_right_runs_without_a_word() {
             "run t.xml -o a.xyz",
             "",
         ),
+        // Its pulse is 5 ns wide at half maximum, which only the refined physics takes so.
+        written(
+            "bins that are wider than a short pulse, and narrower than that of the instrument",
+            "t.xml",
+            tripod("x=\"0\" y=\"0\" onGround=\"true\"").replacen(
+                "<leg>",
+                "<FWFSettings binSize_ns=\"6\" winSize_ns=\"12\"/><leg>",
+                1,
+            ),
+            "run t.xml -o a.xyz --physics refined",
+            "",
+        ),
         written(
             "a raster in metres",
             "dem.tif",
             raster([0.0, 30.0], 10.0, None),
-            "run dem.toml -o a.xyz",
+            "run dem.toml -o a.xyz --physics helios",
             "",
         ),
     ];
@@ -650,5 +891,36 @@ fn what_is_right_runs_without_a_word() {
             "{}: {said}",
             mistake.name
         );
+    }
+}
+
+/// Every command that reads input of the user, with input that is warned of: an error with --strict, which writes nothing.
+#[test]
+fn strict_is_for_all_commands() {
+    let dir = folder();
+    let write = |name: &str, text: &str| fs::write(dir.path().join(name), text).unwrap();
+    write("flat.obj", "v -50 -50 0\nv 50 -50 0\nv 50 50 0\nv -50 50 0\nusemtl nowhere\nf 1 2 3 4\n");
+    write("trees.csv", "id,x,y,height,species\na,0,0,9,beech\nb,0,0,9,beech\n");
+    fs::create_dir(dir.path().join("models")).unwrap();
+    fs::copy(fixture("forest/beech.obj"), dir.path().join("models/beech_1.obj")).unwrap();
+    write("cloud.xyz", "0 0 0\n1 0 0\nnan nan nan\n1 1 1\n");
+    let area = "POLYGON ((-9 -9, 9 -9, 9 9, -9 9))";
+    let plan =
+        ["plan", "airborne", "--scanner", "riegl_vux-1uav", "--height", "60", "--speed", "8", "--area", area];
+    let commands: [(&[&str], &str); 6] = [
+        (&["scene", "info", "flat.obj"], ""),
+        (&["scene", "info", "flat.obj", "--json"], ""),
+        (&["scene", "pack", "flat.obj", "-o", "flat.vlscene"], "flat.vlscene"),
+        (&["scene", "stand", "trees.csv", "--trees", "models", "-o", "stand"], "stand"),
+        (&["preview", "cloud.xyz", "-o", "cloud.png"], "cloud.png"),
+        (&[&plan[..], &["--scene", "flat.obj", "-o", "plan.toml"]].concat(), "plan.toml"),
+    ];
+    for (command, made) in commands {
+        let strict = run(dir.path(), &[command, &["--strict"]].concat());
+        assert_eq!(strict.status.code(), Some(2), "{command:?}: {}", text(&strict.stderr));
+        assert!(strict.stdout.is_empty(), "{command:?}");
+        assert!(made.is_empty() || !dir.path().join(made).exists(), "{command:?}");
+        succeed(dir.path(), command);
+        assert!(made.is_empty() || dir.path().join(made).exists(), "{command:?}");
     }
 }

@@ -194,7 +194,21 @@ fn a_waveform_is_plotted_with_the_echoes_that_the_run_found() {
     for zip in [&[][..], &["--zip-output"]] {
         succeed(
             dir.path(),
-            &[&["run", survey, "--output", "out", "--waveforms", "--echo-width", "-q"], zip].concat(),
+            &[
+                &[
+                    "run",
+                    survey,
+                    "--physics",
+                    "refined",
+                    "--output",
+                    "out",
+                    "--waveforms",
+                    "--echo-width",
+                    "-q",
+                ],
+                zip,
+            ]
+            .concat(),
         );
     }
     let find = |ending: &str| {

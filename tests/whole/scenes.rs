@@ -104,7 +104,7 @@ pub fn everything(folder: &Path) {
     solid += "f 1 2 4 3\nf 5 6 8 7\nf 1 2 6 5\nf 3 4 8 7\nf 1 3 7 5\nf 2 4 8 6\n";
     write(folder, "box.obj", solid);
     let mut voxels = String::from(
-        "VOXEL SPACE\n#min_corner: -3 -3 0\n#max_corner: 3 3 3\n#split: 12 12 6\n#res: 0.5 #max_pad: 3\ni j k\n",
+        "VOXEL SPACE\n#min_corner: -3 -3 0\n#max_corner: 3 3 3\n#split: 12 12 6\n#res: 0.5 #max_pad: 3\ni j k PadBVTotal a b c d e f g h n transmittance m l\n",
     );
     for i in 0..12 * 12 * 6 {
         let (x, y, z) = (i % 12, i / 12 % 12, i / 144);
@@ -161,6 +161,23 @@ fn voxels_instances_and_moving_parts_together_leave_no_trace_of_threads_and_shar
         let expected = if physics == "refined" { 7 } else { 6 };
         assert_eq!(ids.len(), expected, "{physics}: {ids:?}");
     }
+}
+
+#[test]
+fn notes_are_shown_and_end_no_run() {
+    let dir = folder();
+    everything(dir.path());
+    let command = ["run", "survey.xml", "--physics", "refined", "-o", "a.xyz", "--force"];
+    let note = "note: the leaf angle table's values are taken for";
+    let said = text(&succeed(dir.path(), &command).stderr);
+    assert!(said.contains(note) && said.contains("leaves.txt"), "{said}");
+    let info = text(&succeed(dir.path(), &["scene", "info", "scene.xml#s", "--json"]).stdout);
+    let info: serde_json::Value = serde_json::from_str(&info).unwrap();
+    assert!(info["notes"][0].as_str().unwrap().contains("leaf angle table"), "{info}");
+    // What is no warning is no error with --strict.
+    let said = text(&run(dir.path(), &[&command[..], &["--strict"]].concat()).stderr);
+    assert!(!said.contains("error: the leaf angle table"), "{said}");
+    assert!(succeed(dir.path(), &[&command[..], &["-q"]].concat()).stderr.is_empty());
 }
 
 #[test]
@@ -239,4 +256,74 @@ fn labels_have_a_table_of_what_they_mean() {
     let refused =
         run(dir.path(), &["run", "wood/survey.xml", "--part", "0/2", "-o", "p", "--parts", "c.csv"]);
     assert!(!refused.status.success() && text(&refused.stderr).contains("--parts counts"));
+}
+
+/// A survey whose paths are written with backslashes, as on Windows, and the same with slashes.
+#[test]
+fn paths_with_backslashes_are_read_with_a_warning() {
+    let dir = folder();
+    fs::create_dir_all(dir.path().join("my data/parts")).unwrap();
+    let at = |name: &str| format!("my data/{name}");
+    write(
+        dir.path(),
+        &at("parts/ground.obj"),
+        "mtllib ..\\kit.mtl\nusemtl soil\nv -9 -9 0\nv 9 -9 0\nv 9 9 0\nv -9 9 0\nf 1 2 3 4\n",
+    );
+    write(dir.path(), &at("parts/wall_1.obj"), "v 5 -9 0\nv 5 9 0\nv 5 0 3\nf 1 2 3\n");
+    write(dir.path(), &at("kit.mtl"), "newmtl soil\nhelios_reflectance 0.3\n");
+    let filter =
+        |key: &str, path: &str| format!("<filter type=\"objloader\">{}</filter>", param("string", key, path));
+    let scene = |folder: &str| {
+        let parts = filter("filepath", &format!("{folder}ground.obj"))
+            + "</part><part>"
+            + &filter("efilepath", &format!("{folder}wall_.*\\.obj"));
+        format!("<document><scene id=\"s\"><part>{parts}</part></scene></document>")
+    };
+    write(dir.path(), &at("back.xml"), scene("my data\\parts\\"));
+    write(dir.path(), &at("slash.xml"), scene("my data/parts/"));
+    let survey = |scene: &str, platform: &str, scanner: &str| {
+        format!(
+            "<document><survey name=\"s\" scene=\"{scene}#s\" platform=\"{platform}\" scanner=\"{scanner}\"><leg>\
+             <platformSettings x=\"0\" y=\"0\" z=\"0\"/><scannerSettings active=\"true\" pulseFreq_hz=\"100000\" \
+             scanAngle_deg=\"50\" scanFreq_hz=\"50\" headRotatePerSec_deg=\"60\" headRotateStart_deg=\"0\" \
+             headRotateStop_deg=\"2\"/></leg></survey></document>"
+        )
+    };
+    let (platform, scanner) = ("data/platforms.xml#tripod", "data/scanners_tls.xml#riegl_vz400");
+    write(dir.path(), "slash_survey.xml", survey("my data/slash.xml", platform, scanner));
+    let back = |name: &str| name.replace('/', "\\");
+    write(dir.path(), "back_survey.xml", survey("my data\\back.xml", &back(platform), &back(scanner)));
+    let expected = points(dir.path(), &["slash_survey.xml"]);
+    assert!(points(dir.path(), &["back_survey.xml"]) == expected);
+    let args = ["run", "back_survey.xml", "-o", "points.xyz", "--force"];
+    let warnings = text(&succeed(dir.path(), &args).stderr);
+    for name in [
+        "my data/back.xml",
+        "data/platforms.xml",
+        "data/scanners_tls.xml",
+        "my data/parts/ground.obj",
+        "my data/parts/wall_",
+    ] {
+        assert!(warnings.contains(&format!("`{name}")), "{name}: {warnings}");
+    }
+    assert!(warnings.contains("write / between folders") && warnings.contains("../kit.mtl"), "{warnings}");
+    assert_eq!(run(dir.path(), &[&args[..], &["--strict"]].concat()).status.code(), Some(2));
+    // In a pipeline file, in both kinds of text.
+    for path in ["'my data\\parts\\ground.obj'", "\"my data\\\\parts\\\\ground.obj\""] {
+        write(dir.path(), "p.toml", format!("survey = 'slash_survey.xml'\nscene = {path}\n"));
+        assert!(!points(dir.path(), &["p.toml"]).is_empty());
+    }
+    let refused = |content: String, expected: &str| {
+        write(dir.path(), "wrong.toml", content);
+        let found = run(dir.path(), &["run", "wrong.toml", "-o", "points.xyz", "--force"]);
+        let said = text(&found.stderr);
+        assert!(found.status.code() == Some(2) && said.contains(expected), "{:?}: {said}", found.status);
+    };
+    let with = |scene: &str| format!("survey = 'slash_survey.xml'\nscene = {scene}\n");
+    refused(with("\"my data\\parts\\ground.obj\""), "a backslash begins");
+    refused(with("\"C:\\Users\\ground.obj\""), "a backslash begins");
+    refused(with("\"my data\\table.obj\""), "a backslash begins");
+    refused(with("'my data/Parts/Ground.obj'"), "did you mean `my data/parts/ground.obj`?");
+    refused(with("' my data/parts/ground.obj'"), "did you mean `my data/parts/ground.obj`?");
+    refused(with("'my data/parts/ground .obj'"), "did you mean `my data/parts/ground.obj`?");
 }

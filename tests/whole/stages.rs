@@ -39,7 +39,7 @@ fn an_airborne_survey_is_the_same_in_two_stages() {
         dir.path(),
         &s,
         &["--seed", "5"],
-        &["--scene", &scene, "--scanner", scanner, "--seed", "5"],
+        &["--scene", &scene, "--scanner", scanner, "--seed", "5", "--physics", "helios"],
         10_000,
     );
 }
@@ -416,4 +416,17 @@ fn pulses_that_pyarrow_makes_can_be_traced() {
     let in_us = trace(&make(change, "stream"));
     assert!(in_us.status.success(), "{}", text(&in_us.stderr));
     assert_eq!(count(&in_us), count(&traced));
+}
+
+#[test]
+fn the_schedule_of_a_stream_is_recorded() {
+    let dir = folder();
+    let s = survey("room/survey.xml");
+    let pulses = succeed(dir.path(), &["pulses", &s, "-q"]).stdout;
+    let args = ["trace", "-q", "--scene", &s, "--scanner", &s, "-o", "a.las", "--schedule-log", "log.json"];
+    let traced = feed(dir.path(), &args, &pulses);
+    assert!(traced.status.success(), "{}", text(&traced.stderr));
+    let log = std::fs::read_to_string(dir.path().join("log.json")).unwrap();
+    let log: serde_json::Value = serde_json::from_str(&log).unwrap();
+    assert_eq!(log["tasks"].as_u64().unwrap() as usize, text(&pulses).lines().count() - 1);
 }

@@ -333,6 +333,67 @@ fn maps_name_the_files_that_exist() {
     assert!(maps >= 10, "{maps} maps");
 }
 
+/// Calls of code outside of `allowed` files or folders.
+fn calls(patterns: &[&str], allowed: &[&str]) -> Vec<String> {
+    let is_allowed = |file: &Source| allowed.iter().any(|prefix| file.path.starts_with(prefix));
+    let mut found = Vec::new();
+    for file in sources().iter().filter(|file| !is_allowed(file)) {
+        let code = file.code.split("mod tests {").next().unwrap();
+        for (number, line) in (1..).zip(code.lines()) {
+            if patterns.iter().any(|pattern| line.contains(pattern)) {
+                found.push(format!("src/{}:{number}: {}", file.path, line.trim()));
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn every_input_is_opened_where_it_is_noted() {
+    let opening =
+        [" File::open(", "(File::open(", "::File::open(", "fs::read(", "fs::read_to_string(", "read_dir("];
+    // The system's own files, and folders and state that the program writes itself.
+    let own = [
+        "files/",
+        "campaign/",
+        "machine.rs",
+        "cli/bench/measure.rs",
+        "output/plan.rs",
+        "parts/",
+        "pipeline/resume_folder.rs",
+        "pipeline/segment.rs",
+    ];
+    let found = calls(&opening, &own);
+    assert!(found.is_empty(), "use crate::files::reads, so that no output replaces these inputs: {found:#?}");
+}
+
+#[test]
+fn warnings_about_files_have_a_place() {
+    // Options and what follows from several inputs have none.
+    let of_options = ["cli/plan.rs", "cli/run.rs", "output/", "pipeline/crs.rs"];
+    let found = calls(&["warn(None"], &of_options);
+    assert!(found.is_empty(), "name the file and the line, or Place::of_file: {found:#?}");
+}
+
+#[test]
+fn files_are_removed_and_renamed_only_where_they_are_known_to_be_own() {
+    let removing = ["remove_dir_all(", "remove_file(", "fs::rename("];
+    let own = [
+        "files/temporary.rs",
+        "campaign/made.rs",
+        "campaign/store.rs",
+        "parts/private.rs",
+        "pipeline/resume_folder.rs",
+        // Names of segments hold checksums of their run and of their contents.
+        "pipeline/segment.rs",
+    ];
+    let found = calls(&removing, &own);
+    assert!(found.is_empty(), "a file of the user may be lost: {found:#?}");
+    let creating = [" File::create(", "(File::create(", "::File::create(", "fs::write(", ".truncate(true)"];
+    let found = calls(&creating, &[]);
+    assert!(found.is_empty(), "use crate::files::FileWriter, which replaces no file unasked: {found:#?}");
+}
+
 #[test]
 fn imports_are_read() {
     let code = "use crate::a::{b, c::{D, self}};\npub use super::e::F as G;\nlet x = crate::h::i(j);\n";

@@ -84,35 +84,39 @@ class Material:
 
 
 def read_materials(path: str) -> dict[str, Material]:
-    """The materials of an MTL file by name. The engine reads the file again, and checks it; this is for looking at it."""
+    """The materials of an MTL file by name. Values that cannot be read are left out with a warning."""
     found: dict[str, Material] = {}
     current = None
     with open(path, encoding="utf-8", errors="replace") as file:
-        for line in file:
+        for number, line in enumerate(file, 1):
             keyword, *words = line.split("#")[0].split() or [""]
             if keyword == "newmtl" and words:
-                current = found.setdefault(words[0], Material(words[0]))
+                name = " ".join(words)
+                current = found.setdefault(name, Material(name))
             elif current is not None and words:
-                _set(current, keyword, words)
+                try:
+                    _set(current, keyword, words)
+                except ValueError as problem:
+                    warn(f"{path}:{number}: {keyword} is left out: {problem}")
     return found
 
 
 def _set(material: Material, keyword: str, words: list[str]) -> None:
-    try:
-        if keyword in ("Ka", "Kd", "Ks"):
-            numbers = [float(word) for word in words[:3]]
-            colour = tuple(numbers if len(numbers) == 3 else numbers[:1] * 3)
-            name = {"Ka": "ambient", "Kd": "diffuse", "Ks": "specular"}[keyword]
-            setattr(material, f"{name}_components", colour)
-        elif keyword == "Ns":
-            material.specular_exponent = float(words[0])
-        elif keyword == "helios_reflectance":
-            material.reflectance = float(words[0])
-        elif keyword == "helios_classification":
-            material.classification = int(words[0])
-        elif keyword == "helios_spectra":
-            material.spectra = words[0]
-        elif keyword == "helios_isGround":
-            material.is_ground = words[0].lower() in ("true", "1")
-    except ValueError:
-        pass
+    if keyword in ("Ka", "Kd", "Ks"):
+        numbers = [float(word) for word in words[:3]]
+        colour = tuple(numbers if len(numbers) == 3 else numbers[:1] * 3)
+        name = {"Ka": "ambient", "Kd": "diffuse", "Ks": "specular"}[keyword]
+        setattr(material, f"{name}_components", colour)
+    elif keyword == "Ns":
+        material.specular_exponent = float(words[0])
+    elif keyword == "helios_reflectance":
+        material.reflectance = float(words[0])
+    elif keyword == "helios_classification":
+        material.classification = int(words[0])
+    elif keyword == "helios_spectra":
+        material.spectra = words[0]
+    elif keyword == "helios_isGround":
+        truths = {"true": True, "1": True, "false": False, "0": False}
+        if words[0].lower() not in truths:
+            raise ValueError(f"expected true or false, found {words[0]!r}")
+        material.is_ground = truths[words[0].lower()]

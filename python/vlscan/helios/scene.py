@@ -314,7 +314,7 @@ class StaticScene:
         name = os.fspath(filename)
         if not name.endswith(".vlscene"):
             raise ValueError(f"{name}: expected a name that ends in .vlscene")
-        self.engine().pack(name)
+        self.engine().pack(name, physics="helios")
 
     @property
     def scene_parts(self) -> list[ScenePart]:

@@ -131,7 +131,7 @@ class TrajectorySettings(Settings):
 
 
 class FullWaveformSettings(Settings):
-    """Digitisation of waveforms."""
+    """Digitisation of waveforms. ``win_size`` is at least two bins, as in HELIOS++ 3: ``ValueError`` otherwise."""
 
     FIELDS: ClassVar = {
         "bin_size": ("ns", 0.25),
@@ -139,6 +139,15 @@ class FullWaveformSettings(Settings):
         "win_size": ("ns", 1.0),
         "max_fullwave_range": ("ns", 0.0),
     }
+
+    def __init__(self, **values: Any) -> None:
+        super().__init__(**values)
+        self.check()
+
+    def check(self) -> None:
+        """``ValueError`` where the window is shorter than two bins, so that every bin would count as an echo."""
+        if self.win_size < 2 * self.bin_size * (1 - 1e-9):
+            raise ValueError(f"win_size is {self.win_size} ns, expected at least two bins of bin_size {self.bin_size} ns")
 
 
 class OutputFormat(str, enum.Enum):

@@ -273,6 +273,7 @@ class Survey:
         fwf = vars(self).get("full_waveform_settings")
         if fwf is None:
             return None
+        fwf.check()
         keys = {"bin_ns": fwf.bin_size, "window_ns": fwf.win_size, "quality": int(fwf.beam_sample_quality)}
         return {**keys, "max_range_ns": fwf.max_fullwave_range}
 
@@ -296,6 +297,7 @@ class Survey:
         lines = ['<?xml version="1.0" encoding="UTF-8"?>', "<document>", f"  {_tag('survey', about)}>"]
         if self.full_waveform_settings is not None:
             fwf = self.full_waveform_settings
+            fwf.check()
             values = {
                 "binSize_ns": fwf.bin_size,
                 "beamSampleQuality": int(fwf.beam_sample_quality),

@@ -22,6 +22,10 @@ pub struct CampaignArgs {
     /// Compute cells that have failed once more.
     #[arg(long)]
     pub retry: bool,
+    /// Compare the checksums of all files of complete cells, too; at every start only sizes and times are. Cells with damaged files
+    /// are computed again.
+    #[arg(long)]
+    pub verify: bool,
     /// Threads of this process; 0 or nothing = all.
     #[arg(short = 'j', long, value_name = "N")]
     pub threads: Option<usize>,

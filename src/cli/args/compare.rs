@@ -7,7 +7,7 @@ use std::path::PathBuf;
 /// `vlscan compare`.
 #[derive(Debug, Args)]
 pub struct CompareArgs {
-    /// The first cloud, usually the measured one: LAS, LAZ, PLY, text, Arrow or Parquet.
+    /// The first cloud, usually the measured one: LAS, LAZ, PLY, PCD, E57, PTS, text, Arrow or Parquet, - for stdin.
     pub first: PathBuf,
     /// The second cloud, usually the simulated one.
     pub second: PathBuf,

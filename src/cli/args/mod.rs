@@ -49,6 +49,9 @@ pub struct Cli {
     /// Say what each stage does and how long it takes.
     #[arg(short, long, global = true, action = ArgAction::Count)]
     pub verbose: u8,
+    /// Treat every warning about the input as an error.
+    #[arg(long, global = true)]
+    pub strict: bool,
     /// Say nothing but errors.
     #[arg(short, long, global = true)]
     pub quiet: bool,
@@ -143,10 +146,10 @@ pub enum Command {
     /// unit).
     ///
     /// With a survey as --scanner the echoes are those of `vlscan run`, bit for bit; seed, legs and strips come from
-    /// it. With the scanner alone they are, too, when --seed and the options of the physics are those of the run;
-    /// --physics and --correct are for `vlscan pulses` as well, whose kinematics they change.
+    /// it. With the scanner alone they are, too, when --seed and the options of the physics are those of the run: --physics is
+    /// refined then unless it is given, and the run of an XML survey has --physics helios. --physics and --correct are for `vlscan pulses` as well, whose kinematics they change.
     Trace(Box<TraceArgs>),
-    /// Make scenes to try things with.
+    /// Make scenes, place trees by an inventory, tell what a scene holds, pack it.
     Scene(SceneArgs),
     /// List the scanners and platforms that ship.
     Catalogue(CatalogueArgs),

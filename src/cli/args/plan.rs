@@ -1,7 +1,7 @@
 //! The command line of `vlscan plan`.
 
 use crate::options::Positive;
-use crate::quantity::{Bounds, COORDINATE};
+use crate::quantity::{Bounds, COORDINATE, number};
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 
@@ -18,10 +18,12 @@ pub struct PlanArgs {
 pub enum PlanCommand {
     /// Parallel flight lines over an area.
     ///
-    /// With the height h above the ground, half opening angle θ, speed v, N pulses per second within it, f scan lines per second
-    /// and the distance S of the lines: swath W = 2·h·tan θ, overlap 1 − S/W, density N/(v·S), spacing v/f along and W·f/N
-    /// across. Density is the mean number of pulses per m² of flat ground; without --speed the speed follows from it, with
-    /// --speed the distance of the lines. The area is covered to its edges as often as within.
+    /// The swath W at that height above the ground and the N pulses per second that reach it are sampled from the instrument's
+    /// own optics. With the speed v, f scan lines per second and the distance S of the lines: overlap 1 − S/W, density N/(v·S),
+    /// spacing v/f along and W·f/N across. Density is the mean number of pulses per m² of flat ground; without --speed the speed
+    /// follows from it, with --speed the distance of the lines. The area is covered to its edges as often as within. Where the
+    /// mount of the default platform does not point the scanner at the ground, the plan turns it. Before it is written, a sample
+    /// of the flight is flown over flat ground and over the scene; what the instrument cannot do is refused.
     Airborne(Box<AirborneArgs>),
     /// Positions of a tripod on a grid over an area, or around a plot.
     ///
@@ -43,9 +45,9 @@ pub struct CommonPlanArgs {
     /// The scene, which the plan names; it tells the ground and, where no area is given, the area.
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<String>,
-    /// Height of the ground where no scene tells it, m.
-    #[arg(long, value_name = "M", default_value_t = 0.0, allow_negative_numbers = true, value_parser = ground)]
-    pub ground: f64,
+    /// Height of the ground where no scene tells it, m; tripods and vehicles stand on it even if a scene does. [default: 0]
+    #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = ground)]
+    pub ground: Option<f64>,
     /// Pulses per second. [default: the scanner's first]
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(1..))]
     pub pulse_rate: Option<u32>,
@@ -60,13 +62,23 @@ pub struct CommonPlanArgs {
     pub force: bool,
 }
 
+impl CommonPlanArgs {
+    /// Height of the ground where no scene tells it, m.
+    pub fn level(&self) -> f64 {
+        self.ground.unwrap_or(0.0)
+    }
+}
+
 /// `vlscan plan airborne`.
 #[derive(Debug, Args)]
 pub struct AirborneArgs {
-    /// The area in the scene's coordinates: a file of GeoJSON or well-known text, or "POLYGON ((x y, …))". [default: the
-    /// scene's box]
+    /// The area in the scene's coordinates: a file of GeoJSON, KML or well-known text, or "POLYGON ((x y, …))". Longitudes and
+    /// latitudes are projected to the scene's UTM zone. [default: the box of the scene's ground]
     #[arg(long, value_name = "AREA")]
     pub area: Option<String>,
+    /// The area is a line, and what is no farther from it than this, m.
+    #[arg(long, value_name = "M", requires = "area")]
+    pub buffer: Option<Positive>,
     #[command(flatten)]
     pub common: CommonPlanArgs,
     /// Height above the ground, m.
@@ -81,10 +93,10 @@ pub struct AirborneArgs {
     /// Overlap of neighbouring strips, percent of the swath. [default: 30]
     #[arg(long, value_name = "PERCENT", value_parser = overlap)]
     pub overlap: Option<f64>,
-    /// Half opening angle, degrees. [default: 30, or what the scanner reaches]
+    /// Half opening angle, degrees; not of spinning heads and wedge prisms. [default: 30, or what the scanner reaches]
     #[arg(long, value_name = "DEG")]
     pub scan_angle: Option<Positive>,
-    /// Scan frequency. [default: points as far apart along as across]
+    /// Scan frequency; of spinning scanners turns per second. [default: points as far apart along as across; 10]
     #[arg(long, value_name = "HZ")]
     pub scan_freq: Option<Positive>,
     /// Direction of the lines, degrees clockwise from +y. [default: the one with the fewest lines]
@@ -93,8 +105,8 @@ pub struct AirborneArgs {
     /// Cross lines, perpendicular to the others and evenly spread.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=10_000))]
     pub cross_lines: u32,
-    /// Length by which lines begin before the area and end behind it, m. [default: a scan line; half the swath where the
-    /// scanner looks ahead]
+    /// Length by which lines begin before the area and end behind it, m. [default: as far as the scanner looks ahead and
+    /// behind, and a scan line]
     #[arg(long, value_name = "M")]
     pub run_in: Option<Positive>,
     /// Fly turns of this radius between lines, m. [default: straight to the next line]
@@ -111,7 +123,7 @@ pub struct AirborneArgs {
 /// `vlscan plan terrestrial`.
 #[derive(Debug, Args)]
 pub struct TerrestrialArgs {
-    /// The area in the scene's coordinates: a file of GeoJSON or well-known text, or "POLYGON ((x y, …))". [default: the
+    /// The area in the scene's coordinates: a file of GeoJSON, KML or well-known text, or "POLYGON ((x y, …))". [default: the
     /// scene's box]
     #[arg(long, value_name = "AREA", conflicts_with = "around")]
     pub area: Option<String>,
@@ -140,7 +152,7 @@ pub struct TerrestrialArgs {
 /// `vlscan plan mobile`.
 #[derive(Debug, Args)]
 pub struct MobileArgs {
-    /// The line in the scene's coordinates: a file of GeoJSON or well-known text, or "LINESTRING (x y, …)".
+    /// The line in the scene's coordinates: a file of GeoJSON, KML or well-known text, or "LINESTRING (x y, …)".
     #[arg(long, value_name = "LINE")]
     pub along: String,
     #[command(flatten)]
@@ -164,11 +176,11 @@ fn ground(text: &str) -> Result<f64, String> {
 }
 
 fn heading(text: &str) -> Result<f64, String> {
-    bounded(text, Bounds { low: -360.0, high: 360.0, expected: "degrees from -360 to 360" })
+    bounded(text, Bounds::new(-360.0, 360.0, "degrees from -360 to 360"))
 }
 
 fn climb(text: &str) -> Result<f64, String> {
-    bounded(text, Bounds { low: 0.01, high: 89.0, expected: "degrees from 0.01 to 89" })
+    bounded(text, Bounds::new(0.01, 89.0, "degrees from 0.01 to 89"))
 }
 
 fn bounded(text: &str, bounds: Bounds) -> Result<f64, String> {
@@ -177,7 +189,12 @@ fn bounded(text: &str, bounds: Bounds) -> Result<f64, String> {
 }
 
 fn overlap(text: &str) -> Result<f64, String> {
+    let is_marked = text.trim_end().ends_with('%');
     match text.trim_end_matches('%').trim().parse::<f64>() {
+        Ok(part) if !is_marked && part != 0.0 && part.abs() < 1.0 => Err(format!(
+            "it is in percent: {} for that part of the swath, or \"{part}%\" if less than one percent is meant",
+            number(part * 100.0)
+        )),
         Ok(percent) if (-1000.0..=99.0).contains(&percent) => Ok(percent / 100.0),
         _ => Err("expected percent of the swath, at most 99; below 0 leaves gaps".to_owned()),
     }

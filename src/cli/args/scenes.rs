@@ -24,14 +24,14 @@ pub enum SceneCommand {
     ///
     /// The inventory is a table with a heading: x, y and height are needed; crown (diameter), dbh, species, id and z may be
     /// there. For each tree one of the three models of its species that are most alike in crown over height and in height is
-    /// drawn, scaled to the tree's height, turned, and set on the terrain. The folder gets stand.xml, the table of instances
-    /// and labels.csv: number of the part in the points, id, species, model, place, height, crown, dbh.
+    /// drawn, scaled to the tree's height, turned, and set on the terrain, which is ground. The folder gets stand.xml, the table
+    /// of instances and labels.csv: number of the part in the points, id, species, model, place, height, crown, dbh.
     ///
     /// With --epochs each epoch is a scene of its own in stand.xml, stand_0, stand_1 and so on.
     Stand(StandArgs),
     /// Tell what a scene holds and costs: parts, primitives, bounds, materials, memory, faults.
     Info(InfoArgs),
-    /// Compile a scene and its tree to one file that is open in milliseconds, whatever its size.
+    /// Compile a scene and its tree to one file that opens without loading meshes and building the tree.
     Pack(PackArgs),
 }
 
@@ -43,9 +43,14 @@ pub struct StandArgs {
     /// Folder of tree models, OBJ files whose names begin with their species: beech_1.obj.
     #[arg(long, value_name = "DIR")]
     pub trees: PathBuf,
-    /// Terrain: a mesh (.obj) or a raster (.tif); may be given more than once. [default: none, z of the inventory]
+    /// Terrain: a mesh (.obj, .ply, .stl) or a raster (.tif); may be given more than once. Rasters, and meshes without a ground
+    /// material, become soil: class 2, reflectance 0.3, ground. [default: none, z of the inventory]
     #[arg(long, value_name = "FILE")]
     pub terrain: Vec<PathBuf>,
+    /// Material of the terrain, rasters and OBJ files: a material file and a name in it that is ground. [default: that of a mesh
+    /// with ground, else soil]
+    #[arg(long, value_name = "FILE.mtl#NAME", requires = "terrain")]
+    pub terrain_mtl: Option<String>,
     /// Folder to write to.
     #[arg(short = 'o', long, value_name = "DIR")]
     pub out: PathBuf,
@@ -102,7 +107,8 @@ pub struct PackArgs {
     /// Seed of random materials and voxel places. [default: the survey's, else 0]
     #[arg(long, value_name = "SEED")]
     pub seed: Option<Seed>,
-    /// The physics that it will be scanned with; decides about specular shares. [default: helios]
+    /// The physics that it will be scanned with; decides how materials are read. [default: that of the survey or pipeline,
+    /// refined for a scene by itself]
     #[arg(long, value_name = "PROFILE")]
     pub physics: Option<PhysicsProfile>,
     /// The tree to pack. [default: bvh]
@@ -122,7 +128,7 @@ pub struct InfoArgs {
     /// A scene (file.xml#id), a survey (.xml), a pipeline (.toml), a mesh (.obj), raster (.tif), voxels (.vox), a table of
     /// instances (.csv), or a packed scene (.vlscene).
     pub scene: String,
-    /// Of a packed scene: read all of it and compare the checksums.
+    /// Of a packed scene: check all epochs, and that all numbers name something that is there. Checksums are compared in any case.
     #[arg(long)]
     pub verify: bool,
     /// Folder to look for files in; may be given more than once.

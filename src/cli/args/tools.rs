@@ -112,7 +112,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "MS")]
     pub idle_threshold: Option<NotNegative>,
     /// How often everything is measured; the least time counts.
-    #[arg(long, value_name = "N", default_value_t = 3)]
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..))]
     pub repetitions: usize,
     /// How often everything is run before that.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -124,17 +124,17 @@ pub struct BenchArgs {
     #[arg(long, value_name = "N,…", value_delimiter = ',')]
     pub simulate_threads: Vec<usize>,
     /// Replay a run in parts on clusters of so many nodes, too, from the measured costs of parts and of their merge.
-    #[arg(long, value_name = "N,…", value_delimiter = ',')]
+    #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..))]
     pub simulate_nodes: Vec<u32>,
     /// With --simulate-nodes: pulses of the whole survey, of which the one that is flown is a sample. [default: those that
     /// are flown]
     #[arg(long, value_name = "N")]
     pub simulate_pulses: Option<Count<1>>,
     /// With --simulate-nodes: threads of a node, each on a core of its own.
-    #[arg(long, value_name = "N", default_value_t = 32)]
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..))]
     pub node_threads: usize,
     /// With --simulate-nodes: parts per node.
-    #[arg(long, value_name = "N", default_value_t = 4)]
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
     pub node_parts: u32,
     /// With --simulate-nodes: bytes per second that a node reads or writes.
     #[arg(long, value_name = "BYTES", default_value = "1G")]
@@ -236,7 +236,7 @@ pub enum Colour {
 /// `vlscan preview`.
 #[derive(Debug, Args)]
 pub struct PreviewArgs {
-    /// A survey (.xml) or pipeline (.toml), whose scene, flight lines and swaths are drawn; or points: .xyz, .csv, .las, .laz, .ply, .arrow, .parquet, or - for text or an Arrow stream on stdin; with --pulse
+    /// A survey (.xml) or pipeline (.toml), whose scene, flight lines and swaths are drawn; or points: text, LAS, LAZ, PLY, PCD, E57, PTS, Arrow, Parquet, - for stdin; with --pulse
     /// waveforms (*_fullwave.txt, also .gz or .bin) or LAS and LAZ with waveform packets.
     pub points: PathBuf,
     /// A picture (.png), or a page to turn the points around in a browser (.html); - for stdout, which gets the picture.
@@ -246,14 +246,17 @@ pub struct PreviewArgs {
     /// point files.
     #[arg(long, value_name = "N")]
     pub pulse: Option<u64>,
-    /// What colours the points. [default: height; of a survey the leg that covers them, where 0 is none and N + 1 leg N]
+    /// What colours the points. [default: height; of a survey the leg that covers them, grey where none does]
     #[arg(long, value_enum)]
     pub colour: Option<Colour>,
-    /// Width of the picture in pixels.
-    #[arg(long, value_name = "PIXELS", default_value_t = 1600)]
+    /// Dark on white, for paper, instead of light on black.
+    #[arg(long)]
+    pub light: bool,
+    /// Width of the picture in pixels, 320 to 16384.
+    #[arg(long, value_name = "PIXELS", default_value_t = 1600, value_parser = clap::value_parser!(u32).range(320..=16_384))]
     pub width: u32,
-    /// Height of the picture in pixels.
-    #[arg(long, value_name = "PIXELS", default_value_t = 1000)]
+    /// Height of the picture in pixels, 240 to 16384.
+    #[arg(long, value_name = "PIXELS", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(240..=16_384))]
     pub height: u32,
     /// Points that a page shows at most; of more, an even sample is taken. 500k is understood.
     #[arg(long, value_name = "N", default_value = "5M")]

@@ -101,7 +101,7 @@ impl Matrix {
                 }
             }
         }
-        Ok(Matrix { trees, variants, repetitions: args.repetitions.max(1), warm_up: args.warm_up })
+        Ok(Matrix { trees, variants, repetitions: args.repetitions, warm_up: args.warm_up })
     }
 }
 

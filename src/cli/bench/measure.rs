@@ -92,7 +92,7 @@ pub struct Cell {
 impl Bench {
     pub fn prepare(args: &RunArgs, format: &str, console: &Console) -> Result<Bench> {
         let (job, warnings) = Job::resolve(&args.file, &args.options)?;
-        console.warnings(&warnings);
+        console.warnings(&warnings)?;
         let Job { settings, output, .. } = job;
         if matches!(settings.survey.platform.kind, PlatformKind::Stream(_)) {
             return Err(Error::input(
@@ -208,7 +208,8 @@ impl Bench {
     ) -> Result<Option<Flown>> {
         let (progress, recorder) = (Progress::default(), Recorder::new());
         let (survey, scene) = (self.session.survey(), self.session.scene());
-        let output = OutputPlan::new(request, &OutputContext::new(survey, scene))?;
+        let two_way = self.session.settings().physics.corrections.two_way_time;
+        let output = OutputPlan::new(request, &OutputContext::new(survey, scene).with_times(two_way))?;
         let pass = Pass {
             physics,
             motion: self.session.motion(),
@@ -391,7 +392,7 @@ pub struct PartCosts {
 
 /// A tree, and the minimum time of building it with each number of threads, s.
 pub struct Built {
-    pub tree: Tree,
+    pub tree: Arc<Tree>,
     seconds: Vec<(usize, f64)>,
 }
 

@@ -3,25 +3,48 @@
 use super::super::args::{Cli, Command, RunArgs, SceneArgs, SceneCommand};
 use super::super::{Console, interrupt, plan, scene, stand};
 use super::labels::{Labels, objects};
+use super::{is_of_machine, near};
 use crate::campaign::{Cell, File, FileRecord, Inputs, Record, SceneEntry, checksum, words};
+use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
-use crate::files::{FileWriter, Patched};
+use crate::files::{FileWriter, Patched, Reads, Recording};
 use crate::geom::Aabb;
-use crate::options::Seed;
+use crate::options::{Options, Seed, read_survey};
 use crate::output::{FileKind, PointFormat};
 use crate::pipeline::{Control, Job, LoadedScene, PartTable, Progress, Report, Session};
 use clap::{Parser, ValueEnum};
+use std::any::Any;
+use std::collections::BTreeSet;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+
+/// Why a cell has failed.
+pub struct Failure {
+    pub error: Error,
+    /// Whether the same inputs give the same error again. It is not kept otherwise, so that the next start computes the cell.
+    pub is_lasting: bool,
+}
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Failure {
+        Failure { error, is_lasting: true }
+    }
+}
 
 /// Computes the cells of a campaign one after the other.
 pub struct CellRunner<'c> {
-    file: &'c File,
+    pub file: &'c File,
     format: PointFormat,
     threads: Option<usize>,
     console: &'c Console,
-    folder: PathBuf,
+    /// The folder of the campaign's file, in which the process works.
+    pub folder: PathBuf,
     /// The last scene from a file, which the next cell may scan, too.
     loaded: Option<(String, LoadedScene)>,
+    /// Warnings that have been shown.
+    warned: BTreeSet<String>,
+    /// What was read of the scene that the present cell shares with an earlier one.
+    reused: Option<Reads>,
 }
 
 /// A scene that is ready to be scanned.
@@ -41,7 +64,16 @@ impl<'c> CellRunner<'c> {
             Error::input(format!("no format is called {}; choose {}", file.format, PointFormat::names()))
         })?;
         let folder = std::env::current_dir().map_err(|e| Error::open(Path::new("."), e))?;
-        Ok(CellRunner { file, format, threads, console, folder, loaded: None })
+        Ok(CellRunner {
+            file,
+            format,
+            threads,
+            console,
+            folder,
+            loaded: None,
+            warned: BTreeSet::new(),
+            reused: None,
+        })
     }
 
     /// Threads of this process.
@@ -50,33 +82,59 @@ impl<'c> CellRunner<'c> {
         self.threads.filter(|threads| *threads > 0).unwrap_or_else(all)
     }
 
+    /// The warnings and notes of the last cell that no cell before it had, each in a line; files are named from the campaign's
+    /// folder, those in `work` from there.
+    pub fn new_warnings(&mut self, work: &Path) -> Vec<String> {
+        let mut found = Vec::new();
+        for item in self.console.take_warnings().items() {
+            let line = near(item.line().trim_end(), &[work, &self.folder]);
+            if self.warned.insert(line.clone()) {
+                found.push(line);
+            }
+        }
+        found
+    }
+
     /// Computes a cell into the folder `out` within `work` and completes its record.
     ///
     /// # Errors
-    /// Those of the commands that the campaign names.
+    /// Those of the commands that the campaign names; [`Error::Internal`] for a panic; inputs that change meanwhile.
     pub fn compute(
         &mut self,
         cell: &Cell,
         record: &mut Record,
         work: &Path,
         inputs: &mut Inputs,
-    ) -> Result<()> {
-        let site = self.site(cell, work)?;
-        let survey = self.survey(cell, &site, work)?;
-        let run = self.run_args(cell, &site, survey, work)?;
-        let out = work.join("out");
-        let (session, report, table) = self.measure(cell, &site, &run)?;
-        for path in session.inputs() {
-            self.note_input(&path, work, record, inputs);
+    ) -> Result<(), Failure> {
+        let recording = Recording::start();
+        let ended = catch_unwind(AssertUnwindSafe(|| self.make(cell, work)));
+        let ended =
+            ended.unwrap_or_else(|panic| Err(Error::Internal(format!("a panic: {}", text_of(&*panic)))));
+        let mut reads = recording.reads();
+        drop(recording);
+        // The scene may have been read for an earlier cell.
+        reads.extend(self.reused.take().unwrap_or_default());
+        // What a cell that failed has read and looked for decides when it is computed again, too.
+        let changed = inputs.note(&reads, record, work, &self.folder);
+        if let Some(name) = changed.first() {
+            return Err(Failure { error: changed_meanwhile(ended.err(), name), is_lasting: false });
         }
+        let (report, files) = ended?;
+        describe(cell, &report, record);
+        record.files = files;
+        Ok(())
+    }
+
+    /// Makes everything of a cell but its record.
+    fn make(&mut self, cell: &Cell, work: &Path) -> Result<(Report, Vec<FileRecord>)> {
+        let (site, report, table) = self.measure(cell, work)?;
+        let out = work.join("out");
         let csv = objects(&table.csv(&report.summary.points_of_part), &site.labels, cell)?;
         let mut file = FileWriter::create(&out.join("objects.csv"), true, Patched::Never)?;
         file.append(csv.text.as_bytes())?;
         file.finish()?;
-        drop(session);
-        describe(cell, &report, record);
-        record.files = files(cell, &report, csv.rows, &out)?;
-        Ok(())
+        let files = files(cell, &report, csv.rows, &out)?;
+        Ok((report, files))
     }
 
     /// Makes the scene of a cell, unless it is a file.
@@ -124,7 +182,9 @@ impl<'c> CellRunner<'c> {
     /// The survey of a cell: planned, or the variant's file.
     fn survey(&self, cell: &Cell, site: &Site, work: &Path) -> Result<PathBuf> {
         let Some(line) = &cell.variant.plan else {
-            return Ok(cell.variant.survey.clone().unwrap_or_default());
+            let path = cell.variant.survey.clone().unwrap_or_default();
+            self.console.warnings(&decided_here(&path)?)?;
+            return Ok(path);
         };
         let path = work.join("plan.toml");
         let mut options = vec!["--scene".to_owned(), site.name.clone(), "-o".to_owned(), text(&path)?];
@@ -151,21 +211,6 @@ impl<'c> CellRunner<'c> {
         };
         let mut run = *args;
         let output = &mut run.options.output;
-        let has_outputs =
-            !output.out.is_empty() || output.output.is_some() || run.options.trajectory_out.is_some();
-        if has_outputs || run.parts.part.is_some() || run.parts.resume.is_some() || run.dry.dry_run {
-            return Err(Error::input(format!(
-                "run = \"{}\": outputs, parts and dry runs are not for campaigns, which name the files of cells themselves",
-                line.trim()
-            )));
-        }
-        if run.options.part_table.is_some() || run.options.schedule.schedule_log.is_some() {
-            return Err(Error::input(format!(
-                "run = \"{}\": --parts and --schedule-log name one file, which every cell would write; objects.csv of each cell has \
-                 the parts of its scene",
-                line.trim()
-            )));
-        }
         let is_divided = output.tile.is_some() || output.per_object;
         let out = work.join("out");
         output.out = vec![match is_divided {
@@ -174,6 +219,7 @@ impl<'c> CellRunner<'c> {
         }];
         output.format = Some(self.format);
         run.options.input.scene = Some(site.name.clone());
+        run.options.input.strict |= self.console.is_strict();
         run.options.origin.seed = Some(Seed(cell.seed));
         if self.threads.is_some() {
             run.options.schedule.threads = self.threads;
@@ -181,16 +227,38 @@ impl<'c> CellRunner<'c> {
         Ok(run)
     }
 
+    /// Makes the scene and the survey of a cell, and flies it.
+    fn measure(&mut self, cell: &Cell, work: &Path) -> Result<(Site, Report, PartTable)> {
+        let site = self.site(cell, work)?;
+        let survey = self.survey(cell, &site, work)?;
+        let run = self.run_args(cell, &site, survey, work)?;
+        let (report, table) = self.fly(cell, &site, &run)?;
+        Ok((site, report, table))
+    }
+
     /// Flies the survey.
-    fn measure(&mut self, cell: &Cell, site: &Site, run: &RunArgs) -> Result<(Session, Report, PartTable)> {
+    fn fly(&mut self, cell: &Cell, site: &Site, run: &RunArgs) -> Result<(Report, PartTable)> {
         let (job, warnings) = Job::resolve(&run.file, &run.options)?;
-        self.console.warnings(&warnings);
+        self.console.warnings(&warnings)?;
         let Job { settings, mut output, .. } = job;
+        if output.trajectory.is_some() {
+            return Err(Error::input(format!(
+                "{}: its [[output]] of the trajectory names one file, which every cell would write; leave it out",
+                run.file.display()
+            )));
+        }
         output.counts_parts = true;
         output.clip = cell.area.as_ref().map(|area| area.corners().to_vec());
-        let known = self.loaded.as_ref().filter(|(name, _)| site.is_shared && *name == site.name);
+        let is_same = |loaded: &LoadedScene| loaded.reads().are_unchanged();
+        let known = self
+            .loaded
+            .as_ref()
+            .filter(|(name, loaded)| site.is_shared && *name == site.name && is_same(loaded));
         let shared = match known {
-            Some((_, loaded)) => Session::open_loaded(settings.clone(), loaded, self.console.observer())?,
+            Some((_, loaded)) => {
+                self.reused = Some(loaded.reads().clone());
+                Session::open_loaded(settings.clone(), loaded, self.console.observer())?
+            }
             None => None,
         };
         let mut session = match shared {
@@ -209,21 +277,58 @@ impl<'c> CellRunner<'c> {
         if report.interrupted {
             return Err(Error::Interrupted);
         }
-        Ok((session, report, table))
+        Ok((report, table))
     }
 
-    /// Notes a file that was read, unless it is one of the cell's own.
-    fn note_input(&self, path: &Path, work: &Path, record: &mut Record, inputs: &mut Inputs) {
-        if path.starts_with(work) {
-            return;
-        }
-        let near = path.strip_prefix(&self.folder).unwrap_or(path);
-        if let (true, Some(name)) = (near.is_file(), near.to_str())
-            && let Some(sum) = inputs.sum(near)
-        {
-            record.inputs.insert(name.to_owned(), sum);
-        }
+    /// Drops the scene that cells share, after a failure that may have to do with it.
+    pub fn forget_scene(&mut self) {
+        self.loaded = None;
     }
+}
+
+/// The error of a cell during which an input has changed, which may be the cause of its own error.
+fn changed_meanwhile(own: Option<Error>, name: &str) -> Error {
+    let text = format!(
+        "{name} was written, touched or removed while the cell was computed; the next start computes the cell again"
+    );
+    match own {
+        None => Error::input(text),
+        Some(error) if is_of_machine(&error) => error,
+        Some(Error::Input(mut found)) => {
+            found.note(None, text);
+            Error::Input(found)
+        }
+        Some(error) => Error::input(format!("{error}; {text}")),
+    }
+}
+
+/// The message of a panic.
+fn text_of(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "without a message".to_owned())
+}
+
+/// Warns of what a survey says and a campaign decides.
+fn decided_here(path: &Path) -> Result<Diagnostics> {
+    let (survey, options, _) = read_survey(path, Options::default())?;
+    let mut found = Diagnostics::default();
+    let place = || Some(Place::in_line(path, 0, "", 0..0));
+    if let Some(seed) = options.origin.seed.map(|seed| seed.0).or(survey.seed) {
+        let help = "`seeds` at the top of the campaign's file is what counts";
+        found
+            .warn(place(), format!("its seed {seed} is not used: a cell has one of the campaign's"))
+            .help(help);
+    }
+    if !options.outputs.is_empty() {
+        let help = "`format` at the top of the campaign's file names their format";
+        found
+            .warn(
+                place(),
+                "its [[output]] is not used: the files of a cell have their names from the campaign",
+            )
+            .help(help);
+    }
+    Ok(found)
 }
 
 /// Parses the words of a command as the command line does.

@@ -4,6 +4,7 @@ use crate::cli::svg::{COLOURS, begin};
 use crate::error::{Error, Result};
 use crate::geom::{DVec3, degrees};
 use crate::markup::escaped;
+use crate::rng::GOLDEN;
 use crate::scanner::{DevicePlan, DeviceState};
 use crate::survey::{Deflector, Kinematics, Scanner, ScannerSettings};
 use std::f64::consts::TAU;
@@ -17,8 +18,6 @@ const MAX_PULSES: u64 = 20_000_000;
 const FRAME_S: f64 = 0.1;
 /// Lines per second of mirrors without limits.
 const LINES_HZ: f64 = 50.0;
-/// Consecutive multiples of the golden ratio, without their integers, are evenly distributed and repeat nowhere.
-const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 const WIDTH: f64 = 1040.0;
 const MAX_HEIGHT: f64 = 760.0;
@@ -32,9 +31,9 @@ pub struct Pattern {
     settings: ScannerSettings,
     seconds: f64,
     /// Horizontal and vertical angle of beams by channel, degrees.
-    pub channels: Vec<Vec<[f64; 2]>>,
+    channels: Vec<Vec<[f64; 2]>>,
     /// Ranges of the angles of all beams, degrees: horizontal, vertical.
-    pub extent: [[f64; 2]; 2],
+    extent: [[f64; 2]; 2],
 }
 
 impl Pattern {

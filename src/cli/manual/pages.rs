@@ -175,7 +175,7 @@ vlscan pulses terrain/survey.xml |
 # a scan pattern of one's own: a spiral of pulses from one place
 awk 'BEGIN { OFS = \",\"; print \"time,x,y,z,dx,dy,dz\"
   for (i = 0; i < 36000; i++) { a = i * 0.0174533; r = i / 36000
-    print i * 1e-5, 0, 0, 500, r * cos(a), r * sin(a), -1 } }' |
+    print i * 1e-5, 0, 0, 250, r * cos(a), r * sin(a), -1 } }' |
   vlscan trace --scene terrain/survey.xml --scanner riegl_vz400 > spiral.xyz",
         files: &[],
     },
@@ -236,7 +236,7 @@ vlscan scene info forest/survey.xml --json",
         examples: "\
 vlscan scene make forest -n 20k -o forest
 
-# everything that tracing needs in one file, which is mapped instead of read
+# everything that tracing needs in one file
 vlscan scene pack forest/survey.xml -o forest.vlscene
 
 # the same points, without loading meshes and building the tree

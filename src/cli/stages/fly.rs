@@ -135,7 +135,7 @@ fn fly(
         ));
     }
     let (job, warnings) = Job::resolve(&args.file, &args.options())?;
-    console.warnings(&warnings);
+    console.warnings(&warnings)?;
     let Job { mut settings, progress_lines, .. } = job;
     change(&mut settings.survey);
     let has_errors = settings.flight.navigation.any();

@@ -1,14 +1,16 @@
 //! `vlscan trace`: traces pulses from a stream through a scene; outputs are those of `vlscan run`.
 
+use crate::cli::Console;
 use crate::cli::args::{InstrumentArgs, TraceArgs};
+use crate::cli::companions::Companions;
 use crate::cli::run::{Job, show_report};
 use crate::cli::watch::watched;
-use crate::cli::{Console, interrupt};
 use crate::diag::Diagnostics;
 use crate::error::{Error, Result};
 use crate::options::{InputOptions, NotNegative, Options, holds_survey, read_survey};
 use crate::output::Target;
-use crate::pipeline::{Control, LegRule, Progress, Session};
+use crate::pipeline::{LegRule, Progress, Session};
+use crate::pulse::PhysicsProfile;
 use crate::streams::PulseReader;
 use crate::survey::{
     self, Mount, Platform, PlatformKind, PlatformNoise, ReadOptions, Scanner, SceneRecipe, Survey,
@@ -20,12 +22,13 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
     refuse_parts(args)?;
     let (mut setting, warnings) = Setting::read(args)?;
-    console.warnings(&warnings);
+    console.warnings(&warnings)?;
     change_instrument(&mut setting.survey, &args.instrument);
     let known = setting.known;
     let job = Job::new(setting.survey, &setting.options)?;
-    let Job { mut settings, mut output, progress_lines, .. } = job;
+    let Job { mut settings, mut output, schedule_log, part_table, progress_lines } = job;
     output.inputs.push(args.stream.clone());
+    let mut companions = Companions::of(schedule_log, part_table, &mut output);
     settings.survey.legs.iter_mut().for_each(|leg| leg.scanner.active = true);
     let has_folder = |(t, _): &(Target, _)| matches!(t, Target::Directory(_) | Target::Helios(_));
     let separate_files = output.sinks.iter().any(has_folder);
@@ -39,12 +42,14 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
     // Opened before the scene is loaded, so that a wrong name is reported without delay.
     let pulses = PulseReader::open(&args.stream, settings.schedule.policy.size() as usize)?;
     let mut session = Session::open(settings, console.observer())?;
+    companions.describe(session.scene());
     let progress = Progress::default();
-    let control = Control::new(&progress, &interrupt::STOP);
+    let control = companions.control(&progress);
     let leg_count = session.survey().legs.len();
     let report = watched(console, progress_lines, leg_count, &progress, || {
         session.trace(pulses, legs, output, control)
     })?;
+    companions.write(&report)?;
     show_report(console, &report, started)
 }
 
@@ -82,6 +87,7 @@ impl Setting {
             }
             return Ok((Setting { survey, options, known: true }, warnings));
         }
+        options.profile.profile.get_or_insert(PhysicsProfile::OF_PIPELINES);
         let (scanner, mut warnings) = survey::find_scanner(&args.scanner, &reading)?;
         let Some(name) = &scene else {
             return Err(Error::input(
@@ -100,6 +106,7 @@ fn change_instrument(survey: &mut Survey, args: &InstrumentArgs) {
     for device in &mut survey.scanner.devices {
         device.beam.divergence = args.divergence.map_or(device.beam.divergence, |divergence| divergence.0);
         set(&mut device.beam.pulse_length, args.pulse_length);
+        device.beam.stated_width = device.beam.stated_width.filter(|_| args.pulse_length.is_none());
         set(&mut device.detector.accuracy, args.accuracy);
         set(&mut device.detector.range_min, args.range_min);
         set(&mut device.detector.range_max, args.range_max);

@@ -2,7 +2,7 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `inventory` | reads the table of trees |
+//! | `inventory`, `headings` | reads the table of trees; its headings in English and German |
 //! | `models` | the tree models of a folder: species, height, crown |
 //! | `choose` | which model stands for a tree, how large and how turned |
 //! | `epochs` | growth, thinning and storm from epoch to epoch |
@@ -10,11 +10,13 @@
 
 mod choose;
 mod epochs;
+mod headings;
 mod inventory;
 mod models;
 mod write;
 
 pub use epochs::Development;
+pub use headings::PROJECT;
 pub use inventory::Inventory;
 pub use models::Models;
-pub use write::{StandOptions, write_stand};
+pub use write::{StandMade, StandOptions, Terrain, TerrainSurface, write_stand};

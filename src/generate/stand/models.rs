@@ -1,6 +1,7 @@
 //! Tree models: the meshes of a folder.
 
 use crate::error::{Error, Result};
+use crate::files::reads;
 use crate::scene::{self, LoadOptions};
 use crate::survey::{ReadOptions, read_scene};
 use std::path::{Path, PathBuf};
@@ -31,15 +32,8 @@ impl Models {
     /// # Errors
     /// No mesh in it; a mesh that cannot be read or has no height.
     pub fn read(folder: &Path) -> Result<Models> {
-        let entries = std::fs::read_dir(folder).map_err(|e| Error::open(folder, e))?;
-        let mut paths = Vec::new();
-        for entry in entries {
-            let path = entry.map_err(|e| Error::io("read", folder, e))?.path();
-            if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj")) {
-                paths.push(path);
-            }
-        }
-        paths.sort();
+        let mut paths = reads::list(folder).map_err(|e| Error::open(folder, e))?;
+        paths.retain(|path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj")));
         if paths.is_empty() {
             return Err(Error::input(format!("{}: no tree model (.obj) in that folder", folder.display())));
         }

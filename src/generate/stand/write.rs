@@ -6,7 +6,9 @@ use super::inventory::{Inventory, Tree};
 use super::models::{Model, Models};
 use crate::columns::quoted;
 use crate::error::{Error, Result};
-use crate::files::{FileWriter, NewFolder, Patched};
+use crate::files::{FileWriter, NewFolder, Patched, reads::refuse_input};
+use crate::generate::survey::DOCUMENT;
+use crate::input::read_file;
 use crate::markup::escaped;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -15,8 +17,7 @@ use std::path::{Path, PathBuf};
 pub struct StandOptions<'o> {
     /// Seed of choice, yaw, thinning and storm.
     pub seed: u64,
-    /// Files of the terrain: meshes (.obj) and rasters (.tif).
-    pub terrain: &'o [PathBuf],
+    pub terrain: &'o [Terrain],
     /// Height of the ground at x, y, m; `None` leaves z as the inventory has it.
     pub ground: &'o dyn Fn(f64, f64) -> Option<f64>,
     /// Whether a tree at x, y stands. Others keep their numbers, so that those that stand are the same models without them.
@@ -24,9 +25,35 @@ pub struct StandOptions<'o> {
     /// Number of epochs, at least 1.
     pub epochs: u32,
     pub development: Development,
+    /// Is told of the trees of the first epoch, by their number, before anything is written.
+    pub told: &'o dyn Fn(usize, &StandMade) -> Result<()>,
     /// Replaces files that exist.
     pub overwrite: bool,
 }
+
+/// A file of the terrain.
+#[derive(Clone, Debug)]
+pub struct Terrain {
+    pub path: PathBuf,
+    pub surface: TerrainSurface,
+}
+
+/// What a terrain is made of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum TerrainSurface {
+    /// The materials that its file has.
+    Own,
+    /// Bare soil, which the stand brings along.
+    Soil,
+    /// A material of a file.
+    Material { file: PathBuf, name: String },
+}
+
+/// Material file of a stand whose terrain has no ground of its own.
+const SOIL_FILE: &str = "terrain.mtl";
+const SOIL_NAME: &str = "soil";
+const SOIL: &str = "# helios_reflectance: 0 to 1. Class 2: ground.\nnewmtl soil\nKd 0.42 0.34 0.25\nhelios_reflectance 0.3\n\
+                    helios_classification 2\nhelios_isGround true\n";
 
 /// What was made.
 #[derive(Clone, Debug)]
@@ -51,7 +78,6 @@ pub fn write_stand(
     options: &StandOptions,
     folder: &Path,
 ) -> Result<StandMade> {
-    let terrain: Vec<String> = options.terrain.iter().map(|path| absolute(path)).collect::<Result<_>>()?;
     let meshes: Vec<String> =
         models.models.iter().map(|model| absolute(&model.path)).collect::<Result<_>>()?;
     let kept = NewFolder::create_all(folder).map_err(|e| Error::io("create", folder, e))?;
@@ -61,15 +87,24 @@ pub fn write_stand(
         unmatched_species: Vec::new(),
         off_terrain: 0,
     };
+    // Before the first file is replaced: the inventory, a model or the terrain may have one of these names.
+    for epoch in 0..options.epochs {
+        let suffix = if options.epochs > 1 { format!("_{epoch}") } else { String::new() };
+        for name in [format!("trees{suffix}.csv"), format!("labels{suffix}.csv")] {
+            refuse_input(&folder.join(name))?;
+        }
+    }
+    refuse_input(&made.scene)?;
     let all = inventory.trees.iter().cloned().enumerate();
     let mut trees: Vec<(usize, Tree)> =
         all.filter(|(_, tree)| (options.stands)([tree.position[0], tree.position[1]])).collect();
-    let mut scenes = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<document>\n");
+    let mut terrain = Vec::new();
+    let mut scenes = format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n{DOCUMENT}\n");
     for epoch in 0..options.epochs {
         if epoch > 0 {
             trees = next_epoch(&trees, &options.development, epoch, options.seed);
         }
-        if trees.is_empty() && terrain.is_empty() {
+        if trees.is_empty() && options.terrain.is_empty() {
             return Err(Error::input(format!("no tree is left in epoch {epoch}, and there is no terrain")));
         }
         let suffix = if options.epochs > 1 { format!("_{epoch}") } else { String::new() };
@@ -78,9 +113,13 @@ pub fn write_stand(
             &models.models,
             &meshes,
             options,
-            terrain.len(),
+            options.terrain.len(),
             (epoch == 0).then_some(&mut made),
         );
+        if epoch == 0 {
+            (options.told)(trees.len(), &made)?;
+            terrain = write_terrain(options, folder)?;
+        }
         save(&folder.join(format!("trees{suffix}.csv")), &table.instances, options.overwrite)?;
         save(&folder.join(format!("labels{suffix}.csv")), &table.labels, options.overwrite)?;
         let instances = (!trees.is_empty()).then(|| format!("trees{suffix}.csv"));
@@ -105,12 +144,13 @@ fn absolute(path: &Path) -> Result<String> {
     })
 }
 
-fn save(path: &Path, text: &str, overwrite: bool) -> Result<()> {
+fn save(path: &Path, text: impl AsRef<[u8]>, overwrite: bool) -> Result<()> {
     if path.exists() && !overwrite {
         return Err(Error::input(format!("{} exists; --force overwrites it", path.display())));
     }
+    refuse_input(path)?;
     let mut file = FileWriter::create(path, overwrite, Patched::Never)?;
-    file.append(text.as_bytes())?;
+    file.append(text.as_ref())?;
     file.finish().map(|_| ())
 }
 
@@ -182,23 +222,62 @@ impl StandMade {
     }
 }
 
+/// Writes the soil and the meshes that get it. Returns the loader of each terrain.
+fn write_terrain(options: &StandOptions, folder: &Path) -> Result<Vec<String>> {
+    if options.terrain.iter().any(|terrain| terrain.surface == TerrainSurface::Soil) {
+        save(&folder.join(SOIL_FILE), SOIL, options.overwrite)?;
+    }
+    let loader = |(number, terrain): (usize, &Terrain)| {
+        let (file, name) = match &terrain.surface {
+            TerrainSurface::Own => return Ok(mesh_loader(&absolute(&terrain.path)?)),
+            TerrainSurface::Soil => (SOIL_FILE.to_owned(), SOIL_NAME),
+            TerrainSurface::Material { file, name } => (absolute(file)?, name.as_str()),
+        };
+        if !is_obj(&terrain.path) {
+            return Ok(raster_loader(&absolute(&terrain.path)?, &file, name));
+        }
+        let copy = format!("terrain_{}.obj", number + 1);
+        let mesh = read_file(&terrain.path, u64::MAX - 1).map_err(|e| Error::open(&terrain.path, e))?;
+        save(&folder.join(&copy), with_material(&mesh, &file, name), options.overwrite)?;
+        Ok(mesh_loader(&copy))
+    };
+    options.terrain.iter().enumerate().map(loader).collect()
+}
+
+fn is_obj(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj"))
+}
+
+/// An OBJ file all of whose faces have one material.
+fn with_material(mesh: &[u8], file: &str, name: &str) -> Vec<u8> {
+    let mut out = format!("mtllib {file}\nusemtl {name}\n").into_bytes();
+    let is_material =
+        |line: &[u8]| [&b"mtllib"[..], b"usemtl"].iter().any(|k| line.trim_ascii_start().starts_with(k));
+    let lines = mesh.split_inclusive(|byte| *byte == b'\n');
+    lines.filter(|line| !is_material(line)).for_each(|line| out.extend_from_slice(line));
+    out
+}
+
+fn mesh_loader(file: &str) -> String {
+    format!("<filter type=\"meshloader\">{}</filter>", parameter("filepath", file))
+}
+
+fn raster_loader(file: &str, material_file: &str, material: &str) -> String {
+    let parameters = [("filepath", file), ("matfile", material_file), ("matname", material)];
+    let parameters = parameters.map(|(key, value)| format!("\n        {}", parameter(key, value)));
+    format!("<filter type=\"geotiffloader\">{}\n      </filter>", parameters.concat())
+}
+
+fn parameter(key: &str, value: &str) -> String {
+    format!("<param type=\"string\" key=\"{key}\" value=\"{}\"/>", escaped(value))
+}
+
 /// Adds a scene of the terrain and of a table of instances.
 fn scene(out: &mut String, id: &str, terrain: &[String], instances: Option<&str>) {
     let _ = writeln!(out, "  <scene id=\"{id}\" name=\"{id}\">");
-    for path in terrain {
-        let is_raster = Path::new(path).extension().is_some_and(|e| !e.eq_ignore_ascii_case("obj"));
-        let loader = if is_raster { "geotiffloader" } else { "objloader" };
-        let _ = writeln!(
-            out,
-            "    <part>\n      <filter type=\"{loader}\"><param type=\"string\" key=\"filepath\" value=\"{}\"/></filter>\n    </part>",
-            escaped(path)
-        );
-    }
-    if let Some(table) = instances {
-        let _ = writeln!(
-            out,
-            "    <part>\n      <filter type=\"instances\"><param type=\"string\" key=\"filepath\" value=\"{table}\"/></filter>\n    </part>"
-        );
+    let table = |name: &str| format!("<filter type=\"instances\">{}</filter>", parameter("filepath", name));
+    for loader in terrain.iter().cloned().chain(instances.map(table)) {
+        let _ = writeln!(out, "    <part>\n      {loader}\n    </part>");
     }
     out.push_str("  </scene>\n");
 }

@@ -11,6 +11,9 @@ use crate::output::request::{
 };
 use crate::parts::Fingerprint;
 
+/// Highest class of point format 1.
+pub(super) const MAX_CLASS_1: i32 = 31;
+
 #[derive(Debug)]
 pub(in crate::output) struct LasFormat {
     pub version: LasVersion,
@@ -61,6 +64,12 @@ impl LasFormat {
             true_positions: request.true_positions,
             heights: request.heights,
         };
+        let highest = context.highest_class;
+        if settings.version == LasVersion::V10 && highest > MAX_CLASS_1 {
+            problems
+                .warn(None, format!("--las10 has classes 0 to {MAX_CLASS_1}, the scene has up to {highest}: points of the others get class 0"))
+                .help("leave out --las10: LAS 1.4 has classes up to 255");
+        }
         let mut vlrs = Vec::new();
         if settings.extra != ExtraDimensions::None {
             vlrs.push(vlr::extra_bytes(settings.extra, groups));
@@ -71,7 +80,7 @@ impl LasFormat {
                 problems.error(None, "LAS 1.0 has no waveform packets").help("write LAS 1.4");
                 return None;
             }
-            WavePackets::new(place, &context.devices, problems)
+            WavePackets::new(place, context, problems)
         });
         if request.sinks.iter().any(|(_, format)| *format == PointFormat::Copc) {
             if settings.version == LasVersion::V10 {

@@ -8,7 +8,7 @@
 
 use super::vlr::{fixed_text, record};
 use crate::diag::Diagnostics;
-use crate::output::context::OutputDevice;
+use crate::output::context::{OutputContext, OutputDevice};
 use crate::output::request::PacketPlace;
 use crate::pulse::{Echo, WaveformRecord};
 
@@ -22,8 +22,6 @@ const ZERO: f64 = 16_384.0;
 const MAX_DESCRIPTORS: usize = 255;
 /// Samples of the shortest and of the longest packet.
 const LENGTHS: (f64, f64) = (16.0, 16_777_216.0);
-/// Speed of light, m/ns.
-const C: f64 = 0.299792458;
 /// Bytes of a point's reference to its packet.
 pub(super) const FIELD_BYTES: usize = 29;
 /// Bytes of the header before the first packet.
@@ -39,6 +37,8 @@ pub(in crate::output) struct WavePackets {
     by_device: Vec<usize>,
     /// Numbers of samples of the packets of one bin width, ascending.
     lengths: Vec<u32>,
+    /// Metres of range per nanosecond of the times of waveforms.
+    metres_per_ns: f64,
 }
 
 #[derive(Clone, Copy)]
@@ -53,12 +53,12 @@ impl WavePackets {
     /// bin widths.
     pub fn new(
         place: PacketPlace,
-        devices: &[OutputDevice],
+        context: &OutputContext,
         problems: &mut Diagnostics,
     ) -> Option<WavePackets> {
         let mut bins: Vec<f64> = Vec::new();
         let mut by_device = Vec::new();
-        for &OutputDevice { bin, .. } in devices {
+        for &OutputDevice { bin, .. } in &context.devices {
             by_device.push(bins.iter().position(|b| *b == bin).unwrap_or(bins.len()));
             if !bins.contains(&bin) {
                 bins.push(bin);
@@ -75,7 +75,8 @@ impl WavePackets {
         }
         let growth = libm::pow(LENGTHS.1 / LENGTHS.0, 1.0 / (steps - 1) as f64);
         let length = |step: usize| (LENGTHS.0 * libm::pow(growth, step as f64)).round() as u32;
-        Some(WavePackets { place, bins, by_device, lengths: (0..steps).map(length).collect() })
+        let lengths = (0..steps).map(length).collect();
+        Some(WavePackets { place, bins, by_device, lengths, metres_per_ns: context.metres_per_ns })
     }
 
     /// Returns the variable length records of the descriptors.
@@ -125,10 +126,10 @@ impl WavePackets {
         let bin =
             self.by_device.get(wave.device as usize).and_then(|&b| self.bins.get(b)).copied().unwrap_or(1.0);
         let spacing = f64::from(spacing(bin));
-        // Sample at which the echo was detected; one nanosecond is `C` metres of range.
-        let sample = (echo.range / C - wave.start_ns) / bin;
+        // Sample at which the echo was detected.
+        let sample = (echo.range / self.metres_per_ns - wave.start_ns) / bin;
         // Towards the scanner, metres per picosecond.
-        let step = echo.direction * (-C * bin / spacing);
+        let step = echo.direction * (-self.metres_per_ns * bin / spacing);
         let mut field = [0; FIELD_BYTES];
         field[0] = packet.descriptor;
         field[1..9].copy_from_slice(&packet.offset.to_le_bytes());
@@ -171,11 +172,13 @@ pub(in crate::output) fn packets_header(length: u64) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::output::testing::batch;
+    use crate::geom::DVec3;
+    use crate::output::testing::{batch, scene, survey};
 
-    /// Returns devices of these bin widths, ns.
-    fn devices(bins: impl IntoIterator<Item = f64>) -> Vec<OutputDevice> {
-        bins.into_iter().map(|bin| OutputDevice { id: String::new(), bin }).collect()
+    /// Returns the context of devices of these bin widths, ns.
+    fn devices(bins: impl IntoIterator<Item = f64>) -> OutputContext {
+        let devices = bins.into_iter().map(|bin| OutputDevice { id: String::new(), bin }).collect();
+        OutputContext { devices, ..OutputContext::new(&survey(1, &[None]), &scene()) }
     }
 
     fn packets() -> WavePackets {
@@ -216,6 +219,24 @@ mod tests {
     }
 
     #[test]
+    fn a_point_refers_to_the_sample_of_its_range_in_times_of_one_way_and_of_both() {
+        let (echo, wave) = (batch(0, 0, 1).echoes[0], batch(0, 0, 1).waveforms[0]);
+        for (two_way, metres) in [(false, 0.299_792_458), (true, 0.149_896_229)] {
+            let context = devices([0.25]).with_times(two_way);
+            let packets =
+                WavePackets::new(PacketPlace::Inside, &context, &mut Diagnostics::default()).unwrap();
+            let wave = WaveformRecord { start_ns: echo.range / metres - 2.0, device: 0, ..wave };
+            let packet = packets.push(&mut Vec::new(), &wave, &[1.0; 16]).unwrap();
+            let field = packets.field(packet, &wave, &echo);
+            let f32_at = |at: usize| f32::from_le_bytes(field[at..at + 4].try_into().unwrap());
+            // 2 ns behind the first sample, and from there towards the scanner.
+            assert!((f32_at(13) - 2000.0).abs() < 0.1, "{}", f32_at(13));
+            let per_ps = DVec3::new(f32_at(17).into(), f32_at(21).into(), f32_at(25).into());
+            assert!((per_ps + echo.direction * (metres * 1e-3)).length() < 1e-9, "{per_ps}");
+        }
+    }
+
+    #[test]
     fn what_no_gain_holds_saturates() {
         let (packets, wave) = (packets(), batch(0, 0, 1).waveforms[0]);
         let mut bytes = Vec::new();
@@ -230,7 +251,7 @@ mod tests {
         let mut problems = Diagnostics::default();
         assert!(WavePackets::new(PacketPlace::Inside, &devices, &mut problems).is_none());
         assert_eq!(problems.items().len(), 1);
-        devices.truncate(8);
+        devices.devices.truncate(8);
         assert!(WavePackets::new(PacketPlace::Inside, &devices, &mut problems).is_some());
     }
 }

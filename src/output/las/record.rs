@@ -1,6 +1,6 @@
 //! Point data records.
 
-use super::format::LasFormat;
+use super::format::{LasFormat, MAX_CLASS_1};
 use crate::geom::{DVec3, degrees};
 use crate::output::codec::{LegFacts, PointCodec, incidence_degrees, seconds};
 use crate::output::ground::{Ground, height_above};
@@ -92,7 +92,10 @@ impl LasCodec<'_> {
                 // Return number, number of returns, scan direction flag, edge of flight line
                 record.put([clamped(echo.return_number, 7) | clamped(echo.number_of_returns, 7) << 3]);
                 // Classification and its flags
-                let class = u8::try_from(echo.classification).ok().filter(|&c| c < 32).unwrap_or(0);
+                let class = match echo.classification {
+                    class @ 0..=MAX_CLASS_1 => class as u8,
+                    _ => 0,
+                };
                 record.put([class | if withheld { WITHHELD_1 } else { 0 }]);
                 // Scan angle rank, degrees
                 record.put([angle.clamp(-90.0, 90.0).round_ties_even() as i8 as u8]);

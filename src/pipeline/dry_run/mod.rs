@@ -26,7 +26,6 @@ use crate::machine;
 use crate::output::{
     FileKind, FileSummary, NoOffload, OutputContext, OutputPlan, OutputRequest, Summary, Target,
 };
-use crate::store::catch_loss;
 use crate::survey::{PlatformKind, Survey};
 use sample::{Sample, Stratum};
 use serde::Serialize;
@@ -156,25 +155,18 @@ impl Session {
         control: Control<'_>,
     ) -> Result<Forecast> {
         control.stop.begin_run();
-        catch_loss(|| self.estimate(outputs, started, control))
-    }
-
-    fn estimate(
-        &mut self,
-        outputs: &OutputRequest,
-        started: Instant,
-        control: Control<'_>,
-    ) -> Result<Forecast> {
+        self.check_instrument()?;
         self.enter_epoch(0, control.stop)?;
         let outputs = &OutputRequest { has_ground: true, ..outputs.clone() };
         let flight = self.plan_flight()?;
         let found = plausibility::check_flight(self.survey(), self.scene(), self.tree()?, &flight);
-        self.notify(Notice::Warnings(found));
-        let context = OutputContext::new(self.survey(), self.scene());
+        let strict = self.settings().strict;
+        self.notify(Notice::Warnings(found.finish(strict)?));
+        let context = self.output_context();
         let inputs = self.inputs().chain(outputs.inputs.iter().cloned()).collect();
         let request = OutputRequest { epochs: self.epochs(), inputs, ..outputs.clone() };
         let planned = OutputPlan::new(request, &context)?;
-        self.notify(Notice::Warnings(planned.warnings().clone()));
+        self.notify(Notice::Warnings(planned.warnings().clone().finish(strict)?));
         let loading_s = started.elapsed().as_secs_f64();
         let (timeline, sample, summary) = self.sample_flight(&flight, outputs, &context, control)?;
         let seen = Seen { session: self, flight: &flight, timeline: &timeline, sample: &sample, outputs };
@@ -205,12 +197,8 @@ impl Session {
             force: true,
             ..outputs.clone()
         };
-        let epochs = Epochs {
-            range: 0..=0,
-            options: self.settings().physics_for(outputs),
-            is_live: false,
-            is_checked: false,
-        };
+        let epochs =
+            Epochs { range: 0..=0, options: self.settings().physics_for(outputs), is_checked: false };
         let output = Arc::new(OutputPlan::new(output, context)?);
         // Headers do not grow with the points.
         let empty = output.open(Arc::new(NoOffload))?.finish()?;
@@ -232,28 +220,25 @@ impl Session {
     /// As for [`Session::run`].
     pub fn sketch(&mut self, control: Control<'_>) -> Result<Sketch> {
         control.stop.begin_run();
-        catch_loss(|| {
-            self.enter_epoch(0, control.stop)?;
-            let flight = self.plan_flight()?;
-            let context = OutputContext::new(self.survey(), self.scene());
-            let nothing = OutputRequest::default();
-            let (_, sample, _) = self.sample_flight(&flight, &nothing, &context, control)?;
-            let shift = self.scene().shift;
-            let mut tracks: Vec<(u32, Vec<DVec3>)> = Vec::new();
-            let planned = flight.planned_positions(PLACES_PER_TRACK).into_iter().map(|p| (p.leg, p.position));
-            let seen = sample.strata.iter().map(|stratum| (stratum.leg, stratum.view.origin));
-            let places: Vec<(u32, DVec3)> =
-                if flight.is_stream() { seen.collect() } else { planned.collect() };
-            for (leg, position) in places {
-                match tracks.last_mut().filter(|(last, _)| *last == leg) {
-                    Some((_, track)) => track.push(position + shift),
-                    None => tracks.push((leg, vec![position + shift])),
-                }
+        self.enter_epoch(0, control.stop)?;
+        let flight = self.plan_flight()?;
+        let context = self.output_context();
+        let nothing = OutputRequest::default();
+        let (_, sample, _) = self.sample_flight(&flight, &nothing, &context, control)?;
+        let shift = self.scene().shift;
+        let mut tracks: Vec<(u32, Vec<DVec3>)> = Vec::new();
+        let planned = flight.planned_positions(PLACES_PER_TRACK).into_iter().map(|p| (p.leg, p.position));
+        let seen = sample.strata.iter().map(|stratum| (stratum.leg, stratum.view.origin));
+        let places: Vec<(u32, DVec3)> = if flight.is_stream() { seen.collect() } else { planned.collect() };
+        for (leg, position) in places {
+            match tracks.last_mut().filter(|(last, _)| *last == leg) {
+                Some((_, track)) => track.push(position + shift),
+                None => tracks.push((leg, vec![position + shift])),
             }
-            let quads = area::swaths(&flight, &sample.strata).into_iter();
-            let swaths = quads.map(|(leg, quad)| (leg, quad.map(|corner| corner + shift))).collect();
-            Ok(Sketch { tracks, swaths })
-        })
+        }
+        let quads = area::swaths(&flight, &sample.strata).into_iter();
+        let swaths = quads.map(|(leg, quad)| (leg, quad.map(|corner| corner + shift))).collect();
+        Ok(Sketch { tracks, swaths })
     }
 
     /// Legs, duration and pulses of the flight.

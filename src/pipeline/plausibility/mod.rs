@@ -8,13 +8,17 @@
 //! | `ground` | rays up and down from places of the flight: below the terrain, or on it |
 //! | `angles` | angles as written against the course: radians read as degrees and the reverse |
 //! | `poses` | a streamed flight, pose by pose |
+//! | `instrument` | settings of the scanner that the physics passes over or replaces |
+//! | `pace` | times of a recorded flight: milliseconds read as seconds |
 //! | `mirror` | pulses that a mirror does not fire |
 //! | `points` | points per pulse, and where the beams pointed |
 
 mod angles;
 mod boxes;
 mod ground;
+mod instrument;
 mod mirror;
+mod pace;
 mod points;
 mod poses;
 
@@ -24,12 +28,14 @@ use super::settings::Settings;
 use crate::diag::{Diagnostics, Place};
 use crate::flight::FlightPlan;
 use crate::geom::{Aabb, DVec3};
+use crate::input::is_stdin;
 use crate::scene::Scene;
-use crate::survey::{AngleConvention, Interpolated, PlatformKind, RotationSpec, Survey};
+use crate::survey::{AngleConvention, Interpolated, PlatformKind, PoseStream, RotationSpec, Survey};
 use crate::tree::Tree;
 use angles::AngleCheck;
+pub use instrument::{check_instrument, check_wavelengths};
 pub use mirror::describe_idle_mirror;
-pub use points::{CheckTime, YieldCheck};
+pub use points::YieldCheck;
 pub use poses::PoseCheck;
 
 /// An implausible property of the input.
@@ -71,7 +77,12 @@ pub fn check_flight(survey: &Survey, scene: &Scene, tree: &Tree, flight: &Flight
     if let PlatformKind::Interpolated(settings) = &survey.platform.kind
         && let Some(finding) = recorded_angles(settings, flight)
     {
-        found.extend(finding.into_warning(None));
+        found.extend(finding.into_warning(flight_place(survey)));
+    }
+    if let Some(table) = flight.trajectory_table() {
+        let mut pace = pace::Pace::default();
+        table.timed_positions().for_each(|(time, position)| pace.add(time, position));
+        pace.find().into_iter().for_each(|finding| found.extend(finding.into_warning(flight_place(survey))));
     }
     let mount = DVec3::Z * survey.platform.mount.offset.z;
     let places = flight.planned_positions(PLACES_PER_LEG);
@@ -96,8 +107,29 @@ pub fn check_flight(survey: &Survey, scene: &Scene, tree: &Tree, flight: &Flight
     let around = Aabb::around(places.iter().map(|place| scene.to_world(place.position)));
     let finding = boxes::compare("the flight", &bounds, &around, reach)
         .or_else(|| ground::check("the flight", scene, tree, &scanner, mount.z));
-    finding.into_iter().for_each(|finding| found.extend(finding.into_warning(None)));
+    finding.into_iter().for_each(|finding| found.extend(finding.into_warning(flight_place(survey))));
     found
+}
+
+/// The file that describes the flight: the trajectory if it is one file, otherwise the survey.
+fn flight_place(survey: &Survey) -> Option<Place> {
+    match &survey.platform.kind {
+        PlatformKind::Stream(stream) => stream_place(stream),
+        PlatformKind::Interpolated(Interpolated { files, .. }) if files.len() == 1 => {
+            Some(Place::of_file(&files[0].path))
+        }
+        _ => survey_place(survey),
+    }
+}
+
+/// The file of a survey; surveys in memory have none.
+fn survey_place(survey: &Survey) -> Option<Place> {
+    (!survey.path.as_os_str().is_empty()).then(|| Place::of_file(&survey.path))
+}
+
+/// The file of a trajectory; standard input has no place.
+fn stream_place(stream: &PoseStream) -> Option<Place> {
+    (!is_stdin(&stream.path)).then(|| Place::of_file(&stream.path))
 }
 
 /// Checks whether the survey reads the angles of a recorded flight in the wrong unit.

@@ -1,10 +1,10 @@
 //! Check of the points per pulse: detects runs that hit nothing or almost nothing.
 
-use super::{Finding, boxes, ground, target};
+use super::{Finding, boxes, flight_place, ground, target};
 use crate::diag::Notice;
 use crate::error::Result;
-use crate::geom::{DVec3, Rotation};
-use crate::pipeline::aim::AimLog;
+use crate::geom::{Aabb, DVec3, Rotation};
+use crate::pipeline::aim::{Aim, AimLog, SampledBeam};
 use crate::pipeline::progress::Progress;
 use crate::pipeline::settings::Settings;
 use crate::quantity::{amount, metres};
@@ -19,14 +19,14 @@ const MIN_YIELD_WITHIN: f64 = 0.05;
 /// Fraction of beams above the horizon from which the scanner is taken to point upwards.
 const MIN_SHARE_UPWARDS: f64 = 0.95;
 
-/// When the yield of a run is checked.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CheckTime {
-    /// After the first ten thousands of pulses.
-    Early,
-    /// At the end of the run.
-    End,
-}
+const WATTS_PER_NANOWATT: f64 = 1e-9;
+/// Share of surfaces beyond a limit of the scanner's ranges from which that limit is taken as the cause.
+const MIN_SHARE_MISSED: f64 = 0.5;
+
+/// A foot, m.
+const FOOT: f64 = 0.3048;
+/// Height above the scene from which heights are compared with ones in feet, m.
+const MIN_SUSPECT_HEIGHT: f64 = 100.0;
 
 /// Checks whether a run finds too few points for its pulses. The cause is reported once, unless another check has
 /// reported it.
@@ -34,40 +34,37 @@ pub struct YieldCheck<'a> {
     pub settings: &'a Settings,
     pub scene: &'a Scene,
     pub tree: &'a Tree,
-    /// Whether the flight is streamed, so that a check before its end is useful.
-    pub is_live: bool,
     /// Whether the cause has been reported.
     pub is_reported: &'a AtomicBool,
     pub observer: &'a (dyn Fn(Notice) + Send + Sync),
 }
 
 impl YieldCheck<'_> {
-    /// Checks the counters so far.
+    /// Checks the counters at the end of the run.
     ///
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) where warnings are errors.
-    pub fn run(&self, progress: &Progress, time: CheckTime) -> Result<()> {
-        if self.is_reported.load(Relaxed) || time == CheckTime::Early && !self.is_live {
+    pub fn run(&self, progress: &Progress) -> Result<()> {
+        if self.is_reported.load(Relaxed) {
             return Ok(());
         }
         let (done, aim) = (progress.snapshot(), progress.aim());
-        if let Some(finding) = self.find(done.pulses, done.echoes, &aim, time) {
+        if let Some(finding) = self.find(done.pulses, done.echoes, &aim) {
             self.is_reported.store(true, Relaxed);
-            (self.observer)(Notice::Warnings(finding.into_warning(None).finish(self.settings.strict)?));
+            let found = finding.into_warning(flight_place(&self.settings.survey));
+            (self.observer)(Notice::Warnings(found.finish(self.settings.strict)?));
         }
         Ok(())
     }
 
-    /// Finds a run with too few points for its pulses. With [`CheckTime::Early`], a platform still approaching the
-    /// scene is accepted.
-    fn find(&self, pulses: u64, echoes: u64, log: &AimLog, time: CheckTime) -> Option<Finding> {
+    /// Finds a run with too few points for its pulses.
+    fn find(&self, pulses: u64, echoes: u64, log: &AimLog) -> Option<Finding> {
         let (scene, mount) = (self.scene, self.settings.survey.platform.mount);
         let (target, aim) = (target(&self.settings.survey, scene), &log.sum);
         if pulses == 0 {
             let help = "a leg fires when it is active and lasts for at least one pulse period; an oscillating or rotating mirror \
                         fires within its scan angle";
-            return (time == CheckTime::End)
-                .then(|| Finding::new("no pulse was fired: no leg was active, or all were too short", help));
+            return Some(Finding::new("no pulse was fired: no leg was active, or all were too short", help));
         }
         let fired = pulses as f64;
         let of_sampled = |count: u64| count as f64 / (aim.sampled as f64).max(1.0);
@@ -76,14 +73,16 @@ impl YieldCheck<'_> {
         if share >= MIN_YIELD && share >= MIN_YIELD_WITHIN * within {
             return None;
         }
+        let seen_if_stronger = (echoes + aim.weak.count) as f64 / fired;
+        if seen_if_stronger >= MIN_YIELD && seen_if_stronger >= MIN_YIELD_WITHIN * within {
+            return Some(self.too_weak(pulses, echoes, aim));
+        }
         let bounds = scene.bounds.translated(scene.shift);
         let flight = aim.origins.translated(scene.shift);
         let gap = (bounds.min - flight.max).max(flight.min - bounds.max).max(DVec3::ZERO);
         let across = gap.x.hypot(gap.y);
-        let below = ground::check("the flight", scene, self.tree, &log.places, mount.offset.z);
-        if time == CheckTime::Early && below.is_none() && towards < 0.5 && across > 0.0 {
-            return None;
-        }
+        let origins: Vec<DVec3> = log.beams.iter().map(|beam| beam.origin).collect();
+        let below = ground::check("the flight", scene, self.tree, &origins, mount.offset.z);
         let message = format!(
             "{} points for {} pulses: {:.0} % of the beams point at the box of the scene and {:.0} % meet it within the \
              scanner's range; the scene is at {}, the scanner was at {}",
@@ -94,7 +93,7 @@ impl YieldCheck<'_> {
             boxes::extent(&bounds),
             boxes::extent(&flight)
         );
-        let [nearest, farthest] = target.ranges;
+        let farthest = target.ranges[1];
         let help = if across > farthest.min(boxes::MAX_REACH) || across > 0.0 && towards < 0.01 {
             format!(
                 "the flight stays {} beside the scene; {}",
@@ -121,19 +120,98 @@ impl YieldCheck<'_> {
             "the beams pass the scene by: attitude, mount or scan angle turn them elsewhere, or the flight leads past it; \
              `vlscan pulses` shows origins and directions"
                 .to_owned()
-        } else if within < 0.5 * towards {
-            format!(
-                "the scanner measures from {} to {}; fly lower, or name another scanner",
-                metres(nearest),
-                range(farthest)
-            )
+        } else if let Some(advice) = self.limits_missed(log, target.ranges) {
+            advice
         } else {
-            "the beams meet the box and find little in it: surfaces fill a small part of it, or their echoes are too weak; \
-             `vlscan scene info` tells its materials, -v the settings"
+            "the beams meet the box and find little in it: surfaces fill a small part of it; `vlscan scene info` tells what is in \
+             it"
                 .to_owned()
+        };
+        let help = match in_feet(&bounds, &flight, farthest) {
+            Some(hint) if across == 0.0 || towards < 0.5 => format!("{help}; {hint}"),
+            _ => help,
         };
         Some(Finding::new(message, help))
     }
+}
+
+impl YieldCheck<'_> {
+    /// The finding of a run whose pulses hit, and whose detector needs more light than comes back.
+    fn too_weak(&self, pulses: u64, echoes: u64, aim: &Aim) -> Finding {
+        let weak = &aim.weak;
+        let corrections = &self.settings.physics.corrections;
+        let unit = match corrections.threshold_in_watts {
+            true => "",
+            false => ", as --physics helios has it (receivedEnergyMin_W compared with nanowatts)",
+        };
+        let message = format!(
+            "{} points for {} pulses: {} beams met the scene and returned less than the detector needs: strongest {:.2e} W, \
+             threshold {:.2e} W{unit}",
+            amount(echoes as f64),
+            amount(pulses as f64),
+            amount(weak.count as f64),
+            weak.strongest * WATTS_PER_NANOWATT,
+            weak.threshold * WATTS_PER_NANOWATT
+        );
+        let help = if corrections.radiometry {
+            "`vlscan scene info` lists the reflectances (0 to 1); the power falls with the square of the range; power, aperture and \
+             threshold are those of the scanner"
+        } else {
+            "--physics refined computes received power in watts; in --physics helios it falls with the fourth power of the range, so \
+             fly lower, or give reflectances (`vlscan scene info` lists them) and threshold in the units that it takes"
+        };
+        let shift = self.scene.shift;
+        let (bounds, flight) = (self.scene.bounds.translated(shift), aim.origins.translated(shift));
+        let feet = in_feet(&bounds, &flight, target(&self.settings.survey, self.scene).ranges[1]);
+        Finding::new(message, feet.map_or(help.to_owned(), |feet| format!("{feet}; {help}")))
+    }
+
+    /// Advice where most of the surfaces that beams meet are nearer, or most are farther, than the scanner measures.
+    fn limits_missed(&self, log: &AimLog, [nearest, farthest]: [f64; 2]) -> Option<String> {
+        let cast = |beam: &SampledBeam| {
+            self.tree
+                .nearest_where(&self.scene.geometry, beam.origin, beam.direction, |_| true)
+                .map(|hit| hit.t)
+        };
+        let mut ranges: Vec<f64> = log.beams.iter().filter_map(cast).collect();
+        // Surfaces that fill a small part of the box are missed by the sample; then the distance of the box counts.
+        if ranges.is_empty() {
+            let to_box = |beam: &SampledBeam| self.scene.bounds.slabs(beam.origin, beam.direction);
+            ranges =
+                log.beams.iter().filter_map(to_box).map(|(enter, _)| enter).filter(|t| *t > 0.0).collect();
+        }
+        ranges.sort_by(f64::total_cmp);
+        let share = |count: usize| count as f64 / ranges.len().max(1) as f64;
+        let near = ranges.partition_point(|range| *range < nearest);
+        let far = ranges.len() - ranges.partition_point(|range| *range <= farthest);
+        let typical = ranges.get(ranges.len() / 2).copied()?;
+        let measures = format!(
+            "the scanner measures from {} to {}, and most surfaces are about {} away",
+            metres(nearest),
+            range(farthest),
+            metres(typical)
+        );
+        if share(near) > MIN_SHARE_MISSED {
+            Some(format!(
+                "{measures}, which is nearer: fly higher, stand farther from them, or name another scanner"
+            ))
+        } else if share(far) > MIN_SHARE_MISSED {
+            Some(format!(
+                "{measures}, which is farther: fly lower, stand closer to them, or name another scanner"
+            ))
+        } else {
+            None
+        }
+    }
+}
+
+/// A hint where the heights of a flight far above its scene would be plausible ones if they were in feet.
+fn in_feet(scene: &Aabb, flight: &Aabb, farthest: f64) -> Option<String> {
+    let height = flight.centre().z;
+    let (above, as_feet) = (height - scene.max.z, height * FOOT);
+    let is_plausible = as_feet > scene.max.z && as_feet - scene.min.z <= farthest.min(boxes::MAX_REACH);
+    (above > MIN_SUSPECT_HEIGHT && is_plausible)
+        .then(|| format!("if its heights are in feet, {height:.0} ft are {as_feet:.0} m"))
 }
 
 fn range(farthest: f64) -> String {
@@ -143,19 +221,19 @@ fn range(farthest: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::Aabb;
-    use crate::pipeline::aim::Aim;
+    use crate::pulse::WeakPulses;
     use crate::survey::{Mount, ReadOptions, read_survey};
     use crate::tree::{BuildOptions, Builder, Geometry};
 
     /// Returns the help for a run of 10 000 pulses from `place`, of a scanner for 1 to 500 m, over a square of 20 m
     /// at height 0. `beams` counts, of a hundred, the beams that point at its box, hit it within the range, and point
     /// upwards.
-    fn find(place: [f64; 3], echoes: u64, beams: [u64; 3], time: CheckTime) -> Option<String> {
+    /// `weak` pulses hit and were too weak.
+    fn find(place: [f64; 3], echoes: u64, beams: [u64; 3], weak: u64) -> Option<Finding> {
         let corners = [[-10.0, -10.0, 0.0], [10.0, -10.0, 0.0], [10.0, 10.0, 0.0], [-10.0, 10.0, 0.0]];
         let geometry = Geometry {
-            vertices: corners.map(DVec3::from).to_vec().into(),
-            triangles: vec![[0, 1, 2], [0, 2, 3]].into(),
+            vertices: corners.map(DVec3::from).to_vec(),
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
             ..Geometry::default()
         };
         let scene = Scene { bounds: geometry.bounds(), geometry, ..Scene::default() };
@@ -163,7 +241,9 @@ mod tests {
         let (place, [towards, within, upwards]) = (DVec3::from(place), beams);
         let mut aim = AimLog::default();
         let origins = Aabb::around([place]);
-        aim.add(&Aim { sampled: 100, towards, within, upwards, origins, place: Some(place) });
+        let weak = WeakPulses { count: weak, strongest: 3.0, threshold: 10.0 };
+        let beam = Some(SampledBeam { origin: place, direction: -DVec3::Z });
+        aim.add(&Aim { sampled: 100, towards, within, upwards, origins, beam, weak });
         let path = std::path::Path::new("fixtures/room/survey.xml");
         let mut settings = Settings::new(read_survey(path, &ReadOptions::default()).unwrap().0);
         let detector = &mut settings.survey.scanner.devices[0].detector;
@@ -174,16 +254,15 @@ mod tests {
             settings: &settings,
             scene: &scene,
             tree: &tree,
-            is_live: true,
             is_reported: &AtomicBool::new(false),
             observer: &|_| (),
         };
-        check.find(10_000, echoes, &aim, time).map(|finding| finding.help)
+        check.find(10_000, echoes, &aim)
     }
 
     #[test]
     fn few_points_have_a_cause() {
-        let end = |place, echoes, beams| find(place, echoes, beams, CheckTime::End);
+        let end = |place, echoes, beams| find(place, echoes, beams, 0).map(|finding| finding.help);
         assert_eq!(end([0.0, 0.0, 50.0], 9000, [100, 100, 0]), None);
         assert_eq!(
             end([0.0, 0.0, 50.0], 101, [20, 20, 0]),
@@ -193,7 +272,8 @@ mod tests {
         for (place, beams, cause) in [
             ([0.0, 0.0, 50.0], [0, 0, 100], "point upwards"),
             ([0.0, 0.0, 50.0], [0, 0, 0], "pass the scene by"),
-            ([0.0, 0.0, 900.0], [100, 0, 0], "measures from"),
+            ([0.0, 0.0, 900.0], [100, 0, 0], "farther: fly lower"),
+            ([0.0, 0.0, 0.5], [100, 0, 0], "nearer: fly higher"),
             ([0.0, 0.0, -50.0], [0, 0, 0], "below the terrain"),
             ([300.0, 0.0, 50.0], [0, 0, 0], "290 m beside the scene"),
             ([0.0, 0.0, 50.0], [100, 100, 0], "find little"),
@@ -204,9 +284,21 @@ mod tests {
     }
 
     #[test]
-    fn a_flight_on_its_way_is_left_alone() {
-        assert_eq!(find([300.0, 0.0, 50.0], 0, [0, 0, 0], CheckTime::Early), None);
-        assert!(find([0.0, 0.0, -50.0], 0, [0, 0, 0], CheckTime::Early).is_some());
-        assert!(find([0.0, 0.0, 50.0], 0, [0, 0, 100], CheckTime::Early).is_some());
+    fn heights_in_feet_are_suspected_where_they_would_fit() {
+        let help = find([0.0, 0.0, 900.0], 0, [100, 0, 0], 0).unwrap().help;
+        assert!(help.contains("900 ft are 274 m"), "{help}");
+        let help = find([0.0, 0.0, 50.0], 0, [100, 100, 0], 0).unwrap().help;
+        assert!(!help.contains("feet"), "{help}");
+    }
+
+    #[test]
+    fn light_that_is_too_weak_is_the_cause_whatever_the_beams_point_at() {
+        for beams in [[100, 100, 0], [10, 10, 0]] {
+            let found = find([0.0, 0.0, 50.0], 0, beams, 900).unwrap();
+            for part in ["900 beams met the scene", "strongest 3.00e-9 W, threshold 1.00e-8 W"] {
+                assert!(found.message.contains(part), "{}", found.message);
+            }
+        }
+        assert_eq!(find([0.0, 0.0, 50.0], 9000, [100, 100, 0], 1000), None);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::fix::{Fix, FixPlace, Pose, RecordError};
 use crate::geom::{DVec3, Rotation, UtmZone};
-use crate::quantity::COORDINATE;
+use crate::quantity::{COORDINATE, number};
 use crate::survey::{Grid, PoseStream};
 
 #[derive(Debug)]
@@ -44,7 +44,7 @@ impl Georeference {
     /// The UTM zone, once known.
     pub fn zone(&self) -> Option<UtmZone> {
         match self.grid {
-            Grid::Utm(zone) => Some(zone),
+            Grid::Utm(zone) | Grid::OfScene(zone) => Some(zone),
             _ => None,
         }
     }
@@ -70,8 +70,11 @@ impl Georeference {
         }
         if !position.to_array().iter().all(|&coordinate| COORDINATE.contains(coordinate)) {
             let message = format!(
-                "the position x {:?} y {:?} z {:?}, expected {}",
-                position.x, position.y, position.z, COORDINATE.expected
+                "the position x {} y {} z {}, expected {}",
+                number(position.x),
+                number(position.y),
+                number(position.z),
+                COORDINATE.expected
             );
             return Err(RecordError::new(message));
         }
@@ -86,7 +89,7 @@ impl Georeference {
     ) -> Result<(DVec3, Rotation), RecordError> {
         let (lat, lon) = (latitude.to_degrees(), longitude.to_degrees());
         let zone = match self.grid {
-            Grid::Utm(zone) => zone,
+            Grid::Utm(zone) | Grid::OfScene(zone) => zone,
             Grid::Foreign => {
                 return Err(RecordError::new(
                     "latitude and longitude cannot be projected: the scene's coordinate reference system is no UTM zone",

@@ -10,6 +10,7 @@ use crate::error::{Error, Result};
 use crate::geom::UtmZone;
 use crate::input::{InputStream, ReadEvent, is_stdin};
 use crate::platform::layout::PoseLayout;
+use crate::quantity::number;
 use crate::survey::{Grid, PoseStream};
 use std::collections::VecDeque;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -57,6 +58,10 @@ pub struct PoseReader {
     checks: SequenceChecks,
     /// Whether the UTM zone is detected from the first pose.
     zone_is_detected: bool,
+    /// Options that say how text is read.
+    text_options: Vec<&'static str>,
+    /// Options that say how latitude and longitude are projected.
+    geographic_options: Vec<&'static str>,
     /// Bytes of an incomplete record.
     rest: Vec<u8>,
     bytes: u64,
@@ -69,6 +74,11 @@ pub struct PoseReader {
     notify: Box<dyn FnMut(Notice) + Send>,
     observe: Box<dyn FnMut(PoseEvent) -> Diagnostics + Send>,
     max_latency: Duration,
+}
+
+/// The names of options that are given.
+fn given(options: &[(bool, &'static str)]) -> Vec<&'static str> {
+    options.iter().filter(|(is_given, _)| *is_given).map(|(_, name)| *name).collect()
 }
 
 impl std::fmt::Debug for PoseReader {
@@ -105,6 +115,13 @@ impl PoseReader {
             georeference: Georeference::new(settings),
             checks: SequenceChecks::new(settings.max_gap),
             zone_is_detected: settings.grid == Grid::FirstFix,
+            text_options: given(&[
+                (settings.columns.is_some(), "the columns of the trajectory"),
+                (settings.separator.is_some(), "its separator"),
+                (!settings.degrees, "the unit of its angles"),
+                (settings.rotation.is_some(), "the meaning of its angles"),
+            ]),
+            geographic_options: given(&[(matches!(settings.grid, Grid::Utm(_)), "the UTM zone")]),
             rest: Vec::new(),
             bytes: 0,
             poses: 0,
@@ -240,7 +257,9 @@ impl PoseReader {
             if let Some(warning) = radians_as_degrees(fix) {
                 self.warn(place, warning);
             }
-            self.describe_first(&pose, matches!(fix.place, FixPlace::Geographic(_)));
+            let is_geographic = matches!(fix.place, FixPlace::Geographic(_));
+            self.warn_of_unused_options(place, is_geographic);
+            self.describe_first(&pose, is_geographic);
         }
         if let Some(note) = self.checks.compare_heading(&pose) {
             (self.notify)(Notice::Note(format!("{}: {note}", self.path.display())));
@@ -249,6 +268,25 @@ impl PoseReader {
         self.poses += 1;
         self.pending.push_back(pose);
         Ok(())
+    }
+
+    /// Warns of options that have no effect on the format that was found.
+    fn warn_of_unused_options(&mut self, place: &RecordPlace, is_geographic: bool) {
+        let is_text = matches!(self.decoder, PoseDecoder::Text(_));
+        let format = format!("in {}, which states it by itself", self.decoder.name());
+        let unused = [
+            (std::mem::take(&mut self.text_options), is_text, format),
+            (
+                std::mem::take(&mut self.geographic_options),
+                is_geographic,
+                "on poses that have x and y: they are taken as they are".to_owned(),
+            ),
+        ];
+        for (options, is_used, why) in unused {
+            if !(options.is_empty() || is_used) {
+                self.warn(place, RecordError::new(format!("without effect {why}: {}", options.join(", "))));
+            }
+        }
     }
 
     /// Reports how the first pose was interpreted.
@@ -270,7 +308,7 @@ impl PoseReader {
         (self.notify)(Notice::Detail(format!(
             "{path}: {}; first pose at time {}, x {:.3}, y {:.3}, z {:.3}, heading {:.2}°",
             self.decoder.name(),
-            pose.time,
+            number(pose.time),
             p.x,
             p.y,
             p.z,

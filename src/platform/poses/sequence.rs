@@ -2,7 +2,7 @@
 
 use super::fix::{Fix, Pose, RecordError};
 use crate::geom::DVec3;
-use crate::quantity::{self, MAX_DURATION};
+use crate::quantity::{self, MAX_DURATION, number};
 
 /// Minimum length of a gap, s.
 const MIN_GAP: f64 = 1.0;
@@ -56,7 +56,7 @@ impl SequenceChecks {
     /// Its time is not later, or so much later that the flight would hardly end.
     pub fn check(&mut self, fix: &Fix) -> Result<Checked, RecordError> {
         if !quantity::TIME.contains(fix.time) {
-            let message = format!("time {:?}, expected {}", fix.time, quantity::TIME.expected);
+            let message = format!("time {}, expected {}", number(fix.time), quantity::TIME.expected);
             return Err(RecordError::new(message));
         }
         let Some(last) = self.last.replace(*fix) else {
@@ -69,20 +69,23 @@ impl SequenceChecks {
         }
         if fix.time <= last.time {
             let what = if fix.time == last.time { "repeats with another pose" } else { "goes back" };
-            let message = format!("time {} {what}; the pose before it has {}", fix.time, last.time);
+            let message =
+                format!("time {} {what}; the pose before it has {}", number(fix.time), number(last.time));
             return Err(RecordError::new(message).help("the times of a trajectory must ascend"));
         }
         if fix.time - self.first_time > MAX_DURATION {
             let message = format!(
-                "time {:?} is more than {MAX_DURATION} s after that of the first pose, {:?}",
-                fix.time, self.first_time
+                "time {} is more than {MAX_DURATION} s after that of the first pose, {}",
+                number(fix.time),
+                number(self.first_time)
             );
             return Err(RecordError::new(message).help("a trajectory covers at most 31 days"));
         }
         let interval = fix.time - last.time;
+        let seconds = number(interval);
         if interval > MAX_FLOWN_GAP && interval <= self.max_gap {
             let message =
-                format!("no pose for {interval} s before this one, at most {MAX_FLOWN_GAP} s are flown");
+                format!("no pose for {seconds} s before this one, at most {MAX_FLOWN_GAP} s are flown");
             return Err(RecordError::new(message).help("--max-gap leaves longer gaps out"));
         }
         let before = std::mem::replace(&mut self.interval, interval);
@@ -91,7 +94,7 @@ impl SequenceChecks {
             is_skipped || interval > MIN_GAP && before > 0.0 && interval > MIN_GAP_INTERVALS * before;
         let what = if is_skipped { "nothing is fired" } else { "the platform is flown straight" };
         let warning =
-            || RecordError::new(format!("no pose for {interval} s before this one: {what} in between"));
+            || RecordError::new(format!("no pose for {seconds} s before this one: {what} in between"));
         Ok(Checked { is_repeated: false, warning: if is_gap { self.limited(warning) } else { None } })
     }
 

@@ -3,7 +3,7 @@
 //! files. Lines that HELIOS++ wrote are detected by their numbers of decimals.
 
 use super::fix::{Decoded, Fix, FixPlace, RecordError, RecordPlace};
-use crate::columns::Separator;
+use crate::columns::{Separator, stated_separator};
 use crate::geom::Rotation;
 use crate::platform::interpolated::composed;
 use crate::platform::layout::{ANGLES, Directives, POSE_COLUMNS, PoseColumn, PoseLayout, is_header};
@@ -58,6 +58,14 @@ impl TextDecoder {
             None => return Decoded::Incomplete,
         };
         self.line += 1;
+        if self.line == 1 && line.contains(&0) {
+            let place = RecordPlace::Line { number: 1, text: Cow::Borrowed(""), time: 0..0 };
+            let help = "binary trajectories (SBET, TerraScan) are recognised if no format is named";
+            return Decoded::Invalid(
+                place,
+                RecordError::new("expected text, found bytes that are none").help(help),
+            );
+        }
         let mut text = String::from_utf8_lossy(line);
         if text.ends_with('\r') || self.line == 1 && text.starts_with('\u{feff}') {
             let bare = text.trim_end_matches('\r').trim_start_matches('\u{feff}');
@@ -82,6 +90,10 @@ impl TextDecoder {
         if content.starts_with('#') {
             let is_directive = self.directives.parse(content).map_err(RecordError::new)?;
             self.helios |= is_directive && self.settings.format.is_none();
+            return Ok(None);
+        }
+        if let Some(separator) = stated_separator(content).filter(|_| self.reading.is_none()) {
+            self.settings.separator = self.settings.separator.or(Some(separator));
             return Ok(None);
         }
         if self.reading.is_none() {
@@ -253,6 +265,21 @@ mod tests {
             assert!((found.apply(DVec3::X) - wanted.apply(DVec3::X)).length() < 1e-12);
         }
         assert!((recorded.forward() - of_reference.forward()).length() > 0.05);
+    }
+
+    #[test]
+    fn a_first_line_may_state_the_separator() {
+        let fix = first(defaults(), "sep=;\ntime;x;y;z;roll;pitch;yaw\n1;2;3;4;0;0;0\n");
+        assert_eq!((fix.time, fix.place), (1.0, FixPlace::Local([2.0, 3.0, 4.0])));
+    }
+
+    #[test]
+    fn bytes_are_not_printed_as_text() {
+        let settings = PoseStream { format: Some(PoseFormat::Text), ..defaults() };
+        match TextDecoder::new(settings).next(&[1, 0, 2, b'\n'], true) {
+            Decoded::Invalid(_, error) => assert!(error.message.contains("found bytes that are none")),
+            other => panic!("{other:?}"),
+        }
     }
 
     #[test]

@@ -55,7 +55,7 @@ fn mixed_bits(i: u64) -> u64 {
 pub(super) fn pack(points: &Points, chosen: &[u32], scales: &Scales) -> Packed {
     let grid = Grid::of(points);
     let mut order: Vec<(u64, u32)> =
-        chosen.par_iter().map(|&i| (curve(grid.cell(&points.offsets[i as usize])), i)).collect();
+        chosen.par_iter().map(|&i| (curve(grid.cell(&points.offset(i as usize))), i)).collect();
     order.par_sort_unstable();
     let spacing = spacing(&grid, &order);
     let packed = |block: &[(u64, u32)]| (block.len(), planes(points, block, &grid, scales));
@@ -135,7 +135,7 @@ fn spacing(grid: &Grid, order: &[(u64, u32)]) -> f64 {
 /// Planes of bytes: the lower, middle and upper bytes of the zigzag-coded differences of x, y and z; then the other
 /// attributes of the points.
 fn planes(points: &Points, block: &[(u64, u32)], grid: &Grid, scales: &Scales) -> Vec<u8> {
-    let cells: Vec<[u32; 3]> = block.iter().map(|&(_, i)| grid.cell(&points.offsets[i as usize])).collect();
+    let cells: Vec<[u32; 3]> = block.iter().map(|&(_, i)| grid.cell(&points.offset(i as usize))).collect();
     let mut bytes = Vec::with_capacity(block.len() * 14);
     for axis in 0..3 {
         let differences: Vec<u32> = cells
@@ -237,7 +237,7 @@ mod tests {
         let low = points.bounds().min;
         let mut wanted: Vec<([i64; 3], u32, u32)> = (0..points.len())
             .map(|i| {
-                let [x, y, z] = points.offsets[i].map(f64::from);
+                let [x, y, z] = points.offset(i).map(f64::from);
                 let at = DVec3::new(x, y, z) + points.origin() - low;
                 (
                     at.to_array().map(|v| (v / 0.001).round() as i64),

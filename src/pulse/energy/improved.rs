@@ -17,7 +17,7 @@ pub struct Improved {
     waist_squared: f64,
     /// λ / (π w0²), 1/m.
     spread: f64,
-    /// 1/R0, 1/m; 0 puts the waist at the exit.
+    /// 1/R0, 1/m; 0 puts the waist at the exit, as it must be where R0 is 0.
     focus: f64,
     in_metres: bool,
     double_extinction: f64,
@@ -55,7 +55,7 @@ impl Improved {
     pub fn new(state: BeamState, corrections: &Corrections) -> Improved {
         let BeamState { beam, rings, start_divergence: divergence, .. } = state;
         let scale = received_scale(beam) * PI / 4.0;
-        let collimated = corrections.collimated_energy && divergence == 0.0;
+        let collimated = divergence == 0.0;
         let ring =
             |i| if collimated { Ring::on_axis(scale, i) } else { Ring::new(scale, divergence, rings, i) };
         let of_rings: Vec<Ring> = (0..rings).map(ring).collect();
@@ -73,7 +73,11 @@ impl Improved {
             rings: of_rings,
             waist_squared: waist * waist,
             spread: wavelength / (PI * (waist * waist)),
-            focus: if corrections.waist_at_exit || collimated { 0.0 } else { 1.0 / state.range_min },
+            focus: if corrections.waist_at_exit || collimated || state.range_min == 0.0 {
+                0.0
+            } else {
+                1.0 / state.range_min
+            },
             in_metres: corrections.ring_radii_in_metres,
             double_extinction: 2.0 * extinction(beam, corrections),
         }

@@ -52,7 +52,7 @@ impl Legacy {
             1.0 + 3.0 * f64::from(rings) * (f64::from(rings) - 1.0)
         };
         let scale = received_scale(beam);
-        let collimated = corrections.collimated_energy && leg == 0.0;
+        let collimated = leg == 0.0;
         let profile = |i| {
             if collimated {
                 return RingProfile { exponent: 0.0, far: if i == 0 { 1.0 } else { 0.0 } };

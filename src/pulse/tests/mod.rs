@@ -242,16 +242,15 @@ fn a_later_leg_s_divergence_is_half_applied_unless_corrected() {
 }
 
 #[test]
-fn without_divergence_every_bin_is_an_echo_of_nan() {
-    // spec pulse-physics §9, trap 21
-    let survey = tls_with(|d| d.beam.divergence = 0.0);
-    for options in [legacy(), PhysicsOptions::helios()] {
-        let batch = simulate(&plane_at_100(), &survey, options);
-        assert_eq!(batch.echoes.len(), 16);
-        assert!(batch.echoes.iter().all(|e| e.intensity.is_nan()));
-        let corrected = simulate(&plane_at_100(), &survey, with(options, "collimated_energy"));
-        assert_eq!(corrected.echoes.len(), 1);
-        assert!(corrected.echoes[0].intensity > 1000.0);
+fn beams_without_divergence_or_minimum_range_have_one_echo() {
+    // The reference computes NaN for the one and nothing for the other (spec pulse-physics §9, traps 21 and 4).
+    for options in [legacy(), PhysicsOptions::helios(), PhysicsOptions::refined()] {
+        for (divergence, range_min) in [(0.0, 1.5), (3e-4, 0.0), (0.0, 0.0)] {
+            let survey = tls_with(|d| (d.beam.divergence, d.detector.range_min) = (divergence, range_min));
+            let echoes = simulate(&plane_at_100(), &survey, options).echoes;
+            assert_eq!(echoes.len(), 1, "{divergence} rad, from {range_min} m");
+            assert!((echoes[0].range - 100.0).abs() < 1e-4 && echoes[0].intensity > 0.0, "{:?}", echoes[0]);
+        }
     }
 }
 

@@ -32,6 +32,47 @@ fn range_noise_has_device_0_s_spread_and_depends_on_the_pulse_alone() {
 }
 
 #[test]
+fn noise_puts_no_point_outside_the_range_limits() {
+    // A wall 1 cm behind the minimum range of 1.5 m and one 1 cm before the maximum range, σ 5 cm: normal noise leaves
+    // Q(−0.2) = 0.579 of either within the limits. The rest is not reported, and what is left is counted anew.
+    let survey = |accuracy| {
+        tls_with(|d| {
+            (d.detector.accuracy, d.detector.range_max) = (accuracy, 30.0);
+            d.beam.divergence = 0.01;
+        })
+    };
+    let walls =
+        |near: f64, far: f64| rectangles(half_white(), &[wall(0.0, 20.0, near), wall(-20.0, 20.0, far)]);
+    let options = PhysicsOptions { record_waveforms: true, record_truth: true, ..PhysicsOptions::refined() };
+    let n = 4000;
+    let batch = simulate_pulses(&walls(1.51, 29.99), &survey(0.05), options, 0, &pulses(n));
+    let (mut near, mut far) = (0, 0);
+    for (i, e) in batch.echoes.iter().enumerate() {
+        assert!((1.5..=30.0).contains(&e.range), "{}", e.range);
+        assert!(((e.position - e.origin).dot(DVec3::Y) - e.range).abs() < 1e-9);
+        *(if e.range < 10.0 { &mut near } else { &mut far }) += 1;
+        let before = if e.return_number == 2 { batch.echoes[i - 1].pulse_number } else { 0 };
+        assert!(e.return_number <= e.number_of_returns && (before == 0 || before == e.pulse_number));
+    }
+    for count in [near, far] {
+        assert!((f64::from(count) / n as f64 - 0.579).abs() < 0.03, "{count}");
+    }
+    let with_echo: std::collections::HashSet<u64> = batch.echoes.iter().map(|e| e.pulse_number).collect();
+    let recorded: Vec<u64> = batch.waveforms.iter().map(|w| w.pulse_number).collect();
+    assert_eq!(recorded.len(), with_echo.len());
+    assert!(recorded.iter().all(|pulse| with_echo.contains(pulse)));
+    // Without the gate all are there, some behind the scanner, as in the reference.
+    let mut open = options;
+    open.corrections.range_gate = false;
+    let all = simulate_pulses(&walls(1.51, 29.99), &survey(5.0), open, 0, &pulses(n)).echoes;
+    assert_eq!(all.len() as u64, 2 * n);
+    assert!(all.iter().any(|e| e.range < 0.0));
+    // Far from the limits the gate changes nothing.
+    let inside = |options| simulate_pulses(&walls(10.0, 20.0), &survey(0.05), options, 0, &pulses(100));
+    assert_eq!(inside(options).echoes, inside(open).echoes);
+}
+
+#[test]
 fn waveform_noise_changes_the_record_and_not_the_points() {
     let survey = tls_with(|d| d.detector.accuracy = 0.02);
     let run = |waveform_noise| {

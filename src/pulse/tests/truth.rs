@@ -54,3 +54,37 @@ fn the_table_of_subrays_has_every_one_with_its_return() {
     let peak = |part: u32| echoes[part as usize].intensity / sum(part);
     assert!((0.5..0.545).contains(&peak(0)) && (0.53..0.545).contains(&peak(1)), "{} {}", peak(0), peak(1));
 }
+
+#[test]
+fn subrays_of_a_wide_exit_meet_the_surface_where_they_hit_it() {
+    // 50 mm at the exit, 0.1 mrad: at 2 m the subrays lie 2σ = w = 25 mm around the axis.
+    let survey = tls_with(|d| {
+        (d.beam.aperture, d.waveform.quality) = (0.05, 6);
+        d.detector.range_min = 0.5;
+    });
+    let mut survey = survey;
+    survey.legs[0].scanner.beam_divergence = 1e-4;
+    let scene = rectangles(half_white(), &[wall(-20.0, 20.0, 2.0)]);
+    let options = PhysicsOptions { record_subrays: true, ..PhysicsOptions::refined() };
+    let all = pulses(16);
+    let batch = simulate_pulses(&scene, &survey, options, 0, &all);
+    let square = |e: &crate::pulse::Echo| (e.position + scene.shift).x.powi(2);
+    let width = 2.0 * (batch.echoes.iter().map(square).sum::<f64>() / batch.echoes.len() as f64).sqrt();
+    assert!((width / 0.025 - 1.0).abs() < 1e-3, "{width}");
+    for e in &batch.echoes {
+        assert!(((e.position + scene.shift).y - 2.0).abs() < 1e-9, "{}", e.position + scene.shift);
+        assert!((e.position - e.origin - e.direction * e.range).length() < 1e-12);
+        assert!((e.truth(&batch.truths).surface - e.position).length() < 1e-12);
+    }
+    // A strip 16 to 24 mm beside the axis is where it is, by the truth of the echo, too.
+    let strip = rectangles(half_white(), &[wall(0.016, 0.024, 2.0)]);
+    for record_subrays in [true, false] {
+        let options = PhysicsOptions { record_subrays, record_truth: true, ..PhysicsOptions::refined() };
+        let batch = simulate_pulses(&strip, &survey, options, 0, &all);
+        assert!(!batch.echoes.is_empty());
+        for e in &batch.echoes {
+            let at = e.truth(&batch.truths).surface + strip.shift;
+            assert!((0.016..=0.024).contains(&at.x) && (at.y - 2.0).abs() < 1e-9, "{at}");
+        }
+    }
+}

@@ -167,6 +167,36 @@ fn no_file_redefines_default_and_the_first_definition_counts() {
     let (d, _) = library.named(DEFAULT, &names, &mut f.diagnostics);
     let (m, known) = library.named("matte", &names, &mut f.diagnostics);
     assert_eq!(library.materials[d as usize], Material::unnamed("default", HELIOS));
-    assert!(known && library.materials[m as usize].reflection == Reflection::Lambert);
+    assert_eq!((known, library.materials[m as usize].reflection), (Known::Whole, Reflection::Lambert));
     assert!(!library.add_file(Path::new("/does/not/exist.mtl"), &mut names, &mut f.diagnostics));
+}
+
+#[test]
+fn names_are_whole_lines_and_a_first_word_is_warned_of() {
+    let mut f = Fixture::new();
+    let path = f.folder.path().join("n.mtl");
+    let text = "newmtl Oak bark\nhelios_classification 4\nnewmtl Oak leaf\nhelios_classification 5\nnewmtl Oak\n\
+                newmtl Material #25\nhelios_classification 6\nnewmtl fir # dark\nhelios_classification 7\n";
+    std::fs::write(&path, text).unwrap();
+    let mut library = f.library(HELIOS);
+    let mut names = Names::default();
+    assert!(library.add_file(&path, &mut names, &mut f.diagnostics));
+    let mut class = |name: &str| {
+        let (index, known) = library.named(name, &names, &mut f.diagnostics);
+        (library.materials[index as usize].classification, known)
+    };
+    assert_eq!([class("Oak bark").0, class("Oak leaf").0, class("Oak").0], [4, 5, 0]);
+    assert_eq!([class("Material #25"), class("fir")], [(6, Known::Whole), (7, Known::Whole)]);
+    assert_eq!(class("Oak twig"), (4, Known::FirstWord("Oak bark".to_owned())));
+    assert_eq!(class("beech").1, Known::Nowhere);
+    assert!(f.diagnostics.items().is_empty(), "{}", f.diagnostics.render(false));
+    let mut choose = |name: &str| {
+        let choice =
+            MaterialChoice { file: Some(path.clone()), name: Some(name.to_owned()), ..Default::default() };
+        library
+            .chosen(&choice, 0, None, &mut f.diagnostics)
+            .map(|all| library.materials[all[0] as usize].classification)
+    };
+    assert_eq!([choose("Oak leaf"), choose("fir tree"), choose("beech")], [Some(5), Some(7), None]);
+    assert_eq!(f.diagnostics.items().len(), 2);
 }

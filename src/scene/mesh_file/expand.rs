@@ -5,7 +5,8 @@
 use super::gltf::Document;
 use super::gltf_nodes::{PlacedMesh, similarity};
 use super::materials::MaterialTable;
-use super::{FileFrame, Format, finish, table_of, warn_of_unknown, whole_file};
+use super::{FileFrame, Format, finish, foreign, table_of, warn_of_unknown};
+use crate::diag::Place;
 use crate::error::Result;
 use crate::geom::Rotation;
 use crate::scene::builder::SceneBuilder;
@@ -69,11 +70,14 @@ fn expand(scene: &mut SceneBuilder, part: &PartRecipe) -> Result<Option<Vec<Part
     let (placed, document) = match opened {
         Ok(opened) => opened,
         Err(message) => {
-            scene.diagnostics.error(Some(whole_file(file)), message);
+            scene.diagnostics.error(Some(Place::of_file(file)), message);
             return Ok(Some(Vec::new()));
         }
     };
     scene.sources.extend(document.files().map(Path::to_path_buf));
+    for warning in document.warnings() {
+        scene.diagnostics.warn(Some(Place::of_file(file)), warning);
+    }
     let table = table_of(scene, file, reading);
     let mut meshes = Meshes { document, file, reading, table, unknown: Vec::new(), known: HashMap::new() };
     let mut parts = Vec::with_capacity(placed.len());
@@ -89,14 +93,17 @@ fn expand(scene: &mut SceneBuilder, part: &PartRecipe) -> Result<Option<Vec<Part
     warn_of_unknown(scene, file, meshes.unknown);
     if parts.is_empty() && !scene.diagnostics.is_fatal(false) {
         let message = "the glTF file shows no triangles and is left out";
-        scene.diagnostics.warn(Some(whole_file(file)), message);
+        scene.diagnostics.warn(Some(Place::of_file(file)), message);
     }
     Ok(Some(parts))
 }
 
-/// Whether a file is glTF, by its name or its first bytes. A file that cannot be opened is reported where it is loaded.
+/// Whether a file is glTF, by its name or its first bytes. A file that cannot be opened, or is of a format that is not read, is
+/// reported where it is loaded.
 fn is_gltf(path: &Path) -> bool {
-    Source::open(path).is_ok_and(|source| Format::of(path, source.bytes()) == Format::Gltf)
+    let is_one =
+        |source: &Source| Format::of(path, source.bytes()) == Format::Gltf && foreign(source).is_none();
+    Source::open(path).is_ok_and(|source| is_one(&source))
 }
 
 /// The meshes of a document that have been read.
@@ -139,7 +146,7 @@ impl Meshes<'_> {
             Ok(raw) => finish(scene, self.file, self.table.as_ref(), raw, &mut self.unknown)?
                 .map(|m| Arc::new(m.with_name(self.document.mesh_name(mesh)))),
             Err(message) => {
-                scene.diagnostics.error(Some(whole_file(self.file)), message);
+                scene.diagnostics.error(Some(Place::of_file(self.file)), message);
                 None
             }
         };

@@ -2,6 +2,7 @@
 //! accessors, meshes and materials. Triangles are read; points, lines, skins, morph targets and textures are not.
 
 use super::gltf_buffers::{Buffer, BufferJson, open_buffer, split_chunks};
+use super::gltf_extensions::{COMPRESSIONS, compressed, refused};
 use super::gltf_materials::{MaterialJson, definitions};
 use super::{FileFrame, RawMesh};
 use crate::geom::DVec3;
@@ -13,9 +14,6 @@ use serde::Deserialize;
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Required extensions that do not change what a ray hits, or that are read.
-const KNOWN_EXTENSIONS: [&str; 4] =
-    ["KHR_mesh_quantization", "EXT_mesh_gpu_instancing", "KHR_texture_transform", "KHR_texture_basisu"];
 /// Maximum number of vertices of an accessor whose values are nearly all 0 and not in the file.
 const MAX_SPARSE: usize = 1 << 24;
 
@@ -103,6 +101,8 @@ struct Primitive {
     material: Option<usize>,
     mode: Option<u32>,
     #[serde(default)]
+    targets: Vec<serde_json::Value>,
+    #[serde(default)]
     extensions: HashMap<String, serde_json::Value>,
 }
 
@@ -117,6 +117,7 @@ pub(super) struct NodeJson {
     #[serde(default)]
     pub children: Vec<usize>,
     pub mesh: Option<usize>,
+    pub skin: Option<usize>,
     pub matrix: Option<[f64; 16]>,
     pub translation: Option<[f64; 3]>,
     pub rotation: Option<[f64; 4]>,
@@ -145,6 +146,7 @@ pub(super) struct Document {
     materials: Vec<MaterialDefinition>,
     /// Memory that its meshes may still take, bytes.
     pub free_memory: u64,
+    warnings: Vec<String>,
 }
 
 /// First vertex and number of vertices of the accessors of positions that a mesh has appended.
@@ -160,20 +162,32 @@ impl Document {
         if !json.asset.version.starts_with("2.") {
             return Err(format!("expected glTF 2.0, found version {}", json.asset.version));
         }
-        let is_unknown = |name: &&String| {
-            !KNOWN_EXTENSIONS.contains(&name.as_str()) && !name.starts_with("KHR_materials_")
-        };
-        if let Some(name) = json.extensions_required.iter().find(is_unknown) {
-            return Err(format!(
-                "the file requires the extension {name}, which is not read; export it without compression"
-            ));
+        if let Some(problem) = json.extensions_required.iter().find_map(|name| refused(name)) {
+            return Err(problem);
         }
+        let mut warnings = Vec::new();
         let buffers = (0..)
             .zip(&json.buffers)
-            .map(|(i, b)| open_buffer(path, i, b, &chunk))
+            .map(|(i, b)| open_buffer(path, i, b, &chunk, &mut warnings))
             .collect::<Result<_, _>>()?;
         let materials = definitions(&json.materials)?;
-        Ok(Document { source, json, buffers, materials, free_memory })
+        Ok(Document { source, json, buffers, materials, free_memory, warnings })
+    }
+
+    /// What is left out and changes the shape of meshes, and files in another spelling, in sentences about the file.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut all = self.warnings.clone();
+        if self.json.nodes.iter().any(|node| node.skin.is_some()) {
+            all.push("skins are left out: the meshes have the shape in which they are stored".to_owned());
+        }
+        let has_targets =
+            |mesh: &MeshJson| mesh.primitives.iter().any(|primitive| !primitive.targets.is_empty());
+        if self.json.meshes.iter().any(has_targets) {
+            all.push(
+                "morph targets are left out: the meshes have the shape in which they are stored".to_owned(),
+            );
+        }
+        all
     }
 
     /// The files of the document.
@@ -258,10 +272,10 @@ impl Document {
         if mode < 4 {
             return Ok(());
         }
-        if let Some(name) = primitive.extensions.keys().find(|name| name.ends_with("_compression")) {
-            return Err(format!(
-                "it is compressed by {name}, which is not read; export it without compression"
-            ));
+        if let Some(name) = primitive.extensions.keys().find(|name| COMPRESSIONS.contains(&name.as_str()))
+            && self.lacks_fallback(primitive)
+        {
+            return Err(compressed(name));
         }
         let positions = *primitive.attributes.get("POSITION").ok_or("a primitive has no POSITION")?;
         let corners = self.count_of(primitive.indices.unwrap_or(positions))?;
@@ -310,6 +324,15 @@ impl Document {
             other => return Err(format!("a primitive has the unknown mode {other}")),
         }
         Ok(())
+    }
+
+    /// Whether a compressed primitive has no uncompressed positions or indices beside the compressed ones.
+    fn lacks_fallback(&self, primitive: &Primitive) -> bool {
+        let accessors = primitive.attributes.get("POSITION").into_iter().chain(&primitive.indices);
+        let has_data = |&accessor: &usize| {
+            self.json.accessors.get(accessor).is_some_and(|a| a.buffer_view.is_some() || a.sparse.is_some())
+        };
+        !accessors.into_iter().all(has_data)
     }
 
     /// The number of values that an accessor states.

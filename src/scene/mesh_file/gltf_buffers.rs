@@ -62,11 +62,13 @@ pub(super) fn split_chunks(bytes: &[u8]) -> Result<Chunks<'_>, String> {
     Ok((text, chunk))
 }
 
+/// Opens a buffer. A file whose name has `\` between folders is warned of.
 pub(super) fn open_buffer(
     path: &Path,
     index: usize,
     buffer: &BufferJson,
     chunk: &Option<Range<usize>>,
+    warnings: &mut Vec<String>,
 ) -> Result<Buffer, String> {
     let opened = match (&buffer.uri, chunk) {
         (None, Some(range)) if index == 0 => Buffer::Chunk(range.clone()),
@@ -83,7 +85,16 @@ pub(super) fn open_buffer(
                 ));
             }
             None => {
-                let name = PathBuf::from(decode_percent(uri));
+                let written = decode_percent(uri);
+                let with_slashes = written.replace('\\', "/");
+                let is_respelled = with_slashes != written && !path.with_file_name(&written).exists();
+                if is_respelled {
+                    warnings.push(format!(
+                        "there is no file `{}`; `{with_slashes}` is read",
+                        shown(written.as_bytes())
+                    ));
+                }
+                let name = PathBuf::from(if is_respelled { with_slashes } else { written });
                 let is_beside =
                     name.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
                 let file = path.with_file_name(&name);

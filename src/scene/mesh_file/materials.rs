@@ -9,13 +9,15 @@
 //! The first line names the columns, of which `name` is required, in any order. A table is named by the loader, or is the
 //! file `materials.csv` beside a PLY, STL or glTF file.
 
-use super::{diffuse, whole_file};
-use crate::columns::Separator;
+use super::diffuse;
+use crate::columns::{Separator, comma_note, unquoted};
 use crate::diag::{Diagnostics, Place};
+use crate::files::reads;
 use crate::input::read_file;
 use crate::scene::text::printable;
 use crate::survey::{MaterialDefinition, MeshReading};
 use std::collections::HashMap;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Name of the table that is looked for beside a mesh file.
@@ -36,7 +38,7 @@ impl MaterialTable {
     /// The table that the loader names, or the one beside the mesh file `path`; `None` if there is none, and after an error
     /// in it.
     pub fn of(path: &Path, reading: &MeshReading, diagnostics: &mut Diagnostics) -> Option<MaterialTable> {
-        let beside = || Some(path.with_file_name(FILE_NAME)).filter(|table| table.is_file());
+        let beside = || Some(path.with_file_name(FILE_NAME)).filter(|table| reads::is_file(table));
         let table = reading.materials.clone().or_else(beside)?;
         let text = match read_text(&table) {
             Ok(text) => text,
@@ -62,6 +64,7 @@ impl MaterialTable {
         material.spectrum = row.spectrum.clone();
         material.classification = row.classification;
         material.is_ground = row.is_ground;
+        material.place = row.place.clone();
     }
 
     /// The materials, by name.
@@ -78,7 +81,7 @@ fn read_rows(path: &Path, text: &str, diagnostics: &mut Diagnostics) -> HashMap<
     let mut lines =
         (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
     let Some((number, heading)) = lines.next() else {
-        diagnostics.error(Some(whole_file(path)), "the table of materials is empty").help(HELP);
+        diagnostics.error(Some(Place::of_file(path)), "the table of materials is empty").help(HELP);
         return rows;
     };
     let separator = Separator::guess(heading);
@@ -92,28 +95,42 @@ fn read_rows(path: &Path, text: &str, diagnostics: &mut Diagnostics) -> HashMap<
         return rows;
     }
     for (number, line) in lines {
-        let mut material = diffuse("");
-        let fields = separator.split(line);
-        if fields.len() != names.len() {
-            let place = Place::in_line(path, number, line, 0..line.len());
-            let message = format!("expected {} fields, found {}", names.len(), fields.len());
-            diagnostics.error(Some(place), message).help(HELP);
-            continue;
-        }
-        for (name, at) in names.iter().zip(fields) {
-            let value = &line[at.clone()];
-            if let Err(expected) = set(&mut material, name, value) {
-                let message = format!("expected {expected}, found \"{value}\"");
+        let place = Place::in_line(path, number, line, 0..line.len());
+        let mut material = MaterialDefinition { place: Some(place.clone()), ..diffuse("") };
+        let fields = match fields_of(line, separator, names.len()) {
+            Ok(fields) => fields,
+            Err(found) => {
+                let message = format!("expected {} fields, found {found}", names.len());
+                diagnostics.error(Some(place), message).help(HELP);
+                continue;
+            }
+        };
+        for (name, (value, at)) in names.iter().zip(fields) {
+            if let Err(expected) = set(&mut material, name, &value) {
+                let message = format!("expected {expected}, found \"{value}\"{}", comma_note(&value));
                 diagnostics.error(Some(Place::in_line(path, number, line, at)), message).help(HELP);
             }
         }
         let name = material.name.clone();
         if rows.insert(name.clone(), material).is_some() {
-            let place = Place::in_line(path, number, line, 0..line.len());
             diagnostics.error(Some(place), format!("the material \"{name}\" is described twice"));
         }
     }
     rows
+}
+
+/// The fields of a row and their places, of which the last may be empty; `Err` has their number if it is not `count`. Fields in
+/// quotes may hold the separator.
+fn fields_of(line: &str, separator: Separator, count: usize) -> Result<Vec<(String, Range<usize>)>, usize> {
+    if !line.contains('"') {
+        let fields = separator.split_row(line, count)?;
+        return Ok(fields.into_iter().map(|at| (line[at.clone()].to_owned(), at)).collect());
+    }
+    let fields = unquoted(line, separator);
+    match fields.len() == count {
+        true => Ok(fields.into_iter().map(|field| (field, 0..line.len())).collect()),
+        false => Err(fields.len()),
+    }
 }
 
 /// The text of a regular file.

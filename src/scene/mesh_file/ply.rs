@@ -1,15 +1,14 @@
-//! PLY meshes, text and binary: the faces of `vertex_indices`. The material is named after the file.
+//! PLY meshes, text and binary: the faces of `vertex_indices`, and strips of triangles. The material is named after the file.
 
 use super::{RawMesh, diffuse};
 use crate::damage::catch_decoder_panic;
 use crate::geom::DVec3;
+use crate::points::{PlyNumbers, ply_header};
 use crate::scene::text::Source;
 use ply_rs_bw::parser::{Parser, Reader};
-use ply_rs_bw::ply::{ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult};
-use std::io::{BufRead, Read};
-
-/// Maximum length of a line of a text file, bytes.
-const MAX_LINE_BYTES: u64 = 1 << 20;
+use ply_rs_bw::ply::{
+    ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
+};
 
 pub(super) fn read(source: &Source) -> Result<RawMesh, String> {
     let name = source.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -18,30 +17,30 @@ pub(super) fn read(source: &Source) -> Result<RawMesh, String> {
 }
 
 fn read_mesh(bytes: &[u8], name: String) -> Result<RawMesh, String> {
-    if bytes.starts_with(b"ply\r") && !bytes.starts_with(b"ply\r\n") {
-        return Err(
-            "the lines of the PLY file end in a carriage return alone, expected line feeds".to_owned()
-        );
-    }
+    let spelled = ply_header(bytes).map_err(|e| format!("expected a PLY file: {e}"))?;
     let parser = Parser::<Element>::new();
-    let mut reader = Reader::new(bytes);
-    let header =
-        parser.read_header(&mut reader).map_err(|e| format!("expected a PLY file: {}", first_line(&e)))?;
-    let mut rest = reader.into_inner();
+    let header = parser
+        .read_header(&mut Reader::new(spelled.text.as_bytes()))
+        .map_err(|e| format!("expected a PLY file: {}", first_line(&e)))?;
+    let body = &bytes[spelled.body..];
+    let mut reader = match header.encoding {
+        Encoding::Ascii => ElementReader::Text(PlyNumbers::new(body)),
+        encoding => ElementReader::Binary(parser, encoding, body),
+    };
     let mut mesh = RawMesh { materials: vec![diffuse(name)], ..RawMesh::default() };
     let mut has_faces = false;
     for definition in header.elements.values().filter(|e| !e.properties.is_empty()) {
-        has_faces |= definition.name == "face";
+        has_faces |= matches!(definition.name.as_str(), "face" | "tristrips");
         for at in 0..definition.count {
-            let element = read_element(&parser, header.encoding, &mut rest, definition).map_err(|e| {
+            let element = reader.read(definition).map_err(|e| {
                 let (name, count) = (&definition.name, definition.count);
-                format!("{e} after {at} of {count} elements \"{name}\"; is the file whole?")
+                format!("{e} after {at} of {count} elements \"{name}\"")
             })?;
             match definition.name.as_str() {
                 "vertex" => mesh.vertices.push(DVec3::from(element.position)),
-                "face" if element.has_fractions => {
+                name @ ("face" | "tristrips") if element.has_fractions => {
                     return Err(format!(
-                        "face {at}: expected whole numbers as corners, found a list of floats"
+                        "{name} {at}: expected whole numbers as corners, found a list of floats"
                     ));
                 }
                 "face" => {
@@ -50,6 +49,7 @@ fn read_mesh(bytes: &[u8], name: String) -> Result<RawMesh, String> {
                     let corners: Vec<u32> = element.corners.iter().map(corner).collect::<Result<_, _>>()?;
                     mesh.add_polygon(&corners, 0);
                 }
+                "tristrips" => add_strips(&mut mesh, &element.corners)?,
                 _ => {}
             }
         }
@@ -63,22 +63,67 @@ fn read_mesh(bytes: &[u8], name: String) -> Result<RawMesh, String> {
     Ok(mesh)
 }
 
-fn read_element(
-    parser: &Parser<Element>,
-    encoding: Encoding,
-    rest: &mut &[u8],
-    definition: &ElementDef,
-) -> Result<Element, String> {
-    let read = match encoding {
-        Encoding::Ascii => {
-            let mut line = String::new();
-            rest.by_ref().take(MAX_LINE_BYTES).read_line(&mut line).map_err(|e| e.to_string())?;
-            parser.read_ascii_element(&line, definition)
+/// Adds strips of triangles, which end with -1. Every second triangle has its corners in the other order.
+fn add_strips(mesh: &mut RawMesh, corners: &[i64]) -> Result<(), String> {
+    for strip in corners.split(|c| *c == -1) {
+        let corner = |c: &i64| u32::try_from(*c).map_err(|_| format!("a strip has the corner {c}"));
+        let strip: Vec<u32> = strip.iter().map(corner).collect::<Result<_, _>>()?;
+        for (i, t) in strip.windows(3).enumerate() {
+            let odd = i % 2;
+            mesh.add_polygon(&[t[0], t[1 + odd], t[2 - odd]], 0);
         }
-        Encoding::BinaryLittleEndian => parser.read_little_endian_element(rest, definition),
-        Encoding::BinaryBigEndian => parser.read_big_endian_element(rest, definition),
-    };
-    read.map_err(|e| first_line(&e))
+    }
+    Ok(())
+}
+
+/// Reads elements one after the other.
+enum ElementReader<'b> {
+    Text(PlyNumbers<'b>),
+    Binary(Parser<Element>, Encoding, &'b [u8]),
+}
+
+impl ElementReader<'_> {
+    fn read(&mut self, definition: &ElementDef) -> Result<Element, String> {
+        let read = match self {
+            ElementReader::Text(numbers) => return read_text_element(numbers, definition),
+            ElementReader::Binary(parser, Encoding::BinaryBigEndian, rest) => {
+                parser.read_big_endian_element(rest, definition)
+            }
+            ElementReader::Binary(parser, _, rest) => parser.read_little_endian_element(rest, definition),
+        };
+        read.map_err(|e| format!("{}; is the file whole?", first_line(&e)))
+    }
+}
+
+/// Reads an element of a text file. Lines do not matter.
+fn read_text_element(numbers: &mut PlyNumbers, definition: &ElementDef) -> Result<Element, String> {
+    let mut element = Element::new();
+    for property in definition.properties.values() {
+        let name = property.name.as_str();
+        match &property.data_type {
+            PropertyType::Scalar(_) => {
+                let value = numbers.number()?;
+                element.set_property(name, Property::Double(value));
+            }
+            PropertyType::List(_, number) => {
+                let are_floats = matches!(number, ScalarType::Float | ScalarType::Double);
+                let count = numbers.length()?;
+                let list: Vec<f64> = (0..count).map(|_| numbers.number()).collect::<Result<_, _>>()?;
+                let is_whole = |v: &f64| v.fract() == 0.0 && v.abs() <= f64::from(u32::MAX);
+                if is_corners(name) && !are_floats && list.iter().all(is_whole) {
+                    element.corners = list.iter().map(|&v| v as i64).collect();
+                } else if is_corners(name) {
+                    element.has_fractions = true;
+                }
+            }
+        }
+    }
+    Ok(element)
+}
+
+/// Whether a list has the name of the corners of faces.
+fn is_corners(name: &str) -> bool {
+    ["vertex_indices", "vertex_index"].iter().any(|known| name.eq_ignore_ascii_case(known))
 }
 
 /// What the decoder says, without its quotation of the file and the full stop.
@@ -101,10 +146,10 @@ impl PropertyAccess for Element {
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
         let slot = match name {
-            "x" => 0,
-            "y" => 1,
-            "z" => 2,
-            "vertex_indices" | "vertex_index" => {
+            "x" | "X" => 0,
+            "y" | "Y" => 1,
+            "z" | "Z" => 2,
+            name if is_corners(name) => {
                 return match integers(&property) {
                     Some(corners) => {
                         self.corners = corners;

@@ -18,5 +18,5 @@ mod state;
 mod tests;
 
 pub use object::{DynamicObject, DynamicScene, ObjectUpdate};
-pub use plan::MotionPlan;
+pub use plan::{MotionPlan, check_time_step};
 pub use state::MotionState;

@@ -1,11 +1,13 @@
 //! The schedule and the transforms of moving parts.
 
+use crate::diag::{Diagnostics, Place};
 use crate::geom::{Affine, DVec3, Rotation};
 use crate::scene::{MovingPart, Part, Scene, Surface};
-use crate::survey::{Motion, MotionKind, MotionSequence, MotionTiming};
+use crate::survey::{Motion, MotionKind, MotionSequence, MotionTiming, rounded_steps};
 use crate::tree::Geometry;
 use std::collections::HashMap;
 use std::ops::Range;
+use std::path::Path;
 
 /// The moving parts of a scene and their motions: immutable, shared by the producer and all workers.
 #[derive(Clone, Debug)]
@@ -83,6 +85,19 @@ impl MotionPlan {
     }
 }
 
+/// Warns of a time step of a moving scene, which the file `path` describes, that is no whole number of pulse periods.
+pub fn check_time_step(scene: &Scene, path: &Path, pulse_rate: f64) -> Diagnostics {
+    let mut found = Diagnostics::default();
+    let Some(time) = scene.dyn_time_step.filter(|_| !scene.moving_parts.is_empty()) else { return found };
+    if let Some(message) = rounded_steps(pulse_rate * time, time, 1.0 / pulse_rate) {
+        found.warn(
+            Some(Place::of_file(path)),
+            format!("the scene's `dynTimeStep` of {message}, which are the periods of its pulses"),
+        );
+    }
+    found
+}
+
 /// A quotient of times as a number of steps, rounded down. NaN and values below 1 become 0.
 fn whole_steps(quotient: f64) -> u64 {
     quotient as u64
@@ -136,9 +151,9 @@ fn extract_part(scene: &Scene, moving: &MovingPart) -> Scene {
     let g = &scene.geometry;
     let first = moving.vertices.start as u32;
     let geometry = Geometry {
-        vertices: g.vertices[moving.vertices.clone()].to_vec().into(),
+        vertices: g.vertices[moving.vertices.clone()].to_vec(),
         triangles: g.triangles[moving.triangles.clone()].iter().map(|t| t.map(|v| v - first)).collect(),
-        cubes: g.cubes[moving.cubes.clone()].to_vec().into(),
+        cubes: g.cubes[moving.cubes.clone()].to_vec(),
     };
     let count = g.triangles.len();
     let cubes = count + moving.cubes.start..count + moving.cubes.end;
@@ -161,7 +176,7 @@ fn extract_part(scene: &Scene, moving: &MovingPart) -> Scene {
         surfaces,
         parts: vec![Part::clone(&scene.parts[moving.part as usize])],
         materials,
-        voxels: scene.voxels[moving.cubes.clone()].to_vec().into(),
+        voxels: scene.voxels[moving.cubes.clone()].to_vec(),
         ..Scene::default()
     }
 }

@@ -1,4 +1,4 @@
-//! Loads Wavefront OBJ files (spec input-formats §4.1): the file is mapped, divided at line ends and read by all
+//! Loads Wavefront OBJ files (spec input-formats §4.1): the file is divided at line ends and read by all
 //! threads in parallel; the pieces are appended in the order of the file, so the result does not depend on their
 //! number.
 
@@ -7,19 +7,21 @@ mod slice;
 mod tests;
 
 use super::builder::{PartSource, SceneBuilder};
-use super::library::{DEFAULT, Names};
+use super::library::{DEFAULT, Known, Names};
 use super::mtl::{name_of, text_of};
+use super::polygon::{self, Fan};
 use super::reflectance_issues::ReflectanceIssue;
 use super::text::{Problems, Source, cut_into_pieces};
+use crate::diag::{Place, nearest};
 use crate::error::Result;
+use crate::files::reads;
 use crate::geom::DVec3;
-use crate::survey::foreign_mesh;
 use rayon::prelude::*;
 pub(super) use slice::Reading;
 use slice::{NO_VERTEX, Slice, Statement, Switch};
 use std::collections::HashSet;
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Bytes read by one task: small enough to keep all threads busy, large enough to make the overhead per task
 /// negligible.
@@ -27,6 +29,9 @@ const PIECE_BYTES: usize = 1 << 20;
 
 /// Pieces per thread that are read before they are appended; limits the memory held twice.
 const PIECES_PER_THREAD: usize = 4;
+
+/// Maximum number of names of a folder among which a similar one is looked for.
+const MAX_LISTED_NAMES: usize = 10_000;
 
 /// Appends the triangles of an OBJ file to the scene. `names` holds the materials known to the part's files.
 pub(super) fn load(
@@ -36,12 +41,6 @@ pub(super) fn load(
     reading: Reading,
     names: &mut Names,
 ) -> Result<()> {
-    if let Some((found, help)) = foreign_mesh(source.path(), source.bytes()) {
-        let message =
-            format!("expected a mesh (OBJ, PLY, STL, glTF), found {found}: {}", source.path().display());
-        scene.diagnostics.error(part.place.cloned(), message).help(help);
-        return Ok(());
-    }
     if !source.is_text("an OBJ file", &mut scene.diagnostics) {
         return Ok(());
     }
@@ -51,8 +50,9 @@ pub(super) fn load(
     check_whole(scene, source, &mesh);
     if mesh.polygons > 0 && reading.drop_polygons {
         let message = format!("{} faces with more than four vertices are left out", mesh.polygons);
-        scene.diagnostics.warn(None, format!("{message} of {}", source.path().display()));
+        scene.diagnostics.warn(Some(Place::of_file(source.path())), message);
     }
+    divide_polygons(scene, source, reading, &mesh);
     assign_materials(scene, part, source, &mesh, names)?;
     let faults = leave_out_faults(scene, source, reading, &mesh);
     faults.report(source, &mut scene.diagnostics);
@@ -82,12 +82,23 @@ fn check_whole(scene: &mut SceneBuilder, source: &Source, mesh: &Mesh) {
     scene.diagnostics.error(Some(source.place(mesh.lines.max(1), end.saturating_sub(1)..end)), message);
 }
 
+/// Divides the faces of more than three corners; those that cross themselves are reported.
+fn divide_polygons(scene: &mut SceneBuilder, source: &Source, reading: Reading, mesh: &Mesh) {
+    let vertices = &scene.geometry.vertices[mesh.first_vertex..];
+    let triangles = &mut scene.geometry.triangles[mesh.first_triangle..];
+    if let Some(crossings) = polygon::divide(&mesh.fans, triangles, vertices) {
+        let (line, at) = mesh.locate(source, reading, crossings.first);
+        scene.diagnostics.warn(Some(source.place(line, at)), crossings.message());
+    }
+}
+
 /// The position of a file's triangles and vertices in the scene, and what was counted while reading.
 struct Mesh {
     first_vertex: usize,
     first_triangle: usize,
     pieces: Vec<Piece>,
     switches: Vec<Switch>,
+    fans: Vec<Fan>,
     polygons: usize,
     elements: usize,
     unknown: usize,
@@ -108,6 +119,7 @@ fn read_pieces(scene: &mut SceneBuilder, source: &Source, reading: Reading) -> R
         first_triangle: scene.geometry.triangles.len(),
         pieces: Vec::new(),
         switches: Vec::new(),
+        fans: Vec::new(),
         polygons: 0,
         elements: 0,
         unknown: 0,
@@ -122,7 +134,6 @@ fn read_pieces(scene: &mut SceneBuilder, source: &Source, reading: Reading) -> R
         for (slice, piece) in read.into_iter().zip(wave) {
             append(scene, &mut mesh, &mut problems, slice, piece.clone());
         }
-        source.release(wave[0].start..wave[wave.len() - 1].end);
     }
     Ok((mesh, problems))
 }
@@ -148,6 +159,7 @@ fn append(
         at: s.at.start + bytes.start..s.at.end + bytes.start,
         ..s
     }));
+    mesh.fans.extend(slice.fans.iter().map(|fan| Fan { first: fan.first + first_triangle as u32, ..*fan }));
     problems.append(slice.problems, lines, bytes.start);
     mesh.polygons += slice.polygons;
     mesh.elements += slice.elements;
@@ -178,15 +190,28 @@ fn assign_materials(
     for (end, switch) in ends.zip(switches) {
         if end > start {
             let (material, known) = scene.library.named(&current.0, names, &mut scene.diagnostics);
+            let place = || {
+                let place = current.1.map(|s| source.place(s.line, s.at.clone()));
+                place.unwrap_or_else(|| source.place(0, 0..0))
+            };
             if current.0 == DEFAULT && reported.insert(current.0.clone()) {
-                let place = current.1.map(|s| source.place(s.line, s.at.clone()));
-                let place = place.unwrap_or_else(|| source.place(0, 0..0));
-                scene.library.issues.add(ReflectanceIssue::Missing, DEFAULT, place);
+                scene.library.issues.add(ReflectanceIssue::Missing, DEFAULT, place());
             }
-            if !known && reported.insert(current.0.clone()) {
-                let place = current.1.map(|s| source.place(s.line, s.at.clone()));
-                let message = format!("no material file defines \"{}\"; it reflects 50 per cent", current.0);
-                scene.diagnostics.warn(place, message);
+            match known {
+                Known::Whole => {}
+                _ if !reported.insert(current.0.clone()) => {}
+                Known::FirstWord(other) => {
+                    let message = format!(
+                        "no material file defines \"{}\"; \"{other}\" is taken, whose first word is the same",
+                        current.0
+                    );
+                    scene.diagnostics.warn(Some(place()), message);
+                }
+                Known::Nowhere => {
+                    let message =
+                        format!("no material file defines \"{}\"; it reflects 50 per cent", current.0);
+                    scene.diagnostics.warn(Some(place()), message);
+                }
             }
             let surface = scene.surface(part.index, material);
             scene.triangle_surfaces.resize(mesh.first_triangle + end, surface);
@@ -201,8 +226,8 @@ fn assign_materials(
     Ok(())
 }
 
-/// Reads a material library in the folder of the OBJ file. The words after `mtllib` are one file name; if no such file
-/// exists, each word is tried separately, and `\` as a folder separator.
+/// Reads a material library in the folder of the OBJ file. The rest of the line after `mtllib` is one file name; if no such
+/// file exists, `\` separates folders, and then each word is a name.
 fn add_library(
     scene: &mut SceneBuilder,
     source: &Source,
@@ -211,26 +236,43 @@ fn add_library(
     switch: &Switch,
 ) {
     let folder = source.path().parent().map_or_else(PathBuf::new, PathBuf::from);
+    let place = || source.place(switch.line, switch.at.clone());
     let whole = text_of(operand);
-    let mut candidates = vec![vec![whole.clone()], vec![whole.replace('\\', "/")]];
-    candidates.push(whole.split(' ').map(str::to_owned).collect());
-    for files in candidates {
+    let with_slashes = whole.replace('\\', "/");
+    let words: Vec<&str> = with_slashes.split_whitespace().collect();
+    for files in [vec![whole.as_str()], vec![with_slashes.as_str()], words] {
         let paths: Vec<PathBuf> = files.iter().map(|f| folder.join(f)).collect();
-        if paths.iter().all(|p| p.is_file()) {
-            for path in paths {
-                scene.library.add_file(&path, names, &mut scene.diagnostics);
-            }
-            return;
+        if !paths.iter().all(reads::is_file) {
+            continue;
         }
+        if whole.contains('\\') && files[0] != whole {
+            let message = format!("there is no file `{whole}`; `{with_slashes}` is read");
+            scene.diagnostics.warn(Some(place()), message).help("write / between folders");
+        }
+        for path in paths {
+            scene.library.add_file(&path, names, &mut scene.diagnostics);
+        }
+        return;
     }
-    let place = source.place(switch.line, switch.at.clone());
-    scene
-        .diagnostics
-        .warn(Some(place), format!("there is no material file \"{whole}\" in {}", shown_folder(&folder)))
-        .help("materials that it should define reflect 50 per cent");
+    let message = format!("there is no material file \"{whole}\" in {}", shown_folder(&folder));
+    let default = "materials that it should define reflect 50 per cent";
+    let help = match similar_file(&folder, &with_slashes) {
+        Some(similar) => format!("did you mean `{similar}`? {default}"),
+        None => default.to_owned(),
+    };
+    scene.diagnostics.warn(Some(place()), message).help(help);
 }
 
-fn shown_folder(folder: &std::path::Path) -> String {
+/// The name of a file in `folder` that differs from `name` by capitals or a few letters.
+fn similar_file(folder: &Path, name: &str) -> Option<String> {
+    let paths = reads::list(folder).ok()?.into_iter().take(MAX_LISTED_NAMES);
+    let names: Vec<String> =
+        paths.map(|path| path.file_name().unwrap_or_default().to_string_lossy().into_owned()).collect();
+    let with_ending = names.iter().filter(|n| n.to_lowercase().ends_with(".mtl")).map(String::as_str);
+    nearest(name, with_ending).map(str::to_owned)
+}
+
+fn shown_folder(folder: &Path) -> String {
     if folder.as_os_str().is_empty() {
         "the working directory".to_owned()
     } else {
@@ -240,12 +282,17 @@ fn shown_folder(folder: &std::path::Path) -> String {
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Fault {
+    /// See [`polygon::UNUSED`].
+    Unused,
     MissingVertex,
     UnusableVertex,
     NoArea,
 }
 
 fn fault(triangle: [u32; 3], vertices: &[DVec3]) -> Option<Fault> {
+    if triangle == polygon::UNUSED {
+        return Some(Fault::Unused);
+    }
     if triangle.iter().any(|&v| v as usize >= vertices.len()) {
         return Some(Fault::MissingVertex);
     }
@@ -274,7 +321,7 @@ fn leave_out_faults(scene: &mut SceneBuilder, source: &Source, reading: Reading,
                 problems.error(line, at, message);
             }
             Some(Fault::NoArea) => without_area.push(i),
-            Some(Fault::UnusableVertex) | None => {}
+            Some(Fault::UnusableVertex | Fault::Unused) | None => {}
         }
     }
     if let Some(&i) = without_area.first() {

@@ -1,9 +1,11 @@
 //! Reads one piece of an OBJ file independently of all others (spec input-formats §4.1).
 
+use crate::columns::comma_note;
 use crate::geom::DVec3;
 use crate::scene::builder::MAX_COORDINATE;
 use crate::scene::number::{float_at, is_blank, skip_blanks};
-use crate::scene::text::{Line, Lines, Problems, Words, is_empty_line, shown};
+use crate::scene::polygon::Fan;
+use crate::scene::text::{Line, Lines, Problems, Words, is_empty_line, operand, shown};
 use std::ops::Range;
 
 /// Vertex index for invalid references; faces with it are omitted.
@@ -22,6 +24,9 @@ pub(super) struct Slice {
     /// Corners (3·triangle + corner) whose index counts from the first vertex of this piece, as a wrapped `i32`.
     pub relative: Vec<u32>,
     pub switches: Vec<Switch>,
+    /// Faces of four and more corners, which are to be divided; none if polygons are omitted, so that the reference's
+    /// division of quadrangles remains.
+    pub fans: Vec<Fan>,
     /// Problems, with lines and bytes counted from the start of the piece.
     pub problems: Problems,
     /// Number of physical lines.
@@ -47,7 +52,7 @@ pub(super) struct Switch {
 
 /// The statements of a [`Switch`].
 pub(super) enum Statement {
-    /// `usemtl` with its name.
+    /// `usemtl` with the rest of its line.
     Use(Vec<u8>),
     /// `mtllib` with the rest of its line.
     Library(Vec<u8>),
@@ -125,9 +130,10 @@ impl Slice {
     fn bad_vertex(&mut self, line: &Line, at: Range<usize>) {
         let found = shown(&line.text[at.clone()]);
         self.problems.error(line.number, line.start + at.start..line.start + at.end, || {
+            let hint = comma_note(&found);
             let found =
                 if found.is_empty() { "the end of the line".to_owned() } else { format!("\"{found}\"") };
-            format!("expected a coordinate within ±{MAX_COORDINATE:e}, found {found}")
+            format!("expected a coordinate within ±{MAX_COORDINATE:e}, found {found}{hint}")
         });
     }
 
@@ -158,6 +164,9 @@ impl Slice {
                 return;
             }
         }
+        if corners.len() > 3 && !reading.drop_polygons {
+            self.fans.push(Fan { first: self.triangles.len() as u32, triangles: corners.len() as u32 - 2 });
+        }
         for i in 2..corners.len() {
             let fan = [corners[0], corners[i - 1], corners[i]];
             for (corner, (_, relative)) in fan.iter().enumerate() {
@@ -186,21 +195,14 @@ impl Slice {
         let Some((keyword, keyword_at)) = words.next() else { return };
         let in_slice = |at: Range<usize>| line.start + at.start..line.start + at.end;
         match keyword {
-            b"usemtl" => match words.next() {
-                Some((name, at)) => self.switch(line, Statement::Use(name.to_vec()), in_slice(at)),
-                None => self
-                    .problems
-                    .warn(line.number, whole(line), || "usemtl without a name is ignored".to_owned()),
-            },
-            b"mtllib" => {
-                let names: Vec<_> = words.collect();
-                match (names.first(), names.last()) {
-                    (Some((_, first)), Some((_, last))) => {
-                        let joined = names.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(&b' ');
-                        self.switch(line, Statement::Library(joined), in_slice(first.start..last.end));
-                    }
-                    _ => self.problems.warn(line.number, whole(line), || {
-                        "mtllib without a file name is ignored".to_owned()
+            b"usemtl" | b"mtllib" => {
+                let at = operand(&line.text, keyword_at.end);
+                let name = line.text[at.clone()].to_vec();
+                match (keyword, name.is_empty()) {
+                    (b"usemtl", false) => self.switch(line, Statement::Use(name), in_slice(at)),
+                    (_, false) => self.switch(line, Statement::Library(name), in_slice(at)),
+                    (_, true) => self.problems.warn(line.number, whole(line), || {
+                        format!("{} without a name is ignored", shown(keyword))
                     }),
                 }
             }

@@ -45,7 +45,10 @@ fn a_file_of_many_pieces_equals_the_oracle() {
     let count = side * side;
     for i in 0..(side * (side - 1) - 1) {
         let (a, b, c, d) = (i + 1, i + 2, i + side + 2, i + side + 1);
+        // At the end of a row a polygon would go on in the next one.
+        let is_last = i % side == side - 1;
         let _ = match i % 4 {
+            3 if is_last => writeln!(text, "f {a} {b} {c}"),
             0 => writeln!(text, "f {a} {b} {c} {d}"),
             1 => writeln!(text, "f {a}/{a} {b}/{b} {c}/{c}"),
             2 => writeln!(text, "f {} {} {}", a - count - 1, b - count - 1, d - count - 1),
@@ -158,7 +161,7 @@ fn materials_are_looked_up_at_the_faces() {
     let vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
     let face = "f 1 2 3\n";
     let text = format!(
-        "{vertices}{face}usemtl a rest\n{face}mtllib two words.mtl\n{face}usemtl b\nusemtl a\n{face}{face}usemtl b\n{face}usemtl nowhere\n{face}usemtl default\n{face}"
+        "{vertices}{face}usemtl a # rest\n{face}mtllib two words.mtl\n{face}usemtl b\nusemtl a\n{face}{face}usemtl b\n{face}usemtl nowhere\n{face}usemtl default\n{face}"
     );
     f.obj("sub/x.obj", text);
     let (scene, d) = f.load().unwrap();
@@ -175,6 +178,44 @@ fn materials_are_looked_up_at_the_faces() {
         d.render(false)
     );
     assert_eq!(scene.surfaces.len(), 5);
+}
+
+#[test]
+fn names_with_blanks_are_whole() {
+    let mut f = Fixture::new();
+    f.file(
+        "my  trees.mtl",
+        "newmtl Oak bark\nhelios_classification 4\nnewmtl Oak leaf\nhelios_classification 5\n",
+    );
+    let face = "f 1 2 3\n";
+    let text = format!(
+        "mtllib my  trees.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl Oak leaf\n{face}usemtl  Oak bark \r\n{face}usemtl Oak\n{face}"
+    );
+    f.obj("x.obj", text);
+    let (scene, d) = f.load().unwrap();
+    let found: Vec<(&str, i32)> =
+        (0..3).map(|i| scene.material_of(i)).map(|m| (m.name.as_str(), m.classification)).collect();
+    assert_eq!(found, [("Oak leaf", 5), ("Oak bark", 4), ("Oak bark", 4)]);
+    let first_word = "no material file defines \"Oak\"; \"Oak bark\" is taken";
+    assert!(d.items()[0].message.contains(first_word), "{}", d.render(false));
+    assert_eq!(d.items()[0].place.as_ref().unwrap().line, 9);
+}
+
+#[test]
+fn libraries_in_other_spellings() {
+    let text = |name: &str| format!("mtllib {name}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n");
+    let load = |name: &str| {
+        let mut f = Fixture::new();
+        f.file("materials/Site.mtl", "newmtl a\nhelios_reflectance 0.5\n");
+        f.file("Plot.MTL", "newmtl a\nhelios_reflectance 0.5\n");
+        f.obj("x.obj", text(name));
+        f.load().unwrap().1.render(false)
+    };
+    assert_eq!(load("materials/Site.mtl"), "");
+    let respelled = load("materials\\Site.mtl");
+    assert!(respelled.contains("`materials/Site.mtl` is read"), "{respelled}");
+    let other_case = load("plot.mtl");
+    assert!(other_case.contains("did you mean `Plot.MTL`?"), "{other_case}");
 }
 
 #[test]

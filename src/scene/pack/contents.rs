@@ -24,26 +24,33 @@ impl Contents {
             let epochs = r.u64()?;
             (0..epochs).map(|_| r.blob().map(<[u8]>::to_vec)).collect::<Read<Vec<_>>>()
         };
-        all().map(Contents).map_err(truncated)
+        all().map(Contents).map_err(|UnexpectedEnd| TRUNCATED.to_owned())
     }
 
     pub fn epochs(&self) -> u32 {
         self.0.len() as u32
     }
 
-    pub fn scene(
-        &self,
-        file: &ArrayFile,
-        epoch: u32,
-        builder: Builder,
-    ) -> std::result::Result<Scene, String> {
-        let values = self.0.get(epoch as usize).ok_or("it holds no epoch")?;
+    /// Reads the scene of an epoch.
+    ///
+    /// # Errors
+    /// As for [`ArrayFile::array`].
+    pub fn scene(&self, file: &ArrayFile, epoch: u32, builder: Builder) -> Result<Scene> {
+        let values = self.0.get(epoch as usize).ok_or_else(|| file.refuse("it holds no epoch"))?;
         read_scene(file, epoch, builder, &mut ByteReader(values))
     }
 }
 
-fn truncated(_: UnexpectedEnd) -> String {
-    "its contents end too early".to_owned()
+const TRUNCATED: &str = "its contents end too early";
+
+/// What the names of all arrays of an epoch begin with.
+fn prefix(epoch: u32) -> String {
+    format!("epoch {epoch} ")
+}
+
+/// Whether an array is needed for an epoch, by its name.
+pub(super) fn is_of_epoch(name: &str, epoch: u32) -> bool {
+    name.starts_with(&prefix(epoch)) || !name.starts_with("epoch ")
 }
 
 pub(super) fn write(
@@ -54,7 +61,7 @@ pub(super) fn write(
     values: &mut ByteWriter,
 ) -> Result<()> {
     let mut w = ByteWriter::default();
-    let name = |what: &str| format!("play {epoch} {what}");
+    let name = |what: &str| prefix(epoch) + what;
     w.vector(scene.shift);
     w.vector(scene.bounds.min);
     w.vector(scene.bounds.max);
@@ -80,24 +87,20 @@ pub(super) fn write(
     tree.pack(&name("tree"), out, &mut w)?;
     w.flag(scene.instances.is_some());
     if let Some(set) = &scene.instances {
-        set.instances.pack(out, &mut w)?;
+        set.instances.pack(&prefix(epoch), out, &mut w)?;
         w.list(&set.parts, |w, n| w.u64(u64::from(*n)));
         for (i, materials) in set.materials.iter().enumerate() {
-            out.array(format!("materials {i}"), materials)?;
+            out.array(name(&format!("materials {i}")), materials)?;
         }
-        tree.pack_instances(out, &mut w)?;
+        tree.pack_instances(&prefix(epoch), out, &mut w)?;
     }
     values.blob(w.bytes());
     Ok(())
 }
 
-fn read_scene(
-    file: &ArrayFile,
-    epoch: u32,
-    builder: Builder,
-    r: &mut ByteReader,
-) -> std::result::Result<Scene, String> {
-    let name = |what: &str| format!("play {epoch} {what}");
+fn read_scene(file: &ArrayFile, epoch: u32, builder: Builder, r: &mut ByteReader) -> Result<Scene> {
+    let truncated = |UnexpectedEnd| file.refuse(TRUNCATED);
+    let name = |what: &str| prefix(epoch) + what;
     let head = |r: &mut ByteReader| -> Read<Scene> {
         Ok(Scene {
             shift: r.vector()?,
@@ -119,24 +122,24 @@ fn read_scene(
     scene.surface_ids = SurfaceIds::unpack(&name("surfaces"), file)?;
     let (primitives, cubes) = (scene.geometry.len(), scene.geometry.cubes.len());
     if scene.surface_ids.len() != primitives || scene.voxels.len() != cubes {
-        return Err("its arrays do not belong together".to_owned());
+        return Err(file.refuse("its arrays do not belong together"));
     }
     let mut tree = Tree::unpack(&name("tree"), file, r)?;
     if r.flag().map_err(truncated)? {
-        let instances = Arc::new(Instances::unpack(file, r)?);
+        let instances = Arc::new(Instances::unpack(&prefix(epoch), file, r)?);
         let parts = r.list(ByteReader::u32).map_err(truncated)?;
-        let materials = (0..instances.models.len()).map(|i| file.array(&format!("materials {i}")));
-        let materials = materials.collect::<std::result::Result<Vec<_>, _>>()?;
+        let materials = (0..instances.models.len()).map(|i| file.array(&name(&format!("materials {i}"))));
+        let materials = materials.collect::<Result<Vec<_>>>()?;
         if parts.len() != instances.all.len() {
-            return Err("its instances do not belong together".to_owned());
+            return Err(file.refuse("its instances do not belong together"));
         }
-        tree = tree.unpack_instances(&instances, file, r)?;
+        tree = tree.unpack_instances(&prefix(epoch), &instances, file, r)?;
         scene.instances = Some(InstanceSet { instances, materials, parts });
     }
     if !are_numbers_valid(&scene) {
-        return Err("its parts name something that is not there".to_owned());
+        return Err(file.refuse("its parts name something that is not there"));
     }
-    scene.packed_tree = Some(Arc::new(PackedTree { builder, tree }));
+    scene.packed_tree = Some(PackedTree { builder, tree: Arc::new(tree) });
     Ok(scene)
 }
 

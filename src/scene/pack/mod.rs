@@ -1,9 +1,9 @@
-//! Packed scenes: all data for tracing in one file, mapped instead of read.
+//! Packed scenes: all data for tracing in one file.
 //!
-//! For every epoch a pack contains the finished scene and its tree, as arrays that are used in place in the mapped
-//! file. It opens in milliseconds for any size, and processes that use the same pack share its memory. Parts, materials
-//! and motions, the settings on which the scene depends (wavelength, seed, rules) and the files that it was made from
-//! are stored beside the arrays. [`crate::store`] describes what opening checks and what is left to [`Pack::verify`].
+//! For every epoch a pack contains the finished scene and its tree, as arrays that are read into memory as they are, and
+//! compared with their checksums. Parts, materials and motions, the settings on which the scene depends (wavelength,
+//! seed, rules) and the files that it was made from are stored beside the arrays. What the numbers in the arrays name is left to
+//! [`Pack::verify`].
 //!
 //! | file | what it does |
 //! |---|---|

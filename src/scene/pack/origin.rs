@@ -1,17 +1,16 @@
 //! The files and settings that a packed scene was made from, and whether it is still up to date.
 
 use crate::error::{Error, Result};
-use crate::files::identity;
+use crate::files::{FileSet, reads};
 use crate::scene::conditions::Conditions;
 use crate::scene::{LoadOptions, MaterialRules, Scene};
-use crate::store::{ByteReader, ByteWriter, UnexpectedEnd};
+use crate::store::{ByteReader, ByteWriter, Checksum, UnexpectedEnd};
 use crate::survey::SceneRecipe;
 use crate::tree::Builder;
 use std::collections::BTreeSet;
 use std::fs::Metadata;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
-use xxhash_rust::xxh3::xxh3_64;
 
 /// A file at the time the scene was packed.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,8 +48,7 @@ impl Origin {
 
     /// Fails if `pack` is one of the files.
     pub fn refuse_replacing(&self, pack: &Path) -> Result<()> {
-        let own = identity(pack);
-        match self.files.iter().any(|file| identity(file) == own) {
+        match FileSet::of(&self.files).contains(pack) {
             true => Err(Error::input(format!(
                 "{} is a source of the scene, expected another name",
                 pack.display()
@@ -124,7 +122,9 @@ impl Origin {
     pub fn check_files(&self, pack: &Path) -> std::result::Result<(), String> {
         let changed = |s: &&Source| {
             let path = folder_of(pack).join(&s.path);
-            let Ok(about) = std::fs::metadata(&path) else { return false };
+            let about = std::fs::metadata(&path);
+            reads::note_opened(&path, &about);
+            let Ok(about) = about else { return false };
             let same_time = modified(&about) == s.modified_ns;
             about.len() != s.length || (!same_time && sum(&path).ok() != Some(s.sum))
         };
@@ -145,5 +145,7 @@ fn modified(about: &Metadata) -> u64 {
 }
 
 fn sum(path: &Path) -> std::io::Result<u64> {
-    crate::scene::text::Source::open(path).map(|source| xxh3_64(source.bytes()))
+    let mut sum = Checksum::default();
+    sum.file(path)?;
+    Ok(sum.finish())
 }

@@ -1,6 +1,6 @@
 //! Opens packed scenes.
 
-use super::contents::{Contents, are_arrays_valid};
+use super::contents::{Contents, are_arrays_valid, is_of_epoch};
 use super::origin::Origin;
 use crate::error::Result;
 use crate::scene::builder::{LoadOptions, format_bytes};
@@ -9,6 +9,7 @@ use crate::scene::model::Scene;
 use crate::store::ArrayFile;
 use std::path::Path;
 
+/// An open packed scene.
 pub struct Pack {
     file: ArrayFile,
     origin: Origin,
@@ -16,42 +17,56 @@ pub struct Pack {
 }
 
 impl Pack {
-    /// Opens a packed scene.
+    /// Opens a packed scene. Its arrays are read with the scene of an epoch.
     ///
     /// # Errors
     /// [`crate::Error::Input`] with the reason when the file is not a packed scene of this version and byte order, is
     /// damaged, or is older than the files that it was made from.
     pub fn open(path: &Path) -> Result<Pack> {
         let file = ArrayFile::open(path)?;
-        let origin = Origin::read(&file.checked("origin")?).map_err(|reason| file.refuse(&reason))?;
+        let origin = Origin::read(&file.array("origin")?).map_err(|reason| file.refuse(&reason))?;
         origin.check_files(path).map_err(|reason| file.refuse(&reason))?;
-        let contents = Contents::read(&file.checked("scene")?).map_err(|reason| file.refuse(&reason))?;
+        let contents = Contents::read(&file.array("scene")?).map_err(|reason| file.refuse(&reason))?;
         Ok(Pack { file, origin, contents })
     }
 
+    /// Number of epochs.
     pub fn epochs(&self) -> u32 {
         self.contents.epochs()
     }
 
+    /// The settings that the scene was packed with.
     pub fn conditions(&self) -> &Conditions {
         &self.origin.conditions
     }
 
-    /// The scene of an epoch, with its tree.
+    /// `usual`, with the settings that the scene was packed with where it depends on them.
+    pub fn load_options(&self, usual: LoadOptions) -> LoadOptions {
+        let c = self.conditions();
+        LoadOptions {
+            wavelength_nm: c.wavelength_nm,
+            seed: c.seed,
+            rules: c.rules,
+            drop_polygons: c.drop_polygons,
+            ..usual
+        }
+    }
+
+    /// Reads the scene of an epoch, with its tree. All that it consists of is compared with its checksums.
     ///
     /// # Errors
-    /// [`crate::Error::Input`] when the scene was packed under other conditions that affect it.
+    /// [`crate::Error::Input`] when the scene was packed under other conditions that affect it, is damaged, or needs more
+    /// memory than the options permit; [`crate::Error::Io`] when it cannot be read.
     pub fn scene(&self, options: &LoadOptions, epoch: u32) -> Result<Scene> {
         let checked = self.origin.conditions.check(options);
         checked.map_err(|reason| self.file.refuse(&format!("{reason}; pack the scene again for that")))?;
-        if let Some(limit) = options.max_memory.filter(|limit| self.file.length() > *limit) {
-            let (has, limit) = (format_bytes(self.file.length()), format_bytes(limit));
-            return Err(self.file.refuse(&format!("it has {has}; the limit is {limit}")));
-        }
         let epoch = epoch.min(self.epochs().saturating_sub(1));
-        self.contents
-            .scene(&self.file, epoch, self.origin.builder)
-            .map_err(|reason| self.file.refuse(&reason))
+        let needed = self.file.bytes_of(|name| is_of_epoch(name, epoch));
+        if let Some(limit) = options.max_memory.filter(|limit| needed > *limit) {
+            let (needed, limit) = (format_bytes(needed), format_bytes(limit));
+            return Err(self.file.refuse(&format!("its scene needs {needed}; the limit is {limit}")));
+        }
+        self.contents.scene(&self.file, epoch, self.origin.builder)
     }
 
     /// Checksum of the contents.
@@ -66,8 +81,7 @@ impl Pack {
     pub fn verify(&self) -> Result<()> {
         self.file.verify()?;
         for epoch in 0..self.epochs() {
-            let scene = self.contents.scene(&self.file, epoch, self.origin.builder);
-            let scene = scene.map_err(|reason| self.file.refuse(&reason))?;
+            let scene = self.contents.scene(&self.file, epoch, self.origin.builder)?;
             if !are_arrays_valid(&scene) {
                 return Err(self.file.refuse("a number in its arrays names something that is not there"));
             }

@@ -25,17 +25,18 @@ pub struct Packed {
     pub epochs: u32,
 }
 
-/// Loads a scene from its sources and packs it with its tree as `path`.
+/// Loads a scene from its sources and packs it with its tree as `path`. `warn` gets the warnings before the file has its name.
 ///
 /// # Errors
 /// The errors of [`load_epoch`]; [`crate::Error::Input`] for more than 64 epochs, for a scene that is already packed,
-/// and for a `path` that is one of the sources.
+/// and for a `path` that is one of the sources; those of `warn`.
 pub fn pack(
     recipe: &SceneRecipe,
     options: &LoadOptions,
     tree: &BuildOptions,
     path: &Path,
-) -> Result<(Packed, Diagnostics)> {
+    warn: &dyn Fn(&Diagnostics) -> Result<()>,
+) -> Result<Packed> {
     let epochs = count_epochs(recipe)?;
     if recipe.packed.is_some() {
         return Err(Error::input(format!("{} is packed already", recipe.path.display())));
@@ -57,8 +58,9 @@ pub fn pack(
         origin.add(&scene);
         contents::write(&scene, &scene.tree(tree), epoch, &mut out, &mut values)?;
     }
+    warn(&warnings)?;
     origin.refuse_replacing(path)?;
     out.array("scene", values.bytes())?;
     out.array("origin", origin.finish(path)?.bytes())?;
-    Ok((Packed { bytes: out.finish()?, primitives, epochs }, warnings))
+    Ok(Packed { bytes: out.finish()?, primitives, epochs })
 }

@@ -1,4 +1,4 @@
-//! Point clouds as cubes (spec input-formats §4.4), from text and, beyond the reference, from LAS, LAZ and PLY. The
+//! Point clouds as cubes (spec input-formats §4.4), from text and, beyond the reference, from every format of points. The
 //! file is read twice, once for its extent and once into the cells of the grid, so that memory grows with the number of
 //! occupied cells instead of the number of points.
 
@@ -8,17 +8,17 @@ mod tests;
 mod text;
 
 use super::builder::{MAX_COORDINATE, PartSource, SceneBuilder, memory_of};
-use super::text::{Problems, Source, cut_into_pieces, shown};
+use super::text::{Problems, Source, cut_into_pieces};
 use super::voxel::Voxel;
-use crate::diag::Diagnostics;
+use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
-use crate::geom::{Aabb, DVec3, unit};
-use crate::points::{self, LasReader, PlyReader, PointReader, PointRow, Selection};
+use crate::geom::{Aabb, DVec3, direction, rescaled};
+use crate::points::{AttributeSet, CloudFormat, PointFile, PointRow, PointSink, Selection};
 use crate::survey::XyzLoader;
 use crate::tree::Cube;
 use cells::{Budget, Cells, Grid, NormalRule, SHARDS};
 use rayon::prelude::*;
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 use text::RowFormat;
 
 /// Bytes of text read by one task.
@@ -42,12 +42,20 @@ pub(super) fn load(
             return Ok(());
         }
     };
-    let Some(cloud) = Cloud::of(source, &mut scene.diagnostics) else { return Ok(()) };
-    let Some(extent) = cloud.extent(source, &settings, &mut scene.diagnostics) else { return Ok(()) };
+    let Some(file) = PointFile::new(source.path(), source.bytes(), &mut scene.diagnostics) else {
+        return Ok(());
+    };
+    let is_text = file.format() == CloudFormat::Text;
+    let fed = if is_text { source.with_line_feeds() } else { None };
+    let source = fed.as_ref().unwrap_or(source);
+    let cloud = match is_text {
+        true => Cloud::of_text(source, loader, &settings, &mut scene.diagnostics),
+        false => Some(Cloud::File(file)),
+    };
+    let Some(cloud) = cloud else { return Ok(()) };
+    let Some(extent) = cloud.extent(source, &settings, &mut scene.diagnostics)? else { return Ok(()) };
     if extent.is_empty() {
-        let place = matches!(cloud, Cloud::Text { .. }).then(|| source.place(1, 0..0));
-        let message = format!("expected points in {}, found none", source.path().display());
-        scene.diagnostics.error(place, message);
+        report_empty(source, is_text, &mut scene.diagnostics);
         return Ok(());
     }
     let Some(grid) = Grid::around(extent, settings.voxel_size) else {
@@ -63,18 +71,16 @@ pub(super) fn load(
     let budget = Budget::new(scene.free_memory().try_into().unwrap_or(usize::MAX));
     let mut sorter = Sorter { grid: &grid, settings: &settings, shards: Default::default(), budget };
     match &cloud {
-        Cloud::Text { pieces } => sorter.sort_text(scene, source, pieces)?,
-        binary => {
+        Cloud::Text { pieces, format } => sorter.sort_text(scene, source, pieces, format)?,
+        Cloud::File(file) => {
             let mut failure = Ok(());
-            let read = binary.each_batch(source, |batches| {
+            let mut found = Diagnostics::default();
+            // What there is to say was said when the extent was looked for.
+            each_batch(file, &mut found, |batches| {
                 failure = sorter.sort(scene, source, batches);
                 failure.is_ok()
-            });
+            })?;
             failure?;
-            if let Err(problem) = read {
-                scene.diagnostics.error(None, format!("{}: {problem}", source.path().display()));
-                return Ok(());
-            }
         }
     }
     let shards = sorter.shards;
@@ -84,100 +90,138 @@ pub(super) fn load(
 }
 
 /// A point file in one of the formats, recognised by its first bytes instead of its name.
-enum Cloud {
+enum Cloud<'s> {
     /// Lines of text; the pieces are read in parallel.
     Text {
         pieces: Vec<Range<usize>>,
+        format: Box<RowFormat>,
     },
-    Las,
-    Ply,
+    File(PointFile<'s>),
 }
 
-impl Cloud {
-    /// Recognises the format of a file; `None` after an error.
-    fn of(source: &Source, diagnostics: &mut Diagnostics) -> Option<Cloud> {
-        let bytes = source.bytes();
-        let extension = source.path().extension().map(|e| e.to_ascii_lowercase());
-        let named = ["las", "laz", "ply"].into_iter().find(|n| extension.as_ref().is_some_and(|e| e == n));
-        match named {
-            _ if points::is_las(bytes) => Some(Cloud::Las),
-            _ if points::is_ply(bytes) => Some(Cloud::Ply),
-            Some(name) => {
-                let (path, found) = (source.path().display(), shown(&bytes[..bytes.len().min(4)]));
-                let message = format!(
-                    "expected {path} to be a {} file, found one that begins with \"{found}\"",
-                    name.to_uppercase()
-                );
-                diagnostics.error(None, message);
-                None
-            }
-            None => source
-                .is_text("a point cloud", diagnostics)
-                .then(|| Cloud::Text { pieces: cut_into_pieces(bytes, PIECE_BYTES) }),
+impl<'s> Cloud<'s> {
+    /// Finds the columns of a text file; `None` after an error.
+    fn of_text(
+        source: &Source,
+        loader: &XyzLoader,
+        settings: &Settings,
+        diagnostics: &mut Diagnostics,
+    ) -> Option<Cloud<'s>> {
+        if !source.is_text("a point cloud", diagnostics) {
+            return None;
         }
+        let mut found = Diagnostics::default();
+        let format = RowFormat::new(loader, settings.rule != NormalRule::Plane, source, &mut found);
+        let is_wrong = found.is_fatal(false);
+        diagnostics.extend(found);
+        if format.is_none() {
+            report_empty(source, true, diagnostics);
+        }
+        let pieces = cut_into_pieces(source.bytes(), PIECE_BYTES);
+        format.filter(|_| !is_wrong).map(|format| Cloud::Text { pieces, format: Box::new(format) })
     }
 
-    /// The box around all points; `None` after an error.
-    fn extent(&self, source: &Source, settings: &Settings, diagnostics: &mut Diagnostics) -> Option<Aabb> {
-        if let Cloud::Text { pieces } = self {
-            return extent_of_text(source, pieces, &settings.format, diagnostics);
-        }
+    /// The box around all points; `None` after an error. Says what there is to say of the points.
+    fn extent(
+        &self,
+        source: &Source,
+        settings: &Settings,
+        diagnostics: &mut Diagnostics,
+    ) -> Result<Option<Aabb>> {
+        let file = match self {
+            Cloud::Text { pieces, format } => {
+                return Ok(extent_of_text(source, settings, pieces, format, diagnostics));
+            }
+            Cloud::File(file) => file,
+        };
         let (mut extent, mut passed, mut wrong) = (Aabb::EMPTY, 0, None);
-        let read = self.each_batch(source, |batches| {
+        let mut without_normal = 0;
+        let mut found = Diagnostics::default();
+        each_batch(file, &mut found, |batches| {
             for point in batches.iter().flatten() {
                 // Also false for NaN.
                 let is_near = point.position.abs().max_element() <= MAX_COORDINATE;
                 wrong =
                     wrong.or((!(point.position.is_finite() && is_near)).then_some((passed, point.position)));
                 extent = extent.with(point.position);
+                without_normal += u64::from(!settings.has_usable_normal(point));
                 passed += 1;
             }
             wrong.is_none()
-        });
-        let read = match wrong {
-            Some((number, p)) => Err(format!(
-                "expected points within ±{MAX_COORDINATE:e} m, point {number} (from 0) is at {p}"
-            )),
-            None => read,
-        };
-        match read {
-            Ok(()) => Some(extent),
-            Err(problem) => {
-                diagnostics.error(None, format!("{}: {problem}", source.path().display()));
-                None
-            }
+        })?;
+        settings.warn_of_normals(without_normal, source, &mut found);
+        if let Some((number, p)) = wrong {
+            found.error(
+                None,
+                format!(
+                    "{}: expected points within ±{MAX_COORDINATE:e} m, point {number} (from 0) is at {p}",
+                    source.path().display()
+                ),
+            );
         }
+        let is_wrong = found.is_fatal(false);
+        diagnostics.extend(found);
+        Ok((!is_wrong).then_some(extent))
     }
+}
 
-    /// Passes batches of points of a binary file to `take`, in the order of the file, as long as it returns true.
-    fn each_batch(
-        &self,
-        source: &Source,
-        mut take: impl FnMut(&[Vec<PointRow>]) -> bool,
-    ) -> std::result::Result<(), String> {
-        let mut points: Box<dyn PointReader + '_> = match self {
-            Cloud::Ply => Box::new(PlyReader::open(source.bytes())?),
-            _ => Box::new(LasReader::open(source.bytes(), Selection::PositionAndClass)?),
-        };
-        let mut batches = vec![Vec::new(); rayon::current_num_threads()];
-        let mut more = true;
-        while more {
-            for batch in &mut batches {
-                batch.clear();
-                more = more && points.read_batch(batch)?;
-            }
-            if !take(&batches) {
-                break;
-            }
-            source.release(0..source.bytes().len());
+fn report_empty(source: &Source, is_text: bool, diagnostics: &mut Diagnostics) {
+    let place = is_text.then(|| source.place(1, 0..0));
+    let message = format!("expected points in {}, found none", source.path().display());
+    diagnostics.error(place, message);
+}
+
+/// Passes batches of points of a file to `take`, in the order of the file, as long as it returns true.
+fn each_batch(
+    file: &PointFile,
+    found: &mut Diagnostics,
+    take: impl FnMut(&[Vec<PointRow>]) -> bool,
+) -> Result<()> {
+    let mut batches = Batches { take, batches: vec![Vec::new()], is_ended: false };
+    file.read(Selection::PositionAndClass, &mut batches, found)?;
+    if !batches.is_ended {
+        batches.flush();
+    }
+    Ok(())
+}
+
+/// Number of points of a batch, which one task sorts.
+const BATCH_POINTS: usize = 1 << 16;
+
+/// Collects points to as many batches as there are threads.
+struct Batches<F> {
+    take: F,
+    batches: Vec<Vec<PointRow>>,
+    is_ended: bool,
+}
+
+impl<F: FnMut(&[Vec<PointRow>]) -> bool> Batches<F> {
+    fn flush(&mut self) {
+        self.is_ended = !(self.take)(&self.batches);
+        self.batches.clear();
+        self.batches.push(Vec::new());
+    }
+}
+
+impl<F: FnMut(&[Vec<PointRow>]) -> bool> PointSink for Batches<F> {
+    fn start(&mut self, _: AttributeSet) {}
+
+    fn point(&mut self, row: &PointRow, _: Option<&str>) -> ControlFlow<()> {
+        let is_full = self.batches.last().is_none_or(|batch| batch.len() >= BATCH_POINTS);
+        if is_full && self.batches.len() >= rayon::current_num_threads() {
+            self.flush();
+        } else if is_full {
+            self.batches.push(Vec::new());
         }
-        Ok(())
+        if let Some(batch) = self.batches.last_mut() {
+            batch.push(*row);
+        }
+        if self.is_ended { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 }
 
 /// The validated settings of a loader.
 struct Settings {
-    format: RowFormat,
     voxel_size: f64,
     default_normal: Option<DVec3>,
     rule: NormalRule,
@@ -191,7 +235,7 @@ impl Settings {
         if !(size > 0.0 && size.is_finite()) {
             return Err(format!("expected a voxelSize above 0, found {}", loader.voxel_size));
         }
-        let default_normal = loader.default_normal.map(unit).filter(|n| n.is_finite());
+        let default_normal = loader.default_normal.and_then(direction);
         if loader.default_normal.is_some() && default_normal.is_none() {
             return Err("expected a defaultNormal other than 0;0;0".to_owned());
         }
@@ -200,33 +244,35 @@ impl Settings {
             (0, true) => NormalRule::Nearest,
             (0, false) => NormalRule::Mean,
         };
-        let format = RowFormat::new(loader, rule != NormalRule::Plane);
         let has_material = loader.material.file.is_some();
-        Ok(Settings { format, voxel_size: size, default_normal, rule, has_material })
+        Ok(Settings { voxel_size: size, default_normal, rule, has_material })
     }
 }
 
 /// The box around all points of a text file; `None` after errors in its lines.
 fn extent_of_text(
     source: &Source,
+    settings: &Settings,
     pieces: &[Range<usize>],
     format: &RowFormat,
     diagnostics: &mut Diagnostics,
 ) -> Option<Aabb> {
-    let read: Vec<(Aabb, Problems, usize)> = pieces
+    let read: Vec<(Aabb, u64, Problems, usize)> = pieces
         .par_iter()
         .map(|piece| {
-            let (mut extent, mut problems) = (Aabb::EMPTY, Problems::default());
+            let (mut extent, mut without_normal, mut problems) = (Aabb::EMPTY, 0, Problems::default());
             let bytes = &source.bytes()[piece.clone()];
-            let lines =
-                format.read(bytes, piece.start == 0, &mut problems, |p| extent = extent.with(p.position));
-            source.release(piece.clone());
-            (extent, problems, lines)
+            let lines = format.read(bytes, piece.start == 0, &mut problems, |p| {
+                extent = extent.with(p.position);
+                without_normal += u64::from(!settings.has_usable_normal(&p));
+            });
+            (extent, without_normal, problems, lines)
         })
         .collect();
-    let (mut all, mut problems, mut passed) = (Aabb::EMPTY, Problems::default(), 0);
-    for ((extent, found, lines), piece) in read.into_iter().zip(pieces) {
+    let (mut all, mut without_normal, mut problems, mut passed) = (Aabb::EMPTY, 0, Problems::default(), 0);
+    for ((extent, without, found, lines), piece) in read.into_iter().zip(pieces) {
         all = all.union(extent);
+        without_normal += without;
         problems.append(found, passed, piece.start);
         passed += lines;
     }
@@ -237,6 +283,7 @@ fn extent_of_text(
             format!("expected {columns} columns as in the first line, found {found}; is the file whole?")
         });
     }
+    settings.warn_of_normals(without_normal, source, diagnostics);
     problems.report(source, diagnostics).then_some(all)
 }
 
@@ -249,7 +296,13 @@ struct Sorter<'a> {
 }
 
 impl Sorter<'_> {
-    fn sort_text(&mut self, scene: &SceneBuilder, source: &Source, pieces: &[Range<usize>]) -> Result<()> {
+    fn sort_text(
+        &mut self,
+        scene: &SceneBuilder,
+        source: &Source,
+        pieces: &[Range<usize>],
+        format: &RowFormat,
+    ) -> Result<()> {
         for wave in pieces.chunks(4 * rayon::current_num_threads()) {
             let read: Vec<_> = wave
                 .par_iter()
@@ -257,13 +310,11 @@ impl Sorter<'_> {
                     let mut sorted: [Vec<PointRow>; SHARDS] = Default::default();
                     let mut reported = Problems::default();
                     let (bytes, is_first) = (&source.bytes()[piece.clone()], piece.start == 0);
-                    let format = &self.settings.format;
                     format.read(bytes, is_first, &mut reported, |p| self.put(p, &mut sorted));
                     sorted
                 })
                 .collect();
             self.add(scene, source, &read)?;
-            source.release(wave[0].start..wave[wave.len() - 1].end);
         }
         Ok(())
     }
@@ -306,14 +357,26 @@ impl Sorter<'_> {
 }
 
 impl Settings {
+    /// Whether a point has no normal, or one of a direction; normals that are not looked at are usable.
+    fn has_usable_normal(&self, point: &PointRow) -> bool {
+        self.rule == NormalRule::Plane || point.normal.is_none_or(|n| n.is_finite() && n != DVec3::ZERO)
+    }
+
     /// The point with a usable normal: an invalid normal is replaced by the default, or the point is dropped.
     fn usable(&self, point: PointRow) -> Option<PointRow> {
-        let is_good = |n: &DVec3| n.is_finite() && *n != DVec3::ZERO;
-        match point.normal {
-            Some(n) if self.rule != NormalRule::Plane && !is_good(&n) => {
-                self.default_normal.map(|n| PointRow { normal: Some(n), ..point })
-            }
-            _ => Some(point),
+        match self.has_usable_normal(&point) {
+            false => self.default_normal.map(|n| PointRow { normal: Some(n), ..point }),
+            true => Some(PointRow { normal: point.normal.map(rescaled), ..point }),
+        }
+    }
+
+    /// Warns of points that are dropped for their normal.
+    fn warn_of_normals(&self, count: u64, source: &Source, diagnostics: &mut Diagnostics) {
+        if count > 0 && self.default_normal.is_none() {
+            let message = format!("points whose normal is zero or no number are left out: {count} of them");
+            diagnostics
+                .warn(Some(Place::of_file(source.path())), message)
+                .help("`defaultNormal` of its loader gives such points a normal");
         }
     }
 }

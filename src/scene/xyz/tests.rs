@@ -55,17 +55,118 @@ fn every_character_of_the_separator_separates() {
 }
 
 #[test]
+fn columns_are_found_by_the_names_that_a_file_gives_them() {
+    let expected = centres(&scene("1 2 3\n4 5 6\n", " ", |_| {}));
+    for (text, separator) in [
+        ("id,x,y,z\n7,1,2,3\n8,4,5,6\n", ","),
+        ("z class x y\n3 2 1 2\n6 2 4 5\n", " "),
+        ("//Intensity X Y Z\n9 1 2 3\n9 4 5 6\n", " "),
+        ("E;N;Height [cm]\n1;2;300\n4;5;600\n", ";"),
+    ] {
+        assert_eq!(centres(&scene(text, separator, |_| {})), expected, "{text:?}");
+    }
+    let named = scene("x y z nx ny nz\n0 0 0 0 0 2\n", " ", |_| {});
+    assert_eq!(named.voxels[0].normal(), Some(DVec3::Z));
+    let other = scene("x y z red green blue\n0 0 0 0 0 2\n", " ", |_| {});
+    assert_eq!(other.voxels[0].normal(), None, "these are colours by their names");
+}
+
+#[test]
+fn a_wrong_separator_is_named() {
+    let mut f = Fixture::new();
+    let file = f.file("a.csv", "1,2,3\n4,5,6\n");
+    f.part(Loader::Xyz(Box::new(loader(vec![file], " ", 1.0))));
+    let report = f.error();
+    assert!(report.contains("the separator of the part is") && report.contains("a.csv:1"), "{report}");
+}
+
+#[test]
+fn lines_may_end_in_carriage_returns() {
+    let lines = ["x y z", "1 2 3", "4 5 6", "# note", "7 8 9"];
+    let expected = centres(&scene(&lines.join("\n"), " ", |_| {}));
+    assert_eq!(expected.len(), 3);
+    for text in [
+        lines.join("\r"),
+        lines.join("\r\n"),
+        lines.join("\r") + "\r",
+        lines.join("\n").replacen('\n', "\r", 2),
+    ] {
+        assert_eq!(centres(&scene(&text, " ", |_| {})), expected, "{text:?}");
+    }
+    let mut f = Fixture::new();
+    let file = f.file("a.xyz", "1 2 3\r4 5 6\r7 two 9\r");
+    f.part(Loader::Xyz(Box::new(loader(vec![file], " ", 1.0))));
+    let report = f.error();
+    assert!(report.contains("a.xyz:3:3") && report.contains("7 two 9"), "{report}");
+}
+
+#[test]
+fn decimal_commas_are_named() {
+    for (text, separator) in [
+        ("1,5 2,5 3,5\n", " "),
+        ("1,5 2,5 3,5\n", ","),
+        ("1,5\t2,5\t3,5\n", "\t"),
+        ("1,5\t2,5\t3,5\n", ","),
+        ("1,5;2,5;3,5\n", ";"),
+        ("1,5;2,5;3,5\n", " "),
+        ("1,5;2,5;3,5\n", ","),
+        ("x;y;z;class\n1;2;3;1,5\n", ";"),
+    ] {
+        let message =
+            scene_of("a.csv", text.as_bytes(), |l| l.separator = separator.to_owned()).err().unwrap();
+        let is_named = message.contains("decimal comma") && message.contains("decimal point");
+        assert!(is_named && message.contains("a.csv:"), "{text:?} by {separator:?}: {message}");
+    }
+}
+
+/// The warnings of a cloud in these bytes.
+fn warnings(name: &str, bytes: &[u8], change: impl FnOnce(&mut XyzLoader)) -> String {
+    let mut f = Fixture::new();
+    let mut settings = loader(vec![f.file(name, bytes)], " ", 0.5);
+    change(&mut settings);
+    f.part(Loader::Xyz(Box::new(settings)));
+    f.load().unwrap().1.render(false)
+}
+
+#[test]
+fn what_is_not_used_as_written_is_told() {
+    let classes = warnings("a.xyz", b"x y z class\n1 2 3 4\n1 2 3 300\n1 2 3 2.5\n1 2 3 nan\n", |_| {});
+    for part in
+        ["class \"300\" is no whole number from 0 to 255, 255 counts", "a.xyz:3:7", "\"2.5\"", "\"nan\""]
+    {
+        assert!(classes.contains(part), "{part} is missing from {classes}");
+    }
+    let normals = b"1 2 3 0 0 0\n1 2 3 0 0 1\n1 2 3 a b c\n";
+    let left_out = warnings("a.xyz", normals, |_| {});
+    assert!(left_out.contains("left out: 2 of them") && left_out.contains("defaultNormal"), "{left_out}");
+    assert_eq!(warnings("a.xyz", normals, |l| l.default_normal = Some(DVec3::Z)), "");
+    assert_eq!(warnings("a.xyz", normals, |l| l.estimate_normals = 1), "");
+    let mut points = cloud();
+    points[3].1 = DVec3::ZERO;
+    let left_out = warnings("a.ply", &as_ply(&points, true, "normals"), |_| {});
+    assert!(left_out.contains("left out: 1 of them") && left_out.contains("a.ply"), "{left_out}");
+}
+
+#[test]
 fn normals_come_from_their_columns() {
+    /// A scene whose points without a usable normal are warned of.
+    fn warned(text: &str, change: impl FnOnce(&mut XyzLoader)) -> Scene {
+        scene_of("a.xyz", text.as_bytes(), |l| {
+            l.voxel_size = 1.0;
+            change(l);
+        })
+        .unwrap()
+    }
     let text = "0 0 0 0 0 2\n0.5 0.5 0.5 2 0 0\n0.9 0.9 0.9 nan 0 1\n1 1 1 0 0 0\n";
     let normal = |s: &Scene| s.voxels[0].normal().map(|n| n.to_array());
     let diagonal = f64::from(0.5f32.sqrt());
-    assert_eq!(normal(&scene(text, " ", |_| {})), Some([diagonal, 0.0, diagonal]), "mean of the good ones");
-    assert_eq!(normal(&scene(text, " ", |l| l.snap_neighbor_normal = true)), Some([1.0, 0.0, 0.0]));
+    assert_eq!(normal(&warned(text, |_| {})), Some([diagonal, 0.0, diagonal]), "mean of the good ones");
+    assert_eq!(normal(&warned(text, |l| l.snap_neighbor_normal = true)), Some([1.0, 0.0, 0.0]));
     assert_eq!(normal(&scene(text, " ", |l| l.rgb_columns = Some([3, 4, 5]))), None, "these are colours");
     let moved = scene("0 0 0 9 9 0 3 0\n", " ", |l| l.normal_columns = Some([5, 6, 7]));
     assert_eq!(normal(&moved), Some([0.0, 1.0, 0.0]));
     let bad = "0 0 0 0 0 0\n5 5 5 0 0 1\n";
-    assert_eq!(scene(bad, " ", |_| {}).voxels.len(), 1, "a point with a useless normal is left out");
+    assert_eq!(warned(bad, |_| {}).voxels.len(), 1, "a point with a useless normal is left out");
     assert_eq!(
         scene(bad, " ", |l| l.default_normal = Some(DVec3::X * 3.0)).voxels[0].normal(),
         Some(DVec3::X)

@@ -268,7 +268,7 @@ fn the_failure_of_a_run_does_not_stop_the_next() {
             Each(|_: u64| Ok(()), || ()),
         )
     };
-    assert!(run_until(20).is_err() && stop.is_requested());
+    assert!(run_until(20).is_err() && !stop.is_requested());
     run_until(50).unwrap();
     assert!(!stop.is_requested());
 }

@@ -31,6 +31,7 @@ macro_rules! kinematics {
 kinematics! {
     heading_along_leg,
     sharp_corners,
+    vehicle_heights,
     multicopter_tilt,
     mount_offsets_turn,
     attitude_noise_of_platform,

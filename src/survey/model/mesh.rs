@@ -1,5 +1,6 @@
 //! Meshes and materials in memory.
 
+use crate::diag::Place;
 use crate::error::{Error, Result};
 use crate::geom::{DVec3, MAX_COORDINATE};
 
@@ -108,8 +109,8 @@ pub struct MaterialDefinition {
     pub classification: i32,
     /// Whether the surface is ground (`helios_isGround`).
     pub is_ground: bool,
-    /// Line of its `newmtl`; 0 outside of files.
-    pub line: usize,
+    /// Where it is defined; `None` outside of files.
+    pub place: Option<Place>,
 }
 
 impl MaterialDefinition {
@@ -125,8 +126,13 @@ impl MaterialDefinition {
             spectrum: None,
             classification: 0,
             is_ground: false,
-            line: 0,
+            place: None,
         }
+    }
+
+    /// Whether the line of its definition is known.
+    pub fn has_line(&self) -> bool {
+        self.place.as_ref().is_some_and(|place| place.line > 0)
     }
 }
 

@@ -7,7 +7,9 @@
 //! | `poses` | recorded trajectories |
 //! | `navigation`, `kinematics` | errors of navigation; departures from the reference's kinematics |
 //! | `receiver` | pulse shape, noise and detector of a receiver |
+//! | `instrument_keys` | which physics makes use of which key of an instrument |
 
+mod instrument_keys;
 mod kinematics;
 mod mesh;
 mod navigation;
@@ -20,6 +22,9 @@ use crate::diag::Place;
 use crate::geom::{DVec3, Rotation};
 use std::path::PathBuf;
 
+#[cfg(test)]
+pub use instrument_keys::{INSTRUMENT_KEYS, InstrumentKey};
+pub use instrument_keys::{KeyUse, WrittenKey, key_named, key_of_attribute, warn_of_unused_keys};
 pub use kinematics::Kinematics;
 pub use mesh::{MaterialChange, MaterialDefinition, Mesh, Replaced};
 pub use navigation::NavigationErrors;
@@ -303,6 +308,19 @@ pub struct Scanner {
     /// Whether the devices come from `<channels>`. Such scanners never use the legacy energy model (spec
     /// pulse-physics §0.4).
     pub multi_channel: bool,
+    /// Keys of the user's files that not every physics makes use of.
+    pub written: Vec<WrittenKey>,
+    /// Where its figures come from.
+    pub sources: Vec<FigureSource>,
+}
+
+/// The source of some figures of an instrument.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FigureSource {
+    /// Names of the attributes and children of its element that hold the figures.
+    pub figures: Vec<String>,
+    /// Title and edition.
+    pub name: String,
 }
 
 /// One device: deflector, head, optics, detector.
@@ -324,7 +342,17 @@ pub struct Device {
     pub detector: Detector,
     pub receiver: Receiver,
     pub waveform: WaveformSettings,
+    /// Where the user wrote the waveform's bins or window.
+    pub waveform_place: Option<WaveformPlace>,
     pub errors: MechanicalErrors,
+}
+
+/// Where bins and window of a waveform were written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WaveformPlace {
+    pub place: Place,
+    /// Names of the keys of bin and window in that file.
+    pub keys: [&'static str; 2],
 }
 
 /// Kinds of deflectors (spec kinematics §4); no others exist.
@@ -391,8 +419,11 @@ pub struct Beam {
     pub profile: BeamProfile,
     /// Beam diameter at the exit of the instrument, m; 0 = diffraction-limited.
     pub aperture: f64,
-    /// Pulse length, ns.
+    /// Pulse length, ns, in the reference's measure.
     pub pulse_length: f64,
+    /// Full width of the pulse at half maximum as the data sheet of an instrument that ships states it, ns; the reference takes
+    /// the same number as `pulse_length`, whose pulses are half as wide.
+    pub stated_width: Option<f64>,
     /// Wavelength, nm.
     pub wavelength: f64,
     /// Wavelength for which the atmosphere is computed, nm (a channel's override does not change it).
@@ -408,6 +439,20 @@ pub struct Beam {
     pub receiver_diameter: f64,
     /// Visibility, km.
     pub visibility: f64,
+}
+
+impl Beam {
+    /// Pulse length, ns, in the reference's measure: from the stated width, if there is one and `by_width` says so.
+    pub fn length(&self, by_width: bool) -> f64 {
+        let stated = self.stated_width.filter(|_| by_width);
+        stated.map_or(self.pulse_length, pulse_length_of_width)
+    }
+
+    /// Takes the stated width, if there is one, as that of the pulse, whatever the physics.
+    pub fn take_stated_width(&mut self) {
+        self.pulse_length = self.length(true);
+        self.stated_width = None;
+    }
 }
 
 /// Diameter (m) of a beam at a range (m): sqrt(d² + (R·γ)²) with the diameter d at the exit of the instrument (m) and the full

@@ -120,8 +120,10 @@ pub enum AngleUnit {
 pub enum Grid {
     /// The UTM zone of the first pose.
     FirstFix,
-    /// This UTM zone.
+    /// This UTM zone, which was chosen.
     Utm(UtmZone),
+    /// The UTM zone of the scene's coordinate reference system.
+    OfScene(UtmZone),
     /// The scene's coordinate reference system, which is not a UTM zone: nothing can be projected.
     Foreign,
 }
@@ -130,7 +132,7 @@ impl Grid {
     /// The grid for a scene whose coordinate reference system may be known; a chosen zone takes precedence.
     pub fn of_scene(self, crs_wkt: Option<&str>) -> Grid {
         match (self, crs_wkt) {
-            (Grid::FirstFix, Some(wkt)) => UtmZone::of_wkt(wkt).map_or(Grid::Foreign, Grid::Utm),
+            (Grid::FirstFix, Some(wkt)) => UtmZone::of_wkt(wkt).map_or(Grid::Foreign, Grid::OfScene),
             _ => self,
         }
     }

@@ -1,6 +1,7 @@
 //! The scene as its file describes it: the input of the module `scene`.
 
 use super::{MaterialChange, Mesh};
+use crate::crs::LengthUnit;
 use crate::diag::Place;
 use crate::geom::{DVec3, Rotation};
 use std::path::PathBuf;
@@ -73,38 +74,29 @@ impl Transform {
 }
 
 /// How mesh files are read.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeshReading {
     /// Axis that points up in the files; `None`: that of the format, y for glTF and z for the others.
     pub up: Option<UpAxis>,
-    /// Length of a unit of their coordinates, m.
-    pub unit_m: f64,
+    /// Length of a unit of their coordinates, m; `None`: 1 m, which is doubted if it is improbable.
+    pub unit_m: Option<f64>,
     /// Table of materials, resolved; `None`: `materials.csv` beside the file, if there is one and it is no OBJ file.
     pub materials: Option<PathBuf>,
 }
 
-impl Default for MeshReading {
-    fn default() -> MeshReading {
-        MeshReading { up: None, unit_m: 1.0, materials: None }
-    }
-}
-
 impl MeshReading {
     /// What [`MeshReading::unit`] reads.
-    pub const UNITS: &str = "m, cm, mm, km, ft, us-ft, in, or a number of metres above 0";
+    pub const UNITS: &str = "m, dm, cm, mm, km, in, ft, us-ft, yd, or a number of metres above 0";
+
+    /// The length of a unit of the files, m.
+    pub fn metres_per_unit(&self) -> f64 {
+        self.unit_m.unwrap_or(1.0)
+    }
 
     /// The length of a unit of this name, m.
     pub fn unit(name: &str) -> Option<f64> {
-        Some(match name.trim() {
-            "m" => 1.0,
-            "cm" => 0.01,
-            "mm" => 0.001,
-            "km" => 1000.0,
-            "ft" => 0.3048,
-            "us-ft" => 1200.0 / 3937.0,
-            "in" => 0.0254,
-            number => number.parse().ok().filter(|n: &f64| *n > 0.0 && n.is_finite())?,
-        })
+        let number = || name.trim().parse().ok().filter(|n: &f64| *n > 0.0 && n.is_finite());
+        LengthUnit::of_name(name).map(|unit| unit.metres).or_else(number)
     }
 }
 

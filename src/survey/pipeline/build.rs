@@ -2,12 +2,13 @@
 
 use super::super::checks::check_legs;
 use super::super::context::{Context, ReadOptions};
+use super::super::effects::Setting;
 use super::super::platform_xml::{mount_of_other, read_platform};
 use super::super::read::{chosen_scene, find_scene};
 use super::super::survey_xml::read_survey_parts;
 use super::super::{
     Leg, Mount, Platform, PlatformKind, PlatformNoise, PlatformSettings, PoseStream, Scanner,
-    ScannerSettings, Survey,
+    ScannerSettings, Survey, WaveformPlace,
 };
 use super::instrument::read_instrument;
 use super::keys::{LegKeys, Movement, PlatformKeys, SettingsKeys, SurveyKeys};
@@ -79,9 +80,48 @@ pub(super) fn read_survey(
     }
     build_legs(&values, &mut survey, keys, options.trajectory.clone());
     if !options.is_traced {
-        check_legs(context, &survey, &[]);
+        let streamed = options.trajectory.is_some();
+        check_legs(context, &survey, &|leg, setting| place_of(source, keys, leg, setting, streamed));
     }
     Some(survey)
+}
+
+/// Where a setting of a leg is written: in its own table, or in that of all legs.
+fn place_of(
+    source: &Source,
+    keys: &SurveyKeys,
+    leg: usize,
+    setting: Setting,
+    streamed: bool,
+) -> Option<crate::diag::Place> {
+    let own = keys.leg.get(leg).map(Spanned::get_ref).filter(|_| !streamed);
+    let of_leg = own.and_then(|leg| match setting.toml {
+        "position_m" => leg.position_m.as_ref().map(Spanned::span),
+        "speed_m_per_s" => leg.speed_m_per_s.as_ref().map(Spanned::span),
+        name => leg.settings.as_ref()?.span_of(name),
+    });
+    let span = of_leg.or_else(|| keys.settings.as_ref()?.get_ref().span_of(setting.toml))?;
+    Some(source.place(span))
+}
+
+impl SettingsKeys {
+    /// The range of the value of a key.
+    fn span_of(&self, key: &str) -> Option<std::ops::Range<usize>> {
+        let numbers = [
+            ("scan_freq_hz", &self.scan_freq_hz),
+            ("scan_angle_deg", &self.scan_angle_deg),
+            ("vertical_angle_min_deg", &self.vertical_angle_min_deg),
+            ("vertical_angle_max_deg", &self.vertical_angle_max_deg),
+            ("head_rate_deg_per_s", &self.head_rate_deg_per_s),
+            ("head_start_deg", &self.head_start_deg),
+            ("head_stop_deg", &self.head_stop_deg),
+            ("beam_divergence_rad", &self.beam_divergence_rad),
+            ("max_duration_s", &self.max_duration_s),
+        ];
+        let number = numbers.into_iter().find(|(name, _)| *name == key);
+        let frequency = || self.pulse_freq_hz.as_ref().filter(|_| key == "pulse_freq_hz").map(Spanned::span);
+        number.and_then(|(_, value)| value.as_ref()).map(Spanned::span).or_else(frequency)
+    }
 }
 
 fn survey_file(context: &Context, source: &Source, name: &Spanned<String>) -> Option<Survey> {
@@ -129,9 +169,13 @@ fn change_detection(values: &Values, scanner: &mut Scanner, keys: &SurveyKeys) {
     let waveform = keys.waveform.clone().unwrap_or_default();
     let detector = keys.detector.clone().unwrap_or_default();
     let distance_error = values.formula(&detector.distance_error);
+    let span = waveform.window_ns.as_ref().or(waveform.bin_ns.as_ref()).map(Spanned::span);
+    let place = span.map(|span| values.source.place(span));
+    let waveform_place = place.map(|place| WaveformPlace { place, keys: ["bin_ns", "window_ns"] });
     for device in &mut scanner.devices {
-        values.positive(&mut device.waveform.bin, &waveform.bin_ns);
-        values.positive(&mut device.waveform.window, &waveform.window_ns);
+        values.set(&mut device.waveform.bin, &waveform.bin_ns, &quantity::BIN_NS);
+        values.set(&mut device.waveform.window, &waveform.window_ns, &quantity::BIN_NS);
+        device.waveform_place = waveform_place.clone().or(device.waveform_place.take());
         values.not_negative(&mut device.waveform.max_range, &waveform.max_range_ns);
         if let Some(quality) = &waveform.quality {
             device.waveform.quality = *quality.get_ref();
@@ -139,9 +183,11 @@ fn change_detection(values: &Values, scanner: &mut Scanner, keys: &SurveyKeys) {
                 values.refuse(quality, "a whole number from 1 to 1000");
             }
         }
-        values.not_negative(&mut device.detector.accuracy, &detector.accuracy_m);
-        values.not_negative(&mut device.detector.range_min, &detector.range_min_m);
+        values.set(&mut device.detector.accuracy, &detector.accuracy_m, &quantity::ACCURACY);
+        values.set(&mut device.detector.range_min, &detector.range_min_m, &quantity::MIN_RANGE);
         values.set(&mut device.detector.range_max, &detector.range_max_m, &quantity::MAX_RANGE);
+        let ranges = (device.detector.range_min, device.detector.range_max);
+        values.in_order(ranges, [&detector.range_min_m, &detector.range_max_m]);
         if let Some(returns) = &detector.max_returns {
             device.detector.max_returns = *returns.get_ref();
         }
@@ -191,7 +237,7 @@ fn read_leg(values: &Values, survey: &Survey, table: &Spanned<LegKeys>, number: 
     }
     let mut platform = PlatformSettings::at(position.unwrap_or(DVec3::ZERO));
     platform.on_ground = keys.on_ground;
-    values.number(&mut platform.speed, &keys.speed_m_per_s);
+    values.set(&mut platform.speed, &keys.speed_m_per_s, &quantity::SPEED);
     platform.mount = keys.mount.as_ref().map(|mount| values.pose(mount));
     if let Some(name) = &keys.platform {
         let other = values.reference(name, "platform").and_then(|e| read_platform(values.context, &e));
@@ -220,27 +266,31 @@ fn change_settings(
                 values.refuse(freq, "a whole number above 0");
             }
         }
-        values.not_negative(&mut settings.scan_freq, &keys.scan_freq_hz);
-        values.angle(&mut settings.scan_angle, &keys.scan_angle_deg);
+        values.set(&mut settings.scan_freq, &keys.scan_freq_hz, &quantity::SCAN_FREQ);
+        values.angle(&mut settings.scan_angle, &keys.scan_angle_deg, &quantity::HALF_ANGLE);
         for (target, key) in [
             (&mut settings.vertical_min, &keys.vertical_angle_min_deg),
             (&mut settings.vertical_max, &keys.vertical_angle_max_deg),
         ] {
             if key.is_some() {
-                values.angle(target.get_or_insert(0.0), key);
+                values.angle(target.get_or_insert(0.0), key, &quantity::ANGLE);
             }
         }
-        values.angle(&mut settings.head_rate, &keys.head_rate_deg_per_s);
-        values.angle(&mut settings.head_start, &keys.head_start_deg);
-        values.angle(&mut settings.head_stop, &keys.head_stop_deg);
-        values.positive(&mut settings.beam_divergence, &keys.beam_divergence_rad);
-        values.not_negative(&mut settings.trajectory_interval, &keys.trajectory_interval_s);
-        values.not_negative(&mut settings.warmup, &keys.warmup_s);
+        values.angle(&mut settings.head_rate, &keys.head_rate_deg_per_s, &quantity::HEAD_RATE);
+        values.angle(&mut settings.head_start, &keys.head_start_deg, &quantity::ANGLE);
+        values.angle(&mut settings.head_stop, &keys.head_stop_deg, &quantity::ANGLE);
+        values.set(&mut settings.beam_divergence, &keys.beam_divergence_rad, &quantity::DIVERGENCE);
+        values.set(
+            &mut settings.trajectory_interval,
+            &keys.trajectory_interval_s,
+            &quantity::SAMPLE_INTERVAL,
+        );
+        values.set(&mut settings.warmup, &keys.warmup_s, &quantity::WARMUP);
         if keys.max_duration_s.is_some() {
             values.positive(settings.max_duration.get_or_insert(0.0), &keys.max_duration_s);
         }
-        values.angle(&mut vertical, &keys.vertical_resolution_deg);
-        values.angle(&mut horizontal, &keys.horizontal_resolution_deg);
+        values.angle(&mut vertical, &keys.vertical_resolution_deg, &quantity::ANGLE);
+        values.angle(&mut horizontal, &keys.horizontal_resolution_deg, &quantity::ANGLE);
         let stop = keys.head_stop_deg.as_ref();
         if let Some(stop) =
             stop.filter(|_| (settings.head_stop - settings.head_start) * settings.head_rate < 0.0)

@@ -1,11 +1,14 @@
 //! The `[scanner]` table.
 
 use super::super::deflector_xml::{FACET_TILTS, are_facet_tilts};
-use super::super::scanner_xml::{DETECTOR, DEVICE_BEAM, WAVEFORM, WAVELENGTHS, read_scanner};
+use super::super::scanner_xml::{
+    DETECTOR, DEVICE_BEAM, WAVEFORM, WAVELENGTHS, read_scanner, unusual_wavelength,
+};
 use super::super::{Deflector, Device, Head, MechanicalErrors, Mount, Prism, Receiver, Scanner};
-use super::keys::{InstrumentKeys, Key, Optics};
+use super::keys::{InstrumentKeys, Key, Optics, PrismKeys};
 use super::receiver::{change_emission, change_receiver};
 use super::values::Values;
+use crate::diag::Place;
 use crate::geom::{DVec3, radians, unit};
 use crate::quantity;
 use toml::Spanned;
@@ -22,7 +25,10 @@ pub(super) fn read_instrument(
         None => inherited,
         Some(name) => {
             let element = values.reference(name, "scanner")?;
-            Some(read_scanner(context, &element)?)
+            let mut scanner = read_scanner(context, &element)?;
+            // The catalogue's widths count here whatever the physics; surveys in XML keep the reference's meaning.
+            scanner.devices.iter_mut().for_each(|device| device.beam.take_stated_width());
+            Some(scanner)
         }
     };
     if catalogue.is_none() && (keys.optics.is_none() || keys.pulse_freqs_hz.is_none()) {
@@ -36,7 +42,10 @@ pub(super) fn read_instrument(
         pulse_freqs: Vec::new(),
         devices: vec![bare_device()],
         multi_channel: false,
+        written: Vec::new(),
+        sources: Vec::new(),
     });
+    scanner.written.extend(values.source.instrument_keys());
     if let Some(id) = &keys.id {
         scanner.id.clone_from(id);
     }
@@ -62,7 +71,27 @@ pub(super) fn read_instrument(
             keys.channel.iter().enumerate().map(|(i, c)| read_channel(values, &base, i, c)).collect();
         scanner.multi_channel = true;
     }
+    if keys.optics.is_some() || keys.prisms.is_some() || !keys.channel.is_empty() {
+        check_deflectors(values, &scanner, place());
+    }
     Some(scanner)
+}
+
+/// Warns of deflectors that do not deflect.
+fn check_deflectors(values: &Values, scanner: &Scanner, place: Place) {
+    let never = |device: &&Device| match &device.deflector {
+        Deflector::Risley { prisms, .. } => prisms.is_empty(),
+        Deflector::Polygon { effective_max, .. } => *effective_max == 0.0 || device.scan_angle_max == 0.0,
+        _ => false,
+    };
+    let message = match scanner.devices.iter().find(never).map(|device| &device.deflector) {
+        Some(Deflector::Risley { .. }) => {
+            "risley optics without `prisms`: the beam is never deflected, all pulses leave in one direction"
+        }
+        Some(_) => "rotating optics without `scan_angle_max_deg` emit no pulse",
+        None => return,
+    };
+    values.context.warn(place, message);
 }
 
 fn read_channel(values: &Values, base: &Device, index: usize, table: &Spanned<InstrumentKeys>) -> Device {
@@ -96,14 +125,18 @@ fn bare_device() -> Device {
         detector: DETECTOR,
         receiver: Receiver::default(),
         waveform: WAVEFORM,
+        waveform_place: None,
         errors: MechanicalErrors::default(),
     }
 }
 
 fn change_device(values: &Values, device: &mut Device, keys: &InstrumentKeys) {
-    values.angle(&mut device.scan_angle_max, &keys.scan_angle_max_deg);
-    values.not_negative(&mut device.scan_freq.0, &keys.scan_freq_min_hz);
-    values.not_negative(&mut device.scan_freq.1, &keys.scan_freq_max_hz);
+    values.angle(&mut device.scan_angle_max, &keys.scan_angle_max_deg, &quantity::HALF_ANGLE);
+    values.set(&mut device.scan_freq.0, &keys.scan_freq_min_hz, &quantity::SCAN_FREQ);
+    values.set(&mut device.scan_freq.1, &keys.scan_freq_max_hz, &quantity::SCAN_FREQ);
+    if device.scan_freq.1 > 0.0 {
+        values.in_order(device.scan_freq, [&keys.scan_freq_min_hz, &keys.scan_freq_max_hz]);
+    }
     change_deflector(values, device, keys);
     if let Some(axis) = values.vector(&keys.head_axis) {
         device.head.axis = axis;
@@ -111,7 +144,7 @@ fn change_device(values: &Values, device: &mut Device, keys: &InstrumentKeys) {
             values.refuse(key, "an axis longer than 0.1");
         }
     }
-    values.angle(&mut device.head.max_rate, &keys.head_rate_max_deg_per_s);
+    values.angle(&mut device.head.max_rate, &keys.head_rate_max_deg_per_s, &quantity::HEAD_RATE);
     device.head.max_rate = device.head.max_rate.abs();
     if let Some(keys) = &keys.beam_origin {
         device.beam_origin = values.pose(keys);
@@ -125,9 +158,10 @@ fn change_device(values: &Values, device: &mut Device, keys: &InstrumentKeys) {
     change_emission(values, device, keys);
     change_receiver(values, device, keys);
     let detector = &mut device.detector;
-    values.not_negative(&mut detector.accuracy, &keys.accuracy_m);
-    values.not_negative(&mut detector.range_min, &keys.range_min_m);
+    values.set(&mut detector.accuracy, &keys.accuracy_m, &quantity::ACCURACY);
+    values.set(&mut detector.range_min, &keys.range_min_m, &quantity::MIN_RANGE);
     values.set(&mut detector.range_max, &keys.range_max_m, &quantity::MAX_RANGE);
+    values.in_order((detector.range_min, detector.range_max), [&keys.range_min_m, &keys.range_max_m]);
     values.not_negative(&mut detector.threshold, &keys.received_energy_min_w);
     if let Some(returns) = &keys.max_returns {
         detector.max_returns = *returns.get_ref();
@@ -138,16 +172,20 @@ fn change_device(values: &Values, device: &mut Device, keys: &InstrumentKeys) {
 fn change_beam(values: &Values, device: &mut Device, keys: &InstrumentKeys) {
     let beam = &mut device.beam;
     values.set(&mut beam.divergence, &keys.beam_divergence_rad, &quantity::DIVERGENCE);
-    values.positive(&mut beam.pulse_length, &keys.pulse_length_ns);
-    values.positive(&mut beam.average_power, &keys.average_power_w);
-    values.positive(&mut beam.quality, &keys.beam_quality);
-    values.positive(&mut beam.efficiency, &keys.optical_efficiency);
-    values.positive(&mut beam.receiver_diameter, &keys.receiver_diameter_m);
+    values.set(&mut beam.pulse_length, &keys.pulse_length_ns, &quantity::PULSE_LENGTH_NS);
+    beam.stated_width = beam.stated_width.filter(|_| keys.pulse_length_ns.is_none());
+    values.set(&mut beam.average_power, &keys.average_power_w, &quantity::AVERAGE_POWER_W);
+    values.set(&mut beam.quality, &keys.beam_quality, &quantity::BEAM_QUALITY);
+    values.set(&mut beam.efficiency, &keys.optical_efficiency, &quantity::EFFICIENCY);
+    values.set(&mut beam.receiver_diameter, &keys.receiver_diameter_m, &quantity::RECEIVER_DIAMETER);
     values.set(&mut beam.visibility, &keys.visibility_km, &quantity::VISIBILITY);
     if let Some(wavelength) = &keys.wavelength_nm {
         if !WAVELENGTHS.contains(wavelength.get_ref()) {
             let expected = format!("a whole number from {} to {}", WAVELENGTHS.start(), WAVELENGTHS.end());
             values.refuse(wavelength, &expected);
+        } else if !quantity::USUAL_WAVELENGTHS.contains(wavelength.get_ref()) {
+            let message = format!("this {}", unusual_wavelength(*wavelength.get_ref()));
+            values.context.warn(values.source.place(wavelength.span()), message);
         }
         beam.wavelength = f64::from(*wavelength.get_ref());
         beam.atmosphere_wavelength = beam.wavelength;
@@ -172,7 +210,9 @@ fn change_deflector(values: &Values, device: &mut Device, keys: &InstrumentKeys)
         device.deflector = Deflector::EllipticConic { along_max: 0.0 };
     }
     match &mut device.deflector {
-        Deflector::EllipticConic { along_max } => values.angle(along_max, &keys.scan_angle_along_max_deg),
+        Deflector::EllipticConic { along_max } => {
+            values.angle(along_max, &keys.scan_angle_along_max_deg, &quantity::HALF_ANGLE)
+        }
         _ => refuse_unused(values, "conic", &keys.scan_angle_along_max_deg),
     }
     let elliptic =
@@ -184,7 +224,7 @@ fn change_deflector(values: &Values, device: &mut Device, keys: &InstrumentKeys)
     }
     match &mut device.deflector {
         Deflector::Polygon { effective_max, facet_tilts } => {
-            values.angle(effective_max, &keys.scan_angle_effective_max_deg);
+            values.angle(effective_max, &keys.scan_angle_effective_max_deg, &quantity::HALF_ANGLE);
             if let Some(tilts) = &keys.facet_tilts_deg {
                 if !are_facet_tilts(tilts.get_ref()) {
                     values.refuse(tilts, FACET_TILTS);
@@ -237,21 +277,19 @@ fn change_risley(
     air: &mut f64,
     incident: &mut DVec3,
 ) {
-    values.positive(air, &keys.air_index);
+    values.set(air, &keys.air_index, &quantity::REFRACTIVE_INDEX);
     if let Some(key) = &keys.prisms {
-        let read = |p: &super::keys::PrismKeys| Prism {
-            rotor_freq: p.rotor_freq_hz,
-            angle: radians(p.wedge_deg),
-            index: p.index,
-        };
-        *prisms = key.get_ref().iter().map(read).filter(|p| p.angle != 0.0).collect();
-        let is_prism = |p: &Prism| {
-            [p.rotor_freq, p.angle].iter().all(|v| quantity::NUMBER.contains(*v))
-                && quantity::POSITIVE.contains(p.index)
-        };
-        if !prisms.iter().all(is_prism) {
-            values.refuse(key, "prisms with finite figures and an index above 0");
+        *prisms = key.get_ref().iter().map(|keys| read_prism(values, keys)).collect();
+        for (prism, keys) in prisms.iter().zip(key.get_ref()) {
+            let place = |key: &Spanned<f64>| values.source.place(key.span());
+            if prism.angle == 0.0 || prism.index == *air {
+                let wrong = if prism.angle == 0.0 { &keys.wedge_deg } else { &keys.index };
+                values.context.warn(place(wrong), "this prism does not deflect the beam");
+            } else if prism.rotor_freq == 0.0 {
+                values.context.warn(place(&keys.rotor_freq_hz), "this prism does not turn");
+            }
         }
+        prisms.retain(|prism| prism.angle != 0.0);
     }
     if let (Some(key), Some(beam)) = (&keys.incident_beam, values.vector(&keys.incident_beam)) {
         *incident = unit(beam);
@@ -259,6 +297,14 @@ fn change_risley(
             values.refuse(key, "a direction");
         }
     }
+}
+
+fn read_prism(values: &Values, keys: &PrismKeys) -> Prism {
+    let mut prism = Prism { rotor_freq: 0.0, angle: 0.0, index: 1.0 };
+    values.set(&mut prism.rotor_freq, &Some(keys.rotor_freq_hz.clone()), &quantity::ROTOR_FREQ);
+    values.angle(&mut prism.angle, &Some(keys.wedge_deg.clone()), &quantity::WEDGE);
+    values.set(&mut prism.index, &Some(keys.index.clone()), &quantity::REFRACTIVE_INDEX);
+    prism
 }
 
 fn change_errors(values: &Values, device: &mut Device, keys: &InstrumentKeys) {

@@ -10,6 +10,8 @@ use toml::Spanned;
 pub struct KeyTable {
     /// Its header; empty for the keys at the top of the file.
     pub name: &'static str,
+    /// Name of the type that it is read into.
+    pub type_name: &'static str,
     /// What it describes.
     pub about: &'static str,
     /// Names and meanings of its keys.
@@ -37,6 +39,7 @@ macro_rules! key_table {
             /// Names and meanings of the keys.
             pub const TABLE: $crate::survey::KeyTable = $crate::survey::KeyTable {
                 name: $table,
+                type_name: stringify!($name),
                 about: concat!($($about, "\n"),+),
                 keys: &[$((stringify!($field), concat!($($doc, "\n"),+))),*],
             };
@@ -164,12 +167,12 @@ pub struct MaterialKeys = "[[part.material]]" {
     pub primitives: Vec<u32>,
     /// Its name. Default: `of`, else `material`.
     pub name: Option<String>,
-    /// Reflectance, 0 to 1. Default: that of `spectrum`, else 50 as of files, or 0.5 with `--physics refined`.
+    /// Reflectance, 0 to 1. Default: that of `spectrum`, else 0.5, or 50 with `--physics helios`.
     pub reflectance: Key<f64>,
     /// Name of a spectrum in a `spectra` folder of the assets.
     pub spectrum: Option<String>,
     /// Class of the points. Default: 0.
-    pub classification: i32,
+    pub classification: Key<i32>,
     /// Whether legs and parts stand on it. Default: false.
     pub is_ground: bool,
     /// Roughness of the surface, degrees; refined physics. Default: 0.
@@ -182,7 +185,7 @@ key_table! {
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlatformKeys = "[platform]" {
-    /// `file.xml#id` of a platform, for example `data/platforms.xml#sr22`.
+    /// The id of a platform that ships (`vlscan catalogue`), for example `sr22`, or `file.xml#id`.
     pub catalogue: Key<String>,
     /// `static` or `linear_path`. Default: that of the catalogue entry, else `static`.
     pub kind: Option<Movement>,
@@ -225,7 +228,7 @@ key_table! {
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct InstrumentKeys = "[scanner]" {
-    /// `file.xml#id` of a scanner, for example `data/scanners_tls.xml#riegl_vz400`. Not in channels.
+    /// The id of a scanner that ships (`vlscan catalogue`), for example `riegl_vz400`, or `file.xml#id`. Not in channels.
     pub catalogue: Key<String>,
     /// Name that outputs report. Default: that of the catalogue entry; channels are numbered from 0.
     pub id: Option<String>,
@@ -380,11 +383,11 @@ key_table! {
 #[serde(deny_unknown_fields)]
 pub struct PrismKeys = "prisms" {
     /// Turns per second; the sign is the sense.
-    pub rotor_freq_hz: f64,
+    pub rotor_freq_hz: Spanned<f64>,
     /// Wedge angle, degrees; positive: inclined face towards the incoming beam.
-    pub wedge_deg: f64,
+    pub wedge_deg: Spanned<f64>,
     /// Refractive index.
-    pub index: f64,
+    pub index: Spanned<f64>,
 }
 }
 
@@ -438,7 +441,7 @@ pub struct LegKeys = "[[leg]]" {
     pub speed_m_per_s: Key<f64>,
     /// Whether the scanner fires. Default: true.
     pub active: Option<bool>,
-    /// `file.xml#id` of a platform that carries the scanner in this leg, with its mount; it has to be of the kind of
+    /// The id of a platform that ships, or `file.xml#id`, of one that carries the scanner in this leg, with its mount; it has to be of the kind of
     /// `[platform]`. Default: `[platform]`.
     pub platform: Key<String>,
     /// Mount of the scanner in this leg. Default: that of the leg's `platform`, or of `[platform]`.

@@ -5,6 +5,7 @@
 //! |---|---|
 //! | `keys` | the documented keys that describe the survey |
 //! | `source` | the text and its tables; all problems of one file at once |
+//! | `words` | errors of TOML in the words of its users |
 //! | `values` | values of keys: numbers within bounds, poses, references |
 //! | `build`, `parts` | builds the survey and its scene from the keys |
 //! | `instrument`, `receiver` | the `[scanner]` table |
@@ -16,6 +17,7 @@ mod parts;
 mod receiver;
 mod source;
 mod values;
+pub(crate) mod words;
 
 pub(crate) use keys::key_table;
 pub use keys::{KeyTable, SURVEY_TABLES};
@@ -32,6 +34,8 @@ pub struct PipelineSurvey {
     pub survey: Survey,
     /// Whether the file itself describes a flight, instead of taking that of a survey file.
     pub has_own_flight: bool,
+    /// Whether the file changes the survey of an XML file, instead of describing its own.
+    pub is_of_survey: bool,
 }
 
 /// Reads the survey of a pipeline file from the tables whose other keys have been taken. The second value contains
@@ -46,9 +50,10 @@ pub fn read_pipeline_survey(tables: Tables, options: &ReadOptions) -> Result<(Pi
     let context = Context::new(options);
     context.take(problems);
     let survey = keys.and_then(|keys| {
-        let has_own_flight = keys.survey.is_none() || !keys.leg.is_empty();
+        let is_of_survey = keys.survey.is_some();
+        let has_own_flight = !is_of_survey || !keys.leg.is_empty();
         let survey = build::read_survey(&context, source, &keys, options)?;
-        Some(PipelineSurvey { survey, has_own_flight })
+        Some(PipelineSurvey { survey, has_own_flight, is_of_survey })
     });
     context.finish(survey)
 }

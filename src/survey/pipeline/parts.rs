@@ -9,15 +9,15 @@ use super::super::{
 use super::keys::{MaterialKeys, PartKeys, PoseKeys};
 use super::source::near;
 use super::values::Values;
-use crate::quantity::Bounds;
+use crate::quantity::{self, Bounds};
 use std::path::Path;
 use toml::Spanned;
 
 /// Extensions of the files that can be parts beside those of meshes.
 const OTHER_EXTENSIONS: [&str; 3] = ["tif", "tiff", "vox"];
 
-const REFLECTANCE: Bounds = Bounds { low: 0.0, high: 1.0, expected: "a reflectance from 0 to 1" };
-const ROUGHNESS: Bounds = Bounds { low: 0.0, high: 90.0, expected: "a roughness of 0 to 90 degrees" };
+const REFLECTANCE: Bounds = Bounds::new(0.0, 1.0, "a reflectance from 0 to 1");
+const ROUGHNESS: Bounds = Bounds::new(0.0, 90.0, "a roughness of 0 to 90 degrees");
 
 /// The scene of these parts. Problems are recorded; parts that cannot be read are left out.
 pub(super) fn read_parts(values: &Values, tables: &[Spanned<PartKeys>]) -> SceneRecipe {
@@ -53,7 +53,7 @@ fn read_part(values: &Values, table: &Spanned<PartKeys>, number: u32) -> Option<
         reading.up = keys.up.as_ref().map(|axis| *axis.get_ref());
         if let Some(unit) = &keys.unit {
             match MeshReading::unit(unit.get_ref()) {
-                Some(metres) => reading.unit_m = metres,
+                Some(metres) => reading.unit_m = Some(metres),
                 None => values.refuse(unit, MeshReading::UNITS),
             }
         }
@@ -74,12 +74,12 @@ fn read_part(values: &Values, table: &Spanned<PartKeys>, number: u32) -> Option<
     let pose = values.pose(&pose);
     let on_ground = i64::from(keys.on_ground);
     let mut transform = Transform { rotation: pose.rotation, offset: pose.offset, scale: 1.0, on_ground };
-    values.positive(&mut transform.scale, &keys.scale);
+    values.set(&mut transform.scale, &keys.scale, &quantity::SCALE);
     Some(PartRecipe {
         id: keys.id.clone(),
         number,
         loader,
-        changes: keys.material.iter().map(|material| read_change(values, material.get_ref())).collect(),
+        changes: keys.material.iter().map(|material| read_change(values, material)).collect(),
         transform,
         motions: Vec::new(),
         timing: MotionTiming { dyn_step: 1, tree_step: 1, dyn_time_step: None, tree_time_step: None },
@@ -88,12 +88,23 @@ fn read_part(values: &Values, table: &Spanned<PartKeys>, number: u32) -> Option<
     })
 }
 
-fn read_change(values: &Values, keys: &MaterialKeys) -> MaterialChange {
+fn read_change(values: &Values, table: &Spanned<MaterialKeys>) -> MaterialChange {
+    let keys = table.get_ref();
+    if keys.of.is_some() && !keys.primitives.is_empty() {
+        let message = "`of` chooses no faces beside `primitives`; it only names the material";
+        values.context.warn(values.source.place(table.span()), message);
+    }
     let name = keys.name.clone().or(keys.of.clone()).unwrap_or_else(|| "material".to_owned());
     let mut roughness_deg = 0.0;
     values.set(&mut roughness_deg, &keys.roughness_deg, &ROUGHNESS);
     let mut reflectance = 0.0;
     values.set(&mut reflectance, &keys.reflectance, &REFLECTANCE);
+    let classification = keys.classification.as_ref().map_or(0, |class| *class.get_ref());
+    if let Some(key) = keys.classification.as_ref().filter(|_| !quantity::CLASSES.contains(&classification)) {
+        let message =
+            format!("class {classification} is written as 0 in LAS and LAZ, which have classes 0 to 255");
+        values.context.warn(values.source.place(key.span()), message);
+    }
     let replaced = match (&keys.of, keys.primitives.is_empty()) {
         (_, false) => Replaced::Faces(keys.primitives.clone()),
         (Some(name), true) => Replaced::Named(name.clone()),
@@ -104,8 +115,9 @@ fn read_change(values: &Values, keys: &MaterialKeys) -> MaterialChange {
         roughness: crate::geom::radians(roughness_deg),
         reflectance: keys.reflectance.is_some().then_some(reflectance),
         spectrum: keys.spectrum.clone(),
-        classification: keys.classification,
+        classification,
         is_ground: keys.is_ground,
+        place: Some(values.source.place(table.span())),
         ..MaterialDefinition::new(name)
     };
     MaterialChange { replaced, material }

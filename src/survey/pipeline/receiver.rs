@@ -4,7 +4,7 @@ use super::super::pulse_file::read_pulse_file;
 use super::super::{AmplifierNoise, Device, Receiver, ReferenceTarget, ShotNoise, pulse_length_of_width};
 use super::keys::{InstrumentKeys, Key};
 use super::values::Values;
-use crate::quantity::{DIVERGENCE, FRACTION};
+use crate::quantity::{self, DIVERGENCE, FRACTION};
 use toml::Spanned;
 
 /// Applies pulse energy, width, shape, profile and aperture to the device, after pulse length and divergence.
@@ -15,16 +15,18 @@ pub(super) fn change_emission(values: &Values, device: &mut Device, keys: &Instr
             values.refuse(key, "either `pulse_length_ns` or `pulse_fwhm_ns`");
         }
         let mut width = 1.0;
-        values.positive(&mut width, &keys.pulse_fwhm_ns);
-        beam.pulse_length = pulse_length_of_width(width);
+        values.set(&mut width, &keys.pulse_fwhm_ns, &quantity::PULSE_LENGTH_NS);
+        (beam.pulse_length, beam.stated_width) = (pulse_length_of_width(width), None);
     }
-    if let Some(energy) = positive(values, &keys.pulse_energy_uj) {
-        beam.pulse_energy = Some(energy * 1e-6);
+    if keys.pulse_energy_uj.is_some() {
+        let mut energy_uj = 1.0;
+        values.set(&mut energy_uj, &keys.pulse_energy_uj, &quantity::PULSE_ENERGY_UJ);
+        beam.pulse_energy = Some(energy_uj * 1e-6);
     }
     if keys.beam_divergence_y_rad.is_some() {
         values.set(beam.divergence_y.insert(beam.divergence), &keys.beam_divergence_y_rad, &DIVERGENCE);
     }
-    values.not_negative(&mut beam.aperture, &keys.exit_aperture_m);
+    values.set(&mut beam.aperture, &keys.exit_aperture_m, &quantity::APERTURE);
     beam.profile = keys.beam_profile.unwrap_or(beam.profile);
     if let Some(key) = &keys.pulse_shape {
         let place = values.source.place(key.span());

@@ -1,11 +1,15 @@
 //! The text of a pipeline file, and its tables, from which each reader takes its keys.
 
-use super::super::assets::Assets;
+use super::super::assets::{Assets, slashes};
 use super::super::context::ReadOptions;
+use super::super::documents::{SPELLING_HELP, spelling_message};
 use super::super::text::{decode, line_of_bytes};
-use super::keys::SurveyKeys;
+use super::super::{KeyUse, WrittenKey, key_named};
+use super::keys::{SURVEY_TABLES, SurveyKeys};
+use super::words::{self, Wording};
 use crate::diag::{Diagnostic, Diagnostics, Place, nearest};
 use crate::error::{Error, Result};
+use crate::files::reads;
 use crate::input::read_file;
 use serde::Deserialize;
 use serde::de::Visitor;
@@ -74,6 +78,82 @@ impl Source {
         }
     }
 
+    /// The keys of `[scanner]` and `[[scanner.channel]]` that not every physics makes use of.
+    pub fn instrument_keys(&self) -> Vec<WrittenKey> {
+        let (root, _) = DeTable::parse_recoverable(&self.text);
+        let Some(DeValue::Table(scanner)) = root.get_ref().get("scanner").map(Spanned::get_ref) else {
+            return Vec::new();
+        };
+        let channels = match scanner.get("channel").map(Spanned::get_ref) {
+            Some(DeValue::Array(channels)) => channels.iter().map(Spanned::get_ref).collect(),
+            _ => Vec::new(),
+        };
+        let channels = channels.into_iter().enumerate().filter_map(|(i, channel)| match channel {
+            DeValue::Table(channel) => Some((Some(i), channel)),
+            _ => None,
+        });
+        let keys_of = |(channel, table): (Option<usize>, &DeTable)| {
+            let written = table.keys().filter_map(|name| {
+                let key = key_named(name.get_ref()).filter(|key| key.used != KeyUse::Always)?;
+                Some(WrittenKey { key, name: key.key, place: self.place(name.span()), channel })
+            });
+            written.collect::<Vec<_>>()
+        };
+        std::iter::once((None, scanner)).chain(channels).flat_map(keys_of).collect()
+    }
+
+    /// Reads a value of which the text is the whole file.
+    ///
+    /// # Errors
+    /// The first problem of the file.
+    pub fn parse<T: serde::de::DeserializeOwned>(&self) -> Result<T> {
+        self.tables()?;
+        toml::from_str(&self.text).map_err(|error| {
+            let mut problems = Diagnostics::default();
+            self.report_value(&error, None, &mut problems);
+            Error::Input(Box::new(problems))
+        })
+    }
+
+    /// Records an error of serde, whose message has the names of keys and variants in backticks. `span` is its place
+    /// unless the error has one.
+    fn report_value(&self, error: &toml::de::Error, span: Option<Range<usize>>, problems: &mut Diagnostics) {
+        let place = error.span().or(span).map(|at| self.place(at));
+        let message = error.message();
+        let names: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+        let (unknown, known) = names.split_first().map_or(("", &[][..]), |(first, rest)| (*first, rest));
+        let (message, list) = if message.starts_with("unknown field") {
+            (format!("unknown key `{unknown}`"), Some("the keys here are"))
+        } else if message.starts_with("unknown variant") {
+            (format!("expected {}, found `{unknown}`", known.join(", ")), None)
+        } else if message.starts_with("missing field") {
+            (format!("the key `{unknown}` is missing"), None)
+        } else {
+            problems.error(place, words::of_value(message, &SURVEY_TABLES));
+            return;
+        };
+        let problem = problems.error(place, message);
+        match (nearest(unknown, known.iter().copied()), list) {
+            (Some(near), _) => {
+                problem.help(format!("did you mean `{near}`?"));
+            }
+            (None, Some(list)) => {
+                problem.help(format!("{list} {}", known.join(", ")));
+            }
+            _ => {}
+        }
+    }
+
+    fn report_form(&self, error: &toml::de::Error, problems: &mut Diagnostics) {
+        let at = error.span();
+        let Wording { message, hint } =
+            words::of_form(error.message(), &self.text, at.clone().map(|at| at.start));
+        let problem = problems.error(at.map(|at| self.place(at)), message);
+        if !hint.is_empty() {
+            problem.help(hint);
+        }
+    }
+
     /// The tables of the file.
     ///
     /// # Errors
@@ -82,8 +162,7 @@ impl Source {
         let (root, errors) = DeTable::parse_recoverable(&self.text);
         let mut problems = Diagnostics::default();
         for error in &errors {
-            let place = error.span().map(|at| self.place(at));
-            problems.error(place, format!("not well-formed TOML: {}", error.message()));
+            self.report_form(error, &mut problems);
         }
         problems.finish(false)?;
         let problems = Diagnostics::default();
@@ -142,7 +221,7 @@ impl<'t> Tables<'t> {
         match T::deserialize(ValueDeserializer::from(value)) {
             Ok(value) => Some(value),
             Err(error) => {
-                self.report(&error, Some(span));
+                self.source.report_value(&error, Some(span), &mut self.problems);
                 None
             }
         }
@@ -155,7 +234,7 @@ impl<'t> Tables<'t> {
             match T::deserialize(Deserializer::from(table.clone())) {
                 Ok(value) => return Some(value),
                 Err(error) => {
-                    self.report(&error, None);
+                    self.source.report_value(&error, None, &mut self.problems);
                     if !error.span().is_some_and(|at| remove(table.get_mut(), &at)) {
                         return None;
                     }
@@ -223,12 +302,16 @@ impl<'t> Tables<'t> {
     pub fn find_file(&mut self, name: &Path, place: Option<Place>, options: &ReadOptions) -> Option<PathBuf> {
         let assets = Assets::new(&options.assets);
         let name = name.to_string_lossy();
-        let found = assets.file(&near(self.source, &name), self.source.folder());
-        if found.is_none() {
+        let Some(located) = assets.file(&near(self.source, &name), self.source.folder()) else {
             let problem = self.problems.error(place, format!("cannot find the file `{name}`"));
-            problem.help(assets.searched(&name, self.source.folder()));
+            let hint = words::hint_for_name(&name);
+            problem.help(if hint.is_empty() { assets.searched(&name, self.source.folder()) } else { hint });
+            return None;
+        };
+        if let Some(spelling) = located.respelled {
+            self.problems.warn(place, spelling_message(&name, &spelling)).help(SPELLING_HELP);
         }
-        found
+        Some(located.found)
     }
 
     fn report_unknown(&mut self, key: &Spanned<DeString>, known: &[&str]) {
@@ -238,35 +321,6 @@ impl<'t> Tables<'t> {
         };
         let place = self.source.place(key.span());
         self.problems.error(Some(place), format!("unknown key `{}`", key.get_ref())).help(help);
-    }
-
-    /// Records an error of serde, whose message has the names of keys and variants in backticks. `span` is its place
-    /// unless the error has one.
-    fn report(&mut self, error: &toml::de::Error, span: Option<Range<usize>>) {
-        let place = error.span().or(span).map(|at| self.source.place(at));
-        let message = error.message();
-        let names: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
-        let (unknown, known) = names.split_first().map_or(("", &[][..]), |(first, rest)| (*first, rest));
-        let (message, list) = if message.starts_with("unknown field") {
-            (format!("unknown key `{unknown}`"), Some("the keys here are"))
-        } else if message.starts_with("unknown variant") {
-            (format!("expected {}, found `{unknown}`", known.join(", ")), None)
-        } else if message.starts_with("missing field") {
-            (format!("the key `{unknown}` is missing"), None)
-        } else {
-            self.problems.error(place, in_plain_words(message));
-            return;
-        };
-        let problem = self.problems.error(place, message);
-        match (nearest(unknown, known.iter().copied()), list) {
-            (Some(near), _) => {
-                problem.help(format!("did you mean `{near}`?"));
-            }
-            (None, Some(list)) => {
-                problem.help(format!("{list} {}", known.join(", ")));
-            }
-            _ => {}
-        }
     }
 }
 
@@ -300,26 +354,6 @@ impl<'de> serde::Deserializer<'de> for FieldNames<'_> {
     serde::forward_to_deserialize_any! {
         bool i8 i16 i32 i64 u8 u16 u32 u64 f32 f64 char str string bytes byte_buf option unit unit_struct newtype_struct seq
         tuple tuple_struct map enum identifier ignored_any
-    }
-}
-
-/// Replaces the names of Rust types in a message by plain words.
-fn in_plain_words(message: &str) -> String {
-    let words = [
-        ("f64", "a number"),
-        ("u32", "a whole number of at least 0"),
-        ("usize", "a whole number of at least 0"),
-        ("bool", "true or false"),
-        ("a boolean", "true or false"),
-        ("path string", "a path"),
-        ("an array of length 3", "three numbers"),
-    ];
-    match message.rsplit_once("expected ") {
-        Some((found, expected)) => {
-            let expected = words.iter().find(|w| w.0 == expected.trim()).map_or(expected, |w| w.1);
-            format!("{found}expected {expected}")
-        }
-        None => message.to_owned(),
     }
 }
 
@@ -359,7 +393,8 @@ pub(super) fn near(source: &Source, reference: &str) -> String {
         None => (reference, None),
     };
     let beside = source.folder().join(file);
-    match (beside.is_file(), id) {
+    let is_beside = reads::is_file(&beside) || reads::is_file(source.folder().join(&*slashes(file)));
+    match (is_beside, id) {
         (false, _) => reference.to_owned(),
         (true, None) => beside.to_string_lossy().into_owned(),
         (true, Some(id)) => format!("{}#{id}", beside.to_string_lossy()),

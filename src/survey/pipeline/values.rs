@@ -1,12 +1,13 @@
 //! Values of keys: numbers within bounds, vectors, formulas, poses, references.
 
 use super::super::context::Context;
+use super::super::read::find_asset;
 use super::super::xml::Element;
 use super::super::{Formula, Mount};
 use super::keys::{Key, PoseKeys};
 use super::source::{Source, near};
 use crate::geom::{DVec3, Rotation, radians};
-use crate::quantity::{self, Bounds};
+use crate::quantity::{self, Bounds, number};
 use toml::Spanned;
 
 /// Context for reading the values of one file.
@@ -19,10 +20,31 @@ impl Values<'_> {
     /// Sets `target` to the value of the key, if present; it must be within `bounds`.
     pub fn set(&self, target: &mut f64, key: &Key<f64>, bounds: &Bounds) {
         let Some(key) = key else { return };
-        if bounds.contains(*key.get_ref()) {
-            *target = *key.get_ref();
+        let value = *key.get_ref();
+        if bounds.contains(value) {
+            *target = value;
+            self.doubt(key, value, bounds);
         } else {
             self.refuse(key, bounds.expected);
+        }
+    }
+
+    /// Refuses a lower limit above the upper one, at the key that states one of them.
+    pub fn in_order(&self, (least, most): (f64, f64), [lower, upper]: [&Key<f64>; 2]) {
+        if least <= most {
+            return;
+        }
+        if let Some(key) = upper {
+            self.refuse(key, &format!("at least the lower limit, {}", number(least)));
+        } else if let Some(key) = lower {
+            self.refuse(key, &format!("at most the upper limit, {}", number(most)));
+        }
+    }
+
+    /// Warns of a value beyond what is usual.
+    pub fn doubt<T>(&self, key: &Spanned<T>, value: f64, bounds: &Bounds) {
+        if let Some((doubt, hint)) = bounds.doubt(value) {
+            self.context.warn_help(self.source.place(key.span()), format!("this {doubt}"), hint);
         }
     }
 
@@ -38,11 +60,11 @@ impl Values<'_> {
         self.set(target, key, &quantity::NUMBER);
     }
 
-    /// Sets `target` (radians) to the value of the key (degrees), if present.
-    pub fn angle(&self, target: &mut f64, key: &Key<f64>) {
+    /// Sets `target` (radians) to the value of the key (degrees), if present; it must be within `bounds`.
+    pub fn angle(&self, target: &mut f64, key: &Key<f64>, bounds: &Bounds) {
         if key.is_some() {
             let mut degrees = crate::geom::degrees(*target);
-            self.number(&mut degrees, key);
+            self.set(&mut degrees, key, bounds);
             *target = radians(degrees);
         }
     }
@@ -73,16 +95,10 @@ impl Values<'_> {
         self.context.error(self.source.place(key.span()), format!("expected {expected}"));
     }
 
-    /// The catalogue element that a key refers to.
+    /// The element of a scanner or a platform that a key refers to: by file and id, or by the id of one that ships.
     pub fn reference(&self, name: &Spanned<String>, kind: &str) -> Option<Element> {
         let text = near(self.source, name.get_ref());
-        let (file, id) = match text.split_once('#') {
-            Some((file, id)) => (file, Some(id)),
-            None => (text.as_str(), None),
-        };
-        let place = self.source.place(name.span());
-        let root = self.context.referred_document(file, self.source.folder(), Some(place.clone()))?;
-        self.context.pick(&root, kind, id, Some(place))
+        find_asset(self.context, kind, &text, self.source.folder(), Some(self.source.place(name.span())))
     }
 
     pub fn pose(&self, keys: &PoseKeys) -> Mount {

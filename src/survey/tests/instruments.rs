@@ -34,10 +34,16 @@ fn defaults() {
 #[test]
 fn the_closed_list_of_optics() {
     let with = |optics: &str| {
-        fine(&format!(
-        "<scanner id='mine' optics='{optics}' pulseFreqs_Hz='5' scanAngleMax_deg='30' scanAngleEffectiveMax_deg='20' scanProduct='900'
-          numFibers='63' rotorFreq1_Hz='-10' angle1_deg='18' refrIndex1='1.5' angle2_deg='0.0000001' angle3_deg='-4'/>"
-    )).devices.remove(0).deflector
+        let text = format!(
+            "<scanner id='mine' optics='{optics}' pulseFreqs_Hz='5' scanAngleMax_deg='30' scanAngleEffectiveMax_deg='20'
+             scanProduct='900' numFibers='63' rotorFreq1_Hz='-10' angle1_deg='18' refrIndex1='1.5' angle2_deg='0.0000001'
+             angle3_deg='-4'/>"
+        );
+        let (mut scanner, warnings) = scanner_of(&text).unwrap_or_else(|e| panic!("{}", report(&e)));
+        if optics != "risley" {
+            contains(&warnings.render(false), &[&format!("`angle1_deg` has no effect with {optics} optics")]);
+        }
+        scanner.devices.remove(0).deflector
     };
     assert!(
         matches!(with("rotating"), Deflector::Polygon { effective_max, .. } if effective_max == radians(20.0))
@@ -192,6 +198,14 @@ fn wrong_instruments() {
     contains(&base("wavelength_nm='0'", ""), &["`wavelength_nm` must be a whole number from 1 to 1000000"]);
     contains(&base("beamDivergence_rad='-1'", ""), &["`beamDivergence_rad` must be a number above 0"]);
     contains(&base("rangeMin_m='5' rangeMax_m='4'", ""), &["rangeMin_m does not exceed rangeMax_m"]);
+    contains(
+        &base("scanFreqMin_Hz='100' scanFreqMax_Hz='10'", "<channels><channel/><channel/></channels>"),
+        &["`scanFreqMax_Hz` must be at least scanFreqMin_Hz, 100, or 0 for no limit, found `10`"],
+    );
+    contains(
+        &base("scanFreqMax_Hz='10'", "<channels><channel scanFreqMin_Hz='20'/></channels>"),
+        &["`scanFreqMin_Hz` must be at most scanFreqMax_Hz, 10, found `20`"],
+    );
     contains(
         &base("", "<beamOrigin><rot axis='w' angle_deg='1'/></beamOrigin>"),
         &["`axis` must be x, y or z"],

@@ -13,6 +13,7 @@ mod pipelines;
 mod receivers;
 mod scenes;
 mod surveys;
+mod values;
 
 /// A folder of files that is removed when it is dropped.
 struct Folder(tempfile::TempDir);

@@ -155,6 +155,7 @@ fn parts_of_a_scene() {
     let [leaf, some] = &tree.changes[..] else { panic!("{:?}", tree.changes) };
     assert_eq!((&leaf.replaced, leaf.material.reflectance), (&Replaced::Named("leaf".to_owned()), Some(0.4)));
     assert_eq!((&some.replaced, some.material.classification), (&Replaced::Faces(vec![3, 4]), 6));
+    assert!(leaf.material.has_line() && some.material.has_line());
     let wrong = "[[part]]\nid = 'a'\n[[part]]\nfile = 'a.e57'\n[[part]]\nfile = 'b.obj'\n[[part]]\nfile = 'a.obj'\n\
                  scale = 0\n[[part.material]]\nreflectance = 2\n";
     let report = refused(read(&format!("scene = 'a.obj'\n{rest}{wrong}")));
@@ -270,6 +271,19 @@ fn wrong_values_are_marked() {
     let wrong = |more: &str| refused(read(&format!("survey = 'survey.xml'\n{more}")));
     contains(&wrong("[scanner]\nrange_error_m = '1+foo(t)'"), &["unknown name `foo`", "p.toml:3:20"]);
     contains(&wrong("[scanner]\nfibres = 5"), &["this key needs optics = \"line\""]);
+    contains(
+        &wrong("[scanner]\nscan_freq_min_hz = 200\nscan_freq_max_hz = 100"),
+        &["expected at least the lower limit, 200", "p.toml:4:20"],
+    );
+    contains(&wrong("[scanner]\nscan_freq_min_hz = 9000"), &["expected at most the upper limit, 120"]);
+    contains(
+        &wrong("[scanner]\nrange_min_m = 20\nrange_max_m = 10"),
+        &["expected at least the lower limit, 20"],
+    );
+    contains(
+        &wrong("[detector]\nrange_min_m = 20\nrange_max_m = 10"),
+        &["expected at least the lower limit, 20"],
+    );
     contains(&wrong("[scanner]\nbeam_divergence_rad = 0"), &["expected a number above 0"]);
     contains(
         &wrong("[platform]\nmount = { rotate_deg = [{ x = 1, y = 2 }] }"),
@@ -331,5 +345,125 @@ fn a_trajectory_with_everything() {
             "above 0",
             "from 0 to 3600",
         ],
+    );
+}
+
+/// How a table that stands within another one is written with a key.
+fn within(table: &str, entry: &str) -> String {
+    match table {
+        "poses" => format!("[platform]\nmount = {{ {entry} }}"),
+        "rotations" => format!("[platform]\nmount = {{ rotate_deg = [{{ {entry} }}] }}"),
+        "prisms" => format!("[scanner]\noptics = \"risley\"\nprisms = [{{ {entry} }}]"),
+        "max_range" | "snr" => format!("[scanner]\n{table} = {{ {entry} }}"),
+        "[[part.material]]" => format!("[[part]]\nfile = \"a.obj\"\n[[part.material]]\n{entry}"),
+        _ => format!("{table}\n{entry}"),
+    }
+}
+
+#[test]
+fn messages_about_wrong_types_name_no_types_of_the_program() {
+    let words = [
+        "struct ",
+        "enum ",
+        "f64",
+        "f32",
+        "u8",
+        "u16",
+        "u32",
+        "u64",
+        "usize",
+        "i32",
+        "i64",
+        "Keys",
+        "variant",
+        "tuple",
+        "newtype",
+        "Option<",
+        "Spanned",
+        "sequence",
+        "deseriali",
+        "Rust",
+        "::",
+    ];
+    let values =
+        ["0.001", "3", "-1", "1e300", "\"x\"", "true", "[1, \"x\"]", "{ a = 1 }", "[]", "1979-05-27"];
+    let folder = Folder::new(&[("a.obj", "")]);
+    let (mut wrong, mut reports) = (Vec::new(), 0);
+    for table in crate::options::pipeline_keys() {
+        for (key, _) in &table.keys {
+            for value in values {
+                folder.write("p.toml", &within(&table.name, &format!("{key} = {value}")));
+                let Err(error) = read_pipeline(&folder.path("p.toml")) else { continue };
+                let Error::Input(problems) = &error else { continue };
+                reports += 1;
+                for item in problems.items() {
+                    let text = format!("{} {}", item.message, item.help.as_deref().unwrap_or_default());
+                    if let Some(word) = words.iter().find(|word| text.contains(*word)) {
+                        wrong.push(format!("{}.{key} = {value}: {word:?} in {text}", table.name));
+                    }
+                }
+            }
+        }
+    }
+    assert!(reports > 500, "{reports} reports");
+    assert!(wrong.is_empty(), "{} of {reports}:\n{}", wrong.len(), wrong.join("\n"));
+}
+
+#[test]
+fn data_sheet_figures_and_paths_of_windows_have_hints() {
+    let folder = Folder::new(&[]);
+    let report_of = |text: &str| {
+        folder.write("p.toml", text);
+        report(&read_pipeline(&folder.path("p.toml")).unwrap_err())
+    };
+    let snr = report_of("scene = \"a.obj\"\n[scanner]\nsnr = 0.001\n");
+    contains(&snr, &["expected a table such as { range_m = …", "found the number 0.001", "p.toml:3:7"]);
+    contains(
+        &report_of("scene = \"C:\\Users\\me\\a.obj\"\n"),
+        &["not well-formed TOML", "single quotes", "C:/Users/me"],
+    );
+    contains(&report_of("scene = \"C:\\temp\\new.obj\"\n"), &["single quotes"]);
+    contains(&report_of("[trajectory]\nheight_offset_m = 47,5\n"), &["a decimal point"]);
+}
+
+#[test]
+fn unusual_values_of_pipelines_are_warned_of() {
+    let folder = Folder::new(&[("a.obj", "")]);
+    let warnings_of = |scanner: &str, rest: &str| {
+        let text = format!(
+            "scene = \"a.obj\"\n[scanner]\noptics = \"rotating\"\npulse_freqs_hz = [1000]\nscan_angle_max_deg = 60\n{scanner}\n\
+             [settings]\nscan_freq_hz = 5\nmax_duration_s = 1\n{rest}\n[[leg]]\nposition_m = [0, 0, 9]\n"
+        );
+        folder.write("p.toml", &text);
+        let (_, warnings) =
+            read_pipeline(&folder.path("p.toml")).unwrap_or_else(|e| panic!("{}", report(&e)));
+        warnings.render(false)
+    };
+    for (scanner, settings, text) in [
+        ("beam_divergence_rad = 0.5", "", "0.5 mrad are 0.0005 rad"),
+        ("accuracy_m = 5", "", "5 mm are 0.005 m"),
+        ("wavelength_nm = 1", "", "usual are 200 to 20000 nm"),
+        (
+            "",
+            "scan_angle_deg = 0.785",
+            "`scan_angle_deg` is 0.785 degrees; 0.785 rad would be 44.9772 degrees",
+        ),
+        ("", "scan_angle_deg = 70", "`scan_angle_deg` of 70 degrees is beyond the scanner's 60"),
+        (
+            "",
+            "head_rate_deg_per_s = 5",
+            "`head_rate_deg_per_s` has no effect: the scanner's head does not turn",
+        ),
+    ] {
+        let report = warnings_of(scanner, settings);
+        contains(&report, &[text, "p.toml:"]);
+    }
+    assert_eq!(warnings_of("", ""), "");
+    let risley = "scene = \"a.obj\"\n[scanner]\noptics = \"risley\"\npulse_freqs_hz = [1000]\n[[leg]]\nposition_m = [0, 0, 9]\n\
+                  settings = { max_duration_s = 1 }\n";
+    folder.write("p.toml", risley);
+    contains(
+        &read_pipeline(&folder.path("p.toml")).unwrap().1.render(false),
+        &["risley optics without `prisms`"],
     );
 }

@@ -32,6 +32,59 @@ fn fine(scanner: crate::Result<(Scanner, Diagnostics)>) -> Vec<Device> {
     scanner.devices
 }
 
+/// The devices of a scanner that ships, named in a pipeline file, with these keys.
+fn shipped(name: &str, keys: &str) -> crate::Result<(Scanner, Diagnostics)> {
+    let text = format!(
+        "scene = \"a.obj\"\n[[leg]]\nposition_m = [0, 0, 0]\nactive = false\n[platform]\ncatalogue = \"sr22\"\n\
+         [scanner]\ncatalogue = \"{name}\"\n{keys}"
+    );
+    let folder = Folder::new(&[("p.toml", &text), ("a.obj", "")]);
+    read_pipeline(&folder.path("p.toml")).map(|((survey, _), warnings)| (survey.scanner, warnings))
+}
+
+#[test]
+fn scanners_that_ship_state_their_pulse_widths() {
+    // 4 ns at half maximum, whatever the physics of a pipeline; in XML by the physics.
+    let width = |beam: &Beam| width_of_pulse_length(beam.pulse_length);
+    let beam = fine(shipped("riegl_lms-q780", ""))[0].beam;
+    assert!((width(&beam) - 4.0).abs() < 1e-12 && beam.stated_width.is_none());
+    assert_eq!(fine(shipped("riegl_lms-q780", "pulse_length_ns = 6"))[0].beam.pulse_length, 6.0);
+    assert!((width(&fine(shipped("riegl_lms-q780", "pulse_fwhm_ns = 6"))[0].beam) - 6.0).abs() < 1e-12);
+    let (scanner, _) = find_scanner("riegl_lms-q780", &ReadOptions::default()).unwrap();
+    let beam = scanner.devices[0].beam;
+    assert_eq!((beam.length(false), beam.stated_width), (4.0, Some(4.0)));
+    assert!((width_of_pulse_length(beam.length(true)) - 4.0).abs() < 1e-12);
+    // One's own files have no stated widths.
+    assert_eq!(fine(of_xml("pulseLength_ns='4'", "", ""))[0].beam.stated_width, None);
+}
+
+#[test]
+fn scanners_and_platforms_that_ship_have_ids() {
+    for name in ["vlp16", "data/scanners_tls.xml#vlp16", "scanners_tls.xml#vlp16"] {
+        assert_eq!(fine(shipped(name, "")).len(), 16, "{name}");
+    }
+    for (name, near) in
+        [("VUX-1UAV", "`riegl_vux-1uav`"), ("data/scanners_als.xml#VUX-1UAV", "`riegl_vux-1uav`")]
+    {
+        let said = report(&shipped(name, "").unwrap_err());
+        assert!(said.contains(&format!("did you mean {near}?")), "{said}");
+    }
+    assert!(report(&shipped("nosuch", "").unwrap_err()).contains("vlscan catalogue"));
+    let Err(error) = find_platform("vehicel_linearpath", &ReadOptions::default()) else {
+        panic!("a platform")
+    };
+    assert!(report(&error).contains("did you mean `vehicle_linearpath`?"));
+}
+
+#[test]
+fn figures_can_state_their_sources() {
+    let source = "<source figures='accuracy_m beamDivergence_rad' name='sheet of 2024'/>";
+    let (scanner, warnings) = of_xml("", source, "").unwrap();
+    assert!(warnings.is_empty());
+    let figures = vec!["accuracy_m".to_owned(), "beamDivergence_rad".to_owned()];
+    assert_eq!(scanner.sources, [FigureSource { figures, name: "sheet of 2024".to_owned() }]);
+}
+
 #[test]
 fn every_setting_in_both_formats() {
     let xml = fine(of_xml(
@@ -165,4 +218,110 @@ fn settings_that_cannot_be_are_named_with_their_place() {
     for (keys, message) in toml {
         contains(&refused(of_toml(keys)), &[message, "^"]);
     }
+}
+
+/// A value of every key that not every physics makes use of, as TOML.
+fn example(key: &str) -> &'static str {
+    match key {
+        "beam_profile" => "\"top_hat\"",
+        "pulse_shape" => "\"pulse.csv\"",
+        "max_range" => "{ range_m = 600, reflectance = 0.9 }",
+        "snr" => "{ range_m = 100, reflectance = 0.2, value = 20 }",
+        "digitiser_clock" => "true",
+        "detector" => "\"gaussian\"",
+        "background_w" => "1e-9\nresponsivity_a_per_w = 0.6",
+        _ => "0.002",
+    }
+}
+
+#[test]
+fn the_list_of_keys_has_every_key_of_an_instrument() {
+    let documented = SURVEY_TABLES.iter().find(|table| table.name == "[scanner]").unwrap().keys;
+    for (name, _) in documented {
+        assert!(key_named(name).is_some(), "`{name}` of [scanner] is missing in INSTRUMENT_KEYS");
+    }
+    for key in INSTRUMENT_KEYS.iter().filter(|key| !key.key.is_empty()) {
+        assert!(documented.iter().any(|(name, _)| *name == key.key), "`{}` is no key of [scanner]", key.key);
+    }
+}
+
+#[test]
+fn keys_that_a_physics_passes_over_are_told_with_their_line() {
+    let report_of = |scanner: &Scanner, refined: bool| {
+        let mut found = Diagnostics::default();
+        warn_of_unused_keys(&scanner.written, |_| refined, &mut found);
+        found
+    };
+    let mut count = 0;
+    let is_told = |key: &&InstrumentKey| {
+        !matches!(key.used, KeyUse::Always | KeyUse::InLaterChannelsWith(_)) && !key.key.is_empty()
+    };
+    for key in INSTRUMENT_KEYS.iter().filter(is_told) {
+        let beside = match key.used {
+            KeyUse::UnlessBeside { key, .. } => format!("{key} = {}\n", example(key)),
+            _ => String::new(),
+        };
+        let text = format!("{beside}{} = {}\n", key.key, example(key.key));
+        for (text, channel) in [(text.clone(), false), (format!("[[scanner.channel]]\n{text}"), true)] {
+            let (scanner, _) = of_toml(&text).unwrap_or_else(|e| panic!("{text}: {}", report(&e)));
+            let (helios, refined) = (report_of(&scanner, false), report_of(&scanner, true));
+            let idle = if matches!(key.used, KeyUse::With(_)) { &helios } else { &refined };
+            let told = idle.items().iter().find(|item| item.message.contains(&format!("`{}`", key.key)));
+            let told = told.unwrap_or_else(|| panic!("`{}` is passed over in silence", key.key));
+            let line = 10 + text.lines().position(|line| line.starts_with(key.key)).unwrap();
+            assert_eq!(told.place.as_ref().map(|p| p.line), Some(line), "{text}");
+            let other = if matches!(key.used, KeyUse::With(_)) { &refined } else { &helios };
+            assert!(
+                other.items().iter().all(|item| !item.message.contains(&format!("`{}`", key.key))),
+                "{channel}: {}",
+                other.render(false)
+            );
+            count += 1;
+        }
+    }
+    assert!(count > 30, "{count}");
+}
+
+#[test]
+fn attributes_that_a_physics_passes_over_are_told_with_their_line() {
+    let (scanner, _) = of_xml(
+        "nep_W='1e-9'",
+        "<maxRange range_m='600' reflectance='0.9'/>\n<channels><channel/>\n<channel saturation_W='1e-5'/></channels>",
+        "\n<detectorSettings rangeWalk_m='0.1'/>",
+    )
+    .unwrap();
+    let mut found = Diagnostics::default();
+    warn_of_unused_keys(&scanner.written, |_| false, &mut found);
+    let lines: Vec<_> = found
+        .items()
+        .iter()
+        .map(|i| (i.message.split('`').nth(1).unwrap(), i.place.as_ref().unwrap().line))
+        .collect();
+    assert_eq!(
+        lines,
+        [("nep_W", 5), ("maxRange", 5), ("saturation_W", 7), ("rangeWalk_m", 10)],
+        "{}",
+        found.render(false)
+    );
+    // The built-in catalogue serves all physics.
+    let (scanner, _) = find_scanner("riegl_vz400", &ReadOptions::default()).unwrap();
+    assert!(scanner.written.is_empty());
+}
+
+#[test]
+fn the_accuracy_of_a_later_channel_is_told_where_the_first_one_s_holds() {
+    let channels =
+        "accuracy_m = 0.1\n[[scanner.channel]]\naccuracy_m = 0.2\n[[scanner.channel]]\naccuracy_m = 0.3\n";
+    let (scanner, _) = of_toml(channels).unwrap();
+    let told = |is_on: bool| {
+        let mut found = Diagnostics::default();
+        warn_of_unused_keys(&scanner.written, |_| is_on, &mut found);
+        found.items().iter().map(|i| i.place.as_ref().unwrap().line).collect::<Vec<_>>()
+    };
+    assert_eq!((told(false), told(true)), (vec![14], vec![]));
+    let channels = "<channels><channel accuracy_m='0.2'/><channel accuracy_m='0.3'/></channels>";
+    let (scanner, _) = of_xml("", channels, "").unwrap();
+    assert_eq!([0, 1].map(|i| scanner.devices[i].detector.accuracy), [0.2, 0.3]);
+    let (scanner, _) = of_xml("", channels, "<detectorSettings accuracy_m='0.5'/>").unwrap();
+    assert_eq!([0, 1].map(|i| scanner.devices[i].detector.accuracy), [0.5, 0.5]);
 }

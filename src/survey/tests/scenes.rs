@@ -159,8 +159,12 @@ fn point_clouds() {
         + &param("string", "separator", "")
         + &param("double", "voxelSize", "0");
     let read = |more: &str| {
-        let scene =
-            clean_scene(&format!("<part>{}</part>", filter("xyzloader", &format!("{required}{more}"))));
+        let (scene, text) =
+            warned(&format!("<part>{}</part>", filter("xyzloader", &format!("{required}{more}"))));
+        contains(&text, &["`voxelSize` is 0; cubes of 1 m are used"]);
+        if more.contains("rgbGIndex") {
+            contains(&text, &["`rgbGIndex` has no effect without `rgbRIndex`"]);
+        }
         match scene.parts.into_iter().next().unwrap().loader {
             Loader::Xyz(xyz) => *xyz,
             other => panic!("{other:?}"),
@@ -176,6 +180,7 @@ fn point_clouds() {
         param("int", "rgbGIndex", "1"),
         param("boolean", "snapNeighborNormal", "1"),
         param("bool", "sparse", "false"),
+        param("string", "matfile", "m.mtl"),
         param("int", "randomMaterials", "3"),
         param("double", "randomRange", "0.2"),
     ];
@@ -242,7 +247,7 @@ fn motions() {
     for (wrong, message) in [
         ("<dmotion id='a' loop='1'/>", "needs at least one <motion>"),
         (
-            "<dmotion id='a' loop='1'><motion type='rotation' axis='0;0;0' angle='1'/></dmotion>",
+            "<dmotion id='a' loop='1'><motion type='rotation' axis='0;0;0' angle='5'/></dmotion>",
             "`axis` must be a direction",
         ),
         ("<dmotion id='a'><motion type='identity'/></dmotion>", "<dmotion> needs the attribute `loop`"),
@@ -262,10 +267,19 @@ fn motions() {
 
 #[test]
 fn motions_that_stand_still_or_end_are_pointed_out() {
-    let still = "<dmotion id='a' loop='1'><motion type='rotation' axis='0.0;0;-0.0' angle='0.0' center='1;0;0'/></dmotion>";
-    let (scene, text) = warned(&format!("<part>{}{still}</part>", obj()));
-    assert_eq!(scene.parts[0].motions[0].motions[0].kind, MotionKind::Identity);
-    contains(&text, &["moves nothing", "^^^^^^^^^^"]);
+    for still in [
+        "type='rotation' axis='0.0;0;-0.0' angle='0.0' center='1;0;0'",
+        // As a program writes it that rounds the axis to three digits.
+        "type='rotation' axis='0.000;-0.000;0.000' angle='0.03956468' center='1;0;0'",
+        "type='helical' axis='0;0;0' angle='-0.5' glide='3'",
+    ] {
+        let part = format!("<part>{}<dmotion id='a' loop='1'><motion {still}/></dmotion></part>", obj());
+        // The same in several parts is told once.
+        let (scene, text) = warned(&format!("{part}\n{part}\n{part}"));
+        assert_eq!(scene.parts[2].motions[0].motions[0].kind, MotionKind::Identity);
+        contains(&text, &["nothing moves", "^^^^^", "more digits", "also in line"]);
+        assert_eq!(text.matches("nothing moves").count(), 1, "{text}");
+    }
     let open = "<dmotion id='left' loop='3' next='rihgt'><motion type='identity'/></dmotion>\
                 <dmotion id='right' loop='3'><motion type='identity'/></dmotion>";
     let (scene, text) = warned(&format!("<part>{}{open}</part>", obj()));

@@ -1,21 +1,22 @@
-//! AMAPVox vegetation voxels (spec input-formats §4.5).
+//! AMAPVox vegetation voxels (spec input-formats §4.5). Their columns are in `layout`.
+
+mod layout;
+#[cfg(test)]
+mod tests;
 
 use super::builder::{MAX_COORDINATE, PartSource, SceneBuilder};
 use super::number::float;
 use super::text::{Line, Lines, Problems, Source, Words, cut_into_pieces, is_empty_line, shown};
 use super::voxel::{Voxel, VoxelKind};
+use crate::columns::comma_note;
 use crate::error::Result;
 use crate::geom::DVec3;
 use crate::rng::{Purpose, Stream};
 use crate::survey::{VoxelLoader, VoxelMode};
 use crate::tree::Cube;
+use layout::Layout;
 use rayon::prelude::*;
 use std::ops::Range;
-
-/// Number of columns of a voxel that the format always has.
-const COLUMNS: usize = 16;
-const DENSITY: usize = 3;
-const TRANSMITTANCE: usize = 13;
 
 /// Bytes read by one task.
 const PIECE_BYTES: usize = 1 << 20;
@@ -28,6 +29,7 @@ struct Header {
     /// Number of cells along x, y, z.
     split: [f64; 3],
     max_density: Option<f64>,
+    layout: Layout,
     /// Start of the voxels: bytes and lines before them.
     body: (usize, usize),
 }
@@ -72,10 +74,10 @@ pub(super) fn load(
             scene.geometry.cubes.extend(slice.cubes);
             scene.voxels.extend(slice.voxels);
         }
-        source.release(body + wave[0].start..body + wave[wave.len() - 1].end);
     }
     scene.check_counts()?;
-    check_last_row(source, body, &mut problems);
+    check_last_row(source, body, header.layout.count, &mut problems);
+    check_columns(source, &header, loader.mode, &mut problems);
     if rows == 0 {
         let end = source.bytes().len();
         problems.error(lines.max(1), end.saturating_sub(1)..end, || "expected voxels, found none".to_owned());
@@ -88,15 +90,43 @@ pub(super) fn load(
 }
 
 /// A last line without a line end is truncated if it has fewer columns than the first row.
-fn check_last_row(source: &Source, body: usize, problems: &mut Problems) {
+fn check_last_row(source: &Source, body: usize, named: usize, problems: &mut Problems) {
     let Some((number, at, text)) = source.unended_line().filter(|(_, at, _)| *at >= body) else { return };
     let columns = |line: &[u8]| Words::new(line, 0).count();
-    let is_row = |l: &Line| !is_empty_line(&l.text) && l.text.trim_ascii_start()[0] != b'#';
-    let first = Lines::new(&source.bytes()[body..], false).find(is_row).map_or(0, |l| columns(&l.text));
+    let first = first_row(source, body).map_or(0, |l| columns(&l.text));
     let last = columns(text);
-    if last >= COLUMNS && last < first {
+    if last >= named && last < first {
         problems.error(number, at..at + text.len(), || {
             format!("expected {first} columns as in the first row, found {last}; is the file whole?")
+        });
+    }
+}
+
+/// The first line of voxels, with its place counted from there.
+fn first_row(source: &Source, body: usize) -> Option<Line<'_>> {
+    let is_row = |l: &Line| !is_empty_line(&l.text) && l.text.trim_ascii_start()[0] != b'#';
+    Lines::new(&source.bytes()[body..], false).find(is_row)
+}
+
+/// Warns of columns without a name, and of a transmittance that is needed and missing.
+fn check_columns(source: &Source, header: &Header, mode: VoxelMode, problems: &mut Problems) {
+    let (body, lines) = header.body;
+    let named = header.layout.count;
+    if let Some(row) = first_row(source, body) {
+        let found = Words::new(&row.text, 0).count();
+        let start = body + row.start;
+        if found > named && header.layout != Layout::UNNAMED {
+            problems.warn(lines + row.number, start..start + row.text.len(), || {
+                format!(
+                    "the file names {named} columns and has {found}; the last {} are left out",
+                    found - named
+                )
+            });
+        }
+    }
+    if header.layout.transmittance.is_none() && mode != VoxelMode::Transmittive {
+        problems.warn(lines, body.saturating_sub(1)..body.saturating_sub(1), || {
+            "no column is named transmittance: no cell lets light through".to_owned()
         });
     }
 }
@@ -108,7 +138,7 @@ fn largest_density(voxels: &[Voxel]) -> f64 {
 /// Reads everything before the voxels: fields, and the two lines that are neither fields nor blank.
 fn read_header(source: &Source, problems: &mut Problems) -> Option<Header> {
     let mut fields = Fields::default();
-    let mut titles = 0;
+    let mut titles = Vec::new();
     let mut lines = Lines::new(source.bytes(), false);
     let mut end = None;
     for line in lines.by_ref() {
@@ -118,11 +148,11 @@ fn read_header(source: &Source, problems: &mut Problems) -> Option<Header> {
         }
         if text[0] == b'#' {
             fields.read(&line, problems);
-        } else if titles == 2 {
+        } else if titles.len() == 2 {
             end = Some((line.start, line.number - 1));
             break;
         } else {
-            titles += 1;
+            titles.push(line);
         }
     }
     let end = end.unwrap_or((source.bytes().len(), lines.passed));
@@ -144,7 +174,8 @@ fn read_header(source: &Source, problems: &mut Problems) -> Option<Header> {
     let split = [split[0], split[1], split[2]];
     let min_corner = DVec3::new(corner[0], corner[1], corner[2]);
     let max_density = fields.max_density.and_then(|v| v.first().copied());
-    Some(Header { min_corner, resolution: size[0], split, max_density, body: end })
+    let layout = titles.get(1).map_or(Some(Layout::UNNAMED), |line| Layout::read(line, problems))?;
+    Some(Header { min_corner, resolution: size[0], split, max_density, layout, body: end })
 }
 
 #[derive(Default)]
@@ -161,7 +192,7 @@ impl Fields {
     fn read(&mut self, line: &Line, problems: &mut Problems) {
         for field in line.text.split(|&b| b == b'#') {
             let Some(colon) = field.iter().position(|&b| b == b':') else { continue };
-            let slot = match &field[..colon] {
+            let slot = match field[..colon].trim_ascii().to_ascii_lowercase().as_slice() {
                 b"min_corner" => &mut self.min_corner,
                 b"max_corner" => &mut self.max_corner,
                 b"split" => &mut self.split,
@@ -199,7 +230,7 @@ fn read_voxels(bytes: &[u8], header: &Header, loader: &VoxelLoader) -> Slice {
             continue;
         }
         slice.rows += 1;
-        match read_row(&line) {
+        match read_row(&line, &header.layout) {
             Ok(row) if loader.drop_empty && row.density == 0.0 => {}
             Ok(row) => {
                 let index = DVec3::from(row.index.map(f64::from));
@@ -237,17 +268,19 @@ struct Row {
     transmittance: f64,
 }
 
-fn read_row(line: &Line) -> std::result::Result<Row, (Range<usize>, String)> {
+fn read_row(line: &Line, layout: &Layout) -> std::result::Result<Row, (Range<usize>, String)> {
     let words: Vec<(&[u8], Range<usize>)> = Words::new(&line.text, 0).collect();
     let at = |range: &Range<usize>| line.start + range.start..line.start + range.end;
-    if words.len() < COLUMNS {
-        let message = format!("expected at least {COLUMNS} columns, found {}", words.len());
+    if words.len() < layout.count {
+        let message = format!("expected at least {} columns, found {}", layout.count, words.len());
         return Err((line.start..line.start + line.text.len(), message));
     }
     let value = |column: usize, name: &str, is_valid: fn(f64) -> bool| {
         let (word, range) = &words[column];
         float(word).filter(|v| is_valid(*v)).ok_or_else(|| {
-            (at(range), format!("expected {name} in column {}, found \"{}\"", column + 1, shown(word)))
+            let (found, number) = (shown(word), column + 1);
+            let hint = comma_note(&found);
+            (at(range), format!("expected {name} in column {number}, found \"{found}\"{hint}"))
         })
     };
     let index = |column| {
@@ -255,11 +288,13 @@ fn read_row(line: &Line) -> std::result::Result<Row, (Range<usize>, String)> {
         value(column, "a cell number, 0 or greater,", is_index).map(|v| v as u32)
     };
     Ok(Row {
-        index: [index(0)?, index(1)?, index(2)?],
-        density: value(DENSITY, "a density, 0 or greater or NaN,", |v| {
+        index: [index(layout.index[0])?, index(layout.index[1])?, index(layout.index[2])?],
+        density: value(layout.density, "a density, 0 or greater or NaN,", |v| {
             v.is_nan() || (v >= 0.0 && v.is_finite())
         })?,
-        transmittance: value(TRANSMITTANCE, "a transmittance", |_| true)?,
+        transmittance: layout
+            .transmittance
+            .map_or(Ok(0.0), |column| value(column, "a transmittance", |_| true))?,
     })
 }
 
@@ -291,166 +326,4 @@ pub(super) fn scale_by_density(
         });
     }
     scene.retain_cubes(first, |cube| cube.half.is_finite());
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scene::fixture::Fixture;
-    use crate::scene::{LadTable, Scene};
-    use crate::survey::{Loader, MaterialChoice};
-
-    const HEADER: &str = "VOXEL SPACE\n#min_corner: 0 0 0\n#max_corner: 100 1 2\n#split: 200 2 4\n#res:0.5 #type:TLS \
-        #max_pad:4.0\ni j k PadBVTotal and so on\n";
-
-    fn row(index: [u32; 3], density: &str, transmittance: &str) -> String {
-        let [i, j, k] = index;
-        format!("{i} {j} {k} {density} 54.2 0.4 0.1 0.6 1.25 0.3 12.5 7 60 {transmittance} 0.9 0.0 extra 7\n")
-    }
-
-    fn loader(file: std::path::PathBuf, mode: VoxelMode) -> VoxelLoader {
-        VoxelLoader {
-            files: vec![file],
-            mode,
-            drop_empty: false,
-            random_shift: false,
-            lad_table: None,
-            material: MaterialChoice::default(),
-        }
-    }
-
-    fn fixture(text: &str, mode: VoxelMode) -> (Fixture, VoxelLoader) {
-        let f = Fixture::new();
-        let file = f.file("a.vox", text);
-        (f, loader(file, mode))
-    }
-
-    fn load(f: &mut Fixture, loader: VoxelLoader) -> Scene {
-        f.parts.clear();
-        f.part(Loader::DetailedVoxels(Box::new(loader)));
-        f.scene()
-    }
-
-    #[test]
-    fn the_example_file_has_one_voxel() {
-        let text = format!("{HEADER}{}", row([0, 0, 2], "1.3", "0.72"));
-        let (mut f, loader) = fixture(&text, VoxelMode::Transmittive);
-        let scene = load(&mut f, loader);
-        assert_eq!(scene.to_world(scene.geometry.cubes[0].centre), DVec3::new(0.25, 0.25, 1.25));
-        assert_eq!(scene.geometry.cubes[0].half, 0.25);
-        assert_eq!(*scene.voxel(0).unwrap(), Voxel::of_plants(1.3, VoxelKind::Transmittive));
-        assert_eq!(*scene.material_of(0), crate::scene::Material::unnamed("default", Default::default()));
-    }
-
-    #[test]
-    fn empty_voxels_are_dropped_only_when_the_mode_is_not_spelled_out() {
-        let text = format!("{HEADER}{}\n# note\n{}", row([0, 0, 0], "0", "1"), row([1, 0, 0], "NaN", "NaN"));
-        let (mut f, mut loader) = fixture(&text, VoxelMode::Transmittive);
-        assert_eq!(load(&mut f, loader.clone()).voxels.len(), 2);
-        loader.drop_empty = true;
-        let scene = load(&mut f, loader);
-        assert!(scene.voxels.len() == 1 && scene.voxels[0].density.is_nan());
-    }
-
-    #[test]
-    fn fixed_voxels_stop_rays_unless_they_transmit_all() {
-        let rows: String = ["1", "NaN", "0.99", "0"].iter().map(|t| row([0, 0, 1], "1", t)).collect();
-        let (mut f, loader) = fixture(&format!("{HEADER}{rows}"), VoxelMode::Fixed);
-        let kinds: Vec<VoxelKind> = load(&mut f, loader).voxels.iter().map(|v| v.kind()).collect();
-        use VoxelKind::{Opaque, Transparent};
-        assert_eq!(kinds, [Transparent, Transparent, Opaque, Opaque]);
-    }
-
-    #[test]
-    fn scaled_voxels_shrink_by_density_in_place() {
-        let text = format!("{HEADER}{}{}", row([0, 0, 0], "1", "0"), row([1, 1, 1], "nan", "0"));
-        let (mut f, loader) = fixture(&text, VoxelMode::Scaled(0.5));
-        let scene = load(&mut f, loader);
-        // spec pulse-physics §2.8 (f) with PAD/PAD_max = 1/4
-        assert_eq!(scene.geometry.cubes.len(), 1, "a voxel without density has no size");
-        assert!((scene.geometry.cubes[0].half - 0.125).abs() < 1e-15);
-        assert_eq!((scene.voxels.len(), scene.surface_ids.len()), (1, 1));
-        let (mut f, loader) = fixture(&text.replace("#max_pad:4.0", ""), VoxelMode::Scaled(0.5));
-        assert_eq!(
-            load(&mut f, loader).geometry.cubes[0].half,
-            0.25,
-            "the largest density is that of the file"
-        );
-    }
-
-    #[test]
-    fn random_shifts_stay_within_the_cell_and_depend_on_the_seed() {
-        let rows: String = (0..200).map(|i| row([i, 0, 0], "1", "0")).collect();
-        let (mut f, mut loader) = fixture(&format!("{HEADER}{rows}"), VoxelMode::Scaled(0.5));
-        loader.random_shift = true;
-        let centres =
-            |scene: &Scene| scene.geometry.cubes.iter().map(|c| scene.to_world(c.centre)).collect::<Vec<_>>();
-        let first = centres(&load(&mut f, loader.clone()));
-        for (i, c) in first.iter().enumerate() {
-            let by = *c - DVec3::new(0.25 + 0.5 * i as f64, 0.25, 0.25);
-            assert!(by.abs().max_element() <= 0.125 + 1e-12 && by != DVec3::ZERO);
-        }
-        assert_eq!(centres(&load(&mut f, loader.clone())), first);
-        f.options.seed = 2;
-        assert_ne!(centres(&load(&mut f, loader)), first);
-    }
-
-    #[test]
-    fn scale_shrinks_cubes_in_place_and_rotation_moves_centres() {
-        let text = format!("{HEADER}{}", row([0, 0, 0], "1", "0"));
-        let (mut f, loader) = fixture(&text, VoxelMode::Fixed);
-        let part = f.part(Loader::DetailedVoxels(Box::new(loader)));
-        part.transform.scale = 0.5;
-        part.transform.rotation = crate::geom::Rotation::about_z(std::f64::consts::FRAC_PI_2);
-        part.transform.offset = DVec3::new(10.0, 0.0, 0.0);
-        let scene = f.scene();
-        let centre = scene.to_world(scene.geometry.cubes[0].centre);
-        assert!((centre - DVec3::new(9.75, 0.25, 0.25)).length() < 1e-12);
-        assert_eq!(scene.geometry.cubes[0].half, 0.125);
-    }
-
-    #[test]
-    fn randomised_materials_alternate() {
-        let rows: String = (0..6).map(|i| row([i, 0, 0], "1", "0")).collect();
-        let (mut f, mut loader) = fixture(&format!("{HEADER}{rows}"), VoxelMode::Fixed);
-        loader.material = MaterialChoice {
-            file: Some(f.file("m.mtl", "newmtl leaf\nKd .5 .5 .5\nKs .5 .5 .5\nhelios_reflectance 40\n")),
-            random_variants: 2,
-            random_range: 0.4,
-            name: None,
-        };
-        let scene = load(&mut f, loader);
-        assert_eq!(scene.surface_ids, vec![0, 1, 2, 0, 1, 2].into());
-        assert_ne!(scene.material_of(1).reflection, scene.material_of(2).reflection);
-    }
-
-    #[test]
-    fn the_leaf_angle_table_belongs_to_the_part() {
-        let text = format!("{HEADER}{}", row([0, 0, 0], "1", "0"));
-        let (mut f, mut loader) = fixture(&text, VoxelMode::Transmittive);
-        loader.lad_table = Some(f.file("s.lut", "1,0,0,0.5\n0,0,1,0.25\n"));
-        let scene = load(&mut f, loader.clone());
-        assert_eq!(scene.parts[0].lad.as_deref().map(|l| l.g(DVec3::Z)), Some(0.25));
-        assert_eq!(LadTable::new([(DVec3::Z, 1.0)]).unwrap().g(DVec3::X), 1.0);
-        loader.lad_table = Some(f.path().join("gone.lut"));
-        f.parts.clear();
-        f.part(Loader::DetailedVoxels(Box::new(loader)));
-        assert!(f.error().contains("gone.lut"));
-    }
-
-    #[test]
-    fn mistakes_are_errors_with_their_lines() {
-        let bad = "0 0 0 1 2 3\n0 0 -1 1 0 0 0 0 0 0 0 0 0 1 0 0\n0 0 0 x 0 0 0 0 0 0 0 0 0 1 0 0\n0 0 0 -1 0 0 0 0 0 0 0 0 0 1 0 0\n";
-        let (mut f, loader_) = fixture(&format!("{HEADER}{bad}"), VoxelMode::Fixed);
-        f.part(Loader::DetailedVoxels(Box::new(loader_)));
-        let report = f.error();
-        for place in ["a.vox:7:1", "a.vox:8:5", "a.vox:9:7", "a.vox:10:7"] {
-            assert!(report.contains(place), "{place} is missing from {report}");
-        }
-        for text in ["", "VOXEL SPACE\n", "#res: x\n", "\u{0}\u{1}", &HEADER.replace("#res:0.5", "#res:0")] {
-            let (mut f, loader) = fixture(text, VoxelMode::Fixed);
-            f.part(Loader::DetailedVoxels(Box::new(loader)));
-            f.error();
-        }
-    }
 }

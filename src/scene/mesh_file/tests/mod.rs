@@ -1,11 +1,13 @@
 //! Mesh files that are small enough to be checked by hand, and damaged ones.
 
 use crate::geom::DVec3;
-use crate::scene::Scene;
 use crate::scene::fixture::{Fixture, report};
+use crate::scene::{MaterialRules, Scene};
 use crate::survey::{Loader, MaterialChange, MaterialDefinition, MeshReading, Replaced, Transform, UpAxis};
 use base64::Engine;
 use std::path::PathBuf;
+
+mod variants;
 
 const SQUARE_STL: &str = "solid roof
 facet normal 0 0 1
@@ -118,11 +120,21 @@ fn a_square_is_the_same_in_every_format() {
         binary.extend(floats.iter().flatten().flat_map(|&v| (v as f32).to_le_bytes()));
         binary.extend([0; 2]);
     }
+    let mut solid = binary.clone();
+    solid[..30].copy_from_slice(b"solid made by a program: facet");
+    let blanks =
+        SQUARE_PLY.replace("element vertex", " element  vertex\t").replace("0 0 1 9", " 0\t0  1 9\n");
     for (name, bytes) in [
         ("a.stl", SQUARE_STL.as_bytes()),
         ("b.stl", &binary),
         ("c.ply", SQUARE_PLY.as_bytes()),
         ("windows.ply", SQUARE_PLY.replace('\n', "\r\n").as_bytes()),
+        ("mac.ply", SQUARE_PLY.replace('\n', "\r").as_bytes()),
+        ("blanks.ply", blanks.as_bytes()),
+        ("capitals.stl", SQUARE_STL.to_uppercase().as_bytes()),
+        ("blanks.stl", format!("\n  {}", SQUARE_STL.replace(' ', "\t ")).as_bytes()),
+        ("solid.stl", &solid),
+        ("solid.obj", &solid),
         // Recognised by their contents.
         ("d.obj", SQUARE_PLY.as_bytes()),
         ("e.mesh", SQUARE_STL.as_bytes()),
@@ -130,7 +142,7 @@ fn a_square_is_the_same_in_every_format() {
         let scene = load(&mut fixture(name, bytes), name, MeshReading::default());
         assert_eq!(corners(&scene), SQUARE, "{name}");
     }
-    let reading = MeshReading { up: Some(UpAxis::Y), unit_m: 0.01, materials: None };
+    let reading = MeshReading { up: Some(UpAxis::Y), unit_m: Some(0.01), materials: None };
     let scene = load(&mut fixture("a.stl", SQUARE_STL.as_bytes()), "a.stl", reading);
     assert_eq!(corners(&scene)[2], [0.02, -0.01, 0.03]);
 }
@@ -161,6 +173,7 @@ fn tables_give_materials_their_properties_by_name() {
         ("name,ground\nroof,maybe\n", "expected true or false"),
         ("name,ground\nroof,1\nroof,0\n", "is described twice"),
         ("name,class,ground\nroof,1\n", "expected 3 fields, found 2"),
+        ("name;reflectance\nroof;0,25\n", "found \"0,25\", which has a decimal comma"),
         ("name,class\nroof,1,true\n", "materials.csv:2"),
         ("", "is empty"),
     ] {
@@ -169,6 +182,55 @@ fn tables_give_materials_their_properties_by_name() {
         let files: Vec<PathBuf> = vec![f.path().join("a.stl")];
         f.part(Loader::MeshFiles { files, reading: MeshReading::default() });
         assert!(f.error().contains(message), "{table}: {}", f.error());
+    }
+}
+
+#[test]
+fn warnings_about_materials_name_the_file_and_the_row_that_define_them() {
+    let table: &[u8] = b"name,reflectance,class,spectrum\nroof,0.4,6,grass\nwall,,7,\n";
+    let obj = b"usemtl roof\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nusemtl wall\nf 1 3 2\n";
+    let glb = |extras: &str| {
+        let json = triangle_json(r#"[{"mesh":0}]"#, "").replace(r#""helios_classification":5"#, extras);
+        glb(&json, &triangle_bytes())
+    };
+    let both = "material \"roof\" has a reflectance, which counts, and a spectrum, grass";
+    let none = "material \"wall\" has no reflectance";
+    for (mesh, bytes, table, expected) in [
+        (
+            "a.stl",
+            SQUARE_STL.as_bytes(),
+            table,
+            &[(both, "materials.csv", 2), (none, "materials.csv", 3)][..],
+        ),
+        ("a.obj", obj, table, &[(both, "materials.csv", 2), (none, "materials.csv", 3)]),
+        (
+            "a.stl",
+            SQUARE_STL.as_bytes(),
+            b"name\nroof\n",
+            &[("\"roof\" has no ref", "materials.csv", 2), ("the material \"wall\"", "a.stl", 0)],
+        ),
+        ("a.glb", &glb(r#""helios_classification":300"#), b"name\n", &[("has the class 300", "a.glb", 0)]),
+        (
+            "a.glb",
+            &glb(r#""helios_spectra":"moss""#),
+            b"name\n",
+            &[("which counts, and a spectrum, moss", "a.glb", 0)],
+        ),
+    ] {
+        let mut f = fixture(mesh, bytes);
+        let materials = Some(f.file("materials.csv", table));
+        let reading = MeshReading { materials, ..MeshReading::default() };
+        f.options.rules = MaterialRules { reflectance_fraction: true, ..MaterialRules::default() };
+        f.part(Loader::MeshFiles { files: vec![f.path().join(mesh)], reading });
+        let (_, found) = f.load().unwrap_or_else(|e| panic!("{}", report(&e)));
+        let told = found.items();
+        assert_eq!(told.len(), expected.len(), "{mesh}:\n{}", found.render(false));
+        for (message, file, line) in expected {
+            let one = told.iter().find(|one| one.message.contains(message));
+            let one = one.unwrap_or_else(|| panic!("{message} is not in\n{}", found.render(false)));
+            let place = one.place.as_ref().unwrap_or_else(|| panic!("{mesh}: {} has no place", one.message));
+            assert!(place.path.ends_with(file) && place.line == *line, "{mesh}: {} {place:?}", one.message);
+        }
     }
 }
 
@@ -440,8 +502,6 @@ fn damaged_files_are_refused_with_their_name() {
     assert!(refused("a.ply", floats.as_bytes()).contains("found a list of floats"));
     let word = refused("a.ply", SQUARE_PLY.replace("4 0 1 2 3", "4 0 1").as_bytes());
     assert!(word.contains("after 0 of 1 elements") && !word.contains(". after"), "{word}");
-    let mac = refused("a.ply", SQUARE_PLY.replace('\n', "\r").as_bytes());
-    assert!(mac.contains("end in a carriage return alone"), "{mac}");
     let far = refused(
         "a.ply",
         SQUARE_PLY.replace("float x", "double x").replace("2 0 1 9", "1e300 0 1 9").as_bytes(),

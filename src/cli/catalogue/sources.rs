@@ -1,0 +1,106 @@
+//! Where the figures of an instrument come from.
+
+use crate::survey::{FigureSource, Scanner};
+use serde::{Serialize, Serializer};
+use std::collections::BTreeMap;
+
+/// What is said of figures without a source.
+const UNVERIFIED: &str = "not compared with a data sheet";
+
+/// The sources of an instrument's figures. As JSON: names of figures with their sources.
+pub struct Sources<'s>(&'s [FigureSource]);
+
+impl Sources<'_> {
+    pub fn of(scanner: &Scanner) -> Sources<'_> {
+        Sources(&scanner.sources)
+    }
+
+    /// Whether a figure has a source.
+    pub fn has(&self, figure: &str) -> bool {
+        self.source_of(figure).is_some()
+    }
+
+    fn source_of(&self, figure: &str) -> Option<&str> {
+        let source = self.0.iter().find(|source| source.figures.iter().any(|own| own == figure))?;
+        Some(&source.name)
+    }
+
+    /// The sources of `figures`, and which of them have none; empty for what is no figure.
+    pub fn of_figures(&self, figures: &[&str]) -> String {
+        let (known, unknown): (Vec<&str>, Vec<&str>) =
+            figures.iter().copied().partition(|figure| self.has(figure));
+        let mut told: Vec<String> = Vec::new();
+        for name in known.iter().filter_map(|figure| self.source_of(figure)) {
+            if !told.iter().any(|other| other == name) {
+                told.push(name.to_owned());
+            }
+        }
+        if known.is_empty() && !unknown.is_empty() {
+            told.push(UNVERIFIED.to_owned());
+        } else if !unknown.is_empty() {
+            told.push(format!("{} {UNVERIFIED}", unknown.join(", ")));
+        }
+        told.join("; ")
+    }
+}
+
+impl Serialize for Sources<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let of_source = |source: &'_ FigureSource| {
+            let name = source.name.clone();
+            source.figures.clone().into_iter().map(move |figure| (figure, name.clone()))
+        };
+        let map: BTreeMap<String, String> = self.0.iter().flat_map(of_source).collect();
+        map.serialize(serializer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::survey::catalogue;
+
+    #[test]
+    fn sources_name_figures_that_exist() {
+        let (known, _) = catalogue().unwrap();
+        let figures = [
+            "accuracy_m",
+            "beamDivergence_rad",
+            "beamDivergenceY_rad",
+            "beamOrigin",
+            "channels",
+            "facetTilts_deg",
+            "field",
+            "headRotatePerSecMax_deg",
+            "maxNOR",
+            "maxRange",
+            "pulseFreqs_Hz",
+            "pulseLength_ns",
+            "rangeMin_m",
+            "rangeMax_m",
+            "scanAngleMax_deg",
+            "scanAngleEffectiveMax_deg",
+            "scanAngleAlongMax_deg",
+            "scanFreqMin_Hz",
+            "scanFreqMax_Hz",
+            "wavelength_nm",
+        ];
+        for (name, scanner) in &known.scanners {
+            let mut seen = Vec::new();
+            for figure in scanner.sources.iter().flat_map(|source| &source.figures) {
+                assert!(figures.contains(&figure.as_str()), "{name}: {figure}");
+                assert!(!seen.contains(figure), "{name}: {figure} has two sources");
+                seen.push(figure.clone());
+            }
+        }
+        let (_, puck) = known.scanners.iter().find(|(name, _)| name.ends_with("#vlp16")).unwrap();
+        let sources = Sources::of(puck);
+        assert!(sources.of_figures(&["beamDivergence_rad"]).contains("User Manual"));
+        assert_eq!(sources.of_figures(&["accuracy_m"]), UNVERIFIED);
+        assert_eq!(sources.of_figures(&[]), "");
+        let (channels, both) = (sources.of_figures(&["channels"]), ["channels", "pulseFreqs_Hz"]);
+        assert_eq!(sources.of_figures(&both), channels);
+        let partly = sources.of_figures(&["rangeMin_m", "channels"]);
+        assert_eq!(partly, format!("{channels}; rangeMin_m {UNVERIFIED}"));
+    }
+}

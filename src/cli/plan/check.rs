@@ -1,0 +1,283 @@
+//! The check of a plan before it is written: its own survey is read as `vlscan run` reads it, a sample of a flight's pulses is flown
+//! over flat ground and compared with what the plan promises, and a dry run tells whether the instrument measures what surrounds it.
+
+use super::super::args::CommonPlanArgs;
+use super::super::{Console, interrupt};
+use crate::diag::{Diagnostics, Notice};
+use crate::error::{Error, Result};
+use crate::geom::DVec3;
+use crate::options::{InputOptions, Options, ProfileOptions};
+use crate::output::OutputRequest;
+use crate::pipeline::{Control, Forecast, Job, LoadedScene, Progress, Session, Settings};
+use crate::plan::{Area, Document, Promise, fly_sample};
+use crate::pulse::PhysicsProfile;
+use crate::quantity::number;
+use crate::survey::{
+    Loader, MaterialDefinition, Mesh, MotionTiming, PartRecipe, PlatformKind, SceneRecipe, Transform,
+};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Share of the pulses that meet flat ground within range and return, below which the plan of a flight is refused.
+const MIN_FLAT_SHARE: f64 = 0.95;
+/// Share of the pulses that point at the scene and return, below which a plan warns.
+const MIN_SCENE_SHARE: f64 = 0.5;
+/// Share of the pulses that meet something nearer than the instrument measures, above which a drive or positions are refused.
+const MAX_NEAR_SHARE: f64 = 0.9;
+/// Space around the waypoints that flat ground has, m.
+const MARGIN: f64 = 1000.0;
+
+/// A plan and what its check needs.
+pub struct Check<'c> {
+    pub plan: &'c Document,
+    /// The area of a flight.
+    pub area: Option<&'c Area>,
+    pub args: &'c CommonPlanArgs,
+    /// The scene, if there is one.
+    pub scene: Option<(&'c SceneRecipe, &'c LoadedScene)>,
+    /// Warnings that have been shown.
+    pub told: &'c Diagnostics,
+    pub console: &'c Console,
+}
+
+/// What surrounds a drive or positions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Around {
+    FlatGround,
+    Scene,
+}
+
+impl Check<'_> {
+    /// Checks the plan. Returns what the user should know.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for plans that do not keep what they promise or measure nothing, and those of a dry run.
+    pub fn run(&self) -> Result<Vec<String>> {
+        let settings = self.settings()?;
+        let mut warnings = Vec::new();
+        if let (Some(area), Some(promise)) = (self.area, self.plan.promise) {
+            let mut flat = over_flat_ground(settings.clone())?;
+            match flat.survey().platform.kind {
+                PlatformKind::LinearPath => self.check_flight(&mut flat, area, &promise)?,
+                _ => {
+                    // What cannot be flown is refused here.
+                    flat.plan_flight()?;
+                    warnings.push(format!(
+                        "{} turns and brakes; density and strips are those of straight flight at constant speed",
+                        self.plan.platform
+                    ));
+                }
+            }
+            if let Some((recipe, loaded)) = self.scene {
+                warnings.extend(check_below(&mut self.over_scene(settings, recipe, loaded)?)?);
+            }
+            return Ok(warnings);
+        }
+        let (mut session, around) = match self.scene {
+            Some((recipe, loaded)) => (self.over_scene(settings, recipe, loaded)?, Around::Scene),
+            None => (over_flat_ground(settings)?, Around::FlatGround),
+        };
+        warnings.extend(check_around(&mut session, around)?);
+        Ok(warnings)
+    }
+
+    /// The plan as `vlscan run` reads it, over flat ground.
+    fn settings(&self) -> Result<Settings> {
+        let name = self.args.out.clone().unwrap_or_else(|| PathBuf::from("plan.toml"));
+        let input = InputOptions { assets: self.args.assets.clone(), ..InputOptions::default() };
+        let profile = ProfileOptions { profile: Some(PhysicsProfile::Refined), ..ProfileOptions::default() };
+        let options =
+            Options { input, profile, scene: Some(Arc::new(self.flat_ground()?)), ..Options::default() };
+        let (job, warnings) = Job::of_text(&name, self.plan.text("vlscan plan"), &options)?;
+        self.console.warnings(&warnings.without(self.told))?;
+        Ok(job.settings)
+    }
+
+    fn over_scene(
+        &self,
+        mut settings: Settings,
+        recipe: &SceneRecipe,
+        loaded: &LoadedScene,
+    ) -> Result<Session> {
+        settings.survey.scene = recipe.clone();
+        settings.strict = self.console.is_strict();
+        let observer = self.console.observer();
+        let session = Session::open_loaded(settings, loaded, move |notice| {
+            if matches!(notice, Notice::Warnings(_)) {
+                observer(notice);
+            }
+        })?;
+        session.ok_or_else(other_scene)
+    }
+
+    /// Flies a sample over flat ground.
+    fn check_flight(&self, flat: &mut Session, area: &Area, promise: &Promise) -> Result<()> {
+        let flight = flat.plan_flight()?;
+        let flown = fly_sample(&flight, self.plan, area, flat.scene().shift)?;
+        flown.check(promise).map_err(Error::input)?;
+        // Lines that follow the ground are at no one height above a plane; the dry run over the scene counts.
+        let z = self.plan.waypoints.iter().map(|waypoint| waypoint.position.z);
+        let (low, high) = z.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), z| (l.min(z), h.max(z)));
+        if high - low > 0.01 * promise.height {
+            return Ok(());
+        }
+        // Of a short sample, which may point at the sky, its own beams tell more.
+        let forecast = dry_run(flat)?;
+        let share = ((1.0 - forecast.missed.pulses) / flown.measured).max(returned(&forecast));
+        if share < MIN_FLAT_SHARE {
+            return Err(Error::input(format!(
+                "the instrument detects echoes of only {:.0} % of the pulses that meet flat ground {} m below, if it reflects one \
+                 half; the other echoes are too weak: fly lower with --height, or lower the pulse rate with --pulse-rate",
+                100.0 * share,
+                number(promise.height)
+            )));
+        }
+        Ok(())
+    }
+
+    /// Flat ground below a flight, or around positions and drives.
+    fn flat_ground(&self) -> Result<SceneRecipe> {
+        let height = self.plan.promise.map_or(0.0, |promise| promise.height);
+        let places = self.plan.waypoints.iter().map(|waypoint| waypoint.position);
+        let far = DVec3::splat(f64::INFINITY);
+        let (low, high) = places.fold((far, -far), |(low, high), p| (low.min(p), high.max(p)));
+        let (low, high) = (low - MARGIN - 5.0 * height, high + MARGIN + 5.0 * height);
+        let z = self.plan.waypoints.iter().map(|waypoint| waypoint.position.z).fold(f64::INFINITY, f64::min)
+            - height;
+        let corner = |x: f64, y: f64| DVec3::new(x, y, z);
+        let corners =
+            vec![corner(low.x, low.y), corner(high.x, low.y), corner(high.x, high.y), corner(low.x, high.y)];
+        let ground = MaterialDefinition {
+            is_ground: true,
+            reflectance: Some(0.5),
+            ..MaterialDefinition::new("ground")
+        };
+        let mesh = Mesh::new(corners, vec![[0, 1, 2], [0, 2, 3]], vec![ground], Vec::new())?;
+        let part = PartRecipe {
+            id: None,
+            number: 0,
+            loader: Loader::Mesh(Arc::new(mesh)),
+            changes: Arc::default(),
+            transform: Transform::IDENTITY,
+            motions: Vec::new(),
+            timing: MotionTiming { dyn_step: 1, tree_step: 1, dyn_time_step: None, tree_time_step: None },
+            swaps: Vec::new(),
+            place: None,
+        };
+        Ok(SceneRecipe {
+            id: "flat".to_owned(),
+            path: PathBuf::new(),
+            parts: vec![part],
+            dyn_step: 1,
+            dyn_time_step: None,
+            packed: None,
+            asset_folders: Vec::new(),
+        })
+    }
+}
+
+/// A session over the flat ground of the settings, which the user does not know: what it has to say is not shown.
+fn over_flat_ground(settings: Settings) -> Result<Session> {
+    Session::open(settings, |_| ())
+}
+
+/// Measures a sample of a flight over the scene. Returns what the user should know of it.
+fn check_below(session: &mut Session) -> Result<Option<String>> {
+    let forecast = dry_run(session)?;
+    check_echoes(&forecast)?;
+    let share = returned(&forecast);
+    Ok((share < MIN_SCENE_SHARE).then(|| {
+        format!(
+            "only {:.0} % of the pulses that point at the scene within the instrument's ranges have an echo: the others pass between \
+             its objects, or their echoes are too weak",
+            100.0 * share
+        )
+    }))
+}
+
+/// Measures a sample of a drive or of positions. Returns what the user should know of it.
+fn check_around(session: &mut Session, around: Around) -> Result<Option<String>> {
+    let forecast = dry_run(session)?;
+    let (echoes, towards) = (1.0 - forecast.missed.pulses, 1.0 - forecast.missed.beside_scene);
+    if forecast.sampled_pulses <= 0.0 || echoes > 0.0 && echoes >= MIN_SCENE_SHARE * towards {
+        return Ok(None);
+    }
+    let scanner = &session.survey().scanner;
+    let name = scanner.name.clone();
+    let least = scanner.devices.iter().map(|device| device.detector.range_min).fold(0.0, f64::max);
+    let near = if least > 0.0 { share_too_near(session, echoes)? } else { 0.0 };
+    let (least, percent) = (number(least), (100.0 * near).floor());
+    let what = if around == Around::Scene { "the scene" } else { "flat ground around it" };
+    if near > MAX_NEAR_SHARE {
+        return Err(Error::input(format!(
+            "{name} measures from {least} m on, and {percent} % of the pulses of this plan that meet {what} meet it nearer than that; \
+             choose a scanner that measures nearer with --scanner (`vlscan catalogue` lists them with their ranges)"
+        )));
+    }
+    if around == Around::Scene {
+        check_echoes(&forecast)?;
+    }
+    Ok(match around {
+        _ if near > MIN_SCENE_SHARE => Some(format!(
+            "{name} measures from {least} m on, and {percent} % of the pulses that meet {what} meet it nearer than that"
+        )),
+        Around::FlatGround if echoes <= 0.0 => Some(format!("no pulse of this plan has an echo from {what}")),
+        Around::FlatGround => None,
+        Around::Scene => Some(format!(
+            "only {:.0} % of the pulses that point at the scene have an echo: the others pass between its objects, meet it out of the \
+             instrument's ranges, or their echoes are too weak",
+            100.0 * echoes / towards
+        )),
+    })
+}
+
+/// The share of the pulses that meet something which meet it nearer than the instrument measures. `echoes` is the share of all
+/// pulses that have an echo.
+fn share_too_near(session: &Session, echoes: f64) -> Result<f64> {
+    let mut settings = Settings { strict: false, ..session.settings().clone() };
+    for device in &mut settings.survey.scanner.devices {
+        device.detector.range_min = 0.0;
+    }
+    let loaded = session.loaded().ok_or_else(other_scene)?;
+    let mut unlimited = Session::open_loaded(settings, &loaded, |_| ())?.ok_or_else(other_scene)?;
+    let met = 1.0 - dry_run(&mut unlimited)?.missed.pulses;
+    Ok(if met > 0.0 { (1.0 - echoes / met).max(0.0) } else { 0.0 })
+}
+
+fn other_scene() -> Error {
+    Error::Internal("the scene of the plan was loaded for another survey".to_owned())
+}
+
+/// Refuses a survey that measures nothing of the scene.
+fn check_echoes(forecast: &Forecast) -> Result<()> {
+    if forecast.points.value > 0.0 || forecast.sampled_pulses <= 0.0 {
+        return Ok(());
+    }
+    let missed = &forecast.missed;
+    let towards = 1.0 - missed.beside_scene;
+    let why = if towards < 0.01 {
+        "all beams pass beside the scene"
+    } else if missed.out_of_range > 0.9 * towards {
+        "the scene is out of the instrument's ranges"
+    } else {
+        "what comes back is too weak, or the beams pass between the parts of the scene"
+    };
+    Err(Error::input(format!(
+        "the dry run of this plan measures nothing: of {} pulses none has an echo; {why}",
+        forecast.sampled_pulses
+    )))
+}
+
+/// Measures a sample of the survey.
+fn dry_run(session: &mut Session) -> Result<Forecast> {
+    let progress = Progress::default();
+    session.dry_run(&OutputRequest::default(), Instant::now(), Control::new(&progress, &interrupt::STOP))
+}
+
+/// The share of the pulses with an echo among those that point at the scene's box within the instrument's ranges.
+fn returned(forecast: &Forecast) -> f64 {
+    let missed = &forecast.missed;
+    let within = 1.0 - missed.beside_scene - missed.out_of_range;
+    if within > 0.0 { (1.0 - missed.pulses) / within } else { 1.0 }
+}

@@ -1,0 +1,161 @@
+//! Settings of the instrument that the chosen physics passes over or replaces.
+
+use super::survey_place;
+use crate::diag::Diagnostics;
+use crate::pulse::{Corrections, count_echoes_of_one_pulse};
+use crate::quantity::number;
+use crate::survey::{Device, Survey, WaveformPlace, warn_of_unused_keys};
+
+/// Quotients of window and bin that are less than this below two count as two: rounding.
+const WINDOW_TOLERANCE: f64 = 1e-9;
+
+/// Checks the scanner of a survey against the physics with `corrections`.
+pub fn check_instrument(survey: &Survey, corrections: &Corrections) -> Diagnostics {
+    let mut found = Diagnostics::default();
+    let is_on = |name: &str| Corrections::by_name(&mut { *corrections }, name).is_some_and(|on| *on);
+    warn_of_unused_keys(&survey.scanner.written, is_on, &mut found);
+    for device in &survey.scanner.devices {
+        check_waveform(device, corrections, &mut found);
+    }
+    check_reference(survey, corrections, &mut found);
+    found
+}
+
+/// Warns of channels whose wavelength is not that of the first one, at which the spectra of a scene are read.
+pub fn check_wavelengths(survey: &Survey) -> Diagnostics {
+    let mut found = Diagnostics::default();
+    let mut wavelengths = survey.scanner.devices.iter().map(|device| device.beam.wavelength);
+    let Some(first) = wavelengths.next() else { return found };
+    if let Some(other) = wavelengths.find(|wavelength| *wavelength != first) {
+        let message = format!(
+            "the materials of the scene have spectra, which are read at the {first} nm of the first channel, also for the channel \
+             with {other} nm"
+        );
+        found
+            .warn(survey_place(survey), message)
+            .help("scan with a scanner of one channel for each wavelength");
+    }
+    found
+}
+
+/// Warns of bins in which a single pulse is not exactly one echo, and of windows that the physics replaces.
+fn check_waveform(device: &Device, corrections: &Corrections, found: &mut Diagnostics) {
+    let (bin, window) = (device.waveform.bin, device.waveform.window);
+    let [bin_key, window_key] = device.waveform_place.as_ref().map_or(["bin_ns", "window_ns"], |w| w.keys);
+    let place = device.waveform_place.as_ref().map(|WaveformPlace { place, .. }| place.clone());
+    if window / bin < 2.0 - WINDOW_TOLERANCE {
+        let consequence = match corrections.peak_neighbours {
+            true => "a window of two bins is used",
+            false => "every bin of the waveform counts as an echo",
+        };
+        let message =
+            format!("`{window_key}` {window} is less than two bins of `{bin_key}` {bin}: {consequence}");
+        let help = format!("set `{window_key}` to at least {}, or `{bin_key}` lower", 2.0 * bin);
+        found.warn(place, message).help(help);
+    } else if count_echoes_of_one_pulse(device, corrections) == Some(0) {
+        let (message, help) = if device.receiver.pulse_shape.is_some() && corrections.receiver {
+            let message = format!(
+                "in bins of {bin} ns (`{bin_key}`) no sample of the pulse's shape is higher than its neighbours: no echo is \
+                 detected"
+            );
+            (message, format!("a flat top is no peak; change the pulse shape or `{bin_key}`"))
+        } else {
+            let message = format!(
+                "bins of {bin} ns (`{bin_key}`) are too wide for pulses of {} ns: no echo is detected",
+                number(device.beam.length(corrections.stated_pulse_widths))
+            );
+            (message, format!("set `{bin_key}` to a quarter of the pulse length or less"))
+        };
+        found.warn(place, message).help(help);
+    }
+}
+
+/// Warns of values with which the formulas of the reference give no result, so that others take their place.
+fn check_reference(survey: &Survey, corrections: &Corrections, found: &mut Diagnostics) {
+    if corrections.radiometry {
+        return;
+    }
+    let devices = &survey.scanner.devices;
+    let help = "`--physics refined` computes it by the lidar equation";
+    if !corrections.waist_at_exit && devices.iter().any(|device| device.detector.range_min == 0.0) {
+        let message = "with a minimum range of 0 m the physics of HELIOS++, which focuses the beam there, receives \
+                       nothing; the beam is taken as narrowest at the exit";
+        found.warn(survey_place(survey), message).help(help);
+    }
+    let of_scanner = devices.iter().any(|device| device.beam.divergence == 0.0);
+    let leg = survey.legs.iter().find(|leg| leg.scanner.active && leg.scanner.beam_divergence == 0.0);
+    if of_scanner || leg.is_some() {
+        let message = "with a divergence of 0 rad the amplitudes of the physics of HELIOS++ are no numbers; all energy \
+                       is taken to be on the axis of the beam";
+        let of_leg = leg.filter(|_| !of_scanner).and_then(|leg| leg.place.clone());
+        found.warn(of_leg.or_else(|| survey_place(survey)), message).help(help);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::survey::testkit::{survey, tls_device};
+
+    fn report(corrections: Corrections, change: impl Fn(&mut Device)) -> String {
+        let mut device = tls_device(4.0);
+        change(&mut device);
+        check_instrument(&survey(vec![device]), &corrections).render(false)
+    }
+
+    #[test]
+    fn windows_below_two_bins_and_bins_wider_than_the_pulse_are_told() {
+        let (helios, refined) = (Corrections::NONE, Corrections::REFINED);
+        assert_eq!((report(helios, |_| ()), report(refined, |_| ())), (String::new(), String::new()));
+        for (bin, window, word, refined_word) in [
+            (0.5, 0.5, "every bin of the waveform counts as an echo", "a window of two bins is used"),
+            (0.25, 0.49, "every bin of the waveform counts as an echo", "a window of two bins is used"),
+            // 0.2/0.1 is 2 in spite of rounding.
+            (0.1, 0.2, "", ""),
+            (2.0, 4.0, "too wide", ""),
+            (9.0, 18.0, "too wide", "too wide"),
+        ] {
+            for (physics, word) in [(helios, word), (refined, refined_word)] {
+                let found = report(physics, |d| (d.waveform.bin, d.waveform.window) = (bin, window));
+                assert_eq!(found.is_empty(), word.is_empty(), "{bin} {window}: {found}");
+                assert!(found.contains(word), "{bin} {window}: {found}");
+            }
+        }
+    }
+
+    #[test]
+    fn pulses_are_as_wide_as_the_instrument_states_them_where_the_physics_takes_that() {
+        // The data sheet of a catalogue's instrument says 5 ns at half maximum, which is 10.3 ns in the measure of HELIOS++.
+        let report = |corrections: Corrections, bin: f64| {
+            report(corrections, |d| {
+                (d.beam.pulse_length, d.beam.stated_width) = (5.0, Some(5.0));
+                (d.waveform.bin, d.waveform.window) = (bin, 2.0 * bin);
+            })
+        };
+        assert_eq!(report(Corrections::REFINED, 6.0), "");
+        assert!(report(Corrections::NONE, 6.0).contains("too wide for pulses of 5 ns"));
+        assert!(report(Corrections::REFINED, 30.0).contains("too wide for pulses of 10.3"));
+    }
+
+    #[test]
+    fn channels_of_other_wavelengths_than_that_of_the_spectra_are_told() {
+        let wavelengths = |all: &[f64]| {
+            let mut devices = vec![tls_device(4.0); all.len()];
+            devices.iter_mut().zip(all).for_each(|(device, nm)| device.beam.wavelength = *nm);
+            check_wavelengths(&survey(devices)).render(false)
+        };
+        assert_eq!((wavelengths(&[532.0]), wavelengths(&[905.0, 905.0])), (String::new(), String::new()));
+        let told = wavelengths(&[1064.0, 1064.0, 532.0]);
+        assert!(told.contains("at the 1064 nm of the first channel") && told.contains("532 nm"), "{told}");
+    }
+
+    #[test]
+    fn values_without_a_result_in_the_reference_are_told() {
+        let (helios, refined) = (Corrections::NONE, Corrections::REFINED);
+        assert!(report(helios, |d| d.detector.range_min = 0.0).contains("minimum range of 0 m"));
+        assert!(report(helios, |d| d.beam.divergence = 0.0).contains("divergence of 0 rad"));
+        assert!(report(helios, |d| d.detector.range_min = 0.0).contains("--> test.xml"));
+        let both = |d: &mut Device| (d.detector.range_min, d.beam.divergence) = (0.0, 0.0);
+        assert_eq!(report(refined, both), "");
+    }
+}

@@ -1,0 +1,108 @@
+//! Headers of PLY files in the spelling that the parser knows: single blanks, keywords in small letters, names of letters,
+//! digits and underscores, line feeds.
+
+use super::text::last_of_line_ends;
+use std::collections::HashSet;
+
+/// Maximum length of a header, bytes.
+const MAX_HEADER_BYTES: usize = 1 << 20;
+
+/// The header of a PLY file.
+#[derive(Debug, PartialEq, Eq)]
+pub struct PlyHeader {
+    /// Its lines, without comments.
+    pub text: String,
+    /// Offset of the elements.
+    pub body: usize,
+}
+
+/// Whether a file begins with the signature of PLY files.
+pub fn is_ply(bytes: &[u8]) -> bool {
+    matches!(bytes, [b'p', b'l', b'y', b'\r' | b'\n' | b' ' | b'\t', ..])
+}
+
+/// Reads the header of a file.
+///
+/// # Errors
+/// A header without an end, or that is no text.
+pub fn ply_header(bytes: &[u8]) -> Result<PlyHeader, String> {
+    let start = &bytes[..bytes.len().min(MAX_HEADER_BYTES)];
+    let line_end = last_of_line_ends(start);
+    let mut header = PlyHeader { text: String::new(), body: 0 };
+    let mut names = HashSet::new();
+    while header.body < start.len() {
+        let rest = &start[header.body..];
+        let length = memchr::memchr(line_end, rest).unwrap_or(rest.len());
+        header.body = (header.body + length + 1).min(bytes.len());
+        let line = std::str::from_utf8(&rest[..length]);
+        let words: Vec<&str> = match &line {
+            Ok(line) => line.split_whitespace().collect(),
+            // Comments may be in any encoding.
+            Err(_) if rest.trim_ascii_start().starts_with(b"comment") => Vec::new(),
+            Err(_) => return Err("its header is no text".to_owned()),
+        };
+        let Some(keyword) = words.first().map(|word| word.to_ascii_lowercase()) else { continue };
+        match keyword.as_str() {
+            "comment" | "obj_info" => continue,
+            "end_header" => {
+                header.text.push_str("end_header\n");
+                return Ok(header);
+            }
+            "property" if words.len() >= 3 => {
+                let (name, types) = words[1..].split_last().unwrap_or((&"", &[]));
+                let types = types.join(" ").to_ascii_lowercase();
+                header.text.push_str(&format!("property {types} {}\n", unique_name(name, &mut names)));
+            }
+            "element" => {
+                names.clear();
+                header.text.push_str(&format!("element {}\n", words[1..].join(" ")));
+            }
+            _ => header.text.push_str(&format!("{}\n", words.join(" ").to_ascii_lowercase())),
+        }
+    }
+    Err("its header has no end: expected the line end_header".to_owned())
+}
+
+/// A name in the letters of the parser that is not among `names`, to which it is added.
+fn unique_name(name: &str, names: &mut HashSet<String>) -> String {
+    let mut plain: String =
+        name.chars().map(|c| if c.is_ascii_alphanumeric() || "_-".contains(c) { c } else { '_' }).collect();
+    if plain.starts_with(|c: char| !c.is_ascii_alphabetic() && c != '_') {
+        plain.insert(0, '_');
+    }
+    while !names.insert(plain.clone()) {
+        plain.push('_');
+    }
+    plain
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blanks_capitals_and_line_ends_do_not_matter() {
+        let lines = "ply\nformat   ascii 1.0\ncomment\ta\n element vertex\t3 \nproperty  FLOAT x\nproperty list  uchar int i\nend_header\n";
+        let expected = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty list uchar int i\nend_header\n";
+        for line_end in ["\n", "\r\n", "\r"] {
+            // The first byte after the header is a line feed that belongs to the elements.
+            let file = lines.replace('\n', line_end) + "\n\u{1}";
+            let header = ply_header(file.as_bytes()).unwrap();
+            assert_eq!((header.text.as_str(), header.body), (expected, file.len() - 2), "{line_end:?}");
+        }
+    }
+
+    #[test]
+    fn names_are_plain_and_different() {
+        let file = b"ply\ncomment caf\xe9\nelement v 1\nproperty float a.b\nproperty float a#b\nproperty int 2nd\nend_header";
+        let header = ply_header(file).unwrap();
+        let expected =
+            "ply\nelement v 1\nproperty float a_b\nproperty float a_b_\nproperty int _2nd\nend_header\n";
+        assert_eq!((header.text.as_str(), header.body), (expected, file.len()));
+        for (file, message) in
+            [(&b"ply\nformat ascii 1.0\n"[..], "no end"), (b"ply\n\xff\xfe\nend_header\n", "no text")]
+        {
+            assert!(ply_header(file).unwrap_err().contains(message));
+        }
+    }
+}

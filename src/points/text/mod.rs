@@ -1,0 +1,16 @@
+//! Point clouds as lines of text.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `layout` | finds out what the columns of a file hold, from its first lines |
+//! | `lines` | splits and parses lines |
+//! | `read` | reads files and streams |
+
+mod layout;
+mod lines;
+mod read;
+
+pub use layout::{Layout, LayoutFinder};
+pub use lines::{Separators, float, is_blank, is_skipped, is_with_comma};
+pub(super) use lines::{is_line_end, last_of_line_ends, read_line};
+pub(super) use read::read;

@@ -1,0 +1,159 @@
+//! The bytes of files that are read as a whole.
+//!
+//! A file is read into memory, so that nothing that happens to it afterwards changes the bytes. One that would take more than a
+//! share of the memory is mapped instead. A mapping is shared with the file: bytes that another program writes
+//! meanwhile appear in it, and an access beyond the end of a file that was truncated meanwhile raises `SIGBUS`, which ends the
+//! process. [`FileBytes::check_unchanged`] finds the first of both; nothing but leaving the file alone prevents the second.
+
+use crate::files::reads;
+use crate::machine;
+use memmap2::Mmap;
+use std::fs::{File, Metadata};
+use std::io::{self, Read};
+use std::ops::Deref;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::SystemTime;
+
+/// Files up to this length are read into memory, whatever the limit of memory is, bytes.
+const MAX_SMALL_BYTES: u64 = 16 << 20;
+
+/// Files that take up more than this fraction of the memory are mapped.
+const MAX_READ_FRACTION: u64 = 8;
+
+/// The bytes of a file. Clones share them.
+#[derive(Clone, Debug)]
+pub struct FileBytes(Arc<Content>);
+
+#[derive(Debug)]
+enum Content {
+    Read(Vec<u8>),
+    Mapped { map: Mmap, file: File, version: Version },
+}
+
+/// What tells versions of a file apart.
+#[derive(Debug, PartialEq)]
+struct Version {
+    length: u64,
+    modified: Option<SystemTime>,
+}
+
+impl Version {
+    fn of(metadata: &Metadata) -> Version {
+        Version { length: metadata.len(), modified: metadata.modified().ok() }
+    }
+}
+
+impl FileBytes {
+    /// Reads a file to its end, or maps a large one.
+    ///
+    /// # Errors
+    /// When the file cannot be read, or changes while it is read.
+    pub fn open(path: &Path) -> io::Result<FileBytes> {
+        FileBytes::open_within(path, None)
+    }
+
+    /// As [`FileBytes::open`]; `max_memory` limits the memory instead of what the machine has, bytes.
+    ///
+    /// # Errors
+    /// As for [`FileBytes::open`].
+    pub fn open_within(path: &Path, max_memory: Option<u64>) -> io::Result<FileBytes> {
+        let mut file = reads::open(path)?;
+        let metadata = file.metadata()?;
+        let version = Version::of(&metadata);
+        let is_large = || {
+            let memory = max_memory.or_else(machine::memory).unwrap_or(u64::MAX);
+            version.length > MAX_SMALL_BYTES.max(memory / MAX_READ_FRACTION)
+        };
+        if metadata.is_file() && version.length > MAX_SMALL_BYTES && is_large() {
+            return map(file, version);
+        }
+        let mut bytes = Vec::new();
+        let room = if metadata.is_file() { usize::try_from(version.length).unwrap_or(0) } else { 0 };
+        bytes.try_reserve_exact(room).map_err(|_| io::Error::from(io::ErrorKind::OutOfMemory))?;
+        file.read_to_end(&mut bytes)?;
+        if metadata.is_file() {
+            // A file of the proc file system states no length.
+            let is_read = version.length == 0 || bytes.len() as u64 == version.length;
+            check(&file, &version, is_read)?;
+        }
+        Ok(FileBytes::from(bytes))
+    }
+
+    /// Fails if the file has changed since it was opened, so that what was read may be a mixture of two versions.
+    ///
+    /// # Errors
+    /// [`io::ErrorKind::InvalidData`].
+    pub fn check_unchanged(&self) -> io::Result<()> {
+        match &*self.0 {
+            Content::Read(_) => Ok(()),
+            Content::Mapped { file, version, .. } => check(file, version, true),
+        }
+    }
+}
+
+#[allow(unsafe_code, reason = "mapping a file")]
+fn map(file: File, version: Version) -> io::Result<FileBytes> {
+    // SAFETY: the mapping is only read, as bytes, for which every value is valid. Other programs can change it, see above.
+    let map = unsafe { Mmap::map(&file)? };
+    Ok(FileBytes(Arc::new(Content::Mapped { map, file, version })))
+}
+
+fn check(file: &File, version: &Version, is_read: bool) -> io::Result<()> {
+    match is_read && Version::of(&file.metadata()?) == *version {
+        true => Ok(()),
+        false => {
+            Err(io::Error::new(io::ErrorKind::InvalidData, "another program changed it while it was read"))
+        }
+    }
+}
+
+impl From<Vec<u8>> for FileBytes {
+    fn from(bytes: Vec<u8>) -> FileBytes {
+        FileBytes(Arc::new(Content::Read(bytes)))
+    }
+}
+
+impl AsRef<[u8]> for FileBytes {
+    fn as_ref(&self) -> &[u8] {
+        self
+    }
+}
+
+impl Deref for FileBytes {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        match &*self.0 {
+            Content::Read(bytes) => bytes,
+            Content::Mapped { map, .. } => map,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+    use std::io::Write;
+
+    #[test]
+    fn bytes_that_were_read_stay_and_mapped_ones_are_checked() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        let long = vec![7; MAX_SMALL_BYTES as usize + 1];
+        fs::write(&path, &long).unwrap();
+        let read = FileBytes::open_within(&path, Some(1 << 40)).unwrap();
+        let mapped = FileBytes::open_within(&path, Some(0)).unwrap();
+        assert!(matches!(*read.0, Content::Read(_)) && matches!(*mapped.0, Content::Mapped { .. }));
+        assert!(*read == long && *mapped == long);
+        mapped.check_unchanged().unwrap();
+        fs::File::options().append(true).open(&path).unwrap().write_all(b"more").unwrap();
+        assert!(mapped.check_unchanged().unwrap_err().to_string().contains("another program changed it"));
+        fs::write(&path, "short").unwrap();
+        assert!(*read == long);
+        read.check_unchanged().unwrap();
+        let short = FileBytes::open_within(&path, Some(0)).unwrap();
+        assert!(matches!(*short.0, Content::Read(_)));
+    }
+}

@@ -1,0 +1,300 @@
+//! Point clouds as other programs write them: each variant of docs/clouds.md is written by another library, and `compare`, `preview`
+//! and the scene's loader have to find the points where they are.
+
+use crate::common::{self, folder, run, succeed, text};
+use std::fs;
+use std::path::Path;
+
+/// Writes `truth.csv`, the variants and `variants.txt`, a line for each: file, tolerance in m, whether it has the intensities.
+const SCRIPT: &str = r#"
+import struct
+import laspy, numpy as np, pyarrow as pa, pyarrow.ipc, pyarrow.parquet, pye57
+from pypcd4 import PointCloud
+from laspy.vlrs.known import WktCoordinateSystemVlr
+
+i = np.arange(400)
+xyz = np.column_stack([500000.25 + i % 20, 5400000.5 + i // 20, 100 + 5 * np.sin(i)]).round(3)
+intensity, cls = (i * 7 % 100 + 1).astype(float), (i % 5 + 2)
+np.savetxt("truth.csv", np.column_stack([xyz, intensity, cls]), delimiter=",", header="x,y,z,intensity,class", comments="", fmt="%.4f")
+variants = []
+def variant(name, tolerance=0.0006, has_intensity=True):
+    variants.append(f"{name} {tolerance} {int(has_intensity)}")
+    return name
+
+def las(version, point_format, name, change=None, scale=0.001, unit=(1, 1, 1)):
+    header = laspy.LasHeader(version=version, point_format=point_format)
+    header.offsets, header.scales = np.floor((xyz / np.array(unit)).min(axis=0)) - 1000, [scale] * 3
+    las = laspy.LasData(header)
+    las.xyz = xyz / np.array(unit)
+    las.intensity, las.classification = intensity, cls
+    if change:
+        change(las)
+    las.write(variant(name))
+    return name
+for point_format in range(11):
+    if point_format in (4, 5, 9, 10):
+        continue
+    version = "1.2" if point_format < 4 else "1.4"
+    las(version, point_format, f"format{point_format}.las")
+    las(version, point_format, f"format{point_format}.laz")
+def amplitude(las):
+    las.add_extra_dim(laspy.ExtraBytesParams("colour", "3u2"))
+    las.add_extra_dim(laspy.ExtraBytesParams("Amplitude", "uint16", scales=[0.01], offsets=[0.0]))
+    las.Amplitude = 600 / (intensity + 1)
+las("1.4", 6, "amplitude.las", amplitude)
+def feet(las):
+    las.vlrs.append(WktCoordinateSystemVlr('PROJCS["p",GEOGCS["g",UNIT["degree",0.017]],UNIT["US survey foot",0.3048006096012192]]'))
+las("1.4", 6, "feet_wkt.las", feet, unit=[1200 / 3937] * 3)
+def keys(las):
+    las.vlrs.append(laspy.VLR("LASF_Projection", 34735, "", struct.pack("<16H", 1, 1, 0, 3, 1024, 0, 1, 1, 3072, 0, 1, 2263, 4099, 0, 1, 9001)))
+las("1.2", 0, "feet_keys.las", keys, unit=(1200 / 3937, 1200 / 3937, 1))
+whole = bytearray(open(las("1.4", 6, "format6_again.las"), "rb").read())
+whole[179:227] = struct.pack("<6d", 9e9, -9e9, 1, 0, float("nan"), 5)
+open(variant("wrong_bounds.las"), "wb").write(whole)
+# LAS 1.5 has three fields more at the end of its header.
+head, start = 393 - 375, struct.unpack_from("<I", whole, 96)[0]
+newer = whole[:375] + bytes(head) + whole[375:]
+newer[25] = 5
+struct.pack_into("<H", newer, 94, 393)
+struct.pack_into("<I", newer, 96, start + head)
+open(variant("newer.las"), "wb").write(newer)
+unfinished = bytearray(whole)
+unfinished[107:111], unfinished[247:255] = bytes(4), bytes(8)
+open(variant("unfinished.las"), "wb").write(unfinished)
+
+rows = np.column_stack([xyz, intensity, cls])
+cloud = PointCloud.from_points(rows, ["x", "y", "z", "intensity", "label"], [np.float64] * 3 + [np.float32, np.uint8])
+from pypcd4 import Encoding
+for encoding in (Encoding.ASCII, Encoding.BINARY, Encoding.BINARY_COMPRESSED):
+    cloud.save(variant(f"{encoding.value}.pcd", 0.01 if encoding == Encoding.ASCII else 0.0006), encoding=encoding)
+
+angle = 0.3
+turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+place = np.array([500010.0, 5400010.0, 100.0])
+local = (xyz - place) @ turn
+quaternion = np.array([np.cos(angle / 2), 0, 0, np.sin(angle / 2)])
+with pye57.E57(variant("scans.e57"), mode="w") as e57:
+    for part in (slice(0, 150), slice(150, 400)):
+        data = {"cartesianX": local[part, 0], "cartesianY": local[part, 1], "cartesianZ": local[part, 2], "intensity": intensity[part]}
+        e57.write_scan_raw(data, rotation=quaternion, translation=place)
+
+table = pa.table({"Z": xyz[:, 2], "X": xyz[:, 0], "note": ["a"] * 400, "Y": xyz[:, 1], "Intensity": intensity})
+pa.parquet.write_table(table, variant("table.parquet"))
+with pa.ipc.new_stream(variant("table.arrow"), table.schema) as out:
+    out.write_table(table)
+
+def lines(name, rows, head="", separator=" ", has_intensity=True, fmt="%.4f"):
+    np.savetxt(variant(name, 0.0006, has_intensity), rows, delimiter=separator, header=head, comments="", fmt=fmt)
+lines("plain.xyz", xyz, has_intensity=False)
+lines("four.txt", rows[:, :4])
+lines("class.txt", np.column_stack([xyz, cls]), "x y z class", has_intensity=False)
+lines("comment.txt", rows, "//X Y Z Intensity Classification")
+lines("index.csv", np.column_stack([i, rows]), ",x,y,z,intensity,class", ",")
+lines("german.csv", np.column_stack([i, rows]), "Nr;Rechtswert;Hochwert;Höhe;Intensity;Class", ";")
+lines("tabs.txt", np.column_stack([i, rows]), "tree id\tEasting\tNorthing\tHeight\tIntensity\tClass", "\t")
+lines("feet.csv", xyz / 0.3048, "x [ft],y [ft],z [ft]", ",", False, "%.5f")
+lines("cyclone.pts", np.column_stack([xyz, intensity, rows[:, 4], rows[:, 4], rows[:, 4]]), "400")
+turned = (xyz - place) @ turn
+matrix = np.eye(4)
+matrix[:3, :3], matrix[3, :3] = turn.T, place
+with open(variant("cyclone.ptx"), "w") as out:
+    out.write("20\n21\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n")
+    np.savetxt(out, matrix, fmt="%.12f")
+    np.savetxt(out, np.column_stack([turned, intensity]), fmt="%.5f")
+    out.write("0 0 0 0.5\n" * 20)
+with open(variant("cloud.ply"), "w") as out:
+    out.write("ply\nformat ascii 1.0\nelement vertex 400\nproperty double x\nproperty double y\nproperty double z\nproperty float scalar_Intensity\nend_header\n")
+    np.savetxt(out, rows[:, :4], fmt="%.4f")
+open("variants.txt", "w").write("\n".join(variants))
+"#;
+
+/// A scene of one point cloud.
+fn scene(file: &str, separator: &str) -> String {
+    format!(
+        r#"<?xml version="1.0"?><document><scene id="s"><part><filter type="xyzloader">
+        <param type="string" key="filepath" value="{file}"/><param type="string" key="separator" value="{separator}"/>
+        <param type="double" key="voxelSize" value="0.5"/></filter></part></scene></document>"#
+    )
+}
+
+/// The box and the number of primitives that `scene info` tells.
+fn facts(folder: &Path, name: &str, separator: &str) -> serde_json::Value {
+    fs::write(folder.join("scene.xml"), scene(name, separator)).unwrap();
+    let out = succeed(folder, &["scene", "info", "scene.xml", "--json"]);
+    serde_json::from_slice(&out.stdout).unwrap()
+}
+
+#[test]
+fn every_variant_of_every_format_is_read_by_all_commands() {
+    let Some(python) = common::python("laspy, lazrs, numpy, pyarrow, pypcd4, pye57") else { return };
+    let dir = folder();
+    common::judge(&python, dir.path(), SCRIPT);
+    let variants = fs::read_to_string(dir.path().join("variants.txt")).unwrap();
+    assert!(variants.lines().count() > 35, "{variants}");
+    let expected = facts(dir.path(), "truth.csv", ",");
+    for line in variants.lines() {
+        let [name, tolerance, has_intensity] = line.split(' ').collect::<Vec<_>>()[..] else {
+            panic!("{line}")
+        };
+        let out = succeed(dir.path(), &["compare", "truth.csv", name, "--json"]);
+        let found: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+        let number = |path: &str| found.pointer(path).and_then(serde_json::Value::as_f64).unwrap_or(f64::NAN);
+        assert_eq!(number("/second/points"), 400.0, "{name}: {found}");
+        let tolerance: f64 = tolerance.parse().unwrap();
+        for corner in ["min", "max"] {
+            for axis in 0..3 {
+                let [a, b] = ["first", "second"].map(|cloud| number(&format!("/{cloud}/{corner}/{axis}")));
+                assert!((a - b).abs() <= tolerance, "{name}: {corner} {a} {b}");
+            }
+        }
+        assert!(number("/first_to_second/median_m") <= tolerance, "{name}: {found}");
+        // Where rounding moves no point across the edge of the box, every point has its like.
+        let is_whole =
+            ["first", "second"].iter().all(|cloud| number(&format!("/{cloud}/points_in_box")) == 400.0);
+        assert!(!is_whole || number("/second_to_first/max_m") <= tolerance, "{name}: {found}");
+        match has_intensity {
+            "0" => assert!(found["second"]["intensity_percentiles"].is_null(), "{name}: {found}"),
+            _ if is_whole => assert_eq!(
+                found["second"]["intensity_percentiles"], found["first"]["intensity_percentiles"],
+                "{name}"
+            ),
+            _ => assert!((number("/second/intensity_percentiles/3") - 50.0).abs() < 3.0, "{name}: {found}"),
+        }
+        let separator = match name.rsplit_once('.').unwrap() {
+            ("german", _) => ";",
+            // A tab as such becomes a blank in an attribute of XML.
+            ("tabs", _) => "&#9;",
+            (_, "csv") => ",",
+            _ => " ",
+        };
+        let scene = facts(dir.path(), name, separator);
+        assert_eq!(scene["primitives"], expected["primitives"], "{name}: {scene}");
+        succeed(
+            dir.path(),
+            &["preview", name, "-o", "a.png", "--width", "320", "--height", "240", "--force"],
+        );
+    }
+}
+
+#[test]
+fn a_cloud_is_like_itself_to_its_last_point() {
+    let dir = folder();
+    // Coordinates that 32-bit numbers, or differences to the lower corner in them, would move across the edge of the box.
+    let rows: String = (0..500)
+        .map(|i| {
+            let (x, y) = (431_000.1 + f64::from(i % 25) / 3.0, 5_412_000.7 + f64::from(i / 25) / 7.0);
+            format!("{x} {y} {}\n", f64::from(i * i % 97) * 0.123)
+        })
+        .collect();
+    fs::write(dir.path().join("a.xyz"), rows).unwrap();
+    fs::write(dir.path().join("one.xyz"), "431000.1 5412000.7 3.3\n".repeat(3)).unwrap();
+    fs::write(dir.path().join("line.xyz"), "1.1 5 3\n2.2 5 3\n7.7 5 3\n").unwrap();
+    for (name, count) in [("a.xyz", 500.0), ("one.xyz", 3.0), ("line.xyz", 3.0)] {
+        let out = succeed(dir.path(), &["compare", name, name, "--json"]);
+        let found: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+        assert_eq!(found["first"]["points_in_box"].as_f64(), Some(count), "{name}: {found}");
+        assert_eq!(found["first_to_second"]["max_m"].as_f64(), Some(0.0), "{name}: {found}");
+        assert_eq!(found["voxels"]["agreement"].as_f64(), Some(1.0), "{name}: {found}");
+        let table = text(&succeed(dir.path(), &["compare", name, name]).stdout);
+        assert!(!table.contains("NaN"), "{table}");
+    }
+}
+
+#[test]
+fn what_is_not_read_is_named() {
+    let dir = folder();
+    for (name, content, expected) in [
+        ("a.mcap", &b"\x89MCAP0\r\n\x01\x02\x03"[..], "an MCAP log"),
+        ("a.rdbx", b"RIEGL LMS RDB 2 POINTCLOUD FILE\0\0", "rdbconvert"),
+        ("a.xyz.gz", b"\x1f\x8b\x08\0\0\0", "gunzip"),
+        ("a.xyz", b"\xff\xfe1\x002\x003\x00", "UTF-16"),
+        ("a.bin", b"\x07\0\0\0\x01\x02", "binary and of no format"),
+        ("a.obj", b"# mesh\nv 1 2 3\n", "an OBJ mesh"),
+        ("SHAPE", b"SOLID box\n  FACET NORMAL 0 0 1\n", "an STL mesh"),
+        ("a.csv", b"x;y;z\n1,5;2,5;3,5\n", "decimal comma"),
+        ("b.csv", b"x y z\n1,5 2,5 3,5\n", "decimal comma"),
+        ("c.csv", b"1,5\t2,5\t3,5\n", "decimal comma"),
+        ("a.txt", b"lat lon height\n50 8 100\n", "longitude and latitude"),
+        ("d.txt", b"x y z\n1 2 3 4\n", "3 columns are named, line 2 has 4"),
+        ("e.txt", b"x y z note class\n1 2 3 4\n", "expected"),
+        ("b.txt", b"x y depth\n1 2 3\n", "no column z"),
+        ("c.txt", b"x y z class\n1 2 3\n", "expected a point class"),
+    ] {
+        fs::write(dir.path().join(name), content).unwrap();
+        fs::write(dir.path().join("scene.xml"), scene(name, " ")).unwrap();
+        for args in
+            [&["compare", name, name][..], &["preview", name, "-o", "a.png"], &["scene", "info", "scene.xml"]]
+        {
+            let out = run(dir.path(), args);
+            let said = text(&out.stderr);
+            assert_eq!(out.status.code(), Some(2), "{args:?}: {said}");
+            assert!(said.contains(expected), "{args:?}: {said}");
+            assert!(!said.contains("damaged") && !said.contains("whole"), "{args:?}: {said}");
+            assert!(said.bytes().all(|b| b == b'\n' || b >= 0x20), "{args:?}: {said:?}");
+        }
+    }
+}
+
+#[test]
+fn what_is_not_used_as_written_is_an_error_with_strict() {
+    let dir = folder();
+    let row = |class: &str| format!("x,y,z,class\n1,2,3,2\n4,5,6,{class}\n");
+    let mut cases: Vec<(String, Vec<u8>, &str)> = ["300", "-1", "2.7", "nan"]
+        .map(|class| (format!("class{class}.csv"), row(class).into_bytes(), "no whole number from 0 to 255"))
+        .into();
+    cases.push(("unit.csv".into(), b"x [furlong],y [m],z [m]\n1,2,3\n".to_vec(), "unit \"furlong\""));
+    cases.push(("two.csv".into(), b"x,y,z,class,label\n1,2,3,4,5\n".to_vec(), "both name a point class"));
+    cases.push(("nan.csv".into(), b"x,y,z\n1,2,nan\n1,2,3\n".to_vec(), "are left out"));
+    for (name, content, expected) in cases {
+        fs::write(dir.path().join(&name), content).unwrap();
+        for args in [&["compare", &name, &name][..], &["preview", &name, "-o", "a.png", "--force"]] {
+            let said = text(&succeed(dir.path(), args).stderr);
+            assert!(said.contains(expected) && said.contains(&name), "{args:?}: {said}");
+            let strict = run(dir.path(), &[args, &["--strict"]].concat());
+            let said = text(&strict.stderr);
+            assert!(strict.status.code() == Some(2) && said.contains(expected), "{args:?}: {said}");
+        }
+    }
+    for (name, content) in [
+        ("both.csv", &b"x,y,z,Amplitude,Intensity\n1,2,3,0.5,7\n4,5,6,0.5,8\n"[..]),
+        ("inch.csv", b"X [in],Y [in],Z [in]\n1,2,3\n"),
+        ("tab.txt", b"sep=\t\nX\tY\tZ\n1\t2\t3\n"),
+        ("sep.txt", b"SEP=;\nX;Y;Z\n1;2;3\n"),
+    ] {
+        fs::write(dir.path().join(name), content).unwrap();
+        succeed(dir.path(), &["preview", name, "-o", "a.png", "--force", "--strict"]);
+    }
+    let compared = |name: &str| -> serde_json::Value {
+        let out = succeed(dir.path(), &["compare", name, name, "--json", "--strict"]);
+        serde_json::from_slice(&out.stdout).unwrap()
+    };
+    let found = compared("both.csv");
+    assert!(found["first"]["intensity_percentiles"][3].as_f64().unwrap() >= 7.0, "{found}");
+    let found = compared("inch.csv");
+    assert!((found["first"]["max"][2].as_f64().unwrap() - 0.0762).abs() < 1e-9, "{found}");
+}
+
+#[test]
+fn lines_that_end_in_carriage_returns_are_lines() {
+    let dir = folder();
+    let rows: Vec<String> = (0..100).map(|i| format!("{} {} 5", i % 10, i / 10)).collect();
+    for (name, head) in [
+        ("a.xyz", ""),
+        ("b.xyz", "x y z\r"),
+        ("a.pts", "100\r"),
+        (
+            "a.pcd",
+            "VERSION .7\rFIELDS x y z\rSIZE 4 4 4\rTYPE F F F\rCOUNT 1 1 1\rWIDTH 100\rHEIGHT 1\rDATA ascii\r",
+        ),
+        (
+            "a.ply",
+            "ply\rformat ascii 1.0\relement vertex 100\rproperty float x\rproperty float y\rproperty float z\rend_header\r",
+        ),
+    ] {
+        fs::write(dir.path().join(name), format!("{head}{}\r", rows.join("\r"))).unwrap();
+        let out = succeed(dir.path(), &["compare", name, name, "--json", "--strict"]);
+        let found: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+        assert_eq!(found["first"]["points"].as_f64(), Some(100.0), "{name}: {found}");
+        assert_eq!(facts(dir.path(), name, " ")["primitives"].as_f64(), Some(100.0), "{name}");
+    }
+}
