@@ -16,37 +16,25 @@
 //!                                       output: points (las, ply, arrow …), trajectory, waveforms, pulses
 //! ```
 //!
-//! | module | what it does | imports |
-//! |---|---|---|
-//! | `error`, `diag` | errors; diagnostics with file, line and caret | |
-//! | `geom`, `rng` | rotations, boxes, map projection; counter-based random numbers | |
-//! | `quantity`, `markup` | bounds of numbers, counts and sizes as text; text in XML and HTML | |
-//! | `crs` | coordinate reference systems: WKT by EPSG code, codes in WKT, areas of use; units of length | geom |
-//! | `columns` | headings and separators of columns | crs |
-//! | `files`, `damage`, `machine`, `input` | files named when complete, files that are read; panics of decoders caught; threads and memory of the machine; byte streams and Arrow tables read while they arrive | |
-//! | `store` | files of arrays with checksums, the bytes of files | geom, files |
-//! | `points` | reads point clouds: LAS and LAZ, PLY, PCD, E57, PTS, text, Arrow, Parquet | geom, crs, input |
-//! | `survey` | reads surveys, scenes, scanners and platforms from XML and TOML into plain values | geom, input |
-//! | `tree` | primitives and rays: builders, traversal, watertight tests; nothing of LiDAR | geom, store |
-//! | `scene` | loads scenes; moving parts, instances, epochs with swapped parts, packed scenes | survey, tree, points |
-//! | `generate` | procedural scenes with the surveys that scan them; stands from inventories | geom, rng, scene |
-//! | `platform` | position and attitude per step; recorded trajectories in every layout | survey, geom |
-//! | `scanner` | heads and deflectors per step | survey, geom |
-//! | `flight` | the clock: legs, steps, pulses; replayed from a snapshot | platform, scanner |
-//! | `plan` | survey planning: legs from an area, a plot or a line, by what the instrument's optics see | crs, flight, scanner, survey |
-//! | `pulse` | subrays, energy, waveform, detection: a pulse becomes returns | flight, scene, tree |
-//! | `schedule` | four ways to distribute chunks to workers; records and replays | nothing of LiDAR |
-//! | `parts` | shares of a run that other processes compute: their files, their borders in the flight | pulse, flight |
-//! | `output` | writers, one file per format | parts, pulse, scene, survey |
-//! | `streams` | pulses and poses between commands, as rows of text or of Arrow streams | flight, platform, schedule |
-//! | `preview` | draws point clouds as PNG and as pages for a browser, and waveforms | points, geom |
-//! | `compare` | two point clouds of one place: density, heights, distances, voxels | preview, geom |
-//! | `options` | the options of a run, for the command line and pipeline files alike | output, pulse, schedule, survey, tree |
-//! | `pipeline` | the session that joins all of them | all above |
-//! | `campaign` | many runs: scenes × variants × seeds, shared by processes without a server | plan, store |
-//! | `cli` | the command line | all above |
+//! Most stages are crates, each of which can be used alone:
 //!
-//! No module imports one from a row below its own; `tests/whole/structure.rs` holds it.
+//! ```text
+//! geom ◄─ base ◄─ survey, points, warehouse
+//! geom ◄─ trace
+//! survey, points, trace ◄─ scene ◄─ lidar ◄─ tools ◄─ vlscan
+//! ```
+//!
+//! | module | what it does | uses |
+//! |---|---|---|
+//! | `parts` | shares of a run that other processes compute: their files, their borders in the flight | lidar |
+//! | `output` | writers, one file per format | parts, lidar, scene, survey |
+//! | `streams` | pulses and poses between commands, as rows of text or of Arrow streams | lidar, warehouse |
+//! | `options` | the options of a run, for the command line and pipeline files alike | output, lidar, warehouse, survey, trace |
+//! | `pipeline` | the session that joins all of them | all above |
+//! | `cli` | the command line | all above, tools |
+//!
+//! No module imports one from a row below its own; `tests/whole/structure.rs` holds it. What each crate is for is in
+//! ARCHITECTURE.md.
 //!
 //! What holds everywhere:
 //! * the same inputs and seed give the same bytes for any number of threads, any schedule, chunk size and tree: every
@@ -59,78 +47,52 @@
 
 #![deny(unsafe_code)]
 
-mod campaign;
 mod cli;
-mod columns;
-mod compare;
-mod crs;
-mod damage;
-mod diag;
-mod error;
-mod files;
-mod flight;
-mod generate;
-mod geom;
-mod input;
-mod machine;
-mod markup;
 mod options;
 mod output;
 mod parts;
 mod pipeline;
-mod plan;
-mod platform;
-mod points;
-mod preview;
-mod pulse;
-mod quantity;
-mod rng;
-mod scanner;
-mod scene;
-mod schedule;
-mod store;
 mod streams;
-mod survey;
-
-mod tree;
 
 pub use cli::main;
-pub use diag::{Diagnostics, Notice};
-pub use error::{Error, Result};
 pub use options::{OptionName, Options};
 pub use output::{Column, OutputRequest, PointFormat, TableContent, TableRequest, TableSink, Target};
 pub use pipeline::{
     Control, Job, LegRule, LoadedScene, Progress, Report, Resumption, SceneFacts, Session, Settings,
 };
-pub use schedule::{Policy, Recorder, Schedule, Stop};
 pub use streams::PulseReader;
-pub use survey::{Formula, MaterialDefinition, Mesh, ReadOptions, parse_seed, read_scene, read_survey};
+pub use vlscan_base::diag::{Diagnostics, Notice};
+pub use vlscan_base::error::{Error, Result};
+pub use vlscan_survey::{
+    Formula, MaterialDefinition, Mesh, ReadOptions, parse_seed, read_scene, read_survey,
+};
+pub use vlscan_warehouse::{Policy, Recorder, Schedule, Stop};
 
 /// What the benchmarks, the tests and the Python module of this repository use, besides the library.
 #[doc(hidden)]
 pub mod internals {
     pub use crate::cli::command_line;
-    pub use crate::diag::{Diagnostic, Place, Severity};
-    pub use crate::flight::{
-        FlightOptions, FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Skipped, Step,
-    };
-    pub use crate::generate::{Kind, SceneOptions, write_scene};
-    pub use crate::geom::{Aabb, DVec3, Rotation, UtmZone};
-    pub use crate::input::arrow::encode_stream;
     pub use crate::options::{Options, read_survey as read_run};
     pub use crate::output::{NoOffload, OutputContext, OutputPlan, unzip};
-    pub use crate::platform::{PollResult, Pose, PoseReader};
-    pub use crate::preview::{
-        ColourBy, PageOptions, Points, PreviewOptions, draw, points_of_table, read_packet, read_points,
-        read_wave, write_page,
+    pub use vlscan_base::diag::{Diagnostic, Place, Severity};
+    pub use vlscan_base::input::arrow::encode_stream;
+    pub use vlscan_base::rng::{Purpose, Stream};
+    pub use vlscan_geom::{Aabb, DVec3, Rotation, UtmZone};
+    pub use vlscan_lidar::flight::{
+        FlightOptions, FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Skipped, Step,
     };
-    pub use crate::pulse::{Batch, Phase, Physics, PulseSimulator};
-    pub use crate::rng::{Purpose, Stream};
-    pub use crate::scene::{LoadOptions, Pack, Scene, load, pack};
-    pub use crate::survey::{
+    pub use vlscan_lidar::platform::{PollResult, Pose, PoseReader};
+    pub use vlscan_lidar::pulse::{Batch, Phase, Physics, PulseSimulator};
+    pub use vlscan_scene::{LoadOptions, Pack, Scene, load, pack};
+    pub use vlscan_survey::{
         Loader, MaterialChange, MaterialChoice, MeshReading, MotionTiming, PartRecipe, PlatformKind,
         Replaced, Scanner, SceneRecipe, Survey, Transform, UpAxis, VoxelLoader, VoxelMode, XyzLoader,
         catalogue,
     };
-    pub use crate::tree::{BuildOptions, Builder, Geometry, Hits, RayGroup, TraceScratch, Tree};
+    pub use vlscan_tools::generate::{Kind, SceneOptions, write_scene};
+    pub use vlscan_tools::preview::{
+        ColourBy, PageOptions, Points, PreviewOptions, draw, points_of_table, read_packet, read_points,
+        read_wave, write_page,
+    };
+    pub use vlscan_trace::{BuildOptions, Builder, Geometry, Hits, RayGroup, TraceScratch, Tree};
 }

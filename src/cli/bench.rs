@@ -13,14 +13,14 @@ mod table;
 
 use super::args::BenchArgs;
 use super::{Cli, Command, Console, RunArgs};
-use crate::error::{Error, Result};
-use crate::files::{FileWriter, Patched, identity, is_special, reads, write_stdout};
-use crate::schedule::{Schedule, Workload};
 use clap::Parser;
 use matrix::{Matrix, thread_counts};
 use report::Report;
 use std::ffi::OsString;
 use std::path::Path;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{FileWriter, Patched, identity, is_special, reads, write_stdout};
+use vlscan_warehouse::{Schedule, Workload};
 
 pub fn run(args: &BenchArgs, console: &Console) -> Result<()> {
     let matrix = Matrix::new(args)?;

@@ -1,13 +1,13 @@
 //! Files beside the points of a run: the log of its schedule and the table of the scene's parts.
 
 use super::interrupt;
-use crate::error::{Error, Result};
-use crate::files::{FileWriter, Patched};
 use crate::output::OutputRequest;
 use crate::pipeline::{Control, PartTable, Progress, Report};
-use crate::scene::Scene;
-use crate::schedule::Recorder;
 use std::path::{Path, PathBuf};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{FileWriter, Patched};
+use vlscan_scene::Scene;
+use vlscan_warehouse::Recorder;
 
 /// The files that are asked for, and what is collected for them while the run lasts.
 pub struct Companions {

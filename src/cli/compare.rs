@@ -3,9 +3,9 @@
 use super::Console;
 use super::args::CompareArgs;
 use super::preview::read_cloud;
-use crate::compare::{CompareOptions, compare, page, table};
-use crate::error::{Error, Result};
-use crate::files::{FileWriter, Patched, reads, write_stdout};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{FileWriter, Patched, reads, write_stdout};
+use vlscan_tools::compare::{CompareOptions, compare, page, table};
 
 pub fn run(args: &CompareArgs, console: &Console) -> Result<()> {
     if let Some(path) = args.page.as_deref().filter(|path| path.exists() && !args.force) {

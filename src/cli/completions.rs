@@ -2,8 +2,8 @@
 
 use super::args::CompletionsArgs;
 use super::manual;
-use crate::error::Result;
-use crate::files::{FileWriter, Patched};
+use vlscan_base::error::Result;
+use vlscan_base::files::{FileWriter, Patched};
 
 pub fn run(args: &CompletionsArgs) -> Result<()> {
     let mut script = Vec::new();

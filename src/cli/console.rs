@@ -1,13 +1,13 @@
 //! Messages to the user on stderr.
 
-use crate::diag::{Diagnostics, Notice};
-use crate::error::{Error, Result};
-use crate::files::write_stderr;
 use std::fmt::Display;
 use std::fs::{File, OpenOptions};
 use std::io::{IsTerminal, Write, stderr};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
+use vlscan_base::diag::{Diagnostics, Notice};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::write_stderr;
 
 /// Amount of messages shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Default)]

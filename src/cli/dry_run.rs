@@ -2,12 +2,12 @@
 
 use super::args::RunArgs;
 use super::{Console, interrupt};
-use crate::error::{Error, Result};
-use crate::files::write_stdout;
 use crate::pipeline::{Control, Forecast, Job, LegForecast, Progress, Session};
-use crate::quantity::{amount, duration, metres};
 use std::fmt::Write as _;
 use std::time::Instant;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::write_stdout;
+use vlscan_base::quantity::{amount, duration, metres};
 
 /// Legs that are listed as text; `--json` lists all.
 const MAX_LISTED_LEGS: usize = 20;

@@ -1,23 +1,23 @@
 //! The ground of a scene, for commands that put something on it or above it.
 
-use crate::diag::Diagnostics;
-use crate::error::Result;
-use crate::geom::DVec3;
 use crate::output::Ground;
 use crate::pipeline::{Fallback, LoadedScene, SceneGround};
-use crate::scene::{self, LoadOptions};
-use crate::survey::SceneRecipe;
-use crate::tree::BuildOptions;
 use std::sync::Arc;
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::Result;
+use vlscan_geom::DVec3;
+use vlscan_scene::LoadOptions;
+use vlscan_survey::SceneRecipe;
+use vlscan_trace::BuildOptions;
 
 /// The ground of a loaded scene in world coordinates.
 pub struct GroundModel(SceneGround);
 
 impl GroundModel {
     /// # Errors
-    /// Those of [`scene::load`].
+    /// Those of [`vlscan_scene::load`].
     pub fn load(recipe: &SceneRecipe, options: &LoadOptions) -> Result<(GroundModel, Diagnostics)> {
-        let (scene, warnings) = scene::load(recipe, options)?;
+        let (scene, warnings) = vlscan_scene::load(recipe, options)?;
         let tree = scene.tree(&BuildOptions::default());
         let ground = SceneGround::new(Arc::new(scene), tree, Fallback::Highest);
         Ok((GroundModel(ground), warnings))

@@ -1,8 +1,8 @@
 //! Translation of HELIOS++ command lines (spec outputs §9): its option names in any case, options before or after the
 //! survey, values that begin with a minus, the first of repeated values, `SURVEY.xml` without `run`.
 
-use crate::error::{Error, Result};
 use std::ffi::{OsStr, OsString};
+use vlscan_base::error::{Error, Result};
 
 /// Argument of a HELIOS++ option.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -219,8 +219,8 @@ mod tests {
     use super::*;
     use crate::cli::{Cli, Command};
     use crate::options::{ChunkSize, Seed};
-    use crate::tree::Builder;
     use clap::Parser;
+    use vlscan_trace::Builder;
 
     fn words(line: &str) -> Vec<OsString> {
         line.split_whitespace().map(OsString::from).collect()

@@ -2,22 +2,22 @@
 
 use super::Console;
 use super::args::InfoArgs;
-use crate::crs;
-use crate::diag::{Diagnostics, Severity};
-use crate::error::{Error, Result};
-use crate::machine;
 use crate::options::{InputOptions, Options, holds_survey, read_survey};
 use crate::output::ObjectIds;
 use crate::pipeline::{check_raster_memory, material_rules};
-use crate::pulse::{Corrections, PhysicsProfile};
-use crate::quantity::amount;
-use crate::scene::{self, Inventory, LoadOptions, Material, Pack, Part, PartFacts, Scene};
-use crate::survey::{self, ReadOptions, SceneRecipe};
-use crate::tree::{BuildOptions, Tree};
 use serde_json::json;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use vlscan_base::crs;
+use vlscan_base::diag::{Diagnostics, Severity};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::machine;
+use vlscan_base::quantity::amount;
+use vlscan_lidar::pulse::{Corrections, PhysicsProfile};
+use vlscan_scene::{Inventory, LoadOptions, Material, Pack, Part, PartFacts, Scene};
+use vlscan_survey::{ReadOptions, SceneRecipe};
+use vlscan_trace::{BuildOptions, Tree};
 
 /// Maximum number of parts listed as text; `--json` lists all.
 const MAX_LISTED_PARTS: usize = 40;
@@ -37,7 +37,7 @@ pub fn run(args: &InfoArgs, console: &Console) -> Result<()> {
     let options = options(&recipe, &scanning, args.verify)?;
     let build = BuildOptions::default();
     check_raster_memory(&recipe, build.builder, options.max_memory, &|_| ())?;
-    let (scene, found) = scene::load(&recipe, &options)?;
+    let (scene, found) = vlscan_scene::load(&recipe, &options)?;
     warnings.extend(found);
     let loaded = started.elapsed().as_secs_f64();
     let started = Instant::now();
@@ -55,7 +55,7 @@ pub fn run(args: &InfoArgs, console: &Console) -> Result<()> {
         false => console.warnings(&warnings)?,
     }
     let text = if args.json { facts.json()? } else { facts.text() };
-    crate::files::write_stdout(&text)
+    vlscan_base::files::write_stdout(&text)
 }
 
 /// A scene as named on the command line: directly, or by a file that refers to it.
@@ -95,7 +95,7 @@ impl SceneName<'_> {
                 Ok((survey.scene, Scanning { wavelength_nm, seed: survey.seed, corrections }, warnings))
             }
             None => {
-                let (scene, warnings) = survey::read_scene(self.scene, &reading)?;
+                let (scene, warnings) = vlscan_survey::read_scene(self.scene, &reading)?;
                 let corrections = PhysicsProfile::OF_PIPELINES.corrections();
                 Ok((scene, Scanning { wavelength_nm: usual, seed: None, corrections }, warnings))
             }
@@ -226,7 +226,7 @@ impl Facts<'_> {
 
     fn json(&self) -> Result<String> {
         let i = &self.inventory;
-        let point = |p: crate::geom::DVec3| [p.x, p.y, p.z];
+        let point = |p: vlscan_geom::DVec3| [p.x, p.y, p.z];
         let ids: Vec<String> = self.scene.parts.iter().map(|part| part.id.clone()).collect();
         let (objects, facts) = (ObjectIds::new(&ids), PartFacts::of_scene(self.scene));
         let part = |(index, (part, facts)): (u32, (&Part, &PartFacts))| {

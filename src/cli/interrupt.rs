@@ -2,11 +2,11 @@
 //! second time, it ends the process, which leaves no temporary files.
 
 use super::Console;
-use crate::error::Error;
-use crate::files;
-use crate::schedule::Stop;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
+use vlscan_base::error::Error;
+use vlscan_base::files;
+use vlscan_warehouse::Stop;
 
 /// Stop request that a run checks between chunks.
 pub static STOP: Stop = Stop::new();

@@ -8,15 +8,15 @@ mod pages;
 use super::Cli;
 use super::args::ManArgs;
 use super::console::Console;
-use crate::error::{Error, Result};
-use crate::files::{FileWriter, NewFolder, Patched, reads};
 use crate::options::pipeline_keys;
-use crate::pulse::Corrections;
 use clap::{Command, CommandFactory};
 use clap_mangen::Man;
 use clap_mangen::roff::{Roff, bold, roman};
 use pages::{EXIT_STATUS, PAGES, Page};
 use std::path::Path;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{FileWriter, NewFolder, Patched, reads};
+use vlscan_lidar::pulse::Corrections;
 
 /// Introduction below the short help, for new users.
 const BEGIN: &str = "\

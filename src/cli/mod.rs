@@ -54,13 +54,13 @@ pub use args::{Cli, Command, RunArgs};
 pub use console::{Console, LogTo, Verbosity};
 pub use manual::command as command_line;
 
-use crate::error::{Error, Result};
-use crate::files::ReadGuard;
-use crate::machine;
 use clap::FromArgMatches;
 use std::ffi::OsString;
 use std::io::Write as _;
 use std::path::Path;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::ReadGuard;
+use vlscan_base::machine;
 
 /// Runs the program with these arguments and returns its exit status: 0 success, 1 system error, 2 invalid input or
 /// usage, 3 a scan frequency outside the scanner's limits, 130 interrupted.
@@ -93,7 +93,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
         }
     };
     interrupt::listen(&console);
-    let _guard = ReadGuard::new();
+    let _guard = ReadGuard::start();
     let outcome = machine::start_pool().and_then(|()| dispatch(&cli.command, &console));
     let outcome = match outcome {
         // A stopped run has given up a stream whose reader takes nothing.

@@ -2,16 +2,16 @@
 
 use super::args::PackArgs;
 use super::{Console, info};
-use crate::error::{Error, Result};
-use crate::files::is_special;
-use crate::machine;
 use crate::pipeline::material_rules;
-use crate::pulse::PhysicsProfile;
-use crate::quantity::amount;
-use crate::scene::{self, LoadOptions};
-use crate::tree::BuildOptions;
 use std::path::Path;
 use std::time::Instant;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::is_special;
+use vlscan_base::machine;
+use vlscan_base::quantity::amount;
+use vlscan_lidar::pulse::PhysicsProfile;
+use vlscan_scene::LoadOptions;
+use vlscan_trace::BuildOptions;
 
 pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
@@ -34,7 +34,7 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
         ..LoadOptions::default()
     };
     let tree = BuildOptions::of(args.tree.unwrap_or_default());
-    let packed = scene::pack(&recipe, &options, &tree, &out, &|found| console.warnings(found))?;
+    let packed = vlscan_scene::pack(&recipe, &options, &tree, &out, &|found| console.warnings(found))?;
     let loaded = started.elapsed().as_secs_f64();
     let started = Instant::now();
     let opens = match is_stream {
@@ -56,7 +56,7 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
 
 /// Opens the file as a run does first.
 fn open(path: &Path) -> Result<()> {
-    let pack = scene::Pack::open(path)?;
+    let pack = vlscan_scene::Pack::open(path)?;
     let options = pack.load_options(LoadOptions::default());
     pack.scene(&options, 0).map(drop)
 }

@@ -5,18 +5,18 @@ use super::companions::Companions;
 use super::run::{Job, show_report, warn_of_few_points};
 use super::watch::watched;
 use super::{Console, interrupt};
-use crate::diag::Diagnostics;
-use crate::error::{Error, Result};
-use crate::files::reads;
 use crate::options::{Options, PartNumber, PartPoints};
 use crate::parts::{PartSet, part_path};
 use crate::pipeline::{
     Control, Part, Progress, Session, join_segments, merge as merge_parts, merge_segment, merge_warnings,
     output_context, schedule_of,
 };
-use crate::quantity::amount;
 use std::path::PathBuf;
 use std::time::Instant;
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::reads;
+use vlscan_base::quantity::amount;
 
 /// Runs `vlscan run --part K/N`.
 pub fn run_part(args: &RunArgs, PartNumber { number, of }: PartNumber, console: &Console) -> Result<()> {

@@ -3,18 +3,18 @@
 use super::Console;
 use super::args::{Colour, PreviewArgs};
 use super::sketch::survey_points;
-use crate::diag::Diagnostics;
-use crate::error::{Error, Result};
-use crate::files::{FileWriter, Patched, is_special, reads};
 use crate::options::holds_survey;
 use crate::output::expand;
-use crate::preview::{
+use std::io::{BufReader, BufWriter, IsTerminal, Seek, Write};
+use std::path::Path;
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{FileWriter, Patched, is_special, reads};
+use vlscan_base::quantity::amount;
+use vlscan_tools::preview::{
     Chart, ColourBy, PageOptions, Points, PreviewOptions, Wave, draw, read_packet, read_points, read_wave,
     write_page,
 };
-use crate::quantity::amount;
-use std::io::{BufReader, BufWriter, IsTerminal, Seek, Write};
-use std::path::Path;
 
 pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     check(args)?;

@@ -4,14 +4,14 @@ use super::args::RunArgs;
 use super::companions::Companions;
 use super::watch::watched;
 use super::{Console, Verbosity};
-use crate::diag::Diagnostics;
-use crate::error::{Error, Result};
 use crate::output::{FileKind, Target};
 pub use crate::pipeline::Job;
 use crate::pipeline::{Progress, Report, Resumption, Session};
-use crate::quantity::{amount, duration};
 use std::io::Write;
 use std::time::Instant;
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::quantity::{amount, duration};
 
 pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     if args.dry.dry_run {

@@ -2,9 +2,9 @@
 
 use super::args::{MakeArgs, SceneArgs, SceneCommand, SceneKind};
 use super::{Console, info, pack, stand};
-use crate::error::Result;
-use crate::generate::{Kind, SceneOptions, write_scene};
-use crate::quantity::amount;
+use vlscan_base::error::Result;
+use vlscan_base::quantity::amount;
+use vlscan_tools::generate::{Kind, SceneOptions, write_scene};
 
 pub fn run(args: &SceneArgs, console: &Console) -> Result<()> {
     match &args.command {

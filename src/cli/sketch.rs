@@ -2,13 +2,13 @@
 
 use super::args::PreviewArgs;
 use super::{Console, interrupt};
-use crate::error::{Error, Result};
-use crate::geom::{DVec3, is_inside};
 use crate::options::{InputOptions, Options};
 use crate::pipeline::{Control, Job, Progress, Session, Sketch};
-use crate::preview::{Attributes, Point, Points};
 use arrow_array::cast::AsArray;
 use arrow_array::types::{Float64Type, Int32Type};
+use vlscan_base::error::{Error, Result};
+use vlscan_geom::{DVec3, is_inside};
+use vlscan_tools::preview::{Attributes, Point, Points};
 
 /// Most points on the surfaces of the scene.
 const MAX_SURFACE_POINTS: usize = 1_000_000;

@@ -3,17 +3,17 @@
 use super::Console;
 use super::args::StandArgs;
 use super::ground::GroundModel;
-use crate::diag::{Diagnostics, Place};
-use crate::error::{Error, Result};
-use crate::generate::{
+use crate::pipeline::material_rules;
+use std::path::Path;
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::machine;
+use vlscan_lidar::pulse::Corrections;
+use vlscan_scene::{LoadOptions, read_materials};
+use vlscan_survey::{ReadOptions, read_scene};
+use vlscan_tools::generate::{
     Development, Inventory, Models, PROJECT, StandMade, StandOptions, Terrain, TerrainSurface, write_stand,
 };
-use crate::machine;
-use crate::pipeline::material_rules;
-use crate::pulse::Corrections;
-use crate::scene::{LoadOptions, read_materials};
-use crate::survey::{ReadOptions, read_scene};
-use std::path::Path;
 
 pub fn run(args: &StandArgs, console: &Console) -> Result<()> {
     make(args, &|_| true, console)

@@ -2,11 +2,11 @@
 
 use super::Console;
 use super::args::UnzipArgs;
-use crate::error::{Error, Result};
-use crate::files::reads;
 use crate::output::unzip;
 use std::io::{self, BufRead, BufReader};
 use std::path::Path;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::reads;
 
 pub fn run(args: &UnzipArgs, console: &Console) -> Result<()> {
     let file: Box<dyn BufRead> = if is_stream(&args.file) {

@@ -2,10 +2,10 @@
 
 use super::{Console, Verbosity};
 use crate::pipeline::{Progress, Snapshot};
-use crate::quantity::{amount, duration};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{IsTerminal, stderr};
 use std::time::{Duration, Instant};
+use vlscan_base::quantity::{amount, duration};
 
 const BAR_PERIOD: Duration = Duration::from_millis(100);
 const LINE_PERIOD: Duration = Duration::from_secs(2);

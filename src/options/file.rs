@@ -5,17 +5,17 @@ use super::outputs::OutputKeys;
 use super::over::Over;
 use super::trajectory::TrajectoryOptions;
 use super::values::{Crs, GpsStart, NavigationError};
-use crate::diag::{Diagnostics, Place};
-use crate::error::{Error, Result};
-use crate::input::{is_stdin, read_file};
-use crate::pulse::PhysicsProfile;
-use crate::quantity;
-use crate::survey::{
-    self, Grid, MAX_DOCUMENT_BYTES, NavigationErrors, PlatformKind, ReadOptions, SceneChoice, Source, Survey,
-    Tables,
-};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::input::{is_stdin, read_file};
+use vlscan_base::quantity;
+use vlscan_lidar::pulse::PhysicsProfile;
+use vlscan_survey::{
+    Grid, MAX_DOCUMENT_BYTES, NavigationErrors, PlatformKind, ReadOptions, SceneChoice, Source, Survey,
+    Tables,
+};
 
 /// Reads a survey (.xml) or a pipeline (.toml). The options returned are those typed over those of the file; the last value
 /// holds warnings to be shown.
@@ -27,7 +27,7 @@ pub fn read_survey(path: &Path, typed: Options) -> Result<(Survey, Options, Diag
         return read_source(&Source::read(path)?, typed);
     }
     let chosen = typed.trajectory.clone();
-    let (mut survey, mut warnings) = survey::read_survey(path, &typed.read_options())?;
+    let (mut survey, mut warnings) = vlscan_survey::read_survey(path, &typed.read_options())?;
     warnings.extend(doubts(&chosen, &chosen, [const { None }; TRAJECTORY_KEYS.len()]));
     warn_of_fraction(&typed, None, &mut warnings);
     let warnings = warnings.finish(typed.input.strict)?;
@@ -131,7 +131,7 @@ fn read_pipeline(source: &Source, typed: Options) -> Result<(Survey, Options, Di
     reading.trajectory = options.trajectory.stream();
     let gps_place = tables.place("", "gps_start");
     let places = TRAJECTORY_KEYS.map(|key| tables.place("trajectory", key));
-    let (read, mut warnings) = survey::read_pipeline_survey(tables, &reading)?;
+    let (read, mut warnings) = vlscan_survey::read_pipeline_survey(tables, &reading)?;
     warnings.extend(doubts(&options.trajectory, &chosen, places));
     warn_of_fraction(&options, gps_place, &mut warnings);
     options.has_own_flight = read.has_own_flight && !options.is_traced;
@@ -250,7 +250,7 @@ fn check_trajectory_options(typed: TrajectoryOptions, survey: &mut Survey) -> Re
     match &mut survey.platform.kind {
         PlatformKind::Stream(_) => Ok(()),
         PlatformKind::Interpolated(files) if without_zone == TrajectoryOptions::default() => {
-            files.grid = typed.utm_zone.map_or(files.grid, Grid::Utm);
+            files.grid = typed.utm_zone.map_or(files.grid, |zone| Grid::Utm(zone.0));
             Ok(())
         }
         _ if typed == TrajectoryOptions::default() => Ok(()),

@@ -6,17 +6,17 @@ use super::trajectory::TrajectoryOptions;
 use super::values::{
     Bytes, ChunkSize, ColumnList, Count, Crs, GpsStart, NavigationError, NotNegative, Positive, Seed,
 };
-use crate::error::{Error, Result};
 use crate::output::{ExtraDimensions, PacketPlace, PointFormat};
-use crate::pulse::{Corrections, PhysicsProfile};
-use crate::scene::Sharing;
-use crate::schedule::PolicyKind;
-use crate::survey::SceneRecipe;
-use crate::tree::Builder;
 use clap::Args;
 use serde::{Deserialize, Deserializer};
 use std::path::PathBuf;
 use std::sync::Arc;
+use vlscan_base::error::{Error, Result};
+use vlscan_lidar::pulse::{Corrections, PhysicsProfile};
+use vlscan_scene::Sharing;
+use vlscan_survey::SceneRecipe;
+use vlscan_trace::Builder;
+use vlscan_warehouse::PolicyKind;
 
 group! {
 /// All options of a run.

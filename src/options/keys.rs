@@ -5,9 +5,9 @@ use super::groups::{EchoOptions, InputOptions, NoiseOptions, OriginOptions, Outp
 use super::groups::{ProfileOptions, ScheduleOptions, TreeOptions};
 use super::outputs::OutputKeys;
 use super::trajectory::TrajectoryOptions;
-use crate::survey::{NavigationErrors, SURVEY_TABLES, field_names};
 use clap::{Args, Command};
 use serde::Deserialize;
+use vlscan_survey::{NavigationErrors, SURVEY_TABLES, field_names};
 
 /// A table of a pipeline file, or the keys at its top.
 #[derive(Clone, Debug, Default)]

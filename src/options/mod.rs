@@ -22,6 +22,8 @@ mod groups;
 mod keys;
 pub mod outputs;
 mod over;
+#[cfg(test)]
+mod tests;
 mod trajectory;
 pub mod values;
 mod words;

@@ -2,15 +2,15 @@
 
 use super::groups::{Options, OutputOptions};
 use super::values::Crs;
-use crate::error::{Error, Result};
-use crate::files;
 use crate::output::{
     Division, LasSettings, LasVersion, OutputRequest, PointFormat, Target, TrajectoryFormat,
 };
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files;
 
-crate::survey::key_table! {
+vlscan_survey::key_table! {
 /// An output. Points go to HELIOS++'s layout in the folder `output` when none is named.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -1,13 +1,13 @@
 //! Options of recorded trajectories.
 
 use super::over::group;
-use super::values::{Finite, Latency, Positive, Vector};
-use crate::geom::{DVec3, UtmZone, radians};
-use crate::survey::{AngleConvention, AngleUnit, Grid, PoseFormat, PoseStream};
+use super::values::{Finite, Latency, Positive, Vector, Zone};
 use clap::Args;
 use serde::Deserialize;
 use std::path::PathBuf;
 use std::sync::Arc;
+use vlscan_geom::{DVec3, radians};
+use vlscan_survey::{AngleConvention, AngleUnit, Grid, PoseFormat, PoseStream};
 
 group! {
 /// A recorded trajectory instead of the survey's platform.
@@ -47,7 +47,7 @@ pub struct TrajectoryOptions {
     /// UTM zone to which latitudes and longitudes are projected, such as 32N. [default: that of --crs, else that of the
     /// first pose]
     #[arg(long, value_name = "ZONE")]
-    pub utm_zone: Option<UtmZone>,
+    pub utm_zone: Option<Zone>,
     /// Added to all heights of the trajectory, in metres: from those above the ellipsoid to those of the scene.
     #[arg(id = "height_offset_m", long = "height-offset", value_name = "METRES", allow_hyphen_values = true)]
     #[serde(rename = "height_offset_m", alias = "height_offset")]
@@ -86,7 +86,7 @@ impl TrajectoryOptions {
             degrees: degrees.unwrap_or(default.degrees),
             columns: self.columns.clone(),
             separator: self.separator,
-            grid: self.utm_zone.map_or(default.grid, Grid::Utm),
+            grid: self.utm_zone.map_or(default.grid, |zone| Grid::Utm(zone.0)),
             height_offset: self.height_offset.map_or(default.height_offset, |offset| offset.0),
             lever_arm: self.lever_arm.map_or(default.lever_arm, |arm| DVec3::from(arm.0)),
             boresight: self.boresight.map_or(default.boresight, |angles| angles.0.map(radians)),

@@ -1,21 +1,21 @@
 //! Values with a syntax of their own. Each is parsed by [`FromStr`], on the command line as in a pipeline file, where a
 //! number may stand for its text.
 
-use crate::crs;
-use crate::error::Error;
-use crate::files::reads;
-use crate::flight::{calendar_day, gps_start};
-use crate::geom::UtmZone;
-use crate::input::read_file;
 use crate::output::Column;
-use crate::quantity;
-use crate::survey::{NavigationErrors, parse_seed};
 use clap::ValueEnum;
 use serde::{Deserialize, Deserializer};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
 use toml::Value;
+use vlscan_base::crs;
+use vlscan_base::error::Error;
+use vlscan_base::files::reads;
+use vlscan_base::input::read_file;
+use vlscan_base::quantity;
+use vlscan_geom::UtmZone;
+use vlscan_lidar::flight::{calendar_day, gps_start};
+use vlscan_survey::{NavigationErrors, parse_seed};
 
 /// Reads a value from its text or from a number; `LIST`: or from a list, whose text joins the elements with commas.
 fn from_text<'de, const LIST: bool, D, T>(deserializer: D) -> Result<T, D::Error>
@@ -46,7 +46,7 @@ macro_rules! deserialize_from_text {
 }
 
 deserialize_from_text!(false, Seed, Bytes, ChunkSize, Finite, NotNegative, Positive, GpsStart, Latency, Crs);
-deserialize_from_text!(false, UtmZone, Count<1>);
+deserialize_from_text!(false, Zone, Count<1>);
 deserialize_from_text!(true, Vector, ColumnList);
 
 /// Seed of all random draws, see [`parse_seed`].
@@ -369,6 +369,18 @@ fn hint(text: &str) -> String {
     }
     UtmZone::parse(text.trim().trim_start_matches("UTM").trim_start_matches("utm"))
         .map_or_else(String::new, |zone| format!("; UTM zone {zone} on WGS 84 is EPSG:{}", zone.epsg()))
+}
+
+/// A UTM zone, such as 32N.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Zone(pub UtmZone);
+
+impl FromStr for Zone {
+    type Err = <UtmZone as FromStr>::Err;
+
+    fn from_str(text: &str) -> Result<Zone, Self::Err> {
+        text.parse().map(Zone)
+    }
 }
 
 /// One error of navigation: a key of [`NavigationErrors::set`] and its numbers.

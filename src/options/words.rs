@@ -1,8 +1,8 @@
 //! Options as words of a command line, for callers that have no command line of their own.
 
 use super::groups::Options;
-use crate::error::{Error, Result};
 use clap::{ArgAction, Args, Command, FromArgMatches};
+use vlscan_base::error::{Error, Result};
 
 /// An option of a run as a program may list it.
 #[derive(Clone, Debug, PartialEq, Eq)]

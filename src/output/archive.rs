@@ -5,13 +5,13 @@
 use super::blocks::BlockCompressor;
 use super::offload::Offload;
 use super::stream::{Destination, OutputStream};
-use crate::error::{Error, Result};
-use crate::files::{Patched, is_special};
 use adler2::Adler32;
 use flate2::bufread::ZlibDecoder;
 use flate2::{Compress, Compression, FlushCompress, Status};
 use std::io::{self, BufRead, Read};
 use std::path::Path;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{Patched, is_special};
 
 /// Minimum bytes of the archive that are compressed as one block; a block ends with a complete record.
 const MIN_BLOCK_BYTES: usize = 1 << 18;

@@ -6,7 +6,6 @@ use super::columns::{Column, Kind};
 use super::objects::ObjectIds;
 use super::rows::{BATCH_ROWS, Rows};
 use super::summary::PARTIAL;
-use crate::error::{Error, Result};
 use ::arrow_array::{ArrayRef, PrimitiveArray, RecordBatch, types::*};
 use ::arrow_buffer::{Buffer, ScalarBuffer};
 use ::arrow_ipc::convert::{IpcSchemaEncoder, metadata_to_fb};
@@ -15,6 +14,7 @@ use ::arrow_ipc::{FieldNode, MessageBuilder, MessageHeader, MetadataVersion, Rec
 use ::arrow_schema::{DataType, Field, Schema, SchemaRef};
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use vlscan_base::error::{Error, Result};
 
 /// Metadata key of the state of the run, with [`PARTIAL`] as value.
 pub(super) const STATE: &str = "state";

@@ -2,10 +2,10 @@
 //! submission.
 
 use super::offload::Offload;
-use crate::error::{Error, Result};
 use std::collections::VecDeque;
 use std::mem;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+use vlscan_base::error::{Error, Result};
 
 /// Compresses a block into an empty buffer. An error is returned as a message.
 type CompressFn = dyn Fn(&[u8], Vec<u8>) -> std::result::Result<Vec<u8>, String> + Send + Sync;

@@ -3,8 +3,8 @@
 
 use super::layout::Slots;
 use super::summary::Tally;
-use crate::geom::{DVec3, degrees};
-use crate::pulse::Echo;
+use vlscan_geom::{DVec3, degrees};
+use vlscan_lidar::pulse::Echo;
 
 /// Values of the leg that every record repeats.
 #[derive(Clone, Copy, Debug)]

@@ -5,9 +5,9 @@ use super::columns::Column;
 use super::ground::{Ground, height_above};
 use super::las::LasFormat;
 use super::objects::ObjectIds;
-use crate::geom::{DVec3, degrees};
-use crate::pulse::{Echo, EchoTruth};
 use std::sync::Arc;
+use vlscan_geom::{DVec3, degrees};
+use vlscan_lidar::pulse::{Echo, EchoTruth};
 
 pub(super) struct ColumnCodec<'a> {
     pub columns: &'a [Column],

@@ -1,8 +1,8 @@
 //! The columns of points in Arrow, Parquet and text with a header. Names and types follow LAS where LAS has the
 //! dimension, otherwise PDAL or plain English.
 
-use crate::diag::nearest;
 use crate::parts::Records;
+use vlscan_base::diag::nearest;
 
 /// Storage type of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -178,6 +178,12 @@ pub(super) fn slices(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_column_is_known_to_readers_of_points() {
+        let names: Vec<&str> = Column::ALL.iter().map(|column| column.name()).collect();
+        assert_eq!(vlscan_points::Columns::find(names.iter().copied()).remarks(&names), [""; 0]);
+    }
 
     #[test]
     fn names_are_found_whatever_their_capitals() {

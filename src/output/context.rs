@@ -1,10 +1,10 @@
 //! The facts about a survey and its scene that outputs depend on.
 
-use crate::geom::{Aabb, DVec3, LIGHT_SPEED};
-use crate::scene::Scene;
-use crate::survey::{Deflector, Leg, Scanner, Survey};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
+use vlscan_geom::{Aabb, DVec3, LIGHT_SPEED};
+use vlscan_scene::Scene;
+use vlscan_survey::{Deflector, Leg, Scanner, Survey};
 
 /// Everything that outputs need to know about the survey and the scene of the first epoch: formats, headers and names of
 /// files follow from it and from the request alone.
@@ -107,7 +107,7 @@ fn revolution(scanner: &Scanner, leg: &Leg) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::survey::{catalogue, testkit};
+    use vlscan_survey::{catalogue, testkit};
 
     #[test]
     fn frames_are_revolutions_of_spinning_scanners() {

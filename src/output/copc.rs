@@ -12,12 +12,12 @@ use super::laz::{compress, laszip_builder};
 use super::offload::Offload;
 use super::stream::OutputStream;
 use super::summary::Tally;
-use crate::error::{Error, Result};
-use crate::files::FileWriter;
-use crate::geom::DVec3;
 use laz::LazVlr;
 use laz::laszip::{ChunkTable, ChunkTableEntry};
 use std::collections::VecDeque;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::FileWriter;
+use vlscan_geom::DVec3;
 
 /// Grid cells of a node along each edge.
 const GRID: u64 = 128;

@@ -1,8 +1,8 @@
 //! Points divided among files by where they are or what they hit, instead of by leg.
 
 use super::ObjectIds;
-use crate::geom::{Aabb, DVec3};
-use crate::pulse::Echo;
+use vlscan_geom::{Aabb, DVec3};
+use vlscan_lidar::pulse::Echo;
 
 /// Files that a division can have at most.
 pub(super) const MAX_FILES: usize = 10_000;

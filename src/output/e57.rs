@@ -3,12 +3,12 @@
 
 use super::codec::{LegFacts, PointCodec, byte, seconds};
 use super::stream::OutputStream;
-use crate::error::{Error, Result};
-use crate::files::{FileWriter, scratch_failed};
-use crate::geom::DVec3;
-use crate::pulse::Echo;
 use ::e57::{E57Writer, Quaternion, Record, RecordDataType, RecordName, RecordValue, Transform, Translation};
 use std::io::{BufReader, Cursor, Read, Seek};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{FileWriter, scratch_failed};
+use vlscan_geom::DVec3;
+use vlscan_lidar::pulse::Echo;
 
 /// Bytes of a collected point: leg, position, origin, time, intensity, return number and their number.
 const RECORD_BYTES: usize = 2 + 7 * 8 + 4 + 2;

@@ -15,13 +15,13 @@ use super::ray_cloud::RayCloudCodec;
 use super::request::{PointFormat, TrajectoryFormat};
 use super::summary::Tally;
 use super::{table, text};
-use crate::geom::{DVec3, is_inside};
 use crate::parts;
-use crate::pulse::Batch;
-use crate::pulse::Echo;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use vlscan_geom::{DVec3, is_inside};
+use vlscan_lidar::pulse::Batch;
+use vlscan_lidar::pulse::Echo;
 
 /// The encoded pieces of a batch for all files; input of [`Writer::append`](super::Writer::append).
 #[derive(Debug)]

@@ -18,11 +18,11 @@ use super::summary::{COMPLETE, FileKind, FileSummary, PARTIAL, Tally};
 use super::table;
 use super::text::TRAJECTORY_HEADER;
 use super::{pcd, ply, ray_cloud};
-use crate::error::{Error, Result};
-use crate::files::Patched;
 use crate::parts::PartTable;
 use ::laz::LazVlr;
 use std::path::{Path, PathBuf};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::Patched;
 
 pub(super) struct OutputFile {
     /// `None` for standard output.

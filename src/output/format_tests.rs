@@ -4,10 +4,6 @@ use super::offload::Job;
 use super::request::{ExtraDimensions, IntensityMapping};
 use super::testing::{batch, echo, scene, survey, write};
 use super::*;
-use crate::error::Error;
-use crate::geom::DVec3;
-use crate::pulse::Batch;
-use crate::pulse::Echo;
 use ::las::{PointData, Reader};
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{DefaultElement, Property};
@@ -16,6 +12,10 @@ use std::fs;
 use std::io::{Cursor, Read};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
+use vlscan_base::error::Error;
+use vlscan_geom::DVec3;
+use vlscan_lidar::pulse::Batch;
+use vlscan_lidar::pulse::Echo;
 
 const WKT: &str =
     r#"PROJCS["ETRS89 / UTM 32N",GEOGCS["ETRS89",AUTHORITY["EPSG","4258"]],AUTHORITY["EPSG","25832"]]"#;

@@ -1,8 +1,8 @@
 //! Heights of points above the ground.
 
-use crate::geom::DVec3;
 use std::fmt::Debug;
 use std::sync::Arc;
+use vlscan_geom::DVec3;
 
 /// The ground of a scene.
 pub trait Ground: Debug + Send + Sync {

@@ -3,17 +3,17 @@
 
 use super::laz::CHUNK_POINTS;
 use super::summary::{FileKind, FileSummary};
-use crate::damage::catch_decoder_panic;
-use crate::error::{Error, Result};
-use crate::files::{FileWriter, Patched, reads};
-use crate::geom::{Aabb, DVec3};
-use crate::store::Checksum;
 use ::laz::LazVlr;
 use ::laz::laszip::ChunkTable;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use vlscan_base::damage::catch_decoder_panic;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{FileWriter, Patched, reads};
+use vlscan_base::store::Checksum;
+use vlscan_geom::{Aabb, DVec3};
 
 /// Number of points of a chunk of LAZ, to whose multiples all files but the last are cut.
 pub const JOINED_POINTS: u64 = CHUNK_POINTS as u64;

@@ -5,11 +5,11 @@ use super::memory::{TableContent, TableRequest};
 use super::request::{OutputRequest, PointFormat, Target, TrajectoryFormat};
 use super::stream::Destination;
 use super::summary::FileKind;
-use crate::files::{is_stdout, with_suffix};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
+use vlscan_base::files::{is_stdout, with_suffix};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Content {

@@ -19,10 +19,10 @@ use super::blocks::BlockCompressor;
 use super::las::LasFormat;
 use super::offload::Offload;
 use super::stream::OutputStream;
-use crate::error::{Error, Result};
 use laz::laszip::{ChunkTable, ChunkTableEntry};
 use laz::record::{LayeredPointRecordCompressor, RecordCompressor, SequentialPointRecordCompressor};
 use laz::{LazItemType, LazVlr, LazVlrBuilder};
+use vlscan_base::error::{Error, Result};
 
 /// Points per chunk, as in LASzip.
 pub(super) const CHUNK_POINTS: usize = 50_000;
@@ -150,8 +150,8 @@ fn compress_with(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rng::{Purpose, Stream};
     use proptest::prelude::*;
+    use vlscan_base::rng::{Purpose, Stream};
 
     fn both(points: &[u8], extra: u16) -> [Vec<u8>; 2] {
         let laszip = LazVlrBuilder::default().with_point_format(6, extra).unwrap().build();

@@ -6,10 +6,10 @@ mod container;
 
 use super::codec::{LegFacts, PointCodec, byte};
 use super::stream::OutputStream;
-use crate::error::Result;
-use crate::geom::DVec3;
-use crate::pulse::Echo;
 use container::{Container, Text};
+use vlscan_base::error::Result;
+use vlscan_geom::DVec3;
+use vlscan_lidar::pulse::Echo;
 
 /// Duration of frames of instruments that do not spin, s.
 pub(super) const FRAME_S: f64 = 0.1;

@@ -4,15 +4,15 @@ use super::arrow::{batch, data_type};
 use super::columns::{Column, Kind};
 use super::rows::Rows;
 use super::summary::Tally;
-use crate::error::{Error, Result};
-use crate::geom::{DVec3, degrees};
-use crate::pulse::Batch;
 use ::arrow_array::{Array, Float64Array, LargeListArray, RecordBatch};
 use ::arrow_buffer::{OffsetBuffer, ScalarBuffer};
 use ::arrow_schema::{DataType, Field, Schema, SchemaRef};
 use std::collections::BTreeMap;
 use std::fmt::Debug;
 use std::sync::Arc;
+use vlscan_base::error::{Error, Result};
+use vlscan_geom::{DVec3, degrees};
+use vlscan_lidar::pulse::Batch;
 
 /// What the rows of a table are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

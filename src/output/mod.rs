@@ -28,7 +28,7 @@
 //! | `writer`, `open`, `file`, `stream` | writing of bytes to files and streams, in the writer thread |
 //! | `offload`, `writes`, `summary` | jobs for idle workers, among them writes of large pieces; summary of the outputs |
 //!
-//! Files are written through [`FileWriter`](crate::files::FileWriter). Formats with counts in their header are spooled to
+//! Files are written through [`FileWriter`](vlscan_base::files::FileWriter). Formats with counts in their header are spooled to
 //! an unnamed file when the stream is not seekable.
 
 mod archive;

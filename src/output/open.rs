@@ -8,8 +8,8 @@ use super::offload::Offload;
 use super::plan::OutputPlan;
 use super::stream::Destination;
 use super::summary::{FileKind, FileSummary, Tally};
-use crate::error::{Error, Result};
 use std::path::PathBuf;
+use vlscan_base::error::{Error, Result};
 
 pub(super) enum OpenOutput {
     File(Box<OutputFile>),

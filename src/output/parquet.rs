@@ -5,7 +5,6 @@ use super::arrow::{CRS, STATE};
 use super::columns::{Column, Kind};
 use super::rows::{BATCH_ROWS, Rows};
 use super::summary::PARTIAL;
-use crate::error::{Error, Result};
 use ::arrow_buffer::MutableBuffer;
 use ::arrow_ipc::writer::{DictionaryTracker, IpcDataGenerator, IpcWriteOptions};
 use ::arrow_schema::{Schema, SchemaRef};
@@ -19,6 +18,7 @@ use ::parquet::schema::types::Type;
 use base64::prelude::{BASE64_STANDARD, Engine};
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex, PoisonError};
+use vlscan_base::error::{Error, Result};
 
 /// Rows per row group.
 const GROUP_ROWS: usize = 16 * BATCH_ROWS;

@@ -2,8 +2,8 @@
 //! written relative to a whole thousand metres, which a comment of the header names.
 
 use super::codec::{LegFacts, PointCodec, byte, seconds};
-use crate::geom::{Aabb, DVec3};
-use crate::pulse::Echo;
+use vlscan_geom::{Aabb, DVec3};
+use vlscan_lidar::pulse::Echo;
 
 /// Distance from the origin up to which 32-bit floats resolve a millimetre, m.
 const MAX_EXACT_M: f64 = 8192.0;

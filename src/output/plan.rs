@@ -15,17 +15,17 @@ use super::request::{OutputRequest, PacketPlace, PointFormat, Target};
 use super::stream::Destination;
 use super::summary::FileSummary;
 use super::text;
-use crate::crs;
-use crate::diag::Diagnostics;
-use crate::error::{Error, Result};
-use crate::files::{FileSet, NewFolder, identity, is_special, reads, remove_litter};
-use crate::geom::{Aabb, DVec3};
 use crate::parts::Fingerprint;
 use ::arrow_schema::SchemaRef;
 use std::collections::BTreeSet;
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
+use vlscan_base::crs;
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{FileSet, NewFolder, identity, is_special, reads, remove_litter};
+use vlscan_geom::{Aabb, DVec3};
 
 /// All outputs of a run: files, contents and formats. Immutable and shared by the workers.
 #[derive(Debug)]

@@ -5,9 +5,9 @@ use super::ground::{Ground, height_above};
 use super::number::{push_fixed, push_integer};
 use super::objects::ObjectIds;
 use super::request::PointFormat;
-use crate::geom::{DVec3, degrees};
-use crate::pulse::Echo;
 use std::sync::Arc;
+use vlscan_geom::{DVec3, degrees};
+use vlscan_lidar::pulse::Echo;
 
 /// Types and names of the properties. Metres, nanoseconds (echo width), seconds of the GPS week, degrees. CloudCompare keeps
 /// what its names call scalar; the rest of a name is that of the column in other formats.

@@ -4,8 +4,8 @@
 
 use super::codec::{LegFacts, PointCodec, seconds};
 use super::las::LasFormat;
-use crate::geom::DVec3;
-use crate::pulse::Echo;
+use vlscan_geom::DVec3;
+use vlscan_lidar::pulse::Echo;
 
 /// Length of the ray of a pulse without echo, m.
 const MISS_M: f64 = 100.0;

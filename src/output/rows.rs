@@ -2,9 +2,9 @@
 //! arrived.
 
 use super::columns::{Kind, slices};
-use crate::error::Result;
 use ::arrow_buffer::MutableBuffer;
 use std::ops::Range;
+use vlscan_base::error::Result;
 
 /// Rows per batch of an Arrow stream: a few megabytes.
 pub(super) const BATCH_ROWS: usize = 16_384;

@@ -12,11 +12,11 @@ use super::las::{LasCodec, MIN_RECORD_BYTES, read_stored};
 use super::layout::Content;
 use super::plan::OutputPlan;
 use super::summary::Tally;
-use crate::geom::{Aabb, DVec3};
 use crate::parts;
-use crate::pulse::{Batch, Echo};
 use std::mem;
 use std::ops::Range;
+use vlscan_geom::{Aabb, DVec3};
+use vlscan_lidar::pulse::{Batch, Echo};
 
 /// Bytes after the records.
 const TALLY_BYTES: usize = 8 * (2 + 15 + 6);

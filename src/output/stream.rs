@@ -2,10 +2,10 @@
 
 use super::offload::{NoOffload, Offload};
 use super::writes::ParallelWrites;
-use crate::error::Result;
-use crate::files::{FileWriter, Patched, free_name};
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use vlscan_base::error::Result;
+use vlscan_base::files::{FileWriter, Patched, free_name};
 
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Destination {

@@ -1,7 +1,7 @@
 //! Summary of the written outputs.
 
-use crate::geom::{Aabb, DVec3};
 use std::path::PathBuf;
+use vlscan_geom::{Aabb, DVec3};
 
 /// State recorded in the metadata of a complete output.
 pub(super) const COMPLETE: &str = "complete";

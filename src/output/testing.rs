@@ -1,13 +1,13 @@
 //! Surveys, scenes and batches for the tests of this module.
 
 use super::{NoOffload, OutputContext, OutputPlan, OutputRequest, Summary};
-use crate::error::Result;
-use crate::flight::PoseSample;
-use crate::geom::{Aabb, DVec3, Rotation};
-use crate::pulse::{Batch, Echo, PulseRecord, WaveformRecord};
-use crate::scene::{Part, Scene};
-use crate::survey::{Detector, Device, Leg, ScannerSettings, Survey, testkit};
 use std::sync::Arc;
+use vlscan_base::error::Result;
+use vlscan_geom::{Aabb, DVec3, Rotation};
+use vlscan_lidar::flight::PoseSample;
+use vlscan_lidar::pulse::{Batch, Echo, PulseRecord, WaveformRecord};
+use vlscan_scene::{Part, Scene};
+use vlscan_survey::{Detector, Device, Leg, ScannerSettings, Survey, testkit};
 
 /// Returns an echo with plain values, return `number` of `of`.
 pub(super) fn echo(number: u32, of: u32) -> Echo {

@@ -2,14 +2,14 @@
 
 use super::testing::{batch, scene, survey, write};
 use super::*;
-use crate::error::Error;
-use crate::pulse::Batch;
 use std::fs;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use vlscan_base::error::Error;
+use vlscan_lidar::pulse::Batch;
 
-fn plan(request: OutputRequest, survey: &crate::survey::Survey) -> Arc<OutputPlan> {
+fn plan(request: OutputRequest, survey: &vlscan_survey::Survey) -> Arc<OutputPlan> {
     Arc::new(OutputPlan::new(request, &OutputContext::new(survey, &scene())).unwrap())
 }
 
@@ -165,7 +165,7 @@ fn run_directories_are_named_by_the_time_and_run_out_at_99() {
     assert_eq!(shape, "0000-00-00_00-00-00");
     for number in 1..=99 {
         let (made, folders) = super::plan::create_run_directory(dir.path(), "s").unwrap();
-        folders.into_iter().for_each(crate::files::NewFolder::keep);
+        folders.into_iter().for_each(vlscan_base::files::NewFolder::keep);
         let name = if number == 1 { "s".to_owned() } else { format!("s_{number}") };
         assert_eq!(made, dir.path().join(name));
     }

@@ -3,9 +3,9 @@
 
 use super::codec::seconds;
 use super::number::{push_fixed, push_integer};
-use crate::flight::PoseSample;
-use crate::geom::{DVec3, degrees};
-use crate::pulse::{Echo, PulseRecord, WaveformRecord};
+use vlscan_geom::{DVec3, degrees};
+use vlscan_lidar::flight::PoseSample;
+use vlscan_lidar::pulse::{Echo, PulseRecord, WaveformRecord};
 
 /// Header line of a trajectory as comma-separated values.
 pub(super) const TRAJECTORY_HEADER: &[u8] = b"time,x,y,z,roll,pitch,yaw\n";
@@ -115,8 +115,8 @@ fn yaw_degrees(pose: &PoseSample) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::Rotation;
     use crate::output::testing::echo;
+    use vlscan_geom::Rotation;
 
     fn text(push: impl FnOnce(&mut Vec<u8>)) -> String {
         let mut out = Vec::new();

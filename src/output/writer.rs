@@ -7,10 +7,10 @@ use super::memory::TableContent;
 use super::open::OpenOutput;
 use super::plan::{OutputPlan, create_run_directory, stamp};
 use super::summary::Summary;
-use crate::error::{Error, Result};
-use crate::files::NewFolder;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::NewFolder;
 
 /// All open outputs of a run. Dropping it unfinished is equivalent to [`Writer::abort`], except that a panic leaves
 /// nothing.

@@ -1,10 +1,10 @@
 //! Writes of large pieces at their offsets in a file, which idle workers carry out where there are any.
 
 use super::offload::Offload;
-use crate::files::PositionedFile;
 use std::collections::VecDeque;
 use std::io;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use vlscan_base::files::PositionedFile;
 
 /// Most bytes that wait to be written.
 const MAX_WAITING_BYTES: usize = 16 << 20;
@@ -143,7 +143,7 @@ impl Drop for WriteJob {
 mod tests {
     use super::super::offload::{Job, NoOffload};
     use super::*;
-    use crate::files::{FileWriter, Patched};
+    use vlscan_base::files::{FileWriter, Patched};
 
     /// Never runs a job, runs each on a thread of its own, or drops them.
     enum Pool {

@@ -10,9 +10,9 @@
 //! Where the part holds the records of a format instead of echoes and truths, these come first, after their length u64.
 
 use super::column::{Value, columns};
-use crate::flight::PoseSample;
-use crate::geom::{DVec3, Rotation};
-use crate::pulse::{Batch, Echo, EchoTruth, PulseRecord, WaveformRecord};
+use vlscan_geom::{DVec3, Rotation};
+use vlscan_lidar::flight::PoseSample;
+use vlscan_lidar::pulse::{Batch, Echo, EchoTruth, PulseRecord, WaveformRecord};
 use xxhash_rust::xxh3::Xxh3;
 
 /// Bytes of a block's head.

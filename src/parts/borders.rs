@@ -3,12 +3,12 @@
 
 use super::fingerprint::Fingerprint;
 use super::private::PrivateFolder;
-use crate::error::{Error, Result};
-use crate::files::{FileWriter, Patched, reads};
-use crate::flight::FlightState;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{FileWriter, Patched, reads};
+use vlscan_lidar::flight::FlightState;
 use xxhash_rust::xxh3::xxh3_64;
 
 /// The first bytes of every file of borders.
@@ -110,7 +110,7 @@ impl Borders {
             bytes => bytes.map_err(|e| Error::io("read", &path, e))?,
         };
         let refuse = |reason: &str| {
-            let mut problems = crate::diag::Diagnostics::default();
+            let mut problems = vlscan_base::diag::Diagnostics::default();
             problems
                 .error(None, format!("{} {reason}", path.display()))
                 .help("choose another folder for these parts, or remove the file: it is made again");
@@ -210,9 +210,9 @@ impl BordersBuilder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flight::{FlightOptions, FlightPlan};
-    use crate::geom::DVec3;
-    use crate::survey::{Survey, testkit};
+    use vlscan_geom::DVec3;
+    use vlscan_lidar::flight::{FlightOptions, FlightPlan};
+    use vlscan_survey::{Survey, testkit};
 
     fn borders(total: u64, epochs: &[u64]) -> Borders {
         Borders { fingerprint: Fingerprint::default(), total, epochs: epochs.to_vec(), states: Vec::new() }

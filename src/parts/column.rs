@@ -1,7 +1,7 @@
 //! Columns: one value of every record, little-endian and bit for bit. A column whose values are all equal is stored as one
 //! value, one of whole numbers as their distances from the least, in as few bytes as these need.
 
-use crate::geom::{DVec3, Rotation};
+use vlscan_geom::{DVec3, Rotation};
 
 /// A column's values follow.
 const VALUES: u8 = 0;

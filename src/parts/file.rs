@@ -10,13 +10,13 @@
 
 use super::block::{self, BlockHead, HEAD_BYTES, RECORDS_AT, RawBlock};
 use super::fingerprint::Fingerprint;
-use crate::files::{read_exact_at, reads};
-use crate::pulse::Batch;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
+use vlscan_base::files::{read_exact_at, reads};
+use vlscan_lidar::pulse::Batch;
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 /// The first bytes of every part.

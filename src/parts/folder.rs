@@ -2,13 +2,13 @@
 
 use super::borders::{self, Borders};
 use super::file::{self, PartFile, PartHead};
-use crate::diag::Diagnostics;
-use crate::error::{Error, Result};
-use crate::files::reads;
-use crate::schedule::Stop;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::reads;
+use vlscan_warehouse::Stop;
 
 /// The file of part `number` of `of` in a folder.
 pub fn part_path(folder: &Path, number: u32, of: u32) -> PathBuf {

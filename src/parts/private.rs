@@ -1,11 +1,11 @@
 //! Folders of a single process within a folder that the processes of many machines share.
 
-use crate::error::{Error, Result};
-use crate::files::{NewFolder, publish};
 use std::ffi::OsStr;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io;
 use std::path::{Path, PathBuf};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{NewFolder, publish};
 
 /// What precedes the number in the name of a private folder.
 const PREFIX: &str = "unfinished-";

@@ -1,10 +1,10 @@
 //! Statistics of where beams point: a few pulses of every chunk are compared with the box around the scene, so that
 //! the cause can be reported when a run hits nothing.
 
-use crate::flight::Pulse;
-use crate::geom::{Aabb, DVec3};
-use crate::pulse::WeakPulses;
-use crate::rng::GOLDEN;
+use vlscan_base::rng::GOLDEN;
+use vlscan_geom::{Aabb, DVec3};
+use vlscan_lidar::flight::Pulse;
+use vlscan_lidar::pulse::WeakPulses;
 
 /// Pulses per chunk that are compared.
 const SAMPLED_PULSES: usize = 8;
@@ -137,7 +137,7 @@ impl AimLog {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::Rotation;
+    use vlscan_geom::Rotation;
 
     #[test]
     fn beams_are_sorted_by_where_they_point() {

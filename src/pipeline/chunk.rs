@@ -1,12 +1,12 @@
 //! Chunks: descriptors of consecutive pulses, without the pulses themselves.
 
-use crate::error::{Error, Result};
-use crate::flight::{FlightPlan, FlightState, Step};
-use crate::platform::{PollResult, PoseReader};
-use crate::scene::{MotionPlan, MotionState};
-use crate::schedule::{Feed, Outcome, Stop, Tasks, thread_cpu_s};
 use std::hint::black_box;
 use std::time::{Duration, Instant};
+use vlscan_base::error::{Error, Result};
+use vlscan_lidar::flight::{FlightPlan, FlightState, Step};
+use vlscan_lidar::platform::{PollResult, PoseReader};
+use vlscan_scene::{MotionPlan, MotionState};
+use vlscan_warehouse::{Feed, Outcome, Stop, Tasks, thread_cpu_s};
 
 /// Maximum steps per chunk, however few of them emit pulses, because a requested stop is checked between chunks.
 const MAX_STEPS: u32 = 1 << 16;

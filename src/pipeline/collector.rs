@@ -3,10 +3,10 @@
 use super::plausibility::YieldCheck;
 use super::progress::Progress;
 use super::worker::{Measured, Pieces};
-use crate::diag::Diagnostics;
-use crate::error::{Error, Result};
 use crate::output::{Summary, Writer};
-use crate::schedule::Collect;
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::{Error, Result};
+use vlscan_warehouse::Collect;
 
 /// What happens at the end of a pass.
 #[derive(Clone, Copy)]
@@ -67,8 +67,8 @@ impl Collect<Pieces> for Collector<'_> {
     type Summary = Ended;
 
     fn take(&mut self, pieces: Pieces, more_waiting: bool) -> Result<()> {
-        let last = pieces.len().saturating_sub(1);
-        let mut pieces = pieces.into_iter().enumerate();
+        let last = pieces.0.len().saturating_sub(1);
+        let mut pieces = pieces.0.into_iter().enumerate();
         pieces.try_for_each(|(i, piece)| self.append(piece?, more_waiting || i < last))
     }
 

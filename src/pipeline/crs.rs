@@ -1,15 +1,15 @@
 //! Coordinate reference system of a run: chosen, named by the scene's files, or the UTM zone of the flight.
 
 use super::settings::Settings;
-use crate::crs;
-use crate::diag::Diagnostics;
-use crate::flight::FlightPlan;
-use crate::geom::{DVec3, UtmZone};
 use crate::output::{OutputContext, OutputRequest};
-use crate::platform::PoseReader;
-use crate::scene::Scene;
-use crate::schedule::Stop;
-use crate::survey::{Grid, PlatformKind};
+use vlscan_base::crs;
+use vlscan_base::diag::Diagnostics;
+use vlscan_geom::{DVec3, UtmZone};
+use vlscan_lidar::flight::FlightPlan;
+use vlscan_lidar::platform::PoseReader;
+use vlscan_scene::Scene;
+use vlscan_survey::{Grid, PlatformKind};
+use vlscan_warehouse::Stop;
 
 /// Coordinates from which a scene is taken to be on a projected grid, m.
 const MIN_PROJECTED_COORDINATE: f64 = 100_000.0;

@@ -3,14 +3,14 @@
 use super::chunk::{Chunk, produce};
 use super::pass::Control;
 use super::progress::Progress;
-use crate::error::{Error, Result};
-use crate::flight::{FlightPlan, FlightSink, FlightState, PoseSample, Pulse};
-use crate::geom::DVec3;
-use crate::platform::PoseReader;
-use crate::schedule::{self, Collect, JobQueue, Outcome, Schedule};
-use crate::survey::Survey;
 use std::io::Write;
 use std::sync::Arc;
+use vlscan_base::error::{Error, Result};
+use vlscan_geom::DVec3;
+use vlscan_lidar::flight::{FlightPlan, FlightSink, FlightState, PoseSample, Pulse};
+use vlscan_lidar::platform::PoseReader;
+use vlscan_survey::Survey;
+use vlscan_warehouse::{Collect, Feed, JobQueue, Outcome, Schedule};
 
 pub struct Emission {
     pub flight: FlightPlan,
@@ -94,10 +94,10 @@ pub fn emit<W: Write + Send>(
             }
         };
         let collector = Append { out, progress };
-        let fly = |feed: &mut schedule::Feed<'_, _, _, _>| {
+        let fly = |feed: &mut Feed<'_, _, _, _>| {
             produce(flight, None, &mut state, poses.take(), u64::MAX, stop, feed)
         };
-        out = schedule::run(schedule, &jobs, stop, control.recorder, make_worker, fly, collector)?;
+        out = vlscan_warehouse::run(schedule, &jobs, stop, control.recorder, make_worker, fly, collector)?;
     }
     Ok(out)
 }

@@ -5,12 +5,12 @@ use super::collector::{Collector, Ended, PassEnd};
 use super::pass::{Control, Pass};
 use super::stream::{PulseSource, StreamWorker, Tracing};
 use super::worker::{FlightWorker, Pieces};
-use crate::error::Result;
-use crate::flight::{FlightPlan, FlightState};
 use crate::output::{Offload, OutputPlan, Writer};
-use crate::platform::PoseReader;
-use crate::schedule::{self, Feed, Job, JobQueue, Schedule, Tasks};
 use std::sync::Arc;
+use vlscan_base::error::Result;
+use vlscan_lidar::flight::{FlightPlan, FlightState};
+use vlscan_lidar::platform::PoseReader;
+use vlscan_warehouse::{Feed, Job, JobQueue, Schedule, Tasks};
 
 /// Jobs of the collector that may wait for a worker: as many as can come at once when the system has let the collector wait.
 /// Their memory is limited by those who submit them.
@@ -105,7 +105,7 @@ where
     let Control { stop, recorder, .. } = control;
     stop.heed();
     let collector = Collector::new(control.progress, end, writer);
-    schedule::run(schedule, &jobs, stop, recorder, make_worker, produce, collector)
+    vlscan_warehouse::run(schedule, &jobs, stop, recorder, make_worker, produce, collector)
 }
 
 /// The threads of a pass as those that compress and write.

@@ -1,11 +1,11 @@
 //! The ground that heights of points count from and that planned legs follow.
 
-use crate::geom::DVec3;
 use crate::output::Ground;
-use crate::scene::Scene;
-use crate::tree::Tree;
 use std::fmt;
 use std::sync::Arc;
+use vlscan_geom::DVec3;
+use vlscan_scene::Scene;
+use vlscan_trace::Tree;
 
 /// The surface that is taken as ground in scenes without a ground material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

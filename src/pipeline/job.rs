@@ -1,18 +1,18 @@
 //! Conversion of options to the settings of a session, with every choice resolved.
 
 use super::settings::{DEFAULT_CHUNK_SIZE, DEFAULT_LATENCY, DEFAULT_WAREHOUSE_FACTOR, Settings};
-use crate::diag::Diagnostics;
-use crate::error::{Error, Result};
-use crate::flight::FlightOptions;
-use crate::machine;
 use crate::options::{Options, read_pipeline_text, read_survey};
 use crate::output::OutputRequest;
-use crate::pulse::{Corrections, PhysicsOptions, PhysicsProfile};
-use crate::scene::{LoadOptions, MaterialRules};
-use crate::schedule::{Policy, PolicyKind, Schedule};
-use crate::survey::{NavigationErrors, PlatformKind, Survey};
-use crate::tree::BuildOptions;
 use std::path::{Path, PathBuf};
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::machine;
+use vlscan_lidar::flight::FlightOptions;
+use vlscan_lidar::pulse::{Corrections, PhysicsOptions, PhysicsProfile};
+use vlscan_scene::{LoadOptions, MaterialRules};
+use vlscan_survey::{NavigationErrors, PlatformKind, Survey};
+use vlscan_trace::BuildOptions;
+use vlscan_warehouse::{Policy, PolicyKind, Schedule};
 
 /// Idle times that dynamic chunks ignore, in milliseconds.
 const DEFAULT_IDLE_THRESHOLD_MS: f64 = 0.1;
@@ -207,8 +207,8 @@ mod tests {
     use super::*;
     use crate::cli::{Cli, Command};
     use crate::options::Over;
-    use crate::tree::Builder;
     use clap::Parser;
+    use vlscan_trace::Builder;
 
     fn options(line: &str) -> Options {
         let words = ["vlscan", "run", "a.toml"].into_iter().chain(line.split_whitespace());

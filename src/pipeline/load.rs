@@ -1,13 +1,13 @@
 //! Loading of an epoch's scene and construction of its tree, both refused when they would exceed the memory limit.
 
-use crate::diag::Notice;
-use crate::error::{Error, Result};
-use crate::quantity::amount;
-use crate::scene::{self, LoadOptions, Scene, SceneFrame};
-use crate::survey::SceneRecipe;
-use crate::tree::{BuildOptions, Builder, Tree};
 use std::sync::Arc;
 use std::time::Instant;
+use vlscan_base::diag::Notice;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::quantity::amount;
+use vlscan_scene::{LoadOptions, Scene, SceneFrame};
+use vlscan_survey::SceneRecipe;
+use vlscan_trace::{BuildOptions, Builder, Tree};
 
 /// Minimum memory of rasters and their tree that is reported.
 const MIN_REPORTED_BYTES: u64 = 500_000_000;
@@ -22,7 +22,7 @@ pub(super) fn load_scene(
     notify: &dyn Fn(Notice),
 ) -> Result<Scene> {
     let started = Instant::now();
-    let (scene, found) = scene::load_epoch(recipe, options, epoch, frame)?;
+    let (scene, found) = vlscan_scene::load_epoch(recipe, options, epoch, frame)?;
     notify(Notice::Warnings(found.finish(is_strict)?));
     notify(Notice::Timing(format!(
         "scene: {} parts, {} primitives, {:.1} MB, {:.2} s",
@@ -72,7 +72,7 @@ pub fn check_raster_memory(
     notify: &dyn Fn(Notice),
 ) -> Result<()> {
     let mut all = 0u64;
-    for need in scene::raster_needs(recipe) {
+    for need in vlscan_scene::raster_needs(recipe) {
         let tree = Tree::estimate_build_memory(need.triangles, builder);
         all = all.saturating_add(need.bytes).saturating_add(tree);
         if need.bytes.saturating_add(tree) >= MIN_REPORTED_BYTES {

@@ -8,16 +8,16 @@ use super::fly::run_stages;
 use super::pass::Control;
 use super::session::Report;
 use super::worker::{Measured, Pieces};
-use crate::diag::Diagnostics;
-use crate::error::{Error, Result};
 use crate::output::{OutputContext, OutputPlan, OutputRequest, StoredPoints, Summary, Target};
 use crate::parts::{BlockHead, PartFile, PartSet};
-use crate::pulse::Batch;
-use crate::schedule::{Feed, Outcome, Schedule, Stop, Tasks};
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::{Error, Result};
+use vlscan_lidar::pulse::Batch;
+use vlscan_warehouse::{Feed, Outcome, Schedule, Stop, Tasks};
 
 /// A block of an open part.
 struct Block {
@@ -290,7 +290,7 @@ fn encode(
             aim: Aim::NONE,
         }));
     }
-    Ok(pieces)
+    Ok(Pieces(pieces))
 }
 
 /// Refuses outputs that need records which the parts do not hold.

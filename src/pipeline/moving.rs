@@ -1,7 +1,7 @@
 //! A worker's copy of the moving parts of a scene.
 
-use crate::scene::{DynamicScene, MotionPlan, MotionState, ObjectUpdate};
-use crate::tree::BuildOptions;
+use vlscan_scene::{DynamicScene, MotionPlan, MotionState, ObjectUpdate};
+use vlscan_trace::BuildOptions;
 
 /// Moving parts in the positions at which a worker's pulses are traced.
 pub(super) struct MovingParts<'a> {

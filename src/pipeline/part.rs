@@ -7,23 +7,22 @@ use super::pass::Control;
 use super::plausibility;
 use super::session::{Epochs, Report, Session};
 use super::settings::Settings;
-use crate::diag::{Diagnostics, Notice};
-use crate::error::{Error, Result};
-use crate::files::NewFolder;
-use crate::flight::{FlightPlan, FlightState};
 use crate::output::{NoOffload, OutputContext, OutputPlan, OutputRequest, PartOutput};
 use crate::parts::{
     Border, Borders, BordersBuilder, Fingerprint, PartFile, PartHead, PrivateFolder, Records, StoredBorders,
     is_part, part_path,
 };
-use crate::platform::PoseReader;
-use crate::scene;
-use crate::schedule::Stop;
-use crate::store::Checksum;
-use crate::survey::{PlatformKind, Survey};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use vlscan_base::diag::{Diagnostics, Notice};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::NewFolder;
+use vlscan_base::store::Checksum;
+use vlscan_lidar::flight::{FlightPlan, FlightState};
+use vlscan_lidar::platform::PoseReader;
+use vlscan_survey::{PlatformKind, Survey};
+use vlscan_warehouse::Stop;
 
 /// A share of a run's pulses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,7 +63,7 @@ impl Session {
     pub(super) fn divisible(&self) -> Result<Divisible> {
         check_platform(self.survey())?;
         let flight = Arc::new(self.plan_flight()?);
-        let scene = scene::fingerprint(self.scene(), &self.survey().scene)?;
+        let scene = vlscan_scene::fingerprint(self.scene(), &self.survey().scene)?;
         let fingerprint = fingerprint(self.settings(), scene, &flight)?;
         Ok(Divisible { flight, fingerprint })
     }

@@ -1,9 +1,9 @@
 //! Table of the scene's parts beside labelled points.
 
-use crate::columns::quoted;
 use crate::output::ObjectIds;
-use crate::scene::{PartFacts, Scene};
 use std::fmt::Write as _;
+use vlscan_base::columns::quoted;
+use vlscan_scene::{PartFacts, Scene};
 
 /// The facts of a scene's parts, kept while later epochs are loaded.
 pub struct PartTable {
@@ -24,7 +24,7 @@ impl PartTable {
     pub fn new(scene: &Scene) -> PartTable {
         let ids: Vec<String> = scene.parts.iter().map(|part| part.id.clone()).collect();
         let objects = ObjectIds::new(&ids);
-        let row = |(index, (part, facts)): (u32, (&crate::scene::Part, &PartFacts))| {
+        let row = |(index, (part, facts)): (u32, (&vlscan_scene::Part, &PartFacts))| {
             let materials = facts.material_names(scene).join(" ");
             let mut text = format!("{index},{},{},", quoted(&part.id), quoted(&part.name));
             let _ = write!(text, "{},{},", facts.class(scene), quoted(&materials));

@@ -4,11 +4,11 @@ use super::aim::AimTarget;
 use super::plausibility::YieldCheck;
 use super::progress::Progress;
 use crate::output::{Ground, OutputPlan};
-use crate::pulse::Physics;
-use crate::scene::MotionPlan;
-use crate::schedule::{Recorder, Schedule, Stop};
-use crate::tree::BuildOptions;
 use std::sync::Arc;
+use vlscan_lidar::pulse::Physics;
+use vlscan_scene::MotionPlan;
+use vlscan_trace::BuildOptions;
+use vlscan_warehouse::{Recorder, Schedule, Stop};
 
 /// Progress, stop request and recorder that the caller of a run shares with it.
 #[derive(Clone, Copy, Debug)]

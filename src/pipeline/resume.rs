@@ -6,11 +6,11 @@ use super::pass::Control;
 use super::progress::Progress;
 use super::resume_folder::{ResumeFolder, RunId, State};
 use super::session::{Report, Session};
-use crate::diag::Notice;
-use crate::error::{Error, Result};
 use crate::output::{OutputPlan, OutputRequest, Summary, Target};
 use crate::parts::{PartFile, PartSet, part_path};
 use std::path::{Path, PathBuf};
+use vlscan_base::diag::Notice;
+use vlscan_base::error::{Error, Result};
 
 /// Maximum number of parts.
 const MAX_PARTS: u64 = 100_000;
@@ -180,9 +180,9 @@ mod tests {
     use super::super::settings::Settings;
     use super::*;
     use crate::output::PointFormat;
-    use crate::schedule::Stop;
-    use crate::survey::{ReadOptions, read_survey};
     use std::fs;
+    use vlscan_survey::{ReadOptions, read_survey};
+    use vlscan_warehouse::Stop;
 
     /// The folder of a run and its parts.
     struct Place(tempfile::TempDir);

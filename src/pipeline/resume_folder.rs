@@ -3,15 +3,15 @@
 //! mark is the user's. Only what runs have made is removed: the mark, the lock, which is empty, and parts, which are known by their
 //! names and by their first bytes.
 
-use crate::error::{Error, Result};
-use crate::files::{FileWriter, NewFolder, Stamp, fault, is_temporary_name, reads};
 use crate::output::{OutputRequest, Summary, Target};
 use crate::parts::{Fingerprint, PrivateFolder, is_file_of_parts};
-use crate::store::Checksum;
 use serde::{Deserialize, Serialize};
 use std::fs::{self, DirEntry, File, OpenOptions, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{FileWriter, NewFolder, Stamp, fault, is_temporary_name, reads};
+use vlscan_base::store::Checksum;
 
 const MARK: &str = "vlscan-resume.json";
 const LOCK: &str = "lock";

@@ -1,11 +1,11 @@
 //! Facts about a loaded scene, and points on its surfaces for a picture of it.
 
 use super::session::LoadedScene;
-use crate::error::{Error, Result};
-use crate::geom::{Aabb, DVec3};
-use crate::rng::{Purpose, Stream};
 use ::arrow_array::{Float64Array, Int32Array, RecordBatch};
 use std::sync::Arc;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::rng::{Purpose, Stream};
+use vlscan_geom::{Aabb, DVec3};
 
 /// Facts about a loaded scene.
 #[derive(Clone, Debug, PartialEq)]

@@ -4,18 +4,18 @@
 use super::merge::{check_records, merge_echoes};
 use super::pass::Control;
 use super::session::Report;
-use crate::diag::Diagnostics;
-use crate::error::{Error, Result};
-use crate::files::NewFolder;
 use crate::output::{JOINED_POINTS, LasVersion, OutputRequest, PointFormat, Segment, Summary, Target, join};
 use crate::parts::{PartHead, PartSet, PrivateFolder, array_list};
-use crate::schedule::Schedule;
-use crate::store::Checksum;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::NewFolder;
+use vlscan_base::store::Checksum;
+use vlscan_warehouse::Schedule;
 
 /// The segments of an output.
 struct Segments<'a> {
@@ -242,7 +242,7 @@ pub fn join_segments(parts: &PartSet, outputs: &OutputRequest, control: Control<
 }
 
 fn check_out(out: &Path, force: bool) -> Result<()> {
-    if out.exists() && !force && !crate::files::is_special(out) {
+    if out.exists() && !force && !vlscan_base::files::is_special(out) {
         return Err(Error::input(format!("{} exists; --force replaces it", out.display())));
     }
     Ok(())

@@ -10,24 +10,24 @@ use super::pass::{Control, Pass};
 use super::plausibility::{self, PoseCheck, YieldCheck};
 use super::settings::Settings;
 use super::stream::{LegRule, PulseSource, Tracing};
-use crate::diag::Notice;
-use crate::error::{Error, Result};
-use crate::files::{Reads, Recording};
-use crate::flight::{FlightPlan, FlightState};
-use crate::machine;
 use crate::output::{FileSummary, Ground, OutputContext, OutputPlan, OutputRequest, Summary, Target, Writer};
-use crate::platform::PoseReader;
-use crate::pulse::{Physics, PhysicsOptions};
-use crate::scene::{self, Conditions, LoadOptions, MotionPlan, Scene, SceneFrame, Sharing};
-use crate::schedule::Stop;
 use crate::streams::PulseReader;
-use crate::survey::{PlatformKind, SceneRecipe, Survey};
-use crate::tree::{BuildOptions, Tree};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
+use vlscan_base::diag::Notice;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{Reads, Recording};
+use vlscan_base::machine;
+use vlscan_lidar::flight::{FlightPlan, FlightState};
+use vlscan_lidar::platform::PoseReader;
+use vlscan_lidar::pulse::{Physics, PhysicsOptions};
+use vlscan_scene::{Conditions, LoadOptions, MotionPlan, Scene, SceneFrame, Sharing};
+use vlscan_survey::{PlatformKind, SceneRecipe, Survey};
+use vlscan_trace::{BuildOptions, Tree};
+use vlscan_warehouse::Stop;
 
 pub(super) type Observer = Arc<dyn Fn(Notice) + Send + Sync>;
 
@@ -140,7 +140,7 @@ impl FirstScene {
     ) -> Result<FirstScene> {
         machine::start_pool()?;
         let recording = Recording::start();
-        let epochs = scene::count_epochs(recipe)?;
+        let epochs = vlscan_scene::count_epochs(recipe)?;
         let scene = Arc::new(load_scene(recipe, options, is_strict, (0, None), notify)?);
         let reads = Arc::new(recording.reads());
         let mut conditions = Conditions::of(recipe, options);
@@ -249,7 +249,7 @@ impl Session {
         let frame = SceneFrame::of(&scene);
         let motion = plan_motion(&settings, &scene);
         let rate = first_pulse_rate(&settings);
-        let found = scene::check_time_step(&scene, &settings.survey.scene.path, rate);
+        let found = vlscan_scene::check_time_step(&scene, &settings.survey.scene.path, rate);
         observer(Notice::Warnings(found.finish(settings.strict)?));
         Ok(Session { settings, observer, epochs, epoch: 0, frame, scene, motion, tree, conditions, reads })
     }

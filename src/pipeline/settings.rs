@@ -1,15 +1,15 @@
 //! Settings of a session, with every choice resolved.
 
-use crate::flight::FlightOptions;
 use crate::output::OutputRequest;
-use crate::pulse::PhysicsOptions;
-use crate::scene::LoadOptions;
-use crate::schedule::{Policy, Schedule};
-use crate::survey::Survey;
-use crate::tree::BuildOptions;
 use std::num::NonZero;
 use std::thread::available_parallelism;
 use std::time::Duration;
+use vlscan_lidar::flight::FlightOptions;
+use vlscan_lidar::pulse::PhysicsOptions;
+use vlscan_scene::LoadOptions;
+use vlscan_survey::Survey;
+use vlscan_trace::BuildOptions;
+use vlscan_warehouse::{Policy, Schedule};
 
 /// Pulses per chunk: enough to make the cost of the queues negligible, few enough to keep all threads busy on short
 /// legs.

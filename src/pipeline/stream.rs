@@ -3,14 +3,14 @@
 use super::moving::MovingParts;
 use super::pass::Pass;
 use super::worker::{Measured, Pieces, Worker};
-use crate::error::{Error, Result};
-use crate::geom::DVec3;
-use crate::pulse::{InstrumentTable, PhysicsOptions};
-use crate::scene::MotionState;
-use crate::schedule::{Feed, Outcome, Stop, Tasks};
 use crate::streams::{PulseColumn, PulseReader, PulseRow, RowBlock, RowFault};
-use crate::survey::Survey;
 use std::collections::HashMap;
+use vlscan_base::error::{Error, Result};
+use vlscan_geom::DVec3;
+use vlscan_lidar::pulse::{InstrumentTable, PhysicsOptions};
+use vlscan_scene::MotionState;
+use vlscan_survey::Survey;
+use vlscan_warehouse::{Feed, Outcome, Stop, Tasks};
 
 /// Mapping of the legs of a stream to legs of the outputs and of the physics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -138,10 +138,10 @@ impl<'a> StreamWorker<'a> {
         let (tracing, has_motion) = (self.tracing, self.motion.is_some());
         let read = block.pulses(tracing.shift, &mut rows, |row| tracing.check(row, has_motion));
         let alike = |a: &PulseRow, b: &PulseRow| (a.leg, a.divergence) == (b.leg, b.divergence);
-        let mut measured: Pieces = rows.chunk_by(alike).map(|rows| self.measure_leg(rows)).collect();
+        let mut measured: Vec<_> = rows.chunk_by(alike).map(|rows| self.measure_leg(rows)).collect();
         measured.extend(read.err().map(Err));
         self.rows = rows;
-        Ok(measured)
+        Ok(Pieces(measured))
     }
 
     fn measure_leg(&mut self, rows: &[PulseRow]) -> Result<Measured> {

@@ -4,11 +4,11 @@ use super::aim::Aim;
 use super::chunk::Chunk;
 use super::moving::MovingParts;
 use super::pass::Pass;
-use crate::error::Result;
-use crate::flight::{FlightPlan, FlightSink, PoseSample, Pulse};
 use crate::output::Encoded;
-use crate::pulse::{Batch, Echo, PulseSimulator};
-use crate::schedule::Outcome;
+use vlscan_base::error::Result;
+use vlscan_lidar::flight::{FlightPlan, FlightSink, PoseSample, Pulse};
+use vlscan_lidar::pulse::{Batch, Echo, PulseSimulator};
+use vlscan_warehouse::Outcome;
 
 /// Result of consecutive pulses of a leg.
 pub(super) struct Measured {
@@ -41,16 +41,16 @@ impl Measured {
 
 /// The pieces of a chunk in pulse order, one per run of pulses of the same leg. The last one is the failure of what
 /// follows, if there is any.
-pub(super) type Pieces = Vec<Result<Measured>>;
+pub(super) struct Pieces(pub Vec<Result<Measured>>);
 
 impl Outcome for Pieces {
     fn join(&mut self, mut next: Pieces) -> Option<Pieces> {
-        if next.len() == 1
-            && let Some(Ok(last)) = self.last_mut()
-            && let Some(piece) = next.pop()
+        if next.0.len() == 1
+            && let Some(Ok(last)) = self.0.last_mut()
+            && let Some(piece) = next.0.pop()
         {
             let rest = piece.map(|piece| last.join(piece)).transpose();
-            self.extend(rest);
+            self.0.extend(rest);
             return None;
         }
         Some(next)
@@ -133,7 +133,7 @@ impl<'a> FlightWorker<'a> {
         self.worker.pulses.clear();
         self.worker.batch.clear(leg);
         self.replay(chunk)?;
-        Ok(vec![self.worker.measure(leg, leg, done)])
+        Ok(Pieces(vec![self.worker.measure(leg, leg, done)]))
     }
 
     /// Measures a chunk whatever the order of the legs, for outputs that are one file for all legs.
@@ -143,7 +143,7 @@ impl<'a> FlightWorker<'a> {
         self.worker.batch.clear(0);
         self.worker.batch.leg_number = Some(leg);
         self.replay(chunk)?;
-        Ok(vec![self.worker.measure(leg, leg, done)])
+        Ok(Pieces(vec![self.worker.measure(leg, leg, done)]))
     }
 
     /// Pulses and echoes of the last chunk.

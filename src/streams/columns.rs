@@ -1,7 +1,7 @@
 //! The columns of a stream of pulses: names, dimensions and meanings.
 
-use crate::columns::{Dimension, Heading, HeadingError, parse_heading};
-use crate::diag::nearest;
+use vlscan_base::columns::{Dimension, Heading, HeadingError, parse_heading};
+use vlscan_base::diag::nearest;
 
 macro_rules! columns {
     ($($column:ident $name:literal $aliases:expr, $dimension:ident, $meaning:literal;)*) => {

@@ -4,14 +4,14 @@
 use super::row::{PulseRow, RowFault};
 use super::table_rows::{BatchReader, TableRows};
 use super::text_rows::{LineReader, TextRows};
-use crate::diag::{Diagnostics, Place};
-use crate::error::{Error, Result};
-use crate::geom::DVec3;
-use crate::input::arrow::{ArrowDetection, detect_arrow};
-use crate::input::{InputStream, ReadEvent, is_stdin};
-use crate::schedule::Stop;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::input::arrow::{ArrowDetection, detect_arrow};
+use vlscan_base::input::{InputStream, ReadEvent, is_stdin};
+use vlscan_geom::DVec3;
+use vlscan_warehouse::Stop;
 
 /// Interval at which the stop flag is polled while no bytes arrive.
 const STOP_POLL_INTERVAL: Duration = Duration::from_millis(100);

@@ -1,10 +1,10 @@
 //! A pulse as a row of numbers and back, bit for bit.
 
 use super::columns::{COLUMNS, ColumnEntry, ENTRIES, PulseColumn};
-use crate::columns::Dimension;
-use crate::flight::Pulse;
-use crate::geom::{self, DVec3, Rotation, rescaled};
-use crate::quantity::{self, Bounds};
+use vlscan_base::columns::Dimension;
+use vlscan_base::quantity::{self, Bounds};
+use vlscan_geom::{DVec3, Rotation, rescaled};
+use vlscan_lidar::flight::Pulse;
 
 /// A pulse with its metadata in a stream.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -224,7 +224,7 @@ fn check_unit_length(rotation: Rotation, first: PulseColumn) -> Result<Rotation,
 }
 
 fn check_agreement(direction: DVec3, attitude: Rotation) -> Result<Rotation, RowFault> {
-    let unit = geom::direction(direction);
+    let unit = vlscan_geom::direction(direction);
     if unit.is_some_and(|unit| (unit - attitude.forward()).length() <= MAX_DISAGREEMENT) {
         return Ok(attitude);
     }

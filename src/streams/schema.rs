@@ -2,10 +2,10 @@
 
 use super::columns::{COLUMNS, PulseColumn, parse_pulse_heading};
 use super::row::{ATTITUDE, ColumnSet, DIRECTION, EXACT, LOW, ORIGIN, PulseRow, RowFault, Values};
-use crate::diag::{Diagnostics, Place};
-use crate::error::Result;
-use crate::geom::DVec3;
 use std::path::{Path, PathBuf};
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::Result;
+use vlscan_geom::DVec3;
 
 #[derive(Debug)]
 pub(super) struct StreamSchema {
@@ -21,7 +21,7 @@ impl StreamSchema {
     /// of them; `whole` is the place of the header.
     ///
     /// # Errors
-    /// [`Error::Input`](crate::error::Error::Input) with every heading that is unknown, repeated or without numbers,
+    /// [`Error::Input`](vlscan_base::error::Error::Input) with every heading that is unknown, repeated or without numbers,
     /// and with the missing columns that a pulse requires.
     pub fn from_headings<'h>(
         path: &Path,

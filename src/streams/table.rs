@@ -3,15 +3,15 @@
 
 use super::columns::{ENTRIES, PulseColumn};
 use super::row::{ColumnSet, PulseRow};
-use crate::columns::Dimension;
-use crate::flight::PoseSample;
-use crate::geom::{DVec3, degrees};
 use ::arrow_array::{ArrayRef, Float64Array, RecordBatch, UInt64Array};
 use ::arrow_ipc::writer::StreamEncoder;
 use ::arrow_schema::{DataType, Field, Schema, SchemaRef};
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::sync::Arc;
+use vlscan_base::columns::Dimension;
+use vlscan_geom::{DVec3, degrees};
+use vlscan_lidar::flight::PoseSample;
 
 /// Rows of a batch, independent of the chunks so that the bytes are, too.
 const BATCH_ROWS: usize = 16_384;
@@ -49,7 +49,7 @@ pub fn pulse_columns(present: ColumnSet) -> Vec<TableColumn> {
 }
 
 /// Time (s), position (m) and roll, pitch, heading (degrees) of a pose in the convention of
-/// [`crate::geom::Rotation::of_heading`].
+/// [`vlscan_geom::Rotation::of_heading`].
 pub fn pose_values(pose: &PoseSample, shift: DVec3) -> [f64; 7] {
     let position = pose.position + shift;
     let angles = pose.attitude.heading_angles().map(degrees);

@@ -3,14 +3,14 @@
 use super::columns::PulseColumn;
 use super::row::{PulseRow, RowFault};
 use super::schema::StreamSchema;
-use crate::diag::Place;
-use crate::error::Result;
-use crate::geom::DVec3;
-use crate::input::arrow::{ArrowDecoder, NumberBatch, table_error};
 use std::convert::Infallible;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use vlscan_base::diag::Place;
+use vlscan_base::error::Result;
+use vlscan_base::input::arrow::{ArrowDecoder, NumberBatch, table_error};
+use vlscan_geom::DVec3;
 
 /// Decodes a stream and splits its batches into blocks with a limited number of rows.
 #[derive(Debug)]
@@ -110,7 +110,7 @@ impl TableRows {
     /// rows in the stream before this block; `check` accepts or refuses each pulse.
     ///
     /// # Errors
-    /// [`Error::Input`](crate::error::Error::Input) for the first row that is not a valid pulse, with its number.
+    /// [`Error::Input`](vlscan_base::error::Error::Input) for the first row that is not a valid pulse, with its number.
     pub fn pulses(
         &self,
         shift: DVec3,

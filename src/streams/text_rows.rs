@@ -3,13 +3,13 @@
 use super::columns::PulseColumn;
 use super::row::{DIRECTION, ORIGIN, PulseRow, RowFault};
 use super::schema::StreamSchema;
-use crate::columns::{Separator, comma_note};
-use crate::diag::{Diagnostics, Place};
-use crate::error::{Error, Result};
-use crate::geom::DVec3;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use vlscan_base::columns::{Separator, comma_note};
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
+use vlscan_geom::DVec3;
 
 /// Maximum length of a line, bytes.
 const MAX_LINE_BYTES: usize = 1 << 16;

@@ -17,15 +17,15 @@ const PAGES: [(&str, &str); 5] = [
 /// Modules and the page that citations without a page mean there.
 const HOMES: [(&str, &str); 10] = [
     ("src/cli", "outputs"),
-    ("src/flight", "kinematics"),
+    ("crates/lidar/src/flight", "kinematics"),
     ("src/output", "outputs"),
-    ("src/platform", "kinematics"),
-    ("src/pulse", "pulse-physics"),
-    ("src/scanner", "kinematics"),
-    ("src/scene", "input-formats"),
-    ("src/schedule", "tree-and-schedule"),
-    ("src/survey", "input-formats"),
-    ("src/tree", "tree-and-schedule"),
+    ("crates/lidar/src/platform", "kinematics"),
+    ("crates/lidar/src/pulse", "pulse-physics"),
+    ("crates/lidar/src/scanner", "kinematics"),
+    ("crates/scene/src", "input-formats"),
+    ("crates/warehouse/src", "tree-and-schedule"),
+    ("crates/survey/src", "input-formats"),
+    ("crates/trace/src", "tree-and-schedule"),
 ];
 
 /// What may stand around a word of a citation.
@@ -146,7 +146,7 @@ fn targets(text: &str) -> BTreeSet<String> {
 fn every_citation_leads_somewhere() {
     let known = PAGES.map(|(page, _)| (page, targets(&text_of(page))));
     let mut files = Vec::new();
-    ["src", "tests"].iter().for_each(|folder| sources(&root().join(folder), &mut files));
+    ["crates", "src", "tests"].iter().for_each(|folder| sources(&root().join(folder), &mut files));
     files.sort();
     let (mut count, mut lost) = (0, Vec::new());
     for file in files {
@@ -171,7 +171,8 @@ fn the_pages_name_files_that_exist() {
     for page in pages.iter().map(String::as_str).chain(["docs/spec/README.md", "ARCHITECTURE.md"]) {
         let text = fs::read_to_string(root().join(page)).unwrap();
         let quoted: Vec<_> = text.split('`').skip(1).step_by(2).collect();
-        let files = quoted.iter().filter(|name| name.starts_with("src/") || name.starts_with("tests/"));
+        let files =
+            quoted.iter().filter(|n| ["src/", "crates/", "tests/"].iter().any(|top| n.starts_with(top)));
         for name in files.clone() {
             assert!(root().join(name).exists(), "{page}: there is no {name}");
         }

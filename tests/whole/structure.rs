@@ -1,13 +1,13 @@
-//! The structure of the sources: no lower module imports a higher one, no more than two files import each other in a
-//! circle, and the maps in the documentation of modules name the files that exist.
+//! The structure within crates: no lower module imports a higher one, no more than two files import each other in a
+//! circle, and the maps in the documentation of modules name the files that exist. Between crates the compiler holds it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// A file of `src/`.
+/// A file of a crate.
 struct Source {
-    /// Its path below `src/`.
+    /// Its path in the repository.
     path: String,
     /// The module that it is, as names from the crate's root.
     module: Vec<String>,
@@ -17,13 +17,24 @@ struct Source {
     code: String,
 }
 
-fn src() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("src")
+/// The folders of the sources of all crates, relative to the repository: the program's first.
+fn crates() -> Vec<String> {
+    let mut found = vec!["src".to_owned()];
+    for entry in fs::read_dir(root().join("crates")).unwrap() {
+        found.push(format!("crates/{}/src", entry.unwrap().file_name().to_str().unwrap()));
+    }
+    assert!(found.len() > 5, "{found:?}");
+    found
 }
 
-/// All files of `src/` but those that hold tests only.
-fn sources() -> Vec<Source> {
-    let mut folders = vec![src()];
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// All files of a crate but those that hold tests only.
+fn sources(of: &str) -> Vec<Source> {
+    let src = root().join(of);
+    let mut folders = vec![src.clone()];
     let mut found = Vec::new();
     while let Some(folder) = folders.pop() {
         for entry in fs::read_dir(&folder).unwrap() {
@@ -34,18 +45,19 @@ fn sources() -> Vec<Source> {
                 }
             } else if path.extension().is_some_and(|e| e == "rs") {
                 let text = fs::read_to_string(&path).unwrap();
-                let path = path.strip_prefix(src()).unwrap().to_str().unwrap().replace('\\', "/");
+                let path = path.strip_prefix(&src).unwrap().to_str().unwrap().replace('\\', "/");
                 let mut module: Vec<String> =
                     path.trim_end_matches(".rs").split('/').map(str::to_owned).collect();
                 if ["mod", "lib"].contains(&module.last().unwrap().as_str()) {
                     module.pop();
                 }
-                found.push(Source { path, module, code: code_of(&text), text });
+                found.push(Source { path: format!("{of}/{path}"), module, code: code_of(&text), text });
             }
         }
     }
     let tests = test_modules(&found);
-    found.retain(|file| !tests.contains(&file.module) && file.path != "main.rs");
+    found
+        .retain(|file| !tests.iter().any(|test| file.module.starts_with(test)) && file.path != "src/main.rs");
     found.sort_by(|a, b| a.path.cmp(&b.path));
     found
 }
@@ -56,7 +68,7 @@ fn test_modules(files: &[Source]) -> BTreeSet<Vec<String>> {
     for file in files {
         let mut lines = file.text.lines();
         while let Some(line) = lines.next() {
-            if line.trim().starts_with("#[cfg(test)]")
+            if (line.trim().starts_with("#[cfg(test)]") || line.contains("feature = \"testkit\""))
                 && let Some(name) = lines.clone().map(str::trim).find_map(declared_module)
                 && lines.clone().map(str::trim).find(|l| !l.starts_with("#[")).and_then(declared_module)
                     == Some(name)
@@ -263,22 +275,26 @@ fn reachable(edges: &[BTreeSet<usize>], start: usize) -> BTreeSet<usize> {
 
 #[test]
 fn no_circle_of_imports_has_more_than_two_files() {
-    let files = sources();
-    let imports = Imports::new(&files);
-    let edges: Vec<_> = (0..files.len()).map(|i| imports.of(i)).collect();
-    assert!(edges.iter().map(BTreeSet::len).sum::<usize>() > files.len(), "imports are not found");
-    let reach: Vec<_> = (0..files.len()).map(|i| reachable(&edges, i)).collect();
-    let reach_of = &reach;
-    let circle =
-        |i: usize| reach[i].iter().filter(move |&&j| reach_of[j].contains(&i)).map(|&j| &files[j].path);
-    let circles: BTreeSet<Vec<_>> = (0..files.len()).map(|i| circle(i).collect()).collect();
-    let large: Vec<_> = circles.iter().filter(|files| files.len() > 2).collect();
-    assert!(large.is_empty(), "these files import one another: {large:#?}");
+    let mut found = 0;
+    for of in crates() {
+        let files = sources(&of);
+        let imports = Imports::new(&files);
+        let edges: Vec<_> = (0..files.len()).map(|i| imports.of(i)).collect();
+        found += edges.iter().map(BTreeSet::len).sum::<usize>();
+        let reach: Vec<_> = (0..files.len()).map(|i| reachable(&edges, i)).collect();
+        let reach_of = &reach;
+        let circle =
+            |i: usize| reach[i].iter().filter(move |&&j| reach_of[j].contains(&i)).map(|&j| &files[j].path);
+        let circles: BTreeSet<Vec<_>> = (0..files.len()).map(|i| circle(i).collect()).collect();
+        let large: Vec<_> = circles.iter().filter(|files| files.len() > 2).collect();
+        assert!(large.is_empty(), "these files import one another: {large:#?}");
+    }
+    assert!(found > 1000, "{found} imports");
 }
 
-/// The rows of modules in the map of `lib.rs`, lower ones first.
-fn layers() -> Vec<Vec<String>> {
-    let text = fs::read_to_string(src().join("lib.rs")).unwrap();
+/// The rows of modules in the map of a crate, lower ones first.
+fn layers(of: &str) -> Vec<Vec<String>> {
+    let text = fs::read_to_string(root().join(of).join("lib.rs")).unwrap();
     let rows = text.lines().filter_map(|line| line.strip_prefix("//! | "));
     let cells = rows.map(|row| row.split('|').next().unwrap());
     cells.map(|cell| cell.split('`').skip(1).step_by(2).map(str::to_owned).collect()).collect()
@@ -286,47 +302,51 @@ fn layers() -> Vec<Vec<String>> {
 
 #[test]
 fn no_lower_module_imports_a_higher_one() {
-    let layers = layers();
-    let rank = |module: &String| layers.iter().position(|row| row.contains(module));
     let mut wrong = BTreeSet::new();
-    for file in sources().iter().filter(|file| !file.module.is_empty()) {
-        let own = &file.module[0];
-        let own_rank = rank(own).unwrap_or_else(|| panic!("the map in lib.rs does not name {own}"));
-        for (path, _) in paths_of(&file.code) {
-            if path[0] == "crate"
-                && let Some(other) = path.get(1)
-                && let Some(other_rank) = rank(other)
-                && other_rank > own_rank
-            {
-                wrong.insert(format!("{} imports {other}", file.path));
+    for of in ["src", "crates/base/src", "crates/lidar/src", "crates/tools/src"] {
+        let layers = layers(of);
+        let rank = |module: &String| layers.iter().position(|row| row.contains(module));
+        for file in sources(of).iter().filter(|file| !file.module.is_empty()) {
+            let own = &file.module[0];
+            let own_rank = rank(own).unwrap_or_else(|| panic!("the map of {of} does not name {own}"));
+            for (path, _) in paths_of(&file.code) {
+                if path[0] == "crate"
+                    && let Some(other) = path.get(1)
+                    && let Some(other_rank) = rank(other)
+                    && other_rank > own_rank
+                {
+                    wrong.insert(format!("{} imports {other}", file.path));
+                }
             }
         }
     }
-    assert!(wrong.is_empty(), "the map of lib.rs has these the other way round: {wrong:#?}");
+    assert!(wrong.is_empty(), "the maps of the crates have these the other way round: {wrong:#?}");
 }
 
 #[test]
 fn maps_name_the_files_that_exist() {
-    let files = sources();
     let (mut maps, mut wrong) = (0, String::new());
-    for file in &files {
-        let children: BTreeSet<&str> = files
-            .iter()
-            .filter(|f| f.module.len() == file.module.len() + 1 && f.module.starts_with(&file.module))
-            .map(|f| f.module.last().unwrap().as_str())
-            .collect();
-        let rows = file.text.lines().filter_map(|line| line.strip_prefix("//! | "));
-        let cells = rows.map(|row| row.split('|').next().unwrap());
-        let named: BTreeSet<&str> = cells.flat_map(|cell| cell.split('`').skip(1).step_by(2)).collect();
-        if children.len() < 5 || (named.is_empty() && !file.path.ends_with("mod.rs") && file.path != "lib.rs")
-        {
-            continue;
-        }
-        maps += 1;
-        let missing: Vec<_> = children.difference(&named).collect();
-        let gone: Vec<_> = named.difference(&children).collect();
-        if !missing.is_empty() || !gone.is_empty() {
-            wrong += &format!("src/{}: not named {missing:?}, not there {gone:?}\n", file.path);
+    for of in crates() {
+        let files = sources(&of);
+        for file in &files {
+            let children: BTreeSet<&str> = files
+                .iter()
+                .filter(|f| f.module.len() == file.module.len() + 1 && f.module.starts_with(&file.module))
+                .map(|f| f.module.last().unwrap().as_str())
+                .collect();
+            let rows = file.text.lines().filter_map(|line| line.strip_prefix("//! | "));
+            let cells = rows.map(|row| row.split('|').next().unwrap());
+            let named: BTreeSet<&str> = cells.flat_map(|cell| cell.split('`').skip(1).step_by(2)).collect();
+            let is_root = ["/mod.rs", "/lib.rs"].iter().any(|name| file.path.ends_with(name));
+            if children.len() < 5 || (named.is_empty() && !is_root) {
+                continue;
+            }
+            maps += 1;
+            let missing: Vec<_> = children.difference(&named).collect();
+            let gone: Vec<_> = named.difference(&children).collect();
+            if !missing.is_empty() || !gone.is_empty() {
+                wrong += &format!("{}: not named {missing:?}, not there {gone:?}\n", file.path);
+            }
         }
     }
     assert!(wrong.is_empty(), "maps and files differ:\n{wrong}");
@@ -337,11 +357,11 @@ fn maps_name_the_files_that_exist() {
 fn calls(patterns: &[&str], allowed: &[&str]) -> Vec<String> {
     let is_allowed = |file: &Source| allowed.iter().any(|prefix| file.path.starts_with(prefix));
     let mut found = Vec::new();
-    for file in sources().iter().filter(|file| !is_allowed(file)) {
+    for file in crates().iter().flat_map(|of| sources(of)).filter(|file| !is_allowed(file)) {
         let code = file.code.split("mod tests {").next().unwrap();
         for (number, line) in (1..).zip(code.lines()) {
             if patterns.iter().any(|pattern| line.contains(pattern)) {
-                found.push(format!("src/{}:{number}: {}", file.path, line.trim()));
+                found.push(format!("{}:{number}: {}", file.path, line.trim()));
             }
         }
     }
@@ -354,23 +374,26 @@ fn every_input_is_opened_where_it_is_noted() {
         [" File::open(", "(File::open(", "::File::open(", "fs::read(", "fs::read_to_string(", "read_dir("];
     // The system's own files, and folders and state that the program writes itself.
     let own = [
-        "files/",
-        "campaign/",
-        "machine.rs",
-        "cli/bench/measure.rs",
-        "output/plan.rs",
-        "parts/",
-        "pipeline/resume_folder.rs",
-        "pipeline/segment.rs",
+        "crates/base/src/files/",
+        "crates/tools/src/campaign/",
+        "crates/base/src/machine.rs",
+        "src/cli/bench/measure.rs",
+        "src/output/plan.rs",
+        "src/parts/",
+        "src/pipeline/resume_folder.rs",
+        "src/pipeline/segment.rs",
     ];
     let found = calls(&opening, &own);
-    assert!(found.is_empty(), "use crate::files::reads, so that no output replaces these inputs: {found:#?}");
+    assert!(
+        found.is_empty(),
+        "use vlscan_base::files::reads, so that no output replaces these inputs: {found:#?}"
+    );
 }
 
 #[test]
 fn warnings_about_files_have_a_place() {
     // Options and what follows from several inputs have none.
-    let of_options = ["cli/plan.rs", "cli/run.rs", "output/", "pipeline/crs.rs"];
+    let of_options = ["src/cli/plan.rs", "src/cli/run.rs", "src/output/", "src/pipeline/crs.rs"];
     let found = calls(&["warn(None"], &of_options);
     assert!(found.is_empty(), "name the file and the line, or Place::of_file: {found:#?}");
 }
@@ -379,19 +402,22 @@ fn warnings_about_files_have_a_place() {
 fn files_are_removed_and_renamed_only_where_they_are_known_to_be_own() {
     let removing = ["remove_dir_all(", "remove_file(", "fs::rename("];
     let own = [
-        "files/temporary.rs",
-        "campaign/made.rs",
-        "campaign/store.rs",
-        "parts/private.rs",
-        "pipeline/resume_folder.rs",
+        "crates/base/src/files/temporary.rs",
+        "crates/tools/src/campaign/made.rs",
+        "crates/tools/src/campaign/store.rs",
+        "src/parts/private.rs",
+        "src/pipeline/resume_folder.rs",
         // Names of segments hold checksums of their run and of their contents.
-        "pipeline/segment.rs",
+        "src/pipeline/segment.rs",
     ];
     let found = calls(&removing, &own);
     assert!(found.is_empty(), "a file of the user may be lost: {found:#?}");
     let creating = [" File::create(", "(File::create(", "::File::create(", "fs::write(", ".truncate(true)"];
     let found = calls(&creating, &[]);
-    assert!(found.is_empty(), "use crate::files::FileWriter, which replaces no file unasked: {found:#?}");
+    assert!(
+        found.is_empty(),
+        "use vlscan_base::files::FileWriter, which replaces no file unasked: {found:#?}"
+    );
 }
 
 #[test]

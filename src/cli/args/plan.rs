@@ -1,9 +1,9 @@
 //! The command line of `vlscan plan`.
 
 use crate::options::Positive;
-use crate::quantity::{Bounds, COORDINATE, number};
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
+use vlscan_base::quantity::{Bounds, COORDINATE, number};
 
 /// `vlscan plan`.
 #[derive(Debug, Args)]

@@ -1,11 +1,11 @@
 //! The command line of `vlscan scene`.
 
 use crate::options::{Count, Seed};
-use crate::pulse::PhysicsProfile;
-use crate::scene::Sharing;
-use crate::tree::Builder;
 use clap::{Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
+use vlscan_lidar::pulse::PhysicsProfile;
+use vlscan_scene::Sharing;
+use vlscan_trace::Builder;
 
 /// `vlscan scene`.
 #[derive(Debug, Args)]

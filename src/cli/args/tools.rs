@@ -1,11 +1,11 @@
 //! The command line of `bench`, `catalogue`, `unzip`, `preview`, `completions` and `man`.
 
-use crate::error::{Error, Result};
 use crate::options::{ChunkSize, Count, NotNegative, Vector};
-use crate::schedule::PolicyKind;
-use crate::tree::{BuildOptions, Builder};
 use clap::{Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
+use vlscan_base::error::{Error, Result};
+use vlscan_trace::{BuildOptions, Builder};
+use vlscan_warehouse::PolicyKind;
 
 /// Whether legs wait for one another in a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -2,8 +2,8 @@
 
 use super::matrix::{Combination, Matrix, Variant};
 use super::measure::Cell;
-use crate::schedule::{Schedule, SizeChange, Workload, replay};
 use serde::Serialize;
+use vlscan_warehouse::{Schedule, SizeChange, Workload, replay};
 
 #[derive(Clone, Debug, Serialize)]
 pub struct Forecast {

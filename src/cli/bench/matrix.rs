@@ -1,12 +1,12 @@
 //! The combinations of trees, schedules and threads that are compared.
 
 use crate::cli::args::BenchArgs;
-use crate::error::{Error, Result};
 use crate::options::ChunkSize;
 use crate::pipeline::policy;
-use crate::schedule::{Policy, PolicyKind, Schedule};
-use crate::tree::{BuildOptions, Builder};
 use serde::Serialize;
+use vlscan_base::error::{Error, Result};
+use vlscan_trace::{BuildOptions, Builder};
+use vlscan_warehouse::{Policy, PolicyKind, Schedule};
 
 pub struct Matrix {
     pub trees: Vec<(&'static str, BuildOptions)>,

@@ -3,24 +3,24 @@
 use super::matrix::{Combination, Matrix};
 use crate::cli::run::Job;
 use crate::cli::{Console, RunArgs, interrupt};
-use crate::error::{Error, Result};
-use crate::flight::{FlightPlan, FlightState, Step};
-use crate::machine;
 use crate::output::{OutputContext, OutputPlan, OutputRequest, PartOutput, PointFormat, Target};
 use crate::parts::{Fingerprint, PartHead, PartSet, Records, part_path};
 use crate::pipeline::{
     Control, Ended, Pass, Progress, Session, Settings, chunk_making_s, fly, merge, target,
 };
-use crate::pulse::Physics;
-use crate::schedule::{
-    ChunkCosts, Log, Overheads, Policy, Recorder, Schedule, SizeChange, Stop, Workload, thread_cpu_s,
-};
-use crate::survey::PlatformKind;
-use crate::tree::{BuildOptions, Tree};
 use serde::Serialize;
 use std::sync::Arc;
 use std::thread::available_parallelism;
 use std::time::Instant;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::machine;
+use vlscan_lidar::flight::{FlightPlan, FlightState, Step};
+use vlscan_lidar::pulse::Physics;
+use vlscan_survey::PlatformKind;
+use vlscan_trace::{BuildOptions, Tree};
+use vlscan_warehouse::{
+    ChunkCosts, Log, Overheads, Policy, Recorder, Schedule, SizeChange, Stop, Workload, thread_cpu_s,
+};
 
 /// The survey, ready for repeated flights.
 pub struct Bench {

@@ -2,10 +2,10 @@
 //! the speed of disks and the behaviour of a batch system as assumptions.
 
 use super::measure::PartCosts;
-use crate::schedule::{Schedule, Workload, replay};
 use serde::Serialize;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+use vlscan_warehouse::{Schedule, Workload, replay};
 
 /// What is assumed about a cluster.
 #[derive(Clone, Copy, Debug, Serialize)]

@@ -3,8 +3,8 @@
 
 use super::report::Report;
 use crate::cli::svg::{COLOURS, begin};
-use crate::markup::escaped;
 use std::fmt::Write as _;
+use vlscan_base::markup::escaped;
 
 const WIDTH: f64 = 680.0;
 const HEIGHT: f64 = 380.0;
@@ -38,7 +38,7 @@ pub fn of(report: &Report) -> String {
         escaped(&format!(
             "{}, {} primitives",
             report.survey,
-            crate::quantity::amount(report.primitives as f64)
+            vlscan_base::quantity::amount(report.primitives as f64)
         ))
     );
     for (i, chart) in charts.iter().enumerate() {

@@ -3,7 +3,7 @@
 use super::columns::table;
 use super::matrix::Combination;
 use super::report::{ClusterForecast, Report};
-use crate::quantity::amount;
+use vlscan_base::quantity::amount;
 
 pub fn of(report: &Report) -> String {
     let mut text = format!(

@@ -4,11 +4,6 @@ use super::super::args::{Cli, Command, RunArgs, SceneArgs, SceneCommand};
 use super::super::{Console, interrupt, plan, scene, stand};
 use super::labels::{Labels, objects};
 use super::{is_of_machine, near};
-use crate::campaign::{Cell, File, FileRecord, Inputs, Record, SceneEntry, checksum, words};
-use crate::diag::{Diagnostics, Place};
-use crate::error::{Error, Result};
-use crate::files::{FileWriter, Patched, Reads, Recording};
-use crate::geom::Aabb;
 use crate::options::{Options, Seed, read_survey};
 use crate::output::{FileKind, PointFormat};
 use crate::pipeline::{Control, Job, LoadedScene, PartTable, Progress, Report, Session};
@@ -17,6 +12,11 @@ use std::any::Any;
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{FileWriter, Patched, Reads, Recording};
+use vlscan_geom::Aabb;
+use vlscan_tools::campaign::{Cell, File, FileRecord, Inputs, Record, SceneEntry, checksum, words};
 
 /// Why a cell has failed.
 pub struct Failure {

@@ -1,10 +1,10 @@
 //! The table of a cell's objects: what the numbers in its points mean.
 
-use crate::campaign::Cell;
-use crate::columns::{Separator, quoted, unquoted};
-use crate::error::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::Path;
+use vlscan_base::columns::{Separator, quoted, unquoted};
+use vlscan_base::error::{Error, Result};
+use vlscan_tools::campaign::Cell;
 
 /// What an inventory tells about the parts of a scene, as columns of text.
 #[derive(Debug, Default)]
@@ -31,7 +31,7 @@ impl Labels {
     /// # Errors
     /// [`Error::Io`]; [`Error::Internal`] for a table that is none.
     pub fn read(path: &Path) -> Result<Labels> {
-        let text = crate::files::reads::read_to_string(path).map_err(|e| Error::io("read", path, e))?;
+        let text = vlscan_base::files::reads::read_to_string(path).map_err(|e| Error::io("read", path, e))?;
         Labels::parse(&text).ok_or_else(|| Error::Internal(format!("{}: no table of labels", path.display())))
     }
 
@@ -88,11 +88,11 @@ mod tests {
         let labels =
             Labels::parse("part,id,species,x,crown\n1,\"a, b\",beech,3.0,\n2,c,oak,4.0,5.5\n").unwrap();
         assert_eq!(labels.columns, ["tree", "species", "crown"]);
-        let file: crate::campaign::File = toml::from_str(
+        let file: vlscan_tools::campaign::File = toml::from_str(
             "out = \"o\"\n[[scene]]\nname = \"s\"\nfile = \"x\"\n[[variant]]\nname = \"v\"\nplan = \"p\"\n",
         )
         .unwrap();
-        let cell = crate::campaign::Cells::of(&file).unwrap().0.remove(0);
+        let cell = vlscan_tools::campaign::Cells::of(&file).unwrap().0.remove(0);
         let table = objects("object,part,points\n0,0,9\n1,1,7\n", &labels, &cell).unwrap();
         assert_eq!(
             table.text,

@@ -2,11 +2,11 @@
 //! and what to write instead: an option that changes nothing must not stand in the record of a cell.
 
 use super::super::args::Cli;
-use crate::campaign::{File, Line, words};
-use crate::diag::Diagnostics;
-use crate::error::Result;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Command, CommandFactory};
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::Result;
+use vlscan_tools::campaign::{File, Line, words};
 
 /// Whether an option may stand in a line; the text says what to write instead.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

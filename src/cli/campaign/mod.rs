@@ -12,17 +12,17 @@ mod lines;
 
 use super::args::CampaignArgs;
 use super::{Console, Verbosity, interrupt};
-use crate::campaign::{Cell, CellLock, Cells, File, Inputs, Outcome, Record, Store};
-use crate::diag::Diagnostics;
-use crate::error::{Error, Result};
-use crate::files::write_stdout;
 use crate::options::PartNumber;
-use crate::quantity::{amount, duration};
 use cell::{CellRunner, Failure};
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{MAIN_SEPARATOR, Path};
 use std::time::Instant;
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::write_stdout;
+use vlscan_base::quantity::{amount, duration};
+use vlscan_tools::campaign::{Cell, CellLock, Cells, File, Inputs, Outcome, Record, Store};
 
 pub fn run(args: &CampaignArgs, console: &Console) -> Result<()> {
     let file = File::read(&args.file)?;

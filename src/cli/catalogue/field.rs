@@ -1,11 +1,11 @@
 //! The field of view of an instrument, as data sheets state it.
 
 use super::sources::Sources;
-use crate::error::{Error, Result};
-use crate::geom::{DVec3, degrees};
-use crate::scanner::{DevicePlan, DeviceState};
-use crate::survey::{Deflector, Device, Kinematics, Scanner, ScannerSettings};
 use std::f64::consts::PI;
+use vlscan_base::error::{Error, Result};
+use vlscan_geom::{DVec3, degrees};
+use vlscan_lidar::scanner::{DevicePlan, DeviceState};
+use vlscan_survey::{Deflector, Device, Kinematics, Scanner, ScannerSettings};
 
 /// Beams of a device that are sampled.
 const SAMPLES: u32 = 2000;
@@ -145,7 +145,7 @@ fn sampled(scanner: &Scanner) -> Result<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::survey::catalogue;
+    use vlscan_survey::catalogue;
 
     /// The fields of all instruments of the catalogue, as their data sheets state them where those are known.
     const FIELDS: [(&str, &[f64]); 46] = [

@@ -7,18 +7,18 @@ mod sources;
 use super::Console;
 use super::aligned::{Side, aligned};
 use super::args::{CatalogueArgs, CatalogueCommand, ShowArgs};
-use crate::diag::nearest;
-use crate::error::{Error, Result};
-use crate::files::{FileWriter, Patched, write_stdout};
-use crate::geom::degrees;
-use crate::quantity::number;
-use crate::survey::{
-    Deflector, Platform, PlatformKind, ReadOptions, Scanner, catalogue, find_scanner, width_of_pulse_length,
-};
 use field::field_of_view;
 use pattern::Pattern;
 use serde::Serialize;
 use sources::Sources;
+use vlscan_base::diag::nearest;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{FileWriter, Patched, write_stdout};
+use vlscan_base::quantity::number;
+use vlscan_geom::degrees;
+use vlscan_survey::{
+    Deflector, Platform, PlatformKind, ReadOptions, Scanner, catalogue, find_scanner, width_of_pulse_length,
+};
 
 /// Properties of a scanner by which users compare scanners; the figures are those of its first device.
 #[derive(Serialize)]

@@ -1,14 +1,14 @@
 //! The scan pattern of an instrument at rest as a drawing (SVG): where its beams point, seen from the instrument.
 
 use crate::cli::svg::{COLOURS, begin};
-use crate::error::{Error, Result};
-use crate::geom::{DVec3, degrees};
-use crate::markup::escaped;
-use crate::rng::GOLDEN;
-use crate::scanner::{DevicePlan, DeviceState};
-use crate::survey::{Deflector, Kinematics, Scanner, ScannerSettings};
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::markup::escaped;
+use vlscan_base::rng::GOLDEN;
+use vlscan_geom::{DVec3, degrees};
+use vlscan_lidar::scanner::{DevicePlan, DeviceState};
+use vlscan_survey::{Deflector, Kinematics, Scanner, ScannerSettings};
 
 /// Beams that are drawn, at most.
 const DOTS: u64 = 24_000;
@@ -199,7 +199,7 @@ fn ticks([lo, hi]: [f64; 2], scale: f64) -> impl Iterator<Item = f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::survey::catalogue;
+    use vlscan_survey::catalogue;
 
     fn pattern(id: &str) -> Pattern {
         let (known, _) = catalogue().unwrap();

@@ -1,8 +1,8 @@
 //! Where the figures of an instrument come from.
 
-use crate::survey::{FigureSource, Scanner};
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
+use vlscan_survey::{FigureSource, Scanner};
 
 /// What is said of figures without a source.
 const UNVERIFIED: &str = "not compared with a data sheet";
@@ -58,7 +58,7 @@ impl Serialize for Sources<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::survey::catalogue;
+    use vlscan_survey::catalogue;
 
     #[test]
     fn sources_name_figures_that_exist() {

@@ -3,21 +3,21 @@
 
 use super::super::args::CommonPlanArgs;
 use super::super::{Console, interrupt};
-use crate::diag::{Diagnostics, Notice};
-use crate::error::{Error, Result};
-use crate::geom::DVec3;
 use crate::options::{InputOptions, Options, ProfileOptions};
 use crate::output::OutputRequest;
 use crate::pipeline::{Control, Forecast, Job, LoadedScene, Progress, Session, Settings};
-use crate::plan::{Area, Document, Promise, fly_sample};
-use crate::pulse::PhysicsProfile;
-use crate::quantity::number;
-use crate::survey::{
-    Loader, MaterialDefinition, Mesh, MotionTiming, PartRecipe, PlatformKind, SceneRecipe, Transform,
-};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
+use vlscan_base::diag::{Diagnostics, Notice};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::quantity::number;
+use vlscan_geom::DVec3;
+use vlscan_lidar::pulse::PhysicsProfile;
+use vlscan_survey::{
+    Loader, MaterialDefinition, Mesh, MotionTiming, PartRecipe, PlatformKind, SceneRecipe, Transform,
+};
+use vlscan_tools::plan::{Area, Document, Promise, fly_sample};
 
 /// Share of the pulses that meet flat ground within range and return, below which the plan of a flight is refused.
 const MIN_FLAT_SHARE: f64 = 0.95;

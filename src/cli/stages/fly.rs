@@ -4,19 +4,19 @@ use crate::cli::args::{EmitArgs, EmitFormat, PulsesArgs, SurveyArgs, TrajectoryA
 use crate::cli::run::Job;
 use crate::cli::watch::watched;
 use crate::cli::{Console, Verbosity, interrupt};
-use crate::error::{Error, Result};
-use crate::files::{FileWriter, Patched};
-use crate::geom::DVec3;
 use crate::pipeline::{Control, Emission, Emitted, Progress, Session, emit};
-use crate::quantity::{amount, duration};
 use crate::streams::{
     ColumnSet, POSE_HEADER, PulseColumn, PulseRow, TableColumn, TableWriter, default_columns, header,
     pose_columns, pulse_columns, push_pose, push_pose_row, push_pulse, push_pulse_row, with_errors,
     with_reported,
 };
-use crate::survey::Survey;
 use std::io::{IsTerminal, Write};
 use std::time::Instant;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{FileWriter, Patched};
+use vlscan_base::quantity::{amount, duration};
+use vlscan_geom::DVec3;
+use vlscan_survey::Survey;
 
 /// Default interval between poses, s.
 const INTERVAL: f64 = 0.05;

@@ -5,18 +5,18 @@ use crate::cli::args::{InstrumentArgs, TraceArgs};
 use crate::cli::companions::Companions;
 use crate::cli::run::{Job, show_report};
 use crate::cli::watch::watched;
-use crate::diag::Diagnostics;
-use crate::error::{Error, Result};
 use crate::options::{InputOptions, NotNegative, Options, holds_survey, read_survey};
 use crate::output::Target;
 use crate::pipeline::{LegRule, Progress, Session};
-use crate::pulse::PhysicsProfile;
 use crate::streams::PulseReader;
-use crate::survey::{
-    self, Mount, Platform, PlatformKind, PlatformNoise, ReadOptions, Scanner, SceneRecipe, Survey,
-};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::{Error, Result};
+use vlscan_lidar::pulse::PhysicsProfile;
+use vlscan_survey::{
+    Mount, Platform, PlatformKind, PlatformNoise, ReadOptions, Scanner, SceneRecipe, Survey,
+};
 
 pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
@@ -88,7 +88,7 @@ impl Setting {
             return Ok((Setting { survey, options, known: true }, warnings));
         }
         options.profile.profile.get_or_insert(PhysicsProfile::OF_PIPELINES);
-        let (scanner, mut warnings) = survey::find_scanner(&args.scanner, &reading)?;
+        let (scanner, mut warnings) = vlscan_survey::find_scanner(&args.scanner, &reading)?;
         let Some(name) = &scene else {
             return Err(Error::input(
                 "--scene is missing: what do the pulses meet? (only a survey as --scanner brings its own)",
@@ -134,7 +134,7 @@ fn scene_of(name: &str, reading: &ReadOptions) -> Result<(SceneRecipe, Diagnosti
         let (survey, _, warnings) = read_survey(Path::new(name), Options { input, ..Options::default() })?;
         return Ok((survey.scene, warnings));
     }
-    survey::read_scene(name, reading)
+    vlscan_survey::read_scene(name, reading)
 }
 
 /// Returns a survey of one leg without a position.

@@ -4,7 +4,7 @@ use super::packets::{FIELD_BYTES, Packet, WavePackets};
 use super::record::LasCodec;
 use crate::output::codec::{LegFacts, Piece};
 use crate::output::layout::Slots;
-use crate::pulse::{Batch, Echo, WaveformRecord};
+use vlscan_lidar::pulse::{Batch, Echo, WaveformRecord};
 
 /// Offset in bytes of the reference in a record: after the fields that format 9 shares with format 6.
 const FIELD_AT: usize = 30;

@@ -2,14 +2,14 @@
 
 use super::packets::WavePackets;
 use super::vlr::{self, Groups};
-use crate::diag::Diagnostics;
-use crate::geom::{Aabb, DVec3};
 use crate::output::context::OutputContext;
 use crate::output::objects::ObjectIds;
 use crate::output::request::{
     ExtraDimensions, IntensityMapping, LasVersion, OutputRequest, PacketPlace, PointFormat,
 };
 use crate::parts::Fingerprint;
+use vlscan_base::diag::Diagnostics;
+use vlscan_geom::{Aabb, DVec3};
 
 /// Highest class of point format 1.
 pub(super) const MAX_CLASS_1: i32 = 31;

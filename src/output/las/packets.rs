@@ -7,10 +7,10 @@
 //! that grow by a factor of sixteen.
 
 use super::vlr::{fixed_text, record};
-use crate::diag::Diagnostics;
 use crate::output::context::{OutputContext, OutputDevice};
 use crate::output::request::PacketPlace;
-use crate::pulse::{Echo, WaveformRecord};
+use vlscan_base::diag::Diagnostics;
+use vlscan_lidar::pulse::{Echo, WaveformRecord};
 
 /// Number of gains: 2^(−44), 2^(−40), … 2^12.
 const GAINS: usize = 15;
@@ -172,8 +172,8 @@ pub(in crate::output) fn packets_header(length: u64) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::DVec3;
     use crate::output::testing::{batch, scene, survey};
+    use vlscan_geom::DVec3;
 
     /// Returns the context of devices of these bin widths, ns.
     fn devices(bins: impl IntoIterator<Item = f64>) -> OutputContext {

@@ -1,13 +1,13 @@
 //! Point data records.
 
 use super::format::{LasFormat, MAX_CLASS_1};
-use crate::geom::{DVec3, degrees};
 use crate::output::codec::{LegFacts, PointCodec, incidence_degrees, seconds};
 use crate::output::ground::{Ground, height_above};
 use crate::output::objects::ObjectIds;
 use crate::output::request::{ExtraDimensions, IntensityMapping, LasVersion};
-use crate::pulse::{Echo, EchoTruth};
 use std::sync::Arc;
+use vlscan_geom::{DVec3, degrees};
+use vlscan_lidar::pulse::{Echo, EchoTruth};
 
 /// Encoder of echoes as point data records, without the fields of waveform packets.
 pub(in crate::output) struct LasCodec<'a> {

@@ -1,8 +1,8 @@
 //! Variable length records.
 
-use crate::crs::{EpsgKind, epsg};
-use crate::diag::Diagnostics;
 use crate::output::request::{ExtraDimensions, IntensityMapping, LasSettings, LasVersion};
+use vlscan_base::crs::{EpsgKind, epsg};
+use vlscan_base::diag::Diagnostics;
 
 /// Data types of extra bytes, as numbered by LAS.
 const U16: u8 = 3;

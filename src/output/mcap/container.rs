@@ -1,7 +1,7 @@
 //! Records of MCAP: one schema, one channel, a chunk for each message, and the index at the end.
 
-use crate::error::Result;
 use crate::output::stream::OutputStream;
+use vlscan_base::error::Result;
 
 const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
 

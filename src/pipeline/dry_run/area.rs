@@ -1,8 +1,8 @@
 //! The ground that a flight covers, as cells of a grid over the scene.
 
 use super::sample::Stratum;
-use crate::flight::FlightPlan;
-use crate::geom::{Aabb, DVec3, is_inside};
+use vlscan_geom::{Aabb, DVec3, is_inside};
+use vlscan_lidar::flight::FlightPlan;
 
 /// Cells along the longer side of the scene's box.
 const CELLS_PER_SIDE: f64 = 400.0;

@@ -18,15 +18,9 @@ mod timeline;
 use super::pass::Control;
 use super::plausibility;
 use super::session::{Epochs, Session};
-use crate::diag::Notice;
-use crate::error::{Error, Result};
-use crate::flight::{FlightOptions, FlightPlan};
-use crate::geom::DVec3;
-use crate::machine;
 use crate::output::{
     FileKind, FileSummary, NoOffload, OutputContext, OutputPlan, OutputRequest, Summary, Target,
 };
-use crate::survey::{PlatformKind, Survey};
 use sample::{Sample, Stratum};
 use serde::Serialize;
 use std::path::Path;
@@ -34,6 +28,12 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 use timeline::{LegTime, Timeline};
+use vlscan_base::diag::Notice;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::machine;
+use vlscan_geom::DVec3;
+use vlscan_lidar::flight::{FlightOptions, FlightPlan};
+use vlscan_survey::{PlatformKind, Survey};
 
 /// Positions of a leg in a sketch.
 const PLACES_PER_TRACK: u32 = 33;

@@ -6,15 +6,15 @@ use super::super::fly::run_stages;
 use super::super::pass::Pass;
 use super::super::worker::{FlightWorker, Pieces};
 use super::timeline::{MAX_STRATUM_PULSES, Timeline};
-use crate::error::{Error, Result};
-use crate::flight::{FlightPlan, Pulse};
-use crate::geom::DVec3;
-use crate::pulse::Echo;
-use crate::scene::MotionState;
-use crate::schedule::Tasks;
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
+use vlscan_base::error::{Error, Result};
+use vlscan_geom::DVec3;
+use vlscan_lidar::flight::{FlightPlan, Pulse};
+use vlscan_lidar::pulse::Echo;
+use vlscan_scene::MotionState;
+use vlscan_warehouse::Tasks;
 
 /// Time after which no further stratum is begun.
 const MAX_SAMPLING: Duration = Duration::from_millis(400);

@@ -1,8 +1,8 @@
 //! Footprint and distances of points on the surfaces that a leg has measured.
 
 use super::sample::Stratum;
-use crate::survey::{Deflector, PlatformKind, Survey, footprint};
 use std::f64::consts::TAU;
+use vlscan_survey::{Deflector, PlatformKind, Survey, footprint};
 
 /// Lengths at the mean range of first echoes, m.
 #[derive(Clone, Copy, Debug, Default)]

@@ -5,11 +5,11 @@
 //! states from jumps ([`FlightState::jump`]); of a stream both come from its poses.
 
 use super::super::chunk::wait_for_poses;
-use crate::error::{Error, Result};
-use crate::flight::{FlightPlan, FlightState, LegClock, Step};
-use crate::platform::{PollResult, Pose, PoseReader};
-use crate::schedule::Stop;
 use std::time::{Duration, Instant};
+use vlscan_base::error::{Error, Result};
+use vlscan_lidar::flight::{FlightPlan, FlightState, LegClock, Step};
+use vlscan_lidar::platform::{PollResult, Pose, PoseReader};
+use vlscan_warehouse::Stop;
 
 /// Pulses of a stratum that are measured at most.
 pub const MAX_STRATUM_PULSES: u64 = 2048;
@@ -228,11 +228,11 @@ pub fn follow(flight: &FlightPlan, poses: &mut PoseReader, max_gap: f64, stop: &
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flight::FlightOptions;
-    use crate::geom::DVec3;
-    use crate::input::InputStream;
-    use crate::survey::{PlatformKind, PoseStream, testkit};
     use std::io::Read;
+    use vlscan_base::input::InputStream;
+    use vlscan_geom::DVec3;
+    use vlscan_lidar::flight::FlightOptions;
+    use vlscan_survey::{PlatformKind, PoseStream, testkit};
 
     /// Lines of poses without end.
     struct Endless(u64);

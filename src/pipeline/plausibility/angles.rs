@@ -1,9 +1,9 @@
 //! Detection of angles read in the wrong unit.
 
 use super::Finding;
-use crate::geom::DVec3;
-use crate::survey::AngleConvention;
 use std::f64::consts::TAU;
+use vlscan_geom::DVec3;
+use vlscan_survey::AngleConvention;
 
 /// Distance flown after which headings are compared with the course, m.
 const MIN_DISTANCE: f64 = 20.0;

@@ -1,8 +1,8 @@
 //! Comparison of the box of a flight with the box of its scene, in world coordinates.
 
 use super::Finding;
-use crate::geom::{Aabb, DVec3, UtmZone};
-use crate::quantity::metres;
+use vlscan_base::quantity::metres;
+use vlscan_geom::{Aabb, DVec3, UtmZone};
 
 /// Upper bound of the range assumed of a scanner, whatever its settings, m.
 pub(super) const MAX_REACH: f64 = 20_000.0;

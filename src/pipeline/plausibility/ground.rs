@@ -2,10 +2,10 @@
 
 use super::Finding;
 use super::boxes::heights;
-use crate::geom::{Aabb, DVec3};
-use crate::quantity::metres;
-use crate::scene::Scene;
-use crate::tree::Tree;
+use vlscan_base::quantity::metres;
+use vlscan_geom::{Aabb, DVec3};
+use vlscan_scene::Scene;
+use vlscan_trace::Tree;
 
 /// Maximum fraction of positions over the scene that may be below the ground, as in a valley of a coarse terrain.
 const MAX_SHARE_BELOW: f64 = 0.1;

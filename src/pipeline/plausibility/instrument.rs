@@ -1,10 +1,10 @@
 //! Settings of the instrument that the chosen physics passes over or replaces.
 
 use super::survey_place;
-use crate::diag::Diagnostics;
-use crate::pulse::{Corrections, count_echoes_of_one_pulse};
-use crate::quantity::number;
-use crate::survey::{Device, Survey, WaveformPlace, warn_of_unused_keys};
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::quantity::number;
+use vlscan_lidar::pulse::{Corrections, count_echoes_of_one_pulse};
+use vlscan_survey::{Device, Survey, WaveformPlace, warn_of_unused_keys};
 
 /// Quotients of window and bin that are less than this below two count as two: rounding.
 const WINDOW_TOLERANCE: f64 = 1e-9;
@@ -95,7 +95,7 @@ fn check_reference(survey: &Survey, corrections: &Corrections, found: &mut Diagn
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::survey::testkit::{survey, tls_device};
+    use vlscan_survey::testkit::{survey, tls_device};
 
     fn report(corrections: Corrections, change: impl Fn(&mut Device)) -> String {
         let mut device = tls_device(4.0);

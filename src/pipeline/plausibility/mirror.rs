@@ -1,7 +1,7 @@
 //! Note on the pulses that a mirror does not fire.
 
-use crate::quantity::amount;
-use crate::survey::{Deflector, Survey};
+use vlscan_base::quantity::amount;
+use vlscan_survey::{Deflector, Survey};
 
 /// Share of a mirror's turn without pulses above which a note is given.
 const MIN_IDLE_SHARE: f64 = 0.25;

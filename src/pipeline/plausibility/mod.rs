@@ -25,18 +25,18 @@ mod poses;
 use super::aim::AimTarget;
 #[cfg(doc)]
 use super::settings::Settings;
-use crate::diag::{Diagnostics, Place};
-use crate::flight::FlightPlan;
-use crate::geom::{Aabb, DVec3};
-use crate::input::is_stdin;
-use crate::scene::Scene;
-use crate::survey::{AngleConvention, Interpolated, PlatformKind, PoseStream, RotationSpec, Survey};
-use crate::tree::Tree;
 use angles::AngleCheck;
 pub use instrument::{check_instrument, check_wavelengths};
 pub use mirror::describe_idle_mirror;
 pub use points::YieldCheck;
 pub use poses::PoseCheck;
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::input::is_stdin;
+use vlscan_geom::{Aabb, DVec3};
+use vlscan_lidar::flight::FlightPlan;
+use vlscan_scene::Scene;
+use vlscan_survey::{AngleConvention, Interpolated, PlatformKind, PoseStream, RotationSpec, Survey};
+use vlscan_trace::Tree;
 
 /// An implausible property of the input.
 #[derive(Clone, Debug, PartialEq, Eq)]

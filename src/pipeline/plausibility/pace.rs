@@ -1,8 +1,8 @@
 //! Check of a recorded flight's times: milliseconds read as seconds make it a thousand times slower.
 
 use super::Finding;
-use crate::geom::DVec3;
-use crate::quantity::{duration, metres};
+use vlscan_base::quantity::{duration, metres};
+use vlscan_geom::DVec3;
 
 /// Duration above which a flight is reported, s.
 const MAX_DURATION: f64 = 86_400.0;

@@ -1,16 +1,16 @@
 //! Check of the points per pulse: detects runs that hit nothing or almost nothing.
 
 use super::{Finding, boxes, flight_place, ground, target};
-use crate::diag::Notice;
-use crate::error::Result;
-use crate::geom::{Aabb, DVec3, Rotation};
 use crate::pipeline::aim::{Aim, AimLog, SampledBeam};
 use crate::pipeline::progress::Progress;
 use crate::pipeline::settings::Settings;
-use crate::quantity::{amount, metres};
-use crate::scene::Scene;
-use crate::tree::Tree;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use vlscan_base::diag::Notice;
+use vlscan_base::error::Result;
+use vlscan_base::quantity::{amount, metres};
+use vlscan_geom::{Aabb, DVec3, Rotation};
+use vlscan_scene::Scene;
+use vlscan_trace::Tree;
 
 /// Points per pulse below which a run is reported.
 const MIN_YIELD: f64 = 0.01;
@@ -221,9 +221,9 @@ fn range(farthest: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pulse::WeakPulses;
-    use crate::survey::{Mount, ReadOptions, read_survey};
-    use crate::tree::{BuildOptions, Builder, Geometry};
+    use vlscan_lidar::pulse::WeakPulses;
+    use vlscan_survey::{Mount, ReadOptions, read_survey};
+    use vlscan_trace::{BuildOptions, Builder, Geometry};
 
     /// Returns the help for a run of 10 000 pulses from `place`, of a scanner for 1 to 500 m, over a square of 20 m
     /// at height 0. `beams` counts, of a hundred, the beams that point at its box, hit it within the range, and point

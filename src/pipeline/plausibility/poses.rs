@@ -3,12 +3,12 @@
 use super::angles::AngleCheck;
 use super::pace::Pace;
 use super::{Finding, boxes, stream_place};
-use crate::diag::{Diagnostics, Place};
-use crate::geom::Aabb;
-use crate::platform::PoseEvent;
-use crate::survey::{AngleConvention, PoseStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_geom::Aabb;
+use vlscan_lidar::platform::PoseEvent;
+use vlscan_survey::{AngleConvention, PoseStream};
 
 /// Distance from the scene at which a flight towards it may begin, m.
 const MAX_APPROACH: f64 = 50_000.0;

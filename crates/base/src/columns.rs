@@ -1,0 +1,358 @@
+//! Columns of tables in text and in Arrow streams: separators of lines, quoted fields, and headings such as `time[s]` or
+//! `roll_deg`.
+
+use crate::crs::LengthUnit;
+use std::ops::Range;
+
+/// Separator of the columns of a line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Separator {
+    /// One character; blanks around it are ignored.
+    Char(char),
+    /// Any run of blanks and tabs.
+    Blanks,
+}
+
+impl Separator {
+    /// The separator for a character that a survey or a user chooses.
+    pub fn named(c: char) -> Separator {
+        if c == ' ' { Separator::Blanks } else { Separator::Char(c) }
+    }
+
+    /// The separator that `line` most likely uses: semicolon, comma, tab, or blanks.
+    pub fn guess(line: &str) -> Separator {
+        [';', ',', '\t']
+            .into_iter()
+            .find(|&c| line.trim().contains(c))
+            .map_or(Separator::Blanks, Separator::Char)
+    }
+
+    /// The columns of `line` as byte ranges without surrounding blanks.
+    pub fn split(self, line: &str) -> Vec<Range<usize>> {
+        let mut fields = Vec::with_capacity(8);
+        match self {
+            Separator::Char(c) => {
+                let mut start = 0;
+                for part in line.split(c) {
+                    fields.push(trimmed(line, start..start + part.len()));
+                    start += part.len() + c.len_utf8();
+                }
+                // A separator at the end of the line does not start a further column.
+                if fields.len() > 1 && fields.last().is_some_and(|f| f.is_empty()) {
+                    fields.pop();
+                }
+            }
+            Separator::Blanks => {
+                let mut start = None;
+                for (i, c) in line.char_indices() {
+                    match (c.is_whitespace(), start) {
+                        (false, None) => start = Some(i),
+                        (true, Some(s)) => {
+                            fields.push(s..i);
+                            start = None;
+                        }
+                        _ => {}
+                    }
+                }
+                if let Some(s) = start {
+                    fields.push(s..line.len());
+                }
+            }
+        }
+        fields
+    }
+
+    /// The `count` columns of a line of a table, of which the last may be empty: then the separator at the end of the line
+    /// stands before it. `Err` has the number of columns found.
+    pub fn split_row(self, line: &str, count: usize) -> Result<Vec<Range<usize>>, usize> {
+        let mut fields = self.split(line);
+        if let Separator::Char(c) = self
+            && fields.len() + 1 == count
+            && line.trim_end_matches(|end: char| end.is_whitespace() && end != c).ends_with(c)
+        {
+            fields.push(line.len()..line.len());
+        }
+        if fields.len() == count { Ok(fields) } else { Err(fields.len()) }
+    }
+
+    /// Name of the separator in messages.
+    pub fn name(self) -> String {
+        match self {
+            Separator::Blanks => "blanks".to_owned(),
+            Separator::Char('\t') => "tabs".to_owned(),
+            Separator::Char(c) => format!("`{c}`"),
+        }
+    }
+}
+
+/// A field of a comma-separated table, quoted where that is necessary (RFC 4180).
+pub fn quoted(text: &str) -> String {
+    if text.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
+    }
+}
+
+/// The fields of a line without their quotes (RFC 4180) and without the blanks around fields. Line breaks within fields are not
+/// supported.
+pub fn unquoted(line: &str, separator: Separator) -> Vec<String> {
+    let mut fields = Vec::with_capacity(8);
+    let (mut field, mut is_quoted, mut was_quoted) = (String::new(), false, false);
+    let end = |field: &mut String, was_quoted: &mut bool| {
+        let text = std::mem::take(field);
+        if std::mem::take(was_quoted) { text } else { text.trim().to_owned() }
+    };
+    let mut rest = line.chars().peekable();
+    while let Some(c) = rest.next() {
+        let separates = match separator {
+            Separator::Char(separator) => c == separator,
+            Separator::Blanks => c.is_whitespace(),
+        };
+        match (c, is_quoted) {
+            ('"', true) if rest.peek() == Some(&'"') => field.extend(rest.next()),
+            ('"', true) => is_quoted = false,
+            ('"', false) if !was_quoted && field.trim().is_empty() => {
+                field.clear();
+                (is_quoted, was_quoted) = (true, true);
+            }
+            (_, false) if separates => {
+                let is_empty = !was_quoted && field.is_empty();
+                if !(separator == Separator::Blanks && is_empty) {
+                    fields.push(end(&mut field, &mut was_quoted));
+                }
+            }
+            // Blanks after a quoted field.
+            (c, false) if was_quoted && c.is_whitespace() => {}
+            (c, _) => field.push(c),
+        }
+    }
+    if separator != Separator::Blanks || was_quoted || !field.is_empty() {
+        fields.push(end(&mut field, &mut was_quoted));
+    }
+    fields
+}
+
+/// The separator that spreadsheets state in a first line such as `sep=;`.
+pub fn stated_separator(line: &str) -> Option<char> {
+    let line = line.trim_start_matches('\u{feff}').trim_end_matches(['\r', '\n']);
+    let mut rest =
+        line.get(..4).filter(|word| word.eq_ignore_ascii_case("sep=")).map(|_| line[4..].chars())?;
+    let separator = rest.next()?;
+    rest.next().is_none().then_some(separator)
+}
+
+/// Whether a text is a number with a comma in place of the decimal point, such as `-1234,5` and `1,5e3`.
+pub fn has_decimal_comma(text: &str) -> bool {
+    let text = text.trim();
+    let is_digit = |digit: Option<u8>| digit.is_some_and(|digit| digit.is_ascii_digit());
+    text.split_once(',').is_some_and(|(whole, part)| {
+        is_digit(whole.bytes().last())
+            && is_digit(part.bytes().next())
+            && text.replacen(',', ".", 1).parse::<f64>().is_ok()
+    })
+}
+
+/// What a message about a text that should be a number adds if it has a decimal comma; an empty text for others.
+pub fn comma_note(text: &str) -> &'static str {
+    if has_decimal_comma(text) { ", which has a decimal comma; numbers need a decimal point" } else { "" }
+}
+
+fn trimmed(line: &str, at: Range<usize>) -> Range<usize> {
+    let text = &line[at.clone()];
+    let start = at.start + (text.len() - text.trim_start().len());
+    start..start + text.trim().len()
+}
+
+/// The quantity of a column.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dimension {
+    /// Seconds.
+    Time,
+    /// Metres.
+    Length,
+    /// Radians.
+    Angle,
+    /// A plain number.
+    Ratio,
+    /// An integer of at least 0.
+    Count,
+}
+
+impl Dimension {
+    /// Factor from `unit` to seconds, metres or radians; `None` for units of other dimensions.
+    pub fn factor(self, unit: &str) -> Option<f64> {
+        Some(match (self, unit) {
+            (Dimension::Time, "s" | "sec" | "seconds") => 1.0,
+            (Dimension::Time, "ms") => 1e-3,
+            (Dimension::Time, "us" | "µs") => 1e-6,
+            (Dimension::Time, "ns") => 1e-9,
+            (Dimension::Length, name) => LengthUnit::of_name(name)?.metres,
+            (Dimension::Angle, "deg" | "degrees" | "°") => std::f64::consts::PI / 180.0,
+            (Dimension::Angle, "mrad") => 1e-3,
+            (Dimension::Angle, "rad" | "radians") => 1.0,
+            (Dimension::Ratio | Dimension::Count, "1" | "-") => 1.0,
+            _ => return None,
+        })
+    }
+
+    /// The units that [`Dimension::factor`] knows, for messages.
+    pub fn units(self) -> &'static str {
+        match self {
+            Dimension::Time => "s, ms, us or ns",
+            Dimension::Length => LengthUnit::USUAL,
+            Dimension::Angle => "rad, mrad or deg",
+            Dimension::Ratio | Dimension::Count => "no unit",
+        }
+    }
+}
+
+/// A heading whose name is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Heading<T> {
+    /// The column that the name stands for.
+    pub column: T,
+    /// Factor to seconds, metres or radians; `None` if the heading has no unit.
+    pub factor: Option<f64>,
+}
+
+/// Reasons why a heading cannot be parsed.
+#[derive(Clone, Debug, PartialEq)]
+pub enum HeadingError {
+    /// The name is not among the known ones.
+    UnknownName(String),
+    /// The unit does not match the quantity of the column: the unit, and the expected ones.
+    WrongUnit(String, String),
+}
+
+/// Parses a heading: a name, quoted or not, with a unit in brackets (`Roll[deg]`, `heading (deg)`) or after an
+/// underscore (`time_ns`). `known` resolves names in lower case to columns and their dimensions.
+pub fn parse_heading<T>(
+    text: &str,
+    known: impl Fn(&str) -> Option<(T, Dimension)>,
+) -> Result<Heading<T>, HeadingError> {
+    let lower = text.trim().trim_matches(['"', '\'']).trim().to_lowercase();
+    let (name, bracketed) = match lower.find(['[', '(']) {
+        Some(i) => (lower[..i].trim_end(), Some(lower[i..].trim_matches(['[', ']', '(', ')', ' ']))),
+        None => (lower.as_str(), None),
+    };
+    let with_suffix = || name.rsplit_once('_').filter(|_| bracketed.is_none());
+    let found = known(name).map(|column| (column, bracketed.unwrap_or_default()));
+    let found = found.or_else(|| with_suffix().and_then(|(stem, unit)| Some((known(stem)?, unit))));
+    let Some(((column, dimension), unit)) = found else {
+        return Err(HeadingError::UnknownName(name.to_owned()));
+    };
+    if unit.is_empty() {
+        return Ok(Heading { column, factor: None });
+    }
+    let factor = dimension.factor(unit).ok_or_else(|| {
+        let found = format!("column `{}` is in `{unit}`", text.trim());
+        HeadingError::WrongUnit(found, format!("expected {}", dimension.units()))
+    })?;
+    Ok(Heading { column, factor: Some(factor) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn texts(separator: Separator, line: &str) -> Vec<&str> {
+        separator.split(line).into_iter().map(|r| &line[r]).collect()
+    }
+
+    #[test]
+    fn separators_are_guessed_and_split_without_blanks() {
+        assert_eq!(texts(Separator::guess("1, 2,3"), "1, 2,3"), ["1", "2", "3"]);
+        assert_eq!(texts(Separator::guess("1;2 ;3;"), "1;2 ;3;"), ["1", "2", "3"]);
+        assert_eq!(texts(Separator::guess("  1\t2\t"), "  1\t2\t"), ["1", "2"]);
+        assert_eq!(texts(Separator::guess(" 1  2\r"), " 1  2\r"), ["1", "2"]);
+        assert_eq!(texts(Separator::Char(','), "1,,3"), ["1", "", "3"]);
+    }
+
+    #[test]
+    fn the_last_column_of_a_row_may_be_empty() {
+        let row =
+            |line: &str, count| Separator::guess(line).split_row(line, count).map(|fields| fields.len());
+        assert_eq!(
+            [row("a,b,", 3), row("a,b,", 2), row("a,b", 2), row("a,,  ", 3)],
+            [Ok(3), Ok(2), Ok(2), Ok(3)]
+        );
+        assert_eq!(
+            [
+                Separator::Char('\t').split_row("a\t\t", 3).map(|fields| fields.len()),
+                row("a;b;c", 4),
+                row("a,b,c,d", 3)
+            ],
+            [Ok(3), Err(3), Err(4)]
+        );
+    }
+
+    #[test]
+    fn headings_state_name_and_unit() {
+        let known = |name: &str| match name {
+            "t" | "gps_time" => Some(('t', Dimension::Time)),
+            "roll" => Some(('r', Dimension::Angle)),
+            "x" => Some(('x', Dimension::Length)),
+            _ => None,
+        };
+        for (text, column, factor) in [
+            ("\"t\"", 't', None),
+            ("GPS_time", 't', None),
+            ("gps_time_ns", 't', Some(1e-9)),
+            ("Roll (deg)", 'r', Some(std::f64::consts::PI / 180.0)),
+            ("roll[rad]", 'r', Some(1.0)),
+            ("roll_mrad", 'r', Some(1e-3)),
+            (" X[]", 'x', None),
+        ] {
+            assert_eq!(parse_heading(text, known), Ok(Heading { column, factor }), "{text}");
+        }
+        let velocity = HeadingError::UnknownName("velocity_x".into());
+        assert_eq!(parse_heading("velocity_x", known), Err(velocity));
+        let gon = HeadingError::WrongUnit(
+            "column `roll[gon]` is in `gon`".into(),
+            "expected rad, mrad or deg".into(),
+        );
+        assert_eq!(parse_heading("roll[gon]", known), Err(gon));
+        assert!(matches!(parse_heading("x_deg", known), Err(HeadingError::WrongUnit(..))));
+    }
+
+    #[test]
+    fn spreadsheets_state_their_separator() {
+        let stated =
+            ["sep=;", "\u{feff}SEP=,\r", "sep=\t", "sep=", "sep=ab", "separator", "é"].map(stated_separator);
+        assert_eq!(stated, [Some(';'), Some(','), Some('\t'), None, None, None, None]);
+    }
+
+    #[test]
+    fn decimal_commas_are_recognised() {
+        for (text, is_one) in [
+            ("345600,0", true),
+            ("-1,5", true),
+            ("1,2,3", false),
+            ("1.5", false),
+            ("1,5e-3", true),
+            ("a,5", false),
+            ("5,", false),
+            (",5", false),
+        ] {
+            assert_eq!(has_decimal_comma(text), is_one, "{text}");
+        }
+    }
+
+    #[test]
+    fn quotes_keep_separators() {
+        let fields = |line: &str| unquoted(line, Separator::guess(line));
+        assert_eq!(fields(r#"a, "b, ""c""" ,d e,"#), ["a", r#"b, "c""#, "d e", ""]);
+        assert_eq!(fields(r#"5" oak;" x";;"#), [r#"5" oak"#, " x", "", ""]);
+        assert_eq!(fields(r#" 1  "Norway spruce" 3 "#), ["1", "Norway spruce", "3"]);
+        assert_eq!(fields(r#"a,"b"#), ["a", "b"]);
+        for text in ["oak", "a \"b\", c", "two\nlines", ""] {
+            let line = format!("{},1", quoted(text));
+            assert_eq!(unquoted(&line, Separator::Char(','))[0], text);
+        }
+        assert_eq!(
+            (quoted("a \"b\", c"), quoted("oak")),
+            ("\"a \"\"b\"\", c\"".to_owned(), "oak".to_owned())
+        );
+    }
+}

@@ -1,0 +1,44 @@
+//! Panics over damaged data: libraries that assert that a file is valid are called through [`catch_decoder_panic`].
+
+use std::cell::Cell;
+use std::panic::{self, AssertUnwindSafe};
+use std::sync::Once;
+
+thread_local! {
+    /// Whether a panic of this thread is caught by [`catch_decoder_panic`].
+    static IS_CAUGHT: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Calls `decode`, which may go through a library that panics on damaged data (`laz` does), and returns `None` when it
+/// panicked, without the message on stderr. State that the panic may have left inconsistent must not be used afterwards.
+pub fn catch_decoder_panic<T>(decode: impl FnOnce() -> T) -> Option<T> {
+    install_panic_hook();
+    IS_CAUGHT.set(true);
+    let decoded = panic::catch_unwind(AssertUnwindSafe(decode));
+    IS_CAUGHT.set(false);
+    decoded.ok()
+}
+
+/// Installs the panic hook that omits the messages of panics that are caught.
+fn install_panic_hook() {
+    static HOOK: Once = Once::new();
+    HOOK.call_once(|| {
+        let default_hook = panic::take_hook();
+        panic::set_hook(Box::new(move |info| {
+            if !IS_CAUGHT.get() {
+                default_hook(info);
+            }
+        }));
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_gives_none_and_a_result_is_passed_on() {
+        assert_eq!(catch_decoder_panic(|| 7), Some(7));
+        assert_eq!(catch_decoder_panic(|| (0..3).collect::<Vec<_>>()[std::hint::black_box(3)]), None);
+    }
+}

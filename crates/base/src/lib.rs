@@ -1,0 +1,30 @@
+//! What every stage of vlscan uses: errors with the place of each problem, files, bounded input, random numbers.
+//!
+//! | module | what it does |
+//! |---|---|
+//! | `error`, `diag` | errors; diagnostics with file, line and caret |
+//! | `rng` | counter-based random numbers |
+//! | `quantity`, `markup` | bounds of numbers, counts and sizes as text; text in XML and HTML |
+//! | `crs` | coordinate reference systems: WKT by EPSG code, codes in WKT, areas of use; units of length |
+//! | `columns` | headings and separators of columns |
+//! | `files` | files named when complete, files that are read |
+//! | `damage`, `machine` | panics of decoders caught; threads and memory of the machine |
+//! | `input` | byte streams and Arrow tables read while they arrive |
+//! | `store` | files of arrays with checksums, the bytes of files |
+
+#![deny(unsafe_code)]
+
+pub mod columns;
+pub mod crs;
+pub mod damage;
+pub mod diag;
+pub mod error;
+pub mod files;
+pub mod input;
+pub mod machine;
+pub mod markup;
+pub mod quantity;
+pub mod rng;
+pub mod store;
+
+pub use error::{Error, Result};

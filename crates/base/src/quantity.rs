@@ -1,0 +1,264 @@
+//! Quantities: bounds of numbers that are read, and counts with unit prefixes, durations and lengths as text.
+//!
+//! Numbers within the bounds neither overflow nor lose all digits in what is computed from them, so that points are
+//! numbers.
+
+/// Bounds of a number that is read, both included.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Smallest valid number.
+    pub low: f64,
+    /// Largest valid number.
+    pub high: f64,
+    /// The expected number, in words.
+    pub expected: &'static str,
+    /// What instruments and flights have. Numbers beyond it are read with a warning.
+    pub usual: Option<Usual>,
+}
+
+/// The range of a quantity in practice, by its amount; 0 is usual, too.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Usual {
+    /// Smallest usual absolute value, in `unit`.
+    pub low: f64,
+    /// Largest usual absolute value, in `unit`.
+    pub high: f64,
+    /// Unit of the quantity, for messages; `as …` for dimensionless quantities.
+    pub unit: &'static str,
+    /// A unit that is often written instead, and its factor to `unit`.
+    pub mistaken: Option<(&'static str, f64)>,
+}
+
+impl Bounds {
+    /// Creates bounds from `low` to `high`, both included, without a usual range.
+    pub const fn new(low: f64, high: f64, expected: &'static str) -> Bounds {
+        Bounds { low, high, expected, usual: None }
+    }
+
+    const fn usually(self, low: f64, high: f64, unit: &'static str) -> Bounds {
+        Bounds { usual: Some(Usual { low, high, unit, mistaken: None }), ..self }
+    }
+
+    const fn mistaken_for(self, unit: &'static str, factor: f64) -> Bounds {
+        match self.usual {
+            Some(usual) => Bounds { usual: Some(Usual { mistaken: Some((unit, factor)), ..usual }), ..self },
+            None => self,
+        }
+    }
+
+    /// Whether `value` is within the bounds; NaN is not.
+    #[inline]
+    pub fn contains(&self, value: f64) -> bool {
+        self.low <= value && value <= self.high
+    }
+
+    /// Describes a number beyond what is usual, with a hint at the unit that it may be in.
+    pub fn doubt(&self, value: f64) -> Option<(String, String)> {
+        let Usual { low, high, unit, mistaken } = self.usual?;
+        if value == 0.0 || !self.contains(value) || (low..=high).contains(&value.abs()) {
+            return None;
+        }
+        let message =
+            format!("is {} {unit}; usual are {} to {} {unit}", number(value), number(low), number(high));
+        let converted = mistaken.map(|(other, factor)| (other, value * factor));
+        let hint = match converted.filter(|(_, v)| (low..=high).contains(&v.abs())) {
+            Some((other, v)) => format!("{} {other} are {} {unit}", number(value), number(v)),
+            None => format!("it is read in {unit}"),
+        };
+        Some((message, hint))
+    }
+}
+
+/// Any finite number.
+pub const ANY: Bounds = Bounds::new(f64::MIN, f64::MAX, "a number");
+/// Any number whose products and sums do not overflow, of either sign.
+pub const NUMBER: Bounds = Bounds::new(-1e12, 1e12, "a finite number from -1e12 to 1e12");
+/// A number above 0, far from underflow and overflow.
+pub const POSITIVE: Bounds = Bounds::new(1e-15, 1e15, "a number above 0, from 1e-15 to 1e15");
+/// 0, or a positive number far from overflow.
+pub const NOT_NEGATIVE: Bounds = Bounds::new(0.0, 1e15, "a number of at least 0, at most 1e15");
+/// Time of a channel's pulse within its cycle, µs.
+pub const FIRING_OFFSET_US: Bounds = Bounds::new(0.0, 1e6, "a number from 0 to 1e6 µs");
+/// Full beam divergence, rad.
+pub const DIVERGENCE: Bounds = Bounds::new(1e-9, 1.5, "a number above 0, from 1e-9 to 1.5 rad")
+    .usually(1e-6, 0.1, "rad")
+    .mistaken_for("mrad", 1e-3);
+/// Full beam divergence of a pulse in a stream, rad.
+pub const STREAMED_DIVERGENCE: Bounds = Bounds::new(0.0, 1.5, "a number of at least 0, at most 1.5 rad");
+/// Maximum range of a scanner, m; any large number means none.
+pub const MAX_RANGE: Bounds = Bounds::new(1e-15, f64::MAX, "a number above 0");
+/// Atmospheric visibility, km; any large number means air without extinction.
+pub const VISIBILITY: Bounds = Bounds::new(1e-15, f64::MAX, "a number above 0");
+/// A fraction above 0, for instance a reflectance.
+pub const FRACTION: Bounds = Bounds::new(1e-15, 1.0, "a fraction above 0, at most 1");
+/// Coordinates and differences of them, m: also of places on Earth that were written in millimetres.
+pub const COORDINATE: Bounds = Bounds::new(-1e10, 1e10, "metres from -1e10 to 1e10");
+/// Times in any scale, s and ns.
+pub const TIME: Bounds = Bounds::new(-1e11, 1e11, "seconds from -1e11 to 1e11");
+/// Times in any scale, ns; messages state the bounds in seconds.
+pub const TIME_NS: Bounds = Bounds::new(-1e20, 1e20, "seconds from -1e11 to 1e11");
+/// Maximum duration of a leg or a trajectory, s: 31 days.
+pub const MAX_DURATION: f64 = 31.0 * 86_400.0;
+
+/// Mechanical and usable half angles of a mirror, degrees.
+pub const HALF_ANGLE: Bounds = NUMBER.usually(0.01, 360.0, "degrees");
+/// Angles about an axis: of a head, of a mount, of a deflection, degrees.
+pub const ANGLE: Bounds = NUMBER.usually(1e-6, 1e5, "degrees");
+/// Turning rates of a head, degrees per second.
+pub const HEAD_RATE: Bounds = NUMBER.usually(1e-4, 1e5, "°/s");
+/// Lines or periods of a mirror per second.
+pub const SCAN_FREQ: Bounds =
+    NOT_NEGATIVE.usually(1e-3, 20_000.0, "Hz").mistaken_for("per minute", 1.0 / 60.0);
+/// Turns of a prism per second.
+pub const ROTOR_FREQ: Bounds = NUMBER.usually(1e-3, 1000.0, "Hz").mistaken_for("per minute", 1.0 / 60.0);
+/// Angle of a wedge prism, degrees.
+pub const WEDGE: Bounds = NUMBER.usually(0.01, 60.0, "degrees");
+/// Refractive index of a prism or of air.
+pub const REFRACTIVE_INDEX: Bounds = POSITIVE.usually(1.0, 5.0, "as a refractive index");
+/// Length of a pulse, ns.
+pub const PULSE_LENGTH_NS: Bounds = POSITIVE.usually(0.01, 1000.0, "ns").mistaken_for("s", 1e9);
+/// Energy of a pulse, µJ.
+pub const PULSE_ENERGY_UJ: Bounds = POSITIVE.usually(1e-6, 1e6, "µJ").mistaken_for("J", 1e6);
+/// Average optical power of a laser, W.
+pub const AVERAGE_POWER_W: Bounds = POSITIVE.usually(1e-6, 500.0, "W").mistaken_for("mW", 1e-3);
+/// Optical efficiency of a receiver.
+pub const EFFICIENCY: Bounds = POSITIVE.usually(1e-4, 1.0, "as a fraction").mistaken_for("per cent", 0.01);
+/// Beam quality factor M², 1 for an ideal Gaussian beam.
+pub const BEAM_QUALITY: Bounds = POSITIVE.usually(1.0, 1000.0, "as M²");
+/// Diameters of apertures and receivers, m.
+pub const APERTURE: Bounds = NOT_NEGATIVE.usually(1e-4, 2.0, "m").mistaken_for("mm", 1e-3);
+/// Diameter of a receiver's aperture, m; must be above 0.
+pub const RECEIVER_DIAMETER: Bounds = POSITIVE.usually(1e-4, 2.0, "m").mistaken_for("mm", 1e-3);
+/// Standard deviation of a measured range, m.
+pub const ACCURACY: Bounds = NOT_NEGATIVE.usually(1e-6, 1.0, "m").mistaken_for("mm", 1e-3);
+/// Nearest range of a scanner, m.
+pub const MIN_RANGE: Bounds = NOT_NEGATIVE.usually(1e-4, 2000.0, "m").mistaken_for("mm", 1e-3);
+/// Speed of a platform, m/s; negative ones turn it round.
+pub const SPEED: Bounds = NUMBER.usually(1e-3, 340.0, "m/s").mistaken_for("km/h", 1.0 / 3.6);
+/// Width of a bin of a waveform and of the window around a peak, ns.
+pub const BIN_NS: Bounds = POSITIVE.usually(1e-3, 1000.0, "ns").mistaken_for("ps", 1e-3);
+/// Interval of the samples of a trajectory, s.
+pub const SAMPLE_INTERVAL: Bounds = NOT_NEGATIVE.usually(1e-6, 3600.0, "s").mistaken_for("ms", 1e-3);
+/// Warm-up of the optics, s.
+pub const WARMUP: Bounds = NOT_NEGATIVE.usually(1e-6, 3600.0, "s").mistaken_for("ms", 1e-3);
+/// Factor on the size of a part.
+pub const SCALE: Bounds = POSITIVE.usually(1e-6, 1e6, "as a factor");
+/// Distance of the scanner to what measured a trajectory, m, along an axis.
+pub const LEVER_ARM: Bounds = NUMBER.usually(1e-4, 20.0, "m").mistaken_for("mm", 1e-3);
+/// Misalignment of a scanner to what measured a trajectory, degrees.
+pub const BORESIGHT: Bounds = NUMBER.usually(1e-6, 180.0, "degrees");
+/// Difference of two heights above different surfaces, m: geoids are within 110 m of the ellipsoid.
+pub const HEIGHT_OFFSET: Bounds = NUMBER.usually(1e-4, 10_000.0, "m").mistaken_for("mm", 1e-3);
+/// Classes of points: LAS has a byte for them.
+pub const CLASSES: std::ops::RangeInclusive<i32> = 0..=255;
+/// Wavelengths of laser scanners, nm.
+pub const USUAL_WAVELENGTHS: std::ops::RangeInclusive<u32> = 200..=20_000;
+
+/// Formats a number for a message: six digits, or as many as three decimals need, without zeros at its end. Digits that
+/// arithmetic has left over do not appear.
+pub fn number(value: f64) -> String {
+    let size = value.abs();
+    if value == 0.0 || !value.is_finite() {
+        return format!("{}", value + 0.0);
+    }
+    if !(1e-5..1e15).contains(&size) {
+        let text = format!("{value:.5e}");
+        let (digits, exponent) = text.split_once('e').unwrap_or((&text, "0"));
+        return format!("{}e{exponent}", without_zeros(digits));
+    }
+    let before_point = size.log10().floor() as i32 + 1;
+    let decimals = (6 - before_point).clamp(3, 11) as usize;
+    without_zeros(&format!("{value:.decimals$}")).to_owned()
+}
+
+fn without_zeros(digits: &str) -> &str {
+    if digits.contains('.') { digits.trim_end_matches('0').trim_end_matches('.') } else { digits }
+}
+
+/// Formats a number with a unit prefix and three digits: 1.23 M.
+pub fn amount(n: f64) -> String {
+    for (limit, unit) in [(1e9, " G"), (1e6, " M"), (1e3, " k")] {
+        if n >= limit {
+            return format!("{:.2}{unit}", n / limit);
+        }
+    }
+    format!("{n:.0}")
+}
+
+/// Formats a duration as h:mm:ss, or as seconds below a minute, with two decimals below ten.
+pub fn duration(seconds: f64) -> String {
+    if !seconds.is_finite() || seconds > 1e7 {
+        return "?".to_owned();
+    }
+    if seconds < 0.1 {
+        return format!("{:.1} ms", seconds * 1e3);
+    }
+    if seconds < 9.995 {
+        return format!("{seconds:.2} s");
+    }
+    let s = seconds.round() as u64;
+    if s < 60 { format!("{s} s") } else { format!("{}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60) }
+}
+
+/// Formats a length (m) in m or km with up to three digits.
+pub fn metres(length: f64) -> String {
+    match length.abs() {
+        m if m >= 10_000.0 => format!("{:.0} km", length / 1000.0),
+        m if m >= 1000.0 => format!("{:.1} km", length / 1000.0),
+        m if m >= 10.0 => format!("{length:.0} m"),
+        _ => format!("{length:.1} m"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_in_messages_have_no_left_over_digits() {
+        for (value, text) in [
+            (329.540_219_808_979_7, "329.54"),
+            (6.100_000_000_034_925, "6.1"),
+            (125.000_000_000_000_01, "125"),
+            (345_600.123_456, "345600.123"),
+            (-0.000_123_456_789, "-0.000123457"),
+            (0.0, "0"),
+            (-0.0, "0"),
+            (1e-9, "1e-9"),
+            (2.5e20, "2.5e20"),
+            (100.0, "100"),
+            (999_999.999_9, "1000000"),
+            (f64::NAN, "NaN"),
+            (f64::INFINITY, "inf"),
+        ] {
+            assert_eq!(number(value), text);
+        }
+    }
+
+    #[test]
+    fn unusual_numbers_are_doubted_with_the_unit_that_they_may_be_in() {
+        let (message, hint) = ROTOR_FREQ.doubt(-7294.0).unwrap();
+        assert_eq!(message, "is -7294 Hz; usual are 0.001 to 1000 Hz");
+        assert_eq!(hint, "-7294 per minute are -121.567 Hz");
+        assert_eq!(DIVERGENCE.doubt(0.3).unwrap().1, "0.3 mrad are 0.0003 rad");
+        assert_eq!(PULSE_LENGTH_NS.doubt(4e-9).unwrap().1, "4e-9 s are 4 ns");
+        assert_eq!(AVERAGE_POWER_W.doubt(1e12).unwrap().1, "it is read in W");
+        for usual in
+            [DIVERGENCE.doubt(0.0003), ROTOR_FREQ.doubt(0.0), NUMBER.doubt(1e11), DIVERGENCE.doubt(9.0)]
+        {
+            assert_eq!(usual, None);
+        }
+    }
+
+    #[test]
+    fn quantities_are_short() {
+        assert_eq!(amount(950.0), "950");
+        assert_eq!(amount(1_234_567.0), "1.23 M");
+        assert_eq!(
+            [0.002_34, 0.1234, 9.994, 9.996, 42.4].map(duration),
+            ["2.3 ms", "0.12 s", "9.99 s", "10 s", "42 s"]
+        );
+        assert_eq!(duration(3725.0), "1:02:05");
+        assert_eq!([9.94, 123.4, 1234.0, 12_345.0].map(metres), ["9.9 m", "123 m", "1.2 km", "12 km"]);
+    }
+}

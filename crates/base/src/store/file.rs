@@ -1,0 +1,398 @@
+//! File format of named arrays.
+//!
+//! ```text
+//! 0    magic "VLSCENE\n" │ version u32 │ byte order u32 │ table: offset, length, checksum │ file length │ checksum │ 0 u64
+//! 64   arrays, one after the other
+//!      table: for each array its name, offset, length, bytes of an element, checksums of its blocks
+//! ```
+//!
+//! An array is divided into blocks of 256 KiB, each with a checksum. Opening a file checks header and table; reading an
+//! array reads its blocks into memory, by all threads in parallel, and compares each with its checksum before the array
+//! is returned. So the numbers that a program computes with are those that were compared, whatever happens to the file
+//! afterwards.
+
+use super::bytes::{ByteReader, ByteWriter, UnexpectedEnd};
+use crate::error::{Error, Result};
+use crate::files::{FileWriter, Patched, fault, read_exact_at, reads};
+use bytemuck::{AnyBitPattern, NoUninit};
+use rayon::prelude::*;
+use std::fs::File;
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use xxhash_rust::xxh3::xxh3_64;
+
+const MAGIC: &[u8; 8] = b"VLSCENE\n";
+
+/// Version of the contents; incremented whenever the meaning of any content changes, such as the elements of an array.
+const VERSION: u32 = 6;
+
+/// Written in native byte order; a machine of the opposite order reads a different number.
+const BYTE_ORDER: u32 = 0x0102_0304;
+
+const HEADER_BYTES: usize = 64;
+
+/// Number of bytes of an array that a checksum protects; the last block of an array can be shorter.
+const BLOCK_BYTES: usize = 1 << 18;
+
+/// Writes a file of arrays.
+pub struct ArrayFileWriter {
+    out: BufWriter<FileWriter>,
+    at: u64,
+    table: Vec<Entry>,
+}
+
+/// Table entry of an array.
+struct Entry {
+    name: String,
+    bytes: Range<u64>,
+    element: u64,
+    /// Checksums of the blocks.
+    sums: Vec<u64>,
+}
+
+impl Entry {
+    /// Number of the entry's bytes.
+    fn length(&self) -> u64 {
+        self.bytes.end - self.bytes.start
+    }
+}
+
+impl ArrayFileWriter {
+    /// Begins a file, which gets its name at the end and replaces an existing one then.
+    pub fn create(path: &Path) -> Result<ArrayFileWriter> {
+        let file = FileWriter::create(path, true, Patched::Always)?;
+        let out = BufWriter::with_capacity(1 << 20, file);
+        let mut writer = ArrayFileWriter { out, at: 0, table: Vec::new() };
+        writer.put(&[0; HEADER_BYTES])?;
+        Ok(writer)
+    }
+
+    /// Appends an array under a name, with a checksum for each block of its bytes.
+    pub fn array<T: NoUninit>(&mut self, name: impl Into<String>, values: &[T]) -> Result<()> {
+        let bytes: &[u8] = bytemuck::cast_slice(values);
+        let sums = bytes.par_chunks(BLOCK_BYTES).map(xxh3_64).collect();
+        let start = self.at;
+        self.put(bytes)?;
+        let element = size_of::<T>() as u64;
+        self.table.push(Entry { name: name.into(), bytes: start..self.at, element, sums });
+        Ok(())
+    }
+
+    /// Completes the file and returns its length, bytes.
+    pub fn finish(mut self) -> Result<u64> {
+        let mut table = ByteWriter::default();
+        table.list(&self.table, |w, e| {
+            w.text(&e.name);
+            [e.bytes.start, e.length(), e.element].into_iter().for_each(|n| w.u64(n));
+            w.list(&e.sums, |w, sum| w.u64(*sum));
+        });
+        let start = self.at;
+        self.put(table.bytes())?;
+        let mut header = MAGIC.to_vec();
+        header.extend(VERSION.to_ne_bytes());
+        header.extend(BYTE_ORDER.to_ne_bytes());
+        for number in [start, table.bytes().len() as u64, xxh3_64(table.bytes()), self.at] {
+            header.extend(number.to_ne_bytes());
+        }
+        header.extend(xxh3_64(&header).to_ne_bytes());
+        let ArrayFileWriter { mut out, at, .. } = self;
+        let write = |out: &mut BufWriter<FileWriter>| {
+            out.seek(SeekFrom::Start(0))?;
+            out.write_all(&header)?;
+            out.flush()
+        };
+        write(&mut out).map_err(|e| out.get_ref().failed("write", e))?;
+        let (file, _) = out.into_parts();
+        file.finish().map(|_| at)
+    }
+
+    fn put(&mut self, bytes: &[u8]) -> Result<()> {
+        self.out.write_all(bytes).map_err(|e| self.out.get_ref().failed("write", e))?;
+        self.at += bytes.len() as u64;
+        Ok(())
+    }
+}
+
+/// An open file of arrays, whose header and table are valid.
+#[derive(Debug)]
+pub struct ArrayFile {
+    path: PathBuf,
+    file: File,
+    length: u64,
+    table: Vec<Entry>,
+    /// Checksum of the table, which has those of all blocks.
+    table_sum: u64,
+}
+
+impl std::fmt::Debug for Entry {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        write!(f, "{} at {:?}", self.name, self.bytes)
+    }
+}
+
+impl ArrayFile {
+    /// Opens a file and checks its header and its table.
+    ///
+    /// # Errors
+    /// [`Error::Input`] with the reason why the file cannot be used; [`Error::Io`] when it cannot be read.
+    pub fn open(path: &Path) -> Result<ArrayFile> {
+        let failed = |e| Error::io("read", path, e);
+        if !std::fs::metadata(path).map_err(failed)?.is_file() {
+            return Err(refuse(path, "it is a pipe, a folder or a device, expected a regular file"));
+        }
+        let file = fault::point().and_then(|()| reads::open(path)).map_err(failed)?;
+        let length = file.metadata().map_err(failed)?.len();
+        if length < HEADER_BYTES as u64 {
+            return Err(refuse(path, "it is too short to be a packed scene"));
+        }
+        let mut header = [0; HEADER_BYTES];
+        read_exact_at(&file, &mut header, 0).map_err(failed)?;
+        let place = read_header(&header, length).map_err(|reason| refuse(path, &reason))?;
+        let mut bytes = vec![0; (place.end - place.start) as usize];
+        read_exact_at(&file, &mut bytes, place.start).map_err(failed)?;
+        let table_sum = xxh3_64(&bytes);
+        let table = (table_sum == u64_at(&header, 32)).then(|| read_table(&bytes, place.start)).flatten();
+        let table = table.ok_or_else(|| refuse(path, &damaged("its table")))?;
+        Ok(ArrayFile { path: path.to_path_buf(), file, length, table, table_sum })
+    }
+
+    /// Length of the file, bytes.
+    pub fn length(&self) -> u64 {
+        self.length
+    }
+
+    /// Bytes of all arrays whose names are `wanted`.
+    pub fn bytes_of(&self, wanted: impl Fn(&str) -> bool) -> u64 {
+        self.table.iter().filter(|entry| wanted(&entry.name)).map(Entry::length).sum()
+    }
+
+    /// Bytes of an element of an array; `None` without an array of this name.
+    pub fn element(&self, name: &str) -> Option<u64> {
+        self.table.iter().find(|entry| entry.name == name).map(|entry| entry.element)
+    }
+
+    /// Reads an array and compares its checksums.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for an array that is missing, damaged, of other elements or larger than the memory;
+    /// [`Error::Io`] when it cannot be read.
+    pub fn array<T: AnyBitPattern + NoUninit>(&self, name: &str) -> Result<Vec<T>> {
+        let entry = self.table.iter().find(|entry| entry.name == name);
+        let entry = entry.ok_or_else(|| self.refuse(&format!("it lacks the array {name}")))?;
+        let (length, element) = (entry.length() as usize, size_of::<T>());
+        if entry.element != element as u64 || !length.is_multiple_of(element) {
+            return Err(self.refuse(&format!("the array {name} has another layout")));
+        }
+        let values = bytemuck::allocation::try_zeroed_vec::<T>(length / element);
+        let mut values = values.map_err(|()| self.refuse("it does not fit into the memory"))?;
+        let blocks = bytemuck::cast_slice_mut::<T, u8>(&mut values).par_chunks_mut(BLOCK_BYTES);
+        let blocks = blocks.zip(&entry.sums).enumerate();
+        blocks.try_for_each(|(i, (block, sum))| self.read_block(entry, i, block, *sum))?;
+        Ok(values)
+    }
+
+    /// Checksum of the contents, from the checksums within the file.
+    pub fn fingerprint(&self) -> u64 {
+        self.table_sum
+    }
+
+    /// Reads all arrays and compares all checksums.
+    ///
+    /// # Errors
+    /// [`Error::Input`] with the name of a damaged array; [`Error::Io`] when the file cannot be read.
+    pub fn verify(&self) -> Result<()> {
+        let check = |entry: &Entry| {
+            (0..entry.sums.len()).into_par_iter().try_for_each_init(
+                || vec![0; BLOCK_BYTES],
+                |buffer, i| {
+                    let length = (entry.length() - (i * BLOCK_BYTES) as u64).min(BLOCK_BYTES as u64);
+                    self.read_block(entry, i, &mut buffer[..length as usize], entry.sums[i])
+                },
+            )
+        };
+        self.table.iter().try_for_each(check)
+    }
+
+    /// Reads block `i` of an array and compares its checksum.
+    fn read_block(&self, entry: &Entry, i: usize, block: &mut [u8], sum: u64) -> Result<()> {
+        let at = entry.bytes.start + (i * BLOCK_BYTES) as u64;
+        read_exact_at(&self.file, block, at).map_err(|e| match e.kind() {
+            io::ErrorKind::UnexpectedEof => {
+                let message = "its end is missing; it was truncated while it was read";
+                Error::io("read", &self.path, io::Error::new(io::ErrorKind::UnexpectedEof, message))
+            }
+            _ => Error::io("read", &self.path, e),
+        })?;
+        if xxh3_64(block) == sum {
+            return Ok(());
+        }
+        let end = at + block.len() as u64;
+        Err(self.refuse(&damaged(&format!("its bytes {at} to {end}, of the array {},", entry.name))))
+    }
+
+    /// The error for a file that cannot be used.
+    pub fn refuse(&self, reason: &str) -> Error {
+        refuse(&self.path, reason)
+    }
+}
+
+fn refuse(path: &Path, reason: &str) -> Error {
+    Error::input(format!("cannot use the packed scene {}: {reason}", path.display()))
+}
+
+/// The reason to refuse a file of which `what` is damaged.
+fn damaged(what: &str) -> String {
+    format!("it is damaged: {what} do not match their checksum; pack the scene again")
+}
+
+fn u64_at(header: &[u8; HEADER_BYTES], at: usize) -> u64 {
+    header[at..at + 8].try_into().map_or(0, u64::from_ne_bytes)
+}
+
+/// Checks a header and returns the bytes of the table.
+fn read_header(header: &[u8; HEADER_BYTES], length: u64) -> std::result::Result<Range<u64>, String> {
+    let u32_at = |at: usize| header[at..at + 4].try_into().map_or(0, u32::from_ne_bytes);
+    if !header.starts_with(MAGIC) {
+        return Err("it is a file of another kind".to_owned());
+    }
+    match u32_at(12) {
+        BYTE_ORDER => {}
+        n if n == BYTE_ORDER.swap_bytes() => {
+            return Err("it was made on a machine of the other byte order; pack the scene again".to_owned());
+        }
+        _ => return Err(damaged("the bytes of its header")),
+    }
+    if u64_at(header, 48) != xxh3_64(&header[..48]) || u64_at(header, 56) != 0 {
+        return Err(damaged("the bytes of its header"));
+    }
+    if u32_at(8) != VERSION {
+        let found = u32_at(8);
+        return Err(format!("it has version {found}, this program reads {VERSION}; pack the scene again"));
+    }
+    let (start, table, stated) = (u64_at(header, 16), u64_at(header, 24), u64_at(header, 40));
+    if stated != length {
+        return Err(format!("it has {length} bytes instead of {stated}; is it cut short?"));
+    }
+    let end = start.checked_add(table).filter(|end| *end <= length);
+    end.map(|end| start..end).ok_or_else(|| damaged("the bytes of its header"))
+}
+
+/// Reads a table of arrays that end before `limit`; `None` for one that is not valid.
+fn read_table(bytes: &[u8], limit: u64) -> Option<Vec<Entry>> {
+    let entry = |r: &mut ByteReader| {
+        let (name, start, length, element) = (r.text()?, r.u64()?, r.u64()?, r.u64()?);
+        let sums = r.list(ByteReader::u64)?;
+        let end = start.checked_add(length).filter(|end| *end <= limit).ok_or(UnexpectedEnd)?;
+        if length.div_ceil(BLOCK_BYTES as u64) != sums.len() as u64 {
+            return Err(UnexpectedEnd);
+        }
+        Ok(Entry { name, bytes: start..end, element, sums })
+    };
+    ByteReader(bytes).list(entry).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn write(path: &Path) {
+        let mut w = ArrayFileWriter::create(path).unwrap();
+        w.array("letters", b"abc").unwrap();
+        w.array("numbers", &[1.5f64, -2.5]).unwrap();
+        w.array::<u32>("none", &[]).unwrap();
+        w.finish().unwrap();
+    }
+
+    /// Opens a file and reads everything in it.
+    fn read_all(path: &Path) -> Result<(Vec<u8>, Vec<f64>, Vec<u32>)> {
+        let file = ArrayFile::open(path)?;
+        Ok((file.array("letters")?, file.array("numbers")?, file.array("none")?))
+    }
+
+    #[test]
+    fn arrays_come_back_and_foreign_files_do_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.vlscene");
+        write(&path);
+        let expected = (b"abc".to_vec(), vec![1.5, -2.5], vec![]);
+        assert_eq!(read_all(&path).unwrap(), expected);
+        let archive = ArrayFile::open(&path).unwrap();
+        assert!(archive.array::<f32>("numbers").unwrap_err().to_string().contains("layout"));
+        assert!(archive.array::<f32>("others").unwrap_err().to_string().contains("lacks"));
+        assert_eq!((archive.element("numbers"), archive.element("others")), (Some(8), None));
+        assert_eq!(archive.bytes_of(|name| name != "letters"), 16);
+        archive.verify().unwrap();
+
+        let whole = std::fs::read(&path).unwrap();
+        let with = |change: &dyn Fn(&mut Vec<u8>)| {
+            let mut bytes = whole.clone();
+            change(&mut bytes);
+            std::fs::write(&path, bytes).unwrap();
+        };
+        let seal = |b: &mut Vec<u8>| {
+            let sum = xxh3_64(&b[..48]);
+            b[48..56].copy_from_slice(&sum.to_ne_bytes());
+        };
+        for (change, expected) in [
+            (&(|b: &mut Vec<u8>| b[0] = b'X') as &dyn Fn(&mut Vec<u8>), "another kind"),
+            (&|b: &mut Vec<u8>| b.truncate(20), "too short"),
+            (&|b: &mut Vec<u8>| b.truncate(b.len() - 1), "cut short"),
+            (&|b: &mut Vec<u8>| b.push(0), "cut short"),
+            (&|b: &mut Vec<u8>| b[12..16].reverse(), "byte order"),
+            (&|b: &mut Vec<u8>| (b[8] = 99, seal(b)).1, "version 99"),
+            (&|b: &mut Vec<u8>| b[20] ^= 1, "the bytes of its header"),
+            (&|b: &mut Vec<u8>| *b.last_mut().unwrap() ^= 1, "its table"),
+        ] {
+            with(change);
+            let found = ArrayFile::open(&path).unwrap_err().to_string();
+            assert!(found.contains(expected), "{found} does not tell {expected}");
+        }
+        for bit in 0..8 * whole.len() {
+            with(&|b| b[bit / 8] ^= 1 << (bit % 8));
+            assert!(read_all(&path).is_err(), "a change of bit {bit} is not found");
+            assert!(ArrayFile::open(&path).and_then(|a| a.verify()).is_err(), "bit {bit}");
+        }
+    }
+
+    #[test]
+    fn every_block_has_a_checksum() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.vlscene");
+        let mut w = ArrayFileWriter::create(&path).unwrap();
+        let numbers: Vec<u64> = (0..100_000).collect();
+        w.array("first", &numbers).unwrap();
+        // Ends with a block.
+        w.array("second", &vec![7u8; 2 * BLOCK_BYTES]).unwrap();
+        w.finish().unwrap();
+        let whole = std::fs::read(&path).unwrap();
+        let file = ArrayFile::open(&path).unwrap();
+        assert_eq!(file.array::<u64>("first").unwrap(), numbers);
+        file.verify().unwrap();
+        // What was read stays what it was; what is read later is compared.
+        let second = HEADER_BYTES + 800_000;
+        for (at, name) in [
+            (HEADER_BYTES, "first"),
+            (HEADER_BYTES + BLOCK_BYTES, "first"),
+            (second - 1, "first"),
+            (second, "second"),
+            (second + 2 * BLOCK_BYTES - 1, "second"),
+        ] {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 1;
+            std::fs::write(&path, bytes).unwrap();
+            let array = if name == "first" {
+                file.array::<u64>("first").map(drop)
+            } else {
+                file.array::<u8>("second").map(drop)
+            };
+            for found in [array.unwrap_err(), file.verify().unwrap_err()] {
+                let found = found.to_string();
+                assert!(found.contains("damaged") && found.contains(name), "{at}: {found}");
+            }
+        }
+        std::fs::write(&path, &whole[..second]).unwrap();
+        let found = file.array::<u8>("second").unwrap_err();
+        assert!(matches!(found, Error::Io { .. }) && found.to_string().contains("truncated"), "{found}");
+    }
+}

@@ -1,0 +1,107 @@
+//! Origin and attitude of an emitted pulse (spec kinematics §3, §7.2).
+
+use super::clock::WEEK_NS;
+use super::leg::PlannedLeg;
+use super::plan::FlightPlan;
+use super::pulse::Pulse;
+use crate::platform::PlatformState;
+use crate::scanner::{DevicePlan, DeviceState};
+use vlscan_base::error::Error;
+use vlscan_geom::{DVec3, Rotation};
+
+impl FlightPlan {
+    /// The pulse that device `index` emits in a step, at `time_ns` and `since_start` seconds after the start of the flight, or
+    /// later by its firing offset.
+    pub(super) fn pulse(
+        &self,
+        platform: &PlatformState,
+        leg: &PlannedLeg,
+        index: usize,
+        state: &DeviceState,
+        time_ns: f64,
+        since_start: f64,
+    ) -> Pulse {
+        let plan = &self.devices[index];
+        let part = leg.part_of_step(plan);
+        let later = (part > 0.0).then(|| state.within_step(plan, part));
+        let state = later.as_ref().unwrap_or(state);
+        let offset = if part > 0.0 { plan.firing_offset } else { 0.0 };
+        let since_start = since_start + offset;
+        let mount = leg.mount.as_ref().unwrap_or(&self.mount);
+        let (device, emitted) = (index as u32, state.pulses - 1);
+        let platform_noise = self.kinematics.attitude_noise_of_platform;
+        let with_noise = |attitude: Rotation| self.noise.apply_noise(attitude, device, emitted);
+        let noisy_platform = |pointing| if platform_noise { with_noise(pointing) } else { pointing };
+        let exact_deflection = state.deflector.exact_rotation(plan);
+        let deflection =
+            if state.deflector.has_error() { state.deflector.rotation(plan) } else { exact_deflection };
+        // Beam attitudes for a platform attitude: with mechanical errors and noise, and without.
+        let beam = |pointing: Rotation| {
+            let carrier = noisy_platform(pointing).after(mount.rotation);
+            let clean = carrier.after(state.emitter(plan)).after(deflection);
+            let attitude = if platform_noise { clean } else { with_noise(clean) };
+            let exact = if plan.errors.any() {
+                pointing.after(mount.rotation).after(state.exact_emitter(plan)).after(exact_deflection)
+            } else {
+                attitude
+            };
+            (attitude, exact)
+        };
+        let origin_at = |position: DVec3, pointing: Rotation| {
+            let (offset, emitter) = (mount.offset, plan.beam_origin.offset);
+            if self.kinematics.mount_offsets_turn {
+                let pointing = noisy_platform(pointing);
+                let head = pointing.after(mount.rotation).after(state.head.rotation(plan));
+                position + pointing.apply(offset) + head.apply(emitter)
+            } else {
+                position + offset + emitter
+            }
+        };
+        let (position, pointing) = match part > 0.0 {
+            true => platform.pose_within_step(&self.platform, offset, part),
+            false => (platform.position(), platform.mount_attitude(&self.platform)),
+        };
+        let origin = origin_at(position, pointing);
+        let (attitude, exact_attitude) = beam(pointing);
+        let (origin_error, reported_attitude, reported_pointing) = match &self.navigation {
+            Some(navigation) => {
+                let (position, pointing) = navigation.reported(position, pointing, since_start);
+                (origin_at(position, pointing) - origin, beam(pointing).1, pointing)
+            }
+            None => (DVec3::ZERO, exact_attitude, pointing),
+        };
+        Pulse {
+            origin: origin + self.noise.position_offset(device, emitted),
+            attitude,
+            exact_attitude,
+            reported_attitude,
+            scanner_attitude: reported_pointing.after(mount.rotation),
+            origin_error,
+            time_ns: if part > 0.0 { within_week(time_ns + offset * 1e9) } else { time_ns },
+            number: state.pulses,
+            device,
+            scan_angle: state.deflector.scan_angle(&exact_deflection),
+            range_error: plan.errors.range.as_ref().map_or(0.0, |e| e.eval(state.deflector.exact_angle())),
+        }
+    }
+
+    /// The error of a formula that has no value at a pulse of device `index`.
+    #[cold]
+    pub(super) fn formula_error(&self, leg: &PlannedLeg, index: usize, state: &DeviceState) -> Error {
+        let plan = &self.devices[index];
+        let part = leg.part_of_step(plan);
+        if part > 0.0 { state.within_step(plan, part).formula_error(plan) } else { state.formula_error(plan) }
+    }
+}
+
+impl PlannedLeg {
+    /// The part of a step, from 0 to 1, by which the pulse of `device` is later than the start of the step.
+    #[inline]
+    pub(super) fn part_of_step(&self, device: &DevicePlan) -> f64 {
+        if self.fires_at_once { 0.0 } else { device.firing_offset * self.frequency }
+    }
+}
+
+fn within_week(time_ns: f64) -> f64 {
+    if time_ns > WEEK_NS { time_ns - WEEK_NS } else { time_ns }
+}

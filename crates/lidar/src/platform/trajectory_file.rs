@@ -1,0 +1,358 @@
+//! Reads the trajectory files of interpolated platforms (spec input-formats §2.8).
+
+use super::course::reported_angles;
+use super::interpolated::composed;
+use super::layout::{ANGLES, Directives, POSE_COLUMNS, PoseColumn, PoseLayout, is_header};
+use super::poses::decoder::read_binary;
+use super::poses::fix::{Fix, FixPlace, Pose, RecordError};
+use super::poses::georeference::Georeference;
+use super::poses::text::MAX_LINE_BYTES;
+use super::table::{PoseValues, TrajectoryTable, filter_slopes, unwrap_angles};
+use std::path::Path;
+use vlscan_base::columns::{Separator, stated_separator};
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::input;
+use vlscan_base::quantity;
+use vlscan_survey::{Interpolated, TrajectoryFile};
+
+/// Maximum size of a file, bytes.
+const MAX_FILE_BYTES: u64 = 1 << 33;
+/// Maximum number of wrong rows that are listed; further ones are only counted.
+const MAX_LISTED_ROWS: usize = 20;
+
+/// Reads all files of `settings` into one table in world coordinates and radians. All problems of a file go into
+/// `problems` with line and column; `None` if any of them prevents the run.
+///
+/// # Errors
+/// Files that cannot be read.
+pub fn read_trajectories(
+    settings: &Interpolated,
+    problems: &mut Diagnostics,
+) -> Result<Option<TrajectoryTable>> {
+    let mut table = Vec::new();
+    let mut usable = true;
+    let mut georeference = Georeference::of_grid(settings.grid);
+    for (i, file) in settings.files.iter().enumerate() {
+        let bytes =
+            input::read_file(&file.path, MAX_FILE_BYTES).map_err(|e| Error::io("read", &file.path, e))?;
+        let threshold = if i == 0 { file.slope_filter } else { 0.0 };
+        match read_file(file, &bytes, settings, &mut georeference, threshold, problems) {
+            Some(rows) => {
+                usable &= check_rows(&file.path, &rows, problems);
+                table.extend(rows);
+            }
+            None => usable = false,
+        }
+    }
+    if settings.files.is_empty() {
+        problems.error(None, "an interpolated platform needs a trajectory file");
+        usable = false;
+    }
+    let table = TrajectoryTable::new(table).filter(|_| usable);
+    Ok(table.map(|table| table.in_zone(georeference.projected_zone())))
+}
+
+/// The rows of one file, thinned if `threshold` is above 0; `None` if it has problems.
+fn read_file(
+    file: &TrajectoryFile,
+    bytes: &[u8],
+    settings: &Interpolated,
+    georeference: &mut Georeference,
+    threshold: f64,
+    problems: &mut Diagnostics,
+) -> Option<Vec<(f64, PoseValues)>> {
+    if let Some(read) = read_binary(&file.path, bytes, georeference) {
+        let poses = read.map_err(|found| problems.extend(found)).ok()?;
+        check_count(&file.path, poses.len(), problems)?;
+        if file.columns.is_some() || file.separator.is_some() {
+            let message = "tIndex, xIndex … and the separator have no effect: the file is no text";
+            problems.warn(Some(Place::of_file(&file.path)), message);
+        }
+        return Some(thin(pose_rows(&poses, settings), threshold));
+    }
+    let (rows, layout) = read_rows(file, &String::from_utf8_lossy(bytes), settings.position_only, problems)?;
+    let rows = thin(rows, threshold).into_iter().map(|(time, [roll, pitch, yaw, x, y, z])| {
+        let [time, values @ ..] = layout.in_si([time, roll, pitch, yaw, x, y, z], settings.degrees);
+        (time, values)
+    });
+    if !layout.geographic {
+        return Some(rows.collect());
+    }
+    match rows
+        .map(|(time, values)| project(time, values, settings, georeference))
+        .collect::<Result<Vec<_>, _>>()
+    {
+        Ok(poses) => Some(pose_rows(&poses, settings)),
+        Err(RecordError { message, help, .. }) => {
+            problems.error(None, format!("{}: {message}", file.path.display())).help(help);
+            None
+        }
+    }
+}
+
+/// Checks times and positions.
+fn check_rows(path: &Path, rows: &[(f64, PoseValues)], problems: &mut Diagnostics) -> bool {
+    let is_sound = |(time, [_, _, _, position @ ..]): &&(f64, PoseValues)| {
+        quantity::TIME.contains(*time) && position.iter().all(|p| quantity::COORDINATE.contains(*p))
+    };
+    let Some((time, [_, _, _, x, y, z])) = rows.iter().find(|row| !is_sound(row)) else { return true };
+    let message = format!(
+        "{}: a pose at time {}, x {}, y {}, z {}, expected {} and {}",
+        path.display(),
+        quantity::number(*time),
+        quantity::number(*x),
+        quantity::number(*y),
+        quantity::number(*z),
+        quantity::TIME.expected,
+        quantity::COORDINATE.expected
+    );
+    problems.error(None, message);
+    false
+}
+
+fn check_count(path: &Path, poses: usize, problems: &mut Diagnostics) -> Option<()> {
+    if poses < 2 {
+        problems.error(None, format!("{} holds {poses} poses, expected at least 2", path.display()));
+    }
+    (poses >= 2).then_some(())
+}
+
+/// A row whose x and y are longitude and latitude as a pose on the grid.
+fn project(
+    time: f64,
+    [roll, pitch, yaw, longitude, latitude, height]: PoseValues,
+    settings: &Interpolated,
+    georeference: &mut Georeference,
+) -> Result<Pose, RecordError> {
+    let attitude = composed(settings.rotation_spec, roll, pitch, yaw);
+    let place = FixPlace::Geographic([latitude, longitude, height]);
+    georeference.pose(&Fix { time, place, attitude, unitless_angles: None })
+}
+
+/// Poses as rows of the table: angles as the survey composes them, each within half a turn of the one before.
+fn pose_rows(poses: &[Pose], settings: &Interpolated) -> Vec<(f64, PoseValues)> {
+    let mut rows: Vec<(f64, PoseValues)> = Vec::with_capacity(poses.len());
+    for pose in poses {
+        let [roll, pitch, yaw] = match settings.position_only {
+            true => [0.0; 3],
+            false => reported_angles(pose.attitude, Some(settings.rotation_spec)),
+        };
+        let p = pose.position;
+        let mut values = [roll, pitch, yaw, p.x, p.y, p.z];
+        if let Some((_, before)) = rows.last() {
+            unwrap_angles(&mut values, before);
+        }
+        rows.push((pose.time, values));
+    }
+    rows
+}
+
+fn thin(mut rows: Vec<(f64, PoseValues)>, threshold: f64) -> Vec<(f64, PoseValues)> {
+    if threshold > 0.0 {
+        rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+        rows = filter_slopes(&rows, threshold);
+    }
+    rows
+}
+
+/// The rows as they are written in the file (time; roll, pitch, yaw, x, y, z) and their layout.
+fn read_rows(
+    file: &TrajectoryFile,
+    text: &str,
+    position_only: bool,
+    problems: &mut Diagnostics,
+) -> Option<(Vec<(f64, PoseValues)>, PoseLayout)> {
+    let mut directives = Directives::default();
+    let mut reading: Option<(PoseLayout, Separator)> = None;
+    let mut stated = None;
+    if text.contains('\0') {
+        let place = Place::of_file(&file.path);
+        problems.error(Some(place), "expected a trajectory as text, SBET or TerraScan, found other bytes");
+        return None;
+    }
+    let (mut rows, mut wrong) = (Vec::new(), 0);
+    for (number, line) in text.lines().enumerate() {
+        let place = |at| Some(Place::in_line(&file.path, number + 1, line, at));
+        if line.len() > MAX_LINE_BYTES {
+            let message = format!("a line of more than {MAX_LINE_BYTES} bytes, expected a pose");
+            problems.error(place(0..0), message);
+            return None;
+        }
+        let content = line.trim_start();
+        if content.is_empty() {
+            continue;
+        }
+        if content.starts_with('#') {
+            if let Err(e) = directives.parse(content) {
+                problems.error(place(0..line.len()), e);
+                return None;
+            }
+            continue;
+        }
+        if let Some(separator) = stated_separator(content).filter(|_| reading.is_none()) {
+            stated = Some(separator);
+            continue;
+        }
+        if reading.is_none() {
+            let separator =
+                file.separator.or(stated).map_or_else(|| Separator::guess(line), Separator::named);
+            let header = is_header(line, separator);
+            let named = header.then_some((line, separator));
+            match choose_layout(file, &directives, named, position_only) {
+                Ok(layout) => {
+                    let named = match header {
+                        true => PoseLayout::from_headings(line, separator).ok(),
+                        false => directives.layout.clone(),
+                    };
+                    warn_of_other_columns(&layout, named, place(0..line.len()), problems);
+                    reading = Some((layout, separator));
+                }
+                Err(message) => {
+                    problems.error(place(0..line.len()), message).help(
+                        "give tIndex, xIndex … in the survey or a line `#HEADER: \"t\", \"roll\", \"pitch\", \
+                         \"yaw\", \"x\", \"y\", \"z\"` in the file",
+                    );
+                    return None;
+                }
+            }
+            if header {
+                continue;
+            }
+        }
+        let (layout, separator) = reading.as_ref()?;
+        match layout.read(line, *separator) {
+            Ok(([t, values @ ..], _)) => rows.push((t, values)),
+            Err(e) => {
+                wrong += 1;
+                if wrong <= MAX_LISTED_ROWS {
+                    problems.error(place(e.at), e.message);
+                }
+            }
+        }
+    }
+    if wrong > MAX_LISTED_ROWS {
+        let more = wrong - MAX_LISTED_ROWS;
+        problems.error(None, format!("{more} more wrong rows in {}", file.path.display()));
+    }
+    if wrong > 0 {
+        return None;
+    }
+    check_count(&file.path, rows.len(), problems)?;
+    Some((rows, reading?.0))
+}
+
+/// Warns of column numbers of the survey that contradict the names in the file.
+fn warn_of_other_columns(
+    layout: &PoseLayout,
+    named: Option<PoseLayout>,
+    place: Option<Place>,
+    problems: &mut Diagnostics,
+) {
+    if let Some((name, used, named)) = named.and_then(|named| layout.difference(&named)) {
+        let message = format!(
+            "{name} is read from column {used} as the survey says; the file has it in column {named}, from 0"
+        );
+        problems.warn(place, message).help("leave out tIndex, xIndex … to read the columns by their names");
+    }
+}
+
+/// Chooses by precedence: the survey's column numbers, the file's `#HEADER`, a first line of headings, the order roll,
+/// pitch, yaw, x, y, z around a `#TIME_COLUMN`.
+fn choose_layout(
+    file: &TrajectoryFile,
+    directives: &Directives,
+    header: Option<(&str, Separator)>,
+    position_only: bool,
+) -> Result<PoseLayout, String> {
+    use PoseColumn::{Time, X, Y, Z};
+    let wanted: &[PoseColumn] = if position_only { &[Time, X, Y, Z] } else { &POSE_COLUMNS };
+    let mut layout = if let Some(columns) = file.columns {
+        PoseLayout::numbered(columns)
+    } else if let Some(layout) = &directives.layout {
+        let mut layout = layout.clone();
+        layout.set_time(directives.time_column);
+        layout
+    } else if let Some((line, separator)) = header {
+        PoseLayout::from_headings(line, separator).map_err(|e| e.message)?
+    } else if directives.time_column.is_some() {
+        PoseLayout::in_order(wanted, directives.time_column)
+    } else {
+        return Err("nothing says which column holds the time".to_owned());
+    };
+    if position_only {
+        ANGLES.iter().for_each(|&angle| layout.columns[angle as usize] = None);
+    }
+    layout.complete(wanted)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::PathBuf;
+
+    fn file() -> TrajectoryFile {
+        TrajectoryFile { path: PathBuf::from("f.txt"), columns: None, separator: None, slope_filter: 0.0 }
+    }
+
+    fn rows(file: &TrajectoryFile, text: &str) -> Result<Vec<(f64, PoseValues)>, String> {
+        let mut d = Diagnostics::default();
+        let found = read_rows(file, text, false, &mut d);
+        if d.is_fatal(false) { Err(d.render(false)) } else { Ok(found.unwrap().0) }
+    }
+
+    const POSE: PoseValues = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+
+    #[test]
+    fn columns_come_from_the_survey_the_header_or_the_time_column() {
+        let indexed = TrajectoryFile { columns: Some([6, 0, 1, 2, 3, 4, 5]), ..file() };
+        assert_eq!(rows(&indexed, "1,2,3,4,5,6,10\n1,2,3,4,5,6,11\n").unwrap()[1], (11.0, POSE));
+        let named = "#HEADER: \"x\", \"y\", \"z\", \"t\", \"roll\", \"pitch\", \"yaw\"\n4,5,6,10,1,2,3\n4,5,6,11,1,2,3";
+        assert_eq!(rows(&file(), named).unwrap()[0], (10.0, POSE));
+        let plain = "time x y z roll pitch yaw\n10 4 5 6 1 2 3\n\n11\t4 5 6 1 2 3\n";
+        assert_eq!(rows(&file(), plain).unwrap()[1], (11.0, POSE));
+        let ordered = "#TIME_COLUMN: 2\n# a remark\n1;2;10;3;4;5;6\n1;2;11;3;4;5;6\n";
+        assert_eq!(rows(&file(), ordered).unwrap()[0], (10.0, POSE));
+    }
+
+    #[test]
+    fn all_wrong_rows_are_listed_with_their_places() {
+        let report = rows(&file(), "#TIME_COLUMN: 0\n1,2,3,x,5,6,7\n1,2,3\n1,2,3,4,5,6,7\n").unwrap_err();
+        assert!(report.contains("f.txt:2:7") && report.contains("found `x`"), "{report}");
+        assert!(report.contains("f.txt:3:1") && report.contains("column 4"), "{report}");
+    }
+
+    #[test]
+    fn files_without_a_time_column_or_poses_are_refused() {
+        assert!(rows(&file(), "1,2,3,4,5,6,7\n").unwrap_err().contains("which column holds the time"));
+        assert!(rows(&file(), "#TIME_COLUMN: 0\n1,2,3,4,5,6,7\n").unwrap_err().contains("holds 1 poses"));
+        assert!(rows(&file(), "#HEADER: \"t\", \"x\"\n1,2\n").unwrap_err().contains("no column for roll"));
+        assert!(rows(&file(), "#TIME_COLUMN: x\n1,2\n").unwrap_err().contains("number of a column"));
+    }
+
+    #[test]
+    fn angles_are_degrees_unless_told_otherwise() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.txt");
+        std::fs::write(&path, "#TIME_COLUMN: 0\n0,90,0,0,1,2,3\n1,90,0,0,1,2,3\n").unwrap();
+        for (degrees, wanted) in [(true, std::f64::consts::FRAC_PI_2), (false, 90.0)] {
+            let settings = Interpolated {
+                rotation_spec: vlscan_survey::RotationSpec::Canonical,
+                position_only: false,
+                degrees,
+                sync_gps_time: false,
+                files: vec![TrajectoryFile { path: path.clone(), ..file() }],
+                grid: vlscan_survey::Grid::FirstFix,
+            };
+            let table = read_trajectories(&settings, &mut Diagnostics::default()).unwrap().unwrap();
+            assert!((table.rows()[0].values[0] - wanted).abs() < 1e-12);
+        }
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn any_text_is_read_or_refused(text in "[#HTIME:_0-9a-z,; \t\n.\"-]{0,200}") {
+            let _ = rows(&file(), &text);
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! The records of one chunk of pulses.
+
+use super::echo::{Echo, EchoTruth, PulseRecord, WaveformRecord};
+use crate::flight::PoseSample;
+
+/// Everything that a chunk measured, in the order of emission.
+#[derive(Clone, Debug, Default)]
+pub struct Batch {
+    /// Index of the leg among the survey's legs.
+    pub leg: u32,
+    /// Epoch of the scene, from 0; kept by [`Batch::clear`].
+    pub epoch: u32,
+    /// Number of pulses emitted.
+    pub emitted: u32,
+    /// Leg number in records, if it differs from the survey leg's number: for streamed pulses.
+    pub leg_number: Option<u32>,
+    /// Pulses that hit and gave no echo.
+    pub weak: WeakPulses,
+    /// Echoes, pulse by pulse, by return number within a pulse.
+    pub echoes: Vec<Echo>,
+    /// True causes of echoes, if they are recorded or differ from the reported values; see [`Echo::truth_index`].
+    pub truths: Vec<EchoTruth>,
+    /// Waveforms, when they are recorded.
+    pub waveforms: Vec<WaveformRecord>,
+    /// Samples of all waveforms.
+    pub samples: Vec<f64>,
+    /// Pulses, when they are recorded.
+    pub pulses: Vec<PulseRecord>,
+    /// Samples of the platform's trajectory.
+    pub poses: Vec<PoseSample>,
+}
+
+/// Pulses whose light came back, but too weak to be detected.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WeakPulses {
+    /// Number of these pulses.
+    pub count: u64,
+    /// Largest amplitude that one of them had at the detector, nW.
+    pub strongest: f64,
+    /// Detection threshold of that one, nW.
+    pub threshold: f64,
+}
+
+impl WeakPulses {
+    /// Adds the count of `other`, and its strongest amplitude and threshold if higher.
+    pub fn add(&mut self, other: &WeakPulses) {
+        self.count += other.count;
+        if other.strongest > self.strongest {
+            (self.strongest, self.threshold) = (other.strongest, other.threshold);
+        }
+    }
+}
+
+impl Batch {
+    /// Empties the batch for the next chunk; memory is kept.
+    pub fn clear(&mut self, leg: u32) {
+        self.leg = leg;
+        self.emitted = 0;
+        self.leg_number = None;
+        self.weak = WeakPulses::default();
+        self.echoes.clear();
+        self.truths.clear();
+        self.waveforms.clear();
+        self.samples.clear();
+        self.pulses.clear();
+        self.poses.clear();
+    }
+}

@@ -1,0 +1,352 @@
+//! Turns the hits of a pulse into its records: reflections, waveform, returns, echoes.
+
+use super::batch::{Batch, WeakPulses};
+use super::cluster::ClusterDetector;
+use super::detect::{attribute, detect};
+use super::detector::{DetectorSettings, Return};
+use super::echo::{Echo, EchoTruth, PulseRecord, WaveformRecord};
+use super::foliage::FreePaths;
+use super::instrument::Instrument;
+use super::physics::Physics;
+use super::receiver::ReceiverModel;
+use super::reflect::ReflectScratch;
+use super::reflections::Reflections;
+use super::return_profile::ReturnProfile;
+use super::slope::SlopeMerger;
+use super::sources::ReflectionSources;
+use super::traced::{SubrayGains, TracedPulse};
+use super::view::SceneView;
+use super::waveform::{MAX_RECORD_SAMPLES, Waveform};
+use crate::flight::Pulse;
+use vlscan_base::{Error, Result};
+use vlscan_geom::DVec3;
+use vlscan_trace::simd::Simd;
+
+/// Scratch memory of everything after the traversal.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Detection {
+    pub scratch: ReflectScratch,
+    reflections: Reflections,
+    profile: ReturnProfile,
+    slopes: SlopeMerger,
+    sources: ReflectionSources,
+    clusters: ClusterDetector,
+    waveform: Waveform,
+    /// The waveform after saturation, where it is needed.
+    saturated: Waveform,
+    returns: Vec<Return>,
+}
+
+/// Direction in the axes of the scanner's mount.
+#[inline(never)]
+fn in_scanner(pulse: &Pulse, direction: DVec3) -> DVec3 {
+    pulse.scanner_attitude.inverse().apply(direction)
+}
+
+/// Direction of the beam as it is traced; no component is a negative zero.
+pub(super) fn traced_axis(pulse: &Pulse) -> DVec3 {
+    pulse.attitude.forward() + DVec3::ZERO
+}
+
+pub(super) fn pulse_record(pulse: &Pulse) -> PulseRecord {
+    PulseRecord {
+        origin: pulse.origin,
+        direction: traced_axis(pulse),
+        time_ns: pulse.time_ns,
+        number: pulse.number,
+        device: pulse.device,
+        scan_angle: pulse.scan_angle,
+    }
+}
+
+/// The near-range filter. NaN passes.
+fn is_too_near(range: f64, detector: &DetectorSettings) -> bool {
+    range < detector.range_min
+}
+
+/// Whether the device's range error puts a return beyond the maximum range.
+fn is_moved_too_far(range: f64, pulse: &Pulse, detector: &DetectorSettings) -> bool {
+    detector.corrections.range_gate
+        && pulse.range_error > 0.0
+        && range + pulse.range_error > detector.range_max
+}
+
+impl Detection {
+    #[inline(always)]
+    pub fn detect<S: Simd>(
+        &mut self,
+        simd: S,
+        physics: &Physics,
+        view: &SceneView,
+        (instrument, pulse): (&Instrument, &Pulse),
+        (traced, gains): (TracedPulse, SubrayGains),
+        batch: &mut Batch,
+    ) -> Result<()> {
+        let (options, detector) = (&physics.options, &instrument.detector);
+        let corrections = &detector.corrections;
+        let mut paths =
+            FreePaths { stream: physics.free_paths, device: pulse.device, pulse: pulse.number, drawn: 0 };
+        view.reflect(instrument, (traced, gains), &mut paths, &mut self.scratch, &mut self.reflections);
+        let model = instrument.receiver.as_ref();
+        if self.reflections.is_empty() && !model.is_some_and(ReceiverModel::has_false_alarms) {
+            return Ok(());
+        }
+        self.profile.sort_by_range(simd, &self.reflections, corrections.sum_equal_ranges);
+        self.returns.clear();
+        let is_kept = |range: f64| {
+            (!corrections.count_kept_returns || !is_too_near(range + pulse.range_error, detector))
+                && !is_moved_too_far(range, pulse, detector)
+        };
+        if corrections.smooth_slopes && !self.reflections.is_empty() {
+            let triangles = &mut self.scratch.triangles;
+            self.slopes.merge(
+                view,
+                instrument,
+                (traced, gains),
+                &self.reflections,
+                triangles,
+                &mut self.profile,
+            );
+        }
+        if options.record_waveforms || !self.detect_without_waveform(instrument, is_kept) {
+            if !self.waveform.receive(&self.profile, detector) {
+                return Ok(());
+            }
+            let draw = (pulse.device, pulse.number);
+            if let Some(model) = model {
+                model.add_noise(&mut self.waveform, options.record_waveforms, draw);
+            }
+            let mut output = &self.waveform;
+            if let Some(model) = model.filter(|m| m.can_saturate())
+                && (options.echo_width || options.record_waveforms)
+            {
+                model.saturate(&self.waveform, &mut self.saturated);
+                output = &self.saturated;
+            }
+            let fitted = options.echo_width.then_some(output);
+            detect(simd, &self.waveform, (detector, model), fitted, is_kept, &mut self.returns);
+            if let Some(model) = model {
+                model.add_false_alarms(&self.waveform, detector, draw, &mut self.returns);
+            }
+        }
+        if options.record_truth || options.record_subrays {
+            self.sources.assign(instrument, (&traced, &gains), &self.reflections, &self.returns);
+        }
+        if options.record_subrays {
+            self.emit_subrays(view, &traced, pulse, batch);
+            return Ok(());
+        }
+        if self.returns.is_empty() {
+            self.count_weak(detector, pulse, batch);
+            return Ok(());
+        }
+        let in_scanner =
+            options.record_scanner_axes.then(|| in_scanner(pulse, pulse.reported_attitude.forward()));
+        let recorded = (options.record_truth.then_some(&traced), in_scanner.unwrap_or_default());
+        self.emit_echoes(view, instrument, recorded, pulse, batch);
+        if options.record_waveforms && self.waveform.bins > 0 {
+            self.emit_waveform(physics, instrument, pulse, batch)?;
+        }
+        Ok(())
+    }
+
+    /// Counts a pulse without a return whose light, all at once, would stay below the threshold. Others have no return
+    /// because they hit too near.
+    #[inline(never)]
+    fn count_weak(&self, detector: &DetectorSettings, pulse: &Pulse, batch: &mut Batch) {
+        let is_measured = |range: &&f64| !is_too_near(**range + pulse.range_error, detector);
+        let strongest = self.reflections.intensities().iter().sum::<f64>() * detector.shape.top;
+        let threshold = detector.rule.threshold;
+        if strongest < threshold && self.reflections.ranges().iter().any(|range| is_measured(&range)) {
+            batch.weak.add(&WeakPulses { count: 1, strongest, threshold });
+        }
+    }
+
+    /// Detects returns without a sampled waveform; `false` if that is not possible.
+    #[inline(always)]
+    fn detect_without_waveform(&mut self, instrument: &Instrument, is_kept: impl Fn(f64) -> bool) -> bool {
+        if let Some(rule) = &instrument.clusters {
+            return self.clusters.detect(
+                rule,
+                &self.profile,
+                &instrument.detector,
+                is_kept,
+                &mut self.returns,
+            );
+        }
+        let found =
+            instrument.single_bin.as_ref().and_then(|d| d.detect(&self.profile, &instrument.detector));
+        self.returns.extend(found.into_iter().flatten().filter(|r| is_kept(r.range)));
+        found.is_some()
+    }
+
+    /// Appends an echo for each return: its range error and the surface it is attributed to (spec pulse-physics
+    /// §4.7–4.9). `traced` is given if the truth of the echoes is recorded, `in_scanner` is the beam's direction in the
+    /// axes of the scanner.
+    #[inline(always)]
+    fn emit_echoes(
+        &mut self,
+        view: &SceneView,
+        instrument: &Instrument,
+        (traced, in_scanner): (Option<&TracedPulse>, DVec3),
+        pulse: &Pulse,
+        batch: &mut Batch,
+    ) {
+        let direction = pulse.reported_attitude.forward();
+        let origin = pulse.origin + pulse.origin_error;
+        let has_navigation_error =
+            pulse.origin_error != DVec3::ZERO || pulse.reported_attitude != pulse.exact_attitude;
+        let beam = [pulse.origin, pulse.exact_attitude.forward()];
+        for (number, r) in (1..).zip(&self.returns) {
+            let source = if r.is_noise { None } else { self.source_of(r, instrument) };
+            let Some(source) = source else {
+                let mut truth_index = Echo::NO_TRUTH;
+                if traced.is_some() {
+                    truth_index = batch.truths.len() as u32;
+                    batch.truths.push(EchoTruth::unknown(beam));
+                }
+                batch.echoes.push(Echo { truth_index, in_scanner, ..self.false_alarm(pulse, number, r) });
+                continue;
+            };
+            let primitive = self.reflections.primitives()[source];
+            let range = r.range + pulse.range_error;
+            if is_too_near(range, &instrument.detector) {
+                continue;
+            }
+            let (part, classification) = match self.scratch.triangles.look_up(view, primitive) {
+                Some(triangle) => (triangle.part, triangle.classification),
+                None => view.part_and_class(primitive),
+            };
+            let mut truth_index = Echo::NO_TRUTH;
+            if traced.is_some() || has_navigation_error {
+                truth_index = batch.truths.len() as u32;
+                batch.truths.push(traced.map_or(EchoTruth::unknown(beam), |traced| {
+                    let found = (&self.reflections, &mut self.scratch.triangles);
+                    self.sources.of_return(number, source, view, (traced, beam), found)
+                }));
+            }
+            batch.echoes.push(Echo {
+                // Set together with the range noise.
+                position: origin,
+                origin,
+                direction,
+                in_scanner,
+                range,
+                true_range: self.reflections.ranges()[source],
+                intensity: r.amplitude,
+                echo_width: r.width,
+                return_number: number,
+                number_of_returns: self.returns.len() as u32,
+                pulse_number: pulse.number,
+                device: pulse.device,
+                part,
+                primitive: view.scene.number_when_stored(primitive),
+                classification,
+                incidence_cosine: self.reflections.cosines()[source],
+                scan_angle: pulse.scan_angle,
+                time_ns: pulse.time_ns,
+                truth_index,
+            });
+        }
+    }
+
+    /// Index of the reflection to which a return is attributed; `None` if it is farther from all reflections than the
+    /// pulse length, so that only noise of the receiver can have caused it.
+    #[inline(always)]
+    fn source_of(&self, r: &Return, instrument: &Instrument) -> Option<usize> {
+        let source = attribute(&self.reflections, r.range);
+        let pulse_depth = instrument.detector.light_speed * instrument.detector.shape.duration;
+        let is_far = || (self.reflections.ranges()[source] - r.range).abs() > pulse_depth;
+        (instrument.receiver.is_none() || !is_far()).then_some(source)
+    }
+
+    /// Appends every reflection of a subray as an echo at the position of the surface, in the order of the subrays. Its
+    /// return number is the number of the return that contains it, or 0.
+    #[inline(never)]
+    fn emit_subrays(&mut self, view: &SceneView, traced: &TracedPulse, pulse: &Pulse, batch: &mut Batch) {
+        for i in 0..self.reflections.count() {
+            let subray = self.sources.subray_of(i) as usize;
+            let (origin, direction) = (traced.start(subray), traced.direction(subray));
+            let found = (&self.reflections, &mut self.scratch.triangles);
+            let truth = self.sources.of_reflection(i, view, (traced, [origin, direction]), found);
+            let primitive = self.reflections.primitives()[i];
+            let (part, classification) = view.part_and_class(primitive);
+            let range = self.reflections.ranges()[i];
+            batch.echoes.push(Echo {
+                position: truth.surface,
+                origin,
+                direction,
+                in_scanner: in_scanner(pulse, direction),
+                range,
+                true_range: range,
+                intensity: self.reflections.intensities()[i],
+                return_number: self.sources.return_of(i),
+                number_of_returns: self.returns.len().max(1) as u32,
+                part,
+                primitive: view.scene.number_when_stored(primitive),
+                classification,
+                incidence_cosine: self.reflections.cosines()[i],
+                truth_index: batch.truths.len() as u32,
+                ..Echo::miss(&pulse_record(pulse))
+            });
+            batch.truths.push(truth);
+        }
+    }
+
+    /// An echo that noise of the receiver caused: it has a range, but neither part nor primitive.
+    #[inline(never)]
+    fn false_alarm(&self, pulse: &Pulse, number: u32, r: &Return) -> Echo {
+        Echo {
+            direction: pulse.exact_attitude.forward(),
+            range: r.range + pulse.range_error,
+            intensity: r.amplitude,
+            echo_width: r.width,
+            return_number: number,
+            number_of_returns: self.returns.len() as u32,
+            ..Echo::miss(&pulse_record(pulse))
+        }
+    }
+
+    #[inline(never)]
+    fn emit_waveform(
+        &self,
+        physics: &Physics,
+        instrument: &Instrument,
+        pulse: &Pulse,
+        batch: &mut Batch,
+    ) -> Result<()> {
+        let is_saturated = instrument.receiver.as_ref().is_some_and(ReceiverModel::can_saturate);
+        let waveform = if is_saturated { &self.saturated } else { &self.waveform };
+        if waveform.bins > MAX_RECORD_SAMPLES {
+            return Err(Error::input(format!(
+                "the waveform of pulse {} of device {} has {} samples, at most {MAX_RECORD_SAMPLES} can be recorded; \
+                 set maxFullwaveRange_ns or a larger binSize_ns",
+                pulse.number, pulse.device, waveform.bins
+            )));
+        }
+        let first_sample = batch.samples.len();
+        let skipped = match instrument.detector.corrections.clip_dead_zone {
+            true => waveform.first_beyond(instrument.detector.range_min, &instrument.detector),
+            false => 0,
+        };
+        waveform.append_to(&mut batch.samples, skipped);
+        let sigma = instrument.waveform_noise.sigma(&batch.samples[first_sample..]);
+        if sigma != 0.0 {
+            for (j, sample) in (0..).zip(&mut batch.samples[first_sample..]) {
+                *sample += sigma * physics.waveform_noise.normal(pulse.device, pulse.number, j);
+            }
+        }
+        batch.waveforms.push(WaveformRecord {
+            pulse_number: pulse.number,
+            device: pulse.device,
+            origin: pulse.origin,
+            direction: traced_axis(pulse),
+            start_ns: waveform.start + skipped as f64 * instrument.detector.shape.bin,
+            end_ns: waveform.end(instrument.detector.shape.bin),
+            time_ns: pulse.time_ns,
+            first_sample,
+            samples: batch.samples.len() - first_sample,
+        });
+        Ok(())
+    }
+}

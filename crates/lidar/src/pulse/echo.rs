@@ -1,0 +1,167 @@
+//! The records of a pulse.
+
+use vlscan_geom::DVec3;
+
+/// One echo (spec pulse-physics §7.1). Positions are in the scene frame; writers add the shift.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Echo {
+    /// Measured position, m, scene frame.
+    pub position: DVec3,
+    /// Reported beam origin, m, scene frame.
+    pub origin: DVec3,
+    /// Reported beam direction, unit.
+    pub direction: DVec3,
+    /// Reported beam direction in the axes of the scanner's mount, unit; zero unless it is recorded
+    /// ([`super::PhysicsOptions::record_scanner_axes`]).
+    pub in_scanner: DVec3,
+    /// Measured range, m, noise and errors included.
+    pub range: f64,
+    /// Distance along the subray to the hit, m, without noise, errors or bins.
+    pub true_range: f64,
+    /// Waveform amplitude at the peak.
+    pub intensity: f64,
+    /// Width of the fitted Gaussian, ns; 0 unless requested.
+    pub echo_width: f64,
+    /// Number of the return, from 1.
+    pub return_number: u32,
+    /// Number of returns detected of the pulse.
+    pub number_of_returns: u32,
+    /// Pulse number of its device, from 1.
+    pub pulse_number: u64,
+    /// Index of the scanner's device that emitted the pulse, from 0.
+    pub device: u32,
+    /// Index into the scene's parts.
+    pub part: u32,
+    /// Index of the primitive that was hit, in the scene with all instances expanded.
+    pub primitive: u32,
+    /// Class of the material.
+    pub classification: i32,
+    /// Cosine of the incidence angle at the attributed hit.
+    pub incidence_cosine: f64,
+    /// Deflection angle of the beam, rad.
+    pub scan_angle: f64,
+    /// Emission time, ns of the GPS week.
+    pub time_ns: f64,
+    /// Index into [`super::Batch::truths`], or [`Echo::NO_TRUTH`].
+    pub truth_index: u32,
+}
+
+/// The true cause of an echo.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EchoTruth {
+    /// True origin and direction of the beam, scene frame; equal to the reported ones if there are no navigation
+    /// errors.
+    pub beam: [DVec3; 2],
+    /// Point where the strongest subray hit the surface, m, scene frame; NaN if no surface caused the echo. The point of
+    /// the echo lies on the beam's axis instead.
+    pub surface: DVec3,
+    /// Unit normal there, towards the instrument; 0 in voxels.
+    pub normal: DVec3,
+    /// Share of the beam's subrays that are part of the echo.
+    pub fraction: f64,
+    /// Number of the strongest subray within the beam, from 0.
+    pub subray: u32,
+}
+
+impl EchoTruth {
+    /// What is known of an echo that no surface caused, or whose cause is not recorded: NaN, no subray.
+    pub fn unknown(beam: [DVec3; 2]) -> EchoTruth {
+        EchoTruth { beam, surface: DVec3::NAN, normal: DVec3::NAN, fraction: f64::NAN, subray: u32::MAX }
+    }
+}
+
+impl Echo {
+    /// [`Echo::truth_index`] of echoes whose truth is not recorded and whose pulse has no errors of navigation.
+    pub const NO_TRUTH: u32 = u32::MAX;
+
+    /// The record of a pulse without echoes, at the beam's origin: no part, no primitive, return numbers of 0.
+    pub fn miss(pulse: &PulseRecord) -> Echo {
+        Echo {
+            position: pulse.origin,
+            origin: pulse.origin,
+            direction: pulse.direction,
+            in_scanner: DVec3::ZERO,
+            range: 0.0,
+            true_range: 0.0,
+            intensity: 0.0,
+            echo_width: 0.0,
+            return_number: 0,
+            number_of_returns: 0,
+            pulse_number: pulse.number,
+            device: pulse.device,
+            part: u32::MAX,
+            primitive: u32::MAX,
+            classification: 0,
+            incidence_cosine: 1.0,
+            scan_angle: pulse.scan_angle,
+            time_ns: pulse.time_ns,
+            truth_index: Echo::NO_TRUTH,
+        }
+    }
+
+    /// The true cause of the echo, [`EchoTruth::unknown`] if it is not recorded; `truths` belong to its batch.
+    pub fn truth(&self, truths: &[EchoTruth]) -> EchoTruth {
+        let recorded = truths.get(self.truth_index as usize).copied();
+        recorded.unwrap_or_else(|| EchoTruth::unknown([self.origin, self.direction]))
+    }
+
+    /// Position relative to the origin of the beam in the scanner's axes, m: the origin itself for a missed pulse; NaN
+    /// unless it is recorded.
+    pub fn position_in_scanner(&self) -> DVec3 {
+        match self.in_scanner {
+            _ if self.is_miss() => DVec3::ZERO,
+            DVec3::ZERO => DVec3::NAN,
+            direction => direction * self.range,
+        }
+    }
+
+    /// True position, m, scene frame; `truths` belong to the echo's batch.
+    pub fn true_position(&self, truths: &[EchoTruth]) -> DVec3 {
+        truths.get(self.truth_index as usize).map_or(self.position, |t| t.beam[0] + t.beam[1] * self.range)
+    }
+
+    /// Whether it represents a pulse without echoes.
+    pub fn is_miss(&self) -> bool {
+        self.number_of_returns == 0
+    }
+}
+
+/// One digitised waveform (spec pulse-physics §4.11); its samples lie in the batch's pool.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WaveformRecord {
+    /// Pulse number of its device.
+    pub pulse_number: u64,
+    /// Index of the scanner's device that emitted the pulse, from 0.
+    pub device: u32,
+    /// Beam origin, m, scene frame.
+    pub origin: DVec3,
+    /// Traced direction.
+    pub direction: DVec3,
+    /// One-way travel time of the first sample, ns.
+    pub start_ns: f64,
+    /// One-way travel time of the last sample, ns.
+    pub end_ns: f64,
+    /// Emission time, ns of the GPS week.
+    pub time_ns: f64,
+    /// First sample within [`crate::pulse::Batch::samples`].
+    pub first_sample: usize,
+    /// Number of samples.
+    pub samples: usize,
+}
+
+/// One emitted pulse as a record (spec pulse-physics §7.3).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PulseRecord {
+    /// Beam origin, m, scene frame.
+    pub origin: DVec3,
+    /// Traced direction.
+    pub direction: DVec3,
+    /// ns of the GPS week.
+    pub time_ns: f64,
+    /// Pulse number of its device.
+    pub number: u64,
+    /// Index of the scanner's device that emitted the pulse, from 0.
+    pub device: u32,
+    /// Deflection angle of the beam, rad.
+    pub scan_angle: f64,
+}

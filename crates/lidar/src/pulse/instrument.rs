@@ -1,0 +1,400 @@
+//! The instruments of a survey: the constants of each device, computed once.
+
+use super::cluster::ClusterRule;
+use super::detector::{DetectorSettings, PeakRule};
+use super::energy::{BeamState, Energy, NANO, half_angle};
+use super::footprint::Footprint;
+use super::noise::{ReceiverNoise, signal_to_noise};
+use super::options::{Corrections, PhysicsOptions};
+use super::peaks::Peaks;
+use super::receiver::{ReceiverModel, receiver_noise};
+use super::sampled;
+use super::shape::{self, PulseShape, sample_count};
+use super::single_bin::SingleBinDetector;
+use super::subray::Subrays;
+use super::waveform::Waveform;
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+use std::sync::Arc;
+use vlscan_base::quantity::number;
+use vlscan_base::{Error, Result};
+use vlscan_geom::LIGHT_SPEED;
+use vlscan_survey::{Beam, Device, Formula, Receiver, ReferenceTarget, ScannerSettings, Survey};
+use vlscan_trace::simd::portable::Portable;
+
+/// Maximum number of rings of subrays: 512 rings are 822,000 rays per pulse.
+const MAX_RINGS: u32 = 512;
+/// Threshold of instruments that state none, nW. As 1e-4 W it would hide every echo, so it counts as not given and is
+/// in nanowatts with and without the correction of the unit.
+const DEFAULT_THRESHOLD: f64 = 1e-4;
+const MAX_PULSE_BINS: f64 = (1u32 << 20) as f64;
+
+/// A device with one divergence.
+#[derive(Clone, Debug)]
+pub(super) struct Instrument {
+    pub subrays: Subrays,
+    pub energy: Energy,
+    /// Half angle of the beam, the larger one of an elliptical beam, rad.
+    pub footprint_angle: f64,
+    pub detector: DetectorSettings,
+    /// Fast path for light within one bin, where ranges are not read between bins and waveforms are not cut off.
+    pub single_bin: Option<SingleBinDetector>,
+    /// Fast path where ranges are read between bins.
+    pub clusters: Option<ClusterRule>,
+    /// 1σ range noise, m.
+    pub range_accuracy: f64,
+    /// Factor on the range noise.
+    pub distance_error: Option<Formula>,
+    pub waveform_noise: WaveformNoise,
+    /// The receiver, if it is not ideal.
+    pub receiver: Option<ReceiverModel>,
+}
+
+impl Instrument {
+    fn new(device: &Device, divergence: Divergence, frequency: f64, context: &Context) -> Result<Instrument> {
+        let (o, c) = (context.options, context.options.corrections);
+        let ideal = Receiver::default();
+        let receiver = if c.receiver { &device.receiver } else { &ideal };
+        let shape = pulse_shape(device, &c);
+        let beam = Beam { pulse_length: shape.length_of_equal_energy(), ..device.beam };
+        let state = BeamState {
+            beam: &beam,
+            rings: device.waveform.quality,
+            range_min: device.detector.range_min,
+            start_divergence: divergence.start,
+            leg_divergence: divergence.leg,
+            frequency,
+        };
+        let across = device.beam.divergence_y.unwrap_or(divergence.start);
+        let half_angles = [half_angle(divergence.start, &c), half_angle(across, &c)];
+        let subrays = subrays(device, half_angles, &c);
+        let light_speed = if c.two_way_time { LIGHT_SPEED * 0.5 } else { LIGHT_SPEED };
+        let amplitude_of = |target: &ReferenceTarget| {
+            let frequency = target.pulse_freq.unwrap_or(context.first_frequency);
+            let energy =
+                Energy::new(BeamState { frequency, ..state }, subrays.len(), context.multi_channel, o);
+            energy.of_beam(subrays.len(), target.range) * target.reflectance * shape.top
+        };
+        let noise = receiver_noise(receiver, &shape, amplitude_of);
+        let is_noisy = noise.is_some();
+        let rule = peak_rule(device, &c);
+        let rule =
+            PeakRule { threshold: threshold(device, receiver, noise.as_ref(), &rule, amplitude_of), ..rule };
+        // Echoes count until the next pulse.
+        let farthest = device.detector.range_max.min(LIGHT_SPEED * 0.5e9 / frequency);
+        let gate = (device.detector.range_min / light_speed, farthest / light_speed);
+        let model = ReceiverModel::new(receiver, noise, &shape, rule.threshold, gate, o.seed)
+            .map_err(|problem| Error::input(format!("device {}: {problem}", device.id)))?;
+        let rule =
+            PeakRule { threshold: model.as_ref().map_or(rule.threshold, ReceiverModel::threshold), ..rule };
+        let waveform_noise = match (o.waveform_noise, c.receiver) {
+            (false, _) => WaveformNoise::None,
+            (true, false) => WaveformNoise::Amplitude(device.detector.accuracy * 0.5),
+            // The samples have noise already.
+            (true, true) if is_noisy => WaveformNoise::None,
+            (true, true) => {
+                let ratio = signal_to_noise(shape.width() * light_speed, device.detector.accuracy);
+                WaveformNoise::OverPeak(1.0 / ratio)
+            }
+        };
+        let has_fast_path = model.is_none()
+            && receiver.pulse_shape.is_none()
+            && !receiver.digitiser_clock
+            && !o.echo_width
+            && device.waveform.max_range <= 0.0;
+        let single_bin = has_fast_path && !c.fractional_bins && !c.clip_dead_zone;
+        let clusters = has_fast_path && c.fractional_bins && c.clip_dead_zone;
+        Ok(Instrument {
+            energy: Energy::new(state, subrays.len(), context.multi_channel, o),
+            subrays,
+            footprint_angle: half_angles.into_iter().fold(0.0, f64::max),
+            single_bin: if single_bin { SingleBinDetector::new(&shape, &rule) } else { None },
+            clusters: if clusters { ClusterRule::new(&shape, &rule) } else { None },
+            detector: DetectorSettings {
+                shape,
+                rule,
+                max_returns: device.detector.max_returns,
+                range_min: device.detector.range_min,
+                range_max: device.detector.range_max,
+                max_duration: device.waveform.max_range,
+                light_speed,
+                digitiser_clock: receiver.digitiser_clock,
+                corrections: c,
+            },
+            range_accuracy: if c.own_accuracy { device.detector.accuracy } else { context.first_accuracy },
+            distance_error: device.detector.distance_error.clone(),
+            waveform_noise,
+            receiver: model,
+        })
+    }
+}
+
+/// The pulse that a device emits, in its bins.
+fn pulse_shape(device: &Device, corrections: &Corrections) -> PulseShape {
+    match &device.receiver.pulse_shape {
+        Some(pulse) if corrections.receiver => PulseShape::measured(pulse, device.waveform.bin),
+        _ => {
+            let length = device.beam.length(corrections.stated_pulse_widths);
+            PulseShape::new(length, corrections.whole_pulse, &device.waveform)
+        }
+    }
+}
+
+fn subrays(device: &Device, half_angles: [f64; 2], c: &Corrections) -> Subrays {
+    let rings = device.waveform.quality;
+    if c.equal_energy {
+        let exit_radius = device.beam.aperture * 0.5;
+        Subrays::of_equal_energy(&Footprint { profile: device.beam.profile, half_angles, exit_radius }, rings)
+    } else {
+        Subrays::new(half_angles[0], rings)
+    }
+}
+
+fn peak_rule(device: &Device, c: &Corrections) -> PeakRule {
+    let bins = device.waveform.window / device.waveform.bin;
+    PeakRule {
+        threshold: match &device.detector {
+            d if c.threshold_in_watts && d.threshold_given && d.threshold != DEFAULT_THRESHOLD => {
+                d.threshold * NANO
+            }
+            d => d.threshold,
+        },
+        // The allowance lifts quotients that rounding left just below a whole number.
+        window: if c.peak_neighbours { ((bins + 1e-9) as u64).max(2) } else { bins as u64 },
+        weak_neighbours: c.weak_neighbours,
+        first_bin: c.clip_dead_zone,
+    }
+}
+
+/// Detection threshold, nW: the peak of an echo at the instrument's maximum range, if it states one; a multiple of its
+/// noise, if it has noise and states no threshold; otherwise the threshold of `rule`. `amplitude_of` computes the peak
+/// of a target's echo, nW.
+fn threshold(
+    device: &Device,
+    receiver: &Receiver,
+    noise: Option<&ReceiverNoise>,
+    rule: &PeakRule,
+    amplitude_of: impl Fn(&ReferenceTarget) -> f64,
+) -> f64 {
+    match (&receiver.max_range, noise) {
+        (Some(target), _) => amplitude_of(target),
+        (None, Some(noise)) if !device.detector.threshold_given => noise.default_threshold(),
+        _ => rule.threshold,
+    }
+}
+
+/// Noise that is added to recorded waveforms on request, without effect on points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum WaveformNoise {
+    None,
+    /// Standard deviation as an amplitude.
+    Amplitude(f64),
+    /// Standard deviation relative to the waveform's peak.
+    OverPeak(f64),
+}
+
+impl WaveformNoise {
+    pub fn sigma(self, samples: &[f64]) -> f64 {
+        match self {
+            WaveformNoise::None => 0.0,
+            WaveformNoise::Amplitude(sigma) => sigma,
+            WaveformNoise::OverPeak(share) => share * samples.iter().copied().fold(0.0, f64::max),
+        }
+    }
+}
+
+/// Beam divergence, rad.
+#[derive(Clone, Copy, Debug)]
+struct Divergence {
+    /// When the simulation starts.
+    start: f64,
+    /// In the current leg.
+    leg: f64,
+}
+
+struct Context<'a> {
+    options: &'a PhysicsOptions,
+    multi_channel: bool,
+    first_accuracy: f64,
+    /// Pulse rate of data sheet figures that state none, Hz.
+    first_frequency: f64,
+}
+
+/// The instruments of a survey by leg and device. Clones share them.
+#[derive(Clone, Debug)]
+pub struct InstrumentTable {
+    instruments: Arc<[Instrument]>,
+    devices: usize,
+    /// Index into `instruments` for each leg and device.
+    indices: Arc<[u32]>,
+}
+
+impl InstrumentTable {
+    /// Computes the instruments that `survey` uses.
+    ///
+    /// # Errors
+    /// Settings that no instrument can have (bins without width), or that need too much memory (millions of subrays or
+    /// of pulse samples).
+    pub fn new(survey: &Survey, options: &PhysicsOptions) -> Result<InstrumentTable> {
+        let devices = &survey.scanner.devices;
+        devices.iter().try_for_each(|d| check(d, &options.corrections))?;
+        let context = Context {
+            options,
+            multi_channel: survey.scanner.multi_channel,
+            first_accuracy: devices.first().map_or(0.0, |d| d.detector.accuracy),
+            first_frequency: survey.scanner.pulse_freqs.first().map_or(1.0, |f| f64::from(*f)),
+        };
+        let (mut instruments, mut indices) = (Vec::new(), Vec::new());
+        let mut known: HashMap<(usize, u64, u32), u32> = HashMap::new();
+        for leg in &survey.legs {
+            for (i, device) in devices.iter().enumerate() {
+                let divergence = divergence(survey, &leg.scanner, i, device, options);
+                // Only the lidar equation depends on the pulse rate.
+                let rate = if options.corrections.radiometry { leg.scanner.pulse_freq } else { 0 };
+                let index = match known.entry((i, divergence.leg.to_bits(), rate)) {
+                    Entry::Occupied(known) => *known.get(),
+                    Entry::Vacant(new) => {
+                        let frequency = f64::from(leg.scanner.pulse_freq.max(1));
+                        instruments.push(Instrument::new(device, divergence, frequency, &context)?);
+                        *new.insert(instruments.len() as u32 - 1)
+                    }
+                };
+                indices.push(index);
+            }
+        }
+        Ok(InstrumentTable {
+            instruments: instruments.into(),
+            devices: devices.len(),
+            indices: indices.into(),
+        })
+    }
+
+    pub(super) fn devices(&self) -> usize {
+        self.devices
+    }
+
+    pub(super) fn max_rays(&self) -> usize {
+        self.instruments.iter().map(|i| i.subrays.len()).max().unwrap_or(0)
+    }
+
+    /// The instrument of `device` in `leg` (index into the survey's legs).
+    #[inline]
+    pub(super) fn instrument(&self, leg: u32, device: u32) -> Result<&Instrument> {
+        let known = (device as usize) < self.devices;
+        let at = (leg as usize).checked_mul(self.devices).and_then(|l| l.checked_add(device as usize));
+        at.filter(|_| known)
+            .and_then(|at| self.indices.get(at))
+            .map(|i| &self.instruments[*i as usize])
+            .ok_or_else(|| {
+                Error::Internal(format!(
+                    "a pulse of device {device} in leg {leg}, which the survey does not have"
+                ))
+            })
+    }
+}
+
+/// Leg settings reach device 0 only, and the rays only before the first leg (spec pulse-physics §5.3, trap 8).
+fn divergence(
+    survey: &Survey,
+    leg: &ScannerSettings,
+    i: usize,
+    device: &Device,
+    options: &PhysicsOptions,
+) -> Divergence {
+    if i > 0 {
+        return Divergence { start: device.beam.divergence, leg: device.beam.divergence };
+    }
+    if options.corrections.divergence_per_leg {
+        let own = leg.written_divergence.unwrap_or(leg.beam_divergence);
+        return Divergence { start: own, leg: own };
+    }
+    let first = survey.legs.first().map_or(device.beam.divergence, |l| l.scanner.beam_divergence);
+    Divergence { start: first, leg: leg.beam_divergence }
+}
+
+/// Number of echoes of a single strong pulse of a device; `None` if its settings are impossible.
+pub fn count_echoes_of_one_pulse(device: &Device, corrections: &Corrections) -> Option<usize> {
+    check(device, corrections).ok()?;
+    let shape = pulse_shape(device, corrections);
+    let rule = PeakRule { threshold: f64::MIN_POSITIVE, ..peak_rule(device, corrections) };
+    // A waveform has another bin behind its last pulse.
+    let samples: Vec<f64> = shape.samples.iter().copied().chain([0.0]).collect();
+    let waveform = Waveform::of_samples(&samples);
+    Some(Peaks::of(Portable, &waveform, rule).count())
+}
+
+fn check(device: &Device, corrections: &Corrections) -> Result<()> {
+    let w = &device.waveform;
+    let duration = match &device.receiver.pulse_shape {
+        Some(pulse) if corrections.receiver => sampled::duration(pulse),
+        _ => shape::duration(device.beam.length(corrections.stated_pulse_widths), corrections.whole_pulse),
+    };
+    let problem = if !(w.bin > 0.0 && w.bin.is_finite()) {
+        format!("binSize_ns is {}, expected a positive number", w.bin)
+    } else if !(duration.is_finite() && duration / w.bin <= MAX_PULSE_BINS) {
+        format!(
+            "a pulse of {} ns does not fit into a million bins of {} ns; choose a larger binSize_ns",
+            number(duration),
+            number(w.bin)
+        )
+    } else if w.quality > MAX_RINGS {
+        format!("beamSampleQuality is {}, expected at most {MAX_RINGS}", w.quality)
+    } else {
+        debug_assert!(sample_count(duration, w.bin) <= MAX_PULSE_BINS as usize);
+        return Ok(());
+    };
+    Err(Error::input(format!("device {}: {problem}", device.id)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pulse::testkit::{survey, tls_device};
+
+    #[test]
+    fn impossible_settings_are_named() {
+        let cases = [
+            ("binSize_ns", 0.0, 3),
+            ("binSize_ns", f64::NAN, 3),
+            ("million bins", 1e-9, 3),
+            ("beamSampleQuality", 0.25, u32::MAX),
+        ];
+        for (word, bin, quality) in cases {
+            let mut device = tls_device(5.0);
+            (device.waveform.bin, device.waveform.quality) = (bin, quality);
+            let error = InstrumentTable::new(&survey(vec![device]), &PhysicsOptions::helios()).unwrap_err();
+            assert!(error.to_string().contains(word), "{error} does not name {word}");
+        }
+        let mut device = tls_device(f64::MAX);
+        device.waveform.bin = f64::MAX;
+        let survey = survey(vec![device]);
+        assert!(InstrumentTable::new(&survey, &PhysicsOptions::helios()).is_ok(), "one bin");
+        let error = InstrumentTable::new(&survey, &PhysicsOptions::refined()).unwrap_err();
+        assert!(error.to_string().contains("million bins"), "the whole pulse is twice as long: {error}");
+    }
+
+    #[test]
+    fn legs_with_the_same_divergence_share_an_instrument() {
+        let mut s = survey(vec![tls_device(5.0), tls_device(4.0)]);
+        s.legs.push(s.legs[0].clone());
+        s.legs.push(s.legs[0].clone());
+        s.legs[1].scanner.beam_divergence = 2e-3;
+        let table = InstrumentTable::new(&s, &PhysicsOptions::helios()).unwrap();
+        assert_eq!((&*table.indices, table.instruments.len()), ([0, 1, 2, 1, 0, 1].as_slice(), 3));
+        assert!(table.instrument(2, 1).is_ok());
+        assert!(table.instrument(3, 0).is_err() && table.instrument(0, 2).is_err());
+        assert!(table.instrument(u32::MAX, u32::MAX).is_err());
+    }
+
+    #[test]
+    fn windows_are_truncated_as_the_reference_does_it_unless_corrected() {
+        let mut device = tls_device(5.0);
+        (device.waveform.window, device.waveform.bin) = (0.3, 0.1);
+        let mut c = Corrections::NONE;
+        assert_eq!(peak_rule(&device, &c).window, 2);
+        c.peak_neighbours = true;
+        assert_eq!(peak_rule(&device, &c).window, 3);
+        device.waveform.window = 0.05;
+        assert_eq!(peak_rule(&device, &c).window, 2);
+    }
+}

@@ -1,0 +1,450 @@
+//! Turns the hits of subrays into reflections (spec pulse-physics §2).
+
+use super::continuum::{FoliageContinuum, LeafResponse, MediumSegment, depth};
+use super::foliage::{self, FreePaths, MediumEvent};
+use super::instrument::Instrument;
+use super::lanes::LANES;
+use super::options::Corrections;
+use super::reflections::{LaneMask, Reflections};
+use super::traced::{SubrayGains, TracedPulse};
+use super::triangle_cache::TriangleCache;
+use super::view::{Interaction, STEP_BEHIND, SceneView, SideOfBounds, distance};
+use vlscan_geom::{DVec3, unit};
+use vlscan_scene::{Material, Scene, Voxel};
+use vlscan_trace::Hits;
+
+#[derive(Clone, Debug, Default)]
+pub(super) struct ReflectScratch {
+    /// Position among the reflections and cross-section of voxels that follow their own radar equation.
+    cross_sections: Vec<(usize, f64)>,
+    continuum: FoliageContinuum,
+    pub triangles: TriangleCache,
+}
+
+impl<'a> SceneView<'a> {
+    /// Replaces `out` by the reflections of a pulse's subrays, in their order.
+    #[inline(always)]
+    pub fn reflect(
+        &self,
+        instrument: &Instrument,
+        pulse: (TracedPulse, SubrayGains),
+        paths: &mut FreePaths,
+        scratch: &mut ReflectScratch,
+        out: &mut Reflections,
+    ) {
+        out.clear(instrument.subrays.len());
+        let around = match instrument.detector.corrections.adjacent_voxels {
+            true => self.voxels_around(pulse.0.origin),
+            false => Vec::new(),
+        };
+        let is_done = around.is_empty()
+            && self.visible_bounds.is_none()
+            && self.shade_triangles(instrument, pulse, &mut scratch.triangles, out);
+        if !is_done {
+            // Drops the partial result of [`SceneView::shade_triangles`].
+            out.clear(instrument.subrays.len());
+            self.reflect_each(instrument, pulse, &around, paths, scratch, out);
+        }
+    }
+
+    /// [`SceneView::reflect`] for pulses that hit only opaque triangles, in blocks of subrays; `false` for any other
+    /// pulse.
+    #[inline(always)]
+    fn shade_triangles(
+        &self,
+        instrument: &Instrument,
+        (traced, gains): (TracedPulse, SubrayGains),
+        triangles: &mut TriangleCache,
+        out: &mut Reflections,
+    ) -> bool {
+        let mut left = traced.primitives.len();
+        let [x, y, z] = traced.directions;
+        let gain_blocks = gains.gains.as_chunks::<LANES>().0;
+        let blocks = traced.primitive_blocks.iter().zip(gains.ranges.as_chunks::<LANES>().0).zip(gain_blocks);
+        for (((primitives, range), gain), ((x, y), z)) in blocks.zip(x.iter().zip(y).zip(z)) {
+            let (mut hits, mut seen) = ([0; LANES], [0; LANES]);
+            for i in 0..LANES {
+                hits[i] = u8::from((primitives[i] != Hits::MISS) & (i < left));
+                let in_range =
+                    (range[i] >= instrument.detector.range_min) & (range[i] <= instrument.detector.range_max);
+                seen[i] = hits[i] & u8::from(in_range);
+            }
+            left = left.saturating_sub(LANES);
+            if instrument.detector.corrections.see_through_near && hits != seen {
+                return false;
+            }
+            let (mut cosine, mut intensity) = ([1.0; LANES], [0.0; LANES]);
+            let mut unshaded = LaneMask::of(seen);
+            // Neighbouring subrays mostly hit the same triangle, so there are few rounds.
+            while let Some(first) = unshaded.first() {
+                let Some(triangle) = triangles.look_up(self, primitives[first]) else { return false };
+                let mut same = [0; LANES];
+                for i in 0..LANES {
+                    same[i] = u8::from(primitives[i] == primitives[first]);
+                }
+                if !self.fixed_incidence {
+                    triangle.cosines([x, y, z], &same, &mut cosine);
+                }
+                triangle.intensities(self, &cosine, gain, &same, &mut intensity);
+                unshaded = unshaded.without(LaneMask::of(same));
+            }
+            out.push_triangles(LaneMask::of(seen), range, &intensity, &cosine, primitives);
+        }
+        out.mark_opaque_only();
+        true
+    }
+
+    /// [`SceneView::reflect`] for any pulse; `around` are the voxels of foliage that contain its origin.
+    #[inline(never)]
+    fn reflect_each(
+        &self,
+        instrument: &Instrument,
+        (traced, gains): (TracedPulse, SubrayGains),
+        around: &[u32],
+        paths: &mut FreePaths,
+        scratch: &mut ReflectScratch,
+        out: &mut Reflections,
+    ) {
+        let (rings, c) = (&instrument.subrays.ring, &instrument.detector.corrections);
+        scratch.cross_sections.clear();
+        let is_continuous = c.foliage_continuum && c.adjacent_voxels && c.leaf_table_law && rings.len() > 1;
+        if is_continuous {
+            scratch.continuum.clear(&instrument.detector);
+        }
+        let may_be_occluded = !around.is_empty() || self.visible_bounds.is_some();
+        let (triangles, own) = (self.scene.geometry.triangles.len(), self.scene.geometry.len());
+        let is_triangle = |i: u32| (i as usize) < triangles || (i as usize >= own && i != Hits::MISS);
+        let mut surface = ShadedSurface::none(self.scene);
+        let t = traced.t.as_flattened();
+        for (i, (ring, range)) in rings.iter().zip(gains.ranges).enumerate() {
+            let (primitive, direction) = (traced.primitives[i], traced.direction(i));
+            if !may_be_occluded && is_triangle(primitive) && instrument.detector.is_in_range(*range) {
+                surface.load(self, primitive);
+                let cosine = if self.fixed_incidence { 1.0 } else { surface.plane_cosine(direction) };
+                out.push((i as u32, *ring), (*range, *range), primitive, cosine, surface.factor(cosine));
+            } else if primitive != Hits::MISS || !around.is_empty() {
+                let ray = (traced.start(i), direction);
+                let first =
+                    Interaction { from: ray.0, t: t[i], primitive, range: *range, scatter_range: *range };
+                let end = if is_continuous {
+                    self.scatter_continuously((instrument, *ring), ray, first, around, (paths, scratch))
+                } else if c.adjacent_voxels {
+                    self.walk_medium(&instrument.detector, ray, first, around, paths)
+                } else {
+                    self.walk_voxels(instrument, ray, first, paths)
+                };
+                let Some(at) = end else { continue };
+                surface.load(self, at.primitive);
+                let LeafResponse { cosine, factor } =
+                    surface.response(&at, direction, self.fixed_incidence, c);
+                if let Some(sigma) = foliage::cross_section(surface.scene, c, surface.local, direction) {
+                    scratch.cross_sections.push((out.count(), sigma));
+                }
+                let entry = if c.voxel_stop_point { at.scatter_range } else { at.range };
+                out.push((i as u32, *ring), (at.scatter_range, entry), at.primitive, cosine, factor);
+            }
+        }
+        out.apply_energy(&instrument.energy, &scratch.cross_sections);
+        if is_continuous {
+            scratch.continuum.emit(out);
+        }
+    }
+
+    /// Follows a subray of `ring` through foliage to the solid surface that reflects it. `None` if there is none, or if
+    /// the foliage intercepts the subray, whose light then joins the continuum.
+    fn scatter_continuously(
+        &self,
+        (instrument, ring): (&Instrument, u32),
+        (origin, direction): (DVec3, DVec3),
+        first: Interaction,
+        around: &[u32],
+        (paths, scratch): (&mut FreePaths, &mut ReflectScratch),
+    ) -> Option<Interaction> {
+        let continuum = &mut scratch.continuum;
+        let solid = self.collect_medium(
+            &instrument.detector,
+            (origin, direction),
+            first,
+            around,
+            &mut continuum.segments,
+        );
+        if continuum.segments.is_empty() {
+            return solid;
+        }
+        let end = solid.map_or(f64::INFINITY, |s| s.range);
+        // The optical depth at which the subray is intercepted.
+        if paths.sample(1.0) > depth(&continuum.segments, end) {
+            return solid;
+        }
+        let response = |segment: &MediumSegment| {
+            let mut surface = ShadedSurface::none(self.scene);
+            surface.load(self, segment.entry.primitive);
+            surface.response(
+                &segment.entry,
+                direction,
+                self.fixed_incidence,
+                &instrument.detector.corrections,
+            )
+        };
+        continuum.scatter((&instrument.energy, &instrument.detector), ring, end, response);
+        None
+    }
+
+    /// Follows a subray from its first interaction to the one that reflects it (spec pulse-physics §2.7), or `None`.
+    #[inline(never)]
+    fn walk_voxels(
+        &self,
+        instrument: &Instrument,
+        (origin, direction): (DVec3, DVec3),
+        mut at: Interaction,
+        paths: &mut FreePaths,
+    ) -> Option<Interaction> {
+        let corrections = &instrument.detector.corrections;
+        loop {
+            if at.primitive == Hits::MISS || !at.range.is_finite() {
+                return None;
+            }
+            let (scene, local) = self.locate(at.primitive);
+            let by_scatter_range = corrections.voxel_stop_point && foliage::is_scattering(scene, local);
+            let next = match self.side_of_bounds(&at, direction) {
+                SideOfBounds::Beyond => return None,
+                SideOfBounds::Before(entry) => entry,
+                SideOfBounds::Inside if at.range > instrument.detector.range_max => return None,
+                SideOfBounds::Inside if at.range < instrument.detector.range_min && !by_scatter_range => {
+                    if !corrections.see_through_near {
+                        return None;
+                    }
+                    at.point(direction) + direction * STEP_BEHIND
+                }
+                SideOfBounds::Inside => {
+                    match foliage::medium_event(scene, corrections, local, (at.from, direction), at.t, paths)
+                    {
+                        MediumEvent::Scatter(0.0) => return Some(at),
+                        MediumEvent::Scatter(path) => {
+                            at.scatter_range = distance((at.point(direction) + direction * path) - origin);
+                            let is_measured =
+                                !by_scatter_range || instrument.detector.is_in_range(at.scatter_range);
+                            return is_measured.then_some(at);
+                        }
+                        MediumEvent::Lost => return None,
+                        MediumEvent::Exit(exit) => at.from + direction * exit + direction * STEP_BEHIND,
+                    }
+                }
+            };
+            if next == at.from {
+                return None;
+            }
+            at = self.nearest(next, direction, origin, |_| true);
+        }
+    }
+}
+
+/// Reflection properties of the primitive of the last interaction: neighbouring subrays mostly hit the same one.
+struct ShadedSurface<'a> {
+    primitive: u32,
+    /// The scene that holds it in its current position, and its index there.
+    scene: &'a Scene,
+    local: u32,
+    material: Option<&'a Material>,
+    /// Unit normal of a triangle or of a cube that has one.
+    normal: Option<DVec3>,
+}
+
+impl<'a> ShadedSurface<'a> {
+    fn none(scene: &'a Scene) -> ShadedSurface<'a> {
+        ShadedSurface { primitive: Hits::MISS, scene, local: Hits::MISS, material: None, normal: None }
+    }
+
+    /// Looks the primitive up unless it is the last one.
+    fn load(&mut self, view: &SceneView<'a>, primitive: u32) {
+        if self.primitive == primitive {
+            return;
+        }
+        let (scene, local) = view.locate(primitive);
+        let normal = match scene.triangle(local) {
+            Some([a, b, c]) => Some(unit((b - a).cross(c - a))),
+            None => scene.voxel(local).and_then(Voxel::normal),
+        };
+        *self = ShadedSurface { primitive, scene, local, material: Some(scene.material_of(local)), normal };
+    }
+
+    /// Cosine of the incidence angle (spec pulse-physics §2.4).
+    fn cosine(&self, at: &Interaction, direction: DVec3) -> f64 {
+        if self.normal.is_some() {
+            return self.plane_cosine(direction);
+        }
+        let geometry = &self.scene.geometry;
+        let cube = &geometry.cubes[self.local as usize - geometry.triangles.len()];
+        face_of_cube(at.point(direction) - cube.centre, cube.half).dot(direction).abs().min(1.0)
+    }
+
+    /// Cosine of the incidence angle on a primitive that has a normal.
+    fn plane_cosine(&self, direction: DVec3) -> f64 {
+        self.normal.map_or(1.0, |n| n.dot(direction).abs().min(1.0))
+    }
+
+    /// How the surface or its foliage reflects a ray that hits it at `at`.
+    fn response(
+        &self,
+        at: &Interaction,
+        direction: DVec3,
+        fixed_incidence: bool,
+        c: &Corrections,
+    ) -> LeafResponse {
+        if !fixed_incidence && c.foliage_incidence && foliage::is_scattering(self.scene, self.local) {
+            let cosine = foliage::mean_cosine(self.scene, c, self.local, direction);
+            return LeafResponse { cosine, factor: self.material.map_or(0.0, |m| m.leaf_factor(cosine)) };
+        }
+        let cosine = if fixed_incidence { 1.0 } else { self.cosine(at, direction) };
+        LeafResponse { cosine, factor: self.factor(cosine) }
+    }
+
+    fn factor(&self, cosine: f64) -> f64 {
+        self.material.map_or(0.0, |m| m.factor(cosine))
+    }
+}
+
+/// Normal of the cube's face whose centre is nearest to `p` (relative to the cube's centre); of equally near faces the
+/// first in the order +x, −x, +y, −y, +z, −z.
+fn face_of_cube(p: DVec3, half: f64) -> DVec3 {
+    let faces = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
+    let mut best = (f64::INFINITY, DVec3::X);
+    for normal in faces {
+        let d = (p - normal * half).length_squared();
+        if d < best.0 {
+            best = (d, normal);
+        }
+    }
+    best.1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pulse::ray_batch::RayBatch;
+    use crate::pulse::subray::Subrays;
+    use crate::pulse::testkit::{foliage, half_white, rectangles, tls_instrument, tree, wall};
+    use crate::pulse::traced::GainBuffer;
+    use vlscan_base::rng::{Purpose, Stream};
+    use vlscan_geom::Rotation;
+    use vlscan_scene::{Reflection, VoxelKind};
+    use vlscan_trace::{RayGroup, TraceScratch};
+
+    #[test]
+    fn the_nearest_face_of_a_cube_gives_its_normal() {
+        for n in [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z] {
+            assert_eq!(face_of_cube(n * 0.5 + DVec3::splat(0.1), 0.5), n);
+        }
+        assert_eq!(face_of_cube(DVec3::new(0.5, 0.5, 0.5), 0.5), DVec3::X, "the first of equals");
+    }
+
+    /// Calls `check` with a traced pulse from the world's origin whose axis is turned off +y.
+    fn trace_pulse<R>(
+        scene: &Scene,
+        instrument: &Instrument,
+        turn: &Rotation,
+        check: impl FnOnce(&SceneView, (TracedPulse, SubrayGains), &mut FreePaths) -> R,
+    ) -> R {
+        let tree = tree(scene);
+        let view = SceneView {
+            scene,
+            tree: &tree,
+            moving: &[],
+            visible_bounds: None,
+            fixed_incidence: false,
+            max_cube_size: 1.0,
+        };
+        let mut batch = RayBatch::default();
+        batch.rays = RayGroup::new(instrument.subrays.len());
+        instrument.subrays.expand(0, turn, batch.rays.push_registers(-scene.shift));
+        batch.trace(&tree, &scene.geometry, &mut TraceScratch::default());
+        let (traced, mut gain_buffer) = (TracedPulse::of(&batch, 0), GainBuffer::default());
+        gain_buffer.push(instrument, &traced);
+        let mut paths =
+            FreePaths { stream: Stream::new(0, Purpose::FreePath), device: 0, pulse: 1, drawn: 0 };
+        check(&view, (traced, gain_buffer.of(0, &traced)), &mut paths)
+    }
+
+    fn empty(instrument: &Instrument) -> Reflections {
+        let mut out = Reflections::default();
+        out.clear(instrument.subrays.len());
+        out
+    }
+
+    fn assert_same(one: &Reflections, other: &Reflections) {
+        assert_eq!(one.primitives(), other.primitives());
+        assert_eq!(one.ranges(), other.ranges());
+        assert_eq!(one.entries(), other.entries());
+        assert_eq!(one.cosines(), other.cosines());
+        assert_eq!(one.intensities(), other.intensities());
+    }
+
+    #[test]
+    fn triangles_reflect_alike_in_blocks_and_one_by_one() {
+        // Boards with gaps between them, the farthest of them out of range.
+        let boards: Vec<_> =
+            (0..12).map(|i| wall(f64::from(i) - 6.3, f64::from(i) - 5.7, f64::from(9 + i))).collect();
+        let shiny = |i: u32| match i % 5 {
+            0 => Reflection::Uniform,
+            1 => Reflection::Lambert,
+            2 => Reflection::Phong { specularity: 0.3, exponent: 7.0 },
+            3 => Reflection::Lobes { specularity: 0.0, exponent: 7.0, roughness: 0.0 },
+            _ => Reflection::Lobes { specularity: 0.4, exponent: 7.0, roughness: 0.3 },
+        };
+        let (mut some, mut none) = (0, 0);
+        for round in 0..60u32 {
+            let scene = rectangles(Material { reflection: shiny(round), ..half_white() }, &boards);
+            let mut instrument = tls_instrument(5.0);
+            (instrument.detector.range_min, instrument.detector.range_max) = (9.5, 18.5);
+            instrument.subrays = Subrays::new(0.02 * f64::from(round % 9), 3);
+            let turn = Rotation::about_z(f64::from(round) * 0.02 - 0.6);
+            trace_pulse(&scene, &instrument, &turn, |view, pulse, paths| {
+                let view = SceneView { fixed_incidence: round % 7 == 0, ..*view };
+                let (mut shaded, mut each) = (empty(&instrument), empty(&instrument));
+                let mut scratch = ReflectScratch::default();
+                assert!(view.shade_triangles(&instrument, pulse, &mut scratch.triangles, &mut shaded));
+                view.reflect_each(&instrument, pulse, &[], paths, &mut scratch, &mut each);
+                assert_same(&shaded, &each);
+                some += shaded.primitives().len();
+                none += instrument.subrays.len() - shaded.primitives().len();
+            });
+        }
+        assert!(some > 200 && none > 200, "{some} {none}");
+    }
+
+    /// The first eight subrays miss the cubes and hit the wall, some of the others do not.
+    #[test]
+    fn triangles_shaded_before_a_voxel_is_hit_count_once() {
+        let cubes: Vec<_> = (0..5).map(|i| (f64::from(100 + i), 0.0, VoxelKind::Opaque)).collect();
+        let scene = foliage(&cubes, None);
+        let mut instrument = tls_instrument(5.0);
+        instrument.subrays = Subrays::new(0.01, 3);
+        trace_pulse(&scene, &instrument, &Rotation::about_z(-0.01), |view, pulse, paths| {
+            let (mut shaded, mut each, mut out) =
+                (empty(&instrument), empty(&instrument), empty(&instrument));
+            let mut scratch = ReflectScratch::default();
+            assert!(!view.shade_triangles(&instrument, pulse, &mut scratch.triangles, &mut shaded));
+            assert_eq!(shaded.count(), 8);
+            view.reflect_each(&instrument, pulse, &[], paths, &mut scratch, &mut each);
+            view.reflect(&instrument, pulse, paths, &mut scratch, &mut out);
+            assert_eq!(out.count(), instrument.subrays.len());
+            assert_same(&out, &each);
+        });
+    }
+
+    #[test]
+    fn opaque_cubes_reflect_like_their_nearest_face() {
+        let scene = foliage(&[(10.0, 0.0, VoxelKind::Opaque)], None);
+        let mut instrument = tls_instrument(5.0);
+        instrument.subrays = Subrays::new(0.0, 1);
+        let turn = Rotation::about_x(0.01);
+        let mut out = Reflections::default();
+        trace_pulse(&scene, &instrument, &turn, |view, pulse, paths| {
+            view.reflect(&instrument, pulse, paths, &mut ReflectScratch::default(), &mut out);
+        });
+        let d = turn.forward();
+        assert_eq!(out.primitives(), [0]);
+        assert!((out.ranges()[0] - 10.0 / d.y).abs() < 1e-12);
+        assert!((out.cosines()[0] - d.y).abs() < 1e-15);
+    }
+}

@@ -1,0 +1,320 @@
+//! The outgoing pulse, digitised (spec pulse-physics §4.1).
+
+use super::lanes::{Block, LANES};
+use super::maximum::{self, Maximum, MeasuredMaximum};
+use super::sampled;
+use libm::exp;
+use vlscan_survey::{PulseSamples, WaveformSettings, pulse_length_of_width, width_of_pulse_length};
+
+/// Samples of the pulse's power over time: a gamma-like curve `(t/τ)²·exp(−t/τ)` with τ = τp/7, cut at t = τp, or a
+/// pulse of measured shape.
+#[derive(Clone, Debug)]
+pub(super) struct PulseShape {
+    /// One sample per bin, from the start of the pulse.
+    pub samples: Vec<f64>,
+    /// Bin of the largest sample.
+    pub peak: usize,
+    /// ns.
+    pub bin: f64,
+    /// Bins per nanosecond if that is exact, so that times can be multiplied by it instead of divided by `bin`.
+    pub bins_per_ns: Option<f64>,
+    /// Pulse length τp, ns; for a measured shape, the length of the gamma-like curve of equal width at half maximum.
+    pub length: f64,
+    /// Duration of the samples, ns.
+    pub duration: f64,
+    /// Largest power between the samples.
+    pub top: f64,
+    /// Time from the start of the pulse to its largest power, ns.
+    pub top_time: f64,
+    /// Integral of the power, ns.
+    integral: f64,
+    /// Bins per τ, inverted: x = Δ/τ; 0 for a measured shape.
+    decay: f64,
+    growth: f64,
+    /// Coefficients of late starts, see [`PulseShape::late`]: −2kx²e^(−kx) and x²e^(−kx), 0 in bin 0; see
+    /// [`sampled::digitise`] for a measured shape.
+    pub lateness: [Vec<f64>; 2],
+    /// Readings of the maximum of a measured shape.
+    measured: Option<MeasuredMaximum>,
+}
+
+/// Maxima that are this close behind a sample, by rounding, count as on it, bins.
+const ROUNDING: f64 = 1e-9;
+
+/// Pulse length over the integral of the gamma-like curve, which is 2τ.
+const LENGTH_OVER_INTEGRAL: f64 = 3.5;
+
+impl PulseShape {
+    /// The shape of a pulse of `length` ns, cut there or, if `whole`, where 3e-4 of its peak are left.
+    pub fn new(length: f64, whole: bool, waveform: &WaveformSettings) -> PulseShape {
+        let bin = waveform.bin;
+        let duration = duration(length, whole);
+        let tau = length / 7.0;
+        let decay = bin / tau;
+        let count = sample_count(duration, bin);
+        let samples: Vec<f64> = (0..count)
+            .map(|k| {
+                let x = k as f64 * bin / tau;
+                x * x * exp(-x)
+            })
+            .collect();
+        let peak = index_of_max(&samples);
+        let late = |weight: fn(f64) -> f64| {
+            let of_bin = |k: usize| weight(k as f64) * decay * decay * exp(-(k as f64) * decay);
+            (0..count).map(|k| if k == 0 { 0.0 } else { of_bin(k) }).collect()
+        };
+        let lateness = [late(|k| -2.0 * k), late(|_| 1.0)];
+        PulseShape {
+            samples,
+            peak,
+            bin,
+            bins_per_ns: exact_inverse(bin),
+            length,
+            duration,
+            top: 4.0 * exp(-2.0),
+            top_time: 2.0 * tau,
+            integral: length / LENGTH_OVER_INTEGRAL,
+            decay,
+            growth: exp(decay),
+            lateness,
+            measured: None,
+        }
+    }
+
+    pub fn measured(pulse: &PulseSamples, bin: f64) -> PulseShape {
+        let (samples, lateness) = sampled::digitise(pulse, bin);
+        let top_time = maximum::time_of_measured(pulse);
+        let mut shape = PulseShape {
+            peak: index_of_max(&samples),
+            samples,
+            bin,
+            bins_per_ns: exact_inverse(bin),
+            length: pulse_length_of_width(sampled::width(pulse)),
+            duration: sampled::duration(pulse),
+            top: 1.0,
+            top_time,
+            integral: sampled::integral(pulse),
+            decay: 0.0,
+            growth: 1.0,
+            lateness,
+            measured: None,
+        };
+        let late = |k: usize, by: f64| shape.late_sample(k, &shape.late(&[by; LANES]).map(|f| f[0]));
+        shape.measured = Some(MeasuredMaximum::new(top_time / bin, shape.samples.len(), late));
+        shape
+    }
+
+    /// Time from the start of a pulse to the point that its range refers to, ns: its maximum where pulses may start
+    /// between bins, otherwise its largest sample.
+    pub fn lead(&self, between_bins: bool) -> f64 {
+        if between_bins { self.top_time } else { self.peak as f64 * self.bin }
+    }
+
+    /// Full width at half maximum, ns.
+    pub fn width(&self) -> f64 {
+        width_of_pulse_length(self.length)
+    }
+
+    /// Length of the gamma-like curve that has the integral of this pulse, ns.
+    pub fn length_of_equal_energy(&self) -> f64 {
+        self.integral * LENGTH_OVER_INTEGRAL
+    }
+
+    /// Factors of `samples` and of both `lateness` whose sum is the pulse that starts `by` bins (0 to 1) late:
+    /// ((k−φ)x)²e^(−(k−φ)x) = e^(φx)·(k² − 2kφ + φ²)·x²e^(−kx).
+    #[inline(always)]
+    pub fn late(&self, by: &Block) -> [Block; 3] {
+        let mut late = [[0.0; LANES]; 3];
+        let is_short = self.decay < MAX_SERIES_ARGUMENT;
+        for i in 0..LANES {
+            late[0][i] = if is_short { exp_series(by[i] * self.decay) } else { 0.0 };
+        }
+        if !is_short {
+            late[0] = by.map(|by| exp(by * self.decay));
+        }
+        for i in 0..LANES {
+            late[1][i] = late[0][i] * by[i];
+            late[2][i] = late[1][i] * by[i];
+        }
+        late
+    }
+
+    /// Sample `k` of pulses that start late in their bin, of which `late` are the summed factors.
+    #[inline(always)]
+    pub fn late_sample(&self, k: usize, late: &[f64; 3]) -> f64 {
+        self.samples[k] * late[0] + self.lateness[0][k] * late[1] + self.lateness[1][k] * late[2]
+    }
+
+    /// Adds all samples of pulses that start late in their bin, of which `late` are the summed factors.
+    #[inline(always)]
+    pub fn add_late(&self, late: &[f64; 3], to: &mut [f64]) {
+        let pulse = self.samples.iter().zip(&self.lateness[0]).zip(&self.lateness[1]);
+        for (to, ((sample, first), second)) in to.iter_mut().zip(pulse) {
+            *to += sample * late[0] + first * late[1] + second * late[2];
+        }
+    }
+
+    /// Maximum distance between pulses, bins, with which their sum has a single peak: all of them must be concave
+    /// between the first peak and the last. (t/τ)²·e^(−t/τ) is concave for t from (2 − √2)τ to (2 + √2)τ, around its
+    /// peak at 2τ.
+    pub fn concave_reach(&self) -> f64 {
+        std::f64::consts::SQRT_2 / self.decay
+    }
+
+    /// Bins from the start of a waveform to the maximum of its first pulse, which so lies on a sample, and how many bins that
+    /// pulse starts late.
+    pub fn first_start(&self) -> (f64, f64) {
+        let lead = self.top_time / self.bin;
+        let bins = (lead - ROUNDING).ceil();
+        (bins, bins - lead)
+    }
+
+    /// The maximum of an echo from its largest sample and the samples before and after it.
+    #[inline(always)]
+    pub fn maximum(&self, samples: [f64; 3]) -> Maximum {
+        match &self.measured {
+            Some(readings) => readings.read(samples),
+            None => maximum::of_gamma(samples, self.decay, self.growth),
+        }
+    }
+}
+
+/// Index of the largest sample, the first of equal ones.
+fn index_of_max(samples: &[f64]) -> usize {
+    let mut peak = 0;
+    for (k, s) in samples.iter().enumerate() {
+        if *s > samples[peak] {
+            peak = k;
+        }
+    }
+    peak
+}
+
+/// Arguments up to which [`exp_series`] is exact enough.
+const MAX_SERIES_ARGUMENT: f64 = 1.0;
+
+/// e^x for x from 0 to [`MAX_SERIES_ARGUMENT`]: a Taylor series of 12 terms, whose remainder is below 3e-9, and below
+/// 2e-12 up to 0.5, so that ranges move by nanometres.
+#[inline(always)]
+fn exp_series(x: f64) -> f64 {
+    const C: [f64; 12] = {
+        let mut c = [1.0; 12];
+        let mut k = 1;
+        while k < 12 {
+            c[k] = c[k - 1] / k as f64;
+            k += 1;
+        }
+        c
+    };
+    let x2 = x * x;
+    let x4 = x2 * x2;
+    let low = (C[0] + C[1] * x) + x2 * (C[2] + C[3] * x);
+    let middle = (C[4] + C[5] * x) + x2 * (C[6] + C[7] * x);
+    let high = (C[8] + C[9] * x) + x2 * (C[10] + C[11] * x);
+    low + x4 * (middle + x4 * high)
+}
+
+/// 1/x if every product with it rounds like the quotient with x: if x is a power of two.
+fn exact_inverse(x: f64) -> Option<f64> {
+    let is_power_of_two = x.is_normal() && x.to_bits() & ((1 << (f64::MANTISSA_DIGITS - 1)) - 1) == 0;
+    (is_power_of_two && (1.0 / x).is_normal()).then_some(1.0 / x)
+}
+
+/// Where a gamma-like pulse of `length` ns ends, ns: there or, if `whole`, where 3e-4 of its peak are left.
+pub(super) fn duration(length: f64, whole: bool) -> f64 {
+    if whole { 2.0 * length } else { length }
+}
+
+/// Number of samples of a pulse that lasts `duration` ns: the whole bins that fit.
+pub(super) fn sample_count(duration: f64, bin: f64) -> usize {
+    (duration / bin) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shape(length: f64, bin: f64) -> PulseShape {
+        PulseShape::new(length, false, &WaveformSettings { bin, window: 1.0, quality: 1, max_range: 0.0 })
+    }
+
+    #[test]
+    fn tables_of_the_worked_example() {
+        // spec pulse-physics §4.12 (a)
+        let table = [
+            (4.0, 0.25, 16, 5, 0.536879652),
+            (5.0, 0.25, 20, 6, 0.540032849),
+            (5.0, 0.20, 25, 7, 0.541121710),
+            (4.0, 0.50, 8, 2, 0.532182702),
+            (2.0, 0.25, 8, 2, 0.532182702),
+        ];
+        for (length, bin, n, peak, top) in table {
+            let s = shape(length, bin);
+            assert_eq!((s.samples.len(), s.peak), (n, peak), "{length} ns in bins of {bin} ns");
+            assert!((s.samples[peak] - top).abs() < 1e-9);
+        }
+        let expected = [
+            0.0, 0.123581, 0.319160, 0.463647, 0.532183, 0.536880, 0.499155, 0.438657, 0.369918, 0.302278,
+            0.240945, 0.188235, 0.144635, 0.109596, 0.082065, 0.060825,
+        ];
+        for (s, e) in shape(4.0, 0.25).samples.iter().zip(expected) {
+            assert!((s - e).abs() < 5e-7, "{s} is not {e}");
+        }
+    }
+
+    #[test]
+    fn a_pulse_that_starts_late_is_the_curve_shifted() {
+        let s = shape(4.0, 0.25);
+        let (by, tau) = (0.3, 4.0 / 7.0);
+        let [a, b, c] = s.late(&[by; LANES]).map(|f| f[0]);
+        let late: Vec<f64> =
+            (0..16).map(|k| a * s.samples[k] + b * s.lateness[0][k] + c * s.lateness[1][k]).collect();
+        for (k, f) in late.iter().enumerate().skip(1) {
+            let t = (k as f64 - by) * 0.25 / tau;
+            assert!((f - t * t * exp(-t)).abs() < 1e-13);
+        }
+        assert_eq!(late[0], 0.0);
+        for (samples, by) in [(&late, by), (&s.samples, 0.0)] {
+            let found = s.maximum([samples[4], samples[5], samples[6]]);
+            let time = (5.0 + found.offset - by) * s.bin;
+            assert!((time - s.top_time).abs() < 1e-11 && (found.amplitude / s.top - 1.0).abs() < 1e-11);
+        }
+    }
+
+    #[test]
+    fn the_series_of_the_rise_is_exact() {
+        for i in 0..2000 {
+            let x = f64::from(i) * 5e-4;
+            assert!((exp_series(x) / exp(x) - 1.0).abs() < if x < 0.5 { 2e-12 } else { 3e-9 }, "{x}");
+        }
+    }
+
+    #[test]
+    fn a_measured_shape_has_its_own_width_and_energy() {
+        // A triangle of base 6 ns: width and area 3 ns.
+        let pulse = PulseSamples { times: vec![0.0, 2.0, 6.0], powers: vec![0.0, 1.0, 0.0] };
+        let s = PulseShape::measured(&pulse, 0.25);
+        assert_eq!((s.peak, s.top, s.samples[s.peak], s.duration), (8, 1.0, 1.0, 6.0));
+        assert!((s.width() - 3.0).abs() < 1e-12 && (s.length_of_equal_energy() - 10.5).abs() < 1e-12);
+        let late = s.late(&[0.5; LANES]).map(|factor| factor[0]);
+        assert!((s.late_sample(4, &late) - 3.5 / 8.0).abs() < 1e-12);
+        // The default shape in its own terms.
+        let s = shape(4.0, 0.25);
+        let area: f64 =
+            (0..4000).map(|i| f64::from(i) * 0.01 / (4.0 / 7.0)).map(|x| x * x * exp(-x) * 0.01).sum();
+        assert!((s.length_of_equal_energy() - 4.0).abs() < 1e-15 && (area * 3.5 - 4.0).abs() < 1e-4);
+        let half = |t: f64| (7.0 * t / 4.0).powi(2) * exp(-7.0 * t / 4.0) - 0.5 * s.top;
+        assert!(half(0.43499) < 1e-5 && half(0.43499 + s.width()).abs() < 1e-4, "{}", s.width());
+    }
+
+    #[test]
+    fn only_powers_of_two_have_exact_inverses() {
+        assert_eq!([0.25, 1.0, 8.0].map(exact_inverse), [Some(4.0), Some(1.0), Some(0.125)]);
+        assert_eq!([0.2, 3.0, 0.0, f64::INFINITY, f64::NAN].map(exact_inverse), [None; 5]);
+    }
+
+    #[test]
+    fn a_pulse_shorter_than_a_bin_has_no_samples() {
+        assert!(shape(0.1, 0.25).samples.is_empty());
+    }
+}

@@ -1,0 +1,161 @@
+//! A cache of triangle normals and materials: neighbouring pulses hit the same triangles.
+
+use super::lanes::{Block, LANES};
+use super::view::SceneView;
+use vlscan_geom::{DVec3, unit};
+use vlscan_scene::{Material, Reflection};
+use vlscan_trace::Hits;
+
+/// Shading data of a triangle.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+pub(super) struct CachedTriangle {
+    /// Index of the primitive, or [`Hits::MISS`].
+    primitive: u32,
+    pub part: u32,
+    pub classification: i32,
+    law: Law,
+    /// Unit normal.
+    pub normal: DVec3,
+    /// ρ.
+    reflectance: f64,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Law {
+    Uniform,
+    Lambert,
+    /// With a specular share: [`Material::factor`] of the material with this index.
+    Phong(u32),
+}
+
+impl CachedTriangle {
+    const NONE: CachedTriangle = CachedTriangle {
+        primitive: Hits::MISS,
+        part: 0,
+        classification: 0,
+        law: Law::Uniform,
+        normal: DVec3::ZERO,
+        reflectance: 0.0,
+    };
+
+    /// Triangle `primitive` in its current position, or `None` if it is no triangle.
+    fn of(view: &SceneView, primitive: u32) -> Option<CachedTriangle> {
+        let (scene, local) = view.locate(primitive);
+        let [a, b, c] = scene.triangle(local)?;
+        let surface = view.scene.surface(primitive);
+        let material = &view.scene.materials[surface.material as usize];
+        let law = match material.reflection {
+            Reflection::Uniform => Law::Uniform,
+            Reflection::Lambert => Law::Lambert,
+            // A specular lobe without light is finite and adds nothing.
+            Reflection::Phong { specularity: 0.0, exponent } if exponent >= 0.0 => Law::Lambert,
+            Reflection::Lobes { specularity: 0.0, roughness: 0.0, .. } => Law::Lambert,
+            Reflection::Phong { .. } | Reflection::Lobes { .. } => Law::Phong(surface.material),
+        };
+        Some(CachedTriangle {
+            primitive,
+            part: surface.part,
+            classification: material.classification,
+            law,
+            normal: unit((b - a).cross(c - a)),
+            reflectance: material.reflectance,
+        })
+    }
+
+    /// Cosines of the incidence angles (spec pulse-physics §2.4) of the directions where `same` is 1.
+    #[inline(always)]
+    pub fn cosines(&self, [x, y, z]: [&Block; 3], same: &[u8; LANES], out: &mut Block) {
+        let n = self.normal;
+        for i in 0..LANES {
+            let cosine = (n.x * x[i] + n.y * y[i] + n.z * z[i]).abs();
+            let cosine = if cosine < 1.0 { cosine } else { 1.0 };
+            out[i] = if same[i] == 1 { cosine } else { out[i] };
+        }
+    }
+
+    /// Reflectance factors ([`Material::factor`]) times the gains where `same` is 1.
+    #[inline(always)]
+    pub fn intensities(
+        &self,
+        view: &SceneView,
+        cosine: &Block,
+        gain: &Block,
+        same: &[u8; LANES],
+        out: &mut Block,
+    ) {
+        // A factor of 1 changes no digit.
+        let mut slope = *cosine;
+        match self.law {
+            Law::Lambert => {}
+            Law::Uniform => slope = [1.0; LANES],
+            Law::Phong(material) => {
+                return CachedTriangle::phong(
+                    &view.scene.materials[material as usize],
+                    cosine,
+                    gain,
+                    same,
+                    out,
+                );
+            }
+        }
+        for i in 0..LANES {
+            let intensity = self.reflectance * slope[i] * gain[i];
+            out[i] = if same[i] == 1 { intensity } else { out[i] };
+        }
+    }
+
+    /// [`CachedTriangle::intensities`] of materials with a specular share.
+    #[inline(never)]
+    fn phong(material: &Material, cosine: &Block, gain: &Block, same: &[u8; LANES], out: &mut Block) {
+        for i in 0..LANES {
+            if same[i] == 1 {
+                out[i] = material.factor(cosine[i]) * gain[i];
+            }
+        }
+    }
+}
+
+/// The triangles that were hit last, by the low bits of their index.
+#[derive(Clone, Debug)]
+pub(super) struct TriangleCache {
+    entries: Vec<CachedTriangle>,
+    /// Entries that belong to moving objects.
+    moving: Vec<usize>,
+}
+
+const CACHE_SIZE: usize = 256;
+
+impl Default for TriangleCache {
+    fn default() -> TriangleCache {
+        TriangleCache { entries: vec![CachedTriangle::NONE; CACHE_SIZE], moving: Vec::new() }
+    }
+}
+
+impl TriangleCache {
+    /// Removes the triangles of moving objects, whose positions change.
+    pub fn forget_moving(&mut self) {
+        for entry in self.moving.drain(..) {
+            self.entries[entry] = CachedTriangle::NONE;
+        }
+    }
+
+    /// Triangle `primitive`, or `None` if it is another primitive.
+    #[inline(always)]
+    pub fn look_up(&mut self, view: &SceneView, primitive: u32) -> Option<&CachedTriangle> {
+        let entry = primitive as usize % CACHE_SIZE;
+        if self.entries[entry].primitive != primitive {
+            self.insert(view, entry, primitive)?;
+        }
+        Some(&self.entries[entry])
+    }
+
+    #[inline(never)]
+    fn insert(&mut self, view: &SceneView, entry: usize, primitive: u32) -> Option<()> {
+        self.entries[entry] = CachedTriangle::of(view, primitive)?;
+        if view.is_moving(primitive) {
+            self.moving.push(entry);
+        }
+        Some(())
+    }
+}

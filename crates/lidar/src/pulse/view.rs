@@ -1,0 +1,143 @@
+//! The scene at the time of a pulse, and the interactions of rays with it.
+
+use super::foliage;
+use vlscan_geom::{Aabb, DVec3};
+use vlscan_scene::{DynamicObject, Scene};
+use vlscan_trace::{Hit, Hits, Tree};
+
+/// Distance behind a surface at which a ray continues, m.
+pub(super) const STEP_BEHIND: f64 = 1e-5;
+/// Tolerance of the scene's box, m.
+const BOX_SLACK: f64 = 1e-4;
+
+/// The scene at the time of a pulse.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SceneView<'a> {
+    pub scene: &'a Scene,
+    /// Tree over the static primitives.
+    pub tree: &'a Tree,
+    /// The moving objects in their current position.
+    pub moving: &'a [DynamicObject],
+    /// The scene's box, outside of which nothing is visible; `None` if nothing lies outside or all is visible.
+    pub visible_bounds: Option<Aabb>,
+    /// All surfaces face the beam.
+    pub fixed_incidence: bool,
+    /// Edge of the largest cube, m.
+    pub max_cube_size: f64,
+}
+
+/// Interaction of a ray with a primitive.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Interaction {
+    /// Start of the current segment of the ray.
+    pub from: DVec3,
+    /// Distance from there, m; 0 if the ray starts within foliage.
+    pub t: f64,
+    pub primitive: u32,
+    /// Distance of the entry from the pulse's origin, m.
+    pub range: f64,
+    /// Distance of the point that reflects the ray from the pulse's origin, m: beyond the entry in foliage.
+    pub scatter_range: f64,
+}
+
+impl Interaction {
+    pub fn point(&self, direction: DVec3) -> DVec3 {
+        self.from + direction * self.t
+    }
+}
+
+/// Position of an interaction relative to the scene's box, see [`SceneView::side_of_bounds`].
+pub(super) enum SideOfBounds {
+    Inside,
+    /// Before the box, which the ray enters at this point.
+    Before(DVec3),
+    Beyond,
+}
+
+impl<'a> SceneView<'a> {
+    /// The scene that holds primitive `i` in its current position, and its index there.
+    #[inline]
+    pub fn locate(&self, i: u32) -> (&'a Scene, u32) {
+        let moving = self.moving.iter().find_map(|o| Some((&o.scene, o.to_object_index(i)?)));
+        moving.unwrap_or((self.scene, i))
+    }
+
+    pub fn is_moving(&self, i: u32) -> bool {
+        self.moving.iter().any(|o| o.to_object_index(i).is_some())
+    }
+
+    /// Part of primitive `i` and class of its material.
+    pub fn part_and_class(&self, i: u32) -> (u32, i32) {
+        let surface = self.scene.surface(i);
+        (surface.part, self.scene.materials[surface.material as usize].classification)
+    }
+
+    /// The voxels of foliage around a pulse's origin.
+    pub fn voxels_around(&self, origin: DVec3) -> Vec<u32> {
+        let b = self.scene.bounds;
+        if self.max_cube_size == 0.0 || !origin.cmpge(b.min).all() || !origin.cmple(b.max).all() {
+            return Vec::new();
+        }
+        let mut all = foliage::voxels_around(self.scene, self.tree, origin, self.max_cube_size);
+        for object in self.moving {
+            let found = foliage::voxels_around(&object.scene, &object.tree, origin, self.max_cube_size);
+            all.extend(found.into_iter().map(|voxel| object.to_scene_index(voxel)));
+        }
+        all
+    }
+
+    /// Position of an interaction relative to the scene's box. Only moving objects ever leave it (spec pulse-physics
+    /// §6).
+    pub fn side_of_bounds(&self, at: &Interaction, direction: DVec3) -> SideOfBounds {
+        let Some(b) = self.visible_bounds else { return SideOfBounds::Inside };
+        let point = at.point(direction);
+        if point.cmpge(b.min - BOX_SLACK).all() && point.cmple(b.max + BOX_SLACK).all() {
+            return SideOfBounds::Inside;
+        }
+        match b.slabs(at.from, direction) {
+            Some((enter, exit)) if at.t <= exit + BOX_SLACK => {
+                if at.t < enter - BOX_SLACK {
+                    SideOfBounds::Before(at.from + direction * (enter - BOX_SLACK))
+                } else {
+                    SideOfBounds::Inside
+                }
+            }
+            _ => SideOfBounds::Beyond,
+        }
+    }
+
+    /// The nearest interaction of the ray `from` + t·`direction` with a primitive that `accept` accepts; `origin` is
+    /// the pulse's origin.
+    pub fn nearest(
+        &self,
+        from: DVec3,
+        direction: DVec3,
+        origin: DVec3,
+        accept: impl Fn(u32) -> bool,
+    ) -> Interaction {
+        let hit = self.tree.nearest_where(&self.scene.geometry, from, direction, &accept);
+        let hit = self.moving.iter().fold(hit, |best, object| {
+            let accept = |i| accept(object.to_scene_index(i));
+            let hit = object.tree.nearest_where(&object.scene.geometry, from, direction, accept);
+            nearer(best, hit.map(|h| Hit { primitive: object.to_scene_index(h.primitive), ..h }))
+        });
+        let (t, primitive, range) = match hit {
+            Some(hit) => (hit.t, hit.primitive, distance((from + direction * hit.t) - origin)),
+            None => (f64::INFINITY, Hits::MISS, f64::INFINITY),
+        };
+        Interaction { from, t, primitive, range, scatter_range: range }
+    }
+}
+
+/// The nearer of two hits; of equally near hits the one with the smaller number.
+fn nearer(a: Option<Hit>, b: Option<Hit>) -> Option<Hit> {
+    match (a, b) {
+        (Some(a), Some(b)) if (b.t, b.primitive) < (a.t, a.primitive) => Some(b),
+        (a, b) => a.or(b),
+    }
+}
+
+/// √(x² + y² + z²), added in this order.
+pub(super) fn distance(d: DVec3) -> f64 {
+    (d.x * d.x + d.y * d.y + d.z * d.z).sqrt()
+}

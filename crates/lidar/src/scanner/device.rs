@@ -1,0 +1,96 @@
+//! The moving parts of a device: head and deflector.
+
+use super::deflector::DeflectorState;
+use super::head::HeadState;
+use super::plan::DevicePlan;
+use serde::{Deserialize, Serialize};
+use vlscan_base::error::Error;
+use vlscan_geom::Rotation;
+use vlscan_survey::ScannerSettings;
+
+/// State of one device of a scanner between two simulation steps: head, deflector and pulse counter.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct DeviceState {
+    /// Rotation of the scanner head.
+    pub head: HeadState,
+    /// Deflection of the beam.
+    pub deflector: DeflectorState,
+    /// Pulses emitted so far, over all legs.
+    pub pulses: u64,
+    /// Whether the warm-up steps of the current leg have been taken.
+    pub is_warmed_up: bool,
+}
+
+impl DeviceState {
+    /// The state before the first leg: head and deflector at rest, no pulse emitted.
+    pub fn at_rest(plan: &DevicePlan) -> DeviceState {
+        DeviceState {
+            head: HeadState::default(),
+            deflector: DeflectorState::at_rest(&plan.deflector),
+            pulses: 0,
+            is_warmed_up: false,
+        }
+    }
+
+    /// Applies a leg's settings to the head, then to the deflector.
+    pub fn start_leg(&mut self, plan: &DevicePlan, settings: &ScannerSettings) {
+        self.is_warmed_up = false;
+        let frequency = f64::from(settings.pulse_freq);
+        let deflection = self.deflector.exact_angle();
+        self.head.start_leg(plan, settings, frequency, deflection);
+        self.deflector.start_leg(plan, settings, frequency);
+    }
+
+    /// Turns the head by one simulation step.
+    #[inline]
+    pub fn step_head(&mut self, plan: &DevicePlan) {
+        // The head's error depends on the deflection of the step before.
+        self.head.step(plan, self.deflector.exact_angle());
+    }
+
+    /// Takes `steps` steps, with the deflector if `is_active`, of a device whose head and deflector have no errors.
+    /// Returns the number of pulses emitted.
+    pub fn advance(&mut self, plan: &DevicePlan, is_active: bool, steps: u32) -> u32 {
+        self.head.advance(steps);
+        if !is_active {
+            return 0;
+        }
+        let pulses = self.deflector.advance(plan, steps);
+        self.pulses += u64::from(pulses);
+        pulses
+    }
+
+    /// This state `part` of a step later, where another channel of the same cycle fires.
+    pub fn within_step(&self, plan: &DevicePlan, part: f64) -> DeviceState {
+        let (head, deflector) = (self.head.within_step(part), self.deflector.within_step(plan, part));
+        DeviceState { head, deflector, ..*self }
+    }
+
+    /// Whether the formula of the deflection error had a value; [`DeviceState::formula_error`] names it otherwise.
+    #[inline]
+    pub fn has_deflection(&self) -> bool {
+        !matches!(&self.deflector, DeflectorState::Polygon(mirror) if !mirror.angle.is_finite())
+    }
+
+    /// The error of the first formula of an error that has no value at the current angles.
+    #[cold]
+    pub fn formula_error(&self, plan: &DevicePlan) -> Error {
+        let at = self.deflector.exact_angle();
+        let errors = &plan.errors;
+        let deflection = errors.deflection.as_ref().map(|formula| formula.number("deflection error", at));
+        let head = self.head.error(plan);
+        let range = errors.range.as_ref().map(|formula| formula.number("range error", at));
+        let found = [deflection, Some(head), range].into_iter().flatten().find_map(Result::err);
+        found.unwrap_or_else(|| Error::Internal("a pulse without a direction".to_owned()))
+    }
+
+    /// The emitter's attitude in the platform's mount frame: head, then emitter.
+    pub fn emitter(&self, plan: &DevicePlan) -> Rotation {
+        self.head.rotation(plan).after(plan.beam_origin.rotation)
+    }
+
+    /// [`DeviceState::emitter`] without the head's error.
+    pub fn exact_emitter(&self, plan: &DevicePlan) -> Rotation {
+        self.head.exact_rotation(plan).after(plan.beam_origin.rotation)
+    }
+}

@@ -1,0 +1,226 @@
+//! The rotating head (spec kinematics §5).
+
+use super::plan::DevicePlan;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::{PI, TAU};
+use vlscan_base::error::Result;
+use vlscan_geom::{Rotation, add_repeatedly};
+use vlscan_survey::ScannerSettings;
+
+/// Angle and motion of the head.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct HeadState {
+    /// Accumulated exact angle, rad.
+    angle: f64,
+    /// The deflection of which the head's error is a function, once the head has moved.
+    error_at: Option<f64>,
+    /// rad/s, limited by the device.
+    rate: f64,
+    /// rad per step.
+    step: f64,
+    /// The angle at which the leg ends, rad.
+    stop: f64,
+    /// The rotations with and without error of a head that does not turn during the leg.
+    still: Option<[Rotation; 2]>,
+}
+
+impl HeadState {
+    pub(super) fn start_leg(
+        &mut self,
+        plan: &DevicePlan,
+        settings: &ScannerSettings,
+        frequency: f64,
+        deflection: f64,
+    ) {
+        self.rate = plan.head_rate(settings.head_rate);
+        self.step = self.rate / frequency;
+        self.stop = settings.head_stop;
+        self.set(plan, settings.head_start, deflection);
+        self.still = None;
+        if self.rate == 0.0 {
+            self.still = Some([self.rotation(plan), self.exact_rotation(plan)]);
+        }
+    }
+
+    #[inline]
+    pub(super) fn step(&mut self, plan: &DevicePlan, deflection: f64) {
+        if self.rate != 0.0 {
+            self.set(plan, self.angle + self.step, deflection);
+        }
+    }
+
+    #[inline]
+    fn set(&mut self, plan: &DevicePlan, angle: f64, deflection: f64) {
+        if angle != self.angle {
+            self.angle = angle;
+            if plan.errors.head.is_some() {
+                self.error_at = Some(deflection);
+            }
+        }
+    }
+
+    /// Number of steps, at least, before the leg's turn is completed; infinite for a turn that never is.
+    pub fn steps_to_completion(&self) -> f64 {
+        if self.is_completed() {
+            return 0.0;
+        }
+        if self.step == 0.0 {
+            return f64::INFINITY;
+        }
+        ((self.stop - self.angle).abs() / self.step.abs() * (1.0 - 1e-6)).floor() - 4.0
+    }
+
+    /// Takes `steps` steps of a head without an error.
+    pub fn advance(&mut self, steps: u32) {
+        if self.rate != 0.0 {
+            self.angle = add_repeatedly(self.angle, self.step, steps);
+        }
+    }
+
+    /// The head `part` of a step later, with the error that it has now.
+    pub fn within_step(&self, part: f64) -> HeadState {
+        HeadState { angle: self.angle + self.step * part, ..self.clone() }
+    }
+
+    /// Turns by `steps` steps at once, which rounds otherwise than single steps.
+    pub fn jump(&mut self, steps: f64) {
+        if self.rate != 0.0 {
+            self.angle += self.step * steps;
+        }
+    }
+
+    #[inline]
+    pub fn is_completed(&self) -> bool {
+        if self.rate < 0.0 { self.angle <= self.stop } else { self.angle >= self.stop }
+    }
+
+    /// The angle with its error, rad.
+    pub fn angle_with_error(&self, plan: &DevicePlan) -> f64 {
+        match (&plan.errors.head, self.error_at) {
+            (Some((error, distance)), Some(at)) => {
+                self.angle + error.eval(avoid_multiples_of_pi(at, *distance))
+            }
+            _ => self.angle,
+        }
+    }
+
+    /// The head's error, rad, or the error of a formula without a value.
+    pub fn error(&self, plan: &DevicePlan) -> Result<f64> {
+        match (&plan.errors.head, self.error_at) {
+            (Some((error, distance)), Some(at)) => {
+                error.number("head error", avoid_multiples_of_pi(at, *distance))
+            }
+            _ => Ok(0.0),
+        }
+    }
+
+    pub fn rotation(&self, plan: &DevicePlan) -> Rotation {
+        match &self.still {
+            Some([with_error, _]) => *with_error,
+            None => Rotation::about(plan.head_axis, self.angle_with_error(plan) % TAU),
+        }
+    }
+
+    pub fn exact_rotation(&self, plan: &DevicePlan) -> Rotation {
+        match &self.still {
+            Some([_, exact]) => *exact,
+            None => Rotation::about(plan.head_axis, self.angle % TAU),
+        }
+    }
+
+    /// The completed fraction of the leg's turn; `None` when the head does not turn.
+    pub fn progress(&self, start: f64) -> Option<f64> {
+        let total = self.stop - start;
+        (self.rate != 0.0 && total != 0.0).then(|| ((self.angle - start) / total).clamp(0.0, 1.0))
+    }
+}
+
+/// `angle` moved out of the intervals of half width `distance` around 0, ±π and ±2π, to the nearer end.
+fn avoid_multiples_of_pi(angle: f64, distance: f64) -> f64 {
+    for (centre, side_at_centre) in [(0.0, 1.0), (-PI, 1.0), (PI, 1.0), (-TAU, 1.0), (TAU, -1.0)] {
+        let off = angle - centre;
+        if off.abs() < distance {
+            let side = if off == 0.0 { side_at_centre } else { off.signum() };
+            return centre + side * distance;
+        }
+    }
+    angle
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scanner::testing::{device, settings};
+    use vlscan_geom::{DVec3, degrees, radians};
+    use vlscan_survey::{Deflector, Device, Kinematics};
+
+    fn head(device: &Device, frequency: u32, rate: f64, start: f64, stop: f64) -> (DevicePlan, HeadState) {
+        let plan = DevicePlan::new(device, Kinematics::HELIOS);
+        let mut s = settings(frequency);
+        (s.head_rate, s.head_start, s.head_stop) = (radians(rate), radians(start), radians(stop));
+        let mut head = HeadState::default();
+        head.start_leg(&plan, &s, f64::from(frequency), 0.0);
+        (plan, head)
+    }
+
+    fn steps_to_completion(frequency: u32, rate: f64, start: f64, stop: f64) -> (usize, f64) {
+        let (plan, mut head) = head(&device(Deflector::Conic), frequency, rate, start, stop);
+        let mut steps = 0;
+        while !head.is_completed() {
+            head.step(&plan, 0.0);
+            steps += 1;
+        }
+        (steps, degrees(head.angle))
+    }
+
+    #[test]
+    fn completion_takes_the_accumulated_angle() {
+        // spec kinematics §5.1
+        let (steps, last) = steps_to_completion(5, 7.0, 10.0, 20.0);
+        assert_eq!(steps, 8);
+        assert!((last - 21.2).abs() < 1e-9);
+        assert_eq!(steps_to_completion(100, 36.0, 0.0, 9.0).0, 26);
+        assert_eq!(steps_to_completion(100, -36.0, 1.0, 0.0).0, 3);
+        assert_eq!(steps_to_completion(100, 0.0, 0.0, 0.0).0, 0);
+    }
+
+    #[test]
+    fn the_device_limits_the_rate() {
+        let mut d = device(Deflector::Conic);
+        d.head.max_rate = radians(10.0);
+        let (_, h) = head(&d, 10, -50.0, 0.0, -90.0);
+        assert!((h.rate + radians(10.0)).abs() < 1e-15);
+        d.head.max_rate = 0.0;
+        assert_eq!(head(&d, 10, 50.0, 0.0, 90.0).1.rate, 0.0);
+    }
+
+    #[test]
+    fn errors_avoid_multiples_of_pi() {
+        let z = 0.1;
+        for (angle, wanted) in [
+            (0.0, z),
+            (-0.05, -z),
+            (0.5, 0.5),
+            (PI, PI + z),
+            (-PI, -PI + z),
+            (PI - 0.05, PI - z),
+            (TAU, TAU - z),
+            (-TAU, -TAU + z),
+        ] {
+            assert!((avoid_multiples_of_pi(angle, z) - wanted).abs() < 1e-15, "{angle}");
+        }
+    }
+
+    #[test]
+    fn the_first_error_is_that_of_the_threshold() {
+        // spec kinematics §5.1: error 0.1·THETA, threshold 1°, deflection 0: 0.1°
+        let mut d = device(Deflector::Polygon { effective_max: 1.0, facet_tilts: Vec::new() });
+        d.errors.head = Some((vlscan_survey::Formula::parse("0.1*THETA").unwrap(), radians(1.0)));
+        let (plan, mut h) = head(&d, 100, 36.0, 0.0, 90.0);
+        assert_eq!(h.angle_with_error(&plan), 0.0, "setting the present angle does nothing");
+        h.step(&plan, 0.0);
+        assert!((degrees(h.angle_with_error(&plan) - h.angle) - 0.1).abs() < 1e-12);
+        let turned = h.exact_rotation(&plan).apply(DVec3::Y);
+        assert!((libm::atan2(-turned.x, turned.y) - h.angle).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,78 @@
+//! The constants of a device.
+
+use super::risley::PrismTrain;
+use vlscan_geom::{DVec3, unit};
+use vlscan_survey::{Deflector, Device, Kinematics, MechanicalErrors, Mount};
+
+/// The constant properties of one device of a scanner that determine its beam directions.
+#[derive(Clone, Debug)]
+pub struct DevicePlan {
+    /// The mechanism that deflects the beam.
+    pub deflector: Deflector,
+    /// Mechanical scan angle limit (half angle), rad.
+    pub scan_angle_max: f64,
+    /// Hz.
+    pub scan_freq_max: f64,
+    /// Axis of the head, unit vector.
+    pub head_axis: DVec3,
+    /// rad/s.
+    pub head_max_rate: f64,
+    /// Position and attitude of the beam origin within the scanner frame.
+    pub beam_origin: Mount,
+    /// Time from the start of a firing cycle to the pulse, s; 0 without the correction `firing_offsets`.
+    pub firing_offset: f64,
+    /// Mechanical calibration errors: formulae for range, deflection angle and head angle.
+    pub errors: MechanicalErrors,
+    /// Corrections of the reference's kinematics that are enabled.
+    pub kinematics: Kinematics,
+    pub(super) prisms: Option<PrismTrain>,
+}
+
+impl DevicePlan {
+    /// The plan of `device`, with the head axis normalised and the Risley prisms, if any, prepared.
+    pub fn new(device: &Device, kinematics: Kinematics) -> DevicePlan {
+        let axis = device.head.axis;
+        let prisms = match &device.deflector {
+            Deflector::Risley { prisms, air, incident } => Some(PrismTrain::new(prisms, *air, *incident)),
+            _ => None,
+        };
+        DevicePlan {
+            deflector: device.deflector.clone(),
+            scan_angle_max: device.scan_angle_max,
+            scan_freq_max: device.scan_freq.1,
+            head_axis: if axis.length() > 0.1 && axis.is_finite() { unit(axis) } else { DVec3::Z },
+            head_max_rate: device.head.max_rate,
+            beam_origin: device.beam_origin,
+            firing_offset: if kinematics.firing_offsets { device.firing_offset } else { 0.0 },
+            errors: device.errors.clone(),
+            kinematics,
+            prisms,
+        }
+    }
+
+    /// Tilts of the facets of a polygon mirror, rad.
+    #[inline]
+    pub fn facet_tilts(&self) -> &[f64] {
+        match &self.deflector {
+            Deflector::Polygon { facet_tilts, .. } => facet_tilts,
+            _ => &[],
+        }
+    }
+
+    /// `wanted` within the device's limits of the head's speed, rad/s.
+    pub fn head_rate(&self, wanted: f64) -> f64 {
+        let limit = self.head_max_rate.abs();
+        if limit.is_nan() { 0.0 } else { wanted.clamp(-limit, limit) }
+    }
+
+    /// Half angle, rad, that this device uses when a leg requests `wanted` (spec kinematics §4.1). The reference does
+    /// not limit oscillating mirrors.
+    pub fn scan_angle(&self, wanted: f64) -> f64 {
+        let limits = self.kinematics.oscillation_at_leg_frequency && self.scan_angle_max > 0.0;
+        if matches!(self.deflector, Deflector::Oscillating { .. }) && !limits {
+            return wanted;
+        }
+        let limited = if wanted < 0.0 { 0.0 } else { wanted.min(self.scan_angle_max) };
+        if limited == 0.0 { self.scan_angle_max } else { limited }
+    }
+}

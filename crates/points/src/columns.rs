@@ -1,0 +1,601 @@
+//! Which columns of a table hold which attributes of a point.
+
+use super::PointRow;
+use std::ops::RangeInclusive;
+use vlscan_base::columns::Dimension;
+use vlscan_geom::DVec3;
+
+/// An attribute of a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Attribute {
+    /// First coordinate.
+    X,
+    /// Second coordinate.
+    Y,
+    /// Third coordinate.
+    Z,
+    /// First component of the surface normal.
+    NormalX,
+    /// Second component of the surface normal.
+    NormalY,
+    /// Third component of the surface normal.
+    NormalZ,
+    /// Strength of the return.
+    Intensity,
+    /// Point class.
+    Class,
+    /// Number of the return.
+    ReturnNumber,
+    /// The object that was hit.
+    Object,
+    /// The leg that was flown, from 0.
+    Leg,
+    /// The device of the scanner, from 0.
+    Channel,
+    /// Time of the pulse, s.
+    Time,
+}
+
+impl Attribute {
+    pub(crate) const COUNT: usize = 13;
+
+    pub(crate) const ALL: [Attribute; Attribute::COUNT] = [
+        Attribute::X,
+        Attribute::Y,
+        Attribute::Z,
+        Attribute::NormalX,
+        Attribute::NormalY,
+        Attribute::NormalZ,
+        Attribute::Intensity,
+        Attribute::Class,
+        Attribute::ReturnNumber,
+        Attribute::Object,
+        Attribute::Leg,
+        Attribute::Channel,
+        Attribute::Time,
+    ];
+
+    /// The coordinates, in the order x, y, z.
+    pub const POSITION: [Attribute; 3] = [Attribute::X, Attribute::Y, Attribute::Z];
+
+    /// Attributes whose values in text need not be numbers.
+    pub const OPTIONAL: [Attribute; 7] = [
+        Attribute::NormalX,
+        Attribute::NormalY,
+        Attribute::NormalZ,
+        Attribute::Object,
+        Attribute::Leg,
+        Attribute::Channel,
+        Attribute::Time,
+    ];
+
+    /// The components of the surface normal, in the order x, y, z.
+    pub const NORMAL: [Attribute; 3] = [Attribute::NormalX, Attribute::NormalY, Attribute::NormalZ];
+
+    /// The names that programs use for the attribute, in lower case and without underscores and blanks. If a file has
+    /// several of them, the first in this list counts.
+    fn names(self) -> &'static [&'static str] {
+        match self {
+            Attribute::X => &["x", "easting", "east", "xcoordinate", "xcoord", "pointx", "rechtswert", "e"],
+            Attribute::Y => &["y", "northing", "north", "ycoordinate", "ycoord", "pointy", "hochwert", "n"],
+            Attribute::Z => &[
+                "z",
+                "elevation",
+                "elev",
+                "height",
+                "altitude",
+                "zcoordinate",
+                "zcoord",
+                "pointz",
+                "höhe",
+                "hoehe",
+                "h",
+            ],
+            Attribute::NormalX => &["nx", "normalx"],
+            Attribute::NormalY => &["ny", "normaly"],
+            Attribute::NormalZ => &["nz", "normalz"],
+            Attribute::Intensity => &["heliosamplitude", "intensity", "amplitude"],
+            Attribute::Class => &["surfaceclass", "classification", "class", "label"],
+            Attribute::ReturnNumber => &["returnnumber", "return"],
+            Attribute::Object => {
+                &["objectid", "hitobjectid", "object", "partid", "part", "treeid", "instanceid", "instance"]
+            }
+            Attribute::Leg => &["leg", "pointsourceid"],
+            Attribute::Channel => &["device", "channel", "userdata", "scannerchannel", "ring"],
+            Attribute::Time => &["gpstime", "time", "timestamp"],
+        }
+    }
+
+    /// The quantity of the values, if units count for it.
+    fn dimension(self) -> Option<Dimension> {
+        match self {
+            Attribute::X | Attribute::Y | Attribute::Z => Some(Dimension::Length),
+            Attribute::Time => Some(Dimension::Time),
+            _ => None,
+        }
+    }
+
+    /// The whole numbers that the attribute can have; `None` for attributes that need not be whole.
+    fn whole_numbers(self) -> Option<RangeInclusive<f64>> {
+        match self {
+            Attribute::Class | Attribute::ReturnNumber => Some(0.0..=255.0),
+            Attribute::Leg | Attribute::Channel => Some(0.0..=65_535.0),
+            Attribute::Object => Some(i64::MIN as f64..=i64::MAX as f64),
+            _ => None,
+        }
+    }
+
+    /// What a value of the attribute that does not fit is, and what counts instead; for messages.
+    pub fn misfit(self) -> String {
+        let (name, kind) = match self {
+            Attribute::Class => ("class", "whole number from 0 to 255"),
+            Attribute::ReturnNumber => ("return number", "whole number from 0 to 255"),
+            Attribute::Leg => ("leg", "whole number from 0 to 65535"),
+            Attribute::Channel => ("channel", "whole number from 0 to 65535"),
+            Attribute::Object => ("object", "whole number"),
+            _ => return format!("{} that is no number; it counts as 0", self.described()),
+        };
+        format!("a {name} that is no {kind}; it is cut to one, and counts as 0 where it is no number")
+    }
+
+    /// Description of a value of the attribute, for messages.
+    pub fn described(self) -> &'static str {
+        match self {
+            Attribute::X => "x, a number of metres",
+            Attribute::Y => "y, a number of metres",
+            Attribute::Z => "z, a number of metres",
+            Attribute::NormalX | Attribute::NormalY | Attribute::NormalZ => "a component of the normal",
+            Attribute::Intensity => "an intensity",
+            Attribute::Class => "a point class",
+            Attribute::ReturnNumber => "the number of the return",
+            Attribute::Object => "an object",
+            Attribute::Leg => "the number of a leg",
+            Attribute::Channel => "the number of a channel",
+            Attribute::Time => "a time",
+        }
+    }
+}
+
+/// A name that this program's own tables of points have, and those of other programs have not.
+const OWN_NAME: &str = "pulsenumber";
+
+/// Names of columns that points often have and that nothing here needs, in the form of [`Attribute::names`].
+const UNUSED_NAMES: &[&str] = &[
+    "a",
+    "alpha",
+    "b",
+    "beamdirectionx",
+    "beamdirectiony",
+    "beamdirectionz",
+    "beamoriginx",
+    "beamoriginy",
+    "beamoriginz",
+    "blue",
+    "classflags",
+    "curvature",
+    "edgeofflightline",
+    "echowidth",
+    "fid",
+    "footprintfraction",
+    "flightline",
+    "fullwaveindex",
+    "g",
+    "green",
+    "heightaboveground",
+    "id",
+    "incidenceangle",
+    "index",
+    "infrared",
+    "keypoint",
+    "nir",
+    "numberofreturns",
+    "numreturns",
+    "overlap",
+    "point",
+    "pointid",
+    "primitive",
+    "pulsenumber",
+    "r",
+    "range",
+    "red",
+    "reflectance",
+    "rgb",
+    "rgba",
+    "scanangle",
+    "scananglerank",
+    "scandirectionflag",
+    "scannerx",
+    "scannery",
+    "scannerz",
+    "subray",
+    "surfacex",
+    "surfacey",
+    "surfacez",
+    "synthetic",
+    "truerange",
+    "truex",
+    "truey",
+    "truez",
+    "width",
+    "withheld",
+];
+
+/// Maximum number of names in a message.
+const MAX_LISTED_NAMES: usize = 8;
+
+/// Two names of an attribute that tables usually have together, with different values, so that both are no mistake: those of
+/// this program's own tables, and intensity and amplitude of other scanners' programs.
+const USUAL_PAIRS: [[&str; 2]; 5] = [
+    ["intensity", "amplitude"],
+    ["intensity", "heliosamplitude"],
+    ["surfaceclass", "classification"],
+    ["objectid", "part"],
+    ["hitobjectid", "part"],
+];
+
+/// The attributes of a point whose values in the file are other than their types here can hold.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Misfits(u16);
+
+impl Misfits {
+    pub(crate) fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// Whether the value of `attribute` in the file does not fit its type.
+    pub fn has(self, attribute: Attribute) -> bool {
+        self.0 & 1 << attribute as u16 != 0
+    }
+
+    /// The same without an attribute.
+    pub fn without(self, attribute: Attribute) -> Misfits {
+        Misfits(self.0 & !(1 << attribute as u16))
+    }
+
+    /// A value of an attribute without what does not fit, which is noted: numbers have no fraction and are within the
+    /// attribute's range, and what is no number is 0.
+    pub fn fitted(&mut self, attribute: Attribute, value: f64) -> f64 {
+        let fitted = match attribute.whole_numbers() {
+            _ if value.is_nan() => 0.0,
+            Some(range) => value.trunc().clamp(*range.start(), *range.end()),
+            None if value.is_infinite() => 0.0,
+            None => value,
+        };
+        if fitted != value {
+            self.0 |= 1 << attribute as u16;
+        }
+        fitted
+    }
+}
+
+/// A set of attributes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct AttributeSet([bool; Attribute::COUNT]);
+
+impl AttributeSet {
+    /// The attributes for which `has` is true.
+    pub fn of(has: impl Fn(Attribute) -> bool) -> AttributeSet {
+        AttributeSet(Attribute::ALL.map(has))
+    }
+
+    /// Whether `attribute` is in the set.
+    pub fn has(&self, attribute: Attribute) -> bool {
+        self.0[attribute as usize]
+    }
+}
+
+/// The column of each attribute, and the units of the coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Columns {
+    columns: [Option<usize>; Attribute::COUNT],
+    /// Metres in a unit of x, y and z.
+    metres: DVec3,
+    /// Seconds in a unit of time.
+    seconds: f64,
+}
+
+impl Default for Columns {
+    fn default() -> Columns {
+        Columns { columns: [None; Attribute::COUNT], metres: DVec3::ONE, seconds: 1.0 }
+    }
+}
+
+impl Columns {
+    /// Finds the columns by their names, which are compared ignoring case, blanks, underscores, quotes, units in brackets and
+    /// the prefix of CloudCompare's scalar fields. Units in brackets count for coordinates and times.
+    pub fn find<'n>(names: impl IntoIterator<Item = &'n str>) -> Columns {
+        let headings: Vec<&str> = names.into_iter().collect();
+        let names: Vec<String> = headings.iter().copied().map(plain).collect();
+        let position = |known: &&str| names.iter().position(|name| name == known);
+        let mut columns = Attribute::ALL.map(|attribute| attribute.names().iter().find_map(position));
+        // The intensity of this program's own tables is the logarithm of their amplitude.
+        if position(&OWN_NAME).is_some() {
+            let amplitude = ["heliosamplitude", "amplitude"].iter().find_map(position);
+            columns[Attribute::Intensity as usize] = amplitude.or(columns[Attribute::Intensity as usize]);
+        }
+        let unit = |attribute: Attribute| {
+            let column = columns[attribute as usize];
+            column.and_then(|column| factor(attribute, headings[column])).unwrap_or(1.0)
+        };
+        let metres = DVec3::from(Attribute::POSITION.map(unit));
+        Columns { columns, metres, seconds: unit(Attribute::Time) }
+    }
+
+    /// Finds the columns of positions and other attributes by their names; the error lists the names when there are no
+    /// coordinates among them, or only some.
+    pub fn find_positions(names: &[&str]) -> Result<Columns, String> {
+        let columns = Columns::find(names.iter().copied());
+        let missing: Vec<&str> = Attribute::POSITION
+            .iter()
+            .zip(["x", "y", "z"])
+            .filter(|(axis, _)| !columns.has(**axis))
+            .map(|(_, name)| name)
+            .collect();
+        let are_degrees = |name: &&str| is_angle(name);
+        if missing.is_empty()
+            && !Attribute::POSITION.iter().any(|a| columns.get(*a).is_some_and(|c| are_degrees(&names[c])))
+        {
+            return Ok(columns);
+        }
+        let found = listed(names.iter().filter(|name| !name.is_empty()).copied());
+        if names.iter().any(are_degrees) {
+            return Err(format!(
+                "its coordinates are longitude and latitude ({found}); project them, for example by PDAL's \
+                 filters.reprojection"
+            ));
+        }
+        Err(format!("no column {} with numbers; there are {found}", missing.join(" and ")))
+    }
+
+    /// What should be said about the names of a file: names that occur twice or mean the same, units that are not known, and
+    /// names that are neither read nor known.
+    pub fn remarks(&self, names: &[&str]) -> Vec<String> {
+        let plain: Vec<String> = names.iter().copied().map(plain).collect();
+        let mut remarks = Vec::new();
+        for (attribute, chosen) in self.used() {
+            let is_alike = |column: &usize| {
+                let (name, own) = (plain[*column].as_str(), plain[chosen].as_str());
+                // One letter is a name of a coordinate only where there is no better one.
+                let may_differ = name.len() == 1
+                    || USUAL_PAIRS.iter().any(|pair| pair.contains(&name) && pair.contains(&own));
+                name == own || (!may_differ && attribute.names().contains(&name))
+            };
+            if let Some(other) = (0..names.len()).find(|column| *column != chosen && is_alike(column)) {
+                let what = attribute.described();
+                remarks.push(format!(
+                    "columns {} ({:?}) and {} ({:?}) both name {what}; column {} is read",
+                    chosen + 1,
+                    names[chosen],
+                    other + 1,
+                    names[other],
+                    chosen + 1
+                ));
+            }
+        }
+        for (attribute, column) in self.used() {
+            if let Some(dimension) = attribute.dimension()
+                && let Some(unit) = unit_of(names[column])
+                && factor(attribute, names[column]).is_none()
+            {
+                let assumed = if dimension == Dimension::Time { "seconds" } else { "metres" };
+                remarks.push(format!(
+                    "the unit {unit:?} of column {} ({:?}) is not known; {assumed} are assumed (expected {})",
+                    column + 1,
+                    names[column],
+                    dimension.units()
+                ));
+            }
+        }
+        let is_known = |name: &str| {
+            name.is_empty()
+                || UNUSED_NAMES.contains(&name)
+                || Attribute::ALL.iter().any(|attribute| attribute.names().contains(&name))
+        };
+        let unknown: Vec<&str> =
+            names.iter().zip(&plain).filter(|(_, plain)| !is_known(plain)).map(|(name, _)| *name).collect();
+        if !unknown.is_empty() {
+            let columns = if unknown.len() == 1 { "column" } else { "columns" };
+            remarks
+                .push(format!("{columns} with no known meaning, not read: {}", listed(unknown.into_iter())));
+        }
+        remarks
+    }
+
+    /// Adds a column.
+    pub fn with(mut self, attribute: Attribute, column: usize) -> Columns {
+        self.columns[attribute as usize] = Some(column);
+        self
+    }
+
+    /// Removes the columns of some attributes.
+    pub fn without(mut self, attributes: &[Attribute]) -> Columns {
+        attributes.iter().for_each(|attribute| self.columns[*attribute as usize] = None);
+        self
+    }
+
+    /// Index of the column that holds `attribute`, from 0; `None` without such a column.
+    pub fn get(&self, attribute: Attribute) -> Option<usize> {
+        self.columns[attribute as usize]
+    }
+
+    pub(crate) fn has(&self, attribute: Attribute) -> bool {
+        self.get(attribute).is_some()
+    }
+
+    /// The attributes that have a column.
+    pub fn attributes(&self) -> AttributeSet {
+        AttributeSet::of(|attribute| self.has(attribute))
+    }
+
+    /// The attributes that have a column, with the columns.
+    pub fn used(&self) -> impl Iterator<Item = (Attribute, usize)> {
+        Attribute::ALL.into_iter().filter_map(|a| Some((a, self.get(a)?)))
+    }
+
+    /// The point of a row, where `value(i)` is the number in column `i`. A coordinate without a column is NaN; values that do
+    /// not fit are noted in the row.
+    pub fn row(&self, value: impl Fn(usize) -> f64) -> PointRow {
+        let number = |attribute| self.get(attribute).map(&value);
+        let vector = |of: [Attribute; 3]| DVec3::from(of.map(|a| number(a).unwrap_or(f64::NAN)));
+        let has_normal = Attribute::NORMAL.iter().all(|a| self.has(*a));
+        let mut misfits = Misfits::default();
+        let mut fitted = |attribute| number(attribute).map_or(0.0, |value| misfits.fitted(attribute, value));
+        PointRow {
+            position: vector(Attribute::POSITION) * self.metres,
+            normal: has_normal.then(|| vector(Attribute::NORMAL)),
+            intensity: number(Attribute::Intensity).unwrap_or(0.0) as f32,
+            class: fitted(Attribute::Class) as u8,
+            return_number: fitted(Attribute::ReturnNumber) as u8,
+            object: fitted(Attribute::Object) as i64,
+            leg: fitted(Attribute::Leg) as u16,
+            channel: fitted(Attribute::Channel) as u16,
+            time: fitted(Attribute::Time) * self.seconds,
+            misfits,
+        }
+    }
+}
+
+/// Normalises a column's name to the form used in [`Attribute::names`].
+fn plain(name: &str) -> String {
+    let name = name.find(['[', '(']).map_or(name, |at| &name[..at]);
+    let is_kept = |c: &char| !(*c == '_' || *c == '"' || c.is_whitespace());
+    let name: String = name.chars().filter(is_kept).flat_map(char::to_lowercase).collect();
+    name.strip_prefix("scalar").map(str::to_owned).unwrap_or(name)
+}
+
+/// The unit in brackets behind a name.
+fn unit_of(heading: &str) -> Option<&str> {
+    let open = heading.find(['[', '('])?;
+    let unit = heading[open + 1..].split([']', ')']).next()?.trim();
+    Some(unit).filter(|unit| !unit.is_empty())
+}
+
+/// Metres or seconds in the unit in brackets behind the name of a column; `None` without a unit that is known.
+fn factor(attribute: Attribute, heading: &str) -> Option<f64> {
+    attribute.dimension()?.factor(&unit_of(heading)?.to_lowercase())
+}
+
+/// Whether a name is that of a geographic coordinate, or has a unit of angles and is one of a horizontal coordinate.
+fn is_angle(heading: &str) -> bool {
+    let name = plain(heading);
+    let is_horizontal = [Attribute::X, Attribute::Y].iter().any(|axis| axis.names().contains(&name.as_str()));
+    let is_unit = unit_of(heading).is_some_and(|unit| {
+        let unit = unit.trim_end_matches('.').to_lowercase();
+        unit == "degree" || unit == "radian" || Dimension::Angle.factor(&unit).is_some()
+    });
+    matches!(name.as_str(), "lon" | "long" | "longitude" | "lat" | "latitude") || (is_horizontal && is_unit)
+}
+
+/// Names in one line; of many, the first.
+fn listed<'n>(names: impl Iterator<Item = &'n str>) -> String {
+    let names: Vec<&str> = names.collect();
+    let shown = names[..names.len().min(MAX_LISTED_NAMES)].join(", ");
+    match names.len().saturating_sub(MAX_LISTED_NAMES) {
+        0 => shown,
+        more => format!("{shown} and {more} more"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_are_found_by_the_usual_names_and_the_first_of_them_counts() {
+        let columns =
+            Columns::find(["Intensity", "scalar_Normal_X", "y [m]", "Amplitude", "X", "hitObjectId"]);
+        let used: Vec<_> = columns.used().collect();
+        use Attribute::{Intensity, NormalX, Object, X, Y};
+        assert_eq!(used, [(X, 4), (Y, 2), (NormalX, 1), (Intensity, 0), (Object, 5)]);
+        let row = columns.with(Attribute::Z, 0).row(|column| column as f64);
+        assert_eq!((row.position, row.normal), (DVec3::new(4.0, 2.0, 0.0), None));
+        assert_eq!((row.intensity, row.class, row.object), (0.0, 0, 5));
+    }
+
+    #[test]
+    fn intensity_counts_beside_amplitude_but_in_own_tables() {
+        for (names, column) in [
+            (&["x", "y", "z", "Amplitude", "Intensity"][..], 4),
+            (&["x", "y", "z", "Amplitude [dB]", "Reflectance [dB]"], 3),
+            (&["x", "y", "z", "Intensity", "heliosAmplitude"], 4),
+            (&["X", "Y", "Z", "Intensity", "Amplitude", "PulseNumber"], 4),
+        ] {
+            let columns = Columns::find(names.iter().copied());
+            assert_eq!(columns.get(Attribute::Intensity), Some(column), "{names:?}");
+            assert_eq!(columns.remarks(names), [""; 0], "{names:?}");
+        }
+    }
+
+    #[test]
+    fn values_that_do_not_fit_are_noted() {
+        let columns = Columns::find(["x", "y", "z", "class", "return", "object", "leg", "ring", "time"]);
+        let row = |value: f64| columns.row(|column| if column < 3 { 0.0 } else { value });
+        let fits = row(7.0);
+        assert_eq!((fits.class, fits.return_number, fits.object, fits.leg, fits.channel), (7, 7, 7, 7, 7));
+        assert!(fits.misfits.is_empty() && fits.time == 7.0);
+        use Attribute::{Channel, Class, Leg, Object, ReturnNumber, Time};
+        let integers = [Class, ReturnNumber, Object, Leg, Channel];
+        for (value, class, leg, misfits) in [
+            (300.0, 255, 300, &[Class, ReturnNumber][..]),
+            (70_000.0, 255, 65_535, &[Class, ReturnNumber, Leg, Channel]),
+            (-1.0, 0, 0, &[Class, ReturnNumber, Leg, Channel]),
+            (2.7, 2, 2, &integers),
+            (f64::NAN, 0, 0, &[Class, ReturnNumber, Object, Leg, Channel, Time]),
+            (f64::INFINITY, 255, 65_535, &[Class, ReturnNumber, Object, Leg, Channel, Time]),
+        ] {
+            let row = row(value);
+            assert_eq!((row.class, row.leg), (class, leg), "{value}");
+            let noted = Attribute::ALL.map(|attribute| row.misfits.has(attribute));
+            assert_eq!(noted, Attribute::ALL.map(|attribute| misfits.contains(&attribute)), "{value}");
+        }
+    }
+
+    #[test]
+    fn coordinates_have_other_names_and_units_too() {
+        let columns = Columns::find_positions(&["id", "E", "Northing (ft)", "Höhe [cm]", "H"]).unwrap();
+        let row = columns.row(|column| column as f64);
+        assert_eq!(row.position, DVec3::new(1.0, 2.0 * 0.3048, 0.03));
+        let names = ["X [in]", "Y [yd]", "Z [US survey foot]", "gps_time [ms]"];
+        let row = Columns::find(names).row(|_| 1000.0);
+        assert!((row.position - DVec3::new(25.4, 914.4, 304.800_609_601_219_2)).length() < 1e-9, "{row:?}");
+        assert_eq!((row.time, Columns::find(names).remarks(&names)), (1.0, vec![]));
+        let names = ["X [furlong]", "Y []", "Z (m a.s.l.)", "time [fortnight]", "intensity [dB]"];
+        assert_eq!(Columns::find(names).row(|_| 1.0).position, DVec3::ONE);
+        let said = Columns::find(names).remarks(&names);
+        assert!(said.len() == 2 && said[0].contains("unit \"furlong\" of column 1"), "{said:?}");
+        assert!(
+            said[0].contains("metres are assumed") && said[1].contains("seconds are assumed"),
+            "{said:?}"
+        );
+        let missing = Columns::find_positions(&["x", "depth"]).unwrap_err();
+        assert!(missing.contains("no column y and z") && missing.contains("x, depth"), "{missing}");
+        for names in [&["lon", "lat", "z"][..], &["x [deg]", "y [deg]", "z"], &["Longitude", "y", "z"]] {
+            let degrees = Columns::find_positions(names).unwrap_err();
+            assert!(degrees.contains("longitude and latitude"), "{degrees}");
+        }
+    }
+
+    #[test]
+    fn names_that_are_unknown_or_mean_the_same_are_remarked() {
+        let remarks = |names: &[&str]| Columns::find(names.iter().copied()).remarks(names);
+        let own = [
+            "X",
+            "Y",
+            "Z",
+            "Amplitude",
+            "Intensity",
+            "SurfaceClass",
+            "Classification",
+            "EchoWidth",
+            "ObjectId",
+        ];
+        assert_eq!(remarks(&own), [""; 0]);
+        let twice = remarks(&["x", "y", "z", "Height", "z", "class", "Class", "omnivariance", "note"]);
+        assert_eq!(twice.len(), 3, "{twice:?}");
+        assert!(twice[0].contains("columns 3 (\"z\") and 4 (\"Height\")"), "{twice:?}");
+        assert!(twice[1].contains("columns 6 (\"class\") and 7") && twice[2].contains("omnivariance, note"));
+        for names in [&["x", "y", "z", "class", "label"][..], &["x", "y", "z", "tree_id", "instance"]] {
+            assert!(remarks(names)[0].contains("columns 4"), "{names:?}: only usual pairs are no question");
+        }
+    }
+}

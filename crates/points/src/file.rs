@@ -1,0 +1,125 @@
+//! Opens files and streams of points and calls the reader of their format.
+
+use super::format::{CloudFormat, DETECTED_BYTES};
+use super::{PointSink, Reading, Selection, e57, las, leica, pcd, ply, table, text};
+use bytes::Bytes;
+use std::io::{BufRead, BufReader, Cursor, Read};
+use std::path::{Path, PathBuf};
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::reads;
+use vlscan_base::store::FileBytes;
+
+/// Reads all points of a file, or of stdin for `-`. Problems of the content are recorded in `found`; the points before them may
+/// have been passed to the sink.
+///
+/// # Errors
+/// [`Error::Io`] when the file cannot be read.
+pub fn read_points(path: &Path, sink: &mut dyn PointSink, found: &mut Diagnostics) -> Result<()> {
+    let is_stdin = path.as_os_str() == "-";
+    let name = if is_stdin { PathBuf::from("<stdin>") } else { path.to_path_buf() };
+    let mut source: Box<dyn Read> = match is_stdin {
+        true => Box::new(std::io::stdin().lock()),
+        false => Box::new(reads::open(path).map_err(|e| Error::open(path, e))?),
+    };
+    // A pipe may deliver the first bytes one by one.
+    let mut first = Vec::new();
+    let read = source.by_ref().take(DETECTED_BYTES as u64).read_to_end(&mut first);
+    read.map_err(|e| Error::io("read", &name, e))?;
+    let mut reading = Reading::new(&name, Selection::All, sink, found);
+    let Some(format) = recognise(&first, &mut reading) else { return Ok(()) };
+    if format.is_stream() {
+        let source = BufReader::with_capacity(1 << 20, Cursor::new(first).chain(source));
+        read_stream(source, format, &mut reading)?;
+        reading.end();
+        return Ok(());
+    }
+    let file = match !is_stdin && path.is_file() {
+        true => FileBytes::open(path).map_err(|e| Error::open(path, e))?,
+        false => {
+            source.read_to_end(&mut first).map_err(|e| Error::io("read", &name, e))?;
+            FileBytes::from(first)
+        }
+    };
+    match format {
+        CloudFormat::Parquet => table::read_parquet(Bytes::from_owner(file.clone()), &mut reading)?,
+        _ => read_binary(&file, format, &mut reading),
+    }
+    reading.end();
+    file.check_unchanged().map_err(|e| Error::io("read", &name, e))
+}
+
+/// The format of a file with this beginning; `None` if it is not read, which is recorded.
+fn recognise(first: &[u8], reading: &mut Reading) -> Option<CloudFormat> {
+    let format = CloudFormat::recognise(first, reading.path);
+    format.map_err(|problem| reading.fail(&format!("{} {problem}", reading.path.display()))).ok()
+}
+
+/// Reads a format from its beginning to its end.
+fn read_stream(source: impl BufRead, format: CloudFormat, reading: &mut Reading) -> Result<()> {
+    match format {
+        CloudFormat::Arrow => table::read_arrow(source, reading),
+        CloudFormat::Pts | CloudFormat::Ptx => leica::read(source, format == CloudFormat::Ptx, reading),
+        _ => text::read(source, reading),
+    }
+}
+
+/// Reads a binary format from all bytes of a file.
+fn read_binary(bytes: &[u8], format: CloudFormat, reading: &mut Reading) {
+    let read = match format {
+        CloudFormat::Ply => ply::read(bytes, reading),
+        CloudFormat::Pcd => pcd::read(bytes, reading),
+        CloudFormat::E57 => e57::read(bytes, reading),
+        _ => las::read(bytes, reading),
+    };
+    if let Err(problem) = read {
+        reading.fail(&format!("{}: {problem}", reading.path.display()));
+    }
+}
+
+/// A file of points whose bytes are at hand, and may be read several times.
+pub struct PointFile<'a> {
+    path: &'a Path,
+    bytes: &'a [u8],
+    format: CloudFormat,
+}
+
+impl<'a> PointFile<'a> {
+    /// Recognises the format; `None` if it is not read, which is recorded in `found`.
+    pub fn new(path: &'a Path, bytes: &'a [u8], found: &mut Diagnostics) -> Option<PointFile<'a>> {
+        let format = CloudFormat::recognise(&bytes[..bytes.len().min(DETECTED_BYTES)], path);
+        if let Err(problem) = &format {
+            found.error(Some(Place::in_line(path, 1, "", 0..0)), format!("{} {problem}", path.display()));
+        }
+        format.ok().map(|format| PointFile { path, bytes, format })
+    }
+
+    /// The format, as recognised by the beginning of the file.
+    pub fn format(&self) -> CloudFormat {
+        self.format
+    }
+
+    /// Reads all points.
+    ///
+    /// # Errors
+    /// As [`read_points`].
+    pub fn read(
+        &self,
+        selection: Selection,
+        sink: &mut dyn PointSink,
+        found: &mut Diagnostics,
+    ) -> Result<()> {
+        let mut reading = Reading::new(self.path, selection, sink, found);
+        match self.format {
+            CloudFormat::Parquet => {
+                let file = FileBytes::open(self.path).map_err(|e| Error::open(self.path, e))?;
+                table::read_parquet(Bytes::from_owner(file.clone()), &mut reading)?;
+                file.check_unchanged().map_err(|e| Error::io("read", self.path, e))?;
+            }
+            format if format.is_stream() => read_stream(Cursor::new(self.bytes), format, &mut reading)?,
+            format => read_binary(self.bytes, format, &mut reading),
+        }
+        reading.end();
+        Ok(())
+    }
+}

@@ -1,0 +1,216 @@
+//! Recognises the format of a file of points by its first bytes, and names the formats that are not read.
+
+use super::leica;
+use super::text::is_line_end;
+use std::path::Path;
+use vlscan_base::input::arrow::{ArrowDetection, detect_arrow};
+
+/// Number of bytes by which a format is recognised, if the file has them.
+pub(super) const DETECTED_BYTES: usize = 4096;
+
+/// A format that is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CloudFormat {
+    /// LAS and LAZ.
+    Las,
+    /// Polygon File Format, of which the vertices are read.
+    Ply,
+    /// Point Cloud Data, the format of the Point Cloud Library.
+    Pcd,
+    /// ASTM E2807 (E57).
+    E57,
+    /// Apache Arrow IPC, stream or file.
+    Arrow,
+    /// Apache Parquet.
+    Parquet,
+    /// Leica PTS: the number of points, then one point per line.
+    Pts,
+    /// Leica PTX: scans with their headers and transformations.
+    Ptx,
+    /// Lines of columns.
+    Text,
+}
+
+/// The formats that are read, for messages.
+const READ_FORMATS: &str = "LAS, LAZ, PLY, PCD, E57, PTS, PTX, text, Arrow and Parquet";
+
+/// Beginnings of files that are no points or are not read, with their names.
+const OTHERS: &[(&[u8], &str)] = &[
+    (
+        b"\x89MCAP0",
+        "an MCAP log, whose points are relative to the moving scanner; vlscan run -o a.mcap -o a.laz writes those of the world beside it",
+    ),
+    (b"#ROSBAG", "a ROS bag, whose points are relative to the moving scanner"),
+    (b"SQLite format 3", "an SQLite database (GeoPackage, ROS 2 bag)"),
+    (b"RIEGL LMS RDB", "a RIEGL RDB database; export LAZ with RiSCAN PRO, RiPROCESS or rdbconvert"),
+    (b"PARE", "an encrypted Parquet file"),
+    (b"\x93NUMPY", "a NumPy array"),
+    (b"CCB2", "a CloudCompare project"),
+    (b"\x89HDF", "an HDF5 file"),
+    (b"\xd0\xcf\x11\xe0", "an OLE compound file (FARO scans are such)"),
+    (b"PK\x03\x04", "a ZIP archive; unpack it"),
+    (b"\x1f\x8b", "a gzip file; unpack it with gunzip"),
+    (b"\x28\xb5\x2f\xfd", "a Zstandard file; unpack it with unzstd"),
+    (b"BZh", "a bzip2 file; unpack it with bunzip2"),
+    (b"\xfd7zXZ", "an XZ file; unpack it with unxz"),
+    (b"7z\xbc\xaf", "a 7z archive; unpack it"),
+    (b"\x89PNG", "a PNG picture"),
+    (b"\xff\xd8\xff", "a JPEG picture"),
+    (b"%PDF", "a PDF document"),
+    (b"II*\0", "a TIFF raster; `geotiffloader` of a scene reads terrain"),
+    (b"MM\0*", "a TIFF raster; `geotiffloader` of a scene reads terrain"),
+    (b"II+\0", "a BigTIFF raster; `geotiffloader` of a scene reads terrain"),
+    (b"\0\0\x27\x0a", "a shapefile"),
+    (b"glTF", "a glTF mesh"),
+    (b"Kaydara FBX", "an FBX mesh"),
+    (b"<?xml", "an XML file; points, not a survey or a scene, are expected"),
+    (b"<", "an XML file; points, not a survey or a scene, are expected"),
+    (b"{", "a JSON file (Potree, GeoJSON or another)"),
+];
+
+/// Names that end so belong to binary formats.
+const BINARY_EXTENSIONS: &[&str] = &["las", "laz", "ply", "pcd", "e57", "parquet", "arrow"];
+
+impl CloudFormat {
+    /// Whether it is read from its beginning to its end, so that it may come through a pipe without being stored.
+    pub(super) fn is_stream(self) -> bool {
+        matches!(self, CloudFormat::Text | CloudFormat::Pts | CloudFormat::Ptx | CloudFormat::Arrow)
+    }
+
+    /// Recognises a format by the beginning of a file, at least [`DETECTED_BYTES`] if it has them.
+    ///
+    /// # Errors
+    /// What the file is instead, and what to convert it to; a sentence that begins with "is".
+    pub fn recognise(first: &[u8], path: &Path) -> Result<CloudFormat, String> {
+        let format = if first.starts_with(b"LASF") {
+            CloudFormat::Las
+        } else if super::is_ply(first) {
+            CloudFormat::Ply
+        } else if first.starts_with(b"ASTM-E57") {
+            CloudFormat::E57
+        } else if first.starts_with(b"PAR1") {
+            CloudFormat::Parquet
+        } else if detect_arrow(first) == ArrowDetection::Arrow {
+            CloudFormat::Arrow
+        } else if super::pcd::is_pcd(first) {
+            CloudFormat::Pcd
+        } else {
+            return CloudFormat::of_text(first, path);
+        };
+        Ok(format)
+    }
+
+    fn of_text(first: &[u8], path: &Path) -> Result<CloudFormat, String> {
+        const CONVERTERS: &str = "convert it to LAS or LAZ, for example with PDAL or CloudCompare";
+        let text = first.strip_prefix(b"\xef\xbb\xbf").unwrap_or(first).trim_ascii_start();
+        if first.starts_with(b"\xff\xfe") || first.starts_with(b"\xfe\xff") {
+            return Err(
+                "is text in UTF-16; save it as UTF-8, for example with `iconv -f UTF-16 -t UTF-8`".to_owned()
+            );
+        }
+        if let Some((_, name)) =
+            OTHERS.iter().find(|(magic, _)| first.starts_with(magic) || text.starts_with(magic))
+        {
+            let advice = if name.contains(';') { "" } else { CONVERTERS };
+            let advice = if advice.is_empty() { String::new() } else { format!("; {advice}") };
+            return Err(format!("is {name}{advice}; {READ_FORMATS} are read"));
+        }
+        let extension =
+            path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+        let beginning = String::from_utf8_lossy(&first[..first.len().min(4)]).escape_debug().to_string();
+        if BINARY_EXTENSIONS.contains(&extension.as_str()) {
+            let name = extension.to_uppercase();
+            return Err(match first.is_empty() {
+                true => format!("is empty, expected {name}"),
+                false => format!(
+                    "is expected to be {name} by its name, found a file that begins with \"{beginning}\""
+                ),
+            });
+        }
+        if let Some(mesh) = mesh_of_text(text) {
+            return Err(format!("is {mesh}, no point cloud; {READ_FORMATS} are read"));
+        }
+        // Text has no control characters but blanks and ends of lines.
+        if first.iter().any(|b| *b < 0x20 && !matches!(b, b'\t' | b'\n' | b'\r' | 0x0b | 0x0c)) {
+            return Err(format!(
+                "is binary and of no format that is known here (it begins with \"{beginning}\"); {CONVERTERS}; \
+                 {READ_FORMATS} are read"
+            ));
+        }
+        Ok(match leica::detect(text) {
+            Some(true) => CloudFormat::Ptx,
+            Some(false) => CloudFormat::Pts,
+            None => CloudFormat::Text,
+        })
+    }
+}
+
+/// The name of a mesh format in text.
+fn mesh_of_text(text: &[u8]) -> Option<&'static str> {
+    let lines = text.split(|b| is_line_end(*b)).map(<[u8]>::trim_ascii);
+    let mut lines = lines.filter(|line| !(line.is_empty() || line.starts_with(b"#")));
+    match lines.next()?.split(u8::is_ascii_whitespace).next()? {
+        b"v" | b"vn" | b"vt" | b"o" | b"g" | b"mtllib" | b"usemtl" => Some("an OBJ mesh"),
+        // In small or large letters, as the programs that write them do.
+        word if word.eq_ignore_ascii_case(b"solid") => Some("an STL mesh"),
+        word if [&b"off"[..], b"coff", b"noff"].iter().any(|off| word.eq_ignore_ascii_case(off)) => {
+            Some("an OFF mesh")
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(name: &str, first: &[u8]) -> Result<CloudFormat, String> {
+        CloudFormat::recognise(first, Path::new(name))
+    }
+
+    #[test]
+    fn formats_are_recognised_by_their_first_bytes() {
+        for (first, expected) in [
+            (&b"LASF\0\0"[..], CloudFormat::Las),
+            (b"ply\r\nformat", CloudFormat::Ply),
+            (b"ASTM-E57\x01", CloudFormat::E57),
+            (b"PAR1\x15", CloudFormat::Parquet),
+            (b"\xff\xff\xff\xff\x80\0\0\0", CloudFormat::Arrow),
+            (b"# .PCD v.7 - Point Cloud\nVERSION .7\n", CloudFormat::Pcd),
+            (b"VERSION 0.7\nFIELDS x y z\n", CloudFormat::Pcd),
+            (b"2\r\n1 2 3 -1200\r\n4 5 6 700\r\n", CloudFormat::Pts),
+            (b"2\r1 2 3 -1200\r4 5 6 700\r", CloudFormat::Pts),
+            (b"# a\rVERSION 0.7\rFIELDS x y z\r", CloudFormat::Pcd),
+            (b"2\n1\n0 0 0\n1 0 0\n", CloudFormat::Ptx),
+            (b"1 2 3\n4 5 6\n", CloudFormat::Text),
+            (b"x y z\n1 2 3\n", CloudFormat::Text),
+            (b"1\n2\n3\n", CloudFormat::Text),
+            (b"", CloudFormat::Text),
+        ] {
+            assert_eq!(of("a.bin", first), Ok(expected), "{}", String::from_utf8_lossy(first));
+        }
+    }
+
+    #[test]
+    fn other_formats_are_named() {
+        for (first, expected) in [
+            (&b"\x89MCAP0\r\n"[..], "an MCAP log"),
+            (b"RIEGL LMS RDB 2 POINTCLOUD FILE", "rdbconvert"),
+            (b"\x1f\x8b\x08", "gunzip"),
+            (b"\xff\xfe1\x002\x00", "UTF-16"),
+            (b"\xef\xbb\xbf<?xml", "an XML file"),
+            (b"# Blender\nv 1 2 3\n", "an OBJ mesh"),
+            (b"# Blender\rv 1 2 3\r", "an OBJ mesh"),
+            (b"solid box\nfacet normal 0 0 1\n", "an STL mesh"),
+            (b"SOLID\r\n  FACET NORMAL 0 0 1\r\n", "an STL mesh"),
+            (b"Solid by a program\0\0\0\x02", "an STL mesh"),
+            (b"off\n8 6 12\n", "an OFF mesh"),
+            (b"\x01\x02\x03\x04", "binary and of no format"),
+        ] {
+            let named = of("a.xyz", first).unwrap_err();
+            assert!(named.starts_with("is ") && named.contains(expected), "{named}");
+            assert!(!named.contains("damaged") && !named.contains("whole"), "{named}");
+        }
+        assert!(of("a.las", b"1 2 3\n").unwrap_err().contains("expected to be LAS by its name"));
+    }
+}

@@ -1,0 +1,191 @@
+//! Compressed records, by the `laz` crate.
+
+use super::Selection;
+use super::header::{Fields, Header};
+use laz::las::selective::DecompressionSelection;
+use laz::{LasZipDecompressor, LasZipError, LazItemType, LazVlr};
+use std::io::{Cursor, Seek};
+use vlscan_base::damage;
+
+/// Maximum length of a compressed record, bytes: the decompressor takes up to 16 kB of memory per byte of it.
+const MAX_COMPRESSED_RECORD_BYTES: u16 = 4096;
+
+/// The compressor that stores points as they are, and the one that writes one chunk without a table of chunks.
+const UNCOMPRESSED: u16 = 0;
+const POINT_WISE: u16 = 1;
+
+/// What to do with points that are compressed in another way than those that are read.
+const CONVERT: &str = "convert it to LAS, with the program that wrote it, `laszip -i in.laz -o out.las` or `pdal translate in.laz out.las`";
+
+/// Offset of the number of points of a chunk in the record of the compression, and a number beyond that of any file.
+const CHUNK_SIZE_AT: usize = 12;
+const MAX_CHUNK_POINTS: u32 = u32::MAX - 1;
+
+pub(super) struct Compressed<'a> {
+    pub decompressor: LasZipDecompressor<'a, Cursor<&'a [u8]>>,
+    /// Number of layers of a chunk, if chunks are layered.
+    layers: Option<usize>,
+    /// Number of the first point of the next chunk. The layers of that chunk are checked before they are decompressed.
+    next_chunk: u64,
+}
+
+impl<'a> Compressed<'a> {
+    /// Begins to decompress the points of a file; `None` if they are stored as they are.
+    pub fn open(
+        file: Fields<'a>,
+        header: &Header,
+        selection: Selection,
+    ) -> Result<Option<Compressed<'a>>, String> {
+        let record = file.variable_record(LazVlr::USER_ID, LazVlr::RECORD_ID)?;
+        let record = record.ok_or_else(|| {
+            format!(
+                "its points are compressed, and the record of LASzip that tells how is missing; {CONVERT}"
+            )
+        })?;
+        let cut = |_| "the record that describes its compression is too short; is the file whole?".to_owned();
+        let compressor = Fields(record).u16(0).map_err(cut)?;
+        if compressor == UNCOMPRESSED {
+            return Ok(None);
+        }
+        let coder = Fields(record).u16(2).map_err(cut)?;
+        if coder != 0 {
+            return Err(format!(
+                "its points are compressed by the LAZ coder {coder}; coder 0 is read; {CONVERT}"
+            ));
+        }
+        let (items, layers) = Compressed::items(record).map_err(cut)?;
+        if header.record_length > MAX_COMPRESSED_RECORD_BYTES {
+            let length = header.record_length;
+            return Err(format!(
+                "its compressed points have {length} bytes; at most {MAX_COMPRESSED_RECORD_BYTES} can be read; {CONVERT}"
+            ));
+        }
+        if items != u32::from(header.record_length) {
+            let length = header.record_length;
+            return Err(format!("expected {length} bytes per point, the compression is for {items}"));
+        }
+        let is_one_chunk = compressor == POINT_WISE;
+        let mut record = record.to_vec();
+        if is_one_chunk {
+            // Its size is 0, which the library takes for chunks of various sizes.
+            record[CHUNK_SIZE_AT..CHUNK_SIZE_AT + 4].copy_from_slice(&MAX_CHUNK_POINTS.to_le_bytes());
+        }
+        let vlr = LazVlr::from_buffer(record).map_err(unread)?;
+        // The library looks at the versions after it has read from the points.
+        for item in vlr.items() {
+            use LazItemType::{Byte, GpsTime, Point10, RGB12, WavePacket13};
+            let versions = match item.item_type() {
+                Byte(_) | GpsTime | Point10 | RGB12 | WavePacket13 => 1..=2,
+                _ => 3..=4,
+            };
+            if !versions.contains(&item.version()) {
+                return Err(unread(LasZipError::UnsupportedLazItemVersion(item.item_type(), item.version())));
+            }
+        }
+        if !is_one_chunk {
+            check_chunk_table(file, header.data_at, header.count)?;
+        }
+        let mut source = Cursor::new(file.0);
+        source.set_position(header.data_at as u64);
+        let wanted = match selection {
+            Selection::PositionAndClass => {
+                DecompressionSelection::xy_returns_channel().decompress_z().decompress_classification()
+            }
+            Selection::All => DecompressionSelection::all(),
+        };
+        let decompressor = LasZipDecompressor::selective(source, vlr, wanted).map_err(unread)?;
+        Ok(Some(Compressed { decompressor, layers, next_chunk: 0 }))
+    }
+
+    /// The sum of the item sizes, bytes, and the number of layers of a chunk if the items are layered.
+    fn items(record: &[u8]) -> Result<(u32, Option<usize>), String> {
+        const POINT_14: u16 = 10;
+        const BYTES_14: u16 = 14;
+        const RGB_NIR_14: u16 = 12;
+        let fields = Fields(record);
+        let (mut size, mut layers, mut layered) = (0, 0, false);
+        for item in 0..usize::from(fields.u16(32)?) {
+            let (kind, bytes) = (fields.u16(34 + 6 * item)?, fields.u16(36 + 6 * item)?);
+            // The version, which the library reads.
+            fields.u16(38 + 6 * item)?;
+            size += u32::from(bytes);
+            layered |= kind >= POINT_14;
+            layers += match kind {
+                POINT_14 => 9,
+                BYTES_14 => usize::from(bytes),
+                RGB_NIR_14 => 2,
+                _ => 1,
+            };
+        }
+        Ok((size, layered.then_some(layers)))
+    }
+
+    /// Checks that the layers of the chunk starting at point number `at`, if one does, lie within the file. The
+    /// decompressor allocates memory for them before it reads them.
+    pub fn check_chunk(&mut self, at: u64, record_length: usize) -> Result<(), String> {
+        let Some(layers) = self.layers.filter(|_| at == self.next_chunk) else { return Ok(()) };
+        let source = self.decompressor.get_mut();
+        let start = source.stream_position().map_err(|e| e.to_string())?;
+        let file = Fields(source.get_ref());
+        let counts = usize::try_from(start).ok().and_then(|s| s.checked_add(record_length));
+        let counts = counts.ok_or("a chunk begins beyond the file's end")?;
+        let points = u64::from(file.u32(counts)?);
+        let mut left = file.0.len() as u64;
+        for layer in 0..layers {
+            let size = u64::from(file.u32(counts + 4 + 4 * layer)?);
+            left = left.checked_sub(size).ok_or("a chunk is longer than the file")?;
+        }
+        let vlr = self.decompressor.vlr();
+        let size = if vlr.uses_variable_size_chunks() { points } else { u64::from(vlr.chunk_size()) };
+        self.next_chunk = at.saturating_add(size.max(1));
+        Ok(())
+    }
+}
+
+/// Why points cannot be decompressed.
+fn unread(error: LasZipError) -> String {
+    let what = match error {
+        LasZipError::IoError(_) => {
+            return "the file ends within its compressed points; is it whole?".to_owned();
+        }
+        LasZipError::MissingChunkTable => {
+            return "its table of chunks is missing; is the file whole?".to_owned();
+        }
+        LasZipError::UnknownCompressorType(number) => {
+            format!("its points are compressed by the LAZ compressor {number}; compressors 0 to 3 are read")
+        }
+        LasZipError::UnknownLazItem(number) => {
+            format!(
+                "its compressed points have values of the LAZ kind {number}; kinds 0 and 6 to 14 are read"
+            )
+        }
+        LasZipError::UnsupportedLazItemVersion(item, version) => {
+            format!(
+                "its compressed points have values ({item:?}) in version {version} of LAZ, which is not read"
+            )
+        }
+        other => format!("its compressed points are not read ({other})"),
+    };
+    format!("{what}; {CONVERT}")
+}
+
+/// Checks that the chunk table is no longer than the file: the decompressor allocates memory for it before it reads it.
+fn check_chunk_table(file: Fields, data_at: usize, points: u64) -> Result<(), String> {
+    let Ok(mut at) = file.u64(data_at) else { return Err("the file ends before its points".to_owned()) };
+    if at <= data_at as u64 || at >= i64::MAX as u64 {
+        // Writers that cannot seek store the offset of the table at the end of the file.
+        at = file.u64(file.0.len().saturating_sub(8))?;
+    }
+    let Ok(at) = usize::try_from(at) else { return Ok(()) };
+    let chunks = at.checked_add(4).and_then(|at| file.u32(at).ok()).unwrap_or(0);
+    if u64::from(chunks) > points.saturating_add(1).min(file.0.len() as u64) {
+        return Err(format!("a table of {chunks} chunks for {points} points"));
+    }
+    Ok(())
+}
+
+/// Calls `read` and turns a panic of `laz` on damaged data into an error.
+pub(super) fn without_panic<T>(read: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    let done = damage::catch_decoder_panic(read);
+    done.unwrap_or_else(|| Err("its compressed points are damaged; is the file whole?".to_owned()))
+}

@@ -1,0 +1,225 @@
+//! LAS and LAZ files (ASPRS LAS 1.0 to 1.5, point formats 0 to 10). Bounds in headers are not looked at: they are often wrong.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `header` | header and variable length records |
+//! | `extra` | extra dimensions |
+//! | `compressed` | compressed records |
+//! | `units` | units of positions |
+
+mod compressed;
+mod extra;
+mod header;
+#[cfg(test)]
+mod tests;
+mod units;
+
+pub use extra::ExtraDimension;
+pub use header::Header;
+
+use super::{Attribute, AttributeSet, Columns, Misfits, PointRow, Reading};
+use compressed::{Compressed, without_panic};
+use header::Fields;
+use std::io::ErrorKind;
+use std::ops::ControlFlow;
+use vlscan_geom::DVec3;
+
+/// Maximum number of records that one call of [`LasReader::read_records`] passes.
+const BATCH_RECORDS: u64 = 1 << 16;
+
+/// Reads the points of a file from first to last.
+pub struct LasReader<'a> {
+    file: Fields<'a>,
+    records: Records<'a>,
+    /// The header: format, number of records, scales and offsets.
+    pub header: Header,
+    record: Vec<u8>,
+    at: u64,
+}
+
+enum Records<'a> {
+    Plain(&'a [u8]),
+    Compressed(Box<Compressed<'a>>),
+}
+
+/// Which fields of compressed records are decompressed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Selection {
+    /// Position and class only.
+    PositionAndClass,
+    /// All fields.
+    All,
+}
+
+impl<'a> LasReader<'a> {
+    /// Reads the header of a file.
+    pub fn open(bytes: &'a [u8], selection: Selection) -> Result<LasReader<'a>, String> {
+        let file = Fields(bytes);
+        let mut header = Header::read(file)?;
+        let compressed = match header.is_compressed {
+            false => None,
+            true => without_panic(|| Compressed::open(file, &header, selection))?,
+        };
+        header.is_compressed = compressed.is_some();
+        let records = match compressed {
+            None => Records::Plain(&bytes[header.data_at..]),
+            Some(compressed) => Records::Compressed(Box::new(compressed)),
+        };
+        let record = vec![0; usize::from(header.record_length)];
+        Ok(LasReader { file, records, header, record, at: 0 })
+    }
+
+    /// The data of a variable length record.
+    pub fn variable_record(&self, user: &str, id: u16) -> Result<Option<&'a [u8]>, String> {
+        self.file.variable_record(user, id)
+    }
+
+    /// The extra dimensions of the points with their names.
+    pub fn extra_dimensions(&self) -> Result<Vec<(String, ExtraDimension)>, String> {
+        let descriptors = self.variable_record("LASF_Spec", 4)?.unwrap_or_default();
+        Ok(extra::dimensions(descriptors, self.header.extra_bytes_at()))
+    }
+
+    /// Calls `take` with the bytes and the position of each record of the next batch; returns `false` after the last
+    /// one, and when `take` breaks.
+    pub fn read_records(
+        &mut self,
+        mut take: impl FnMut(&[u8], DVec3) -> ControlFlow<()>,
+    ) -> Result<bool, String> {
+        let end = self.header.count.min(self.at + BATCH_RECORDS);
+        let broken = without_panic(|| {
+            while self.at < end {
+                self.read_record()?;
+                if take(&self.record, self.header.position(&self.record)).is_break() {
+                    return Ok(true);
+                }
+                self.at += 1;
+            }
+            Ok(false)
+        })?;
+        Ok(!broken && self.at < self.header.count)
+    }
+
+    fn read_record(&mut self) -> Result<(), String> {
+        let (at, count) = (self.at, self.header.count);
+        let ended = |why: &str| format!("{why} after {at} of {count} points; is the file whole?");
+        match &mut self.records {
+            Records::Plain(rest) => {
+                let Some((record, more)) = rest.split_at_checked(self.record.len()) else {
+                    return Err(ended("the file ends"));
+                };
+                self.record.copy_from_slice(record);
+                *rest = more;
+            }
+            Records::Compressed(laz) => {
+                laz.check_chunk(at, self.record.len()).map_err(|e| ended(&e))?;
+                let read = laz.decompressor.decompress_one(&mut self.record);
+                read.map_err(|e| match e.kind() {
+                    ErrorKind::UnexpectedEof => ended("the file ends"),
+                    _ => ended(&format!("the points cannot be decompressed ({e})")),
+                })?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Compares the number of points with the size of the file. A header without a number, as a writer leaves it that was
+    /// interrupted, is completed.
+    fn check_count(&mut self, reading: &mut Reading) {
+        if self.header.is_compressed {
+            return;
+        }
+        let (count, room) = (self.header.count, self.header.room(self.file));
+        if count == 0 && room > 0 {
+            reading.warn(format!("its header states 0 points, {room} records follow; all are read"));
+            self.header.count = room;
+        } else if room > count {
+            reading.warn(format!(
+                "its header states {count} points, there is room for {room}; {count} are read"
+            ));
+        }
+    }
+}
+
+/// The extra dimensions that are read as attributes of points.
+struct Shown {
+    /// The unscaled amplitude of this program. Amplitudes of other programs are another quantity than the intensity.
+    intensity: Option<ExtraDimension>,
+    object: Option<ExtraDimension>,
+    device: Option<ExtraDimension>,
+}
+
+impl Shown {
+    fn of(reader: &LasReader, selection: Selection) -> Result<Shown, String> {
+        if selection != Selection::All {
+            return Ok(Shown { intensity: None, object: None, device: None });
+        }
+        let all = reader.extra_dimensions()?;
+        let numbers: Vec<&(String, ExtraDimension)> = all.iter().filter(|(_, d)| d.is_number()).collect();
+        let columns = Columns::find(numbers.iter().map(|(name, _)| name.as_str()));
+        let dimension = |attribute| columns.get(attribute).map(|column| numbers[column].1);
+        Ok(Shown {
+            intensity: numbers.iter().find(|(name, _)| name == "heliosAmplitude").map(|(_, d)| *d),
+            object: dimension(Attribute::Object),
+            device: dimension(Attribute::Channel),
+        })
+    }
+}
+
+/// Reads a file.
+pub(super) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
+    let mut reader = LasReader::open(bytes, reading.selection)?;
+    let shown = Shown::of(&reader, reading.selection)?;
+    let units = units::position_units(reader.file)?;
+    units.note.iter().for_each(|note| reading.note(note.as_str()));
+    units.warnings.iter().for_each(|warning| reading.warn(warning.as_str()));
+    reader.check_count(reading);
+    let format = reader.header.format;
+    reading.sink.start(AttributeSet::of(|attribute| match attribute {
+        Attribute::NormalX | Attribute::NormalY | Attribute::NormalZ => false,
+        Attribute::Object => shown.object.is_some(),
+        Attribute::Channel => shown.device.is_some() || format >= 6,
+        Attribute::Time => format >= 6 || matches!(format, 1 | 3..=5),
+        _ => true,
+    }));
+    let (header, metres) = (reader.header.clone(), units.metres.unwrap_or(DVec3::ONE));
+    let mut are_degrees = units.is_angle;
+    let mut more = true;
+    while more {
+        let mut wrong = None;
+        more = reader.read_records(|record, position| {
+            if std::mem::take(&mut are_degrees) {
+                if position.x.abs() <= 360.0 && position.y.abs() <= 90.0 {
+                    wrong = Some("its coordinates are longitude and latitude; project them, for example by PDAL's filters.reprojection");
+                    return ControlFlow::Break(());
+                }
+                reading.warn("its coordinate reference system is in degrees, its coordinates are not; they are taken as metres");
+            }
+            let raw_intensity = u16::from_le_bytes([record[12], record[13]]);
+            let mut misfits = Misfits::default();
+            let time = misfits.fitted(Attribute::Time, header.time(record));
+            let mut number = |attribute, dimension: Option<ExtraDimension>| {
+                dimension.and_then(|dimension| dimension.value(record)).map(|value| misfits.fitted(attribute, value))
+            };
+            reading.take(&PointRow {
+                position: position * metres,
+                normal: None,
+                intensity: match shown.intensity {
+                    Some(amplitude) => amplitude.value(record).unwrap_or(f64::NAN) as f32,
+                    None => f32::from(raw_intensity),
+                },
+                class: header.class(record),
+                return_number: header.return_number(record),
+                leg: header.source_id(record),
+                channel: number(Attribute::Channel, shown.device).map_or(header.channel(record), |v| v as u16),
+                time,
+                object: number(Attribute::Object, shown.object).map_or(0, |v| v as i64),
+                misfits,
+            })
+        })?;
+        if let Some(wrong) = wrong {
+            return Err(wrong.to_owned());
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,245 @@
+//! Tests of files that no writer at hand makes.
+
+use super::*;
+use crate::{PointFile, PointSink};
+use laz::record::{RecordCompressor, SequentialPointRecordCompressor};
+use laz::{LazItemRecordBuilder, LazItemType, LazVlr};
+use std::path::Path;
+use vlscan_base::diag::Diagnostics;
+
+/// Bytes of a header of LAS 1.2, and of that of a variable record.
+const HEADER_BYTES: u32 = 227;
+const RECORD_HEAD_BYTES: u32 = 54;
+
+/// A file of LAS 1.2 with points of format 0.
+fn file(count: u32, is_compressed: bool, record: Option<(&str, u16, Vec<u8>)>, points: &[u8]) -> Vec<u8> {
+    let mut bytes = vec![0; HEADER_BYTES as usize];
+    bytes[..4].copy_from_slice(b"LASF");
+    bytes[24..26].copy_from_slice(&[1, 2]);
+    bytes[94..96].copy_from_slice(&(HEADER_BYTES as u16).to_le_bytes());
+    let length = record.as_ref().map_or(0, |(.., data)| RECORD_HEAD_BYTES + data.len() as u32);
+    bytes[96..100].copy_from_slice(&(HEADER_BYTES + length).to_le_bytes());
+    bytes[100] = u8::from(record.is_some());
+    bytes[104] = if is_compressed { 0x80 } else { 0 };
+    bytes[105] = 20;
+    bytes[107..111].copy_from_slice(&count.to_le_bytes());
+    for axis in 0..3 {
+        bytes[131 + 8 * axis..139 + 8 * axis].copy_from_slice(&0.01f64.to_le_bytes());
+    }
+    if let Some((user, id, data)) = record {
+        let mut head = vec![0; RECORD_HEAD_BYTES as usize];
+        head[2..2 + user.len()].copy_from_slice(user.as_bytes());
+        head[18..20].copy_from_slice(&id.to_le_bytes());
+        head[20..22].copy_from_slice(&(data.len() as u16).to_le_bytes());
+        bytes.extend(head);
+        bytes.extend(data);
+    }
+    bytes.extend_from_slice(points);
+    bytes
+}
+
+/// Records of format 0 at 0.01, 0.02 … m along x.
+fn records(count: i32) -> Vec<[u8; 20]> {
+    let record = |i: i32| {
+        let mut record = [0; 20];
+        record[..4].copy_from_slice(&i.to_le_bytes());
+        record[12..14].copy_from_slice(&(i as u16).to_le_bytes());
+        record
+    };
+    (1..=count).map(record).collect()
+}
+
+/// The points of a file and what is said of it.
+fn read(bytes: &[u8]) -> (Vec<PointRow>, Vec<String>) {
+    struct Rows(Vec<PointRow>);
+    impl PointSink for Rows {
+        fn start(&mut self, _: AttributeSet) {}
+        fn point(&mut self, row: &PointRow, _: Option<&str>) -> ControlFlow<()> {
+            self.0.push(*row);
+            ControlFlow::Continue(())
+        }
+    }
+    let (mut rows, mut found) = (Rows(Vec::new()), Diagnostics::default());
+    let file = PointFile::new(Path::new("a.las"), bytes, &mut found).unwrap();
+    file.read(Selection::All, &mut rows, &mut found).unwrap();
+    (rows.0, found.items().iter().map(|item| item.message.clone()).collect())
+}
+
+#[test]
+fn points_of_one_chunk_without_a_table_are_read() {
+    let items = LazItemRecordBuilder::new().add_item(LazItemType::Point10).build();
+    let mut compressor = SequentialPointRecordCompressor::new(std::io::Cursor::new(Vec::new()));
+    compressor.set_fields_from(&items).unwrap();
+    for record in records(1000) {
+        compressor.compress_next(&record).unwrap();
+    }
+    compressor.done().unwrap();
+    let compressed = compressor.get_mut().get_ref().clone();
+    let mut record = Vec::new();
+    LazVlr::from_laz_items(items).write_to(&mut record).unwrap();
+    record[..2].copy_from_slice(&1u16.to_le_bytes());
+    for size in [0u32, 50_000, u32::MAX] {
+        record[12..16].copy_from_slice(&size.to_le_bytes());
+        let record = Some((LazVlr::USER_ID, LazVlr::RECORD_ID, record.clone()));
+        let (rows, said) = read(&file(1000, true, record, &compressed));
+        assert_eq!(said, [""; 0]);
+        assert_eq!((rows.len(), rows[999].position.x, rows[999].intensity), (1000, 10.0, 1000.0));
+    }
+}
+
+#[test]
+fn numbers_of_points_are_compared_with_the_size_of_the_file() {
+    let points = records(5).concat();
+    let (rows, said) = read(&file(5, false, None, &points));
+    assert_eq!((rows.len(), said.len()), (5, 0));
+    let (rows, said) = read(&file(0, false, None, &points));
+    assert!(rows.len() == 5 && said[0].contains("states 0 points, 5 records follow"), "{said:?}");
+    let (rows, said) = read(&file(3, false, None, &points));
+    assert!(rows.len() == 3 && said[0].contains("states 3 points, there is room for 5"), "{said:?}");
+    let (_, said) = read(&file(6, false, None, &points));
+    assert!(said[0].contains("after 5 of 6 points"), "{said:?}");
+}
+
+#[test]
+fn degrees_are_refused_and_feet_become_metres() {
+    let keys = |entries: &[[u16; 4]]| {
+        let head = [1, 1, 0, entries.len() as u16];
+        let words = head.into_iter().chain(entries.iter().flatten().copied());
+        Some(("LASF_Projection", 34_735, words.flat_map(u16::to_le_bytes).collect::<Vec<u8>>()))
+    };
+    let points = records(5).concat();
+    let (rows, said) = read(&file(5, false, keys(&[[1024, 0, 1, 2], [2048, 0, 1, 4326]]), &points));
+    assert!(rows.is_empty() && said[0].contains("longitude and latitude"), "{said:?}");
+    let (rows, said) = read(&file(5, false, keys(&[[1024, 0, 1, 1], [3076, 0, 1, 9002]]), &points));
+    assert!((rows[4].position.x - 0.05 * 0.3048).abs() < 1e-12, "{rows:?}");
+    assert!(said.len() == 2 && said[0].contains("0.3048") && said[1].contains("heights"), "{said:?}");
+    let (rows, said) = read(&file(5, false, keys(&[[1024, 0, 1, 1], [3072, 0, 1, 25832]]), &points));
+    assert!(said.is_empty() && rows[4].position.x == 0.05, "{said:?}");
+}
+
+#[test]
+fn units_of_keys_are_those_of_the_registry() {
+    const US_FOOT: f64 = 1200.0 / 3937.0;
+    /// Records at x = z = 1.
+    fn cubes() -> Vec<u8> {
+        let mut record = [0; 20];
+        record[..4].copy_from_slice(&100i32.to_le_bytes());
+        record[8..12].copy_from_slice(&100i32.to_le_bytes());
+        record.to_vec()
+    }
+    let said_of = |entries: &[[u16; 2]]| {
+        let head = [1, 1, 0, entries.len() as u16];
+        let words = head.into_iter().chain(entries.iter().flat_map(|[key, value]| [*key, 0, 1, *value]));
+        let keys = ("LASF_Projection", 34_735, words.flat_map(u16::to_le_bytes).collect::<Vec<u8>>());
+        let (rows, said) = read(&file(1, false, Some(keys), &cubes()));
+        (rows[0].position, said)
+    };
+    for (entries, x, z, words) in [
+        // New York in feet with NAVD88 in metres; UTM with NGVD29 in US survey feet.
+        (&[[3072, 2263], [4096, 5703]][..], US_FOOT, 1.0, &["US survey feet", "heights in metres"][..]),
+        (
+            &[[3072, 26910], [4096, 5702]],
+            1.0,
+            US_FOOT,
+            &["x and y are in metres", "heights in US survey feet"],
+        ),
+        (&[[3072, 26910], [4096, 5703]], 1.0, 1.0, &[]),
+        (
+            &[[3072, 2263], [4096, 5103]],
+            US_FOOT,
+            US_FOOT,
+            &["US survey feet", "not named and taken as that of x and y"],
+        ),
+        (&[[3076, 9096], [4099, 9001]], 0.9144, 1.0, &["yards"]),
+        (
+            &[[3076, 9999]],
+            1.0,
+            1.0,
+            &["unit of its x and y (EPSG code 9999) is not known; metres are assumed"],
+        ),
+        (
+            &[[3072, 2263], [3076, 9999], [4099, 9001]],
+            US_FOOT,
+            1.0,
+            &["in US", "9999) is not known; US survey feet"],
+        ),
+        (&[[3072, 26910], [4099, 9999]], 1.0, 1.0, &["unit of its heights (EPSG code 9999) is not known"]),
+        (
+            &[[4099, 9002]],
+            1.0,
+            0.3048,
+            &["heights in feet (0.3048 m)", "x and y is not named and taken as metres"],
+        ),
+        (&[[3072, 29_999], [4099, 9001]], 1.0, 1.0, &["EPSG:29999 is not among"]),
+        (&[[3072, 29_999], [3076, 9001]], 1.0, 1.0, &[]),
+    ] {
+        let (position, said) = said_of(entries);
+        assert!((position - DVec3::new(x, 0.0, z)).length() < 1e-9, "{entries:?}: {position} {said:?}");
+        let all = said.join("; ");
+        assert!(words.iter().all(|word| all.contains(word)), "{entries:?}: {said:?}");
+        assert_eq!(said.is_empty(), words.is_empty(), "{entries:?}: {said:?}");
+    }
+}
+
+#[test]
+fn systems_that_programs_describe_in_a_text_have_their_units() {
+    let keys = [1u16, 1, 0, 1, 3072, 0, 1, 32_767].into_iter().flat_map(u16::to_le_bytes).collect();
+    let mut bytes = file(5, false, Some(("LASF_Projection", 34_735, keys)), &records(5).concat());
+    // A second variable record, before the points.
+    let text = b"ESRI PE String = PROJCS[\"p\",GEOGCS[\"g\",UNIT[\"Degree\",0.0174]],UNIT[\"Foot_US\",0.3048006096012192]]|";
+    let mut record = vec![0; RECORD_HEAD_BYTES as usize];
+    record[2..17].copy_from_slice(b"LASF_Projection");
+    record[18..20].copy_from_slice(&34_737u16.to_le_bytes());
+    record[20..22].copy_from_slice(&(text.len() as u16).to_le_bytes());
+    record.extend_from_slice(text);
+    let at = u32::from_le_bytes(std::array::from_fn(|i| bytes[96 + i])) as usize;
+    bytes[100] = 2;
+    bytes[96..100].copy_from_slice(&((at + record.len()) as u32).to_le_bytes());
+    bytes.splice(at..at, record);
+    let (rows, said) = read(&bytes);
+    assert!((rows[4].position.x - 0.05 * 1200.0 / 3937.0).abs() < 1e-12, "{rows:?}");
+    assert!(said[0].contains("US survey feet"), "{said:?}");
+}
+
+#[test]
+fn compressions_that_are_not_read_are_named() {
+    let items = LazItemRecordBuilder::new().add_item(LazItemType::Point10).build();
+    let mut description = Vec::new();
+    LazVlr::from_laz_items(items).write_to(&mut description).unwrap();
+    let points = records(5).concat();
+    let of = |change: &dyn Fn(&mut Vec<u8>)| {
+        let mut record = description.clone();
+        change(&mut record);
+        read(&file(5, true, Some((LazVlr::USER_ID, LazVlr::RECORD_ID, record)), &points))
+    };
+    // Points that the compressor 0 stores are those of LAS.
+    let (rows, said) = of(&|record| record[0] = 0);
+    assert!(rows.len() == 5 && rows[4].intensity == 5.0 && said.is_empty(), "{said:?}");
+    type Change = fn(&mut Vec<u8>);
+    let cases: [(Change, &str); 4] = [
+        (|record| record[0] = 4, "LAZ compressor 4"),
+        (|record| record[2] = 1, "LAZ coder 1"),
+        (|record| record[34] = 5, "LAZ kind 5"),
+        (|record| record[38] = 7, "version 7 of LAZ"),
+    ];
+    for (change, expected) in cases {
+        let (rows, said) = of(&change);
+        assert!(rows.is_empty() && said[0].contains(expected), "{said:?}");
+        assert!(said[0].contains("laszip -i") && said[0].contains("pdal translate"), "{said:?}");
+        assert!(!said[0].contains("whole"), "{said:?}");
+    }
+    for length in [1, 3, 20, 33, 37] {
+        let (_, said) = of(&|record| record.truncate(length));
+        assert!(said[0].contains("too short; is the file whole?"), "{length}: {said:?}");
+    }
+    let (_, said) = read(&file(5, true, None, &points));
+    assert!(said[0].contains("record of LASzip") && said[0].contains("pdal translate"), "{said:?}");
+    // Chunks of various sizes whose table lies behind the end of the file.
+    let mut cut = points.clone();
+    cut[..8].copy_from_slice(&100_000u64.to_le_bytes());
+    let mut record = description;
+    record[12..16].copy_from_slice(&u32::MAX.to_le_bytes());
+    let (_, said) = read(&file(5, true, Some((LazVlr::USER_ID, LazVlr::RECORD_ID, record)), &cut));
+    assert!(said[0].contains("ends within its compressed points; is it whole?"), "{said:?}");
+    assert!(!said[0].contains("IoError") && !said[0].contains("buffer"), "{said:?}");
+}

@@ -1,0 +1,303 @@
+//! PCD of the Point Cloud Library, 0.5 to 0.7: text, binary, and binary compressed by LZF. Points with coordinates that are NaN,
+//! as organised clouds have them, are no points. The offset that this program writes as a comment is added.
+
+use super::text::{Separators, float, is_blank, is_line_end, last_of_line_ends};
+use super::{Attribute, Columns, Reading};
+use std::ops::ControlFlow;
+use vlscan_base::columns::comma_note;
+use vlscan_geom::DVec3;
+
+/// Bytes that LZF can make of one byte, at most.
+const MAX_EXPANSION: usize = 132;
+
+/// Whether a file begins as PCD does: a line VERSION, FIELDS or COLUMNS after comments.
+pub(super) fn is_pcd(first: &[u8]) -> bool {
+    let mut lines = first.split(|b| is_line_end(*b)).map(<[u8]>::trim_ascii);
+    if first.starts_with(b"# .PCD") {
+        return true;
+    }
+    let line = lines.find(|line| !(line.is_empty() || line.starts_with(b"#"))).unwrap_or_default();
+    let word = line.split(|b| is_blank(*b)).next().unwrap_or_default();
+    matches!(word, b"VERSION" | b"FIELDS" | b"COLUMNS")
+}
+
+/// A field of the points: `count` values of `size` bytes.
+#[derive(Clone, Copy, Debug)]
+struct Field {
+    kind: u8,
+    size: usize,
+    count: usize,
+    /// Offset in a record, bytes, and index of the first value.
+    offset: usize,
+    index: usize,
+}
+
+impl Field {
+    /// The first value in the bytes of the field.
+    fn value(&self, bytes: &[u8]) -> f64 {
+        let array: [u8; 8] = std::array::from_fn(|i| if i < self.size { bytes[i] } else { 0 });
+        let bits = u64::from_le_bytes(array);
+        match (self.kind, self.size) {
+            (b'F', 4) => f64::from(f32::from_bits(bits as u32)),
+            (b'F', _) => f64::from_bits(bits),
+            (b'I', size) => {
+                let unused = 64 - 8 * size as u32;
+                ((bits << unused) as i64 >> unused) as f64
+            }
+            _ => bits as f64,
+        }
+    }
+}
+
+/// How the points are stored.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Encoding {
+    Ascii,
+    Binary,
+    Compressed,
+}
+
+/// The header of a file.
+struct Header {
+    fields: Vec<Field>,
+    columns: Columns,
+    remarks: Vec<String>,
+    points: usize,
+    encoding: Encoding,
+    offset: DVec3,
+    /// Offset of the points in the file.
+    data: usize,
+}
+
+impl Header {
+    fn record_bytes(&self) -> usize {
+        self.fields.iter().map(|field| field.size * field.count).sum()
+    }
+
+    fn read(bytes: &[u8]) -> Result<Header, String> {
+        let mut at = 0;
+        let mut lists: [Vec<String>; 4] = Default::default();
+        let (mut points, mut width, mut height) = (None, None, 1);
+        let mut offset = DVec3::ZERO;
+        let line_end = last_of_line_ends(bytes);
+        loop {
+            let length = memchr::memchr(line_end, &bytes[at..]);
+            let end = at + length.ok_or("its header has no line DATA")?;
+            let line = String::from_utf8_lossy(&bytes[at..end]).into_owned();
+            at = end + 1;
+            let words: Vec<&str> = line.split_whitespace().collect();
+            let number = || words.get(1).and_then(|word| word.parse::<usize>().ok());
+            let list = || words[1..].iter().map(|word| (*word).to_owned()).collect();
+            match words.first().copied().unwrap_or_default() {
+                "FIELDS" | "COLUMNS" => lists[0] = list(),
+                "SIZE" => lists[1] = list(),
+                "TYPE" => lists[2] = list(),
+                "COUNT" => lists[3] = list(),
+                "WIDTH" => width = Some(number().ok_or("its WIDTH is no number")?),
+                "HEIGHT" => height = number().ok_or("its HEIGHT is no number")?,
+                "POINTS" => points = Some(number().ok_or("its POINTS is no number")?),
+                "#" => offset = offset_of_comment(&words).unwrap_or(offset),
+                "DATA" => {
+                    let encoding = match words.get(1).copied() {
+                        Some("ascii") => Encoding::Ascii,
+                        Some("binary") => Encoding::Binary,
+                        Some("binary_compressed") => Encoding::Compressed,
+                        other => {
+                            return Err(format!(
+                                "expected DATA ascii, binary or binary_compressed, found {:?}",
+                                other.unwrap_or_default()
+                            ));
+                        }
+                    };
+                    let points = points.or(width.and_then(|width| width.checked_mul(height)));
+                    let points = points.ok_or("its header has no POINTS")?;
+                    return Header {
+                        fields: Vec::new(),
+                        columns: Columns::default(),
+                        remarks: Vec::new(),
+                        points,
+                        encoding,
+                        offset,
+                        data: at,
+                    }
+                    .with_fields(&lists);
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn with_fields(mut self, [names, sizes, kinds, counts]: &[Vec<String>; 4]) -> Result<Header, String> {
+        let (mut offset, mut index) = (0usize, 0usize);
+        for (i, name) in names.iter().enumerate() {
+            let size = sizes.get(i).map_or(Some(4), |size| size.parse().ok());
+            let kind = kinds.get(i).map_or(b'F', |kind| kind.as_bytes()[0]);
+            let count = counts.get(i).map_or(Some(1), |count| count.parse::<usize>().ok());
+            let known = matches!((kind, size), (b'F', Some(4 | 8)) | (b'I' | b'U', Some(1 | 2 | 4 | 8)));
+            let (Some(size), Some(count), true) = (size, count.filter(|c| *c < 1 << 20), known) else {
+                return Err(format!("expected SIZE, TYPE and COUNT of its field {name:?}"));
+            };
+            self.fields.push(Field { kind, size, count, offset, index });
+            offset += size * count;
+            index += count;
+        }
+        // Padding is called "_"; fields of several values hold no attribute.
+        let names: Vec<&str> = names
+            .iter()
+            .zip(&self.fields)
+            .map(|(name, field)| if name == "_" || field.count != 1 { "" } else { name.as_str() })
+            .collect();
+        self.columns = Columns::find_positions(&names)?;
+        self.remarks = self.columns.remarks(&names);
+        Ok(self)
+    }
+}
+
+/// The offset in the comment "add X Y Z to x y z" of files of this program.
+fn offset_of_comment(words: &[&str]) -> Option<DVec3> {
+    let ["#", "add", x, y, z, "to", ..] = words else { return None };
+    let number = |word: &str| word.parse::<f64>().ok().filter(|value| value.is_finite());
+    Some(DVec3::new(number(x)?, number(y)?, number(z)?))
+}
+
+/// Reads a file.
+pub(super) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
+    let header = Header::read(bytes)?;
+    header.remarks.iter().for_each(|remark| reading.warn(remark.as_str()));
+    reading.sink.start(header.columns.attributes());
+    let data = &bytes[header.data..];
+    match header.encoding {
+        Encoding::Ascii => read_text(data, &header, reading),
+        Encoding::Binary => {
+            let length = header.record_bytes();
+            let held = data.len() / length.max(1);
+            for record in data.chunks_exact(length.max(1)).take(header.points) {
+                let value =
+                    |column: usize| header.fields[column].value(&record[header.fields[column].offset..]);
+                if push(&header, value, reading).is_break() {
+                    return Ok(());
+                }
+            }
+            is_whole(held, header.points)
+        }
+        Encoding::Compressed => {
+            let data = decompressed(data, &header)?;
+            // All values of a field follow one another.
+            for i in 0..header.points {
+                let value = |column: usize| {
+                    let field = &header.fields[column];
+                    field.value(&data[field.offset * header.points + i * field.size * field.count..])
+                };
+                if push(&header, value, reading).is_break() {
+                    break;
+                }
+            }
+            Ok(())
+        }
+    }
+}
+
+fn push(header: &Header, value: impl Fn(usize) -> f64, reading: &mut Reading) -> ControlFlow<()> {
+    let mut row = header.columns.row(value);
+    if row.position.is_nan() {
+        return ControlFlow::Continue(());
+    }
+    row.position += header.offset;
+    reading.take(&row)
+}
+
+fn read_text(data: &[u8], header: &Header, reading: &mut Reading) -> Result<(), String> {
+    let mut passed = 0;
+    let used: Vec<(Attribute, usize)> = header.columns.used().collect();
+    let mut values = vec![f64::NAN; header.fields.len()];
+    let lines = data.split(|b| is_line_end(*b)).filter(|line| !line.trim_ascii().is_empty());
+    for line in lines.take(header.points) {
+        let words: Vec<_> = Separators::BLANKS.split(line).collect();
+        for (attribute, column) in &used {
+            let word = words.get(header.fields[*column].index).map_or(&b""[..], |at| &line[at.clone()]);
+            values[*column] = float(word).ok_or_else(|| {
+                let (what, found) = (attribute.described(), String::from_utf8_lossy(word));
+                let hint = comma_note(&found);
+                format!("point {passed} (from 0): expected {what}, found {found:?}{hint}")
+            })?;
+        }
+        passed += 1;
+        if push(header, |column| values[column], reading).is_break() {
+            return Ok(());
+        }
+    }
+    is_whole(passed, header.points)
+}
+
+fn is_whole(held: usize, stated: usize) -> Result<(), String> {
+    match held < stated {
+        true => Err(format!("it ends after {held} of {stated} points; is the file whole?")),
+        false => Ok(()),
+    }
+}
+
+/// The decompressed points, as many as the header states.
+fn decompressed(data: &[u8], header: &Header) -> Result<Vec<u8>, String> {
+    let size =
+        |at: usize| data.get(at..at + 4).map(|b| u32::from_le_bytes(std::array::from_fn(|i| b[i])) as usize);
+    let (Some(packed), Some(unpacked)) = (size(0), size(4)) else {
+        return is_whole(0, 1).map(|()| Vec::new());
+    };
+    let packed = data.get(8..).and_then(|data| data.get(..packed));
+    let packed = packed.ok_or("it ends within its compressed points; is the file whole?")?;
+    let expected = header.record_bytes().checked_mul(header.points);
+    if expected != Some(unpacked) || unpacked / MAX_EXPANSION > packed.len() {
+        return Err(format!("its {} points are said to take {unpacked} bytes", header.points));
+    }
+    lzf(packed, unpacked).ok_or_else(|| "its compressed points are damaged".to_owned())
+}
+
+/// Decompresses LZF: a byte below 32 precedes one more literals than it says; others are references to earlier output, whose
+/// length is in the upper three bits, with a further byte if they are 7, and whose distance is in the rest and a byte.
+fn lzf(packed: &[u8], length: usize) -> Option<Vec<u8>> {
+    let mut out: Vec<u8> = Vec::with_capacity(length);
+    let mut rest = packed;
+    while let Some((&control, behind)) = rest.split_first() {
+        if control < 32 {
+            let (literals, behind) = behind.split_at_checked(usize::from(control) + 1)?;
+            out.extend_from_slice(literals);
+            rest = behind;
+        } else {
+            rest = behind;
+            let mut next = || {
+                let (first, behind) = rest.split_first()?;
+                rest = behind;
+                Some(usize::from(*first))
+            };
+            let mut count = usize::from(control >> 5);
+            if count == 7 {
+                count += next()?;
+            }
+            let distance = (usize::from(control & 0x1f) << 8) + next()? + 1;
+            let start = out.len().checked_sub(distance)?;
+            (start..start + count + 2).for_each(|at| out.push(out[at]));
+        }
+        if out.len() > length {
+            return None;
+        }
+    }
+    (out.len() == length).then_some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lzf_repeats_what_it_refers_to() {
+        // "abc", then 9 bytes from 3 before, then 300 from 1 before.
+        let packed = [2, b'a', b'b', b'c', 0xe0, 0, 2, 0xe0, 255, 0, 0xe0, 27, 0];
+        let expected = [b"abcabcabcabc".to_vec(), vec![b'c'; 264 + 36]].concat();
+        assert_eq!(lzf(&packed, expected.len()), Some(expected.clone()));
+        assert_eq!(lzf(&packed, expected.len() - 1), None);
+        assert_eq!(lzf(&packed[..4], 3), Some(b"abc".to_vec()));
+        for wrong in [&[5, b'a'][..], &[0x20, 0], &[0xe0]] {
+            assert_eq!(lzf(wrong, 3), None, "{wrong:?}");
+        }
+    }
+}

@@ -1,0 +1,312 @@
+//! Finds out how the lines of a text file are split and what their columns hold: by names where the first line, or the last
+//! comment before the points, consists of names; else by the number of columns.
+
+use super::lines::{Separators, is_heading, is_skipped};
+use crate::{Attribute, Columns};
+use std::ops::Range;
+use std::path::Path;
+use vlscan_base::columns::stated_separator;
+use vlscan_base::diag::{Diagnostics, Place};
+
+/// Number of columns of the point files of this program and of HELIOS++ (spec outputs §3).
+const FULL_COLUMNS: usize = 11;
+
+/// Column of the object's name in them.
+const OBJECT_COLUMN: usize = 8;
+
+/// The columns of a file.
+#[derive(Clone, Debug)]
+pub struct Layout {
+    separators: Vec<u8>,
+    /// The column of each attribute, and the units of the coordinates.
+    pub columns: Columns,
+    /// Number of columns that are named; `None` for columns without names.
+    named: Option<usize>,
+    /// Number of the first line with a point, from 1.
+    pub first_line: usize,
+}
+
+impl Layout {
+    /// The positions of the words of a line; `words` is emptied first. In files of eleven columns without names the name of the
+    /// object may be empty, which is not visible between blanks: its word is inserted then.
+    pub fn split(&self, line: &[u8], words: &mut Vec<Range<usize>>) {
+        words.clear();
+        words.extend(Separators(&self.separators).split(line));
+        let is_full = self.named.is_none() && self.columns.get(Attribute::Object) == Some(OBJECT_COLUMN);
+        if is_full && words.len() == FULL_COLUMNS - 1 && self.separators == b" " {
+            words.insert(OBJECT_COLUMN, 0..0);
+        }
+    }
+
+    /// What is wrong with the number of words of a line, if it has less than there are names: between blanks, an empty value
+    /// shifts those behind it.
+    pub fn missing_values(&self, words: &[Range<usize>]) -> Option<String> {
+        let named = self.named.filter(|named| self.separators == b" " && words.len() < *named)?;
+        Some(format!("expected {named} values, as many as columns are named, found {}", words.len()))
+    }
+
+    /// Whether names tell what the columns hold.
+    pub fn is_named(&self) -> bool {
+        self.named.is_some()
+    }
+}
+
+/// A line that may name the columns.
+struct Heading {
+    number: usize,
+    text: Vec<u8>,
+}
+
+/// Finds the layout of a file from its first lines.
+#[derive(Default)]
+pub struct LayoutFinder {
+    /// The separators that a setting or the file itself states.
+    separators: Option<Vec<u8>>,
+    heading: Option<Heading>,
+    comment: Option<Heading>,
+}
+
+impl LayoutFinder {
+    /// A finder for a file whose separators are known; `None` if the lines tell them.
+    pub fn new(separators: Option<Vec<u8>>) -> LayoutFinder {
+        LayoutFinder { separators, ..LayoutFinder::default() }
+    }
+
+    /// Looks at the next line of the file `path`, whose number counts from 1. Returns the layout when it is the first one with a
+    /// point; earlier lines are to be skipped. Problems of names go to `found`.
+    pub fn next(
+        &mut self,
+        path: &Path,
+        number: usize,
+        line: &[u8],
+        found: &mut Diagnostics,
+    ) -> Option<Layout> {
+        let line = line.strip_prefix(b"\xef\xbb\xbf").unwrap_or(line);
+        // A line of spreadsheets; its separator may be a tab.
+        let stated = std::str::from_utf8(line).ok().and_then(stated_separator);
+        if let Some(separator) = stated.and_then(|c| u8::try_from(c).ok()).filter(u8::is_ascii) {
+            self.separators.get_or_insert(vec![separator]);
+            return None;
+        }
+        let line = line.trim_ascii_end();
+        if is_skipped(line) {
+            let start = line.iter().position(|b| !(matches!(b, b'#' | b'/') || b.is_ascii_whitespace()));
+            let text = line[start.unwrap_or(line.len())..].to_vec();
+            self.comment =
+                Some(Heading { number, text }).filter(|c| !c.text.is_empty()).or(self.comment.take());
+            return None;
+        }
+        let separators = self.separators_of(line);
+        let words: Vec<_> = Separators(&separators).split(line).collect();
+        if self.heading.is_none() && is_heading(line, &words) {
+            self.heading = Some(Heading { number, text: line.to_vec() });
+            return None;
+        }
+        Some(self.layout(path, number, separators, line, &words, found))
+    }
+
+    /// The separators of a line; single tabs where the file has names between tabs, since names may have blanks in them.
+    fn separators_of(&self, line: &[u8]) -> Vec<u8> {
+        if let Some(separators) = &self.separators {
+            return separators.clone();
+        }
+        let guessed = Separators::guess(line).0.to_vec();
+        let has_tabs = |heading: &Heading| heading.text.contains(&b'\t');
+        match guessed == b" "
+            && line.contains(&b'\t')
+            && self.heading.as_ref().or(self.comment.as_ref()).is_some_and(has_tabs)
+        {
+            true => b"\t".to_vec(),
+            false => guessed,
+        }
+    }
+
+    fn layout(
+        &mut self,
+        path: &Path,
+        first_line: usize,
+        separators: Vec<u8>,
+        line: &[u8],
+        words: &[Range<usize>],
+        found: &mut Diagnostics,
+    ) -> Layout {
+        let count = words.len();
+        let by_count = |separators| {
+            let columns = columns_by_count(line, words);
+            Layout { separators, columns, named: None, first_line }
+        };
+        let names_of = |heading: &Heading| -> Vec<String> {
+            let words = Separators(&separators).split(&heading.text);
+            let name = |at: Range<usize>| decoded(&heading.text[at]).trim().trim_matches('"').to_owned();
+            words.map(name).collect()
+        };
+        if let Some(heading) = self.heading.take() {
+            let names = names_of(&heading);
+            let names: Vec<&str> = names.iter().map(String::as_str).collect();
+            let shown = String::from_utf8_lossy(&heading.text).into_owned();
+            let place = Place::in_line(path, heading.number, &shown, 0..shown.len());
+            if names.len() < count {
+                found.error(
+                    Some(place.clone()),
+                    format!("{} columns are named, line {first_line} has {count}", names.len()),
+                );
+            }
+            let is_known = Columns::find(names.iter().copied()).used().next().is_some();
+            match Columns::find_positions(&names) {
+                Ok(columns) => {
+                    for remark in columns.remarks(&names) {
+                        found.warn(Some(place.clone()), remark);
+                    }
+                    return Layout { separators, columns, named: Some(names.len()), first_line };
+                }
+                Err(problem) if is_known => {
+                    found.error(Some(place), problem);
+                }
+                Err(_) => {
+                    found.warn(
+                        Some(place),
+                        "none of these names is known; the first three columns are read as x, y and z",
+                    );
+                    return Layout {
+                        columns: columns_by_count(line, &words[..count.min(3)]),
+                        ..by_count(separators)
+                    };
+                }
+            }
+            return by_count(separators);
+        }
+        // Comments are often sentences: names only if there is one for every column.
+        if let Some(comment) = self.comment.take() {
+            let names = names_of(&comment);
+            let names: Vec<&str> = names.iter().map(String::as_str).collect();
+            if names.len() == count
+                && let Ok(columns) = Columns::find_positions(&names)
+            {
+                let shown = String::from_utf8_lossy(&comment.text).into_owned();
+                for remark in columns.remarks(&names) {
+                    found.warn(Some(Place::in_line(path, comment.number, &shown, 0..shown.len())), remark);
+                }
+                return Layout { separators, columns, named: Some(names.len()), first_line };
+            }
+        }
+        by_count(separators)
+    }
+}
+
+impl Layout {
+    /// Warns of columns without names that are not read.
+    pub fn warn_of_unread(&self, path: &Path, line: &[u8], words: &[Range<usize>], found: &mut Diagnostics) {
+        if self.named.is_some() || words.len() < 5 || self.columns.has(Attribute::Object) {
+            return;
+        }
+        let shown = String::from_utf8_lossy(line).into_owned();
+        let place = Place::in_line(path, self.first_line, &shown, words[3].start..shown.len());
+        found
+            .warn(Some(place), format!("columns 4 to {} have no names and are not read", words.len()))
+            .help("name the columns in the first line, for example `x y z intensity red green blue`");
+    }
+}
+
+/// Text in UTF-8, or else in Latin-1, as spreadsheets write it.
+fn decoded(bytes: &[u8]) -> String {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => text.to_owned(),
+        Err(_) => bytes.iter().map(|b| char::from(*b)).collect(),
+    }
+}
+
+/// The columns of lines like this one without names: those of point files of this program and of HELIOS++, or a position and,
+/// where there is just one more column, an intensity.
+fn columns_by_count(line: &[u8], words: &[Range<usize>]) -> Columns {
+    let columns = Attribute::POSITION.into_iter().zip(0..);
+    let columns = columns.fold(Columns::default(), |columns, (a, column)| columns.with(a, column));
+    if is_full_row(line, words) {
+        return columns
+            .with(Attribute::Intensity, 3)
+            .with(Attribute::ReturnNumber, 5)
+            .with(Attribute::Object, OBJECT_COLUMN)
+            .with(Attribute::Class, 9)
+            .with(Attribute::Time, 10);
+    }
+    if words.len() == 4 { columns.with(Attribute::Intensity, 3) } else { columns }
+}
+
+/// Whether a line is a row of this program or of HELIOS++, whose object may have no name: its sixth to eighth columns are the
+/// number of the return, the number of returns and the number of the pulse.
+fn is_full_row(line: &[u8], words: &[Range<usize>]) -> bool {
+    let whole = |column: usize| {
+        std::str::from_utf8(line[words[column].clone()].trim_ascii()).ok()?.parse::<u64>().ok()
+    };
+    (FULL_COLUMNS - 1..=FULL_COLUMNS).contains(&words.len())
+        && matches!((whole(5), whole(6), whole(7)), (Some(number), Some(count), Some(_)) if number <= count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The attributes and columns that are found in a file, the number of its first line with a point and the messages.
+    fn layout(text: &str) -> (Vec<(Attribute, usize)>, usize, Vec<String>) {
+        let (mut finder, mut found) = (LayoutFinder::default(), Diagnostics::default());
+        let mut lines = (1..).zip(text.lines());
+        let layout = lines
+            .find_map(|(number, line)| finder.next(Path::new("a.txt"), number, line.as_bytes(), &mut found))
+            .unwrap();
+        let messages = found.items().iter().map(|d| d.message.clone()).collect();
+        (layout.columns.used().collect(), layout.first_line, messages)
+    }
+
+    use Attribute::{Class, Intensity, Object, X, Y, Z};
+
+    #[test]
+    fn names_tell_the_columns_in_any_number_and_order() {
+        for (text, expected) in [
+            ("x y z class\n1 2 3 4\n", vec![(X, 0), (Y, 1), (Z, 2), (Class, 3)]),
+            ("id,x,y,z\n7,1,2,3\n", vec![(X, 1), (Y, 2), (Z, 3)]),
+            ("z;y;x\n1;2;3\n", vec![(X, 2), (Y, 1), (Z, 0)]),
+            (",X,Y,Z,Intensity\n0,1,2,3,4\n", vec![(X, 1), (Y, 2), (Z, 3), (Intensity, 4)]),
+            ("//X Y Z Intensity\n1 2 3 4\n", vec![(X, 0), (Y, 1), (Z, 2), (Intensity, 3)]),
+            (
+                "# made today\n# X\tGps Time\tY\tZ\n1\t2\t3\t4\n",
+                vec![(X, 0), (Y, 2), (Z, 3), (Attribute::Time, 1)],
+            ),
+            (
+                "\u{feff}\"tree id\"\t\"E\"\t\"N\"\t\"H\"\n1\t2\t3\t4\n",
+                vec![(X, 1), (Y, 2), (Z, 3), (Object, 0)],
+            ),
+            ("sep=;\nE;N;H\n1;2;3\n", vec![(X, 0), (Y, 1), (Z, 2)]),
+            ("SEP=;\nE;N;H\n1;2;3\n", vec![(X, 0), (Y, 1), (Z, 2)]),
+            ("\u{feff}sep=\t\ntree id\tE\tN\tH\n1\t2\t3\t4\n", vec![(X, 1), (Y, 2), (Z, 3), (Object, 0)]),
+        ] {
+            let (columns, line, messages) = layout(text);
+            assert_eq!(columns, expected, "{text:?}: {messages:?}");
+            assert!(messages.is_empty() && line == text.lines().count(), "{text:?}: {messages:?}");
+        }
+    }
+
+    #[test]
+    fn without_names_the_number_of_columns_counts() {
+        let positions = [(X, 0), (Y, 1), (Z, 2)];
+        for text in
+            ["1 2 3\n", "# x, y and z in metres\n1 2 3\n", "1 2 3 4 5 6\n", "1 2 3 4 5 6.5 7 8 9 10 11\n"]
+        {
+            assert_eq!(layout(text).0, positions, "{text:?}");
+        }
+        assert_eq!(layout("1 2 3 4\n").0.last(), Some(&(Intensity, 3)));
+        for full in ["1 2 3 4.5 0 1 2 9 oak 4 5.5\n", "1 2 3 4.5 0 1 2 9  4 5.5\n"] {
+            assert_eq!(layout(full).0.len(), 8, "{full:?}");
+        }
+    }
+
+    #[test]
+    fn names_that_do_not_fit_are_told() {
+        let told = |text: &str| layout(text).2.join("; ");
+        assert!(told("a b c\n1 2 3\n").contains("none of these names is known"));
+        assert!(told("x y depth\n1 2 3\n").contains("no column z"));
+        assert!(told("lon lat z\n1 2 3\n").contains("longitude and latitude"));
+        assert!(told("x y z\n\"1\" 1 2 3\n").contains("3 columns are named, line 2 has 4"));
+        assert!(told("x y z verticality\n1 2 3 4\n").contains("not read: verticality"));
+        let unit = told("x[in],y[yd],z[furlong]\n1,2,3\n");
+        assert!(unit.contains("\"furlong\" of column 3") && !unit.contains("yd]"), "{unit}");
+    }
+}

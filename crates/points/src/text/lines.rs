@@ -1,0 +1,250 @@
+//! Splits and parses lines of text with one point each.
+
+use crate::{Attribute, Columns, PointRow};
+use std::io::BufRead;
+use std::ops::Range;
+use vlscan_base::columns::has_decimal_comma;
+
+/// Maximum length of a line, bytes: a binary file without line ends must not fill the memory.
+const MAX_LINE_BYTES: usize = 1 << 16;
+
+/// Whether `byte` ends a line. Both bytes of CRLF do, so that an empty line follows each of its lines where lines are split by
+/// this.
+pub fn is_line_end(byte: u8) -> bool {
+    matches!(byte, b'\n' | b'\r')
+}
+
+/// The last byte of the ends of lines by that of the first one: a carriage return, or a line feed with or without one. Where
+/// binary values follow the lines, the first value may look like a line end, too.
+pub fn last_of_line_ends(text: &[u8]) -> u8 {
+    let end = text.iter().position(|b| is_line_end(*b)).unwrap_or(text.len());
+    match &text[end..] {
+        [b'\r', next, ..] if *next != b'\n' => b'\r',
+        _ => b'\n',
+    }
+}
+
+/// Reads the next line to `line`, without its end: a line feed, a carriage return or both. Lines that are too long are cut.
+/// `false` at the end of the text.
+pub fn read_line(source: &mut impl BufRead, line: &mut Vec<u8>) -> std::io::Result<bool> {
+    line.clear();
+    let mut has_begun = false;
+    loop {
+        let bytes = match source.fill_buf() {
+            Err(e) if e.kind() == std::io::ErrorKind::Interrupted => continue,
+            bytes => bytes?,
+        };
+        if bytes.is_empty() || line.len() >= MAX_LINE_BYTES {
+            return Ok(has_begun);
+        }
+        has_begun = true;
+        let bytes = &bytes[..bytes.len().min(MAX_LINE_BYTES - line.len())];
+        let Some(length) = memchr::memchr2(b'\n', b'\r', bytes) else {
+            line.extend_from_slice(bytes);
+            let count = bytes.len();
+            source.consume(count);
+            continue;
+        };
+        line.extend_from_slice(&bytes[..length]);
+        let is_return = bytes[length] == b'\r';
+        source.consume(length + 1);
+        if is_return && source.fill_buf()?.first() == Some(&b'\n') {
+            source.consume(1);
+        }
+        return Ok(true);
+    }
+}
+
+/// Whether `byte` separates words of a line. This includes the carriage return before a line feed.
+pub fn is_blank(byte: u8) -> bool {
+    matches!(byte, b' ' | b'\t' | b'\r' | 0x0b | 0x0c)
+}
+
+/// Parses `word` as a number; `None` unless all of it is one.
+pub fn float(word: &[u8]) -> Option<f64> {
+    std::str::from_utf8(word).ok()?.parse().ok()
+}
+
+/// Whether a line contains no point: it is blank, or a comment marked by `//` or `#`.
+pub fn is_skipped(line: &[u8]) -> bool {
+    matches!(line.trim_ascii_start(), [] | [b'/', b'/', ..] | [b'#', ..]) || line.iter().all(|&b| is_blank(b))
+}
+
+/// The characters that separate columns. Blanks may be repeated; every other separator delimits a column, possibly
+/// empty.
+#[derive(Clone, Copy, Debug)]
+pub struct Separators<'a>(pub &'a [u8]);
+
+impl Separators<'static> {
+    pub(crate) const BLANKS: Separators<'static> = Separators(b" ");
+
+    /// Semicolons if the line has any, else commas, else blanks: with semicolons, and where blanks separate numbers with one
+    /// comma each, commas are decimal commas.
+    pub fn guess(line: &[u8]) -> Separators<'static> {
+        match (line.contains(&b';'), line.contains(&b',')) {
+            (true, _) => Separators(b";"),
+            (false, true) if !has_decimal_commas(line) => Separators(b","),
+            _ => Separators::BLANKS,
+        }
+    }
+}
+
+/// Whether the commas of a line are those of at least three numbers and other words between blanks.
+fn has_decimal_commas(line: &[u8]) -> bool {
+    let words = || Separators::BLANKS.split(line).map(|at| &line[at]);
+    words().count() >= 3 && words().all(|word| !word.contains(&b',') || is_with_comma(word))
+}
+
+/// Whether a word is a number with a decimal comma.
+pub fn is_with_comma(word: &[u8]) -> bool {
+    std::str::from_utf8(word).is_ok_and(has_decimal_comma)
+}
+
+impl<'a> Separators<'a> {
+    /// The positions of the words of a line.
+    pub fn split(self, line: &'a [u8]) -> impl Iterator<Item = Range<usize>> + 'a {
+        let by_blanks = self.0.contains(&b' ') && self.0.iter().all(|&s| is_blank(s));
+        let is_separator = move |b: u8| self.0.contains(&b) || (by_blanks && is_blank(b));
+        let is_padding = move |b: u8| is_blank(b) && (by_blanks || !self.0.contains(&b));
+        let mut at = Some(0);
+        std::iter::from_fn(move || {
+            let mut start = at?;
+            while line.get(start).is_some_and(|&b| is_padding(b)) {
+                start += 1;
+            }
+            if start >= line.len() {
+                at = None;
+                return None;
+            }
+            let end = line[start..].iter().position(|&b| is_separator(b)).map_or(line.len(), |n| start + n);
+            at = (end < line.len()).then_some(end + 1);
+            Some(start..end)
+        })
+    }
+}
+
+/// Whether a line is a heading: at least three words, all of them names but for empty ones, which begin with a letter or `_` and
+/// are no numbers.
+pub fn is_heading(line: &[u8], words: &[Range<usize>]) -> bool {
+    let is_name = |word: &[u8]| {
+        let word = word.strip_prefix(b"\"").unwrap_or(word);
+        let begins = word.first().is_some_and(|b| b.is_ascii_alphabetic() || *b == b'_' || !b.is_ascii());
+        begins && float(word).is_none()
+    };
+    let words = || words.iter().map(|at| line[at.clone()].trim_ascii());
+    words().count() >= 3 && words().all(|word| word.is_empty() || is_name(word)) && words().any(is_name)
+}
+
+/// A column without a usable number.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BadColumn {
+    pub attribute: Attribute,
+    /// Position of its word in the line; empty, at the end, for a line that is too short.
+    pub at: Range<usize>,
+}
+
+impl Columns {
+    /// Parses the words of a line. Normals are optional: they are absent if the line is too short for them, and NaN if
+    /// they are not numbers. Object, leg, channel and time need not be numbers.
+    pub fn parse(&self, line: &[u8], words: &[Range<usize>]) -> Result<PointRow, BadColumn> {
+        let number = |column: usize| words.get(column).and_then(|at| float(line[at.clone()].trim_ascii()));
+        for (attribute, column) in self.used() {
+            let optional = Attribute::OPTIONAL.contains(&attribute);
+            if !optional && number(column).is_none() {
+                let at = words.get(column).cloned().unwrap_or(line.len()..line.len());
+                return Err(BadColumn { attribute, at });
+            }
+        }
+        let mut row = self.row(|column| number(column).unwrap_or(f64::NAN));
+        // Names of objects are passed beside the row.
+        row.misfits = row.misfits.without(Attribute::Object);
+        let has_normal = Attribute::NORMAL.iter().all(|a| self.get(*a).is_some_and(|c| c < words.len()));
+        row.normal = row.normal.filter(|_| has_normal);
+        Ok(row)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use vlscan_geom::DVec3;
+
+    fn words(separators: Separators<'static>, line: &'static str) -> Vec<&'static str> {
+        separators.split(line.as_bytes()).map(|at| line[at].trim()).collect()
+    }
+
+    #[test]
+    fn blanks_may_be_repeated_and_other_separators_enclose_empty_words() {
+        assert_eq!(words(Separators::BLANKS, " 1 \t2  3\r"), ["1", "2", "3"]);
+        assert_eq!(words(Separators::guess(b"1;"), "1; ;2 3"), ["1", "", "2 3"]);
+        assert_eq!(words(Separators::guess(b"1,5;2,5"), "1,5;2,5"), ["1,5", "2,5"]);
+        assert_eq!(words(Separators(b"\t"), "1\t 2 3\t\t4"), ["1", "2 3", "", "4"]);
+    }
+
+    #[test]
+    fn commas_between_columns_and_within_numbers_are_told_apart() {
+        for (line, expected) in [
+            ("1,5\t2,5\t3,5", " "),
+            ("-1,5 2 3,5e3 oak", " "),
+            ("1,2,3", ","),
+            ("1, 2, 3", ","),
+            ("1 ,2 ,3", ","),
+            ("1,5 2,5", ","),
+            ("7,1.5,2 3", ","),
+            ("7,oak tree,1,2,3", ","),
+            ("1,5;2,5;3,5", ";"),
+        ] {
+            assert_eq!(Separators::guess(line.as_bytes()).0, expected.as_bytes(), "{line:?}");
+        }
+    }
+
+    #[test]
+    fn lines_end_in_any_way() {
+        for text in ["a b\n\nc\nd", "a b\r\n\r\nc\r\nd\r\n", "a b\r\rc\rd\r", "a b\r\n\rc\nd"] {
+            // One byte at a time, so that a line end is divided between two reads.
+            let mut source = std::io::BufReader::with_capacity(1, text.as_bytes());
+            let (mut line, mut lines) = (Vec::new(), Vec::new());
+            while read_line(&mut source, &mut line).unwrap() {
+                lines.push(String::from_utf8(line.clone()).unwrap());
+            }
+            assert_eq!(lines, ["a b", "", "c", "d"], "{text:?}");
+        }
+        let (mut line, long) = (Vec::new(), vec![b'1'; MAX_LINE_BYTES + 5]);
+        let mut source = &long[..];
+        assert!(read_line(&mut source, &mut line).unwrap() && line.len() == MAX_LINE_BYTES);
+        assert!(read_line(&mut source, &mut line).unwrap() && line.len() == 5);
+        assert_eq!([&b"a\r\n"[..], b"a\rb\n", b"a\n\r", b"a"].map(last_of_line_ends), *b"\n\r\n\n");
+    }
+
+    #[test]
+    fn headings_consist_of_names() {
+        let is = |line: &'static str| {
+            let words: Vec<_> = Separators::guess(line.as_bytes()).split(line.as_bytes()).collect();
+            is_heading(line.as_bytes(), &words)
+        };
+        assert!(["x y z", "\"id\",X,Y", ",x,y,z", "_id Höhe y", "x,,z"].map(is).iter().all(|is| *is));
+        assert!(!["x y", "1 2 3", "x y 3", ",,", "nan x y"].map(is).iter().any(|is| *is));
+    }
+
+    #[test]
+    fn rows_are_parsed_by_their_columns() {
+        let columns = Columns::find(["x", "y", "z", "class", "nx", "ny", "nz"]);
+        let parse = |line: &'static str| {
+            let words: Vec<_> = Separators::BLANKS.split(line.as_bytes()).collect();
+            columns.parse(line.as_bytes(), &words)
+        };
+        let row = parse("1 2 3 300 0 0 1").unwrap();
+        assert_eq!((row.position, row.class, row.normal), (DVec3::new(1.0, 2.0, 3.0), 255, Some(DVec3::Z)));
+        for (class, expected, fits) in
+            [("300", 255, false), ("-1", 0, false), ("2.7", 2, false), ("nan", 0, false), ("2.0", 2, true)]
+        {
+            let line = format!("1 2 3 {class}").leak();
+            let row = parse(line).unwrap();
+            assert_eq!((row.class, !row.misfits.has(Attribute::Class)), (expected, fits), "{class}");
+        }
+        assert_eq!(parse("1 2 3 4 0 0").unwrap().normal, None, "the line is too short");
+        assert!(parse("1 2 3 4 0 0 -").unwrap().normal.unwrap().z.is_nan());
+        assert_eq!(parse("1 two 3 4"), Err(BadColumn { attribute: Attribute::Y, at: 2..5 }));
+        assert_eq!(parse("1 2 3"), Err(BadColumn { attribute: Attribute::Class, at: 5..5 }));
+    }
+}

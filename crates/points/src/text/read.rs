@@ -1,0 +1,106 @@
+//! Reads points from lines of text, from files and from streams.
+
+use super::layout::{Layout, LayoutFinder};
+use super::lines::{BadColumn, is_skipped, read_line};
+use crate::{Attribute, Reading};
+use std::io::BufRead;
+use std::ops::{ControlFlow, Range};
+use std::path::Path;
+use vlscan_base::columns::comma_note;
+use vlscan_base::diag::Place;
+use vlscan_base::error::{Error, Result};
+
+/// Number of problems after which reading stops.
+const MAX_PROBLEMS: usize = 10;
+
+/// Reads one point per line.
+pub(crate) fn read(mut source: impl BufRead, reading: &mut Reading) -> Result<()> {
+    let mut finder = LayoutFinder::default();
+    let mut layout: Option<Layout> = None;
+    let (mut line, mut words) = (Vec::new(), Vec::new());
+    let mut problems = 0;
+    for number in 1.. {
+        if !read_line(&mut source, &mut line).map_err(|e| Error::io("read", reading.path, e))? {
+            break;
+        }
+        let text = line.trim_ascii_end();
+        let layout = match &layout {
+            Some(_) if is_skipped(text) => continue,
+            Some(layout) => layout,
+            None => {
+                let Some(found) = finder.next(reading.path, number, &line, reading.found) else { continue };
+                found.split(text, &mut words);
+                found.warn_of_unread(reading.path, text, &words, reading.found);
+                reading.sink.start(found.columns.attributes());
+                layout.insert(found)
+            }
+        };
+        layout.split(text, &mut words);
+        let missing = layout.missing_values(&words).map(Wrong::Missing);
+        let parsed = layout.columns.parse(text, &words).map_err(Wrong::Column);
+        let parsed = parsed.and_then(|row| missing.map_or(Ok(row), Err));
+        match parsed {
+            Ok(row) => {
+                let object = layout.columns.get(Attribute::Object).and_then(|column| words.get(column));
+                let object = object.map(|at| String::from_utf8_lossy(text[at.clone()].trim_ascii()));
+                let path = reading.path;
+                let place = |attribute| {
+                    let at = layout.columns.get(attribute).and_then(|column| words.get(column)).cloned();
+                    place(path, number, text, at.unwrap_or(text.len()..text.len()))
+                };
+                if let ControlFlow::Break(()) = reading.take_from(&row, object.as_deref(), place) {
+                    break;
+                }
+            }
+            Err(wrong) => {
+                wrong.report(number, text, reading);
+                problems += 1;
+                if problems == MAX_PROBLEMS {
+                    break;
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The place of the bytes `at` of a line.
+fn place(path: &Path, number: usize, line: &[u8], at: Range<usize>) -> Place {
+    let shown = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let (before, marked) = (shown(&line[..at.start]), shown(line[at].trim_ascii()));
+    Place::in_line(path, number, &shown(line), before.len()..before.len() + marked.len())
+}
+
+/// Why a line is no point.
+enum Wrong {
+    /// It has less values than there are names.
+    Missing(String),
+    Column(BadColumn),
+}
+
+impl Wrong {
+    fn report(self, number: usize, line: &[u8], reading: &mut Reading) {
+        match self {
+            Wrong::Missing(message) => {
+                let place = place(reading.path, number, line, line.len()..line.len());
+                let problem = reading.found.error(Some(place), message);
+                problem.help("separate the columns by commas if values may be empty");
+            }
+            Wrong::Column(bad) => {
+                let word = String::from_utf8_lossy(line[bad.at.clone()].trim_ascii());
+                let found = match word.is_empty() {
+                    true if bad.at.start >= line.len() => "the end of the line".to_owned(),
+                    true => "nothing".to_owned(),
+                    false => format!("{word:?}"),
+                };
+                let hint = comma_note(&word);
+                let message = format!("expected {}, found {found}{hint}", bad.attribute.described());
+                let problem = reading.found.error(Some(place(reading.path, number, line, bad.at)), message);
+                if !hint.is_empty() {
+                    problem
+                        .help("`tr , .` replaces the commas of a file whose columns are separated by others");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,381 @@
+//! A scene under construction, to which the loaders append.
+
+use super::change::AppliedChanges;
+use super::library::Library;
+use super::model::{MovingPart, Part};
+use super::rules::MaterialRules;
+use super::surfaces::Surface;
+use super::voxel::Voxel;
+use rayon::prelude::*;
+use std::collections::{HashMap, HashSet};
+use std::mem::size_of;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
+pub(super) use vlscan_geom::MAX_COORDINATE;
+use vlscan_geom::{Aabb, DVec3};
+use vlscan_survey::UpAxis;
+use vlscan_trace::{Cube, Geometry, Model, Placement};
+
+/// Maximum number of vertices, and of primitives, of a scene: indices have 32 bits and the largest one means "none".
+pub(super) const MAX_ELEMENTS: usize = u32::MAX as usize - 1;
+
+/// Settings of [`load`](super::load()).
+#[derive(Clone, Debug)]
+pub struct LoadOptions {
+    /// Wavelength of the first device, nm, at which spectra are evaluated.
+    pub wavelength_nm: f64,
+    /// Seed of random materials and random voxel shifts.
+    pub seed: u64,
+    /// Departures from the reference's reading of materials and leaf angle tables.
+    pub rules: MaterialRules,
+    /// Whether to skip OBJ faces with more than four vertices, as the reference does (spec input-formats §10, trap 51).
+    pub drop_polygons: bool,
+    /// Maximum memory of the scene without its tree, bytes.
+    pub max_memory: Option<u64>,
+    /// Number of threads; 0 means all.
+    pub jobs: usize,
+    /// When parts share meshes.
+    pub sharing: Sharing,
+    /// Ends the loading soon after it is set, with [`Error::Interrupted`].
+    pub stop: Option<Arc<AtomicBool>>,
+}
+
+impl LoadOptions {
+    /// # Errors
+    /// [`Error::Interrupted`] after a request to stop.
+    pub fn check_stop(&self) -> Result<()> {
+        let is_requested = self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed));
+        if is_requested { Err(Error::Interrupted) } else { Ok(()) }
+    }
+}
+
+impl Default for LoadOptions {
+    /// 1064 nm, seed 0, the reference's materials, all polygons, no memory limit, all threads.
+    fn default() -> LoadOptions {
+        LoadOptions {
+            wavelength_nm: 1064.0,
+            seed: 0,
+            rules: MaterialRules::default(),
+            drop_polygons: false,
+            max_memory: None,
+            jobs: 0,
+            sharing: Sharing::Auto,
+            stop: None,
+        }
+    }
+}
+
+/// When parts share the mesh of a file that several of them name. Does not change the points of a survey.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+pub enum Sharing {
+    /// If it saves much memory: rays traverse stored triangles faster than instances.
+    #[default]
+    Auto,
+    /// Whenever a mesh can be shared, even by a single part.
+    Always,
+    /// Never: every part is stored.
+    Never,
+}
+
+/// A mesh that several parts can share.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub(super) enum MeshFile {
+    /// Path of a mesh file, its up axis, the bits of its unit, its table of materials, and the address of the changes of its
+    /// materials.
+    File(PathBuf, Option<UpAxis>, Option<u64>, Option<PathBuf>, usize),
+    /// The addresses of a mesh in memory and of the changes of its materials.
+    Memory(usize, usize),
+}
+
+/// Meshes that several parts share, as far as they have been loaded.
+#[derive(Default)]
+pub(super) struct SharedMeshes {
+    /// Shared files, with the index of the model once it is loaded.
+    pub files: HashMap<MeshFile, Option<u32>>,
+    /// Meshes in their own frames.
+    pub models: Vec<Arc<Model>>,
+    /// Material of each triangle of each model.
+    pub materials: Vec<Vec<u32>>,
+    /// Model, number of triangles stored before it, and placement of each instance.
+    pub placements: Vec<(u32, u32, Placement)>,
+    /// The part of each instance.
+    pub parts: Vec<u32>,
+}
+
+impl SharedMeshes {
+    fn memory(&self) -> u64 {
+        self.models.iter().map(|m| m.memory() as u64).sum::<u64>()
+            + self.materials.iter().map(|m| 4 * m.len() as u64).sum::<u64>()
+            + (self.placements.len() * size_of::<(u32, u32, Placement)>()) as u64
+    }
+
+    /// The corners of all triangles of an instance, in order, world frame.
+    pub fn corners(&self, instance: usize) -> impl Iterator<Item = DVec3> {
+        let (model, _, placement) = self.placements[instance];
+        let geometry = &self.models[model as usize].geometry;
+        (0..geometry.triangles.len())
+            .flat_map(move |i| geometry.triangle(i).map(|p| placement.place(p, DVec3::ZERO)))
+    }
+}
+
+/// Geometry and materials as far as they have been loaded.
+pub(super) struct SceneBuilder<'a> {
+    pub options: &'a LoadOptions,
+    /// Primitives, world frame.
+    pub geometry: Geometry,
+    /// Attributes of the cubes, parallel to `geometry.cubes`.
+    pub voxels: Vec<Voxel>,
+    /// Index in `surfaces` of each triangle.
+    pub triangle_surfaces: Vec<u32>,
+    /// Index in `surfaces` of each cube.
+    pub cube_surfaces: Vec<u32>,
+    pub surfaces: Vec<Surface>,
+    /// Parts with at least one primitive.
+    pub parts: Vec<Part>,
+    pub moving_parts: Vec<MovingPart>,
+    pub library: Library,
+    pub meshes: SharedMeshes,
+    /// Materials of parts that have been replaced.
+    pub changes: AppliedChanges,
+    /// Geometry files and tables that were opened.
+    pub sources: Vec<PathBuf>,
+    /// Rules that change some leaf angle table.
+    pub leaf_table_rules: MaterialRules,
+    pub diagnostics: Diagnostics,
+    /// Numbers of the faces of the part being loaded.
+    pub faces: FaceNumbers,
+    /// Mesh files whose unit and axes have been looked at.
+    pub doubted: HashSet<PathBuf>,
+    surface_numbers: HashMap<Surface, u32>,
+}
+
+/// The part that is being loaded.
+pub(super) struct PartSource<'a> {
+    /// Index among the scene's parts.
+    pub index: u32,
+    /// Position in the scene's file.
+    pub place: Option<&'a Place>,
+}
+
+/// Which faces the triangles of a part come from. A face of its files can become several triangles, or none.
+#[derive(Default)]
+pub(super) struct FaceNumbers {
+    /// Whether they are recorded: a material is for faces by their numbers.
+    pub are_wanted: bool,
+    /// The face of each triangle of the part, in the order of its files.
+    pub of_triangles: Vec<u32>,
+    /// Number of faces.
+    pub count: usize,
+}
+
+/// The primitives of one part, as index ranges.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Extent {
+    pub vertices: Range<usize>,
+    pub triangles: Range<usize>,
+    pub cubes: Range<usize>,
+}
+
+impl Extent {
+    pub fn is_empty(&self) -> bool {
+        self.triangles.is_empty() && self.cubes.is_empty()
+    }
+}
+
+impl<'a> SceneBuilder<'a> {
+    pub fn new(options: &'a LoadOptions, library: Library) -> SceneBuilder<'a> {
+        SceneBuilder {
+            options,
+            geometry: Geometry::default(),
+            voxels: Vec::new(),
+            triangle_surfaces: Vec::new(),
+            cube_surfaces: Vec::new(),
+            surfaces: Vec::new(),
+            parts: Vec::new(),
+            moving_parts: Vec::new(),
+            library,
+            meshes: SharedMeshes::default(),
+            changes: AppliedChanges::default(),
+            sources: Vec::new(),
+            leaf_table_rules: MaterialRules::default(),
+            diagnostics: Diagnostics::default(),
+            faces: FaceNumbers::default(),
+            doubted: HashSet::new(),
+            surface_numbers: HashMap::new(),
+        }
+    }
+
+    /// The index of the surface of a (part, material) pair, which is added if it is new.
+    pub fn surface(&mut self, part: u32, material: u32) -> u32 {
+        let surface = Surface { part, material };
+        *self.surface_numbers.entry(surface).or_insert_with(|| {
+            self.surfaces.push(surface);
+            self.surfaces.len() as u32 - 1
+        })
+    }
+
+    /// The empty extent after all primitives loaded so far, for [`SceneBuilder::since`].
+    pub fn end(&self) -> Extent {
+        let Geometry { vertices, triangles, cubes } = &self.geometry;
+        let (v, t, c) = (vertices.len(), triangles.len(), cubes.len());
+        Extent { vertices: v..v, triangles: t..t, cubes: c..c }
+    }
+
+    /// The primitives appended since `start` was the end.
+    pub fn since(&self, start: &Extent) -> Extent {
+        let end = self.end();
+        Extent {
+            vertices: start.vertices.start..end.vertices.end,
+            triangles: start.triangles.start..end.triangles.end,
+            cubes: start.cubes.start..end.cubes.end,
+        }
+    }
+
+    /// Assigns the materials cyclically to the last `count` cubes.
+    pub fn assign_materials_in_turn(&mut self, part: u32, materials: &[u32], count: usize) {
+        let surfaces: Vec<u32> = materials.iter().map(|&m| self.surface(part, m)).collect();
+        self.cube_surfaces.extend(surfaces.iter().cycle().take(count));
+    }
+
+    /// Removes the cubes from index `first` on for which `keep` is false.
+    pub fn retain_cubes(&mut self, first: usize, keep: impl Fn(&Cube) -> bool) {
+        let mut kept = first;
+        for i in first..self.geometry.cubes.len() {
+            if keep(&self.geometry.cubes[i]) {
+                self.geometry.cubes[kept] = self.geometry.cubes[i];
+                self.voxels[kept] = self.voxels[i];
+                self.cube_surfaces[kept] = self.cube_surfaces[i];
+                kept += 1;
+            }
+        }
+        self.geometry.cubes.truncate(kept);
+        self.voxels.truncate(kept);
+        self.cube_surfaces.truncate(kept);
+    }
+
+    /// Completes triangles appended after `start`, whose vertex indices count from there: removes unused vertices and
+    /// converts the indices to indices in the scene.
+    pub fn finish_mesh(&mut self, start: &Extent) -> Result<()> {
+        let (first, vertices) = (start.vertices.start, &mut self.geometry.vertices);
+        let triangles = &mut self.geometry.triangles[start.triangles.start..];
+        let mut used = vec![false; vertices.len() - first];
+        triangles.iter().flatten().for_each(|&v| used[v as usize] = true);
+        if used.iter().all(|&u| u) {
+            self.check_counts()?;
+            self.geometry.triangles[start.triangles.start..]
+                .par_iter_mut()
+                .for_each(|t| *t = t.map(|v| v + first as u32));
+            return Ok(());
+        }
+        let mut number = Vec::with_capacity(used.len());
+        let mut kept = first;
+        for (i, used) in used.into_iter().enumerate() {
+            number.push(kept as u32);
+            if used {
+                vertices[kept] = vertices[first + i];
+                kept += 1;
+            }
+        }
+        vertices.truncate(kept);
+        triangles.par_iter_mut().for_each(|t| *t = t.map(|v| number[v as usize]));
+        self.check_counts()
+    }
+
+    /// Fails if there are more vertices or primitives than indices.
+    pub fn check_counts(&self) -> Result<()> {
+        let (vertices, primitives) = (self.geometry.vertices.len(), self.geometry.len());
+        if vertices.max(primitives) > MAX_ELEMENTS {
+            return Err(Error::input(format!(
+                "the scene has {vertices} vertices and {primitives} primitives; at most {MAX_ELEMENTS} of each can be numbered"
+            )));
+        }
+        Ok(())
+    }
+
+    /// Memory that the limit leaves, bytes.
+    pub fn free_memory(&self) -> u64 {
+        self.options.max_memory.map_or(u64::MAX, |limit| limit.saturating_sub(self.memory()))
+    }
+
+    fn memory(&self) -> u64 {
+        let Geometry { vertices, triangles, cubes } = &self.geometry;
+        memory_of(vertices.len(), triangles.len(), cubes.len()).saturating_add(self.meshes.memory())
+    }
+
+    /// Makes room for more primitives of `source`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the scene then exceeds the memory limit, [`Error::Io`] if the system has no more memory,
+    /// [`Error::Interrupted`] after a request to stop.
+    pub fn reserve(&mut self, vertices: usize, triangles: usize, cubes: usize, source: &Path) -> Result<()> {
+        self.options.check_stop()?;
+        self.check_memory(memory_of(vertices, triangles, cubes), source)?;
+        let Geometry { vertices: all_vertices, triangles: all_triangles, cubes: all_cubes } =
+            &mut self.geometry;
+        let reserved = all_vertices
+            .try_reserve(vertices)
+            .and_then(|()| all_triangles.try_reserve(triangles))
+            .and_then(|()| all_cubes.try_reserve(cubes))
+            .and_then(|()| self.voxels.try_reserve(cubes));
+        reserved.map_err(|_| Error::io("load", source, std::io::ErrorKind::OutOfMemory.into()))
+    }
+
+    /// Fails if the loaded data and `more` bytes for `file` exceed the memory limit.
+    pub fn check_memory(&self, more: u64, file: &Path) -> Result<()> {
+        let Some(limit) = self.options.max_memory else { return Ok(()) };
+        let need = self.memory().saturating_add(more);
+        if need <= limit {
+            return Ok(());
+        }
+        Err(Error::input(format!(
+            "the scene needs at least {} with {}, without the tree over it; the limit is {}",
+            format_bytes(need),
+            file.display(),
+            format_bytes(limit)
+        )))
+    }
+}
+
+/// Memory of a frozen scene, bytes: 24 per vertex, 16 per triangle, 60 per cube.
+pub(super) fn memory_of(vertices: usize, triangles: usize, cubes: usize) -> u64 {
+    let per_triangle = size_of::<[u32; 3]>() + size_of::<u32>();
+    let per_cube = size_of::<Cube>() + size_of::<Voxel>() + size_of::<u32>();
+    let bytes = |count: usize, each: usize| (count as u64).saturating_mul(each as u64);
+    bytes(vertices, size_of::<DVec3>())
+        .saturating_add(bytes(triangles, per_triangle))
+        .saturating_add(bytes(cubes, per_cube))
+}
+
+/// Formats a number of bytes with a decimal prefix.
+pub(super) fn format_bytes(bytes: u64) -> String {
+    const UNITS: [&str; 5] = ["B", "kB", "MB", "GB", "TB"];
+    let mut value = bytes as f64;
+    let mut unit = 0;
+    while value >= 1000.0 && unit + 1 < UNITS.len() {
+        value /= 1000.0;
+        unit += 1;
+    }
+    if unit == 0 { format!("{bytes} B") } else { format!("{value:.1} {}", UNITS[unit]) }
+}
+
+/// The bounding box of the points mapped by `image`.
+pub(super) fn bounds_of_points(points: &[DVec3], image: impl Fn(DVec3) -> DVec3 + Sync) -> Aabb {
+    points.par_iter().fold(|| Aabb::EMPTY, |b, &v| b.with(image(v))).reduce(|| Aabb::EMPTY, Aabb::union)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_is_stated_per_primitive_and_readably() {
+        assert_eq!([memory_of(1, 0, 0), memory_of(0, 1, 0), memory_of(0, 0, 1)], [24, 16, 60]);
+        assert_eq!([format_bytes(999), format_bytes(5_600_000_000)], ["999 B", "5.6 GB"]);
+    }
+}

@@ -1,0 +1,218 @@
+//! Replaces materials of a part after its files are loaded, and finds changes that replace nothing.
+
+use super::builder::{Extent, PartSource, SceneBuilder};
+use super::text::printable;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use vlscan_base::diag::Place;
+use vlscan_survey::{MaterialChange, Replaced};
+
+/// The changes of the parts loaded so far: several parts can have the same, as those of one glTF file.
+#[derive(Default)]
+pub(super) struct AppliedChanges {
+    /// Those of materials by their names, by the address of the changes and their number there.
+    named: BTreeMap<(usize, usize), NamedChange>,
+}
+
+struct NamedChange {
+    name: String,
+    /// Index of the first part with the change.
+    part: u32,
+    place: Option<Place>,
+    has_replaced: bool,
+    /// Names of materials that are not the one to be replaced.
+    others: BTreeSet<String>,
+}
+
+/// Names of materials that a warning lists.
+const MAX_NAMES: usize = 5;
+
+/// Warns of changes that replace nothing in any of their parts.
+pub(super) fn report_needless(scene: &mut SceneBuilder) {
+    let changes = std::mem::take(&mut scene.changes).named.into_values();
+    let mut needless: Vec<NamedChange> =
+        changes.filter(|change| !change.has_replaced && !change.others.is_empty()).collect();
+    needless.sort_by_key(|change| change.part);
+    for change in needless {
+        let there_are: Vec<String> =
+            change.others.iter().take(MAX_NAMES).map(|n| format!("\"{n}\"")).collect();
+        let more = if change.others.len() > MAX_NAMES { " and more" } else { "" };
+        let message = format!(
+            "no primitive of the part has the material \"{}\", so none is replaced; there are {}{more}",
+            printable(&change.name),
+            there_are.join(", ")
+        );
+        scene.diagnostics.warn(change.place, message);
+    }
+}
+
+/// Applies the changes in their order to the primitives of `extent`, which are those of `part`. An index beyond them is an
+/// error.
+pub(super) fn apply(
+    scene: &mut SceneBuilder,
+    part: &PartSource,
+    changes: &Arc<[MaterialChange]>,
+    extent: &Extent,
+) {
+    if changes.is_empty() {
+        return;
+    }
+    let definitions = || changes.iter().map(|change| change.material.clone()).collect();
+    let address = Arc::as_ptr(changes).cast::<u8>() as usize;
+    let materials = scene.library.of_definitions(address, definitions, &mut scene.diagnostics);
+    let faces = &mut scene.faces;
+    if faces.are_wanted && faces.count == 0 {
+        // The triangles of rasters and voxels have no numbers.
+        faces.count = extent.triangles.len();
+        faces.of_triangles = (0..faces.count as u32).collect();
+    }
+    for (number, (change, material)) in changes.iter().zip(materials).enumerate() {
+        let surface = scene.surface(part.index, material);
+        let (triangle_surfaces, cube_surfaces) = (
+            &mut scene.triangle_surfaces[extent.triangles.clone()],
+            &mut scene.cube_surfaces[extent.cubes.clone()],
+        );
+        match &change.replaced {
+            Replaced::All => {
+                triangle_surfaces.fill(surface);
+                cube_surfaces.fill(surface);
+            }
+            Replaced::Named(name) => {
+                let (surfaces, library) = (&scene.surfaces, &scene.library);
+                let applied = scene.changes.named.entry((address, number)).or_insert_with(|| NamedChange {
+                    name: name.clone(),
+                    part: part.index,
+                    place: part.place.cloned(),
+                    has_replaced: false,
+                    others: BTreeSet::new(),
+                });
+                let name_of = |s: u32| &library.materials[surfaces[s as usize].material as usize].name;
+                for own in triangle_surfaces.iter_mut().chain(cube_surfaces) {
+                    let found = name_of(*own);
+                    if found == name {
+                        *own = surface;
+                        applied.has_replaced = true;
+                    } else if applied.others.len() <= MAX_NAMES && !applied.others.contains(found) {
+                        applied.others.insert(found.clone());
+                    }
+                }
+            }
+            Replaced::Faces(indices) => {
+                let (faces, count) = (scene.faces.count, scene.faces.count + cube_surfaces.len());
+                let mut is_chosen = vec![false; count];
+                for &i in indices {
+                    let Some(face) = is_chosen.get_mut(i as usize) else {
+                        if !scene.diagnostics.is_fatal(false) {
+                            let message = format!(
+                                "a material is for face {i}, but the part has {count}, counted from 0"
+                            );
+                            scene.diagnostics.error(part.place.cloned(), message);
+                        }
+                        break;
+                    };
+                    *face = true;
+                }
+                for (own, &face) in triangle_surfaces.iter_mut().zip(&scene.faces.of_triangles) {
+                    if is_chosen[face as usize] {
+                        *own = surface;
+                    }
+                }
+                for (own, chosen) in cube_surfaces.iter_mut().zip(&is_chosen[faces..]) {
+                    if *chosen {
+                        *own = surface;
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixture::Fixture;
+    use vlscan_survey::MaterialDefinition;
+
+    #[test]
+    fn materials_are_replaced_by_name_and_by_primitive() {
+        let mut f = Fixture::new();
+        f.file("m.mtl", "newmtl bark\nhelios_classification 1\nnewmtl leaf\nhelios_classification 2\n");
+        let part = f.obj(
+            "a.obj",
+            "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl bark\nf 1 2 3\nf 1 2 4\nusemtl leaf\nf 1 3 4\n",
+        );
+        let change = |replaced, classification| MaterialChange {
+            replaced,
+            material: MaterialDefinition { classification, ..MaterialDefinition::new("new") },
+        };
+        let classes = |changes: Vec<MaterialChange>, f: &mut Fixture| {
+            f.parts[0].changes = changes.into();
+            let (scene, _) = f.load().unwrap();
+            (0..3).map(|i| scene.material_of(i).classification).collect::<Vec<_>>()
+        };
+        part.id = Some("tree".to_owned());
+        assert_eq!(classes(vec![], &mut f), [1, 1, 2]);
+        assert_eq!(classes(vec![change(Replaced::Named("bark".to_owned()), 7)], &mut f), [7, 7, 2]);
+        let second = change(Replaced::Faces(vec![1]), 8);
+        assert_eq!(classes(vec![change(Replaced::All, 7), second], &mut f), [7, 8, 7]);
+
+        // What replaces nothing is said; a material is enough in one of the parts with the same changes.
+        f.obj("b.obj", "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl bark\nf 1 2 3\n");
+        let named = |name: &str| change(Replaced::Named(name.to_owned()), 7);
+        let mut warnings = |changes: Vec<MaterialChange>| {
+            f.parts[0].changes = changes.into();
+            f.parts[1].changes = f.parts[0].changes.clone();
+            f.load().unwrap().1.render(false)
+        };
+        let found = warnings(vec![named("leaf")]);
+        assert!(!found.contains("replaced"), "{found}");
+        let found = warnings(vec![named("nosuch")]);
+        let expected = "the material \"nosuch\", so none is replaced; there are \"bark\", \"leaf\"\n";
+        assert!(found.contains(expected) && found.matches("nosuch").count() == 1, "{found}");
+    }
+
+    #[test]
+    fn indices_count_triangles_that_are_left_out() {
+        let mut f = Fixture::new();
+        let part = f.obj("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 1 2\nf 1 2 3\nf 1 2 2\nf 1 3 4\n");
+        part.id = Some("tree".to_owned());
+        for (index, expected) in [(0, [0, 0]), (1, [8, 0]), (2, [0, 0]), (3, [0, 8])] {
+            let material = MaterialDefinition { classification: 8, ..MaterialDefinition::new("new") };
+            f.parts[0].changes = [MaterialChange { replaced: Replaced::Faces(vec![index]), material }].into();
+            let (scene, _) = f.load().unwrap();
+            assert_eq!([0, 1].map(|i| scene.material_of(i).classification), expected, "{index}");
+        }
+        let material = MaterialDefinition::new("new");
+        f.parts[0].changes = [MaterialChange { replaced: Replaced::Faces(vec![2, 4]), material }].into();
+        assert!(f.load().unwrap_err().to_string().contains("face 4, but the part has 4"));
+    }
+
+    #[test]
+    fn indices_count_the_faces_of_the_file() {
+        let vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [2, 1, 0]];
+        let text = |v: [i32; 3]| v.map(|c| c.to_string()).join(" ");
+        let obj: String = vertices.iter().map(|v| format!("v {}\n", text(*v))).collect();
+        let ply: String = vertices.iter().map(|v| format!("{}\n", text(*v))).collect();
+        let obj = format!("{obj}f 1 2 3 4\nf 1 1 2\nf 2 5 6 3\nf 1 2 5 6 4\nf 1 2 3\n");
+        let ply = format!(
+            "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\nproperty float z\n\
+             element face 5\nproperty list uchar int vertex_indices\nend_header\n\
+             {ply}4 0 1 2 3\n3 0 0 1\n4 1 4 5 2\n5 0 1 4 5 3\n3 0 1 2\n"
+        );
+        for (name, content) in [("a.obj", obj), ("a.ply", ply)] {
+            let mut f = Fixture::new();
+            f.obj(name, &content);
+            // One triangle of face 3 has no area.
+            for (index, expected) in
+                [(0, vec![0, 1]), (1, vec![]), (2, vec![2, 3]), (3, vec![4, 5]), (4, vec![6])]
+            {
+                let material = MaterialDefinition { classification: 8, ..MaterialDefinition::new("new") };
+                f.parts[0].changes =
+                    [MaterialChange { replaced: Replaced::Faces(vec![index]), material }].into();
+                let (scene, _) = f.load().unwrap();
+                let changed = (0..7).filter(|&i| scene.material_of(i).classification == 8);
+                assert_eq!(changed.collect::<Vec<_>>(), expected, "{name} {index}");
+            }
+        }
+    }
+}

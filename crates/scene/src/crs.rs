@@ -1,0 +1,87 @@
+//! Coordinate reference system of a scene: from the keys of its rasters and from `.prj` files beside its geometry.
+
+use super::geotiff;
+use super::text::Source;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+use vlscan_base::crs;
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::files::reads;
+use vlscan_base::input::read_file;
+use vlscan_geom::DVec3;
+use vlscan_survey::{Loader, PartRecipe, SceneRecipe, Transform};
+
+/// Maximum size of a `.prj` file, bytes.
+const MAX_PRJ_BYTES: u64 = 1 << 16;
+
+/// A system and the file that names it.
+struct Named {
+    wkt: String,
+    file: PathBuf,
+}
+
+/// Returns the system that the files of a scene name, as WKT: the first one; files that name another one are reported.
+/// Parts that are moved or turned sideways have coordinates of their own and count for nothing.
+pub(super) fn find_crs(recipe: &SceneRecipe, problems: &mut Diagnostics) -> Option<String> {
+    let mut found: Option<Named> = None;
+    let mut seen = HashSet::new();
+    let mut is_reported = false;
+    for part in recipe.parts.iter().filter(|part| keeps_coordinates(&part.transform)) {
+        for file in part.loader.files() {
+            if !seen.insert(file) {
+                continue;
+            }
+            let Some(named) = crs_of_file(file, part, problems) else { continue };
+            match &found {
+                None => found = Some(named),
+                Some(first) if crs::differ(&first.wkt, &named.wkt) && !is_reported => {
+                    is_reported = true;
+                    let message = format!(
+                        "{} is in {}, {} in {}",
+                        first.file.display(),
+                        crs::name(&first.wkt),
+                        named.file.display(),
+                        crs::name(&named.wkt)
+                    );
+                    problems
+                        .warn(part.place.clone(), message)
+                        .help("nothing is projected; bring all files of a scene into one system (gdalwarp, ogr2ogr)");
+                }
+                Some(_) => {}
+            }
+        }
+    }
+    found.map(|named| named.wkt)
+}
+
+fn keeps_coordinates(transform: &Transform) -> bool {
+    let sideways = DVec3::new(transform.offset.x, transform.offset.y, 0.0);
+    sideways == DVec3::ZERO && transform.scale == 1.0 && transform.rotation == Transform::IDENTITY.rotation
+}
+
+fn crs_of_file(file: &Path, part: &PartRecipe, problems: &mut Diagnostics) -> Option<Named> {
+    if matches!(part.loader, Loader::GeoTiff { .. })
+        && let Some(code) = Source::open(file).ok().and_then(|source| geotiff::projected_epsg(&source))
+    {
+        // Codes that are not built in are as good as none.
+        return crs::wkt_of_epsg(code.into()).ok().map(|wkt| Named { wkt, file: file.to_path_buf() });
+    }
+    let prj = file.with_extension("prj");
+    if !reads::is_file(&prj) {
+        return None;
+    }
+    match read_file(&prj, MAX_PRJ_BYTES) {
+        Ok(bytes) if crs::is_wkt(&String::from_utf8_lossy(&bytes)) => {
+            Some(Named { wkt: String::from_utf8_lossy(&bytes).trim().to_owned(), file: prj })
+        }
+        Ok(_) => {
+            let message = format!("{} holds no WKT such as PROJCS[...] and is left out", prj.display());
+            problems.warn(part.place.clone(), message).help("name the system with --crs");
+            None
+        }
+        Err(e) => {
+            problems.warn(part.place.clone(), format!("cannot read {}: {e}", prj.display()));
+            None
+        }
+    }
+}

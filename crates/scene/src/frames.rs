@@ -1,0 +1,78 @@
+//! Detection of parts in local coordinates beside parts on a projected grid.
+
+use super::builder::SceneBuilder;
+use vlscan_base::diag::Place;
+use vlscan_base::quantity::metres;
+use vlscan_geom::Aabb;
+
+/// Distance from the origin up to which coordinates are taken as local, m.
+const MAX_LOCAL: f64 = 20_000.0;
+/// Distance from the origin from which coordinates are taken as those of a grid, m.
+const MIN_GRID: f64 = 100_000.0;
+
+/// A part and its box, world coordinates.
+struct Framed {
+    id: String,
+    place: Option<Place>,
+    bounds: Aabb,
+}
+
+/// The first part near the origin, and the first far from it.
+#[derive(Default)]
+pub(super) struct PartFrames {
+    local: Option<Framed>,
+    grid: Option<Framed>,
+}
+
+impl PartFrames {
+    pub fn add(&mut self, id: &str, place: Option<&Place>, bounds: Aabb) {
+        let reach = |p: vlscan_geom::DVec3| p.x.abs().max(p.y.abs());
+        let slot = match reach(bounds.min).max(reach(bounds.max)) {
+            far if far <= MAX_LOCAL => &mut self.local,
+            _ if reach(bounds.centre()) >= MIN_GRID => &mut self.grid,
+            _ => return,
+        };
+        slot.get_or_insert_with(|| Framed { id: id.to_owned(), place: place.cloned(), bounds });
+    }
+
+    pub fn report(self, scene: &mut SceneBuilder) {
+        let (Some(local), Some(grid)) = (self.local, self.grid) else { return };
+        let (near, far) = (local.bounds.centre(), grid.bounds.centre());
+        let message = format!(
+            "part \"{}\" has local coordinates (about x {:.0}, y {:.0}), part \"{}\" those of a grid such as UTM (about x \
+             {:.0}, y {:.0}): they are {} apart",
+            local.id,
+            near.x,
+            near.y,
+            grid.id,
+            far.x,
+            far.y,
+            metres((far - near).length())
+        );
+        scene.diagnostics.warn(local.place.or(grid.place), message).help(
+            "move the first to its place on the grid with a translate filter (offset = easting;northing;height), or the second \
+             to the origin",
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::fixture::Fixture;
+    use vlscan_geom::DVec3;
+
+    const MESH: &str = "v 0 0 0\nv 10 0 0\nv 0 10 0\nf 1 2 3\n";
+
+    #[test]
+    fn parts_in_two_frames_are_reported() {
+        let warnings = |offsets: &[DVec3]| {
+            let mut f = Fixture::new();
+            offsets.iter().for_each(|&offset| f.obj("a.obj", MESH).transform.offset = offset);
+            let found = f.load().unwrap().1;
+            found.items().iter().filter(|d| d.message.contains("local coordinates")).count()
+        };
+        let utm = DVec3::new(476_000.0, 5_429_000.0, 200.0);
+        assert_eq!(warnings(&[utm, DVec3::ZERO]), 1);
+        assert_eq!(warnings(&[utm, utm + DVec3::X]) + warnings(&[DVec3::ZERO, DVec3::X * 9000.0]), 0);
+    }
+}

@@ -1,0 +1,210 @@
+//! The keys of GeoTIFF files (OGC GeoTIFF 1.1): what coordinates are, and in which unit; GDAL's metadata of the first band.
+
+use super::blocks::{Directory, readable};
+use super::georeference::doubles;
+use tiff::tags::Tag;
+use vlscan_base::crs;
+pub(super) use vlscan_base::crs::LengthUnit;
+
+const MODEL_TYPE_KEY: u16 = 1024;
+const MODEL_IS_GEOGRAPHIC: u16 = 2;
+const RASTER_TYPE_KEY: u16 = 1025;
+const PIXEL_IS_POINT: u16 = 2;
+const PROJECTED_SYSTEM_KEY: u16 = 3072;
+const PROJECTED_UNIT_KEY: u16 = 3076;
+const PROJECTED_UNIT_SIZE_KEY: u16 = 3077;
+const VERTICAL_SYSTEM_KEY: u16 = 4096;
+const VERTICAL_UNIT_KEY: u16 = 4099;
+/// Value of a key whose meaning other keys define.
+const USER_DEFINED: u16 = 32_767;
+/// Place of values that are in the tag of numbers.
+const DOUBLE_PARAMETERS: u16 = 34_736;
+/// Systems of EPSG (version 12.029) whose axis points downwards.
+const DEPTHS: &[u16] = &[
+    5336, 5612, 5614, 5706, 5715, 5734, 5739, 5789, 5831, 5861, 5862, 5863, 5864, 5865, 5866, 5867, 5873,
+    6357, 6358, 6359, 7976, 8051, 8053, 8358, 8378, 8897, 9287, 9288, 9672, 10_150, 10_151, 10_349, 10_364,
+    10_370, 10_371, 10_372, 10_373, 10_374, 10_375, 10_376, 10_377, 10_378, 10_379, 10_547, 10_548, 10_549,
+    10_550, 10_551, 10_552, 10_649, 10_650, 10_678,
+];
+const GDAL_METADATA_TAG: Tag = Tag::Unknown(42_112);
+
+/// The value of a GeoKey that is a number in the directory itself.
+fn key(directory: &mut Directory, key: u16) -> Result<Option<u16>, String> {
+    Ok(find(directory, key)?.filter(|entry| entry[1] == 0).map(|entry| entry[3]))
+}
+
+/// The entry of a GeoKey: key, location (0 = here), count, value.
+fn find(directory: &mut Directory, key: u16) -> Result<Option<[u16; 4]>, String> {
+    let tag = Tag::GeoKeyDirectoryTag;
+    let keys = directory.find_tag(tag).and_then(|value| value.map(|v| v.into_u16_vec()).transpose());
+    let keys = keys.map_err(|e| format!("its {tag:?} cannot be read: {e}"))?.unwrap_or_default();
+    // A header of four numbers, then entries of four.
+    let entry = keys.chunks_exact(4).skip(1).find(|k| k[0] == key);
+    Ok(entry.and_then(|entry| entry.try_into().ok()))
+}
+
+pub(super) fn is_point(directory: &mut Directory) -> Result<bool, String> {
+    Ok(key(directory, RASTER_TYPE_KEY)? == Some(PIXEL_IS_POINT))
+}
+
+/// Whether the system is one of longitude and latitude; `None` if the keys do not tell.
+pub(super) fn is_geographic(directory: &mut Directory) -> Option<bool> {
+    key(directory, MODEL_TYPE_KEY).ok().flatten().map(|kind| kind == MODEL_IS_GEOGRAPHIC)
+}
+
+/// EPSG code of the projected system; `None` for one that the user defined.
+pub(super) fn projected_epsg(directory: &mut Directory) -> Option<u16> {
+    epsg(directory, PROJECTED_SYSTEM_KEY)
+}
+
+fn epsg(directory: &mut Directory, system: u16) -> Option<u16> {
+    key(directory, system).ok().flatten().filter(|&code| code > 0 && code < USER_DEFINED)
+}
+
+/// The unit of easting and northing: that of its key, else that of the system, else that of WKT in the citation. `None` if the
+/// keys name no projected system; the error is a unit that is not known.
+pub(super) fn horizontal_unit(directory: &mut Directory) -> Result<Option<LengthUnit>, String> {
+    let code = key(directory, PROJECTED_UNIT_KEY)?.filter(|&code| code > 0);
+    if let Some(code) = code.filter(|&code| code != USER_DEFINED) {
+        let unit = LengthUnit::of_epsg(code);
+        return unit
+            .map(Some)
+            .ok_or_else(|| format!("the unit of its coordinates (EPSG code {code}) is not known"));
+    }
+    let system = key(directory, PROJECTED_SYSTEM_KEY)?.filter(|&code| code > 0);
+    let of_system = |code: u16| crs::length_unit(code.into());
+    let unit = match own_unit(directory)? {
+        Some(unit) => Some(unit),
+        None => system.and_then(of_system).or_else(|| crs::length_unit_in(&citation(directory)?)),
+    };
+    match (unit, code, system) {
+        (Some(unit), ..) => Ok(Some(unit)),
+        (None, Some(_), _) => {
+            Err("the unit of its coordinates is one of its own (key 3076 is 32767), and its length \
+                                   (key 3077) is missing"
+                .to_owned())
+        }
+        (None, None, Some(USER_DEFINED)) => {
+            Err("the unit of its coordinates (key 3076) is missing, and their system is one of its own"
+                .to_owned())
+        }
+        (None, None, Some(code)) => Err(format!(
+            "the unit of its coordinates (key 3076) is missing, and their system, EPSG:{code}, is none of easting and \
+             northing that is built in"
+        )),
+        (None, None, None) => Ok(None),
+    }
+}
+
+/// The unit whose length the keys have.
+fn own_unit(directory: &mut Directory) -> Result<Option<LengthUnit>, String> {
+    let entry = find(directory, PROJECTED_UNIT_SIZE_KEY)?.filter(|entry| entry[1] == DOUBLE_PARAMETERS);
+    let numbers = doubles(directory, Tag::GeoDoubleParamsTag)?.unwrap_or_default();
+    let metres = entry.and_then(|entry| numbers.get(entry[3] as usize).copied());
+    let metres = metres.filter(|m| m.is_finite() && *m > 0.0);
+    Ok(metres.map(|metres| LengthUnit { metres, name: format!("units of {metres} m") }))
+}
+
+/// The text of the keys, which is WKT if programs of ESRI wrote the file.
+fn citation(directory: &mut Directory) -> Option<String> {
+    directory.get_tag_ascii_string(Tag::GeoAsciiParamsTag).ok()
+}
+
+/// The part of a citation that begins with a system of heights in WKT.
+fn heights_in(citation: &str) -> Option<&str> {
+    let starts = ["VERTCS[", "VERT_CS[", "VERTCRS["];
+    starts.iter().find_map(|start| citation.find(start)).map(|at| &citation[at..])
+}
+
+/// The unit of heights: that of the metadata, else that of its key, else that of the system, else that of WKT in the citation.
+/// `None` if nothing is said about heights; the error is a unit that is not known.
+pub(super) fn vertical_unit(
+    directory: &mut Directory,
+    band: &BandMetadata,
+) -> Result<Option<LengthUnit>, String> {
+    if let Some(name) = band.unit.as_deref().map(str::trim).filter(|name| !name.is_empty()) {
+        let unit = LengthUnit::of_name(name);
+        return unit.map(Some).ok_or_else(|| format!("the unit \"{name}\" of its heights is not known"));
+    }
+    let code = key(directory, VERTICAL_UNIT_KEY)?.filter(|&code| code > 0);
+    if let Some(code) = code.filter(|&code| code != USER_DEFINED) {
+        let unit = LengthUnit::of_epsg(code);
+        return unit
+            .map(Some)
+            .ok_or_else(|| format!("the unit of its heights (EPSG code {code}) is not known"));
+    }
+    let system = key(directory, VERTICAL_SYSTEM_KEY)?;
+    let in_citation = |text: &str| crs::Units::of_wkt(heights_in(text)?).vertical?.length().cloned();
+    let unit = system.and_then(LengthUnit::of_heights).or_else(|| in_citation(&citation(directory)?));
+    if unit.is_none() && (code.is_some() || system == Some(USER_DEFINED)) {
+        return Err(
+            "the unit of its heights (key 4099) is one of its own or missing, and so is their system"
+                .to_owned(),
+        );
+    }
+    Ok(unit)
+}
+
+/// The name of the system of heights if it is one of depths: its numbers grow downwards.
+pub(super) fn system_of_depths(directory: &mut Directory) -> Option<String> {
+    if let Some(code) = epsg(directory, VERTICAL_SYSTEM_KEY) {
+        return DEPTHS.contains(&code).then(|| format!("EPSG:{code}"));
+    }
+    let citation = citation(directory)?;
+    let system = heights_in(&citation)?;
+    let plain = system.to_ascii_uppercase().replace(' ', "");
+    let is_down = [",DOWN]", ",DOWN,", "\"DIRECTION\",-1"].iter().any(|sign| plain.contains(sign));
+    is_down.then(|| crs::name(system))
+}
+
+/// GDAL's metadata of the first band.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct BandMetadata {
+    /// Heights are number · scale + offset.
+    pub scale: f64,
+    pub offset: f64,
+    /// The unit of heights.
+    pub unit: Option<String>,
+}
+
+impl Default for BandMetadata {
+    fn default() -> BandMetadata {
+        BandMetadata { scale: 1.0, offset: 0.0, unit: None }
+    }
+}
+
+/// Reads GDAL's metadata; the error is a value that cannot be read.
+pub(super) fn band_metadata(directory: &mut Directory) -> Result<BandMetadata, String> {
+    let mut found = BandMetadata::default();
+    if directory.find_tag(GDAL_METADATA_TAG).map_err(readable)?.is_none() {
+        return Ok(found);
+    }
+    let text = directory.get_tag_ascii_string(GDAL_METADATA_TAG).map_err(readable)?;
+    let document = roxmltree::Document::parse(text.trim_end_matches('\0'))
+        .map_err(|e| format!("its GDAL metadata is no XML: {e}"))?;
+    let items = document.descendants().filter(|node| node.has_tag_name("Item"));
+    for item in items.filter(|item| item.attribute("sample").is_none_or(|band| band == "0")) {
+        let text = item.text().unwrap_or_default().trim();
+        let number = || text.parse::<f64>().ok().filter(|v| v.is_finite());
+        let wrong = |what: &str| format!("the {what} of its heights is \"{text}\", expected a number");
+        match item.attribute("role") {
+            Some("scale") => found.scale = number().filter(|s| *s != 0.0).ok_or_else(|| wrong("scale"))?,
+            Some("offset") => found.offset = number().ok_or_else(|| wrong("offset"))?,
+            Some("unittype") => found.unit = Some(text.to_owned()),
+            _ => {}
+        }
+    }
+    Ok(found)
+}
+
+/// The no-data value of pixels; `None` without its tag, an error if the tag is not a number.
+pub(super) fn no_data(directory: &mut Directory) -> Result<Option<f64>, String> {
+    let Ok(text) = directory.get_tag_ascii_string(Tag::GdalNodata) else { return Ok(None) };
+    let text = text.trim_matches(|c: char| c.is_whitespace() || c == '\0');
+    // As the libraries of other systems write numbers that are none.
+    let is_nan = ["#qnan", "#ind", "#snan"].iter().any(|end| text.to_lowercase().ends_with(end));
+    if is_nan {
+        return Ok(Some(f64::NAN));
+    }
+    text.parse().map(Some).map_err(|_| format!("expected a number as no-data value, found \"{text}\""))
+}

@@ -1,0 +1,406 @@
+//! Terrain from a raster (spec input-formats §4.3): one vertex at the centre of each pixel, two triangles between each
+//! four pixels.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `blocks`, `unpack` | strips and tiles: predictors and types of numbers; compressions |
+//! | `georeference` | where the pixels are, from tags or a world file |
+//! | `keys` | GeoKeys and GDAL's metadata: systems, units, scales |
+//! | `validity` | no-data values, masks, alpha bands |
+
+mod blocks;
+mod georeference;
+mod keys;
+#[cfg(test)]
+mod tests;
+mod unpack;
+mod validity;
+
+use super::builder::{MAX_COORDINATE, MAX_ELEMENTS, PartSource, SceneBuilder, memory_of};
+use super::text::Source;
+use blocks::{Blocks, Directory, readable};
+use georeference::Georeference;
+use keys::{BandMetadata, LengthUnit};
+use rayon::prelude::*;
+use std::io::Cursor;
+use std::path::PathBuf;
+use tiff::decoder::{Decoder, Limits};
+use tiff::tags::Tag;
+use validity::{Doubts, Mask, NoData};
+use vlscan_base::diag::Place;
+use vlscan_base::error::Result;
+use vlscan_geom::DVec3;
+use vlscan_survey::{Loader, SceneRecipe, foreign_format};
+
+/// Blocks or rows per thread that are decoded before they are appended; limits the memory held twice.
+const BLOCKS_PER_THREAD: usize = 8;
+/// The unit of what states none.
+const METRES: &str = "metres";
+/// Photometric interpretation of images whose numbers are those of colours.
+const PALETTE: u64 = 3;
+
+/// The size of a raster and the memory of its triangles without their tree.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RasterNeed {
+    pub path: PathBuf,
+    /// Number of pixels from west to east.
+    pub columns: usize,
+    /// Number of pixels from north to south.
+    pub rows: usize,
+    /// Number of triangles if no pixel is without data.
+    pub triangles: u64,
+    /// Memory of the triangles in the scene, or of decoding if that is more, if no pixel is without data.
+    pub bytes: u64,
+}
+
+/// The sizes of the rasters of a scene, from their headers. Damaged rasters are omitted; the loader reports them.
+pub fn raster_needs(recipe: &SceneRecipe) -> Vec<RasterNeed> {
+    let parts = recipe.parts.iter().filter(|_| recipe.packed.is_none());
+    let files = parts.filter_map(|part| match &part.loader {
+        Loader::GeoTiff { file, .. } => Some(file),
+        _ => None,
+    });
+    let need = |path: &PathBuf| {
+        let raster = describe(&Source::open(path).ok()?, &mut Vec::new()).ok()?;
+        Some(RasterNeed {
+            path: path.clone(),
+            columns: raster.blocks.columns,
+            rows: raster.blocks.rows,
+            triangles: raster.triangles() as u64,
+            bytes: raster.memory(),
+        })
+    };
+    files.filter_map(need).collect()
+}
+
+/// EPSG code of a raster's projected system, if its keys name one and its coordinates are those of the scene: metres.
+pub(super) fn projected_epsg(source: &Source) -> Option<u16> {
+    let mut directory = open(source).ok()?;
+    let unit = keys::horizontal_unit(&mut directory).ok().flatten();
+    keys::projected_epsg(&mut directory).filter(|_| unit.is_none_or(|unit| unit.is_metre()))
+}
+
+/// The validated description of a raster.
+struct Raster {
+    blocks: Blocks,
+    /// In metres.
+    georeference: Georeference,
+    no_data: NoData,
+    /// The band that says how opaque a pixel is.
+    alpha: Option<usize>,
+    mask: Option<Mask>,
+    /// Heights are number · scale + offset, m.
+    scale: f64,
+    offset: f64,
+}
+
+/// Appends a raster's triangles, all with one material. Problems of the file are errors of the part.
+pub(super) fn load(
+    scene: &mut SceneBuilder,
+    part: &PartSource,
+    source: &Source,
+    material: u32,
+) -> Result<()> {
+    let mut warnings = Vec::new();
+    let raster = match describe(source, &mut warnings) {
+        Ok(raster) => raster,
+        Err(problem) => return refuse(scene, part, source, &problem),
+    };
+    scene
+        .sources
+        .extend(raster.mask.iter().filter_map(|mask| Some(mask.file.as_ref()?.path().to_path_buf())));
+    scene.sources.extend(georeference::world_file_of(source.path()));
+    let warn = |scene: &mut SceneBuilder, warning: String| {
+        let place = part.place.cloned().unwrap_or_else(|| Place::of_file(source.path()));
+        scene.diagnostics.warn(Some(place), format!("{}: {warning}", source.path().display()));
+    };
+    warnings.into_iter().for_each(|warning| warn(scene, warning));
+    if raster.triangles().max(raster.pixels()) > MAX_ELEMENTS {
+        return refuse(scene, part, source, "it has more pixels than can be numbered");
+    }
+    scene.check_memory(raster.memory(), source.path())?;
+    let start = scene.end();
+    match append_vertices(scene, source, &raster) {
+        Ok(doubts) => doubts.warnings().into_iter().for_each(|warning| warn(scene, warning)),
+        Err(problem) => {
+            scene.geometry.vertices.truncate(start.vertices.start);
+            return refuse(scene, part, source, &problem);
+        }
+    }
+    append_triangles(scene, &raster, start.vertices.start);
+    let surface = scene.surface(part.index, material);
+    scene.triangle_surfaces.resize(scene.geometry.triangles.len(), surface);
+    scene.finish_mesh(&start)
+}
+
+fn refuse(scene: &mut SceneBuilder, part: &PartSource, source: &Source, problem: &str) -> Result<()> {
+    let message = format!("cannot read the raster {}: {problem}", source.path().display());
+    let help = match other_format(source) {
+        Some((_, help)) => help,
+        None => {
+            "strips or tiles of any number type, not compressed or with Deflate, LZW, ZSTD, LERC or PackBits, are read; \
+             gdal_translate -co COMPRESS=DEFLATE in.tif out.tif makes such a file"
+        }
+    };
+    scene.diagnostics.error(part.place.cloned(), message).help(help);
+    Ok(())
+}
+
+impl Raster {
+    fn pixels(&self) -> usize {
+        self.blocks.columns.saturating_mul(self.blocks.rows)
+    }
+
+    /// Memory, bytes: of vertices and triangles, or of vertices and the blocks that are decoded at a time, with their
+    /// samples and their heights.
+    fn memory(&self) -> u64 {
+        let at_a_time = (BLOCKS_PER_THREAD * rayon::current_num_threads()).min(self.blocks.count()) as u64;
+        let decoding = self.blocks.decoding_bytes().saturating_mul(at_a_time);
+        let vertices = memory_of(self.pixels(), 0, 0);
+        memory_of(self.pixels(), self.triangles(), 0).max(vertices.saturating_add(decoding))
+    }
+
+    fn triangles(&self) -> usize {
+        (self.blocks.columns - 1).saturating_mul(self.blocks.rows - 1).saturating_mul(2)
+    }
+}
+
+/// The format of a file that is not TIFF, and what to do with it.
+fn other_format(source: &Source) -> Option<(&'static str, &'static str)> {
+    let found = foreign_format(source.path(), source.bytes()).filter(|_| !is_tiff(source.bytes()));
+    found.filter(|(name, _)| *name != "a TIFF raster")
+}
+
+fn is_tiff(bytes: &[u8]) -> bool {
+    [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|start| bytes.starts_with(*start))
+}
+
+/// The directories of a file, at its first image.
+fn open(source: &Source) -> Result<Directory<'_>, String> {
+    let bytes = source.bytes();
+    if bytes.is_empty() {
+        return Err("the file is empty".to_owned());
+    }
+    if !is_tiff(bytes) {
+        let found = other_format(source).map_or("bytes of another kind", |found| found.0);
+        return Err(format!("expected a TIFF file, found {found}"));
+    }
+    let mut limits = Limits::default();
+    limits.ifd_value_size = limits.ifd_value_size.max(bytes.len());
+    Ok(Decoder::new(Cursor::new(bytes)).map_err(readable)?.with_limits(limits))
+}
+
+fn describe(source: &Source, warnings: &mut Vec<String>) -> Result<Raster, String> {
+    let mut directory = open(source)?;
+    let held = source.bytes().len();
+    let blocks = Blocks::read(&mut directory, held)?;
+    let georeference = georeference::read(&mut directory, source.path())?.unwrap_or_else(|| {
+        warnings.push("it does not say where it lies; pixels of 1 m from the origin are assumed".to_owned());
+        Georeference::UNKNOWN
+    });
+    let is_geographic = georeference.is_geographic(&mut directory);
+    if is_geographic {
+        let ((x0, y0), far) =
+            (georeference.origin, georeference.centre(blocks.columns - 1, blocks.rows - 1, 0.0));
+        warnings.push(format!(
+            "its coordinates are degrees (longitude {x0:.4} to {:.4}, latitude {y0:.4} to {:.4}), which are taken as metres; \
+             project it first: gdalwarp -t_srs EPSG:32632 in.tif out.tif, with the code of its zone",
+            far.x, far.y
+        ));
+    }
+    let mut accept = |found: Result<Option<LengthUnit>, String>, used: &str| {
+        found.unwrap_or_else(|problem| {
+            warnings.push(format!("{problem}; it is taken as {used}"));
+            None
+        })
+    };
+    let band = keys::band_metadata(&mut directory)?;
+    let horizontal = match is_geographic {
+        true => None,
+        false => accept(keys::horizontal_unit(&mut directory), METRES),
+    };
+    let used = horizontal.as_ref().map_or(METRES, |unit| &unit.name);
+    let vertical = accept(keys::vertical_unit(&mut directory, &band), used);
+    if let Some(system) = keys::system_of_depths(&mut directory) {
+        warnings.push(format!(
+            "its heights are in a system of depths ({system}), whose numbers grow downwards, and are taken as heights, which \
+             grow upwards; if they are depths, `gdal_calc.py -A in.tif --calc=-A --outfile=out.tif` makes heights of them, and \
+             `gdal_edit.py -a_srs EPSG:25832 out.tif`, with the code of its system, names a system without depths"
+        ));
+    }
+    let (horizontal, vertical) = units(horizontal, vertical, warnings);
+    let georeference = georeference.scaled(horizontal);
+    if !georeference.is_near(blocks.columns, blocks.rows) {
+        return Err(format!("it reaches beyond {MAX_COORDINATE:e} m, where coordinates cannot be computed"));
+    }
+    let stated = keys::no_data(&mut directory).unwrap_or_else(|problem| {
+        warnings.push(problem);
+        None
+    });
+    let no_data = NoData::new(stated, blocks.are_single_precision());
+    let alpha = validity::alpha_band(&mut directory, blocks.bands);
+    warn_of_bands(&mut directory, &blocks, alpha, &band, warnings);
+    let mask = Mask::find(&mut directory, source.path(), held, &blocks)?;
+    let (scale, offset) = (band.scale * vertical, band.offset * vertical);
+    Ok(Raster { blocks, georeference, no_data, alpha, mask, scale, offset })
+}
+
+/// The lengths of the units of coordinates and of heights, m. Heights without a unit have that of the coordinates.
+fn units(
+    horizontal: Option<LengthUnit>,
+    vertical: Option<LengthUnit>,
+    warnings: &mut Vec<String>,
+) -> (f64, f64) {
+    let is_foreign = |unit: &Option<LengthUnit>| unit.as_ref().is_some_and(|unit| !unit.is_metre());
+    let metres = |unit: &Option<LengthUnit>| unit.as_ref().map_or(1.0, |unit| unit.metres);
+    let name = |unit: &Option<LengthUnit>| unit.as_ref().map_or(METRES.to_owned(), |unit| unit.name.clone());
+    let lengths = match (is_foreign(&horizontal), is_foreign(&vertical)) {
+        (false, false) => return (1.0, 1.0),
+        (false, true) => {
+            warnings.push(format!(
+                "its heights are {}, which are multiplied by {} to metres",
+                name(&vertical),
+                metres(&vertical)
+            ));
+            return (1.0, metres(&vertical));
+        }
+        (true, _) => (metres(&horizontal), metres(if vertical.is_some() { &vertical } else { &horizontal })),
+    };
+    let heights = match &vertical {
+        Some(unit) => format!("its heights {}", unit.name),
+        None => "so are its heights, whose unit it does not state".to_owned(),
+    };
+    warnings.push(format!(
+        "its coordinates are {}, {heights}; x and y are multiplied by {}, z by {} to metres, so that flight and meshes must \
+         be, too (gdalwarp -t_srs EPSG:... in.tif out.tif brings it into a system in metres)",
+        name(&horizontal),
+        lengths.0,
+        lengths.1
+    ));
+    lengths
+}
+
+/// Warns of bands that are left out, of colours, and of numbers that are scaled.
+fn warn_of_bands(
+    directory: &mut Directory,
+    blocks: &Blocks,
+    alpha: Option<usize>,
+    band: &BandMetadata,
+    warnings: &mut Vec<String>,
+) {
+    let photometric = directory.find_tag_unsigned::<u64>(Tag::PhotometricInterpretation).ok().flatten();
+    if photometric == Some(PALETTE) {
+        warnings.push("its pixels are numbers of colours, which are taken as heights".to_owned());
+    }
+    let others = blocks.bands - 1 - usize::from(alpha.is_some());
+    if others > 0 {
+        warnings.push(format!("it has {} bands, of which the first is read as heights", blocks.bands));
+    }
+    if (band.scale, band.offset) != (1.0, 0.0) {
+        let BandMetadata { scale, offset, .. } = band;
+        warnings.push(format!("its numbers are taken times {scale} plus {offset}, as its metadata says"));
+    }
+}
+
+/// Appends one vertex per pixel, row by row; the height of a pixel without data is NaN.
+fn append_vertices(scene: &mut SceneBuilder, source: &Source, raster: &Raster) -> Result<Doubts, String> {
+    let first = scene.geometry.vertices.len();
+    let vertices = &mut scene.geometry.vertices;
+    vertices.try_reserve_exact(raster.pixels()).map_err(|e| e.to_string())?;
+    vertices.resize(first + raster.pixels(), DVec3::NAN);
+    let vertices = &mut vertices[first..];
+    let columns = raster.blocks.columns;
+    let bands: Vec<usize> = [Some(0), raster.alpha].into_iter().flatten().collect();
+    let mut doubts = Doubts::default();
+    for_each_block(
+        &raster.blocks,
+        |block| heights(source, raster, &bands, block),
+        |block, found| {
+            let Some((heights, doubtful)) = found else { return };
+            doubts.add(doubtful);
+            let (left, top, width, _) = raster.blocks.extent(block);
+            for (row, heights) in (top..).zip(heights.chunks_exact(width)) {
+                let at = row * columns + left;
+                for ((column, vertex), &z) in (left..).zip(&mut vertices[at..at + width]).zip(heights) {
+                    *vertex = raster.georeference.centre(column, row, z);
+                }
+            }
+        },
+    )?;
+    let Some(mask) = &raster.mask else { return Ok(doubts) };
+    let file = mask.file.as_ref().unwrap_or(source).bytes();
+    for_each_block(
+        &mask.blocks,
+        |block| mask.blocks.decode(file, block, &[0]).map_err(|e| format!("its mask: {e}")),
+        |block, found| {
+            let (left, top, width, height) = mask.blocks.extent(block);
+            let has_data = found.map(|mut bands| bands.remove(0));
+            for i in 0..width * height {
+                if has_data.as_ref().is_none_or(|values| values[i] == 0.0) {
+                    vertices[(top + i / width) * columns + left + i % width].z = f64::NAN;
+                }
+            }
+        },
+    )?;
+    Ok(doubts)
+}
+
+/// Decodes the blocks of an image in parallel and passes them on in their order.
+fn for_each_block<T: Send>(
+    blocks: &Blocks,
+    decode: impl Fn(usize) -> Result<T, String> + Sync,
+    mut each: impl FnMut(usize, T),
+) -> Result<(), String> {
+    let all: Vec<usize> = (0..blocks.count()).collect();
+    for wave in all.chunks(BLOCKS_PER_THREAD * rayon::current_num_threads()) {
+        let decoded: Vec<_> = wave.par_iter().map(|&block| decode(block)).collect();
+        for (&block, found) in wave.iter().zip(decoded) {
+            each(block, found?);
+        }
+    }
+    Ok(())
+}
+
+/// Heights of a block, m, row by row, with NaN for pixels without data; `None` for a block that is left out.
+type Heights = Option<(Vec<f64>, Doubts)>;
+
+fn heights(source: &Source, raster: &Raster, bands: &[usize], block: usize) -> Result<Heights, String> {
+    let Some(mut bands) = raster.blocks.decode(source.bytes(), block, bands)? else { return Ok(None) };
+    let alpha = (bands.len() > 1).then(|| bands.remove(1));
+    let mut numbers = bands.remove(0);
+    let mut doubts = Doubts::default();
+    for (i, number) in numbers.iter_mut().enumerate() {
+        let is_visible = alpha.as_ref().is_none_or(|alpha| alpha[i] != 0.0);
+        let height = *number * raster.scale + raster.offset;
+        let is_height = is_visible && raster.no_data.is_height(*number, &mut doubts);
+        *number = if is_height && height.abs() <= MAX_COORDINATE { height } else { f64::NAN };
+    }
+    Ok(Some((numbers, doubts)))
+}
+
+/// Appends two triangles between each four pixels; triangles with a missing corner are omitted. Vertex indices count
+/// from the raster's first vertex.
+fn append_triangles(scene: &mut SceneBuilder, raster: &Raster, first_vertex: usize) {
+    let columns = raster.blocks.columns;
+    // Growth by doubling would exceed the stated memory. If the reservation fails, growth may still succeed.
+    let _ = scene.geometry.triangles.try_reserve_exact(raster.triangles());
+    let vertices = &scene.geometry.vertices[first_vertex..];
+    let exists = |v: usize| !vertices[v].z.is_nan();
+    let between = |row: usize| {
+        let mut triangles = Vec::with_capacity(2 * (columns - 1));
+        for a in row * columns..row * columns + columns - 1 {
+            let (b, c, d) = (a + columns, a + columns + 1, a + 1);
+            for corners in [[a, b, d], [b, c, d]] {
+                if corners.iter().all(|&v| exists(v)) {
+                    triangles.push(corners.map(|v| v as u32));
+                }
+            }
+        }
+        triangles
+    };
+    let rows: Vec<usize> = (0..raster.blocks.rows - 1).collect();
+    for wave in rows.chunks(BLOCKS_PER_THREAD * rayon::current_num_threads()) {
+        let made: Vec<Vec<[u32; 3]>> = wave.par_iter().map(|&row| between(row)).collect();
+        made.into_iter().for_each(|mut t| scene.geometry.triangles.append(&mut t));
+    }
+}

@@ -1,0 +1,153 @@
+//! Which pixels of a raster have data: no-data values, masks within the file or beside it, alpha bands.
+
+use super::blocks::{Blocks, Directory, readable};
+use crate::builder::MAX_COORDINATE;
+use crate::text::Source;
+use std::ffi::OsString;
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+use tiff::decoder::Decoder;
+use tiff::tags::Tag;
+use vlscan_base::files::reads;
+
+/// No-data value of rasters that state none (spec input-formats §4.3).
+const DEFAULT_NO_DATA: f64 = -1e10;
+/// Values that often stand for missing heights.
+const USUAL_NO_DATA: [f64; 5] = [-9999.0, -99_999.0, -32_768.0, -32_767.0, 65_535.0];
+/// Bit of the kind of an image that is a mask.
+const IS_MASK: u64 = 4;
+/// Photometric interpretation of masks.
+const TRANSPARENCY_MASK: u64 = 4;
+/// Maximum number of images of a file in which a mask is looked for.
+const MAX_IMAGES: usize = 64;
+
+/// The mask of a raster: pixels where it is 0 have no data.
+pub(super) struct Mask {
+    pub blocks: Blocks,
+    /// The file beside the raster, if the mask is not within it.
+    pub file: Option<Source>,
+}
+
+impl Mask {
+    /// The mask of the raster `path` of this size, after its first image or in the file beside it.
+    pub fn find(
+        directory: &mut Directory,
+        path: &Path,
+        held: usize,
+        of: &Blocks,
+    ) -> Result<Option<Mask>, String> {
+        for _ in 0..MAX_IMAGES {
+            if !directory.more_images() || directory.next_image().is_err() {
+                break;
+            }
+            let tag = |directory: &mut Directory, tag| directory.find_tag_unsigned::<u64>(tag).ok().flatten();
+            let is_mask = tag(directory, Tag::NewSubfileType).is_some_and(|kind| kind & IS_MASK != 0)
+                || tag(directory, Tag::PhotometricInterpretation) == Some(TRANSPARENCY_MASK);
+            let size = directory.dimensions().map_err(readable)?;
+            if is_mask && (size.0 as usize, size.1 as usize) == (of.columns, of.rows) {
+                let blocks = Blocks::read(directory, held).map_err(|e| format!("its mask: {e}"))?;
+                return Ok(Some(Mask { blocks, file: None }));
+            }
+        }
+        Mask::beside(path, of)
+    }
+
+    fn beside(path: &Path, of: &Blocks) -> Result<Option<Mask>, String> {
+        let file = mask_file(path);
+        if !reads::is_file(&file) {
+            return Ok(None);
+        }
+        let wrong = |e: String| format!("its mask {}: {e}", file.display());
+        let source = Source::open(&file).map_err(|e| wrong(e.to_string()))?;
+        let mut directory = Decoder::new(Cursor::new(source.bytes())).map_err(|e| wrong(e.to_string()))?;
+        let blocks = Blocks::read(&mut directory, source.bytes().len()).map_err(wrong)?;
+        if (blocks.columns, blocks.rows) != (of.columns, of.rows) {
+            return Err(wrong(format!(
+                "it has {} x {} pixels, the raster {} x {}",
+                blocks.columns, blocks.rows, of.columns, of.rows
+            )));
+        }
+        Ok(Some(Mask { blocks, file: Some(source) }))
+    }
+}
+
+/// The file beside a raster in which GDAL keeps its mask.
+fn mask_file(path: &Path) -> PathBuf {
+    let mut name = OsString::from(path);
+    name.push(".msk");
+    PathBuf::from(name)
+}
+
+/// The band that says how opaque a pixel is, according to the kinds of the bands beyond those of the colour.
+pub(super) fn alpha_band(directory: &mut Directory, bands: usize) -> Option<usize> {
+    let kinds = directory.find_tag_unsigned_vec::<u16>(Tag::ExtraSamples).ok().flatten()?;
+    let at = kinds.iter().position(|kind| [1, 2].contains(kind))?;
+    (bands - kinds.len().min(bands)).checked_add(at).filter(|band| (1..bands).contains(band))
+}
+
+/// Which numbers are heights.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct NoData {
+    value: f64,
+    is_stated: bool,
+}
+
+/// Pixels that are no heights or hardly ever, where the file states no no-data value.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Doubts {
+    /// Number of pixels beyond what can be a coordinate.
+    beyond: usize,
+    /// Number of pixels of each of the usual no-data values.
+    usual: [usize; USUAL_NO_DATA.len()],
+}
+
+impl NoData {
+    /// The value that a file states; the tag is decimal text and denotes the nearest value that a pixel can have.
+    pub fn new(stated: Option<f64>, are_single_precision: bool) -> NoData {
+        let value = stated.unwrap_or(DEFAULT_NO_DATA);
+        let value = if are_single_precision { f64::from(value as f32) } else { value };
+        NoData { value, is_stated: stated.is_some() }
+    }
+
+    /// Whether a number is a height, before it is scaled. Doubtful ones are counted.
+    pub fn is_height(&self, number: f64, doubts: &mut Doubts) -> bool {
+        if number.is_nan() || (number - self.value).abs() < 1e-7 {
+            return false;
+        }
+        if number.abs() > MAX_COORDINATE {
+            doubts.beyond += 1;
+            return false;
+        }
+        if !self.is_stated
+            && let Some(i) = USUAL_NO_DATA.iter().position(|usual| *usual == number)
+        {
+            doubts.usual[i] += 1;
+        }
+        true
+    }
+}
+
+impl Doubts {
+    pub fn add(&mut self, other: Doubts) {
+        self.beyond += other.beyond;
+        self.usual.iter_mut().zip(other.usual).for_each(|(count, more)| *count += more);
+    }
+
+    /// The warnings about them.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut all = Vec::new();
+        if self.beyond > 0 {
+            all.push(format!(
+                "{} pixels are beyond ±{MAX_COORDINATE:e} and are holes, although the file does not state them as no data",
+                self.beyond
+            ));
+        }
+        for (value, count) in USUAL_NO_DATA.iter().zip(self.usual).filter(|(_, count)| *count > 0) {
+            all.push(format!(
+                "{count} pixels are {value}, which often means no data; the file states no such value, and they are taken as \
+                 heights (gdal_edit.py -a_nodata {value} in.tif makes them holes)"
+            ));
+        }
+        all
+    }
+}

@@ -1,0 +1,98 @@
+//! The scanned scene: parts with geometry and materials in one frame.
+//!
+//! ```text
+//! SceneRecipe ─ load ─► loaders: obj │ geotiff │ xyz │ vox ─► builder ─ transform ─ ground ─ shift ─► Scene
+//!                          └ mtl, spectra ─► library (materials at the scanner's wavelength)
+//! ```
+//!
+//! A scene is immutable once it is loaded. Moving parts have a plan and a state outside it, and scenes with swapped
+//! parts are loaded anew for every epoch:
+//!
+//! ```text
+//! SceneRecipe, Scene ─► MotionPlan, MotionState ─► DynamicScene: moving parts in the poses that rays hit
+//! SceneRecipe ─ load_epoch(0, 1, …) ─► a Scene per epoch
+//! ```
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `load`, `builder` | load a scene; the scene under construction |
+//! | `obj`, `mesh`, `geotiff`, `xyz`, `vox` | loaders: meshes in files and in memory, rasters, point clouds, vegetation voxels |
+//! | `text`, `number` | files of text: lines, problems with their places, numbers |
+//! | `change` | materials that replace those of a part |
+//! | `library`, `mtl`, `spectra`, `reflectance_issues`, `reflectance_units`, `rules` | material definitions, their resolution and problems |
+//! | `ground`, `plane` | drop parts to the ground; planes fitted to points |
+//! | `instances`, `instance_set` | parts that share a mesh |
+//! | `model`, `surfaces`, `material`, `voxel`, `lad` | the loaded scene and its components |
+//! | `motion` | moving parts |
+//! | `epoch` | swapped parts |
+//! | `conditions` | the settings that a scene depends on |
+//! | `pack` | packed scenes |
+//! | `fingerprint` | checksums of scenes |
+//! | `crs`, `frames` | coordinate reference systems of rasters and meshes; parts in local coordinates beside a grid |
+//! | `mesh_doubts` | meshes that are probably in another unit, or with another axis up |
+//! | `mesh_file` | mesh files: PLY, STL, glTF and, by `obj`, OBJ; tables of materials |
+//! | `polygon` | polygons as triangles, for all formats |
+//! | `inventory`, `part_facts` | count the contents of a scene and of its parts |
+
+#![deny(unsafe_code)]
+
+mod builder;
+mod change;
+mod conditions;
+mod crs;
+mod epoch;
+mod fingerprint;
+#[cfg(test)]
+mod fixture;
+mod frames;
+mod geotiff;
+mod ground;
+mod instance_set;
+mod instances;
+mod inventory;
+mod lad;
+mod library;
+mod load;
+mod material;
+mod mesh;
+mod mesh_doubts;
+mod mesh_file;
+mod model;
+mod motion;
+mod mtl;
+mod number;
+mod obj;
+mod pack;
+mod part_facts;
+mod plane;
+mod polygon;
+mod reflectance_issues;
+mod reflectance_units;
+mod rules;
+mod spectra;
+mod surfaces;
+#[cfg(test)]
+mod tests;
+mod text;
+mod vox;
+mod voxel;
+mod xyz;
+
+pub use builder::{LoadOptions, Sharing};
+pub use conditions::Conditions;
+pub use epoch::{SceneFrame, count_epochs};
+pub use fingerprint::fingerprint;
+pub use geotiff::raster_needs;
+pub use instance_set::InstanceSet;
+pub use inventory::Inventory;
+pub use lad::LadTable;
+pub use load::{load, load_epoch};
+pub use material::{Material, Reflection, SPHERICAL_MEAN_COSINE};
+pub use model::{MovingPart, PackedTree, Part, Scene, Sizes};
+pub use motion::{DynamicObject, DynamicScene, MotionPlan, MotionState, ObjectUpdate, check_time_step};
+pub use mtl::read_materials;
+pub use pack::{Pack, pack};
+pub use part_facts::PartFacts;
+pub use rules::MaterialRules;
+pub use surfaces::{Surface, SurfaceIds};
+pub use voxel::{Voxel, VoxelKind};

@@ -1,0 +1,467 @@
+//! Resolves material definitions to the scene's materials (spec pulse-physics §3.2, input-formats §3.5 and §5).
+
+use super::material::{Material, Reflection};
+use super::mtl;
+use super::reflectance_issues::{ReflectanceIssue, ReflectanceIssues};
+use super::reflectance_units::{MAX_FRACTION, ReflectanceUnits};
+use super::rules::MaterialRules;
+use super::spectra::Spectra;
+use super::text::Source;
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::quantity::CLASSES;
+use vlscan_base::rng::{Purpose, Stream};
+use vlscan_survey::{MaterialChoice, MaterialDefinition, Mesh};
+
+/// Name of the material of faces without one; no file can redefine it.
+pub(super) const DEFAULT: &str = "default";
+
+/// Maximum number of randomised variants of one material.
+const MAX_VARIANTS: u32 = 10_000;
+
+/// The materials of a scene and the files that define them. A material is resolved at its first use by a primitive.
+pub(super) struct Library {
+    spectra: Spectra,
+    rules: MaterialRules,
+    /// Rules that change some material.
+    pub relevant_rules: MaterialRules,
+    /// Reflectances that are missing or not fractions.
+    pub issues: ReflectanceIssues,
+    /// All reflectances, whose units should be alike.
+    pub units: ReflectanceUnits,
+    seed: u64,
+    files: Vec<MtlFile>,
+    file_of: HashMap<PathBuf, Option<usize>>,
+    /// Index in `files` of definitions in memory, by their address.
+    in_memory: HashMap<usize, usize>,
+    /// Index in `files` of mesh files, with the tables of materials they are read with, and of those tables.
+    mesh_files: HashMap<(PathBuf, Option<PathBuf>), usize>,
+    /// Definitions without a source and without their places, by name, with their materials: meshes with equal ones share
+    /// them.
+    of_memory: HashMap<String, Vec<(MaterialDefinition, u32)>>,
+    index_of: HashMap<Key, u32>,
+    /// In the order of first use.
+    pub materials: Vec<Material>,
+}
+
+/// Definitions of a file, or of a mesh in memory.
+struct MtlFile {
+    /// `None` for definitions that were read elsewhere.
+    source: Option<Source>,
+    definitions: Vec<MaterialDefinition>,
+}
+
+#[derive(PartialEq, Eq, Hash)]
+enum Key {
+    Defined(DefinitionId),
+    Named(String),
+    /// Copy of a material with another class.
+    Classified(u32, u8),
+}
+
+/// A definition: the index of its file and its position in it.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) struct DefinitionId {
+    file: usize,
+    index: usize,
+}
+
+/// The names available to the files of one part; the first definition of a name counts.
+#[derive(Default)]
+pub(super) struct Names {
+    by_name: HashMap<String, DefinitionId>,
+    /// Names by their first word, which is all that the reference reads of a name.
+    by_first_word: HashMap<String, String>,
+}
+
+impl Names {
+    fn add(&mut self, name: &str, id: DefinitionId) {
+        if let Entry::Vacant(free) = self.by_name.entry(name.to_owned()) {
+            free.insert(id);
+            self.by_first_word.entry(first_word(name).to_owned()).or_insert_with(|| name.to_owned());
+        }
+    }
+
+    /// The definition of a name, and how it was found.
+    fn find(&self, name: &str) -> Option<(DefinitionId, Known)> {
+        if let Some(&id) = self.by_name.get(name) {
+            return Some((id, Known::Whole));
+        }
+        let other = self.by_first_word.get(first_word(name)).filter(|_| !name.is_empty())?;
+        Some((*self.by_name.get(other)?, Known::FirstWord(other.clone())))
+    }
+}
+
+/// How a name of a material was resolved.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Known {
+    /// A file defines it, or it is that of faces without a material.
+    Whole,
+    /// A file defines this name, whose first word is the same.
+    FirstWord(String),
+    /// No file defines it.
+    Nowhere,
+}
+
+/// A name up to its first blank.
+fn first_word(name: &str) -> &str {
+    name.split_whitespace().next().unwrap_or_default()
+}
+
+impl Library {
+    pub fn new(spectra: Spectra, rules: MaterialRules, seed: u64) -> Library {
+        Library {
+            spectra,
+            rules,
+            relevant_rules: MaterialRules::default(),
+            issues: ReflectanceIssues::default(),
+            units: ReflectanceUnits::default(),
+            seed,
+            files: Vec::new(),
+            file_of: HashMap::new(),
+            in_memory: HashMap::new(),
+            mesh_files: HashMap::new(),
+            of_memory: HashMap::new(),
+            index_of: HashMap::new(),
+            materials: Vec::new(),
+        }
+    }
+
+    pub fn files(&self) -> impl Iterator<Item = PathBuf> {
+        let own = self.files.iter().filter_map(|f| f.source.as_ref());
+        own.map(|source| source.path().to_path_buf()).chain(self.spectra.files().cloned())
+    }
+
+    /// Adds the definitions of an MTL file to `names`; `false` if the file cannot be read.
+    pub fn add_file(&mut self, path: &Path, names: &mut Names, diagnostics: &mut Diagnostics) -> bool {
+        let Some(file) = self.open(path, diagnostics) else { return false };
+        for (index, definition) in self.files[file].definitions.iter().enumerate() {
+            if definition.name != DEFAULT {
+                names.add(&definition.name, DefinitionId { file, index });
+            }
+        }
+        true
+    }
+
+    fn open(&mut self, path: &Path, diagnostics: &mut Diagnostics) -> Option<usize> {
+        if let Some(&file) = self.file_of.get(path) {
+            return file;
+        }
+        let file = Source::open(path).ok().map(|source| {
+            let definitions = mtl::read(&source, diagnostics);
+            self.files.push(MtlFile { source: Some(source), definitions });
+            self.files.len() - 1
+        });
+        self.file_of.insert(path.to_path_buf(), file);
+        file
+    }
+
+    /// Resolves a name to a material: the definition of this name, else one with the same first word.
+    pub fn named(&mut self, name: &str, names: &Names, diagnostics: &mut Diagnostics) -> (u32, Known) {
+        if name == DEFAULT && !names.by_name.contains_key(name) {
+            return (self.unnamed(name), Known::Whole);
+        }
+        match names.find(name) {
+            Some((id, known)) => (self.defined(id, diagnostics), known),
+            None => (self.unnamed(name), Known::Nowhere),
+        }
+    }
+
+    /// The materials of a mesh in memory, in its order.
+    pub fn of_mesh(&mut self, mesh: &Arc<Mesh>, diagnostics: &mut Diagnostics) -> Vec<u32> {
+        self.of_definitions(Arc::as_ptr(mesh) as usize, || mesh.materials().to_vec(), diagnostics)
+    }
+
+    /// The materials of definitions in memory, in their order; `address` identifies them.
+    pub fn of_definitions(
+        &mut self,
+        address: usize,
+        definitions: impl FnOnce() -> Vec<MaterialDefinition>,
+        diagnostics: &mut Diagnostics,
+    ) -> Vec<u32> {
+        let file = *self.in_memory.entry(address).or_insert_with(|| {
+            self.files.push(MtlFile { source: None, definitions: definitions() });
+            self.files.len() - 1
+        });
+        let count = self.files[file].definitions.len();
+        (0..count).map(|index| self.defined(DefinitionId { file, index }, diagnostics)).collect()
+    }
+
+    /// The materials of a mesh file and the table of materials that it is read with, in their order.
+    pub fn of_file(
+        &mut self,
+        key: (PathBuf, Option<PathBuf>),
+        definitions: &[MaterialDefinition],
+        diagnostics: &mut Diagnostics,
+    ) -> Vec<u32> {
+        let file = *self.mesh_files.entry(key).or_insert_with(|| {
+            self.files.push(MtlFile { source: None, definitions: definitions.to_vec() });
+            self.files.len() - 1
+        });
+        (0..definitions.len()).map(|index| self.defined(DefinitionId { file, index }, diagnostics)).collect()
+    }
+
+    /// Adds the definitions of a table of materials to `names`, in which they precede those of files added later.
+    pub fn add_definitions(
+        &mut self,
+        path: &Path,
+        definitions: impl FnOnce() -> Vec<MaterialDefinition>,
+        names: &mut Names,
+    ) {
+        let key = (path.to_path_buf(), None);
+        let file = *self.mesh_files.entry(key).or_insert_with(|| {
+            self.files.push(MtlFile { source: None, definitions: definitions() });
+            self.files.len() - 1
+        });
+        for (index, definition) in self.files[file].definitions.iter().enumerate() {
+            names.add(&definition.name, DefinitionId { file, index });
+        }
+    }
+
+    /// The material for a name that is not defined.
+    pub fn unnamed(&mut self, name: &str) -> u32 {
+        let (materials, rules) = (&mut self.materials, self.rules);
+        self.relevant_rules.reflectance_fraction = true;
+        self.relevant_rules.lambert_default = true;
+        let units = &mut self.units;
+        *self.index_of.entry(Key::Named(name.to_owned())).or_insert_with(|| {
+            if !rules.reflectance_fraction {
+                units.add(name, 50.0, || None);
+            }
+            materials.push(Material::unnamed(name, rules));
+            materials.len() as u32 - 1
+        })
+    }
+
+    /// A copy of a material with another class.
+    pub fn of_class(&mut self, material: u32, class: u8) -> u32 {
+        let base = &self.materials[material as usize];
+        if base.classification == i32::from(class) {
+            return material;
+        }
+        if let Some(&index) = self.index_of.get(&Key::Classified(material, class)) {
+            return index;
+        }
+        let classified = Material { classification: i32::from(class), ..base.clone() };
+        self.materials.push(classified);
+        let index = self.materials.len() as u32 - 1;
+        self.index_of.insert(Key::Classified(material, class), index);
+        index
+    }
+
+    fn defined(&mut self, known: DefinitionId, diagnostics: &mut Diagnostics) -> u32 {
+        if let Some(&index) = self.index_of.get(&Key::Defined(known)) {
+            return index;
+        }
+        let is_last = known.index + 1 == self.files[known.file].definitions.len();
+        let definition = self.files[known.file].definitions[known.index].clone();
+        let is_in_memory = self.files[known.file].source.is_none();
+        let placeless = MaterialDefinition { place: None, ..definition.clone() };
+        let equal = self.of_memory.get(&definition.name).into_iter().flatten();
+        if let Some(&(_, index)) = equal.filter(|_| is_in_memory).find(|(other, _)| *other == placeless) {
+            self.index_of.insert(Key::Defined(known), index);
+            return index;
+        }
+        let material = self.resolve(&definition, is_last, diagnostics);
+        self.materials.push(material);
+        let index = self.materials.len() as u32 - 1;
+        self.index_of.insert(Key::Defined(known), index);
+        if is_in_memory {
+            self.of_memory.entry(definition.name).or_default().push((placeless, index));
+        }
+        index
+    }
+
+    fn resolve(&mut self, d: &MaterialDefinition, is_last: bool, diagnostics: &mut Diagnostics) -> Material {
+        if let (Some(_), Some(spectrum)) = (d.reflectance, &d.spectrum) {
+            let message = format!(
+                "material \"{}\" has a reflectance, which counts, and a spectrum, {spectrum}",
+                d.name
+            );
+            diagnostics.warn(d.place.clone(), message);
+        }
+        // Definitions with a line have been checked where they were read.
+        if !d.has_line() && !CLASSES.contains(&d.classification) {
+            let message = format!(
+                "material \"{}\" has the class {}, which is written as 0 in LAS and LAZ: they have classes 0 to 255",
+                d.name, d.classification
+            );
+            diagnostics.warn(d.place.clone(), message);
+        }
+        let mut from_spectrum = None;
+        if let (None, Some(name)) = (d.reflectance, &d.spectrum) {
+            from_spectrum = self.spectra.reflectance(name, diagnostics);
+            if from_spectrum.is_none() {
+                let message =
+                    format!("no spectrum \"{name}\" for material \"{}\"; it reflects 50 per cent", d.name);
+                diagnostics.warn(d.place.clone(), message).help(self.spectra.described());
+            }
+        } else if d.reflectance.is_none() && d.has_line() {
+            // Readers of mesh files report materials without a line.
+            self.add_issue(ReflectanceIssue::Missing, d);
+        }
+        let is_fraction = self.rules.reflectance_fraction;
+        let reflectance = match d.reflectance {
+            Some(per_cent) if is_fraction && per_cent > MAX_FRACTION => {
+                self.add_issue(ReflectanceIssue::PerCent, d);
+                per_cent / 100.0
+            }
+            Some(fraction) => fraction,
+            None if is_fraction => from_spectrum.unwrap_or(50.0) / 100.0,
+            None => from_spectrum.unwrap_or(50.0),
+        };
+        // Spectra and the default of 50 are per cent, but fractions in the refined physics.
+        if let Some(given) = d.reflectance.or((!is_fraction).then_some(reflectance)) {
+            self.units.add(&d.name, given, || d.place.clone());
+        }
+        if is_fraction && !(0.0..=1.0).contains(&reflectance) {
+            self.add_issue(ReflectanceIssue::NoFraction, d);
+        }
+        if is_specular_only(d) {
+            let message =
+                format!("material \"{}\" has Ks but no Kd; it reflects by its specular share alone", d.name);
+            diagnostics.warn(d.place.clone(), message);
+        }
+        let (has_kd, has_ks) = (d.kd != [0.0; 3], d.ks != [0.0; 3]);
+        self.relevant_rules = self.relevant_rules.or(MaterialRules {
+            specular_shares: has_kd && has_ks,
+            reflectance_fraction: d.reflectance.is_none_or(|r| r > 1.0),
+            specular_lobe: has_ks && d.roughness == 0.0,
+            lambert_default: !has_kd && !has_ks,
+            ..MaterialRules::default()
+        });
+        let has_share = self.rules.specular_shares || is_last || from_spectrum.is_some();
+        Material {
+            name: d.name.clone(),
+            reflectance: reflectance.max(0.0),
+            reflection: reflection(d, has_share, self.rules),
+            classification: d.classification,
+            is_ground: d.is_ground,
+        }
+    }
+
+    /// Records an issue of a material that a file defines.
+    fn add_issue(&mut self, issue: ReflectanceIssue, d: &MaterialDefinition) {
+        if let Some(place) = &d.place {
+            self.issues.add(issue, &d.name, place.clone());
+        }
+    }
+
+    /// The materials of a part whose loader defines none: the selected one and its randomised variants. Primitive i of
+    /// the part uses material i modulo their number. `None` after an error.
+    pub fn chosen(
+        &mut self,
+        choice: &MaterialChoice,
+        part: u32,
+        place: Option<&Place>,
+        diagnostics: &mut Diagnostics,
+    ) -> Option<Vec<u32>> {
+        let Some(path) = &choice.file else {
+            if let Some(place) = place {
+                self.issues.add(ReflectanceIssue::Missing, DEFAULT, place.clone());
+                if !self.rules.reflectance_fraction {
+                    self.units.add(DEFAULT, 50.0, || Some(place.clone()));
+                }
+            }
+            return Some(vec![self.unnamed(DEFAULT)]);
+        };
+        let Some(file) = self.open(path, diagnostics) else {
+            let message =
+                format!("cannot read the material file {}; the part reflects 50 per cent", path.display());
+            diagnostics.warn(place.cloned(), message);
+            return Some(vec![self.unnamed(DEFAULT)]);
+        };
+        let definitions = &self.files[file].definitions;
+        let index = match &choice.name {
+            Some(name) => {
+                let same_word = || definitions.iter().position(|d| first_word(&d.name) == first_word(name));
+                definitions.iter().position(|d| d.name == *name).or_else(|| {
+                    let index = same_word()?;
+                    let other = &definitions[index].name;
+                    let message = format!(
+                        "{} defines no material \"{name}\"; \"{other}\" is taken, whose first word is the same",
+                        path.display()
+                    );
+                    diagnostics.warn(place.cloned(), message);
+                    Some(index)
+                })
+            }
+            None => (0..definitions.len()).min_by(|&a, &b| definitions[a].name.cmp(&definitions[b].name)),
+        };
+        let Some(index) = index else {
+            let known: Vec<&str> = definitions.iter().map(|d| d.name.as_str()).collect();
+            let wanted = choice.name.as_ref().map_or("material".to_owned(), |n| format!("material \"{n}\""));
+            let message = format!("{} defines no {wanted}", path.display());
+            diagnostics.error(place.cloned(), message).help(format!("it defines: {}", known.join(", ")));
+            return None;
+        };
+        if choice.random_variants > MAX_VARIANTS || !choice.random_range.is_finite() {
+            let message = format!(
+                "expected at most {MAX_VARIANTS} randomised materials with a finite range, found {} with {}",
+                choice.random_variants, choice.random_range
+            );
+            diagnostics.error(place.cloned(), message);
+            return None;
+        }
+        let definition = definitions[index].clone();
+        let mut all = vec![self.defined(DefinitionId { file, index }, diagnostics)];
+        for variant in 0..choice.random_variants {
+            let base = self.materials[all[0] as usize].clone();
+            all.push(self.materials.len() as u32);
+            self.materials.push(self.varied(base, &definition, choice.random_range, part, variant));
+        }
+        Some(all)
+    }
+
+    fn varied(
+        &self,
+        base: Material,
+        definition: &MaterialDefinition,
+        range: f64,
+        part: u32,
+        variant: u32,
+    ) -> Material {
+        let stream = Stream::new(self.seed, Purpose::Material);
+        let change = |value: f64, component: u32| {
+            let u = 2.0 * stream.uniform(part, u64::from(variant), component) - 1.0;
+            (value + range * u).clamp(0.0, 1.0)
+        };
+        let mut varied = definition.clone();
+        for axis in 0..3u32 {
+            let i = axis as usize;
+            varied.kd[i] = change(varied.kd[i], axis);
+            varied.ks[i] = change(varied.ks[i], 3 + axis);
+        }
+        Material { reflection: reflection(&varied, true, self.rules), ..base }
+    }
+}
+
+fn is_specular_only(d: &MaterialDefinition) -> bool {
+    d.kd == [0.0; 3] && d.ks != [0.0; 3]
+}
+
+/// The angular law; without `has_share` the specular share remains 0, as in the reference for most materials.
+fn reflection(d: &MaterialDefinition, has_share: bool, rules: MaterialRules) -> Reflection {
+    let (kd, ks): (f64, f64) = (d.kd.iter().sum(), d.ks.iter().sum());
+    let (has_kd, has_ks) = (d.kd != [0.0; 3], d.ks != [0.0; 3]);
+    let specularity = match (has_kd, has_ks) {
+        (_, false) => 0.0,
+        (false, true) => 1.0,
+        (true, true) if has_share => ks / (ks + kd),
+        (true, true) => 0.0,
+    };
+    if d.roughness > 0.0 || (has_ks && rules.specular_lobe) {
+        return Reflection::Lobes { specularity, exponent: d.ns, roughness: d.roughness };
+    }
+    match (has_kd, has_ks) {
+        (_, true) => Reflection::Phong { specularity, exponent: d.ns },
+        (false, false) if !rules.lambert_default => Reflection::Uniform,
+        _ => Reflection::Lambert,
+    }
+}
+
+#[cfg(test)]
+mod tests;

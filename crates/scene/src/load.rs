@@ -1,0 +1,358 @@
+//! Builds the finished scene from its description (spec input-formats §3.6): loads and transforms all parts, drops
+//! those with `onGround` to the ground, and moves the origin to the centre of the scene.
+
+use super::builder::{Extent, FaceNumbers, LoadOptions, MAX_COORDINATE, PartSource, SceneBuilder};
+use super::crs::find_crs;
+use super::epoch::{SceneFrame, keeps_frame};
+use super::frames::PartFrames;
+use super::ground::{self, Body, LoadedPart};
+use super::lad::LadTable;
+use super::library::{Library, Names};
+use super::mesh_file::{self, EpochPart};
+use super::model::{MovingPart, Part, Scene};
+use super::pack::Pack;
+use super::spectra::Spectra;
+use super::text::{Source, printable};
+use super::{change, geotiff, instances, mesh, mesh_doubts, vox, xyz};
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::fault;
+use vlscan_base::machine;
+use vlscan_geom::Aabb;
+use vlscan_survey::{Loader, MaterialChoice, PartRecipe, Replaced, SceneRecipe, Transform, VoxelMode};
+
+/// Loads a scene in its first epoch and returns it with its warnings. All problems of all files are collected before an
+/// error is returned. The result does not depend on the number of threads. Moving parts are in their initial pose.
+pub fn load(recipe: &SceneRecipe, options: &LoadOptions) -> Result<(Scene, Diagnostics)> {
+    load_epoch(recipe, options, 0, None)
+}
+
+/// Loads a scene in an epoch, counted from 0. Later epochs share the frame of the `first`. Part indices are equal in
+/// all epochs: a swapped part keeps its index and its single id, also while it is absent.
+pub fn load_epoch(
+    recipe: &SceneRecipe,
+    options: &LoadOptions,
+    epoch: u32,
+    first: Option<SceneFrame>,
+) -> Result<(Scene, Diagnostics)> {
+    if let Some(path) = &recipe.packed {
+        let read = || Pack::open(path)?.scene(options, epoch);
+        return Ok((machine::with_pool(options.jobs, read)??, Diagnostics::default()));
+    }
+    machine::with_pool(options.jobs, || load_sources(recipe, options, epoch, first))?
+}
+
+fn load_sources(
+    recipe: &SceneRecipe,
+    options: &LoadOptions,
+    epoch: u32,
+    first: Option<SceneFrame>,
+) -> Result<(Scene, Diagnostics)> {
+    let spectra = Spectra::new(&recipe.asset_folders, options.wavelength_nm);
+    let library = Library::new(spectra, options.rules, options.seed);
+    let mut scene = SceneBuilder::new(options, library);
+    let parts = mesh_file::parts_in_epoch(&mut scene, recipe, epoch)?;
+    let present = parts.iter().filter(|part| part.is_present).map(|part| part.recipe.as_ref());
+    scene.meshes = instances::plan_sharing(present, options.sharing);
+    let mut loaded = Vec::new();
+    let mut ids = Ids::default();
+    let mut frames = PartFrames::default();
+    for EpochPart { recipe: part, is_present } in &parts {
+        if *is_present {
+            load_part(&mut scene, part, &mut ids, &mut loaded, &mut frames)?;
+        } else {
+            let name = name_of(&part.loader, part.loader.files());
+            scene.parts.push(Part { id: ids.single(part), name, lad: None });
+        }
+    }
+    if loaded.is_empty() && epoch == 0 && !scene.diagnostics.is_fatal(false) {
+        scene
+            .diagnostics
+            .error(None, format!("scene \"{}\" of {} is empty", recipe.id, recipe.path.display()));
+    }
+    if epoch == 0 {
+        change::report_needless(&mut scene);
+    }
+    let warnings = std::mem::take(&mut scene.diagnostics).finish(false)?;
+    scene.diagnostics = warnings;
+    frames.report(&mut scene);
+    scene.library.issues.report(options.rules, &mut scene.diagnostics);
+    scene.library.units.report(options.rules.reflectance_fraction, &mut scene.diagnostics);
+    ground::drop_to_ground(&mut scene, &loaded);
+    let crs = match epoch {
+        0 => find_crs(recipe, &mut scene.diagnostics),
+        _ => None,
+    };
+    let (scene, warnings) = freeze(scene, first, keeps_frame(recipe))?;
+    Ok((Scene { crs, dyn_step: recipe.dyn_step, dyn_time_step: recipe.dyn_time_step, ..scene }, warnings))
+}
+
+/// Assigns ids: a part without one gets numbers, and each of its files becomes a separate part.
+#[derive(Default)]
+struct Ids {
+    additional: u64,
+}
+
+impl Ids {
+    /// The id of a part that remains a single part for any number of files.
+    fn single(&self, part: &PartRecipe) -> String {
+        let numbered = || (u64::from(part.number) + self.additional).to_string();
+        part.id.as_deref().filter(|id| !id.is_empty()).map_or_else(numbered, printable)
+    }
+
+    /// The ids of the parts created from a recipe, each with its files.
+    fn with_files<'a>(&mut self, part: &PartRecipe, files: &'a [PathBuf]) -> Vec<(String, &'a [PathBuf])> {
+        let is_one = files.is_empty() || !part.swaps.is_empty();
+        if is_one || part.id.as_ref().is_some_and(|id| !id.is_empty()) {
+            return vec![(self.single(part), files)];
+        }
+        let first = u64::from(part.number) + self.additional;
+        self.additional += files.len().saturating_sub(1) as u64;
+        (first..).map(|n| n.to_string()).zip(files.chunks(1)).collect()
+    }
+}
+
+fn load_part(
+    scene: &mut SceneBuilder,
+    part: &PartRecipe,
+    ids: &mut Ids,
+    loaded: &mut Vec<LoadedPart>,
+    frames: &mut PartFrames,
+) -> Result<()> {
+    let files = part.loader.files();
+    if files.is_empty() && !matches!(part.loader, Loader::Mesh(_)) {
+        scene
+            .diagnostics
+            .warn(part.place.clone(), format!("part {} names no file and is left out", describe(part)));
+        return Ok(());
+    }
+    let lad = leaf_angles(scene, part);
+    let mut names = Names::default();
+    for (id, files) in ids.with_files(part, files) {
+        let instance = instances::add_instance(scene, part, |scene, part, files| {
+            load_files(scene, part, files, &mut Names::default())
+        })?;
+        let body = match instance {
+            Some(instance) => instance.map(Body::Instance),
+            None => {
+                let start = scene.end();
+                load_files(scene, part, files, &mut names)?;
+                Some(scene.since(&start)).filter(|extent| !extent.is_empty()).map(Body::Stored)
+            }
+        };
+        let Some(body) = body else {
+            // What could not be read is an error already.
+            if !scene.diagnostics.is_fatal(false) {
+                let message = format!("part \"{id}\" holds no primitives and is left out");
+                scene.diagnostics.warn(part.place.clone(), message);
+            }
+            if !part.swaps.is_empty() {
+                scene.parts.push(Part { id, name: name_of(&part.loader, files), lad: None });
+            }
+            continue;
+        };
+        let bounds = ground::bounds_of(scene, &body);
+        check_coordinates(scene, &id, bounds, &body, part.place.as_ref());
+        frames.add(&id, part.place.as_ref(), bounds);
+        mesh_doubts::check(scene, part, files, &body, bounds);
+        if let Body::Stored(extent) = &body
+            && !part.motions.is_empty()
+        {
+            scene.moving_parts.push(MovingPart {
+                part: scene.parts.len() as u32,
+                vertices: extent.vertices.clone(),
+                triangles: extent.triangles.clone(),
+                cubes: extent.cubes.clone(),
+                motions: part.motions.clone(),
+                timing: part.timing,
+            });
+        }
+        scene.parts.push(Part { id: id.clone(), name: name_of(&part.loader, files), lad: lad.clone() });
+        loaded.push(LoadedPart { id, body, on_ground: part.transform.on_ground, place: part.place.clone() });
+    }
+    Ok(())
+}
+
+/// The name of a mesh in memory, or of the first of a part's files, without its extension.
+fn name_of(loader: &Loader, files: &[PathBuf]) -> String {
+    if let Loader::Mesh(mesh) = loader {
+        return printable(mesh.name());
+    }
+    printable(&files.first().and_then(|file| file.file_stem()).unwrap_or_default().to_string_lossy())
+}
+
+fn leaf_angles(scene: &mut SceneBuilder, part: &PartRecipe) -> Option<Arc<LadTable>> {
+    let Loader::DetailedVoxels(loader) = &part.loader else { return None };
+    let path = loader.lad_table.as_ref()?;
+    if !part.motions.is_empty() {
+        let message = format!("part {} moves, so its leaf angle table is not used", describe(part));
+        scene.diagnostics.warn(part.place.clone(), message);
+        return None;
+    }
+    match Source::open(path) {
+        Ok(source) => {
+            scene.sources.push(path.clone());
+            let rules = scene.options.rules;
+            let (table, relevant) = LadTable::read(&source, rules, &mut scene.diagnostics)?;
+            scene.leaf_table_rules = scene.leaf_table_rules.or(relevant);
+            Some(Arc::new(table))
+        }
+        Err(e) => {
+            let message = format!("cannot read the leaf angle table {}: {e}", path.display());
+            scene.diagnostics.error(part.place.clone(), message);
+            None
+        }
+    }
+}
+
+/// Loads and transforms the files of one part.
+fn load_files(
+    scene: &mut SceneBuilder,
+    part: &PartRecipe,
+    files: &[PathBuf],
+    names: &mut Names,
+) -> Result<()> {
+    let target = PartSource { index: scene.parts.len() as u32, place: part.place.as_ref() };
+    let chosen = match &part.loader {
+        Loader::MeshFiles { .. } | Loader::Mesh(_) => Some(Vec::new()),
+        Loader::GeoTiff { material, .. } => choose(scene, &target, material),
+        Loader::Xyz(loader) => choose(scene, &target, &loader.material),
+        Loader::DetailedVoxels(loader) => choose(scene, &target, &loader.material),
+    };
+    let Some(materials) = chosen else { return Ok(()) };
+    let start = scene.end();
+    let are_wanted = part.changes.iter().any(|change| matches!(change.replaced, Replaced::Faces(_)));
+    scene.faces = FaceNumbers { are_wanted, ..FaceNumbers::default() };
+    let mut densities = Vec::new();
+    if let Loader::Mesh(triangles) = &part.loader {
+        mesh::load(scene, &target, triangles)?;
+    }
+    for file in files {
+        let Some(source) = open(scene, part, file)? else { continue };
+        match &part.loader {
+            Loader::MeshFiles { reading, .. } => mesh_file::load(scene, &target, &source, reading, names)?,
+            Loader::Mesh(_) => {}
+            Loader::GeoTiff { .. } => geotiff::load(scene, &target, &source, materials[0])?,
+            Loader::Xyz(loader) => xyz::load(scene, &target, &source, loader, &materials)?,
+            Loader::DetailedVoxels(loader) => {
+                densities.extend(vox::load(scene, &target, &source, loader, &materials)?);
+            }
+        }
+        source.check_unchanged()?;
+    }
+    let extent = scene.since(&start);
+    change::apply(scene, &target, &part.changes, &extent);
+    apply_transform(scene, &part.loader, &part.transform, &extent);
+    if let Loader::DetailedVoxels(loader) = &part.loader
+        && let VoxelMode::Scaled(exponent) = loader.mode
+    {
+        vox::scale_by_density(scene, &densities, exponent, loader.random_shift.then_some(target.index));
+    }
+    Ok(())
+}
+
+/// Applies a part's transform (spec input-formats §3.3), except dropping it to the ground. Triangles and point clouds
+/// are fully transformed; cubes remain axis-aligned, and vegetation cubes are scaled in place.
+fn apply_transform(scene: &mut SceneBuilder, loader: &Loader, transform: &Transform, extent: &Extent) {
+    if (Transform { on_ground: 0, ..*transform }) == Transform::IDENTITY {
+        return;
+    }
+    scene.geometry.vertices[extent.vertices.clone()].par_iter_mut().for_each(|v| *v = transform.apply(*v));
+    let of_centres = match loader {
+        Loader::DetailedVoxels(_) => Transform { scale: 1.0, ..*transform },
+        Loader::MeshFiles { .. } | Loader::GeoTiff { .. } | Loader::Xyz(_) | Loader::Mesh(_) => *transform,
+    };
+    scene.geometry.cubes[extent.cubes.clone()].par_iter_mut().for_each(|cube| {
+        cube.centre = of_centres.apply(cube.centre);
+        cube.half *= transform.scale.abs();
+    });
+    scene.voxels[extent.cubes.clone()].par_iter_mut().for_each(|v| v.rotate(&transform.rotation));
+}
+
+fn choose(scene: &mut SceneBuilder, part: &PartSource, choice: &MaterialChoice) -> Option<Vec<u32>> {
+    scene.library.chosen(choice, part.index, part.place, &mut scene.diagnostics)
+}
+
+/// Opens a file of a part; `None` after an error in its name.
+fn open(scene: &mut SceneBuilder, part: &PartRecipe, file: &Path) -> Result<Option<Source>> {
+    match fault::point().and_then(|()| Source::open_within(file, scene.options.max_memory)) {
+        Ok(source) => {
+            scene.sources.push(file.to_path_buf());
+            Ok(Some(source))
+        }
+        Err(e) if is_wrong_name(&e) => {
+            scene.diagnostics.error(part.place.clone(), format!("cannot read {}: {e}", file.display()));
+            Ok(None)
+        }
+        Err(e) => Err(Error::io("read", file, e)),
+    }
+}
+
+/// Whether an error is due to the file's name and thus a mistake in the scene's description.
+fn is_wrong_name(e: &std::io::Error) -> bool {
+    use std::io::ErrorKind::{InvalidInput, IsADirectory, NotADirectory, NotFound, PermissionDenied};
+    matches!(e.kind(), NotFound | PermissionDenied | IsADirectory | NotADirectory | InvalidInput)
+}
+
+fn describe(part: &PartRecipe) -> String {
+    part.id.as_ref().map_or_else(|| format!("number {}", part.number), |id| format!("\"{id}\""))
+}
+
+fn check_coordinates(scene: &mut SceneBuilder, id: &str, bounds: Aabb, body: &Body, place: Option<&Place>) {
+    if matches!(body, Body::Instance(i) if instances::is_near(&scene.meshes, *i)) {
+        return;
+    }
+    let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
+    if reach.is_nan() || reach > MAX_COORDINATE {
+        let message = format!(
+            "part \"{id}\" reaches {reach:e} m after its transforms; at most {MAX_COORDINATE:e} m can be computed"
+        );
+        scene.diagnostics.error(place.cloned(), message);
+    }
+}
+
+/// Moves the origin to the centre of the scene, or to that of the first epoch, and builds the final scene.
+fn freeze(scene: SceneBuilder, first: Option<SceneFrame>, keep_frame: bool) -> Result<(Scene, Diagnostics)> {
+    let SceneBuilder { mut geometry, mut voxels, library, mut sources, .. } = scene;
+    let mut instances = instances::freeze(scene.meshes, geometry.len())?;
+    let all =
+        Extent { vertices: 0..geometry.vertices.len(), triangles: 0..0, cubes: 0..geometry.cubes.len() };
+    let own = ground::bounds(&geometry, &all);
+    let world = instances.as_ref().map_or(own, |set| set.instances.exact_bounds(own));
+    let shift = first.map_or_else(|| world.centre(), |first| first.shift);
+    geometry.vertices.par_iter_mut().for_each(|v| *v -= shift);
+    geometry.cubes.par_iter_mut().for_each(|c| c.centre -= shift);
+    if let Some(instances) = instances.as_mut().and_then(|set| Arc::get_mut(&mut set.instances)) {
+        instances.shift = shift;
+    }
+    geometry.vertices.shrink_to_fit();
+    geometry.triangles.shrink_to_fit();
+    geometry.cubes.shrink_to_fit();
+    voxels.shrink_to_fit();
+    let mut surface_ids = scene.triangle_surfaces;
+    surface_ids.extend(scene.cube_surfaces);
+    let own = ground::bounds(&geometry, &all);
+    let found = instances.as_ref().map_or(own, |set| set.instances.exact_bounds(own));
+    sources.extend(library.files());
+    sources.sort();
+    sources.dedup();
+    let frozen = Scene {
+        shift,
+        bounds: first.map_or(found, |first| first.bounds(found, keep_frame)),
+        geometry,
+        surface_ids: surface_ids.into(),
+        surfaces: scene.surfaces,
+        parts: scene.parts,
+        relevant_rules: library.relevant_rules.or(scene.leaf_table_rules),
+        materials: library.materials,
+        voxels,
+        moving_parts: scene.moving_parts,
+        instances,
+        sources,
+        ..Scene::default()
+    };
+    Ok((frozen, scene.diagnostics))
+}

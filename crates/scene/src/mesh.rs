@@ -1,0 +1,59 @@
+//! Loads meshes in memory.
+
+use super::builder::{PartSource, SceneBuilder};
+use super::library::DEFAULT;
+use std::path::Path;
+use std::sync::Arc;
+use vlscan_base::error::Result;
+use vlscan_geom::DVec3;
+use vlscan_survey::Mesh;
+
+/// Appends the triangles of a mesh to the scene. Triangles without area are left out and counted in a warning.
+pub(super) fn load(scene: &mut SceneBuilder, part: &PartSource, mesh: &Arc<Mesh>) -> Result<()> {
+    let materials: Vec<u32> = match mesh.materials() {
+        [] => vec![scene.library.unnamed(DEFAULT)],
+        _ => scene.library.of_mesh(mesh, &mut scene.diagnostics),
+    };
+    load_with(scene, part, mesh, materials, &[])
+}
+
+/// [`load`] with materials of the scene in place of those of the mesh, in its order. `face_of` is the face of each triangle,
+/// from 0; without it each triangle is a face.
+pub(super) fn load_with(
+    scene: &mut SceneBuilder,
+    part: &PartSource,
+    mesh: &Mesh,
+    materials: Vec<u32>,
+    face_of: &[u32],
+) -> Result<()> {
+    let start = scene.end();
+    let (vertices, triangles) = (mesh.vertices(), mesh.triangles());
+    scene.reserve(vertices.len(), triangles.len(), 0, Path::new("a mesh in memory"))?;
+    let surfaces: Vec<u32> = materials.iter().map(|&material| scene.surface(part.index, material)).collect();
+    let has_area = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|v| vertices[v as usize]);
+        (b - a).cross(c - a) != DVec3::ZERO
+    };
+    scene.geometry.vertices.extend_from_slice(vertices);
+    let first_face = scene.faces.count;
+    scene.faces.count += face_of.last().map_or(triangles.len(), |last| *last as usize + 1);
+    let mut without_area = 0;
+    for (i, triangle) in triangles.iter().enumerate() {
+        if !has_area(triangle) {
+            without_area += 1;
+            continue;
+        }
+        if scene.faces.are_wanted {
+            let face = face_of.get(i).map_or(i, |&face| face as usize);
+            scene.faces.of_triangles.push((first_face + face) as u32);
+        }
+        scene.geometry.triangles.push(*triangle);
+        let material = mesh.material_of().get(i).map_or(0, |&m| m as usize);
+        scene.triangle_surfaces.push(surfaces[material]);
+    }
+    if without_area > 0 {
+        let message = format!("{without_area} triangles without area are left out");
+        scene.diagnostics.warn(part.place.cloned(), message);
+    }
+    scene.finish_mesh(&start)
+}

@@ -1,0 +1,182 @@
+//! Meshes that are probably read in the wrong unit or with the wrong axis up: coordinates in millimetres are taken as metres,
+//! and a mesh whose y is up lies on its side. Both can be told from the extent of most meshes, and are warned of unless the
+//! scene states unit or axis.
+
+use super::builder::SceneBuilder;
+use super::ground::Body;
+use std::path::PathBuf;
+use vlscan_base::diag::Place;
+use vlscan_base::quantity::metres;
+use vlscan_geom::{Aabb, DVec3};
+use vlscan_survey::{Loader, PartRecipe};
+
+/// Height from which a mesh is doubted, m: more than nearly all buildings have.
+const MIN_TALL: f64 = 400.0;
+/// Ratio of height to width below which a tall mesh may be a landscape.
+const MIN_STEEP: f64 = 0.25;
+/// Heights that a mesh in another unit may have, m.
+const PLAUSIBLE_HEIGHTS: std::ops::RangeInclusive<f64> = 0.2..=150.0;
+/// Width and depth from which a thin sheet is doubted, m.
+const MIN_SHEET: f64 = 100.0;
+
+/// Warns of a part whose mesh is probably in another unit or lies on its side, once for each file. `bounds` is the box of the
+/// part, world frame.
+pub(super) fn check(
+    scene: &mut SceneBuilder,
+    part: &PartRecipe,
+    files: &[PathBuf],
+    body: &Body,
+    bounds: Aabb,
+) {
+    let (Loader::MeshFiles { reading, .. }, [file]) = (&part.loader, files) else { return };
+    if reading.unit_m.is_some() && reading.up.is_some() || !scene.doubted.insert(file.clone()) {
+        return;
+    }
+    let place = Some(Place::of_file(file));
+    if let (None, Some(message)) = (reading.unit_m, unit_doubt(bounds.size())) {
+        scene.diagnostics.warn(place.clone(), message).help(
+            "`unit` of its loader converts it (unit = \"mm\", <param type=\"string\" key=\"unit\" value=\"mm\"/>); \"m\" confirms metres",
+        );
+    }
+    let is_upright = part.transform.rotation.apply(DVec3::Z).z > 0.999;
+    if let (None, true, Some(message)) = (reading.up, is_upright, axis_doubt(own_bounds(scene, part, body))) {
+        scene.diagnostics.warn(place, message).help(
+            "`up` of its loader turns it (up = \"y\", <param type=\"string\" key=\"up\" value=\"y\"/>); \"z\" confirms that it is right",
+        );
+    }
+}
+
+/// The box of a part's mesh in its own frame.
+fn own_bounds(scene: &SceneBuilder, part: &PartRecipe, body: &Body) -> Aabb {
+    let transform = &part.transform;
+    let back = transform.rotation.inverse();
+    match body {
+        Body::Stored(extent) => {
+            let vertices = &scene.geometry.vertices[extent.vertices.clone()];
+            super::builder::bounds_of_points(vertices, |p| {
+                back.apply((p - transform.offset) / transform.scale)
+            })
+        }
+        Body::Instance(instance) => {
+            let model = scene.meshes.placements[*instance].0;
+            super::builder::bounds_of_points(&scene.meshes.models[model as usize].geometry.vertices, |p| p)
+        }
+    }
+}
+
+/// What is doubtful about a mesh of this size in metres.
+fn unit_doubt(size: DVec3) -> Option<String> {
+    let wide = size.x.max(size.y);
+    if size.z < MIN_TALL || size.z < MIN_STEEP * wide {
+        return None;
+    }
+    let units = [("millimetres", 0.001), ("centimetres", 0.01)];
+    let likely = units.iter().filter(|(_, unit)| PLAUSIBLE_HEIGHTS.contains(&(size.z * unit)));
+    let likely: Vec<String> =
+        likely.map(|(name, unit)| format!("{name} ({} high)", metres(size.z * unit))).collect();
+    let likely = if likely.is_empty() { "another unit".to_owned() } else { likely.join(" or ") };
+    Some(format!(
+        "the mesh is {} wide and {} high: its coordinates are probably {likely}, and are taken as metres",
+        metres(wide),
+        metres(size.z)
+    ))
+}
+
+/// What is doubtful about the axes of a mesh with this box, z up.
+fn axis_doubt(bounds: Aabb) -> Option<String> {
+    let (size, centre) = (bounds.size(), bounds.centre());
+    let is_centred = |centre: f64, size: f64| centre.abs() <= 0.1 * size;
+    let stands_on_y = (-0.2 * size.y..=0.05 * size.y).contains(&bounds.min.y) && centre.y >= 0.3 * size.y;
+    let is_solid = size.x >= 0.1 * size.y && size.z >= 0.2 * size.y;
+    if stands_on_y && is_solid && is_centred(centre.x, size.x) && is_centred(centre.z, size.z) {
+        return Some("the mesh lies on its side: it stands on y = 0 and extends equally to both sides in x and z, so that y \
+             is probably up"
+            .to_owned());
+    }
+    let smallest = size.x.min(size.z);
+    (smallest >= MIN_SHEET && size.y <= 0.2 * smallest).then(|| {
+        format!(
+            "the mesh stands upright like a wall, {} wide and {} high: it is probably a landscape whose y is up",
+            metres(size.x),
+            metres(size.z)
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixture::Fixture;
+    use vlscan_survey::UpAxis;
+
+    /// A box as OBJ.
+    fn solid(low: [f64; 3], high: [f64; 3]) -> String {
+        let corner = |i: usize| [0, 1, 2].map(|axis| if i >> axis & 1 == 0 { low[axis] } else { high[axis] });
+        let mut text: String = (0..8).map(corner).map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+        text.push_str("f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n");
+        text
+    }
+
+    /// The warnings of a part with this mesh.
+    fn warnings(obj: &str, change: impl Fn(&mut PartRecipe)) -> String {
+        let mut f = Fixture::new();
+        change(f.obj("house.obj", obj));
+        f.load().unwrap().1.render(false)
+    }
+
+    #[test]
+    fn millimetres_are_told_from_metres() {
+        let house = solid([-6000.0, -4000.0, -1000.0], [6000.0, 4000.0, 8000.0]);
+        let found = warnings(&house, |_| {});
+        assert!(
+            found.contains("millimetres (9.0 m high) or centimetres (90 m high)")
+                && found.contains("house.obj"),
+            "{found}"
+        );
+        let reading = |part: &mut PartRecipe, unit: f64| {
+            let Loader::MeshFiles { reading, .. } = &mut part.loader else { panic!() };
+            reading.unit_m = Some(unit);
+        };
+        for right in [
+            warnings(&house, |part| reading(part, 0.001)),
+            warnings(&house, |part| reading(part, 1.0)),
+            warnings(&house, |part| part.transform.scale = 0.001),
+            warnings(&solid([0.0, 0.0, 0.0], [20_000.0, 20_000.0, 3000.0]), |_| {}),
+            warnings(&solid([-30.0, -30.0, 0.0], [30.0, 30.0, 380.0]), |_| {}),
+        ] {
+            assert!(right.is_empty(), "{right}");
+        }
+    }
+
+    #[test]
+    fn a_mesh_on_its_side_is_recognised() {
+        let tree = solid([-2.0, 0.0, -2.1], [2.1, 12.0, 2.0]);
+        let terrain = solid([0.0, 200.0, 0.0], [500.0, 230.0, -400.0]);
+        let about_z = |part: &mut PartRecipe| part.transform.rotation = vlscan_geom::Rotation::about_z(0.5);
+        for lying in [
+            warnings(&tree, |_| {}),
+            warnings(&tree, |part| part.transform.offset = DVec3::new(476_000.0, 5_429_000.0, 210.0)),
+            warnings(&tree, about_z),
+            warnings(&terrain, |_| {}),
+        ] {
+            assert!(lying.contains("y is") && lying.contains("up = \"y\""), "{lying}");
+        }
+        let up = |part: &mut PartRecipe, axis: UpAxis| {
+            let Loader::MeshFiles { reading, .. } = &mut part.loader else { panic!() };
+            reading.up = Some(axis);
+        };
+        for right in [
+            warnings(&tree, |part| up(part, UpAxis::Y)),
+            warnings(&tree, |part| up(part, UpAxis::Z)),
+            warnings(&tree, |part| {
+                part.transform.rotation = vlscan_geom::Rotation::about_x(std::f64::consts::FRAC_PI_2)
+            }),
+            warnings(&solid([-2.0, -2.0, 0.0], [2.0, 2.0, 12.0]), |_| {}),
+            warnings(&solid([-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]), |_| {}),
+            warnings(&solid([0.0, 0.0, 0.0], [3.0, 5.0, 2.0]), |_| {}),
+            warnings(&solid([-5.0, 0.0, -0.1], [5.0, 80.0, 0.1]), |_| {}),
+        ] {
+            assert!(right.is_empty(), "{right}");
+        }
+    }
+}

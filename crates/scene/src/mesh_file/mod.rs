@@ -1,0 +1,291 @@
+//! Mesh files: OBJ, PLY, STL and glTF, recognised by their contents.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `ply` | PLY |
+//! | `stl` | STL |
+//! | `gltf`, `gltf_buffers` | documents of glTF 2.0: accessors, meshes, materials; their bytes |
+//! | `gltf_extensions` | extensions that a document may require |
+//! | `gltf_materials` | materials of a glTF document with their extras |
+//! | `gltf_nodes` | the nodes of a glTF document with their transforms |
+//! | `expand` | glTF files as parts, one for each mesh that a node places |
+//! | `materials` | tables of materials by name |
+
+mod expand;
+mod gltf;
+mod gltf_buffers;
+mod gltf_extensions;
+mod gltf_materials;
+mod gltf_nodes;
+mod materials;
+mod ply;
+mod stl;
+#[cfg(test)]
+mod tests;
+
+pub(super) use expand::{EpochPart, parts_in_epoch};
+
+use super::builder::{PartSource, SceneBuilder};
+use super::library::Names;
+use super::polygon::Fan;
+use super::text::{Source, printable};
+use super::{mesh, obj, polygon};
+use materials::MaterialTable;
+use std::collections::HashSet;
+use std::path::Path;
+use vlscan_base::diag::Place;
+use vlscan_base::error::{Error, Result};
+use vlscan_geom::DVec3;
+use vlscan_points::is_ply;
+use vlscan_survey::{MaterialDefinition, Mesh, MeshReading, UpAxis, foreign_format};
+
+/// Formats of mesh files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Obj,
+    Ply,
+    Stl,
+    Gltf,
+}
+
+impl Format {
+    fn of(path: &Path, bytes: &[u8]) -> Format {
+        let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+        match ending.as_str() {
+            _ if is_ply(bytes) => Format::Ply,
+            _ if bytes.starts_with(b"glTF") => Format::Gltf,
+            "gltf" | "glb" => Format::Gltf,
+            "ply" => Format::Ply,
+            "stl" => Format::Stl,
+            _ if stl::is_stl(bytes) => Format::Stl,
+            _ => Format::Obj,
+        }
+    }
+
+    fn up(self) -> UpAxis {
+        if self == Format::Gltf { UpAxis::Y } else { UpAxis::Z }
+    }
+}
+
+/// The frame of a file's coordinates.
+#[derive(Clone, Copy, Debug)]
+struct FileFrame {
+    up: UpAxis,
+    unit_m: f64,
+}
+
+impl FileFrame {
+    fn new(reading: &MeshReading, format: Format) -> FileFrame {
+        FileFrame { up: reading.up.unwrap_or(format.up()), unit_m: reading.metres_per_unit() }
+    }
+
+    /// A direction of the file in the frame of the scene, z up.
+    fn rotate(&self, v: DVec3) -> DVec3 {
+        match self.up {
+            UpAxis::Z => v,
+            UpAxis::Y => DVec3::new(v.x, -v.z, v.y),
+        }
+    }
+
+    /// A point of the file in metres, z up.
+    fn apply(&self, v: DVec3) -> DVec3 {
+        self.rotate(v) * self.unit_m
+    }
+}
+
+/// A mesh as a file holds it.
+#[derive(Debug, Default)]
+struct RawMesh {
+    /// Metres, z up.
+    vertices: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    materials: Vec<MaterialDefinition>,
+    /// Index in `materials` of each triangle.
+    material_of: Vec<u32>,
+    /// The face of each triangle, as the file has them.
+    face_of: Vec<u32>,
+    /// Number of faces.
+    faces: u32,
+    /// The faces of more than three corners.
+    fans: Vec<Fan>,
+    /// Number of faces of fewer than three corners, which have no triangle.
+    edges: usize,
+    /// What was left out, in sentences about the file.
+    warnings: Vec<String>,
+}
+
+impl RawMesh {
+    /// Adds a polygon, which is divided when all corners are known.
+    fn add_polygon(&mut self, corners: &[u32], material: u32) {
+        self.edges += usize::from(corners.len() < 3);
+        if corners.len() > 3 {
+            self.fans.push(Fan { first: self.triangles.len() as u32, triangles: corners.len() as u32 - 2 });
+        }
+        for pair in corners.get(1..).unwrap_or_default().windows(2) {
+            self.triangles.push([corners[0], pair[0], pair[1]]);
+            self.material_of.push(material);
+            self.face_of.push(self.faces);
+        }
+        self.faces += 1;
+    }
+
+    /// Divides the polygons into triangles.
+    fn divide_polygons(&mut self) {
+        let crossings = polygon::divide(&self.fans, &mut self.triangles, &self.vertices);
+        self.warnings.extend(crossings.map(|crossings| crossings.message()));
+        if self.edges > 0 {
+            self.warnings.push(format!("{} faces with fewer than three corners are left out", self.edges));
+        }
+        if self.triangles.contains(&polygon::UNUSED) {
+            let is_used: Vec<bool> = self.triangles.iter().map(|t| *t != polygon::UNUSED).collect();
+            let mut used = is_used.iter().copied().cycle();
+            let mut keep = || used.next().unwrap_or(true);
+            // Three arrays of the same length, one after the other.
+            self.triangles.retain(|_| keep());
+            self.material_of.retain(|_| keep());
+            self.face_of.retain(|_| keep());
+        }
+    }
+}
+
+/// A material of a mesh file: it reflects diffusely.
+fn diffuse(name: impl AsRef<str>) -> MaterialDefinition {
+    MaterialDefinition { kd: [1.0; 3], ..MaterialDefinition::new(printable(name.as_ref())) }
+}
+
+/// Appends the triangles of a mesh file to the scene. `names` holds the materials known to the part's OBJ files.
+pub(super) fn load(
+    scene: &mut SceneBuilder,
+    part: &PartSource,
+    source: &Source,
+    reading: &MeshReading,
+    names: &mut Names,
+) -> Result<()> {
+    if let Some((found, help)) = foreign(source) {
+        let message =
+            format!("expected a mesh (OBJ, PLY, STL, glTF), found {found}: {}", source.path().display());
+        scene.diagnostics.error(part.place.cloned(), message).help(help);
+        return Ok(());
+    }
+    let format = Format::of(source.path(), source.bytes());
+    let frame = FileFrame::new(reading, format);
+    let found = match format {
+        Format::Obj => return load_obj(scene, part, source, reading, names),
+        Format::Ply => ply::read(source),
+        Format::Stl => stl::read(source),
+        Format::Gltf => gltf::Document::open(source.path(), scene.free_memory()).and_then(|document| {
+            scene.sources.extend(document.files().map(Path::to_path_buf));
+            let warnings = document.warnings();
+            document.whole(frame).map(|raw| RawMesh { warnings, ..raw })
+        }),
+    };
+    let mut raw = match found {
+        Ok(raw) => raw,
+        Err(message) => {
+            scene.diagnostics.error(Some(Place::of_file(source.path())), message);
+            return Ok(());
+        }
+    };
+    raw.divide_polygons();
+    for warning in std::mem::take(&mut raw.warnings) {
+        scene.diagnostics.warn(Some(Place::of_file(source.path())), warning);
+    }
+    if format != Format::Gltf {
+        raw.vertices.iter_mut().for_each(|v| *v = frame.apply(*v));
+    }
+    let face_of = std::mem::take(&mut raw.face_of);
+    let table = table_of(scene, source.path(), reading);
+    let mut unknown = Vec::new();
+    let mesh = finish(scene, source.path(), table.as_ref(), raw, &mut unknown)?;
+    warn_of_unknown(scene, source.path(), unknown);
+    let Some(mesh) = mesh else { return Ok(()) };
+    let key = (source.path().to_path_buf(), reading.materials.clone());
+    let materials = scene.library.of_file(key, mesh.materials(), &mut scene.diagnostics);
+    mesh::load_with(scene, part, &mesh, materials, &face_of)
+}
+
+/// The format of a file that is none of the known ones, and what to do with it. The first bytes of a binary STL file are
+/// any.
+fn foreign(source: &Source) -> Option<(&'static str, &'static str)> {
+    let bytes = source.bytes();
+    let is_known = is_ply(bytes) || bytes.starts_with(b"glTF") || stl::is_stl(bytes);
+    (!is_known).then(|| foreign_format(source.path(), bytes)).flatten()
+}
+
+/// The table of a mesh file's materials, if it has one.
+fn table_of(scene: &mut SceneBuilder, path: &Path, reading: &MeshReading) -> Option<MaterialTable> {
+    let table = MaterialTable::of(path, reading, &mut scene.diagnostics)?;
+    scene.sources.push(table.path().to_path_buf());
+    Some(table)
+}
+
+/// Warns of materials whose reflectance is not known.
+fn warn_of_unknown(scene: &mut SceneBuilder, path: &Path, mut unknown: Vec<String>) {
+    let mut seen = HashSet::new();
+    unknown.retain(|name| seen.insert(name.clone()));
+    if unknown.is_empty() {
+        return;
+    }
+    let names = unknown.iter().take(5).map(|n| format!("\"{n}\"")).collect::<Vec<_>>().join(", ");
+    let more = if unknown.len() > 5 { format!(" and {} more", unknown.len() - 5) } else { String::new() };
+    let message = format!("no reflectance for the material {names}{more}; it reflects 50 per cent");
+    let help =
+        "a file materials.csv beside it, with a line name,reflectance,class,ground and one for each material";
+    scene.diagnostics.warn(Some(Place::of_file(path)), message).help(help);
+}
+
+/// Gives the materials of a mesh the properties of its table, and checks the mesh; `None` after an error in the input. Names
+/// of materials without a reflectance are appended to `unknown`, but for those that a row of the table describes: the library
+/// reports these at their lines.
+fn finish(
+    scene: &mut SceneBuilder,
+    path: &Path,
+    table: Option<&MaterialTable>,
+    mut raw: RawMesh,
+    unknown: &mut Vec<String>,
+) -> Result<Option<Mesh>> {
+    for material in &mut raw.materials {
+        material.place = Some(Place::of_file(path));
+        if let Some(table) = table {
+            table.apply(material);
+        }
+    }
+    let is_lacking =
+        |m: &&MaterialDefinition| m.reflectance.is_none() && m.spectrum.is_none() && !m.has_line();
+    unknown.extend(raw.materials.iter().filter(is_lacking).map(|m| m.name.clone()));
+    match Mesh::new(raw.vertices, raw.triangles, raw.materials, raw.material_of) {
+        Ok(mesh) => Ok(Some(mesh)),
+        Err(Error::Input(problems)) => {
+            let message = problems.items().first().map_or_else(String::new, |p| p.message.clone());
+            scene.diagnostics.error(Some(Place::of_file(path)), message);
+            Ok(None)
+        }
+        Err(e) => Err(e),
+    }
+}
+
+fn load_obj(
+    scene: &mut SceneBuilder,
+    part: &PartSource,
+    source: &Source,
+    reading: &MeshReading,
+    names: &mut Names,
+) -> Result<()> {
+    if reading.materials.is_some()
+        && let Some(table) = MaterialTable::of(source.path(), reading, &mut scene.diagnostics)
+    {
+        scene.sources.push(table.path().to_path_buf());
+        scene.library.add_definitions(table.path(), || table.definitions(), names);
+    }
+    let start = scene.end();
+    let y_up = reading.up == Some(UpAxis::Y);
+    let (drop_polygons, number_faces) = (scene.options.drop_polygons, scene.faces.are_wanted);
+    let lines = obj::Reading { y_up, drop_polygons, number_faces };
+    obj::load(scene, part, source, lines, names)?;
+    let unit_m = reading.metres_per_unit();
+    if unit_m != 1.0 {
+        let vertices = scene.since(&start).vertices;
+        scene.geometry.vertices[vertices].iter_mut().for_each(|v| *v *= unit_m);
+    }
+    Ok(())
+}

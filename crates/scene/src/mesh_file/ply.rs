@@ -1,0 +1,192 @@
+//! PLY meshes, text and binary: the faces of `vertex_indices`, and strips of triangles. The material is named after the file.
+
+use super::{RawMesh, diffuse};
+use crate::text::Source;
+use ply_rs_bw::parser::{Parser, Reader};
+use ply_rs_bw::ply::{
+    ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
+};
+use vlscan_base::damage::catch_decoder_panic;
+use vlscan_geom::DVec3;
+use vlscan_points::{PlyNumbers, ply_header};
+
+pub(super) fn read(source: &Source) -> Result<RawMesh, String> {
+    let name = source.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    catch_decoder_panic(|| read_mesh(source.bytes(), name))
+        .unwrap_or_else(|| Err("the file is damaged".to_owned()))
+}
+
+fn read_mesh(bytes: &[u8], name: String) -> Result<RawMesh, String> {
+    let spelled = ply_header(bytes).map_err(|e| format!("expected a PLY file: {e}"))?;
+    let parser = Parser::<Element>::new();
+    let header = parser
+        .read_header(&mut Reader::new(spelled.text.as_bytes()))
+        .map_err(|e| format!("expected a PLY file: {}", first_line(&e)))?;
+    let body = &bytes[spelled.body..];
+    let mut reader = match header.encoding {
+        Encoding::Ascii => ElementReader::Text(PlyNumbers::new(body)),
+        encoding => ElementReader::Binary(parser, encoding, body),
+    };
+    let mut mesh = RawMesh { materials: vec![diffuse(name)], ..RawMesh::default() };
+    let mut has_faces = false;
+    for definition in header.elements.values().filter(|e| !e.properties.is_empty()) {
+        has_faces |= matches!(definition.name.as_str(), "face" | "tristrips");
+        for at in 0..definition.count {
+            let element = reader.read(definition).map_err(|e| {
+                let (name, count) = (&definition.name, definition.count);
+                format!("{e} after {at} of {count} elements \"{name}\"")
+            })?;
+            match definition.name.as_str() {
+                "vertex" => mesh.vertices.push(DVec3::from(element.position)),
+                name @ ("face" | "tristrips") if element.has_fractions => {
+                    return Err(format!(
+                        "{name} {at}: expected whole numbers as corners, found a list of floats"
+                    ));
+                }
+                "face" => {
+                    let corner =
+                        |c: &i64| u32::try_from(*c).map_err(|_| format!("face {at} has the corner {c}"));
+                    let corners: Vec<u32> = element.corners.iter().map(corner).collect::<Result<_, _>>()?;
+                    mesh.add_polygon(&corners, 0);
+                }
+                "tristrips" => add_strips(&mut mesh, &element.corners)?,
+                _ => {}
+            }
+        }
+    }
+    if !has_faces {
+        return Err(
+            "the PLY file holds points and no faces; <filter type=\"xyzloader\"> makes voxels of points"
+                .to_owned(),
+        );
+    }
+    Ok(mesh)
+}
+
+/// Adds strips of triangles, which end with -1. Every second triangle has its corners in the other order.
+fn add_strips(mesh: &mut RawMesh, corners: &[i64]) -> Result<(), String> {
+    for strip in corners.split(|c| *c == -1) {
+        let corner = |c: &i64| u32::try_from(*c).map_err(|_| format!("a strip has the corner {c}"));
+        let strip: Vec<u32> = strip.iter().map(corner).collect::<Result<_, _>>()?;
+        for (i, t) in strip.windows(3).enumerate() {
+            let odd = i % 2;
+            mesh.add_polygon(&[t[0], t[1 + odd], t[2 - odd]], 0);
+        }
+    }
+    Ok(())
+}
+
+/// Reads elements one after the other.
+enum ElementReader<'b> {
+    Text(PlyNumbers<'b>),
+    Binary(Parser<Element>, Encoding, &'b [u8]),
+}
+
+impl ElementReader<'_> {
+    fn read(&mut self, definition: &ElementDef) -> Result<Element, String> {
+        let read = match self {
+            ElementReader::Text(numbers) => return read_text_element(numbers, definition),
+            ElementReader::Binary(parser, Encoding::BinaryBigEndian, rest) => {
+                parser.read_big_endian_element(rest, definition)
+            }
+            ElementReader::Binary(parser, _, rest) => parser.read_little_endian_element(rest, definition),
+        };
+        read.map_err(|e| format!("{}; is the file whole?", first_line(&e)))
+    }
+}
+
+/// Reads an element of a text file. Lines do not matter.
+fn read_text_element(numbers: &mut PlyNumbers, definition: &ElementDef) -> Result<Element, String> {
+    let mut element = Element::new();
+    for property in definition.properties.values() {
+        let name = property.name.as_str();
+        match &property.data_type {
+            PropertyType::Scalar(_) => {
+                let value = numbers.number()?;
+                element.set_property(name, Property::Double(value));
+            }
+            PropertyType::List(_, number) => {
+                let are_floats = matches!(number, ScalarType::Float | ScalarType::Double);
+                let count = numbers.length()?;
+                let list: Vec<f64> = (0..count).map(|_| numbers.number()).collect::<Result<_, _>>()?;
+                let is_whole = |v: &f64| v.fract() == 0.0 && v.abs() <= f64::from(u32::MAX);
+                if is_corners(name) && !are_floats && list.iter().all(is_whole) {
+                    element.corners = list.iter().map(|&v| v as i64).collect();
+                } else if is_corners(name) {
+                    element.has_fractions = true;
+                }
+            }
+        }
+    }
+    Ok(element)
+}
+
+/// Whether a list has the name of the corners of faces.
+fn is_corners(name: &str) -> bool {
+    ["vertex_indices", "vertex_index"].iter().any(|known| name.eq_ignore_ascii_case(known))
+}
+
+/// What the decoder says, without its quotation of the file and the full stop.
+fn first_line(e: &impl ToString) -> String {
+    e.to_string().lines().next().unwrap_or_default().trim_end_matches(['.', ' ']).to_owned()
+}
+
+/// A vertex or a face.
+struct Element {
+    position: [f64; 3],
+    corners: Vec<i64>,
+    /// Whether the corners are floats, which are no indices.
+    has_fractions: bool,
+}
+
+impl PropertyAccess for Element {
+    fn new() -> Element {
+        Element { position: [f64::NAN; 3], corners: Vec::new(), has_fractions: false }
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        let slot = match name {
+            "x" | "X" => 0,
+            "y" | "Y" => 1,
+            "z" | "Z" => 2,
+            name if is_corners(name) => {
+                return match integers(&property) {
+                    Some(corners) => {
+                        self.corners = corners;
+                        PropertyAccessResult::Set
+                    }
+                    None => {
+                        self.has_fractions =
+                            matches!(property, Property::ListFloat(_) | Property::ListDouble(_));
+                        PropertyAccessResult::Ignored
+                    }
+                };
+            }
+            _ => return PropertyAccessResult::Ignored,
+        };
+        self.position[slot] = match property {
+            Property::Float(v) => f64::from(v),
+            Property::Double(v) => v,
+            Property::Int(v) => f64::from(v),
+            Property::UInt(v) => f64::from(v),
+            Property::Short(v) => f64::from(v),
+            Property::UShort(v) => f64::from(v),
+            Property::Char(v) => f64::from(v),
+            Property::UChar(v) => f64::from(v),
+            _ => f64::NAN,
+        };
+        PropertyAccessResult::Set
+    }
+}
+
+fn integers(property: &Property) -> Option<Vec<i64>> {
+    Some(match property {
+        Property::ListInt(list) => list.iter().map(|&v| v.into()).collect(),
+        Property::ListUInt(list) => list.iter().map(|&v| v.into()).collect(),
+        Property::ListShort(list) => list.iter().map(|&v| v.into()).collect(),
+        Property::ListUShort(list) => list.iter().map(|&v| v.into()).collect(),
+        Property::ListChar(list) => list.iter().map(|&v| v.into()).collect(),
+        Property::ListUChar(list) => list.iter().map(|&v| v.into()).collect(),
+        _ => return None,
+    })
+}

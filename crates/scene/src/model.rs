@@ -1,0 +1,368 @@
+//! The loaded scene, which workers share.
+
+use super::instance_set::InstanceSet;
+use super::lad::LadTable;
+use super::material::Material;
+use super::rules::MaterialRules;
+use super::surfaces::{Surface, SurfaceIds};
+use super::voxel::Voxel;
+use std::ops::Range;
+use std::path::PathBuf;
+use std::sync::Arc;
+use vlscan_base::store::vec_bytes;
+use vlscan_geom::{Aabb, DVec3};
+use vlscan_survey::{MotionSequence, MotionTiming};
+use vlscan_trace::{BuildOptions, Builder, Geometry, Tree};
+
+/// A loaded scene. Its frame is the world frame minus [`Scene::shift`], the centre of the box around all primitives, so
+/// that large world coordinates lose no digits. Immutable once built.
+#[derive(Clone, Debug, Default)]
+pub struct Scene {
+    /// World position of the local origin, m.
+    pub shift: DVec3,
+    /// Box around all primitives, local frame, m.
+    pub bounds: Aabb,
+    /// Primitives, local frame, m.
+    pub geometry: Geometry,
+    /// The index in `surfaces` of each primitive.
+    pub surface_ids: SurfaceIds,
+    /// Distinct (part, material) pairs.
+    pub surfaces: Vec<Surface>,
+    /// Parts in document order.
+    pub parts: Vec<Part>,
+    /// Materials of all parts.
+    pub materials: Vec<Material>,
+    /// Attributes of the cubes, parallel to `geometry.cubes`.
+    pub voxels: Vec<Voxel>,
+    /// Moving parts in document order; their primitives in the fields above are in the initial pose.
+    pub moving_parts: Vec<MovingPart>,
+    /// Instances of shared meshes, if any; their triangle indices continue after the primitives of `geometry`. Moving
+    /// parts are never instances.
+    pub instances: Option<InstanceSet>,
+    /// Number of simulation steps between updates of the moving parts.
+    pub dyn_step: u32,
+    /// Time between updates, s; overrides all step counts.
+    pub dyn_time_step: Option<f64>,
+    /// Coordinate reference system that its files name, as WKT.
+    pub crs: Option<String>,
+    /// Rules that change its materials or leaf angle tables.
+    pub relevant_rules: MaterialRules,
+    /// Files that it was loaded from, except those named in its description.
+    pub sources: Vec<PathBuf>,
+    /// The tree of a packed scene.
+    pub packed_tree: Option<PackedTree>,
+    /// The sizes of a packed scene.
+    pub packed_sizes: Option<Sizes>,
+}
+
+/// What [`Scene::sizes`] finds by reading all vertices and cubes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sizes {
+    /// Whether all primitives that are stored in the scene, those of moving parts in their initial pose, lie within its bounds:
+    /// parts that were moved to the ground need not.
+    pub are_within_bounds: bool,
+    /// Edge of the largest cube, m; 0 without cubes.
+    pub max_cube: f64,
+}
+
+/// A tree that was stored in a pack.
+#[derive(Clone, Debug)]
+pub struct PackedTree {
+    /// The build strategy that the tree was built with.
+    pub builder: Builder,
+    /// The tree over all static primitives.
+    pub tree: Arc<Tree>,
+}
+
+/// A part that moves during the survey, see [`MotionPlan`](super::MotionPlan).
+#[derive(Clone, Debug, PartialEq)]
+pub struct MovingPart {
+    /// Index in [`Scene::parts`].
+    pub part: u32,
+    /// Its vertices, which no other part uses.
+    pub vertices: Range<usize>,
+    /// Its triangles, as indices in the scene's geometry.
+    pub triangles: Range<usize>,
+    /// Its cubes, counted from the scene's first cube.
+    pub cubes: Range<usize>,
+    /// The sequences of motions that it performs.
+    pub motions: Vec<MotionSequence>,
+    /// Update intervals of the pose and of the tree.
+    pub timing: MotionTiming,
+}
+
+/// A part of the scene, identified by the object id of returns.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Part {
+    /// Reported id, normally a number as text.
+    pub id: String,
+    /// Name of its first file without the extension.
+    pub name: String,
+    /// Leaf angle table of its voxels, if it has one; it changes the law for the strength of their returns (spec
+    /// pulse-physics §3.5).
+    pub lad: Option<Arc<LadTable>>,
+}
+
+impl Scene {
+    /// The tree over all static primitives and all instances. A packed scene contains the tree of one builder.
+    pub fn tree(&self, options: &BuildOptions) -> Arc<Tree> {
+        let default = BuildOptions::of(options.builder);
+        // The other settings apply to kd-trees.
+        let is_default = options.builder == Builder::Bvh
+            || *options == BuildOptions { jobs: options.jobs, delegate: options.delegate, ..default };
+        if let Some(ready) = self.packed_tree.as_ref().filter(|r| is_default && r.builder == options.builder)
+        {
+            return ready.tree.clone();
+        }
+        let tree = Tree::build_where(&self.geometry, options, |i| self.is_still(i));
+        Arc::new(match &self.instances {
+            Some(set) => tree.with_instances(&set.instances, options),
+            None => tree,
+        })
+    }
+
+    /// Approximate memory of [`Scene::tree`], bytes, see [`Tree::estimate_build_memory`]; each model of instances has a
+    /// tree.
+    pub fn tree_forecast(&self, builder: Builder) -> u64 {
+        let set = self.instances.as_ref().map_or(0, |p| {
+            let models = p.instances.models.iter().map(|m| m.geometry.len() as u64).sum::<u64>();
+            Tree::estimate_build_memory(models, builder)
+                + Tree::estimate_build_memory(p.instances.all.len() as u64, Builder::Bvh)
+        });
+        match &self.packed_tree {
+            Some(_) => 0,
+            None => Tree::estimate_build_memory(self.geometry.len() as u64, builder).saturating_add(set),
+        }
+    }
+
+    /// Number of primitives, including the triangles of instances.
+    pub fn primitives(&self) -> usize {
+        self.geometry.len() + self.instances.as_ref().map_or(0, |p| p.instances.triangles() as usize)
+    }
+
+    /// The sizes of its primitives. A packed scene contains them, so that runs read only what their pulses meet.
+    pub fn sizes(&self) -> Sizes {
+        self.packed_sizes.unwrap_or_else(|| {
+            let (b, g) = (self.bounds, &self.geometry);
+            let within = |p: DVec3, half: f64| (p - half).cmpge(b.min).all() && (p + half).cmple(b.max).all();
+            Sizes {
+                are_within_bounds: g.vertices.iter().all(|v| within(*v, 0.0))
+                    && g.cubes.iter().all(|c| within(c.centre, c.half)),
+                max_cube: g.cubes.iter().fold(0.0, |max, c| f64::max(max, c.half * 2.0)),
+            }
+        })
+    }
+
+    /// Part and material of primitive `i`. Panics if the index is out of range.
+    #[inline]
+    pub fn surface(&self, i: u32) -> Surface {
+        match self.surface_ids.get(i as usize) {
+            Some(surface) => self.surfaces[surface as usize],
+            None => self.surface_of_instance(i),
+        }
+    }
+
+    #[cold]
+    fn surface_of_instance(&self, i: u32) -> Surface {
+        let surface = self.instances.as_ref().and_then(|p| p.surface(i));
+        surface.unwrap_or_else(|| panic!("primitive {i} of {}", self.primitives()))
+    }
+
+    /// The corners of primitive `i` if it is a triangle.
+    #[inline]
+    pub fn triangle(&self, i: u32) -> Option<[DVec3; 3]> {
+        if (i as usize) < self.geometry.triangles.len() {
+            return Some(self.geometry.triangle(i as usize));
+        }
+        self.instances.as_ref().and_then(|p| p.instances.triangle(i))
+    }
+
+    /// The index of primitive `i` in the same scene without instances, where primitives are in the order of their
+    /// parts, cubes last.
+    pub fn number_when_stored(&self, i: u32) -> u32 {
+        let own = self.geometry.triangles.len();
+        self.instances.as_ref().map_or(i, |p| p.instances.number_when_stored(i, own))
+    }
+
+    /// The material of primitive `i`.
+    pub fn material_of(&self, i: u32) -> &Material {
+        &self.materials[self.surface(i).material as usize]
+    }
+
+    /// The part of primitive `i`.
+    pub fn part_of(&self, i: u32) -> u32 {
+        self.surface(i).part
+    }
+
+    /// The attributes of primitive `i` if it is a cube.
+    pub fn voxel(&self, i: u32) -> Option<&Voxel> {
+        self.voxels.get((i as usize).checked_sub(self.geometry.triangles.len())?)
+    }
+
+    /// Converts a point from the local to the world frame.
+    pub fn to_world(&self, p: DVec3) -> DVec3 {
+        p + self.shift
+    }
+
+    /// Converts a point from the world to the local frame.
+    pub fn to_local(&self, p: DVec3) -> DVec3 {
+        p - self.shift
+    }
+
+    /// Whether primitive `i` is static.
+    pub fn is_still(&self, i: u32) -> bool {
+        let (i, triangles) = (i as usize, self.geometry.triangles.len());
+        !self.moving_parts.iter().any(|m| match i.checked_sub(triangles) {
+            None => m.triangles.contains(&i),
+            Some(cube) => m.cubes.contains(&cube),
+        })
+    }
+
+    /// Memory of the scene without its tree, bytes.
+    pub fn memory(&self) -> usize {
+        let names = self.materials.iter().map(|m| m.name.capacity()).sum::<usize>()
+            + self.parts.iter().map(|p| p.id.capacity()).sum::<usize>();
+        size_of::<Scene>()
+            + names
+            + self.instances.as_ref().map_or(0, InstanceSet::memory)
+            + vec_bytes(&self.geometry.vertices)
+            + vec_bytes(&self.geometry.triangles)
+            + vec_bytes(&self.geometry.cubes)
+            + vec_bytes(&self.voxels)
+            + self.surface_ids.memory()
+            + self.surfaces.capacity() * size_of::<Surface>()
+            + self.parts.capacity() * size_of::<Part>()
+            + self.materials.capacity() * size_of::<Material>()
+    }
+
+    /// Height of the ground at (x, y), local frame, m: the lowest surface whose material is ground; for a cube its
+    /// upper face (spec kinematics §2.7). `None` where there is no ground. Visits every primitive once.
+    pub fn ground_height(&self, x: f64, y: f64) -> Option<f64> {
+        let is_ground_material: Vec<bool> = self.materials.iter().map(|m| m.is_ground).collect();
+        let is_ground: Vec<bool> =
+            self.surfaces.iter().map(|s| is_ground_material[s.material as usize]).collect();
+        let ground = |i: usize| self.surface_ids.get(i).is_some_and(|s| is_ground[s as usize]);
+        let count = self.geometry.triangles.len();
+        // For each primitive, the height to compare and the height to return.
+        let triangles = (0..count).filter(|&i| ground(i)).filter_map(|i| {
+            let z = height_in_triangle(self.geometry.triangle(i), x, y)?;
+            Some((z, z))
+        });
+        let cubes =
+            self.geometry.cubes.iter().enumerate().filter(|(i, _)| ground(count + i)).filter_map(|(_, c)| {
+                let within = (c.centre.x - x).abs() <= c.half && (c.centre.y - y).abs() <= c.half;
+                within.then_some((c.centre.z - c.half, c.centre.z + c.half))
+            });
+        triangles
+            .chain(self.instances_over(&is_ground_material, x, y).map(|z| (z, z)))
+            .chain(cubes)
+            .reduce(|best, next| if next.0 < best.0 { next } else { best })
+            .map(|(_, height)| height)
+    }
+}
+
+impl Scene {
+    /// The box of all ground, local frame, m; instances with ground count with their whole box. `None` without ground.
+    pub fn ground_bounds(&self) -> Option<Aabb> {
+        let is_ground: Vec<bool> = self.materials.iter().map(|m| m.is_ground).collect();
+        let surfaces: Vec<bool> = self.surfaces.iter().map(|s| is_ground[s.material as usize]).collect();
+        let own = self.surface_ids.iter().enumerate().filter(|(_, s)| surfaces[*s as usize]);
+        let own = own.map(|(i, _)| self.geometry.bounds_of(i));
+        let instances = self.instances.iter().flat_map(|set| {
+            let has_ground: Vec<bool> =
+                set.materials.iter().map(|of| of.iter().any(|&m| is_ground[m as usize])).collect();
+            let all = set.instances.all.iter().filter(move |i| has_ground[i.model as usize]);
+            all.map(|i| set.instances.exact_bounds_of(i))
+        });
+        own.chain(instances).reduce(Aabb::union)
+    }
+
+    /// Heights over (x, y) of the triangles of instances whose material is one of `wanted`.
+    fn instances_over(&self, wanted: &[bool], x: f64, y: f64) -> impl Iterator<Item = f64> {
+        self.instances.iter().flat_map(move |set| {
+            let has_wanted: Vec<bool> =
+                set.materials.iter().map(|of| of.iter().any(|&m| wanted[m as usize])).collect();
+            let instances = &set.instances;
+            let below = instances.all.iter().filter(move |i| has_wanted[i.model as usize]).filter(move |i| {
+                let b = instances.bounds_of(i);
+                (b.min.x..=b.max.x).contains(&x) && (b.min.y..=b.max.y).contains(&y)
+            });
+            below.flat_map(move |instance| {
+                let materials = set.materials[instance.model as usize].iter().enumerate();
+                materials
+                    .filter(|(_, m)| wanted[**m as usize])
+                    .filter_map(move |(k, _)| height_in_triangle(instances.corners(instance, k), x, y))
+            })
+        })
+    }
+}
+
+/// Height of a triangle over (x, y); its edges belong to it, so that there is no gap between neighbours.
+fn height_in_triangle(corners: [DVec3; 3], x: f64, y: f64) -> Option<f64> {
+    let [a, b, c] = corners.map(|p| (p.x - x, p.y - y));
+    // Swapping the two points only changes the sign, so neighbours agree on their common edge.
+    let side = |p: (f64, f64), q: (f64, f64)| p.0 * q.1 - p.1 * q.0;
+    let (wa, wb, wc) = (side(b, c), side(c, a), side(a, b));
+    let inside = (wa >= 0.0 && wb >= 0.0 && wc >= 0.0) || (wa <= 0.0 && wb <= 0.0 && wc <= 0.0);
+    let area = wa + wb + wc;
+    (inside && area != 0.0).then(|| (wa * corners[0].z + wb * corners[1].z + wc * corners[2].z) / area)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use vlscan_trace::{Cube, Geometry};
+
+    fn scene() -> Scene {
+        let vertices =
+            [[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [4.0, 4.0, 5.0], [0.0, 4.0, 5.0]].map(DVec3::from).to_vec();
+        let lifted: Vec<DVec3> = vertices.iter().map(|v| *v + DVec3::Z * 10.0).collect();
+        let roof: Vec<DVec3> = vertices.iter().map(|v| *v - DVec3::Z * 10.0).collect();
+        Scene {
+            geometry: Geometry {
+                vertices: [vertices, lifted, roof].concat(),
+                triangles: vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [8, 9, 10]],
+                cubes: vec![Cube { centre: DVec3::new(6.0, 1.0, 0.0), half: 0.5 }],
+            },
+            surface_ids: vec![0, 0, 0, 1, 0].into(),
+            surfaces: vec![Surface { part: 0, material: 0 }, Surface { part: 0, material: 1 }],
+            materials: vec![
+                Material { is_ground: true, ..Material::unnamed("soil", MaterialRules::default()) },
+                Material::unnamed("tile", MaterialRules::default()),
+            ],
+            voxels: vec![Voxel::default()],
+            shift: DVec3::new(1000.0, 2000.0, 3.0),
+            ..Scene::default()
+        }
+    }
+
+    #[test]
+    fn the_lowest_ground_counts_and_only_ground() {
+        let s = scene();
+        assert_eq!(s.ground_height(3.0, 1.0), Some(2.0));
+        assert_eq!(s.ground_height(2.0, 2.0), Some(3.0), "on the common edge of two triangles");
+        assert_eq!(s.ground_height(4.0, 4.0), Some(5.0), "on a corner");
+        assert_eq!(s.ground_height(6.2, 1.2), Some(0.5), "the upper face of a cube");
+        assert_eq!(s.ground_height(-1.0, 1.0), None);
+    }
+
+    #[test]
+    fn the_box_of_the_ground_has_neither_roofs_nor_voxels() {
+        let mut s = scene();
+        let bounds = s.ground_bounds().unwrap();
+        assert_eq!(bounds.min, DVec3::new(0.0, 0.0, -0.5), "the tile lies ten metres lower");
+        assert_eq!(bounds.max, DVec3::new(6.5, 4.0, 15.0));
+        s.materials[0].is_ground = false;
+        assert_eq!(s.ground_bounds(), None);
+    }
+
+    #[test]
+    fn frames_and_primitives() {
+        let s = scene();
+        assert_eq!(s.to_world(DVec3::ONE), DVec3::new(1001.0, 2001.0, 4.0));
+        assert_eq!(s.to_local(s.to_world(DVec3::ONE)), DVec3::ONE);
+        assert!(s.voxel(3).is_none() && s.voxel(4).is_some() && s.voxel(5).is_none());
+        assert_eq!((s.part_of(4), s.material_of(3).name.as_str()), (0, "tile"));
+        assert!(s.memory() > 12 * 24 + 4 * 12 + 32 + 24 + 20);
+    }
+}

@@ -1,0 +1,249 @@
+//! Material libraries (spec input-formats §4.2).
+
+use super::number::{float, skip_blanks};
+use super::text::{Line, Lines, Problems, Source, Words, operand, printable, shown};
+use std::ops::Range;
+use std::path::Path;
+use vlscan_base::columns::comma_note;
+use vlscan_base::diag::{Diagnostics, nearest};
+use vlscan_base::quantity::CLASSES;
+use vlscan_survey::MaterialDefinition;
+
+/// Reads the materials of a file by itself.
+///
+/// # Errors
+/// [`vlscan_base::Error::Io`]; [`vlscan_base::Error::Input`] with all problems of the file.
+pub fn read_materials(path: &Path) -> vlscan_base::Result<(Vec<MaterialDefinition>, Diagnostics)> {
+    let source = Source::open(path).map_err(|e| vlscan_base::Error::open(path, e))?;
+    let mut problems = Diagnostics::default();
+    let definitions = read(&source, &mut problems);
+    Ok((definitions, problems.finish(false)?))
+}
+
+/// Reads all definitions in the order of the file. An unreadable value is an error.
+pub(super) fn read(source: &Source, diagnostics: &mut Diagnostics) -> Vec<MaterialDefinition> {
+    if !source.is_text("a material file", diagnostics) {
+        return Vec::new();
+    }
+    let mut problems = Problems::default();
+    let mut definitions: Vec<MaterialDefinition> = Vec::new();
+    for line in Lines::new(source.bytes(), true) {
+        statement(source, &line, &mut definitions, &mut problems);
+    }
+    problems.report(source, diagnostics);
+    definitions
+}
+
+fn statement(
+    source: &Source,
+    line: &Line,
+    definitions: &mut Vec<MaterialDefinition>,
+    problems: &mut Problems,
+) {
+    let mut words = Words::new(&line.text, skip_blanks(&line.text, 0));
+    let Some((keyword, at)) = words.next() else { return };
+    let in_file = |at: Range<usize>| line.start + at.start..line.start + at.end;
+    let values: Vec<(&[u8], Range<usize>)> = words.collect();
+    if keyword == b"newmtl" {
+        let name_at = operand(&line.text, at.end);
+        if name_at.is_empty() {
+            return problems.error(line.number, in_file(at), || "newmtl without a name".to_owned());
+        }
+        let name = name_of(&line.text[name_at.clone()]);
+        if let Some(first) = definitions.iter().find(|d| d.name == name) {
+            let first = first.place.as_ref().map_or(0, |place| place.line);
+            let message = format!("material \"{name}\" is already defined in line {first}, which counts");
+            problems.warn(line.number, in_file(name_at.clone()), || message);
+        }
+        let place = Some(source.place(line.number, in_file(0..line.text.len())));
+        return definitions.push(MaterialDefinition { place, ..MaterialDefinition::new(name) });
+    }
+    if !is_known(keyword) {
+        return warn_of_unknown(line.number, keyword, in_file(at), problems);
+    }
+    let Some(material) = definitions.last_mut() else {
+        return problems.warn(line.number, in_file(at), || {
+            format!("{} before the first newmtl is ignored", shown(keyword))
+        });
+    };
+    if keyword == b"helios_spectra" {
+        // What begins with `#` is a comment here.
+        let last = values.last().map_or(at.end, |(_, at)| at.end);
+        let name = &line.text[skip_blanks(&line.text, at.end).min(last)..last];
+        if !name.is_empty() {
+            material.spectrum = Some(name_of(name));
+            return;
+        }
+    }
+    let is_set = set(material, keyword, &values);
+    if is_set.is_ok() && keyword == b"helios_classification" && !CLASSES.contains(&material.classification) {
+        let message = format!(
+            "class {} is written as 0 in LAS and LAZ, which have classes 0 to 255",
+            material.classification
+        );
+        return problems.warn(line.number, in_file(at), || message);
+    }
+    if let Err(expected) = is_set {
+        let found = values.first().map_or("nothing".to_owned(), |(w, _)| format!("\"{}\"", shown(w)));
+        let marked = values.first().map_or(at, |(_, at)| at.clone());
+        if matches!(values.first(), Some((b"spectral" | b"xyz", _))) {
+            let message = "colours by spectral curves or CIE XYZ are not read; the line is ignored";
+            return problems.warn(line.number, in_file(marked), || message.to_owned());
+        }
+        let hint =
+            values.iter().find_map(|(word, _)| Some(comma_note(&shown(word))).filter(|h| !h.is_empty()));
+        problems.error(line.number, in_file(marked), || {
+            format!("expected {expected} after {}, found {found}{}", shown(keyword), hint.unwrap_or_default())
+        });
+    }
+}
+
+/// Keywords that matter.
+const KNOWN: [&str; 8] = [
+    "Kd",
+    "Ks",
+    "Ns",
+    "vlscan_roughness_deg",
+    "helios_reflectance",
+    "helios_spectra",
+    "helios_classification",
+    "helios_isGround",
+];
+/// Prefixes of keywords that only laser scanners have.
+const OWN_PREFIXES: [&str; 2] = ["helios_", "vlscan_"];
+/// Keywords of programs of HELIOS++ without effect there.
+const WITHOUT_EFFECT: [&str; 1] = ["helios_useVertexColors"];
+
+fn is_known(keyword: &[u8]) -> bool {
+    KNOWN.iter().any(|known| known.as_bytes() == keyword)
+}
+
+/// Warns of a keyword that is none of [`KNOWN`] and looks like one of those that matter here: what is for pictures only is
+/// skipped.
+fn warn_of_unknown(line: usize, keyword: &[u8], at: Range<usize>, problems: &mut Problems) {
+    let keyword = shown(keyword);
+    let lower = keyword.to_ascii_lowercase();
+    let is_own = OWN_PREFIXES.iter().any(|prefix| lower.starts_with(prefix));
+    if !is_own || WITHOUT_EFFECT.contains(&keyword.as_str()) {
+        return;
+    }
+    let near = nearest(&keyword, KNOWN).map_or(String::new(), |near| format!("; did you mean {near}?"));
+    problems.warn(line, at, || format!("unknown keyword {keyword} is ignored{near}"));
+}
+
+fn set(
+    material: &mut MaterialDefinition,
+    keyword: &[u8],
+    values: &[(&[u8], Range<usize>)],
+) -> Result<(), &'static str> {
+    let first = values.first().map(|(word, _)| *word);
+    let number = || first.and_then(float).filter(|v| v.is_finite());
+    match keyword {
+        b"Kd" => material.kd = colour(values).ok_or("one or three numbers, 0 or greater,")?,
+        b"Ks" => material.ks = colour(values).ok_or("one or three numbers, 0 or greater,")?,
+        b"Ns" => material.ns = number().filter(|n| *n >= 0.0).ok_or("an exponent, 0 or greater,")?,
+        b"vlscan_roughness_deg" => {
+            let degrees = number().filter(|d| (0.0..=90.0).contains(d));
+            material.roughness = degrees.ok_or("a roughness of 0 to 90 degrees")?.to_radians();
+        }
+        b"helios_reflectance" if first.and_then(float).is_some_and(f64::is_nan) => {
+            material.reflectance = None
+        }
+        b"helios_reflectance" => {
+            material.reflectance =
+                Some(number().filter(|r| *r >= 0.0).ok_or("a reflectance, 0 or greater,")?);
+        }
+        b"helios_spectra" => return Err("the name of a spectrum"),
+        b"helios_classification" => {
+            material.classification = first.and_then(integer).ok_or("a whole number")?
+        }
+        _ => material.is_ground = first.and_then(boolean).ok_or("true or false")?,
+    }
+    Ok(())
+}
+
+/// Parses three components; a single one is used for all three, as the format specifies.
+fn colour(values: &[(&[u8], Range<usize>)]) -> Option<[f64; 3]> {
+    let component = |i: usize| float(values.get(i)?.0).filter(|c| (0.0..=1e9).contains(c));
+    let red = component(0)?;
+    if values.len() == 1 { Some([red; 3]) } else { Some([red, component(1)?, component(2)?]) }
+}
+
+fn integer(word: &[u8]) -> Option<i32> {
+    let value = float(word).filter(|v| v.fract() == 0.0)?;
+    (value >= f64::from(i32::MIN) && value <= f64::from(i32::MAX)).then_some(value as i32)
+}
+
+fn boolean(word: &[u8]) -> Option<bool> {
+    match word.to_ascii_lowercase().as_slice() {
+        b"true" | b"1" => Some(true),
+        b"false" | b"0" => Some(false),
+        _ => None,
+    }
+}
+
+/// Decodes a name, see [`text_of`], without control characters.
+pub(super) fn name_of(bytes: &[u8]) -> String {
+    printable(&text_of(bytes))
+}
+
+/// Decodes text: UTF-8, otherwise Latin-1.
+pub(super) fn text_of(bytes: &[u8]) -> String {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => text.to_owned(),
+        Err(_) => bytes.iter().map(|&b| char::from(b)).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read_text(text: &[u8]) -> (Vec<MaterialDefinition>, Diagnostics) {
+        let mut d = Diagnostics::default();
+        (read(&Source::of("m.mtl", text), &mut d), d)
+    }
+
+    #[test]
+    fn the_example_of_the_dialect() {
+        let (m, d) = read_text(
+            b"# fields\r\nnewmtl meadow wide\r\n\tKd 0.2 0.6 0.2\r\nhelios_spectra tall grass # dry\r\nhelios_classification 2\r\n\
+              helios_isGround TRUE\r\nillum 2\r\nnewmtl b\xe4r\nKs .5 # grey\nNs 20\nvlscan_roughness_deg 18\nhelios_reflectance 0.4\n",
+        );
+        assert!(d.items().is_empty(), "{}", d.render(false));
+        assert_eq!(
+            (m[0].name.as_str(), m[0].kd, m[0].spectrum.as_deref()),
+            ("meadow wide", [0.2, 0.6, 0.2], Some("tall grass"))
+        );
+        assert_eq!((m[0].classification, m[0].is_ground, m[0].reflectance), (2, true, None));
+        assert_eq!((m[1].name.as_str(), m[1].ks, m[1].ns), ("bär", [0.5; 3], 20.0));
+        assert_eq!((m[1].reflectance, m[1].is_ground), (Some(0.4), false));
+        assert_eq!((m[0].roughness, m[1].roughness), (0.0, std::f64::consts::PI / 10.0));
+    }
+
+    #[test]
+    fn bad_values_are_named_all_at_once() {
+        let (m, d) = read_text(
+            b"Kd 1 1 1\nnewmtl a\nKd spectral f.rfl\nhelios_useVertexColors true\nhelios_reflectance much\n\
+              helios_classification 2.5\nhelios_isGround perhaps\nNs -1\nvlscan_roughness_deg 91\nKs 1 nan 1\nnewmtl\nnewmtl a\nnewmtl b\nKd 1 1 1\n",
+        );
+        assert_eq!(d.items().len(), 10, "{}", d.render(false));
+        assert_eq!(m.iter().map(|m| m.name.as_str()).collect::<Vec<_>>(), ["a", "a", "b"]);
+        assert_eq!((m[0].kd, m[0].ns, m[2].kd), ([0.0; 3], 10.0, [1.0; 3]));
+        let place = d.items()[2].place.as_ref().unwrap();
+        assert_eq!((place.line, &place.excerpt[place.marked.clone()]), (5, "much"));
+    }
+
+    #[test]
+    fn names_have_no_control_characters() {
+        let (m, _) = read_text(b"newmtl \x1b[31mred\nhelios_spectra a\x07b\n");
+        assert_eq!((m[0].name.as_str(), m[0].spectrum.as_deref()), ("_[31mred", Some("a_b")));
+    }
+
+    #[test]
+    fn noise_is_survived() {
+        let noise: Vec<u8> = (0..20_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
+        let (definitions, d) = read_text(&noise);
+        assert!(definitions.is_empty() && d.is_fatal(false));
+    }
+}

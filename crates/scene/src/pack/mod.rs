@@ -1,0 +1,25 @@
+//! Packed scenes: all data for tracing in one file.
+//!
+//! For every epoch a pack contains the finished scene and its tree, as arrays that are read into memory as they are, and
+//! compared with their checksums. Parts, materials and motions, the settings on which the scene depends (wavelength,
+//! seed, rules) and the files that it was made from are stored beside the arrays. What the numbers in the arrays name is left to
+//! [`Pack::verify`].
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `contents` | scenes as arrays and encoded values |
+//! | `origin` | settings and files that a pack was made from, and whether they have changed |
+//! | `read` | opens packs |
+//! | `trees` | trees, geometry and instances as arrays |
+//! | `write` | packs scenes |
+
+mod contents;
+mod origin;
+mod read;
+#[cfg(test)]
+mod tests;
+mod trees;
+mod write;
+
+pub use read::Pack;
+pub use write::pack;

@@ -1,0 +1,151 @@
+//! The files and settings that a packed scene was made from, and whether it is still up to date.
+
+use crate::conditions::Conditions;
+use crate::{LoadOptions, MaterialRules, Scene};
+use std::collections::BTreeSet;
+use std::fs::Metadata;
+use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{FileSet, reads};
+use vlscan_base::store::{ByteReader, ByteWriter, Checksum, UnexpectedEnd};
+use vlscan_survey::SceneRecipe;
+use vlscan_trace::Builder;
+
+/// A file at the time the scene was packed.
+#[derive(Clone, Debug, PartialEq)]
+struct Source {
+    /// Relative to the folder of the pack if the file is within it.
+    path: PathBuf,
+    length: u64,
+    modified_ns: u64,
+    sum: u64,
+}
+
+/// Settings and files that a pack was made from.
+pub(super) struct Origin {
+    pub conditions: Conditions,
+    pub builder: Builder,
+    files: BTreeSet<PathBuf>,
+    sources: Vec<Source>,
+}
+
+const BUILDERS: [Builder; 5] = [Builder::Bvh, Builder::Fsah, Builder::AxisSah, Builder::Sah, Builder::Median];
+
+impl Origin {
+    pub fn of(recipe: &SceneRecipe, options: &LoadOptions, builder: Builder) -> Origin {
+        let mut files = BTreeSet::from([recipe.path.clone()]);
+        files.extend(recipe.parts.iter().filter_map(|p| p.place.as_ref()).map(|p| p.path.clone()));
+        let conditions = Conditions::of(recipe, options);
+        Origin { conditions, builder, files, sources: Vec::new() }
+    }
+
+    /// Adds the files that an epoch was loaded from, and the settings that its materials depend on.
+    pub fn add(&mut self, scene: &Scene) {
+        self.conditions.add(scene);
+        self.files.extend(scene.sources.iter().cloned());
+    }
+
+    /// Fails if `pack` is one of the files.
+    pub fn refuse_replacing(&self, pack: &Path) -> Result<()> {
+        match FileSet::of(&self.files).contains(pack) {
+            true => Err(Error::input(format!(
+                "{} is a source of the scene, expected another name",
+                pack.display()
+            ))),
+            false => Ok(()),
+        }
+    }
+
+    /// Reads all files again for their checksums and encodes the origin.
+    pub fn finish(self, pack: &Path) -> Result<ByteWriter> {
+        let folder = std::fs::canonicalize(folder_of(pack)).unwrap_or_default();
+        let mut sources = Vec::new();
+        for path in self.files.iter().filter(|p| p.is_file()) {
+            let about = std::fs::metadata(path).map_err(|e| Error::io("read", path, e))?;
+            let whole = std::fs::canonicalize(path).map_err(|e| Error::io("read", path, e))?;
+            let path = whole.strip_prefix(&folder).map_or(whole.clone(), Path::to_path_buf);
+            sources.push(Source {
+                path,
+                length: about.len(),
+                modified_ns: modified(&about),
+                sum: sum(&whole).map_err(|e| Error::io("read", &whole, e))?,
+            });
+        }
+        let (mut w, c) = (ByteWriter::default(), &self.conditions);
+        w.f64(c.wavelength_nm);
+        w.u64(c.seed);
+        [c.has_spectra, c.is_random, c.drop_polygons].into_iter().for_each(|b| w.flag(b));
+        c.rules.to_array().into_iter().chain(c.relevant_rules.to_array()).for_each(|b| w.flag(b));
+        w.u64(BUILDERS.iter().position(|b| *b == self.builder).unwrap_or(0) as u64);
+        w.list(&sources, |w, s| {
+            w.text(&s.path.to_string_lossy());
+            [s.length, s.modified_ns, s.sum].into_iter().for_each(|n| w.u64(n));
+        });
+        Ok(w)
+    }
+
+    pub fn read(bytes: &[u8]) -> std::result::Result<Origin, String> {
+        let mut r = ByteReader(bytes);
+        let mut all = || {
+            let (wavelength_nm, seed) = (r.f64()?, r.u64()?);
+            let (has_spectra, is_random, drop_polygons) = (r.flag()?, r.flag()?, r.flag()?);
+            let mut rules = || {
+                let mut all = [false; MaterialRules::COUNT];
+                for rule in &mut all {
+                    *rule = r.flag()?;
+                }
+                Ok(MaterialRules::from_array(all))
+            };
+            let (rules, relevant_rules) = (rules()?, rules()?);
+            let conditions = Conditions {
+                wavelength_nm,
+                has_spectra,
+                seed,
+                is_random,
+                rules,
+                relevant_rules,
+                drop_polygons,
+            };
+            let builder = *BUILDERS.get(r.size()?).ok_or(UnexpectedEnd)?;
+            let sources = r.list(|r| {
+                let path = PathBuf::from(r.text()?);
+                Ok(Source { path, length: r.u64()?, modified_ns: r.u64()?, sum: r.u64()? })
+            })?;
+            Ok(Origin { conditions, builder, files: BTreeSet::new(), sources })
+        };
+        all().map_err(|UnexpectedEnd| "its origin cannot be read".to_owned())
+    }
+
+    /// Checks that the files have not changed. A missing file counts as unchanged: packs can be moved without their
+    /// sources.
+    pub fn check_files(&self, pack: &Path) -> std::result::Result<(), String> {
+        let changed = |s: &&Source| {
+            let path = folder_of(pack).join(&s.path);
+            let about = std::fs::metadata(&path);
+            reads::note_opened(&path, &about);
+            let Ok(about) = about else { return false };
+            let same_time = modified(&about) == s.modified_ns;
+            about.len() != s.length || (!same_time && sum(&path).ok() != Some(s.sum))
+        };
+        match self.sources.iter().find(changed) {
+            Some(s) => Err(format!("{} has changed since; pack the scene again", s.path.display())),
+            None => Ok(()),
+        }
+    }
+}
+
+fn folder_of(pack: &Path) -> &Path {
+    pack.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+fn modified(about: &Metadata) -> u64 {
+    let since = about.modified().ok().and_then(|t| t.duration_since(UNIX_EPOCH).ok());
+    since.map_or(0, |d| d.as_nanos() as u64)
+}
+
+fn sum(path: &Path) -> std::io::Result<u64> {
+    let mut sum = Checksum::default();
+    sum.file(path)?;
+    Ok(sum.finish())
+}

@@ -1,0 +1,119 @@
+//! Finds scenes whose reflectances are in two units: fractions, and per cent or the default of 50.
+
+use std::collections::HashSet;
+use vlscan_base::diag::{Diagnostics, Place};
+
+/// Reflectances above this are interpreted as per cent; those between 1 and this can be of retroreflectors.
+pub(super) const MAX_FRACTION: f64 = 2.0;
+
+/// A reflectance as its file has it, or as it is assumed.
+#[derive(Clone, Debug, PartialEq)]
+struct Given {
+    material: String,
+    value: f64,
+    place: Option<Place>,
+}
+
+/// The reflectances of a scene.
+#[derive(Clone, Debug, Default)]
+pub(super) struct ReflectanceUnits {
+    fractions: InUnit,
+    per_cent: InUnit,
+}
+
+/// Different reflectances in one unit: all for their number, the first of them for messages.
+#[derive(Clone, Debug, Default)]
+struct InUnit {
+    known: HashSet<(String, u64)>,
+    first: Vec<Given>,
+}
+
+/// Maximum number of materials of either unit in a message.
+const MAX_LISTED: usize = 4;
+
+impl ReflectanceUnits {
+    /// Records the reflectance of a material. Values that either unit can have, 0 and those above 1 that are no per cent,
+    /// do not count.
+    pub fn add(&mut self, material: &str, value: f64, place: impl FnOnce() -> Option<Place>) {
+        let unit = match value {
+            v if v > MAX_FRACTION => &mut self.per_cent,
+            v if v > 0.0 && v <= 1.0 => &mut self.fractions,
+            _ => return,
+        };
+        if unit.known.insert((material.to_owned(), value.to_bits())) && unit.first.len() < MAX_LISTED {
+            unit.first.push(Given { material: material.to_owned(), value, place: place() });
+        }
+    }
+
+    /// Warns of a scene that has both.
+    pub fn report(&self, is_fraction: bool, diagnostics: &mut Diagnostics) {
+        let (Some(first), false) = (self.per_cent.first.first(), self.fractions.known.is_empty()) else {
+            return;
+        };
+        let message = format!(
+            "the reflectances of this scene are in two units, per cent: {}; and fractions: {}",
+            listed(&self.per_cent),
+            listed(&self.fractions)
+        );
+        let help = if is_fraction {
+            "those above 2 are taken as per cent, the others as they are; give all from 0 to 1 (helios_reflectance 0.3)"
+        } else {
+            "--physics helios takes all as they are, so that the former echo 100 times as strongly and the latter can be too weak \
+             to be seen; give all from 0 to 1 (helios_reflectance 0.3), or use --physics refined"
+        };
+        let place =
+            first.place.clone().or_else(|| self.fractions.first.iter().find_map(|given| given.place.clone()));
+        diagnostics.warn(place, message).help(help);
+    }
+}
+
+fn listed(all: &InUnit) -> String {
+    let one = |given: &Given| {
+        let place = given.place.as_ref().map(|place| match place.line {
+            0 => format!(" ({})", place.path.display()),
+            line => format!(" ({}:{line})", place.path.display()),
+        });
+        format!("\"{}\" {}{}", given.material, given.value, place.unwrap_or_default())
+    };
+    let mut text = all.first.iter().map(one).collect::<Vec<_>>().join(", ");
+    if all.known.len() > MAX_LISTED {
+        text += &format!(" and {} more", all.known.len() - MAX_LISTED);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    fn said(all: &[(&str, f64)], is_fraction: bool) -> String {
+        let mut units = ReflectanceUnits::default();
+        for (line, (name, value)) in (1..).zip(all) {
+            let place = || Some(Place::in_line(Path::new("a.mtl"), line, "newmtl m", 0..0));
+            units.add(name, *value, place);
+        }
+        let mut d = Diagnostics::default();
+        units.report(is_fraction, &mut d);
+        d.render(false)
+    }
+
+    #[test]
+    fn both_units_in_one_scene_are_named_with_their_materials_and_lines() {
+        for is_fraction in [false, true] {
+            let said = said(&[("bark", 0.4), ("default", 50.0), ("leaves", 0.5)], is_fraction);
+            for part in ["\"default\" 50 (a.mtl:2)", "\"bark\" 0.4 (a.mtl:1), \"leaves\" 0.5 (a.mtl:3)"] {
+                assert!(said.contains(part), "{said}");
+            }
+        }
+        let many: Vec<(String, f64)> = (0..9).map(|i| (format!("m{i}"), 0.1)).collect();
+        let many: Vec<(&str, f64)> = many.iter().map(|(name, value)| (name.as_str(), *value)).collect();
+        let said_of_many = said(&[&many[..], &many, &[("dust", 30.0)]].concat(), true);
+        assert!(said_of_many.contains("\"m3\" 0.1 (a.mtl:4) and 5 more"), "{said_of_many}");
+        for alike in
+            [&[("a", 0.4), ("b", 1.0), ("glare", 1.7), ("black", 0.0)][..], &[("a", 40.0), ("black", 0.0)]]
+        {
+            assert_eq!(said(alike, false), "", "{alike:?}");
+        }
+    }
+}

@@ -1,0 +1,465 @@
+//! Scene files as bytes: read, split into lines, and quoted in messages.
+
+use super::number::{is_blank, skip_blanks, word_end};
+use memchr::{memchr, memrchr};
+use std::borrow::Cow;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::store::FileBytes;
+
+/// Maximum number of problems of one file that are reported one by one.
+pub(super) const MAX_SHOWN_PROBLEMS: usize = 20;
+
+/// Maximum length of a line, bytes.
+const MAX_LINE_BYTES: usize = 1 << 20;
+
+/// Maximum length of the excerpt of a line in a message, bytes.
+const MAX_SHOWN_BYTES: usize = 160;
+
+/// A file of a scene.
+pub(super) struct Source {
+    path: PathBuf,
+    data: FileBytes,
+    /// Start of the content, after a byte order mark.
+    begin: usize,
+}
+
+/// UTF-8 byte order mark.
+const MARK: &[u8] = b"\xef\xbb\xbf";
+
+impl Source {
+    /// Reads `path`, or maps it if it is large, see [`FileBytes`].
+    pub fn open(path: &Path) -> std::io::Result<Source> {
+        Source::open_within(path, None)
+    }
+
+    /// As [`Source::open`], with a limit of the memory, bytes.
+    pub fn open_within(path: &Path, max_memory: Option<u64>) -> std::io::Result<Source> {
+        FileBytes::open_within(path, max_memory).map(|data| Source::new(path, data))
+    }
+
+    /// Fails if the file has changed since it was opened.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn check_unchanged(&self) -> Result<()> {
+        self.data.check_unchanged().map_err(|e| Error::io("read", &self.path, e))
+    }
+
+    fn new(path: &Path, data: FileBytes) -> Source {
+        let begin = if data.starts_with(MARK) { MARK.len() } else { 0 };
+        Source { path: path.to_path_buf(), data, begin }
+    }
+
+    /// A source without a file, for tests.
+    #[cfg(test)]
+    pub fn of(path: &str, text: &[u8]) -> Source {
+        Source::new(Path::new(path), FileBytes::from(text.to_vec()))
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The same text with line feeds for the carriage returns that end a line alone, so that places in it are those in the
+    /// file; `None` if there are none.
+    pub fn with_line_feeds(&self) -> Option<Source> {
+        let is_alone = |at: &usize| self.data.get(at + 1) != Some(&b'\n');
+        memchr::memchr_iter(b'\r', &self.data).find(is_alone)?;
+        let mut data = self.data.to_vec();
+        let alone: Vec<usize> = memchr::memchr_iter(b'\r', &self.data).filter(is_alone).collect();
+        alone.into_iter().for_each(|at| data[at] = b'\n');
+        Some(Source { path: self.path.clone(), data: FileBytes::from(data), begin: self.begin })
+    }
+
+    /// The content without a byte order mark.
+    pub fn bytes(&self) -> &[u8] {
+        &self.data[self.begin..]
+    }
+
+    /// Whether the file is text; otherwise reports an error at the first line that is not.
+    pub fn is_text(&self, what: &str, diagnostics: &mut Diagnostics) -> bool {
+        let bytes = self.bytes();
+        if bytes.is_empty() {
+            diagnostics.error(Some(self.place(1, 0..0)), format!("expected {what}, found an empty file"));
+            return false;
+        }
+        // Long lines first: they show without a look at the complete file.
+        let start = &bytes[..bytes.len().min(MAX_LINE_BYTES)];
+        if memchr(0, start).is_none() && !self.has_short_lines(what, diagnostics) {
+            return false;
+        }
+        let Some(at) = memchr(0, bytes) else { return true };
+        let line = memchr::memchr_iter(b'\n', &bytes[..at]).count() + 1;
+        let found = if matches!(bytes, [0xff, 0xfe, ..] | [0xfe, 0xff, ..]) {
+            "UTF-16; save it as UTF-8"
+        } else {
+            "bytes that are no text"
+        };
+        diagnostics.error(Some(self.place(line, at..at + 1)), format!("expected {what}, found {found}"));
+        false
+    }
+
+    /// Whether no line is too long; otherwise reports an error at the first one.
+    fn has_short_lines(&self, what: &str, diagnostics: &mut Diagnostics) -> bool {
+        let bytes = self.bytes();
+        let mut start = 0;
+        while bytes.len() - start > MAX_LINE_BYTES {
+            let Some(end) = memrchr(b'\n', &bytes[start..start + MAX_LINE_BYTES + 1]) else {
+                let line = memchr::memchr_iter(b'\n', &bytes[..start]).count() + 1;
+                let message = format!("a line of more than {MAX_LINE_BYTES} bytes, expected {what}");
+                diagnostics.error(Some(self.place(line, start..start)), message);
+                return false;
+            };
+            start += end + 1;
+        }
+        true
+    }
+
+    /// The last line if it lacks a line end: its number, start and text.
+    pub fn unended_line(&self) -> Option<(usize, usize, &[u8])> {
+        let bytes = self.bytes();
+        if bytes.last().is_none_or(|b| *b == b'\n') {
+            return None;
+        }
+        let start = memrchr(b'\n', bytes).map_or(0, |n| n + 1);
+        Some((memchr::memchr_iter(b'\n', bytes).count() + 1, start, &bytes[start..]))
+    }
+
+    /// The place of the bytes `at` in line `number` (from 1). Bytes that are not text are shown as `�`.
+    pub fn place(&self, number: usize, at: Range<usize>) -> Place {
+        let bytes = self.bytes();
+        let start = memrchr(b'\n', &bytes[..at.start.min(bytes.len())]).map_or(0, |i| i + 1);
+        let last = bytes.len().min(at.end.max(at.start) + MAX_SHOWN_BYTES);
+        let end = memchr(b'\n', &bytes[start..last]).map_or(last, |n| start + n);
+        let from = if at.start - start > MAX_SHOWN_BYTES { at.start - MAX_SHOWN_BYTES / 2 } else { start };
+        let to = end.min(from + MAX_SHOWN_BYTES);
+        let before = shown(&bytes[from..at.start.clamp(from, to)]);
+        let marked = shown(&bytes[at.start.clamp(from, to)..at.end.clamp(at.start.min(to), to)]);
+        let after = shown(&bytes[at.end.clamp(from, to)..to]);
+        let range = before.len()..before.len() + marked.len();
+        Place::in_line(&self.path, number, format!("{before}{marked}{after}").trim_end(), range)
+    }
+}
+
+/// Makes bytes printable in a terminal.
+pub(super) fn shown(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes)
+        .chars()
+        .map(|c| if c.is_control() && c != '\t' { '\u{fffd}' } else { c })
+        .collect()
+}
+
+/// A name without control characters, which would reach terminals and tables.
+pub(super) fn printable(name: &str) -> String {
+    name.chars().map(|c| if c.is_control() { '_' } else { c }).collect()
+}
+
+/// A logical line: physical lines that end with a `\` are joined with the next one.
+pub(super) struct Line<'a> {
+    /// Number of its first physical line, from 1.
+    pub number: usize,
+    /// Offset of its first byte.
+    pub start: usize,
+    /// Text without the line end.
+    pub text: Cow<'a, [u8]>,
+}
+
+/// Iterates over the lines of a text.
+pub(super) struct Lines<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    /// Number of physical lines read so far.
+    pub passed: usize,
+    continued: bool,
+}
+
+impl<'a> Lines<'a> {
+    /// Iterates over the lines of `bytes`; `continued` joins a line that ends with `\` with the next one.
+    pub fn new(bytes: &'a [u8], continued: bool) -> Lines<'a> {
+        Lines { bytes, at: 0, passed: 0, continued }
+    }
+
+    fn physical(&mut self) -> Option<&'a [u8]> {
+        if self.at >= self.bytes.len() {
+            return None;
+        }
+        let rest = &self.bytes[self.at..];
+        let length = memchr(b'\n', rest);
+        self.at += length.map_or(rest.len(), |n| n + 1);
+        self.passed += 1;
+        Some(&rest[..length.unwrap_or(rest.len())])
+    }
+}
+
+impl<'a> Iterator for Lines<'a> {
+    type Item = Line<'a>;
+
+    #[inline]
+    fn next(&mut self) -> Option<Line<'a>> {
+        let start = self.at;
+        let text = self.physical()?;
+        let number = self.passed;
+        if !(self.continued && is_continued(text)) {
+            return Some(Line { number, start, text: Cow::Borrowed(text) });
+        }
+        // The `\` and the line end become blanks, so that offsets within the joined text remain offsets in the file.
+        let mut joined = text.to_vec();
+        while is_continued(&joined) {
+            blank_continuation(&mut joined);
+            let Some(next) = self.physical() else { break };
+            joined.push(b' ');
+            joined.extend_from_slice(next);
+        }
+        Some(Line { number, start, text: Cow::Owned(joined) })
+    }
+}
+
+/// Whether a line without its end continues in the next one.
+pub(super) fn is_continued(line: &[u8]) -> bool {
+    matches!(line, [.., b'\\'] | [.., b'\\', b'\r'])
+}
+
+fn blank_continuation(line: &mut [u8]) {
+    let n = line.len();
+    for b in &mut line[n.saturating_sub(2)..] {
+        if matches!(b, b'\\' | b'\r') {
+            *b = b' ';
+        }
+    }
+}
+
+/// Iterates over the words of a line with their positions; a word that begins with `#` starts a comment.
+pub(super) struct Words<'a> {
+    line: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Words<'a> {
+    /// Starts at byte `at` of `line`.
+    pub fn new(line: &'a [u8], at: usize) -> Words<'a> {
+        Words { line, at }
+    }
+}
+
+impl<'a> Iterator for Words<'a> {
+    type Item = (&'a [u8], Range<usize>);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let start = skip_blanks(self.line, self.at);
+        if start >= self.line.len() || self.line[start] == b'#' {
+            return None;
+        }
+        self.at = word_end(self.line, start);
+        Some((&self.line[start..self.at], start..self.at))
+    }
+}
+
+/// The rest of a line from byte `at` on, without the blanks around it and without a comment: a word `#`. What begins with `#`
+/// otherwise belongs to the operand, as in the name `Material #25`.
+pub(super) fn operand(line: &[u8], at: usize) -> Range<usize> {
+    let start = skip_blanks(line, at);
+    let is_end = |i: usize| line.get(i).is_none_or(|&b| is_blank(b));
+    let is_comment =
+        |i: &usize| line[*i] == b'#' && (*i == start || is_blank(line[*i - 1])) && is_end(*i + 1);
+    let end = (start..line.len()).find(is_comment).unwrap_or(line.len());
+    start..start + line[start..end].trim_ascii_end().len()
+}
+
+/// Problems of one file, collected in any order and reported in the order of the file: errors, where the file is
+/// provably broken, and warnings.
+#[derive(Default)]
+pub(super) struct Problems {
+    errors: List,
+    warnings: List,
+}
+
+#[derive(Default)]
+struct List {
+    shown: Vec<Problem>,
+    count: usize,
+}
+
+struct Problem {
+    line: usize,
+    at: Range<usize>,
+    message: String,
+}
+
+impl List {
+    fn push(&mut self, line: usize, at: Range<usize>, message: impl FnOnce() -> String) {
+        self.count += 1;
+        if self.shown.len() < MAX_SHOWN_PROBLEMS {
+            self.shown.push(Problem { line, at, message: message() });
+        }
+    }
+
+    fn append(&mut self, later: List, lines: usize, bytes: usize) {
+        self.count += later.count;
+        let room = MAX_SHOWN_PROBLEMS - self.shown.len();
+        self.shown.extend(later.shown.into_iter().take(room).map(|p| Problem {
+            line: p.line + lines,
+            at: p.at.start + bytes..p.at.end + bytes,
+            message: p.message,
+        }));
+    }
+}
+
+impl Problems {
+    /// Records an error at the bytes `at` of line `line` (from 1).
+    pub fn error(&mut self, line: usize, at: Range<usize>, message: impl FnOnce() -> String) {
+        self.errors.push(line, at, message);
+    }
+
+    /// Records a warning about something that is replaced or omitted.
+    pub fn warn(&mut self, line: usize, at: Range<usize>, message: impl FnOnce() -> String) {
+        self.warnings.push(line, at, message);
+    }
+
+    /// Whether further errors are only counted.
+    pub fn is_full(&self) -> bool {
+        self.errors.shown.len() >= MAX_SHOWN_PROBLEMS
+    }
+
+    /// Appends the problems of a later piece of the file, which begins `lines` lines and `bytes` bytes into it.
+    pub fn append(&mut self, later: Problems, lines: usize, bytes: usize) {
+        self.errors.append(later.errors, lines, bytes);
+        self.warnings.append(later.warnings, lines, bytes);
+    }
+
+    /// Whether there is no error.
+    pub fn is_sound(&self) -> bool {
+        self.errors.count == 0
+    }
+
+    /// Adds all problems to `diagnostics` in the order of the file; `false` if there was an error.
+    pub fn report(self, source: &Source, diagnostics: &mut Diagnostics) -> bool {
+        let is_sound = self.is_sound();
+        let mut all = Vec::new();
+        for (list, is_error) in [(self.errors, true), (self.warnings, false)] {
+            let more = list.count - list.shown.len();
+            all.extend(list.shown.into_iter().map(|p| (p.line, Some(p.at), p.message, is_error)));
+            if more > 0 {
+                all.push((usize::MAX, None, format!("{more} more problems in this file"), is_error));
+            }
+        }
+        all.sort_by_key(|p| p.0);
+        for (line, at, message, is_error) in all {
+            let place = at.map_or_else(|| Place::of_file(source.path()), |at| source.place(line, at));
+            if is_error {
+                diagnostics.error(Some(place), message);
+            } else {
+                diagnostics.warn(Some(place), message);
+            }
+        }
+        is_sound
+    }
+}
+
+/// Divides `bytes` into pieces of about `length` bytes that end with a complete logical line.
+pub(super) fn cut_into_pieces(bytes: &[u8], length: usize) -> Vec<Range<usize>> {
+    let mut pieces = Vec::new();
+    let mut start = 0;
+    while start < bytes.len() {
+        let mut end = (start + length).min(bytes.len());
+        while end < bytes.len() {
+            end = memchr(b'\n', &bytes[end..]).map_or(bytes.len(), |n| end + n + 1);
+            if !is_continued(&bytes[start..end - 1]) {
+                break;
+            }
+        }
+        pieces.push(start..end);
+        start = end;
+    }
+    pieces
+}
+
+/// Whether a line consists of blanks only.
+pub(super) fn is_empty_line(line: &[u8]) -> bool {
+    line.iter().all(|&b| is_blank(b))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn continued_lines_are_one_line_whose_offsets_are_those_of_the_file() {
+        let text = b"a\nf 1 2 \\\r\n 3\\\n4\nend";
+        let lines: Vec<_> =
+            Lines::new(text, true).map(|l| (l.number, l.start, l.text.into_owned())).collect();
+        assert_eq!(lines.len(), 3);
+        assert_eq!(lines[1].0, 2);
+        let at = lines[1].2.iter().position(|&b| b == b'4').unwrap();
+        assert_eq!(text[lines[1].1 + at], b'4');
+        assert_eq!((lines[2].0, &lines[2].2[..]), (5, &b"end"[..]));
+    }
+
+    #[test]
+    fn an_operand_is_the_rest_of_the_line_without_a_comment() {
+        for (line, expected) in [
+            ("usemtl red  brick\r", "red  brick"),
+            ("usemtl\tMaterial #25", "Material #25"),
+            ("usemtl oak # the old one", "oak"),
+            ("usemtl oak #", "oak"),
+            ("usemtl # none", ""),
+            ("usemtl", ""),
+            ("usemtl C#", "C#"),
+        ] {
+            assert_eq!(&line[operand(line.as_bytes(), 6)], expected, "{line}");
+        }
+    }
+
+    #[test]
+    fn a_continuation_at_the_end_of_the_file_ends_with_it() {
+        for text in [&b"f 1 2 \\"[..], b"\\", b"\\\r", b"\\\n\\\n\\"] {
+            assert_eq!(Lines::new(text, true).count(), 1, "{text:?}");
+        }
+    }
+
+    #[test]
+    fn pieces_end_with_complete_lines() {
+        let text = b"v 1 2 3\nf 1 2 \\\n3 4\\\r\n5\nend without line break";
+        for length in 1..text.len() + 2 {
+            let pieces = cut_into_pieces(text, length);
+            let joined: Vec<u8> = pieces.iter().flat_map(|p| text[p.clone()].to_vec()).collect();
+            assert_eq!(joined, text);
+            let lines: usize = pieces.iter().map(|p| Lines::new(&text[p.clone()], true).count()).sum();
+            assert_eq!(lines, 3, "pieces of {length}");
+        }
+    }
+
+    #[test]
+    fn carriage_returns_alone_become_line_feeds() {
+        let fed = |text: &str| Source::of("a", text.as_bytes()).with_line_feeds().map(|s| s.bytes().to_vec());
+        assert_eq!(fed("\u{feff}1 2\r3 4\r\n5\r"), Some(b"1 2\n3 4\r\n5\n".to_vec()));
+        assert_eq!((fed("1 2\r\n3\n"), fed("")), (None, None));
+    }
+
+    #[test]
+    fn lines_have_a_greatest_length() {
+        let refused = |text: Vec<u8>| {
+            let mut d = Diagnostics::default();
+            let is_text = Source::of("l.obj", &text).is_text("vertices", &mut d);
+            assert_eq!(is_text, d.is_empty());
+            d.items().first().map(|d| (d.place.as_ref().map_or(0, |p| p.line), d.message.clone()))
+        };
+        let longest = [vec![b'x'; MAX_LINE_BYTES], b"\n".to_vec()].concat();
+        assert_eq!(refused(longest.repeat(3)), None);
+        let (line, message) = refused([&longest[..], b"v 1 2 3\ny", &longest].concat()).unwrap();
+        assert_eq!((line, message.as_str()), (3, "a line of more than 1048576 bytes, expected vertices"));
+    }
+
+    #[test]
+    fn a_place_in_noise_can_be_shown() {
+        let source = Source::of("n.obj", b"ok\n\xff\xfe\x1b[31m bad \x00\r\nok");
+        let place = source.place(2, 3..5);
+        assert_eq!(place.line, 2);
+        assert_eq!(&place.excerpt[place.marked.clone()], "\u{fffd}\u{fffd}");
+        assert!(!place.excerpt.contains('\x1b'));
+        let long = Source::of("l.obj", &[b'x'; 5000]);
+        assert!(long.place(1, 4000..4003).excerpt.len() <= MAX_SHOWN_BYTES);
+    }
+}

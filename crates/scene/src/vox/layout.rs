@@ -1,0 +1,79 @@
+//! Which columns of a file hold which attributes of a voxel.
+
+use crate::text::{Line, Problems, Words, shown};
+
+/// Number of columns of a voxel in files that do not name them, and two of these columns.
+const COLUMNS: usize = 16;
+const DENSITY: usize = 3;
+const TRANSMITTANCE: usize = 13;
+/// Names of plant area density, in small letters: of the versions of AMAPVox, and of programs that write its format.
+const DENSITY_NAMES: [&str; 4] = ["padbvtotal", "pad", "plant_area_density", "padbfltotal"];
+const TRANSMITTANCE_NAMES: [&str; 2] = ["transmittance", "transmittance_tmp"];
+
+/// The columns of a voxel.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Layout {
+    /// Minimum number of columns.
+    pub count: usize,
+    pub index: [usize; 3],
+    pub density: usize,
+    /// `None` in files that do not have it.
+    pub transmittance: Option<usize>,
+}
+
+impl Layout {
+    /// The layout of files that do not name their columns.
+    pub const UNNAMED: Layout =
+        Layout { count: COLUMNS, index: [0, 1, 2], density: DENSITY, transmittance: Some(TRANSMITTANCE) };
+
+    /// The layout by the line that names the columns; `Err` has what is missing.
+    fn of_names(names: &[String]) -> Result<Layout, String> {
+        let column =
+            |known: &[&str]| known.iter().find_map(|known| names.iter().position(|name| name == known));
+        let required = |known: &[&str], what: &str| {
+            column(known).ok_or_else(|| format!("no column of {what} ({})", known[0]))
+        };
+        let other_density = || {
+            let mut others = (0..names.len()).filter(|&i| names[i].starts_with("pad"));
+            others.next().filter(|_| others.next().is_none())
+        };
+        let density = column(&DENSITY_NAMES).or_else(other_density);
+        Ok(Layout {
+            count: names.len(),
+            index: [required(&["i"], "cells")?, required(&["j"], "cells")?, required(&["k"], "cells")?],
+            density: density.ok_or("no column of plant area density (PadBVTotal)")?,
+            transmittance: column(&TRANSMITTANCE_NAMES),
+        })
+    }
+
+    /// The columns by the line of their names; `None` after an error.
+    pub fn read(line: &Line, problems: &mut Problems) -> Option<Layout> {
+        let at = line.start..line.start + line.text.len();
+        let names: Vec<String> =
+            Words::new(&line.text, 0).map(|(word, _)| shown(word).to_lowercase()).collect();
+        let names: Vec<String> = names.into_iter().map(|name| name.trim_matches('"').to_owned()).collect();
+        if names.first().is_none_or(|name| name != "i") && names.iter().all(|name| name != "k") {
+            problems.warn(line.number, at, || {
+                format!(
+                    "the columns are not named (i j k ...); column {} is taken as plant area density, column {} as transmittance",
+                    DENSITY + 1,
+                    TRANSMITTANCE + 1
+                )
+            });
+            return Some(Layout::UNNAMED);
+        }
+        match Layout::of_names(&names) {
+            Ok(layout) => Some(layout),
+            Err(missing) => {
+                let has_attenuation = names.iter().any(|name| name.starts_with("attenuation"));
+                let hint = if has_attenuation {
+                    "; plantAreaDensity of the R package AMAPVox computes it from attenuation or transmittance"
+                } else {
+                    ""
+                };
+                problems.error(line.number, at, || format!("the voxels have {missing}{hint}"));
+                None
+            }
+        }
+    }
+}

@@ -1,0 +1,329 @@
+//! AMAPVox vegetation voxels (spec input-formats §4.5). Their columns are in `layout`.
+
+mod layout;
+#[cfg(test)]
+mod tests;
+
+use super::builder::{MAX_COORDINATE, PartSource, SceneBuilder};
+use super::number::float;
+use super::text::{Line, Lines, Problems, Source, Words, cut_into_pieces, is_empty_line, shown};
+use super::voxel::{Voxel, VoxelKind};
+use layout::Layout;
+use rayon::prelude::*;
+use std::ops::Range;
+use vlscan_base::columns::comma_note;
+use vlscan_base::error::Result;
+use vlscan_base::rng::{Purpose, Stream};
+use vlscan_geom::DVec3;
+use vlscan_survey::{VoxelLoader, VoxelMode};
+use vlscan_trace::Cube;
+
+/// Bytes read by one task.
+const PIECE_BYTES: usize = 1 << 20;
+
+/// The header of a file.
+#[derive(Debug, PartialEq)]
+struct Header {
+    min_corner: DVec3,
+    resolution: f64,
+    /// Number of cells along x, y, z.
+    split: [f64; 3],
+    max_density: Option<f64>,
+    layout: Layout,
+    /// Start of the voxels: bytes and lines before them.
+    body: (usize, usize),
+}
+
+/// Maximum density of a part's file, for scaling its voxels.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Densities {
+    /// The file's cubes, as indices in the scene.
+    pub cubes: Range<usize>,
+    /// PAD_max, the maximum plant area density, 1/m.
+    pub largest: f64,
+}
+
+/// Appends the voxels of a file, without the part's transform and scaling. Returns the data for scaling; `None` after
+/// an error.
+pub(super) fn load(
+    scene: &mut SceneBuilder,
+    part: &PartSource,
+    source: &Source,
+    loader: &VoxelLoader,
+    materials: &[u32],
+) -> Result<Option<Densities>> {
+    if !source.is_text("a voxel file", &mut scene.diagnostics) {
+        return Ok(None);
+    }
+    let mut problems = Problems::default();
+    let header = read_header(source, &mut problems);
+    let is_sound = problems.report(source, &mut scene.diagnostics);
+    let Some(header) = header.filter(|_| is_sound) else { return Ok(None) };
+    let first = scene.geometry.cubes.len();
+    let ((body, mut lines), mut rows) = (header.body, 0);
+    let text = &source.bytes()[body..];
+    let mut problems = Problems::default();
+    for wave in cut_into_pieces(text, PIECE_BYTES).chunks(4 * rayon::current_num_threads()) {
+        let read: Vec<Slice> =
+            wave.par_iter().map(|piece| read_voxels(&text[piece.clone()], &header, loader)).collect();
+        scene.reserve(0, 0, read.iter().map(|s| s.cubes.len()).sum(), source.path())?;
+        for (slice, piece) in read.into_iter().zip(wave) {
+            problems.append(slice.problems, lines, body + piece.start);
+            lines += slice.lines;
+            rows += slice.rows;
+            scene.geometry.cubes.extend(slice.cubes);
+            scene.voxels.extend(slice.voxels);
+        }
+    }
+    scene.check_counts()?;
+    check_last_row(source, body, header.layout.count, &mut problems);
+    check_columns(source, &header, loader.mode, &mut problems);
+    if rows == 0 {
+        let end = source.bytes().len();
+        problems.error(lines.max(1), end.saturating_sub(1)..end, || "expected voxels, found none".to_owned());
+    }
+    let is_sound = problems.report(source, &mut scene.diagnostics);
+    let cubes = first..scene.geometry.cubes.len();
+    scene.assign_materials_in_turn(part.index, materials, cubes.len());
+    let largest = header.max_density.unwrap_or_else(|| largest_density(&scene.voxels[cubes.clone()]));
+    Ok(is_sound.then_some(Densities { cubes, largest }))
+}
+
+/// A last line without a line end is truncated if it has fewer columns than the first row.
+fn check_last_row(source: &Source, body: usize, named: usize, problems: &mut Problems) {
+    let Some((number, at, text)) = source.unended_line().filter(|(_, at, _)| *at >= body) else { return };
+    let columns = |line: &[u8]| Words::new(line, 0).count();
+    let first = first_row(source, body).map_or(0, |l| columns(&l.text));
+    let last = columns(text);
+    if last >= named && last < first {
+        problems.error(number, at..at + text.len(), || {
+            format!("expected {first} columns as in the first row, found {last}; is the file whole?")
+        });
+    }
+}
+
+/// The first line of voxels, with its place counted from there.
+fn first_row(source: &Source, body: usize) -> Option<Line<'_>> {
+    let is_row = |l: &Line| !is_empty_line(&l.text) && l.text.trim_ascii_start()[0] != b'#';
+    Lines::new(&source.bytes()[body..], false).find(is_row)
+}
+
+/// Warns of columns without a name, and of a transmittance that is needed and missing.
+fn check_columns(source: &Source, header: &Header, mode: VoxelMode, problems: &mut Problems) {
+    let (body, lines) = header.body;
+    let named = header.layout.count;
+    if let Some(row) = first_row(source, body) {
+        let found = Words::new(&row.text, 0).count();
+        let start = body + row.start;
+        if found > named && header.layout != Layout::UNNAMED {
+            problems.warn(lines + row.number, start..start + row.text.len(), || {
+                format!(
+                    "the file names {named} columns and has {found}; the last {} are left out",
+                    found - named
+                )
+            });
+        }
+    }
+    if header.layout.transmittance.is_none() && mode != VoxelMode::Transmittive {
+        problems.warn(lines, body.saturating_sub(1)..body.saturating_sub(1), || {
+            "no column is named transmittance: no cell lets light through".to_owned()
+        });
+    }
+}
+
+fn largest_density(voxels: &[Voxel]) -> f64 {
+    voxels.iter().map(|v| v.density).filter(|d| d.is_finite()).fold(0.0, f64::max)
+}
+
+/// Reads everything before the voxels: fields, and the two lines that are neither fields nor blank.
+fn read_header(source: &Source, problems: &mut Problems) -> Option<Header> {
+    let mut fields = Fields::default();
+    let mut titles = Vec::new();
+    let mut lines = Lines::new(source.bytes(), false);
+    let mut end = None;
+    for line in lines.by_ref() {
+        let text = line.text.trim_ascii_start();
+        if text.is_empty() {
+            continue;
+        }
+        if text[0] == b'#' {
+            fields.read(&line, problems);
+        } else if titles.len() == 2 {
+            end = Some((line.start, line.number - 1));
+            break;
+        } else {
+            titles.push(line);
+        }
+    }
+    let end = end.unwrap_or((source.bytes().len(), lines.passed));
+    let mut required = |value: Option<Vec<f64>>, name: &str, count: usize| {
+        let value = value.filter(|v| v.len() >= count);
+        if value.is_none() {
+            problems.error(1, 0..0, || format!("the header lacks \"#{name}\" with {count} numbers"));
+        }
+        value
+    };
+    let corner = required(fields.min_corner, "min_corner:", 3);
+    required(fields.max_corner, "max_corner:", 3);
+    let split = required(fields.split, "split:", 3);
+    let size = required(fields.resolution, "res:", 1)?;
+    if size[0] <= 0.0 || size.iter().any(|s| *s != size[0]) {
+        problems.error(1, 0..0, || format!("expected cubes of a size above 0 as #res, found {size:?}"));
+    }
+    let (corner, split) = (corner?, split?);
+    let split = [split[0], split[1], split[2]];
+    let min_corner = DVec3::new(corner[0], corner[1], corner[2]);
+    let max_density = fields.max_density.and_then(|v| v.first().copied());
+    let layout = titles.get(1).map_or(Some(Layout::UNNAMED), |line| Layout::read(line, problems))?;
+    Some(Header { min_corner, resolution: size[0], split, max_density, layout, body: end })
+}
+
+#[derive(Default)]
+struct Fields {
+    min_corner: Option<Vec<f64>>,
+    max_corner: Option<Vec<f64>>,
+    split: Option<Vec<f64>>,
+    resolution: Option<Vec<f64>>,
+    max_density: Option<Vec<f64>>,
+}
+
+impl Fields {
+    /// Parses a header line with one or more fields `#name: values`.
+    fn read(&mut self, line: &Line, problems: &mut Problems) {
+        for field in line.text.split(|&b| b == b'#') {
+            let Some(colon) = field.iter().position(|&b| b == b':') else { continue };
+            let slot = match field[..colon].trim_ascii().to_ascii_lowercase().as_slice() {
+                b"min_corner" => &mut self.min_corner,
+                b"max_corner" => &mut self.max_corner,
+                b"split" => &mut self.split,
+                b"res" => &mut self.resolution,
+                b"max_pad" => &mut self.max_density,
+                _ => continue,
+            };
+            let words = field[colon + 1..].split(|b| b" \t\r,()".contains(b)).filter(|w| !w.is_empty());
+            let values: Option<Vec<f64>> =
+                words.map(|w| float(w).filter(|v| v.abs() <= MAX_COORDINATE)).collect();
+            match values {
+                Some(values) => *slot = Some(values),
+                None => problems.error(line.number, line.start..line.start + line.text.len(), || {
+                    format!("expected numbers after \"#{}\"", shown(&field[..=colon]))
+                }),
+            }
+        }
+    }
+}
+
+#[derive(Default)]
+struct Slice {
+    cubes: Vec<Cube>,
+    voxels: Vec<Voxel>,
+    problems: Problems,
+    lines: usize,
+    rows: usize,
+}
+
+fn read_voxels(bytes: &[u8], header: &Header, loader: &VoxelLoader) -> Slice {
+    let mut slice = Slice::default();
+    let mut lines = Lines::new(bytes, false);
+    for line in lines.by_ref() {
+        if is_empty_line(&line.text) || line.text.trim_ascii_start()[0] == b'#' {
+            continue;
+        }
+        slice.rows += 1;
+        match read_row(&line, &header.layout) {
+            Ok(row) if loader.drop_empty && row.density == 0.0 => {}
+            Ok(row) => {
+                let index = DVec3::from(row.index.map(f64::from));
+                if index.cmpge(DVec3::from(header.split)).any() {
+                    // The reference uses the lower corner only, so the position is well-defined.
+                    slice.problems.warn(line.number, line.start..line.start + line.text.len(), || {
+                        format!("the cell lies outside of the header's #split of {:?}", header.split)
+                    });
+                }
+                let centre = header.min_corner + (index + 0.5) * header.resolution;
+                slice.cubes.push(Cube { centre, half: 0.5 * header.resolution });
+                slice.voxels.push(Voxel::of_plants(row.density, kind(loader.mode, row.transmittance)));
+            }
+            Err((at, message)) => slice.problems.error(line.number, at, || message),
+        }
+    }
+    slice.lines = lines.passed;
+    slice
+}
+
+/// The interaction of rays with a voxel (spec pulse-physics §2.5).
+fn kind(mode: VoxelMode, transmittance: f64) -> VoxelKind {
+    match mode {
+        VoxelMode::Transmittive => VoxelKind::Transmittive,
+        VoxelMode::Fixed | VoxelMode::Scaled(_) if transmittance == 1.0 || transmittance.is_nan() => {
+            VoxelKind::Transparent
+        }
+        VoxelMode::Fixed | VoxelMode::Scaled(_) => VoxelKind::Opaque,
+    }
+}
+
+struct Row {
+    index: [u32; 3],
+    density: f64,
+    transmittance: f64,
+}
+
+fn read_row(line: &Line, layout: &Layout) -> std::result::Result<Row, (Range<usize>, String)> {
+    let words: Vec<(&[u8], Range<usize>)> = Words::new(&line.text, 0).collect();
+    let at = |range: &Range<usize>| line.start + range.start..line.start + range.end;
+    if words.len() < layout.count {
+        let message = format!("expected at least {} columns, found {}", layout.count, words.len());
+        return Err((line.start..line.start + line.text.len(), message));
+    }
+    let value = |column: usize, name: &str, is_valid: fn(f64) -> bool| {
+        let (word, range) = &words[column];
+        float(word).filter(|v| is_valid(*v)).ok_or_else(|| {
+            let (found, number) = (shown(word), column + 1);
+            let hint = comma_note(&found);
+            (at(range), format!("expected {name} in column {number}, found \"{found}\"{hint}"))
+        })
+    };
+    let index = |column| {
+        let is_index = |v: f64| v.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&v);
+        value(column, "a cell number, 0 or greater,", is_index).map(|v| v as u32)
+    };
+    Ok(Row {
+        index: [index(layout.index[0])?, index(layout.index[1])?, index(layout.index[2])?],
+        density: value(layout.density, "a density, 0 or greater or NaN,", |v| {
+            v.is_nan() || (v >= 0.0 && v.is_finite())
+        })?,
+        transmittance: layout
+            .transmittance
+            .map_or(Ok(0.0), |column| value(column, "a transmittance", |_| true))?,
+    })
+}
+
+/// Applies `scaled` to voxels after the part's transform: the edge is multiplied by (PAD/PAD_max)^exponent, and with
+/// `random_shift` the cube gets a random position within the original one. A voxel without density (NaN) has no size
+/// and is removed.
+pub(super) fn scale_by_density(
+    scene: &mut SceneBuilder,
+    files: &[Densities],
+    exponent: f64,
+    random_shift: Option<u32>,
+) {
+    let Some(first) = files.first().map(|f| f.cubes.start) else { return };
+    let shifts = Stream::new(scene.options.seed, Purpose::VoxelShift);
+    for file in files {
+        let cubes = scene.geometry.cubes[file.cubes.clone()].par_iter_mut();
+        let numbered = cubes.zip(&scene.voxels[file.cubes.clone()]).enumerate();
+        numbered.for_each(|(i, (cube, voxel))| {
+            let half = cube.half * libm::pow(voxel.density / file.largest, exponent);
+            if let Some(part) = random_shift {
+                let number = (file.cubes.start - first + i) as u64;
+                let u = |axis| 2.0 * shifts.uniform(part, number, axis) - 1.0;
+                let by = DVec3::new(u(0), u(1), u(2)) * (cube.half - half);
+                if by.is_finite() {
+                    cube.centre += by;
+                }
+            }
+            cube.half = half;
+        });
+    }
+    scene.retain_cubes(first, |cube| cube.half.is_finite());
+}

@@ -1,0 +1,268 @@
+//! The grid of a point cloud and the sums over the points in its cells.
+
+use crate::plane::{Moments, least_direction};
+use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use vlscan_geom::{Aabb, DVec3, unit};
+use vlscan_points::PointRow;
+
+/// Number of independent sets of cells. Constant, so that results do not depend on the number of threads.
+pub(super) const SHARDS: usize = 16;
+
+/// Cell indices along x, y, z.
+pub(super) type Cell = [u32; 3];
+
+/// A grid of cubes (spec input-formats §4.4).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Grid {
+    min: DVec3,
+    size: f64,
+    last: Cell,
+}
+
+impl Grid {
+    /// The grid whose lower corner is that of `extent`; along an axis without extent its single layer is centred at the
+    /// points. `None` if the cell indices would overflow.
+    pub fn around(extent: Aabb, size: f64) -> Option<Grid> {
+        let (mut min, mut last) = (extent.min, [0; 3]);
+        for axis in 0..3 {
+            let length = extent.max[axis] - extent.min[axis];
+            let count = (length / size).ceil().max(1.0);
+            if count.is_nan() || count > f64::from(u32::MAX) {
+                return None;
+            }
+            if length == 0.0 {
+                min[axis] -= 0.5 * size;
+            }
+            last[axis] = count as u32 - 1;
+        }
+        Some(Grid { min, size, last })
+    }
+
+    pub fn cell_of(&self, p: DVec3) -> Cell {
+        let at = (p - self.min) / self.size;
+        // A cast from float saturates; negative numbers cannot occur but would become 0.
+        [0, 1, 2].map(|axis| (at[axis] as u32).min(self.last[axis]))
+    }
+
+    /// The set of cells that contains `p`.
+    pub fn shard_of(&self, p: DVec3) -> usize {
+        let mut hasher = CellHasher::default();
+        std::hash::Hash::hash(&self.cell_of(p), &mut hasher);
+        (hasher.finish() >> 57) as usize % SHARDS
+    }
+
+    /// Centre of a cell, m.
+    pub fn centre(&self, cell: Cell) -> DVec3 {
+        self.min + (DVec3::from(cell.map(f64::from)) + 0.5) * self.size
+    }
+
+    /// Sort key of a cell: by z, then y, then x.
+    pub fn order(&self, cell: Cell) -> u128 {
+        u128::from(cell[2]) << 64 | u128::from(cell[1]) << 32 | u128::from(cell[0])
+    }
+}
+
+/// The source of the normal of a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum NormalRule {
+    /// Mean of the points' normals.
+    Mean,
+    /// Normal of the point nearest to the centre of the cell.
+    Nearest,
+    /// Normal of the plane fitted to the points.
+    Plane,
+}
+
+/// Sums over the points of a cell; 136 bytes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sums {
+    pub count: u32,
+    /// Sum of the points relative to the centre (plane) or of the normals.
+    first: DVec3,
+    /// Sum of products of coordinates relative to the centre (plane); squared distance of the nearest point.
+    second: Moments,
+    /// Box around the points relative to the centre (plane).
+    extent: Aabb,
+    /// The class of more than half of the points, if there is one (Boyer and Moore's majority vote), and its lead.
+    pub class: u8,
+    lead: u32,
+}
+
+impl Sums {
+    const NOTHING: Sums =
+        Sums { count: 0, first: DVec3::ZERO, second: [0.0; 6], extent: Aabb::EMPTY, class: 0, lead: 0 };
+
+    fn add(&mut self, centre: DVec3, point: &PointRow, rule: NormalRule) {
+        let d = point.position - centre;
+        match (rule, point.normal) {
+            (NormalRule::Plane, _) => {
+                self.first += d;
+                self.extent = self.extent.with(d);
+                let products = [d.x * d.x, d.x * d.y, d.x * d.z, d.y * d.y, d.y * d.z, d.z * d.z];
+                self.second.iter_mut().zip(products).for_each(|(sum, p)| *sum += p);
+            }
+            (NormalRule::Mean, Some(n)) => self.first += n,
+            (NormalRule::Nearest, Some(n)) => {
+                let squared = d.length_squared();
+                if self.first == DVec3::ZERO || squared < self.second[0] {
+                    (self.first, self.second[0]) = (n, squared);
+                }
+            }
+            (_, None) => {}
+        }
+        match (self.lead, self.class == point.class) {
+            (0, _) => (self.class, self.lead) = (point.class, 1),
+            (_, true) => self.lead = self.lead.saturating_add(1),
+            (_, false) => self.lead -= 1,
+        }
+        self.count = self.count.saturating_add(1);
+    }
+
+    /// The cell's unit normal, if it can be derived from its points.
+    pub fn normal(&self, rule: NormalRule) -> Option<DVec3> {
+        let normal = match rule {
+            NormalRule::Mean | NormalRule::Nearest => unit(self.first),
+            NormalRule::Plane => least_direction(self.moments_about(self.extent.centre())),
+        };
+        normal.is_finite().then_some(normal)
+    }
+
+    /// Σ(d−m)(d−m)ᵀ from Σd and Σddᵀ.
+    fn moments_about(&self, m: DVec3) -> Moments {
+        let (n, s) = (f64::from(self.count), self.first);
+        let mut moments = self.second;
+        for (moment, (i, j)) in moments.iter_mut().zip([(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]) {
+            *moment -= s[i] * m[j] + m[i] * s[j] - n * m[i] * m[j];
+        }
+        moments
+    }
+}
+
+/// Bytes of a cell in its table.
+const CELL_BYTES: usize = size_of::<(Cell, Sums)>() + 1;
+
+/// The memory that the tables of all sets can have together.
+pub(super) struct Budget {
+    limit: usize,
+    taken: AtomicUsize,
+}
+
+impl Budget {
+    pub fn new(limit: usize) -> Budget {
+        Budget { limit, taken: AtomicUsize::new(0) }
+    }
+
+    /// Counts bytes as taken, also those beyond the limit; `false` if they are.
+    fn take(&self, bytes: usize) -> bool {
+        self.taken.fetch_add(bytes, Ordering::Relaxed).saturating_add(bytes) <= self.limit
+    }
+
+    fn give_back(&self, bytes: usize) {
+        self.taken.fetch_sub(bytes, Ordering::Relaxed);
+    }
+
+    /// Bytes that were taken, including those of a refused request.
+    pub fn taken(&self) -> usize {
+        self.taken.load(Ordering::Relaxed)
+    }
+}
+
+/// One set of occupied cells.
+#[derive(Default)]
+pub(super) struct Cells(HashMap<Cell, Sums, BuildHasherDefault<CellHasher>>);
+
+impl Cells {
+    /// Adds a point to its cell; `false` if the budget does not allow a larger table.
+    pub fn add(&mut self, grid: &Grid, point: &PointRow, rule: NormalRule, budget: &Budget) -> bool {
+        let cell = grid.cell_of(point.position);
+        if self.0.len() == self.0.capacity() && !self.0.contains_key(&cell) {
+            let before = self.0.capacity();
+            // The table is copied into one of twice its size.
+            if !budget.take(CELL_BYTES * (2 * before).max(4)) || self.0.try_reserve(1).is_err() {
+                return false;
+            }
+            budget.give_back(CELL_BYTES * before);
+        }
+        self.0.entry(cell).or_insert(Sums::NOTHING).add(grid.centre(cell), point, rule);
+        true
+    }
+
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// The cells in arbitrary order.
+    pub fn into_iter(self) -> impl Iterator<Item = (Cell, Sums)> {
+        self.0.into_iter()
+    }
+}
+
+/// A multiplicative hash; crafted collisions need not be prevented.
+#[derive(Default)]
+pub(super) struct CellHasher(u64);
+
+impl Hasher for CellHasher {
+    fn finish(&self) -> u64 {
+        (self.0 ^ (self.0 >> 32)).wrapping_mul(0x9E37_79B9_7F4A_7C15)
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        bytes.iter().for_each(|&b| self.write_u32(u32::from(b)));
+    }
+
+    fn write_u32(&mut self, value: u32) {
+        self.0 = (self.0 ^ u64::from(value)).wrapping_mul(0xD6E8_FEB8_6659_FD93).rotate_left(29);
+    }
+
+    fn write_usize(&mut self, _: usize) {
+        // The length prefix of the array, which is always three.
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn extent(size: [f64; 3]) -> Aabb {
+        Aabb { min: DVec3::ZERO, max: DVec3::from(size) }
+    }
+
+    #[test]
+    fn cells_begin_at_the_minimum_and_the_last_holds_the_maximum() {
+        let grid = Grid::around(extent([1.0, 1.1, 0.3]), 0.5).unwrap();
+        assert_eq!(grid.last, [1, 2, 0]);
+        assert_eq!(grid.cell_of(DVec3::new(1.0, 1.1, 0.3)), [1, 2, 0]);
+        assert_eq!(grid.centre([0, 2, 0]), DVec3::new(0.25, 1.25, 0.25));
+        let flat =
+            Grid::around(Aabb { min: DVec3::splat(7.0), max: DVec3::new(9.0, 9.0, 7.0) }, 0.5).unwrap();
+        assert_eq!(flat.centre([0, 0, 0]).z, 7.0);
+        assert!(Grid::around(extent([1e12, 1.0, 1.0]), 1e-3).is_none());
+    }
+
+    proptest! {
+        #[test]
+        fn every_point_lies_in_its_cell(p in prop::array::uniform3(0.0..1.0f64), size in 0.001..2.0f64) {
+            let grid = Grid::around(extent([1.0; 3]), size).unwrap();
+            let off = (DVec3::from(p) - grid.centre(grid.cell_of(DVec3::from(p)))).abs().max_element();
+            prop_assert!(off <= 0.5 * size * (1.0 + 1e-9));
+        }
+
+        #[test]
+        fn planes_from_sums_equal_planes_from_points(points in prop::collection::vec(prop::array::uniform3(-1.0..1.0f64), 3..40), tilt in -0.5..0.5f64) {
+            let points: Vec<DVec3> = points.into_iter().map(|[x, y, z]| DVec3::new(x, y, tilt * x + 0.01 * z) + 1000.0).collect();
+            let mut sums = Sums::NOTHING;
+            for &position in &points {
+                sums.add(DVec3::splat(1000.5), &PointRow { position, ..PointRow::default() }, NormalRule::Plane);
+            }
+            let plane = crate::plane::fit(&points).unwrap();
+            let spread = points.iter().map(|p| (*p - plane.centre).length()).fold(0.0, f64::max);
+            prop_assume!(spread > 0.3);
+            let ours = sums.normal(NormalRule::Plane).unwrap();
+            let error = |n: DVec3| points.iter().map(|p| (*p - plane.centre).dot(n).powi(2)).sum::<f64>();
+            prop_assert!(error(ours) <= error(plane.normal) + 1e-9);
+        }
+    }
+}

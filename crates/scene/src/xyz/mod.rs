@@ -1,0 +1,420 @@
+//! Point clouds as cubes (spec input-formats §4.4), from text and, beyond the reference, from every format of points. The
+//! file is read twice, once for its extent and once into the cells of the grid, so that memory grows with the number of
+//! occupied cells instead of the number of points.
+
+mod cells;
+#[cfg(test)]
+mod tests;
+mod text;
+
+use super::builder::{MAX_COORDINATE, PartSource, SceneBuilder, memory_of};
+use super::text::{Problems, Source, cut_into_pieces};
+use super::voxel::Voxel;
+use cells::{Budget, Cells, Grid, NormalRule, SHARDS};
+use rayon::prelude::*;
+use std::ops::{ControlFlow, Range};
+use text::RowFormat;
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
+use vlscan_geom::{Aabb, DVec3, direction, rescaled};
+use vlscan_points::{AttributeSet, CloudFormat, PointFile, PointRow, PointSink, Selection};
+use vlscan_survey::XyzLoader;
+use vlscan_trace::Cube;
+
+/// Bytes of text read by one task.
+const PIECE_BYTES: usize = 1 << 20;
+
+/// Minimum number of points to which a plane is fitted.
+const MIN_PLANE_POINTS: u32 = 3;
+
+/// Appends one cube per occupied cell of a file's grid, ordered by z, y, x.
+pub(super) fn load(
+    scene: &mut SceneBuilder,
+    part: &PartSource,
+    source: &Source,
+    loader: &XyzLoader,
+    materials: &[u32],
+) -> Result<()> {
+    let settings = match Settings::new(loader) {
+        Ok(settings) => settings,
+        Err(problem) => {
+            scene.diagnostics.error(part.place.cloned(), problem);
+            return Ok(());
+        }
+    };
+    let Some(file) = PointFile::new(source.path(), source.bytes(), &mut scene.diagnostics) else {
+        return Ok(());
+    };
+    let is_text = file.format() == CloudFormat::Text;
+    let fed = if is_text { source.with_line_feeds() } else { None };
+    let source = fed.as_ref().unwrap_or(source);
+    let cloud = match is_text {
+        true => Cloud::of_text(source, loader, &settings, &mut scene.diagnostics),
+        false => Some(Cloud::File(file)),
+    };
+    let Some(cloud) = cloud else { return Ok(()) };
+    let Some(extent) = cloud.extent(source, &settings, &mut scene.diagnostics)? else { return Ok(()) };
+    if extent.is_empty() {
+        report_empty(source, is_text, &mut scene.diagnostics);
+        return Ok(());
+    }
+    let Some(grid) = Grid::around(extent, settings.voxel_size) else {
+        let message = format!(
+            "voxels of {} m are too small for the {:.3} m of {}",
+            settings.voxel_size,
+            extent.size().max_element(),
+            source.path().display()
+        );
+        scene.diagnostics.error(part.place.cloned(), message);
+        return Ok(());
+    };
+    let budget = Budget::new(scene.free_memory().try_into().unwrap_or(usize::MAX));
+    let mut sorter = Sorter { grid: &grid, settings: &settings, shards: Default::default(), budget };
+    match &cloud {
+        Cloud::Text { pieces, format } => sorter.sort_text(scene, source, pieces, format)?,
+        Cloud::File(file) => {
+            let mut failure = Ok(());
+            let mut found = Diagnostics::default();
+            // What there is to say was said when the extent was looked for.
+            each_batch(file, &mut found, |batches| {
+                failure = sorter.sort(scene, source, batches);
+                failure.is_ok()
+            })?;
+            failure?;
+        }
+    }
+    let shards = sorter.shards;
+    let cells: usize = shards.iter().map(Cells::len).sum();
+    scene.check_memory(memory_of(0, 0, cells).max((cells * size_of::<Filled>()) as u64), source.path())?;
+    append_cubes(scene, part, &settings, &grid, shards, materials)
+}
+
+/// A point file in one of the formats, recognised by its first bytes instead of its name.
+enum Cloud<'s> {
+    /// Lines of text; the pieces are read in parallel.
+    Text {
+        pieces: Vec<Range<usize>>,
+        format: Box<RowFormat>,
+    },
+    File(PointFile<'s>),
+}
+
+impl<'s> Cloud<'s> {
+    /// Finds the columns of a text file; `None` after an error.
+    fn of_text(
+        source: &Source,
+        loader: &XyzLoader,
+        settings: &Settings,
+        diagnostics: &mut Diagnostics,
+    ) -> Option<Cloud<'s>> {
+        if !source.is_text("a point cloud", diagnostics) {
+            return None;
+        }
+        let mut found = Diagnostics::default();
+        let format = RowFormat::new(loader, settings.rule != NormalRule::Plane, source, &mut found);
+        let is_wrong = found.is_fatal(false);
+        diagnostics.extend(found);
+        if format.is_none() {
+            report_empty(source, true, diagnostics);
+        }
+        let pieces = cut_into_pieces(source.bytes(), PIECE_BYTES);
+        format.filter(|_| !is_wrong).map(|format| Cloud::Text { pieces, format: Box::new(format) })
+    }
+
+    /// The box around all points; `None` after an error. Says what there is to say of the points.
+    fn extent(
+        &self,
+        source: &Source,
+        settings: &Settings,
+        diagnostics: &mut Diagnostics,
+    ) -> Result<Option<Aabb>> {
+        let file = match self {
+            Cloud::Text { pieces, format } => {
+                return Ok(extent_of_text(source, settings, pieces, format, diagnostics));
+            }
+            Cloud::File(file) => file,
+        };
+        let (mut extent, mut passed, mut wrong) = (Aabb::EMPTY, 0, None);
+        let mut without_normal = 0;
+        let mut found = Diagnostics::default();
+        each_batch(file, &mut found, |batches| {
+            for point in batches.iter().flatten() {
+                // Also false for NaN.
+                let is_near = point.position.abs().max_element() <= MAX_COORDINATE;
+                wrong =
+                    wrong.or((!(point.position.is_finite() && is_near)).then_some((passed, point.position)));
+                extent = extent.with(point.position);
+                without_normal += u64::from(!settings.has_usable_normal(point));
+                passed += 1;
+            }
+            wrong.is_none()
+        })?;
+        settings.warn_of_normals(without_normal, source, &mut found);
+        if let Some((number, p)) = wrong {
+            found.error(
+                None,
+                format!(
+                    "{}: expected points within ±{MAX_COORDINATE:e} m, point {number} (from 0) is at {p}",
+                    source.path().display()
+                ),
+            );
+        }
+        let is_wrong = found.is_fatal(false);
+        diagnostics.extend(found);
+        Ok((!is_wrong).then_some(extent))
+    }
+}
+
+fn report_empty(source: &Source, is_text: bool, diagnostics: &mut Diagnostics) {
+    let place = is_text.then(|| source.place(1, 0..0));
+    let message = format!("expected points in {}, found none", source.path().display());
+    diagnostics.error(place, message);
+}
+
+/// Passes batches of points of a file to `take`, in the order of the file, as long as it returns true.
+fn each_batch(
+    file: &PointFile,
+    found: &mut Diagnostics,
+    take: impl FnMut(&[Vec<PointRow>]) -> bool,
+) -> Result<()> {
+    let mut batches = Batches { take, batches: vec![Vec::new()], is_ended: false };
+    file.read(Selection::PositionAndClass, &mut batches, found)?;
+    if !batches.is_ended {
+        batches.flush();
+    }
+    Ok(())
+}
+
+/// Number of points of a batch, which one task sorts.
+const BATCH_POINTS: usize = 1 << 16;
+
+/// Collects points to as many batches as there are threads.
+struct Batches<F> {
+    take: F,
+    batches: Vec<Vec<PointRow>>,
+    is_ended: bool,
+}
+
+impl<F: FnMut(&[Vec<PointRow>]) -> bool> Batches<F> {
+    fn flush(&mut self) {
+        self.is_ended = !(self.take)(&self.batches);
+        self.batches.clear();
+        self.batches.push(Vec::new());
+    }
+}
+
+impl<F: FnMut(&[Vec<PointRow>]) -> bool> PointSink for Batches<F> {
+    fn start(&mut self, _: AttributeSet) {}
+
+    fn point(&mut self, row: &PointRow, _: Option<&str>) -> ControlFlow<()> {
+        let is_full = self.batches.last().is_none_or(|batch| batch.len() >= BATCH_POINTS);
+        if is_full && self.batches.len() >= rayon::current_num_threads() {
+            self.flush();
+        } else if is_full {
+            self.batches.push(Vec::new());
+        }
+        if let Some(batch) = self.batches.last_mut() {
+            batch.push(*row);
+        }
+        if self.is_ended { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
+
+/// The validated settings of a loader.
+struct Settings {
+    voxel_size: f64,
+    default_normal: Option<DVec3>,
+    rule: NormalRule,
+    /// Whether the scene names a material; if so, its class overrides that of the points.
+    has_material: bool,
+}
+
+impl Settings {
+    fn new(loader: &XyzLoader) -> std::result::Result<Settings, String> {
+        let size = if loader.voxel_size == 0.0 { 1.0 } else { loader.voxel_size };
+        if !(size > 0.0 && size.is_finite()) {
+            return Err(format!("expected a voxelSize above 0, found {}", loader.voxel_size));
+        }
+        let default_normal = loader.default_normal.and_then(direction);
+        if loader.default_normal.is_some() && default_normal.is_none() {
+            return Err("expected a defaultNormal other than 0;0;0".to_owned());
+        }
+        let rule = match (loader.estimate_normals, loader.snap_neighbor_normal) {
+            (1.., _) => NormalRule::Plane,
+            (0, true) => NormalRule::Nearest,
+            (0, false) => NormalRule::Mean,
+        };
+        let has_material = loader.material.file.is_some();
+        Ok(Settings { voxel_size: size, default_normal, rule, has_material })
+    }
+}
+
+/// The box around all points of a text file; `None` after errors in its lines.
+fn extent_of_text(
+    source: &Source,
+    settings: &Settings,
+    pieces: &[Range<usize>],
+    format: &RowFormat,
+    diagnostics: &mut Diagnostics,
+) -> Option<Aabb> {
+    let read: Vec<(Aabb, u64, Problems, usize)> = pieces
+        .par_iter()
+        .map(|piece| {
+            let (mut extent, mut without_normal, mut problems) = (Aabb::EMPTY, 0, Problems::default());
+            let bytes = &source.bytes()[piece.clone()];
+            let lines = format.read(bytes, piece.start == 0, &mut problems, |p| {
+                extent = extent.with(p.position);
+                without_normal += u64::from(!settings.has_usable_normal(&p));
+            });
+            (extent, without_normal, problems, lines)
+        })
+        .collect();
+    let (mut all, mut without_normal, mut problems, mut passed) = (Aabb::EMPTY, 0, Problems::default(), 0);
+    for ((extent, without, found, lines), piece) in read.into_iter().zip(pieces) {
+        all = all.union(extent);
+        without_normal += without;
+        problems.append(found, passed, piece.start);
+        passed += lines;
+    }
+    if let Some((number, at, last)) = source.unended_line()
+        && let Some((columns, found)) = format.find_truncation(source.bytes(), last)
+    {
+        problems.error(number, at..at + last.len(), || {
+            format!("expected {columns} columns as in the first line, found {found}; is the file whole?")
+        });
+    }
+    settings.warn_of_normals(without_normal, source, diagnostics);
+    problems.report(source, diagnostics).then_some(all)
+}
+
+/// Sorts points into cells. Each cell receives its points in the order of the file for any number of threads.
+struct Sorter<'a> {
+    grid: &'a Grid,
+    settings: &'a Settings,
+    shards: [Cells; SHARDS],
+    budget: Budget,
+}
+
+impl Sorter<'_> {
+    fn sort_text(
+        &mut self,
+        scene: &SceneBuilder,
+        source: &Source,
+        pieces: &[Range<usize>],
+        format: &RowFormat,
+    ) -> Result<()> {
+        for wave in pieces.chunks(4 * rayon::current_num_threads()) {
+            let read: Vec<_> = wave
+                .par_iter()
+                .map(|piece| {
+                    let mut sorted: [Vec<PointRow>; SHARDS] = Default::default();
+                    let mut reported = Problems::default();
+                    let (bytes, is_first) = (&source.bytes()[piece.clone()], piece.start == 0);
+                    format.read(bytes, is_first, &mut reported, |p| self.put(p, &mut sorted));
+                    sorted
+                })
+                .collect();
+            self.add(scene, source, &read)?;
+        }
+        Ok(())
+    }
+
+    fn sort(&mut self, scene: &SceneBuilder, source: &Source, batches: &[Vec<PointRow>]) -> Result<()> {
+        let sorted: Vec<_> = batches
+            .par_iter()
+            .map(|batch| {
+                let mut sorted: [Vec<PointRow>; SHARDS] = Default::default();
+                batch.iter().for_each(|p| self.put(*p, &mut sorted));
+                sorted
+            })
+            .collect();
+        self.add(scene, source, &sorted)
+    }
+
+    fn put(&self, point: PointRow, sorted: &mut [Vec<PointRow>; SHARDS]) {
+        if let Some(point) = self.settings.usable(point) {
+            sorted[self.grid.shard_of(point.position)].push(point);
+        }
+    }
+
+    fn add(
+        &mut self,
+        scene: &SceneBuilder,
+        source: &Source,
+        sorted: &[[Vec<PointRow>; SHARDS]],
+    ) -> Result<()> {
+        let (grid, rule) = (self.grid, self.settings.rule);
+        let budget = &self.budget;
+        let has_room = self.shards.par_iter_mut().enumerate().all(|(shard, cells)| {
+            sorted.iter().flat_map(|batch| &batch[shard]).all(|p| cells.add(grid, p, rule, budget))
+        });
+        if has_room {
+            return Ok(());
+        }
+        scene.check_memory(budget.taken() as u64, source.path())?;
+        Err(Error::io("load", source.path(), std::io::ErrorKind::OutOfMemory.into()))
+    }
+}
+
+impl Settings {
+    /// Whether a point has no normal, or one of a direction; normals that are not looked at are usable.
+    fn has_usable_normal(&self, point: &PointRow) -> bool {
+        self.rule == NormalRule::Plane || point.normal.is_none_or(|n| n.is_finite() && n != DVec3::ZERO)
+    }
+
+    /// The point with a usable normal: an invalid normal is replaced by the default, or the point is dropped.
+    fn usable(&self, point: PointRow) -> Option<PointRow> {
+        match self.has_usable_normal(&point) {
+            false => self.default_normal.map(|n| PointRow { normal: Some(n), ..point }),
+            true => Some(PointRow { normal: point.normal.map(rescaled), ..point }),
+        }
+    }
+
+    /// Warns of points that are dropped for their normal.
+    fn warn_of_normals(&self, count: u64, source: &Source, diagnostics: &mut Diagnostics) {
+        if count > 0 && self.default_normal.is_none() {
+            let message = format!("points whose normal is zero or no number are left out: {count} of them");
+            diagnostics
+                .warn(Some(Place::of_file(source.path())), message)
+                .help("`defaultNormal` of its loader gives such points a normal");
+        }
+    }
+}
+
+/// Sort key of a cell, its cube, and the class of its points.
+type Filled = (u128, Cube, Voxel, u8);
+
+fn append_cubes(
+    scene: &mut SceneBuilder,
+    part: &PartSource,
+    settings: &Settings,
+    grid: &Grid,
+    shards: [Cells; SHARDS],
+    materials: &[u32],
+) -> Result<()> {
+    let mut cells: Vec<Filled> = shards
+        .into_par_iter()
+        .flat_map_iter(|shard| shard.into_iter())
+        .filter_map(|(cell, sums)| {
+            let normal = match settings.rule {
+                NormalRule::Plane if sums.count < MIN_PLANE_POINTS => Some(settings.default_normal?),
+                _ => sums.normal(settings.rule).or(settings.default_normal),
+            };
+            let cube = Cube { centre: grid.centre(cell), half: 0.5 * settings.voxel_size };
+            Some((grid.order(cell), cube, Voxel::of_points(normal), sums.class))
+        })
+        .collect();
+    cells.par_sort_unstable_by_key(|c| c.0);
+    scene.geometry.cubes.extend(cells.iter().map(|c| c.1));
+    scene.voxels.extend(cells.iter().map(|c| c.2));
+    if settings.has_material || cells.iter().all(|c| c.3 == 0) {
+        scene.assign_materials_in_turn(part.index, materials, cells.len());
+    } else {
+        for ((.., class), material) in cells.iter().zip(materials.iter().cycle()) {
+            let material = scene.library.of_class(*material, *class);
+            let surface = scene.surface(part.index, material);
+            scene.cube_surfaces.push(surface);
+        }
+    }
+    scene.check_counts()
+}

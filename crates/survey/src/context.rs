@@ -1,0 +1,142 @@
+//! The state of one run of a reader: options, opened documents, problems.
+
+use super::assets::Assets;
+use super::xml::Document;
+use super::{PoseStream, SceneRecipe};
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::path::PathBuf;
+use std::rc::Rc;
+use std::sync::Arc;
+use vlscan_base::diag::{Diagnostic, Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
+
+/// A scene that replaces that of a survey.
+#[derive(Clone, Debug)]
+pub enum SceneChoice {
+    /// A reference as [`super::read_scene`] reads it.
+    Named(String),
+    /// A scene in memory.
+    Given(Arc<SceneRecipe>),
+}
+
+/// How input files are read.
+#[derive(Clone, Debug, Default)]
+pub struct ReadOptions {
+    /// Folders that are searched for files, after the working directory (`--assets`).
+    pub assets: Vec<PathBuf>,
+    /// Whether warnings are errors.
+    pub strict: bool,
+    /// Replaces the scene of the survey.
+    pub scene: Option<SceneChoice>,
+    /// Replaces the platform of the survey ([`super::Survey::follow`]) before the survey is checked.
+    pub trajectory: Option<PoseStream>,
+    /// Whether the pulses come from a stream: the survey then needs no legs, and its legs need not be flyable.
+    pub is_traced: bool,
+    /// Maximum number of bytes that the survey and its scene may need. Files that certainly need more are refused
+    /// before they are read.
+    pub max_memory: Option<u64>,
+}
+
+/// State of one run of a reader. Problems are collected so that all of them are reported at once.
+#[derive(Debug)]
+pub(super) struct Context {
+    pub assets: Assets,
+    /// Replaces the scene of the survey.
+    pub scene: Option<SceneChoice>,
+    strict: bool,
+    pub(super) max_memory: Option<u64>,
+    pub(super) problems: RefCell<Diagnostics>,
+    limits: RefCell<Diagnostics>,
+    pub(super) failure: RefCell<Option<Error>>,
+    pub(super) documents: RefCell<HashMap<PathBuf, Option<Rc<Document>>>>,
+}
+
+impl Context {
+    pub fn new(options: &ReadOptions) -> Context {
+        Context {
+            assets: Assets::new(&options.assets),
+            scene: options.scene.clone(),
+            strict: options.strict,
+            max_memory: options.max_memory,
+            problems: RefCell::default(),
+            limits: RefCell::default(),
+            failure: RefCell::default(),
+            documents: RefCell::default(),
+        }
+    }
+
+    /// Adds problems found before.
+    pub fn take(&self, problems: Diagnostics) {
+        self.problems.borrow_mut().extend(problems);
+    }
+
+    /// Records a problem that ends the run.
+    pub fn error(&self, place: Place, message: impl Into<String>) {
+        self.problems.borrow_mut().error(Some(place), message);
+    }
+
+    /// Records a problem that ends the run, with a hint.
+    pub fn error_help(
+        &self,
+        place: impl Into<Option<Place>>,
+        message: impl Into<String>,
+        help: impl Into<String>,
+    ) {
+        set_help(self.problems.borrow_mut().error(place.into(), message), help.into());
+    }
+
+    /// Records a value that is replaced or ignored.
+    pub fn warn(&self, place: Place, message: impl Into<String>) {
+        self.problems.borrow_mut().warn(Some(place), message);
+    }
+
+    /// Records a value that is replaced or ignored, with a hint.
+    pub fn warn_help(
+        &self,
+        place: impl Into<Option<Place>>,
+        message: impl Into<String>,
+        help: impl Into<String>,
+    ) {
+        set_help(self.problems.borrow_mut().warn(place.into(), message), help.into());
+    }
+
+    /// Records a violated limit, which has a separate exit status.
+    pub fn limit(&self, place: Option<Place>, message: impl Into<String>, help: impl Into<String>) {
+        set_help(self.limits.borrow_mut().error(place, message), help.into());
+    }
+
+    /// Whether errors have been recorded, so that dependent values need not be built.
+    pub fn failed(&self) -> bool {
+        self.failure.borrow().is_some() || self.problems.borrow().is_fatal(false)
+    }
+
+    /// The value with the warnings to be shown, or all problems as an error.
+    pub fn finish<T>(self, value: Option<T>) -> Result<(T, Diagnostics)> {
+        if let Some(failure) = self.failure.into_inner() {
+            return Err(failure);
+        }
+        let (mut problems, limits) = (self.problems.into_inner(), self.limits.into_inner());
+        if !limits.is_empty() {
+            let only_limits = !problems.is_fatal(self.strict);
+            problems.extend(limits);
+            let problems = problems.finish(self.strict).err();
+            return Err(match problems {
+                Some(Error::Input(all)) if only_limits => Error::Limits(all),
+                Some(error) => error,
+                None => Error::Internal("violated limits were lost".to_owned()),
+            });
+        }
+        let warnings = problems.finish(self.strict)?;
+        match value {
+            Some(value) => Ok((value, warnings)),
+            None => Err(Error::Internal("the input was refused without a reason".to_owned())),
+        }
+    }
+}
+
+fn set_help(diagnostic: &mut Diagnostic, help: String) {
+    if !help.is_empty() {
+        diagnostic.help(help);
+    }
+}

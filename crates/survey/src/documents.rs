@@ -1,0 +1,271 @@
+//! Documents, and resolution of references to assets and files.
+
+use super::assets::{Found, Located};
+use super::context::Context;
+use super::fields::Fields;
+use super::pipeline::words::hint_for_name;
+use super::shipped::{BuiltIn, FILES};
+use super::xml::{Document, Element};
+use super::xml_limits::MAX_DOCUMENT_BYTES;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use vlscan_base::diag::{Place, nearest};
+use vlscan_base::error::Error;
+use vlscan_base::files::reads;
+use vlscan_base::input::read_file;
+
+/// Minimum memory that one byte of a scene's description takes, bytes, as XML or as a table of instances.
+const MIN_MEMORY_PER_BYTE: u64 = 8;
+
+/// The folder of the built-in files in messages.
+const BUILT_IN: &str = "<built in>";
+
+/// Whether an element is in a file of the built-in catalogue.
+pub(super) fn is_built_in(element: &Element) -> bool {
+    element.path().starts_with(BUILT_IN)
+}
+
+/// The ids of the built-in scanners or platforms, with their files.
+pub(super) fn built_in_ids(context: &Context, kind: &str) -> Vec<(&'static BuiltIn, String)> {
+    let mut ids = Vec::new();
+    for file in &FILES {
+        let Some(root) = context.open(&Found::BuiltIn(file)) else { continue };
+        ids.extend(root.named(kind).filter_map(|element| Some((file, element.value("id")?.to_owned()))));
+    }
+    ids
+}
+
+/// The full reference of the built-in scanner or platform that `id` probably means, for messages.
+fn like_built_in(context: &Context, kind: &str, id: &str) -> Option<String> {
+    let ids = built_in_ids(context, kind);
+    let near = nearest(id, ids.iter().map(|(_, own)| own.as_str()))?;
+    let (file, _) = ids.iter().find(|(_, own)| own == near)?;
+    Some(format!("{}#{near}", file.path))
+}
+
+impl Context {
+    /// The bytes of a description of at most `max_bytes`; an error if its contents would need more memory than the limit.
+    pub fn read(&self, path: &Path, max_bytes: u64) -> std::io::Result<Vec<u8>> {
+        let about = std::fs::metadata(path);
+        reads::note_opened(path, &about);
+        let about = about?;
+        let need = if about.is_file() { about.len().saturating_mul(MIN_MEMORY_PER_BYTE) } else { 0 };
+        match self.max_memory {
+            Some(limit) if need > limit => {
+                let message = format!(
+                    "its {} bytes need about {need} bytes of memory once they are read; the limit is {limit}",
+                    about.len()
+                );
+                Err(std::io::Error::new(std::io::ErrorKind::OutOfMemory, message))
+            }
+            _ => read_file(path, max_bytes),
+        }
+    }
+
+    /// The root of a document, which must be a `<document>`. Problems are recorded once per document.
+    pub fn open(&self, found: &Found) -> Option<Element> {
+        let path = match found {
+            Found::File(path) => path.clone(),
+            Found::BuiltIn(file) => Path::new(BUILT_IN).join(file.path),
+        };
+        if let Some(known) = self.documents.borrow().get(&path) {
+            return known.as_ref().map(Document::root);
+        }
+        let document = match found {
+            Found::BuiltIn(file) => self.parse(&path, file.text.as_bytes()),
+            Found::File(path) => match self.read(path, MAX_DOCUMENT_BYTES) {
+                Ok(bytes) => self.parse(path, &bytes),
+                Err(e) => {
+                    let failure = match e.kind() {
+                        std::io::ErrorKind::OutOfMemory => {
+                            Error::input(format!("cannot read {}: {e}", path.display()))
+                        }
+                        _ => Error::io("read", path, e),
+                    };
+                    self.failure.borrow_mut().get_or_insert(failure);
+                    None
+                }
+            },
+        };
+        self.documents.borrow_mut().insert(path, document.clone());
+        document.map(|d| d.root())
+    }
+
+    fn parse(&self, path: &Path, bytes: &[u8]) -> Option<Rc<Document>> {
+        let document = Document::parse(path, bytes, &mut self.problems.borrow_mut())?;
+        let root = document.root();
+        if root.name() != "document" {
+            let message = format!("the root element is `{}`, expected `document`", root.name());
+            self.error_help(root.place(), message, "put everything into one <document> element");
+            return None;
+        }
+        let mut fields = Fields::new(self, &root);
+        fields.ignore(&["schemaLocation", "noNamespaceSchemaLocation"]);
+        match fields.text("paths") {
+            Some("beside") => self.assets.look_beside_first(root.folder()),
+            Some(_) => fields.refuse("paths", "beside"),
+            None => {}
+        }
+        fields.done(&["survey", "scene", "scanner", "platform", "scannerSettings", "platformSettings"]);
+        let mut ids = HashSet::new();
+        for element in root.children() {
+            let Some(id) = element.value("id") else { continue };
+            if !ids.insert((element.name().to_owned(), id.to_owned())) {
+                let message =
+                    format!("a second <{}> has the id `{id}`; the first one counts", element.name());
+                self.warn(element.value_place("id"), message);
+            }
+        }
+        Some(document)
+    }
+
+    /// The asset that an attribute refers to: `file.xml#id`, `id` or `#id` in the same document, or `file.xml` for
+    /// the first asset of that kind in the file (spec input-formats §1.2).
+    pub fn asset(&self, kind: &str, from: &Element, attribute: &str) -> Option<Element> {
+        let reference = from.value(attribute)?;
+        let place = || from.value_place(attribute);
+        let (file, id) = match reference.matches('#').count() {
+            0 if find(&from.root(), kind, reference).is_some() => (None, Some(reference)),
+            0 if looks_like_file(reference) => (Some(reference), None),
+            0 => (None, Some(reference)),
+            1 => {
+                let (file, id) = reference.split_once('#').unwrap_or((reference, ""));
+                ((!file.is_empty()).then_some(file), Some(id))
+            }
+            _ => {
+                let message = format!("`{reference}` is no reference: it has more than one `#`");
+                self.error_help(place(), message, "write file.xml#id");
+                return None;
+            }
+        };
+        let root = match file {
+            None => from.root(),
+            Some(file) => self.referred_document(file, from.folder(), Some(place()))?,
+        };
+        self.pick(&root, kind, id, Some(place()))
+    }
+
+    /// The document named `file`, searched from `folder`.
+    pub fn referred_document(&self, file: &str, folder: &Path, place: Option<Place>) -> Option<Element> {
+        match self.assets.document(file, folder) {
+            Some(Located { found, respelled }) => {
+                self.warn_of_spelling(file, respelled.as_deref(), place.clone());
+                if let Found::File(path) = &found {
+                    self.warn_of_hidden(path, file, folder, place);
+                }
+                self.open(&found)
+            }
+            None => {
+                let message = format!("cannot find the file `{file}`");
+                let hint = hint_for_name(file);
+                let help = if hint.is_empty() { self.assets.searched(file, folder) } else { hint };
+                self.error_help(place, message, help);
+                None
+            }
+        }
+    }
+
+    /// The asset of a kind in a document: by its id, or the first one without an id.
+    pub fn pick(
+        &self,
+        root: &Element,
+        kind: &str,
+        id: Option<&str>,
+        place: Option<Place>,
+    ) -> Option<Element> {
+        let found = match id {
+            Some(id) => find(root, kind, id),
+            None => root.child(kind),
+        };
+        if found.is_none() {
+            let what = id.map_or(format!("no <{kind}>"), |id| format!("no <{kind}> with the id `{id}`"));
+            let ids: Vec<String> =
+                root.named(kind).filter_map(|e| e.value("id").map(str::to_owned)).collect();
+            let own =
+                id.and_then(|id| nearest(id, ids.iter().map(String::as_str)).map(|near| format!("`{near}`")));
+            let is_instrument = matches!(kind, "scanner" | "platform");
+            let shipped = || {
+                let near = like_built_in(self, kind, id.filter(|_| is_instrument)?)?;
+                Some(format!("`{near}`, which ships"))
+            };
+            let help = match own.or_else(shipped) {
+                Some(near) => format!("did you mean {near}?"),
+                None if ids.is_empty() => format!("the file holds no <{kind}> at all"),
+                None => format!("the file holds: {}", shortened(&ids)),
+            };
+            self.error_help(place, format!("there is {what} in {}", root.path().display()), help);
+        }
+        found
+    }
+
+    /// The existing file that an attribute names. A missing file is an error that lists the searched folders.
+    pub fn file(&self, name: &str, folder: &Path, place: Place) -> Option<PathBuf> {
+        self.find_file(name, folder, Some(place))
+    }
+
+    /// As [`Context::file`], for names in tables of instances, which belong to files beside the table.
+    pub fn file_beside(&self, name: &str, folder: &Path, place: Place) -> Option<PathBuf> {
+        let beside = folder.join(name);
+        if reads::is_file(&beside) { Some(beside) } else { self.file(name, folder, place) }
+    }
+
+    /// Warns of a file of the working directory that is read in place of one beside the referring file.
+    pub(super) fn warn_of_hidden(&self, found: &Path, name: &str, folder: &Path, place: Option<Place>) {
+        let beside = folder.join(name);
+        if found == Path::new(name) && found.is_relative() && beside.is_file() && !same_file(found, &beside) {
+            let message = format!("`{name}` of the working directory is read, not {}", beside.display());
+            self.warn_help(place, message, "rename one of them, or work in another directory");
+        }
+    }
+
+    /// As [`Context::file`], for a name that may have no place. A file of the working directory that hides another one
+    /// beside the referring file is warned of.
+    pub fn find_file(&self, name: &str, folder: &Path, place: Option<Place>) -> Option<PathBuf> {
+        let Some(Located { found, respelled }) = self.assets.file(name, folder) else {
+            let hint = hint_for_name(name);
+            let help = if hint.is_empty() { self.assets.searched(name, folder) } else { hint };
+            self.error_help(place, format!("cannot find the file `{name}`"), help);
+            return None;
+        };
+        self.warn_of_spelling(name, respelled.as_deref(), place.clone());
+        self.warn_of_hidden(&found, name, folder, place);
+        Some(found)
+    }
+
+    /// Warns of a name that is read in another spelling.
+    pub(super) fn warn_of_spelling(&self, name: &str, respelled: Option<&str>, place: Option<Place>) {
+        if let Some(spelling) = respelled {
+            self.warn_help(place, spelling_message(name, spelling), SPELLING_HELP);
+        }
+    }
+}
+
+/// Help for a name with backslashes.
+pub(super) const SPELLING_HELP: &str = "write / between folders, which every system reads";
+
+/// The warning of a name that is read in another spelling.
+pub(super) fn spelling_message(name: &str, spelling: &str) -> String {
+    format!("there is no file `{name}`; `{spelling}` is read")
+}
+
+fn same_file(one: &Path, other: &Path) -> bool {
+    matches!((one.canonicalize(), other.canonicalize()), (Ok(a), Ok(b)) if a == b)
+}
+
+fn find(root: &Element, kind: &str, id: &str) -> Option<Element> {
+    root.named(kind).find(|e| e.value("id") == Some(id))
+}
+
+fn looks_like_file(reference: &str) -> bool {
+    reference.contains(['/', '\\']) || reference.to_ascii_lowercase().ends_with(".xml")
+}
+
+fn shortened(ids: &[String]) -> String {
+    const MAX_LISTED: usize = 12;
+    let mut list = ids.iter().take(MAX_LISTED).map(|i| format!("`{i}`")).collect::<Vec<_>>().join(", ");
+    if ids.len() > MAX_LISTED {
+        list.push_str(&format!(" and {} more", ids.len() - MAX_LISTED));
+    }
+    list
+}

@@ -1,0 +1,54 @@
+//! Surveys that follow a stream of poses, and default settings of legs.
+
+use super::{Leg, PlatformKind, PlatformSettings, PoseStream, ScannerSettings, Survey};
+use vlscan_geom::DVec3;
+
+impl Survey {
+    /// Replaces the platform by a stream of poses; mount and noise are kept. The legs are replaced by one active leg
+    /// with the scanner settings of the first active leg (else of the first leg, else the scanner's defaults),
+    /// without a maximum duration: the flight ends with the stream.
+    pub fn follow(&mut self, stream: PoseStream) {
+        self.platform.kind = PlatformKind::Stream(stream);
+        let model = self.legs.iter().find(|leg| leg.scanner.active).or(self.legs.first());
+        let settings = model.map_or_else(|| self.scanner.own_settings(), |leg| leg.scanner.clone());
+        let leg = Leg {
+            number: 0,
+            strip: None,
+            platform: PlatformSettings::at(DVec3::ZERO),
+            scanner: ScannerSettings { active: true, max_duration: None, ..settings },
+            place: model.and_then(|leg| leg.place.clone()),
+        };
+        self.legs = vec![leg];
+    }
+}
+
+impl super::Scanner {
+    /// A leg without a position, for pulses of a stream.
+    pub fn leg(&self) -> Leg {
+        Leg {
+            number: 0,
+            strip: None,
+            platform: PlatformSettings::at(DVec3::ZERO),
+            scanner: ScannerSettings { active: true, ..self.own_settings() },
+            place: None,
+        }
+    }
+
+    /// Default scanner settings of a leg: the first pulse frequency and the first device's divergence, all angles
+    /// and frequencies 0, no vertical limits.
+    pub fn own_settings(&self) -> ScannerSettings {
+        let beam = self.devices.first().map(|d| d.beam.divergence);
+        super::settings::ScannerLayer::of_scanner(
+            self.pulse_freqs.first().copied().unwrap_or(0),
+            beam.unwrap_or_default(),
+        )
+        .resolved()
+    }
+}
+
+impl PlatformSettings {
+    /// Default platform settings of a leg that starts at `position` (world, m).
+    pub fn at(position: DVec3) -> PlatformSettings {
+        PlatformSettings { position, ..super::settings::PlatformLayer::unset().resolved(None) }
+    }
+}

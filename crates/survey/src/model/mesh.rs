@@ -1,0 +1,177 @@
+//! Meshes and materials in memory.
+
+use vlscan_base::diag::Place;
+use vlscan_base::error::{Error, Result};
+use vlscan_geom::{DVec3, MAX_COORDINATE};
+
+/// A triangle mesh in memory, with materials.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    vertices: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    materials: Vec<MaterialDefinition>,
+    material_of: Vec<u32>,
+    name: String,
+}
+
+impl Mesh {
+    /// A mesh of `vertices` (m) and `triangles` (indices of vertices). `material_of` holds the index of each triangle's
+    /// material; if it is empty all triangles have the first one. Without materials the mesh has the default one.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for indices out of range, and for coordinates that are not finite or too large.
+    pub fn new(
+        vertices: Vec<DVec3>,
+        triangles: Vec<[u32; 3]>,
+        materials: Vec<MaterialDefinition>,
+        material_of: Vec<u32>,
+    ) -> Result<Mesh> {
+        let wrong = |v: &DVec3| v.is_nan() || v.abs().max_element() > MAX_COORDINATE;
+        if let Some(at) = vertices.iter().position(wrong) {
+            let [x, y, z] = vertices[at].to_array().map(|c| match c.abs() > MAX_COORDINATE {
+                true => format!("{c:e}"),
+                false => c.to_string(),
+            });
+            return Err(Error::input(format!(
+                "vertex {at} is at {x}, {y}, {z}; expected finite numbers within ±{MAX_COORDINATE:e} m"
+            )));
+        }
+        let count = vertices.len();
+        if let Some(at) = triangles.iter().position(|t| t.iter().any(|&v| v as usize >= count)) {
+            let [a, b, c] = triangles[at];
+            return Err(Error::input(format!(
+                "triangle {at} has the vertices {a}, {b}, {c}; there are {count}"
+            )));
+        }
+        if !material_of.is_empty() && material_of.len() != triangles.len() {
+            return Err(Error::input(format!(
+                "there are {} indices of materials for {} triangles",
+                material_of.len(),
+                triangles.len()
+            )));
+        }
+        if let Some(at) = material_of.iter().position(|&m| m as usize >= materials.len()) {
+            let (index, count) = (material_of[at], materials.len());
+            return Err(Error::input(format!("triangle {at} has material {index}; there are {count}")));
+        }
+        Ok(Mesh { vertices, triangles, materials, material_of, name: String::new() })
+    }
+
+    /// The mesh with a name, which its part reports.
+    pub fn with_name(self, name: String) -> Mesh {
+        Mesh { name, ..self }
+    }
+
+    /// Its name; empty unless it has been given one.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Vertices, m.
+    pub fn vertices(&self) -> &[DVec3] {
+        &self.vertices
+    }
+
+    /// Indices of the vertices of each triangle.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// The materials.
+    pub fn materials(&self) -> &[MaterialDefinition] {
+        &self.materials
+    }
+
+    /// Index of the material of each triangle; empty if all have the first one.
+    pub fn material_of(&self) -> &[u32] {
+        &self.material_of
+    }
+}
+
+/// A material as it is defined in a file or by a program.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MaterialDefinition {
+    /// Name; the first word after `newmtl`.
+    pub name: String,
+    /// Diffuse colour.
+    pub kd: [f64; 3],
+    /// Specular colour.
+    pub ks: [f64; 3],
+    /// Specular exponent.
+    pub ns: f64,
+    /// Roughness of the surface (`vlscan_roughness_deg`), rad.
+    pub roughness: f64,
+    /// Reflectance, 0 to 1 (`helios_reflectance`).
+    pub reflectance: Option<f64>,
+    /// Name of a spectrum (`helios_spectra`).
+    pub spectrum: Option<String>,
+    /// Class of points (`helios_classification`).
+    pub classification: i32,
+    /// Whether the surface is ground (`helios_isGround`).
+    pub is_ground: bool,
+    /// Where it is defined; `None` outside of files.
+    pub place: Option<Place>,
+}
+
+impl MaterialDefinition {
+    /// A material without properties.
+    pub fn new(name: impl Into<String>) -> MaterialDefinition {
+        MaterialDefinition {
+            name: name.into(),
+            kd: [0.0; 3],
+            ks: [0.0; 3],
+            ns: 10.0,
+            roughness: 0.0,
+            reflectance: None,
+            spectrum: None,
+            classification: 0,
+            is_ground: false,
+            place: None,
+        }
+    }
+
+    /// Whether the line of its definition is known.
+    pub fn has_line(&self) -> bool {
+        self.place.as_ref().is_some_and(|place| place.line > 0)
+    }
+}
+
+/// A material that replaces others of a part.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MaterialChange {
+    /// The primitives that get it.
+    pub replaced: Replaced,
+    /// The material.
+    pub material: MaterialDefinition,
+}
+
+/// Primitives of a part.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Replaced {
+    /// All.
+    All,
+    /// Those whose material has this name.
+    Named(String),
+    /// Those of the faces with these indices within the part, as its file or its mesh has them; voxels follow them. An index
+    /// beyond is an error.
+    Faces(Vec<u32>),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn indices_and_coordinates_are_checked() {
+        let square = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        let material = || vec![MaterialDefinition::new("bark")];
+        let of = |vertices: &[DVec3], triangle: [u32; 3], of: &[u32]| {
+            Mesh::new(vertices.to_vec(), vec![triangle], material(), of.to_vec()).map_err(|e| e.to_string())
+        };
+        assert!(of(&square, [0, 1, 2], &[0]).is_ok() && of(&square, [0, 1, 2], &[]).is_ok());
+        assert!(of(&square, [0, 1, 3], &[]).unwrap_err().contains("there are 3"));
+        assert!(of(&square, [0, 1, 2], &[1]).unwrap_err().contains("material 1"));
+        assert!(of(&square, [0, 1, 2], &[0, 0]).unwrap_err().contains("2 indices"));
+        assert!(of(&[DVec3::NAN; 3], [0, 1, 2], &[]).unwrap_err().contains("vertex 0"));
+    }
+}

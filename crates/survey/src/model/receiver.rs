@@ -1,0 +1,130 @@
+//! Settings of an instrument's receiver beyond the reference's threshold on a noiseless waveform. All of them apply
+//! in refined physics only (correction `receiver`).
+
+use std::sync::Arc;
+
+/// Profile of the beam across its axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BeamProfile {
+    /// Gaussian; divergences are full angles at 1/e² of the intensity on the axis.
+    #[default]
+    Gaussian,
+    /// Uniform within the cone of the divergence, nothing outside.
+    TopHat,
+}
+
+/// Settings of the receiver behind the optics. The default is ideal: no noise, no saturation, the reference's
+/// detector.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Receiver {
+    /// Measured power of the outgoing pulse over time; `None` = the reference's gamma-like curve.
+    pub pulse_shape: Option<Arc<PulseSamples>>,
+    /// Noise of detector and amplifier; `None` = none.
+    pub noise: Option<AmplifierNoise>,
+    /// Shot noise of signal and background light; `None` = none.
+    pub shot: Option<ShotNoise>,
+    /// Electrical bandwidth, Hz; `None` = matched to the pulse.
+    pub bandwidth: Option<f64>,
+    /// Target whose echo just reaches the threshold; overrides [`super::Detector::threshold`].
+    pub max_range: Option<ReferenceTarget>,
+    /// Amplitude at which the receiver saturates, W.
+    pub saturation: Option<f64>,
+    /// Amount by which the range of an echo right at the threshold is too long, m.
+    pub range_walk: f64,
+    /// Whether samples lie on a grid of bins counted from the emission, instead of beginning with the first return.
+    pub digitiser_clock: bool,
+    /// Estimator of the range of an echo.
+    pub ranging: Ranging,
+}
+
+/// Samples of a pulse's power over time, normalised.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PulseSamples {
+    /// Times, ns, ascending; the first is 0.
+    pub times: Vec<f64>,
+    /// Power at those times relative to the peak, 0 to 1.
+    pub powers: Vec<f64>,
+}
+
+/// Noise of detector and amplifier: normal, independent of the signal, white within the bandwidth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum AmplifierNoise {
+    /// Noise equivalent power: standard deviation of a sample, W.
+    Power(f64),
+    /// The power at which the peak of that target's echo is `value` times the standard deviation.
+    Ratio {
+        /// Target to whose echo the ratio refers.
+        target: ReferenceTarget,
+        /// Peak amplitude over standard deviation.
+        value: f64,
+    },
+}
+
+/// An extended Lambertian target that faces the instrument, to which a figure of a data sheet refers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ReferenceTarget {
+    /// Range, m.
+    pub range: f64,
+    /// Reflectance, 0 to 1.
+    pub reflectance: f64,
+    /// Pulse rate to which the figure applies, Hz; `None` = the scanner's first.
+    pub pulse_freq: Option<f64>,
+}
+
+/// Shot noise of the photocurrent: variance 2qB·(P_signal + P_background)/responsivity in W², B the bandwidth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShotNoise {
+    /// Mean power of background light on the detector, W.
+    pub background: f64,
+    /// Photocurrent per power, A/W.
+    pub responsivity: f64,
+}
+
+/// Estimators of the range of an echo from the waveform.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ranging {
+    /// The largest sample and its neighbours.
+    #[default]
+    Peak,
+    /// The centroid of the samples around the peak.
+    Centroid,
+    /// The maximum of a Gaussian fitted to the samples around the peak.
+    Gaussian,
+}
+
+/// Full width at half maximum of x²e^(−x), whose half-power points are −2W₀(−1/(√2·e)) and −2W₋₁(−1/(√2·e)).
+const GAMMA_WIDTH: f64 = 3.394_680_670_846_504;
+
+/// Length (ns) of the reference's pulse (t/τ)²·e^(−t/τ), τ = length/7, which is `fwhm` ns wide at half maximum.
+pub fn pulse_length_of_width(fwhm: f64) -> f64 {
+    7.0 * fwhm / GAMMA_WIDTH
+}
+
+/// Full width at half maximum (ns) of the reference's pulse of `length` ns.
+pub fn width_of_pulse_length(length: f64) -> f64 {
+    length * GAMMA_WIDTH / 7.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_width_of_the_gamma_pulse_is_that_of_its_half_power_points() {
+        let half = |x: f64| x * x * (-x).exp() - 2.0 * (-2.0f64).exp();
+        let root = |mut low: f64, mut high: f64| {
+            for _ in 0..200 {
+                let middle = 0.5 * (low + high);
+                if half(low) * half(middle) <= 0.0 { high = middle } else { low = middle }
+            }
+            0.5 * (low + high)
+        };
+        let width = root(2.0, 9.0) - root(0.0, 2.0);
+        assert!((width - GAMMA_WIDTH).abs() < 1e-13, "{width:.16}");
+        let length = pulse_length_of_width(3.0);
+        assert!((length * width / 7.0 - 3.0).abs() < 1e-12);
+        assert!((width_of_pulse_length(length) - 3.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,282 @@
+//! The scene as its file describes it: the input of the module `scene`.
+
+use super::{MaterialChange, Mesh};
+use std::path::PathBuf;
+use std::sync::Arc;
+use vlscan_base::crs::LengthUnit;
+use vlscan_base::diag::Place;
+use vlscan_geom::{DVec3, Rotation};
+
+/// A scene as its file describes it; geometry is not loaded yet.
+#[derive(Clone, Debug)]
+pub struct SceneRecipe {
+    /// Id in its file.
+    pub id: String,
+    /// The file that describes it.
+    pub path: PathBuf,
+    /// Parts in document order.
+    pub parts: Vec<PartRecipe>,
+    /// Moving scenes: update every n-th pulse period.
+    pub dyn_step: u32,
+    /// Moving scenes: update interval in seconds; overrides all steps.
+    pub dyn_time_step: Option<f64>,
+    /// Path of a packed scene, which has no parts; `None` for other scenes.
+    pub packed: Option<PathBuf>,
+    /// Folders that may hold a `spectra` folder, in search order.
+    pub asset_folders: Vec<PathBuf>,
+}
+
+/// A part of a scene.
+#[derive(Clone, Debug)]
+pub struct PartRecipe {
+    /// Explicit id, if any; otherwise parts are numbered.
+    pub id: Option<String>,
+    /// Running number of the part element in its scene, from 0 (a skipped part keeps its number).
+    pub number: u32,
+    /// Where its geometry comes from.
+    pub loader: Loader,
+    /// Materials that replace those of its files, in this order.
+    pub changes: Arc<[MaterialChange]>,
+    /// Where it stands.
+    pub transform: Transform,
+    /// Rigid motions; empty for a part at rest.
+    pub motions: Vec<MotionSequence>,
+    /// How often it moves.
+    pub timing: MotionTiming,
+    /// Geometry swaps between epochs; empty for most parts.
+    pub swaps: Vec<Swap>,
+    /// Place of the part in its file, for messages.
+    pub place: Option<Place>,
+}
+
+/// `p′ = scale · R · p + offset`, then grounding.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Transform {
+    /// Accumulated rotation.
+    pub rotation: Rotation,
+    /// Last non-zero scale.
+    pub scale: f64,
+    /// Last offset, m.
+    pub offset: DVec3,
+    /// `onGround` mode of the translate filter (spec input-formats §3.4).
+    pub on_ground: i64,
+}
+
+impl Transform {
+    /// No change.
+    pub const IDENTITY: Transform =
+        Transform { rotation: Rotation::IDENTITY, scale: 1.0, offset: DVec3::ZERO, on_ground: 0 };
+
+    /// The image of a point.
+    pub fn apply(&self, p: DVec3) -> DVec3 {
+        self.rotation.apply(p) * self.scale + self.offset
+    }
+}
+
+/// How mesh files are read.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MeshReading {
+    /// Axis that points up in the files; `None`: that of the format, y for glTF and z for the others.
+    pub up: Option<UpAxis>,
+    /// Length of a unit of their coordinates, m; `None`: 1 m, which is doubted if it is improbable.
+    pub unit_m: Option<f64>,
+    /// Table of materials, resolved; `None`: `materials.csv` beside the file, if there is one and it is no OBJ file.
+    pub materials: Option<PathBuf>,
+}
+
+impl MeshReading {
+    /// What [`MeshReading::unit`] reads.
+    pub const UNITS: &str = "m, dm, cm, mm, km, in, ft, us-ft, yd, or a number of metres above 0";
+
+    /// The length of a unit of the files, m.
+    pub fn metres_per_unit(&self) -> f64 {
+        self.unit_m.unwrap_or(1.0)
+    }
+
+    /// The length of a unit of this name, m.
+    pub fn unit(name: &str) -> Option<f64> {
+        let number = || name.trim().parse().ok().filter(|n: &f64| *n > 0.0 && n.is_finite());
+        LengthUnit::of_name(name).map(|unit| unit.metres).or_else(number)
+    }
+}
+
+/// Up axis of a mesh file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum UpAxis {
+    /// z: coordinates are unchanged.
+    Z,
+    /// y: (x, y, z) is read as (x, −z, y).
+    Y,
+}
+
+/// Material settings of loaders whose files have no materials (spec input-formats §3.5).
+#[derive(Clone, Debug, Default)]
+pub struct MaterialChoice {
+    /// MTL file, resolved.
+    pub file: Option<PathBuf>,
+    /// Material name; `None` = the alphabetically first.
+    pub name: Option<String>,
+    /// Number of randomised copies of the material, which primitives use in turn.
+    pub random_variants: u32,
+    /// Largest change of the colours of a randomised copy.
+    pub random_range: f64,
+}
+
+/// Loaders (spec input-formats §4); no others exist. File paths are resolved; several files come from `efilepath`.
+#[derive(Clone, Debug)]
+pub enum Loader {
+    /// Meshes: OBJ, PLY, STL, glTF.
+    MeshFiles {
+        /// The files.
+        files: Vec<PathBuf>,
+        /// How they are read.
+        reading: MeshReading,
+    },
+    /// Terrain raster.
+    GeoTiff {
+        /// The raster.
+        file: PathBuf,
+        /// Its material.
+        material: MaterialChoice,
+    },
+    /// Point cloud to voxels.
+    Xyz(Box<XyzLoader>),
+    /// AMAPVox voxels.
+    DetailedVoxels(Box<VoxelLoader>),
+    /// Triangles in memory.
+    Mesh(Arc<Mesh>),
+}
+
+impl Loader {
+    /// The files that it reads.
+    pub fn files(&self) -> &[PathBuf] {
+        match self {
+            Loader::MeshFiles { files, .. } => files,
+            Loader::GeoTiff { file, .. } => std::slice::from_ref(file),
+            Loader::Xyz(xyz) => &xyz.files,
+            Loader::DetailedVoxels(voxels) => &voxels.files,
+            Loader::Mesh(_) => &[],
+        }
+    }
+}
+
+/// Settings of the point cloud loader (spec input-formats §4.4).
+#[derive(Clone, Debug)]
+pub struct XyzLoader {
+    /// Files, each of which becomes voxels separately.
+    pub files: Vec<PathBuf>,
+    /// Characters each of which separates columns; empty means blanks.
+    pub separator: String,
+    /// Edge length of a voxel, m.
+    pub voxel_size: f64,
+    /// Value that colours are divided by.
+    pub max_color_value: f64,
+    /// Normal of points that have none.
+    pub default_normal: Option<DVec3>,
+    /// Columns of red, green and blue, from 0.
+    pub rgb_columns: Option<[usize; 3]>,
+    /// Columns of the normal, from 0.
+    pub normal_columns: Option<[usize; 3]>,
+    /// Whether the normal of a voxel is that of the point nearest to its centre.
+    pub snap_neighbor_normal: bool,
+    /// 0: none, 1: a plane per voxel, 2 and more: a plane per voxel, in batches.
+    pub estimate_normals: u32,
+    /// Material of the voxels.
+    pub material: MaterialChoice,
+}
+
+/// How rays intersect detailed voxels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum VoxelMode {
+    /// Exponential free path.
+    Transmittive,
+    /// Opaque cubes.
+    Fixed,
+    /// Opaque cubes scaled by the density to this power.
+    Scaled(f64),
+}
+
+/// Settings of the AMAPVox loader (spec input-formats §4.5).
+#[derive(Clone, Debug)]
+pub struct VoxelLoader {
+    /// The files.
+    pub files: Vec<PathBuf>,
+    /// How rays intersect them.
+    pub mode: VoxelMode,
+    /// Whether voxels without density are dropped; true where the scene states no mode.
+    pub drop_empty: bool,
+    /// `scaled` mode: random displacement within the original cell.
+    pub random_shift: bool,
+    /// Table of leaf angles.
+    pub lad_table: Option<PathBuf>,
+    /// Material of the voxels.
+    pub material: MaterialChoice,
+}
+
+/// A sequence of rigid motions (spec input-formats §3.7).
+#[derive(Clone, Debug, PartialEq)]
+pub struct MotionSequence {
+    /// Id within the part.
+    pub id: String,
+    /// Repetitions; 0 = unlimited.
+    pub loops: u32,
+    /// Index of the sequence that follows.
+    pub next: Option<usize>,
+    /// Motions applied in this order at each step.
+    pub motions: Vec<Motion>,
+}
+
+/// One rigid motion per update step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// The rigid motion that each step applies.
+    pub kind: MotionKind,
+    /// Whether the centre is the part's own centroid instead of the scene origin.
+    pub about_self: bool,
+    /// Fraction of the scene shift that is applied to centres and vectors.
+    pub auto_crs: f64,
+}
+
+/// Rigid motions; no others exist. Axes and normals are unit vectors, angles radians.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(missing_docs, reason = "variants and fields have the mathematical names of the motions")]
+pub enum MotionKind {
+    Identity,
+    Translation { by: DVec3 },
+    Rotation { axis: DVec3, angle: f64, centre: Option<DVec3> },
+    Reflection { normal: DVec3 },
+    GlidePlane { normal: DVec3, shift: DVec3 },
+    Helical { axis: DVec3, angle: f64, glide: f64 },
+    RotaryReflection { axis: DVec3, angle: f64, centre: Option<DVec3> },
+}
+
+/// Update intervals of a moving part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionTiming {
+    /// The part moves at every n-th scene update.
+    pub dyn_step: u32,
+    /// The tree is rebuilt at every n-th move.
+    pub tree_step: u32,
+    /// `dyn_step` in seconds.
+    pub dyn_time_step: Option<f64>,
+    /// `tree_step` in seconds.
+    pub tree_time_step: Option<f64>,
+}
+
+/// One state of a part between epochs (spec input-formats §3.8).
+#[derive(Clone, Debug)]
+pub struct Swap {
+    /// Number of epochs for which the state lasts, at least 1; the last state of a part stays.
+    pub epochs: u32,
+    /// Whether the scene shift of the first epoch is kept.
+    pub keep_crs: bool,
+    /// Whether the part is absent in this state; afterwards only a new loader brings it back.
+    pub vanish: bool,
+    /// New geometry; `None` unless the first filter is a loader.
+    pub loader: Option<Loader>,
+    /// New scale; `None` = unchanged.
+    pub scale: Option<f64>,
+    /// New offset (m) and grounding mode; `None` = unchanged.
+    pub offset: Option<(DVec3, i64)>,
+}

@@ -1,0 +1,220 @@
+//! Moving parts (spec input-formats §3.7).
+
+use super::context::Context;
+use super::fields::{Fields, parse_vector};
+use super::xml::Element;
+use super::{Motion, MotionKind, MotionSequence, MotionTiming};
+use std::collections::HashMap;
+use vlscan_base::diag::nearest;
+use vlscan_base::quantity;
+use vlscan_geom::{DVec3, radians, unit};
+
+/// Reads the `<dmotion>` children of a part; empty for a part at rest.
+pub(super) fn read_motions(context: &Context, part: &Element) -> Vec<MotionSequence> {
+    let elements: Vec<Element> = part.named("dmotion").collect();
+    let mut ids = HashMap::new();
+    for (i, element) in elements.iter().enumerate() {
+        let Some(id) = element.value("id") else { continue };
+        if ids.insert(id, i).is_some() {
+            context.error(element.value_place("id"), format!("the motion `{id}` is described twice"));
+        }
+    }
+    elements.iter().map(|e| read_sequence(context, e, &ids)).collect()
+}
+
+fn read_sequence(context: &Context, element: &Element, ids: &HashMap<&str, usize>) -> MotionSequence {
+    let mut fields = Fields::new(context, element);
+    let id = fields.required("id").unwrap_or_default().to_owned();
+    let loops = match fields.required("loop") {
+        Some(_) => fields.lenient_count("loop", 0),
+        None => 0,
+    };
+    let next = fields.text("next").filter(|n| !n.is_empty()).and_then(|next| {
+        let index = ids.get(next).copied();
+        if index.is_none() {
+            let mut known: Vec<&str> = ids.keys().copied().collect();
+            known.sort_unstable();
+            let help = nearest(next, known).map_or(String::new(), |n| format!("did you mean `{n}`?"));
+            context.warn_help(
+                element.value_place("next"),
+                format!("there is no motion `{next}` in this part, which stops after `{id}`"),
+                help,
+            );
+        }
+        index
+    });
+    fields.done(&["motion"]);
+    if element.child("motion").is_none() {
+        context.error(element.place(), "a <dmotion> needs at least one <motion>");
+    }
+    let motions = element.named("motion").filter_map(|m| read_motion(context, &m)).collect();
+    MotionSequence { id, loops, next, motions }
+}
+
+/// Attributes of motions, of which each type has some.
+const MOTION_ATTRIBUTES: [&str; 7] = ["vec", "axis", "angle", "center", "ortho", "shift", "glide"];
+
+fn read_motion(context: &Context, element: &Element) -> Option<Motion> {
+    let mut fields = Fields::new(context, element);
+    let kind = fields.required("type").map(str::to_owned);
+    let about_self = fields.lenient_flag("selfMode", false);
+    let auto_crs = fields.lenient_number("autoCRS", 0.0);
+    let kind = kind.and_then(|kind| read_kind(context, &mut fields, &kind));
+    fields.rest_without_effect(
+        &MOTION_ATTRIBUTES,
+        &format!("in a motion of type {}", element.value("type").unwrap_or_default()),
+    );
+    fields.done(&[]);
+    Some(Motion { kind: kind?, about_self, auto_crs })
+}
+
+fn read_kind(context: &Context, fields: &mut Fields, kind: &str) -> Option<MotionKind> {
+    Some(match kind {
+        "identity" => MotionKind::Identity,
+        "translation" => MotionKind::Translation { by: required_vector(fields, "vec")? },
+        "rotation" | "helical" if has_null_axis(fields) => {
+            let message = "the `axis` of this motion is 0 0 0, so that nothing moves";
+            let help = "if rounding left nothing of the axis, write it with more digits";
+            context.warn_help(fields.element.value_place("axis"), message, help);
+            fields.ignore(&["axis", "angle", "center", "glide"]);
+            MotionKind::Identity
+        }
+        "rotation" => {
+            let (axis, angle) = axis_and_angle(fields);
+            MotionKind::Rotation { centre: fields.vector("center"), axis: axis?, angle: angle? }
+        }
+        "reflection" => MotionKind::Reflection { normal: direction(fields, "ortho")? },
+        "glideplane" => {
+            let (normal, shift) = (direction(fields, "ortho"), required_vector(fields, "shift"));
+            let (normal, shift) = (normal?, shift?);
+            if normal.dot(shift).abs() > 1e-9 {
+                fields.refuse("shift", "a vector in the mirror's plane (at right angles to `ortho`)");
+                return None;
+            }
+            MotionKind::GlidePlane { normal, shift }
+        }
+        "helical" => {
+            let (axis, angle) = axis_and_angle(fields);
+            let glide = required_number(fields, "glide");
+            MotionKind::Helical { axis: axis?, angle: angle?, glide: glide? }
+        }
+        "rotsym" => {
+            let (axis, angle) = axis_and_angle(fields);
+            MotionKind::RotaryReflection { centre: fields.vector("center"), axis: axis?, angle: angle? }
+        }
+        other => {
+            let known =
+                ["identity", "translation", "rotation", "reflection", "glideplane", "helical", "rotsym"];
+            let help = match nearest(other, known) {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => format!("the types are {}", known.join(", ")),
+            };
+            let place = fields.element.value_place("type");
+            context.error_help(place, format!("unknown motion type `{other}`"), help);
+            return None;
+        }
+    })
+}
+
+/// Largest angle about a null axis that counts as no motion, degrees. The matrix of such a rotation is cos(angle) times the
+/// identity: up to here the reference shrinks a part by less than 0.02 %.
+const MAX_NULL_AXIS_ANGLE: f64 = 1.0;
+
+/// Whether the axis is the null vector and the angle small, as programs write a part that hardly turns and round the axis
+/// to a few digits.
+fn has_null_axis(fields: &Fields) -> bool {
+    let element = &fields.element;
+    let angle = element.value("angle").and_then(|text| text.trim().parse::<f64>().ok());
+    angle.is_some_and(|angle| angle.abs() <= MAX_NULL_AXIS_ANGLE)
+        && element.value("axis").and_then(parse_vector) == Some(DVec3::ZERO)
+}
+
+fn axis_and_angle(fields: &mut Fields) -> (Option<DVec3>, Option<f64>) {
+    let axis = direction(fields, "axis");
+    let angle = required_number(fields, "angle").map(radians);
+    (axis, angle)
+}
+
+/// A number without which the motion would be wrong: an unreadable value is an error.
+fn required_number(fields: &mut Fields, name: &'static str) -> Option<f64> {
+    let text = fields.required(name)?;
+    let number = text.trim().parse::<f64>().ok().filter(|v| quantity::NUMBER.contains(*v));
+    if number.is_none() {
+        fields.refuse(name, "a number");
+    }
+    number
+}
+
+fn required_vector(fields: &mut Fields, name: &'static str) -> Option<DVec3> {
+    fields.required(name)?;
+    fields.vector(name)
+}
+
+/// A vector normalised to unit length.
+fn direction(fields: &mut Fields, name: &'static str) -> Option<DVec3> {
+    let vector = required_vector(fields, name)?;
+    let direction = unit(vector);
+    if !direction.is_finite() {
+        fields.refuse(name, "a direction");
+        return None;
+    }
+    Some(direction)
+}
+
+/// Reads the timing attributes of a `<part>`.
+pub(super) fn read_timing(fields: &mut Fields) -> MotionTiming {
+    MotionTiming {
+        dyn_step: fields.whole_within("dynStep", 1, 0..=u32::MAX),
+        tree_step: fields.whole_within("kdtDynStep", 1, 0..=u32::MAX),
+        dyn_time_step: positive_time(fields, "dynTimeStep"),
+        tree_time_step: positive_time(fields, "kdtDynTimeStep"),
+    }
+}
+
+/// Attributes of a part's timing: in steps, and in seconds.
+const STEPS: [&str; 2] = ["dynStep", "kdtDynStep"];
+const TIMES: [&str; 2] = ["dynTimeStep", "kdtDynTimeStep"];
+
+/// Warns of timing of a `<part>` that has no effect or is no whole number of the steps that it is counted in. `scene` is the
+/// `dynTimeStep` of the scene.
+pub(super) fn check_timing(context: &Context, part: &Element, scene: Option<f64>) {
+    let unused = |names: &[&str], why: &str| {
+        for name in names.iter().filter(|name| part.value(name).is_some()) {
+            context.warn(part.name_place(name), format!("`{name}` has no effect {why}"));
+        }
+    };
+    if part.child("dmotion").is_none() {
+        return unused(&[STEPS, TIMES].concat(), "on a part that does not move");
+    }
+    let Some(scene) = scene else {
+        return unused(&TIMES, "without a `dynTimeStep` of the <scene>");
+    };
+    unused(&STEPS, "beside the `dynTimeStep` of the <scene>");
+    let mut step = scene;
+    for name in TIMES {
+        let written = part.value(name).and_then(|text| text.parse::<f64>().ok()).filter(|time| *time > 0.0);
+        let Some(time) = written else { continue };
+        if let Some(message) = rounded_steps(time / step, time, step) {
+            context.warn(part.value_place(name), format!("`{name}` of {message}"));
+        }
+        step = time;
+    }
+}
+
+/// Describes a time that is no whole number of steps, of which `steps` is the number, and what counts.
+pub fn rounded_steps(steps: f64, time: f64, step: f64) -> Option<String> {
+    let whole = steps.floor();
+    let [time, found, step, counted] = [time, steps, step, whole].map(quantity::number);
+    let counts = if whole == 0.0 { "it happens once".to_owned() } else { format!("{counted} count") };
+    (whole != steps).then(|| format!("{time} s is {found} steps of {step} s; {counts}"))
+}
+
+/// A time step, s; `None` when it is missing or NaN.
+pub(super) fn positive_time(fields: &mut Fields, name: &'static str) -> Option<f64> {
+    let time = fields.optional_number(name, &quantity::NUMBER)?;
+    if time <= 0.0 {
+        fields.refuse(name, "a number of seconds above 0");
+        return None;
+    }
+    Some(time)
+}

@@ -1,0 +1,58 @@
+//! Pipeline files: a complete run in one TOML file. The options of the run are read by `crate::options`, the survey
+//! here.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `keys` | the documented keys that describe the survey |
+//! | `source` | the text and its tables; all problems of one file at once |
+//! | `words` | errors of TOML in the words of its users |
+//! | `values` | values of keys: numbers within bounds, poses, references |
+//! | `build`, `parts` | builds the survey and its scene from the keys |
+//! | `instrument`, `receiver` | the `[scanner]` table |
+
+mod build;
+mod instrument;
+pub mod keys;
+mod parts;
+mod receiver;
+mod source;
+mod values;
+pub(crate) mod words;
+
+pub use keys::{KeyTable, SURVEY_TABLES};
+pub use source::{Source, Tables, field_names};
+
+use super::Survey;
+use super::context::{Context, ReadOptions};
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::Result;
+
+/// The survey of a pipeline file.
+#[derive(Clone, Debug)]
+pub struct PipelineSurvey {
+    pub survey: Survey,
+    /// Whether the file itself describes a flight, instead of taking that of a survey file.
+    pub has_own_flight: bool,
+    /// Whether the file changes the survey of an XML file, instead of describing its own.
+    pub is_of_survey: bool,
+}
+
+/// Reads the survey of a pipeline file from the tables whose other keys have been taken. The second value contains
+/// the warnings to be shown.
+///
+/// # Errors
+/// All problems of all files at once as [`vlscan_base::Error::Input`]; limits of the scanner as [`vlscan_base::Error::Limits`];
+/// [`vlscan_base::Error::Io`] when a file cannot be read.
+pub fn read_pipeline_survey(tables: Tables, options: &ReadOptions) -> Result<(PipelineSurvey, Diagnostics)> {
+    let source = tables.source();
+    let (keys, problems) = tables.finish();
+    let context = Context::new(options);
+    context.take(problems);
+    let survey = keys.and_then(|keys| {
+        let is_of_survey = keys.survey.is_some();
+        let has_own_flight = !is_of_survey || !keys.leg.is_empty();
+        let survey = build::read_survey(&context, source, &keys, options)?;
+        Some(PipelineSurvey { survey, has_own_flight, is_of_survey })
+    });
+    context.finish(survey)
+}

@@ -1,0 +1,406 @@
+//! The text of a pipeline file, and its tables, from which each reader takes its keys.
+
+use super::super::assets::{Assets, slashes};
+use super::super::context::ReadOptions;
+use super::super::documents::{SPELLING_HELP, spelling_message};
+use super::super::text::{decode, line_of_bytes};
+use super::super::{KeyUse, WrittenKey, key_named};
+use super::keys::{SURVEY_TABLES, SurveyKeys};
+use super::words::{self, Wording};
+use serde::Deserialize;
+use serde::de::Visitor;
+use std::collections::{BTreeMap, HashMap};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use toml::Spanned;
+use toml::de::{DeString, DeTable, DeValue, Deserializer, ValueDeserializer};
+use vlscan_base::diag::{Diagnostic, Diagnostics, Place, nearest};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::reads;
+use vlscan_base::input::read_file;
+
+/// A pipeline file: its path and its TOML text.
+#[derive(Debug)]
+pub struct Source {
+    path: PathBuf,
+    text: String,
+}
+
+/// Maximum size of a file, bytes.
+const MAX_FILE_BYTES: u64 = 1 << 24;
+/// Maximum number of reported problems of one file.
+const MAX_PROBLEMS: usize = 200;
+
+impl Source {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// [`Error::Io`], or [`Error::Input`] for bytes that are not text.
+    pub fn read(path: &Path) -> Result<Source> {
+        let bytes = read_file(path, MAX_FILE_BYTES).map_err(|e| Error::io("read", path, e))?;
+        match decode(&bytes) {
+            Ok(text) => Ok(Source { path: path.to_path_buf(), text }),
+            Err(e) => {
+                let (line, excerpt) = line_of_bytes(&bytes, e.at);
+                let mut problems = Diagnostics::default();
+                problems.error(Some(Place::in_line(path, line, &excerpt, 0..0)), e.message);
+                Err(Error::Input(Box::new(problems)))
+            }
+        }
+    }
+
+    /// A text in memory; `path` is its name in messages, and its folder the one that names are relative to.
+    pub fn of_text(path: &Path, text: String) -> Source {
+        Source { path: path.to_path_buf(), text }
+    }
+
+    /// Folder of the file, to which relative names in it refer.
+    pub fn folder(&self) -> &Path {
+        self.path.parent().unwrap_or(Path::new(""))
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The place of a range of bytes of the text.
+    pub fn place(&self, at: Range<usize>) -> Place {
+        Place::in_text(&self.path, &self.text, at)
+    }
+
+    /// The place of a part of a string value; the complete value if it contains escapes.
+    pub fn part_of(&self, value: &Spanned<String>, part: &Range<usize>) -> Place {
+        let span = value.span();
+        let verbatim =
+            self.text.get(span.start + 1..span.end.saturating_sub(1)) == Some(value.get_ref().as_str());
+        if verbatim {
+            self.place(span.start + 1 + part.start..span.start + 1 + part.end)
+        } else {
+            self.place(span)
+        }
+    }
+
+    /// The keys of `[scanner]` and `[[scanner.channel]]` that not every physics makes use of.
+    pub fn instrument_keys(&self) -> Vec<WrittenKey> {
+        let (root, _) = DeTable::parse_recoverable(&self.text);
+        let Some(DeValue::Table(scanner)) = root.get_ref().get("scanner").map(Spanned::get_ref) else {
+            return Vec::new();
+        };
+        let channels = match scanner.get("channel").map(Spanned::get_ref) {
+            Some(DeValue::Array(channels)) => channels.iter().map(Spanned::get_ref).collect(),
+            _ => Vec::new(),
+        };
+        let channels = channels.into_iter().enumerate().filter_map(|(i, channel)| match channel {
+            DeValue::Table(channel) => Some((Some(i), channel)),
+            _ => None,
+        });
+        let keys_of = |(channel, table): (Option<usize>, &DeTable)| {
+            let written = table.keys().filter_map(|name| {
+                let key = key_named(name.get_ref()).filter(|key| key.used != KeyUse::Always)?;
+                Some(WrittenKey { key, name: key.key, place: self.place(name.span()), channel })
+            });
+            written.collect::<Vec<_>>()
+        };
+        std::iter::once((None, scanner)).chain(channels).flat_map(keys_of).collect()
+    }
+
+    /// Reads a value of which the text is the whole file.
+    ///
+    /// # Errors
+    /// The first problem of the file.
+    pub fn parse<T: serde::de::DeserializeOwned>(&self) -> Result<T> {
+        self.tables()?;
+        toml::from_str(&self.text).map_err(|error| {
+            let mut problems = Diagnostics::default();
+            self.report_value(&error, None, &mut problems);
+            Error::Input(Box::new(problems))
+        })
+    }
+
+    /// Records an error of serde, whose message has the names of keys and variants in backticks. `span` is its place
+    /// unless the error has one.
+    fn report_value(&self, error: &toml::de::Error, span: Option<Range<usize>>, problems: &mut Diagnostics) {
+        let place = error.span().or(span).map(|at| self.place(at));
+        let message = error.message();
+        let names: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+        let (unknown, known) = names.split_first().map_or(("", &[][..]), |(first, rest)| (*first, rest));
+        let (message, list) = if message.starts_with("unknown field") {
+            (format!("unknown key `{unknown}`"), Some("the keys here are"))
+        } else if message.starts_with("unknown variant") {
+            (format!("expected {}, found `{unknown}`", known.join(", ")), None)
+        } else if message.starts_with("missing field") {
+            (format!("the key `{unknown}` is missing"), None)
+        } else {
+            problems.error(place, words::of_value(message, &SURVEY_TABLES));
+            return;
+        };
+        let problem = problems.error(place, message);
+        match (nearest(unknown, known.iter().copied()), list) {
+            (Some(near), _) => {
+                problem.help(format!("did you mean `{near}`?"));
+            }
+            (None, Some(list)) => {
+                problem.help(format!("{list} {}", known.join(", ")));
+            }
+            _ => {}
+        }
+    }
+
+    fn report_form(&self, error: &toml::de::Error, problems: &mut Diagnostics) {
+        let at = error.span();
+        let Wording { message, hint } =
+            words::of_form(error.message(), &self.text, at.clone().map(|at| at.start));
+        let problem = problems.error(at.map(|at| self.place(at)), message);
+        if !hint.is_empty() {
+            problem.help(hint);
+        }
+    }
+
+    /// The tables of the file.
+    ///
+    /// # Errors
+    /// A text that is not TOML.
+    pub fn tables(&self) -> Result<Tables<'_>> {
+        let (root, errors) = DeTable::parse_recoverable(&self.text);
+        let mut problems = Diagnostics::default();
+        for error in &errors {
+            self.report_form(error, &mut problems);
+        }
+        problems.finish(false)?;
+        let problems = Diagnostics::default();
+        Ok(Tables { source: self, root, known: BTreeMap::new(), spans: HashMap::new(), problems })
+    }
+}
+
+/// The tables of a pipeline file, from which each reader takes its keys.
+#[derive(Debug)]
+pub struct Tables<'t> {
+    source: &'t Source,
+    /// Tables and keys that have not been taken.
+    root: Spanned<DeTable<'t>>,
+    /// Names of the keys of each table; the table at the top of the file has the name "".
+    known: BTreeMap<&'static str, Vec<&'static str>>,
+    /// Ranges of the values that have been taken, by table and key.
+    spans: HashMap<(&'static str, String), Range<usize>>,
+    problems: Diagnostics,
+}
+
+impl<'t> Tables<'t> {
+    /// Takes the keys of a table that are fields of `T`. Problems are recorded; unreadable keys have their defaults.
+    pub fn take<T: Deserialize<'t> + Default>(&mut self, table: &'static str) -> T {
+        let fields = field_names::<T>();
+        self.known.entry(table).or_default().extend(fields);
+        let mut taken = DeTable::new();
+        let root = self.root.get_mut();
+        let entries = match table {
+            "" => Some(root),
+            _ => match root.get_mut(table).map(Spanned::get_mut) {
+                Some(DeValue::Table(entries)) => Some(entries),
+                _ => None,
+            },
+        };
+        if let Some(entries) = entries {
+            let own: Vec<_> =
+                entries.keys().filter(|key| fields.contains(&key.get_ref().as_ref())).cloned().collect();
+            for key in own {
+                if let Some(value) = entries.remove(&key) {
+                    self.spans.insert((table, key.get_ref().to_string()), value.span());
+                    taken.insert(key, value);
+                }
+            }
+        }
+        self.read(Spanned::new(0..0, taken)).unwrap_or_default()
+    }
+
+    /// Takes one key of a table; `None` if it is absent or unreadable, and then the problem is recorded.
+    pub fn take_key<T: Deserialize<'t>>(&mut self, table: &'static str, key: &'static str) -> Option<T> {
+        self.known.entry(table).or_default().push(key);
+        let Some(DeValue::Table(entries)) = self.root.get_mut().get_mut(table).map(Spanned::get_mut) else {
+            return None;
+        };
+        let value = entries.remove(key)?;
+        let span = value.span();
+        self.spans.insert((table, key.to_owned()), span.clone());
+        match T::deserialize(ValueDeserializer::from(value)) {
+            Ok(value) => Some(value),
+            Err(error) => {
+                self.source.report_value(&error, Some(span), &mut self.problems);
+                None
+            }
+        }
+    }
+
+    /// Deserialises `T` from a table. Unreadable keys are reported and removed one at a time, so that all of them
+    /// are found in one run.
+    fn read<T: Deserialize<'t>>(&mut self, mut table: Spanned<DeTable<'t>>) -> Option<T> {
+        for _ in 0..MAX_PROBLEMS {
+            match T::deserialize(Deserializer::from(table.clone())) {
+                Ok(value) => return Some(value),
+                Err(error) => {
+                    self.source.report_value(&error, None, &mut self.problems);
+                    if !error.span().is_some_and(|at| remove(table.get_mut(), &at)) {
+                        return None;
+                    }
+                }
+            }
+        }
+        None
+    }
+
+    /// Reads the keys of the survey and reports all keys that have not been taken. The caller shows the problems.
+    pub(super) fn finish(mut self) -> (Option<SurveyKeys>, Diagnostics) {
+        let tables: Vec<&'static str> =
+            self.known.keys().copied().filter(|table| !table.is_empty()).collect();
+        for table in tables {
+            let Some(rest) = self.root.get_mut().remove(table) else { continue };
+            match rest.get_ref() {
+                DeValue::Table(entries) => {
+                    let known = self.known[table].clone();
+                    entries.keys().for_each(|key| self.report_unknown(key, &known));
+                }
+                _ => {
+                    let place = self.source.place(rest.span());
+                    self.error(Some(place), format!("expected a table [{table}]"));
+                }
+            }
+        }
+        let mut known = self.known.remove("").unwrap_or_default();
+        known.extend(field_names::<SurveyKeys>());
+        known.extend(self.known.keys().copied());
+        let unknown: Vec<_> = self
+            .root
+            .get_ref()
+            .keys()
+            .filter(|key| !known.contains(&key.get_ref().as_ref()))
+            .cloned()
+            .collect();
+        for key in unknown {
+            self.report_unknown(&key, &known);
+            self.root.get_mut().remove(&key);
+        }
+        let root = std::mem::replace(&mut self.root, Spanned::new(0..0, DeTable::new()));
+        (self.read(root), self.problems)
+    }
+
+    /// Whether the file has an entry of this name at its top level.
+    pub fn has(&self, table: &str) -> bool {
+        self.root.get_ref().contains_key(table)
+    }
+
+    /// The place of a value that has been taken.
+    pub fn place(&self, table: &'static str, key: &str) -> Option<Place> {
+        self.spans.get(&(table, key.to_owned())).map(|span| self.source.place(span.clone()))
+    }
+
+    pub(crate) fn source(&self) -> &'t Source {
+        self.source
+    }
+
+    /// Records a problem that ends the run.
+    pub fn error(&mut self, place: Option<Place>, message: impl Into<String>) -> &mut Diagnostic {
+        self.problems.error(place, message)
+    }
+
+    /// The existing file that a key names: beside the pipeline file, or in the search path. A missing file is
+    /// recorded as a problem.
+    pub fn find_file(&mut self, name: &Path, place: Option<Place>, options: &ReadOptions) -> Option<PathBuf> {
+        let assets = Assets::new(&options.assets);
+        let name = name.to_string_lossy();
+        let Some(located) = assets.file(&near(self.source, &name), self.source.folder()) else {
+            let problem = self.problems.error(place, format!("cannot find the file `{name}`"));
+            let hint = words::hint_for_name(&name);
+            problem.help(if hint.is_empty() { assets.searched(&name, self.source.folder()) } else { hint });
+            return None;
+        };
+        if let Some(spelling) = located.respelled {
+            self.problems.warn(place, spelling_message(&name, &spelling)).help(SPELLING_HELP);
+        }
+        Some(located.found)
+    }
+
+    fn report_unknown(&mut self, key: &Spanned<DeString>, known: &[&str]) {
+        let help = match nearest(key.get_ref(), known.iter().copied()) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => format!("the keys here are {}", known.join(", ")),
+        };
+        let place = self.source.place(key.span());
+        self.problems.error(Some(place), format!("unknown key `{}`", key.get_ref())).help(help);
+    }
+}
+
+/// The names of the fields that `T` is deserialised from.
+pub fn field_names<'de, T: Deserialize<'de>>() -> &'static [&'static str] {
+    let mut names: &'static [&'static str] = &[];
+    let _ = T::deserialize(FieldNames(&mut names));
+    names
+}
+
+/// A deserialiser that records the names of a struct's fields and yields no values.
+struct FieldNames<'a>(&'a mut &'static [&'static str]);
+
+impl<'de> serde::Deserializer<'de> for FieldNames<'_> {
+    type Error = serde::de::value::Error;
+
+    fn deserialize_any<V: Visitor<'de>>(self, _: V) -> std::result::Result<V::Value, Self::Error> {
+        Err(serde::de::Error::custom("no struct"))
+    }
+
+    fn deserialize_struct<V: Visitor<'de>>(
+        self,
+        _: &'static str,
+        fields: &'static [&'static str],
+        visitor: V,
+    ) -> std::result::Result<V::Value, Self::Error> {
+        *self.0 = fields;
+        self.deserialize_any(visitor)
+    }
+
+    serde::forward_to_deserialize_any! {
+        bool i8 i16 i32 i64 u8 u16 u32 u64 f32 f64 char str string bytes byte_buf option unit unit_struct newtype_struct seq
+        tuple tuple_struct map enum identifier ignored_any
+    }
+}
+
+/// Removes the entry whose key or value has the span `at`, else the smallest entry whose value contains it.
+fn remove(table: &mut DeTable, at: &Range<usize>) -> bool {
+    let exact = |key: &Range<usize>, value: &Range<usize>| key == at || value == at;
+    let around = |_: &Range<usize>, value: &Range<usize>| value.start <= at.start && at.end <= value.end;
+    remove_where(table, &exact) || remove_where(table, &around)
+}
+
+fn remove_where(table: &mut DeTable, wanted: &dyn Fn(&Range<usize>, &Range<usize>) -> bool) -> bool {
+    let mut name = None;
+    for (key, value) in table.iter_mut() {
+        if remove_within(value.get_mut(), wanted) {
+            return true;
+        }
+        if wanted(&key.span(), &value.span()) {
+            name = Some(key.clone());
+            break;
+        }
+    }
+    name.is_some_and(|name| table.remove(&name).is_some())
+}
+
+fn remove_within(value: &mut DeValue, wanted: &dyn Fn(&Range<usize>, &Range<usize>) -> bool) -> bool {
+    match value {
+        DeValue::Table(table) => remove_where(table, wanted),
+        DeValue::Array(items) => items.iter_mut().any(|item| remove_within(item.get_mut(), wanted)),
+        _ => false,
+    }
+}
+
+/// Prefers a file beside the pipeline file to one of the search path; returns the reference to use.
+pub(super) fn near(source: &Source, reference: &str) -> String {
+    let (file, id) = match reference.split_once('#') {
+        Some((file, id)) => (file, Some(id)),
+        None => (reference, None),
+    };
+    let beside = source.folder().join(file);
+    let is_beside = reads::is_file(&beside) || reads::is_file(source.folder().join(&*slashes(file)));
+    match (is_beside, id) {
+        (false, _) => reference.to_owned(),
+        (true, None) => beside.to_string_lossy().into_owned(),
+        (true, Some(id)) => format!("{}#{id}", beside.to_string_lossy()),
+    }
+}

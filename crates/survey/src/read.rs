@@ -1,0 +1,209 @@
+//! The entry points: a survey, a scene, a scanner.
+
+use super::assets::Found;
+use super::context::{Context, ReadOptions, SceneChoice};
+use super::documents::built_in_ids;
+use super::foreign::{MESH_ENDINGS, is_foreign_ending};
+use super::instances::{Base, read_table};
+use super::platform_xml::read_platform;
+use super::scanner_xml::read_scanner;
+use super::scene_xml::read_scene_element;
+use super::survey_xml::read_survey_document;
+use super::xml::Element;
+use super::{
+    Loader, MaterialChoice, MeshReading, MotionTiming, PartRecipe, Platform, Scanner, SceneRecipe, Survey,
+    Transform,
+};
+use super::{VoxelLoader, VoxelMode};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use vlscan_base::diag::{Diagnostics, Place, nearest};
+use vlscan_base::error::Result;
+use vlscan_base::files::reads;
+
+/// Reads the survey of an XML file and everything that it refers to, except the geometry. The second value contains
+/// the warnings to be shown.
+///
+/// # Errors
+/// All problems of all files at once as [`vlscan_base::Error::Input`]; scan frequencies outside the scanner's limits and
+/// contradictory trajectory settings as [`vlscan_base::Error::Limits`].
+pub fn read_survey(path: &Path, options: &ReadOptions) -> Result<(Survey, Diagnostics)> {
+    let context = Context::new(options);
+    let root = match reads::is_file(path) {
+        true => context.open(&Found::File(path.to_path_buf())),
+        false => context.referred_document(&path.to_string_lossy(), Path::new(""), None),
+    };
+    let survey = root.and_then(|root| read_survey_document(&context, &root, options.trajectory.clone()));
+    context.finish(survey)
+}
+
+/// Reads a scene: `file.xml#id`, `file.xml` for its first scene, a geometry file (.obj, .tif, .vox) as a scene of one
+/// part, a table of instances (.csv), or a packed scene (.vlscene).
+///
+/// # Errors
+/// The errors of [`read_survey`].
+pub fn read_scene(reference: &str, options: &ReadOptions) -> Result<(SceneRecipe, Diagnostics)> {
+    let context = Context::new(options);
+    let scene = find_scene(&context, reference, Path::new(""), None);
+    context.finish(scene)
+}
+
+/// Reads a scanner: `file.xml#id`, `file.xml` for its first scanner, or the id of a built-in scanner. An id that two built-in
+/// scanners have is an error that tells their full references.
+///
+/// # Errors
+/// The errors of [`read_survey`].
+pub fn find_scanner(reference: &str, options: &ReadOptions) -> Result<(Scanner, Diagnostics)> {
+    let context = Context::new(options);
+    let element = find_asset(&context, "scanner", reference, Path::new(""), None);
+    let scanner = element.and_then(|element| read_scanner(&context, &element));
+    context.finish(scanner)
+}
+
+/// Reads a platform, which is named as [`find_scanner`] says.
+///
+/// # Errors
+/// The errors of [`read_survey`].
+pub fn find_platform(reference: &str, options: &ReadOptions) -> Result<(Platform, Diagnostics)> {
+    let context = Context::new(options);
+    let element = find_asset(&context, "platform", reference, Path::new(""), None);
+    let platform = element.and_then(|element| read_platform(&context, &element));
+    context.finish(platform)
+}
+
+/// The element of a scanner or a platform: `file.xml#id`, `file.xml` for its first one, or the id of a built-in one. Files are
+/// searched from `folder`; `place` is the place of the reference.
+pub(super) fn find_asset(
+    context: &Context,
+    kind: &str,
+    reference: &str,
+    folder: &Path,
+    place: Option<Place>,
+) -> Option<Element> {
+    let is_file = reference.contains(['/', '\\']) || extension(reference) == "xml";
+    let (file, id) = match reference.split_once('#') {
+        Some((file, id)) => (file, Some(id)),
+        None if is_file || context.assets.file(reference, folder).is_some() => (reference, None),
+        None => return built_in(context, kind, reference, place),
+    };
+    let root = context.referred_document(file, folder, place.clone())?;
+    context.pick(&root, kind, id, place)
+}
+
+/// The built-in scanner or platform with that id, which must not be in two files of the catalogue.
+fn built_in(context: &Context, kind: &str, id: &str, place: Option<Place>) -> Option<Element> {
+    let ids = built_in_ids(context, kind);
+    let files: Vec<_> = ids.iter().filter(|(_, own)| own == id).map(|(file, _)| *file).collect();
+    if let [file] = files[..] {
+        let root = context.open(&Found::BuiltIn(file))?;
+        return context.pick(&root, kind, Some(id), place);
+    }
+    if !files.is_empty() {
+        let all: Vec<String> = files.iter().map(|file| format!("{}#{id}", file.path)).collect();
+        let message = format!("{} {kind}s that ship have the id `{id}`", all.len());
+        context.error_help(place, message, format!("write the one that is meant: {}", all.join(" or ")));
+        return None;
+    }
+    let help = match nearest(id, ids.iter().map(|(_, own)| own.as_str())) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None if kind == "platform" => {
+            let all: Vec<&str> = ids.iter().map(|(_, own)| own.as_str()).collect();
+            format!("there are {}, and file.xml#id", all.join(", "))
+        }
+        None => "`vlscan catalogue` lists those that ship; a file of one's own is file.xml#id".to_owned(),
+    };
+    context.error_help(place, format!("no {kind} that ships has the id `{id}`"), help);
+    None
+}
+
+/// The scene that replaces that of a survey.
+pub(super) fn chosen_scene(context: &Context, choice: &SceneChoice) -> Option<SceneRecipe> {
+    match choice {
+        SceneChoice::Named(reference) => find_scene(context, reference, Path::new(""), None),
+        SceneChoice::Given(recipe) => Some((**recipe).clone()),
+    }
+}
+
+/// The scene of a reference in a file in `folder`; `place` is the place of the reference.
+pub(super) fn find_scene(
+    context: &Context,
+    reference: &str,
+    folder: &Path,
+    place: Option<Place>,
+) -> Option<SceneRecipe> {
+    if is_geometry(reference) {
+        return scene_of_file(context, reference, folder, place);
+    }
+    let (file, id) = match reference.split_once('#') {
+        Some((file, id)) => (file, Some(id)),
+        None => (reference, None),
+    };
+    let root = context.referred_document(file, folder, place.clone())?;
+    let element = context.pick(&root, "scene", id, place)?;
+    read_scene_element(context, &element)
+}
+
+fn extension(name: &str) -> String {
+    Path::new(name).extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
+}
+
+fn is_packed(name: &str) -> bool {
+    extension(name) == "vlscene"
+}
+
+/// Whether a reference names a file that is a scene without XML. The loader of meshes tells what to do with foreign formats.
+pub(super) fn is_geometry(reference: &str) -> bool {
+    let ending = extension(reference);
+    is_packed(reference)
+        || matches!(ending.as_str(), "tif" | "tiff" | "vox" | "csv")
+        || MESH_ENDINGS.contains(&ending.as_str())
+        || is_foreign_ending(&ending)
+}
+
+fn scene_of_file(context: &Context, name: &str, folder: &Path, place: Option<Place>) -> Option<SceneRecipe> {
+    let path = context.find_file(name, folder, place)?;
+    let asset_folders = context.assets.folders(path.parent().unwrap_or(Path::new("")));
+    let part = |number, loader, transform, place| PartRecipe {
+        id: None,
+        number,
+        loader,
+        changes: Arc::default(),
+        transform,
+        motions: Vec::new(),
+        timing: MotionTiming { dyn_step: 1, tree_step: 1, dyn_time_step: None, tree_time_step: None },
+        swaps: Vec::new(),
+        place,
+    };
+    let parts = if is_packed(name) {
+        Vec::new()
+    } else if extension(name) == "csv" {
+        let base = Base { file: None, reading: MeshReading::default(), transform: Transform::IDENTITY };
+        let rows = read_table(context, &path, &base)?;
+        (0..).zip(rows).map(|(n, row)| part(n, row.loader, row.transform, Some(row.place))).collect()
+    } else {
+        let place = Some(Place::of_file(&path));
+        vec![part(0, loader_of_file(path.clone()), Transform::IDENTITY, place)]
+    };
+    let id = Path::new(name).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let packed = is_packed(name).then(|| path.clone());
+    Some(SceneRecipe { id, path, parts, dyn_step: 1, dyn_time_step: None, packed, asset_folders })
+}
+
+/// The loader of a mesh, raster or voxels, by the extension of the file.
+pub(super) fn loader_of_file(path: PathBuf) -> Loader {
+    match extension(&path.to_string_lossy()).as_str() {
+        "tif" | "tiff" => Loader::GeoTiff {
+            file: path,
+            material: MaterialChoice { random_range: 1.0, ..Default::default() },
+        },
+        "vox" => Loader::DetailedVoxels(Box::new(VoxelLoader {
+            files: vec![path],
+            mode: VoxelMode::Transmittive,
+            drop_empty: true,
+            random_shift: false,
+            lad_table: None,
+            material: MaterialChoice { random_range: 1.0, ..MaterialChoice::default() },
+        })),
+        _ => Loader::MeshFiles { files: vec![path], reading: MeshReading::default() },
+    }
+}

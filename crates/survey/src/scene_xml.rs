@@ -1,0 +1,297 @@
+//! Scenes and their parts (spec input-formats §3).
+
+use super::context::Context;
+use super::fields::Fields;
+use super::instances::{Base, Row, read_table};
+use super::loaders::{LOADERS, read_file, read_loader};
+use super::motions::{check_timing, positive_time, read_motions, read_timing};
+use super::params::Params;
+use super::xml::Element;
+use super::{Loader, MeshReading, PartRecipe, SceneRecipe, Swap, Transform};
+use std::sync::Arc;
+use vlscan_base::diag::nearest;
+use vlscan_geom::DVec3;
+
+pub(super) fn read_scene_element(context: &Context, element: &Element) -> Option<SceneRecipe> {
+    let mut fields = Fields::new(context, element);
+    let id = fields.text("id").unwrap_or_default().to_owned();
+    let dyn_step = fields.whole_within("dynStep", 1, 0..=u32::MAX);
+    let dyn_time_step = positive_time(&mut fields, "dynTimeStep");
+    fields.ignore(&["name"]);
+    fields.done(&["part"]);
+    if dyn_time_step.is_some_and(|t| t > 1.0) {
+        context.warn(element.value_place("dynTimeStep"), "the scene moves less than once per second");
+    }
+    let mut parts = Vec::new();
+    let mut number = 0;
+    if dyn_time_step.is_some() && element.value("dynStep").is_some() {
+        context.warn(element.name_place("dynStep"), "`dynStep` has no effect beside `dynTimeStep`");
+    }
+    for part in element.named("part") {
+        check_timing(context, &part, dyn_time_step);
+        let read = read_part(context, &part, number);
+        // a skipped part still consumes its number
+        number += u32::try_from(read.len().max(1)).unwrap_or(u32::MAX);
+        parts.extend(read);
+    }
+    if parts.is_empty() && (element.child("part").is_none() || !context.failed()) {
+        context.error(element.place(), "the scene has no parts");
+    }
+    let asset_folders = context.assets.folders(element.folder());
+    Some(SceneRecipe {
+        id,
+        path: element.path().to_path_buf(),
+        parts,
+        dyn_step,
+        dyn_time_step,
+        packed: None,
+        asset_folders,
+    })
+}
+
+/// Reads a `<part>`: usually one recipe, none for a part without geometry, and one per file for a part without an id
+/// that is loaded from several files.
+fn read_part(context: &Context, element: &Element, number: u32) -> Vec<PartRecipe> {
+    let mut fields = Fields::new(context, element);
+    let id = fields.text("id").filter(|id| !id.is_empty()).map(str::to_owned);
+    let timing = read_timing(&mut fields);
+    fields.ignore(&["name"]);
+    fields.done(&["filter", "swap", "dmotion"]);
+    if element.child("filter").is_none() {
+        context.error(element.place(), "a <part> needs a <filter> that loads its geometry");
+        return Vec::new();
+    }
+    let mut chain = Chain::new();
+    let has_swaps = element.child("swap").is_some();
+    for filter in element.named("filter") {
+        chain.add(context, &filter, if has_swaps { Where::SwappedPart } else { Where::Part });
+    }
+    let motions = read_motions(context, element);
+    let mut swaps = read_swaps(context, element, chain.transform.on_ground);
+    if !swaps.is_empty() && !motions.is_empty() {
+        let message = "a moving part cannot be swapped; its <swap> elements are ignored";
+        context.warn(element.child("swap").as_ref().unwrap_or(element).place(), message);
+        swaps.clear();
+    }
+    if let Some(rows) = chain.rows {
+        let recipe = |(row, number): (Row, u32)| PartRecipe {
+            id: id.clone(),
+            number,
+            loader: row.loader,
+            changes: Arc::default(),
+            transform: chain.transform.after(&row.transform),
+            motions: motions.clone(),
+            timing,
+            swaps: swaps.clone(),
+            place: Some(row.place),
+        };
+        return rows.into_iter().zip(number..).map(recipe).collect();
+    }
+    let Some(loader) = chain.loader else {
+        if !chain.loader_failed {
+            context.warn(element.place(), "a part without a loader is skipped");
+        }
+        return Vec::new();
+    };
+    let loaders = if id.is_none() { loader.per_file() } else { vec![loader] };
+    let recipe = |(loader, number)| PartRecipe {
+        id: id.clone(),
+        number,
+        loader,
+        changes: Arc::default(),
+        transform: chain.transform,
+        motions: motions.clone(),
+        timing,
+        swaps: swaps.clone(),
+        place: Some(element.place()),
+    };
+    loaders.into_iter().zip(number..).map(recipe).collect()
+}
+
+/// The context in which a chain of filters occurs.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Where {
+    Part,
+    /// A part with swaps, which may have only one loader.
+    SwappedPart,
+    Swap,
+}
+
+/// The accumulated effect of a chain of filters (spec input-formats §3.3).
+struct Chain {
+    loader: Option<Loader>,
+    /// Whether a loader occurred that could not be read.
+    loader_failed: bool,
+    /// The instances of a table; `None` without a table.
+    rows: Option<Vec<Row>>,
+    filters: usize,
+    transform: Transform,
+    scale: Option<f64>,
+    offset: Option<DVec3>,
+    on_ground: Option<i64>,
+}
+
+impl Chain {
+    fn new() -> Chain {
+        Chain {
+            loader: None,
+            loader_failed: false,
+            rows: None,
+            filters: 0,
+            transform: Transform::IDENTITY,
+            scale: None,
+            offset: None,
+            on_ground: None,
+        }
+    }
+
+    fn add(&mut self, context: &Context, filter: &Element, place: Where) {
+        let Some(kind) = filter.value("type").map(str::to_ascii_lowercase) else {
+            return context.error(filter.place(), "<filter> needs the attribute `type`");
+        };
+        let params = || Params::new(context, filter);
+        match kind.as_str() {
+            "rotate" => self.rotate(params(), place),
+            "scale" => self.scale(params()),
+            "translate" => self.translate(params()),
+            "instances" => self.place_instances(params(), place),
+            loader if LOADERS.contains(&loader) => self.load(params(), loader, place),
+            other => {
+                let known = LOADERS.iter().copied().chain(["instances", "rotate", "scale", "translate"]);
+                let help = match nearest(other, known.clone()) {
+                    Some(near) => format!("did you mean `{near}`?"),
+                    None => format!("the filters are {}", known.collect::<Vec<_>>().join(", ")),
+                };
+                let message = format!("unknown filter type `{}`", filter.value("type").unwrap_or_default());
+                context.error_help(filter.value_place("type"), message, help);
+                self.loader_failed = self.loader.is_none();
+            }
+        }
+        self.filters += 1;
+    }
+
+    /// Applies a loader, which discards the effect of the filters before it.
+    fn load(&mut self, params: Params, kind: &str, place: Where) {
+        let (context, filter) = (params.context, params.filter);
+        let second = self.loader.is_some() || self.loader_failed;
+        match place {
+            Where::Swap if self.filters > 0 => {
+                context.error(filter.place(), "a loader must be the first filter of a <swap>");
+            }
+            Where::SwappedPart if second => {
+                context.error(filter.place(), "a part with <swap> elements may have one loader only");
+            }
+            _ if second => context.warn(filter.place(), "a second loader replaces the first one of the part"),
+            _ if self.filters > 0 => {
+                let message = "filters before the loader have no effect";
+                context.warn_help(filter.place(), message, "put the loader first");
+            }
+            _ => {}
+        }
+        let loader = read_loader(kind, params);
+        *self = Chain { loader_failed: loader.is_none(), loader, filters: self.filters, ..Chain::new() };
+    }
+
+    /// Replaces the part by the instances of a table; the filters so far transform the mesh of each instance.
+    fn place_instances(&mut self, mut params: Params, place: Where) {
+        let (context, filter) = (params.context, params.filter);
+        if place != Where::Part || self.rows.is_some() {
+            context.error(filter.place(), "a table of instances can stand once in a <part> without <swap>");
+        }
+        let (file, reading) = match self.loader.take() {
+            Some(Loader::MeshFiles { mut files, reading }) if files.len() == 1 => (files.pop(), reading),
+            None => (None, MeshReading::default()),
+            Some(_) => {
+                context.error(filter.place(), "instances can be made of one mesh file");
+                (None, MeshReading::default())
+            }
+        };
+        let base = Base { file, reading, transform: self.transform };
+        if !params.has("filepath") {
+            params.missing("filepath");
+        }
+        let rows = read_file(&mut params, "filepath").and_then(|path| read_table(context, &path, &base));
+        params.done();
+        let failed = rows.is_none();
+        *self = Chain { loader_failed: failed, rows, filters: self.filters, ..Chain::new() };
+    }
+
+    fn rotate(&mut self, mut params: Params, place: Where) {
+        match params.rotation("rotation") {
+            Some(_) if place == Where::Swap => {
+                let message = "`rotate` has no effect in a <swap>; the part keeps its rotation";
+                params.context.warn(params.filter.place(), message);
+            }
+            Some(rotation) => self.transform.rotation = rotation.after(self.transform.rotation),
+            None => params.missing("rotation"),
+        }
+        params.done();
+    }
+
+    fn scale(&mut self, mut params: Params) {
+        match params.number("scale") {
+            Some(0.0) => params.context.warn(params.filter.place(), "a scale of 0 is ignored"),
+            Some(scale) => {
+                self.scale = Some(scale);
+                self.transform.scale = scale;
+            }
+            None if !params.has("scale") => params.missing("scale"),
+            None => {}
+        }
+        params.done();
+    }
+
+    fn translate(&mut self, mut params: Params) {
+        match params.vector("offset") {
+            Some(offset) => {
+                self.offset = Some(offset);
+                self.transform.offset = offset;
+            }
+            None if !params.has("offset") => params.missing("offset"),
+            None => {}
+        }
+        if let Some(mode) = params.whole("onGround") {
+            self.on_ground = Some(mode);
+            self.transform.on_ground = mode;
+        }
+        params.done();
+    }
+}
+
+/// Reads the `<swap>` children of a part.
+fn read_swaps(context: &Context, part: &Element, on_ground: i64) -> Vec<Swap> {
+    let (mut keep_crs, mut on_ground) = (true, on_ground);
+    let mut swaps = Vec::new();
+    for element in part.named("swap") {
+        let mut fields = Fields::new(context, &element);
+        let epochs = fields.whole_within("swapStep", 1, 1..=u32::MAX);
+        keep_crs = fields.flag("keepCRS", keep_crs);
+        let vanish = fields.text("force_null").is_some();
+        if fields.has("swapIndices") {
+            let message = "`swapIndices` is not read; swaps follow one another in the order of the document";
+            context.warn_help(
+                element.name_place("swapIndices"),
+                message,
+                "say how long each lasts with `swapStep`",
+            );
+        }
+        fields.ignore(&["swapIndices"]);
+        fields.done(&["filter"]);
+        let mut chain = Chain::new();
+        if !vanish {
+            for filter in element.named("filter") {
+                chain.add(context, &filter, Where::Swap);
+            }
+        }
+        on_ground = chain.on_ground.unwrap_or(on_ground);
+        swaps.push(Swap {
+            epochs,
+            keep_crs,
+            vanish,
+            scale: chain.scale,
+            offset: chain.offset.map(|offset| (offset, on_ground)),
+            loader: chain.loader,
+        });
+    }
+    swaps
+}

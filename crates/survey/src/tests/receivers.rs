@@ -1,0 +1,327 @@
+//! Beam and receiver of instruments, in XML and in pipeline files.
+
+use super::*;
+
+const PULSE: &str = "ns, power\n0, 0\n1, 5\n3, 0\n";
+
+/// The scanner of a survey with these attributes and children of the scanner, and this content of the survey.
+fn of_xml(attributes: &str, children: &str, survey: &str) -> vlscan_base::Result<(Scanner, Diagnostics)> {
+    let scanner =
+        format!("<scanner id='mine' optics='conic' pulseFreqs_Hz='5' {attributes}>{children}</scanner>");
+    let leg = format!("{survey}<leg><platformSettings/><scannerSettings active='0'/></leg>");
+    let text = document(&scanner, "platform='plane'", &leg).replace("scanner='mirror'", "scanner='mine'");
+    let folder =
+        Folder::new(&[("survey.xml", &text), ("a.obj", ""), ("pulse.csv", PULSE), ("bad.csv", "0 1\n1\n")]);
+    folder.read(&ReadOptions::default()).map(|(survey, warnings)| (survey.scanner, warnings))
+}
+
+/// The scanner of a pipeline with these keys in `[scanner]`; channels may follow them.
+fn of_toml(keys: &str) -> vlscan_base::Result<(Scanner, Diagnostics)> {
+    let text = format!(
+        "scene = \"a.obj\"\n[[leg]]\nposition_m = [0, 0, 0]\nactive = false\n[platform]\nkind = \"linear_path\"\n\
+         [scanner]\noptics = \"conic\"\npulse_freqs_hz = [5]\n{keys}"
+    );
+    let folder =
+        Folder::new(&[("p.toml", &text), ("a.obj", ""), ("pulse.csv", PULSE), ("bad.csv", "0 1\n1\n")]);
+    read_pipeline(&folder.path("p.toml")).map(|(survey, w)| (survey.scanner, w))
+}
+
+fn fine(scanner: vlscan_base::Result<(Scanner, Diagnostics)>) -> Vec<Device> {
+    let (scanner, warnings) = scanner.unwrap_or_else(|e| panic!("{}", report(&e)));
+    assert!(warnings.is_empty(), "{}", warnings.render(false));
+    scanner.devices
+}
+
+/// The devices of a scanner that ships, named in a pipeline file, with these keys.
+fn shipped(name: &str, keys: &str) -> vlscan_base::Result<(Scanner, Diagnostics)> {
+    let text = format!(
+        "scene = \"a.obj\"\n[[leg]]\nposition_m = [0, 0, 0]\nactive = false\n[platform]\ncatalogue = \"sr22\"\n\
+         [scanner]\ncatalogue = \"{name}\"\n{keys}"
+    );
+    let folder = Folder::new(&[("p.toml", &text), ("a.obj", "")]);
+    read_pipeline(&folder.path("p.toml")).map(|(survey, warnings)| (survey.scanner, warnings))
+}
+
+#[test]
+fn scanners_that_ship_state_their_pulse_widths() {
+    // 4 ns at half maximum, whatever the physics of a pipeline; in XML by the physics.
+    let width = |beam: &Beam| width_of_pulse_length(beam.pulse_length);
+    let beam = fine(shipped("riegl_lms-q780", ""))[0].beam;
+    assert!((width(&beam) - 4.0).abs() < 1e-12 && beam.stated_width.is_none());
+    assert_eq!(fine(shipped("riegl_lms-q780", "pulse_length_ns = 6"))[0].beam.pulse_length, 6.0);
+    assert!((width(&fine(shipped("riegl_lms-q780", "pulse_fwhm_ns = 6"))[0].beam) - 6.0).abs() < 1e-12);
+    let (scanner, _) = find_scanner("riegl_lms-q780", &ReadOptions::default()).unwrap();
+    let beam = scanner.devices[0].beam;
+    assert_eq!((beam.length(false), beam.stated_width), (4.0, Some(4.0)));
+    assert!((width_of_pulse_length(beam.length(true)) - 4.0).abs() < 1e-12);
+    // One's own files have no stated widths.
+    assert_eq!(fine(of_xml("pulseLength_ns='4'", "", ""))[0].beam.stated_width, None);
+}
+
+#[test]
+fn scanners_and_platforms_that_ship_have_ids() {
+    for name in ["vlp16", "data/scanners_tls.xml#vlp16", "scanners_tls.xml#vlp16"] {
+        assert_eq!(fine(shipped(name, "")).len(), 16, "{name}");
+    }
+    for (name, near) in
+        [("VUX-1UAV", "`riegl_vux-1uav`"), ("data/scanners_als.xml#VUX-1UAV", "`riegl_vux-1uav`")]
+    {
+        let said = report(&shipped(name, "").unwrap_err());
+        assert!(said.contains(&format!("did you mean {near}?")), "{said}");
+    }
+    assert!(report(&shipped("nosuch", "").unwrap_err()).contains("vlscan catalogue"));
+    let Err(error) = find_platform("vehicel_linearpath", &ReadOptions::default()) else {
+        panic!("a platform")
+    };
+    assert!(report(&error).contains("did you mean `vehicle_linearpath`?"));
+}
+
+#[test]
+fn figures_can_state_their_sources() {
+    let source = "<source figures='accuracy_m beamDivergence_rad' name='sheet of 2024'/>";
+    let (scanner, warnings) = of_xml("", source, "").unwrap();
+    assert!(warnings.is_empty());
+    let figures = vec!["accuracy_m".to_owned(), "beamDivergence_rad".to_owned()];
+    assert_eq!(scanner.sources, [FigureSource { figures, name: "sheet of 2024".to_owned() }]);
+}
+
+#[test]
+fn every_setting_in_both_formats() {
+    let xml = fine(of_xml(
+        "pulseFwhm_ns='3' pulseEnergy_uJ='2' pulseShape='pulse.csv' beamProfile='top_hat' beamDivergenceY_rad='0.001'
+         exitAperture_m='0.02' background_W='1e-9' responsivity_A_per_W='0.6' bandwidth_Hz='2e8' saturation_W='1e-5'
+         rangeWalk_m='0.1' digitiserClock='true' detector='gaussian'",
+        "<snr range_m='100' reflectance='0.2' value='20'/><maxRange range_m='600' reflectance='0.9' pulseFreq_Hz='1e5'/>",
+        "",
+    ));
+    let toml = fine(of_toml(
+        "pulse_fwhm_ns = 3\npulse_energy_uj = 2\npulse_shape = \"pulse.csv\"\nbeam_profile = \"top_hat\"\n\
+         beam_divergence_y_rad = 0.001\nexit_aperture_m = 0.02\nbackground_w = 1e-9\nresponsivity_a_per_w = 0.6\n\
+         bandwidth_hz = 2e8\nsaturation_w = 1e-5\nrange_walk_m = 0.1\ndigitiser_clock = true\ndetector = \"gaussian\"\n\
+         snr = { range_m = 100, reflectance = 0.2, value = 20 }\n\
+         max_range = { range_m = 600, reflectance = 0.9, pulse_freq_hz = 1e5 }\n",
+    ));
+    assert_eq!(xml[0].receiver, toml[0].receiver);
+    assert_eq!(xml[0].beam, toml[0].beam);
+    let target = ReferenceTarget { range: 600.0, reflectance: 0.9, pulse_freq: Some(1e5) };
+    let expected = Receiver {
+        pulse_shape: Some(std::sync::Arc::new(PulseSamples {
+            times: vec![0.0, 1.0, 3.0],
+            powers: vec![0.0, 1.0, 0.0],
+        })),
+        noise: Some(AmplifierNoise::Ratio {
+            target: ReferenceTarget { range: 100.0, reflectance: 0.2, pulse_freq: None },
+            value: 20.0,
+        }),
+        shot: Some(ShotNoise { background: 1e-9, responsivity: 0.6 }),
+        bandwidth: Some(2e8),
+        max_range: Some(target),
+        saturation: Some(1e-5),
+        range_walk: 0.1,
+        digitiser_clock: true,
+        ranging: Ranging::Gaussian,
+    };
+    assert_eq!(xml[0].receiver, expected);
+    let beam = xml[0].beam;
+    assert_eq!((beam.pulse_energy, beam.profile), (Some(2.0 * 1e-6), BeamProfile::TopHat));
+    assert_eq!((beam.divergence_y, beam.aperture), (Some(0.001), 0.02));
+    assert!((beam.pulse_length - 3.0 / 0.484_954_4).abs() < 1e-5, "{}", beam.pulse_length);
+}
+
+#[test]
+fn nothing_said_is_an_ideal_receiver() {
+    for device in [&fine(of_xml("", "", ""))[0], &fine(of_toml(""))[0]] {
+        assert_eq!(device.receiver, Receiver::default());
+        assert_eq!(
+            (device.beam.pulse_energy, device.beam.divergence_y, device.beam.aperture),
+            (None, None, 0.0)
+        );
+        assert!(!device.detector.threshold_given);
+    }
+    assert!(fine(of_xml("receivedEnergyMin_W='0.0001'", "", ""))[0].detector.threshold_given);
+    assert!(fine(of_toml("received_energy_min_w = 0.0001\n"))[0].detector.threshold_given);
+}
+
+#[test]
+fn channels_change_what_they_name() {
+    let xml = fine(of_xml(
+        "nep_W='1e-9'",
+        "<maxRange range_m='600' reflectance='0.9'/><channels><channel detector='centroid'/>\
+         <channel receivedEnergyMin_W='1e-8' nep_W='2e-9'/></channels>",
+        "",
+    ));
+    let toml = fine(of_toml(
+        "nep_w = 1e-9\nmax_range = { range_m = 600, reflectance = 0.9 }\n[[scanner.channel]]\ndetector = \"centroid\"\n\
+         [[scanner.channel]]\nreceived_energy_min_w = 1e-8\nnep_w = 2e-9\n",
+    ));
+    for devices in [xml, toml] {
+        let [a, b] = &devices[..] else { panic!("two channels") };
+        assert_eq!(
+            (a.receiver.noise, a.receiver.ranging),
+            (Some(AmplifierNoise::Power(1e-9)), Ranging::Centroid)
+        );
+        assert!(a.receiver.max_range.is_some() && b.receiver.max_range.is_none());
+        assert_eq!((b.receiver.noise, b.detector.threshold), (Some(AmplifierNoise::Power(2e-9)), 1e-8));
+    }
+}
+
+#[test]
+fn a_survey_changes_the_receiver_of_every_channel() {
+    let devices = fine(of_xml(
+        "pulseShape='pulse.csv'",
+        "<channels><channel/><channel/></channels>",
+        "<detectorSettings nep_W='3e-9' detector='centroid'/>",
+    ));
+    for device in &devices {
+        let r = &device.receiver;
+        assert_eq!((r.noise, r.ranging), (Some(AmplifierNoise::Power(3e-9)), Ranging::Centroid));
+        assert!(r.pulse_shape.is_some());
+    }
+}
+
+#[test]
+fn settings_that_cannot_be_are_named_with_their_place() {
+    let ratio = "<snr range_m='1' reflectance='0.2' value='9'/>";
+    let far = "<maxRange range_m='1' reflectance='0.2'/>";
+    let xml = [
+        ("pulseFwhm_ns='3' pulseLength_ns='3'", "", "without pulseLength_ns"),
+        ("pulseEnergy_uJ='0'", "", "`pulseEnergy_uJ` must be a number above 0"),
+        ("beamProfile='round'", "", "`beamProfile` must be gaussian or top_hat"),
+        ("exitAperture_m='-1'", "", "`exitAperture_m` must be a number of at least 0"),
+        ("detector='best'", "", "`detector` must be peak, centroid or gaussian"),
+        ("background_W='1e-9' bandwidth_Hz='1e8'", "", "`background_W` needs `responsivity_A_per_W`"),
+        ("nep_W='1e-9'", ratio, "`nep_W` must be given without <snr>"),
+        ("receivedEnergyMin_W='1e-9'", far, "`receivedEnergyMin_W` must be given without <maxRange>"),
+        ("", "<snr range_m='1' reflectance='20' value='9'/>", "`reflectance` must be a fraction, at most 1"),
+        ("", "<snr range_m='1' reflectance='0.2'/>", "<snr> needs the attribute `value`"),
+        ("", "<maxRange reflectance='0.2'/>", "<maxRange> needs the attribute `range_m`"),
+        ("pulseShape='none.csv'", "", "cannot find the file `none.csv`"),
+        ("pulseShape='bad.csv'", "", "expected two finite numbers"),
+    ];
+    for (attributes, children, message) in xml {
+        contains(&refused(of_xml(attributes, children, "")), &[message, "^"]);
+    }
+    let toml = [
+        ("pulse_fwhm_ns = 3\npulse_length_ns = 3\n", "either `pulse_length_ns` or `pulse_fwhm_ns`"),
+        ("pulse_energy_uj = 0\n", "a number above 0"),
+        ("beam_profile = \"round\"\n", "expected gaussian, top_hat"),
+        ("detector = \"best\"\n", "expected peak, centroid, gaussian"),
+        ("background_w = 1e-9\n", "background light needs `responsivity_a_per_w`"),
+        ("nep_w = 1e-9\nsnr = { range_m = 1, reflectance = 1, value = 1 }\n", "either `nep_w` or `snr`"),
+        ("received_energy_min_w = 1\nmax_range = { range_m = 1, reflectance = 1 }\n", "or `max_range`"),
+        ("max_range = { range_m = 1, reflectance = 20 }\n", "a fraction above 0, at most 1"),
+        ("max_range = { range_m = 1 }\n", "the key `reflectance` is missing"),
+        ("snr = { range_m = 1, reflectance = 1, value = 1, freq = 3 }\n", "unknown key `freq`"),
+        ("pulse_shape = \"none.csv\"\n", "cannot find the file `none.csv`"),
+        ("pulse_shape = \"bad.csv\"\n", "expected two finite numbers"),
+    ];
+    for (keys, message) in toml {
+        contains(&refused(of_toml(keys)), &[message, "^"]);
+    }
+}
+
+/// A value of every key that not every physics makes use of, as TOML.
+fn example(key: &str) -> &'static str {
+    match key {
+        "beam_profile" => "\"top_hat\"",
+        "pulse_shape" => "\"pulse.csv\"",
+        "max_range" => "{ range_m = 600, reflectance = 0.9 }",
+        "snr" => "{ range_m = 100, reflectance = 0.2, value = 20 }",
+        "digitiser_clock" => "true",
+        "detector" => "\"gaussian\"",
+        "background_w" => "1e-9\nresponsivity_a_per_w = 0.6",
+        _ => "0.002",
+    }
+}
+
+#[test]
+fn the_list_of_keys_has_every_key_of_an_instrument() {
+    let documented = SURVEY_TABLES.iter().find(|table| table.name == "[scanner]").unwrap().keys;
+    for (name, _) in documented {
+        assert!(key_named(name).is_some(), "`{name}` of [scanner] is missing in INSTRUMENT_KEYS");
+    }
+    for key in INSTRUMENT_KEYS.iter().filter(|key| !key.key.is_empty()) {
+        assert!(documented.iter().any(|(name, _)| *name == key.key), "`{}` is no key of [scanner]", key.key);
+    }
+}
+
+#[test]
+fn keys_that_a_physics_passes_over_are_told_with_their_line() {
+    let report_of = |scanner: &Scanner, refined: bool| {
+        let mut found = Diagnostics::default();
+        warn_of_unused_keys(&scanner.written, |_| refined, &mut found);
+        found
+    };
+    let mut count = 0;
+    let is_told = |key: &&InstrumentKey| {
+        !matches!(key.used, KeyUse::Always | KeyUse::InLaterChannelsWith(_)) && !key.key.is_empty()
+    };
+    for key in INSTRUMENT_KEYS.iter().filter(is_told) {
+        let beside = match key.used {
+            KeyUse::UnlessBeside { key, .. } => format!("{key} = {}\n", example(key)),
+            _ => String::new(),
+        };
+        let text = format!("{beside}{} = {}\n", key.key, example(key.key));
+        for (text, channel) in [(text.clone(), false), (format!("[[scanner.channel]]\n{text}"), true)] {
+            let (scanner, _) = of_toml(&text).unwrap_or_else(|e| panic!("{text}: {}", report(&e)));
+            let (helios, refined) = (report_of(&scanner, false), report_of(&scanner, true));
+            let idle = if matches!(key.used, KeyUse::With(_)) { &helios } else { &refined };
+            let told = idle.items().iter().find(|item| item.message.contains(&format!("`{}`", key.key)));
+            let told = told.unwrap_or_else(|| panic!("`{}` is passed over in silence", key.key));
+            let line = 10 + text.lines().position(|line| line.starts_with(key.key)).unwrap();
+            assert_eq!(told.place.as_ref().map(|p| p.line), Some(line), "{text}");
+            let other = if matches!(key.used, KeyUse::With(_)) { &refined } else { &helios };
+            assert!(
+                other.items().iter().all(|item| !item.message.contains(&format!("`{}`", key.key))),
+                "{channel}: {}",
+                other.render(false)
+            );
+            count += 1;
+        }
+    }
+    assert!(count > 30, "{count}");
+}
+
+#[test]
+fn attributes_that_a_physics_passes_over_are_told_with_their_line() {
+    let (scanner, _) = of_xml(
+        "nep_W='1e-9'",
+        "<maxRange range_m='600' reflectance='0.9'/>\n<channels><channel/>\n<channel saturation_W='1e-5'/></channels>",
+        "\n<detectorSettings rangeWalk_m='0.1'/>",
+    )
+    .unwrap();
+    let mut found = Diagnostics::default();
+    warn_of_unused_keys(&scanner.written, |_| false, &mut found);
+    let lines: Vec<_> = found
+        .items()
+        .iter()
+        .map(|i| (i.message.split('`').nth(1).unwrap(), i.place.as_ref().unwrap().line))
+        .collect();
+    assert_eq!(
+        lines,
+        [("nep_W", 5), ("maxRange", 5), ("saturation_W", 7), ("rangeWalk_m", 10)],
+        "{}",
+        found.render(false)
+    );
+    // The built-in catalogue serves all physics.
+    let (scanner, _) = find_scanner("riegl_vz400", &ReadOptions::default()).unwrap();
+    assert!(scanner.written.is_empty());
+}
+
+#[test]
+fn the_accuracy_of_a_later_channel_is_told_where_the_first_one_s_holds() {
+    let channels =
+        "accuracy_m = 0.1\n[[scanner.channel]]\naccuracy_m = 0.2\n[[scanner.channel]]\naccuracy_m = 0.3\n";
+    let (scanner, _) = of_toml(channels).unwrap();
+    let told = |is_on: bool| {
+        let mut found = Diagnostics::default();
+        warn_of_unused_keys(&scanner.written, |_| is_on, &mut found);
+        found.items().iter().map(|i| i.place.as_ref().unwrap().line).collect::<Vec<_>>()
+    };
+    assert_eq!((told(false), told(true)), (vec![14], vec![]));
+    let channels = "<channels><channel accuracy_m='0.2'/><channel accuracy_m='0.3'/></channels>";
+    let (scanner, _) = of_xml("", channels, "").unwrap();
+    assert_eq!([0, 1].map(|i| scanner.devices[i].detector.accuracy), [0.2, 0.3]);
+    let (scanner, _) = of_xml("", channels, "<detectorSettings accuracy_m='0.5'/>").unwrap();
+    assert_eq!([0, 1].map(|i| scanner.devices[i].detector.accuracy), [0.5, 0.5]);
+}

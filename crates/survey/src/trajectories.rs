@@ -1,0 +1,167 @@
+//! Interpolated platforms: the trajectory files of the legs and their settings (spec input-formats §2.8).
+
+use super::context::Context;
+use super::settings::{PlatformLayer, TrajectoryLayer};
+use super::xml::Element;
+use super::{Interpolated, LegTrajectory, RotationSpec, TrajectoryFile};
+
+/// Attributes of columns, in the order of their default numbers, and what they hold.
+const COLUMNS: [(&str, &str); 7] = [
+    ("tIndex", "time"),
+    ("rollIndex", "roll"),
+    ("pitchIndex", "pitch"),
+    ("yawIndex", "yaw"),
+    ("xIndex", "x"),
+    ("yIndex", "y"),
+    ("zIndex", "z"),
+];
+/// Those of them that are angles.
+const ANGLES: std::ops::RangeInclusive<usize> = 1..=3;
+
+/// Collects the trajectory files of a survey leg by leg.
+pub(super) struct Trajectories {
+    platform: Interpolated,
+    position_only: Option<bool>,
+}
+
+impl Trajectories {
+    pub fn new(rotation_spec: RotationSpec) -> Trajectories {
+        let platform = Interpolated {
+            rotation_spec,
+            position_only: false,
+            degrees: true,
+            sync_gps_time: false,
+            files: Vec::new(),
+            grid: super::Grid::FirstFix,
+        };
+        Trajectories { platform, position_only: None }
+    }
+
+    /// Adds the file of a leg and returns the part that the leg flies.
+    pub fn add(&mut self, context: &Context, leg: &Element, layer: &PlatformLayer) -> Option<LegTrajectory> {
+        let says = &layer.trajectory;
+        let degrees = says.degrees.unwrap_or(true);
+        if !self.platform.files.is_empty() && degrees != self.platform.degrees {
+            let message =
+                "the legs differ in `toRadians`: one that is false holds for all, whose angles are radians";
+            context.warn(place_of(leg, "toRadians"), message);
+        }
+        self.platform.degrees &= degrees;
+        self.platform.sync_gps_time |= says.sync_gps;
+        match (self.position_only, says.position_only) {
+            (Some(before), Some(now)) if before != now => {
+                let message = "the legs disagree about `interpolationDomain`";
+                let help = "give all legs the same domain, or only one of them";
+                context.limit(Some(place_of(leg, "interpolationDomain")), message, help);
+            }
+            (None, now) => self.position_only = now,
+            _ => {}
+        }
+        let (Some(name), Some(at)) = (&says.file, &says.file_at) else {
+            let message = "a leg of an interpolated platform needs the attribute `trajectory`";
+            context.error(leg.child("platformSettings").as_ref().unwrap_or(leg).place(), message);
+            return None;
+        };
+        check_columns(context, leg, says);
+        let path = context.file(name, at.folder(), at.value_place("trajectory"))?;
+        let file = self.file(context, leg, says, path);
+        Some(LegTrajectory { file, start: says.start, end: says.end, teleport: says.teleport })
+    }
+
+    fn file(
+        &mut self,
+        context: &Context,
+        leg: &Element,
+        says: &TrajectoryLayer,
+        path: std::path::PathBuf,
+    ) -> usize {
+        let files = &mut self.platform.files;
+        let Some(known) = files.iter().position(|f| f.path == path) else {
+            if says.slope_filter > 0.0 && !files.is_empty() {
+                let message = "`slopeFilterThreshold` has no effect: it thins the first trajectory file only";
+                context.warn(place_of(leg, "slopeFilterThreshold"), message);
+            }
+            files.push(TrajectoryFile {
+                path,
+                columns: says.columns,
+                separator: says.separator,
+                slope_filter: says.slope_filter,
+            });
+            return files.len() - 1;
+        };
+        let file = &mut files[known];
+        let other_separator = says.separator.is_some() && says.separator != file.separator;
+        if other_separator || says.slope_filter != 0.0 && says.slope_filter != file.slope_filter {
+            let name = if other_separator { "trajectory_separator" } else { "slopeFilterThreshold" };
+            let message =
+                format!("`{name}` has no effect: what an earlier leg says of {} counts", file.path.display());
+            context.warn(place_of(leg, name), message);
+        }
+        match (file.columns, says.columns) {
+            (Some(before), Some(now)) if before != now => {
+                let message =
+                    format!("the columns of {} differ from those an earlier leg gave", file.path.display());
+                context.limit(Some(place_of(leg, "tIndex")), message, "give the columns of a file only once");
+            }
+            (None, now) => file.columns = now,
+            _ => {}
+        }
+        known
+    }
+
+    /// The platform's settings after all legs have been added.
+    pub fn finish(mut self) -> Interpolated {
+        self.platform.position_only = self.position_only.unwrap_or(false);
+        self.platform
+    }
+}
+
+/// Warns of two quantities that are read from one column, and of columns that are not read.
+fn check_columns(context: &Context, leg: &Element, says: &TrajectoryLayer) {
+    let Some(columns) = says.columns else { return };
+    let position_only = says.position_only.unwrap_or(false);
+    let is_read = |i: usize| !(position_only && ANGLES.contains(&i));
+    let written = |i: usize| leg.child("platformSettings").is_some_and(|e| e.value(COLUMNS[i].0).is_some());
+    for i in 0..columns.len() {
+        let (name, quantity) = COLUMNS[i];
+        if !is_read(i) {
+            if written(i) {
+                let message = format!("`{name}` has no effect with interpolationDomain=\"position\"");
+                context.warn(place_of(leg, name), message);
+            }
+            continue;
+        }
+        let earlier = (0..i).find(|&j| is_read(j) && columns[j] == columns[i]);
+        if let Some(j) = earlier {
+            // The one whose number is a default is the surprise.
+            let at = if written(i) || !written(j) { name } else { COLUMNS[j].0 };
+            let message = format!("{} and {quantity} are both column {}", COLUMNS[j].1, columns[i]);
+            let help = if i == 0 || j == 0 {
+                "a path without times needs a column of them: name it with tIndex"
+            } else if ANGLES.contains(&i) || ANGLES.contains(&j) {
+                "name the columns of all angles, or give interpolationDomain=\"position\" for a path without attitude"
+            } else {
+                "give each its own column; those that are not named are 0 to 6: time, roll, pitch, yaw, x, y, z"
+            };
+            context.warn_help(place_of(leg, at), message, help);
+        }
+    }
+}
+
+fn place_of(leg: &Element, attribute: &str) -> vlscan_base::diag::Place {
+    leg.child("platformSettings").map_or_else(|| leg.place(), |settings| settings.value_place(attribute))
+}
+
+/// The survey's `rotationSpec`.
+pub(super) fn read_rotation_spec(context: &Context, survey: &Element) -> RotationSpec {
+    match survey.value("rotationSpec") {
+        None | Some("ARINC 705") => RotationSpec::Arinc705,
+        Some("CANONICAL") => RotationSpec::Canonical,
+        Some(other) => {
+            let message = format!("unknown rotation specification `{other}`");
+            let help = "the specifications are `ARINC 705` and `CANONICAL`";
+            context.limit(Some(survey.value_place("rotationSpec")), message, help);
+            RotationSpec::Arinc705
+        }
+    }
+}

@@ -1,0 +1,197 @@
+//! The matrix of a campaign: scenes × variants × seeds.
+
+use super::file::{File, GroupBy, SceneEntry, Split, VariantEntry};
+use super::plots;
+use crate::plan::{Area, read_area};
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use toml::Spanned;
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::rng::{Purpose, Stream};
+
+/// Maximum number of cells.
+const MAX_CELLS: usize = 1_000_000;
+
+/// One run of the campaign.
+#[derive(Clone, Debug)]
+pub struct Cell {
+    /// Its folder in the data set: SCENE-VARIANT-SEED.
+    pub name: String,
+    /// The scene that is scanned, as the campaign's file states it.
+    pub scene: Arc<SceneEntry>,
+    /// Name of the scene, or of the plot.
+    pub scene_name: String,
+    /// What is scanned and kept.
+    pub area: Option<Arc<Area>>,
+    /// How the scene is scanned, as the campaign's file states it.
+    pub variant: Arc<VariantEntry>,
+    /// Seed of the run.
+    pub seed: u64,
+    /// The group that it belongs to, and what that group is for: train, validation or test; empty without a split.
+    pub group: String,
+    /// Subset of the split: `train`, `validation` or `test`; empty without a split.
+    pub split: &'static str,
+}
+
+/// All cells, scene by scene, and what there is to say of the files of their areas.
+#[derive(Clone, Debug)]
+pub struct Cells(pub Vec<Cell>, Diagnostics);
+
+impl Cells {
+    /// The cells of a campaign; areas are read.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for areas that cannot be read, plots that do not fit and names that are there twice.
+    pub fn of(file: &File) -> Result<Cells> {
+        let (mut scenes, mut found) = (Vec::new(), Diagnostics::default());
+        for scene in &file.scenes {
+            let scene = Arc::new(scene.clone());
+            let area = scene.area.as_deref().map(|area| read_area(area, None, None)).transpose()?;
+            let area = area.map(|(area, told)| {
+                found.extend(told);
+                area
+            });
+            match (scene.plots, area) {
+                (Some(count), Some(area)) => {
+                    let plots = plots::draw(&area, count as usize, scene.plot_size(), 0)
+                        .map_err(|message| Error::input(format!("scene {}: {message}", scene.name)))?;
+                    let digits = count.to_string().len();
+                    for (number, plot) in (1..).zip(plots) {
+                        let name = format!("{}_{number:0digits$}", scene.name);
+                        scenes.push((scene.clone(), name, Some(Arc::new(plot))));
+                    }
+                }
+                (_, area) => scenes.push((scene.clone(), scene.name.clone(), area.map(Arc::new))),
+            }
+        }
+        let seeds = file.seeds.all();
+        let count = scenes.len().saturating_mul(file.variants.len()).saturating_mul(seeds.len());
+        if count > MAX_CELLS {
+            return Err(Error::input(format!("{count} cells, expected at most {MAX_CELLS}")));
+        }
+        let variants: Vec<Arc<VariantEntry>> = file.variants.iter().cloned().map(Arc::new).collect();
+        let mut cells = Vec::with_capacity(count);
+        for (scene, scene_name, area) in &scenes {
+            for &seed in &seeds {
+                for variant in &variants {
+                    let name = format!("{}-{}-{seed}", file_name(scene_name), file_name(&variant.name));
+                    let by = file.split.as_ref().map_or(GroupBy::Scene, |split| split.get_ref().by);
+                    let group = match by {
+                        GroupBy::Scene => scene_name.clone(),
+                        GroupBy::Variant => variant.name.clone(),
+                        GroupBy::Seed => seed.to_string(),
+                        GroupBy::Cell => name.clone(),
+                    };
+                    cells.push(Cell {
+                        name,
+                        scene: scene.clone(),
+                        scene_name: scene_name.clone(),
+                        area: area.clone(),
+                        variant: variant.clone(),
+                        seed,
+                        group,
+                        split: "",
+                    });
+                }
+            }
+        }
+        let mut names = BTreeSet::new();
+        if let Some(cell) = cells.iter().find(|cell| !names.insert(cell.name.as_str())) {
+            return Err(Error::input(format!("two cells are called {}: names must differ", cell.name)));
+        }
+        if let Some(split) = &file.split {
+            assign(&mut cells, split.get_ref());
+        }
+        Ok(Cells(cells, found))
+    }
+
+    /// What there is to say of the files of areas, and of shares of the split that no group falls into.
+    pub fn warnings(&self, file: &File) -> Diagnostics {
+        let mut found = self.1.clone();
+        let Some(split) = file.split.as_ref().map(Spanned::get_ref) else { return found };
+        let groups = self.0.iter().map(|cell| cell.group.as_str()).collect::<BTreeSet<_>>().len();
+        for (name, share) in split.shares() {
+            if share > 0.0 && !self.0.iter().any(|cell| cell.split == name) {
+                let message = format!(
+                    "the split has no group for {name}: its share is {share}, and there are {groups} groups"
+                );
+                let help = "more scenes (or plots) make more groups; by = \"cell\" makes each cell one";
+                found.warn(file.split_place.clone(), message).help(help);
+            }
+        }
+        found
+    }
+}
+
+/// A name without characters that separate folders or words.
+fn file_name(name: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || matches!(c, '_' | '.' | '+');
+    let clean: String = name.chars().map(|c| if is_plain(c) { c } else { '_' }).collect();
+    if clean.chars().all(|c| c == '.') { format!("_{clean}") } else { clean }
+}
+
+/// Assigns groups to training, validation and test: in an order drawn by the seed, each gets its share of the groups.
+fn assign(cells: &mut [Cell], split: &Split) {
+    let groups: BTreeSet<&str> = cells.iter().map(|cell| cell.group.as_str()).collect();
+    let stream = Stream::new(split.seed, Purpose::SceneMaking);
+    let mut order: Vec<(f64, String)> =
+        (0..).zip(&groups).map(|(i, group)| (stream.uniform(i, 1, 0), (*group).to_owned())).collect();
+    order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let count = order.len() as f64;
+    let sum: f64 = split.shares().iter().map(|(_, share)| share).sum();
+    let bounds =
+        [split.train, split.train + split.validation].map(|share| (share / sum * count).round() as usize);
+    let kind = |i: usize| match i {
+        i if i < bounds[0] => "train",
+        i if i < bounds[1] => "validation",
+        _ => "test",
+    };
+    let kinds: std::collections::BTreeMap<String, &'static str> =
+        order.into_iter().enumerate().map(|(i, (_, group))| (group, kind(i))).collect();
+    for cell in cells {
+        cell.split = kinds.get(&cell.group).copied().unwrap_or_default();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cells(text: &str) -> Vec<Cell> {
+        Cells::of(&toml::from_str(text).unwrap()).unwrap().0
+    }
+
+    #[test]
+    fn every_scene_variant_and_seed_is_a_cell_and_groups_stay_together() {
+        let text = "out = \"o\"\nseeds = 3\nsplit = { train = 6, validation = 2, test = 2 }\n\
+            [[scene]]\nname = \"s/t\"\nstand = \"x\"\narea = \"POLYGON ((0 0, 200 0, 200 200, 0 200))\"\nplots = 10\n\
+            [[variant]]\nname = \"a\"\nplan = \"p\"\n[[variant]]\nname = \"b\"\nplan = \"p\"\n";
+        let all = cells(text);
+        assert_eq!((all.len(), all[0].name.as_str()), (60, "s_t_01-a-1"));
+        let of = |kind: &str| all.iter().filter(|cell| cell.split == kind).count();
+        assert_eq!((of("train"), of("validation"), of("test")), (36, 12, 12));
+        for cell in &all {
+            assert!(
+                all.iter().filter(|other| other.group == cell.group).all(|other| other.split == cell.split)
+            );
+        }
+    }
+
+    #[test]
+    fn what_of_an_area_is_not_used_is_told() {
+        let text = "out = \"o\"\n[[scene]]\nname = \"s\"\nfile = \"x\"\n\
+            area = \"POLYGON ((0 0, 200 0, 200 200, 0 200), (1 1, 2 1, 2 2))\"\n\
+            [[variant]]\nname = \"v\"\nplan = \"p\"\n";
+        let file = toml::from_str(text).unwrap();
+        let told = Cells::of(&file).unwrap().warnings(&file);
+        assert!(told.is_fatal(true) && told.render(false).contains("holes of the polygon (1)"));
+    }
+
+    #[test]
+    fn equal_names_are_refused() {
+        let text = "out = \"o\"\n[[scene]]\nname = \"a b\"\nfile = \"x\"\n[[scene]]\nname = \"a_b\"\nfile = \"x\"\n\
+            [[variant]]\nname = \"v\"\nplan = \"p\"\n";
+        assert!(Cells::of(&toml::from_str(text).unwrap()).is_err());
+    }
+}

@@ -1,0 +1,363 @@
+//! The file of a campaign.
+
+use serde::{Deserialize, Serialize, Serializer};
+use std::path::{Path, PathBuf};
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+use vlscan_base::diag::Place;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::input::read_text;
+use vlscan_survey::Source;
+
+/// Maximum size of the file, bytes.
+const MAX_BYTES: u64 = 16 << 20;
+const MAX_SEEDS: usize = 1_000_000;
+
+/// A campaign as written. Paths are relative to the file's folder; options are those of the commands that they are for, as
+/// typed.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct File {
+    /// The folder of the data set.
+    pub out: PathBuf,
+    /// Seeds: a list, or how many, from 1.
+    #[serde(default = "Seeds::one")]
+    pub seeds: Seeds,
+    /// Format of the points.
+    #[serde(default = "laz")]
+    pub format: String,
+    /// Options of vlscan run for all variants.
+    #[serde(default)]
+    pub run: String,
+    /// Training, validation and test.
+    #[serde(default)]
+    pub split: Option<Spanned<Split>>,
+    /// Where the split is written.
+    #[serde(skip)]
+    pub split_place: Option<Place>,
+    /// The scenes, from the `[[scene]]` tables.
+    #[serde(default, rename = "scene")]
+    pub scenes: Vec<SceneEntry>,
+    /// The variants, from the `[[variant]]` tables.
+    #[serde(default, rename = "variant")]
+    pub variants: Vec<VariantEntry>,
+    /// The lines of options, with their places.
+    #[serde(skip)]
+    pub lines: Vec<Line>,
+}
+
+/// A key whose value is the options of a command.
+#[derive(Clone, Debug)]
+pub struct Line {
+    /// The key: `run`, `plan`, `make` or `stand`, which is the command's name, too.
+    pub key: &'static str,
+    /// The options as written: the value of the key.
+    pub text: String,
+    /// Where the value is written, for messages.
+    pub place: Place,
+}
+
+/// The keys with options of commands, by the tables in which they stand; "" is the top of the file.
+const LINE_KEYS: [(&str, &[&str]); 3] =
+    [("", &["run"]), ("scene", &["make", "stand"]), ("variant", &["plan", "run"])];
+
+/// The lines of options in a file that is valid TOML, in the order of the file.
+fn lines_of(path: &Path, text: &str) -> Vec<Line> {
+    let Ok(root) = DeTable::parse(text) else { return Vec::new() };
+    let root = root.into_inner();
+    let mut lines = Vec::new();
+    for (name, keys) in LINE_KEYS {
+        let tables: Vec<&DeTable<'_>> = match (name, root.get(name).map(|value| value.get_ref())) {
+            ("", _) => vec![&root],
+            (_, Some(DeValue::Array(all))) => {
+                all.iter().filter_map(|item| item.get_ref().as_table()).collect()
+            }
+            _ => Vec::new(),
+        };
+        for table in tables {
+            for &key in keys {
+                if let Some(value) = table.get(key)
+                    && let Some(options) = value.get_ref().as_str()
+                {
+                    let place = Place::in_text(path, text, value.span());
+                    lines.push(Line { key, text: options.to_owned(), place });
+                }
+            }
+        }
+    }
+    lines.sort_by_key(|line| line.place.line);
+    lines
+}
+
+/// Seeds as written.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged, expecting = "expected a number of seeds or a list of seeds")]
+pub enum Seeds {
+    Count(u32),
+    List(Vec<u64>),
+}
+
+impl Seeds {
+    fn one() -> Seeds {
+        Seeds::Count(1)
+    }
+
+    fn len(&self) -> usize {
+        match self {
+            Seeds::Count(count) => *count as usize,
+            Seeds::List(seeds) => seeds.len(),
+        }
+    }
+
+    pub fn all(&self) -> Vec<u64> {
+        match self {
+            Seeds::Count(count) => (1..=u64::from(*count)).collect(),
+            Seeds::List(seeds) => seeds.clone(),
+        }
+    }
+}
+
+fn laz() -> String {
+    "laz".to_owned()
+}
+
+/// What the groups of a split are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum GroupBy {
+    /// The scene; a plot is a scene.
+    #[default]
+    Scene,
+    Variant,
+    Seed,
+    /// Every cell is a group of its own.
+    Cell,
+}
+
+/// Shares of groups for training, validation and test; they are taken in proportion to their sum.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Split {
+    #[serde(default)]
+    pub by: GroupBy,
+    #[serde(default)]
+    pub train: f64,
+    #[serde(default)]
+    pub validation: f64,
+    #[serde(default)]
+    pub test: f64,
+    /// Another seed, another split.
+    #[serde(default)]
+    pub seed: u64,
+}
+
+impl Split {
+    /// What groups are for, with their shares.
+    pub fn shares(&self) -> [(&'static str, f64); 3] {
+        [("train", self.train), ("validation", self.validation), ("test", self.test)]
+    }
+}
+
+/// A scene, or plots of a stand, each of which is a scene.
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneEntry {
+    /// Name of the scene, part of the names of its cells.
+    pub name: String,
+    /// A scene (file.xml#id) or a file of geometry.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<String>,
+    /// Words of vlscan scene make.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub make: Option<String>,
+    /// Words of vlscan scene stand.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stand: Option<String>,
+    /// The polygon that is scanned and within which points are kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub area: Option<String>,
+    /// Number of square plots within the area, each of which is a scene.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plots: Option<u32>,
+    /// Edge length of a plot, m.
+    #[serde(default, serialize_with = "plot_size")]
+    pub plot_m: Option<f64>,
+    /// Trees up to this distance from the area stand, too, m.
+    #[serde(default, serialize_with = "margin")]
+    pub margin_m: Option<f64>,
+}
+
+/// Edge length of plots if none is given, m.
+const DEFAULT_PLOT: f64 = 30.0;
+/// Distance from the area up to which trees stand if none is given, m.
+const DEFAULT_MARGIN: f64 = 10.0;
+
+fn plot_size<S: Serializer>(value: &Option<f64>, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_f64(value.unwrap_or(DEFAULT_PLOT))
+}
+
+fn margin<S: Serializer>(value: &Option<f64>, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_f64(value.unwrap_or(DEFAULT_MARGIN))
+}
+
+impl SceneEntry {
+    /// Edge length of a plot, m.
+    pub fn plot_size(&self) -> f64 {
+        self.plot_m.unwrap_or(DEFAULT_PLOT)
+    }
+
+    /// Distance from the area up to which trees stand, m.
+    pub fn margin(&self) -> f64 {
+        self.margin_m.unwrap_or(DEFAULT_MARGIN)
+    }
+}
+
+/// How scenes are scanned.
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct VariantEntry {
+    pub name: String,
+    /// Words of vlscan plan.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plan: Option<String>,
+    /// A survey (.xml) or pipeline (.toml), whose scene is replaced.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub survey: Option<PathBuf>,
+    /// Options of vlscan run.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub run: String,
+}
+
+impl File {
+    /// Reads a campaign.
+    ///
+    /// # Errors
+    /// [`Error::Input`] with the line of what is wrong, [`Error::Io`].
+    pub fn read(path: &Path) -> Result<File> {
+        File::parse(path, read_text(path, MAX_BYTES)?)
+    }
+
+    /// Reads the text of a campaign; `path` is for messages.
+    ///
+    /// # Errors
+    /// [`Error::Input`] with the line of what is wrong.
+    pub fn parse(path: &Path, text: String) -> Result<File> {
+        let lines = lines_of(path, &text);
+        let source = Source::of_text(path, text);
+        let mut file = File { lines, ..source.parse()? };
+        file.split_place = file.split.as_ref().map(|split| source.place(split.span()));
+        file.check().map_err(|message| Error::input(format!("{}: {message}", path.display())))?;
+        Ok(file)
+    }
+
+    fn check(&self) -> Result<(), String> {
+        for (what, count) in [
+            ("[[scene]]", self.scenes.len()),
+            ("[[variant]]", self.variants.len()),
+            ("seed", self.seeds.len()),
+        ] {
+            if count == 0 {
+                return Err(format!("a campaign needs a {what} at least"));
+            }
+        }
+        if self.seeds.len() > MAX_SEEDS {
+            return Err(format!("more than {MAX_SEEDS} seeds are more cells than a campaign can have"));
+        }
+        for scene in &self.scenes {
+            let name = &scene.name;
+            let sources = [scene.file.is_some(), scene.make.is_some(), scene.stand.is_some()];
+            if sources.iter().filter(|given| **given).count() != 1 {
+                return Err(format!("scene {name}: expected one of `file`, `make` and `stand`"));
+            }
+            if scene.plots.is_some() && (scene.area.is_none() || scene.stand.is_none()) {
+                return Err(format!("scene {name}: `plots` lie within the `area` of a `stand`"));
+            }
+            if scene.plot_m.is_some() && scene.plots.is_none() {
+                return Err(format!("scene {name}: `plot_m` is the size of `plots`, and there are none"));
+            }
+            if scene.margin_m.is_some() && (scene.stand.is_none() || scene.area.is_none()) {
+                return Err(format!("scene {name}: `margin_m` is for trees of a `stand` around an `area`"));
+            }
+            let (plot, margin) = (scene.plot_size(), scene.margin());
+            if !(plot > 0.0 && plot <= 1e5 && (0.0..=1e4).contains(&margin)) {
+                return Err(format!("scene {name}: plot_m and margin_m are metres, plot_m above 0"));
+            }
+            if scene.plots.is_some_and(|count| count == 0 || count > 100_000) {
+                return Err(format!("scene {name}: expected 1 to 100000 plots"));
+            }
+        }
+        for variant in &self.variants {
+            if variant.plan.is_some() == variant.survey.is_some() {
+                return Err(format!("variant {}: expected either `plan` or `survey`", variant.name));
+            }
+        }
+        if let Some(split) = &self.split {
+            let shares = split.get_ref().shares().map(|(_, share)| share);
+            let sum: f64 = shares.iter().sum();
+            if !(sum > 0.0 && sum.is_finite() && shares.iter().all(|share| *share >= 0.0)) {
+                return Err(
+                    "split: train, validation and test are shares of at least 0, not all 0".to_owned()
+                );
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The words of a command line; single and double quotes keep blanks.
+///
+/// # Errors
+/// A sentence about a quote that does not end.
+pub fn words(line: &str) -> Result<Vec<String>, String> {
+    let mut all = Vec::new();
+    let mut word: Option<String> = None;
+    let mut quote = None;
+    for c in line.chars() {
+        match (quote, c) {
+            (Some(end), c) if c == end => quote = None,
+            (None, '\'' | '"') => {
+                quote = Some(c);
+                word.get_or_insert_default();
+            }
+            (None, c) if c.is_whitespace() => all.extend(word.take()),
+            (_, c) => word.get_or_insert_default().push(c),
+        }
+    }
+    if quote.is_some() {
+        return Err(format!("a quote does not end in: {line}"));
+    }
+    all.extend(word);
+    Ok(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_those_of_a_shell() {
+        assert_eq!(words("a  'b c' d\"e f\"g ''").unwrap(), ["a", "b c", "de fg", ""]);
+        assert!(words("a 'b").unwrap_err().contains("quote"));
+        assert!(words(" ").unwrap().is_empty());
+    }
+
+    #[test]
+    fn mistakes_are_told() {
+        let parse = |text: &str| File::parse(Path::new("campaign.toml"), text.to_owned());
+        let wrong = |text: &str| parse(text).unwrap_err().to_string();
+        assert!(wrong("out = \"a\"\nseedz = 3").contains("seedz"));
+        assert!(wrong("out = \"a\"").contains("[[scene]]"));
+        let scene = "out = \"a\"\n[[scene]]\nname = \"s\"\n";
+        let variant = "[[variant]]\nname = \"v\"\n";
+        assert!(wrong(&format!("{scene}{variant}plan = \"p\"")).contains("expected one of `file`"));
+        let scene = format!("{scene}file = \"s.obj\"\n");
+        assert!(wrong(&format!("{scene}{variant}")).contains("either `plan` or `survey`"));
+        assert!(wrong(&format!("{scene}plots = 3\n{variant}plan = \"p\"")).contains("`plots` lie within"));
+        assert!(wrong(&format!("{scene}plot_m = 3\n{variant}plan = \"p\"")).contains("`plot_m` is the size"));
+        assert!(wrong(&format!("{scene}margin_m = 3\n{variant}plan = \"p\"")).contains("`margin_m` is for"));
+        let split = "split = { train = -1 }\n";
+        assert!(wrong(&format!("{split}{scene}{variant}plan = \"p\"")).contains("shares"));
+        let file = parse(&format!("seeds = [7, 9]\n{scene}{variant}plan = \"p\"")).unwrap();
+        assert_eq!((file.seeds.all(), file.format.as_str()), (vec![7, 9], "laz"));
+    }
+}

@@ -1,0 +1,194 @@
+//! Writes a mesh as OBJ text while it is generated; no part of the mesh is kept in memory.
+
+use std::cell::RefCell;
+use std::path::{Path, PathBuf};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{FileWriter, NewFolder, Patched};
+use vlscan_geom::{Aabb, DVec3};
+
+/// Decimals of a coordinate in metres: the unit is 0.1 mm.
+const DECIMALS: usize = 4;
+const UNITS_PER_METRE: f64 = 10_000.0;
+const FLUSH_AT: usize = 1 << 20;
+
+/// The folder of a scene. Its files get their names together, when the last one is complete.
+pub(super) struct SceneFolder {
+    path: PathBuf,
+    overwrite: bool,
+    /// Dropped before `folders`, which can be removed only when they are empty.
+    complete: RefCell<Vec<FileWriter>>,
+    /// Inner ones first.
+    folders: RefCell<Vec<NewFolder>>,
+}
+
+impl SceneFolder {
+    /// Creates the folder, if it does not exist.
+    pub(super) fn create(path: &Path, overwrite: bool) -> Result<SceneFolder> {
+        let (folders, complete) = Default::default();
+        let folder = SceneFolder { path: path.to_path_buf(), overwrite, folders, complete };
+        folder.add_folder("").map(|()| folder)
+    }
+
+    pub(super) fn add_folder(&self, name: &str) -> Result<()> {
+        let path = self.path.join(name);
+        let made = NewFolder::create_all(&path).map_err(|e| Error::io("create", &path, e))?;
+        self.folders.borrow_mut().insert(0, made);
+        Ok(())
+    }
+
+    /// Creates a file in the folder.
+    pub(super) fn file(&self, name: &str) -> Result<NewFile<'_>> {
+        let path = self.path.join(name);
+        if !self.overwrite && path.exists() {
+            return Err(Error::input(format!(
+                "{} exists already; overwrite it with --force",
+                path.display()
+            )));
+        }
+        let file = FileWriter::create(&path, self.overwrite, Patched::Never)?;
+        Ok(NewFile { folder: self, path, file })
+    }
+
+    /// Gives all files their names, in the order in which they were completed.
+    pub(super) fn commit(self) -> Result<()> {
+        self.complete.into_inner().into_iter().try_for_each(|file| file.finish().map(drop))?;
+        self.folders.into_inner().into_iter().for_each(NewFolder::keep);
+        Ok(())
+    }
+}
+
+/// A file of a scene under construction.
+pub(super) struct NewFile<'f> {
+    folder: &'f SceneFolder,
+    path: PathBuf,
+    file: FileWriter,
+}
+
+impl NewFile<'_> {
+    pub(super) fn write(&mut self, bytes: &[u8]) -> Result<()> {
+        self.file.append(bytes)
+    }
+
+    /// Passes the complete file to its folder and returns its path.
+    pub(super) fn finish(mut self) -> PathBuf {
+        self.file.close_handle();
+        self.folder.complete.borrow_mut().push(self.file);
+        self.path
+    }
+}
+
+/// An OBJ file under construction.
+pub(super) struct ObjFile<'f> {
+    file: NewFile<'f>,
+    text: Vec<u8>,
+    vertices: u64,
+    pub(super) triangles: u64,
+    pub(super) bounds: Aabb,
+}
+
+impl<'f> ObjFile<'f> {
+    pub(super) fn create(folder: &'f SceneFolder, name: &str, materials: &str) -> Result<ObjFile<'f>> {
+        let mut text = Vec::with_capacity(FLUSH_AT + 4096);
+        text.extend_from_slice(format!("mtllib {materials}\n").as_bytes());
+        let file = folder.file(name)?;
+        Ok(ObjFile { file, text, vertices: 0, triangles: 0, bounds: Aabb::EMPTY })
+    }
+
+    /// Sets the material of the faces that follow.
+    pub(super) fn material(&mut self, name: &str) {
+        self.text.extend_from_slice(b"usemtl ");
+        self.text.extend_from_slice(name.as_bytes());
+        self.text.push(b'\n');
+    }
+
+    /// Writes a vertex and returns its number, counted from 1.
+    pub(super) fn vertex(&mut self, p: DVec3) -> Result<u64> {
+        let units = [p.x, p.y, p.z].map(|c| (c * UNITS_PER_METRE).round() as i64);
+        self.text.push(b'v');
+        for u in units {
+            self.text.push(b' ');
+            push_fixed(&mut self.text, u);
+        }
+        self.text.push(b'\n');
+        let [x, y, z] = units.map(|u| u as f64 / UNITS_PER_METRE);
+        self.bounds = self.bounds.with(DVec3::new(x, y, z));
+        self.vertices += 1;
+        self.flush_when_full()?;
+        Ok(self.vertices)
+    }
+
+    /// Writes a triangle, or a quad that readers split into (1, 2, 3) and (1, 3, 4).
+    pub(super) fn face<const N: usize>(&mut self, corners: [u64; N]) -> Result<()> {
+        self.text.push(b'f');
+        let mut digits = itoa::Buffer::new();
+        for c in corners {
+            self.text.push(b' ');
+            self.text.extend_from_slice(digits.format(c).as_bytes());
+        }
+        self.text.push(b'\n');
+        self.triangles += N as u64 - 2;
+        self.flush_when_full()
+    }
+
+    fn flush_when_full(&mut self) -> Result<()> {
+        if self.text.len() >= FLUSH_AT { self.flush() } else { Ok(()) }
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        self.file.write(&self.text)?;
+        self.text.clear();
+        Ok(())
+    }
+
+    pub(super) fn finish(mut self) -> Result<Mesh> {
+        self.flush()?;
+        Ok(Mesh { triangles: self.triangles, bounds: self.bounds, path: self.file.finish() })
+    }
+}
+
+/// Summary of a written mesh file.
+pub(super) struct Mesh {
+    pub(super) path: PathBuf,
+    pub(super) triangles: u64,
+    pub(super) bounds: Aabb,
+}
+
+/// Appends a length in units of 0.1 mm as decimal metres.
+fn push_fixed(text: &mut Vec<u8>, units: i64) {
+    if units < 0 {
+        text.push(b'-');
+    }
+    let magnitude = units.unsigned_abs();
+    let scale = 10u64.pow(DECIMALS as u32);
+    text.extend_from_slice(itoa::Buffer::new().format(magnitude / scale).as_bytes());
+    let mut rest = magnitude % scale;
+    if rest == 0 {
+        return;
+    }
+    let mut fraction = [b'0'; DECIMALS];
+    for digit in fraction.iter_mut().rev() {
+        *digit = b'0' + (rest % 10) as u8;
+        rest /= 10;
+    }
+    let used = fraction.iter().rposition(|&d| d != b'0').map_or(0, |i| i + 1);
+    text.push(b'.');
+    text.extend_from_slice(&fraction[..used]);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coordinates_are_short_and_exact() {
+        let text = |u| {
+            let mut t = Vec::new();
+            push_fixed(&mut t, u);
+            String::from_utf8(t).unwrap()
+        };
+        assert_eq!(text(0), "0");
+        assert_eq!(text(1_234_567), "123.4567");
+        assert_eq!(text(-5), "-0.0005");
+        assert_eq!(text(-1_205_000), "-120.5");
+    }
+}

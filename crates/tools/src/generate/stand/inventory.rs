@@ -1,0 +1,478 @@
+//! Inventories of trees: one tree per line, columns found by their headings in English and German.
+
+use super::headings::{Column, Headings, PROJECT};
+use std::collections::HashMap;
+use std::hash::Hash;
+use std::path::Path;
+use vlscan_base::columns::{Separator, unquoted};
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::input::read_file;
+use vlscan_base::quantity::{self, Bounds};
+use vlscan_survey::decode_table;
+
+/// Maximum size of an inventory, bytes.
+const MAX_BYTES: u64 = 256 << 20;
+/// Maximum number of lines whose problems are reported.
+const MAX_PROBLEMS: usize = 5;
+/// Heights and crown diameters of trees, m.
+const SIZE: Bounds = Bounds::new(0.01, 200.0, "metres from 0.01 to 200");
+/// Stem diameters in a column that has a unit, m.
+const STEM: Bounds = Bounds::new(0.0, 15.0, "a stem diameter of at most 15 m");
+/// Stem diameters in a column without a unit, m or cm.
+const STEM_WITHOUT_UNIT: Bounds = Bounds::new(0.0, 1e6, "a stem diameter");
+/// Largest stem diameter in a column without a unit that is metres.
+const MAX_STEM_IN_METRES: f64 = 3.0;
+/// Stem diameter above which millimetres are likely, m.
+const MAX_LIKELY_STEM: f64 = 2.5;
+/// Distance up to which two trees are taken to be at one place, m.
+const SAME_PLACE: f64 = 0.01;
+/// Extent of all places below which they look like longitudes and latitudes.
+const MAX_EXTENT_OF_DEGREES: f64 = 1.0;
+
+/// A tree of an inventory.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tree {
+    /// Its name in the inventory, or its number from 1.
+    pub id: String,
+    /// World position, m; z is that of the ground where there is a terrain.
+    pub position: [f64; 3],
+    /// m.
+    pub height: f64,
+    /// Crown diameter, m.
+    pub crown: Option<f64>,
+    /// Stem diameter at breast height, m.
+    pub stem: Option<f64>,
+    /// As written.
+    pub species: Option<String>,
+}
+
+/// A table of trees.
+#[derive(Clone, Debug, Default)]
+pub struct Inventory {
+    /// The trees, in the order of the table.
+    pub trees: Vec<Tree>,
+}
+
+impl Inventory {
+    /// Reads a table of text with headings: `x`, `y` and `height` are needed; `crown`, `dbh`, `species`, `id` and `z` may be
+    /// there, others are ignored, with a warning. Lengths are m unless the heading has another unit; a `dbh` without a unit
+    /// whose largest value is above 3 is cm. Numbers may have decimal commas. Also returns what the user should know.
+    ///
+    /// # Errors
+    /// [`Error::Input`] with all problems of the headings and those of up to five lines, [`Error::Io`].
+    pub fn read(path: &Path) -> Result<(Inventory, Diagnostics)> {
+        let bytes = read_file(path, MAX_BYTES).map_err(|e| Error::open(path, e))?;
+        let (text, guess) =
+            decode_table(&bytes).map_err(|e| Error::input(format!("{}: {e}", path.display())))?;
+        let mut table =
+            Table { path, problems: Diagnostics::default(), trees: Vec::new(), lines: Vec::new() };
+        if let Some(guess) = guess {
+            table.problems.warn(Some(Place::of_file(path)), guess);
+        }
+        table.read(text.trim_start_matches('\u{feff}'));
+        let Table { problems, trees, .. } = table;
+        let found = problems.finish(false)?;
+        if trees.is_empty() {
+            return Err(Error::input(format!("{}: no tree in the inventory", path.display())));
+        }
+        Ok((Inventory { trees }, found))
+    }
+}
+
+struct Table<'p> {
+    path: &'p Path,
+    problems: Diagnostics,
+    trees: Vec<Tree>,
+    /// The line of each tree.
+    lines: Vec<u32>,
+}
+
+impl Table<'_> {
+    fn place(&self, number: u32, line: &str) -> Option<Place> {
+        let end = line.char_indices().map(|(i, _)| i).chain([line.len()]).take_while(|i| *i <= 200).last();
+        Some(Place::in_line(self.path, number as usize, line, 0..end.unwrap_or(0)))
+    }
+
+    fn read(&mut self, text: &str) {
+        let mut lines = (1..).zip(text.lines()).filter(|(_, line)| {
+            let content = line.trim();
+            !content.is_empty() && !content.starts_with('#')
+        });
+        let Some(mut first) = lines.next() else { return };
+        // Spreadsheets may say which separator they have written.
+        let named = first.1.trim().to_lowercase().strip_prefix("sep=").and_then(|sep| sep.chars().next());
+        if named.is_some() {
+            let Some(next) = lines.next() else { return };
+            first = next;
+        }
+        let (number, heading) = first;
+        let separator = named.map_or_else(|| Separator::guess(heading), Separator::named);
+        let headings = Headings::read(&unquoted(heading, separator));
+        let place = self.place(number, heading);
+        headings.report(place.as_ref(), &mut self.problems);
+        let (mut wrong, mut commas, mut points) = (0, None, None);
+        for (number, line) in lines {
+            let mut row =
+                Row { headings: &headings, has_comma: false, has_point: false, problems: Vec::new() };
+            let tree = row.tree(&unquoted(line, separator), self.trees.len() + 1);
+            commas = commas.or(row.has_comma.then_some(number));
+            points = points.or(row.has_point.then_some(number));
+            if row.problems.is_empty() {
+                self.trees.push(tree);
+                self.lines.push(number);
+                continue;
+            }
+            let place = self.place(number, line);
+            for problem in row.problems {
+                self.problems.error(place.clone(), problem);
+            }
+            wrong += 1;
+            if wrong == MAX_PROBLEMS {
+                break;
+            }
+        }
+        if let (Some(comma), Some(point)) = (commas, points) {
+            let message =
+                format!("line {comma} has numbers with a decimal comma, line {point} with a decimal point");
+            self.problems
+                .error(place.clone(), message)
+                .help("write all numbers alike, without thousands separators");
+        }
+        if !self.problems.is_fatal(false) {
+            self.resolve_stems(headings.has_unit(Column::Stem), place.as_ref());
+            self.check_places(place.as_ref());
+        }
+    }
+
+    /// Resolves the unit of stem diameters and asks about those that no tree has.
+    fn resolve_stems(&mut self, has_unit: bool, heading: Option<&Place>) {
+        let all = || self.trees.iter().zip(&self.lines).filter_map(|(tree, line)| Some((tree.stem?, *line)));
+        let Some((most, line)) = all().reduce(|a, b| if b.0 > a.0 { b } else { a }) else { return };
+        let is_cm = !has_unit && most > MAX_STEM_IN_METRES;
+        let least = all().map(|(stem, _)| stem).fold(f64::INFINITY, f64::min);
+        let metres = if is_cm { most / 100.0 } else { most };
+        if metres > MAX_LIKELY_STEM {
+            let message = match has_unit {
+                true => format!("line {line}: a stem diameter of {metres:.2} m; is the column in mm?"),
+                false => format!("line {line}: a stem diameter of {most} is {metres:.2} m; is it mm?"),
+            };
+            let help = "name the unit in the heading: dbh_mm, dbh_cm or dbh_m";
+            match has_unit {
+                true => self.problems.warn(heading.cloned(), message),
+                false => self.problems.error(heading.cloned(), message),
+            }
+            .help(help);
+        } else if is_cm && least < 0.01 * most && least < 1.0 {
+            let message =
+                format!("stem diameters from {least} to {most} without a unit are taken as cm, all of them");
+            self.problems
+                .warn(heading.cloned(), message)
+                .help("name the unit in the heading: dbh_cm or dbh_m");
+        }
+        if is_cm {
+            self.trees.iter_mut().for_each(|tree| tree.stem = tree.stem.map(|cm| cm / 100.0));
+        }
+    }
+
+    /// Warns of trees that are there twice and of coordinates in degrees.
+    fn check_places(&mut self, heading: Option<&Place>) {
+        let cell =
+            |tree: &Tree| [tree.position[0], tree.position[1]].map(|v| (v / SAME_PLACE).round() as i64);
+        if let Some((count, [first, second])) = self.repeated(|tree| Some(cell(tree))) {
+            let [x, y, _] = self.trees[first].position;
+            let message = format!(
+                "{count} trees stand where another one does, the first of them in lines {} and {}: x {x} y {y}; all are planted",
+                self.lines[first], self.lines[second]
+            );
+            self.problems.warn(heading.cloned(), message);
+        }
+        let numbered = |(i, tree): (usize, &Tree)| tree.id == (i + 1).to_string();
+        let has_ids = !self.trees.iter().enumerate().all(numbered);
+        if let Some((count, [first, second])) = self.repeated(|tree| has_ids.then(|| tree.id.clone())) {
+            let message = format!(
+                "{count} trees have the id of another one, the first of them in lines {} and {}: `{}`",
+                self.lines[first], self.lines[second], self.trees[first].id
+            );
+            self.problems.warn(heading.cloned(), message);
+        }
+        let extent = [0, 1].map(|axis| {
+            let values = self.trees.iter().map(|tree| tree.position[axis]);
+            (values.clone().fold(f64::INFINITY, f64::min), values.fold(f64::NEG_INFINITY, f64::max))
+        });
+        let [(west, east), (south, north)] = extent;
+        let is_degrees = west >= -180.0 && east <= 180.0 && south >= -90.0 && north <= 90.0;
+        let size = (east - west).max(north - south);
+        if is_degrees && size > 0.0 && size < MAX_EXTENT_OF_DEGREES {
+            let message =
+                format!("all trees stand within {size:.6} m: x and y look like longitude and latitude");
+            self.problems.warn(heading.cloned(), message).help(PROJECT);
+        }
+    }
+
+    /// Number of trees whose key an earlier one has, and the first two trees that share one.
+    fn repeated<K: Hash + Eq>(&self, key: impl Fn(&Tree) -> Option<K>) -> Option<(usize, [usize; 2])> {
+        let (mut seen, mut count, mut first) = (HashMap::new(), 0, None);
+        for (i, tree) in self.trees.iter().enumerate() {
+            let Some(key) = key(tree) else { continue };
+            if let Some(&earlier) = seen.get(&key) {
+                count += 1;
+                first.get_or_insert([earlier, i]);
+            } else {
+                seen.insert(key, i);
+            }
+        }
+        first.map(|pair| (count, pair))
+    }
+}
+
+/// A line as it is read.
+struct Row<'h> {
+    headings: &'h Headings,
+    has_comma: bool,
+    has_point: bool,
+    problems: Vec<String>,
+}
+
+impl Row<'_> {
+    fn tree(&mut self, fields: &[String], number: usize) -> Tree {
+        let mut tree = Tree {
+            id: number.to_string(),
+            position: [f64::NAN, f64::NAN, 0.0],
+            height: f64::NAN,
+            crown: None,
+            stem: None,
+            species: None,
+        };
+        let headings = self.headings;
+        let (found, expected) = (fields.len(), headings.columns.len());
+        if found < expected && headings.columns[found..].iter().any(Option::is_some)
+            || found > expected && fields[expected..].iter().any(|field| !field.is_empty())
+        {
+            let cause = match found > expected {
+                true => {
+                    "; numbers with decimal commas need columns separated by semicolons or tabs, or quotes"
+                }
+                false => "",
+            };
+            self.problems.push(format!("{found} columns, the heading has {expected}{cause}"));
+            return tree;
+        }
+        for (field, heading) in fields.iter().zip(&headings.columns) {
+            let Some(heading) = heading else { continue };
+            let field = field.trim();
+            let is_missing =
+                field.is_empty() || field.eq_ignore_ascii_case("na") || field.eq_ignore_ascii_case("nan");
+            let mut value = |bounds: Bounds| self.number(field, &heading.name, heading.factor, bounds);
+            match heading.column {
+                Column::Id if !is_missing => tree.id = field.to_owned(),
+                Column::Species if !is_missing => tree.species = Some(field.to_owned()),
+                Column::X => tree.position[0] = value(quantity::COORDINATE).unwrap_or(f64::NAN),
+                Column::Y => tree.position[1] = value(quantity::COORDINATE).unwrap_or(f64::NAN),
+                Column::Z if !is_missing => {
+                    tree.position[2] = value(quantity::COORDINATE).unwrap_or(f64::NAN)
+                }
+                Column::Height => tree.height = value(SIZE).unwrap_or(f64::NAN),
+                Column::Crown if !is_missing => tree.crown = value(SIZE),
+                Column::Stem if !is_missing => {
+                    let bounds = if heading.factor.is_some() { STEM } else { STEM_WITHOUT_UNIT };
+                    // 0 stands for trees that were not measured.
+                    tree.stem = value(bounds).filter(|stem| *stem > 0.0);
+                }
+                _ => {}
+            }
+        }
+        tree
+    }
+
+    /// A number with a decimal point or a decimal comma; `None` after a problem.
+    fn number(&mut self, field: &str, heading: &str, factor: Option<f64>, bounds: Bounds) -> Option<f64> {
+        let commas = field.matches(',').count();
+        if commas > 1 || commas == 1 && field.contains('.') {
+            self.problems.push(format!(
+                "`{field}` for {heading} has thousands separators, expected {} without them",
+                bounds.expected
+            ));
+            return None;
+        }
+        let number = field.replace(',', ".").parse::<f64>().ok().map(|value| value * factor.unwrap_or(1.0));
+        self.has_comma |= commas == 1;
+        self.has_point |= number.is_some() && commas == 0 && field.contains('.');
+        let found = number.filter(|value| bounds.contains(*value));
+        if found.is_none() {
+            self.problems.push(format!("`{field}` for {heading}, expected {}", bounds.expected));
+        }
+        found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read_bytes(bytes: &[u8]) -> Result<(Inventory, Diagnostics)> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("trees.csv");
+        std::fs::write(&path, bytes).unwrap();
+        Inventory::read(&path)
+    }
+
+    fn read(text: &str) -> Result<Inventory> {
+        read_bytes(text.as_bytes()).map(|(inventory, _)| inventory)
+    }
+
+    fn warned(text: &str) -> String {
+        read_bytes(text.as_bytes()).unwrap().1.render(false)
+    }
+
+    fn refused(text: &str) -> String {
+        match read(text) {
+            Err(Error::Input(problems)) => problems.render(false),
+            other => panic!("{text}: {other:?}"),
+        }
+    }
+
+    #[test]
+    fn columns_are_found_by_their_headings() {
+        let table = "plot;Tree;Easting;Northing;H[m];DBH;Species;Crown_m\nA;b7;431000.5;5412000;22.5;38;beech;7\nA;;1;2;10;;;NA\n";
+        let trees = read(table).unwrap().trees;
+        assert_eq!(trees.len(), 2);
+        let expected = Tree {
+            id: "b7".into(),
+            position: [431_000.5, 5_412_000.0, 0.0],
+            height: 22.5,
+            crown: Some(7.0),
+            stem: Some(0.38),
+            species: Some("beech".into()),
+        };
+        assert_eq!(trees[0], expected);
+        assert_eq!(
+            (trees[1].id.as_str(), trees[1].crown, trees[1].stem, &trees[1].species),
+            ("2", None, None, &None)
+        );
+    }
+
+    #[test]
+    fn fields_may_be_quoted_or_empty() {
+        let table = "\"id\",\"x\",\"y\",\"height\",\"species\",\"crown\"\n\"a, b\",1,2,\"10\",\"spruce, \"\"old\"\"\",4\nc,3,4,12,beech,\n";
+        let trees = read(table).unwrap().trees;
+        assert_eq!((trees[0].id.as_str(), trees[0].height, trees[0].crown), ("a, b", 10.0, Some(4.0)));
+        assert_eq!(trees[0].species.as_deref(), Some("spruce, \"old\""));
+        assert_eq!((trees[1].species.as_deref(), trees[1].crown), (Some("beech"), None));
+    }
+
+    #[test]
+    fn a_german_spreadsheet_is_read_as_it_is_saved() {
+        let text = "\u{feff}BaumNr;Rechtswert;Hochwert;Baumart;BHD_cm;Höhe_m\r\n12;475979,21;5428960,5;Fichte;38,5;22,1\r\n\
+                    13;475981;5428962;Buche;;18\r\n";
+        let expected = Tree {
+            id: "12".into(),
+            position: [475_979.21, 5_428_960.5, 0.0],
+            height: 22.1,
+            crown: None,
+            stem: Some(0.385),
+            species: Some("Fichte".into()),
+        };
+        assert_eq!(read(text).unwrap().trees[0], expected);
+        let with_separator = text.replace('\u{feff}', "sep=;\r\n");
+        assert_eq!(read(&with_separator).unwrap().trees[0], expected);
+        let latin: Vec<u8> = text.chars().skip(1).map(|c| c as u32 as u8).collect();
+        let (inventory, warnings) = read_bytes(&latin).unwrap();
+        assert!(inventory.trees[0] == expected && warnings.render(false).contains("Latin-1"));
+        let tabs = text.replace(';', "\t");
+        assert_eq!(read(&tabs).unwrap().trees[0], expected);
+        let quoted = "x,y,height\n\"1,5\",\"2,5\",\"10,5\"\n";
+        assert_eq!(read(quoted).unwrap().trees[0].position[..2], [1.5, 2.5]);
+    }
+
+    #[test]
+    fn what_a_number_means_is_never_guessed_in_silence() {
+        assert!(refused("x,y,height\n1,5,2,5,10,5\n").contains("decimal commas"));
+        assert!(refused("x;y;height\n1,5;2.5;10\n").contains("decimal comma, line 2 with a decimal point"));
+        assert!(refused("x;y;height\n1.475,5;2;10\n").contains("thousands separators"));
+    }
+
+    #[test]
+    fn stem_diameters_have_their_unit() {
+        let stem = |heading: &str, value: &str| {
+            let text = format!("x,y,height,{heading}\n1,2,10,{value}\n5,6,10,0.2\n");
+            read(&text).map(|inventory| inventory.trees[0].stem)
+        };
+        for (heading, value, metres) in [
+            ("DBH_cm", "38", 0.38),
+            ("dbh [mm]", "380", 0.38),
+            ("dbh_m", "0.38", 0.38),
+            ("dbh", "0.38", 0.38),
+        ] {
+            let found = stem(heading, value).unwrap().unwrap();
+            assert!((found - metres).abs() < 1e-12, "{heading}: {found}");
+        }
+        assert!(refused("x,y,height,dbh\n1,2,10,359\n").contains("is it mm?"));
+        assert!(warned("x,y,height,dbh_cm\n1,2,10,359\n").contains("is the column in mm?"));
+        assert!(warned("x,y,height,dbh\n1,2,10,0.2\n5,2,10,38\n").contains("taken as cm"));
+        assert_eq!(warned("x,y,height,dbh\n1,2,10,2.5\n5,2,10,38\n"), "");
+    }
+
+    #[test]
+    fn trees_that_are_there_twice_and_degrees_are_told() {
+        let text = "id,x,y,height\na,10,20,9\nb,11,20,9\na,12,20,9\nc,10.001,20,9\n";
+        let said = warned(text);
+        for part in ["lines 2 and 5: x 10 y 20", "lines 2 and 4: `a`"] {
+            assert!(said.contains(part), "{said}");
+        }
+        assert_eq!(warned("x,y,height\n10,20,9\n11,20,9\n"), "");
+        assert!(
+            warned("x,y,height\n8.6717,49.0121,9\n8.6718,49.0122,9\n").contains("longitude and latitude")
+        );
+        assert!(refused("lon,lat,height\n8.6717,49.0121,9\n").contains("project them"));
+    }
+
+    #[test]
+    fn all_reasons_are_told_at_once() {
+        let said = refused("X;Y_deg;height_ns;dbh_kg;note\nfar;2;1;1;1\n");
+        for part in [
+            "`Y_deg` is in `deg`",
+            "`height_ns` is in `ns`",
+            "`dbh_kg` is in `kg`",
+            "no column y, height",
+            "`far` for X",
+        ] {
+            assert!(said.contains(part), "{part}: {said}");
+        }
+        let said = warned("x,y,height,dhb,h\n1,2,10,3,4\n");
+        assert!(said.starts_with("warning") && said.contains("not read: `dhb`"), "{said}");
+        assert!(warned("x,y,height,dhb,h\n1,2,10,3,4\n").contains("`h` is not read"));
+    }
+
+    #[test]
+    fn names_like_those_of_columns_are_asked_about() {
+        for (headings, expected) in [
+            ("x,y,height,dhb", "did you mean `dbh` by `dhb`?"),
+            ("x,y,height,DHB_cm", "did you mean `dbh` by `DHB_cm`?"),
+            ("x,y,height,crwn[m]", "did you mean `crown` by `crwn[m]`?"),
+            ("x,y,height,note,specis", "not read: `note`, `specis`"),
+            ("x,y,height,note", "and may have crown, dbh"),
+            ("x,y,height,lon,lat", "not read: `lon`, `lat`"),
+        ] {
+            let row = "1,2,10,3,4".split(',').take(headings.split(',').count()).collect::<Vec<_>>().join(",");
+            let said = warned(&format!("{headings}\n{row}\n"));
+            assert!(said.contains(expected) && said.contains("trees.csv:1"), "{headings}: {said}");
+        }
+        assert!(refused("x,y,hieght\n1,2,10\n").contains("did you mean `height` by `hieght`?"));
+        // The stem diameter is there: another one is none that is misspelt.
+        assert!(!warned("x,y,height,dbh,dbh2\n1,2,10,0.3,0.4\n").contains("did you mean"));
+    }
+
+    #[test]
+    fn mistakes_are_told_with_their_lines() {
+        let said = |text: &str| match read(text) {
+            Err(Error::Input(problems)) => problems.render(false),
+            other => panic!("{other:?}"),
+        };
+        assert!(said("x,y\n1,2\n").contains("no column height"));
+        assert!(said("x,y,height\n1,2,tall\n").contains("trees.csv:2"));
+        assert!(said("x,y,height\n1,2,-4\n1,2\n").contains("expected metres"));
+        assert!(said("x,y,height_ns\n").contains("ns"));
+        assert!(said("").contains("no tree"));
+    }
+}

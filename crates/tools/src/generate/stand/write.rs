@@ -1,0 +1,292 @@
+//! Writes a stand: `stand.xml` with a scene per epoch, the tables of its trees, and what their labels mean.
+
+use super::choose::{choose, stream};
+use super::epochs::{Development, next_epoch};
+use super::inventory::{Inventory, Tree};
+use super::models::{Model, Models};
+use crate::generate::survey::DOCUMENT;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use vlscan_base::columns::quoted;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{FileWriter, NewFolder, Patched, reads::refuse_input};
+use vlscan_base::input::read_file;
+use vlscan_base::markup::escaped;
+
+/// What a stand is made of.
+pub struct StandOptions<'o> {
+    /// Seed of choice, yaw, thinning and storm.
+    pub seed: u64,
+    /// The terrain files, which become parts of the scene.
+    pub terrain: &'o [Terrain],
+    /// Height of the ground at x, y, m; `None` leaves z as the inventory has it.
+    pub ground: &'o dyn Fn(f64, f64) -> Option<f64>,
+    /// Whether a tree at x, y stands. Others keep their numbers, so that those that stand are the same models without them.
+    pub stands: &'o dyn Fn([f64; 2]) -> bool,
+    /// Number of epochs, at least 1.
+    pub epochs: u32,
+    /// Growth, thinning and storm damage from one epoch to the next.
+    pub development: Development,
+    /// Is told of the trees of the first epoch, by their number, before anything is written.
+    pub told: &'o dyn Fn(usize, &StandMade) -> Result<()>,
+    /// Replaces files that exist.
+    pub overwrite: bool,
+}
+
+/// A file of the terrain.
+#[derive(Clone, Debug)]
+pub struct Terrain {
+    /// Path of the mesh or raster.
+    pub path: PathBuf,
+    /// The material of the surface.
+    pub surface: TerrainSurface,
+}
+
+/// What a terrain is made of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum TerrainSurface {
+    /// The materials that its file has.
+    Own,
+    /// Bare soil, which the stand brings along.
+    Soil,
+    /// A material of a file.
+    Material {
+        /// Path of the MTL file.
+        file: PathBuf,
+        /// Name of the material in that file.
+        name: String,
+    },
+}
+
+/// Material file of a stand whose terrain has no ground of its own.
+const SOIL_FILE: &str = "terrain.mtl";
+const SOIL_NAME: &str = "soil";
+const SOIL: &str = "# helios_reflectance: 0 to 1. Class 2: ground.\nnewmtl soil\nKd 0.42 0.34 0.25\nhelios_reflectance 0.3\n\
+                    helios_classification 2\nhelios_isGround true\n";
+
+/// What was made.
+#[derive(Clone, Debug)]
+pub struct StandMade {
+    /// The scene's file.
+    pub scene: PathBuf,
+    /// Trees in each epoch.
+    pub trees: Vec<usize>,
+    /// Trees of species of which there is no model, by species.
+    pub unmatched_species: Vec<(String, usize)>,
+    /// Trees where the terrain has no ground.
+    pub off_terrain: usize,
+}
+
+/// Writes a stand into `folder`.
+///
+/// # Errors
+/// [`Error::Io`], [`Error::Input`] if a file exists or a name is not UTF-8.
+pub fn write_stand(
+    inventory: &Inventory,
+    models: &Models,
+    options: &StandOptions,
+    folder: &Path,
+) -> Result<StandMade> {
+    let meshes: Vec<String> =
+        models.models.iter().map(|model| absolute(&model.path)).collect::<Result<_>>()?;
+    let kept = NewFolder::create_all(folder).map_err(|e| Error::io("create", folder, e))?;
+    let mut made = StandMade {
+        scene: folder.join("stand.xml"),
+        trees: Vec::new(),
+        unmatched_species: Vec::new(),
+        off_terrain: 0,
+    };
+    // Before the first file is replaced: the inventory, a model or the terrain may have one of these names.
+    for epoch in 0..options.epochs {
+        let suffix = if options.epochs > 1 { format!("_{epoch}") } else { String::new() };
+        for name in [format!("trees{suffix}.csv"), format!("labels{suffix}.csv")] {
+            refuse_input(&folder.join(name))?;
+        }
+    }
+    refuse_input(&made.scene)?;
+    let all = inventory.trees.iter().cloned().enumerate();
+    let mut trees: Vec<(usize, Tree)> =
+        all.filter(|(_, tree)| (options.stands)([tree.position[0], tree.position[1]])).collect();
+    let mut terrain = Vec::new();
+    let mut scenes = format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n{DOCUMENT}\n");
+    for epoch in 0..options.epochs {
+        if epoch > 0 {
+            trees = next_epoch(&trees, &options.development, epoch, options.seed);
+        }
+        if trees.is_empty() && options.terrain.is_empty() {
+            return Err(Error::input(format!("no tree is left in epoch {epoch}, and there is no terrain")));
+        }
+        let suffix = if options.epochs > 1 { format!("_{epoch}") } else { String::new() };
+        let table = Tables::of(
+            &trees,
+            &models.models,
+            &meshes,
+            options,
+            options.terrain.len(),
+            (epoch == 0).then_some(&mut made),
+        );
+        if epoch == 0 {
+            (options.told)(trees.len(), &made)?;
+            terrain = write_terrain(options, folder)?;
+        }
+        save(&folder.join(format!("trees{suffix}.csv")), &table.instances, options.overwrite)?;
+        save(&folder.join(format!("labels{suffix}.csv")), &table.labels, options.overwrite)?;
+        let instances = (!trees.is_empty()).then(|| format!("trees{suffix}.csv"));
+        scene(&mut scenes, &format!("stand{suffix}"), &terrain, instances.as_deref());
+        made.trees.push(trees.len());
+    }
+    scenes.push_str("</document>\n");
+    save(&made.scene, &scenes, options.overwrite)?;
+    kept.keep();
+    Ok(made)
+}
+
+/// A path that is found from every folder.
+fn absolute(path: &Path) -> Result<String> {
+    let whole = std::path::absolute(path).map_err(|e| Error::open(path, e))?;
+    let name = whole.to_str().filter(|name| !name.contains([',', '\n']));
+    name.map(str::to_owned).ok_or_else(|| {
+        Error::input(format!(
+            "{}: a name with a comma or bytes that are no UTF-8 cannot stand in a table",
+            path.display()
+        ))
+    })
+}
+
+fn save(path: &Path, text: impl AsRef<[u8]>, overwrite: bool) -> Result<()> {
+    if path.exists() && !overwrite {
+        return Err(Error::input(format!("{} exists; --force overwrites it", path.display())));
+    }
+    refuse_input(path)?;
+    let mut file = FileWriter::create(path, overwrite, Patched::Never)?;
+    file.append(text.as_ref())?;
+    file.finish().map(|_| ())
+}
+
+/// The tables of one epoch.
+struct Tables {
+    instances: String,
+    labels: String,
+}
+
+impl Tables {
+    fn of(
+        trees: &[(usize, Tree)],
+        models: &[Model],
+        meshes: &[String],
+        options: &StandOptions,
+        first_part: usize,
+        mut made: Option<&mut StandMade>,
+    ) -> Tables {
+        let stream = stream(options.seed);
+        let mut tables = Tables {
+            instances: "file,x,y,z,yaw,scale\n".to_owned(),
+            labels: "part,id,species,model,x,y,z,height,crown,dbh\n".to_owned(),
+        };
+        for (row, (number, tree)) in trees.iter().enumerate() {
+            let choice = choose(tree, *number, models, &stream);
+            let model = &models[choice.model];
+            let [x, y, own_z] = tree.position;
+            let ground = (options.ground)(x, y);
+            if let Some(made) = made.as_deref_mut() {
+                made.off_terrain += usize::from(!options.terrain.is_empty() && ground.is_none());
+                if !choice.same_species {
+                    made.count_unmatched(tree.species.as_deref().unwrap_or_default());
+                }
+            }
+            let z = ground.unwrap_or(own_z);
+            // The foot of the model comes to lie on the place of the tree.
+            let (sin, cos) = libm::sincos(choice.yaw.to_radians());
+            let [fx, fy, fz] = model.foot.map(|v| v * choice.scale);
+            let place = [x - (cos * fx - sin * fy), y - (sin * fx + cos * fy), z - fz];
+            // Writing to a string does not fail.
+            let _ = writeln!(
+                tables.instances,
+                "{},{:.4},{:.4},{:.4},{:.3},{:.6}",
+                meshes[choice.model], place[0], place[1], place[2], choice.yaw, choice.scale
+            );
+            let optional = |value: Option<f64>| value.map(|v| format!("{v:.3}")).unwrap_or_default();
+            let _ = writeln!(
+                tables.labels,
+                "{},{},{},{},{x:.4},{y:.4},{z:.4},{:.3},{},{}",
+                first_part + row,
+                quoted(&tree.id),
+                quoted(tree.species.as_deref().unwrap_or(&model.species)),
+                quoted(&model.path.file_stem().unwrap_or_default().to_string_lossy()),
+                tree.height,
+                optional(tree.crown),
+                optional(tree.stem),
+            );
+        }
+        tables
+    }
+}
+
+impl StandMade {
+    fn count_unmatched(&mut self, species: &str) {
+        match self.unmatched_species.iter_mut().find(|(name, _)| name == species) {
+            Some((_, count)) => *count += 1,
+            None => self.unmatched_species.push((species.to_owned(), 1)),
+        }
+    }
+}
+
+/// Writes the soil and the meshes that get it. Returns the loader of each terrain.
+fn write_terrain(options: &StandOptions, folder: &Path) -> Result<Vec<String>> {
+    if options.terrain.iter().any(|terrain| terrain.surface == TerrainSurface::Soil) {
+        save(&folder.join(SOIL_FILE), SOIL, options.overwrite)?;
+    }
+    let loader = |(number, terrain): (usize, &Terrain)| {
+        let (file, name) = match &terrain.surface {
+            TerrainSurface::Own => return Ok(mesh_loader(&absolute(&terrain.path)?)),
+            TerrainSurface::Soil => (SOIL_FILE.to_owned(), SOIL_NAME),
+            TerrainSurface::Material { file, name } => (absolute(file)?, name.as_str()),
+        };
+        if !is_obj(&terrain.path) {
+            return Ok(raster_loader(&absolute(&terrain.path)?, &file, name));
+        }
+        let copy = format!("terrain_{}.obj", number + 1);
+        let mesh = read_file(&terrain.path, u64::MAX - 1).map_err(|e| Error::open(&terrain.path, e))?;
+        save(&folder.join(&copy), with_material(&mesh, &file, name), options.overwrite)?;
+        Ok(mesh_loader(&copy))
+    };
+    options.terrain.iter().enumerate().map(loader).collect()
+}
+
+fn is_obj(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj"))
+}
+
+/// An OBJ file all of whose faces have one material.
+fn with_material(mesh: &[u8], file: &str, name: &str) -> Vec<u8> {
+    let mut out = format!("mtllib {file}\nusemtl {name}\n").into_bytes();
+    let is_material =
+        |line: &[u8]| [&b"mtllib"[..], b"usemtl"].iter().any(|k| line.trim_ascii_start().starts_with(k));
+    let lines = mesh.split_inclusive(|byte| *byte == b'\n');
+    lines.filter(|line| !is_material(line)).for_each(|line| out.extend_from_slice(line));
+    out
+}
+
+fn mesh_loader(file: &str) -> String {
+    format!("<filter type=\"meshloader\">{}</filter>", parameter("filepath", file))
+}
+
+fn raster_loader(file: &str, material_file: &str, material: &str) -> String {
+    let parameters = [("filepath", file), ("matfile", material_file), ("matname", material)];
+    let parameters = parameters.map(|(key, value)| format!("\n        {}", parameter(key, value)));
+    format!("<filter type=\"geotiffloader\">{}\n      </filter>", parameters.concat())
+}
+
+fn parameter(key: &str, value: &str) -> String {
+    format!("<param type=\"string\" key=\"{key}\" value=\"{}\"/>", escaped(value))
+}
+
+/// Adds a scene of the terrain and of a table of instances.
+fn scene(out: &mut String, id: &str, terrain: &[String], instances: Option<&str>) {
+    let _ = writeln!(out, "  <scene id=\"{id}\" name=\"{id}\">");
+    let table = |name: &str| format!("<filter type=\"instances\">{}</filter>", parameter("filepath", name));
+    for loader in terrain.iter().cloned().chain(instances.map(table)) {
+        let _ = writeln!(out, "    <part>\n      {loader}\n    </part>");
+    }
+    out.push_str("  </scene>\n");
+}

@@ -1,0 +1,17 @@
+//! What surrounds a run: scenes and surveys that are made, campaigns of many runs, clouds that are compared and drawn.
+//!
+//! | module | what it does |
+//! |---|---|
+//! | `generate` | procedural scenes with the surveys that scan them; stands from inventories |
+//! | `plan` | survey planning: legs from an area, a plot or a line, by what the instrument's optics see |
+//! | `preview` | draws point clouds as PNG and as pages for a browser, and waveforms |
+//! | `compare` | two point clouds of one place: density, heights, distances, voxels |
+//! | `campaign` | many runs: scenes × variants × seeds, shared by processes without a server |
+
+#![deny(unsafe_code)]
+
+pub mod campaign;
+pub mod compare;
+pub mod generate;
+pub mod plan;
+pub mod preview;

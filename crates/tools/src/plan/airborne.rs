@@ -1,0 +1,656 @@
+//! Airborne surveys: parallel lines over an area.
+
+use super::area::Area;
+use super::beams::{Beams, Field, best_mount};
+use super::document::{Document, Promise, Turned, Waypoint};
+use super::height::{Ground, Heights, mean_ground};
+use super::line::{Line, turn};
+use super::reach::GROUND_REFLECTANCE;
+use super::report::PlanReport;
+use super::swath::{Instrument, Scan};
+use std::f64::consts::PI;
+use vlscan_base::quantity::{metres, number};
+use vlscan_geom::{DVec3, MAX_COORDINATE, radians};
+use vlscan_survey::Mount;
+
+/// Most flight lines of a plan.
+const MAX_LINES: f64 = 10_000.0;
+/// Overlap of neighbouring strips if none is requested.
+const DEFAULT_OVERLAP: f64 = 0.3;
+/// Share of the pulses that point down which the instrument's ranges may cut off where its field can be narrowed.
+const MAX_CUT: f64 = 0.01;
+/// Part of the least range by which the ground must be farther away.
+const MIN_CLEARANCE: f64 = 0.01;
+/// Reach of a swath, per height, beyond which the ground counts as at the horizon: 89.4° from the vertical.
+const HORIZON: f64 = 100.0;
+/// Rounds of choosing speed and scan frequency, on which the strips of oscillating mirrors depend.
+const ROUNDS: u32 = 3;
+
+/// What an airborne survey shall be. Of speed, overlap and density at least one is given besides those with defaults;
+/// density with overlap yields the speed, density with speed the distance of the lines.
+#[derive(Clone, Debug)]
+pub struct AirborneOptions {
+    /// Height above the ground, m.
+    pub height: f64,
+    /// Speed, m/s.
+    pub speed: Option<f64>,
+    /// Side overlap of neighbouring strips, a fraction of the swath.
+    pub overlap: Option<f64>,
+    /// Mean pulses per m².
+    pub density: Option<f64>,
+    /// Half opening angle, degrees.
+    pub scan_angle: Option<f64>,
+    /// Pulses per second.
+    pub pulse_rate: Option<u32>,
+    /// Hz.
+    pub scan_freq: Option<f64>,
+    /// Direction of the lines, degrees clockwise from +y; the one with the fewest lines if `None`.
+    pub heading: Option<f64>,
+    /// Lines across the others.
+    pub cross_lines: u32,
+    /// Length by which each line begins before the area and ends behind it, m.
+    pub run_in: Option<f64>,
+    /// Mount of the scanner on the platform.
+    pub mount: Mount,
+    /// Whether the plan may turn the scanner where that mount does not point it at the ground.
+    pub may_turn: bool,
+    /// Radius of the turns between lines, m; straight to the next line if `None`.
+    pub turn_radius: Option<f64>,
+    /// Steepest climb of lines that follow the ground, degrees; level lines if `None`.
+    pub climb: Option<f64>,
+}
+
+/// A frame in the direction of the lines.
+#[derive(Clone, Copy)]
+struct Frame {
+    /// Unit vectors.
+    along: [f64; 2],
+    across: [f64; 2],
+    /// An origin near the area, so that no digits are lost.
+    origin: [f64; 2],
+}
+
+impl Frame {
+    /// `heading` is rad clockwise from +y.
+    fn new(heading: f64, origin: [f64; 2]) -> Frame {
+        let (s, c) = libm::sincos(heading);
+        Frame { along: [s, c], across: [c, -s], origin }
+    }
+
+    fn project(&self, axis: [f64; 2], p: [f64; 2]) -> f64 {
+        (p[0] - self.origin[0]) * axis[0] + (p[1] - self.origin[1]) * axis[1]
+    }
+
+    fn point(&self, along: f64, across: f64) -> [f64; 2] {
+        [0, 1].map(|i| self.origin[i] + along * self.along[i] + across * self.across[i])
+    }
+
+    /// The extent of the area along where its distance across is within `limits`.
+    fn extent(&self, area: &Area, limits: [f64; 2]) -> Option<[f64; 2]> {
+        area.extent(|p| self.project(self.along, p), |p| self.project(self.across, p), limits)
+    }
+
+    /// The extent of the area across.
+    fn width(&self, area: &Area) -> [f64; 2] {
+        let distances = area.corners().iter().map(|p| self.project(self.across, *p));
+        distances.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], d| [low.min(d), high.max(d)])
+    }
+}
+
+/// Speed, distance of the lines and scan of a plan.
+pub(super) struct Choice {
+    pub scan: Scan,
+    /// What the scan sees of the ground.
+    pub field: Field,
+    /// Pulses per second that leave the instrument, all devices.
+    pub fired_rate: f64,
+    /// m/s.
+    pub speed: f64,
+    /// Distance of the lines, m.
+    pub spacing: f64,
+    /// Mean over the area of the parallel lines, pulses/m².
+    pub density: f64,
+    /// The turned mount, if the platform's does not serve.
+    pub turned: Option<Turned>,
+}
+
+impl Choice {
+    /// Pulses per second that reach the ground within the instrument's ranges.
+    pub fn ground_rate(&self) -> f64 {
+        self.fired_rate * self.field.measured
+    }
+
+    /// Spacing of scan lines along the flight, m; 0 for patterns without lines.
+    fn line_spacing(&self) -> f64 {
+        if self.scan.line_rate > 0.0 { self.speed / self.scan.line_rate } else { 0.0 }
+    }
+
+    /// How far before the area lines begin and behind it they end, m, so that all beams of the strip sweep it from end to end.
+    fn margins(&self, run_in: Option<f64>) -> [f64; 2] {
+        let [behind, ahead] = self.field.along;
+        match run_in {
+            Some(length) => [length + self.field.ahead(), length - self.field.ahead()],
+            None => [ahead + self.line_spacing(), self.line_spacing() - behind],
+        }
+    }
+}
+
+/// Plans parallel lines over an area, flown to and fro, so that every point of it is covered as often as by an endless
+/// row of such lines; then the cross lines.
+///
+/// # Errors
+/// A sentence: options that contradict each other or exceed the instrument.
+pub fn plan_airborne(
+    area: &Area,
+    instrument: &Instrument,
+    options: &AirborneOptions,
+    ground: &Ground,
+) -> Result<Document, String> {
+    let height = options.height;
+    let level = mean_ground(area, ground);
+    let heading = options.heading.map_or_else(|| best_heading(area), radians);
+    let frame = Frame::new(heading, area.corners()[0]);
+    let relief = match options.climb {
+        // A level line is above the mean ground.
+        None => level.high - level.mean,
+        Some(_) => 0.0,
+    };
+    check_clearance(instrument, options, relief)?;
+    let choice = choose(area, &frame, instrument, options)?;
+    let margins = choice.margins(options.run_in);
+    let width = planned_width(&choice.field, instrument, options);
+    let mut lines = parallel_lines(area, &frame, width, choice.spacing, margins)?;
+    let parallel = lines.len();
+    lines.extend(cross_lines(area, heading + PI / 2.0, options.cross_lines, margins));
+    turn_every_second(&mut lines, margins);
+    let heights = Heights { ground, level: level.mean, above: height, climb: options.climb.map(radians) };
+    let mut document = Document { turned: choice.turned, ..Document::default() };
+    let active = add_waypoints(&mut document, &lines, parallel, choice.speed, &heights, options.turn_radius)?;
+    document.scanner.clone_from(&instrument.reference);
+    document.settings = choice.scan.settings();
+    document.promise = Some(Promise { density: choice.density, width: choice.field.width(), height });
+    document.reaches = instrument.reaches(choice.scan.pulse_rate);
+    let report =
+        PlanReport { area, instrument, choice: &choice, height, heading, margins, parallel, active, level };
+    report.describe(&mut document, options);
+    Ok(document)
+}
+
+/// Adds the waypoints of all lines, the first `parallel` of which are parallel ones. Returns their length, m.
+fn add_waypoints(
+    document: &mut Document,
+    lines: &[Line],
+    parallel: usize,
+    speed: f64,
+    heights: &Heights,
+    turn_radius: Option<f64>,
+) -> Result<f64, String> {
+    let mut active = 0.0;
+    for (i, line) in lines.iter().enumerate() {
+        let strip = format!("{}{:03}", if i < parallel { "line" } else { "cross" }, i + 1);
+        let points = heights.follow(line)?;
+        active += length(&points);
+        let last = points.len() - 1;
+        for (k, position) in points.iter().enumerate() {
+            document.waypoints.push(Waypoint {
+                position: *position,
+                speed: Some(speed),
+                active: k < last,
+                on_ground: false,
+                strip: (k < last).then(|| strip.clone()),
+            });
+        }
+        if let (Some(radius), Some(next)) = (turn_radius, lines.get(i + 1)) {
+            let z = points[last].z;
+            document.waypoints.extend(turn(line, next, radius).into_iter().map(|[x, y]| Waypoint {
+                position: DVec3::new(x, y, z),
+                speed: Some(speed),
+                ..Waypoint::default()
+            }));
+        }
+    }
+    Ok(active)
+}
+
+/// Refuses ground that is nearer than the instrument measures.
+fn check_clearance(instrument: &Instrument, options: &AirborneOptions, relief: f64) -> Result<(), String> {
+    let [near, _] = instrument.ranges();
+    let lowest = options.height - relief;
+    if lowest > near * (1.0 + MIN_CLEARANCE) {
+        return Ok(());
+    }
+    let (why, help) = match relief > 0.01 * options.height {
+        true => (
+            format!(" at the highest place, {} above the mean ground", metres(relief)),
+            ", or keep the height above the ground with --follow-terrain",
+        ),
+        false => (String::new(), ""),
+    };
+    Err(format!(
+        "the ground is {} m away{why}, and {} measures from {} m on; fly higher than {:.0} m{help}",
+        number(lowest),
+        instrument.name(),
+        number(near),
+        (near * (1.0 + MIN_CLEARANCE) + relief).ceil()
+    ))
+}
+
+/// The width that lines are laid out for, m: that of the strip, but no more than 45° to either side of instruments whose field
+/// cannot be narrowed and whose strips grow thin towards the horizon.
+fn planned_width(field: &Field, instrument: &Instrument, options: &AirborneOptions) -> f64 {
+    let is_open = instrument.half_angle(None).is_ok_and(|angle| angle.is_none());
+    if is_open { field.width().min(2.0 * options.height) } else { field.width() }
+}
+
+fn choose(
+    area: &Area,
+    frame: &Frame,
+    instrument: &Instrument,
+    options: &AirborneOptions,
+) -> Result<Choice, String> {
+    if options.density.is_some() && options.speed.is_some() && options.overlap.is_some() {
+        return Err("density, speed and overlap determine each other: leave one out".to_owned());
+    }
+    if options.density.is_none() && options.speed.is_none() {
+        return Err("how fast? --speed, or --density from which it follows, is needed".to_owned());
+    }
+    let half_angle = instrument.half_angle(options.scan_angle)?;
+    let pulse_rate = instrument.pulse_rate(options.pulse_rate)?;
+    // The first guess of the lines is that of a flight at 30 m/s.
+    let mut lines = (30.0 * f64::from(pulse_rate) / options.height).sqrt();
+    let mut choice: Option<Choice> = None;
+    for _ in 0..ROUNDS {
+        let scan = instrument.scan(half_angle, pulse_rate, options.scan_freq, lines)?;
+        if choice.as_ref().is_some_and(|choice| choice.scan == scan) {
+            break;
+        }
+        let beams = instrument.beams(&scan)?;
+        let (mount, turned) = match &choice {
+            Some(Choice { turned: Some(turned), .. }) => {
+                (Mount { rotation: turned.turns.rotation(), ..options.mount }, Some(*turned))
+            }
+            Some(_) => (options.mount, None),
+            None => mount(instrument, &beams, options)?,
+        };
+        let field = beams.over_ground(&mount, options.height);
+        check_ranges(instrument, options, &field)?;
+        let fired_rate = f64::from(pulse_rate) * beams.fired * instrument.devices();
+        let strip = Strip {
+            area,
+            frame,
+            field: &field,
+            fired_rate,
+            width: planned_width(&field, instrument, options),
+        };
+        let (speed, spacing) = strip.speed_and_spacing(options)?;
+        let density = strip.density(spacing)? / speed;
+        // v / f = W·f / N with f lines per second.
+        lines = (speed * fired_rate * field.measured / field.width()).sqrt();
+        choice = Some(Choice { scan, field, fired_rate, speed, spacing, density, turned });
+    }
+    choice.ok_or_else(|| "no scan was tried".to_owned())
+}
+
+/// The mount of the scanner: that of the platform if it serves, else one that the plan turns, if it may.
+fn mount(
+    instrument: &Instrument,
+    beams: &Beams,
+    options: &AirborneOptions,
+) -> Result<(Mount, Option<Turned>), String> {
+    let [_, far] = instrument.ranges();
+    if options.height >= far {
+        return Err(format!(
+            "the ground is {} m away, and {} measures up to {} m; fly lower",
+            number(options.height),
+            instrument.name(),
+            number(far)
+        ));
+    }
+    let Some((turns, serves)) = best_mount(beams, &options.mount, options.height) else {
+        // Where a mount would point the beams at the ground the ranges tell why it is not measured.
+        if let Some((turns, _)) = best_mount(&beams.unlimited(), &options.mount, options.height) {
+            let down = Mount { rotation: turns.rotation(), ..options.mount };
+            check_ranges(instrument, options, &beams.over_ground(&down, options.height))?;
+        }
+        return Err(format!(
+            "no mount points the beams of {} at the ground below a flight",
+            instrument.name()
+        ));
+    };
+    if serves {
+        return Ok((options.mount, None));
+    }
+    if !options.may_turn {
+        return Err(format!(
+            "the mount of the platform does not point the beams of {} at the ground below the flight; leave out --platform \
+             for one that does, or turn the mount by {}",
+            instrument.name(),
+            turns.text()
+        ));
+    }
+    let turned = Turned { offset: options.mount.offset, turns };
+    Ok((Mount { rotation: turns.rotation(), ..options.mount }, Some(turned)))
+}
+
+/// Refuses strips that the instrument's reach cuts off.
+fn check_ranges(instrument: &Instrument, options: &AirborneOptions, field: &Field) -> Result<(), String> {
+    let name = instrument.name();
+    let [near, far] = instrument.ranges();
+    let is_open = instrument.half_angle(None)?.is_none();
+    let below = number(options.height);
+    let percent = (100.0 * GROUND_REFLECTANCE).round();
+    if field.lost.too_near > MAX_CUT {
+        return Err(format!(
+            "the ground is {below} m away, and {name} measures from {} m on; fly higher",
+            number(near)
+        ));
+    }
+    if field.measured <= 0.0 && field.lost.too_weak > 0.0 {
+        return Err(format!(
+            "the ground is {below} m away, and {name} detects none there that reflects {percent} %; fly lower, or lower the pulse rate"
+        ));
+    }
+    if field.measured <= 0.0 {
+        return Err(format!("{name} reaches no ground {below} m below"));
+    }
+    if is_open && far > MAX_COORDINATE && field.reach() > HORIZON * options.height {
+        return Err(format!(
+            "{name} states no range that ends its swath {below} m below: its field cannot be narrowed and reaches the horizon; state \
+             in its <scanner> how far it measures, as rangeMax_m or <maxRange>"
+        ));
+    }
+    if !is_open && field.lost.too_far > MAX_CUT {
+        return Err(format!(
+            "the edge of the swath is farther away than the {} m that {name} measures; fly lower, or narrow it with --scan-angle",
+            number(far)
+        ));
+    }
+    if !is_open && field.lost.too_weak > MAX_CUT {
+        return Err(format!(
+            "at the edge of the swath {name} detects no ground that reflects {percent} %; fly lower, narrow it with --scan-angle, or \
+             lower the pulse rate"
+        ));
+    }
+    Ok(())
+}
+
+/// The strips of a plan.
+struct Strip<'s> {
+    area: &'s Area,
+    frame: &'s Frame,
+    field: &'s Field,
+    /// Pulses per second that leave the instrument.
+    fired_rate: f64,
+    /// The width that lines are laid out for, m.
+    width: f64,
+}
+
+impl Strip<'_> {
+    fn speed_and_spacing(&self, options: &AirborneOptions) -> Result<(f64, f64), String> {
+        let spacing_of = |overlap: Option<f64>| match overlap {
+            Some(overlap) => self.field.width() * (1.0 - overlap),
+            None => self.width * (1.0 - DEFAULT_OVERLAP),
+        };
+        let (speed, spacing) = match (options.density, options.speed) {
+            (Some(density), Some(speed)) => (speed, self.spacing_for(density, speed)?),
+            (Some(density), None) => {
+                let spacing = spacing_of(options.overlap);
+                (self.density(spacing)? / density, spacing)
+            }
+            (None, speed) => (speed.unwrap_or_default(), spacing_of(options.overlap)),
+        };
+        if !(speed > 1e-3 && speed < 1000.0) {
+            return Err(format!(
+                "a speed of {} m/s follows, expected 0.001 to 1000 m/s; change density, pulse rate or height",
+                number(speed)
+            ));
+        }
+        Ok((speed, spacing))
+    }
+
+    /// The distance of lines that gives the density over the area at that speed.
+    fn spacing_for(&self, density: f64, speed: f64) -> Result<f64, String> {
+        let mut spacing = self.fired_rate * self.field.measured / (density * speed);
+        // Edges and the number of lines change the density over the area a little.
+        // Where it jumps there may be no such spacing: the nearest one counts.
+        let mut best = (f64::INFINITY, spacing);
+        for _ in 0..12 {
+            let found = self.density(spacing)? / speed;
+            let off = (found / density - 1.0).abs();
+            best = if off < best.0 { (off, spacing) } else { best };
+            spacing *= (found / density).clamp(0.5, 2.0);
+        }
+        let spacing = best.1;
+        if spacing > self.field.width() * 1.001 {
+            return Err(format!(
+                "at {} m/s one strip has {:.2} pulses/m² already, more than {}; fly higher or faster, or lower the pulse \
+                 rate",
+                number(speed),
+                self.fired_rate * self.field.measured / (speed * self.field.width()),
+                number(density)
+            ));
+        }
+        Ok(spacing)
+    }
+
+    /// Mean density over the area of strips `spacing` m apart, flown at 1 m/s, pulses/m²: the integral across of what the
+    /// strips have there and of how long the area is there.
+    fn density(&self, spacing: f64) -> Result<f64, String> {
+        const STEPS: u32 = 4000;
+        let places = line_places(self.area, self.frame, self.width, spacing)?;
+        let [low, high] = self.frame.width(self.area);
+        let step = (high - low) / f64::from(STEPS);
+        let reach = self.field.reach();
+        let first = |x: f64| places.partition_point(|place| *place < x - reach);
+        let (mut pulses, mut square) = (0.0, 0.0);
+        for i in 0..STEPS {
+            let x = low + (f64::from(i) + 0.5) * step;
+            let Some([from, to]) = self.frame.extent(self.area, [x; 2]) else { continue };
+            let near = places[first(x)..].iter().take_while(|place| **place <= x + reach);
+            let per_metre: f64 = near.map(|place| self.field.profile(x - place)).sum();
+            pulses += per_metre * (to - from);
+            square += to - from;
+        }
+        Ok(self.fired_rate * pulses / square)
+    }
+}
+
+/// The heading, rad, of the side of the area along which lines are fewest: the one across which it is narrowest.
+fn best_heading(area: &Area) -> f64 {
+    let across = |heading: f64| {
+        let [low, high] = Frame::new(heading, area.corners()[0]).width(area);
+        high - low
+    };
+    let headings = area.sides().map(|[a, b]| libm::atan2(b[0] - a[0], b[1] - a[1]));
+    let best = headings.min_by(|a, b| across(*a).total_cmp(&across(*b))).unwrap_or(0.0);
+    // Of the two directions of a line the one between north and south-east.
+    let best = best.rem_euclid(PI);
+    if PI - best < 1e-9 { 0.0 } else { best }
+}
+
+/// Distances across of lines `spacing` apart. The outermost line lies so that the next one, which is not flown, would not
+/// reach the area.
+fn line_places(area: &Area, frame: &Frame, width: f64, spacing: f64) -> Result<Vec<f64>, String> {
+    let [low, high] = frame.width(area);
+    let needed = (high - low) + width - 2.0 * spacing;
+    let count = if needed > 1e-9 { (needed / spacing - 1e-9).ceil() + 1.0 } else { 1.0 };
+    if count > MAX_LINES {
+        return Err(format!("{count:.0} flight lines, expected at most {MAX_LINES}"));
+    }
+    let first = 0.5 * (low + high) - 0.5 * (count - 1.0) * spacing;
+    Ok((0..count as u32).map(|i| first + f64::from(i) * spacing).collect())
+}
+
+fn parallel_lines(
+    area: &Area,
+    frame: &Frame,
+    width: f64,
+    spacing: f64,
+    margins: [f64; 2],
+) -> Result<Vec<Line>, String> {
+    let lines = line_places(area, frame, width, spacing)?.into_iter().filter_map(|across| {
+        let half = width / 2.0;
+        let [from, to] = frame.extent(area, [across - half, across + half])?;
+        Some(Line { from: frame.point(from - margins[0], across), to: frame.point(to + margins[1], across) })
+    });
+    Ok(lines.collect())
+}
+
+/// Lines across, at the middles of equal shares of the area's length.
+fn cross_lines(area: &Area, heading: f64, count: u32, margins: [f64; 2]) -> Vec<Line> {
+    let frame = Frame::new(heading, area.corners()[0]);
+    let [low, high] = frame.width(area);
+    let lines = (0..count).filter_map(|i| {
+        let across = low + (high - low) * (f64::from(i) + 0.5) / f64::from(count);
+        let [from, to] = frame.extent(area, [across; 2])?;
+        Some(Line { from: frame.point(from - margins[0], across), to: frame.point(to + margins[1], across) })
+    });
+    lines.collect()
+}
+
+/// Turns every second line round, which then begins and ends as the others do.
+fn turn_every_second(lines: &mut [Line], [before, behind]: [f64; 2]) {
+    for line in lines.iter_mut().skip(1).step_by(2) {
+        std::mem::swap(&mut line.from, &mut line.to);
+        line.shift(behind - before);
+    }
+}
+
+fn length(points: &[DVec3]) -> f64 {
+    points.windows(2).map(|pair| pair[0].distance(pair[1])).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::report::MAX_DENSITY_ERROR;
+    use crate::plan::testing;
+
+    fn instrument() -> Instrument {
+        testing::instrument("riegl_lms-q780")
+    }
+
+    fn options() -> AirborneOptions {
+        AirborneOptions {
+            height: 500.0,
+            speed: Some(60.0),
+            overlap: None,
+            density: None,
+            scan_angle: None,
+            pulse_rate: None,
+            scan_freq: None,
+            heading: None,
+            cross_lines: 0,
+            run_in: None,
+            mount: Mount::IDENTITY,
+            may_turn: true,
+            turn_radius: None,
+            climb: None,
+        }
+    }
+
+    const FLAT: Ground = Ground { height: &|_, _| Some(100.0), level: 0.0 };
+
+    #[test]
+    fn lines_are_along_the_longer_side_and_cover_the_area() {
+        let area = Area::rectangle([0.0, 0.0], [3000.0, 1000.0]).unwrap();
+        let plan = plan_airborne(&area, &instrument(), &options(), &FLAT).unwrap();
+        // Swath 577.35 m, spacing 404.15 m: (1000 + 577.35) / 404.15 - 2 = 1.9, so 2 + 1 lines.
+        let starts: Vec<_> = plan.waypoints.iter().filter(|w| w.active).collect();
+        assert_eq!(starts.len(), 3);
+        assert!(plan.waypoints.iter().all(|w| w.position.z == 600.0));
+        let y: Vec<f64> = starts.iter().map(|w| w.position.y).collect();
+        assert!((y.iter().sum::<f64>() / 3.0 - 500.0).abs() < 1e-9, "{y:?}");
+        assert!(y.iter().any(|y| *y - 404.2 <= -577.35 / 2.0 + 1e-6), "{y:?}");
+        // To and fro.
+        assert!(starts[0].position.x < 0.0 && starts[1].position.x > 3000.0);
+    }
+
+    #[test]
+    fn density_yields_speed_or_spacing() {
+        let area = Area::rectangle([0.0, 0.0], [3000.0, 1000.0]).unwrap();
+        let frame = Frame::new(best_heading(&area), [0.0; 2]);
+        let chosen = |options: &AirborneOptions| choose(&area, &frame, &instrument(), options);
+        let with_density = AirborneOptions { density: Some(8.0), speed: None, ..options() };
+        let choice = chosen(&with_density).unwrap();
+        assert!((choice.density - 8.0).abs() < 1e-9);
+        assert!((choice.ground_rate() / (choice.speed * choice.spacing) - 8.0).abs() < 0.8);
+        assert!((choice.spacing / choice.field.width() - 0.7).abs() < 1e-12);
+        let both = AirborneOptions { density: Some(12.0), speed: Some(60.0), ..options() };
+        let choice = chosen(&both).unwrap();
+        assert!((choice.density / 12.0 - 1.0).abs() < 0.03, "{}", choice.density);
+        // Of small areas the number of lines decides: a density that is missed is a warning, with the speed that would meet it.
+        let tiny = Area::rectangle([0.0, 0.0], [500.0, 300.0]).unwrap();
+        let mut warnings = 0;
+        for density in (4..24).map(|i| 0.5 * f64::from(i)) {
+            let options = AirborneOptions { density: Some(density), ..both.clone() };
+            let Ok(plan) = plan_airborne(&tiny, &instrument(), &options, &FLAT) else { continue };
+            let found = plan.comments.iter().find(|line| line.starts_with("density")).unwrap();
+            let found: f64 = found.split_whitespace().nth(1).unwrap().parse().unwrap();
+            // The comment is rounded.
+            if ((found / density - 1.0).abs() / MAX_DENSITY_ERROR - 1.0).abs() < 0.02 {
+                continue;
+            }
+            let has_warned = plan.warnings.iter().any(|text| text.contains("lines jumps"));
+            assert_eq!(has_warned, (found / density - 1.0).abs() > MAX_DENSITY_ERROR, "{density}: {found}");
+            warnings += usize::from(has_warned);
+        }
+        assert!(warnings > 0);
+        let sparse = AirborneOptions { density: Some(0.1), ..both };
+        assert!(chosen(&sparse).err().unwrap().contains("already"));
+        assert!(
+            plan_airborne(&area, &instrument(), &AirborneOptions { speed: None, ..options() }, &FLAT)
+                .is_err()
+        );
+    }
+
+    #[test]
+    fn lines_follow_the_ground_no_more_steeply_than_allowed() {
+        let area = Area::rectangle([0.0, 0.0], [4000.0, 200.0]).unwrap();
+        // A step of 200 m.
+        let hill = Ground { height: &|x, _| Some(if x > 2000.0 { 200.0 } else { 0.0 }), level: 0.0 };
+        let follow = AirborneOptions { climb: Some(10.0), ..options() };
+        let plan = plan_airborne(&area, &instrument(), &follow, &hill).unwrap();
+        let line: Vec<DVec3> = plan.waypoints.iter().map(|w| w.position).take(4).collect();
+        assert!(line.len() > 2);
+        for pair in line.windows(2) {
+            let run = libm::hypot(pair[1].x - pair[0].x, pair[1].y - pair[0].y);
+            assert!((pair[1].z - pair[0].z).abs() <= 10f64.to_radians().tan() * run * 1.05 + 5.0);
+        }
+        for p in &line {
+            assert!(p.z >= (hill.height)(p.x, p.y).unwrap() + 495.0, "{p}");
+        }
+    }
+
+    #[test]
+    fn mirrors_on_heads_are_planned_whatever_limits_they_state() {
+        let area = Area::rectangle([0.0, 0.0], [90.0, 90.0]).unwrap();
+        let low = AirborneOptions { height: 50.0, speed: Some(5.0), ..options() };
+        for limits in ["", "scanFreqMin_Hz='100'", "scanFreqMin_Hz='100' scanFreqMax_Hz='200'"] {
+            let plan = |range: &str| {
+                plan_airborne(&area, &testing::spinning(&format!("{limits} {range}")), &low, &FLAT)
+            };
+            let planned = plan("rangeMax_m='200'").unwrap();
+            let lines = planned.settings.iter().find(|(key, _)| *key == "scan_freq_hz").unwrap().1;
+            assert!(lines >= 100.0, "{limits}: {lines}");
+            let endless = plan("").unwrap_err();
+            assert!(endless.contains("rangeMax_m"), "{limits}: {endless}");
+        }
+    }
+
+    #[test]
+    fn cross_lines_are_perpendicular() {
+        let area = Area::rectangle([0.0, 0.0], [3000.0, 1000.0]).unwrap();
+        let plan =
+            plan_airborne(&area, &instrument(), &AirborneOptions { cross_lines: 2, ..options() }, &FLAT)
+                .unwrap();
+        let crossing: Vec<_> = plan
+            .waypoints
+            .iter()
+            .filter(|w| w.strip.as_deref().is_some_and(|s| s.starts_with("cross")))
+            .collect();
+        let mut x: Vec<f64> = crossing.iter().map(|w| w.position.x).collect();
+        x.sort_by(f64::total_cmp);
+        assert!(x.len() == 2 && (x[0] - 750.0).abs() < 1e-6 && (x[1] - 2250.0).abs() < 1e-6, "{x:?}");
+    }
+}

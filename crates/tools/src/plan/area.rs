@@ -1,0 +1,137 @@
+//! Areas on the ground, in the scene's world coordinates.
+
+use vlscan_geom::is_inside;
+
+/// A polygon without holes: its corners in order, without repeating the first one at the end. Coordinates are m.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Area {
+    corners: Vec<[f64; 2]>,
+}
+
+impl Area {
+    /// # Errors
+    /// A sentence that tells what is wrong: fewer than three corners, no area, a coordinate that is no metre.
+    pub fn new(mut corners: Vec<[f64; 2]>) -> Result<Area, String> {
+        corners.dedup();
+        if corners.len() > 1 && corners.first() == corners.last() {
+            corners.pop();
+        }
+        check_coordinates(&corners)?;
+        if corners.len() < 3 {
+            return Err(format!("an area of {} corners, expected at least 3", corners.len()));
+        }
+        let area = Area { corners };
+        if area.square_metres() < 1e-6 {
+            return Err("the corners of the area lie on one line".to_owned());
+        }
+        Ok(area)
+    }
+
+    /// The rectangle between two corners.
+    pub fn rectangle(low: [f64; 2], high: [f64; 2]) -> Result<Area, String> {
+        Area::new(vec![low, [high[0], low[1]], high, [low[0], high[1]]])
+    }
+
+    /// The corners of the polygon, x and y in m, without repetition of the first one.
+    pub fn corners(&self) -> &[[f64; 2]] {
+        &self.corners
+    }
+
+    /// The sides, from corner to corner.
+    pub fn sides(&self) -> impl Iterator<Item = [[f64; 2]; 2]> {
+        let next = self.corners.iter().cycle().skip(1);
+        self.corners.iter().zip(next).map(|(a, b)| [*a, *b])
+    }
+
+    /// Gauss' formula for the area of a polygon.
+    pub fn square_metres(&self) -> f64 {
+        // Relative to a corner, since world coordinates have many digits before the point.
+        let [x0, y0] = self.corners[0];
+        let cross = |[a, b]: [[f64; 2]; 2]| (a[0] - x0) * (b[1] - y0) - (b[0] - x0) * (a[1] - y0);
+        0.5 * self.sides().map(cross).sum::<f64>().abs()
+    }
+
+    /// Whether a point is inside.
+    pub fn contains(&self, place: [f64; 2]) -> bool {
+        is_inside(&self.corners, place)
+    }
+
+    /// The smallest and the largest coordinates.
+    pub fn bounds(&self) -> ([f64; 2], [f64; 2]) {
+        let fold = |pick: fn(f64, f64) -> f64, from: f64| {
+            self.corners.iter().fold([from; 2], |best, c| [pick(best[0], c[0]), pick(best[1], c[1])])
+        };
+        (fold(f64::min, f64::INFINITY), fold(f64::max, f64::NEG_INFINITY))
+    }
+
+    /// The smallest and the largest value of `along` where `across` is from `low` to `high`, both being linear functions
+    /// of the position; `None` where the area does not reach.
+    pub fn extent(
+        &self,
+        along: impl Fn([f64; 2]) -> f64,
+        across: impl Fn([f64; 2]) -> f64,
+        [low, high]: [f64; 2],
+    ) -> Option<[f64; 2]> {
+        let mut found: Option<[f64; 2]> = None;
+        let mut add = |value: f64| {
+            let [least, most] = found.unwrap_or([value; 2]);
+            found = Some([least.min(value), most.max(value)]);
+        };
+        for [a, b] in self.sides() {
+            let (s, e) = (across(a), across(b));
+            // The part of the side whose distance is within the limits, as fractions of the side.
+            let at = |limit: f64| if s == e { 0.0 } else { (limit - s) / (e - s) };
+            let (mut from, mut to) = (0.0_f64, 1.0_f64);
+            if s == e {
+                if s < low || s > high {
+                    continue;
+                }
+            } else {
+                from = from.max(at(low).min(at(high)));
+                to = to.min(at(low).max(at(high)));
+            }
+            if from <= to {
+                let value = |t: f64| along(a) + t * (along(b) - along(a));
+                add(value(from));
+                add(value(to));
+            }
+        }
+        found
+    }
+}
+
+/// # Errors
+/// A sentence that tells which coordinate is no metre.
+pub(super) fn check_coordinates(points: &[[f64; 2]]) -> Result<(), String> {
+    match points.iter().flatten().find(|v| !vlscan_base::quantity::COORDINATE.contains(**v)) {
+        Some(wrong) => {
+            Err(format!("coordinate {wrong:?}, expected {}", vlscan_base::quantity::COORDINATE.expected))
+        }
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn l_shape() -> Area {
+        Area::new(vec![[0.0, 0.0], [40.0, 0.0], [40.0, 10.0], [10.0, 10.0], [10.0, 30.0], [0.0, 30.0]])
+            .unwrap()
+    }
+
+    #[test]
+    fn an_area_knows_size_inside_and_extent() {
+        let area = l_shape();
+        assert_eq!(area.square_metres(), 600.0);
+        assert!(area.contains([35.0, 5.0]) && !area.contains([35.0, 15.0]) && area.contains([5.0, 25.0]));
+        assert_eq!(area.bounds(), ([0.0, 0.0], [40.0, 30.0]));
+        let along_x = |limits| area.extent(|p| p[0], |p| p[1], limits);
+        assert_eq!(along_x([2.0, 8.0]), Some([0.0, 40.0]));
+        assert_eq!(along_x([12.0, 20.0]), Some([0.0, 10.0]));
+        assert_eq!(along_x([31.0, 40.0]), None);
+        // Far from the origin as well.
+        let far = Area::rectangle([5e5, 5.4e6], [5e5 + 100.0, 5.4e6 + 50.0]).unwrap();
+        assert!((far.square_metres() - 5000.0).abs() < 1e-6);
+    }
+}

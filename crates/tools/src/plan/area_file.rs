@@ -1,0 +1,500 @@
+//! Areas and lines from files of GeoJSON, KML and well-known text.
+
+use super::area::{Area, check_coordinates};
+use super::corridor::corridor;
+use super::geometries::{Format, Geometry, Line, Shape, System, is_well_known_text, read_geometries};
+use std::collections::BTreeMap;
+use std::path::Path;
+use vlscan_base::crs;
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::input::read_text;
+use vlscan_base::quantity::number;
+use vlscan_geom::{UtmZone, radians};
+
+/// Maximum size of a file of an area or a line, bytes.
+const MAX_BYTES: u64 = 64 << 20;
+/// Extent below which coordinates without a system are degrees in every format: as metres such an area is too small to be
+/// scanned.
+const MAX_DEGREES: f64 = 1.0;
+
+/// Reads an area: a file of GeoJSON, KML or well-known text, or well-known text itself. Its first polygon counts, without its
+/// holes; with `buffer` (m) what is no farther from its first line. `scene_crs` is the system of the scene as WKT, if its files
+/// name one: coordinates of other systems are projected to it, if it is a UTM zone. Also returns what the user should know.
+///
+/// # Errors
+/// [`Error::Input`], [`Error::Io`].
+pub fn read_area(source: &str, scene_crs: Option<&str>, buffer: Option<f64>) -> Result<(Area, Diagnostics)> {
+    let failed = |what: String| Error::input(format!("{source}: {what}"));
+    let (area, found) = match buffer {
+        Some(distance) => {
+            let (line, found) = read_line(source, scene_crs)?;
+            (corridor(&line, distance), found)
+        }
+        None => {
+            let (corners, found) = Source::read(source, Wanted::Polygon)?.positions(scene_crs)?;
+            (Area::new(corners), found)
+        }
+    };
+    Ok((area.map_err(failed)?, found))
+}
+
+/// Reads a line, at least two positions, from the same sources as [`read_area`].
+///
+/// # Errors
+/// As [`read_area`].
+pub fn read_line(source: &str, scene_crs: Option<&str>) -> Result<(Vec<[f64; 2]>, Diagnostics)> {
+    let failed = |what: String| Error::input(format!("{source}: {what}"));
+    let (mut line, found) = Source::read(source, Wanted::Line)?.positions(scene_crs)?;
+    line.dedup();
+    check_coordinates(&line).map_err(failed)?;
+    match line.len() {
+        0 | 1 => Err(failed("a line of one position, expected at least 2".to_owned())),
+        _ => Ok((line, found)),
+    }
+}
+
+/// The kind of geometry that is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Wanted {
+    Polygon,
+    Line,
+}
+
+/// What the coordinates of a geometry are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Coordinates {
+    OfScene,
+    Degrees,
+    Utm(UtmZone),
+}
+
+/// A geometry with where it is from.
+struct Source<'s> {
+    name: &'s str,
+    /// The file; `None` for text of the command line.
+    place: Option<Place>,
+    format: Format,
+    line: Line,
+    system: System,
+    found: Diagnostics,
+}
+
+impl<'s> Source<'s> {
+    /// Reads the first geometry that is wanted, and warns of all that is not used.
+    fn read(name: &'s str, wanted: Wanted) -> Result<Source<'s>> {
+        let failed = |what: String| Error::input(format!("{name}: {what}"));
+        let (text, place) = match is_well_known_text(name) {
+            true => (name.to_owned(), None),
+            false => (read_text(Path::new(name), MAX_BYTES)?, Some(Place::of_file(Path::new(name)))),
+        };
+        let (format, all) = read_geometries(text.trim_start_matches('\u{feff}')).map_err(failed)?;
+        let (mut used, mut others) = (Vec::new(), BTreeMap::<String, usize>::new());
+        for Geometry { shape, system } in all {
+            let kind = match (shape, wanted) {
+                (Shape::Polygon(rings), Wanted::Polygon) => {
+                    used.push((rings, system));
+                    continue;
+                }
+                (Shape::Line(line), Wanted::Line) => {
+                    used.push((vec![line], system));
+                    continue;
+                }
+                (Shape::Polygon(_), _) => "Polygon".to_owned(),
+                (Shape::Line(_), _) => "LineString".to_owned(),
+                (Shape::Other(kind), _) => kind,
+            };
+            *others.entry(kind).or_default() += 1;
+        }
+        let count = used.len();
+        let (mut rings, system) =
+            used.into_iter().next().ok_or_else(|| failed(missing(wanted, format, &others)))?;
+        let line = if rings.is_empty() { Line::default() } else { rings.remove(0) };
+        let mut source = Source { name, place, format, line, system, found: Diagnostics::default() };
+        source.warn_of_unused(wanted, count, rings.len(), &others);
+        Ok(source)
+    }
+
+    fn warn_of_unused(
+        &mut self,
+        wanted: Wanted,
+        count: usize,
+        holes: usize,
+        others: &BTreeMap<String, usize>,
+    ) {
+        let (many, one) = match wanted {
+            Wanted::Polygon => ("polygons", "polygon"),
+            Wanted::Line => ("lines", "line"),
+        };
+        if count > 1 {
+            let message = format!("of {count} {many} only the first one is used");
+            self.warn(message, &format!("join them to one {one}, or write each to a file of its own"));
+        }
+        if holes > 0 {
+            let message = format!("the holes of the polygon ({holes}) are not left out of the area");
+            self.warn(message, "remove them, or divide what is around them into polygons without holes");
+        }
+        if !others.is_empty() {
+            let kinds: Vec<String> = others.iter().map(|(kind, count)| format!("{count} {kind}")).collect();
+            self.warn(
+                format!("not used, since the first {one} counts: {}", kinds.join(", ")),
+                &format!("remove what is no {one}"),
+            );
+        }
+        if self.line.has_heights {
+            let help =
+                "heights are those of the scene's ground, or of --ground; leave them out of the positions";
+            self.warn(format!("the heights of the {one} are not used"), help);
+        }
+    }
+
+    /// The text of a message: text of the command line has no place.
+    fn told(&self, message: String) -> String {
+        if self.place.is_some() { message } else { format!("{}: {message}", self.name) }
+    }
+
+    fn warn(&mut self, message: String, help: &str) {
+        let message = self.told(message);
+        self.found.warn(self.place.clone(), message).help(help);
+    }
+
+    fn note(&mut self, message: String) {
+        let message = self.told(message);
+        self.found.note(self.place.clone(), message);
+    }
+
+    /// The positions in the scene's coordinates.
+    fn positions(mut self, scene_crs: Option<&str>) -> Result<(Vec<[f64; 2]>, Diagnostics)> {
+        let positions =
+            self.coordinates(scene_crs).and_then(|coordinates| self.projected(coordinates, scene_crs));
+        match positions {
+            Ok(positions) => Ok((positions, self.found)),
+            Err(problem) => Err(Error::input(format!("{}: {problem}", self.name))),
+        }
+    }
+
+    /// Decides what the coordinates are, and tells it where they can be understood otherwise.
+    fn coordinates(&mut self, scene_crs: Option<&str>) -> Result<Coordinates, String> {
+        match self.system {
+            System::OfScene => Ok(Coordinates::OfScene),
+            System::Degrees => Ok(Coordinates::Degrees),
+            System::Epsg(code) => self.of_code(code, scene_crs),
+            System::Unstated => Ok(self.unstated(scene_crs.is_some())),
+        }
+    }
+
+    fn of_code(&mut self, code: u32, scene_crs: Option<&str>) -> Result<Coordinates, String> {
+        let own = crs::wkt_of_epsg(code).ok();
+        if let Some(problem) = own.as_deref().and_then(crs::unit_problem) {
+            return Err(format!("it is in EPSG:{code}: {problem}; {REPROJECT}"));
+        }
+        let Some(scene_crs) = scene_crs else {
+            self.note(format!(
+                "its coordinates are in EPSG:{code}, and taken as those of the scene, of which no system is known"
+            ));
+            return Ok(Coordinates::OfScene);
+        };
+        let has_same_code = match &own {
+            Some(own) => crs::epsg(scene_crs).is_some() && !crs::differ(own, scene_crs),
+            None => crs::epsg(scene_crs).is_some_and(|(_, of_scene)| u32::from(of_scene) == code),
+        };
+        let [zone, of_scene] = [own.as_deref(), Some(scene_crs)].map(|wkt| wkt.and_then(UtmZone::of_wkt));
+        match zone.zip(of_scene) {
+            Some((zone, of_scene)) if zone != of_scene => Ok(Coordinates::Utm(zone)),
+            // ETRS89 and WGS 84 have zones of their own, which differ by less than a metre.
+            Some(_) => Ok(Coordinates::OfScene),
+            None if has_same_code => Ok(Coordinates::OfScene),
+            None => Err(format!(
+                "its coordinates are in EPSG:{code}, those of the scene in {}; {REPROJECT}",
+                crs::name(scene_crs)
+            )),
+        }
+    }
+
+    /// GeoJSON without a system has degrees (RFC 7946, §4), well-known text the coordinates of the scene, unless it is too small
+    /// for metres.
+    fn unstated(&mut self, has_scene_crs: bool) -> Coordinates {
+        let positions = &self.line.positions;
+        let in_range = positions.iter().all(|p| p[0].abs() <= 180.0 && p[1].abs() <= 90.0);
+        if !in_range || positions.is_empty() {
+            return Coordinates::OfScene;
+        }
+        let spread = spread(positions);
+        let is_geojson = self.format == Format::GeoJson;
+        if spread < MAX_DEGREES {
+            if !is_geojson {
+                self.note(format!(
+                    "its coordinates are taken as longitude and latitude, degrees{OR_METRES_IN_WKT}"
+                ));
+            }
+            return Coordinates::Degrees;
+        }
+        match (is_geojson, has_scene_crs) {
+            (false, _) => Coordinates::OfScene,
+            (true, true) => {
+                let message = format!(
+                    "its coordinates, which extend over {}, are taken as degrees, as GeoJSON without `crs` has them",
+                    number(spread)
+                );
+                let help = "write \"crs\": null behind the first { if they are metres in the scene's coordinates; \"crs\": {\"type\": \
+                            \"name\", \"properties\": {\"name\": \"OGC:CRS84\"}} says that they are degrees";
+                self.warn(message, help);
+                Coordinates::Degrees
+            }
+            (true, false) => {
+                let message = "its coordinates are taken as metres in the scene's coordinates, though GeoJSON without `crs` \
+                               has degrees: no system of the scene is known to project them to";
+                let help = "write \"crs\": null behind the first { if they are metres; degrees must be projected, for example \
+                            with ogr2ogr -t_srs EPSG:25832";
+                self.warn(message.to_owned(), help);
+                Coordinates::OfScene
+            }
+        }
+    }
+
+    fn projected(&self, coordinates: Coordinates, scene_crs: Option<&str>) -> Result<Vec<[f64; 2]>, String> {
+        let geographic = |[x, y]: [f64; 2]| match coordinates {
+            Coordinates::Utm(zone) => zone.unproject(x, y),
+            _ => (radians(y), radians(x)),
+        };
+        if coordinates == Coordinates::OfScene {
+            return Ok(self.line.positions.clone());
+        }
+        let or_metres = match (self.system, self.format) {
+            (System::Unstated, Format::GeoJson) => {
+                "; if they are metres, write \"crs\": null behind the first {"
+            }
+            (System::Unstated, _) => OR_METRES_IN_WKT,
+            _ => "",
+        };
+        let Some(zone) = scene_crs.and_then(UtmZone::of_wkt) else {
+            let why = match scene_crs {
+                Some(wkt) => format!("the scene is in {}, which is no UTM zone", crs::name(wkt)),
+                None => "no UTM zone of a scene is known to project them to".to_owned(),
+            };
+            return Err(format!(
+                "its coordinates are degrees, and {why}; expected metres in the scene's coordinates: {REPROJECT}{or_metres}"
+            ));
+        };
+        let project = |position: &[f64; 2]| {
+            let (latitude, longitude) = geographic(*position);
+            let place = zone.project(latitude, longitude).map(|place| [place.easting, place.northing]);
+            place.ok_or_else(|| {
+                let [x, y] = position;
+                format!("the position {x} {y} is too far from the scene's UTM zone {zone}{or_metres}")
+            })
+        };
+        self.line.positions.iter().map(project).collect()
+    }
+}
+
+const REPROJECT: &str = "reproject it, for example with ogr2ogr -t_srs EPSG:25832";
+const OR_METRES_IN_WKT: &str = "; if they are metres, write SRID=0; before it";
+
+/// The larger extent of the positions.
+fn spread(positions: &[[f64; 2]]) -> f64 {
+    let extent = |axis: usize| {
+        let values = positions.iter().map(|position| position[axis]);
+        values.clone().fold(f64::NEG_INFINITY, f64::max) - values.fold(f64::INFINITY, f64::min)
+    };
+    extent(0).max(extent(1))
+}
+
+/// The message for a source without the geometry that is wanted.
+fn missing(wanted: Wanted, format: Format, others: &BTreeMap<String, usize>) -> String {
+    let kind = match wanted {
+        Wanted::Polygon => "Polygon",
+        Wanted::Line => "LineString",
+    };
+    let help = match wanted {
+        Wanted::Polygon if others.contains_key("LineString") => "; --buffer makes an area of a line",
+        _ => "",
+    };
+    format!("no {kind} in the {}{help}", format.name())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn l_shape() -> Area {
+        Area::new(vec![[0.0, 0.0], [40.0, 0.0], [40.0, 10.0], [10.0, 10.0], [10.0, 30.0], [0.0, 30.0]])
+            .unwrap()
+    }
+
+    fn zone(text: &str) -> String {
+        crs::wkt_of_zone(UtmZone::parse(text).unwrap()).unwrap()
+    }
+
+    /// Reads an area from a file with this text; also returns what is told.
+    fn read(name: &str, text: &str, scene: Option<&str>, buffer: Option<f64>) -> Result<(Area, String)> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        let found = read_area(path.to_str().unwrap(), scene, buffer);
+        found.map(|(area, found)| (area, found.render(false)))
+    }
+
+    fn refused<T: std::fmt::Debug>(found: Result<T>) -> String {
+        match found {
+            Err(Error::Input(problems)) => problems.render(false),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    fn geojson(crs: &str, geometry: &str) -> String {
+        let features = format!(r#"[{{"type":"Feature","properties":{{}},"geometry":{geometry}}}]"#);
+        format!(r#"{{{crs}"type":"FeatureCollection","features":{features}}}"#)
+    }
+
+    const RING: &str = "[[0,0],[40,0],[40,10],[10,10],[10,30],[0,30],[0,0]]";
+
+    #[test]
+    fn polygons_are_read_in_all_notations() {
+        let told = |found: (Area, Diagnostics)| (found.0, found.1.render(false));
+        let wkt = "POLYGON ((0 0, 40 0, 40 10, 10 10, 10 30, 0 30, 0 0))";
+        assert_eq!(told(read_area(wkt, None, None).unwrap()), (l_shape(), String::new()));
+        let polygon = format!(r#"{{"type":"Polygon","coordinates":[{RING}]}}"#);
+        let found = read("plot.geojson", &geojson("\"crs\":null,", &polygon), None, None).unwrap();
+        assert_eq!(found, (l_shape(), String::new()));
+        let (line, _) = read_line("linestring(0 0, 30.5 40)", None).unwrap();
+        assert_eq!(line, [[0.0, 0.0], [30.5, 40.0]]);
+    }
+
+    #[test]
+    fn what_is_not_used_is_told() {
+        let polygons = format!(
+            r#"{{"type":"MultiPolygon","coordinates":[[{RING},[[1,1],[2,1],[2,2],[1,1]]],[{RING}]]}}"#
+        );
+        let (area, told) = read("plot.geojson", &geojson("\"crs\":null,", &polygons), None, None).unwrap();
+        assert_eq!(area, l_shape());
+        for part in [
+            "warning: of 2 polygons only the first one is used",
+            "plot.geojson",
+            "the holes of the polygon (1)",
+        ] {
+            assert!(told.contains(part), "{part}: {told}");
+        }
+        let text = "LINESTRING (0 0 5, 100 0 6)\nPOINT (1 1)\nPOINT (2 2)\nLINESTRING (0 0, 1 1)";
+        let (_, told) = read("road.wkt", text, None, Some(10.0)).unwrap();
+        for part in
+            ["of 2 lines only", "the first line counts: 2 POINT", "the heights of the line are not used"]
+        {
+            assert!(told.contains(part), "{part}: {told}");
+        }
+        // Text of the command line has no file.
+        let hole = "POLYGON ((0 0, 40 0, 40 40, 0 0), (1 1, 2 1, 2 2, 1 1))";
+        let (_, found) = read_area(hole, None, None).unwrap();
+        assert!(
+            found.render(false).contains("POLYGON ((0 0, 40 0, 40 40, 0 0), (1 1"),
+            "{}",
+            found.render(false)
+        );
+    }
+
+    #[test]
+    fn geojson_without_a_system_has_degrees() {
+        let line = r#"{"type":"LineString","coordinates":[[8,49],[8.8,49.3]]}"#;
+        let said = refused(read("road.geojson", line, None, Some(40.0)));
+        assert!(said.contains("degrees") && said.contains("\"crs\": null"), "{said}");
+        let utm = zone("32N");
+        let (area, told) = read("road.geojson", line, Some(&utm), Some(40.0)).unwrap();
+        let (low, high) = area.bounds();
+        // 58 km to the east.
+        assert!(
+            told.is_empty() && (55e3..62e3).contains(&(high[0] - low[0])) && low[0] > 4e5,
+            "{told} {low:?} {high:?}"
+        );
+        // A plot of 40 m over a scene that names no system, or one that does.
+        let polygon = format!(r#"{{"type":"Polygon","coordinates":[{RING}]}}"#);
+        let (area, told) = read("plot.geojson", &polygon, None, None).unwrap();
+        assert!(area == l_shape() && told.contains("warning: its coordinates are taken as metres"), "{told}");
+        let (_, told) = read("plot.geojson", &polygon.replace("40", "14"), Some(&utm), None).unwrap();
+        assert!(told.contains("extend over 30, are taken as degrees"), "{told}");
+        let far = polygon.replace("40", "60");
+        assert!(
+            refused(read("plot.geojson", &far, Some(&utm), None))
+                .contains("too far from the scene's UTM zone 32N")
+        );
+        // Coordinates that cannot be degrees.
+        let grid = r#"{"type":"Polygon","coordinates":[[[500000,5400000],[500100,5400000],[500100,5400100],[500000,5400000]]]}"#;
+        assert_eq!(read("plot.geojson", grid, Some(&utm), None).unwrap().1, "");
+    }
+
+    #[test]
+    fn the_system_of_a_file_counts() {
+        let utm = zone("32N");
+        let read = |code: &str, ring: &str, scene: Option<&str>| {
+            let crs = format!(r#""crs":{{"type":"name","properties":{{"name":"{code}"}}}},"#);
+            let polygon = format!(r#"{{"type":"Polygon","coordinates":[{ring}]}}"#);
+            read("plot.geojson", &geojson(&crs, &polygon), scene, None)
+        };
+        let grid = "[[500000,5400000],[500100,5400000],[500100,5400100],[500000,5400000]]";
+        let plain = read("EPSG:25832", grid, Some(&utm)).unwrap();
+        assert_eq!((plain.0.bounds().0, plain.1.as_str()), ([5e5, 5.4e6], ""));
+        // The central meridian of zone 33 is 441 km east of that of zone 32.
+        let (area, told) = read("urn:ogc:def:crs:EPSG::25833", grid, Some(&utm)).unwrap();
+        let (low, _) = area.bounds();
+        assert!(told.is_empty() && (930e3..950e3).contains(&low[0]), "{low:?} {told}");
+        let (area, told) = read("EPSG:25833", grid, None).unwrap();
+        assert!(
+            area.bounds().0 == [5e5, 5.4e6] && told.contains("note: its coordinates are in EPSG:25833"),
+            "{told}"
+        );
+        assert!(
+            refused(read("EPSG:31467", grid, Some(&utm)))
+                .contains("in EPSG:31467, those of the scene in WGS 84")
+        );
+        assert!(refused(read("EPSG:2222", grid, None)).contains("feet"));
+        assert!(refused(read("EPSG:4267", grid, None)).contains("degrees"));
+        let degrees = "[[8.67,49.41],[8.68,49.41],[8.68,49.42],[8.67,49.41]]";
+        assert!(read("EPSG:4326", degrees, Some(&utm)).unwrap().0.bounds().0[0] > 4e5);
+        assert!(refused(read("EPSG:4326", degrees, None)).contains("UTM zone"));
+        let lambert = crs::wkt_of_epsg(2154).unwrap();
+        assert!(refused(read("EPSG:4326", degrees, Some(&lambert))).contains("is no UTM zone"));
+        assert!(read("EPSG:2154", grid, Some(&lambert)).unwrap().1.is_empty());
+    }
+
+    #[test]
+    fn wrong_areas_are_refused_with_what_is_wrong() {
+        let said = |source: &str| refused(read_area(source, None, None));
+        assert!(said("POLYGON ((0 0, 1 1))").contains("at least 3"));
+        assert!(said("POLYGON ((0 0, 1 1, 2 2))").contains("one line"));
+        assert!(said("POLYGON ((0 0, 1 b, 2 2))").contains("1 b"));
+        assert!(said("POLYGON EMPTY (())").contains("expected"));
+        assert!(said("POLYGON ((8.67 49.41, 8.68 49.41, 8.68 49.42))").contains("degrees"));
+        assert!(
+            read_area("POLYGON ((-1.5 -1.5, 1.5 -1.5, 1.5 1.5, -1.5 1.5))", None, None).is_ok(),
+            "a plot of 3 m"
+        );
+        assert!(read_area("SRID=0;POLYGON ((0 0, 0.5 0, 0.5 0.5))", None, None).is_ok(), "of half a metre");
+        assert!(said("POLYGON ((0 0, 1e300 0, 2 2))").contains("coordinate"));
+        assert!(read_line("LINESTRING (1 1)", None).is_err());
+        assert!(said("LINESTRING (0 0, 100 0)").contains("--buffer"));
+    }
+
+    #[test]
+    fn lines_become_areas_and_degrees_are_projected() {
+        let (corridor, _) = read_area("LINESTRING (0 0, 100 0)", None, Some(10.0)).unwrap();
+        assert!(corridor.contains([50.0, 9.0]) && !corridor.contains([50.0, 11.0]));
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("road.kml");
+        let kml = "<?xml version=\"1.0\"?><kml xmlns=\"http://www.opengis.net/kml/2.2\"><Document><Placemark><LineString>\
+                   <coordinates>9.0,49.0,0 9.01,49.0,0\n 9.01,49.005,0</coordinates></LineString></Placemark></Document></kml>";
+        std::fs::write(&path, kml).unwrap();
+        let source = path.to_str().unwrap();
+        let (line, found) = read_line(source, Some(&zone("32N"))).unwrap();
+        // The central meridian of zone 32 is 9 degrees east.
+        assert!((line[0][0] - 5e5).abs() < 1e-6 && (line[1][0] - 500_731.0).abs() < 2.0, "{line:?}");
+        assert!((line[2][1] - line[1][1] - 556.0).abs() < 1.0 && found.is_empty(), "{line:?}");
+        assert!(refused(read_line(source, None)).contains("UTM zone"));
+        let wkt = "LINESTRING (9 49, 9.01 49)";
+        let (line, found) = read_line(wkt, Some(&zone("32N"))).unwrap();
+        assert!((line[0][0] - 5e5).abs() < 1e-6);
+        assert!(
+            found
+                .render(false)
+                .contains("note: LINESTRING (9 49, 9.01 49): its coordinates are taken as longitude")
+        );
+    }
+}

@@ -1,0 +1,358 @@
+//! Where the beams of an instrument meet flat ground, sampled from the optics that the simulator turns: whatever deflector,
+//! channels, facets and head an instrument has, no formula of its own is needed.
+
+use super::reach::{Reach, Seen};
+use vlscan_base::rng::GOLDEN;
+use vlscan_geom::{DVec3, Rotation};
+use vlscan_lidar::scanner::{DevicePlan, DeviceState};
+use vlscan_survey::{Device, Kinematics, Mount, ScannerSettings};
+
+/// Most samples, all devices together.
+const MAX_SAMPLES: f64 = 60_000.0;
+/// Intervals of the profile across a strip.
+const BINS: usize = 256;
+/// Share of the pulses ahead and behind that may be left out of the reach along the flight.
+const TAIL: f64 = 0.005;
+
+/// Directions of a sample of the pulses of one device, in the axes of the mount (x right, y ahead, z up).
+#[derive(Clone, Debug)]
+struct DeviceBeams {
+    directions: Vec<DVec3>,
+    /// Where the beams leave, relative to the mount, m.
+    offset: DVec3,
+    reach: Reach,
+}
+
+/// Directions of a sample of an instrument's pulses.
+#[derive(Clone, Debug)]
+pub(super) struct Beams {
+    devices: Vec<DeviceBeams>,
+    /// Pulse periods from one sample to the next.
+    stride: u32,
+    /// Pulses that leave the instrument, per pulse that it counts and device.
+    pub fired: f64,
+}
+
+impl Beams {
+    /// Samples `steps` pulse periods of a leg with these settings.
+    ///
+    /// # Errors
+    /// A sentence: a formula of a mechanical error without a value, optics that emit nothing.
+    pub fn of(devices: &[(Device, Reach)], settings: &ScannerSettings, steps: f64) -> Result<Beams, String> {
+        let steps = steps.clamp(1.0, f64::from(u32::MAX / 2));
+        // Odd, so that halves and quarters of a line are met.
+        let stride = (steps * devices.len() as f64 / MAX_SAMPLES).floor().max(0.0) as u32 / 2 * 2 + 1;
+        let count = (steps / f64::from(stride)).ceil() as u32;
+        let mut fired = 0.0;
+        let mut beams = Vec::with_capacity(devices.len());
+        for (index, (device, reach)) in devices.iter().enumerate() {
+            // Channels that turn together are sampled at different angles, so that together they meet the edges of a strip.
+            let first = ((index as f64 * GOLDEN).fract() * f64::from(stride)) as u32;
+            let directions = directions(device, settings, first, count, stride)?;
+            fired += directions.len() as f64;
+            beams.push(DeviceBeams { directions, offset: device.beam_origin.offset, reach: *reach });
+        }
+        if fired == 0.0 {
+            return Err("the instrument emits no pulse with these settings".to_owned());
+        }
+        Ok(Beams { devices: beams, stride, fired: fired / (f64::from(count) * devices.len() as f64) })
+    }
+
+    /// Where the beams meet flat ground `height` m below a platform that carries the instrument on `mount`.
+    pub fn over_ground(&self, mount: &Mount, height: f64) -> Field {
+        let mut places = Vec::new();
+        let (mut all, mut down, mut lost) = (0.0, 0.0, Lost::default());
+        for device in &self.devices {
+            let above = height + mount.offset.z + mount.rotation.apply(device.offset).z;
+            all += device.directions.len() as f64;
+            for direction in &device.directions {
+                let beam = mount.rotation.apply(*direction);
+                if beam.z >= -1e-9 {
+                    continue;
+                }
+                down += 1.0;
+                let range = above / -beam.z;
+                match device.reach.of_ground(range, -beam.z) {
+                    Seen::Measured => places.push([beam.x * range, beam.y * range]),
+                    Seen::TooNear => lost.too_near += 1.0,
+                    Seen::TooFar => lost.too_far += 1.0,
+                    Seen::TooWeak => lost.too_weak += 1.0,
+                }
+            }
+        }
+        Field::of(&places, all, down, lost)
+    }
+
+    /// The same beams of devices that measure ground at any distance.
+    pub fn unlimited(&self) -> Beams {
+        let far = |device: &DeviceBeams| DeviceBeams { reach: Reach::UNLIMITED, ..device.clone() };
+        Beams { devices: self.devices.iter().map(far).collect(), ..*self }
+    }
+
+    /// Fewer samples of the same beams, about `count`.
+    fn thinned(&self, count: usize) -> Beams {
+        let all: usize = self.devices.iter().map(|device| device.directions.len()).sum();
+        // Odd, as in sampling.
+        let stride = all / count / 2 * 2 + 1;
+        // Devices that turn together are sampled at different angles.
+        let thin = |(i, device): (usize, &DeviceBeams)| DeviceBeams {
+            directions: device.directions.iter().skip(i % stride).step_by(stride).copied().collect(),
+            ..*device
+        };
+        Beams { devices: self.devices.iter().enumerate().map(thin).collect(), ..*self }
+    }
+
+    /// The median angle between successive pulses of a device, rad; 0 if there are fewer than two.
+    pub fn step_angle(&self) -> f64 {
+        let Some(device) = self.devices.first() else { return 0.0 };
+        let pairs = device.directions.windows(2);
+        let mut angles: Vec<f64> =
+            pairs.map(|pair| libm::asin(pair[0].cross(pair[1]).length().min(1.0))).collect();
+        angles.sort_by(f64::total_cmp);
+        angles.get(angles.len() / 2).copied().unwrap_or(0.0) / f64::from(self.stride)
+    }
+}
+
+/// Directions of every `stride`-th pulse of a device after the `first` ones, as far as it fires.
+fn directions(
+    device: &Device,
+    settings: &ScannerSettings,
+    first: u32,
+    count: u32,
+    stride: u32,
+) -> Result<Vec<DVec3>, String> {
+    let plan = DevicePlan::new(device, Kinematics::CORRECTED);
+    let mut state = DeviceState::at_rest(&plan);
+    state.start_leg(&plan, settings);
+    let mut found = Vec::with_capacity(count as usize);
+    let skip = |state: &mut DeviceState, steps: u32| match plan.errors.any() {
+        false => {
+            state.advance(&plan, true, steps);
+        }
+        true => (0..steps).for_each(|_| {
+            state.step_head(&plan);
+            state.deflector.step(&plan);
+        }),
+    };
+    skip(&mut state, first);
+    for _ in 0..count {
+        skip(&mut state, stride - 1);
+        state.step_head(&plan);
+        state.deflector.step(&plan);
+        if state.deflector.is_firing() {
+            found.push(state.emitter(&plan).after(state.deflector.rotation(&plan)).forward());
+        }
+    }
+    match found.iter().all(|direction| direction.is_finite()) {
+        true => Ok(found),
+        false => Err(state.formula_error(&plan).to_string()),
+    }
+}
+
+/// Numbers of pulses that point at ground which the instrument does not measure.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Lost {
+    pub too_near: f64,
+    pub too_far: f64,
+    pub too_weak: f64,
+}
+
+/// Where an instrument's beams meet flat ground below it, m from the platform.
+#[derive(Clone, Debug)]
+pub(super) struct Field {
+    /// The outermost beams to the left and to the right within the instrument's ranges, m.
+    pub across: [f64; 2],
+    /// How far behind (negative) and ahead beams reach the ground, m; all but a hundredth of them.
+    pub along: [f64; 2],
+    /// Share of the fired pulses whose ground the instrument measures.
+    pub measured: f64,
+    /// Shares of those that point down whose ground the instrument does not measure.
+    pub lost: Lost,
+    /// Share of the fired pulses per metre across, in equal intervals of `across`.
+    profile: Vec<f64>,
+}
+
+impl Field {
+    fn of(places: &[[f64; 2]], all: f64, down: f64, lost: Lost) -> Field {
+        let of_down = |number: f64| if down > 0.0 { number / down } else { 0.0 };
+        let mut field = Field {
+            across: [0.0; 2],
+            along: [0.0; 2],
+            measured: places.len() as f64 / all,
+            lost: Lost {
+                too_near: of_down(lost.too_near),
+                too_far: of_down(lost.too_far),
+                too_weak: of_down(lost.too_weak),
+            },
+            profile: vec![0.0; BINS],
+        };
+        if places.is_empty() {
+            return field;
+        }
+        let ends = |values: &[f64]| {
+            let fold = |ends: [f64; 2], v: &f64| [ends[0].min(*v), ends[1].max(*v)];
+            values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], fold)
+        };
+        let x: Vec<f64> = places.iter().map(|place| place[0]).collect();
+        let mut y: Vec<f64> = places.iter().map(|place| place[1]).collect();
+        field.across = ends(&x);
+        y.sort_by(f64::total_cmp);
+        let tail = (TAIL * y.len() as f64) as usize;
+        field.along = ends(&y[tail..y.len() - tail]);
+        let bin = field.width() / BINS as f64;
+        for x in x {
+            let index = ((x - field.across[0]) / bin.max(f64::MIN_POSITIVE)) as usize;
+            field.profile[index.min(BINS - 1)] += 1.0 / (all * bin.max(f64::MIN_POSITIVE));
+        }
+        field
+    }
+
+    /// Width of the strip, m.
+    pub fn width(&self) -> f64 {
+        self.across[1] - self.across[0]
+    }
+
+    /// The larger distance from the flight line at which there are points, m.
+    pub fn reach(&self) -> f64 {
+        self.across[1].max(-self.across[0])
+    }
+
+    /// Share of the fired pulses per metre across, `x` m to the right of the flight line.
+    pub fn profile(&self, x: f64) -> f64 {
+        let bin = self.width() / BINS as f64;
+        if x < self.across[0] || x >= self.across[1] || bin <= 0.0 {
+            return 0.0;
+        }
+        self.profile[(((x - self.across[0]) / bin) as usize).min(BINS - 1)]
+    }
+
+    /// Mean share of the fired pulses per metre across between two distances to the right of the flight line.
+    pub fn mean_profile(&self, [from, to]: [f64; 2]) -> f64 {
+        const STEPS: u32 = 200;
+        let at = |i: u32| from + (to - from) * (f64::from(i) + 0.5) / f64::from(STEPS);
+        (0..STEPS).map(|i| self.profile(at(i))).sum::<f64>() / f64::from(STEPS)
+    }
+
+    /// Share of the fired pulses that reach the ground no farther than `distance` m to either side.
+    pub fn share_within(&self, distance: f64) -> f64 {
+        2.0 * distance * self.mean_profile([-distance, distance])
+    }
+
+    /// Whether the strip lies on both sides of the flight line alike.
+    pub fn is_symmetric(&self) -> bool {
+        let width = self.width();
+        width > 0.0 && (self.across[0] + self.across[1]).abs() < 0.06 * width
+    }
+
+    /// How far ahead (positive) of the platform the middle of the strip is, m.
+    pub fn ahead(&self) -> f64 {
+        0.5 * (self.along[0] + self.along[1])
+    }
+}
+
+/// A rotation of a mount by quarter turns, as a pipeline file writes it: about x, then y, then z of the platform, degrees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct QuarterTurns(pub [f64; 3]);
+
+impl QuarterTurns {
+    pub fn rotation(self) -> Rotation {
+        let [x, y, z] = self.0.map(f64::to_radians);
+        Rotation::about_z(z).after(Rotation::about_y(y)).after(Rotation::about_x(x))
+    }
+
+    /// The turns, in order, with their axes.
+    pub fn steps(self) -> impl Iterator<Item = (char, f64)> {
+        ['x', 'y', 'z'].into_iter().zip(self.0).filter(|(_, angle)| *angle != 0.0)
+    }
+
+    /// The turns in words.
+    pub fn text(self) -> String {
+        let steps: Vec<String> = self.steps().map(|(axis, angle)| format!("{angle}° about {axis}")).collect();
+        if steps.is_empty() { "nothing".to_owned() } else { steps.join(", then ") }
+    }
+
+    /// All 24 of them, those of fewer turns first.
+    fn all() -> Vec<QuarterTurns> {
+        let angles = [0.0, 90.0, 180.0, -90.0];
+        let mut all: Vec<QuarterTurns> = angles
+            .iter()
+            .flat_map(|x| angles.iter().map(move |y| [*x, *y]))
+            .flat_map(|[x, y]| angles.iter().map(move |z| QuarterTurns([x, y, *z])))
+            .collect();
+        all.sort_by_key(|turns| turns.0.iter().filter(|angle| **angle != 0.0).count());
+        let image = |turns: &QuarterTurns| {
+            let rotation = turns.rotation();
+            [DVec3::X, DVec3::Y].map(|axis| rotation.apply(axis).round())
+        };
+        let mut different: Vec<QuarterTurns> = Vec::new();
+        for turns in all {
+            if different.iter().all(|other| image(other) != image(&turns)) {
+                different.push(turns);
+            }
+        }
+        different
+    }
+}
+
+/// How well a field serves a strip below a flight: the width of the strip times the share of the pulses in its middle half.
+fn merit(field: &Field) -> f64 {
+    if !field.is_symmetric() { 0.0 } else { field.width() * field.share_within(0.25 * field.width()) }
+}
+
+/// Samples by which mounts are compared.
+const MERIT_SAMPLES: usize = 10_000;
+/// How much of the best merit of any mount one must have.
+const MIN_MERIT: f64 = 0.9;
+/// Largest tangent of the angle by which the middle of the strip may lie ahead of the platform or behind it: 45°.
+const MAX_TILT: f64 = 1.0;
+
+/// The quarter turns that serve strips below a flight best, the simplest among equals, and whether `mount` does as well.
+pub(super) fn best_mount(beams: &Beams, mount: &Mount, height: f64) -> Option<(QuarterTurns, bool)> {
+    let beams = beams.thinned(MERIT_SAMPLES);
+    let merit_of = |rotation: Rotation| {
+        let field = beams.over_ground(&Mount { rotation, ..*mount }, height);
+        if field.ahead().abs() > MAX_TILT * height { 0.0 } else { merit(&field) }
+    };
+    let mut best: Option<(QuarterTurns, f64)> = None;
+    for turns in QuarterTurns::all() {
+        let found = merit_of(turns.rotation());
+        if found > 0.0 && best.is_none_or(|(_, most)| found > 1.02 * most) {
+            best = Some((turns, found));
+        }
+    }
+    best.map(|(turns, most)| (turns, merit_of(mount.rotation) >= MIN_MERIT * most))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quarter_turns_are_the_rotations_of_a_cube() {
+        let all = QuarterTurns::all();
+        assert_eq!((all.len(), all[0]), (24, QuarterTurns([0.0; 3])));
+    }
+
+    #[test]
+    fn a_field_is_that_of_its_beams() {
+        // A line of beams across, evenly spaced in angle, 30 degrees to either side.
+        let directions = (0..40_000).map(|i| {
+            let angle = (f64::from(i) / 39_999.0 * 60.0 - 30.0).to_radians();
+            DVec3::new(libm::sin(angle), 0.0, -libm::cos(angle))
+        });
+        let mut device = vlscan_survey::catalogue().unwrap().0.scanners[0].1.devices[0].clone();
+        (device.detector.range_min, device.detector.range_max) = (1.0, 113.0);
+        let reach = Reach::of(&device, 1.0, 1.0);
+        let device = DeviceBeams { directions: directions.collect(), offset: DVec3::ZERO, reach };
+        let beams = Beams { devices: vec![device], stride: 1, fired: 1.0 };
+        let field = beams.over_ground(&Mount::IDENTITY, 100.0);
+        let edge = (113.0f64 * 113.0 - 100.0 * 100.0).sqrt();
+        assert!((field.width() / (2.0 * edge) - 1.0).abs() < 1e-3, "{} {edge}", field.width());
+        // The density of a mirror at constant speed is proportional to cos².
+        let nadir = 100.0 / (100.0 * 100.0) / (60f64.to_radians());
+        assert!((field.mean_profile([-2.0, 2.0]) / nadir - 1.0).abs() < 0.01);
+        let at = |x: f64| field.mean_profile([x - 1.0, x + 1.0]) / nadir;
+        assert!((at(40.0) - 1.0 / 1.16).abs() < 0.02, "{}", at(40.0));
+        assert!((field.measured + field.lost.too_far - 1.0).abs() < 1e-12 && field.is_symmetric());
+    }
+}

@@ -1,0 +1,137 @@
+//! The ground below a flight, and heights of lines that follow it.
+
+use super::area::Area;
+use super::line::Line;
+use vlscan_geom::DVec3;
+
+/// Most waypoints of a line that follows the ground.
+const MAX_STEPS: f64 = 100_000.0;
+
+/// Largest distance of the ground-following line from one with all waypoints, a part of the height above the ground.
+const MAX_DEVIATION: f64 = 0.01;
+
+/// The ground below a flight.
+pub struct Ground<'g> {
+    /// Height at x, y, m; `None` where there is none.
+    pub height: &'g dyn Fn(f64, f64) -> Option<f64>,
+    /// Height where there is none in the whole area, m.
+    pub level: f64,
+}
+
+/// Mean and range of the ground below an area, m.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Level {
+    pub mean: f64,
+    pub low: f64,
+    pub high: f64,
+    /// Fraction of the positions with ground.
+    pub known: f64,
+}
+
+/// The ground at positions of a grid within the area.
+pub(super) fn mean_ground(area: &Area, ground: &Ground) -> Level {
+    const STEPS: u32 = 24;
+    let (low, high) = area.bounds();
+    let at = |i: u32, from: f64, to: f64| from + (to - from) * (f64::from(i) + 0.5) / f64::from(STEPS);
+    let places = (0..STEPS).flat_map(|i| (0..STEPS).map(move |k| (i, k)));
+    let mut inside: Vec<[f64; 2]> = places
+        .map(|(i, k)| [at(i, low[0], high[0]), at(k, low[1], high[1])])
+        .filter(|p| area.contains(*p))
+        .collect();
+    if inside.is_empty() {
+        // Narrower than the distance of the positions.
+        inside = area.corners().to_vec();
+    }
+    let heights: Vec<f64> = inside.iter().filter_map(|[x, y]| (ground.height)(*x, *y)).collect();
+    if heights.is_empty() {
+        return Level { mean: ground.level, low: ground.level, high: ground.level, known: 0.0 };
+    }
+    Level {
+        mean: heights.iter().sum::<f64>() / heights.len() as f64,
+        low: heights.iter().copied().fold(f64::INFINITY, f64::min),
+        high: heights.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+        known: heights.len() as f64 / inside.len() as f64,
+    }
+}
+
+/// Heights of flight lines.
+pub(super) struct Heights<'g> {
+    pub ground: &'g Ground<'g>,
+    /// Where the ground is unknown, m.
+    pub level: f64,
+    /// Height above the ground, m.
+    pub above: f64,
+    /// Steepest climb, rad; level lines if `None`.
+    pub climb: Option<f64>,
+}
+
+impl Heights<'_> {
+    /// The waypoints of a line. A line that follows the ground is at its sampled positions, a quarter of the wanted height apart, at
+    /// most [`MAX_DEVIATION`] lower above it than wanted; before waypoints are left out it climbs nowhere more steeply than
+    /// allowed.
+    pub fn follow(&self, line: &Line) -> Result<Vec<DVec3>, String> {
+        let place = |[x, y]: [f64; 2], z: f64| DVec3::new(x, y, z);
+        let Some(climb) = self.climb else {
+            return Ok([line.from, line.to].map(|p| place(p, self.level + self.above)).to_vec());
+        };
+        let steps = (line.length() / (self.above / 4.0)).ceil().max(1.0);
+        if steps > MAX_STEPS {
+            return Err(format!("a line of {steps:.0} waypoints, expected at most {MAX_STEPS}"));
+        }
+        let count = steps as usize + 1;
+        let at = |i: usize| line.at(i as f64 / steps);
+        let mut z: Vec<f64> = (0..count)
+            .map(|i| (self.ground.height)(at(i)[0], at(i)[1]).unwrap_or(self.level) + self.above)
+            .collect();
+        let rise = climb.tan() * line.length() / steps;
+        for i in 1..count {
+            z[i] = z[i].max(z[i - 1] - rise);
+        }
+        for i in (1..count).rev() {
+            z[i - 1] = z[i - 1].max(z[i] - rise);
+        }
+        let points: Vec<DVec3> = (0..count).map(|i| place(at(i), z[i])).collect();
+        Ok(simplified(&points, MAX_DEVIATION * self.above))
+    }
+}
+
+/// Leaves out points whose height differs from the line between those that are kept by at most `tolerance` (Ramer 1972,
+/// Douglas and Peucker 1973).
+fn simplified(points: &[DVec3], tolerance: f64) -> Vec<DVec3> {
+    let mut keep = vec![false; points.len()];
+    (keep[0], keep[points.len() - 1]) = (true, true);
+    let mut open = vec![(0, points.len() - 1)];
+    while let Some((from, to)) = open.pop() {
+        let deviation = |i: usize| {
+            let t = (i - from) as f64 / (to - from) as f64;
+            (points[i].z - (points[from].z + t * (points[to].z - points[from].z))).abs()
+        };
+        let worst = (from + 1..to).max_by(|a, b| deviation(*a).total_cmp(&deviation(*b)));
+        if let Some(worst) = worst.filter(|i| deviation(*i) > tolerance) {
+            keep[worst] = true;
+            open.extend([(from, worst), (worst, to)]);
+        }
+    }
+    points.iter().zip(keep).filter(|(_, keep)| *keep).map(|(p, _)| *p).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn narrow_areas_have_the_ground_of_their_corners() {
+        // Two thin wedges between the positions of the grid.
+        let area = Area::new(vec![[0.0, 0.0], [500.0, 1.0], [1000.0, 0.0], [500.0, 1.0001]]).unwrap();
+        let slope = |x: f64, _: f64| Some(x);
+        let level = mean_ground(&area, &Ground { height: &slope, level: -5.0 });
+        assert_eq!((level.low, level.high, level.known), (0.0, 1000.0, 1.0));
+    }
+
+    #[test]
+    fn areas_without_ground_have_the_level_that_is_given() {
+        let area = Area::rectangle([0.0; 2], [10.0; 2]).unwrap();
+        let level = mean_ground(&area, &Ground { height: &|_, _| None, level: 120.0 });
+        assert_eq!((level.mean, level.high - level.low, level.known), (120.0, 0.0, 0.0));
+    }
+}

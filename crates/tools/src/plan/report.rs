@@ -1,0 +1,174 @@
+//! What a plan of a flight promises, as comments, and what the user should know.
+
+use super::airborne::{AirborneOptions, Choice};
+use super::area::Area;
+use super::document::{Document, Turned};
+use super::height::Level;
+use super::swath::Instrument;
+use vlscan_base::quantity::{amount, duration, number};
+use vlscan_geom::degrees;
+
+/// Relative departure from the requested density above which a plan warns.
+pub(super) const MAX_DENSITY_ERROR: f64 = 0.03;
+/// Part of a strip's width that counts as the middle of it, and as its edge on each side.
+const EDGE: f64 = 0.05;
+/// Number of pulses above which a plan warns.
+const MAX_PULSES: f64 = 1e11;
+
+/// What the comments of a plan report.
+pub(super) struct PlanReport<'f> {
+    pub area: &'f Area,
+    pub instrument: &'f Instrument,
+    pub choice: &'f Choice,
+    /// Height above the ground, m.
+    pub height: f64,
+    /// Direction of the lines, rad clockwise from +y.
+    pub heading: f64,
+    /// How far before the area lines begin and behind it they end, m.
+    pub margins: [f64; 2],
+    /// Number of parallel lines.
+    pub parallel: usize,
+    /// Length of the lines, m.
+    pub active: f64,
+    pub level: Level,
+}
+
+impl PlanReport<'_> {
+    pub fn describe(&self, document: &mut Document, options: &AirborneOptions) {
+        let flown = document.length();
+        document.comments.extend(self.flight(options, flown));
+        document.comments.extend(self.strip());
+        document.warnings.extend(self.warnings(options));
+    }
+
+    fn flight(&self, options: &AirborneOptions, flown: f64) -> Vec<String> {
+        let Choice { speed, spacing, fired_rate, .. } = self.choice;
+        let hectares = self.area.square_metres() / 1e4;
+        let mut lines = vec![
+            format!(
+                "{} over {hectares:.2} ha, {} m above the ground at {speed:.2} m/s",
+                self.instrument.name(),
+                number(self.height)
+            ),
+            format!(
+                "lines      {} at heading {:.1}°, {spacing:.2} m apart, {} across; {:.2} km of {:.2} km flown measure",
+                self.parallel,
+                degrees(self.heading),
+                options.cross_lines,
+                self.active / 1e3,
+                flown / 1e3
+            ),
+            format!("duration   {} ({:.1} s)", duration(flown / speed), flown / speed),
+            format!(
+                "pulses     {} leave the instrument, {} per second",
+                amount(self.active / speed * fired_rate),
+                amount(*fired_rate)
+            ),
+        ];
+        if let Some(Turned { turns, .. }) = &self.choice.turned {
+            lines.push(format!(
+                "mount      turned by {}, since that of the platform does not point the scanner at the ground",
+                turns.text()
+            ));
+        }
+        lines
+    }
+
+    fn strip(&self) -> Vec<String> {
+        let Choice { scan, field, fired_rate, speed, spacing, density, .. } = self.choice;
+        let width = field.width();
+        let ground_rate = self.choice.ground_rate();
+        let [before, behind] = self.margins;
+        let mut lines = vec![format!(
+            "swath      W = {width:.2} m, overlap 1 − S/W = {:.1} %; lines begin {before:.1} m before the area and end {behind:.1} \
+             m behind it",
+            100.0 * (1.0 - spacing / width)
+        )];
+        if field.measured < 0.999 {
+            lines.push(format!(
+                "ground     N = {} of {} pulses per second reach it where the instrument measures it",
+                amount(ground_rate),
+                amount(*fired_rate)
+            ));
+        }
+        // Shares of the fired pulses per metre to densities.
+        let per_area = |share: f64| share * fired_rate / speed;
+        let edge = EDGE * width;
+        let [left, right] = field.across;
+        let at_edge =
+            0.5 * (field.mean_profile([left, left + edge]) + field.mean_profile([right - edge, right]));
+        lines.push(format!(
+            "density    {density:.3} pulses/m² over the area, N/(v·S) = {:.3} far from its edges; one strip {:.3} below, {:.3} at \
+             its edge",
+            ground_rate / (speed * spacing),
+            per_area(field.mean_profile([-edge, edge])),
+            per_area(at_edge)
+        ));
+        if scan.line_rate > 0.0 && self.instrument.spins() {
+            lines.push(format!(
+                "spacing    v/f = {:.3} m from turn to turn of the head",
+                speed / scan.line_rate
+            ));
+        } else if scan.line_rate > 0.0 {
+            lines.push(format!(
+                "spacing    v/f = {:.3} m along, W·f/N = {:.3} m across",
+                speed / scan.line_rate,
+                width * scan.line_rate / ground_rate
+            ));
+        }
+        let range = self.height.hypot(field.reach());
+        lines.push(format!(
+            "footprint  {} below the platform; range at the edge {range:.0} m",
+            self.instrument.footprint(self.height)
+        ));
+        lines
+    }
+
+    fn warnings(&self, options: &AirborneOptions) -> Vec<String> {
+        let Choice { field, fired_rate, speed, density, .. } = self.choice;
+        let mut warnings = Vec::new();
+        let mut warn = |text: String| warnings.push(text);
+        if let Some(asked) = options.density
+            && (density / asked - 1.0).abs() > MAX_DENSITY_ERROR
+        {
+            warn(format!(
+                "the density over the area is {density:.3} pulses/m² and not {asked}: the number of lines jumps there; at {:.3} m/s \
+                 it would be {asked}",
+                speed * density / asked,
+                asked = number(asked)
+            ));
+        }
+        let [_, far] = self.instrument.ranges();
+        let depth = self.level.mean - self.level.low;
+        let lowest = (self.height + depth).hypot(field.reach() * (1.0 + depth / self.height));
+        if options.climb.is_none() && lowest > far && field.lost.too_far <= 0.0 {
+            warn(format!(
+                "where the ground is lowest the edge of the swath is {lowest:.0} m away, farther than the instrument's {} m",
+                number(far)
+            ));
+        }
+        let relief = self.level.high - self.level.low;
+        if options.climb.is_none() && relief > 0.1 * self.height {
+            warn(format!(
+                "the ground differs by {relief:.0} m within the area, and level lines have other swaths and densities over \
+                 it; --follow-terrain keeps the height above it"
+            ));
+        }
+        if self.level.known == 0.0 {
+            warn(format!(
+                "the scene has no ground in the area, which is taken as {:.1} m high; --ground gives another height",
+                self.level.mean
+            ));
+        } else if self.level.known < 0.99 {
+            warn(format!(
+                "{:.0} % of the area have no ground in the scene",
+                100.0 * (1.0 - self.level.known)
+            ));
+        }
+        let pulses = self.active / speed * fired_rate;
+        if pulses > MAX_PULSES {
+            warn(format!("{} pulses are more than most computers compute", amount(pulses)));
+        }
+        warnings
+    }
+}

@@ -1,0 +1,457 @@
+//! Colours of points, and the legend.
+
+use super::label;
+use super::picture::Rgb;
+use super::points::{ColourBy, Points};
+use libm::{cos, sin};
+
+/// From low to high: dark to light and blue to yellow, readable in greyscale and with colour vision deficiency.
+const HEIGHTS: [Rgb; 8] = [
+    [62, 54, 130],
+    [54, 92, 168],
+    [36, 130, 160],
+    [38, 162, 138],
+    [86, 189, 104],
+    [164, 209, 76],
+    [240, 222, 84],
+    [255, 247, 204],
+];
+/// From weak to strong: violet over red to pale yellow.
+const STRENGTHS: [Rgb; 7] = [
+    [58, 36, 98],
+    [112, 44, 122],
+    [168, 54, 116],
+    [218, 82, 92],
+    [244, 132, 76],
+    [252, 190, 106],
+    [254, 244, 190],
+];
+const RETURNS: [Rgb; 6] =
+    [[236, 240, 244], [96, 178, 240], [246, 174, 66], [118, 204, 120], [226, 100, 130], [178, 140, 230]];
+
+/// Places that no leg of a survey covers.
+const NO_LEG: Rgb = [112, 118, 126];
+
+/// Heights of the lowest and the highest colour of a cloud by itself, world coordinates.
+pub(super) fn height_range(points: &Points) -> (f64, f64) {
+    let (low, high) = inner_range(points.offsets().map(|p| p[2]));
+    let z = points.origin().z;
+    (f64::from(low) + z, f64::from(high) + z)
+}
+
+/// How values are mapped to colours.
+pub(super) enum Colouring {
+    /// A continuous value between two limits.
+    Ramp { value: ColourBy, low: f32, high: f32, table: &'static [Rgb] },
+    /// A continuous value by its rank: equal numbers of points have equal parts of the colours, however skewed the values
+    /// are. `quantiles` ascend from the lowest to the highest value.
+    Ranks { quantiles: Vec<f32>, table: &'static [Rgb] },
+    /// A colour for each number.
+    Table { value: ColourBy, colours: Vec<Rgb> },
+}
+
+/// A line of the legend.
+pub(super) struct Entry {
+    pub(super) colour: Rgb,
+    pub(super) label: String,
+}
+
+/// The legend beside the picture.
+pub(super) enum Legend {
+    /// A bar of colours with numbers beside it.
+    Bar { title: &'static str, low: f32, high: f32, table: &'static [Rgb] },
+    /// A bar of colours with values at given places, 0–1 from the low end.
+    Marks { title: &'static str, marks: Vec<(f32, String)>, table: &'static [Rgb] },
+    /// Colours with names; `more` is the number of entries that did not fit.
+    List { title: &'static str, entries: Vec<Entry>, more: usize },
+}
+
+impl Colouring {
+    /// Colours by `wanted`, or by height if the points lack that attribute; `heights` are those of the lowest and the highest
+    /// colour, world coordinates, if not those of the points.
+    pub(super) fn new(points: &Points, wanted: ColourBy, heights: Option<(f64, f64)>) -> Colouring {
+        let has = points.attributes;
+        match wanted {
+            ColourBy::Intensity if has.intensity => {
+                Colouring::Ranks { quantiles: quantiles(&points.intensity), table: &STRENGTHS }
+            }
+            ColourBy::Time if has.time => {
+                let (low, high) = inner_range(points.time.iter().copied());
+                Colouring::Ramp { value: wanted, low, high, table: &HEIGHTS }
+            }
+            ColourBy::Leg if has.leg => {
+                let colour = |n: usize| match (points.legs_from_one(), n) {
+                    (true, 0) => NO_LEG,
+                    (true, n) => object_colour(n - 1),
+                    (false, n) => object_colour(n),
+                };
+                Colouring::Table { value: wanted, colours: (0..=255).map(colour).collect() }
+            }
+            ColourBy::Channel if has.channel => {
+                Colouring::Table { value: wanted, colours: (0..=255).map(object_colour).collect() }
+            }
+            ColourBy::Class if has.class => {
+                Colouring::Table { value: wanted, colours: (0..=255).map(class_colour).collect() }
+            }
+            ColourBy::Return if has.return_number => {
+                let colours = (0..=255usize).map(|r| RETURNS[r.saturating_sub(1) % RETURNS.len()]).collect();
+                Colouring::Table { value: wanted, colours }
+            }
+            ColourBy::Object if has.object => Colouring::Table {
+                value: wanted,
+                colours: (0..points.objects.len()).map(object_colour).collect(),
+            },
+            _ => {
+                let z = points.origin().z;
+                let (low, high) = match heights {
+                    Some((low, high)) => ((low - z) as f32, (high - z) as f32),
+                    None => inner_range(points.offsets().map(|p| p[2])),
+                };
+                Colouring::Ramp { value: ColourBy::Height, low, high, table: &HEIGHTS }
+            }
+        }
+    }
+
+    pub(super) fn of(&self, points: &Points, i: usize) -> Rgb {
+        match self {
+            Colouring::Ramp { table, .. } | Colouring::Ranks { table, .. } => {
+                mixed(table, self.fraction(points, i))
+            }
+            Colouring::Table { value, colours } => colours[number(points, *value, i)],
+        }
+    }
+
+    /// Place of a continuous value between the lowest and the highest colour, 0–1; NaN for values that are all equal.
+    pub(super) fn fraction(&self, points: &Points, i: usize) -> f32 {
+        match self {
+            Colouring::Ramp { value: ColourBy::Time, low, high, .. } => (points.time[i] - low) / (high - low),
+            Colouring::Ramp { low, high, .. } => (points.offset(i)[2] - low) / (high - low),
+            Colouring::Ranks { quantiles, .. } => rank(quantiles, points.intensity[i]),
+            Colouring::Table { .. } => 0.0,
+        }
+    }
+
+    /// The distinct values of the `chosen` points with name, colour and number of points; objects in order of
+    /// decreasing count, all others by value. Empty for continuous values.
+    pub(super) fn names(&self, points: &Points, chosen: &[u32]) -> Vec<(usize, String, Rgb, u64)> {
+        let Colouring::Table { value, colours } = self else { return Vec::new() };
+        let mut counts = vec![0u64; colours.len()];
+        chosen.iter().for_each(|&i| counts[number(points, *value, i as usize)] += 1);
+        let mut present: Vec<usize> = (0..counts.len()).filter(|&n| counts[n] > 0).collect();
+        if *value == ColourBy::Object {
+            present.sort_by_key(|&n| std::cmp::Reverse(counts[n]));
+        }
+        present.into_iter().map(|n| (n, name(points, *value, n), colours[n], counts[n])).collect()
+    }
+
+    /// The legend with at most `lines` lines.
+    pub(super) fn legend(&self, points: &Points, lines: usize) -> Legend {
+        match self {
+            Colouring::Ramp { value, low, high, table } => {
+                let (title, shift) = match value {
+                    ColourBy::Time => ("time, s", 0.0),
+                    _ => ("height, m", points.origin().z as f32),
+                };
+                Legend::Bar { title, low: low + shift, high: high + shift, table }
+            }
+            Colouring::Ranks { quantiles, table, .. } => {
+                let mark = |quarter: usize| {
+                    let value = quantiles[quarter * (quantiles.len() - 1) / 4];
+                    (0.25 * quarter as f32, label::significant(f64::from(value)))
+                };
+                Legend::Marks { title: "intensity", marks: (0..=4).map(mark).collect(), table }
+            }
+            Colouring::Table { value, colours } => {
+                let mut counts = vec![0u64; colours.len()];
+                (0..points.len()).for_each(|i| counts[number(points, *value, i)] += 1);
+                let mut present: Vec<usize> = (0..counts.len()).filter(|&n| counts[n] > 0).collect();
+                present.sort_by_key(|&n| std::cmp::Reverse(counts[n]));
+                let more = present.len().saturating_sub(lines);
+                present.truncate(lines);
+                if *value != ColourBy::Object {
+                    present.sort_unstable();
+                }
+                let entry = |n: usize| {
+                    let share = 100.0 * counts[n] as f64 / points.len() as f64;
+                    let letters = if *value == ColourBy::Object { 14 } else { usize::MAX };
+                    let name: String = name(points, *value, n).chars().take(letters).collect();
+                    Entry { colour: colours[n], label: format!("{name} {}", label::share(share)) }
+                };
+                let title = match value {
+                    ColourBy::Class => "class",
+                    ColourBy::Return => "return",
+                    ColourBy::Leg => "leg",
+                    ColourBy::Channel => "channel",
+                    _ => "object",
+                };
+                Legend::List { title, entries: present.into_iter().map(entry).collect(), more }
+            }
+        }
+    }
+}
+
+/// Name of the value `n`, as shown in the legend.
+fn name(points: &Points, value: ColourBy, n: usize) -> String {
+    match value {
+        ColourBy::Class => class_name(n),
+        ColourBy::Return if n == 0 => "unknown".to_owned(),
+        ColourBy::Return => format!("return {n}"),
+        ColourBy::Leg if !points.legs_from_one() => format!("leg {n}"),
+        ColourBy::Leg if n == 0 => "no leg".to_owned(),
+        ColourBy::Leg => format!("leg {}", n - 1),
+        ColourBy::Channel => format!("channel {n}"),
+        _ => match points.objects.get(n) {
+            Some(object) if !object.is_empty() => object.clone(),
+            _ => "no object".to_owned(),
+        },
+    }
+}
+
+fn number(points: &Points, value: ColourBy, i: usize) -> usize {
+    match value {
+        ColourBy::Class => usize::from(points.class[i]),
+        ColourBy::Return => usize::from(points.return_number[i]),
+        ColourBy::Leg => usize::from(points.leg[i]),
+        ColourBy::Channel => usize::from(points.channel[i]),
+        _ => usize::from(points.object[i]),
+    }
+}
+
+/// The colour at the fraction `t` of a table, 0–1.
+pub(super) fn mixed(table: &[Rgb], t: f32) -> Rgb {
+    let at = t.clamp(0.0, 1.0) * (table.len() - 1) as f32;
+    // A range of zero width results in NaN, which maps to the lowest colour.
+    let i = (at as usize).min(table.len().saturating_sub(2));
+    let part = if at.is_nan() { 0.0 } else { at - i as f32 };
+    std::array::from_fn(|c| {
+        let (a, b) = (f32::from(table[i][c]), f32::from(table[(i + 1).min(table.len() - 1)][c]));
+        (a + (b - a) * part).round() as u8
+    })
+}
+
+/// Number of quantiles by which values are ranked.
+const QUANTILES: usize = 129;
+/// Maximum number of values that quantiles are taken from: an even sample of more.
+const MAX_RANKED: usize = 1 << 20;
+
+/// Quantiles of the finite values from 0 to 1, ascending; of no values, of 0 and 1.
+fn quantiles(values: &[f32]) -> Vec<f32> {
+    let step = values.len().div_ceil(MAX_RANKED).max(1);
+    let mut sorted: Vec<f32> = values.iter().step_by(step).copied().filter(|v| v.is_finite()).collect();
+    sorted.sort_unstable_by(f32::total_cmp);
+    if sorted.is_empty() {
+        return vec![0.0, 1.0];
+    }
+    (0..QUANTILES).map(|i| sorted[i * (sorted.len() - 1) / (QUANTILES - 1)]).collect()
+}
+
+/// Rank of a value among quantiles, 0–1; the middle of the ranks of equal quantiles.
+fn rank(quantiles: &[f32], value: f32) -> f32 {
+    let last = (quantiles.len() - 1) as f32;
+    let below = quantiles.partition_point(|q| *q < value);
+    let up_to = quantiles.partition_point(|q| *q <= value);
+    if up_to > below {
+        return 0.5 * (below + up_to - 1) as f32 / last;
+    }
+    match (below.checked_sub(1).map(|i| quantiles[i]), quantiles.get(below)) {
+        (Some(low), Some(high)) => ((below - 1) as f32 + (value - low) / (high - low)) / last,
+        (None, _) => 0.0,
+        (_, None) => 1.0,
+    }
+}
+
+/// The range of the values without the lowest and the highest half per cent.
+fn inner_range(values: impl Iterator<Item = f32> + Clone) -> (f32, f32) {
+    const BINS: usize = 4096;
+    let finite = values.filter(|v| v.is_finite());
+    let (low, high) =
+        finite.clone().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    if low >= high || !(high - low).is_finite() {
+        return if low.is_finite() { (low, low + 1.0) } else { (0.0, 1.0) };
+    }
+    let mut bins = vec![0u64; BINS];
+    let mut total = 0;
+    for v in finite {
+        bins[(((v - low) / (high - low) * BINS as f32) as usize).min(BINS - 1)] += 1;
+        total += 1;
+    }
+    let cut = total / 200;
+    let skip = |bins: &mut dyn Iterator<Item = &u64>| {
+        let mut seen = 0;
+        bins.take_while(|n| {
+            seen += **n;
+            seen <= cut
+        })
+        .count()
+    };
+    let (below, above) = (skip(&mut bins.iter()), skip(&mut bins.iter().rev()));
+    let step = (high - low) / BINS as f32;
+    (low + below as f32 * step, high - above as f32 * step)
+}
+
+/// Colours of classes: bare ground like sand, trunks (4) brown, leaves (5) green.
+fn class_colour(class: usize) -> Rgb {
+    match class {
+        0 | 1 => [150, 158, 166],
+        2 => [198, 178, 142],
+        3 => [166, 204, 98],
+        4 => [142, 88, 48],
+        5 => [66, 160, 84],
+        6 => [222, 100, 78],
+        7 | 18 => [220, 60, 160],
+        8 => [214, 196, 120],
+        9 => [70, 130, 214],
+        10 | 11 => [132, 126, 140],
+        13..=16 => [240, 220, 110],
+        17 => [180, 150, 190],
+        _ => object_colour(class),
+    }
+}
+
+/// Name of a point class (LAS 1.4).
+fn class_name(class: usize) -> String {
+    let name = match class {
+        0 => "no class",
+        1 => "unclassified",
+        2 => "ground",
+        3 => "low vegetation",
+        4 => "mid vegetation",
+        5 => "high vegetation",
+        6 => "building",
+        7 => "low noise",
+        8 => "key point",
+        9 => "water",
+        10 => "rail",
+        11 => "road",
+        13 => "wire guard",
+        14 => "conductor",
+        15 => "tower",
+        16 => "connector",
+        17 => "bridge",
+        18 => "high noise",
+        _ => return format!("class {class}"),
+    };
+    format!("{class} {name}")
+}
+
+/// Colour of an object. Distinct colours of equal lightness for any number of objects: hues a golden angle apart in the
+/// Oklab space (Ottosson 2020), with two chroma levels.
+fn object_colour(number: usize) -> Rgb {
+    let hue = (number as f64 * 2.399_963_229_728_653 + 0.6) % std::f64::consts::TAU;
+    let lightness = if number.is_multiple_of(2) { 0.78 } else { 0.68 };
+    let chroma = 0.12;
+    let (a, b) = (chroma * cos(hue), chroma * sin(hue));
+    let cube = |x: f64| x * x * x;
+    let l = cube(lightness + 0.396_337_777_4 * a + 0.215_803_757_3 * b);
+    let m = cube(lightness - 0.105_561_345_8 * a - 0.063_854_172_8 * b);
+    let s = cube(lightness - 0.089_484_177_5 * a - 1.291_485_548 * b);
+    let linear = [
+        4.076_741_662_1 * l - 3.307_711_591_3 * m + 0.230_969_929_2 * s,
+        -1.268_438_004_6 * l + 2.609_757_401_1 * m - 0.341_319_396_5 * s,
+        -0.004_196_086_3 * l - 0.703_418_614_7 * m + 1.707_614_701 * s,
+    ];
+    linear.map(|c| {
+        let c = c.clamp(0.0, 1.0);
+        let coded = if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * libm::pow(c, 1.0 / 2.4) - 0.055 };
+        (255.0 * coded).round() as u8
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::points::{Attributes, Point};
+    use super::*;
+    use vlscan_geom::DVec3;
+
+    fn luminance(c: Rgb) -> f64 {
+        0.2126 * f64::from(c[0]) + 0.7152 * f64::from(c[1]) + 0.0722 * f64::from(c[2])
+    }
+
+    #[test]
+    fn ramps_get_lighter_all_the_way() {
+        for table in [&HEIGHTS[..], &STRENGTHS] {
+            let steps: Vec<f64> = (0..=100).map(|i| luminance(mixed(table, i as f32 / 100.0))).collect();
+            assert!(steps.windows(2).all(|w| w[1] > w[0] - 0.5), "{steps:?}");
+            assert!(steps[100] - steps[0] > 130.0);
+        }
+        assert_eq!(mixed(&HEIGHTS, f32::NAN), HEIGHTS[0]);
+        assert_eq!(mixed(&HEIGHTS, 7.0), HEIGHTS[7]);
+    }
+
+    #[test]
+    fn ranks_spread_skewed_values_over_the_colours() {
+        let values: Vec<f32> = (0..10_000).map(|i| (i as f32 / 1000.0).exp()).collect();
+        let quantiles = quantiles(&values);
+        for (share, i) in [(0.0, 0), (0.25, 2500), (0.5, 5000), (1.0, 9999)] {
+            assert!((rank(&quantiles, values[i]) - share).abs() < 0.01, "{share}");
+        }
+        assert_eq!((rank(&quantiles, -1.0), rank(&quantiles, 1e9)), (0.0, 1.0));
+        assert_eq!(rank(&super::quantiles(&[7.0; 9]), 7.0), 0.5);
+        assert_eq!(super::quantiles(&[f32::NAN]), [0.0, 1.0]);
+    }
+
+    #[test]
+    fn a_few_outliers_do_not_stretch_the_range() {
+        let values = (0..10_000).map(|i| if i < 10 { 1e4 } else { (i % 100) as f32 });
+        let (low, high) = inner_range(values);
+        assert!(low == 0.0 && (95.0..110.0).contains(&high), "{low} {high}");
+        assert_eq!(inner_range([5.0f32; 3].into_iter()), (5.0, 6.0));
+        assert_eq!(inner_range(std::iter::empty()), (0.0, 1.0));
+    }
+
+    #[test]
+    fn a_missing_attribute_falls_back_to_height() {
+        let mut points = Points::new(Attributes { class: true, ..Attributes::default() });
+        for (class, z) in [(2, 0.0), (2, 1.0), (2, 2.0), (5, 9.0)] {
+            points.push(&Point { position: DVec3::new(0.0, 0.0, z), class, ..Point::default() });
+        }
+        assert!(matches!(
+            Colouring::new(&points, ColourBy::Object, None),
+            Colouring::Ramp { value: ColourBy::Height, .. }
+        ));
+        let Legend::List { entries, more, .. } =
+            Colouring::new(&points, ColourBy::Class, None).legend(&points, 1)
+        else {
+            panic!("no list")
+        };
+        assert_eq!((entries.len(), entries[0].label.as_str(), more), (1, "2 ground 75%", 1));
+    }
+
+    #[test]
+    fn clouds_side_by_side_have_one_scale_of_heights() {
+        let cloud = |top: f64| {
+            let mut points = Points::new(Attributes::default());
+            for i in 0..1000 {
+                let position = DVec3::new(0.0, 0.0, 200.0 + top * f64::from(i) / 999.0);
+                points.push(&Point { position, ..Point::default() });
+            }
+            points
+        };
+        let (low, high) = (cloud(10.0), cloud(40.0));
+        let heights = super::super::common_heights(&[&low, &high]);
+        // The highest point of the lower cloud has the colour of its height in the other one.
+        let top = Colouring::new(&low, ColourBy::Height, heights).of(&low, 999);
+        let same = Colouring::new(&high, ColourBy::Height, heights).of(&high, 250);
+        assert!((0..3).all(|c| top[c].abs_diff(same[c]) < 4), "{top:?} {same:?}");
+        assert_ne!(Colouring::new(&low, ColourBy::Height, None).of(&low, 999), top);
+    }
+
+    #[test]
+    fn places_without_a_leg_are_grey_and_legs_count_from_0() {
+        let mut points = Points::new(Attributes { leg: true, ..Attributes::default() });
+        for leg in [0, 0, 1, 2] {
+            points.push(&Point { leg, ..Point::default() });
+        }
+        let labels = |points: &Points| {
+            let legend = Colouring::new(points, ColourBy::Leg, None).legend(points, 9);
+            let Legend::List { entries, .. } = legend else { panic!("no list") };
+            entries.into_iter().map(|entry| (entry.label, entry.colour)).collect::<Vec<_>>()
+        };
+        let recorded = labels(&points);
+        assert_eq!((recorded[0].0.as_str(), recorded[0].1), ("leg 0 50%", object_colour(0)));
+        points.count_legs_from_one();
+        let planned = labels(&points);
+        assert_eq!((planned[0].0.as_str(), planned[0].1), ("no leg 50%", NO_LEG));
+        assert_eq!((planned[1].0.as_str(), planned[1].1), ("leg 0 25%", object_colour(0)));
+    }
+}

@@ -1,0 +1,47 @@
+//! Primitives as used by the builders: boxes.
+
+use crate::Geometry;
+use crate::frame::Frame;
+use rayon::prelude::*;
+
+/// A primitive's box in the tree's frame, rounded outward.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(16))]
+pub(crate) struct Prim {
+    pub lo: [f32; 3],
+    pub id: u32,
+    pub hi: [f32; 3],
+}
+
+/// Collects the primitives that `keep` accepts and a ray can hit, which excludes those with a NaN or infinite
+/// coordinate.
+pub(crate) fn collect(geometry: &Geometry, frame: &Frame, keep: impl Fn(u32) -> bool + Sync) -> Vec<Prim> {
+    (0..geometry.len())
+        .into_par_iter()
+        .with_min_len(4096)
+        .filter(|&i| is_solid(geometry, i) && keep(i as u32))
+        .map(|i| {
+            let (lo, hi) = frame.local_box(&geometry.bounds_of(i));
+            Prim { lo, id: i as u32, hi }
+        })
+        .collect()
+}
+
+fn is_solid(geometry: &Geometry, i: usize) -> bool {
+    if i < geometry.triangles.len() {
+        return geometry.triangle(i).iter().all(|p| p.is_finite());
+    }
+    let b = geometry.bounds_of(i);
+    b.min.is_finite() && b.max.is_finite() && !b.is_empty()
+}
+
+/// Returns the frame around all primitives that can be hit.
+pub(crate) fn frame_of(geometry: &Geometry) -> Frame {
+    let bounds = (0..geometry.len())
+        .into_par_iter()
+        .with_min_len(4096)
+        .filter(|&i| is_solid(geometry, i))
+        .map(|i| geometry.bounds_of(i))
+        .reduce(|| vlscan_geom::Aabb::EMPTY, |a, b| a.union(b));
+    Frame::around(&bounds)
+}

@@ -1,0 +1,305 @@
+//! Instances: models with several placements that are stored once.
+//!
+//! A scene of instances has the primitives that copies of every model at its placements would have, and the exact
+//! test uses exactly the corners that copies would store: [`Placement::place`] computes them from the model's when
+//! they are needed. The models' trees and the tree over the boxes of all instances are filters only: rays are
+//! transformed into the model's frame with a margin for all rounding of the transformation.
+
+use super::Geometry;
+use crate::geometry::vec_bytes;
+use glam::DMat3;
+use rayon::prelude::*;
+use std::sync::Arc;
+use vlscan_geom::{Aabb, DVec3, Rotation};
+
+/// Bound of the rounding error of a placed point and of the inverse transformation, relative to the largest number
+/// involved.
+const ROUNDING: f64 = 1e-14;
+
+const OUTLINE_CELLS: usize = 8;
+
+/// Transformation of a model into the scene: `scale · R · p + offset`, then up by `raise`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    /// R.
+    pub rotation: Rotation,
+    /// Scale, may be negative.
+    pub scale: f64,
+    /// Offset, m.
+    pub offset: DVec3,
+    /// Added to z last, m; −0 leaves every z unchanged, which +0 would not.
+    pub raise: f64,
+}
+
+impl Placement {
+    /// Leaves every point where it is.
+    pub const IDENTITY: Placement =
+        Placement { rotation: Rotation::IDENTITY, scale: 1.0, offset: DVec3::ZERO, raise: -0.0 };
+
+    /// Returns the image of a point of the model, less `shift`, with the arithmetic of a scene that stores the image.
+    #[inline(always)]
+    pub fn place(&self, p: DVec3, shift: DVec3) -> DVec3 {
+        let p = self.rotation.apply(p) * self.scale + self.offset;
+        DVec3::new(p.x, p.y, p.z + self.raise) - shift
+    }
+
+    fn matrix(&self) -> DMat3 {
+        let column = |v| self.rotation.apply(v) * self.scale;
+        DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z))
+    }
+
+    /// Bound of the numbers that occur when a point with coordinates within `reach` is placed.
+    pub fn magnitude(&self, shift: DVec3, reach: f64) -> f64 {
+        let largest = |v: DVec3| v.abs().max_element();
+        largest(self.offset) + largest(shift) + self.raise.abs() + 4.0 * self.scale.abs() * reach
+    }
+}
+
+/// The map from the scene's frame into a model's.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct WorldToInstance {
+    matrix: DMat3,
+    /// Image of the model's origin in the scene.
+    anchor: DVec3,
+    /// Bound of the numbers that occur when a point is placed.
+    magnitude: f64,
+    /// Bound of the factor by which the matrix enlarges an error.
+    stretch: f64,
+}
+
+impl WorldToInstance {
+    /// Returns the image of a point, and the bound of its error on any axis.
+    pub fn point(&self, p: DVec3) -> (DVec3, f64) {
+        let error = ROUNDING * (self.magnitude + p.abs().max_element()) * self.stretch;
+        (self.matrix * (p - self.anchor), error)
+    }
+
+    /// The matrix of directions; `t` along the image of a direction equals `t` along the direction.
+    pub fn matrix(&self) -> DMat3 {
+        self.matrix
+    }
+}
+
+/// A mesh that instances place in the scene.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// Its triangles, in the model's frame; no cubes.
+    pub geometry: Geometry,
+    /// Largest absolute coordinate, m.
+    reach: f64,
+    /// Boxes that together contain all vertices: after rotation several boxes are a tighter bound than one.
+    outline: Vec<Aabb>,
+}
+
+impl Model {
+    /// Creates a model from its triangles and computes its reach and outline.
+    pub fn new(geometry: Geometry) -> Model {
+        let bounds = Aabb::around(geometry.vertices.iter().copied().filter(|v| v.is_finite()));
+        let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
+        let size = bounds.size();
+        let mut cells = vec![Aabb::EMPTY; OUTLINE_CELLS.pow(3)];
+        for v in geometry.vertices.iter().filter(|v| v.is_finite()) {
+            let cell = ((*v - bounds.min) / size * OUTLINE_CELLS as f64).to_array();
+            let at = cell.iter().fold(0, |at, c| at * OUTLINE_CELLS + (*c as usize).min(OUTLINE_CELLS - 1));
+            cells[at] = cells[at].with(*v);
+        }
+        cells.retain(|c| !c.is_empty());
+        Model { geometry, reach: if reach.is_finite() { reach } else { 0.0 }, outline: cells }
+    }
+
+    /// A model whose reach and outline are known, see [`Model::reach`] and [`Model::outline`].
+    pub fn from_parts(geometry: Geometry, reach: f64, outline: Vec<Aabb>) -> Model {
+        Model { geometry, reach, outline }
+    }
+
+    /// Boxes that together contain all vertices.
+    pub fn outline(&self) -> &[Aabb] {
+        &self.outline
+    }
+
+    /// Largest absolute coordinate of a vertex, m.
+    pub fn reach(&self) -> f64 {
+        self.reach
+    }
+
+    /// Memory of vertices, triangles and outline, bytes.
+    pub fn memory(&self) -> usize {
+        vec_bytes(&self.geometry.vertices)
+            + vec_bytes(&self.geometry.triangles)
+            + self.outline.capacity() * size_of::<Aabb>()
+    }
+}
+
+/// One placement of a model in the scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Instance {
+    /// Index of its model in [`Instances::models`].
+    pub model: u32,
+    /// Number of the geometry's own triangles that would precede this model if it were stored among them: decides
+    /// between equal distances as storage would.
+    pub before: u32,
+    /// Number of its first triangle.
+    pub first: u32,
+    /// Transformation of the model into the scene.
+    pub placement: Placement,
+}
+
+/// All instances of a scene. The numbers of their triangles follow those of the scene's own primitives.
+#[derive(Clone, Debug, Default)]
+pub struct Instances {
+    /// The distinct models, each stored once.
+    pub models: Vec<Arc<Model>>,
+    /// The instances, with ascending `first` and `before`.
+    pub all: Vec<Instance>,
+    /// Subtracted from every placed point, m.
+    pub shift: DVec3,
+    /// Number of the first triangle of any instance, equal to the number of primitives of the geometry itself.
+    pub(super) first: u32,
+    /// Number of triangles of all instances.
+    triangles: u32,
+}
+
+impl Instances {
+    /// Creates instances of `models`: for each instance the model's number, the number of the geometry's triangles
+    /// before it (ascending) and its placement. `first` is the number of primitives in the geometry itself. Returns
+    /// `None` when the triangles cannot be numbered with 32 bits.
+    pub fn new(
+        models: Vec<Arc<Model>>,
+        places: impl IntoIterator<Item = (u32, u32, Placement)>,
+        first: usize,
+    ) -> Option<Instances> {
+        let first = u32::try_from(first).ok()?;
+        let mut next = first;
+        let mut all = Vec::new();
+        for (model, before, placement) in places {
+            all.push(Instance { model, before, first: next, placement });
+            let count = u32::try_from(models.get(model as usize)?.geometry.triangles.len()).ok()?;
+            next = next.checked_add(count).filter(|n| *n < u32::MAX)?;
+        }
+        Some(Instances { models, all, shift: DVec3::ZERO, first, triangles: next - first })
+    }
+
+    /// Number of the first triangle of any instance, equal to the number of primitives of the geometry itself.
+    pub fn first(&self) -> u32 {
+        self.first
+    }
+
+    /// Number of triangles of all instances.
+    pub fn triangles(&self) -> u32 {
+        self.triangles
+    }
+
+    /// Returns the model of an instance.
+    #[inline]
+    pub fn model(&self, instance: &Instance) -> &Model {
+        &self.models[instance.model as usize]
+    }
+
+    /// Returns the instance that triangle number `i` belongs to, and the number of the triangle in its model. `None`
+    /// for a primitive of the geometry itself.
+    pub fn locate(&self, i: u32) -> Option<(usize, usize)> {
+        let own = i < self.first || i - self.first >= self.triangles;
+        let at = self.all.partition_point(|p| p.first <= i);
+        (!own && at > 0).then(|| (at - 1, (i - self.all[at - 1].first) as usize))
+    }
+
+    /// Returns the corners of triangle number `i`; `None` for a primitive of the geometry itself.
+    pub fn triangle(&self, i: u32) -> Option<[DVec3; 3]> {
+        let (instance, triangle) = self.locate(i)?;
+        Some(self.corners(&self.all[instance], triangle))
+    }
+
+    /// Returns the corners, in the scene, m, of the triangle that has this number in the instance's model.
+    #[inline(always)]
+    pub fn corners(&self, instance: &Instance, triangle: usize) -> [DVec3; 3] {
+        let corners = self.model(instance).geometry.triangle(triangle);
+        corners.map(|p| instance.placement.place(p, self.shift))
+    }
+
+    /// Returns the number that primitive `i` would have if all instances were stored: in the order of parts, cubes
+    /// last.
+    pub fn number_when_stored(&self, i: u32, own_triangles: usize) -> u32 {
+        if let Some((instance, _)) = self.locate(i) {
+            return i - self.first + self.all[instance].before;
+        }
+        if i as usize >= own_triangles {
+            return i + self.triangles;
+        }
+        let at = self.all.partition_point(|p| p.before <= i);
+        i + self.all.get(at).map_or(self.triangles, |p| p.first - self.first)
+    }
+
+    /// Whether triangle `new` of an instance, preceded by `before` own triangles, wins against `old` at the same
+    /// distance.
+    #[inline(always)]
+    pub(super) fn comes_first(&self, new: u32, before: u32, old: u32) -> bool {
+        if old < self.first { old >= before } else { new < old }
+    }
+
+    /// Boxes around the instances, widened for all rounding.
+    pub fn boxes(&self) -> Vec<Aabb> {
+        self.all.par_iter().with_min_len(64).map(|i| self.bounds_of(i)).collect()
+    }
+
+    /// Box around an instance, widened for all rounding.
+    pub fn bounds_of(&self, instance: &Instance) -> Aabb {
+        let (p, model) = (&instance.placement, self.model(instance));
+        let matrix = p.matrix();
+        let spread = DMat3::from_cols(matrix.x_axis.abs(), matrix.y_axis.abs(), matrix.z_axis.abs());
+        let around = model.outline.iter().fold(Aabb::EMPTY, |all, cell| {
+            let (middle, half) = (p.place(cell.centre(), self.shift), spread * (cell.size() * 0.5));
+            all.union(Aabb { min: middle - half, max: middle + half })
+        });
+        let margin = DVec3::splat(ROUNDING * p.magnitude(self.shift, model.reach) + f64::MIN_POSITIVE);
+        Aabb { min: around.min - margin, max: around.max + margin }
+    }
+
+    /// Exact box around the placed vertices of an instance; takes time proportional to their number.
+    pub fn exact_bounds_of(&self, instance: &Instance) -> Aabb {
+        let place = |v: &DVec3| instance.placement.place(*v, self.shift);
+        let vertices = self.model(instance).geometry.vertices.par_iter().with_min_len(1 << 14);
+        vertices.fold(|| Aabb::EMPTY, |b, v| b.with(place(v))).reduce(|| Aabb::EMPTY, Aabb::union)
+    }
+
+    /// Exact box around `known` and all instances. Computes only the vertices of instances that may extend it.
+    pub fn exact_bounds(&self, known: Aabb) -> Aabb {
+        let boxes = self.boxes();
+        let mut exact = known;
+        let mut order: Vec<usize> = (0..boxes.len()).collect();
+        for axis in 0..3 {
+            for upper in [false, true] {
+                let reach = |b: &Aabb| if upper { b.max[axis] } else { -b.min[axis] };
+                order.sort_unstable_by(|&a, &b| reach(&boxes[b]).total_cmp(&reach(&boxes[a])));
+                for &i in &order {
+                    if reach(&boxes[i]) <= reach(&exact) {
+                        break;
+                    }
+                    exact = exact.union(self.exact_bounds_of(&self.all[i]));
+                }
+            }
+        }
+        exact
+    }
+
+    /// Returns the map into the model's frame; `None` for a scale that cannot be inverted.
+    pub(super) fn world_to_instance(&self, instance: &Instance) -> Option<WorldToInstance> {
+        let p = &instance.placement;
+        let matrix = p.matrix().inverse();
+        let stretch = matrix.x_axis.length() + matrix.y_axis.length() + matrix.z_axis.length();
+        let magnitude = p.magnitude(self.shift, self.model(instance).reach);
+        let anchor = p.place(DVec3::ZERO, self.shift);
+        (stretch.is_finite() && stretch > 0.0).then_some(WorldToInstance {
+            matrix,
+            anchor,
+            magnitude,
+            stretch,
+        })
+    }
+
+    /// Memory of models and placements in bytes.
+    pub fn memory(&self) -> usize {
+        self.models.iter().map(|m| m.memory()).sum::<usize>()
+            + self.all.capacity() * size_of::<Instance>()
+            + size_of::<Instances>()
+    }
+}

@@ -1,0 +1,276 @@
+//! Leaves in a packet's traversal: finds the primitives that each pulse may hit.
+
+use super::candidates::{
+    Batch, CandidateLists, MAX_BLOCK_PAIRS, MAX_PENDING_BLOCKS, MIN_PENDING_PAIRS, Occlusion, RayRegisters,
+    SPAN, StepInput, find_distances, find_inside, find_merged_distances, find_planes, find_sides,
+    refine_inside,
+};
+use super::distance::Rays;
+use super::filter::{BlockSlopes, boxes_in_frustum};
+use super::instance_frame::{InstanceFrame, hit_instance, record_instances};
+use super::lanes::PACKET_SIZE;
+use super::packet::PlaneDepth;
+use super::traversal::PacketTraversal;
+use crate::block::{BLOCK_SIZE, Block};
+use crate::simd::{F64Ops, Simd};
+
+impl<'a, S: Simd> PacketTraversal<'a, S> {
+    /// Tests the pulses in `mask`, each within its range of depths, against a block. Its hits may be found together
+    /// with those of a later block. `enter` is the approximate minimum depth of the block.
+    #[inline(always)]
+    pub(super) fn visit_block(
+        &mut self,
+        block: &'a Block,
+        mask: u32,
+        enter: f32,
+        lo: &[f32; PACKET_SIZE],
+        hi: &[f32; PACKET_SIZE],
+    ) {
+        if block.holds_cubes() {
+            self.flush_candidates();
+            self.hit_cubes(block, mask, hi);
+            return;
+        }
+        self.pair_triangles(block, mask, enter, lo, hi);
+        if self.blocks.count == MAX_PENDING_BLOCKS || self.lists.batch_count * BLOCK_SIZE >= MIN_PENDING_PAIRS
+        {
+            self.flush_candidates();
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn flush_candidates(&mut self) {
+        if self.blocks.count == 0 {
+            return;
+        }
+        let touched = if self.offsets.is_empty() { self.flush_pulses() } else { self.flush_merged() };
+        self.lower_limits(touched);
+        (self.blocks.count, self.lists.batch_count) = (0, 0);
+    }
+
+    /// Finds the hits of all pending pairs, span by span. Returns a mask of the pulses that may have hit something.
+    #[inline(always)]
+    fn flush_pulses(&mut self) -> u32 {
+        let simd = self.simd;
+        let Step { lists, input, .. } = self.step(0);
+        simd.outlined(
+            #[inline(always)]
+            move || find_sides::<S, false>(simd, lists, input),
+        );
+        let mut touched = 0;
+        for span in 0..self.spans {
+            let count = self.find_inside::<false>(span);
+            if self.instance.is_some() {
+                let Step { lists, input, instance, rays, .. } = self.step(span);
+                touched |= simd.outlined(
+                    #[inline(always)]
+                    move || hit_instance(simd, lists, input, instance, rays, count),
+                );
+                continue;
+            }
+            let stride = self.registers;
+            let first = self.first * stride + span * SPAN / 8;
+            let Step { lists, input, .. } = self.step(span);
+            let (count, pulses) = simd.outlined(
+                #[inline(always)]
+                move || find_planes(simd, lists, input, count, (first, stride)),
+            );
+            touched |= pulses;
+            let axis = self.frustum.axes[0];
+            let Step { lists, rays, .. } = self.step(span);
+            let open = simd.outlined(
+                #[inline(always)]
+                move || find_distances(simd, lists, rays, axis, count),
+            );
+            (0..open).for_each(|n| self.intersect_open(n));
+        }
+        touched
+    }
+
+    /// Finds the hits of all pending pairs of merged pulses, which have one span. Returns a mask of the pulses that
+    /// may have hit something.
+    #[inline(always)]
+    fn flush_merged(&mut self) -> u32 {
+        let simd = self.simd;
+        let Step { lists, input, .. } = self.step(0);
+        simd.outlined(
+            #[inline(always)]
+            move || find_sides::<S, true>(simd, lists, input),
+        );
+        let count = self.find_inside::<true>(0);
+        let (first, group) = (self.first * self.registers, self.rays);
+        let Step { lists, input, rays, .. } = self.step(0);
+        let origins = [0, 1, 2].map(|a| group.origin_lanes(a));
+        let (open, touched) = simd.outlined(
+            #[inline(always)]
+            move || find_merged_distances(simd, lists, input, (rays, origins), (first, count)),
+        );
+        (0..open).for_each(|n| self.intersect_open(n));
+        touched
+    }
+
+    /// Finds the rays of a span inside of triangles. Returns the number of pairs with such rays.
+    #[inline(always)]
+    fn find_inside<const MERGED: bool>(&mut self, span: usize) -> usize {
+        let simd = self.simd;
+        let rays = (self.rays.stride() - span * SPAN).min(SPAN);
+        let valid = if rays == SPAN { !0 } else { (1u32 << rays) - 1 };
+        let Step { lists, input, occlusion, .. } = self.step(span);
+        let (count, open) = simd.outlined(
+            #[inline(always)]
+            move || find_inside::<S, MERGED>(simd, lists, input, occlusion, valid),
+        );
+        if open != 0 && self.instance.is_none() {
+            let Step { lists, input, .. } = self.step(span);
+            simd.outlined(
+                #[inline(always)]
+                move || refine_inside::<S, MERGED>(simd, lists, input, open),
+            );
+        }
+        count
+    }
+
+    /// Borrows the parts of the traversal that a step needs.
+    #[inline(always)]
+    fn step(&mut self, span: usize) -> Step<'_, 'a, S> {
+        Step {
+            lists: &mut *self.lists,
+            input: StepInput {
+                blocks: &self.blocks,
+                frustum: &self.frustum,
+                geometry: self.geometry,
+                deviations: self.deviations,
+                offsets: self.offsets,
+                wide: self.wide,
+                span,
+            },
+            occlusion: &mut self.occlusion,
+            rays: RayRegisters { directions: self.directions, t: &mut *self.t, ids: &mut *self.ids },
+            instance: self.instance.as_ref(),
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn lower_limits(&mut self, mut touched: u32) {
+        while touched != 0 {
+            self.lower_limit(touched.trailing_zeros() as usize);
+            touched &= touched - 1;
+        }
+    }
+
+    /// Lowers the depth limit of a pulse: once all of its rays have hit something, objects behind the farthest of
+    /// these hits are occluded.
+    #[inline(always)]
+    fn lower_limit(&mut self, pulse: usize) {
+        let first = (self.first + pulse) * self.registers;
+        let mut farthest = self.simd.splat_f64(0.0);
+        for t in &self.t[first..first + self.registers] {
+            farthest = farthest.max(self.simd.load_f64(t));
+        }
+        let start = f64::from(self.frustum.start.0[pulse]);
+        let depth = farthest.max_lane() * self.frustum.depth_per_t[pulse] + start;
+        self.limit.0[pulse] = (depth * 1.000_000_4) as f32;
+    }
+
+    /// Finds, for each pulse in `mask`, the triangles whose slopes overlap those of the pulse. `enter` is the
+    /// approximate minimum depth of the block.
+    #[inline(always)]
+    fn pair_triangles(
+        &mut self,
+        block: &'a Block,
+        mut mask: u32,
+        enter: f32,
+        lo: &[f32; PACKET_SIZE],
+        hi: &[f32; PACKET_SIZE],
+    ) {
+        let cover_offsets = enter >= self.frustum.small_offsets_from;
+        let slopes = BlockSlopes::of(&self.frustum, block, cover_offsets);
+        let (slot, lists) = (self.blocks.count % MAX_PENDING_BLOCKS, &mut *self.lists);
+        slopes.store_depths(&mut self.blocks.near[slot], &mut self.blocks.far[slot]);
+        self.blocks.blocks[slot] = Some(block);
+        self.blocks.count += 1;
+        let mut count = lists.batch_count * BLOCK_SIZE;
+        while mask != 0 {
+            let p = mask.trailing_zeros() as usize % PACKET_SIZE;
+            let met = slopes.overlapping(&self.frustum, p, [lo[p], hi[p]]);
+            if let Some(free) = lists.pairs[count..].first_chunk_mut() {
+                self.simd.write_lanes(met, (slot * MAX_BLOCK_PAIRS + p * BLOCK_SIZE) as u32, free);
+            }
+            count += met.count_ones() as usize;
+            mask &= mask - 1;
+        }
+        while lists.batch_count * BLOCK_SIZE < count {
+            let used = count - lists.batch_count * BLOCK_SIZE;
+            let used = if used < BLOCK_SIZE { (1u32 << used) - 1 } else { 0xffff };
+            lists.batches[lists.batch_count] = Batch { block: slot as u32, used };
+            lists.batch_count += 1;
+        }
+    }
+
+    /// Tests the pulses in `mask` against a block of cubes, or of boxes of instances.
+    #[inline(always)]
+    fn hit_cubes(&mut self, block: &Block, mask: u32, hi: &[f32; PACKET_SIZE]) {
+        let (mut rest, mut touched) = (mask, 0);
+        while rest != 0 {
+            let p = rest.trailing_zeros() as usize % PACKET_SIZE;
+            let planes = self.frustum.planes.each_ref().map(|planes| {
+                planes.each_ref().map(|s| PlaneDepth { from: s.from.0[p], inverse: s.inverse.0[p] })
+            });
+            let (mut met, enter) =
+                boxes_in_frustum(self.simd, &planes, &block.corner[0], &block.corner[1], hi[p]);
+            if let Some(visits) = &mut self.visits {
+                record_instances(visits, block, p, met, enter);
+                met = 0;
+            }
+            touched |= u32::from(met != 0) << p;
+            while met != 0 {
+                self.hit_cube(self.first + p, block.id[met.trailing_zeros() as usize % BLOCK_SIZE]);
+                met &= met - 1;
+            }
+            rest &= rest - 1;
+        }
+        self.lower_limits(touched);
+    }
+
+    #[inline(always)]
+    fn hit_cube(&mut self, pulse: usize, id: u32) {
+        let cube = self.geometry.cubes[id as usize - self.geometry.triangles.len()];
+        for register in pulse * self.registers..(pulse + 1) * self.registers {
+            let (rays, first) = (self.rays, 8 * (register - pulse * self.registers));
+            self.rays_of(register).intersect_cube(id, cube, |r| rays.origin_of(pulse, first + r));
+        }
+    }
+
+    #[inline(always)]
+    fn rays_of(&mut self, register: usize) -> Rays<'_> {
+        let d = &self.directions;
+        Rays {
+            directions: [&d[0][register], &d[1][register], &d[2][register]],
+            t: &mut self.t[register],
+            id: &mut self.ids[register],
+        }
+    }
+
+    /// Applies the exact test to the rays of the `n`-th open register. Rays for which the fast distance is valid
+    /// obtain the same result again.
+    #[cold]
+    #[inline(never)]
+    fn intersect_open(&mut self, n: usize) {
+        let candidates = self.lists.candidates[self.lists.open[n] as usize];
+        let plane = &self.lists.planes[candidates.plane()];
+        let (id, pulse) = (plane.id, self.first + plane.pulse as usize);
+        let corners = plane.vertex.map(|v| self.geometry.vertices[v as usize]);
+        let register = candidates.register();
+        let (rays, first) = (self.rays, 8 * (register - pulse * self.registers));
+        let origin = |r| rays.origin_of(pulse, first + r);
+        self.rays_of(register).intersect_exact(candidates.maybe(), id, corners, origin);
+    }
+}
+
+struct Step<'k, 'a, S: Simd> {
+    lists: &'k mut CandidateLists,
+    input: StepInput<'k, S>,
+    occlusion: &'k mut Occlusion,
+    rays: RayRegisters<'k>,
+    instance: Option<&'k InstanceFrame<'a>>,
+}

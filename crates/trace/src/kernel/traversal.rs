@@ -1,0 +1,141 @@
+//! The state of a packet's traversal of a tree, and the memory that it borrows.
+
+use super::candidates::{CandidateLists, Occlusion, PendingBlocks};
+use super::instance_frame::{InstanceFrame, InstanceVisit};
+use super::lanes::{PACKET_SIZE, PerPulse};
+use super::packet::PacketFrustum;
+use super::spread::{Deviations, OriginOffsets};
+use crate::build::MAX_DEPTH;
+use crate::node::WideChild;
+use crate::simd::Simd;
+use crate::trace::MAX_WIDE_STACK;
+use crate::{Geometry, RayGroup};
+
+pub(super) struct PacketTraversal<'a, S: Simd> {
+    pub simd: S,
+    pub geometry: &'a Geometry,
+    pub rays: &'a RayGroup,
+    pub directions: [&'a [[f64; 8]]; 3],
+    pub t: &'a mut [[f64; 8]],
+    pub ids: &'a mut [[u32; 8]],
+    /// Registers of eight rays per pulse.
+    pub registers: usize,
+    /// Registers of sixteen rays per pulse.
+    pub wide: usize,
+    /// Spans of 32 rays per pulse.
+    pub spans: usize,
+    pub first: usize,
+    pub frustum: PacketFrustum<S>,
+    pub deviations: &'a [Deviations],
+    /// Origins of the rays of merged pulses; empty for others.
+    pub offsets: &'a [OriginOffsets],
+    /// Depth beyond which nothing can be nearer than the hits of each pulse.
+    pub limit: PerPulse,
+    pub occlusion: Occlusion,
+    pub stacks: &'a mut Stacks,
+    pub blocks: PendingBlocks<'a>,
+    pub lists: &'a mut CandidateLists,
+    /// In a tree over instances: the instances hit.
+    pub visits: Option<&'a mut Vec<InstanceVisit>>,
+    /// In the tree of a model: the instance.
+    pub instance: Option<InstanceFrame<'a>>,
+}
+
+impl<'a, S: Simd> PacketTraversal<'a, S> {
+    /// Creates a traversal by the pulses from `first` on, which `frustum` encloses. Their initial limits exclude
+    /// every hit.
+    #[inline(always)]
+    pub fn of(
+        geometry: &'a Geometry,
+        rays: &'a RayGroup,
+        first: usize,
+        (t, ids): (&'a mut [[f64; 8]], &'a mut [[u32; 8]]),
+        frustum: PacketFrustum<S>,
+        scratch: &'a mut PacketScratch,
+    ) -> PacketTraversal<'a, S> {
+        PacketTraversal {
+            simd: frustum.simd,
+            geometry,
+            rays,
+            directions: [0, 1, 2].map(|a| rays.lanes(a)),
+            t,
+            ids,
+            registers: rays.stride() / RayGroup::WIDTH,
+            wide: rays.stride().div_ceil(16),
+            spans: rays.stride().div_ceil(32),
+            first,
+            frustum,
+            deviations: &scratch.deviations,
+            offsets: &scratch.offsets,
+            limit: PerPulse([f32::NEG_INFINITY; PACKET_SIZE]),
+            occlusion: Occlusion::NONE,
+            stacks: &mut scratch.stacks,
+            blocks: PendingBlocks::NONE,
+            lists: &mut scratch.lists,
+            visits: None,
+            instance: None,
+        }
+    }
+}
+
+/// A pending node of the kd-tree: the pulses that hit it, and the depths at which they do.
+#[derive(Clone, Copy)]
+pub(super) struct KdVisit {
+    pub node: u32,
+    pub pulses: u32,
+    pub lo: PerPulse,
+    pub hi: PerPulse,
+}
+
+impl KdVisit {
+    pub const ROOT: KdVisit = KdVisit { node: 0, pulses: 0, lo: PerPulse::ZERO, hi: PerPulse::ZERO };
+}
+
+/// A pending child in the wide tree: the pulses that hit it, and the minimum depth of entry.
+#[derive(Clone, Copy)]
+pub(super) struct WideVisit {
+    pub child: WideChild,
+    pub enter: f32,
+    pub pulses: u32,
+}
+
+impl WideVisit {
+    pub const ROOT: WideVisit = WideVisit { child: WideChild::ROOT, enter: 0.0, pulses: 0 };
+}
+
+pub(super) struct Stacks {
+    pub kd: [KdVisit; MAX_DEPTH as usize + 1],
+    pub wide: [WideVisit; MAX_WIDE_STACK],
+}
+
+impl Stacks {
+    const EMPTY: Stacks =
+        Stacks { kd: [KdVisit::ROOT; MAX_DEPTH as usize + 1], wide: [WideVisit::ROOT; MAX_WIDE_STACK] };
+}
+
+/// Memory of the traversal of one tree.
+pub(super) struct PacketScratch {
+    pub deviations: Vec<Deviations>,
+    pub offsets: Vec<OriginOffsets>,
+    pub stacks: Stacks,
+    pub lists: CandidateLists,
+}
+
+impl Default for PacketScratch {
+    fn default() -> PacketScratch {
+        PacketScratch {
+            deviations: Vec::new(),
+            offsets: Vec::new(),
+            stacks: Stacks::EMPTY,
+            lists: CandidateLists::EMPTY,
+        }
+    }
+}
+
+impl PacketScratch {
+    pub fn resize_for(&mut self, rays: &RayGroup) {
+        let registers = PACKET_SIZE * rays.stride().div_ceil(16);
+        self.deviations.resize(registers, [[0.0; 16]; 2]);
+        self.offsets.resize(if rays.is_merged() { registers } else { 0 }, [[0.0; 16]; 3]);
+    }
+}

@@ -1,0 +1,177 @@
+//! A packet's traversal of the nodes.
+
+use super::filter::{box_in_pulses, boxes_in_frustum, cut};
+use super::lanes::{PACKET_SIZE, PerPulse};
+use super::traversal::{KdVisit, PacketTraversal, WideVisit};
+use crate::Tree;
+use crate::block::Block;
+use crate::frustum::DEPTH_MARGIN;
+use crate::index::Nodes;
+use crate::node::{KdNode, WideNode};
+use crate::simd::{F32Ops, MaskOps, Simd, each_of, prefetch};
+
+impl<'a, S: Simd> PacketTraversal<'a, S> {
+    /// Traverses the tree with the pulses in a mask, front to back.
+    #[inline(always)]
+    pub(super) fn walk(&mut self, tree: &'a Tree, pulses: u32) {
+        match &tree.nodes {
+            Nodes::Kd(nodes) => self.walk_kd(tree, nodes, pulses),
+            Nodes::Wide(nodes) => self.walk_wide(tree, nodes, pulses),
+        }
+        self.flush_candidates();
+    }
+
+    #[inline(always)]
+    fn walk_kd(&mut self, tree: &'a Tree, nodes: &[KdNode], pulses: u32) {
+        let simd = self.simd;
+        let [lower, upper] = tree.bounds;
+        let pulses = pulses & box_in_pulses(&self.frustum, lower, upper, &self.limit);
+        let mut range = [simd.splat(0.0), simd.splat(f32::INFINITY)];
+        for a in 0..3 {
+            range = cut(&self.frustum, a, upper[a], range)[0];
+            range = cut(&self.frustum, a, lower[a], range)[1];
+        }
+        let [lo, hi] = range;
+        self.stacks.kd[0] = KdVisit { pulses, ..KdVisit::ROOT };
+        lo.store(&mut self.stacks.kd[0].lo.0);
+        hi.store(&mut self.stacks.kd[0].hi.0);
+        let mut height = 1;
+        let margin = simd.splat(DEPTH_MARGIN);
+        while height > 0 {
+            height -= 1;
+            let visit = &self.stacks.kd[height];
+            let (mut number, mut pulses) = (visit.node as usize, visit.pulses);
+            let (mut lo, mut hi) = (simd.load(&visit.lo.0), simd.load(&visit.hi.0));
+            let limit = simd.load(&self.limit.0) * margin;
+            pulses &= lo.le(limit).bits();
+            while pulses != 0 {
+                let node = nodes[number];
+                let Some(axis) = node.axis() else {
+                    let (mut from, mut to) = (PerPulse::ZERO, PerPulse::ZERO);
+                    lo.store(&mut from.0);
+                    for block in &tree.blocks[node.blocks()] {
+                        hi.min(simd.load(&self.limit.0)).store(&mut to.0);
+                        let enter = from.0[pulses.trailing_zeros() as usize % PACKET_SIZE];
+                        self.visit_block(block, pulses, enter, &from.0, &to.0);
+                    }
+                    break;
+                };
+                let [lower, upper] = cut(&self.frustum, axis, node.position(), [lo, hi]);
+                let [in_lower, in_upper] = each_of!([0, 1], n => {
+                    let [lo, hi] = [lower, upper][n];
+                    pulses & (lo.le(hi * margin) & lo.le(limit)).bits()
+                });
+                let child = node.child();
+                let [above, below] = &self.frustum.hull[axis];
+                let (near, far) = if above.inverse > 0.0 && below.inverse > 0.0 {
+                    ((child, in_lower, lower), (child + 1, in_upper, upper))
+                } else {
+                    ((child + 1, in_upper, upper), (child, in_lower, lower))
+                };
+                let next = if near.1 == 0 {
+                    far
+                } else {
+                    if far.1 != 0 {
+                        let visit = &mut self.stacks.kd[height];
+                        visit.node = far.0 as u32;
+                        visit.pulses = far.1;
+                        far.2[0].store(&mut visit.lo.0);
+                        far.2[1].store(&mut visit.hi.0);
+                        height += 1;
+                    }
+                    near
+                };
+                (number, pulses, [lo, hi]) = next;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn walk_wide(&mut self, tree: &'a Tree, nodes: &[WideNode], pulses: u32) {
+        self.stacks.wide[0] = WideVisit { pulses, ..WideVisit::ROOT };
+        let (is_single, mut height) = (pulses == 1, 1);
+        // The next block is prefetched until another one has been found.
+        let mut waiting: Option<(&'a Block, f32)> = None;
+        let mut waiting_pulses = 0;
+        loop {
+            let mut found = None;
+            let mut found_pulses = 0;
+            if height > 0 {
+                height -= 1;
+                let WideVisit { child, enter, pulses } = self.stacks.wide[height];
+                let pulses = pulses & self.within_limit(enter);
+                if pulses == 0 {
+                    continue;
+                }
+                match child.number() {
+                    Ok(number) => {
+                        height = self.push_children(tree, nodes, number, pulses, is_single, height);
+                        continue;
+                    }
+                    Err(number) => (found, found_pulses) = (Some((&tree.blocks[number], enter)), pulses),
+                }
+            } else if waiting.is_none() {
+                break;
+            }
+            if let Some((block, enter)) = waiting {
+                let limit = self.limit.0;
+                let pulses = waiting_pulses & self.within_limit(enter);
+                self.visit_block(block, pulses, enter, &[0.0; PACKET_SIZE], &limit);
+            }
+            (waiting, waiting_pulses) = (found, found_pulses);
+        }
+    }
+
+    /// Returns a mask of the pulses for which not all rays have hit something nearer than this depth.
+    #[inline(always)]
+    pub(super) fn within_limit(&self, enter: f32) -> u32 {
+        let simd = self.simd;
+        simd.splat(enter).le(simd.load(&self.limit.0) * simd.splat(DEPTH_MARGIN)).bits()
+    }
+
+    /// Pushes the children of a node that the pulses hit on the stack, the nearest on top. Returns the new height of
+    /// the stack.
+    #[inline(always)]
+    fn push_children(
+        &mut self,
+        tree: &Tree,
+        nodes: &[WideNode],
+        number: usize,
+        pulses: u32,
+        is_single: bool,
+        floor: usize,
+    ) -> usize {
+        let node = &nodes[number];
+        let (mut depths, mut height) = ([0.0; PACKET_SIZE], floor);
+        let limit = self.simd.load(&self.limit.0).max_lane();
+        let (mut met, enter) =
+            boxes_in_frustum(self.simd, &self.frustum.hull, &node.lower, &node.upper, limit);
+        enter.store(&mut depths);
+        while met != 0 {
+            let lane = met.trailing_zeros() as usize;
+            met &= met - 1;
+            let lower = [node.lower[0][lane], node.lower[1][lane], node.lower[2][lane]];
+            let upper = [node.upper[0][lane], node.upper[1][lane], node.upper[2][lane]];
+            let meeting = box_in_pulses(&self.frustum, lower, upper, &self.limit);
+            // The hull of a single pulse is that pulse.
+            let meeting = if is_single { !0 } else { meeting };
+            let pulses = pulses & meeting;
+            if pulses == 0 {
+                continue;
+            }
+            match node.child[lane].number() {
+                Ok(number) => prefetch(&nodes[number]),
+                Err(number) => prefetch(&tree.blocks[number]),
+            }
+            let stack = &mut self.stacks.wide;
+            let mut at = height;
+            while at > floor && stack[at - 1].enter < depths[lane] {
+                stack[at] = stack[at - 1];
+                at -= 1;
+            }
+            stack[at] = WideVisit { child: node.child[lane], enter: depths[lane], pulses };
+            height += 1;
+        }
+        height
+    }
+}

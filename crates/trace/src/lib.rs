@@ -1,0 +1,61 @@
+//! The first primitive hit by a ray: primitives, rays, and the trees over them, independent of LiDAR.
+//!
+//! A [`Geometry`] holds triangles and cubes, a [`Tree`] is built over it, and [`Tree::nearest_where`] finds the first hit of a
+//! ray, [`Tree::trace_group`] those of many ([`RayGroup`], [`Hits`]). [`Instances`] place a model many times.
+//!
+//! | file | contents |
+//! |---|---|
+//! | `geometry`, `rays` | primitives; rays by pulse; hits |
+//! | `intersect` | the exact test: one ray, one primitive, double precision |
+//! | `options`, `build` | build options; the builders |
+//! | `index`, `frame`, `node`, `block` | the tree and its parts, in single precision around the scene's centre |
+//! | `frustum` | the filter: rays with one origin against planes, boxes and blocks of triangles |
+//! | `trace`, `trace_instances` | single rays |
+//! | `instances` | models with several placements |
+//! | `parts` | trees as plain arrays and numbers, for files |
+//! | `kernel`, `simd` | packets of pulses; the instruction sets |
+//!
+//! Trees and frustums only choose which exact tests are made, and err on the side of more tests. So every tree, every
+//! traversal and every instruction set reports the same hits, bit for bit, as testing everything.
+
+#![deny(unsafe_code)]
+
+mod block;
+mod build;
+mod frame;
+mod frustum;
+mod geometry;
+mod index;
+mod instances;
+mod intersect;
+mod kernel;
+mod node;
+mod options;
+mod parts;
+mod rays;
+pub mod simd;
+mod trace;
+mod trace_instances;
+
+pub use block::Block;
+pub use frame::Frame;
+pub use geometry::{Cube, Geometry, Hit};
+pub use index::Tree;
+pub use instances::{Instance, Instances, Model, Placement};
+pub use kernel::TraceScratch;
+pub use node::{KdNode, WideNode};
+pub use options::{Accounting, Areas, Axes, BuildOptions, Builder, Statistics};
+pub use parts::{NodeArray, TreeParts};
+pub use rays::{Hits, RayGroup};
+pub use simd::prefetch;
+pub use vlscan_geom::{Aabb, DVec3, Rotation};
+
+/// The example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
+#[cfg(test)]
+mod golden_tests;
+#[cfg(test)]
+mod property_tests;

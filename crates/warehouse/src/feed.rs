@@ -1,0 +1,326 @@
+//! The producer's side of the queues, where the schedules differ.
+
+use super::jobs::JobQueue;
+use super::policy::{MAX_BUFFERED_TASKS, Policy, Schedule};
+use super::record::ProducerRecord;
+use super::sizing::{ChunkSizer, IdleClock};
+use super::spin::spin_until;
+use crossbeam_channel::{Receiver, Select, Sender, TrySendError, bounded};
+use std::time::{Duration, Instant};
+use vlscan_base::error::{Error, Result};
+
+/// Work that is distributed: a number of tasks.
+pub trait Tasks {
+    /// Number of tasks, the unit in which chunk sizes are counted.
+    fn tasks(&self) -> u32;
+}
+
+/// Result of a chunk.
+pub trait Outcome: Sized {
+    /// Appends the result of the next chunk, so that both are one result, or returns it if they cannot be joined.
+    fn join(&mut self, next: Self) -> Option<Self> {
+        Some(next)
+    }
+}
+
+pub(super) struct QueuedChunk<C, R> {
+    pub chunk: C,
+    /// Channel of the result.
+    pub result: flume::Sender<Result<R>>,
+    /// Clone of the leg barrier's sender, dropped when the chunk is done.
+    pub barrier: Option<Sender<()>>,
+}
+
+/// The next results in order.
+pub(super) enum Pending<R> {
+    /// Computed by the producer.
+    Ready(Vec<Result<R>>),
+    /// A worker will send the result.
+    InFlight(flume::Receiver<Result<R>>),
+}
+
+/// Barrier at the end of a leg: waits until all chunks of the leg are done, each of which holds a clone of the
+/// sender.
+pub(super) struct LegBarrier {
+    guard: Sender<()>,
+    done: Receiver<()>,
+}
+
+impl LegBarrier {
+    pub fn new() -> LegBarrier {
+        let (guard, done) = bounded(0);
+        LegBarrier { guard, done }
+    }
+
+    fn wait(self) {
+        drop(self.guard);
+        // No message is ever sent: the receiver returns when the last sender is dropped.
+        let _ = self.done.recv();
+    }
+}
+
+/// The producer's side of the queues: takes chunks and has them computed, by this thread or a worker, as the schedule
+/// decides.
+///
+/// Results keep the order of the chunks under every schedule. Every method blocks while the collector is too far
+/// behind, and fails when the collector has ended.
+pub struct Feed<'a, C, R, W> {
+    pub(super) schedule: Schedule,
+    pub(super) queue: Sender<QueuedChunk<C, R>>,
+    /// The workers' end of `queue`, from which the producer takes chunks back.
+    pub(super) queue_end: Receiver<QueuedChunk<C, R>>,
+    /// One message per idle worker; not used by the warehouse.
+    pub(super) idle_workers: Receiver<()>,
+    pub(super) results: Sender<Pending<R>>,
+    pub(super) jobs: &'a JobQueue,
+    pub(super) sizer: Option<ChunkSizer>,
+    pub(super) idle: &'a IdleClock,
+    pub(super) measured_idle_ns: Option<u64>,
+    pub(super) barrier: Option<LegBarrier>,
+    /// Results not yet in the queue, and the number of chunks that they come from.
+    pub(super) buffered: (Vec<Result<R>>, usize),
+    pub(super) record: ProducerRecord<'a>,
+    pub(super) work: W,
+}
+
+impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
+    /// Number of tasks that the chunk under construction should hold.
+    pub fn size(&self) -> u32 {
+        self.sizer.map_or(self.schedule.policy.size(), |sizer| sizer.size())
+    }
+
+    /// Takes a chunk that has reached its size. Returns it when all workers are busy and the schedule wants the
+    /// producer to [`Feed::compute`] its first task and continue filling the rest.
+    pub fn offer(&mut self, chunk: C) -> Result<Option<C>> {
+        if self.schedule.workers() == 0 {
+            return self.compute(chunk).map(|()| None);
+        }
+        match self.schedule.policy {
+            Policy::Warehouse { .. } => self.store(chunk).map(|()| None),
+            Policy::Single => {
+                self.record.timer.discard_lap();
+                spin_until(|| !self.idle_workers.is_empty());
+                let idle = self.idle_workers.recv();
+                self.record.timer.add_idle();
+                idle.map_err(|_| thread_ended("every worker"))?;
+                self.send(chunk).map(|()| None)
+            }
+            Policy::Static { .. } | Policy::Dynamic { .. } => {
+                if self.idle_workers.try_recv().is_err() {
+                    self.record.add_refusal();
+                    if let Some(ns) = self.sizer.and_then(|_| self.idle.stop()) {
+                        self.measured_idle_ns = Some(ns);
+                    }
+                    return Ok(Some(chunk));
+                }
+                self.send(chunk)?;
+                if let Some(sizer) = &mut self.sizer {
+                    let measured = self.measured_idle_ns.take();
+                    if sizer.resize(measured) {
+                        self.record.add_resize(measured, sizer);
+                    }
+                }
+                Ok(None)
+            }
+        }
+    }
+
+    /// Takes a chunk that ends before it has reached its size. With a leg barrier it is computed by this thread.
+    pub fn put(&mut self, chunk: C) -> Result<()> {
+        match self.schedule.policy {
+            _ if self.schedule.workers() == 0 || self.barrier.is_some() => self.compute(chunk)?,
+            Policy::Warehouse { .. } => self.store(chunk)?,
+            Policy::Single => drop(self.offer(chunk)?),
+            Policy::Static { .. } | Policy::Dynamic { .. } => match self.idle_workers.try_recv() {
+                Ok(()) => self.send(chunk)?,
+                Err(_) => self.compute(chunk)?,
+            },
+        }
+        self.flush()
+    }
+
+    /// Computes a chunk on this thread. The result of a single task is buffered until [`Feed::flush`] or until there
+    /// are [`MAX_BUFFERED_TASKS`] of them.
+    pub fn compute(&mut self, chunk: C) -> Result<()> {
+        if chunk.tasks() > 1 {
+            return self.compute_and_flush(chunk, self.schedule.workers() == 0);
+        }
+        self.record.add_tasks(chunk.tasks());
+        let result = self.work_on(chunk);
+        let is_error = result.is_err();
+        self.buffer(result);
+        if is_error || self.buffered.1 >= MAX_BUFFERED_TASKS { self.flush() } else { Ok(()) }
+    }
+
+    fn buffer(&mut self, result: Result<R>) {
+        let (results, count) = &mut self.buffered;
+        *count += 1;
+        // A few large results instead of many small ones, whose memory another thread would have to free.
+        let rest = match (results.last_mut(), result) {
+            (Some(Ok(last)), Ok(next)) => last.join(next).map(Ok),
+            (_, result) => Some(result),
+        };
+        results.extend(rest);
+    }
+
+    /// Passes buffered results to the collector. Callers of [`Feed::compute`] must do this before they wait for
+    /// something; all other methods do it themselves.
+    pub fn flush(&mut self) -> Result<()> {
+        if self.buffered.1 == 0 {
+            return Ok(());
+        }
+        if self.schedule.workers() == 0 {
+            self.run_side_jobs();
+        }
+        let (results, _) = std::mem::take(&mut self.buffered);
+        self.enqueue(Pending::Ready(results))
+    }
+
+    /// Computes a chunk and then enqueues its result: no other chunk comes in between, and a sleeping collector is
+    /// not woken only to wait for the result.
+    fn compute_and_flush(&mut self, chunk: C, runs_side_jobs: bool) -> Result<()> {
+        self.record.add_tasks(chunk.tasks());
+        if runs_side_jobs {
+            self.run_side_jobs();
+        }
+        let result = self.work_on(chunk);
+        self.buffer(result);
+        self.flush()
+    }
+
+    /// Ends a leg, all chunks of which have been passed. With a leg barrier this waits until they are done.
+    pub fn end_leg(&mut self) -> Result<()> {
+        self.flush()?;
+        let mut waited = Duration::ZERO;
+        if self.barrier.is_some() {
+            self.drain();
+            let began = Instant::now();
+            self.record.timer.discard_lap();
+            if let Some(barrier) = self.barrier.replace(LegBarrier::new()) {
+                barrier.wait();
+            }
+            self.record.timer.add_idle();
+            waited = began.elapsed();
+            // Idle times at the barrier carry no information about the size of chunks.
+            (self.measured_idle_ns, _) = (None, self.idle.stop());
+        }
+        self.record.add_leg_end(waited);
+        Ok(())
+    }
+
+    /// Computes the chunks in the warehouse on this thread, in parallel with the workers.
+    pub(super) fn drain(&mut self) {
+        while self.has_warehouse()
+            && let Ok(item) = self.queue_end.try_recv()
+        {
+            self.take_back(item);
+        }
+    }
+
+    /// Whether chunks wait in the queue; under other schedules an idle worker is about to take them.
+    fn has_warehouse(&self) -> bool {
+        matches!(self.schedule.policy, Policy::Warehouse { .. })
+    }
+
+    /// Stores the chunk in the warehouse, or computes it on this thread when the warehouse is full.
+    fn store(&mut self, chunk: C) -> Result<()> {
+        if self.queue.is_full() {
+            self.record.add_refusal();
+            return self.compute_and_flush(chunk, true);
+        }
+        // Only this thread fills the queue, so there is still a free slot.
+        let result = self.queue_chunk(chunk)?;
+        self.record.add_handover(self.queue.len());
+        self.enqueue_in_flight(result)
+    }
+
+    /// Sends the chunk to a worker that is known to be idle.
+    fn send(&mut self, chunk: C) -> Result<()> {
+        let result = self.queue_chunk(chunk)?;
+        self.record.add_handover(self.schedule.workers().saturating_sub(self.idle_workers.len()));
+        self.enqueue_in_flight(result)
+    }
+
+    /// Queues the chunk for the workers. Returns the receiver of its result.
+    fn queue_chunk(&mut self, chunk: C) -> Result<flume::Receiver<Result<R>>> {
+        self.record.add_tasks(chunk.tasks());
+        let (sender, result) = flume::bounded(1);
+        let barrier = self.barrier.as_ref().map(|barrier| barrier.guard.clone());
+        let item = QueuedChunk { chunk, result: sender, barrier };
+        self.queue.send(item).map_err(|_| thread_ended("every worker"))?;
+        Ok(result)
+    }
+
+    /// Enqueues a result that a worker is computing.
+    fn enqueue_in_flight(&mut self, result: flume::Receiver<Result<R>>) -> Result<()> {
+        self.flush()?;
+        self.enqueue(Pending::InFlight(result))
+    }
+
+    /// Runs side jobs of the collector. They can take longer than the queued chunks last, and no chunk is made
+    /// meanwhile, so one job per worker is left in the queue.
+    fn run_side_jobs(&mut self) {
+        self.record.timer.discard_lap();
+        while self.jobs.queue_end().len() > self.schedule.workers()
+            && let Ok(job) = self.jobs.queue_end().try_recv()
+        {
+            job();
+            self.record.timer.add_job();
+        }
+    }
+
+    fn work_on(&mut self, chunk: C) -> Result<R> {
+        self.record.timer.discard_lap();
+        let tasks = chunk.tasks();
+        let result = (self.work)(chunk);
+        self.record.add_chunk(tasks, self.schedule.workers() == 0);
+        result
+    }
+
+    /// Computes a chunk taken back from the warehouse.
+    fn take_back(&mut self, item: QueuedChunk<C, R>) {
+        self.record.add_taken_back();
+        let result = self.work_on(item.chunk);
+        // A collector that has ended is detected when the next result is enqueued.
+        let _ = item.result.send(result);
+    }
+
+    /// Passes results to the collector. While the collector is too far behind, this thread computes chunks from the
+    /// warehouse, all of which are older than the results, and runs the collector's side jobs.
+    fn enqueue(&mut self, mut pending: Pending<R>) -> Result<()> {
+        let gone = || Error::Internal("the collector has ended early".to_owned());
+        let (results, queue_end, jobs) = (self.results.clone(), self.queue_end.clone(), self.jobs);
+        loop {
+            pending = match results.try_send(pending) {
+                Ok(()) => return Ok(()),
+                Err(TrySendError::Disconnected(_)) => return Err(gone()),
+                Err(TrySendError::Full(pending)) => pending,
+            };
+            self.record.timer.discard_lap();
+            let mut any = Select::new();
+            let sending = any.send(&results);
+            let job = any.recv(jobs.queue_end());
+            if self.has_warehouse() {
+                any.recv(&queue_end);
+            }
+            let ready = any.select();
+            if ready.index() == sending {
+                self.record.timer.add_idle();
+                return ready.send(&results, pending).map_err(|_| gone());
+            }
+            if ready.index() == job {
+                if let Ok(job) = ready.recv(jobs.queue_end()) {
+                    job();
+                    self.record.timer.add_job();
+                }
+            } else if let Ok(item) = ready.recv(&queue_end) {
+                self.take_back(item);
+            }
+        }
+    }
+}
+
+/// Returns the error for a thread that has ended.
+pub(super) fn thread_ended(who: &str) -> Error {
+    Error::Internal(format!("{who} stopped unexpectedly; the message above tells where"))
+}

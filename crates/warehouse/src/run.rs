@@ -1,0 +1,288 @@
+//! The threads: one producer, the workers, one collector.
+
+use super::feed::{Feed, LegBarrier, Outcome, Pending, QueuedChunk, Tasks, thread_ended};
+use super::jobs::{Job, JobQueue};
+use super::policy::{Policy, Schedule};
+use super::record::{ProducerRecord, Recorder, ThreadTimer};
+use super::sizing::{ChunkSizer, IdleClock};
+use super::spin::spin_until;
+use super::stop::Stop;
+use crossbeam_channel::{Receiver, Sender, bounded, select};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::time::Instant;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::machine;
+
+/// Consumer of results in chunk order.
+pub trait Collect<R>: Send {
+    /// Result of the run.
+    type Summary: Send;
+    /// Takes the next result. `more_waiting` tells whether another result is already on its way, so that a live
+    /// stream can be flushed when there is none.
+    fn take(&mut self, result: R, more_waiting: bool) -> Result<()>;
+    /// Ends a run, all results of which have been taken.
+    fn finish(self) -> Result<Self::Summary>;
+    /// Ends a run that the user has stopped; no further results follow. The summary is dropped if the producer has
+    /// failed.
+    fn cut(self) -> Result<Self::Summary>
+    where
+        Self: Sized,
+    {
+        self.abort();
+        Err(Error::Interrupted)
+    }
+    /// Ends a run that has failed.
+    fn abort(self);
+}
+
+/// Runs `produce` on this thread, the workers and the collector on others, until everything is done or one of them
+/// fails.
+///
+/// `make_worker` is called once per computing thread; each worker owns its scratch memory and is independent of the
+/// schedule. On any failure `stop` reads as requested until the next run, which `produce` should check between chunks. The first error in the order
+/// of the results is returned. A `recorder` records the activity of all threads.
+pub fn run<C, R, W, K>(
+    schedule: Schedule,
+    jobs: &Arc<JobQueue>,
+    stop: &Stop,
+    recorder: Option<&Recorder>,
+    make_worker: impl Fn() -> W + Sync,
+    produce: impl FnOnce(&mut Feed<'_, C, R, W>) -> Result<()>,
+    collector: K,
+) -> Result<K::Summary>
+where
+    C: Tasks + Send,
+    R: Outcome + Send,
+    W: FnMut(C) -> Result<R>,
+    K: Collect<R>,
+{
+    stop.begin_run();
+    let (queue, queue_end) = bounded::<QueuedChunk<C, R>>(schedule.queue_capacity());
+    let (results, results_end) = bounded(schedule.results_capacity());
+    let (announce_idle, idle_workers) = bounded(schedule.workers().max(1));
+    let idle = IdleClock::new();
+    let sizer = match schedule.policy {
+        Policy::Dynamic { size, significant_ns } => Some(ChunkSizer::new(size, significant_ns)),
+        _ => None,
+    };
+    let context = WorkerContext {
+        queue_end,
+        jobs,
+        announce_idle: (!matches!(schedule.policy, Policy::Warehouse { .. })).then_some(announce_idle),
+        idle: sizer.map(|_| &idle),
+        recorder,
+    };
+    for _ in 0..schedule.workers() {
+        context.announce_idle();
+    }
+    let make_worker = &make_worker;
+    let ended = std::thread::scope(|scope| {
+        let mut workers = Vec::new();
+        for _ in 0..schedule.workers() {
+            let context = context.clone();
+            let worker = machine::spawn_scoped(scope, "worker", move || context.run(make_worker()));
+            match worker {
+                Ok(worker) => workers.push(worker),
+                Err(e) => {
+                    collector.abort();
+                    jobs.close();
+                    return Err(e);
+                }
+            }
+        }
+        let queue_end = context.queue_end.clone();
+        // A producer that waits for an idle worker must notice when none is left.
+        drop(context);
+        let collecting = machine::spawn_scoped(scope, "collector", move || {
+            let outcome = collect(&results_end, stop, recorder, collector);
+            if outcome.is_err() {
+                stop.fail();
+            }
+            jobs.close();
+            outcome
+        })
+        .inspect_err(|_| jobs.close())?;
+        let mut feed = Feed {
+            schedule,
+            queue,
+            queue_end,
+            idle_workers,
+            results,
+            jobs,
+            sizer,
+            idle: &idle,
+            measured_idle_ns: None,
+            barrier: schedule.leg_barrier.then(LegBarrier::new),
+            buffered: (Vec::new(), 0),
+            record: ProducerRecord::new(recorder),
+            work: make_worker(),
+        };
+        // The producer computes chunks, too. If that panics, the collector must not take what it has for everything.
+        let produced = catch_unwind(AssertUnwindSafe(|| {
+            let produced = produce(&mut feed);
+            // Results before a failure or a stop are part of the output, too.
+            let flushed = feed.flush();
+            produced.and(flushed).map(|()| feed.drain())
+        }));
+        let produced = produced.unwrap_or_else(|_| Err(thread_ended("the producer")));
+        if produced.is_err() {
+            stop.fail();
+        }
+        feed.record.finish();
+        drop(feed);
+        while let Ok(job) = jobs.queue_end().recv() {
+            job();
+        }
+        let collected = collecting.join().unwrap_or_else(|_| Err(thread_ended("the collector")));
+        for worker in workers {
+            worker.join().map_err(|_| thread_ended("a worker"))?;
+        }
+        if let Some(recorder) = recorder {
+            recorder.end_run(&schedule);
+        }
+        // When the collector fails, the producer fails too because it cannot pass results on: the collector's error
+        // is the cause.
+        match (collected, produced) {
+            // The collector only followed the producer's stop.
+            (Err(Error::Interrupted), Err(reason)) => Err(reason),
+            (Err(reason), _) => Err(reason),
+            (Ok(_), Err(reason)) => Err(reason),
+            (Ok(summary), Ok(())) => Ok(summary),
+        }
+    });
+    // A failure of this run is no reason to stop what the process does next.
+    stop.begin_run();
+    ended
+}
+
+/// Channels of a worker thread.
+struct WorkerContext<'a, C, R> {
+    queue_end: Receiver<QueuedChunk<C, R>>,
+    jobs: &'a JobQueue,
+    /// Channel on which the producer waits for idle workers; `None` with a warehouse.
+    announce_idle: Option<Sender<()>>,
+    idle: Option<&'a IdleClock>,
+    recorder: Option<&'a Recorder>,
+}
+
+impl<C, R> Clone for WorkerContext<'_, C, R> {
+    fn clone(&self) -> Self {
+        WorkerContext {
+            queue_end: self.queue_end.clone(),
+            announce_idle: self.announce_idle.clone(),
+            ..*self
+        }
+    }
+}
+
+impl<C, R> WorkerContext<'_, C, R> {
+    fn announce_idle(&self) {
+        if let Some(sender) = &self.announce_idle {
+            // There is a slot for every worker, and a producer that has ended needs no message.
+            let _ = sender.try_send(());
+        }
+    }
+}
+
+impl<C: Tasks, R> WorkerContext<'_, C, R> {
+    /// Executes jobs and chunks until both queues are closed.
+    fn run(self, mut work: impl FnMut(C) -> Result<R>) {
+        let mut timer = ThreadTimer::start(self.recorder);
+        let run_job = |timer: &mut ThreadTimer, job: Job| {
+            timer.add_idle();
+            job();
+            timer.add_job();
+        };
+        loop {
+            if let Ok(job) = self.jobs.queue_end().try_recv() {
+                run_job(&mut timer, job);
+                continue;
+            }
+            if self.announce_idle.is_some() {
+                spin_until(|| !self.queue_end.is_empty() || !self.jobs.queue_end().is_empty());
+            }
+            select! {
+                recv(self.jobs.queue_end()) -> job => match job {
+                    Ok(job) => run_job(&mut timer, job),
+                    // The collector has ended: it closes the job queue last. The results are lost, but a producer
+                    // that has not noticed yet may wait for the chunks that it sent.
+                    Err(_) => {
+                        self.queue_end.iter().for_each(|_| self.announce_idle());
+                        break;
+                    }
+                },
+                recv(self.queue_end) -> item => match item {
+                    Ok(item) => self.compute(item, &mut timer, &mut work),
+                    Err(_) => {
+                        while let Ok(job) = self.jobs.queue_end().recv() {
+                            run_job(&mut timer, job);
+                        }
+                        break;
+                    }
+                },
+            }
+        }
+        timer.finish_worker();
+    }
+
+    fn compute(
+        &self,
+        item: QueuedChunk<C, R>,
+        timer: &mut ThreadTimer,
+        work: &mut impl FnMut(C) -> Result<R>,
+    ) {
+        timer.add_idle();
+        let QueuedChunk { chunk, result, barrier } = item;
+        let tasks = chunk.tasks();
+        // Fails when the collector has ended; the result is then not needed.
+        let _ = result.send(work(chunk));
+        timer.add_chunk(tasks);
+        drop(barrier);
+        if let Some(idle) = self.idle {
+            idle.start();
+        }
+        self.announce_idle();
+    }
+}
+
+fn collect<R, K: Collect<R>>(
+    pending: &Receiver<Pending<R>>,
+    stop: &Stop,
+    recorder: Option<&Recorder>,
+    mut collector: K,
+) -> Result<K::Summary> {
+    let mut timer = ThreadTimer::start(recorder);
+    for next in pending {
+        let results = match next {
+            Pending::Ready(results) => results,
+            Pending::InFlight(result) => {
+                vec![result.recv().unwrap_or_else(|_| Err(thread_ended("a worker")))]
+            }
+        };
+        let mut results = results.into_iter();
+        timer.add_idle();
+        while let Some(result) = results.next() {
+            let more_waiting = results.len() > 0 || !pending.is_empty();
+            let taken = result.and_then(|result| collector.take(result, more_waiting));
+            timer.add_chunk(0);
+            if let Err(e) = taken {
+                collector.abort();
+                return Err(e);
+            }
+        }
+    }
+    if stop.is_requested() {
+        return collector.cut();
+    }
+    timer.finish_collector();
+    let began = Instant::now();
+    let finished = collector.finish();
+    if let Some(recorder) = recorder {
+        recorder.add_completing(began);
+    }
+    finished
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,8 +1,0 @@
-//! Blocks of subrays that are computed together.
-
-use crate::tree::RayGroup;
-
-/// Subrays per block.
-pub(super) const LANES: usize = RayGroup::WIDTH;
-/// A number for each subray of a block.
-pub(super) type Block = [f64; LANES];
