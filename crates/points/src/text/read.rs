@@ -19,6 +19,8 @@ pub(crate) fn read(mut source: impl BufRead, reading: &mut Reading) -> Result<()
     let mut layout: Option<Layout> = None;
     let (mut line, mut words) = (Vec::new(), Vec::new());
     let mut problems = 0;
+    // The number of values of the first point and its line; the lines with more values, and the place of the first one.
+    let (mut width, mut longer): ((usize, usize), (u64, Option<Place>)) = Default::default();
     for number in 1.. {
         if !read_line(&mut source, &mut line).map_err(|e| Error::io("read", reading.path, e))? {
             break;
@@ -32,10 +34,17 @@ pub(crate) fn read(mut source: impl BufRead, reading: &mut Reading) -> Result<()
                 found.split(text, &mut words);
                 found.warn_of_unread(reading.path, text, &words, reading.found);
                 reading.sink.start(found.columns.attributes());
+                width = (words.len(), number);
                 layout.insert(found)
             }
         };
         layout.split(text, &mut words);
+        if words.len() > width.0 {
+            longer.0 += 1;
+            longer
+                .1
+                .get_or_insert_with(|| place(reading.path, number, text, words[width.0].start..text.len()));
+        }
         let missing = layout.missing_values(&words).map(Wrong::Missing);
         let parsed = layout.columns.parse(text, &words).map_err(Wrong::Column);
         let parsed = parsed.and_then(|row| missing.map_or(Ok(row), Err));
@@ -60,6 +69,16 @@ pub(crate) fn read(mut source: impl BufRead, reading: &mut Reading) -> Result<()
                 }
             }
         }
+    }
+    if let (count, Some(place)) = longer {
+        let lines = if count == 1 { "line has" } else { "lines have" };
+        let (values, first) = width;
+        reading.found.warn(
+            Some(place),
+            format!(
+                "{count} {lines} more values than line {first}, which has {values}; the others are not read"
+            ),
+        );
     }
     Ok(())
 }
@@ -102,5 +121,35 @@ impl Wrong {
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{AttributeSet, PointRow, PointSink, Selection};
+    use vlscan_base::diag::Diagnostics;
+
+    struct Count(u32);
+
+    impl PointSink for Count {
+        fn start(&mut self, _: AttributeSet) {}
+
+        fn point(&mut self, _: &PointRow, _: Option<&str>) -> ControlFlow<()> {
+            self.0 += 1;
+            ControlFlow::Continue(())
+        }
+    }
+
+    #[test]
+    fn values_beyond_those_of_the_first_line_are_told() {
+        let text = "x,y,z\n1,2,3\n4,5,6,7\n8,9,10,11,12\n1,1,1,\n";
+        let (mut sink, mut found) = (Count(0), Diagnostics::default());
+        let mut reading = Reading::new(Path::new("a.csv"), Selection::All, &mut sink, &mut found);
+        read(text.as_bytes(), &mut reading).unwrap();
+        let said = found.render(false);
+        assert!(said.contains("2 lines have more values than line 2, which has 3"), "{said}");
+        assert!(said.contains("a.csv:3:7"), "{said}");
+        assert_eq!(sink.0, 4);
     }
 }

@@ -3,7 +3,7 @@
 macro_rules! kinematics {
     ($($name:ident,)*) => {
         /// Corrections of the reference's kinematics, each of which can be enabled separately. The field of the same
-        /// name in [`vlscan_lidar::pulse::Corrections`] describes the effect, docs/physics.md the formula.
+        /// name in `Corrections` of the physics of pulses describes the effect, docs/physics.md the formula.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
         #[allow(missing_docs, reason = "described at the fields of the same names in `Corrections`")]
         pub struct Kinematics {

@@ -1,4 +1,4 @@
-//! Pipeline files: a complete run in one TOML file. The options of the run are read by `crate::options`, the survey
+//! Pipeline files: a complete run in one TOML file. The options of the run are read by the program, the survey
 //! here.
 //!
 //! | file | what it does |

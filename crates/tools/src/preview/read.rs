@@ -10,7 +10,7 @@ use vlscan_base::error::{Error, Result};
 use vlscan_geom::MAX_COORDINATE;
 use vlscan_points::{Attribute, AttributeSet, PointRow, PointSink};
 
-/// Reads a point cloud in any format of [`points`]; `-` is stdin. Returns the points and what is to be said of
+/// Reads a point cloud in any format of [`vlscan_points`]; `-` is stdin. Returns the points and what is to be said of
 /// them: warnings, also of points that are left out, and notes on how the file was interpreted.
 ///
 /// # Errors
