@@ -245,6 +245,17 @@ fn what_is_not_used_as_written_is_an_error_with_strict() {
     cases.push(("unit.csv".into(), b"x [furlong],y [m],z [m]\n1,2,3\n".to_vec(), "unit \"furlong\""));
     cases.push(("two.csv".into(), b"x,y,z,class,label\n1,2,3,4,5\n".to_vec(), "both name a point class"));
     cases.push(("nan.csv".into(), b"x,y,z\n1,2,nan\n1,2,3\n".to_vec(), "are left out"));
+    cases.push((
+        "long.csv".into(),
+        b"x,y,z\n1,2,3\n4,5,6,7\n".to_vec(),
+        "1 line has more values than line 2",
+    ));
+    let ply = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
+    let pcd = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 1\nHEIGHT 1\nDATA ascii\n";
+    for (name, head) in [("more.ply", ply), ("more.pcd", pcd)] {
+        let content = format!("{head}1 2 3\n4 5 6\n").into_bytes();
+        cases.push((name.into(), content, "more follows the 1 points that its header states"));
+    }
     for (name, content, expected) in cases {
         fs::write(dir.path().join(&name), content).unwrap();
         for args in [&["compare", &name, &name][..], &["preview", &name, "-o", "a.png", "--force"]] {

@@ -36,6 +36,11 @@ pub use ply_header::{is_ply, ply_header};
 pub use ply_text::PlyNumbers;
 pub use table::read_record_batch;
 
+/// The example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
 use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
@@ -99,6 +104,11 @@ impl<'a> Reading<'a> {
     /// Records a warning about the whole file.
     fn warn(&mut self, message: impl Into<String>) {
         self.found.warn(Some(self.place()), message);
+    }
+
+    /// Warns of what follows the points that the header of the file counts.
+    fn warn_of_rest(&mut self, points: usize) {
+        self.warn(format!("more follows the {points} points that its header states, which is not read"));
     }
 
     /// Records why the file cannot be read.

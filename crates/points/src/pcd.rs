@@ -178,6 +178,9 @@ pub(super) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
                     return Ok(());
                 }
             }
+            if held > header.points {
+                reading.warn_of_rest(header.points);
+            }
             is_whole(held, header.points)
         }
         Encoding::Compressed => {
@@ -210,8 +213,8 @@ fn read_text(data: &[u8], header: &Header, reading: &mut Reading) -> Result<(), 
     let mut passed = 0;
     let used: Vec<(Attribute, usize)> = header.columns.used().collect();
     let mut values = vec![f64::NAN; header.fields.len()];
-    let lines = data.split(|b| is_line_end(*b)).filter(|line| !line.trim_ascii().is_empty());
-    for line in lines.take(header.points) {
+    let mut lines = data.split(|b| is_line_end(*b)).filter(|line| !line.trim_ascii().is_empty());
+    for line in lines.by_ref().take(header.points) {
         let words: Vec<_> = Separators::BLANKS.split(line).collect();
         for (attribute, column) in &used {
             let word = words.get(header.fields[*column].index).map_or(&b""[..], |at| &line[at.clone()]);
@@ -225,6 +228,9 @@ fn read_text(data: &[u8], header: &Header, reading: &mut Reading) -> Result<(), 
         if push(header, |column| values[column], reading).is_break() {
             return Ok(());
         }
+    }
+    if passed == header.points && lines.next().is_some() {
+        reading.warn_of_rest(header.points);
     }
     is_whole(passed, header.points)
 }

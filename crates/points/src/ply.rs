@@ -16,8 +16,15 @@ pub(super) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
     for at in 0..file.element.count {
         let vertex = file.read_element(at)?;
         if reading.take(&file.columns.row(|column| vertex.0[column])).is_break() {
-            break;
+            return Ok(());
         }
+    }
+    let is_at_end = match &file.values {
+        Values::Text(numbers) => numbers.is_at_end(),
+        Values::Binary(_, _, rest) => rest.is_empty(),
+    };
+    if file.is_last && !is_at_end {
+        reading.warn_of_rest(file.element.count);
     }
     Ok(())
 }
@@ -26,6 +33,8 @@ pub(super) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
 struct PlyReader<'a> {
     values: Values<'a>,
     element: ElementDef,
+    /// Whether no other elements follow the vertices.
+    is_last: bool,
     /// The attributes of the vertices; the column of each is the number of the attribute.
     columns: Columns,
     remarks: Vec<String>,
@@ -51,10 +60,13 @@ impl<'a> PlyReader<'a> {
                 encoding => Values::Binary(parser, encoding, body),
             },
             element: ElementDef::new("vertex".to_owned()),
+            is_last: false,
             columns: Columns::default(),
             remarks: Vec::new(),
         };
-        for element in elements.into_values().filter(|e| !e.properties.is_empty()) {
+        let mut elements = elements.into_values().filter(|e| !e.properties.is_empty()).peekable();
+        while let Some(element) = elements.next() {
+            file.is_last = elements.peek().is_none();
             file.element = element;
             if file.element.name == "vertex" {
                 let names: Vec<String> = file.element.properties.keys().cloned().collect();

@@ -15,6 +15,11 @@ impl<'b> PlyNumbers<'b> {
         PlyNumbers(body)
     }
 
+    /// Whether nothing but blanks is left.
+    pub fn is_at_end(&self) -> bool {
+        self.0.trim_ascii_start().is_empty()
+    }
+
     /// Reads the next number.
     ///
     /// # Errors

@@ -22,6 +22,8 @@ pub fn read_materials(path: &Path) -> vlscan_base::Result<(Vec<MaterialDefinitio
 
 /// Reads all definitions in the order of the file. An unreadable value is an error.
 pub(super) fn read(source: &Source, diagnostics: &mut Diagnostics) -> Vec<MaterialDefinition> {
+    let other = source.with_other_line_ends();
+    let source = other.as_ref().unwrap_or(source);
     if !source.is_text("a material file", diagnostics) {
         return Vec::new();
     }

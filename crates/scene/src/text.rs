@@ -74,6 +74,11 @@ impl Source {
         Some(Source { path: self.path.clone(), data: FileBytes::from(data), begin: self.begin })
     }
 
+    /// The same text with line feeds if all its lines end in carriage returns, which formats take for blanks otherwise.
+    pub fn with_other_line_ends(&self) -> Option<Source> {
+        memchr(b'\n', &self.data).is_none().then(|| self.with_line_feeds()).flatten()
+    }
+
     /// The content without a byte order mark.
     pub fn bytes(&self) -> &[u8] {
         &self.data[self.begin..]

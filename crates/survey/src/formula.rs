@@ -13,7 +13,7 @@ use vlscan_base::quantity;
 /// operand may have a minus sign (`-t^2` is `-(t^2)`), and `x^0` is 1.
 ///
 /// ```
-/// use vlscan::Formula;
+/// use vlscan_survey::Formula;
 /// let error = Formula::parse("0.002 + 1e-5*t^2").unwrap();
 /// assert_eq!(error.eval(100.0), 0.002 + 1e-5 * 1e4);
 /// ```

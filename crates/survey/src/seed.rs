@@ -11,7 +11,7 @@ const MINUTE: i64 = 60;
 /// hh:mm:ss`, converted to seconds with months of 30 days. The error states what was expected.
 ///
 /// ```
-/// use vlscan::parse_seed;
+/// use vlscan_survey::parse_seed;
 /// assert_eq!(parse_seed("43"), Ok(43));
 /// assert_eq!(parse_seed("1970-01-01 00:00:01"), Ok(2_592_000 + 86_400 + 1));
 /// ```

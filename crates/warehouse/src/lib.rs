@@ -48,3 +48,8 @@ pub use replay::replay;
 pub use run::{Collect, run};
 pub use stop::Stop;
 pub use workload::{ChunkCosts, Overheads, Workload};
+
+/// The example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

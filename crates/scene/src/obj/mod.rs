@@ -41,6 +41,8 @@ pub(super) fn load(
     reading: Reading,
     names: &mut Names,
 ) -> Result<()> {
+    let other = source.with_other_line_ends();
+    let source = other.as_ref().unwrap_or(source);
     if !source.is_text("an OBJ file", &mut scene.diagnostics) {
         return Ok(());
     }

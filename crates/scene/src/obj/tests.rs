@@ -105,6 +105,16 @@ proptest! {
 }
 
 #[test]
+fn lines_may_end_in_carriage_returns() {
+    let mut f = Fixture::new();
+    f.obj("mac.obj", "mtllib m.mtl\rv 0 0 0\rv 1 0 0\rv 0 1 0\rusemtl a\rf 1 2 3\r");
+    f.file("m.mtl", "newmtl a\rhelios_reflectance 0.25\r");
+    let scene = f.scene();
+    assert_eq!(scene.geometry.triangles.len(), 1);
+    assert!(scene.materials.iter().any(|m| m.name == "a" && m.reflectance == 0.25));
+}
+
+#[test]
 fn wrong_numbers_are_named() {
     let mut f = Fixture::new();
     f.obj(
