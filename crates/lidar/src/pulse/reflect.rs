@@ -83,9 +83,9 @@ impl<'a> SceneView<'a> {
                     same[i] = u8::from(primitives[i] == primitives[first]);
                 }
                 if !self.fixed_incidence {
-                    triangle.cosines([x, y, z], &same, &mut cosine);
+                    triangle.cosines([x, y, z], primitives, &mut cosine);
                 }
-                triangle.intensities(self, &cosine, gain, &same, &mut intensity);
+                triangle.intensities(self, &cosine, gain, primitives, &mut intensity);
                 unshaded = unshaded.without(LaneMask::of(same));
             }
             out.push_triangles(LaneMask::of(seen), range, &intensity, &cosine, primitives);

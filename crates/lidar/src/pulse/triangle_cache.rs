@@ -63,25 +63,25 @@ impl CachedTriangle {
         })
     }
 
-    /// Cosines of the incidence angles (spec pulse-physics §2.4) of the directions where `same` is 1.
+    /// Cosines of the incidence angles (spec pulse-physics §2.4) of the directions that hit the triangle.
     #[inline(always)]
-    pub fn cosines(&self, [x, y, z]: [&Block; 3], same: &[u8; LANES], out: &mut Block) {
+    pub fn cosines(&self, [x, y, z]: [&Block; 3], primitives: &[u32; LANES], out: &mut Block) {
         let n = self.normal;
         for i in 0..LANES {
             let cosine = (n.x * x[i] + n.y * y[i] + n.z * z[i]).abs();
             let cosine = if cosine < 1.0 { cosine } else { 1.0 };
-            out[i] = if same[i] == 1 { cosine } else { out[i] };
+            out[i] = if primitives[i] == self.primitive { cosine } else { out[i] };
         }
     }
 
-    /// Reflectance factors ([`Material::factor`]) times the gains where `same` is 1.
+    /// Reflectance factors ([`Material::factor`]) times the gains of the subrays that hit the triangle.
     #[inline(always)]
     pub fn intensities(
         &self,
         view: &SceneView,
         cosine: &Block,
         gain: &Block,
-        same: &[u8; LANES],
+        primitives: &[u32; LANES],
         out: &mut Block,
     ) {
         // A factor of 1 changes no digit.
@@ -90,26 +90,28 @@ impl CachedTriangle {
             Law::Lambert => {}
             Law::Uniform => slope = [1.0; LANES],
             Law::Phong(material) => {
-                return CachedTriangle::phong(
-                    &view.scene.materials[material as usize],
-                    cosine,
-                    gain,
-                    same,
-                    out,
-                );
+                let material = &view.scene.materials[material as usize];
+                return self.phong(material, cosine, gain, primitives, out);
             }
         }
         for i in 0..LANES {
             let intensity = self.reflectance * slope[i] * gain[i];
-            out[i] = if same[i] == 1 { intensity } else { out[i] };
+            out[i] = if primitives[i] == self.primitive { intensity } else { out[i] };
         }
     }
 
     /// [`CachedTriangle::intensities`] of materials with a specular share.
     #[inline(never)]
-    fn phong(material: &Material, cosine: &Block, gain: &Block, same: &[u8; LANES], out: &mut Block) {
+    fn phong(
+        &self,
+        material: &Material,
+        cosine: &Block,
+        gain: &Block,
+        primitives: &[u32; LANES],
+        out: &mut Block,
+    ) {
         for i in 0..LANES {
-            if same[i] == 1 {
+            if primitives[i] == self.primitive {
                 out[i] = material.factor(cosine[i]) * gain[i];
             }
         }
