@@ -26,8 +26,8 @@
 //!
 //! | module | what it does | uses |
 //! |---|---|---|
-//! | `parts` | shares of a run that other processes compute: their files, their borders in the flight | lidar |
-//! | `output` | writers, one file per format | parts, lidar, scene, survey |
+//! | `shards` | shares of a run that other processes compute: their files, their borders in the flight | lidar |
+//! | `output` | writers, one file per format | shards, lidar, scene, survey |
 //! | `streams` | pulses and poses between commands, as rows of text or of Arrow streams | lidar, warehouse |
 //! | `options` | the options of a run, for the command line and pipeline files alike | output, lidar, warehouse, survey, trace |
 //! | `pipeline` | the session that joins all of them | all above |
@@ -50,8 +50,8 @@
 mod cli;
 mod options;
 mod output;
-mod parts;
 mod pipeline;
+mod shards;
 mod streams;
 
 pub use cli::main;

@@ -281,6 +281,13 @@ def test_memory_does_not_grow_from_run_to_run():
     assert second > 10 and last < second + 10
 
 
+def test_false_undoes_a_switch_of_a_pipeline(room, tmp_path):
+    file = tmp_path / "a.toml"
+    file.write_text(f'survey = "{room}"\nmisses = true\n')
+    with_misses, without = vlscan.run(file, seed=1), vlscan.run(file, seed=1, misses=False)
+    assert len(without.points) < len(with_misses.points)
+
+
 def test_errors_name_file_line_and_column(room, tmp_path):
     file = tmp_path / "a.toml"
     file.write_text('scene = "nothing.obj"\nscaner = 1\n')

@@ -271,8 +271,8 @@ class Survey:
         self,
         to: PathLike | Iterable[PathLike] | None = None,
         *,
-        waveforms: bool = False,
-        pulses: bool = False,
+        waveforms: bool | None = None,
+        pulses: bool | None = None,
         progress: Progress | None = None,
         **options: Any,
     ) -> Result:
@@ -284,7 +284,7 @@ class Survey:
 
         Options are those of the command line with underscores, for example ``seed``, ``threads``, ``columns`` (a list), ``misses``,
         ``physics`` (``"helios"`` or ``"refined"``, by default the former for XML surveys and the latter for others), ``force``
-        (replace files): see :func:`vlscan.options`.
+        (replace files): see :func:`vlscan.options`. ``False`` undoes a switch that the survey's pipeline file sets.
 
         Raises :class:`vlscan.InputError` for invalid input and :class:`vlscan.FileError` for files; ``KeyboardInterrupt`` ends the
         run and leaves what was measured in ``NAME.partial.EXT``.
@@ -295,14 +295,14 @@ class Survey:
     def _execute(
         request: Callable[[dict[str, Any]], _vlscan.Request],
         to: PathLike | Iterable[PathLike] | None,
-        waveforms: bool,
-        pulses: bool,
+        waveforms: bool | None,
+        pulses: bool | None,
         progress: Progress | None,
         options: dict[str, Any],
     ) -> _vlscan.Outcome:
         if to is None:
             # The run counts the points of its first table.
-            tables = ["points", *["waveforms"] * waveforms, *["pulses"] * pulses, "trajectory"]
+            tables = ["points", *["waveforms"] * bool(waveforms), *["pulses"] * bool(pulses), "trajectory"]
             _refuse_options_of_files(options)
         else:
             tables = ["trajectory"]
@@ -364,7 +364,7 @@ def trace(
     waveform: Mapping[str, Any] | None = None,
     detector: Mapping[str, Any] | None = None,
     to: PathLike | Iterable[PathLike] | None = None,
-    waveforms: bool = False,
+    waveforms: bool | None = None,
     progress: Progress | None = None,
     **options: Any,
 ) -> Result:
@@ -391,7 +391,7 @@ def trace(
     def request(chosen: dict[str, Any]) -> _vlscan.Request:
         return survey._request(chosen, table)
 
-    return Result(Survey._execute(request, to, waveforms, False, progress, options))
+    return Result(Survey._execute(request, to, waveforms, None, progress, options))
 
 
 #: Columns of a trajectory as an array.
@@ -438,9 +438,11 @@ def words_of(options: Mapping[str, Any]) -> list[str]:
             hint = f"did you mean {close[0]!r}?" if close else "vlscan.options() lists them"
             raise TypeError(f"no option of a run is called {name!r}; {hint}")
         word = "--" + name.replace("_", "-")
-        if value is None or value is False:
+        if value is None or (value is False and known[name].has_value):
             continue
-        if value is True:
+        if value is False:
+            words.append("--" + word.removeprefix("--no-") if word.startswith("--no-") else "--no-" + word.removeprefix("--"))
+        elif value is True:
             words.append(word)
         elif isinstance(value, Mapping):
             words += [f"{word}={key}={_text(item)}" for key, item in value.items()]

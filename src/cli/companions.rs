@@ -1,15 +1,29 @@
-//! Files beside the points of a run: the log of its schedule and the table of the scene's parts.
+//! What surrounds the work of a command that writes points: its progress, the files beside the points, its summary.
 
+use super::console::Console;
 use super::interrupt;
+use super::watch::watched;
+use crate::options::Options;
 use crate::output::OutputRequest;
-use crate::pipeline::{Control, PartTable, Progress, Report};
+use crate::pipeline::{Control, Job, PartTable, Progress, Report};
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, Patched};
 use vlscan_scene::Scene;
 use vlscan_warehouse::Recorder;
 
-/// The files that are asked for, and what is collected for them while the run lasts.
+/// Reads the survey or pipeline with the options of the command line, and shows the warnings about them.
+///
+/// # Errors
+/// As for [`Job::resolve`]; warnings, if they are errors.
+pub fn resolve(file: &Path, options: &Options, console: &Console) -> Result<Job> {
+    let (job, warnings) = Job::resolve(file, options)?;
+    console.warnings(&warnings)?;
+    Ok(job)
+}
+
+/// The files that are asked for besides the points, and what is collected for them while the run lasts.
+#[derive(Default)]
 pub struct Companions {
     schedule_log: Option<PathBuf>,
     part_table: Option<PathBuf>,
@@ -36,19 +50,29 @@ impl Companions {
         self.parts = self.part_table.is_some().then(|| PartTable::new(scene));
     }
 
-    /// The control of a run that is recorded if its log is asked for.
-    pub fn control<'a>(&'a self, progress: &'a Progress) -> Control<'a> {
-        Control { recorder: self.recorder.as_ref(), ..Control::new(progress, &interrupt::STOP) }
-    }
-
-    /// Writes the files, unless the run was interrupted.
+    /// Runs `work` while its progress is shown, and writes the files, unless the run was interrupted. The log of its schedule is
+    /// recorded if it is asked for; `legs` is the number of legs of the survey.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Input`] if a file exists and is not to be replaced.
-    pub fn write(self, report: &Report) -> Result<()> {
-        if report.interrupted {
-            return Ok(());
+    /// Those of the work; [`Error::Io`]; [`Error::Input`] if a file exists and is not to be replaced.
+    pub fn run(
+        self,
+        console: &Console,
+        progress_lines: bool,
+        legs: usize,
+        work: impl FnOnce(Control<'_>) -> Result<Report>,
+    ) -> Result<Report> {
+        let progress = Progress::default();
+        let control =
+            Control { recorder: self.recorder.as_ref(), ..Control::new(&progress, &interrupt::STOP) };
+        let report = watched(console, progress_lines, legs, &progress, || work(control))?;
+        if !report.interrupted {
+            self.write(&report)?;
         }
+        Ok(report)
+    }
+
+    fn write(self, report: &Report) -> Result<()> {
         if let (Some(path), Some(recorder)) = (&self.schedule_log, self.recorder) {
             let text =
                 serde_json::to_string(&recorder.finish()).map_err(|e| Error::Internal(e.to_string()))?;

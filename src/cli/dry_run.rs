@@ -1,6 +1,7 @@
 //! `vlscan run --dry-run`: what a run will cost and give.
 
 use super::args::RunArgs;
+use super::companions::resolve;
 use super::{Console, interrupt};
 use crate::pipeline::{Control, Forecast, Job, LegForecast, Progress, Session};
 use std::fmt::Write as _;
@@ -14,9 +15,8 @@ const MAX_LISTED_LEGS: usize = 20;
 
 pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
-    let (job, warnings) = Job::resolve(&args.file, &args.options)?;
-    console.warnings(&warnings)?;
-    let Job { settings, mut output, schedule_log, part_table, .. } = job;
+    let Job { settings, mut output, schedule_log, part_table, .. } =
+        resolve(&args.file, &args.options, console)?;
     output.inputs.push(args.file.clone());
     output.companions.extend(schedule_log.into_iter().chain(part_table));
     let mut session = Session::open(settings, console.observer())?;

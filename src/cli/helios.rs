@@ -247,11 +247,11 @@ mod tests {
             assert_eq!((run.options.origin.seed, run.file.to_str()), (Some(Seed(43)), Some("s.xml")));
             assert_eq!((run.options.input.assets.len(), run.options.schedule.threads), (2, Some(2)));
             assert!(
-                run.options.noise.no_platform_noise
-                    && run.options.output.waveforms
-                    && run.options.output.las_output
-                    && run.options.output.zip_output
-                    && !run.options.output.pulses
+                run.options.noise.no_platform_noise.is_on()
+                    && run.options.output.waveforms.is_on()
+                    && run.options.output.las_output.is_on()
+                    && run.options.output.zip_output.is_on()
+                    && !run.options.output.pulses.is_on()
             );
         }
     }
@@ -266,7 +266,7 @@ mod tests {
         ] {
             let run = run(line);
             assert_eq!(
-                (run.options.schedule.threads, run.options.tree.tree, run.options.output.pulses),
+                (run.options.schedule.threads, run.options.tree.tree, run.options.output.pulses.is_on()),
                 (Some(3), Some(Builder::Sah), true),
                 "{line}"
             );

@@ -110,7 +110,7 @@ const MAX_SHORT_OPTIONS: usize = 28;
 
 /// Leaves all but the usual and the required options out of `-h` where there are many. `path` is the command's full name.
 fn with_short_help(command: Command, path: &str) -> Command {
-    if command.get_arguments().count() <= MAX_SHORT_OPTIONS {
+    if command.get_arguments().filter(|arg| !arg.is_hide_set()).count() <= MAX_SHORT_OPTIONS {
         return command;
     }
     let is_usual = |arg: &clap::Arg| {
@@ -134,6 +134,10 @@ fn correction_entries() -> impl Iterator<Item = (String, String)> {
     })
 }
 
+/// How the command line undoes what a pipeline file says.
+const OPPOSITES: &str =
+    "A switch that a pipeline file sets is undone by its opposite: --no-misses, --platform-noise and so on.";
+
 /// Formats the corrections for help.
 fn corrections() -> String {
     let mut text = "Corrections (--correct NAME; a name after no- switches one off; \
@@ -143,7 +147,7 @@ fn corrections() -> String {
     for (name, help) in correction_entries() {
         text += &format!("  {name}\n{}\n", wrapped(&help, 90));
     }
-    text + "\n"
+    format!("{text}\n{OPPOSITES}\n\n")
 }
 
 /// Wraps a text to indented lines of at most `width` characters.
@@ -225,6 +229,8 @@ fn written(command: &Command, path: &str, related: &[String]) -> std::io::Result
         let entries: Vec<(String, String)> = correction_entries().collect();
         let entries: Vec<(&str, &str)> = entries.iter().map(|(n, h)| (n.as_str(), h.as_str())).collect();
         definitions(&mut ours, "CORRECTIONS", &entries);
+        ours.control("SH", ["SWITCHES"]);
+        ours.text([roman(OPPOSITES)]);
     }
     definitions(&mut ours, "EXIT STATUS", EXIT_STATUS);
     ours.control("SH", ["SEE ALSO"]);

@@ -9,8 +9,8 @@
 //! | `run` | `vlscan run`; conversion of arguments and files to a session's settings |
 //! | `dry_run` | `vlscan run --dry-run` |
 //! | `stages` | `vlscan trajectory`, `pulses` and `trace` |
-//! | `companions` | files beside the points of a run: the log of its schedule, the table of parts |
-//! | `parts` | `vlscan run --part`, `vlscan plan-parts`, `vlscan merge` |
+//! | `companions` | what surrounds the work of a command: warnings, progress, files beside the points |
+//! | `shards` | `vlscan run --shard`, `vlscan index-shards`, `vlscan merge` |
 //! | `plan` | `vlscan plan` |
 //! | `campaign` | `vlscan campaign` |
 //! | `bench` | `vlscan bench` |
@@ -38,11 +38,11 @@ mod info;
 mod interrupt;
 mod manual;
 mod pack;
-mod parts;
 mod plan;
 mod preview;
 mod run;
 mod scene;
+mod shards;
 mod sketch;
 mod stages;
 mod stand;
@@ -86,7 +86,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
         }
     };
     let console = match Console::new(cli.verbosity()).logging(cli.log()) {
-        Ok(console) => console.strict(cli.strict),
+        Ok(console) => console.strict(cli.strict.is_on()),
         Err(error) => {
             Console::new(Verbosity::Normal).failure(&error);
             return error.exit_status();
@@ -119,8 +119,8 @@ fn status(outcome: Result<(), Error>, console: &Console) -> u8 {
 fn dispatch(command: &Command, console: &Console) -> Result<()> {
     match command {
         Command::Run(args) => run::run(args, console),
-        Command::PlanParts(args) => parts::plan(args, console),
-        Command::Merge(args) => parts::merge(args, console),
+        Command::IndexShards(args) => shards::index(args, console),
+        Command::Merge(args) => shards::merge(args, console),
         Command::Campaign(args) => campaign::run(args, console),
         Command::Bench(args) => bench::run(args, console),
         Command::Trajectory(args) => stages::trajectory(args, console),

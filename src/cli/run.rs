@@ -1,12 +1,10 @@
 //! `vlscan run`: flies and measures a survey.
 
 use super::args::RunArgs;
-use super::companions::Companions;
-use super::watch::watched;
+use super::companions::{Companions, resolve};
 use super::{Console, Verbosity};
 use crate::output::{FileKind, Target};
-pub use crate::pipeline::Job;
-use crate::pipeline::{Progress, Report, Resumption, Session};
+use crate::pipeline::{Job, Report, Resumption, Session};
 use std::io::Write;
 use std::time::Instant;
 use vlscan_base::diag::Diagnostics;
@@ -17,30 +15,26 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     if args.dry.dry_run {
         return super::dry_run::run(args, console);
     }
-    if let Some(part) = args.parts.part {
-        return super::parts::run_part(args, part, console);
+    if let Some(shard) = args.shards.shard {
+        return super::shards::run_shard(args, shard, console);
     }
     let started = Instant::now();
-    let (job, warnings) = Job::resolve(&args.file, &args.options)?;
-    console.warnings(&warnings)?;
-    let Job { settings, mut output, schedule_log, part_table, progress_lines } = job;
+    let Job { settings, mut output, schedule_log, part_table, progress_lines } =
+        resolve(&args.file, &args.options, console)?;
     output.inputs.push(args.file.clone());
     let mut companions = Companions::of(schedule_log, part_table, &mut output);
-    let resumption = args.parts.resume.map(|pulses| Resumption::beside(&output, pulses.0)).transpose()?;
+    let resumption = args.shards.resume.map(|pulses| Resumption::beside(&output, pulses.0)).transpose()?;
     let mut session = match resumption {
         Some(_) => Session::open_without_tree(settings, console.observer())?,
         None => Session::open(settings, console.observer())?,
     };
     companions.describe(session.scene());
-    let progress = Progress::default();
-    let control = companions.control(&progress);
     let is_helios_layout = output.sinks.iter().all(|(target, _)| matches!(target, Target::Helios(_)));
     let legs = session.survey().legs.len();
-    let report = watched(console, progress_lines, legs, &progress, || match &resumption {
+    let report = companions.run(console, progress_lines, legs, |control| match &resumption {
         Some(how) => session.run_resumable(output, how, control),
         None => session.run(output, control),
     })?;
-    companions.write(&report)?;
     if is_helios_layout && console.shows(Verbosity::Times) {
         name_directories(&report);
     }
@@ -59,10 +53,10 @@ fn name_directories(report: &Report) {
     }
 }
 
-/// Points per pulse below which merged parts are reported.
+/// Points per pulse below which merged shards are reported.
 const MIN_YIELD: f64 = 0.01;
 
-/// Warns of merged parts that hit almost nothing; parts by themselves are not checked, since each sees a piece of the
+/// Warns of merged shards that hit almost nothing; shards by themselves are not checked, since each sees a piece of the
 /// flight only.
 pub fn warn_of_few_points(console: &Console, report: &Report) -> Result<()> {
     let (pulses, points) = (report.pulses as f64, report.summary.points as f64);
@@ -71,7 +65,7 @@ pub fn warn_of_few_points(console: &Console, report: &Report) -> Result<()> {
         let mut found = Diagnostics::default();
         found
             .warn(None, format!("{} pulses gave only {} points", amount(pulses), amount(points)))
-            .help("a run without parts names the likely cause");
+            .help("a run without shards names the likely cause");
         console.warnings(&found)?;
     }
     Ok(())
@@ -85,7 +79,7 @@ pub fn show_report(console: &Console, report: &Report, started: Instant) -> Resu
     let Report { summary, pulses, seconds, interrupted } = report;
     for file in &summary.files {
         let name = file.path.as_ref().map_or_else(|| "stdout".into(), |p| p.display().to_string());
-        let has_points = matches!(file.kind, FileKind::Points | FileKind::Part);
+        let has_points = matches!(file.kind, FileKind::Points | FileKind::Shard);
         let unit = if has_points { "points" } else { "records" };
         console.say(format!("{name}  {} {unit}, {} bytes", file.records, file.bytes));
         if file.left_out > 0 {

@@ -2,7 +2,7 @@
 
 use super::args::PreviewArgs;
 use super::{Console, interrupt};
-use crate::options::{InputOptions, Options};
+use crate::options::{InputOptions, Options, Switch};
 use crate::pipeline::{Control, Job, Progress, Session, Sketch};
 use arrow_array::cast::AsArray;
 use arrow_array::types::{Float64Type, Int32Type};
@@ -19,8 +19,11 @@ const LINE_WIDTH: i32 = 3;
 
 /// The scene of a survey as points, whose leg is the first one that covers them plus one, or 0, and the flight lines.
 pub fn survey_points(args: &PreviewArgs, console: &Console) -> Result<Points> {
-    let input =
-        InputOptions { assets: args.assets.clone(), strict: console.is_strict(), ..InputOptions::default() };
+    let input = InputOptions {
+        assets: args.assets.clone(),
+        strict: Switch::given(console.is_strict()),
+        ..InputOptions::default()
+    };
     let (job, warnings) = Job::resolve(&args.points, &Options { input, ..Options::default() })?;
     console.warnings(&warnings)?;
     let mut session = Session::open(job.settings, console.observer())?;

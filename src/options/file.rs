@@ -4,7 +4,7 @@ use super::groups::Options;
 use super::outputs::OutputKeys;
 use super::over::Over;
 use super::trajectory::TrajectoryOptions;
-use super::values::{Crs, GpsStart, NavigationError};
+use super::values::{Crs, GpsStart, NavigationError, Vector};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::{Diagnostics, Place};
@@ -28,9 +28,9 @@ pub fn read_survey(path: &Path, typed: Options) -> Result<(Survey, Options, Diag
     }
     let chosen = typed.trajectory.clone();
     let (mut survey, mut warnings) = vlscan_survey::read_survey(path, &typed.read_options())?;
-    warnings.extend(doubts(&chosen, &chosen, [const { None }; TRAJECTORY_KEYS.len()]));
+    warnings.extend(doubts(&chosen, &chosen, [const { None }; OFFSETS.len()]));
     warn_of_fraction(&typed, None, &mut warnings);
-    let warnings = warnings.finish(typed.input.strict)?;
+    let warnings = warnings.finish(typed.input.strict.is_on())?;
     check_trajectory_options(chosen, &mut survey)?;
     Ok((survey, typed, warnings))
 }
@@ -72,7 +72,7 @@ impl Options {
     pub fn read_options(&self) -> ReadOptions {
         ReadOptions {
             assets: self.input.assets.clone(),
-            strict: self.input.strict,
+            strict: self.input.strict.is_on(),
             scene: match &self.scene {
                 Some(recipe) => Some(SceneChoice::Given(recipe.clone())),
                 None => self.input.scene.clone().map(SceneChoice::Named),
@@ -130,7 +130,7 @@ fn read_pipeline(source: &Source, typed: Options) -> Result<(Survey, Options, Di
     }
     reading.trajectory = options.trajectory.stream();
     let gps_place = tables.place("", "gps_start");
-    let places = TRAJECTORY_KEYS.map(|key| tables.place("trajectory", key));
+    let places = OFFSETS.map(|(key, ..)| tables.place("trajectory", key));
     let (read, mut warnings) = vlscan_survey::read_pipeline_survey(tables, &reading)?;
     warnings.extend(doubts(&options.trajectory, &chosen, places));
     warn_of_fraction(&options, gps_place, &mut warnings);
@@ -148,45 +148,32 @@ fn warn_of_fraction(options: &Options, place: Option<Place>, warnings: &mut Diag
     }
 }
 
-/// Keys of `[trajectory]` whose values are compared with what is usual.
-const TRAJECTORY_KEYS: [&str; 3] = ["lever_arm_m", "boresight_deg", "height_offset_m"];
+/// Offsets of trajectories that are compared with what is usual: key of `[trajectory]`, option, bounds.
+const OFFSETS: [(&str, &str, quantity::Bounds); 3] = [
+    ("lever_arm_m", "--lever-arm", quantity::LEVER_ARM),
+    ("boresight_deg", "--boresight", quantity::BORESIGHT),
+    ("height_offset_m", "--height-offset", quantity::HEIGHT_OFFSET),
+];
 
-/// Warns of offsets of a trajectory beyond what is usual. `places` are those of [`TRAJECTORY_KEYS`] in a file, over which
-/// `typed` options go.
+/// Warns of [`OFFSETS`] of a trajectory beyond what is usual. `places` are those of the keys in a file, over which `typed` options
+/// go.
 fn doubts(
     options: &TrajectoryOptions,
     typed: &TrajectoryOptions,
-    places: [Option<Place>; TRAJECTORY_KEYS.len()],
+    places: [Option<Place>; OFFSETS.len()],
 ) -> Diagnostics {
     let mut found = Diagnostics::default();
-    let [arm, boresight, height] = places;
-    let values = [
-        (
-            options.lever_arm.map(|v| v.0.to_vec()),
-            typed.lever_arm.is_some(),
-            arm,
-            "--lever-arm",
-            quantity::LEVER_ARM,
-        ),
-        (
-            options.boresight.map(|v| v.0.to_vec()),
-            typed.boresight.is_some(),
-            boresight,
-            "--boresight",
-            quantity::BORESIGHT,
-        ),
-        (
-            options.height_offset.map(|v| vec![v.0]),
-            typed.height_offset.is_some(),
-            height,
-            "--height-offset",
-            quantity::HEIGHT_OFFSET,
-        ),
-    ];
-    for (numbers, is_typed, place, option, bounds) in values {
+    let numbers = |options: &TrajectoryOptions| {
+        let vector = |v: Vector| v.0.to_vec();
+        let height = options.height_offset.map(|height| vec![height.0]);
+        [options.lever_arm.map(vector), options.boresight.map(vector), height]
+    };
+    let values = numbers(options).into_iter().zip(numbers(typed)).zip(places).zip(OFFSETS);
+    for (((numbers, typed), place), (_, option, bounds)) in values {
         let doubt = numbers.iter().flatten().find_map(|number| bounds.doubt(*number));
         if let Some((doubt, hint)) = doubt {
-            found.warn(place.filter(|_| !is_typed), format!("a number of {option} {doubt}")).help(hint);
+            let place = place.filter(|_| typed.is_none());
+            found.warn(place, format!("a number of {option} {doubt}")).help(hint);
         }
     }
     found

@@ -2,11 +2,13 @@
 
 use super::outputs::OutputKeys;
 use super::over::group;
+use super::switch::Switch;
 use super::trajectory::TrajectoryOptions;
 use super::values::{
     Bytes, ChunkSize, ColumnList, Count, Crs, GpsStart, NavigationError, NotNegative, Positive, Seed,
 };
 use crate::output::{ExtraDimensions, PacketPlace, PointFormat};
+use clap::ArgAction::SetTrue;
 use clap::Args;
 use serde::{Deserialize, Deserializer};
 use std::path::PathBuf;
@@ -80,7 +82,7 @@ group! {
 #[derive(Clone, Debug, Default, Args, Deserialize)]
 #[command(next_help_heading = "Output")]
 #[serde(default)]
-pub struct OutputOptions {
+pub struct OutputOptions with opposites {
     /// Where the points go: a file, a folder (one file per leg), or - for stdout.
     ///
     /// The extension of a file tells its format; all legs and epochs go into one file. May be given more than once.
@@ -99,29 +101,29 @@ pub struct OutputOptions {
     ///
     /// A run that is interrupted or fails leaves them, and what it measured as NAME.partial.EXT beside them. Also write binary
     /// data to a terminal.
-    #[arg(long)]
-    pub force: bool,
+    #[arg(long, action = SetTrue)]
+    pub force: Switch,
     /// Write every digitised waveform, beside the first output that is a file or folder.
-    #[arg(long)]
-    pub waveforms: bool,
+    #[arg(long, action = SetTrue)]
+    pub waveforms: Switch,
     /// Write every emitted pulse, beside the first output that is a file or folder.
-    #[arg(long)]
-    pub pulses: bool,
+    #[arg(long, action = SetTrue)]
+    pub pulses: Switch,
     /// Columns of csv, arrow and parquet, and of xyz, which gets a header then: X,Y,Z,Intensity,GpsTime and so on. An
     /// unknown name lists them all.
     #[arg(long, value_name = "NAMES")]
     pub columns: Option<ColumnList>,
     /// Write part, primitive and true range into las, laz and ply, too; csv, arrow and parquet have them anyway.
-    #[arg(long)]
-    pub labels: bool,
+    #[arg(long, action = SetTrue)]
+    pub labels: Switch,
     /// Write positions without errors of navigation (TrueX, TrueY, TrueZ) into las and laz, too; the columns of csv, arrow and
     /// parquet are chosen with --columns.
-    #[arg(long)]
-    pub true_positions: bool,
+    #[arg(long, action = SetTrue)]
+    pub true_positions: Switch,
     /// Write the height above the ground (HeightAboveGround), into las, laz and ply as well. The ground is the surfaces whose
     /// material is ground (helios_isGround), or the lowest ones of a scene without such a material.
-    #[arg(long)]
-    pub height_above_ground: bool,
+    #[arg(long, action = SetTrue)]
+    pub height_above_ground: Switch,
     /// Duration of the frames of mcap. [default: a revolution of a spinning scanner, 0.1 for others]
     #[arg(long, value_name = "SECONDS")]
     pub frame_s: Option<Positive>,
@@ -129,16 +131,16 @@ pub struct OutputOptions {
     #[arg(long, value_name = "METRES", conflicts_with = "per_object")]
     pub tile: Option<Positive>,
     /// Divide the points of a folder (-o DIR) among the objects that were hit, object_N, instead of legs.
-    #[arg(long)]
-    pub per_object: bool,
+    #[arg(long, action = SetTrue)]
+    pub per_object: Switch,
     /// Write what each subray met instead of points, at its place on the surface, with the number of the return that it is part
     /// of (0 = none): for leaf area and machine learning. The columns Subray, SurfaceX, NormalX, FootprintFraction and their
     /// like are chosen with --columns, with and without this.
-    #[arg(long)]
-    pub subrays: bool,
+    #[arg(long, action = SetTrue)]
+    pub subrays: Switch,
     /// Write pulses without echoes, too: 0 returns, at the beam's origin, with the beam's direction.
-    #[arg(long)]
-    pub misses: bool,
+    #[arg(long, action = SetTrue)]
+    pub misses: Switch,
     /// Let LAS leave through a pipe at once, with N as the number of points in its header (250k, 1G); readers bear fewer
     /// points, more are an error. Without it LAS is completed in a temporary file first.
     #[arg(long, value_name = "N")]
@@ -148,23 +150,23 @@ pub struct OutputOptions {
     #[arg(long, value_name = "WHERE")]
     pub wave_packets: Option<PacketPlace>,
     /// One point file per device of a multi-channel scanner.
-    #[arg(long)]
-    pub split_by_channel: bool,
+    #[arg(long, action = SetTrue)]
+    pub split_by_channel: Switch,
     /// Coordinate reference system of the scene: EPSG:25832, WKT, or a file that holds either.
     ///
     /// It goes into LAS, LAZ, PLY, Arrow and Parquet. [default: that of the scene's GeoTIFF or .prj files, else the UTM zone of a projected flight]
     #[arg(long, value_name = "EPSG:N|WKT|FILE")]
     pub crs: Option<Crs>,
     /// With --output: LAS 1.4 instead of text.
-    #[arg(long)]
-    pub las_output: bool,
+    #[arg(long, action = SetTrue)]
+    pub las_output: Switch,
     /// LAS 1.0 instead of 1.4; with --output also instead of text.
-    #[arg(long)]
-    pub las10: bool,
+    #[arg(long, action = SetTrue)]
+    pub las10: Switch,
     /// Waveforms and pulses as compressed text (.bin); with --output also LAZ instead of LAS, and compressed text instead of
     /// text.
-    #[arg(long)]
-    pub zip_output: bool,
+    #[arg(long, action = SetTrue)]
+    pub zip_output: Switch,
     /// Resolution of LAS coordinates in metres. [default: 0.0001, coarser where the scene is too wide for it]
     #[arg(long, value_name = "METRES")]
     pub las_scale: Option<f64>,
@@ -180,20 +182,20 @@ group! {
 #[derive(Clone, Debug, Default, Args, Deserialize)]
 #[command(next_help_heading = "Input")]
 #[serde(default)]
-pub struct InputOptions {
+pub struct InputOptions with opposites {
     /// Replace the scene: a packed one (.vlscene), file.xml#id, or a file of geometry.
     #[arg(long, value_name = "SCENE")]
     #[serde(skip)]
     pub scene: Option<String>,
     /// Leave out OBJ faces with more than four corners, as HELIOS++ does.
-    #[arg(long)]
-    pub drop_polygons: bool,
+    #[arg(long, action = SetTrue)]
+    pub drop_polygons: Switch,
     /// Folder to look for scenes, scanners, platforms, geometry and spectra in; may be given more than once.
     #[arg(long, value_name = "DIR")]
     pub assets: Vec<PathBuf>,
     /// Treat every warning about the input as an error.
-    #[arg(long)]
-    pub strict: bool,
+    #[arg(long, action = SetTrue)]
+    pub strict: Switch,
 }
 }
 
@@ -215,21 +217,21 @@ group! {
 #[derive(Clone, Debug, Default, Args, Deserialize)]
 #[command(next_help_heading = "Simulation")]
 #[serde(default)]
-pub struct NoiseOptions {
+pub struct NoiseOptions with opposites {
     /// Ignore the platform's position and attitude noise.
-    #[arg(id = "platform_noise", long = "no-platform-noise")]
+    #[arg(id = "platform_noise", long = "no-platform-noise", action = SetTrue)]
     #[serde(rename = "platform_noise", deserialize_with = "negated")]
-    pub no_platform_noise: bool,
+    pub no_platform_noise: Switch,
     /// Ignore the survey's random leg offsets.
-    #[arg(id = "leg_noise", long = "no-leg-noise")]
+    #[arg(id = "leg_noise", long = "no-leg-noise", action = SetTrue)]
     #[serde(rename = "leg_noise", deserialize_with = "negated")]
-    pub no_leg_noise: bool,
+    pub no_leg_noise: Switch,
 }
 }
 
 /// Keys say that a noise is on, options that it is off.
-fn negated<'de, D: Deserializer<'de>>(deserializer: D) -> Result<bool, D::Error> {
-    bool::deserialize(deserializer).map(|on| !on)
+fn negated<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Switch, D::Error> {
+    Switch::deserialize(deserializer).map(Switch::negated)
 }
 
 group! {
@@ -284,19 +286,19 @@ group! {
 #[derive(Clone, Debug, Default, Args, Deserialize)]
 #[command(next_help_heading = "Simulation")]
 #[serde(default)]
-pub struct EchoOptions {
+pub struct EchoOptions with opposites {
     /// Fit a Gaussian to every echo and report its width; echoes narrower than 0.1 ns are dropped.
-    #[arg(long)]
-    pub echo_width: bool,
+    #[arg(long, action = SetTrue)]
+    pub echo_width: Switch,
     /// Add noise to the written waveforms.
-    #[arg(long)]
-    pub waveform_noise: bool,
+    #[arg(long, action = SetTrue)]
+    pub waveform_noise: Switch,
     /// Take every surface as hit at right angles.
-    #[arg(long)]
-    pub fixed_incidence: bool,
+    #[arg(long, action = SetTrue)]
+    pub fixed_incidence: Switch,
     /// Echo strengths by the older energy model.
-    #[arg(long)]
-    pub legacy_energy: bool,
+    #[arg(long, action = SetTrue)]
+    pub legacy_energy: Switch,
 }
 }
 
@@ -305,7 +307,7 @@ group! {
 #[derive(Clone, Debug, Default, Args, Deserialize)]
 #[command(next_help_heading = "Speed")]
 #[serde(default)]
-pub struct ScheduleOptions {
+pub struct ScheduleOptions with opposites {
     /// Threads that compute; 0 or nothing = all. The points are the same for any number.
     #[arg(short = 'j', long, value_name = "N")]
     pub threads: Option<usize>,
@@ -324,8 +326,8 @@ pub struct ScheduleOptions {
     #[serde(rename = "idle_threshold_ms", alias = "idle_threshold")]
     pub idle_threshold: Option<NotNegative>,
     /// Begin a leg only when everything of the one before is done, as in the paper; slower.
-    #[arg(long)]
-    pub leg_barrier: bool,
+    #[arg(long, action = SetTrue)]
+    pub leg_barrier: Switch,
     /// Write what the schedule did as JSON: idle times, queue depths, chunk sizes, leg ends. --force replaces an existing file.
     #[arg(long, value_name = "FILE")]
     pub schedule_log: Option<PathBuf>,
@@ -333,9 +335,9 @@ pub struct ScheduleOptions {
     #[arg(long, value_name = "SIZE")]
     pub max_memory: Option<Bytes>,
     /// Show the progress as plain lines when stderr is no terminal.
-    #[arg(long, help_heading = "Messages")]
+    #[arg(long, action = SetTrue, help_heading = "Messages")]
     #[serde(skip)]
-    pub progress: bool,
+    pub progress: Switch,
 }
 }
 

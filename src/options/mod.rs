@@ -5,6 +5,7 @@
 //! |---|---|
 //! | `values` | types of values with a syntax of their own: counts, bytes, seeds, vectors |
 //! | `over` | the command line over the file over the default |
+//! | `switch` | options without a value, and their opposites |
 //! | `groups` | the groups of options, each a table of a pipeline file or a part of one |
 //! | `trajectory` | options of recorded trajectories |
 //! | `outputs` | the outputs of a pipeline file; from options to what is written |
@@ -22,12 +23,14 @@ mod groups;
 mod keys;
 pub mod outputs;
 mod over;
+mod switch;
 #[cfg(test)]
 mod tests;
 mod trajectory;
 pub mod values;
 mod words;
 
+pub use crate::shards::OneOf;
 pub use file::{holds_survey, read_pipeline_text, read_survey};
 pub use groups::{
     EchoOptions, InputOptions, NavigationOptions, NoiseOptions, Options, OriginOptions, OutputOptions,
@@ -35,6 +38,7 @@ pub use groups::{
 };
 pub use keys::pipeline_keys;
 pub use over::Over;
+pub use switch::Switch;
 pub use trajectory::TrajectoryOptions;
-pub use values::{ChunkSize, Count, Divergence, NotNegative, PartNumber, PartPoints, Positive, Seed, Vector};
+pub use values::{ChunkSize, Count, Divergence, NotNegative, Positive, Seed, Vector};
 pub use words::OptionName;

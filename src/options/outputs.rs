@@ -64,30 +64,30 @@ impl Options {
         });
         Ok(OutputRequest {
             sinks,
-            waveforms: output.waveforms,
-            pulses: output.pulses,
-            zip: output.zip_output,
-            split_by_channel: output.split_by_channel,
+            waveforms: output.waveforms.is_on(),
+            pulses: output.pulses.is_on(),
+            zip: output.zip_output.is_on(),
+            split_by_channel: output.split_by_channel.is_on(),
             trajectory,
             columns: output.columns.clone().map(|columns| columns.0),
-            misses: output.misses,
-            labels: output.labels,
-            true_positions: output.true_positions,
-            heights: output.height_above_ground,
+            misses: output.misses.is_on(),
+            labels: output.labels.is_on(),
+            true_positions: output.true_positions.is_on(),
+            heights: output.height_above_ground.is_on(),
             frame_s: output.frame_s.map(|seconds| seconds.0),
             division: match output.tile {
                 Some(size) => Some(Division::Tiles(size.0)),
-                None => output.per_object.then_some(Division::Objects),
+                None => output.per_object.is_on().then_some(Division::Objects),
             },
             las: LasSettings {
-                version: if output.las10 { LasVersion::V10 } else { LasVersion::V14 },
+                version: if output.las10.is_on() { LasVersion::V10 } else { LasVersion::V14 },
                 scale: output.las_scale,
                 at_most: output.las_at_most.map(|count| count.0),
                 packets: output.wave_packets,
                 extra: output.las_extra.unwrap_or_default(),
                 ..LasSettings::default()
             },
-            force: output.force,
+            force: output.force.is_on(),
             crs_wkt: output.crs.as_ref().map(Crs::wkt).transpose()?,
             creation,
             ..OutputRequest::default()
@@ -126,7 +126,7 @@ impl Options {
 impl OutputOptions {
     /// The format of points in HELIOS++'s layout, and of files whose names tell none.
     fn helios_format(&self) -> PointFormat {
-        match (self.las_output || self.las10, self.zip_output) {
+        match (self.las_output.is_on() || self.las10.is_on(), self.zip_output.is_on()) {
             (true, true) => PointFormat::Laz,
             (true, false) => PointFormat::Las,
             (false, zip) => self.format.unwrap_or(if zip { PointFormat::Bin } else { PointFormat::Xyz }),

@@ -1,5 +1,7 @@
 //! Precedence of options: the command line over the file.
 
+use super::switch::Switch;
+
 /// Options that may be given in two places.
 pub trait Over {
     /// These options, and those of `file` where nothing is chosen here. Lists are joined, those of the file first.
@@ -18,6 +20,12 @@ impl Over for bool {
     }
 }
 
+impl Over for Switch {
+    fn over(self, file: Self) -> Self {
+        if self == Switch::Unset { file } else { self }
+    }
+}
+
 impl<T> Over for Vec<T> {
     fn over(self, mut file: Self) -> Self {
         file.extend(self);
@@ -25,8 +33,24 @@ impl<T> Over for Vec<T> {
     }
 }
 
-/// Defines a struct of options and its precedence, field by field.
+/// Defines a struct of options and its precedence, field by field; `with opposites` adds the opposites of its switches.
 macro_rules! group {
+    ($(#[$about:meta])* pub struct $name:ident with opposites { $($(#[$doc:meta])* pub $field:ident: $type:ty,)* }) => {
+        $(#[$about])*
+        pub struct $name {
+            $($(#[$doc])* pub $field: $type,)*
+            /// The opposites of all switches.
+            #[command(flatten)]
+            #[serde(skip)]
+            pub opposites: $crate::options::switch::Opposites,
+        }
+
+        impl $crate::options::Over for $name {
+            fn over(self, file: Self) -> Self {
+                $name { $($field: self.$field.over(file.$field),)* opposites: self.opposites }
+            }
+        }
+    };
     ($(#[$about:meta])* pub struct $name:ident { $($(#[$doc:meta])* pub $field:ident: $type:ty,)* }) => {
         $(#[$about])*
         pub struct $name {
@@ -50,6 +74,8 @@ mod tests {
     fn what_is_chosen_comes_first_and_lists_are_joined() {
         assert_eq!((Some(1).over(Some(2)), None.over(Some(2))), (Some(1), Some(2)));
         assert_eq!((true.over(false), false.over(true), false.over(false)), (true, true, false));
+        let (unset, on, off) = (Switch::Unset, Switch::On, Switch::Off);
+        assert_eq!((unset.over(on), off.over(on), on.over(off), off.over(unset)), (on, off, on, off));
         assert_eq!(vec![3].over(vec![1, 2]), [1, 2, 3]);
     }
 }

@@ -2,7 +2,6 @@
 //! number may stand for its text.
 
 use crate::output::Column;
-use clap::ValueEnum;
 use serde::{Deserialize, Deserializer};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -70,15 +69,7 @@ impl<const MIN: u64> FromStr for Count<MIN> {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let (digits, unit) = split_unit(text);
-        let factor = match unit {
-            "" => Some(1.0),
-            "k" | "K" => Some(1e3),
-            "m" | "M" => Some(1e6),
-            "g" | "G" => Some(1e9),
-            "t" | "T" => Some(1e12),
-            _ => None,
-        };
-        let n = factor.and_then(|factor| Some(digits.parse::<f64>().ok()? * factor));
+        let n = scaled(digits, unit, 1000.0);
         // 0.3k is 300 but for its last digit.
         let whole = n.filter(|n| (0.0..1e18).contains(n) && (n - n.round()).abs() <= 1e-9 * n.abs());
         match whole.map(|n| n.round() as u64) {
@@ -98,20 +89,25 @@ impl FromStr for Bytes {
     fn from_str(text: &str) -> Result<Bytes, String> {
         let (digits, unit) = split_unit(text);
         let unit = unit.to_ascii_uppercase();
-        let exponent = match unit.strip_suffix("IB").or(unit.strip_suffix('B')).unwrap_or(&unit) {
-            "" => Some(0),
-            "K" => Some(10),
-            "M" => Some(20),
-            "G" => Some(30),
-            "T" => Some(40),
-            _ => None,
-        };
-        let bytes = exponent.and_then(|e| Some(digits.parse::<f64>().ok()? * (1u64 << e) as f64));
-        match bytes.filter(|bytes| (0.0..1e19).contains(bytes)) {
+        let prefix = unit.strip_suffix("IB").or(unit.strip_suffix('B')).unwrap_or(&unit);
+        match scaled(digits, prefix, 1024.0).filter(|bytes| (0.0..1e19).contains(bytes)) {
             Some(bytes) => Ok(Bytes(bytes as u64)),
             None => Err(format!("expected a number of bytes such as 8000000000 or 8G, found {text:?}")),
         }
     }
+}
+
+/// The number in `digits` times the power of `base` that a unit prefix stands for.
+fn scaled(digits: &str, prefix: &str, base: f64) -> Option<f64> {
+    let exponent = match prefix {
+        "" => 0,
+        "k" | "K" => 1,
+        "m" | "M" => 2,
+        "g" | "G" => 3,
+        "t" | "T" => 4,
+        _ => return None,
+    };
+    Some(digits.parse::<f64>().ok()? * base.powi(exponent))
 }
 
 /// The number at the start of a text, and its unit.
@@ -119,41 +115,6 @@ fn split_unit(text: &str) -> (&str, &str) {
     let text = text.trim();
     let digits = text.bytes().take_while(|b| b.is_ascii_digit() || *b == b'.').count();
     (&text[..digits], text[digits..].trim())
-}
-
-/// A part of a run: `K/N`, part K of N, from 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PartNumber {
-    /// K.
-    pub number: u32,
-    /// N.
-    pub of: u32,
-}
-
-/// What a part of a run holds of the points.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum PartPoints {
-    /// Everything that any output needs.
-    #[default]
-    Echoes,
-    /// Records for LAS, LAZ and COPC.
-    Las,
-}
-
-/// Maximum number of parts.
-const MAX_PARTS: u32 = 1_000_000;
-
-impl FromStr for PartNumber {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<PartNumber, String> {
-        let numbers =
-            text.split_once('/').and_then(|(k, n)| Some((k.trim().parse().ok()?, n.trim().parse().ok()?)));
-        match numbers {
-            Some((number, of)) if number < of && of <= MAX_PARTS => Ok(PartNumber { number, of }),
-            _ => Err(format!("expected K/N with K from 0 to N-1, such as 3/256, found {text:?}")),
-        }
-    }
 }
 
 /// Pulses per chunk.
@@ -437,11 +398,6 @@ mod tests {
         check::<Vector>(&[("1,2", None), ("1,2,x", None), ("1,2,3,4", None), ("1,,2,3", None)]);
         check(&[("0", Some(NotNegative(0.0))), ("-1", None), ("nan", None), ("inf", None)]);
         check(&[("0.5", Some(Positive(0.5))), ("0", None)]);
-        check(&[
-            ("3/256", Some(PartNumber { number: 3, of: 256 })),
-            ("0/1", Some(PartNumber { number: 0, of: 1 })),
-        ]);
-        check::<PartNumber>(&[("256/256", None), ("1", None), ("-1/2", None), ("0/0", None), ("/", None)]);
         check(&[("1", Some(ChunkSize(1))), ("0", None), ("-32", None), ("16777217", None)]);
         check(&[
             ("0.25", Some(Latency(Duration::from_millis(250)))),

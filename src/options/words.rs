@@ -39,7 +39,7 @@ impl Options {
     /// All options of a run.
     pub fn names() -> Vec<OptionName> {
         let command = command();
-        let options = command.get_arguments().filter_map(|option| {
+        let options = command.get_arguments().filter(|option| !option.is_hide_set()).filter_map(|option| {
             let help = option.get_long_help().or(option.get_help()).map(ToString::to_string);
             Some(OptionName {
                 long: option.get_long()?.to_owned(),
@@ -60,7 +60,7 @@ mod tests {
     fn words_become_options() {
         let words = |text: &str| Options::parse(text.split_whitespace().map(str::to_owned));
         let options = words("--threads=3 --misses --columns=X,Y").unwrap();
-        assert_eq!((options.schedule.threads, options.output.misses), (Some(3), true));
+        assert_eq!((options.schedule.threads, options.output.misses.is_on()), (Some(3), true));
         let unknown = words("--thread=3").unwrap_err().to_string();
         assert!(unknown.contains("--threads") && !unknown.contains("Usage"), "{unknown}");
         assert!(words("--columns=Q").unwrap_err().to_string().contains("no column is called"));

@@ -1,7 +1,7 @@
 //! The columns of points in Arrow, Parquet and text with a header. Names and types follow LAS where LAS has the
 //! dimension, otherwise PDAL or plain English.
 
-use crate::parts::Records;
+use crate::shards::Records;
 use vlscan_base::diag::nearest;
 
 /// Storage type of a column.

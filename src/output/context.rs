@@ -30,6 +30,9 @@ pub struct OutputContext {
     pub highest_class: i32,
     /// Metres of range per nanosecond of the times of waveforms: of one way, or of the way there and back.
     pub metres_per_ns: f64,
+    /// Whether the scene is there, whose ground heights count from: not where the facts come from shards.
+    #[serde(skip)]
+    pub has_ground: bool,
 }
 
 /// A leg.
@@ -80,6 +83,7 @@ impl OutputContext {
             parts: scene.parts.iter().map(|part| part.id.clone()).collect(),
             highest_class: scene.materials.iter().map(|m| m.classification).max().unwrap_or(0),
             metres_per_ns: LIGHT_SPEED,
+            has_ground: true,
         }
     }
 

@@ -13,9 +13,8 @@ use super::plan::OutputPlan;
 use super::ply::{PlyCodec, PlyGroups};
 use super::ray_cloud::RayCloudCodec;
 use super::request::{PointFormat, TrajectoryFormat};
-use super::summary::Tally;
 use super::{table, text};
-use crate::parts;
+use crate::shards;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -80,24 +79,18 @@ impl PointCodec for XyzCodec<'_> {
     }
 }
 
-/// A batch over the ground of its epoch, or whose points are records of LAS already.
+/// A batch over the ground of its epoch.
 #[derive(Clone, Copy)]
-pub(super) struct Source<'a> {
-    pub batch: &'a Batch,
-    pub ground: Option<&'a Arc<dyn Ground>>,
-    /// Counts and bounds of the records; the pieces of the points are left empty for them.
-    pub stored: Option<&'a Tally>,
+struct Source<'a> {
+    batch: &'a Batch,
+    ground: Option<&'a Arc<dyn Ground>>,
 }
 
 impl OutputPlan {
     /// Encodes a batch for every file. Called by the worker threads. Heights of its points count from `ground`, that of the
     /// batch's epoch.
     pub fn encode(&self, batch: &Batch, ground: Option<&Arc<dyn Ground>>) -> Encoded {
-        self.encode_source(Source { batch, ground, stored: None })
-    }
-
-    pub(super) fn encode_source(&self, source: Source) -> Encoded {
-        let batch = source.batch;
+        let source = Source { batch, ground };
         let mut echoes = if self.misses { with_misses(batch) } else { Cow::Borrowed(&batch.echoes[..]) };
         if let Some(ring) = &self.clip {
             let keeps = |p: DVec3| is_inside(ring, [p.x + self.shift.x, p.y + self.shift.y]);
@@ -119,7 +112,7 @@ impl OutputPlan {
                 Route::Trajectory(format, slot) => pieces.push(self.trajectory(*format, *slot, batch)),
                 Route::Waveforms(slot) => pieces.push(self.waveforms(*slot, batch)),
                 Route::Pulses(slot) => pieces.push(self.pulses(*slot, batch)),
-                Route::Part(slot) => pieces.push(self.part(*slot, batch, &echoes)),
+                Route::Shard(slot) => pieces.push(shard(*slot, batch)),
                 Route::Table(TableContent::Points, slots) => {
                     self.points(PointFormat::Arrow, slots, source, &echoes, &mut pieces);
                 }
@@ -151,7 +144,7 @@ impl OutputPlan {
         echoes: &[Echo],
         pieces: &mut Vec<Piece>,
     ) {
-        let Source { batch, ground, stored } = source;
+        let Source { batch, ground } = source;
         let Some(leg) = self.leg_of(batch) else { return };
         let leg = &leg;
         let (shift, objects, groups) = (self.shift, &self.objects, self.ply_groups());
@@ -172,10 +165,6 @@ impl OutputPlan {
             PointFormat::Xyz | PointFormat::Bin => {
                 let codec = XyzCodec { shift, part_names: &self.part_names };
                 encode_points(&codec, leg, slots, echoes, pieces);
-            }
-            PointFormat::Las | PointFormat::Laz | PointFormat::Copc if let Some(stored) = stored => {
-                let piece = |&slot| Piece { tally: stored.clone(), ..Piece::new(slot, 0) };
-                pieces.extend(slots.as_slice().iter().map(piece));
             }
             PointFormat::Las | PointFormat::Laz | PointFormat::Copc => {
                 let codec = LasCodec { format: &self.las, objects, truths: &batch.truths, ground };
@@ -221,18 +210,6 @@ impl OutputPlan {
     fn leg_of(&self, batch: &Batch) -> Option<LegFacts> {
         let own = batch.leg_number.map(LegFacts::new);
         own.or_else(|| self.legs.get(batch.leg as usize).copied())
-    }
-
-    /// Returns the batch as a block of a part.
-    fn part(&self, slot: u32, batch: &Batch, echoes: &[Echo]) -> Piece {
-        if self.part_as_las {
-            let leg = self.leg_of(batch).unwrap_or_else(|| LegFacts::new(batch.leg));
-            return self.part_of_records(slot, &leg, batch, echoes);
-        }
-        let mut piece = Piece::new(slot, batch.echoes.len() * 168 + 1024);
-        parts::encode(batch, &mut piece.bytes);
-        piece.tally.records = batch.echoes.len() as u64;
-        piece
     }
 
     /// Encodes points as one block of columns per file, which `write` converts to the bytes of the file.
@@ -296,6 +273,14 @@ impl OutputPlan {
             text::push_pulse(out, pulse.origin + self.shift, pulse)
         })
     }
+}
+
+/// Returns the batch as a block of a shard.
+fn shard(slot: u32, batch: &Batch) -> Piece {
+    let mut piece = Piece::new(slot, batch.echoes.len() * 168 + 1024);
+    shards::encode(batch, &mut piece.bytes);
+    piece.tally.records = batch.echoes.len() as u64;
+    piece
 }
 
 /// Counts echoes by part.

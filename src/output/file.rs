@@ -18,7 +18,7 @@ use super::summary::{COMPLETE, FileKind, FileSummary, PARTIAL, Tally};
 use super::table;
 use super::text::TRAJECTORY_HEADER;
 use super::{pcd, ply, ray_cloud};
-use crate::parts::PartTable;
+use crate::shards::BlockTable;
 use ::laz::LazVlr;
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
@@ -75,7 +75,7 @@ enum Encoder {
     /// Points are collected until their frame is complete.
     Mcap(McapStream),
     /// Blocks are written unchanged, and a table lists them.
-    Part(PartTable),
+    Shard(BlockTable),
 }
 
 impl Head {
@@ -146,8 +146,8 @@ impl OutputFile {
             Content::Points(format) if format.counts() => Patched::Always,
             _ => Patched::Never,
         };
-        // Processes that compute the same part write the same bytes.
-        let replace = plan.force || content == Content::Part;
+        // Processes that compute the same shard write the same bytes.
+        let replace = plan.force || content == Content::Shard;
         let mut out = OutputStream::open(destination, replace, patched)?.keeping_equal(plan.goes_on);
         let head = Head::new(content, plan, &out)?;
         let mut bytes = head.bytes(plan, &Tally::EMPTY, None, &Octree::EMPTY, COMPLETE);
@@ -162,7 +162,7 @@ impl OutputFile {
             }
             Content::Points(PointFormat::Csv) => bytes = table::header(&plan.columns, b','),
             Content::Trajectory(TrajectoryFormat::Csv) => bytes = TRAJECTORY_HEADER.to_vec(),
-            Content::Part => bytes = plan.part_head.clone(),
+            Content::Shard => bytes = BlockTable::start(),
             _ => {}
         }
         out.append(&bytes)?;
@@ -181,7 +181,7 @@ impl OutputFile {
             }
             (Content::Points(PointFormat::E57), _) => Encoder::E57(E57Stream::new()),
             (Content::Points(PointFormat::Mcap), _) => Encoder::Mcap(McapStream::begin(&mut out)?),
-            (Content::Part, _) => Encoder::Part(PartTable::new(out.len())),
+            (Content::Shard, _) => Encoder::Shard(BlockTable::new(plan.shard_head.clone())),
             _ => Encoder::Plain,
         };
         let path = match destination {
@@ -214,7 +214,7 @@ impl OutputFile {
             Encoder::Mcap(frames) => frames.append(bytes, &mut self.out)?,
             Encoder::Arrow(arrow) => arrow.append(bytes, |bytes| self.out.append(bytes))?,
             Encoder::Parquet(parquet) => parquet.append(bytes, |bytes| self.out.append(bytes))?,
-            Encoder::Part(table) => {
+            Encoder::Shard(table) => {
                 table.add(bytes);
                 self.out.append_piece(piece.bytes, offload)?;
             }
@@ -253,14 +253,14 @@ impl OutputFile {
     }
 
     /// Writes the trailer, patches the header and completes the file. A `partial` file says so in its metadata, if
-    /// its format has any, and in its name: it never has the name of a complete one. A part of a run is complete or absent.
+    /// its format has any, and in its name: it never has the name of a complete one. A shard of a run is complete or absent.
     pub fn finish(
         mut self,
         plan: &OutputPlan,
         offload: &dyn Offload,
         partial: bool,
     ) -> Result<Vec<FileSummary>> {
-        if partial && matches!(self.encoder, Encoder::Part(_)) {
+        if partial && matches!(self.encoder, Encoder::Shard(_)) {
             return Ok(Vec::new());
         }
         let state = if partial { PARTIAL } else { COMPLETE };
@@ -279,7 +279,7 @@ impl OutputFile {
             Encoder::Parquet(parquet) => parquet.finish(partial, |bytes| self.out.append(bytes))?,
             Encoder::E57(points) => points.finish(plan.crs_name.as_deref(), &mut self.out)?,
             Encoder::Mcap(frames) => frames.finish(state, &mut self.out)?,
-            Encoder::Part(table) => self.out.append(&table.finish())?,
+            Encoder::Shard(table) => self.out.append(&table.finish()?)?,
         }
         let packets_at = plan.las.packets_inside().then_some(self.out.len());
         let packet_file = match self.packets {

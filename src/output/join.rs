@@ -182,7 +182,7 @@ fn add(head: &mut [u8], other: &[u8]) {
     }
 }
 
-/// Joins files that were written by merges of the same parts to `out`. `progress` is called with the number of points of each
+/// Joins files that were written by merges of the same shards to `out`. `progress` is called with the number of points of each
 /// file that is copied, and returns whether to go on.
 ///
 /// # Errors
@@ -199,7 +199,7 @@ pub fn join(
         if segment.records() != *records {
             return Err(Error::input(format!(
                 "{} holds {} points instead of {records}: where points are left out because they do not fit the \
-                 format, merge without --part",
+                 format, merge without --segment",
                 path.display(),
                 segment.records()
             )));

@@ -17,8 +17,8 @@ pub(super) enum Content {
     Trajectory(TrajectoryFormat),
     Waveforms,
     Pulses,
-    /// Batches of a part of a run.
-    Part,
+    /// Batches of a shard of a run.
+    Shard,
     /// A table in memory.
     Table(TableContent),
 }
@@ -30,7 +30,7 @@ impl Content {
             Content::Trajectory(_) | Content::Table(TableContent::Trajectory) => FileKind::Trajectory,
             Content::Waveforms | Content::Table(TableContent::Waveforms) => FileKind::Waveforms,
             Content::Pulses | Content::Table(TableContent::Pulses) => FileKind::Pulses,
-            Content::Part => FileKind::Part,
+            Content::Shard => FileKind::Shard,
         }
     }
 }
@@ -107,7 +107,7 @@ pub(super) enum Route {
     Trajectory(TrajectoryFormat, u32),
     Waveforms(u32),
     Pulses(u32),
-    Part(u32),
+    Shard(u32),
     Table(TableContent, Slots),
 }
 
@@ -115,9 +115,10 @@ impl Route {
     pub fn slots(&self) -> &[u32] {
         match self {
             Route::Points(_, slots) | Route::Table(_, slots) => slots.as_slice(),
-            Route::Trajectory(_, slot) | Route::Waveforms(slot) | Route::Pulses(slot) | Route::Part(slot) => {
-                std::slice::from_ref(slot)
-            }
+            Route::Trajectory(_, slot)
+            | Route::Waveforms(slot)
+            | Route::Pulses(slot)
+            | Route::Shard(slot) => std::slice::from_ref(slot),
         }
     }
 }
@@ -162,8 +163,8 @@ impl OutputLayout {
             zip: request.zip,
             ..OutputLayout::default()
         };
-        if let Some(part) = &request.part {
-            layout.product(0, &Base::Single(part.path.clone()), Content::Part, false, context);
+        if let Some(shard) = &request.shard {
+            layout.product(0, &Base::Single(shard.path.clone()), Content::Shard, false, context);
             return layout;
         }
         let devices: Vec<String> = context.devices.iter().map(|d| file_name(&d.id)).collect();
@@ -303,7 +304,7 @@ impl OutputLayout {
                 Content::Trajectory(format) => Route::Trajectory(format, slot),
                 Content::Waveforms => Route::Waveforms(slot),
                 Content::Pulses => Route::Pulses(slot),
-                Content::Part => Route::Part(slot),
+                Content::Shard => Route::Shard(slot),
                 Content::Table(content) => Route::Table(content, Slots::One(slot)),
             });
         }
@@ -323,7 +324,7 @@ impl OutputLayout {
         let zipped = match content {
             Content::Points(format) => format == PointFormat::Bin,
             Content::Waveforms | Content::Pulses => self.zip,
-            Content::Trajectory(_) | Content::Part | Content::Table(_) => false,
+            Content::Trajectory(_) | Content::Shard | Content::Table(_) => false,
         };
         let divided = false;
         self.files.push(FilePlan {

@@ -18,7 +18,6 @@
 //! | `columns`, `column_codec`, `table` | columns: definition and values, as text |
 //! | `rows`, `arrow`, `parquet` | columns in groups of rows, as Arrow and as Parquet |
 //! | `memory` | tables in memory for the caller |
-//! | `stored` | points as records of LAS in parts, for merges that copy |
 //! | `encode` | encoding of batches as bytes for every file, in the worker threads |
 //! | `laz`, `archive`, `blocks` | compression of LAS and of text in blocks; expansion of text |
 //! | `copc` | compressed LAS as an octree |
@@ -63,7 +62,6 @@ mod ply;
 mod ray_cloud;
 mod request;
 mod rows;
-mod stored;
 mod stream;
 mod summary;
 mod table;
@@ -87,9 +85,8 @@ pub use objects::ObjectIds;
 pub use offload::{NoOffload, Offload};
 pub use plan::OutputPlan;
 pub use request::{
-    ExtraDimensions, LasSettings, LasVersion, OutputRequest, PacketPlace, PartOutput, PointFormat, Target,
+    ExtraDimensions, LasSettings, LasVersion, OutputRequest, PacketPlace, PointFormat, ShardOutput, Target,
     TrajectoryFormat,
 };
-pub use stored::StoredPoints;
 pub use summary::{FileKind, FileSummary, Summary};
 pub use writer::Writer;

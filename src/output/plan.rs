@@ -15,7 +15,6 @@ use super::request::{OutputRequest, PacketPlace, PointFormat, Target};
 use super::stream::Destination;
 use super::summary::FileSummary;
 use super::text;
-use crate::parts::Fingerprint;
 use ::arrow_schema::SchemaRef;
 use std::collections::BTreeSet;
 use std::io::IsTerminal as _;
@@ -67,10 +66,8 @@ pub struct OutputPlan {
     /// Whether files that exist stay if they hold the same bytes.
     pub(super) goes_on: bool,
     pub(super) run_stamp: Option<String>,
-    /// The bytes before the first block of a part.
-    pub(super) part_head: Vec<u8>,
-    /// Whether a part holds records of LAS.
-    pub(super) part_as_las: bool,
+    /// The head of a shard.
+    pub(super) shard_head: Vec<u8>,
     pub(super) tables: Vec<TableRequest>,
     pub(super) epochs: u32,
     /// Partial files that a failed run left.
@@ -88,7 +85,7 @@ impl OutputPlan {
         let objects = ObjectIds::new(&context.parts);
         let divider = divider(&request, context, &objects, &mut problems);
         let layout = OutputLayout::new(&request, context, divider.as_ref().map(|d| &d.names[..]));
-        check_requests(&request, context.devices.len(), &mut problems);
+        check_requests(&request, context, &mut problems);
         let inputs = Inputs::of(&request);
         check_files(&layout, &request, &inputs, &mut problems);
         let mut las_problems = Diagnostics::default();
@@ -101,8 +98,7 @@ impl OutputPlan {
             problems.warn(None, message).help("leave out --crs: nothing is projected");
         }
         let las = LasFormat::new(&request, context, wkt, &objects, &mut las_problems);
-        let part_as_las = request.part.as_ref().is_some_and(|part| part.as_las);
-        if part_as_las || request.sinks.iter().any(|(_, format)| format.is_las()) {
+        if request.sinks.iter().any(|(_, format)| format.is_las()) {
             problems.extend(las_problems);
             if las.packet_place() == Some(PacketPlace::Beside) {
                 check_packets(&layout, request.force || request.goes_on, &inputs, &mut problems);
@@ -146,8 +142,7 @@ impl OutputPlan {
             force: request.force,
             goes_on: request.goes_on,
             run_stamp: request.run_stamp,
-            part_as_las,
-            part_head: request.part.map(|part| part.head).unwrap_or_default(),
+            shard_head: request.shard.map(|shard| shard.head).unwrap_or_default(),
             tables: request.tables,
             epochs: request.epochs.max(1),
             rescued: Mutex::default(),
@@ -162,12 +157,6 @@ impl OutputPlan {
     /// Duration of a frame of MCAP, ns.
     pub(super) fn frame_ns(&self, leg: u32) -> f64 {
         self.frames_ns.get(leg as usize).copied().unwrap_or(mcap::FRAME_S * 1e9)
-    }
-
-    /// What records of LAS depend on, besides survey, scene and what was measured. Parts with these records serve outputs with
-    /// the same facts.
-    pub fn las_facts(&self) -> Fingerprint {
-        self.las.record_facts()
     }
 
     /// Warnings about the request.
@@ -206,7 +195,7 @@ fn divider(
     made.map_err(|message| problems.error(None, message)).ok()
 }
 
-fn check_requests(request: &OutputRequest, devices: usize, problems: &mut Diagnostics) {
+fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &mut Diagnostics) {
     let streams = |target: &Target| *target == Target::Stdout;
     for (asked, what) in [(request.waveforms, "waveforms"), (request.pulses, "pulses")] {
         if asked && request.sinks.iter().all(|(target, _)| streams(target)) {
@@ -223,7 +212,7 @@ fn check_requests(request: &OutputRequest, devices: usize, problems: &mut Diagno
     }
     let wants_heights = request.heights
         || request.columns.iter().flatten().any(|column| *column == Column::HeightAboveGround);
-    if wants_heights && !request.has_ground {
+    if wants_heights && !context.has_ground {
         problems.error(None, "heights above the ground need the scene: merges and streams have none");
     }
     let has_no_time = request.columns.as_ref().is_some_and(|columns| !columns.contains(&Column::GpsTime));
@@ -246,10 +235,13 @@ fn check_requests(request: &OutputRequest, devices: usize, problems: &mut Diagno
             .help("-o points.csv, .xyz, .arrow or .parquet");
     }
     let has_frames = request.sinks.iter().any(|(_, format)| *format == PointFormat::Mcap);
-    if request.frame_s.is_some() && !has_frames && request.part.is_none() {
+    if request.frame_s.is_some() && !has_frames && request.shard.is_none() {
         problems.error(None, "frames have a duration in MCAP, and none is written").help("-o points.mcap");
     }
-    if request.split_by_channel && devices > 1 && request.sinks.iter().any(|(target, _)| streams(target)) {
+    if request.split_by_channel
+        && context.devices.len() > 1
+        && request.sinks.iter().any(|(target, _)| streams(target))
+    {
         problems.error(None, "points on standard output cannot be split by channel");
     }
     let binary = |(target, format): &(Target, PointFormat)| streams(target) && !format.is_text();
@@ -289,7 +281,7 @@ fn check_files(layout: &OutputLayout, request: &OutputRequest, inputs: &Inputs, 
     }
     let mut taken = BTreeSet::new();
     let planned = layout.files.iter().filter_map(|FilePlan { location, content, .. }| match location {
-        OutputLocation::Fixed(Destination::Path(path)) if *content != Content::Part => Some(path),
+        OutputLocation::Fixed(Destination::Path(path)) if *content != Content::Shard => Some(path),
         _ => None,
     });
     let may_exist = request.force || request.goes_on;

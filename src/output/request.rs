@@ -1,7 +1,7 @@
 //! Specification of the outputs of a run.
 
 use super::{Column, Division, Ring, TableContent, TableRequest};
-use crate::parts::Records;
+use crate::shards::Records;
 use clap::ValueEnum;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -168,15 +168,13 @@ pub enum Target {
     Helios(PathBuf),
 }
 
-/// The file of a part of a run, see [`crate::parts`].
+/// The file of a shard of a run, see [`crate::shards`].
 #[derive(Clone, Debug, PartialEq)]
-pub struct PartOutput {
+pub struct ShardOutput {
     /// The file; it is replaced if it exists.
     pub path: PathBuf,
-    /// The bytes before its first block.
+    /// Its head, as [`crate::shards::ShardHead::bytes`] returns it.
     pub head: Vec<u8>,
-    /// Whether it holds the points as records of LAS, as the request describes these, instead of echoes.
-    pub as_las: bool,
 }
 
 /// Specification of all outputs of a run.
@@ -209,8 +207,6 @@ pub struct OutputRequest {
     pub true_positions: bool,
     /// Whether points have their height above the ground.
     pub heights: bool,
-    /// Whether there is a scene, whose ground heights count from.
-    pub has_ground: bool,
     /// Duration of the frames of MCAP, s; a revolution of the scanner if `None`.
     pub frame_s: Option<f64>,
     /// How the points of folders are divided among files, instead of by leg.
@@ -238,8 +234,8 @@ pub struct OutputRequest {
     pub creation: (u16, u16),
     /// Name of run directories; `None` for the local time of their creation.
     pub run_stamp: Option<String>,
-    /// A part of a run, which is then the only output.
-    pub part: Option<PartOutput>,
+    /// A shard of a run, which is then the only output.
+    pub shard: Option<ShardOutput>,
     /// Tables in memory.
     pub tables: Vec<TableRequest>,
     /// Number of epochs (spec input-formats §3.8); see [`Writer::next_epoch`](super::Writer::next_epoch).
@@ -260,7 +256,6 @@ impl Default for OutputRequest {
             labels: false,
             true_positions: false,
             heights: false,
-            has_ground: false,
             frame_s: None,
             division: None,
             clip: None,
@@ -274,7 +269,7 @@ impl Default for OutputRequest {
             crs_wkt: None,
             creation: (0, 0),
             run_stamp: None,
-            part: None,
+            shard: None,
             tables: Vec::new(),
             epochs: 1,
         }
@@ -283,7 +278,7 @@ impl Default for OutputRequest {
 
 impl OutputRequest {
     /// What has to be recorded beside echoes and poses for all outputs: the one place where formats, columns and tables say
-    /// what they need. A run records it, a merge refuses parts without it.
+    /// what they need. A run records it, a merge refuses shards without it.
     pub fn records(&self) -> Records {
         let has_table = |content| self.tables.iter().any(|table| table.content == content);
         let own = Records {

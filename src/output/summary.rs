@@ -36,8 +36,8 @@ pub enum FileKind {
     Pulses,
     /// Waveform packets that LAS points refer to.
     Packets,
-    /// A part of a run; its records are echoes.
-    Part,
+    /// A shard of a run; its records are echoes.
+    Shard,
 }
 
 /// One completed file.

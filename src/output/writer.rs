@@ -304,7 +304,7 @@ impl Writer {
             };
             let is_points = matches!(
                 file.content,
-                Content::Points(_) | Content::Part | Content::Table(TableContent::Points)
+                Content::Points(_) | Content::Shard | Content::Table(TableContent::Points)
             );
             if is_points && file.sink == 0 {
                 self.summary.points += done.iter().map(|file| file.records).sum::<u64>();

@@ -79,8 +79,13 @@ impl Job {
             live: matches!(survey.platform.kind, PlatformKind::Stream(_)),
             ..options.output_request(day)?
         };
+        if physics.record_subrays && output.records().waveforms {
+            return Err(Error::input(
+                "subrays have no waveforms: leave out either --subrays or the waveforms",
+            ));
+        }
         let settings = Settings {
-            strict: options.input.strict,
+            strict: options.input.strict.is_on(),
             load: LoadOptions {
                 wavelength_nm: survey.scanner.devices[0].beam.wavelength,
                 seed,
@@ -88,14 +93,14 @@ impl Job {
                 jobs: threads,
                 sharing: options.tree.instances.unwrap_or_default(),
                 rules: material_rules(&physics.corrections),
-                drop_polygons: options.input.drop_polygons,
+                drop_polygons: options.input.drop_polygons.is_on(),
                 stop: None,
             },
             tree: tree(options, threads),
             flight: FlightOptions {
                 seed,
-                platform_noise: !options.noise.no_platform_noise,
-                leg_noise: !options.noise.no_leg_noise,
+                platform_noise: !options.noise.no_platform_noise.is_on(),
+                leg_noise: !options.noise.no_leg_noise.is_on(),
                 gps_start_ns,
                 kinematics,
                 navigation: navigation(options)?,
@@ -114,7 +119,7 @@ impl Job {
             output,
             schedule_log: speed.schedule_log.clone(),
             part_table: options.part_table.clone(),
-            progress_lines: speed.progress,
+            progress_lines: speed.progress.is_on(),
         })
     }
 }
@@ -153,7 +158,7 @@ fn schedule(options: &Options, threads: usize) -> Schedule {
     let factor = speed.warehouse_factor.unwrap_or(DEFAULT_WAREHOUSE_FACTOR);
     let idle_threshold = speed.idle_threshold.map(|ms| ms.0);
     let policy = policy(speed.policy.unwrap_or_default(), size, factor, idle_threshold);
-    Schedule { threads, policy, leg_barrier: speed.leg_barrier }
+    Schedule { threads, policy, leg_barrier: speed.leg_barrier.is_on() }
 }
 
 fn tree(options: &Options, all: usize) -> BuildOptions {
@@ -175,19 +180,15 @@ fn physics(options: &Options, survey: &Survey, seed: u64) -> Result<PhysicsOptio
     let mut in_any = if options.has_own_flight { Corrections::kinematic() } else { Corrections::NONE };
     in_any.mount_offsets_turn |= matches!(survey.platform.kind, PlatformKind::Stream(_));
     let mut corrections = options.profile.corrections(in_any)?;
-    let record_waveforms = output.waveforms || output.wave_packets.is_some();
-    if output.subrays && record_waveforms {
-        return Err(Error::input("subrays have no waveforms: leave out either --subrays or the waveforms"));
-    }
     // Light scattered continuously along a path cannot be attributed to the range of a subray.
-    corrections.foliage_continuum &= !output.subrays;
+    corrections.foliage_continuum &= !output.subrays.is_on();
     Ok(PhysicsOptions {
         seed,
-        legacy_energy: echoes.legacy_energy,
-        fixed_incidence: echoes.fixed_incidence,
-        echo_width: echoes.echo_width,
-        waveform_noise: echoes.waveform_noise,
-        record_subrays: output.subrays,
+        legacy_energy: echoes.legacy_energy.is_on(),
+        fixed_incidence: echoes.fixed_incidence.is_on(),
+        echo_width: echoes.echo_width.is_on(),
+        waveform_noise: echoes.waveform_noise.is_on(),
+        record_subrays: output.subrays.is_on(),
         corrections,
         ..PhysicsOptions::helios()
     })

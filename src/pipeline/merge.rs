@@ -1,4 +1,4 @@
-//! Merging of parts: the stages of a run whose producer reads the blocks of parts, and whose workers encode their batches
+//! Merging of shards: the stages of a run whose producer reads the blocks of shards, and whose workers encode their batches
 //! for the outputs. Neither survey nor scene are needed.
 
 use super::aim::Aim;
@@ -8,8 +8,8 @@ use super::fly::run_stages;
 use super::pass::Control;
 use super::session::Report;
 use super::worker::{Measured, Pieces};
-use crate::output::{OutputContext, OutputPlan, OutputRequest, StoredPoints, Summary, Target};
-use crate::parts::{BlockHead, PartFile, PartSet};
+use crate::output::{OutputContext, OutputPlan, OutputRequest, Summary};
+use crate::shards::{BlockHead, ShardFile, ShardSet};
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -19,26 +19,24 @@ use vlscan_base::error::{Error, Result};
 use vlscan_lidar::pulse::Batch;
 use vlscan_warehouse::{Feed, Outcome, Schedule, Stop, Tasks};
 
-/// A block of an open part.
+/// A block of an open shard.
 struct Block {
     number: usize,
     pulses: u32,
     leg: u32,
     /// The echoes that are wanted, all or those from and to the end of the wanted ones.
     echoes: Range<u32>,
-    /// Number of its echoes.
-    all_echoes: u32,
-    /// Fraction of the blocks of all parts that are done after this one, 0–1.
+    /// Fraction of the blocks of all shards that are done after this one, 0–1.
     done: f64,
 }
 
-/// Consecutive blocks of an open part.
+/// Consecutive blocks of an open shard.
 struct BlockTask {
-    part: Arc<PartFile>,
+    shard: Arc<ShardFile>,
     blocks: Vec<Block>,
 }
 
-/// Minimum size of a task, unless its part ends: handing over a task takes as long as reading some ten thousand bytes.
+/// Minimum size of a task, unless its shard ends: handing over a task takes as long as reading some ten thousand bytes.
 const TASK_BYTES: u64 = 256 << 10;
 
 impl Tasks for BlockTask {
@@ -47,12 +45,12 @@ impl Tasks for BlockTask {
     }
 }
 
-/// Position in the blocks of all parts.
+/// Position in the blocks of all shards.
 struct Blocks<'a> {
-    parts: &'a PartSet,
-    /// The part that is being read, and its next block.
-    current: Option<(Arc<PartFile>, usize)>,
-    next_part: u32,
+    shards: &'a ShardSet,
+    /// The shard that is being read, and its next block.
+    current: Option<(Arc<ShardFile>, usize)>,
+    next_shard: u32,
     /// The echoes that are wanted.
     wanted: Range<u64>,
     /// Echoes and pulses before the next block.
@@ -64,44 +62,44 @@ impl Blocks<'_> {
     /// The next blocks with wanted echoes if they are of `epoch`.
     fn take(&mut self, epoch: u32) -> Result<Option<BlockTask>> {
         loop {
-            let Some(part) = self.part()? else { return Ok(None) };
+            let Some(shard) = self.shard()? else { return Ok(None) };
             let (mut blocks, mut bytes) = (Vec::new(), 0);
             while bytes < TASK_BYTES
-                && let Some((block, length)) = self.take_block(&part, epoch)
+                && let Some((block, length)) = self.take_block(&shard, epoch)
             {
                 blocks.push(block);
                 bytes += length;
             }
             if !blocks.is_empty() {
-                return Ok(Some(BlockTask { part, blocks }));
+                return Ok(Some(BlockTask { shard, blocks }));
             }
-            if self.current.as_ref().is_some_and(|(part, at)| *at < part.blocks()) {
+            if self.current.as_ref().is_some_and(|(shard, at)| *at < shard.blocks()) {
                 return Ok(None);
             }
         }
     }
 
-    /// The part that is being read, or the next one with blocks when all of its own are taken.
-    fn part(&mut self) -> Result<Option<Arc<PartFile>>> {
+    /// The shard that is being read, or the next one with blocks when all of its own are taken.
+    fn shard(&mut self) -> Result<Option<Arc<ShardFile>>> {
         loop {
-            if let Some((part, at)) = &self.current
-                && *at < part.blocks()
+            if let Some((shard, at)) = &self.current
+                && *at < shard.blocks()
             {
-                return Ok(Some(part.clone()));
+                return Ok(Some(shard.clone()));
             }
-            if self.next_part >= self.parts.head.of {
+            if self.next_shard >= self.shards.head.of {
                 return Ok(None);
             }
-            self.current = Some((Arc::new(self.parts.part(self.next_part)?), 0));
-            self.next_part += 1;
+            self.current = Some((Arc::new(self.shards.shard(self.next_shard)?), 0));
+            self.next_shard += 1;
         }
     }
 
-    /// The next block of the current part with wanted echoes if it is of `epoch`, and its length.
-    fn take_block(&mut self, part: &PartFile, epoch: u32) -> Option<(Block, u64)> {
+    /// The next block of the current shard with wanted echoes if it is of `epoch`, and its length.
+    fn take_block(&mut self, shard: &ShardFile, epoch: u32) -> Option<(Block, u64)> {
         let (_, at) = self.current.as_mut()?;
         loop {
-            let head = part.block(*at)?;
+            let head = shard.block(*at)?;
             if head.epoch != epoch || self.echoes >= self.wanted.end {
                 return None;
             }
@@ -114,15 +112,15 @@ impl Blocks<'_> {
             // Blocks without echoes hold poses and pulses.
             if self.echoes > self.wanted.start || self.wanted.start == 0 {
                 let done = self.done();
-                let BlockHead { pulses, leg, echoes: all_echoes, length, .. } = head;
-                return Some((Block { number, pulses, leg, echoes, all_echoes, done }, length));
+                let BlockHead { pulses, leg, length, .. } = head;
+                return Some((Block { number, pulses, leg, echoes, done }, length));
             }
         }
     }
 
     fn done(&self) -> f64 {
         if self.wanted == ALL_ECHOES {
-            return self.pulses as f64 / (self.parts.head.total as f64).max(1.0);
+            return self.pulses as f64 / (self.shards.head.total as f64).max(1.0);
         }
         let wanted = (self.wanted.end - self.wanted.start) as f64;
         (self.echoes.saturating_sub(self.wanted.start) as f64 / wanted.max(1.0)).min(1.0)
@@ -149,18 +147,18 @@ impl Blocks<'_> {
 ///
 /// # Errors
 /// [`Error::Input`] when they cannot be read.
-pub fn output_context(parts: &PartSet) -> Result<OutputContext> {
-    let context = postcard::from_bytes(&parts.head.context);
-    context.map_err(|e| Error::input(format!("the parts do not say what outputs need to know: {e}")))
+pub fn output_context(shards: &ShardSet) -> Result<OutputContext> {
+    let context = postcard::from_bytes(&shards.head.context);
+    context.map_err(|e| Error::input(format!("the shards do not say what outputs need to know: {e}")))
 }
 
-/// What the outputs of parts do not hold of their points, and a system in which these can hardly be.
+/// What the outputs of shards do not hold of their points, and a system in which these can hardly be.
 ///
 /// # Errors
 /// Those of planning outputs, but for files that exist: they are asked for where they are written.
-pub fn merge_warnings(parts: &PartSet, outputs: &OutputRequest) -> Result<Diagnostics> {
-    let context = output_context(parts)?;
-    let epochs = parts.head.epochs.max(1);
+pub fn merge_warnings(shards: &ShardSet, outputs: &OutputRequest) -> Result<Diagnostics> {
+    let context = output_context(shards)?;
+    let epochs = shards.head.epochs.max(1);
     let request = OutputRequest { epochs, force: true, ..outputs.clone() };
     let mut found = OutputPlan::new(request, &context)?.warnings().clone();
     if let Some(wkt) = outputs.crs_wkt.as_deref().filter(|_| !context.bounds.is_empty()) {
@@ -169,44 +167,43 @@ pub fn merge_warnings(parts: &PartSet, outputs: &OutputRequest) -> Result<Diagno
     Ok(found)
 }
 
-/// Writes the outputs of the run that the parts are parts of.
+/// Writes the outputs of the run that the shards belong to.
 ///
 /// # Errors
-/// [`Error::Input`] for outputs that need what the parts do not hold, and for damaged parts, all of which are named;
+/// [`Error::Input`] for outputs that need what the shards do not hold, and for damaged shards, all of which are named;
 /// [`Error::Io`], [`Error::ClosedPipe`].
 pub fn merge(
-    parts: &PartSet,
+    shards: &ShardSet,
     outputs: OutputRequest,
     schedule: Schedule,
     control: Control<'_>,
 ) -> Result<Report> {
-    merge_echoes(parts, outputs, ALL_ECHOES, schedule, control)
+    merge_echoes(shards, outputs, ALL_ECHOES, schedule, control)
 }
 
-/// All echoes, and everything else that parts hold.
+/// All echoes, and everything else that shards hold.
 const ALL_ECHOES: Range<u64> = 0..u64::MAX;
 
-/// [`merge`] of the echoes of a range alone, counted from 0 over all parts.
+/// [`merge`] of the echoes of a range alone, counted from 0 over all shards.
 pub(super) fn merge_echoes(
-    parts: &PartSet,
+    shards: &ShardSet,
     outputs: OutputRequest,
     wanted: Range<u64>,
     schedule: Schedule,
     control: Control<'_>,
 ) -> Result<Report> {
-    let context = output_context(parts)?;
-    check_records(parts, &outputs)?;
-    let epochs = parts.head.epochs.max(1);
-    let request = OutputRequest { epochs, creation: parts.head.creation, ..outputs };
+    let context = output_context(shards)?;
+    check_records(shards, &outputs)?;
+    let epochs = shards.head.epochs.max(1);
+    let request = OutputRequest { epochs, creation: shards.head.creation, ..outputs };
     let output = Arc::new(OutputPlan::new(request, &context)?);
-    check_las(parts, &output)?;
     let is_damaged = AtomicBool::new(false);
     let started = Instant::now();
-    let blocks = Blocks { parts, current: None, next_part: 0, wanted, echoes: 0, pulses: 0 };
+    let blocks = Blocks { shards, current: None, next_shard: 0, wanted, echoes: 0, pulses: 0 };
     let merged = merge_epochs(blocks, &output, epochs, schedule, control, &is_damaged);
     if merged.is_err() && is_damaged.load(Relaxed) {
         // The request to stop is set by the failure itself.
-        parts.verify(&Stop::new())?;
+        shards.verify(&Stop::new())?;
     }
     let (summary, interrupted) = merged?;
     let pulses = control.progress.snapshot().pulses;
@@ -245,7 +242,7 @@ fn merge_epochs(
             Ended::NextEpoch(open) => writer = Some(open),
         }
     }
-    Err(Error::Internal("parts without a last epoch".to_owned()))
+    Err(Error::Internal("shards without a last epoch".to_owned()))
 }
 
 fn encode(
@@ -257,32 +254,15 @@ fn encode(
 ) -> Result<Pieces> {
     let damaged = |reason: String| {
         is_damaged.store(true, Relaxed);
-        Error::input(format!("{} {reason}", task.part.path().display()))
+        Error::input(format!("{} {reason}", task.shard.path().display()))
     };
     let mut pieces = Vec::with_capacity(task.blocks.len());
     for block in &task.blocks {
-        let number = block.number;
-        let records = task.part.read(number, batch, buffer).map_err(damaged)?;
-        let encoded = match records {
-            Some(records) => {
-                let stored = StoredPoints::read(records);
-                let mut stored =
-                    stored.ok_or_else(|| damaged(format!("holds no points in block {number}")))?;
-                if !stored.keep(block.echoes.clone(), block.all_echoes) {
-                    return Err(Error::input(
-                        "points are left out because they do not fit the format; merge without --part",
-                    ));
-                }
-                output.encode_stored(batch, stored)
-            }
-            None => {
-                batch.echoes.truncate(block.echoes.end as usize);
-                batch.echoes.drain(..block.echoes.start as usize);
-                output.encode(batch, None)
-            }
-        };
+        task.shard.read(block.number, batch, buffer).map_err(damaged)?;
+        batch.echoes.truncate(block.echoes.end as usize);
+        batch.echoes.drain(..block.echoes.start as usize);
         pieces.push(Ok(Measured {
-            encoded,
+            encoded: output.encode(batch, None),
             pulses: u64::from(block.pulses),
             echoes: block.echoes.len() as u64,
             leg: block.leg,
@@ -293,9 +273,9 @@ fn encode(
     Ok(Pieces(pieces))
 }
 
-/// Refuses outputs that need records which the parts do not hold.
-pub(super) fn check_records(parts: &PartSet, outputs: &OutputRequest) -> Result<()> {
-    let (held, needed) = (parts.head.records, outputs.records());
+/// Refuses outputs that need records which the shards do not hold.
+pub(super) fn check_records(shards: &ShardSet, outputs: &OutputRequest) -> Result<()> {
+    let (held, needed) = (shards.head.records, outputs.records());
     let mut problems = Diagnostics::default();
     let needs = [
         (needed.waveforms && !held.waveforms, "waveforms", "--waveforms"),
@@ -303,62 +283,15 @@ pub(super) fn check_records(parts: &PartSet, outputs: &OutputRequest) -> Result<
         (needed.pulses && !outputs.misses && !held.pulses, "pulses", "--pulses"),
         (needed.truth && !held.truth, "true causes of echoes", "--columns"),
         (
-            needed.scanner_axes && !held.scanner_axes && parts.head.las.is_none(),
+            needed.scanner_axes && !held.scanner_axes,
             "positions in the axes of the scanner",
             "--columns ScannerX,ScannerY,ScannerZ",
         ),
     ];
-    if parts.head.las.is_some() {
-        check_outputs_of_records(outputs, &mut problems);
-    }
     for (_, what, option) in needs.into_iter().filter(|(is_missing, ..)| *is_missing) {
         problems
-            .error(None, format!("the parts hold no {what}"))
-            .help(format!("compute the parts with {option}"));
+            .error(None, format!("the shards hold no {what}"))
+            .help(format!("compute the shards with {option}"));
     }
-    problems.finish(false).map(drop)
-}
-
-/// Whether all outputs can be made of parts that hold records of LAS.
-pub(super) fn records_of_las_suffice(outputs: &OutputRequest) -> bool {
-    let mut problems = Diagnostics::default();
-    check_outputs_of_records(outputs, &mut problems);
-    problems.finish(false).is_ok() && outputs.las.packets.is_none() && !outputs.heights
-}
-
-/// Refuses outputs for which records of LAS do not hold enough.
-fn check_outputs_of_records(outputs: &OutputRequest, problems: &mut Diagnostics) {
-    let help = "compute the parts without --part-points, which then hold what any output needs";
-    for (target, format) in outputs.sinks.iter().filter(|(_, format)| !format.is_las()) {
-        let what = match target {
-            Target::File(path) | Target::Directory(path) | Target::Helios(path) => path.display().to_string(),
-            Target::Stdout => format!("{} on standard output", format.extension()),
-        };
-        problems
-            .error(None, format!("the parts hold records of LAS, from which {what} cannot be made"))
-            .help(help);
-    }
-    let others = [
-        (outputs.split_by_channel, "files per channel"),
-        (outputs.division.is_some(), "files per tile or object"),
-        (outputs.clip.is_some(), "points inside of a polygon"),
-        (!outputs.tables.is_empty(), "tables"),
-        (outputs.counts_parts, "numbers of points by part of the scene"),
-    ];
-    for (_, what) in others.iter().filter(|(is_wanted, _)| *is_wanted) {
-        problems
-            .error(None, format!("the parts hold records of LAS, from which no {what} are made"))
-            .help(help);
-    }
-}
-
-/// Refuses records of LAS that were made with other options than the outputs.
-fn check_las(parts: &PartSet, output: &OutputPlan) -> Result<()> {
-    let facts = parts.head.las.as_ref();
-    let Some(what) = facts.and_then(|facts| facts.difference(&output.las_facts())) else { return Ok(()) };
-    let mut problems = Diagnostics::default();
-    problems
-        .error(None, format!("the parts hold records of LAS, and those of the output differ in {what}"))
-        .help("give vlscan merge the options of LAS that the parts were computed with");
     problems.finish(false).map(drop)
 }

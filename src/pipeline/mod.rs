@@ -20,8 +20,8 @@
 //! | `chunk` | the producer of a flight: steps become chunks |
 //! | `stream` | the producer and worker of a stream of pulses |
 //! | `worker`, `moving` | the computing stage, and the moving parts of the scene |
-//! | `part`, `merge`, `resume` | shares of a run as files, their merging to outputs, runs that go on where they were ended |
-//! | `resume_folder` | the folder with the parts of a run that can go on: its mark, its lock, its removal |
+//! | `shard`, `merge`, `resume` | shares of a run as files, their merging to outputs, runs that go on where they were ended |
+//! | `resume_folder` | the folder with the shards of a run that can go on: its mark, its lock, its removal |
 //! | `segment` | merges that many processes share |
 //! | `collector` | the last stage: encoded results to the outputs, in order |
 //! | `part_table` | the parts of the scene as a table beside labelled points |
@@ -42,7 +42,6 @@ mod job;
 mod load;
 mod merge;
 mod moving;
-mod part;
 mod part_table;
 mod pass;
 mod plausibility;
@@ -53,6 +52,7 @@ mod sample;
 mod segment;
 mod session;
 mod settings;
+mod shard;
 mod stream;
 mod worker;
 
@@ -65,7 +65,6 @@ pub use heights::{Fallback, SceneGround};
 pub use job::{Job, material_rules, policy, schedule_of};
 pub use load::check_raster_memory;
 pub use merge::{merge, merge_warnings, output_context};
-pub use part::Part;
 pub use part_table::PartTable;
 pub use pass::{Control, Pass};
 pub use plausibility::target;

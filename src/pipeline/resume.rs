@@ -1,50 +1,50 @@
-//! Runs that go on where they were ended: a run is divided into parts, of which those that exist are not computed again.
+//! Runs that go on where they were ended: a run is divided into shards, of which those that exist are not computed again.
 
-use super::merge::{merge, records_of_las_suffice};
-use super::part::{Divisible, Part};
+use super::merge::merge;
 use super::pass::Control;
 use super::progress::Progress;
 use super::resume_folder::{ResumeFolder, RunId, State};
 use super::session::{Report, Session};
-use crate::output::{OutputPlan, OutputRequest, Summary, Target};
-use crate::parts::{PartFile, PartSet, part_path};
+use super::shard::Divisible;
+use crate::output::{OutputContext, OutputPlan, OutputRequest, Summary, Target};
+use crate::shards::{OneOf, ShardSet};
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::Notice;
 use vlscan_base::error::{Error, Result};
 
-/// Maximum number of parts.
-const MAX_PARTS: u64 = 100_000;
+/// Maximum number of shards.
+const MAX_SHARDS: u64 = 100_000;
 
 /// How a run is divided so that it can go on later.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Resumption {
-    /// Folder of the parts, removed when the outputs are complete.
+    /// Folder of the shards, removed when the outputs are complete.
     pub folder: PathBuf,
-    /// Pulses per part; a folder with parts keeps their number.
-    pub pulses_per_part: u64,
+    /// Pulses per shard; a folder with shards keeps their number.
+    pub pulses_per_shard: u64,
 }
 
 impl Resumption {
-    /// Parts beside the first output that is a file or a folder: `out.laz.parts`.
+    /// Shards beside the first output that is a file or a folder: `out.laz.shards`.
     ///
     /// # Errors
     /// [`Error::Input`] when all outputs are streams.
-    pub fn beside(outputs: &OutputRequest, pulses_per_part: u64) -> Result<Resumption> {
+    pub fn beside(outputs: &OutputRequest, pulses_per_shard: u64) -> Result<Resumption> {
         let path = outputs.sinks.iter().find_map(|(target, _)| path_of(target)).ok_or_else(|| {
             Error::input("a run that can be resumed needs an output with a name: -o, a file or a folder")
         })?;
         let mut name = path.file_name().unwrap_or_default().to_os_string();
-        name.push(".parts");
-        Ok(Resumption { folder: path.with_file_name(name), pulses_per_part })
+        name.push(".shards");
+        Ok(Resumption { folder: path.with_file_name(name), pulses_per_shard })
     }
 }
 
 impl Session {
-    /// [`Session::run`] in parts: those that an earlier run has completed are not computed again. The outputs are written
-    /// when all parts are complete, and are those of [`Session::run`], byte for byte.
+    /// [`Session::run`] in shards: those that an earlier run has completed are not computed again. The outputs are written
+    /// when all shards are complete, and are those of [`Session::run`], byte for byte.
     ///
     /// # Errors
-    /// As for [`Session::run`]; [`Error::Input`] for flights that cannot be divided, and when the parts are of another run,
+    /// As for [`Session::run`]; [`Error::Input`] for flights that cannot be divided, and when the shards are of another run,
     /// unless outputs may be replaced.
     pub fn run_resumable(
         &mut self,
@@ -62,30 +62,31 @@ impl Session {
         let needs_no_more = goes_on && outputs.companions.is_empty();
         if needs_no_more && known.as_ref().is_some_and(State::is_complete) {
             self.notify(Notice::Note("an earlier run has completed the outputs".to_owned()));
-            self.remove_parts(ResumeFolder::open(path, known.as_ref())?, path)?;
+            self.remove_shards(ResumeFolder::open(path, known.as_ref())?, path)?;
             return Ok(Report { summary: Summary::default(), pulses: 0, seconds: 0.0, interrupted: false });
         }
         let request = OutputRequest { goes_on, ..outputs.clone() };
-        let context = self.output_context();
+        // Outputs are merged from the shards, without the scene.
+        let context = OutputContext { has_ground: false, ..self.output_context() };
         let planned = OutputPlan::new(OutputRequest { epochs: self.epochs(), ..request.clone() }, &context)?;
         self.notify(Notice::Warnings(planned.warnings().clone().finish(self.settings().strict)?));
         let mut folder = ResumeFolder::open(path, known.as_ref())?;
         if folder.state().is_complete() && !goes_on {
-            // Another run has completed its outputs, and was ended while it removed its parts.
-            folder.remove_parts()?;
-            folder.mark(State::Parts)?;
+            // Another run has completed its outputs, and was ended while it removed its shards.
+            folder.remove_shards()?;
+            folder.mark(State::Shards)?;
         }
-        let has_begun = !PartSet::list(path)?.is_empty();
-        let computed = match self.complete_parts(&flight, &outputs, how, control) {
+        let has_begun = !ShardSet::list(path)?.is_empty();
+        let computed = match self.complete_shards(&flight, &outputs, how, control) {
             Err(Error::Input(found)) if outputs.force && has_begun => {
                 self.notify(Notice::Note(format!(
-                    "the parts in {} are replaced: {}",
+                    "the shards in {} are replaced: {}",
                     path.display(),
                     found.headline()
                 )));
-                folder.mark(State::Parts)?;
-                folder.remove_parts()?;
-                self.complete_parts(&flight, &outputs, how, control)
+                folder.mark(State::Shards)?;
+                folder.remove_shards()?;
+                self.complete_shards(&flight, &outputs, how, control)
             }
             computed => computed,
         };
@@ -93,7 +94,7 @@ impl Session {
             Ok(seconds) => seconds,
             Err(Error::Interrupted) => {
                 self.notify(Notice::Note(format!(
-                    "complete parts are kept in {}; the same command goes on from there",
+                    "complete shards are kept in {}; the same command goes on from there",
                     path.display()
                 )));
                 let pulses = control.progress.snapshot().pulses;
@@ -103,22 +104,22 @@ impl Session {
         };
         self.drop_tree();
         let progress = Progress::default();
-        let parts = PartSet::open(path)?;
+        let shards = ShardSet::open(path)?;
         let schedule = self.settings().schedule;
         if *folder.state() != State::Merging(run) {
             folder.mark(State::Merging(run))?;
         }
-        let report = merge(&parts, request, schedule, Control { progress: &progress, ..control })?;
+        let report = merge(&shards, request, schedule, Control { progress: &progress, ..control })?;
         if !report.interrupted {
-            // A run that is ended while it removes the parts must not compute them again.
+            // A run that is ended while it removes the shards must not compute them again.
             folder.mark(State::complete(run, &report.summary))?;
-            self.remove_parts(folder, path)?;
+            self.remove_shards(folder, path)?;
         }
         Ok(Report { seconds: seconds + report.seconds, ..report })
     }
 
-    /// Removes the parts of a run that is complete.
-    fn remove_parts(&self, folder: ResumeFolder, path: &Path) -> Result<()> {
+    /// Removes the shards of a run that is complete.
+    fn remove_shards(&self, folder: ResumeFolder, path: &Path) -> Result<()> {
         if let Some(other) = folder.remove()?.first() {
             self.notify(Notice::Note(format!(
                 "{} is kept: it holds what the run has not made, such as {}",
@@ -129,35 +130,29 @@ impl Session {
         Ok(())
     }
 
-    /// Computes all parts that do not exist. Returns the time that it took, s.
-    fn complete_parts(
+    /// Computes all shards that do not exist. Returns the time that it took, s.
+    fn complete_shards(
         &mut self,
         flight: &Divisible,
         outputs: &OutputRequest,
         how: &Resumption,
         control: Control<'_>,
     ) -> Result<f64> {
-        let known = PartSet::list(&how.folder)?;
-        let mut runner = self.parts_of(flight.clone(), &how.folder, outputs.creation, false, control.stop)?;
-        let wanted = runner.pulses().div_ceil(how.pulses_per_part.max(1)).clamp(1, MAX_PARTS) as u32;
+        let known = ShardSet::list(&how.folder)?;
+        let mut runner =
+            self.shards_of(flight.clone(), &how.folder, outputs.creation, false, control.stop)?;
+        let wanted = runner.pulses().div_ceil(how.pulses_per_shard.max(1)).clamp(1, MAX_SHARDS) as u32;
         let of = known.keys().next().copied().unwrap_or(wanted);
-        // Parts that exist may hold echoes, for an output that was wanted then.
-        let mut parts = known.get(&of).into_iter().flatten();
-        let first = parts.find_map(|&number| PartFile::open(&part_path(&how.folder, number, of)).ok());
-        let holds_echoes = first.is_some_and(|part| part.head.las.is_none());
-        if !holds_echoes && records_of_las_suffice(outputs) {
-            runner.hold_las(outputs)?;
-        }
         let mut seconds = 0.0;
         for number in 0..of {
-            let part = Part { number, of };
-            if let Some(file) = runner.existing(part)? {
+            let shard = OneOf { number, of };
+            if let Some(file) = runner.existing(shard)? {
                 let leg = file.block(file.blocks().saturating_sub(1)).map_or(0, |block| block.leg);
                 let done = f64::from(number + 1) / f64::from(of);
                 control.progress.add(file.pulses, file.echoes, leg, done);
                 continue;
             }
-            let report = runner.run(part, control)?;
+            let report = runner.run(shard, control)?;
             seconds += report.seconds;
             if report.interrupted {
                 return Err(Error::Interrupted);
@@ -184,7 +179,7 @@ mod tests {
     use vlscan_survey::{ReadOptions, read_survey};
     use vlscan_warehouse::Stop;
 
-    /// The folder of a run and its parts.
+    /// The folder of a run and its shards.
     struct Place(tempfile::TempDir);
 
     impl Place {
@@ -202,14 +197,14 @@ mod tests {
         }
 
         fn run(&self, seed: u64, outputs: OutputRequest) -> Result<Report> {
-            let how = Resumption { folder: self.at("parts"), pulses_per_part: 1000 };
+            let how = Resumption { folder: self.at("shards"), pulses_per_shard: 1000 };
             let (progress, stop) = (Progress::default(), Stop::new());
             session(seed).run_resumable(outputs, &how, Control::new(&progress, &stop))
         }
 
-        /// Leaves the folder of parts as a run that was ended.
+        /// Leaves the folder of shards as a run that was ended.
         fn mark(&self, state: State) {
-            let path = self.at("parts");
+            let path = self.at("shards");
             let _ = fs::remove_dir_all(&path);
             ResumeFolder::open(&path, None).unwrap().mark(state).unwrap();
         }
@@ -237,12 +232,12 @@ mod tests {
         let (first, state) = (place.read("a.las"), State::complete(id(1, &outputs), &summary));
         place.mark(state.clone());
         assert_eq!(place.run(1, outputs.clone()).unwrap().pulses, 0);
-        assert!(place.read("a.las") == first && !place.at("parts").exists());
+        assert!(place.read("a.las") == first && !place.at("shards").exists());
         // What the caller writes besides is not there yet.
         place.mark(state.clone());
-        let companions = vec![place.at("parts.csv")];
+        let companions = vec![place.at("shards.csv")];
         let report = place.run(1, OutputRequest { companions, ..outputs.clone() }).unwrap();
-        assert!(report.pulses > 0 && place.read("a.las") == first && !place.at("parts").exists());
+        assert!(report.pulses > 0 && place.read("a.las") == first && !place.at("shards").exists());
         // Other contents, and other outputs.
         place.mark(state.clone());
         let refused = place.run(2, outputs.clone()).unwrap_err();
@@ -250,13 +245,13 @@ mod tests {
         assert!(place.read("a.las") == first);
         let both = OutputRequest { force: true, ..place.outputs(&["a.las", "b.las"]) };
         place.run(1, both).unwrap();
-        assert!(place.read("a.las") == first && place.read("b.las") == first && !place.at("parts").exists());
+        assert!(place.read("a.las") == first && place.read("b.las") == first && !place.at("shards").exists());
         let state = State::complete(id(1, &outputs), &summary);
         place.mark(state);
         assert!(place.run(2, OutputRequest { force: true, ..outputs }).unwrap().pulses > 0);
         place.run(2, place.outputs(&["c.las"])).unwrap();
         assert!(place.read("a.las") != first && place.read("a.las") == place.read("c.las"));
-        assert!(!place.at("parts").exists());
+        assert!(!place.at("shards").exists());
     }
 
     #[test]
@@ -271,7 +266,7 @@ mod tests {
         merging();
         place.run(1, outputs.clone()).unwrap();
         assert!(place.read("a.las") == complete && place.read("b.las") == complete);
-        assert!(!place.at("parts").exists());
+        assert!(!place.at("shards").exists());
         // Files of the user with the names of the outputs, of this run and of another one.
         fs::write(place.at("a.las"), "precious").unwrap();
         merging();
@@ -290,8 +285,8 @@ mod tests {
     #[test]
     fn a_file_of_the_user_with_the_name_of_a_part_is_kept() {
         let place = Place(tempfile::tempdir().unwrap());
-        place.mark(State::Parts);
-        let name = "parts/part-000000-of-000005.vlpart";
+        place.mark(State::Shards);
+        let name = "shards/shard-000000-of-000005.vlshard";
         fs::write(place.at(name), "precious").unwrap();
         for force in [false, true] {
             let outputs = OutputRequest { force, ..place.outputs(&["a.las"]) };
@@ -301,6 +296,6 @@ mod tests {
         }
         fs::remove_file(place.at(name)).unwrap();
         place.run(1, place.outputs(&["a.las"])).unwrap();
-        assert!(!place.at("parts").exists());
+        assert!(!place.at("shards").exists());
     }
 }

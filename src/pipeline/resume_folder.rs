@@ -1,10 +1,10 @@
-//! The folder with the parts of a run that can be resumed. A mark in it says that a run has made it, how far that run is, and which
+//! The folder with the shards of a run that can be resumed. A mark in it says that a run has made it, how far that run is, and which
 //! outputs it writes. The mark is the first file in a new folder and the last one that is removed: a folder with files and without a
-//! mark is the user's. Only what runs have made is removed: the mark, the lock, which is empty, and parts, which are known by their
+//! mark is the user's. Only what runs have made is removed: the mark, the lock, which is empty, and shards, which are known by their
 //! names and by their first bytes.
 
 use crate::output::{OutputRequest, Summary, Target};
-use crate::parts::{Fingerprint, PrivateFolder, is_file_of_parts};
+use crate::shards::{Fingerprint, PrivateFolder, is_file_of_shards};
 use serde::{Deserialize, Serialize};
 use std::fs::{self, DirEntry, File, OpenOptions, TryLockError};
 use std::io;
@@ -28,11 +28,11 @@ struct Mark {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum State {
-    /// Parts are computed; there are no outputs.
-    Parts,
+    /// Shards are computed; there are no outputs.
+    Shards,
     /// These outputs get their names.
     Merging(RunId),
-    /// These outputs are complete, in files with their sizes and times then, and the parts are removed.
+    /// These outputs are complete, in files with their sizes and times then, and the shards are removed.
     Complete(RunId, Vec<(PathBuf, Option<Stamp>)>),
 }
 
@@ -41,7 +41,7 @@ pub(super) enum State {
 pub(super) struct RunId(u64);
 
 impl RunId {
-    /// `fingerprint` is what the contents of the run's parts depend on.
+    /// `fingerprint` is what the contents of the run's shards depend on.
     pub fn new(fingerprint: &Fingerprint, outputs: &OutputRequest) -> RunId {
         let target = |target: &Target| match target {
             Target::Stdout => Target::Stdout,
@@ -84,11 +84,11 @@ impl ResumeFolder {
     pub fn open(path: &Path, known: Option<&State>) -> Result<ResumeFolder> {
         NewFolder::create_all(path).map_err(|e| Error::io("create", path, e))?.keep();
         if known.is_none() && ResumeFolder::state_of(path)?.is_none() {
-            write_mark(path, &State::Parts)?;
+            write_mark(path, &State::Shards)?;
         }
         let lock = lock(path)?;
         match ResumeFolder::state_of(path)? {
-            Some(state) if state == *known.unwrap_or(&State::Parts) => {
+            Some(state) if state == *known.unwrap_or(&State::Shards) => {
                 Ok(ResumeFolder { path: path.to_path_buf(), _lock: lock, state })
             }
             _ => Err(Error::input(format!(
@@ -133,12 +133,12 @@ impl ResumeFolder {
         Ok(())
     }
 
-    /// Removes the files of parts, but neither lock nor mark.
+    /// Removes the files of shards, but neither lock nor mark.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn remove_parts(&self) -> Result<()> {
-        remove_files_of_parts(&self.path)
+    pub fn remove_shards(&self) -> Result<()> {
+        remove_files_of_shards(&self.path)
     }
 
     /// Removes the folder, or what the run has made in it if there is something else. Returns what stays.
@@ -146,7 +146,7 @@ impl ResumeFolder {
     /// # Errors
     /// [`Error::Io`].
     pub fn remove(self) -> Result<Vec<PathBuf>> {
-        self.remove_parts()?;
+        self.remove_shards()?;
         for name in [LOCK, MARK] {
             let path = self.path.join(name);
             if name == MARK || is_lock(&path) {
@@ -176,14 +176,14 @@ impl State {
             State::Complete(_, files) => {
                 files.iter().all(|(path, then)| path.exists() && stamp(path) == *then)
             }
-            State::Parts | State::Merging(_) => false,
+            State::Shards | State::Merging(_) => false,
         }
     }
 
     /// Whether outputs of this run may have their names.
     pub fn has_outputs_of(&self, run: RunId) -> bool {
         match self {
-            State::Parts => false,
+            State::Shards => false,
             State::Merging(of) => *of == run,
             State::Complete(of, _) => *of == run && self.is_complete(),
         }
@@ -212,21 +212,21 @@ fn write_mark(folder: &Path, state: &State) -> Result<()> {
     file.finish().map(drop)
 }
 
-/// Removes the files of parts from a folder, and the private folders in it, unless these hold something else.
-fn remove_files_of_parts(folder: &Path) -> Result<()> {
+/// Removes the files of shards from a folder, and the private folders in it, unless these hold something else.
+fn remove_files_of_shards(folder: &Path) -> Result<()> {
     let failed = |e| Error::io("remove", folder, e);
     for entry in fs::read_dir(folder).map_err(failed)? {
         let entry = entry.map_err(failed)?;
         let (path, name) = (entry.path(), entry.file_name());
         let removed = match entry.file_type() {
             Ok(kind) if kind.is_dir() && PrivateFolder::is_name(&name) => {
-                remove_files_of_parts(&path)?;
+                remove_files_of_shards(&path)?;
                 match fs::remove_dir(&path) {
                     Err(e) if e.kind() == io::ErrorKind::DirectoryNotEmpty => Ok(()),
                     removed => removed,
                 }
             }
-            Ok(kind) if kind.is_file() && (is_temporary_name(&name) || is_file_of_parts(&path)) => {
+            Ok(kind) if kind.is_file() && (is_temporary_name(&name) || is_file_of_shards(&path)) => {
                 fs::remove_file(&path)
             }
             _ => Ok(()),
@@ -282,7 +282,7 @@ mod tests {
     #[test]
     fn only_marked_folders_are_used_and_only_files_of_parts_are_removed() {
         let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("a.laz.parts");
+        let path = dir.path().join("a.laz.shards");
         fs::create_dir_all(path.join("thesis")).unwrap();
         fs::write(path.join("thesis/chapter.txt"), "precious").unwrap();
         assert!(open(&path).is_err());
@@ -290,9 +290,9 @@ mod tests {
         fs::write(&path, "a file").unwrap();
         assert!(open(&path).is_err());
         fs::remove_file(&path).unwrap();
-        // A folder of `vlscan run --part` is not one of a run that can be resumed, nor is one with a file of the user's that is
+        // A folder of `vlscan run --shard` is not one of a run that can be resumed, nor is one with a file of the user's that is
         // called as the lock or as a temporary file.
-        for name in ["part-000000-of-000002.vlpart", LOCK, "thesis.vlscan-0123abcd.part"] {
+        for name in ["shard-000000-of-000002.vlshard", LOCK, "thesis.vlscan-0123abcd.part"] {
             fs::create_dir(&path).unwrap();
             fs::write(path.join(name), "precious").unwrap();
             assert!(open(&path).is_err(), "{name}");
@@ -304,7 +304,7 @@ mod tests {
         fs::write(path.join(format!("{MARK}.vlscan-0123abcd.part")), "{").unwrap();
 
         let mut folder = open(&path).unwrap();
-        assert_eq!(*folder.state(), State::Parts);
+        assert_eq!(*folder.state(), State::Shards);
         folder.mark(State::Merging(RunId(7))).unwrap();
         assert!(ResumeFolder::open(&path, None).is_err(), "it is locked");
         drop(folder);
@@ -312,20 +312,20 @@ mod tests {
         assert_eq!(*folder.state(), State::Merging(RunId(7)));
         let private = ["unfinished-0123456789abcdef", "unfinished-00000000000000ff"];
         private.iter().for_each(|name| fs::create_dir(path.join(name)).unwrap());
-        let temporary = "part-000001-of-000002.vlpart.vlscan-0123abcd.part";
+        let temporary = "shard-000001-of-000002.vlshard.vlscan-0123abcd.part";
         fs::write(path.join(private[0]).join(temporary), "VLSP").unwrap();
         for (name, text) in [
-            ("part-000000-of-000002.vlpart", "VLSPART\n and more"),
-            ("flight.vlplan", "VLSPLAN\n and more"),
-            ("part-000001-of-000002.vlpart", "precious"),
+            ("shard-000000-of-000002.vlshard", "VLSHARD\n and more"),
+            ("flight.vlindex", "VLINDEX\n and more"),
+            ("shard-000001-of-000002.vlshard", "precious"),
             ("notes.txt", "precious"),
-            ("part-of-my-thesis.txt", "precious"),
+            ("shard-of-my-thesis.txt", "precious"),
             ("unfinished-00000000000000ff/notes.txt", "precious"),
         ] {
             fs::write(path.join(name), text).unwrap();
         }
-        folder.remove_parts().unwrap();
-        let kept = ["notes.txt", "part-000001-of-000002.vlpart", "part-of-my-thesis.txt", private[1]];
+        folder.remove_shards().unwrap();
+        let kept = ["notes.txt", "shard-000001-of-000002.vlshard", "shard-of-my-thesis.txt", private[1]];
         assert_eq!(names(&path), [&[LOCK][..], &kept, &[MARK]].concat());
         assert_eq!(folder.remove().unwrap().len(), kept.len());
         assert_eq!(names(&path), kept);
@@ -336,7 +336,7 @@ mod tests {
     #[test]
     fn a_lock_with_contents_is_a_file_of_the_user() {
         let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("a.laz.parts");
+        let path = dir.path().join("a.laz.shards");
         drop(open(&path).unwrap());
         fs::write(path.join(LOCK), "precious").unwrap();
         assert!(open(&path).unwrap_err().to_string().contains("lock was not made by"));
@@ -350,7 +350,7 @@ mod tests {
     #[test]
     fn what_another_run_does_meanwhile_is_noticed() {
         let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("a.laz.parts");
+        let path = dir.path().join("a.laz.shards");
         let mut folder = open(&path).unwrap();
         let known = ResumeFolder::state_of(&path).unwrap();
         folder.mark(State::Merging(RunId(7))).unwrap();
@@ -385,7 +385,7 @@ mod tests {
             assert!(!State::Merging(own).has_outputs_of(other) && State::Merging(own).has_outputs_of(own));
             assert!(!State::Complete(own, Vec::new()).has_outputs_of(other));
         }
-        assert!(State::Complete(own, Vec::new()).has_outputs_of(own) && !State::Parts.has_outputs_of(own));
+        assert!(State::Complete(own, Vec::new()).has_outputs_of(own) && !State::Shards.has_outputs_of(own));
     }
 
     #[test]
@@ -396,7 +396,7 @@ mod tests {
         let state = State::Complete(RunId(u64::MAX), vec![(output.clone(), stamp(&output))]);
         let text = serde_json::to_string(&state).unwrap();
         assert_eq!(serde_json::from_str::<State>(&text).unwrap(), state);
-        assert!(state.is_complete() && !State::Parts.is_complete());
+        assert!(state.is_complete() && !State::Shards.is_complete());
         fs::write(&output, "others").unwrap();
         fs::remove_file(&output).unwrap();
         assert!(!state.is_complete());

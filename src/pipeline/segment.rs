@@ -5,7 +5,7 @@ use super::merge::{check_records, merge_echoes};
 use super::pass::Control;
 use super::session::Report;
 use crate::output::{JOINED_POINTS, LasVersion, OutputRequest, PointFormat, Segment, Summary, Target, join};
-use crate::parts::{PartHead, PartSet, PrivateFolder, array_list};
+use crate::shards::{OneOf, PrivateFolder, ShardHead, ShardSet, array_list};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -19,23 +19,23 @@ use vlscan_warehouse::Schedule;
 
 /// The segments of an output.
 struct Segments<'a> {
-    parts: &'a PartSet,
+    shards: &'a ShardSet,
     out: PathBuf,
     folder: PathBuf,
-    /// Tells segments of other parts and of other settings apart.
+    /// Tells segments of other shards and of other settings apart.
     digest: u64,
     extension: &'static str,
 }
 
 impl<'a> Segments<'a> {
     /// The segments of the one output of `request`.
-    fn new(parts: &'a PartSet, request: &OutputRequest) -> Result<Segments<'a>> {
-        check_records(parts, request)?;
+    fn new(shards: &'a ShardSet, request: &OutputRequest) -> Result<Segments<'a>> {
+        check_records(shards, request)?;
         let refuse = |what: &str| {
             let mut problems = Diagnostics::default();
             problems
-                .error(None, format!("a merge in parts writes one LAS or LAZ file, {what}"))
-                .help("merge other outputs without --part, one process for each if it takes long");
+                .error(None, format!("a merge in segments writes one LAS or LAZ file, {what}"))
+                .help("merge other outputs without --segment, one process for each if it takes long");
             Err(Error::Input(Box::new(problems)))
         };
         let (out, format) = match request.sinks.as_slice() {
@@ -58,18 +58,18 @@ impl<'a> Segments<'a> {
         }
         let (sinks, inputs, companions) = (Vec::new(), Vec::new(), Vec::new());
         let settings = OutputRequest { sinks, inputs, companions, force: false, ..request.clone() };
-        let head = PartHead { number: 0, ..parts.head.clone() };
+        let head = ShardHead { number: 0, ..shards.head.clone() };
         let mut sum = Checksum::default();
         sum.debug(&(head, settings, format));
         let mut folder = out.clone().into_os_string();
         folder.push(".segments");
         let extension = format.extension();
-        Ok(Segments { parts, out, folder: folder.into(), digest: sum.finish(), extension })
+        Ok(Segments { shards, out, folder: folder.into(), digest: sum.finish(), extension })
     }
 
     /// The echoes of a segment. Each but the last one ends with a whole chunk of LAZ.
-    fn range(&self, number: u32, of: u32) -> Range<u64> {
-        let total = self.parts.echoes;
+    fn range(&self, OneOf { number, of }: OneOf) -> Range<u64> {
+        let total = self.shards.echoes;
         let at = |n: u32| match n {
             n if n >= of => total,
             n => {
@@ -117,7 +117,7 @@ impl<'a> Segments<'a> {
         let is_complete = |(of, sums): &(&u32, &BTreeMap<u32, u64>)| sums.len() as u64 == u64::from(**of);
         if let Some((&of, sums)) = found.iter().find(is_complete) {
             let segment = |(&number, &sum)| {
-                let range = self.range(number, of);
+                let range = self.range(OneOf { number, of });
                 let path = self.folder.join(self.name(number, of, sum));
                 Segment { path, records: range.end - range.start, sum }
             };
@@ -132,10 +132,10 @@ impl<'a> Segments<'a> {
                 problems.error(None, text).help(merge_again(of, &missing));
             }
             None => {
-                let text = format!("{} holds no segments of these parts and options", self.folder.display());
+                let text = format!("{} holds no segments of these shards and options", self.folder.display());
                 problems
                     .error(None, text)
-                    .help("merge them first: vlscan merge … --part K/M, with the same options");
+                    .help("merge them first: vlscan merge … --segment K/M, with the same options");
             }
         }
         Err(Error::Input(Box::new(problems)))
@@ -143,7 +143,7 @@ impl<'a> Segments<'a> {
 
     /// Moves the file of a segment from the folder of this process to the shared one, where it replaces earlier ones of its
     /// number.
-    fn publish(&self, private: PrivateFolder, written: &str, (number, of): (u32, u32)) -> Result<PathBuf> {
+    fn publish(&self, private: PrivateFolder, written: &str, OneOf { number, of }: OneOf) -> Result<PathBuf> {
         let mut sum = Checksum::default();
         let path = private.path(written);
         sum.file(&path).map_err(|e| Error::io("read", path, e))?;
@@ -162,7 +162,7 @@ impl<'a> Segments<'a> {
 /// How segments are written that are missing or damaged.
 fn merge_again(of: u32, numbers: &[u32]) -> String {
     format!(
-        "repeat this command with --part {}/{of} instead of --join (as an array job: --array={}), then with --join",
+        "repeat this command with --segment {}/{of} instead of --join (as an array job: --array={}), then with --join",
         numbers.first().unwrap_or(&0),
         array_list(numbers.iter().copied())
     )
@@ -193,13 +193,13 @@ fn check_sums(segments: &[Segment]) -> Result<()> {
 /// # Errors
 /// As for [`merge`](super::merge()); [`Error::Input`] for outputs that cannot be divided.
 pub fn merge_segment(
-    parts: &PartSet,
+    shards: &ShardSet,
     outputs: &OutputRequest,
-    (number, of): (u32, u32),
+    segment: OneOf,
     schedule: Schedule,
     control: Control<'_>,
 ) -> Result<Report> {
-    let segments = Segments::new(parts, outputs)?;
+    let segments = Segments::new(shards, outputs)?;
     let folder = segments.folder.as_path();
     let made = NewFolder::create_all(folder).map_err(|e| Error::io("create", folder, e))?;
     let private = PrivateFolder::new(folder)?;
@@ -207,9 +207,9 @@ pub fn merge_segment(
     let written = format!("segment.{}", segments.extension);
     let request =
         OutputRequest { sinks: vec![(Target::File(private.path(&written)), format)], ..outputs.clone() };
-    let mut report = merge_echoes(parts, request, segments.range(number, of), schedule, control)?;
+    let mut report = merge_echoes(shards, request, segments.range(segment), schedule, control)?;
     if !report.interrupted {
-        let path = segments.publish(private, &written, (number, of))?;
+        let path = segments.publish(private, &written, segment)?;
         report.summary.files.iter_mut().for_each(|file| file.path = Some(path.clone()));
         made.keep();
     }
@@ -220,15 +220,15 @@ pub fn merge_segment(
 ///
 /// # Errors
 /// [`Error::Input`] when segments are missing, with their numbers, or damaged; [`Error::Io`], [`Error::Interrupted`].
-pub fn join_segments(parts: &PartSet, outputs: &OutputRequest, control: Control<'_>) -> Result<Report> {
+pub fn join_segments(shards: &ShardSet, outputs: &OutputRequest, control: Control<'_>) -> Result<Report> {
     let started = Instant::now();
-    let segments = Segments::new(parts, outputs)?;
+    let segments = Segments::new(shards, outputs)?;
     let files = segments.find()?;
     check_out(&segments.out, outputs.force)?;
     let mut copied = 0;
     let joined = join(&files, &segments.out, outputs.force, |points| {
         copied += points;
-        control.progress.add(0, points, 0, copied as f64 / parts.echoes.max(1) as f64);
+        control.progress.add(0, points, 0, copied as f64 / shards.echoes.max(1) as f64);
         !control.stop.is_requested()
     });
     if let Err(Error::Input(_) | Error::Io { action: "read", .. }) = joined {
@@ -238,7 +238,7 @@ pub fn join_segments(parts: &PartSet, outputs: &OutputRequest, control: Control<
     let points = file.records;
     let summary = Summary { files: vec![file], points, ..Summary::default() };
     let seconds = started.elapsed().as_secs_f64();
-    Ok(Report { summary, pulses: parts.head.total, seconds, interrupted: false })
+    Ok(Report { summary, pulses: shards.head.total, seconds, interrupted: false })
 }
 
 fn check_out(out: &Path, force: bool) -> Result<()> {

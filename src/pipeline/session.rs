@@ -340,7 +340,6 @@ impl Session {
 
     fn fly(&mut self, outputs: OutputRequest, control: Control<'_>) -> Result<Report> {
         self.enter_epoch(0, control.stop)?;
-        let outputs = OutputRequest { has_ground: true, ..outputs };
         let flight = self.plan_flight()?;
         let Session { settings, scene, .. } = &*self;
         if let Some(note) = plausibility::describe_idle_mirror(&settings.survey) {
@@ -415,7 +414,6 @@ impl Session {
         let mut source = PulseSource::new(pulses);
         self.check_instrument()?;
         self.enter_epoch(0, control.stop)?;
-        let outputs = OutputRequest { has_ground: true, ..outputs };
         let context = self.output_context();
         let (output, epochs) = self.plan_outputs(outputs, &context)?;
         let options = epochs.options;

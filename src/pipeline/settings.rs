@@ -1,6 +1,7 @@
 //! Settings of a session, with every choice resolved.
 
 use crate::output::OutputRequest;
+use crate::shards::Records;
 use std::num::NonZero;
 use std::thread::available_parallelism;
 use std::time::Duration;
@@ -67,13 +68,6 @@ impl Settings {
 
     /// Returns the options of the physics, with everything recorded that the outputs need.
     pub(super) fn physics_for(&self, outputs: &OutputRequest) -> PhysicsOptions {
-        let (physics, records) = (self.physics, outputs.records());
-        PhysicsOptions {
-            record_waveforms: physics.record_waveforms || records.waveforms,
-            record_pulses: physics.record_pulses || records.pulses,
-            record_truth: physics.record_truth || records.truth,
-            record_scanner_axes: physics.record_scanner_axes || records.scanner_axes,
-            ..physics
-        }
+        Records::of(&self.physics).union(outputs.records()).recorded_by(self.physics)
     }
 }

@@ -166,14 +166,14 @@ fn walk(folder: &Path) -> BTreeMap<&'static str, String> {
     found.insert("drive", points(folder, &["drive.toml"]));
     found.insert("tripod", points(folder, &["tripod.toml"]));
     succeed(folder, &["run", "flight.toml", "--dry-run", "--json", "-q"]);
-    // Files, parts, and what reads them.
+    // Files, shards, and what reads them.
     done(&["run", "flight.toml", "-o", "flight.las", "-q"]);
-    for part in ["0/2", "1/2"] {
-        done(&["run", "flight.toml", "--part", part, "-o", "parts", "-q"]);
+    for shard in ["0/2", "1/2"] {
+        done(&["run", "flight.toml", "--shard", shard, "-o", "shards", "-q"]);
     }
-    done(&["merge", "parts", "-o", "merged.las", "-q"]);
+    done(&["merge", "shards", "-o", "merged.las", "-q"]);
     let read = |name: &str| fs::read(folder.join(name)).unwrap();
-    assert!(read("flight.las") == read("merged.las"), "the merged parts differ from the run");
+    assert!(read("flight.las") == read("merged.las"), "the merged shards differ from the run");
     done(&["preview", "flight.las", "-o", "flight.png", "-q"]);
     done(&["compare", "flight.las", "merged.las", "-q"]);
     found

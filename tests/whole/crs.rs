@@ -57,14 +57,14 @@ fn every_format_carries_the_system_of_the_raster() {
         assert!(holds(dir.path(), name, "ETRS89 / UTM zone 32N"), "{name}");
     }
     assert!(holds(dir.path(), "a.ply", "comment crs EPSG:25832\n"));
-    // A packed scene carries it, and parts of a run that are merged do.
+    // A packed scene carries it, and shards of a run that are merged do.
     succeed(dir.path(), &["scene", "pack", "scene.xml", "-o", "s.vlscene", "-q"]);
     succeed(dir.path(), &["run", "p.toml", "--scene", "s.vlscene", "-o", "packed.las", "-q"]);
     assert!(holds(dir.path(), "packed.las", CODE));
-    for part in ["0/2", "1/2"] {
-        succeed(dir.path(), &["run", "p.toml", "--part", part, "-o", "parts", "-q"]);
+    for shard in ["0/2", "1/2"] {
+        succeed(dir.path(), &["run", "p.toml", "--shard", shard, "-o", "shards", "-q"]);
     }
-    succeed(dir.path(), &["merge", "parts", "-o", "merged.las", "-q"]);
+    succeed(dir.path(), &["merge", "shards", "-o", "merged.las", "-q"]);
     assert!(holds(dir.path(), "merged.las", CODE));
     // A part that is moved sideways has coordinates of its own.
     write_scene(dir.path(), "geotiffloader", "dem.tif", "-476000;-5429000;0");
@@ -116,13 +116,13 @@ fn the_zone_of_a_projected_flight_is_the_system_where_none_is_known() {
     assert!(done.status.success(), "{}", text(&done.stderr));
     assert!(holds(dir.path(), "a.las", "WGS 84 / UTM zone 32N"));
     assert!(holds(dir.path(), "a.ply", "comment crs EPSG:32632\n"));
-    // The same from a file, in parts.
+    // The same from a file, in shards.
     fs::write(dir.path().join("flight.csv"), &poses).unwrap();
-    for part in ["0/2", "1/2"] {
-        let part = ["run", "p.toml", "--trajectory", "flight.csv", "--part", part, "-o", "parts", "-q"];
-        succeed(dir.path(), &part);
+    for shard in ["0/2", "1/2"] {
+        let run = ["run", "p.toml", "--trajectory", "flight.csv", "--shard", shard, "-o", "shards", "-q"];
+        succeed(dir.path(), &run);
     }
-    succeed(dir.path(), &["merge", "parts", "-o", "b.las", "-q"]);
+    succeed(dir.path(), &["merge", "shards", "-o", "b.las", "-q"]);
     let bytes = |name: &str| fs::read(dir.path().join(name)).unwrap();
     assert!(bytes("a.las") == bytes("b.las"));
 }

@@ -177,14 +177,14 @@ fn an_old_file_is_kept_or_replaced_by_a_complete_one() {
 #[test]
 fn parts_and_merges() {
     let inputs = Inputs::new();
-    let (survey, parts) = (inputs.survey(), inputs.path("parts"));
-    at_every_operation(&["run", &survey, "-q", "-j", "1", "--part", "0/1", "-o", "parts"], &[]);
-    succeed(inputs.folder.path(), &["run", &survey, "-q", "--part", "0/1", "-o", &parts]);
-    at_every_operation(&["merge", &parts, "-q", "-o", "a.laz"], &[]);
-    at_every_operation(&["merge", &parts, "-q", "-o", "a.laz", "--part", "0/1"], &[]);
+    let (survey, shards) = (inputs.survey(), inputs.path("shards"));
+    at_every_operation(&["run", &survey, "-q", "-j", "1", "--shard", "0/1", "-o", "shards"], &[]);
+    succeed(inputs.folder.path(), &["run", &survey, "-q", "--shard", "0/1", "-o", &shards]);
+    at_every_operation(&["merge", &shards, "-q", "-o", "a.laz"], &[]);
+    at_every_operation(&["merge", &shards, "-q", "-o", "a.laz", "--segment", "0/1"], &[]);
     let out = inputs.path("b.laz");
-    succeed(inputs.folder.path(), &["merge", &parts, "-q", "-o", &out, "--part", "0/1"]);
-    at_every_operation(&["merge", &parts, "-q", "-o", &out, "--join", "--force"], &[]);
+    succeed(inputs.folder.path(), &["merge", &shards, "-q", "-o", &out, "--segment", "0/1"]);
+    at_every_operation(&["merge", &shards, "-q", "-o", &out, "--join", "--force"], &[]);
 }
 
 #[test]

@@ -39,7 +39,7 @@ fn no_command_replaces_what_it_reads() {
     std::os::unix::fs::symlink("shell.png", at("soft.laz")).unwrap();
     succeed(dir.path(), &["run", "survey.xml", "-q", "-o", "a.las"]);
     fs::copy(at("a.las"), at("b.las")).unwrap();
-    succeed(dir.path(), &["run", "survey.xml", "-q", "--part", "0/1", "-o", "p"]);
+    succeed(dir.path(), &["run", "survey.xml", "-q", "--shard", "0/1", "-o", "p"]);
     fs::write(at("area.wkt"), "POLYGON ((-5 -5, 5 -5, 5 5, -5 5))").unwrap();
     fs::create_dir(at("models")).unwrap();
     let pyramid = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv 0 0 10\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n";
@@ -59,7 +59,7 @@ fn no_command_replaces_what_it_reads() {
         vec!["preview", "a.las", "-o", "a.las"],
         vec!["compare", "a.las", "b.las", "--page", "a.las"],
         vec!["compare", "a.las", "b.las", "--page", "b.las"],
-        vec!["merge", "p", "-o", "p/part-000000-of-000001.vlpart", "--format", "las"],
+        vec!["merge", "p", "-o", "p/shard-000000-of-000001.vlshard", "--format", "las"],
         [&airborne[..], &["--area", "area.wkt", "-o", "area.wkt"]].concat(),
         [&terrestrial[..], &["--ground", "0", "--scene", "ground.obj", "-o", "ground.obj"]].concat(),
         vec!["scene", "stand", "trees.csv", "--trees", "models", "-o", "."],

@@ -479,18 +479,18 @@ fn classes_that_las_1_0_has_not_are_told() {
         settings = { pulse_freq_hz = 100000, scan_freq_hz = 100, scan_angle_deg = 30, head_rate_deg_per_s = 60, \
         head_start_deg = 0, head_stop_deg = 6 }\n[[leg]]\nposition_m = [0, 0, 9]\n";
     std::fs::write(dir.path().join("s.toml"), survey).unwrap();
-    succeed(dir.path(), &["run", "s.toml", "--part", "0/1", "-o", "parts"]);
+    succeed(dir.path(), &["run", "s.toml", "--shard", "0/1", "-o", "shards"]);
     for command in [
         &["run", "s.toml", "-o", "b.las"][..],
         &["run", "s.toml", "-o", "b.las", "--resume"],
         &["run", "s.toml", "-o", "b.las", "--dry-run"],
-        &["merge", "parts", "-o", "b.las"],
+        &["merge", "shards", "-o", "b.las"],
     ] {
         let strict = common::run(dir.path(), &[command, &["--las10", "--strict"]].concat());
         let said = text(&strict.stderr);
         assert!(strict.status.code() == Some(2) && said.contains("classes 0 to 31"), "{command:?}: {said}");
     }
-    let merge = ["merge", "parts", "-o", "b.las", "--crs", "EPSG:25832"];
+    let merge = ["merge", "shards", "-o", "b.las", "--crs", "EPSG:25832"];
     let said = text(&succeed(dir.path(), &merge).stderr);
     assert!(said.contains("does not fit"), "{said}");
 }

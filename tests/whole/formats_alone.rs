@@ -1,7 +1,7 @@
 //! Every point format as the only output: a file, standard output, a resumed run and a merge hold the positions of a table
 //! that was written by itself. The readers are crates, or a few lines here, so that no test depends on another program.
 
-use crate::common::{self, fixture, folder, run, succeed, text};
+use crate::common::{fixture, folder, run, succeed, text};
 use arrow_array::cast::AsArray;
 use arrow_array::types::Float64Type;
 use parquet::file::reader::SerializedFileReader;
@@ -246,8 +246,8 @@ fn assert_alone(options: &[&str]) {
     assert_same("csv", "in the axes of the scanner", placed, world.clone());
     assert!(world.len() > 1000 && local.iter().any(|p| p[0] > 1.0) && local.iter().any(|p| p[0] < -1.0));
 
-    vlscan(survey(&["--part", "0/2", "-o", "parts"]));
-    vlscan(survey(&["--part", "1/2", "-o", "parts"]));
+    vlscan(survey(&["--shard", "0/2", "-o", "shards"]));
+    vlscan(survey(&["--shard", "1/2", "-o", "shards"]));
     for (format, extension) in FORMATS {
         let wanted = || if format == "mcap" { local.clone() } else { world.clone() };
         let file = |how: &str| format!("{format}_{how}.{extension}");
@@ -256,7 +256,7 @@ fn assert_alone(options: &[&str]) {
         let stdout = vlscan(survey(&["-o", "-", "--format", format]));
         fs::write(dir.join(file("stdout")), stdout).unwrap();
         vlscan(survey(&["--resume", &output("resumed")]));
-        vlscan(format!("merge parts -q {} {}", output("merged"), options.join(" ")).trim().to_owned());
+        vlscan(format!("merge shards -q {} {}", output("merged"), options.join(" ")).trim().to_owned());
         for how in ["alone", "stdout", "resumed", "merged"] {
             assert_same(format, how, read(format, &dir.join(file(how))), wanted());
         }
@@ -274,21 +274,14 @@ fn every_format_holds_missed_pulses_by_itself() {
 }
 
 #[test]
-fn columns_of_the_scanner_come_from_any_parts_and_true_causes_only_from_parts_that_hold_them() {
+fn columns_of_the_scanner_come_from_any_shards_and_true_causes_only_from_shards_that_hold_them() {
     let dir = folder();
     fs::write(dir.path().join("s.xml"), spinning()).unwrap();
-    succeed(dir.path(), &["run", "s.xml", "-q", "--part", "0/1", "-o", "parts"]);
-    succeed(dir.path(), &["merge", "parts", "-q", "-o", "a.csv", "--columns", "ScannerX,ScannerY,ScannerZ"]);
+    succeed(dir.path(), &["run", "s.xml", "-q", "--shard", "0/1", "-o", "shards"]);
+    succeed(dir.path(), &["merge", "shards", "-q", "-o", "a.csv", "--columns", "ScannerX,ScannerY,ScannerZ"]);
     let merged = words(&fs::read(dir.path().join("a.csv")).unwrap(), 1, ',');
     assert!(merged.iter().all(|p| p.iter().any(|x| *x != 0.0)));
-    let refused = run(dir.path(), &["merge", "parts", "-q", "-o", "b.csv", "--columns", "SurfaceX"]);
+    let refused = run(dir.path(), &["merge", "shards", "-q", "-o", "b.csv", "--columns", "SurfaceX"]);
     assert_eq!(refused.status.code(), Some(2));
     assert!(text(&refused.stderr).contains("true causes of echoes"), "{}", text(&refused.stderr));
-    common::succeed(
-        dir.path(),
-        &["run", "s.xml", "-q", "--part", "0/1", "-o", "las", "--part-points", "las"],
-    );
-    let refused = run(dir.path(), &["merge", "las", "-q", "-o", "b.mcap"]);
-    assert_eq!(refused.status.code(), Some(2));
-    assert!(text(&refused.stderr).contains("records of LAS"), "{}", text(&refused.stderr));
 }

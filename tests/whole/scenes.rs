@@ -249,12 +249,12 @@ fn labels_have_a_table_of_what_they_mean() {
     let parts = facts["parts"].as_array().unwrap();
     assert_eq!(parts.len(), table.lines().count() - 1);
     assert!(parts.iter().all(|part| part["height_m"].as_f64().unwrap() >= 0.0 && part["object"].is_i64()));
-    // Runs that go on count all points; parts of a run do not have them.
+    // Runs that go on count all points; shards of a run do not have them.
     let resumed = ["run", "wood/survey.xml", "-o", "b.csv", "--parts", "b_parts.csv", "--resume=1k", "-q"];
     succeed(dir.path(), &resumed);
     assert_eq!(fs::read_to_string(dir.path().join("b_parts.csv")).unwrap(), table);
     let refused =
-        run(dir.path(), &["run", "wood/survey.xml", "--part", "0/2", "-o", "p", "--parts", "c.csv"]);
+        run(dir.path(), &["run", "wood/survey.xml", "--shard", "0/2", "-o", "p", "--parts", "c.csv"]);
     assert!(!refused.status.success() && text(&refused.stderr).contains("--parts counts"));
 }
 

@@ -379,7 +379,7 @@ fn every_input_is_opened_where_it_is_noted() {
         "crates/base/src/machine.rs",
         "src/cli/bench/measure.rs",
         "src/output/plan.rs",
-        "src/parts/",
+        "src/shards/",
         "src/pipeline/resume_folder.rs",
         "src/pipeline/segment.rs",
     ];
@@ -405,7 +405,7 @@ fn files_are_removed_and_renamed_only_where_they_are_known_to_be_own() {
         "crates/base/src/files/temporary.rs",
         "crates/tools/src/campaign/made.rs",
         "crates/tools/src/campaign/store.rs",
-        "src/parts/private.rs",
+        "src/shards/private.rs",
         "src/pipeline/resume_folder.rs",
         // Names of segments hold checksums of their run and of their contents.
         "src/pipeline/segment.rs",

@@ -1,6 +1,6 @@
 //! The command line of `vlscan campaign`.
 
-use crate::options::PartNumber;
+use crate::options::OneOf;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -12,7 +12,7 @@ pub struct CampaignArgs {
     /// Compute every N-th cell only, from cell K on, with K from 0 to N-1: for arrays of tasks, and where processes share a file
     /// system without locks.
     #[arg(long, value_name = "K/N")]
-    pub task: Option<PartNumber>,
+    pub task: Option<OneOf>,
     /// Compute this cell only; may be given more than once.
     #[arg(long, value_name = "NAME", conflicts_with = "task")]
     pub cell: Vec<String>,

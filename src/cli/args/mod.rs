@@ -25,7 +25,7 @@ pub use compare::CompareArgs;
 pub use plan::{AirborneArgs, CommonPlanArgs, MobileArgs, PlanArgs, PlanCommand, TerrestrialArgs};
 pub use scenes::{InfoArgs, MakeArgs, PackArgs, SceneArgs, SceneCommand, SceneKind, StandArgs};
 pub use simulate::{
-    EmitArgs, EmitFormat, InstrumentArgs, MergeArgs, PlanPartsArgs, PulsesArgs, RunArgs, SurveyArgs,
+    EmitArgs, EmitFormat, IndexShardsArgs, InstrumentArgs, MergeArgs, PulsesArgs, RunArgs, SurveyArgs,
     TraceArgs, TrajectoryArgs,
 };
 pub use tools::{
@@ -34,6 +34,7 @@ pub use tools::{
 };
 
 use super::{LogTo, Verbosity};
+use crate::options::Switch;
 use clap::{ArgAction, Parser, Subcommand};
 
 /// Virtual laser scanning for Unix pipes.
@@ -50,8 +51,8 @@ pub struct Cli {
     #[arg(short, long, global = true, action = ArgAction::Count)]
     pub verbose: u8,
     /// Treat every warning about the input as an error.
-    #[arg(long, global = true)]
-    pub strict: bool,
+    #[arg(long, action = ArgAction::SetTrue, global = true)]
+    pub strict: Switch,
     /// Say nothing but errors.
     #[arg(short, long, global = true)]
     pub quiet: bool,
@@ -100,15 +101,16 @@ pub enum Command {
     ///
     /// The plan is a pipeline file, which tells in comments what it promises: duration, pulses, density, spacing, footprint.
     Plan(PlanArgs),
-    /// Find where the parts of a run begin, once for all of them.
+    /// Find where the shards of a run begin, once for all of them.
     ///
-    /// The command line is that of vlscan run --part without --part; the folder -o gets the file flight.vlplan, which serves
-    /// any number of parts. Without it the first part that is computed writes that file.
-    PlanParts(Box<PlanPartsArgs>),
-    /// Turn the parts of a run into its outputs.
+    /// The command line is that of vlscan run --shard without --shard; the folder -o gets the file flight.vlindex, which
+    /// serves any number of shards. Without it the first shard that is computed writes that file.
+    #[command(alias = "plan-parts")]
+    IndexShards(Box<IndexShardsArgs>),
+    /// Turn the shards of a run into its outputs.
     ///
     /// The outputs are those of one vlscan run with the same output options, byte for byte: every format, one file per leg,
-    /// HELIOS++'s layout, waveforms and pulses if the parts hold them, trajectories. Neither survey nor scene are needed. Parts
+    /// HELIOS++'s layout, waveforms and pulses if the shards hold them, trajectories. Neither survey nor scene are needed. Shards
     /// of another version, survey, scene, seed or options are refused, and missing ones are named as an array job takes them.
     Merge(Box<MergeArgs>),
     /// Make a data set: a run for every scene, variant and seed of a matrix.

@@ -1,9 +1,9 @@
 //! The command line of `vlscan run` and of its stages: `vlscan trajectory`, `vlscan pulses`, `vlscan trace`.
 
 use crate::options::{
-    Count, Divergence, EchoOptions, InputOptions, NavigationOptions, NoiseOptions, NotNegative, Options,
-    OriginOptions, OutputOptions, PartNumber, PartPoints, Positive, ProfileOptions, ScheduleOptions,
-    TrajectoryOptions, TreeOptions,
+    Count, Divergence, EchoOptions, InputOptions, NavigationOptions, NoiseOptions, NotNegative, OneOf,
+    Options, OriginOptions, OutputOptions, Positive, ProfileOptions, ScheduleOptions, TrajectoryOptions,
+    TreeOptions,
 };
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -52,9 +52,9 @@ pub struct RunArgs {
     /// All options.
     #[command(flatten)]
     pub options: Options,
-    /// Parts.
+    /// Shards.
     #[command(flatten)]
-    pub parts: PartArgs,
+    pub shards: ShardArgs,
     /// Dry run.
     #[command(flatten)]
     pub dry: DryRunArgs,
@@ -69,38 +69,37 @@ pub struct DryRunArgs {
     ///
     /// Legs and pulses are counted or, of long flights, computed. The rest comes from a sample that is measured and written to
     /// a temporary folder, with twice its standard error as uncertainty.
-    #[arg(long, alias = "dryrun", conflicts_with_all = ["part", "resume"])]
+    #[arg(long, alias = "dryrun", conflicts_with_all = ["shard", "resume"])]
     pub dry_run: bool,
     /// The forecast as JSON.
     #[arg(long, requires = "dry_run")]
     pub json: bool,
 }
 
-/// Parts of a run.
+/// Shards of a run.
 #[derive(Clone, Debug, Default, Args)]
-#[command(next_help_heading = "Parts")]
-pub struct PartArgs {
-    /// Compute part K of N, with K from 0 to N-1, and write it into the folder -o instead of points; vlscan merge turns all
-    /// parts into the outputs of one run. --waveforms, --pulses, --misses, --subrays and --columns say what parts hold beside
-    /// echoes and poses. With --resume a part that exists is left as it is.
-    #[arg(long, value_name = "K/N")]
-    pub part: Option<PartNumber>,
-    /// What a part holds of the points: echoes, from which any output is made, or records of LAS, which are smaller and which
-    /// vlscan merge only copies, with the options of LAS that are given here, but from which nothing else is made.
-    #[arg(long, value_name = "KIND", default_value = "echoes", requires = "part")]
-    pub part_points: PartPoints,
-    /// Go on where the same command was ended, even by kill -9 or a power cut: parts of so many pulses are kept in OUT.parts
+#[command(next_help_heading = "Shards")]
+pub struct ShardArgs {
+    /// Compute shard K of N, with K from 0 to N-1, and write it into the folder -o instead of points; vlscan merge turns all
+    /// shards into the outputs of one run. --waveforms, --pulses, --misses, --subrays and --columns say what shards hold
+    /// beside echoes and poses. With --resume a shard that exists is left as it is.
+    #[arg(long, alias = "part", value_name = "K/N")]
+    pub shard: Option<OneOf>,
+    /// Without effect: any output can be made of a shard.
+    #[arg(long, hide = true, value_name = "KIND", value_parser = ["echoes", "las"], requires = "shard")]
+    pub part_points: Option<String>,
+    /// Go on where the same command was ended, even by kill -9 or a power cut: shards of so many pulses are kept in OUT.shards
     /// until the outputs are complete. [default: 1M pulses]
     #[arg(long, value_name = "PULSES", num_args = 0..=1, require_equals = true, default_missing_value = "1M")]
     pub resume: Option<Count<1>>,
 }
 
-/// `vlscan plan-parts`.
+/// `vlscan index-shards`.
 #[derive(Debug, Args)]
-pub struct PlanPartsArgs {
+pub struct IndexShardsArgs {
     /// The survey (.xml) or pipeline (.toml).
     pub file: PathBuf,
-    /// All options of vlscan run; -o is the folder of the parts.
+    /// All options of vlscan run; -o is the folder of the shards.
     #[command(flatten)]
     pub options: Options,
 }
@@ -108,7 +107,7 @@ pub struct PlanPartsArgs {
 /// `vlscan merge`.
 #[derive(Debug, Args)]
 pub struct MergeArgs {
-    /// The folder of the parts.
+    /// The folder of the shards.
     pub folder: PathBuf,
     /// Points and what is written beside them.
     #[command(flatten)]
@@ -117,15 +116,15 @@ pub struct MergeArgs {
     /// it).
     #[arg(long, value_name = "PATH", help_heading = "Output")]
     pub trajectory_out: Option<PathBuf>,
-    /// Read all parts, compare their checksums, and write nothing.
+    /// Read all shards, compare their checksums, and write nothing.
     #[arg(long, conflicts_with_all = ["out", "output", "trajectory_out"])]
     pub check: bool,
-    /// Write part K of M of the points only, to OUT.segments/: merges of one LAS or LAZ file that many processes share.
+    /// Write segment K of M of the points only, to OUT.segments/: merges of one LAS or LAZ file that many processes share.
     /// K counts from 0.
-    #[arg(long, value_name = "K/M", conflicts_with = "check")]
-    pub part: Option<PartNumber>,
-    /// Join the parts that --part has written, with the same other options.
-    #[arg(long, conflicts_with_all = ["check", "part"])]
+    #[arg(long, alias = "part", value_name = "K/M", conflicts_with = "check")]
+    pub segment: Option<OneOf>,
+    /// Join the segments that --segment has written, with the same other options.
+    #[arg(long, conflicts_with_all = ["check", "segment"])]
     pub join: bool,
     /// Threads that encode; 0 or nothing = all. The bytes are the same for any number.
     #[arg(short = 'j', long, value_name = "N", help_heading = "Speed")]
@@ -219,9 +218,9 @@ pub struct TraceArgs {
     #[command(flatten)]
     pub tree: TreeOptions,
     /// Refused with a reason: what is traced is a stream.
-    #[arg(long, hide = true, num_args = 0..=1)]
-    pub part: Option<Option<String>>,
-    /// Refused with a reason, as --part.
+    #[arg(long, alias = "part", hide = true, num_args = 0..=1)]
+    pub shard: Option<Option<String>>,
+    /// Refused with a reason, as --shard.
     #[arg(long, hide = true, num_args = 0..=1, require_equals = true)]
     pub resume: Option<Option<String>>,
 }

@@ -1,13 +1,13 @@
 //! Measurement of flights and tree builds.
 
 use super::matrix::{Combination, Matrix};
-use crate::cli::run::Job;
 use crate::cli::{Console, RunArgs, interrupt};
-use crate::output::{OutputContext, OutputPlan, OutputRequest, PartOutput, PointFormat, Target};
-use crate::parts::{Fingerprint, PartHead, PartSet, Records, part_path};
+use crate::output::{OutputContext, OutputPlan, OutputRequest, PointFormat, ShardOutput, Target};
+use crate::pipeline::Job;
 use crate::pipeline::{
     Control, Ended, Pass, Progress, Session, Settings, chunk_making_s, fly, merge, target,
 };
+use crate::shards::{Fingerprint, OneOf, Records, ShardHead, ShardSet, shard_path};
 use serde::Serialize;
 use std::sync::Arc;
 use std::thread::available_parallelism;
@@ -304,7 +304,7 @@ impl Bench {
         std::fs::create_dir_all(&folder).map_err(|e| Error::io("create", &folder, e))?;
         let context = OutputContext::new(self.session.survey(), self.session.scene());
         let internal = |e| Error::Internal(format!("a part: {e}"));
-        let head = PartHead {
+        let head = ShardHead {
             fingerprint: Fingerprint::default(),
             number: 0,
             of: 1,
@@ -312,18 +312,17 @@ impl Bench {
             epochs: 1,
             creation: self.output.creation,
             records: Records::default(),
-            las: None,
             context: postcard::to_stdvec(&context).map_err(internal)?,
         };
-        let path = part_path(&folder, 0, 1);
-        let part = PartOutput { path: path.clone(), head: head.bytes().map_err(internal)?, as_las: false };
-        let request = OutputRequest { part: Some(part), ..OutputRequest::default() };
+        let path = shard_path(&folder, OneOf { number: 0, of: 1 });
+        let part = ShardOutput { path: path.clone(), head: head.bytes()? };
+        let request = OutputRequest { shard: Some(part), ..OutputRequest::default() };
         let flown = self.fly_to(&interrupt::STOP, request, &physics, options, settings)?;
         let part = flown.ok_or(Error::Interrupted)?;
 
         let (progress, recorder) = (Progress::default(), Recorder::new());
         let control = Control { progress: &progress, stop: &interrupt::STOP, recorder: Some(&recorder) };
-        let parts = PartSet::open(&folder)?;
+        let parts = ShardSet::open(&folder)?;
         let merged = merge(&parts, self.request(&self.format)?, settings, control)?;
         if merged.interrupted {
             return Err(Error::Interrupted);

@@ -4,7 +4,7 @@ use super::super::args::{Cli, Command, RunArgs, SceneArgs, SceneCommand};
 use super::super::{Console, interrupt, plan, scene, stand};
 use super::labels::{Labels, objects};
 use super::{is_of_machine, near};
-use crate::options::{Options, Seed, read_survey};
+use crate::options::{Options, Seed, Switch, read_survey};
 use crate::output::{FileKind, PointFormat};
 use crate::pipeline::{Control, Job, LoadedScene, PartTable, Progress, Report, Session};
 use clap::{Parser, ValueEnum};
@@ -211,7 +211,7 @@ impl<'c> CellRunner<'c> {
         };
         let mut run = *args;
         let output = &mut run.options.output;
-        let is_divided = output.tile.is_some() || output.per_object;
+        let is_divided = output.tile.is_some() || output.per_object.is_on();
         let out = work.join("out");
         output.out = vec![match is_divided {
             true => out.join("points"),
@@ -219,7 +219,9 @@ impl<'c> CellRunner<'c> {
         }];
         output.format = Some(self.format);
         run.options.input.scene = Some(site.name.clone());
-        run.options.input.strict |= self.console.is_strict();
+        if self.console.is_strict() {
+            run.options.input.strict = Switch::On;
+        }
         run.options.origin.seed = Some(Seed(cell.seed));
         if self.threads.is_some() {
             run.options.schedule.threads = self.threads;

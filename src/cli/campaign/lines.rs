@@ -27,7 +27,7 @@ const SHARED: Use = Refused("it names one file, which every cell would write");
 const PART_TABLE: Use = Refused(
     "it names one file, which every cell would write; objects.csv of each cell has the parts of its scene",
 );
-const PARTS: Use =
+const SHARDS: Use =
     Refused("a cell is computed at once; processes share the cells: start the same campaign more than once");
 const THREADS: Use = Refused("give it to vlscan campaign");
 const FORCE: Use =
@@ -55,7 +55,7 @@ fn use_of(command: &str, id: &str) -> Option<Use> {
 /// Headings of options of `vlscan run` under which every option is decided here; options under other headings say how is measured, and
 /// are allowed unless they are named here.
 #[cfg(test)]
-const DECIDED_HEADINGS: [&str; 3] = ["Output", "Parts", "Dry run"];
+const DECIDED_HEADINGS: [&str; 3] = ["Output", "Shards", "Dry run"];
 
 fn use_in_run(id: &str) -> Option<Use> {
     Some(match id {
@@ -67,7 +67,7 @@ fn use_in_run(id: &str) -> Option<Use> {
         "scene" => SCENE,
         "seed" => SEED,
         "threads" | "progress" => THREADS,
-        "part" | "part_points" | "resume" => PARTS,
+        "shard" | "part_points" | "resume" => SHARDS,
         "dry_run" | "json" => DRY,
         "waveforms"
         | "pulses"
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn every_option_of_outputs_and_parts_is_decided() {
+    fn every_option_of_outputs_and_shards_is_decided() {
         let root = root();
         let run = root.find_subcommand("run").unwrap();
         for argument in run.get_arguments() {
@@ -246,7 +246,7 @@ mod tests {
             refusals("run", "-o a.laz --scene s.xml -j 3"),
             ["-o (--out)", "--scene", "-j (--threads)"]
         );
-        assert_eq!(refusals("run", "-q --resume --part 0/2"), ["--part", "--resume", "-q (--quiet)"]);
+        assert_eq!(refusals("run", "-q --resume --shard 0/2"), ["--shard", "--resume", "-q (--quiet)"]);
         assert_eq!(refusals("plan", "airborne --scanner x --height 9 -o a.toml"), ["-o (--out)"]);
         assert_eq!(refusals("stand", "i.csv --trees m --seed 3 --epochs 4"), ["--seed", "--epochs"]);
         assert_eq!(refusals("make", "forest --seed=3"), ["--seed"]);

@@ -12,7 +12,7 @@ mod lines;
 
 use super::args::CampaignArgs;
 use super::{Console, Verbosity, interrupt};
-use crate::options::PartNumber;
+use crate::options::OneOf;
 use cell::{CellRunner, Failure};
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -105,7 +105,7 @@ fn chosen<'c>(args: &CampaignArgs, cells: &'c [Cell]) -> Result<Vec<&'c Cell>> {
         )));
     }
     let is_mine = |(index, cell): &(usize, &Cell)| match args.task {
-        Some(PartNumber { number, of }) => index % of as usize == number as usize,
+        Some(OneOf { number, of }) => index % of as usize == number as usize,
         None => args.cell.is_empty() || args.cell.contains(&cell.name),
     };
     Ok(cells.iter().enumerate().filter(is_mine).map(|(_, cell)| cell).collect())

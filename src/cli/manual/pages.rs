@@ -80,32 +80,32 @@ vlscan run forest/survey.xml -o refined.laz --physics refined --seed 7",
         ],
     },
     Page {
-        path: "vlscan plan-parts",
+        path: "vlscan index-shards",
         examples: "\
 # something to scan
 vlscan scene make forest -n 20k --pulses 60k -o forest
 
-# where parts begin, and two parts of two
-vlscan plan-parts forest/survey.xml -o parts
-vlscan run forest/survey.xml --part 0/2 -o parts
-vlscan run forest/survey.xml --part 1/2 -o parts
-vlscan merge parts -o forest.laz",
-        files: &[("DIR/flight.vlplan", "The number of pulses, and states of the flight along the way.")],
+# where shards begin, and two shards of two
+vlscan index-shards forest/survey.xml -o shards
+vlscan run forest/survey.xml --shard 0/2 -o shards
+vlscan run forest/survey.xml --shard 1/2 -o shards
+vlscan merge shards -o forest.laz",
+        files: &[("DIR/flight.vlindex", "The number of pulses, and states of the flight along the way.")],
     },
     Page {
         path: "vlscan merge",
         examples: "\
-# something to scan, in four parts, which any number of machines may compute at the same time
+# something to scan, in four shards, which any number of machines may compute at the same time
 vlscan scene make forest -n 20k --pulses 60k -o forest
-for part in 0 1 2 3; do vlscan run forest/survey.xml --part $part/4 -o parts; done
+for shard in 0 1 2 3; do vlscan run forest/survey.xml --shard $shard/4 -o shards; done
 
 # the outputs of one run, as often as they are wanted
-vlscan merge parts -o forest.laz -o forest.copc.laz
-vlscan merge parts -o - --format xyz -q | head -n 3
+vlscan merge shards -o forest.laz -o forest.copc.laz
+vlscan merge shards -o - --format xyz -q | head -n 3
 
 # is everything there and sound?
-vlscan merge parts --check",
-        files: &[("DIR/part-000003-of-000256.vlpart", "A part: complete, or absent.")],
+vlscan merge shards --check",
+        files: &[("DIR/shard-000003-of-000256.vlshard", "A shard: complete, or absent.")],
     },
     Page {
         path: "vlscan trajectory",

@@ -1,10 +1,10 @@
 //! `vlscan trajectory` and `vlscan pulses`: fly a survey and write its poses or pulses to stdout.
 
 use crate::cli::args::{EmitArgs, EmitFormat, PulsesArgs, SurveyArgs, TrajectoryArgs};
-use crate::cli::run::Job;
+use crate::cli::companions::resolve;
 use crate::cli::watch::watched;
 use crate::cli::{Console, Verbosity, interrupt};
-use crate::pipeline::{Control, Emission, Emitted, Progress, Session, emit};
+use crate::pipeline::{Control, Emission, Emitted, Job, Progress, Session, emit};
 use crate::streams::{
     ColumnSet, POSE_HEADER, PulseColumn, PulseRow, TableColumn, TableWriter, default_columns, header,
     pose_columns, pulse_columns, push_pose, push_pose_row, push_pulse, push_pulse_row, with_errors,
@@ -134,9 +134,7 @@ fn fly(
             "an Arrow stream would go to the terminal; redirect standard output, or insist with --force",
         ));
     }
-    let (job, warnings) = Job::resolve(&args.file, &args.options())?;
-    console.warnings(&warnings)?;
-    let Job { mut settings, progress_lines, .. } = job;
+    let Job { mut settings, progress_lines, .. } = resolve(&args.file, &args.options(), console)?;
     change(&mut settings.survey);
     let has_errors = settings.flight.navigation.any();
     let emission = Session::open_scene(settings, console.observer())?.into_emission()?;

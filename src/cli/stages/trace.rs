@@ -3,11 +3,10 @@
 use crate::cli::Console;
 use crate::cli::args::{InstrumentArgs, TraceArgs};
 use crate::cli::companions::Companions;
-use crate::cli::run::{Job, show_report};
-use crate::cli::watch::watched;
-use crate::options::{InputOptions, NotNegative, Options, holds_survey, read_survey};
+use crate::cli::run::show_report;
+use crate::options::{InputOptions, NotNegative, Options, Switch, holds_survey, read_survey};
 use crate::output::Target;
-use crate::pipeline::{LegRule, Progress, Session};
+use crate::pipeline::{Job, LegRule, Session};
 use crate::streams::PulseReader;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -20,13 +19,13 @@ use vlscan_survey::{
 
 pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
-    refuse_parts(args)?;
+    refuse_shards(args)?;
     let (mut setting, warnings) = Setting::read(args)?;
     console.warnings(&warnings)?;
     change_instrument(&mut setting.survey, &args.instrument);
     let known = setting.known;
-    let job = Job::new(setting.survey, &setting.options)?;
-    let Job { mut settings, mut output, schedule_log, part_table, progress_lines } = job;
+    let Job { mut settings, mut output, schedule_log, part_table, progress_lines } =
+        Job::new(setting.survey, &setting.options)?;
     output.inputs.push(args.stream.clone());
     let mut companions = Companions::of(schedule_log, part_table, &mut output);
     settings.survey.legs.iter_mut().for_each(|leg| leg.scanner.active = true);
@@ -43,24 +42,20 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
     let pulses = PulseReader::open(&args.stream, settings.schedule.policy.size() as usize)?;
     let mut session = Session::open(settings, console.observer())?;
     companions.describe(session.scene());
-    let progress = Progress::default();
-    let control = companions.control(&progress);
     let leg_count = session.survey().legs.len();
-    let report = watched(console, progress_lines, leg_count, &progress, || {
-        session.trace(pulses, legs, output, control)
-    })?;
-    companions.write(&report)?;
+    let report = companions
+        .run(console, progress_lines, leg_count, |control| session.trace(pulses, legs, output, control))?;
     show_report(console, &report, started)
 }
 
-/// A stream has no parts.
-fn refuse_parts(args: &TraceArgs) -> Result<()> {
-    let options = [("--part", args.part.is_some()), ("--resume", args.resume.is_some())];
+/// A stream has no shards.
+fn refuse_shards(args: &TraceArgs) -> Result<()> {
+    let options = [("--shard", args.shard.is_some()), ("--resume", args.resume.is_some())];
     let Some((option, _)) = options.iter().find(|(_, is_given)| *is_given) else { return Ok(()) };
     let mut problems = Diagnostics::default();
     problems
         .error(None, format!("{option}: pulses arrive in a stream, whose length and borders are not known"))
-        .help("divide the pulses into files, trace each, and merge the points; or run the survey in parts: vlscan run --part");
+        .help("divide the pulses into files, trace each, and merge the points; or run the survey in shards: vlscan run --shard");
     Err(Error::Input(Box::new(problems)))
 }
 
@@ -128,7 +123,7 @@ fn scene_of(name: &str, reading: &ReadOptions) -> Result<(SceneRecipe, Diagnosti
     if holds_survey(Path::new(name)) {
         let input = InputOptions {
             assets: reading.assets.clone(),
-            strict: reading.strict,
+            strict: Switch::given(reading.strict),
             ..InputOptions::default()
         };
         let (survey, _, warnings) = read_survey(Path::new(name), Options { input, ..Options::default() })?;

@@ -32,3 +32,20 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn switches_of_a_pipeline_are_undone() {
+    let text = pipelines::EVERYTHING.replacen("strict = false", "misses = true\nforce = true", 1);
+    let folder = Folder::new(&[("p.toml", &text), ("a.obj", "")]);
+    let read = |words: &[&str]| {
+        let typed = Options::parse(words.iter().map(|word| (*word).to_owned())).unwrap();
+        let (_, options, _) = read_survey(&folder.path("p.toml"), typed).unwrap();
+        let Options { output, echoes, noise, .. } = options;
+        [output.misses, output.force, output.labels, echoes.legacy_energy, noise.no_platform_noise]
+            .map(super::Switch::is_on)
+    };
+    assert_eq!(read(&[]), [true, true, false, true, true]);
+    let undone = ["--no-misses", "--no-force", "--no-labels", "--no-legacy-energy", "--platform-noise"];
+    assert_eq!(read(&undone), [false; 5]);
+    assert_eq!(read(&["--labels", "--no-misses", "--misses"]), [true; 5]);
+}

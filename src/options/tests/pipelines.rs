@@ -123,8 +123,8 @@ fn every_table() {
     assert_eq!((two.scanner.active, two.scanner.scan_freq, two.platform.position.x), (false, 60.0, 100.0));
     assert_eq!((options.schedule.threads, options.tree.tree), (Some(3), Some(Builder::Sah)));
     assert_eq!(options.schedule.max_memory, Some(Bytes(2 << 30)));
-    assert!(options.echoes.legacy_energy && !options.echoes.echo_width);
-    assert!(options.noise.no_platform_noise && !options.noise.no_leg_noise);
+    assert!(options.echoes.legacy_energy.is_on() && !options.echoes.echo_width.is_on());
+    assert!(options.noise.no_platform_noise.is_on() && !options.noise.no_leg_noise.is_on());
     assert_eq!(options.origin.seed, "2020-01-01 00:00:00".parse().ok());
     let outputs: Vec<_> =
         options.outputs.iter().map(|o| (o.path.to_str().unwrap(), o.content, o.per_leg)).collect();

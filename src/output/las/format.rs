@@ -7,7 +7,6 @@ use crate::output::objects::ObjectIds;
 use crate::output::request::{
     ExtraDimensions, IntensityMapping, LasVersion, OutputRequest, PacketPlace, PointFormat,
 };
-use crate::parts::Fingerprint;
 use vlscan_base::diag::Diagnostics;
 use vlscan_geom::{Aabb, DVec3};
 
@@ -115,22 +114,6 @@ impl LasFormat {
             system: context.scanner.clone(),
             vlrs,
         }
-    }
-
-    /// What the records depend on, besides the points and the facts about survey and scene; options by their names.
-    pub fn record_facts(&self) -> Fingerprint {
-        let Groups { labels, directions, true_positions, heights } = self.groups;
-        let mut facts = Fingerprint::default();
-        facts.measurement("--las10", self.version == LasVersion::V10);
-        facts.measurement("--las-scale", self.scale);
-        facts.measurement("--las-extra", format!("{:?}", self.extra));
-        facts.measurement("intensity", format!("{:?}", self.intensity));
-        facts.measurement("--labels", labels);
-        facts.measurement("--misses", directions);
-        facts.measurement("--true-positions", true_positions);
-        facts.measurement("--height-above-ground", heights);
-        facts.measurement("--wave-packets", self.packets.is_some());
-        facts
     }
 
     pub fn point_format(&self) -> u8 {

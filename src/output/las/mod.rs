@@ -26,4 +26,4 @@ mod vlr;
 pub(super) use encode::{encode_with_packets, place_packets};
 pub(super) use format::LasFormat;
 pub(super) use packets::{PACKETS_HEADER_BYTES, packets_header};
-pub(super) use record::{LasCodec, MIN_RECORD_BYTES, read_stored};
+pub(super) use record::LasCodec;

@@ -26,15 +26,6 @@ const WITHHELD_6: u8 = 1 << 2;
 const WITHHELD_1: u8 = 1 << 7;
 
 const MAX_RECORD_BYTES: usize = 116;
-/// Bytes of a record of format 6 without extra bytes.
-pub(in crate::output) const MIN_RECORD_BYTES: usize = 30;
-
-/// The coordinates and the return number that are stored in a record of format 6.
-pub(in crate::output) fn read_stored(record: &[u8]) -> (DVec3, u32) {
-    let coordinate = |at: usize| f64::from(i32::from_le_bytes([0, 1, 2, 3].map(|i| record[at + i])));
-    (DVec3::new(coordinate(0), coordinate(4), coordinate(8)), u32::from(record[14] & 15))
-}
-
 /// Equivalent of `f64::round_ties_even` for magnitudes below 2^51, without the function call on processors that lack
 /// the instruction. Larger numbers keep about their magnitude.
 #[inline(always)]

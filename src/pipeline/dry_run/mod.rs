@@ -157,7 +157,6 @@ impl Session {
         control.stop.begin_run();
         self.check_instrument()?;
         self.enter_epoch(0, control.stop)?;
-        let outputs = &OutputRequest { has_ground: true, ..outputs.clone() };
         let flight = self.plan_flight()?;
         let found = plausibility::check_flight(self.survey(), self.scene(), self.tree()?, &flight);
         let strict = self.settings().strict;

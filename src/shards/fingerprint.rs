@@ -1,8 +1,8 @@
-//! Fingerprints: what the contents of a part depend on.
+//! Fingerprints: what the contents of a shard depend on.
 
 use serde::{Deserialize, Serialize};
 
-/// Named facts on which the contents of parts depend: versions, survey, scene, seed, options. Parts of one run have equal
+/// Named facts on which the contents of shards depend: versions, survey, scene, seed, options. Shards of one run have equal
 /// fingerprints.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fingerprint(Vec<Fact>);

@@ -1,4 +1,4 @@
-//! Parts of a run: [`PartRunner`] flies and measures shares of a survey's pulses, each of which becomes a file.
+//! Shards of a run: [`ShardRunner`] flies and measures shares of a survey's pulses, each of which becomes a file.
 
 use super::chunk;
 use super::crs;
@@ -7,10 +7,10 @@ use super::pass::Control;
 use super::plausibility;
 use super::session::{Epochs, Report, Session};
 use super::settings::Settings;
-use crate::output::{NoOffload, OutputContext, OutputPlan, OutputRequest, PartOutput};
-use crate::parts::{
-    Border, Borders, BordersBuilder, Fingerprint, PartFile, PartHead, PrivateFolder, Records, StoredBorders,
-    is_part, part_path,
+use crate::output::{NoOffload, OutputContext, OutputPlan, OutputRequest, ShardOutput};
+use crate::shards::{
+    Border, Borders, BordersBuilder, Fingerprint, OneOf, PrivateFolder, Records, ShardFile, ShardHead,
+    StoredBorders, is_shard, shard_path,
 };
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -24,39 +24,28 @@ use vlscan_lidar::platform::PoseReader;
 use vlscan_survey::{PlatformKind, Survey};
 use vlscan_warehouse::Stop;
 
-/// A share of a run's pulses.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Part {
-    /// Number of the part, from 0.
-    pub number: u32,
-    /// Number of parts.
-    pub of: u32,
-}
-
 /// A flight that can be divided.
 #[derive(Clone)]
 pub(super) struct Divisible {
     flight: Arc<FlightPlan>,
-    /// What the contents of its parts depend on.
+    /// What the contents of its shards depend on.
     pub(super) fingerprint: Fingerprint,
 }
 
-/// A session whose flight is divided into parts.
-pub struct PartRunner<'s> {
+/// A session whose flight is divided into shards.
+pub struct ShardRunner<'s> {
     session: &'s mut Session,
     flight: Arc<FlightPlan>,
     borders: Borders,
     context: OutputContext,
-    /// Head of every part, but for its number.
-    head: PartHead,
-    /// The points of LAS whose records parts hold, if not echoes.
-    las: Option<OutputRequest>,
+    /// Head of every shard, but for its number.
+    head: ShardHead,
     folder: PathBuf,
     is_checked: bool,
 }
 
 impl Session {
-    /// Plans the flight, and computes what the contents of its parts depend on.
+    /// Plans the flight, and computes what the contents of its shards depend on.
     ///
     /// # Errors
     /// [`Error::Input`] for flights that cannot be divided; [`Error::Io`].
@@ -68,33 +57,33 @@ impl Session {
         Ok(Divisible { flight, fingerprint })
     }
 
-    /// Prepares parts in `folder`, which is created when it is missing. The borders of the flight are read from it or,
+    /// Prepares shards in `folder`, which is created when it is missing. The borders of the flight are read from it or,
     /// when there are none, found by stepping once through the flight, and written to it. `creation` is the day for the
     /// headers of files. `force` replaces borders of another flight.
     ///
     /// # Errors
     /// [`Error::Input`] for flights that cannot be divided and for a folder of another flight, [`Error::Io`],
     /// [`Error::Interrupted`].
-    pub(crate) fn parts(
+    pub(crate) fn shards(
         &mut self,
         folder: &Path,
         creation: (u16, u16),
         force: bool,
         stop: &Stop,
-    ) -> Result<PartRunner<'_>> {
+    ) -> Result<ShardRunner<'_>> {
         let run = self.divisible()?;
-        self.parts_of(run, folder, creation, force, stop)
+        self.shards_of(run, folder, creation, force, stop)
     }
 
-    /// [`Session::parts`] of a flight that is planned.
-    pub(super) fn parts_of(
+    /// [`Session::shards`] of a flight that is planned.
+    pub(super) fn shards_of(
         &mut self,
         run: Divisible,
         folder: &Path,
         creation: (u16, u16),
         force: bool,
         stop: &Stop,
-    ) -> Result<PartRunner<'_>> {
+    ) -> Result<ShardRunner<'_>> {
         let Divisible { flight, fingerprint } = run;
         let mut context = self.output_context();
         if context.crs.is_none() {
@@ -119,26 +108,18 @@ impl Session {
         };
         made.keep();
         let encoded = postcard::to_stdvec(&context);
-        let physics = &self.settings().physics;
-        let head = PartHead {
+        let head = ShardHead {
             fingerprint,
             number: 0,
             of: 1,
             total: borders.total,
             epochs: self.epochs(),
             creation,
-            records: Records {
-                waveforms: physics.record_waveforms,
-                pulses: physics.record_pulses,
-                truth: physics.record_truth,
-                scanner_axes: physics.record_scanner_axes,
-                subrays: physics.record_subrays,
-            },
-            las: None,
+            records: Records::of(&self.settings().physics),
             context: encoded.map_err(|e| Error::Internal(format!("facts for the outputs: {e}")))?,
         };
         let folder = folder.to_path_buf();
-        Ok(PartRunner { session: self, flight, borders, context, head, las: None, folder, is_checked: false })
+        Ok(ShardRunner { session: self, flight, borders, context, head, folder, is_checked: false })
     }
 
     /// Steps once through the flight and writes the borders to `folder`.
@@ -180,63 +161,35 @@ impl Session {
     }
 }
 
-impl PartRunner<'_> {
+impl ShardRunner<'_> {
     /// Pulses of the whole run.
     pub fn pulses(&self) -> u64 {
         self.borders.total
     }
 
-    /// Has parts hold the points of `output` as records of LAS instead of echoes.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for points of LAS that need more than a part of the run.
-    pub fn hold_las(&mut self, output: &OutputRequest) -> Result<()> {
-        let mut problems = Diagnostics::default();
-        let others = [
-            (output.las.packets.is_some(), "waveform packets", "--wave-packets"),
-            (output.heights, "heights above the ground", "--height-above-ground"),
-        ];
-        for (_, what, option) in others.iter().filter(|(is_wanted, ..)| *is_wanted) {
-            problems
-                .error(None, format!("parts with records of LAS hold no {what}"))
-                .help(format!("leave out {option}, or --part-points"));
-        }
-        problems.finish(false)?;
-        let request = OutputRequest {
-            las: output.las.clone(),
-            labels: output.labels,
-            misses: output.misses,
-            true_positions: output.true_positions,
-            ..OutputRequest::default()
-        };
-        self.head.las = Some(OutputPlan::new(request.clone(), &self.context)?.las_facts());
-        self.las = Some(request);
-        Ok(())
+    /// The file of a shard.
+    pub fn path(&self, shard: OneOf) -> PathBuf {
+        shard_path(&self.folder, shard)
     }
 
-    /// The file of a part.
-    pub fn path(&self, part: Part) -> PathBuf {
-        part_path(&self.folder, part.number, part.of)
-    }
-
-    /// Opens the file of a part after comparing all its checksums; `None` if there is no such file, or only a damaged one,
+    /// Opens the file of a shard after comparing all its checksums; `None` if there is no such file, or only a damaged one,
     /// which the observer is told of.
     ///
     /// # Errors
-    /// [`Error::Input`] for a part of another run, with what differs, and for a file of another kind.
-    pub fn existing(&self, part: Part) -> Result<Option<PartFile>> {
-        let path = self.path(part);
+    /// [`Error::Input`] for a shard of another run, with what differs, and for a file of another kind.
+    pub fn existing(&self, shard: OneOf) -> Result<Option<ShardFile>> {
+        let path = self.path(shard);
         if !path.exists() {
             return Ok(None);
         }
         let damaged = |reason: String| {
-            let note = format!("{} {reason}; the part is computed again", path.display());
+            let note = format!("{} {reason}; the shard is computed again", path.display());
             self.session.notify(Notice::Note(note));
             Ok(None)
         };
-        let file = match PartFile::open(&path) {
+        let file = match ShardFile::open(&path) {
             Ok(file) => file,
-            Err(reason) if is_part(&path) => return damaged(reason),
+            Err(reason) if is_shard(&path) => return damaged(reason),
             Err(reason) => {
                 let mut problems = Diagnostics::default();
                 problems
@@ -245,7 +198,7 @@ impl PartRunner<'_> {
                 return Err(Error::Input(Box::new(problems)));
             }
         };
-        let expected = self.head_of(part);
+        let expected = self.head_of(shard);
         if file.head == expected {
             return match file.verify() {
                 Ok(()) => Ok(Some(file)),
@@ -260,19 +213,19 @@ impl PartRunner<'_> {
         Err(Error::Input(Box::new(problems)))
     }
 
-    fn head_of(&self, part: Part) -> PartHead {
-        PartHead { number: part.number, of: part.of, ..self.head.clone() }
+    fn head_of(&self, shard: OneOf) -> ShardHead {
+        ShardHead { number: shard.number, of: shard.of, ..self.head.clone() }
     }
 
-    /// Flies and measures a part and writes its file, which replaces an existing one.
+    /// Flies and measures a shard and writes its file, which replaces an existing one.
     ///
     /// # Errors
     /// As for [`Session::run`]. The file is complete or absent.
-    pub fn run(&mut self, part: Part, control: Control<'_>) -> Result<Report> {
-        let path = self.path(part);
+    pub fn run(&mut self, shard: OneOf, control: Control<'_>) -> Result<Report> {
+        let path = self.path(shard);
         let name = path.file_name().unwrap_or_default();
         let private = PrivateFolder::new(&self.folder)?;
-        let mut report = self.compute(part, private.path(name), control)?;
+        let mut report = self.compute(shard, private.path(name), control)?;
         if !report.interrupted {
             private.publish(name)?;
             report.summary.files.iter_mut().for_each(|file| file.path = Some(path.clone()));
@@ -280,16 +233,16 @@ impl PartRunner<'_> {
         Ok(report)
     }
 
-    fn compute(&mut self, part: Part, path: PathBuf, control: Control<'_>) -> Result<Report> {
-        let head = self.head_of(part).bytes().map_err(|e| Error::Internal(format!("head of a part: {e}")))?;
+    fn compute(&mut self, shard: OneOf, path: PathBuf, control: Control<'_>) -> Result<Report> {
+        let head = self.head_of(shard).bytes()?;
         let request = OutputRequest {
-            part: Some(PartOutput { path, head, as_las: self.las.is_some() }),
+            shard: Some(ShardOutput { path, head }),
             epochs: self.session.epochs(),
-            ..self.las.clone().unwrap_or_default()
+            ..OutputRequest::default()
         };
         let output = Arc::new(OutputPlan::new(request, &self.context)?);
-        let range = self.borders.range(part.number, part.of);
-        let is_last = part.number + 1 == part.of;
+        let range = self.borders.range(shard);
+        let is_last = shard.number + 1 == shard.of;
         if range.is_empty() && !is_last {
             let summary = output.open(Arc::new(NoOffload))?.finish()?;
             return Ok(Report { summary, pulses: 0, seconds: 0.0, interrupted: false });
@@ -331,7 +284,7 @@ impl PartRunner<'_> {
         }
     }
 
-    /// Checks the flight over the scene of the first epoch before the first part in it.
+    /// Checks the flight over the scene of the first epoch before the first shard in it.
     fn check_once(&mut self, epoch: u32, stop: &Stop) -> Result<()> {
         if epoch > 0 || std::mem::replace(&mut self.is_checked, true) {
             return Ok(());
@@ -355,13 +308,13 @@ fn check_platform(survey: &Survey) -> Result<()> {
     problems
         .error(
             None,
-            "poses from standard input or a pipe pass only once, and every part needs those before it",
+            "poses from standard input or a pipe pass only once, and every shard needs those before it",
         )
         .help("save them to a file, and name it with --trajectory");
     Err(Error::Input(Box::new(problems)))
 }
 
-/// Collects what the contents of parts depend on. `scene` is the scene's checksum.
+/// Collects what the contents of shards depend on. `scene` is the scene's checksum.
 fn fingerprint(settings: &Settings, scene: u64, plan: &FlightPlan) -> Result<Fingerprint> {
     let (flight, physics) = (&settings.flight, &settings.physics);
     let mut all = Fingerprint::default();

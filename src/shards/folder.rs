@@ -1,7 +1,8 @@
-//! The parts in a folder.
+//! The shards in a folder.
 
 use super::borders::{self, Borders};
-use super::file::{self, PartFile, PartHead};
+use super::file::{self, ShardFile, ShardHead};
+use super::share::OneOf;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -10,29 +11,29 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
 use vlscan_warehouse::Stop;
 
-/// The file of part `number` of `of` in a folder.
-pub fn part_path(folder: &Path, number: u32, of: u32) -> PathBuf {
-    folder.join(format!("part-{number:06}-of-{of:06}.vlpart"))
+/// The file of a shard in a folder.
+pub fn shard_path(folder: &Path, OneOf { number, of }: OneOf) -> PathBuf {
+    folder.join(format!("shard-{number:06}-of-{of:06}.vlshard"))
 }
 
-/// Number of the part and number of parts in the name of a file.
+/// Number of the shard and number of shards in the name of a file.
 fn parse_name(name: &str) -> Option<(u32, u32)> {
-    let (number, of) = name.strip_prefix("part-")?.strip_suffix(".vlpart")?.split_once("-of-")?;
+    let (number, of) = name.strip_prefix("shard-")?.strip_suffix(".vlshard")?.split_once("-of-")?;
     let (number, of) = (number.parse().ok()?, of.parse().ok()?);
     (number < of).then_some((number, of))
 }
 
-/// Whether a file begins as every part does, whatever follows: one of another kind is not the program's own.
-pub fn is_part(path: &Path) -> bool {
+/// Whether a file begins as every shard does, whatever follows: one of another kind is not the program's own.
+pub fn is_shard(path: &Path) -> bool {
     begins_with(path, file::MAGIC)
 }
 
-/// Whether a file is one of a run in parts, by its name and by its first bytes: a part, or the borders between them.
-pub fn is_file_of_parts(path: &Path) -> bool {
+/// Whether a file belongs to a run in shards, by its name and by its first bytes: a shard, or the borders between them.
+pub fn is_file_of_shards(path: &Path) -> bool {
     let Some(name) = path.file_name() else { return false };
     let is_borders = || Borders::path(Path::new("")).file_name() == Some(name);
     match name.to_str().and_then(parse_name) {
-        Some(_) => is_part(path),
+        Some(_) => is_shard(path),
         None => is_borders() && begins_with(path, borders::MAGIC),
     }
 }
@@ -60,20 +61,20 @@ pub fn array_list(numbers: impl IntoIterator<Item = u32>) -> String {
     texts.collect::<Vec<_>>().join(",")
 }
 
-/// All parts of one run, complete and of one fingerprint.
+/// All shards of one run, complete and of one fingerprint.
 #[derive(Debug)]
-pub struct PartSet {
+pub struct ShardSet {
     folder: PathBuf,
-    /// Head of the first part; those of the others differ in the number only.
-    pub head: PartHead,
+    /// Head of the first shard; those of the others differ in the number only.
+    pub head: ShardHead,
     pub echoes: u64,
 }
 
 /// Most problems of one kind that are listed.
 const MAX_LISTED: usize = 20;
 
-impl PartSet {
-    /// Numbers of parts of which there are files in a folder, with the numbers of the parts that exist.
+impl ShardSet {
+    /// Numbers of shards of which there are files in a folder, with the numbers of the shards that exist.
     ///
     /// # Errors
     /// [`Error::Io`] for a folder that cannot be read.
@@ -89,12 +90,12 @@ impl PartSet {
         Ok(found)
     }
 
-    /// Opens all parts of a folder once.
+    /// Opens all shards of a folder once.
     ///
     /// # Errors
-    /// [`Error::Input`] that names all parts that are missing, damaged, or of another run.
-    pub fn open(folder: &Path) -> Result<PartSet> {
-        let listed = PartSet::list(folder)?;
+    /// [`Error::Input`] that names all shards that are missing, damaged, or of another run.
+    pub fn open(folder: &Path) -> Result<ShardSet> {
+        let listed = ShardSet::list(folder)?;
         let mut problems = Diagnostics::default();
         if listed.len() > 1 {
             let counts: Vec<String> =
@@ -102,26 +103,26 @@ impl PartSet {
             problems
                 .error(
                     None,
-                    format!("{} holds parts of different runs: {}", folder.display(), counts.join(", ")),
+                    format!("{} holds shards of different runs: {}", folder.display(), counts.join(", ")),
                 )
-                .help("a run is divided into one number of parts; remove the files of the others");
+                .help("a run is divided into one number of shards; remove the files of the others");
             return Err(Error::Input(Box::new(problems)));
         }
         let Some((of, present)) = listed.into_iter().next() else {
-            return Err(Error::input(format!("{} holds no parts (part-…-of-….vlpart)", folder.display())));
+            return Err(Error::input(format!("{} holds no shards (shard-…-of-….vlshard)", folder.display())));
         };
         let mut damaged = BTreeMap::new();
         let mut runs = Runs::default();
         let (mut pulses, mut echoes) = (0u64, 0u64);
         for &number in &present {
-            match PartFile::open(&part_path(folder, number, of)) {
-                Ok(part) if (part.head.number, part.head.of) != (number, of) => {
-                    let reason = format!("is part {} of {}", part.head.number, part.head.of);
+            match ShardFile::open(&shard_path(folder, OneOf { number, of })) {
+                Ok(shard) if (shard.head.number, shard.head.of) != (number, of) => {
+                    let reason = format!("is shard {} of {}", shard.head.number, shard.head.of);
                     damaged.insert(number, reason);
                 }
-                Ok(part) => {
-                    (pulses, echoes) = (pulses + part.pulses, echoes + part.echoes);
-                    runs.add(part.head);
+                Ok(shard) => {
+                    (pulses, echoes) = (pulses + shard.pulses, echoes + shard.echoes);
+                    runs.add(shard.head);
                 }
                 Err(reason) => {
                     damaged.insert(number, reason);
@@ -133,44 +134,44 @@ impl PartSet {
         let missing: Vec<u32> = (0..of).filter(|number| !present.contains(number)).collect();
         if !missing.is_empty() {
             problems
-                .error(None, format!("{} of {of} parts are missing in {}", missing.len(), folder.display()))
+                .error(None, format!("{} of {of} shards are missing in {}", missing.len(), folder.display()))
                 .help(compute_again(folder, of, missing));
         }
         problems.finish(false)?;
         let head = runs.0.into_iter().next().map(|(head, _)| head);
-        let head = head.ok_or_else(|| Error::Internal("a folder of parts without parts".to_owned()))?;
+        let head = head.ok_or_else(|| Error::Internal("a folder of shards without shards".to_owned()))?;
         if pulses != head.total {
             return Err(Error::input(format!(
-                "the parts in {} hold {pulses} pulses together instead of {}",
+                "the shards in {} hold {pulses} pulses together instead of {}",
                 folder.display(),
                 head.total
             )));
         }
-        Ok(PartSet { folder: folder.to_path_buf(), head, echoes })
+        Ok(ShardSet { folder: folder.to_path_buf(), head, echoes })
     }
 
-    /// Opens one of the parts.
+    /// Opens one of the shards.
     ///
     /// # Errors
-    /// [`Error::Input`] for a part that has been changed or removed meanwhile.
-    pub fn part(&self, number: u32) -> Result<PartFile> {
-        let path = part_path(&self.folder, number, self.head.of);
-        PartFile::open(&path).map_err(|reason| {
+    /// [`Error::Input`] for a shard that has been changed or removed meanwhile.
+    pub fn shard(&self, number: u32) -> Result<ShardFile> {
+        let path = shard_path(&self.folder, OneOf { number, of: self.head.of });
+        ShardFile::open(&path).map_err(|reason| {
             let mut problems = Diagnostics::default();
             report_damaged(&self.folder, self.head.of, &BTreeMap::from([(number, reason)]), &mut problems);
             Error::Input(Box::new(problems))
         })
     }
 
-    /// Reads all parts and names those that are damaged.
+    /// Reads all shards and names those that are damaged.
     ///
     /// # Errors
-    /// [`Error::Input`] with all damaged parts.
+    /// [`Error::Input`] with all damaged shards.
     pub fn verify(&self, stop: &Stop) -> Result<()> {
         let mut damaged = BTreeMap::new();
         for number in (0..self.head.of).take_while(|_| !stop.is_requested()) {
-            let path = part_path(&self.folder, number, self.head.of);
-            if let Err(reason) = PartFile::open(&path).and_then(|part| part.verify()) {
+            let path = shard_path(&self.folder, OneOf { number, of: self.head.of });
+            if let Err(reason) = ShardFile::open(&path).and_then(|shard| shard.verify()) {
                 damaged.insert(number, reason);
             }
         }
@@ -180,11 +181,11 @@ impl PartSet {
     }
 }
 
-/// How parts are computed that are missing or damaged.
+/// How shards are computed that are missing or damaged.
 fn compute_again(folder: &Path, of: u32, numbers: impl IntoIterator<Item = u32> + Clone) -> String {
     let first = numbers.clone().into_iter().next().unwrap_or(0);
     format!(
-        "compute them as before, with --resume, which replaces damaged parts: vlscan run … -o {} --part {first}/{of} --resume \
+        "compute them as before, with --resume, which replaces damaged shards: vlscan run … -o {} --shard {first}/{of} --resume \
          (as an array job: --array={}); or repeat the command if it was one vlscan run --resume",
         folder.display(),
         array_list(numbers)
@@ -194,7 +195,7 @@ fn compute_again(folder: &Path, of: u32, numbers: impl IntoIterator<Item = u32> 
 fn report_damaged(folder: &Path, of: u32, damaged: &BTreeMap<u32, String>, problems: &mut Diagnostics) {
     let again = compute_again(folder, of, damaged.keys().copied());
     for (i, (&number, reason)) in damaged.iter().take(MAX_LISTED).enumerate() {
-        let path = part_path(folder, number, of);
+        let path = shard_path(folder, OneOf { number, of });
         let problem = problems.error(None, format!("{} {reason}", path.display()));
         if i + 1 == damaged.len().min(MAX_LISTED) {
             problem.help(again.clone());
@@ -202,21 +203,21 @@ fn report_damaged(folder: &Path, of: u32, damaged: &BTreeMap<u32, String>, probl
     }
 }
 
-/// The runs that parts are parts of: the head of a part of each, and the numbers of all.
+/// The runs that shards belong to: the head of a shard of each, and the numbers of all.
 #[derive(Default)]
-struct Runs(Vec<(PartHead, Vec<u32>)>);
+struct Runs(Vec<(ShardHead, Vec<u32>)>);
 
 impl Runs {
-    fn add(&mut self, head: PartHead) {
+    fn add(&mut self, head: ShardHead) {
         let number = head.number;
-        let is_its = |known: &PartHead| PartHead { number: known.number, ..head.clone() } == *known;
+        let is_its = |known: &ShardHead| ShardHead { number: known.number, ..head.clone() } == *known;
         match self.0.iter_mut().find(|(known, _)| is_its(known)) {
             Some((_, numbers)) => numbers.push(number),
             None => self.0.push((head, vec![number])),
         }
     }
 
-    /// Reports the parts whose run is not that of most parts.
+    /// Reports the shards whose run is not that of most shards.
     fn report(&mut self, folder: &Path, problems: &mut Diagnostics) {
         self.0.sort_by_key(|(_, numbers)| std::cmp::Reverse(numbers.len()));
         let Some(((most, _), others)) = self.0.split_first() else { return };
@@ -226,19 +227,19 @@ impl Runs {
                 .error(
                     None,
                     format!(
-                        "parts {} in {} are of another run than the others; they differ in {what}",
+                        "shards {} in {} are of another run than the others; they differ in {what}",
                         array_list(numbers.iter().copied()),
                         folder.display()
                     ),
                 )
-                .help("compute all parts with the same survey, scene, options and version");
+                .help("compute all shards with the same survey, scene, options and version");
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::file::tests::{head, part};
+    use super::super::file::tests::{head, shard};
     use super::*;
     use std::fs;
 
@@ -250,10 +251,13 @@ mod tests {
 
     #[test]
     fn names_hold_number_and_count() {
-        assert_eq!(part_path(Path::new("d"), 3, 256), Path::new("d/part-000003-of-000256.vlpart"));
-        assert_eq!(parse_name("part-000003-of-000256.vlpart"), Some((3, 256)));
+        assert_eq!(
+            shard_path(Path::new("d"), OneOf { number: 3, of: 256 }),
+            Path::new("d/shard-000003-of-000256.vlshard")
+        );
+        assert_eq!(parse_name("shard-000003-of-000256.vlshard"), Some((3, 256)));
         for name in
-            ["part-000007-of-000007.vlpart", "part-1-of-2.vlpart.x.part", "part-a-of-2.vlpart", "plan"]
+            ["shard-000007-of-000007.vlshard", "shard-1-of-2.vlshard.x.part", "shard-a-of-2.vlshard", "index"]
         {
             assert_eq!(parse_name(name), None, "{name}");
         }
@@ -262,55 +266,58 @@ mod tests {
     #[test]
     fn names_alone_make_no_file_one_of_parts() {
         let dir = tempfile::tempdir().unwrap();
-        let (numbered, plan) = (part_path(dir.path(), 0, 2), Borders::path(dir.path()));
+        let (numbered, plan) =
+            (shard_path(dir.path(), OneOf { number: 0, of: 2 }), Borders::path(dir.path()));
         for path in [&numbered, &plan] {
-            assert!(!is_file_of_parts(path));
+            assert!(!is_file_of_shards(path));
             fs::write(path, "precious").unwrap();
-            assert!(!is_file_of_parts(path) && !is_part(path));
+            assert!(!is_file_of_shards(path) && !is_shard(path));
         }
-        fs::write(&numbered, &part(&head(0, 2))[..9]).unwrap();
+        fs::write(&numbered, &shard(&head(0, 2))[..9]).unwrap();
         fs::write(&plan, borders::MAGIC).unwrap();
-        assert!(is_file_of_parts(&numbered) && is_part(&numbered) && is_file_of_parts(&plan));
+        assert!(is_file_of_shards(&numbered) && is_shard(&numbered) && is_file_of_shards(&plan));
         let other = dir.path().join("notes.txt");
         fs::copy(&numbered, &other).unwrap();
-        assert!(!is_file_of_parts(&other));
+        assert!(!is_file_of_shards(&other));
     }
 
     #[test]
     fn everything_wrong_with_a_folder_is_named() {
         let dir = tempfile::tempdir().unwrap();
-        let refused = || PartSet::open(dir.path()).unwrap_err();
+        let refused = || ShardSet::open(dir.path()).unwrap_err();
         let shown = |error: Error| match error {
             Error::Input(found) => found.render(false),
             other => other.to_string(),
         };
-        assert!(shown(refused()).contains("holds no parts"));
-        let put =
-            |head: &PartHead| fs::write(part_path(dir.path(), head.number, head.of), part(head)).unwrap();
+        assert!(shown(refused()).contains("holds no shards"));
+        let put = |head: &ShardHead| {
+            fs::write(shard_path(dir.path(), OneOf { number: head.number, of: head.of }), shard(head))
+                .unwrap()
+        };
         [0, 1, 2, 4, 5, 6].into_iter().for_each(|number| put(&head(number, 8)));
         assert!(shown(refused()).contains("--array=3,7"), "{}", shown(refused()));
         put(&head(3, 8));
         put(&head(7, 8));
-        let set = PartSet::open(dir.path()).unwrap();
+        let set = ShardSet::open(dir.path()).unwrap();
         assert_eq!((set.head.of, set.echoes), (8, 8 * 520));
         set.verify(&Stop::new()).unwrap();
-        // Another seed in two parts.
+        // Another seed in two shards.
         let mut other = head(1, 8);
         other.fingerprint = Default::default();
         other.fingerprint.flight("seed", 12);
         put(&other);
-        put(&PartHead { number: 2, ..other });
+        put(&ShardHead { number: 2, ..other });
         let text = shown(refused());
-        assert!(text.contains("parts 1-2 in") && text.contains("seed (11, 12)"), "{text}");
+        assert!(text.contains("shards 1-2 in") && text.contains("seed (11, 12)"), "{text}");
         [1, 2].into_iter().for_each(|number| put(&head(number, 8)));
         // Damage in a block is found by reading, damage of the length by opening.
-        let path = part_path(dir.path(), 5, 8);
+        let path = shard_path(dir.path(), OneOf { number: 5, of: 8 });
         let mut bytes = fs::read(&path).unwrap();
         let middle = bytes.len() / 2;
         bytes[middle] ^= 1;
         fs::write(&path, &bytes).unwrap();
-        let text = shown(PartSet::open(dir.path()).unwrap().verify(&Stop::new()).unwrap_err());
-        assert!(text.contains("part-000005-of-000008.vlpart") && text.contains("--array=5"), "{text}");
+        let text = shown(ShardSet::open(dir.path()).unwrap().verify(&Stop::new()).unwrap_err());
+        assert!(text.contains("shard-000005-of-000008.vlshard") && text.contains("--array=5"), "{text}");
         fs::write(&path, &bytes[..middle]).unwrap();
         assert!(shown(refused()).contains("cut short"));
         put(&head(0, 3));

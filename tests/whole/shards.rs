@@ -1,4 +1,4 @@
-//! Parts of a run, merged, give the bytes of the run; runs that were killed go on where they were.
+//! Shards of a run, merged, give the bytes of the run; runs that were killed go on where they were.
 
 use crate::common::{files, fixture, folder, missing, run, succeed, text, vlscan};
 use std::collections::BTreeMap;
@@ -66,7 +66,7 @@ fn of_run(survey: &str, options: &[&str], outputs: &[&str]) -> BTreeMap<PathBuf,
     contents(dir.path())
 }
 
-/// Computes parts of a run into the folder `parts` of `dir`; each with options of its own, which must not show.
+/// Computes shards of a run into the folder `shards` of `dir`; each with options of its own, which must not show.
 fn compute(dir: &Path, survey: &str, options: &[&str], numbers: impl IntoIterator<Item = u32>, of: u32) {
     let ways: [&[&str]; 4] = [
         &["-j", "1"],
@@ -75,16 +75,16 @@ fn compute(dir: &Path, survey: &str, options: &[&str], numbers: impl IntoIterato
         &["-j", "2", "--chunk-size", "5000", "--tree-jobs", "1"],
     ];
     for number in numbers {
-        let part = format!("{number}/{of}");
+        let shard = format!("{number}/{of}");
         let way = ways[number as usize % ways.len()];
-        succeed(dir, &arguments(&[&["run", survey, "-q", "-o", "parts", "--part", &part], options, way]));
+        succeed(dir, &arguments(&[&["run", survey, "-q", "-o", "shards", "--shard", &shard], options, way]));
     }
 }
 
 fn merged(dir: &Path, outputs: &[&str]) -> BTreeMap<PathBuf, Vec<u8>> {
     let out = dir.join("out");
     fs::create_dir(&out).unwrap();
-    succeed(&out, &arguments(&[&["merge", "../parts", "-q"], outputs]));
+    succeed(&out, &arguments(&[&["merge", "../shards", "-q"], outputs]));
     let found = contents(&out);
     fs::remove_dir_all(&out).unwrap();
     found
@@ -104,7 +104,7 @@ fn survey(name: &str) -> String {
 }
 
 #[test]
-fn parts_of_any_number_give_the_bytes_of_one_run() {
+fn shards_of_any_number_give_the_bytes_of_one_run() {
     let recorded = ["--seed", "11", "--waveforms", "--waveform-noise", "--pulses"];
     let counts: [(&str, &[u32]); 4] = [
         ("forest/survey.xml", &[1, 2, 7]),
@@ -124,83 +124,25 @@ fn parts_of_any_number_give_the_bytes_of_one_run() {
         for &of in counts {
             let dir = folder();
             compute(dir.path(), &survey, &recorded, (0..of).rev(), of);
-            assert_same(&merged(dir.path(), &outputs), &expected, &format!("{name} in {of} parts"));
+            assert_same(&merged(dir.path(), &outputs), &expected, &format!("{name} in {of} shards"));
         }
     }
 }
 
 #[test]
-fn sixty_four_parts_give_the_bytes_of_one_run() {
+fn sixty_four_shards_give_the_bytes_of_one_run() {
     let survey = survey("forest/survey.xml");
     let options = ["--seed", "3", "--physics", "refined", "--misses"];
     let outputs = arguments(&[EVERY_FORMAT, &["--misses", "--labels"]]);
     let expected = of_run(&survey, &options, &arguments(&[EVERY_FORMAT, &["--labels"]]));
     let dir = folder();
     compute(dir.path(), &survey, &options, 0..64, 64);
-    assert_same(&merged(dir.path(), &outputs), &expected, "64 parts");
-}
-
-#[test]
-fn parts_with_records_of_las_are_copied_to_the_bytes_of_one_run() {
-    let outputs = ["-o", "all.las", "-o", "all.laz", "-o", "all.copc.laz", "--trajectory-out", "way.csv"];
-    let legs = ["-o", "legs", "--format", "laz"];
-    let misses = ["--misses", "--labels", "--las-scale", "0.001"];
-    let none: &[&str] = &[];
-    for (name, of, measured, las) in [
-        ("forest/survey.xml", 7, &["--seed", "4"][..], none),
-        ("moving/survey.xml", 3, &["--seed", "5", "--physics", "refined"], &misses[..]),
-    ] {
-        let survey = survey(name);
-        let dir = folder();
-        let as_las = arguments(&[measured, las, &["--part-points", "las"]]);
-        compute(dir.path(), &survey, &as_las, 0..of, of);
-        for written in [&outputs[..], &legs[..]] {
-            let expected = of_run(&survey, measured, &arguments(&[written, las]));
-            let found = merged(dir.path(), &arguments(&[written, las]));
-            assert!(!found.is_empty());
-            assert_same(&found, &expected, &format!("{name} {written:?}"));
-        }
-    }
-}
-
-#[test]
-fn parts_with_records_of_las_serve_las_with_the_same_options_alone() {
-    let survey = survey("room/survey.xml");
-    let dir = folder();
-    let part = |more: &[&str]| {
-        let plain = ["run", &survey, "-q", "-o", "parts", "--part", "0/1", "--part-points", "las"];
-        run(dir.path(), &arguments(&[&plain, more]))
-    };
-    for (option, message) in [
-        (&["--height-above-ground"][..], "hold no heights above the ground"),
-        (&["--wave-packets", "inside", "--waveforms"], "hold no waveform packets"),
-    ] {
-        let refused = part(option);
-        assert_eq!(refused.status.code(), Some(2));
-        assert!(text(&refused.stderr).contains(message), "{}", text(&refused.stderr));
-    }
-    assert!(part(&["--labels"]).status.success());
-    for (outputs, message) in [
-        (&["-o", "a.xyz", "--labels"][..], "the parts hold records of LAS, from which a.xyz cannot be made"),
-        (&["-o", "a.las"], "those of the output differ in --labels (true, false)"),
-        (&["-o", "a.las", "--labels", "--split-by-channel"], "no files per channel are made"),
-    ] {
-        let refused = run(dir.path(), &arguments(&[&["merge", "parts", "-q"], outputs]));
-        assert_eq!(refused.status.code(), Some(2), "{outputs:?}");
-        assert!(text(&refused.stderr).contains(message), "{}", text(&refused.stderr));
-    }
-    let again = run(dir.path(), &["run", &survey, "-q", "-o", "parts", "--part", "0/1", "--resume"]);
-    assert_eq!(again.status.code(), Some(2));
-    assert!(
-        text(&again.stderr)
-            .contains("what they hold of the points, echoes or records of LAS (--part-points)")
-    );
-    succeed(dir.path(), &["merge", "parts", "-q", "-o", "a.las", "--labels"]);
+    assert_same(&merged(dir.path(), &outputs), &expected, "64 shards");
 }
 
 #[test]
 #[ignore = "a thousand processes"]
-fn a_thousand_parts_give_the_bytes_of_one_run() {
+fn a_thousand_shards_give_the_bytes_of_one_run() {
     for name in ["forest/survey.xml", "moving/survey.xml"] {
         let (survey, options) = (survey(name), ["--seed", "3", "--pulses"]);
         let expected = of_run(&survey, &options, EVERY_FORMAT);
@@ -211,13 +153,13 @@ fn a_thousand_parts_give_the_bytes_of_one_run() {
 }
 
 #[test]
-fn more_parts_than_pulses_are_mostly_empty() {
+fn more_shards_than_pulses_are_mostly_empty() {
     let dir = folder();
     let survey = little(dir.path(), 12);
     let outputs = ["-o", "a.xyz", "-o", "a.laz"];
     let expected = of_run(&survey, &[], &outputs);
     compute(dir.path(), &survey, &[], 0..20, 20);
-    assert_same(&merged(dir.path(), &outputs), &expected, "20 parts");
+    assert_same(&merged(dir.path(), &outputs), &expected, "20 shards");
 }
 
 /// A scene with a survey of about so many pulses, and its path.
@@ -229,7 +171,7 @@ fn little(dir: &Path, pulses: u32) -> String {
 
 #[test]
 #[ignore = "minutes; part of the continuous integration"]
-fn layouts_channels_packets_and_columns_come_from_parts() {
+fn layouts_channels_packets_and_columns_come_from_shards() {
     let survey = survey("moving/survey.xml");
     let spinning = self::survey("street/spinning.xml");
     let columns = "X,Y,Z,GpsTime,SurfaceX,NormalZ,FootprintFraction";
@@ -252,19 +194,19 @@ fn layouts_channels_packets_and_columns_come_from_parts() {
 }
 
 #[test]
-fn subrays_come_from_parts() {
+fn subrays_come_from_shards() {
     let survey = survey("room/survey.xml");
     let (recorded, outputs) = (["--subrays"], ["-o", "a.csv", "--columns", "X,Y,Z,Subray,SurfaceX"]);
     let expected = of_run(&survey, &arguments(&[&recorded, &outputs[2..]]), &outputs[..2]);
     let dir = folder();
     compute(dir.path(), &survey, &arguments(&[&recorded, &outputs[2..]]), 0..3, 3);
     assert_same(&merged(dir.path(), &outputs), &expected, "subrays");
-    let refused = run(dir.path(), &["merge", "parts", "-o", "b.xyz", "--subrays"]);
+    let refused = run(dir.path(), &["merge", "shards", "-o", "b.xyz", "--subrays"]);
     assert_eq!(refused.status.code(), Some(2));
 }
 
 #[test]
-fn pipelines_voxels_and_recorded_flights_have_parts() {
+fn pipelines_voxels_and_recorded_flights_have_shards() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     for name in ["pipelines/voxels.toml", "pipelines/airborne.toml"] {
         let survey = root.join(name).to_str().unwrap().to_owned();
@@ -280,7 +222,7 @@ fn pipelines_voxels_and_recorded_flights_have_parts() {
 fn poses_from_a_pipe_are_refused() {
     let dir = folder();
     let survey = survey("forest/survey.xml");
-    let out = run(dir.path(), &["run", &survey, "--trajectory", "-", "--part", "0/2", "-o", "parts"]);
+    let out = run(dir.path(), &["run", &survey, "--trajectory", "-", "--shard", "0/2", "-o", "shards"]);
     assert_eq!(out.status.code(), Some(2));
     assert!(text(&out.stderr).contains("pass only once"), "{}", text(&out.stderr));
     let out = run(dir.path(), &["run", &survey, "--trajectory", "-", "--resume", "-o", "a.laz"]);
@@ -289,9 +231,9 @@ fn poses_from_a_pipe_are_refused() {
 }
 
 #[test]
-fn traced_streams_have_no_parts() {
+fn traced_streams_have_no_shards() {
     let dir = folder();
-    for (options, word) in [(&["--part", "0/2"][..], "--part"), (&["--resume"], "--resume")] {
+    for (options, word) in [(&["--shard", "0/2"][..], "--shard"), (&["--resume"], "--resume")] {
         let out = run(dir.path(), &arguments(&[&["trace", "p.csv", "--scanner", "x"], options]));
         let said = text(&out.stderr);
         assert!(out.status.code() == Some(2) && said.contains(word) && said.contains("stream"), "{said}");
@@ -303,44 +245,44 @@ fn merged_points_go_to_stdout() {
     let (dir, survey) = (folder(), survey("room/survey.xml"));
     let expected = succeed(dir.path(), &["run", &survey, "-q", "-o", "-", "--format", "laz"]).stdout;
     compute(dir.path(), &survey, &[], 0..3, 3);
-    let found = succeed(dir.path(), &["merge", "parts", "-q", "-o", "-", "--format", "laz"]).stdout;
+    let found = succeed(dir.path(), &["merge", "shards", "-q", "-o", "-", "--format", "laz"]).stdout;
     assert!(!expected.is_empty() && found == expected);
     for threads in ["1", "5"] {
         let found =
-            succeed(dir.path(), &["merge", "parts", "-q", "-o", "-", "--format", "laz", "-j", threads])
+            succeed(dir.path(), &["merge", "shards", "-q", "-o", "-", "--format", "laz", "-j", threads])
                 .stdout;
         assert!(found == expected, "{threads} threads");
     }
 }
 
 #[test]
-fn borders_found_before_give_the_same_parts() {
+fn borders_found_before_give_the_same_shards() {
     let survey = survey("forest/survey.xml");
     let (planned, unplanned) = (folder(), folder());
-    succeed(planned.path(), &["plan-parts", &survey, "-q", "-o", "parts", "--waveforms", "--seed", "4"]);
-    assert!(planned.path().join("parts/flight.vlplan").is_file());
+    succeed(planned.path(), &["index-shards", &survey, "-q", "-o", "shards", "--waveforms", "--seed", "4"]);
+    assert!(planned.path().join("shards/flight.vlindex").is_file());
     for dir in [&planned, &unplanned] {
-        // Two of the ways of `compute`: the sizes of dynamic chunks, which are the blocks of a part, depend on time.
+        // Two of the ways of `compute`: the sizes of dynamic chunks, which are the blocks of a shard, depend on time.
         compute(dir.path(), &survey, &["--seed", "4"], 0..2, 2);
     }
-    assert_same(&contents(planned.path()), &contents(unplanned.path()), "parts");
+    assert_same(&contents(planned.path()), &contents(unplanned.path()), "shards");
     // Borders of another flight are refused, and damaged ones are made again.
-    let other = ["run", &survey, "-q", "-o", "parts", "--part", "1/4", "--seed", "5"];
+    let other = ["run", &survey, "-q", "-o", "shards", "--shard", "1/4", "--seed", "5"];
     let out = run(planned.path(), &other);
     assert_eq!(out.status.code(), Some(2));
     assert!(text(&out.stderr).contains("seed (4, 5)"), "{}", text(&out.stderr));
-    let plan = planned.path().join("parts/flight.vlplan");
+    let plan = planned.path().join("shards/flight.vlindex");
     let sound = fs::read(&plan).unwrap();
     damage(&plan);
-    let part = ["run", &survey, "-o", "parts", "--part", "1/2", "--seed", "4", "--resume"];
-    let out = succeed(planned.path(), &part);
-    assert!(text(&out.stderr).contains("flight.vlplan is damaged and made again"), "{}", text(&out.stderr));
+    let shard = ["run", &survey, "-o", "shards", "--shard", "1/2", "--seed", "4", "--resume"];
+    let out = succeed(planned.path(), &shard);
+    assert!(text(&out.stderr).contains("flight.vlindex is damaged and made again"), "{}", text(&out.stderr));
     assert!(text(&out.stderr).contains("is complete"), "{}", text(&out.stderr));
     assert!(fs::read(&plan).unwrap() == sound);
 }
 
 #[test]
-fn parts_of_other_runs_are_refused_and_what_is_missing_is_named() {
+fn shards_of_other_runs_are_refused_and_what_is_missing_is_named() {
     let (dir, survey) = (folder(), survey("room/survey.xml"));
     let refused = |args: &[&str], words: &[&str]| {
         let out = run(dir.path(), args);
@@ -348,39 +290,39 @@ fn parts_of_other_runs_are_refused_and_what_is_missing_is_named() {
         let message = text(&out.stderr);
         assert!(words.iter().all(|word| message.contains(word)), "{args:?}: {message}");
     };
-    let merge = ["merge", "parts", "-o", "a.laz"];
-    refused(&merge, &["parts"]);
+    let merge = ["merge", "shards", "-o", "a.laz"];
+    refused(&merge, &["shards"]);
     compute(dir.path(), &survey, &["--seed", "1"], [0, 1, 4, 6], 8);
-    refused(&merge, &["4 of 8 parts are missing", "--array=2-3,5,7"]);
+    refused(&merge, &["4 of 8 shards are missing", "--array=2-3,5,7"]);
     compute(dir.path(), &survey, &["--seed", "1"], [2, 3, 5, 7], 8);
     refused(
-        &["run", &survey, "-o", "parts", "--part", "3/8", "--seed", "1"],
+        &["run", &survey, "-o", "shards", "--shard", "3/8", "--seed", "1"],
         &["exists already", "--force", "--resume"],
     );
-    let resumed = ["run", &survey, "-o", "parts", "--part", "3/8", "--seed", "1", "--resume"];
+    let resumed = ["run", &survey, "-o", "shards", "--shard", "3/8", "--seed", "1", "--resume"];
     assert!(text(&succeed(dir.path(), &resumed).stderr).contains("is complete"));
-    refused(&["merge", "parts", "-o", "a.laz", "--waveforms"], &["hold no waveforms", "--waveforms"]);
-    refused(&["run", &survey, "-o", "parts", "--part", "8/8"], &["0 to N-1"]);
-    refused(&["run", &survey, "--part", "1/8"], &["-o DIR"]);
-    succeed(dir.path(), &["merge", "parts", "--check"]);
-    // Physics of another kind in two parts.
+    refused(&["merge", "shards", "-o", "a.laz", "--waveforms"], &["hold no waveforms", "--waveforms"]);
+    refused(&["run", &survey, "-o", "shards", "--shard", "8/8"], &["0 to N-1"]);
+    refused(&["run", &survey, "--shard", "1/8"], &["-o DIR"]);
+    succeed(dir.path(), &["merge", "shards", "--check"]);
+    // Physics of another kind in two shards.
     let other = ["--seed", "1", "--physics", "refined", "--force"];
-    fs::remove_file(dir.path().join("parts/flight.vlplan")).unwrap();
+    fs::remove_file(dir.path().join("shards/flight.vlindex")).unwrap();
     compute(dir.path(), &survey, &other, [3, 4], 8);
-    refused(&merge, &["parts 3-4 in parts are of another run", "kinematics"]);
-    fs::remove_file(dir.path().join("parts/flight.vlplan")).unwrap();
+    refused(&merge, &["shards 3-4 in shards are of another run", "kinematics"]);
+    fs::remove_file(dir.path().join("shards/flight.vlindex")).unwrap();
     compute(dir.path(), &survey, &["--seed", "1", "--force"], [3, 4], 8);
-    // Damage within a block is found while merging; all damaged parts are named, and no output remains.
+    // Damage within a block is found while merging; all damaged shards are named, and no output remains.
     for number in [2, 5] {
-        damage(&dir.path().join(format!("parts/part-{number:06}-of-000008.vlpart")));
+        damage(&dir.path().join(format!("shards/shard-{number:06}-of-000008.vlshard")));
     }
-    refused(&merge, &["part-000002-of-000008.vlpart", "part-000005-of-000008.vlpart", "--array=2,5"]);
-    refused(&["merge", "parts", "--check"], &["--array=2,5"]);
+    refused(&merge, &["shard-000002-of-000008.vlshard", "shard-000005-of-000008.vlshard", "--array=2,5"]);
+    refused(&["merge", "shards", "--check"], &["--array=2,5"]);
     assert!(!dir.path().join("a.laz").exists());
-    // What the message says to be done: a damaged part is not taken for a complete one.
-    refused(&merge, &["-o parts --part 2/8 --resume"]);
+    // What the message says to be done: a damaged shard is not taken for a complete one.
+    refused(&merge, &["-o shards --shard 2/8 --resume"]);
     for number in ["2/8", "5/8"] {
-        let again = ["run", &survey, "-o", "parts", "--part", number, "--seed", "1", "--resume"];
+        let again = ["run", &survey, "-o", "shards", "--shard", number, "--seed", "1", "--resume"];
         let said = text(&succeed(dir.path(), &again).stderr);
         assert!(said.contains("is damaged") && said.contains("computed again"), "{said}");
         assert!(text(&succeed(dir.path(), &again).stderr).contains("is complete"));
@@ -391,7 +333,7 @@ fn parts_of_other_runs_are_refused_and_what_is_missing_is_named() {
 }
 
 #[test]
-fn a_run_in_parts_at_once_gives_the_same_bytes_and_leaves_nothing() {
+fn a_run_in_shards_at_once_gives_the_same_bytes_and_leaves_nothing() {
     let survey = survey("moving/survey.xml");
     let expected = of_run(&survey, &["--pulses"], EVERY_FORMAT);
     let found = of_run(&survey, &["--pulses", "--resume=3000"], EVERY_FORMAT);
@@ -402,29 +344,29 @@ fn a_run_in_parts_at_once_gives_the_same_bytes_and_leaves_nothing() {
 }
 
 #[test]
-fn damaged_parts_of_a_run_that_goes_on_are_computed_again() {
+fn damaged_shards_of_a_run_that_goes_on_are_computed_again() {
     let survey = survey("forest/survey.xml");
-    for (out, holding) in [("a.laz", &["--part-points", "las"][..]), ("a.mcap", &[])] {
-        let expected = &of_run(&survey, &["--seed", "2"], &["-o", out])[Path::new(out)];
-        let dir = folder();
-        let parts = format!("{out}.parts");
-        for number in ["0/4", "1/4", "2/4"] {
-            let run = ["run", &survey, "-q", "-o", &parts, "--part", number, "--seed", "2"];
-            succeed(dir.path(), &arguments(&[&run, holding]));
-        }
-        // As those that a run with --resume has made.
-        let mark = "{\"program\":\"vlscan run --resume\",\"state\":\"parts\"}";
-        fs::write(dir.path().join(&parts).join("vlscan-resume.json"), mark).unwrap();
-        for name in ["part-000000-of-000004.vlpart", "part-000002-of-000004.vlpart", "flight.vlplan"] {
-            damage(&dir.path().join(&parts).join(name));
-        }
-        let said = text(&succeed(dir.path(), &["run", &survey, "-o", out, "--resume", "--seed", "2"]).stderr);
-        assert_eq!(said.matches("the part is computed again").count(), 2, "{said}");
-        assert!(said.contains("part-000000-of-000004.vlpart is damaged"), "{said}");
-        assert!(said.contains("flight.vlplan is damaged and made again"), "{said}");
-        assert!(fs::read(dir.path().join(out)).unwrap() == *expected, "{out}");
-        assert_eq!(files(dir.path()), [Path::new(out)]);
+    // Its points need what `run --shard` always records.
+    let out = "a.mcap";
+    let expected = &of_run(&survey, &["--seed", "2"], &["-o", out])[Path::new(out)];
+    let dir = folder();
+    let shards = format!("{out}.shards");
+    for number in ["0/4", "1/4", "2/4"] {
+        let run = ["run", &survey, "-q", "-o", &shards, "--shard", number, "--seed", "2"];
+        succeed(dir.path(), &run);
     }
+    // As those that a run with --resume has made.
+    let mark = "{\"program\":\"vlscan run --resume\",\"state\":\"shards\"}";
+    fs::write(dir.path().join(&shards).join("vlscan-resume.json"), mark).unwrap();
+    for name in ["shard-000000-of-000004.vlshard", "shard-000002-of-000004.vlshard", "flight.vlindex"] {
+        damage(&dir.path().join(&shards).join(name));
+    }
+    let said = text(&succeed(dir.path(), &["run", &survey, "-o", out, "--resume", "--seed", "2"]).stderr);
+    assert_eq!(said.matches("the shard is computed again").count(), 2, "{said}");
+    assert!(said.contains("shard-000000-of-000004.vlshard is damaged"), "{said}");
+    assert!(said.contains("flight.vlindex is damaged and made again"), "{said}");
+    assert!(fs::read(dir.path().join(out)).unwrap() == *expected, "{out}");
+    assert_eq!(files(dir.path()), [Path::new(out)]);
 }
 
 /// Changes a bit in the middle of a file.
@@ -436,10 +378,10 @@ fn damage(path: &Path) {
 }
 
 #[test]
-fn a_folder_of_the_user_is_no_folder_of_parts() {
+fn a_folder_of_the_user_is_no_folder_of_shards() {
     let survey = survey("moving/survey.xml");
     let dir = folder();
-    let chapter = dir.path().join("a.laz.parts/thesis/chapter1.txt");
+    let chapter = dir.path().join("a.laz.shards/thesis/chapter1.txt");
     fs::create_dir_all(chapter.parent().unwrap()).unwrap();
     fs::write(&chapter, "precious").unwrap();
     for options in [&["--resume"][..], &["--resume", "--force"]] {
@@ -447,47 +389,47 @@ fn a_folder_of_the_user_is_no_folder_of_parts() {
         let out = run(dir.path(), &command);
         assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));
         assert!(
-            text(&out.stderr).contains("a.laz.parts exists and was not made by"),
+            text(&out.stderr).contains("a.laz.shards exists and was not made by"),
             "{}",
             text(&out.stderr)
         );
         assert_eq!(fs::read(&chapter).unwrap(), b"precious");
     }
-    fs::rename(dir.path().join("a.laz.parts"), dir.path().join("a.laz.parts.done")).unwrap();
+    fs::rename(dir.path().join("a.laz.shards"), dir.path().join("a.laz.shards.done")).unwrap();
     succeed(dir.path(), &["run", &survey, "-q", "-o", "a.laz", "--resume"]);
-    assert_eq!(fs::read(dir.path().join("a.laz.parts.done/thesis/chapter1.txt")).unwrap(), b"precious");
-    assert!(dir.path().join("a.laz").exists() && !dir.path().join("a.laz.parts").exists());
+    assert_eq!(fs::read(dir.path().join("a.laz.shards.done/thesis/chapter1.txt")).unwrap(), b"precious");
+    assert!(dir.path().join("a.laz").exists() && !dir.path().join("a.laz.shards").exists());
 }
 
 #[test]
-fn files_of_the_user_with_the_names_of_a_run_in_parts_are_kept() {
+fn files_of_the_user_with_the_names_of_a_run_in_shards_are_kept() {
     let survey = survey("moving/survey.xml");
-    for name in ["lock", "flight.vlplan", "a.laz.vlscan-0123abcd.part", "part-000000-of-000001.vlpart"] {
+    for name in ["lock", "flight.vlindex", "a.laz.vlscan-0123abcd.part", "shard-000000-of-000001.vlshard"] {
         let dir = folder();
-        let theirs = dir.path().join("a.laz.parts").join(name);
+        let theirs = dir.path().join("a.laz.shards").join(name);
         fs::create_dir(theirs.parent().unwrap()).unwrap();
         fs::write(&theirs, "precious").unwrap();
         for options in [&["--resume"][..], &["--resume", "--force"]] {
             let out = run(dir.path(), &arguments(&[&["run", &survey, "-o", "a.laz"], options]));
             let said = text(&out.stderr);
             assert_eq!(out.status.code(), Some(2), "{name}: {said}");
-            assert!(said.contains("a.laz.parts exists and was not made by"), "{name}: {said}");
+            assert!(said.contains("a.laz.shards exists and was not made by"), "{name}: {said}");
             assert_eq!(fs::read(&theirs).unwrap(), b"precious", "{name}");
         }
     }
-    // A damaged part is replaced, and a file that is no part is not.
+    // A damaged shard is replaced, and a file that is no shard is not.
     let dir = folder();
-    let part = dir.path().join("parts/part-000000-of-000002.vlpart");
-    fs::create_dir(part.parent().unwrap()).unwrap();
-    fs::write(&part, "precious").unwrap();
-    let command = ["run", &survey, "-o", "parts", "--part", "0/2", "--resume"];
+    let shard = dir.path().join("shards/shard-000000-of-000002.vlshard");
+    fs::create_dir(shard.parent().unwrap()).unwrap();
+    fs::write(&shard, "precious").unwrap();
+    let command = ["run", &survey, "-o", "shards", "--shard", "0/2", "--resume"];
     let out = run(dir.path(), &command);
     assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));
     assert!(text(&out.stderr).contains("so it is not replaced"), "{}", text(&out.stderr));
-    assert_eq!(fs::read(&part).unwrap(), b"precious");
-    fs::write(&part, "VLSPART\n, and cut short").unwrap();
+    assert_eq!(fs::read(&shard).unwrap(), b"precious");
+    fs::write(&shard, "VLSHARD\n, and cut short").unwrap();
     succeed(dir.path(), &command);
-    assert!(fs::read(&part).unwrap().len() > 1000);
+    assert!(fs::read(&shard).unwrap().len() > 1000);
 }
 
 #[test]
@@ -495,18 +437,18 @@ fn an_output_that_appears_while_a_run_is_ended_is_kept() {
     let dir = folder();
     let survey = survey("forest/survey.xml");
     let command = ["run", &survey, "-q", "-o", "a.laz", "--resume=1000"];
-    let mut child = begin(dir.path(), &command, "a.laz.parts");
+    let mut child = begin(dir.path(), &command, "a.laz.shards");
     child.kill().unwrap();
     child.wait().unwrap();
     fs::write(dir.path().join("a.laz"), "precious").unwrap();
-    fs::write(dir.path().join("a.laz.parts/notes.txt"), "precious").unwrap();
+    fs::write(dir.path().join("a.laz.shards/notes.txt"), "precious").unwrap();
     let out = run(dir.path(), &command);
     assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));
     assert!(text(&out.stderr).contains("a.laz exists already"), "{}", text(&out.stderr));
     assert_eq!(fs::read(dir.path().join("a.laz")).unwrap(), b"precious");
     fs::remove_file(dir.path().join("a.laz")).unwrap();
     succeed(dir.path(), &command);
-    assert_eq!(files(dir.path()), [Path::new("a.laz"), Path::new("a.laz.parts/notes.txt")]);
+    assert_eq!(files(dir.path()), [Path::new("a.laz"), Path::new("a.laz.shards/notes.txt")]);
 }
 
 /// Kills runs of a survey after growing times until one is complete; returns how many were killed.
@@ -568,11 +510,11 @@ fn a_hundred_killed_runs_go_on_where_they_were() {
     }
 }
 
-/// Begins a run that can be resumed, and waits until `parts` holds some.
-fn begin(folder: &Path, command: &[&str], parts: &str) -> std::process::Child {
+/// Begins a run that can be resumed, and waits until `shards` holds some.
+fn begin(folder: &Path, command: &[&str], shards: &str) -> std::process::Child {
     let mut child = vlscan(folder).args(command).spawn().unwrap();
-    // The lock, the mark, the borders, and at least one part beside the one that is being written.
-    while fs::read_dir(folder.join(parts)).map_or(0, Iterator::count) < 5 {
+    // The lock, the mark, the borders, and at least one shard beside the one that is being written.
+    while fs::read_dir(folder.join(shards)).map_or(0, Iterator::count) < 5 {
         assert!(child.try_wait().unwrap().is_none(), "the run has ended");
         std::thread::sleep(Duration::from_millis(2));
     }
@@ -584,7 +526,7 @@ fn a_resumed_run_of_other_options_is_refused_unless_it_may_replace() {
     let dir = folder();
     let survey = survey("forest/survey.xml");
     let command = |seed: &'static str| ["run", &survey, "-q", "-o", "a.laz", "--resume=1000", "--seed", seed];
-    let mut child = begin(dir.path(), &command("2"), "a.laz.parts");
+    let mut child = begin(dir.path(), &command("2"), "a.laz.shards");
     let refused = run(dir.path(), &command("2"));
     assert_eq!(refused.status.code(), Some(2), "another run is at work: {}", text(&refused.stderr));
     child.kill().unwrap();
@@ -595,30 +537,6 @@ fn a_resumed_run_of_other_options_is_refused_unless_it_may_replace() {
     succeed(dir.path(), &arguments(&[&command("3"), &["--force"]]));
     let expected = of_run(&survey, &["--seed", "3"], &["-o", "a.laz"]);
     assert_same(&contents(dir.path()), &expected, "another seed");
-}
-
-#[test]
-fn resumed_runs_to_las_have_parts_for_las_alone() {
-    let dir = folder();
-    let survey = survey("forest/survey.xml");
-    let expected = of_run(&survey, &[], &["-o", "a.laz", "-o", "a.csv"]);
-    let las = ["run", &survey, "-q", "-o", "a.laz", "--resume=1000"];
-    let both = arguments(&[&las, &["-o", "a.csv"]]);
-    let kill = |command: &[&str]| {
-        let mut child = begin(dir.path(), command, "a.laz.parts");
-        child.kill().unwrap();
-        child.wait().unwrap();
-    };
-    kill(&las);
-    let refused = run(dir.path(), &both);
-    assert_eq!(refused.status.code(), Some(2));
-    assert!(text(&refused.stderr).contains("echoes or records of LAS"), "{}", text(&refused.stderr));
-    fs::remove_dir_all(dir.path().join("a.laz.parts")).unwrap();
-    // Parts that hold echoes are enough for LAS.
-    kill(&both);
-    succeed(dir.path(), &las);
-    assert!(fs::read(dir.path().join("a.laz")).unwrap() == expected[Path::new("a.laz")]);
-    assert_eq!(files(dir.path()), [Path::new("a.laz")]);
 }
 
 /// Runs a script of `pipelines/cluster/` in `folder`, with the program and `programs` on the search path.
@@ -636,7 +554,7 @@ fn script(folder: &Path, programs: &Path, command: &str) {
 }
 
 #[test]
-fn gnu_parallel_computes_parts() {
+fn gnu_parallel_computes_shards() {
     if Command::new("parallel").arg("--version").output().is_err() {
         return missing("parallel", "apt install parallel");
     }
@@ -668,7 +586,7 @@ echo 17
 "#;
 
 #[test]
-fn the_scripts_for_slurm_compute_parts_and_merge_them() {
+fn the_scripts_for_slurm_compute_shards_and_merge_them() {
     let (dir, programs, survey) = (folder(), folder(), survey("forest/survey.xml"));
     let sbatch = programs.path().join("sbatch");
     fs::write(&sbatch, SBATCH).unwrap();
@@ -692,63 +610,55 @@ fn container_scripts(manifest: &str) -> Vec<String> {
 }
 
 #[test]
-fn the_pods_of_kubernetes_compute_parts_and_merge_them() {
+fn the_pods_of_kubernetes_compute_shards_and_merge_them() {
     let (dir, survey) = (folder(), survey("forest/survey.xml"));
     let manifest = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/cluster/kubernetes.yaml");
     let scripts = container_scripts(&fs::read_to_string(manifest).unwrap());
-    let [part, merge] = scripts.as_slice() else { panic!("{scripts:?}") };
+    let [shard, merge] = scripts.as_slice() else { panic!("{scripts:?}") };
     let expected = of_run(&survey, &[], &["-o", "a.laz"]);
     let program = Path::new(env!("CARGO_BIN_EXE_vlscan")).parent().unwrap();
     let pod = |script: &str, index: u32| {
         let path = format!("{}:{}", program.display(), std::env::var("PATH").unwrap_or_default());
         let mut command = Command::new("sh");
         command.args(["-c", script]).current_dir(dir.path()).env("PATH", path).env("COUNT", "3");
-        command.env("SURVEY", &survey).env("PARTS", "a.parts").env("OUTPUT", "a.laz");
+        command.env("SURVEY", &survey).env("SHARDS", "a.shards").env("OUTPUT", "a.laz");
         let done = command.env("JOB_COMPLETION_INDEX", index.to_string()).output().unwrap();
         assert!(done.status.success(), "{script}: {}", text(&done.stderr));
     };
-    (0..3).for_each(|index| pod(part, index));
-    pod(part, 1);
+    (0..3).for_each(|index| pod(shard, index));
+    pod(shard, 1);
     pod(merge, 0);
     assert!(fs::read(dir.path().join("a.laz")).unwrap() == expected[Path::new("a.laz")]);
 }
 
 #[test]
-fn parts_of_other_instruction_sets_and_of_packed_scenes_give_the_same_bytes() {
+fn shards_of_other_instruction_sets_and_of_packed_scenes_give_the_same_bytes() {
     let (dir, survey) = (folder(), survey("forest/survey.xml"));
     let outputs = ["-o", "a.laz", "-o", "a.csv"];
     let expected = of_run(&survey, &[], &outputs);
     succeed(dir.path(), &["scene", "pack", &survey, "-q", "-o", "s.vlscene"]);
-    // A packed scene has a fingerprint of its own: all parts are computed with it, or none.
+    // A packed scene has a fingerprint of its own: all shards are computed with it, or none.
     for scene in [&[][..], &["--scene", "s.vlscene"]] {
         for (number, set) in ["portable", "avx2", "avx512"].into_iter().enumerate() {
-            let part = format!("{number}/3");
-            let run = arguments(&[&["run", &survey, "-q", "-o", "parts", "--part", &part], scene]);
+            let shard = format!("{number}/3");
+            let run = arguments(&[&["run", &survey, "-q", "-o", "shards", "--shard", &shard], scene]);
             let done = vlscan(dir.path()).args(run).env("VLSCAN_SIMD", set).output().unwrap();
             assert!(done.status.success(), "{set}: {}", text(&done.stderr));
         }
         assert_same(&merged(dir.path(), &outputs), &expected, &format!("{scene:?}"));
-        fs::remove_dir_all(dir.path().join("parts")).unwrap();
+        fs::remove_dir_all(dir.path().join("shards")).unwrap();
     }
 }
 
 #[test]
-fn merges_in_parts_are_joined_to_the_same_bytes() {
+fn merges_in_segments_are_joined_to_the_same_bytes() {
     let dir = folder();
     succeed(dir.path(), &["scene", "make", "forest", "-n", "3k", "--pulses", "200k", "-o", "f", "-q"]);
     let survey = dir.path().join("f/survey.xml").to_str().unwrap().to_owned();
-    for (parts, holding) in [("parts", &[][..]), ("las-parts", &["--part-points", "las", "--labels"])] {
-        (0..3).for_each(|number| {
-            let part = format!("{number}/3");
-            let run = ["run", &survey, "-q", "-o", parts, "--part", &part];
-            succeed(dir.path(), &arguments(&[&run, holding]));
-        });
-    }
-    for (parts, out) in
-        [("parts", "a.las"), ("parts", "a.laz"), ("las-parts", "a.las"), ("las-parts", "a.laz")]
-    {
+    compute(dir.path(), &survey, &[], 0..3, 3);
+    for out in ["a.las", "a.laz"] {
         let expected = &of_run(&survey, &[], &["-o", out, "--labels"])[Path::new(out)];
-        let merge = ["merge", parts, "-q", "-o", out, "--labels"];
+        let merge = ["merge", "shards", "-q", "-o", out, "--labels"];
         let refused = |options: &[&str], word: &str| {
             let done = run(dir.path(), &arguments(&[&merge, options]));
             assert!(
@@ -759,15 +669,15 @@ fn merges_in_parts_are_joined_to_the_same_bytes() {
         };
         for of in [5, 2, 40] {
             for number in (1..of).rev() {
-                succeed(dir.path(), &arguments(&[&merge, &["--part", &format!("{number}/{of}")]]));
+                succeed(dir.path(), &arguments(&[&merge, &["--segment", &format!("{number}/{of}")]]));
             }
             refused(&["--join"], "--array=0");
-            succeed(dir.path(), &arguments(&[&merge, &["--part", &format!("0/{of}")]]));
+            succeed(dir.path(), &arguments(&[&merge, &["--segment", &format!("0/{of}")]]));
             // Segments of other options are not its segments.
-            let other = run(dir.path(), &["merge", parts, "-q", "-o", out, "--join"]);
-            assert!(text(&other.stderr).contains("no segments of these parts"), "{}", text(&other.stderr));
+            let other = run(dir.path(), &["merge", "shards", "-q", "-o", out, "--join"]);
+            assert!(text(&other.stderr).contains("no segments of these shards"), "{}", text(&other.stderr));
             succeed(dir.path(), &arguments(&[&merge, &["--join"]]));
-            assert!(fs::read(dir.path().join(out)).unwrap() == *expected, "{out} in {of} parts");
+            assert!(fs::read(dir.path().join(out)).unwrap() == *expected, "{out} in {of} segments");
             refused(&["--join"], "--force");
             fs::remove_file(dir.path().join(out)).unwrap();
             // Damaged segments are found, and what the message says to be done mends them.
@@ -776,17 +686,29 @@ fn merges_in_parts_are_joined_to_the_same_bytes() {
             segments.sort();
             damage(&segments[1]);
             refused(&["--join"], &segments[1].file_name().unwrap().to_string_lossy());
-            refused(&["--join"], &format!("--part 1/{of} instead of --join"));
+            refused(&["--join"], &format!("--segment 1/{of} instead of --join"));
             fs::write(&segments[1], &fs::read(&segments[1]).unwrap()[..400]).unwrap();
             refused(&["--join"], "does not match its checksum");
-            succeed(dir.path(), &arguments(&[&merge, &["--part", &format!("1/{of}")]]));
+            succeed(dir.path(), &arguments(&[&merge, &["--segment", &format!("1/{of}")]]));
             succeed(dir.path(), &arguments(&[&merge, &["--join"]]));
-            assert!(fs::read(dir.path().join(out)).unwrap() == *expected, "{out} in {of} parts, mended");
+            assert!(fs::read(dir.path().join(out)).unwrap() == *expected, "{out} in {of} segments, mended");
             fs::remove_file(dir.path().join(out)).unwrap();
             fs::remove_dir_all(dir.path().join(format!("{out}.segments"))).unwrap();
         }
-        let message = if parts == "parts" { "alone" } else { "b.xyz cannot be made" };
-        refused(&["--part", "0/2", "-o", "b.xyz"], message);
-        refused(&["--part", "0/2", "--waveforms"], "waveforms");
+        refused(&["--segment", "0/2", "-o", "b.xyz"], "alone");
+        refused(&["--segment", "0/2", "--waveforms"], "waveforms");
     }
+}
+
+#[test]
+fn earlier_names_of_options_and_commands_work_the_same() {
+    let (dir, survey) = (folder(), survey("forest/survey.xml"));
+    succeed(dir.path(), &["plan-parts", &survey, "-q", "-o", "shards"]);
+    let run = ["run", &survey, "-o", "shards", "--part", "0/1", "--part-points", "las"];
+    let said = text(&succeed(dir.path(), &run).stderr);
+    assert!(said.contains("--part-points no longer changes anything"), "{said}");
+    succeed(dir.path(), &["merge", "shards", "-q", "-o", "a.las", "--part", "0/1"]);
+    succeed(dir.path(), &["merge", "shards", "-q", "-o", "a.las", "--join"]);
+    let expected = of_run(&survey, &[], &["-o", "a.las"]);
+    assert!(fs::read(dir.path().join("a.las")).unwrap() == expected[Path::new("a.las")]);
 }

@@ -1,8 +1,9 @@
-//! Where parts begin: the flight, stepped once, with its state at regular numbers of pulses. Any number of parts can use
+//! Where shards begin: the flight, stepped once, with its state at regular numbers of pulses. Any number of shards can use
 //! it: the state at a border is a few steps after the nearest one that is stored.
 
 use super::fingerprint::Fingerprint;
 use super::private::PrivateFolder;
+use super::share::OneOf;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -12,7 +13,7 @@ use vlscan_lidar::flight::FlightState;
 use xxhash_rust::xxh3::xxh3_64;
 
 /// The first bytes of every file of borders.
-pub(super) const MAGIC: &[u8; 8] = b"VLSPLAN\n";
+pub(super) const MAGIC: &[u8; 8] = b"VLINDEX\n";
 /// Maximum number of stored states.
 const MAX_STATES: usize = 2048;
 /// Maximum size of all stored states together, bytes.
@@ -20,7 +21,7 @@ const MAX_BYTES: usize = 32 << 20;
 /// Pulses between stored states, at first; doubled when there are too many.
 const FIRST_INTERVAL: u64 = 1024;
 
-/// The number of pulses of a flight, and states from which parts begin.
+/// The number of pulses of a flight, and states from which shards begin.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Borders {
     fingerprint: Fingerprint,
@@ -32,7 +33,7 @@ pub struct Borders {
     states: Vec<StoredState>,
 }
 
-/// The borders in a folder of parts.
+/// The borders in a folder of shards.
 #[derive(Debug)]
 pub enum StoredBorders {
     Found(Borders),
@@ -58,13 +59,13 @@ pub struct Border {
 }
 
 impl Borders {
-    /// The pulses of part `number` of `of`.
-    pub fn range(&self, number: u32, of: u32) -> Range<u64> {
+    /// The pulses of a shard.
+    pub fn range(&self, OneOf { number, of }: OneOf) -> Range<u64> {
         let at = |n: u32| (u128::from(self.total) * u128::from(n) / u128::from(of.max(1))) as u64;
         at(number)..at(number + 1)
     }
 
-    /// The last epoch of a part that ends before pulse `end`, or with the flight.
+    /// The last epoch of a shard that ends before pulse `end`, or with the flight.
     pub fn last_epoch(&self, end: Option<u64>) -> u32 {
         let begun = |end: u64| self.epochs.partition_point(|&before| before < end);
         end.map_or(self.epochs.len(), begun).saturating_sub(1) as u32
@@ -94,9 +95,9 @@ impl Borders {
         self.states[..before].last().map(read).transpose()
     }
 
-    /// The file of the borders in a folder of parts.
+    /// The file of the borders in a folder of shards.
     pub fn path(folder: &Path) -> PathBuf {
-        folder.join("flight.vlplan")
+        folder.join("flight.vlindex")
     }
 
     /// Reads the borders of a folder.
@@ -113,7 +114,7 @@ impl Borders {
             let mut problems = vlscan_base::diag::Diagnostics::default();
             problems
                 .error(None, format!("{} {reason}", path.display()))
-                .help("choose another folder for these parts, or remove the file: it is made again");
+                .help("choose another folder for these shards, or remove the file: it is made again");
             Error::Input(Box::new(problems))
         };
         let body = bytes.strip_prefix(MAGIC).ok_or_else(|| refuse("is a file of another kind"))?;
@@ -222,7 +223,7 @@ mod tests {
     fn ranges_join_and_are_balanced() {
         for (total, of) in [(0, 3), (1, 7), (1000, 7), (5, 64), (u64::MAX / 2, 1000)] {
             let borders = borders(total, &[0]);
-            let ranges: Vec<_> = (0..of).map(|number| borders.range(number, of)).collect();
+            let ranges: Vec<_> = (0..of).map(|number| borders.range(OneOf { number, of })).collect();
             assert_eq!((ranges[0].start, ranges[of as usize - 1].end), (0, total));
             assert!(ranges.windows(2).all(|pair| pair[0].end == pair[1].start));
             let lengths = ranges.iter().map(|range| range.end - range.start);

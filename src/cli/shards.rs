@@ -1,0 +1,128 @@
+//! `vlscan run --shard`, `vlscan index-shards` and `vlscan merge`: a run that is divided among processes.
+
+use super::args::{IndexShardsArgs, MergeArgs, RunArgs};
+use super::companions::{Companions, resolve};
+use super::run::{show_report, warn_of_few_points};
+use super::{Console, interrupt};
+use crate::options::{OneOf, Options};
+use crate::pipeline::{
+    Job, Session, join_segments, merge as merge_shards, merge_segment, merge_warnings, output_context,
+    schedule_of,
+};
+use crate::shards::{ShardSet, shard_path};
+use std::path::PathBuf;
+use std::time::Instant;
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::reads;
+use vlscan_base::quantity::amount;
+
+/// Runs `vlscan run --shard K/N`.
+pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> {
+    let started = Instant::now();
+    let (folder, options) = folder_of_shards(&args.options)?;
+    let path = shard_path(&folder, shard);
+    let (force, resumes) = (options.output.force.is_on(), args.shards.resume.is_some());
+    if path.exists() && !force && !resumes {
+        let mut problems = Diagnostics::default();
+        problems
+            .error(None, format!("{} exists already", path.display()))
+            .help("replace it with --force; --resume computes it again only where it is damaged");
+        return Err(Error::Input(Box::new(problems)));
+    }
+    let Job { mut settings, mut output, schedule_log, part_table, progress_lines } =
+        resolve(&args.file, &options, console)?;
+    // A merge may write any format.
+    settings.physics.record_scanner_axes = true;
+    if part_table.is_some() {
+        return Err(Error::input(
+            "--parts counts the points of a whole run, and this is a share of one; vlscan scene info --json lists the parts \
+             of the scene",
+        ));
+    }
+    let mut session = Session::open_without_tree(settings, console.observer())?;
+    schedule_log.as_deref().map_or(Ok(()), reads::refuse_input)?;
+    let companions = Companions::of(schedule_log, None, &mut output);
+    let legs = session.survey().legs.len();
+    let mut shards = session.shards(&folder, output.creation, force, &interrupt::STOP)?;
+    if args.shards.part_points.is_some() {
+        console.say("--part-points no longer changes anything: any output can be made of a shard");
+    }
+    if resumes && !force && shards.existing(shard)?.is_some() {
+        console.say(format!("{} exists and is complete", path.display()));
+        return Ok(());
+    }
+    let report = companions.run(console, progress_lines, legs, |control| shards.run(shard, control))?;
+    show_report(console, &report, started)
+}
+
+/// Runs `vlscan index-shards`.
+pub fn index(args: &IndexShardsArgs, console: &Console) -> Result<()> {
+    let (folder, options) = folder_of_shards(&args.options)?;
+    let Job { settings, output, .. } = resolve(&args.file, &options, console)?;
+    let mut session = Session::open_without_tree(settings, console.observer())?;
+    let shards = session.shards(&folder, output.creation, options.output.force.is_on(), &interrupt::STOP)?;
+    console.say(format!(
+        "{}  {} pulses, for any number of shards",
+        crate::shards::Borders::path(&folder).display(),
+        amount(shards.pulses() as f64)
+    ));
+    Ok(())
+}
+
+/// Runs `vlscan merge`.
+pub fn merge(args: &MergeArgs, console: &Console) -> Result<()> {
+    let started = Instant::now();
+    if args.output.subrays.is_on() {
+        return Err(Error::input("--subrays says what shards hold: give it to vlscan run --shard"));
+    }
+    let shards = ShardSet::open(&args.folder)?;
+    if args.check {
+        shards.verify(&interrupt::STOP)?;
+        if interrupt::STOP.is_requested() {
+            return Err(Error::Interrupted);
+        }
+        console.say(format!(
+            "{}  {} shards, {} pulses, {} echoes: complete",
+            args.folder.display(),
+            shards.head.of,
+            amount(shards.head.total as f64),
+            amount(shards.echoes as f64)
+        ));
+        return Ok(());
+    }
+    let mut options = Options {
+        output: args.output.clone(),
+        trajectory_out: args.trajectory_out.clone(),
+        ..Options::default()
+    };
+    options.schedule.threads = args.threads;
+    let outputs = options.output_request(shards.head.creation)?;
+    console.warnings(&merge_warnings(&shards, &outputs)?)?;
+    let legs = output_context(&shards)?.legs.len();
+    let schedule = schedule_of(&options);
+    let report = Companions::default().run(console, args.progress, legs, |control| match args.segment {
+        Some(segment) => merge_segment(&shards, &outputs, segment, schedule, control),
+        None if args.join => join_segments(&shards, &outputs, control),
+        None => merge_shards(&shards, outputs, schedule, control),
+    })?;
+    if args.segment.is_none() {
+        warn_of_few_points(console, &report)?;
+    }
+    show_report(console, &report, started)
+}
+
+/// The folder that -o names, and the options without it.
+fn folder_of_shards(options: &Options) -> Result<(PathBuf, Options)> {
+    let mut options = options.clone();
+    let named = std::mem::take(&mut options.output.out);
+    let refuse = |message: &str| Err(Error::input(message));
+    match named.as_slice() {
+        [folder] if folder.as_os_str() == "-" => refuse("shards are files: name a folder with -o"),
+        [folder] if folder.exists() && !folder.is_dir() => {
+            Err(Error::input(format!("{} is a file, expected a folder for the shards", folder.display())))
+        }
+        [folder] => Ok((folder.clone(), options)),
+        _ => refuse("expected one folder for the shards: -o DIR; formats are chosen by vlscan merge"),
+    }
+}
