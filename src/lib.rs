@@ -19,9 +19,9 @@
 //! Most stages are crates, each of which can be used alone:
 //!
 //! ```text
-//! geom ◄─ base ◄─ survey, points, warehouse
+//! geom ◄─ base ◄─ survey, formats, warehouse
 //! geom ◄─ trace
-//! survey, points, trace ◄─ scene ◄─ lidar ◄─ tools ◄─ vlscan
+//! survey, formats, trace ◄─ scene ◄─ lidar ◄─ tools ◄─ vlscan
 //! ```
 //!
 //! | module | what it does | uses |

@@ -182,7 +182,7 @@ mod tests {
     #[test]
     fn every_column_is_known_to_readers_of_points() {
         let names: Vec<&str> = Column::ALL.iter().map(|column| column.name()).collect();
-        assert_eq!(vlscan_points::Columns::find(names.iter().copied()).remarks(&names), [""; 0]);
+        assert_eq!(vlscan_formats::Columns::find(names.iter().copied()).remarks(&names), [""; 0]);
     }
 
     #[test]

@@ -35,8 +35,8 @@ use std::collections::HashSet;
 use std::path::Path;
 use vlscan_base::diag::Place;
 use vlscan_base::error::{Error, Result};
+use vlscan_formats::is_ply;
 use vlscan_geom::DVec3;
-use vlscan_points::is_ply;
 use vlscan_survey::{MaterialDefinition, Mesh, MeshReading, UpAxis, foreign_format};
 
 /// Formats of mesh files.

@@ -7,8 +7,8 @@ use ply_rs_bw::ply::{
     ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
 };
 use vlscan_base::damage::catch_decoder_panic;
+use vlscan_formats::{PlyNumbers, ply_header};
 use vlscan_geom::DVec3;
-use vlscan_points::{PlyNumbers, ply_header};
 
 pub(super) fn read(source: &Source) -> Result<RawMesh, String> {
     let name = source.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();

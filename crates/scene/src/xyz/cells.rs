@@ -4,8 +4,8 @@ use crate::plane::{Moments, least_direction};
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 use std::sync::atomic::{AtomicUsize, Ordering};
+use vlscan_formats::PointRow;
 use vlscan_geom::{Aabb, DVec3, unit};
-use vlscan_points::PointRow;
 
 /// Number of independent sets of cells. Constant, so that results do not depend on the number of threads.
 pub(super) const SHARDS: usize = 16;

@@ -16,8 +16,8 @@ use std::ops::{ControlFlow, Range};
 use text::RowFormat;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
+use vlscan_formats::{AttributeSet, CloudFormat, PointFile, PointRow, PointSink, Selection};
 use vlscan_geom::{Aabb, DVec3, direction, rescaled};
-use vlscan_points::{AttributeSet, CloudFormat, PointFile, PointRow, PointSink, Selection};
 use vlscan_survey::XyzLoader;
 use vlscan_trace::Cube;
 

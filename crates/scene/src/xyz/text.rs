@@ -5,8 +5,8 @@ use crate::text::{Line, Lines, Problems, Source, shown};
 use std::ops::Range;
 use vlscan_base::columns::comma_note;
 use vlscan_base::diag::Diagnostics;
-use vlscan_points::text::{Layout, LayoutFinder, Separators, is_skipped, is_with_comma};
-use vlscan_points::{Attribute, Columns, PointRow};
+use vlscan_formats::text::{Layout, LayoutFinder, Separators, is_skipped, is_with_comma};
+use vlscan_formats::{Attribute, Columns, PointRow};
 use vlscan_survey::XyzLoader;
 
 /// How the lines of a file are split, and the meaning of their columns.

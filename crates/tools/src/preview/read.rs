@@ -7,17 +7,17 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
+use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink};
 use vlscan_geom::MAX_COORDINATE;
-use vlscan_points::{Attribute, AttributeSet, PointRow, PointSink};
 
-/// Reads a point cloud in any format of [`vlscan_points`]; `-` is stdin. Returns the points and what is to be said of
+/// Reads a point cloud in any format of [`vlscan_formats`]; `-` is stdin. Returns the points and what is to be said of
 /// them: warnings, also of points that are left out, and notes on how the file was interpreted.
 ///
 /// # Errors
 /// [`Error::Input`] when the file is of no format that is read or damaged, with the invalid lines of text.
 pub fn read_points(path: &Path) -> Result<(Points, Diagnostics)> {
     let (mut collector, mut found) = (Collector::default(), Diagnostics::default());
-    vlscan_points::read_points(path, &mut collector, &mut found)?;
+    vlscan_formats::read_points(path, &mut collector, &mut found)?;
     let found = found.finish(false)?;
     collector.ended(path, found)
 }
@@ -30,7 +30,7 @@ pub fn read_points(path: &Path) -> Result<(Points, Diagnostics)> {
 pub fn points_of_table(batch: &RecordBatch, colour: ColourBy) -> Result<(Points, Diagnostics)> {
     const NAME: &str = "the table";
     let (mut collector, mut found) = (Collector::default(), Diagnostics::default());
-    vlscan_points::read_record_batch(batch, NAME, &mut collector, &mut found)?;
+    vlscan_formats::read_record_batch(batch, NAME, &mut collector, &mut found)?;
     let (points, mut found) = collector.ended(Path::new(NAME), found)?;
     found.extend(points.doubts_of_colours(Path::new(NAME), colour));
     Ok((points, found))

@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
 use vlscan_base::store::FileBytes;
+use vlscan_formats::{LasReader, Selection};
 use vlscan_geom::DVec3;
-use vlscan_points::{LasReader, Selection};
 
 /// Speed of light, m/ns.
 const C: f64 = 0.299792458;

@@ -7,7 +7,7 @@
 //! | `file` | opens files and streams, and calls the reader of their format |
 //! | `format` | recognises formats, also those that are not read |
 //! | `las` | LAS and LAZ 1.0 to 1.5: points, extra dimensions, units, raw records |
-//! | `ply`, `ply_header`, `ply_text` | PLY, text and binary; its header; its numbers in text |
+//! | `ply` | PLY, text and binary |
 //! | `pcd`, `e57` | PCD, E57 |
 //! | `leica` | PTS and PTX |
 //! | `table` | Arrow, Parquet and tables in memory |
@@ -23,17 +23,14 @@ mod las;
 mod leica;
 mod pcd;
 mod ply;
-mod ply_header;
-mod ply_text;
 mod table;
 pub mod text;
 
 pub use columns::{Attribute, AttributeSet, Columns, Misfits};
 pub use file::{PointFile, read_points};
 pub use format::CloudFormat;
-pub use las::{LasReader, Selection};
-pub use ply_header::{is_ply, ply_header};
-pub use ply_text::PlyNumbers;
+pub use las::{ExtraDimension, Header as LasHeader, LasReader, Selection};
+pub use ply::{PlyNumbers, is_ply, ply_header};
 pub use table::read_record_batch;
 
 /// The example of the README.

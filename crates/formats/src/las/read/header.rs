@@ -14,6 +14,7 @@ const FORMAT: u8 = 0x3f;
 pub struct Header {
     /// Point format, 0 to 10.
     pub format: u8,
+    /// Number of records.
     pub count: u64,
     pub(super) record_length: u16,
     pub(super) is_compressed: bool,

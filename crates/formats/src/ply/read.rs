@@ -1,6 +1,6 @@
 //! Reads the vertices of PLY files, text and binary.
 
-use super::{Attribute, Columns, PlyNumbers, Reading, ply_header};
+use crate::{Attribute, Columns, PlyNumbers, Reading, ply_header};
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{
     Addable, ElementDef, Encoding, Header, KeyMap, Property, PropertyAccess, PropertyAccessResult,
@@ -9,7 +9,7 @@ use ply_rs_bw::ply::{
 use std::io::ErrorKind;
 
 /// Reads the vertices of a file.
-pub(super) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
+pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
     let mut file = PlyReader::open(bytes)?;
     file.remarks.iter().for_each(|remark| reading.warn(remark.as_str()));
     reading.sink.start(file.columns.attributes());

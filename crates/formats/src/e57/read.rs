@@ -1,7 +1,7 @@
 //! E57 (ASTM E2807), all scans of a file with their poses. Points with an invalid state are left out; spherical coordinates are
 //! read where a scan has no Cartesian ones. Positions are metres by the standard.
 
-use super::{Attribute, AttributeSet, Misfits, PointRow, Reading};
+use crate::{Attribute, AttributeSet, Misfits, PointRow, Reading};
 use ::e57::{E57Reader, PointCloud, RawValues, RecordDataType, RecordName, Transform};
 use std::io::Cursor;
 use std::ops::ControlFlow;
@@ -9,7 +9,7 @@ use vlscan_base::damage::catch_decoder_panic;
 use vlscan_geom::DVec3;
 
 /// Reads a file.
-pub(super) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
+pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
     let done = catch_decoder_panic(|| read_scans(bytes, reading));
     done.unwrap_or_else(|| Err("its sections are damaged".to_owned()))
 }

@@ -1,6 +1,6 @@
 //! The numbers of text PLY files, between blanks and line ends of any kind: a line need not be an element.
 
-use super::text::float;
+use crate::text::float;
 use vlscan_base::columns::comma_note;
 
 /// Maximum length of a word, bytes.

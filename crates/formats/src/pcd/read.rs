@@ -1,8 +1,8 @@
 //! PCD of the Point Cloud Library, 0.5 to 0.7: text, binary, and binary compressed by LZF. Points with coordinates that are NaN,
 //! as organised clouds have them, are no points. The offset that this program writes as a comment is added.
 
-use super::text::{Separators, float, is_blank, is_line_end, last_of_line_ends};
-use super::{Attribute, Columns, Reading};
+use crate::text::{Separators, float, is_blank, is_line_end, last_of_line_ends};
+use crate::{Attribute, Columns, Reading};
 use std::ops::ControlFlow;
 use vlscan_base::columns::comma_note;
 use vlscan_geom::DVec3;
@@ -11,7 +11,7 @@ use vlscan_geom::DVec3;
 const MAX_EXPANSION: usize = 132;
 
 /// Whether a file begins as PCD does: a line VERSION, FIELDS or COLUMNS after comments.
-pub(super) fn is_pcd(first: &[u8]) -> bool {
+pub(crate) fn is_pcd(first: &[u8]) -> bool {
     let mut lines = first.split(|b| is_line_end(*b)).map(<[u8]>::trim_ascii);
     if first.starts_with(b"# .PCD") {
         return true;
@@ -161,7 +161,7 @@ fn offset_of_comment(words: &[&str]) -> Option<DVec3> {
 }
 
 /// Reads a file.
-pub(super) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
+pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
     let header = Header::read(bytes)?;
     header.remarks.iter().for_each(|remark| reading.warn(remark.as_str()));
     reading.sink.start(header.columns.attributes());

@@ -17,7 +17,7 @@ mod units;
 pub use extra::ExtraDimension;
 pub use header::Header;
 
-use super::{Attribute, AttributeSet, Columns, Misfits, PointRow, Reading};
+use crate::{Attribute, AttributeSet, Columns, Misfits, PointRow, Reading};
 use compressed::{Compressed, without_panic};
 use header::Fields;
 use std::io::ErrorKind;
@@ -167,7 +167,7 @@ impl Shown {
 }
 
 /// Reads a file.
-pub(super) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
+pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
     let mut reader = LasReader::open(bytes, reading.selection)?;
     let shown = Shown::of(&reader, reading.selection)?;
     let units = units::position_units(reader.file)?;

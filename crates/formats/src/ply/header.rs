@@ -1,7 +1,7 @@
 //! Headers of PLY files in the spelling that the parser knows: single blanks, keywords in small letters, names of letters,
 //! digits and underscores, line feeds.
 
-use super::text::last_of_line_ends;
+use crate::text::last_of_line_ends;
 use std::collections::HashSet;
 
 /// Maximum length of a header, bytes.
