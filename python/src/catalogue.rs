@@ -17,11 +17,14 @@ pub fn catalogue(py: Python<'_>) -> PyResult<(Named, Vec<String>)> {
     Ok((scanners.collect(), platforms.collect()))
 }
 
-/// The options of a run: name, help, whether it takes a value, whether it may be given more than once.
+/// Name, help, whether it takes a value, whether it may be given more than once, whether it only says how files are written.
+type Listed = (String, String, bool, bool, bool);
+
+/// The options of a run.
 #[pyfunction]
-pub fn options() -> Vec<(String, String, bool, bool)> {
+pub fn options() -> Vec<Listed> {
     let names = Options::names().into_iter();
-    names.map(|option| (option.long, option.help, option.has_value, option.is_list)).collect()
+    names.map(|o| (o.long, o.help, o.has_value, o.is_list, o.is_of_files)).collect()
 }
 
 /// The columns of points: name, unit, meaning.

@@ -1,19 +1,19 @@
 //! Parts of the manual beyond the options: examples, files and exit statuses of every subcommand; and the manual
 //! pages, which `vlscan man DIR` writes in the format of man(7).
 //!
-//! The pages in `man/` are checked in; `tests/whole/manual.rs` fails when they differ from the generated ones.
+//! The pages in `man/` are checked in, and so is `python/vlscan/_options.py`, which `vlscan man --python DIR` writes;
+//! `tests/whole/manual.rs` fails when they differ from the generated ones.
 
 mod pages;
 
 use super::Cli;
 use super::args::ManArgs;
 use super::console::Console;
-use crate::options::pipeline_keys;
+use crate::options::{pipeline_keys, python_module};
 use clap::{Command, CommandFactory};
 use clap_mangen::Man;
 use clap_mangen::roff::{Roff, bold, roman};
 use pages::{EXIT_STATUS, PAGES, Page};
-use std::path::Path;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, NewFolder, Patched, reads};
 use vlscan_lidar::pulse::Corrections;
@@ -33,18 +33,20 @@ pub fn command() -> Command {
     command
 }
 
-/// What every page of this program contains.
-const PAGE_MARK: &str = ".TH VLSCAN";
+/// What every page of this program contains, and the module of options.
+const MARKS: [&str; 2] = [".TH VLSCAN", "`vlscan man --python`"];
 
 /// Runs `vlscan man`: writes a page for every subcommand to a directory. Existing pages of this program are replaced, other files are
 /// not.
 pub fn run(args: &ManArgs, console: &Console) -> Result<()> {
     let folder = NewFolder::create_all(&args.dir).map_err(|e| Error::io("create", &args.dir, e))?;
-    let pages = manual()?;
+    let pages = match args.python {
+        true => vec![("_options.py".to_owned(), python_module()?.into_bytes())],
+        false => manual()?,
+    };
     for path in pages.iter().map(|(name, _)| args.dir.join(name)).filter(|path| path.exists()) {
-        let is_page =
-            reads::read_own(&path).is_ok_and(|text| String::from_utf8_lossy(&text).contains(PAGE_MARK));
-        if !is_page {
+        let text = reads::read_own(&path).unwrap_or_default();
+        if !MARKS.iter().any(|mark| String::from_utf8_lossy(&text).contains(mark)) {
             return Err(Error::input(format!(
                 "{} exists and is no page of vlscan; choose another folder",
                 path.display()
@@ -57,17 +59,16 @@ pub fn run(args: &ManArgs, console: &Console) -> Result<()> {
         page.finish()?;
     }
     folder.keep();
-    console.say(format!(
-        "{} pages in {}; look: man -l {}",
-        pages.len(),
-        args.dir.display(),
-        example(&args.dir)
-    ));
+    if !args.python {
+        let page = args.dir.join("vlscan.1");
+        console.say(format!(
+            "{} pages in {}; look: man -l {}",
+            pages.len(),
+            args.dir.display(),
+            page.display()
+        ));
+    }
     Ok(())
-}
-
-fn example(dir: &Path) -> String {
-    dir.join("vlscan.1").display().to_string()
 }
 
 fn page(path: &str) -> Option<&'static Page> {

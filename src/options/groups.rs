@@ -77,6 +77,9 @@ pub struct Options {
 }
 }
 
+/// Heading of the options that say how files of points are written; a run that writes none takes none of them.
+pub const FILES: &str = "Output files";
+
 group! {
 /// Points and what is written beside them.
 #[derive(Clone, Debug, Default, Args, Deserialize)]
@@ -90,7 +93,7 @@ pub struct OutputOptions with opposites {
     #[serde(skip)]
     pub out: Vec<PathBuf>,
     /// Format of the points, where no extension tells it.
-    #[arg(long, value_name = "FORMAT")]
+    #[arg(long, value_name = "FORMAT", help_heading = FILES)]
     #[serde(skip)]
     pub format: Option<PointFormat>,
     /// Write as HELIOS++ does: DIR/SURVEY/TIME/leg000_points.xyz and so on. [default without -o: output]
@@ -101,7 +104,7 @@ pub struct OutputOptions with opposites {
     ///
     /// A run that is interrupted or fails leaves them, and what it measured as NAME.partial.EXT beside them. Also write binary
     /// data to a terminal.
-    #[arg(long, action = SetTrue)]
+    #[arg(long, action = SetTrue, help_heading = FILES)]
     pub force: Switch,
     /// Write every digitised waveform, beside the first output that is a file or folder.
     #[arg(long, action = SetTrue)]
@@ -114,7 +117,7 @@ pub struct OutputOptions with opposites {
     #[arg(long, value_name = "NAMES")]
     pub columns: Option<ColumnList>,
     /// Write part, primitive and true range into las, laz and ply, too; csv, arrow and parquet have them anyway.
-    #[arg(long, action = SetTrue)]
+    #[arg(long, action = SetTrue, help_heading = FILES)]
     pub labels: Switch,
     /// Write positions without errors of navigation (TrueX, TrueY, TrueZ) into las and laz, too; the columns of csv, arrow and
     /// parquet are chosen with --columns.
@@ -125,13 +128,13 @@ pub struct OutputOptions with opposites {
     #[arg(long, action = SetTrue)]
     pub height_above_ground: Switch,
     /// Duration of the frames of mcap. [default: a revolution of a spinning scanner, 0.1 for others]
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", help_heading = FILES)]
     pub frame_s: Option<Positive>,
     /// Divide the points of a folder (-o DIR) among square tiles of this edge length in metres, tile_X_Y, instead of legs.
-    #[arg(long, value_name = "METRES", conflicts_with = "per_object")]
+    #[arg(long, value_name = "METRES", conflicts_with = "per_object", help_heading = FILES)]
     pub tile: Option<Positive>,
     /// Divide the points of a folder (-o DIR) among the objects that were hit, object_N, instead of legs.
-    #[arg(long, action = SetTrue)]
+    #[arg(long, action = SetTrue, help_heading = FILES)]
     pub per_object: Switch,
     /// Write what each subray met instead of points, at its place on the surface, with the number of the return that it is part
     /// of (0 = none): for leaf area and machine learning. The columns Subray, SurfaceX, NormalX, FootprintFraction and their
@@ -143,14 +146,14 @@ pub struct OutputOptions with opposites {
     pub misses: Switch,
     /// Let LAS leave through a pipe at once, with N as the number of points in its header (250k, 1G); readers bear fewer
     /// points, more are an error. Without it LAS is completed in a temporary file first.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", help_heading = FILES)]
     pub las_at_most: Option<Count<1>>,
     /// Write waveforms as packets that the points of LAS and LAZ refer to (LAS 1.4, point format 9), inside that file or
     /// beside it as .wdp.
-    #[arg(long, value_name = "WHERE")]
+    #[arg(long, value_name = "WHERE", help_heading = FILES)]
     pub wave_packets: Option<PacketPlace>,
     /// One point file per device of a multi-channel scanner.
-    #[arg(long, action = SetTrue)]
+    #[arg(long, action = SetTrue, help_heading = FILES)]
     pub split_by_channel: Switch,
     /// Coordinate reference system of the scene: EPSG:25832, WKT, or a file that holds either.
     ///
@@ -158,21 +161,21 @@ pub struct OutputOptions with opposites {
     #[arg(long, value_name = "EPSG:N|WKT|FILE")]
     pub crs: Option<Crs>,
     /// With --output: LAS 1.4 instead of text.
-    #[arg(long, action = SetTrue)]
+    #[arg(long, action = SetTrue, help_heading = FILES)]
     pub las_output: Switch,
     /// LAS 1.0 instead of 1.4; with --output also instead of text.
-    #[arg(long, action = SetTrue)]
+    #[arg(long, action = SetTrue, help_heading = FILES)]
     pub las10: Switch,
     /// Waveforms and pulses as compressed text (.bin); with --output also LAZ instead of LAS, and compressed text instead of
     /// text.
-    #[arg(long, action = SetTrue)]
+    #[arg(long, action = SetTrue, help_heading = FILES)]
     pub zip_output: Switch,
     /// Resolution of LAS coordinates in metres. [default: 0.0001, coarser where the scene is too wide for it]
-    #[arg(long, value_name = "METRES")]
+    #[arg(long, value_name = "METRES", help_heading = FILES)]
     pub las_scale: Option<f64>,
     /// Extra bytes of the points of LAS and LAZ: all, the four of HELIOS++, or none, for programs that refuse them.
     /// [default: all]
-    #[arg(long, value_name = "WHICH")]
+    #[arg(long, value_name = "WHICH", help_heading = FILES)]
     pub las_extra: Option<ExtraDimensions>,
 }
 }

@@ -11,6 +11,7 @@
 //! | `outputs` | the outputs of a pipeline file; from options to what is written |
 //! | `file` | reads surveys and pipeline files together with the options that they hold |
 //! | `words` | options from words, and their list, for programs |
+//! | `python` | options as a type of the Python package |
 //! | `keys` | the documentation of every key of a pipeline file |
 
 #![allow(
@@ -23,6 +24,7 @@ mod groups;
 mod keys;
 pub mod outputs;
 mod over;
+mod python;
 mod switch;
 #[cfg(test)]
 mod tests;
@@ -38,6 +40,7 @@ pub use groups::{
 };
 pub use keys::pipeline_keys;
 pub use over::Over;
+pub use python::python_module;
 pub use switch::Switch;
 pub use trajectory::TrajectoryOptions;
 pub use values::{ChunkSize, Count, Divergence, NotNegative, Positive, Seed, Vector};

@@ -1,7 +1,8 @@
 //! Options as words of a command line, for callers that have no command line of their own.
 
-use super::groups::Options;
-use clap::{ArgAction, Args, Command, FromArgMatches};
+use super::groups::{FILES, Options};
+use super::python::python_type;
+use clap::{Arg, ArgAction, Args, Command, FromArgMatches};
 use vlscan_base::error::{Error, Result};
 
 /// An option of a run as a program may list it.
@@ -15,6 +16,19 @@ pub struct OptionName {
     pub has_value: bool,
     /// Whether it may be given more than once.
     pub is_list: bool,
+    /// Whether it only says how files are written.
+    pub is_of_files: bool,
+    /// Type of its values in Python, if they have one.
+    pub python_type: Option<String>,
+}
+
+/// What a program passes by arguments of its own, and what concerns a terminal.
+const NOT_LISTED: [&str; 9] =
+    ["out", "output", "trajectory", "scene", "waveforms", "pulses", "schedule-log", "progress", "parts"];
+
+/// Whether an option may be given more than once.
+pub(super) fn is_list(option: &Arg) -> bool {
+    matches!(option.get_action(), ArgAction::Append)
 }
 
 fn command() -> Command {
@@ -36,16 +50,19 @@ impl Options {
         })
     }
 
-    /// All options of a run.
+    /// The options of a run that a program may pass, without the opposites of switches.
     pub fn names() -> Vec<OptionName> {
         let command = command();
         let options = command.get_arguments().filter(|option| !option.is_hide_set()).filter_map(|option| {
+            let long = option.get_long().filter(|long| !NOT_LISTED.contains(long))?;
             let help = option.get_long_help().or(option.get_help()).map(ToString::to_string);
             Some(OptionName {
-                long: option.get_long()?.to_owned(),
+                long: long.to_owned(),
                 help: help.unwrap_or_default(),
                 has_value: option.get_action().takes_values(),
-                is_list: matches!(option.get_action(), ArgAction::Append),
+                is_list: is_list(option),
+                is_of_files: option.get_help_heading() == Some(FILES),
+                python_type: python_type(option),
             })
         });
         options.collect()
@@ -71,6 +88,8 @@ mod tests {
         let names = Options::names();
         let of = |long: &str| names.iter().find(|option| option.long == long).unwrap();
         assert!(of("seed").has_value && !of("misses").has_value && of("navigation-error").is_list);
-        assert!(names.iter().all(|option| !option.help.is_empty()));
+        assert!(of("labels").is_of_files && !of("columns").is_of_files);
+        assert_eq!(of("gps-start").python_type.as_deref(), Some("float | str | datetime"));
+        assert!(names.iter().all(|option| !option.help.is_empty() && option.python_type.is_some()));
     }
 }

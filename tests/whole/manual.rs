@@ -20,6 +20,16 @@ fn the_pages_in_man_are_those_of_this_command_line() {
 }
 
 #[test]
+fn the_options_of_the_python_package_are_those_of_this_command_line() {
+    let made = folder();
+    succeed(made.path(), &["man", "--python", "."]);
+    let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("python/vlscan/_options.py");
+    let (kept, made) =
+        (std::fs::read(kept).unwrap(), std::fs::read(made.path().join("_options.py")).unwrap());
+    assert!(kept == made, "python/vlscan/_options.py is stale: `cargo run -- man --python python/vlscan`");
+}
+
+#[test]
 fn man_finds_nothing_wrong_with_them() {
     let pages = Path::new(env!("CARGO_MANIFEST_DIR")).join("man");
     for name in files(&pages) {

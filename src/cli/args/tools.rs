@@ -281,6 +281,9 @@ pub struct CompletionsArgs {
 pub struct ManArgs {
     /// The folder that gets the pages; pages of the same names are replaced.
     pub dir: PathBuf,
+    /// Write the options of a run as a module of the Python package instead, _options.py.
+    #[arg(long)]
+    pub python: bool,
 }
 
 #[cfg(test)]
