@@ -22,7 +22,7 @@ def _fail_if_skipped(report: pytest.TestReport | pytest.CollectReport) -> None:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport():  # noqa: ANN201
+def pytest_runtest_makereport():
     """See `_fail_if_skipped`."""
     report = yield
     _fail_if_skipped(report)
@@ -30,7 +30,7 @@ def pytest_runtest_makereport():  # noqa: ANN201
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_make_collect_report():  # noqa: ANN201
+def pytest_make_collect_report():
     """See `_fail_if_skipped`."""
     report = yield
     _fail_if_skipped(report)

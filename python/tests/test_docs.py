@@ -1,12 +1,26 @@
 """The examples of the documentation work as they are written."""
 
+import doctest
 import re
 import shutil
 import warnings
 
 import numpy as np
 import pytest
+
+import vlscan
 from conftest import FIXTURES, ROOT
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder to work in, with the fixtures that examples name; nothing opens a browser."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("webbrowser.open", lambda address: True)
+    shutil.copytree(FIXTURES, tmp_path / "fixtures")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield tmp_path
 
 
 def blocks(page):
@@ -14,15 +28,12 @@ def blocks(page):
 
 
 @pytest.mark.parametrize("page", ["docs/python.md", "README.md"])
-def test_examples_run(page, tmp_path, monkeypatch):
+def test_examples_run(page, folder):
     pytest.importorskip("polars")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("webbrowser.open", lambda address: True)
-    shutil.copytree(FIXTURES, tmp_path / "fixtures")
     if page == "docs/python.md":
         # The survey and the meshes that its examples name.
         for file in [*(FIXTURES / "room").iterdir(), *(FIXTURES / "forest").glob("*.obj"), *(FIXTURES / "forest").glob("*.mtl")]:
-            shutil.copy(file, tmp_path)
+            shutil.copy(file, folder)
     size = 50.0
     names = {
         "vertices": np.array([[-size, -size, 0], [size, -size, 0], [size, size, 0], [-size, size, 0]]),
@@ -31,7 +42,21 @@ def test_examples_run(page, tmp_path, monkeypatch):
     }
     found = blocks(page)
     assert found
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        for block in found:
-            exec(compile(block.replace(".filter(...)", "").replace("range(10)", "range(1)"), page, "exec"), names)
+    for block in found:
+        exec(compile(block.replace(".filter(...)", "").replace("range(10)", "range(1)"), page, "exec"), names)
+
+
+def examples():
+    """Names and docstrings of what users meet, as far as these have examples."""
+    things = {f"vlscan.{name}": getattr(vlscan, name) for name in vlscan.__all__}
+    for name, thing in list(things.items()):
+        things |= {f"{name}.{part}": getattr(thing, part) for part in vars(thing) if not part.startswith("_")}
+    return [(name, thing.__doc__) for name, thing in things.items() if ">>>" in (getattr(thing, "__doc__", None) or "")]
+
+
+@pytest.mark.parametrize(("name", "text"), examples(), ids=[name for name, _ in examples()])
+def test_examples_of_docstrings_run(name, text, folder):
+    test = doctest.DocTestParser().get_doctest(text, {"np": np, "vlscan": vlscan}, name, None, None)
+    seen = []
+    doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(test, out=seen.append)
+    assert not seen, "".join(seen)

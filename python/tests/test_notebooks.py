@@ -5,6 +5,7 @@ import json
 import warnings
 
 import pytest
+
 from conftest import ROOT
 
 NOTEBOOKS = sorted((ROOT / "python/notebooks").glob("*.ipynb"))

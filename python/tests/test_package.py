@@ -2,9 +2,11 @@
 
 import subprocess
 import sys
+import typing
 from pathlib import Path
 
 import pytest
+
 import vlscan
 from vlscan import Leg, Survey, _toml
 
@@ -40,12 +42,17 @@ def test_lists():
         vlscan.nothing
 
 
+def test_the_types_of_options_are_those_of_the_program():
+    assert set(vlscan.RunOptions.__annotations__) == set(vlscan.options())
+    assert typing.get_type_hints(vlscan.RunOptions)["misses"] == bool | None
+
+
 def test_documents_are_toml():
     tomllib = pytest.importorskip("tomllib")
     survey = Survey(None, vlscan.Scanner("riegl_vz400", accuracy_m=0.5), [Leg((1, 2, 3), scan_freq_hz=1e-3)])
     keys = tomllib.loads(survey.document())
     assert keys["scanner"]["accuracy_m"] == 0.5 and keys["leg"][0]["settings"] == {"scan_freq_hz": 0.001}
-    odd = {"a": [1, 2.5, True, "é\"\n", "🌲 \x7f \t C:\\a"], "t": {"x y": 1e30, "none": None}, "l": [{"b": float("inf")}]}
+    odd = {"a": [1, 2.5, True, 'é"\n', "🌲 \x7f \t C:\\a"], "t": {"x y": 1e30, "none": None}, "l": [{"b": float("inf")}]}
     assert tomllib.loads(_toml.document(odd)) == {"a": odd["a"], "t": {"x y": 1e30}, "l": odd["l"]}
     with pytest.raises(TypeError):
         _toml.document({"a": object()})

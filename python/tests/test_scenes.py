@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 import vlscan
 from conftest import FIXTURES
 from vlscan import Material, Part, Scene

@@ -23,18 +23,28 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from ._options import RunOptions
     from .catalogue import columns, options, platforms, scanners
     from .errors import Error, FileError, InputError, Problem, VlscanWarning
-    from .scene import Material, Part, Scene
-    from .survey import Leg, Platform, Result, Scanner, Survey, run, run_batches, trace
+    from .instruments import Platform, Scanner
+    from .parts import Material, Part
+    from .results import Result
+    from .scene import Scene
+    from .survey import Leg, Survey, run, run_batches, trace
     from .tables import Points, Table, Waveforms
+
+    __version__: str
 
 # Modules are imported when one of their names is needed first, so that the command starts quickly.
 _MODULES = {
+    "_options": ["RunOptions"],
     "catalogue": ["columns", "options", "platforms", "scanners"],
     "errors": ["Error", "FileError", "InputError", "Problem", "VlscanWarning"],
-    "scene": ["Material", "Part", "Scene"],
-    "survey": ["Leg", "Platform", "Result", "Scanner", "Survey", "run", "run_batches", "trace"],
+    "instruments": ["Platform", "Scanner"],
+    "parts": ["Material", "Part"],
+    "results": ["Result"],
+    "scene": ["Scene"],
+    "survey": ["Leg", "Survey", "run", "run_batches", "trace"],
     "tables": ["Points", "Table", "Waveforms"],
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
@@ -50,6 +60,7 @@ __all__ = [
     "Points",
     "Problem",
     "Result",
+    "RunOptions",
     "Scanner",
     "Scene",
     "Survey",

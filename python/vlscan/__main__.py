@@ -6,7 +6,13 @@ import sys
 
 
 def main() -> int:
-    """Runs the command line of this process and returns its exit status."""
+    """Run the command line of this process.
+
+    Returns
+    -------
+    int
+        The exit status.
+    """
     from ._vlscan import command
 
     return command(["vlscan", *sys.argv[1:]])

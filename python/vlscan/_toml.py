@@ -6,11 +6,10 @@ import json
 import math
 import os
 from collections.abc import Mapping
-from typing import Any
 
 
-def document(keys: Mapping[str, Any]) -> str:
-    """The pipeline of these keys. ``None`` leaves a key out."""
+def document(keys: Mapping[str, object]) -> str:
+    """Return the pipeline of these keys. ``None`` leaves a key out."""
     plain, tables = [], []
     for key, value in keys.items():
         if value is None or (isinstance(value, (list, tuple, Mapping)) and not value):
@@ -24,7 +23,7 @@ def document(keys: Mapping[str, Any]) -> str:
     return "".join(plain) + "\n" + "\n".join(tables)
 
 
-def _lines(table: Mapping[str, Any]) -> str:
+def _lines(table: Mapping[str, object]) -> str:
     return "".join(f"{_key(key)} = {_value(value)}\n" for key, value in table.items() if value is not None)
 
 
@@ -37,7 +36,7 @@ def _text(value: str) -> str:
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def _value(value: Any) -> str:
+def _value(value: object) -> str:
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, bool):

@@ -1,41 +1,69 @@
 """The engine of vlscan; use the package ``vlscan``."""
 
 import os
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, TypeAlias, final
+
+from ._typing import ArrowStream, Progress, SceneFacts
+
+__all__ = [
+    "BatchIterator",
+    "Changes",
+    "Column",
+    "Mesh",
+    "Outcome",
+    "Part",
+    "Request",
+    "Scene",
+    "Table",
+    "catalogue",
+    "columns",
+    "command",
+    "options",
+    "page",
+    "picture",
+    "run",
+    "run_batches",
+    "version",
+]
+
+_Table: TypeAlias = ArrowStream | dict[str, bytes]
 
 def version() -> str:
     """Version of the engine."""
 
-def command(words: list[str]) -> int:
-    """Runs the command line with these words, the first of which is the program's name, and returns its exit status."""
+def command(words: Sequence[str]) -> int:
+    """Run the command line with these words, the first of which is the program's name, and return its exit status."""
 
 def catalogue() -> tuple[list[tuple[str, str]], list[str]]:
-    """References and names of the scanners, and references of the platforms, that ship with the program."""
+    """Return references and names of the scanners, and references of the platforms, that ship with the program."""
 
-def options() -> list[tuple[str, str, bool, bool]]:
-    """The options of a run: name, help, whether it takes a value, whether it may be given more than once."""
+def options() -> list[tuple[str, str, bool, bool, bool]]:
+    """Return the options of a run: name, help, whether it takes a value, may be given more than once, only says how files are written."""
 
 def columns() -> list[tuple[str, str, str]]:
-    """The columns of points: name, unit, meaning."""
+    """Return the columns of points: name, unit, meaning."""
 
-def page(table: Any, colour: str, title: str, max_points: int) -> str:
-    """A page that shows points in a browser, offline."""
+def page(table: _Table, colour: str, title: str, max_points: int) -> str:
+    """Return a page that shows points in a browser, offline."""
 
-def picture(table: Any, colour: str, title: str, width: int, height: int) -> bytes:
-    """A PNG picture of points, from above and from the side."""
+def picture(table: _Table, colour: str, title: str, width: int, height: int) -> bytes:
+    """Return a PNG picture of points, from above and from the side."""
 
+@final
 class Mesh:
     """Triangles with materials."""
 
-    def __new__(cls, vertices: bytes, triangles: bytes, materials: list[dict[str, Any]], material_of: bytes) -> Mesh: ...
+    def __new__(cls, vertices: bytes, triangles: bytes, materials: Sequence[dict[str, Any]], material_of: bytes) -> Mesh: ...
 
+@final
 class Changes:
     """Changes of the materials of a part, which its copies share."""
 
     def __new__(cls) -> Changes: ...
     def then(self, which: str | bytes | None, fields: dict[str, Any]) -> Changes: ...
 
+@final
 class Part:
     """A part of a scene: geometry and where it stands."""
 
@@ -50,24 +78,26 @@ class Part:
     @staticmethod
     def of_voxels(path: str, settings: dict[str, Any], material: dict[str, Any], place: dict[str, Any]) -> Part: ...
 
+@final
 class Scene:
     """What is scanned."""
 
     @staticmethod
-    def read(reference: str, assets: list[str]) -> Scene: ...
+    def read(reference: str, assets: Sequence[str]) -> Scene: ...
     @staticmethod
-    def of_parts(parts: list[Part], asset_folders: list[str]) -> Scene: ...
+    def of_parts(parts: list[Part], asset_folders: Sequence[str]) -> Scene: ...
     @property
     def part_count(self) -> int: ...
     @property
     def is_loaded(self) -> bool: ...
-    def load(self, document: str, words: list[str]) -> None: ...
-    def pack(self, path: str, document: str, words: list[str]) -> None: ...
+    def load(self, document: str, words: Sequence[str]) -> None: ...
+    def pack(self, path: str, document: str, words: Sequence[str]) -> None: ...
     def unload(self) -> None: ...
-    def facts(self) -> tuple[list[list[float]], int, list[str], list[tuple[str, float, int]], int] | None: ...
+    def facts(self) -> SceneFacts | None: ...
     def ground_height(self, x: float, y: float) -> float | None: ...
     def sample(self, count: int) -> Table | None: ...
 
+@final
 class Column:
     """A column of a table, which NumPy takes without a copy."""
 
@@ -75,6 +105,7 @@ class Column:
     @property
     def __array_interface__(self) -> dict[str, Any]: ...
 
+@final
 class Table:
     """Columns of numbers in memory."""
 
@@ -90,23 +121,25 @@ class Table:
     def column(self, name: str) -> Column: ...
     def lists(self, name: str) -> tuple[Column, Column]: ...
     def slice(self, start: int, stop: int) -> Table: ...
-    def __arrow_c_array__(self, requested_schema: Any = None) -> tuple[Any, Any]: ...
-    def __arrow_c_stream__(self, requested_schema: Any = None) -> Any: ...
-    def __arrow_c_schema__(self) -> Any: ...
+    def __arrow_c_array__(self, requested_schema: object | None = None) -> tuple[object, object]: ...
+    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...
+    def __arrow_c_schema__(self) -> object: ...
 
+@final
 class Request:
     """What is run."""
 
     def __new__(
         cls,
-        words: list[str],
+        words: Sequence[str],
         file: str | os.PathLike[str] | None = None,
-        document: str = "",
+        document: str = ...,
         scene: Scene | None = None,
-        trajectory: Any = None,
-        pulses: Any = None,
+        trajectory: _Table | None = None,
+        pulses: _Table | None = None,
     ) -> Request: ...
 
+@final
 class Outcome:
     """Result of a run."""
 
@@ -126,14 +159,16 @@ class Outcome:
     @property
     def notices(self) -> list[dict[str, Any]]: ...
 
-class BatchIterator(Iterator[Table]):
+@final
+class BatchIterator:
     """The batches of points of a run."""
 
+    def __iter__(self) -> BatchIterator: ...
     def __next__(self) -> Table: ...
     def close(self) -> None: ...
 
-def run(request: Request, tables: list[str], progress: Callable[..., object] | None = None) -> Outcome:
-    """Runs a request and returns the tables of these names."""
+def run(request: Request, tables: Sequence[str], progress: Progress | None = None) -> Outcome:
+    """Run a request and return the tables of these names."""
 
 def run_batches(request: Request, rows: int, per_leg: bool, seconds: float | None, waiting: int) -> BatchIterator:
-    """Runs a request and returns its points batch by batch."""
+    """Run a request and return its points batch by batch."""

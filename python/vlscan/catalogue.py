@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from difflib import get_close_matches
 from functools import cache
 from typing import NamedTuple
@@ -11,72 +12,166 @@ from .errors import InputError
 
 
 class Option(NamedTuple):
-    """An option of a run: a keyword of :meth:`vlscan.Survey.run`."""
+    """An option of a run: a keyword of :meth:`vlscan.Survey.run`.
+
+    Attributes
+    ----------
+    help : str
+        What it does.
+    has_value : bool
+        Whether it takes a value; otherwise it is ``True`` or ``False``.
+    is_list : bool
+        Whether a list gives it more than once.
+    is_of_files : bool
+        Whether it says how files of points are written, so that a run to memory refuses it.
+    """
 
     help: str
-    #: Whether it takes a value; otherwise it is ``True`` or ``False``.
     has_value: bool
-    #: Whether a list gives it more than once.
     is_list: bool
+    is_of_files: bool
 
 
 class Column(NamedTuple):
-    """A column of points."""
+    """A column of points.
 
-    #: Unit; empty for plain numbers.
+    Attributes
+    ----------
+    unit : str
+        Unit; empty for plain numbers.
+    description : str
+        What the values are.
+    """
+
     unit: str
-    #: What the values are.
     description: str
 
 
 @cache
-def _known() -> tuple[dict[str, str], dict[str, tuple[str, str]], dict[str, str]]:
+def _instruments() -> tuple[dict[str, str], dict[str, str], dict[str, str]]:
+    """Names of the scanners, references of the scanners and of the platforms, by id."""
     scanner_rows, platform_rows = _vlscan.catalogue()
-    names = {reference.split("#")[1]: name for reference, name in scanner_rows}
-    references = {reference.split("#")[1]: (reference, name) for reference, name in scanner_rows}
-    carriers = {reference.split("#")[1]: reference for reference in platform_rows}
-    return names, references, carriers
+    names = {_id(reference): name for reference, name in scanner_rows}
+    return names, {_id(reference): reference for reference, _ in scanner_rows}, {_id(row): row for row in platform_rows}
+
+
+def _id(reference: str) -> str:
+    return reference.split("#")[1]
 
 
 def scanners() -> dict[str, str]:
-    """Ids and names of the scanners that ship."""
-    return dict(_known()[0])
+    """List the scanners that ship.
+
+    Returns
+    -------
+    dict of str to str
+        Names by id.
+
+    Examples
+    --------
+    >>> vlscan.scanners()["riegl_vz400"]
+    'RIEGL VZ-400'
+    """
+    return dict(_instruments()[0])
 
 
 def platforms() -> list[str]:
-    """Ids of the platforms that ship."""
-    return list(_known()[2])
+    """List the platforms that ship.
+
+    Returns
+    -------
+    list of str
+        Ids.
+
+    Examples
+    --------
+    >>> "sr22" in vlscan.platforms()
+    True
+    """
+    return list(_instruments()[2])
 
 
 @cache
 def _options() -> dict[str, Option]:
-    hidden = {"out", "output", "trajectory", "scene", "schedule_log", "progress", "parts"}
     rows = _vlscan.options()
-    found = {name.replace("-", "_"): Option(text, has_value, is_list) for name, text, has_value, is_list in rows}
-    return {name: option for name, option in found.items() if name not in hidden}
+    return {name.replace("-", "_"): Option(text, has_value, is_list, files) for name, text, has_value, is_list, files in rows}
 
 
 def options() -> dict[str, Option]:
-    """The options of a run, by keyword."""
+    """List the options of a run.
+
+    Returns
+    -------
+    dict of str to Option
+        Options by keyword.
+
+    Examples
+    --------
+    >>> vlscan.options()["seed"].has_value
+    True
+    """
     return dict(_options())
 
 
 def columns() -> dict[str, Column]:
-    """The columns of points, by name."""
+    """List the columns of points.
+
+    Returns
+    -------
+    dict of str to Column
+        Columns by name.
+
+    Examples
+    --------
+    >>> vlscan.columns()["X"].unit
+    'm'
+    """
     return {name: Column(unit, text) for name, unit, text in _vlscan.columns()}
 
 
 def scanner_reference(name: str) -> str:
-    """The reference of a scanner: of one that ships by its id, of others as it is (``file.xml#id``)."""
-    return _reference(name, {key: value[0] for key, value in _known()[1].items()}, "scanner", "vlscan.scanners()")
+    """Return the reference of a scanner.
+
+    Parameters
+    ----------
+    name : str
+        The id of one that ships, or ``file.xml#id``.
+
+    Returns
+    -------
+    str
+        ``file.xml#id``.
+
+    Raises
+    ------
+    InputError
+        No scanner that ships has the id.
+    """
+    return _reference(name, _instruments()[1], "scanner", "vlscan.scanners()")
 
 
 def platform_reference(name: str) -> str:
-    """The reference of a platform, as :func:`scanner_reference`."""
-    return _reference(name, _known()[2], "platform", "vlscan.platforms()")
+    """Return the reference of a platform.
+
+    Parameters
+    ----------
+    name : str
+        The id of one that ships, or ``file.xml#id``.
+
+    Returns
+    -------
+    str
+        ``file.xml#id``.
+
+    Raises
+    ------
+    InputError
+        No platform that ships has the id.
+    """
+    return _reference(name, _instruments()[2], "platform", "vlscan.platforms()")
 
 
-def _reference(name: str, known: dict[str, str], kind: str, listing: str) -> str:
+def _reference(name: str, known: Mapping[str, str], kind: str, listing: str) -> str:
     if "#" in name or "/" in name or name.endswith(".xml"):
         return name
     if name in known:

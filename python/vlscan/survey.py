@@ -3,96 +3,74 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from datetime import datetime, timezone
-from difflib import get_close_matches
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from . import _toml, _vlscan, catalogue
-from .errors import Problem
-from .scene import Part, PathLike, Scene
-from .tables import Points, Table, Waveforms
+from . import _toml, _vlscan
+from ._typing import ArrowStream, PathLike, Progress, TableLike, Vector
+from ._words import switch, words_of
+from .instruments import Platform, Scanner
+from .parts import Part
+from .results import Result
+from .scene import Scene
+from .tables import Points
 
-#: A function that is told the progress of a run: numbers of pulses and points, the leg, and the fraction done (NaN if unknown).
-Progress = Callable[..., object]
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
+    from ._options import RunOptions
 
-class Scanner:
-    """An instrument: one that ships, changed by keys, or one of your own.
+#: Columns of a trajectory as an array.
+TRAJECTORY_COLUMNS = ("time", "x", "y", "z", "roll", "pitch", "yaw")
 
-    ``Scanner("riegl_vz400")``; ``Scanner("riegl_vz400", accuracy_m=0.002)``; ``Scanner("my.xml#id")``;
-    ``Scanner(optics="rotating", pulse_freqs_hz=[100_000], scan_angle_max_deg=50, ...)``. The keys are those of ``[scanner]`` in a
-    pipeline file (docs/instruments.md); ``channel`` is a list of dictionaries of them.
-    """
-
-    def __init__(self, name: str | None = None, **keys: Any) -> None:
-        self.keys: dict[str, Any] = dict(keys)
-        if name is not None:
-            self.keys = {"catalogue": catalogue.scanner_reference(name), **keys}
-
-    @staticmethod
-    def of(scanner: Scanner | str | Mapping[str, Any]) -> Scanner:
-        """The scanner of a name, of keys, or itself."""
-        if isinstance(scanner, Scanner):
-            return scanner
-        return Scanner(scanner) if isinstance(scanner, str) else Scanner(**scanner)
-
-    def __repr__(self) -> str:
-        return f"Scanner({', '.join(f'{key}={value!r}' for key, value in self.keys.items())})"
-
-
-class Platform:
-    """What carries the scanner: ``Platform("sr22")`` of those that ship, ``Platform(kind="linear_path")``, or ``static``.
-
-    ``mount``: pose of the scanner on the platform, ``{"offset_m": [x, y, z], "rotate_deg": [{"x": -90}]}``.
-    """
-
-    def __init__(self, name: str | None = None, kind: str | None = None, mount: Mapping[str, Any] | None = None) -> None:
-        self.keys: dict[str, Any] = {}
-        if name is not None:
-            self.keys["catalogue"] = catalogue.platform_reference(name)
-        if kind is not None:
-            self.keys["kind"] = kind
-        if mount is not None:
-            self.keys["mount"] = dict(mount)
-
-    @staticmethod
-    def of(platform: Platform | str) -> Platform:
-        """The platform of a name or a kind, or itself."""
-        if isinstance(platform, Platform):
-            return platform
-        return Platform(kind=platform) if platform in ("static", "linear_path") else Platform(platform)
-
-    def __repr__(self) -> str:
-        return f"Platform({', '.join(f'{key}={value!r}' for key, value in self.keys.items())})"
+# A table as the engine takes it: of Arrow, or columns as bytes of doubles.
+_Table: TypeAlias = ArrowStream | dict[str, bytes]
 
 
 class Leg:
     """A waypoint and the way to the next one: the last leg of a moving platform is where it arrives.
 
-    ``position``: x, y, z, world frame, m. ``on_ground``: take z from the ground. ``speed_m_per_s``: of the way to the next leg.
-    ``active``: whether the scanner fires. ``strip``: legs of the same strip share their files. Other keys are settings of the
-    scanner: ``pulse_freq_hz``, ``scan_freq_hz``, ``scan_angle_deg``, ``head_rate_deg_per_s``, ``head_start_deg``,
-    ``head_stop_deg``, ``vertical_resolution_deg`` ... (docs/pipelines.md).
+    Parameters
+    ----------
+    position : sequence of float
+        x, y, z, world frame, m.
+    on_ground : bool
+        Whether z is taken from the ground.
+    speed_m_per_s : float, optional
+        Speed on the way to the next leg.
+    active : bool
+        Whether the scanner fires.
+    strip : str, optional
+        Name of a strip; legs of the same strip share their files.
+    **settings : object
+        Settings of the scanner (docs/pipelines.md): ``pulse_freq_hz``, ``scan_freq_hz``, ``scan_angle_deg``,
+        ``head_rate_deg_per_s``, ``head_start_deg``, ``head_stop_deg``, ``vertical_resolution_deg`` and so on.
+
+    Examples
+    --------
+    >>> leg = vlscan.Leg((0, 0, 1.7), scan_freq_hz=120, head_rate_deg_per_s=60, head_stop_deg=360)
+    >>> leg.settings["scan_freq_hz"]
+    120
     """
 
     def __init__(
         self,
-        position: Sequence[float] = (0.0, 0.0, 0.0),
+        position: Vector = (0.0, 0.0, 0.0),
         *,
         on_ground: bool = False,
         speed_m_per_s: float | None = None,
         active: bool = True,
         strip: str | None = None,
-        **settings: Any,
+        **settings: object,
     ) -> None:
         self.position = [float(v) for v in position]
         self.on_ground, self.speed_m_per_s, self.active, self.strip = on_ground, speed_m_per_s, active, strip
         self.settings = settings
 
-    def _keys(self) -> dict[str, Any]:
+    def _keys(self) -> dict[str, object]:
         return {
             "position_m": self.position,
             "on_ground": True if self.on_ground else None,
@@ -106,109 +84,50 @@ class Leg:
         return f"Leg({self._keys()})"
 
 
-class Result:
-    """What a run has measured."""
-
-    def __init__(self, outcome: _vlscan.Outcome) -> None:
-        self._outcome = outcome
-        self._tables: dict[str, Table] = {}
-
-    def _table(self, name: str) -> Table:
-        if name not in self._tables:
-            table = self._outcome.table(name)
-            if table is None:
-                how = "run without to=" if name == "points" else f"run with {name}=True and without to="
-                raise AttributeError(f"this run has no {name} in memory; {how}")
-            self._tables[name] = {"points": Points, "waveforms": Waveforms}.get(name, Table)(table)
-        return self._tables[name]
-
-    @property
-    def points(self) -> Points:
-        """The points."""
-        table = self._table("points")
-        assert isinstance(table, Points)
-        return table
-
-    @property
-    def trajectory(self) -> Table:
-        """Poses of the platform, as often as ``trajectory_interval_s`` of the settings asks for: time (s), x, y, z (m), roll,
-        pitch, yaw (degrees, of a heading); ``platform_roll`` ... in the convention of HELIOS++."""
-        return self._table("trajectory")
-
-    @property
-    def pulses(self) -> Table:
-        """Emitted pulses: time (s), x, y, z (m), dx, dy, dz, pulse, device, scan_angle (degrees). With ``pulses=True``."""
-        return self._table("pulses")
-
-    @property
-    def waveforms(self) -> Waveforms:
-        """Digitised waveforms. With ``waveforms=True``."""
-        table = self._table("waveforms")
-        assert isinstance(table, Waveforms)
-        return table
-
-    @property
-    def pulse_count(self) -> int:
-        """Number of pulses emitted."""
-        return self._outcome.pulses
-
-    @property
-    def point_count(self) -> int:
-        """Number of points, in memory or in the first file."""
-        return self._outcome.points
-
-    @property
-    def seconds(self) -> float:
-        """Time from the first pulse to the last point, s."""
-        return self._outcome.seconds
-
-    @property
-    def files(self) -> list[str]:
-        """Files that were written."""
-        return [path for path, *_ in self._outcome.files]
-
-    @property
-    def directories(self) -> list[str]:
-        """Run directories, in the layout of HELIOS++."""
-        return [os.fspath(path) for path in self._outcome.directories]
-
-    @property
-    def problems(self) -> list[Problem]:
-        """Warnings and notes of the run, with their places."""
-        return [Problem(**fields) for fields in self._outcome.notices]
-
-    def __repr__(self) -> str:
-        where = f", {', '.join(self.files)}" if self.files else ""
-        return f"<Result: {self.pulse_count:,} pulses, {self.point_count:,} points in {self.seconds:.2f} s{where}>"
-
-    def _repr_html_(self) -> str:
-        if self._outcome.table("points") is None:
-            import html
-
-            return f"<div>{html.escape(repr(self))}</div>"
-        return self.points._repr_html_()
-
-
 class Survey:
     """A scanner that legs or a trajectory carry through a scene.
 
-    ``scene``: a :class:`Scene`, a file, or parts. ``scanner``: a :class:`Scanner` or a name. ``platform``: a :class:`Platform`, a
-    name, or ``static`` (the default) or ``linear_path``. ``legs``: waypoints. ``trajectory`` instead of legs: recorded poses as an
-    array of n rows of time (s), x, y, z (m), roll, pitch, yaw (degrees; heading, clockwise from +y), a dictionary or table with
-    such columns, or a file. ``settings``: of the scanner, for all legs. ``waveform``, ``detector``: as in pipeline files.
+    Parameters
+    ----------
+    scene : Scene, str, path-like, Part or iterable of Part, optional
+        What is scanned: a scene, a file, or parts.
+    scanner : Scanner, str or mapping, optional
+        A scanner, its name, or its keys.
+    legs : iterable of Leg
+        Waypoints.
+    platform : Platform or str, optional
+        A platform, its name, ``static`` (the default) or ``linear_path``.
+    trajectory : array_like, mapping, Arrow table, str or path-like, optional
+        Recorded poses instead of legs: an array of n rows of time (s), x, y, z (m), roll, pitch, yaw (degrees; heading,
+        clockwise from +y), a dictionary or table with such columns, or a file.
+    settings : mapping, optional
+        Settings of the scanner for all legs.
+    waveform, detector : mapping, optional
+        Keys of ``[waveform]`` and ``[detector]`` in a pipeline file.
+    name : str, optional
+        Name of the survey.
+
+    Examples
+    --------
+    >>> wall = vlscan.Part.mesh([[-9, 5, 0], [9, 5, 0], [9, 5, 4], [-9, 5, 4]], [[0, 1, 2, 3]])
+    >>> leg = vlscan.Leg((0, 0, 1.7), scan_freq_hz=20, head_rate_deg_per_s=90, head_start_deg=-45, head_stop_deg=45)
+    >>> survey = vlscan.Survey(wall, "riegl_vz400", [leg])
+    >>> points = survey.run(seed=1).points
+    >>> len(points) > 1000
+    True
     """
 
     def __init__(
         self,
         scene: Scene | PathLike | Part | Iterable[Part] | None = None,
-        scanner: Scanner | str | Mapping[str, Any] | None = None,
+        scanner: Scanner | str | Mapping[str, object] | None = None,
         legs: Iterable[Leg] = (),
         *,
         platform: Platform | str | None = None,
-        trajectory: Any = None,
-        settings: Mapping[str, Any] | None = None,
-        waveform: Mapping[str, Any] | None = None,
-        detector: Mapping[str, Any] | None = None,
+        trajectory: PathLike | TableLike | ArrayLike | None = None,
+        settings: Mapping[str, object] | None = None,
+        waveform: Mapping[str, object] | None = None,
+        detector: Mapping[str, object] | None = None,
         name: str | None = None,
     ) -> None:
         self.scene = scene if scene is None or isinstance(scene, Scene) else Scene(scene)
@@ -223,16 +142,61 @@ class Survey:
         self._file: str | None = None
 
     @staticmethod
-    def open(path: PathLike, scene: Scene | PathLike | None = None, **changes: Any) -> Survey:
-        """The survey of a file: of HELIOS++ (``.xml``) or a pipeline (``.toml``). ``changes`` are arguments of :class:`Survey`,
-        which replace what an XML file says."""
-        survey = Survey(scene, **changes)
+    def open(
+        path: PathLike,
+        scene: Scene | PathLike | Part | Iterable[Part] | None = None,
+        scanner: Scanner | str | Mapping[str, object] | None = None,
+        legs: Iterable[Leg] = (),
+        *,
+        platform: Platform | str | None = None,
+        trajectory: PathLike | TableLike | ArrayLike | None = None,
+        settings: Mapping[str, object] | None = None,
+        waveform: Mapping[str, object] | None = None,
+        detector: Mapping[str, object] | None = None,
+        name: str | None = None,
+    ) -> Survey:
+        """Open the survey of a file.
+
+        Parameters
+        ----------
+        path : str or path-like
+            A survey of HELIOS++ (``.xml``) or a pipeline (``.toml``).
+        scene, scanner, legs, platform, trajectory, settings, waveform, detector, name : object
+            As for :class:`Survey`. They replace what an XML file says; of a pipeline only scene and trajectory can be replaced.
+
+        Returns
+        -------
+        Survey
+            The survey.
+
+        Raises
+        ------
+        ValueError
+            A pipeline would be changed.
+
+        Examples
+        --------
+        >>> survey = vlscan.Survey.open("fixtures/room/survey.xml", settings={"trajectory_interval_s": 0.1})
+        >>> "x" in survey.run(columns=["X"]).trajectory
+        True
+        """
+        survey = Survey(
+            scene,
+            scanner,
+            legs,
+            platform=platform,
+            trajectory=trajectory,
+            settings=settings,
+            waveform=waveform,
+            detector=detector,
+            name=name,
+        )
         survey._file = os.fspath(path)
         if survey._file.lower().endswith(".toml") and survey._keys():
             raise ValueError("a pipeline file cannot be changed by arguments; give them as options of the run, or change the file")
         return survey
 
-    def _keys(self) -> dict[str, Any]:
+    def _keys(self) -> dict[str, object]:
         keys = {
             "name": self.name,
             "platform": self.platform.keys if self.platform else None,
@@ -245,27 +209,38 @@ class Survey:
         return {key: value for key, value in keys.items() if value is not None}
 
     def document(self) -> str:
-        """The survey as a pipeline (TOML), without what is in memory: scene and trajectory."""
-        keys: dict[str, Any] = {}
+        """Return the survey as a pipeline file, without what is in memory: scene and trajectory.
+
+        Returns
+        -------
+        str
+            TOML.
+
+        Examples
+        --------
+        >>> print(vlscan.Survey(name="test", settings={"scan_freq_hz": 120}).document())
+        name = "test"
+        <BLANKLINE>
+        [settings]
+        scan_freq_hz = 120
+        <BLANKLINE>
+        """
+        keys: dict[str, object] = {}
         if self._file is not None:
             keys["survey"] = os.path.abspath(self._file)
         return _toml.document({**keys, **self._keys()})
 
-    def _request(
-        self, options: dict[str, Any], pulses: Any = None, words: Sequence[str] = ()
-    ) -> _vlscan.Request:
-        words = [*words_of(options), *words]
-        trajectory = self.trajectory
-        if isinstance(trajectory, (str, os.PathLike)):
-            words.append(f"--trajectory={os.fspath(trajectory)}")
-            trajectory = None
-        elif trajectory is not None:
-            trajectory = columns_of(trajectory, TRAJECTORY_COLUMNS)
+    def _request(self, words: list[str], pulses: _Table | None = None) -> _vlscan.Request:
+        """Return what the engine runs; ``words`` are options of the command line."""
+        trajectory: _Table | None = None
+        if isinstance(self.trajectory, (str, os.PathLike)):
+            words = [*words, f"--trajectory={os.fspath(self.trajectory)}"]
+        elif self.trajectory is not None:
+            trajectory = _columns_of(self.trajectory, TRAJECTORY_COLUMNS)
         scene = self.scene._scene if self.scene is not None else None
-        arguments: dict[str, Any] = {"scene": scene, "trajectory": trajectory, "pulses": pulses}
         if self._file is not None and not self._keys():
-            return _vlscan.Request(words, file=self._file, **arguments)
-        return _vlscan.Request(words, document=self.document(), **arguments)
+            return _vlscan.Request(words, file=self._file, scene=scene, trajectory=trajectory, pulses=pulses)
+        return _vlscan.Request(words, document=self.document(), scene=scene, trajectory=trajectory, pulses=pulses)
 
     def run(
         self,
@@ -274,65 +249,96 @@ class Survey:
         waveforms: bool | None = None,
         pulses: bool | None = None,
         progress: Progress | None = None,
-        **options: Any,
+        **options: Unpack[RunOptions],
     ) -> Result:
-        """Flies and measures the survey.
+        """Fly and measure the survey.
 
-        Without ``to`` the points stay in memory; with it they are written to files, whose extensions tell the format (``.laz``,
-        ``.copc.laz``, ``.las``, ``.parquet``, ``.arrow``, ``.ply``, ``.csv``, ``.xyz``). ``waveforms`` and ``pulses`` are recorded,
-        too. ``progress`` is called about twenty times per second with ``pulses``, ``points``, ``leg`` and ``done`` (0 to 1).
+        Parameters
+        ----------
+        to : str, path-like or iterable of them, optional
+            Files that are written, whose extensions tell the format (``.laz``, ``.copc.laz``, ``.las``, ``.parquet``,
+            ``.arrow``, ``.ply``, ``.csv``, ``.xyz``). Without it the points stay in memory.
+        waveforms, pulses : bool, optional
+            Whether they are recorded, too.
+        progress : callable, optional
+            Called about twenty times per second with the keywords ``pulses``, ``points``, ``leg`` and ``done`` (0 to 1).
+        **options : RunOptions
+            Options of the command line with underscores, for example ``seed``, ``threads``, ``columns`` (a list), ``misses``,
+            ``physics`` (``"helios"`` or ``"refined"``, by default the former for XML surveys and the latter for others),
+            ``force`` (replace files): see :func:`vlscan.options`. ``False`` undoes a switch that the survey's pipeline file sets.
 
-        Options are those of the command line with underscores, for example ``seed``, ``threads``, ``columns`` (a list), ``misses``,
-        ``physics`` (``"helios"`` or ``"refined"``, by default the former for XML surveys and the latter for others), ``force``
-        (replace files): see :func:`vlscan.options`. ``False`` undoes a switch that the survey's pipeline file sets.
+        Returns
+        -------
+        Result
+            The points, or the names of the files.
 
-        Raises :class:`vlscan.InputError` for invalid input and :class:`vlscan.FileError` for files; ``KeyboardInterrupt`` ends the
-        run and leaves what was measured in ``NAME.partial.EXT``.
+        Raises
+        ------
+        InputError
+            Input is invalid.
+        FileError
+            A file cannot be read or written.
+        TypeError
+            No option has such a name.
+        ValueError
+            An option of files where none are written.
+        KeyboardInterrupt
+            Ctrl-C has ended the run; what was measured is in ``NAME.partial.EXT``.
+
+        Examples
+        --------
+        >>> survey = vlscan.Survey.open("fixtures/room/survey.xml")
+        >>> survey.run(seed=1, columns=["X", "Y", "Z"]).points.columns
+        ['X', 'Y', 'Z']
+        >>> survey.run(to="room.laz", seed=1, force=True).files
+        ['room.laz']
         """
-        return Result(self._execute(self._request, to, waveforms, pulses, progress, options))
-
-    @staticmethod
-    def _execute(
-        request: Callable[[dict[str, Any]], _vlscan.Request],
-        to: PathLike | Iterable[PathLike] | None,
-        waveforms: bool | None,
-        pulses: bool | None,
-        progress: Progress | None,
-        options: dict[str, Any],
-    ) -> _vlscan.Outcome:
-        if to is None:
-            # The run counts the points of its first table.
-            tables = ["points", *["waveforms"] * bool(waveforms), *["pulses"] * bool(pulses), "trajectory"]
-            _refuse_options_of_files(options)
-        else:
-            tables = ["trajectory"]
-            files = [to] if isinstance(to, (str, os.PathLike)) else list(to)
-            if not files:
-                raise ValueError("to names no file; without it the points stay in memory")
-            options = {**options, "out": [os.fspath(file) for file in files], "waveforms": waveforms, "pulses": pulses}
-        return _vlscan.run(request(options), tables, progress)
+        words, tables = _recorded(to, waveforms, pulses, options)
+        return Result(_vlscan.run(self._request(words), tables, progress))
 
     def run_batches(
-        self, rows: int = 1_000_000, per_leg: bool = False, seconds: float | None = None, **options: Any
+        self, rows: int = 1_000_000, per_leg: bool = False, seconds: float | None = None, **options: Unpack[RunOptions]
     ) -> Iterator[Points]:
-        """Flies and measures the survey, and yields the points in batches of ``rows`` while it does. Memory does not grow with the
-        number of points: the run waits until batches are taken. Leaving the loop ends the run.
+        """Fly and measure the survey, and yield the points in batches while it does.
 
-        With ``per_leg`` a batch ends with its leg, too, and with ``seconds`` at every multiple of so many seconds of ``GpsTime``:
-        ``seconds=0.1`` yields the sweeps of a scanner that turns ten times per second."""
-        _refuse_options_of_files(options)
+        Memory does not grow with the number of points: the run waits until batches are taken. Leaving the loop ends the run.
+
+        Parameters
+        ----------
+        rows : int
+            Number of points of a batch.
+        per_leg : bool
+            Whether a batch ends with its leg, too.
+        seconds : float, optional
+            A batch ends at every multiple of so many seconds of ``GpsTime``, too: 0.1 yields the sweeps of a scanner that turns
+            ten times per second.
+        **options : RunOptions
+            As for :meth:`run`.
+
+        Returns
+        -------
+        iterator of Points
+            The batches.
+
+        Raises
+        ------
+        InputError
+            Input is invalid.
+        TypeError
+            No option has such a name.
+        ValueError
+            An option of files, or an interval that is not above 0.
+
+        Examples
+        --------
+        >>> survey = vlscan.Survey.open("fixtures/room/survey.xml")
+        >>> sum(len(batch) for batch in survey.run_batches(1000, seed=1)) == survey.run(seed=1).point_count
+        True
+        """
+        words = words_of(options, writes_files=False)
         if seconds is not None and not 0 < seconds < float("inf"):
             raise ValueError(f"seconds is {seconds}, expected more than 0")
-        return self._batches(self._request(options), rows, per_leg, seconds)
-
-    @staticmethod
-    def _batches(request: _vlscan.Request, rows: int, per_leg: bool, seconds: float | None) -> Iterator[Points]:
-        batches = _vlscan.run_batches(request, rows, per_leg, seconds, 2)
-        try:
-            for table in batches:
-                yield Points(table)
-        finally:
-            batches.close()
+        return _batches(self._request(words), rows, per_leg, seconds)
 
     def __repr__(self) -> str:
         what = [repr(self._file)] if self._file else []
@@ -340,39 +346,128 @@ class Survey:
         return f"Survey({', '.join([*what, f'{len(self.legs)} legs'])})"
 
 
-def run(survey: Survey | PathLike, to: PathLike | Iterable[PathLike] | None = None, **options: Any) -> Result:
-    """Runs a survey, or the survey of a file; see :meth:`Survey.run`."""
-    return (survey if isinstance(survey, Survey) else Survey.open(survey)).run(to, **options)
+def run(
+    survey: Survey | PathLike,
+    to: PathLike | Iterable[PathLike] | None = None,
+    *,
+    waveforms: bool | None = None,
+    pulses: bool | None = None,
+    progress: Progress | None = None,
+    **options: Unpack[RunOptions],
+) -> Result:
+    """Run a survey.
+
+    Parameters
+    ----------
+    survey : Survey, str or path-like
+        A survey, or its file.
+    to, waveforms, pulses, progress : object
+        As for :meth:`Survey.run`.
+    **options : RunOptions
+        As for :meth:`Survey.run`.
+
+    Returns
+    -------
+    Result
+        The points, or the names of the files.
+
+    Examples
+    --------
+    >>> result = vlscan.run("fixtures/room/survey.xml", seed=1)
+    >>> result.points.units["X"]
+    'm'
+    """
+    return _opened(survey).run(to, waveforms=waveforms, pulses=pulses, progress=progress, **options)
 
 
 def run_batches(
-    survey: Survey | PathLike, rows: int = 1_000_000, per_leg: bool = False, seconds: float | None = None, **options: Any
+    survey: Survey | PathLike,
+    rows: int = 1_000_000,
+    per_leg: bool = False,
+    seconds: float | None = None,
+    **options: Unpack[RunOptions],
 ) -> Iterator[Points]:
-    """Runs a survey, or the survey of a file, batch by batch; see :meth:`Survey.run_batches`."""
-    opened = survey if isinstance(survey, Survey) else Survey.open(survey)
-    return opened.run_batches(rows, per_leg, seconds, **options)
+    """Run a survey batch by batch.
+
+    Parameters
+    ----------
+    survey : Survey, str or path-like
+        A survey, or its file.
+    rows, per_leg, seconds : object
+        As for :meth:`Survey.run_batches`.
+    **options : RunOptions
+        As for :meth:`Survey.run`.
+
+    Returns
+    -------
+    iterator of Points
+        The batches.
+
+    Examples
+    --------
+    >>> [set(leg["PointSourceId"].tolist()) for leg in vlscan.run_batches("fixtures/room/survey.xml", per_leg=True)]
+    [{1}, {2}]
+    """
+    return _opened(survey).run_batches(rows, per_leg, seconds, **options)
 
 
 def trace(
     scene: Scene | PathLike | Part | Iterable[Part],
-    origins: Any = None,
-    directions: Any = None,
+    origins: ArrayLike | None = None,
+    directions: ArrayLike | None = None,
     *,
-    scanner: Scanner | str | Mapping[str, Any] = "riegl_vz400",
-    time: Any = None,
-    pulses: Any = None,
-    waveform: Mapping[str, Any] | None = None,
-    detector: Mapping[str, Any] | None = None,
+    scanner: Scanner | str | Mapping[str, object] = "riegl_vz400",
+    time: ArrayLike | None = None,
+    pulses: TableLike | ArrayLike | None = None,
+    waveform: Mapping[str, object] | None = None,
+    detector: Mapping[str, object] | None = None,
     to: PathLike | Iterable[PathLike] | None = None,
     waveforms: bool | None = None,
     progress: Progress | None = None,
-    **options: Any,
+    **options: Unpack[RunOptions],
 ) -> Result:
-    """Traces pulses of your own pattern through a scene.
+    """Trace pulses of your own pattern through a scene.
 
-    ``origins``: n by 3, world frame, m, or one origin for all. ``directions``: n by 3, of any length. ``time``: of emission, s; 0 by
-    default. ``pulses`` instead of them: a table or dictionary with the columns x, y, z, dx, dy, dz and others that ``vlscan pulses``
-    writes. ``scanner`` receives the echoes: its beam, its detector. The other arguments are those of :meth:`Survey.run`.
+    Parameters
+    ----------
+    scene : Scene, str, path-like, Part or iterable of Part
+        What is scanned.
+    origins : array_like, optional
+        Origins of the pulses, n by 3, world frame, m, or one for all.
+    directions : array_like, optional
+        Directions of the pulses, n by 3, of any length.
+    scanner : Scanner, str or mapping
+        What receives the echoes: its beam, its detector.
+    time : array_like, optional
+        Times of emission, s; 0 by default.
+    pulses : mapping, Arrow table or structured array, optional
+        A table instead of origins and directions, with the columns x, y, z, dx, dy, dz and others that ``vlscan pulses`` writes.
+    waveform, detector : mapping, optional
+        As for :class:`Survey`.
+    to, waveforms, progress : object
+        As for :meth:`Survey.run`.
+    **options : RunOptions
+        As for :meth:`Survey.run`.
+
+    Returns
+    -------
+    Result
+        The points, or the names of the files.
+
+    Raises
+    ------
+    TypeError
+        Neither pulses nor origins and directions are given.
+    ValueError
+        Directions have another shape.
+
+    Examples
+    --------
+    >>> floor = vlscan.Part.mesh([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], [[0, 1, 2, 3]])
+    >>> down = np.broadcast_to([0, 0, -1], (3, 3))
+    >>> points = vlscan.trace(floor, [[0, 0, 5], [1, 0, 5], [99, 0, 5]], down).points
+    >>> points["X"].round(3).tolist()
+    [0.0, 1.0]
     """
     survey = Survey(scene, scanner, waveform=waveform, detector=detector, name="trace")
     if pulses is None:
@@ -382,25 +477,48 @@ def trace(
         if ends.ndim != 2 or ends.shape[1] != 3:
             raise ValueError(f"directions has the shape {ends.shape}, expected n by 3")
         starts = np.broadcast_to(np.asarray(origins, float), ends.shape)
-        pulses = {name: starts[:, axis] for axis, name in enumerate("xyz")}
-        pulses |= {f"d{name}": ends[:, axis] for axis, name in enumerate("xyz")}
+        columns: dict[str, ArrayLike] = {name: starts[:, axis] for axis, name in enumerate("xyz")}
+        columns |= {f"d{name}": ends[:, axis] for axis, name in enumerate("xyz")}
         if time is not None:
-            pulses["time"] = np.broadcast_to(np.asarray(time, float), len(ends))
-    table = columns_of(pulses, ())
-
-    def request(chosen: dict[str, Any]) -> _vlscan.Request:
-        return survey._request(chosen, table)
-
-    return Result(Survey._execute(request, to, waveforms, None, progress, options))
+            columns["time"] = np.broadcast_to(np.asarray(time, float), len(ends))
+        pulses = columns
+    words, tables = _recorded(to, waveforms, None, options)
+    return Result(_vlscan.run(survey._request(words, _columns_of(pulses, ())), tables, progress))
 
 
-#: Columns of a trajectory as an array.
-TRAJECTORY_COLUMNS = ("time", "x", "y", "z", "roll", "pitch", "yaw")
+def _opened(survey: Survey | PathLike) -> Survey:
+    return survey if isinstance(survey, Survey) else Survey.open(survey)
 
 
-def columns_of(table: Any, names: tuple[str, ...]) -> Any:
-    """A table that the engine takes: something of Arrow as it is, arrays as a dictionary of columns as bytes."""
-    if hasattr(table, "__arrow_c_stream__"):
+def _recorded(
+    to: PathLike | Iterable[PathLike] | None, waveforms: bool | None, pulses: bool | None, options: Mapping[str, object]
+) -> tuple[list[str], list[str]]:
+    """Return the words of a run's options, and the tables that it leaves in memory."""
+    recorded = {"waveforms": waveforms, "pulses": pulses}
+    if to is None:
+        # The run counts the points of its first table.
+        tables = ["points", *(name for name, is_wanted in recorded.items() if is_wanted), "trajectory"]
+        return words_of(options, writes_files=False), tables
+    files = [to] if isinstance(to, (str, os.PathLike)) else list(to)
+    if not files:
+        raise ValueError("to names no file; without it the points stay in memory")
+    outputs = [f"--out={os.fspath(file)}" for file in files]
+    switches = [switch(name, is_wanted) for name, is_wanted in recorded.items() if is_wanted is not None]
+    return [*words_of(options), *outputs, *switches], ["trajectory"]
+
+
+def _batches(request: _vlscan.Request, rows: int, per_leg: bool, seconds: float | None) -> Iterator[Points]:
+    batches = _vlscan.run_batches(request, rows, per_leg, seconds, 2)
+    try:
+        for table in batches:
+            yield Points(table)
+    finally:
+        batches.close()
+
+
+def _columns_of(table: TableLike | ArrayLike, names: tuple[str, ...]) -> _Table:
+    """Return a table as the engine takes it; ``names`` are those of the columns of an array without names."""
+    if isinstance(table, ArrowStream):
         return table
     if isinstance(table, Mapping):
         columns = {str(name): np.asarray(values) for name, values in table.items()}
@@ -413,53 +531,3 @@ def columns_of(table: Any, names: tuple[str, ...]) -> Any:
         else:
             raise ValueError(f"an array has the shape {array.shape}, expected n by {len(names)}: {', '.join(names)}")
     return {name: np.asarray(values, dtype="<f8").tobytes() for name, values in columns.items()}
-
-
-# Options that only say how files are written.
-_OPTIONS_OF_FILES = {
-    "force", "format", "frame_s", "labels", "las10", "las_at_most", "las_extra", "las_output", "las_scale", "per_object", "split_by_channel",
-    "tile", "wave_packets", "zip_output",
-}  # fmt: skip
-
-
-def _refuse_options_of_files(options: Mapping[str, Any]) -> None:
-    for name, value in options.items():
-        if name in _OPTIONS_OF_FILES and value is not None and value is not False:
-            raise ValueError(f"{name} is an option of files, but this run writes none; name them with run(to=...)")
-
-
-def words_of(options: Mapping[str, Any]) -> list[str]:
-    """Options as words of a command line."""
-    known = catalogue.options()
-    words = []
-    for name, value in options.items():
-        if name not in known and name != "out":
-            close = get_close_matches(name, known, 1)
-            hint = f"did you mean {close[0]!r}?" if close else "vlscan.options() lists them"
-            raise TypeError(f"no option of a run is called {name!r}; {hint}")
-        word = "--" + name.replace("_", "-")
-        if value is None or (value is False and known[name].has_value):
-            continue
-        if value is False:
-            words.append("--" + word.removeprefix("--no-") if word.startswith("--no-") else "--no-" + word.removeprefix("--"))
-        elif value is True:
-            words.append(word)
-        elif isinstance(value, Mapping):
-            words += [f"{word}={key}={_text(item)}" for key, item in value.items()]
-        elif isinstance(value, (list, tuple)) and (name == "out" or known[name].is_list) and name != "correct":
-            words += [f"{word}={_text(item)}" for item in value]
-        else:
-            words.append(f"{word}={_text(value)}")
-    return words
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    if isinstance(value, datetime) and value.tzinfo is not None:
-        return str(value.astimezone(timezone.utc).replace(tzinfo=None))
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-    if isinstance(value, (list, tuple)):
-        return ",".join(_text(item) for item in value)
-    return str(value)

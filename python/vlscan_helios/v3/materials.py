@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 from copy import copy
-from typing import Any
+from typing import Any, overload
 
-from ..errors import warn
-from ..scene import Material as EngineMaterial
-from .settings import find_asset
+from vlscan._typing import PathLike
+from vlscan.errors import warn
+from vlscan.parts import Material as EngineMaterial
+
+from .settings import find_asset, three
 
 
 class _UncheckedMaterial(EngineMaterial):
@@ -21,8 +23,32 @@ class _UncheckedMaterial(EngineMaterial):
 
 
 class Material:
-    """How a surface reflects. ``reflectance``: 0 to 1; ``None`` is that of ``spectra``, the name of a spectrum, else 50 as in
-    HELIOS++. ``classification``: class of points."""
+    """How a surface reflects.
+
+    Parameters
+    ----------
+    name : str
+        Name.
+    is_ground : bool
+        Whether legs, and parts on the ground, stand on it.
+    reflectance : float, optional
+        0 to 1; by default that of ``spectra``, else 50 as in HELIOS++.
+    classification : int
+        Class of points.
+    spectra : str, optional
+        Name of a spectrum.
+    ambient_components, diffuse_components, specular_components : tuple of float
+        Colours.
+    specular_exponent : float
+        Exponent of the specular lobe.
+    **unknown : Any
+        Refused.
+
+    Raises
+    ------
+    ValueError
+        Unknown keywords.
+    """
 
     def __init__(
         self,
@@ -47,9 +73,33 @@ class Material:
         self.ambient_components, self.diffuse_components = ambient_components, diffuse_components
         self.specular_components, self.specular_exponent = specular_components, specular_exponent
 
+    @overload
     @classmethod
-    def from_file(cls, material_file: str | os.PathLike[str], material_name: str | None = None) -> Any:
-        """The material of a name, or all materials of a file by name."""
+    def from_file(cls, material_file: PathLike, material_name: None = None) -> dict[str, Material]: ...
+    @overload
+    @classmethod
+    def from_file(cls, material_file: PathLike, material_name: str) -> Material: ...
+    @classmethod
+    def from_file(cls, material_file: PathLike, material_name: str | None = None) -> Material | dict[str, Material]:
+        """Read materials of a file.
+
+        Parameters
+        ----------
+        material_file : str or path-like
+            An MTL file.
+        material_name : str, optional
+            Name of the one that is wanted.
+
+        Returns
+        -------
+        Material or dict of Material
+            The material of the name, or all materials by name.
+
+        Raises
+        ------
+        ValueError
+            No material has the name.
+        """
         found = read_materials(find_asset(material_file))
         if material_name is None:
             return found
@@ -58,19 +108,31 @@ class Material:
         return found[material_name]
 
     def clone(self) -> Material:
-        """A copy."""
+        """Return a copy.
+
+        Returns
+        -------
+        Material
+            The copy.
+        """
         return copy(self)
 
     def engine(self) -> EngineMaterial:
-        """The material for the engine."""
+        """Return the material for the engine.
+
+        Returns
+        -------
+        vlscan.Material
+            The material.
+        """
         return _UncheckedMaterial(
             self.name,
             reflectance=self.reflectance,
             classification=int(self.classification),
             spectrum=self.spectra,
             is_ground=bool(self.is_ground),
-            diffuse=tuple(self.diffuse_components[:3]),  # type: ignore[arg-type]
-            specular=tuple(self.specular_components[:3]),  # type: ignore[arg-type]
+            diffuse=three(self.diffuse_components),
+            specular=three(self.specular_components),
             specular_exponent=float(self.specular_exponent),
         )
 
@@ -84,7 +146,7 @@ class Material:
 
 
 def read_materials(path: str) -> dict[str, Material]:
-    """The materials of an MTL file by name. Values that cannot be read are left out with a warning."""
+    """Return the materials of an MTL file by name. Values that cannot be read are left out with a warning."""
     found: dict[str, Material] = {}
     current = None
     with open(path, encoding="utf-8", errors="replace") as file:

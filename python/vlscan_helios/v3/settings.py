@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import enum
+import inspect
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from copy import copy
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any, ClassVar
+from itertools import islice
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, TypeVar
 
 try:
     import pint
@@ -16,14 +18,25 @@ except ImportError as failure:  # pragma: no cover
     raise ImportError("vlscan.helios needs pint: pip install 'vlscan[helios]'") from failure
 
 #: The units of all quantities.
-units = pint.get_application_registry()
+units: pint.UnitRegistry[float] = pint.get_application_registry()  # type: ignore[no-untyped-call]
+
+_T = TypeVar("_T")
+
+#: A text with a unit, a quantity of pint, or a number in SI units.
+Quantity: TypeAlias = "str | float | pint.Quantity[float]"
 
 _asset_directories: list[str] = []
 _seed: list[int | str] = []
 
 
-def number(value: Any, unit: str) -> float:
-    """A quantity as a number in ``unit``; plain numbers are in ``unit`` already."""
+def three(values: Iterable[_T]) -> tuple[_T, _T, _T]:
+    """Return the first three values."""
+    x, y, z = islice(values, 3)
+    return x, y, z
+
+
+def number(value: Quantity, unit: str) -> float:
+    """Return a quantity as a number in ``unit``; plain numbers are in ``unit`` already."""
     if isinstance(value, str):
         value = units.parse_expression(value)
     if isinstance(value, pint.Quantity):
@@ -31,11 +44,23 @@ def number(value: Any, unit: str) -> float:
     return float(value)
 
 
+_S = TypeVar("_S", bound="Settings")
+
+
 class Settings:
     """Values by keyword. Unknown keywords are ``ValueError``."""
 
     #: Unit and default of each keyword; the unit is ``None`` for what is no quantity.
     FIELDS: ClassVar[dict[str, tuple[str | None, Any]]] = {}
+    __signature__: ClassVar[inspect.Signature]
+
+    def __init_subclass__(cls) -> None:
+        # The signature and the parameters in the documentation follow from the fields.
+        fields = cls.FIELDS.items()
+        keywords = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default) for name, (_, default) in fields]
+        cls.__signature__ = inspect.Signature(keywords)
+        rows = [f"{name} : {unit or type(default).__name__}\n    Default: {default}." for name, (unit, default) in fields]
+        cls.__doc__ = "\n".join([f"{cls.__doc__}\n\nParameters\n----------", *rows])
 
     def __init__(self, **values: Any) -> None:
         for name in values:
@@ -62,12 +87,24 @@ class Settings:
         object.__setattr__(self, name, value)
 
     def changed(self) -> dict[str, Any]:
-        """Values that differ from their defaults."""
+        """Return the values that differ from their defaults.
+
+        Returns
+        -------
+        dict
+            Values by keyword.
+        """
         mine = {name: getattr(self, name) for name in self.FIELDS}
         return {name: value for name, value in mine.items() if value != self.FIELDS[name][1]}
 
-    def clone(self) -> Any:
-        """A copy."""
+    def clone(self: _S) -> _S:
+        """Return a copy.
+
+        Returns
+        -------
+        Settings
+            The copy.
+        """
         return copy(self)
 
     def __repr__(self) -> str:
@@ -145,7 +182,13 @@ class FullWaveformSettings(Settings):
         self.check()
 
     def check(self) -> None:
-        """``ValueError`` where the window is shorter than two bins, so that every bin would count as an echo."""
+        """Check the window.
+
+        Raises
+        ------
+        ValueError
+            The window is shorter than two bins, so that every bin would count as an echo.
+        """
         if self.win_size < 2 * self.bin_size * (1 - 1e-9):
             raise ValueError(f"win_size is {self.win_size} ns, expected at least two bins of bin_size {self.bin_size} ns")
 
@@ -203,7 +246,7 @@ class OutputSettings(Settings):
     }
 
 
-class _AssetDirectory(contextlib.AbstractContextManager):
+class _AssetDirectory(contextlib.AbstractContextManager[object]):
     def __init__(self, path: str) -> None:
         self._path = path
 
@@ -213,20 +256,31 @@ class _AssetDirectory(contextlib.AbstractContextManager):
             _asset_directories.remove(self._path)
 
 
-def add_asset_directory(path: str | os.PathLike[str]) -> contextlib.AbstractContextManager:
-    """Adds a folder in which files are searched; as a context manager, within its block."""
+def add_asset_directory(path: str | os.PathLike[str]) -> contextlib.AbstractContextManager[object]:
+    """Add a folder in which files are searched.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The folder.
+
+    Returns
+    -------
+    contextlib.AbstractContextManager
+        As a context manager the folder is searched within its block only.
+    """
     name = os.fspath(path)
     _asset_directories.append(name)
     return _AssetDirectory(name)
 
 
 def asset_directories() -> list[str]:
-    """The folders in which files are searched."""
+    """Return the folders in which files are searched."""
     return list(dict.fromkeys(_asset_directories))
 
 
 def find_asset(path: str | os.PathLike[str]) -> str:
-    """A file: as named, else in the folders of :func:`add_asset_directory`."""
+    """Return a file: as named, else in the folders of :func:`add_asset_directory`."""
     name = os.fspath(path)
     for folder in ["", *_asset_directories, "assets"]:
         if os.path.exists(os.path.join(folder, name)):
@@ -235,17 +289,41 @@ def find_asset(path: str | os.PathLike[str]) -> str:
 
 
 def set_rng_seed(seed: int | str) -> None:
-    """Seed of all random draws of later runs."""
+    """Set the seed of all random draws of later runs.
+
+    Parameters
+    ----------
+    seed : int or str
+        The seed.
+    """
     _seed[:] = [seed]
 
 
 def rng_seed() -> int | str | None:
-    """The seed that was set."""
+    """Return the seed that was set."""
     return _seed[0] if _seed else None
 
 
-def combine_parameters(*settings: Settings, **values: Any) -> Settings:
-    """Settings of one kind together: values of later ones that differ from their defaults replace those of earlier ones."""
+def combine_parameters(*settings: _S, **values: Any) -> _S:
+    """Join settings of one kind.
+
+    Parameters
+    ----------
+    *settings : Settings
+        Values of later ones that differ from their defaults replace those of earlier ones.
+    **values : Any
+        Values by keyword, which replace all.
+
+    Returns
+    -------
+    Settings
+        The joined settings.
+
+    Raises
+    ------
+    ValueError
+        No settings, of several kinds, or unknown keywords.
+    """
     if not settings:
         raise ValueError("combine_parameters() needs settings")
     if len({type(each) for each in settings}) > 1:
@@ -256,13 +334,13 @@ def combine_parameters(*settings: Settings, **values: Any) -> Settings:
     return merged
 
 
-def _all_changes(settings: tuple[Settings, ...], values: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+def _all_changes(settings: Iterable[Settings], values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     for each in settings:
         yield from each.changed().items()
     yield from values.items()
 
 
-def split(values: dict[str, Any], *kinds: type[Settings]) -> list[dict[str, Any]]:
+def split(values: Mapping[str, Any], *kinds: type[Settings]) -> list[dict[str, Any]]:
     """Keywords by the kind of settings that has them; ``ValueError`` for those that none has."""
     shares: list[dict[str, Any]] = [{} for _ in kinds]
     for name, value in values.items():

@@ -11,7 +11,7 @@ that says how. Written from the public interface; no code of HELIOS++ is contain
 from __future__ import annotations
 
 import sys
-from typing import Any
+from types import ModuleType
 
 from . import platforms, scanner, scene, settings, survey
 from .materials import Material
@@ -75,8 +75,19 @@ __all__ = [
 ]
 
 
-def install(name: str = "helios") -> Any:
-    """Makes this package importable as ``helios`` in this process, submodules included, and returns it."""
+def install(name: str = "helios") -> ModuleType:
+    """Make this package importable by another name in this process, submodules included.
+
+    Parameters
+    ----------
+    name : str
+        The name.
+
+    Returns
+    -------
+    module
+        The package.
+    """
     package = sys.modules[__name__]
     sys.modules[name] = package
     for module in (platforms, scanner, scene, settings, survey):

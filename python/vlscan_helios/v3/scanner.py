@@ -4,29 +4,59 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from copy import copy
 from difflib import get_close_matches
-from typing import Any
+from typing import TypeVar
 
-from .. import catalogue
+from vlscan import catalogue
+
 from .settings import FullWaveformSettings, find_asset
+
+_T = TypeVar("_T")
 
 
 class Scanner:
-    """An instrument."""
+    """An instrument.
+
+    Parameters
+    ----------
+    reference : str
+        ``file.xml#id``.
+    name : str
+        Name.
+    """
 
     def __init__(self, reference: str, name: str) -> None:
         self.reference, self.name = reference, name
 
     @classmethod
     def from_xml(cls, scanner_file: str | os.PathLike[str], scanner_id: str | None = None) -> Scanner:
-        """A scanner of a file: the one with the id, else the first."""
+        """Return a scanner of a file.
+
+        Parameters
+        ----------
+        scanner_file : str or path-like
+            The file.
+        scanner_id : str, optional
+            Its id; the first by default.
+
+        Returns
+        -------
+        Scanner
+            The scanner.
+        """
         file = find_asset(scanner_file)
         return cls(file if scanner_id is None else f"{file}#{scanner_id}", scanner_id or os.path.basename(file))
 
     def clone(self) -> Scanner:
-        """A copy."""
+        """Return a copy.
+
+        Returns
+        -------
+        Scanner
+            The copy.
+        """
         return copy(self)
 
     def __repr__(self) -> str:
@@ -37,8 +67,8 @@ def _plain(name: str) -> str:
     return re.sub("[^a-z0-9]", "", name.lower())
 
 
-def find(name: str, known: dict[str, Any], kind: str) -> str:
-    """The key of a name, whatever its hyphens, underscores and capitals."""
+def find(name: str, known: Iterable[str], kind: str) -> str:
+    """Return the key of a name, whatever its hyphens, underscores and capitals."""
     for key in known:
         if _plain(key) == _plain(name):
             return key
@@ -49,28 +79,50 @@ def find(name: str, known: dict[str, Any], kind: str) -> str:
 
 
 def scanner_from_name(scanner_name: str) -> Scanner:
-    """A scanner that ships."""
+    """Return a scanner that ships.
+
+    Parameters
+    ----------
+    scanner_name : str
+        Its name, whatever its hyphens, underscores and capitals.
+
+    Returns
+    -------
+    Scanner
+        The scanner.
+
+    Raises
+    ------
+    ValueError
+        No scanner has the name.
+    """
     known = catalogue.scanners()
     key = find(scanner_name, known, "scanner")
     return Scanner(catalogue.scanner_reference(key), known[key])
 
 
 def list_scanners() -> list[str]:
-    """Names of the scanners that ship."""
+    """List the scanners that ship.
+
+    Returns
+    -------
+    list of str
+        Their ids.
+    """
     return list(catalogue.scanners())
 
 
-def by_attribute(from_name: Callable[[str], Any]) -> Callable[[str], Callable[[], Any]]:
+def by_attribute(from_name: Callable[[str], _T]) -> Callable[[str], Callable[[], _T]]:
     """``__getattr__`` of a module with a function for each instrument that ships."""
 
-    def get(name: str) -> Callable[[], Any]:
+    def get(name: str) -> Callable[[], _T]:
         if name.startswith("_"):
             raise AttributeError(name)
         try:
             found = from_name(name)
         except ValueError as failure:
             raise AttributeError(str(failure)) from None
-        return lambda: found.clone()
+        return lambda: copy(found)
 
     return get
 

@@ -7,8 +7,10 @@ from copy import copy
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from .. import catalogue
+from vlscan import catalogue
+
 from .scanner import by_attribute, find
 from .settings import find_asset
 
@@ -17,24 +19,45 @@ FIELDS = ("t", "roll", "pitch", "yaw", "x", "y", "z")
 
 
 class Platform:
-    """What carries the scanner."""
+    """What carries the scanner.
+
+    Parameters
+    ----------
+    reference : str
+        ``file.xml#id``.
+    name : str
+        Name.
+    """
 
     def __init__(self, reference: str, name: str) -> None:
         self.reference, self.name = reference, name
         #: Recorded poses of the fields t (s), roll, pitch, yaw (rad), x, y, z (m).
-        self.trajectory: np.ndarray | None = None
+        self.trajectory: NDArray[np.void] | None = None
         self.rotation_spec, self.sync_gps_time, self.position_only = "ARINC 705", False, False
 
     @classmethod
     def from_xml(cls, platform_file: str | os.PathLike[str], platform_id: str | None = None) -> Platform:
-        """A platform of a file: the one with the id, else the first."""
+        """Return a platform of a file.
+
+        Parameters
+        ----------
+        platform_file : str or path-like
+            The file.
+        platform_id : str, optional
+            Its id; the first by default.
+
+        Returns
+        -------
+        Platform
+            The platform.
+        """
         file = find_asset(platform_file)
         return cls(file if platform_id is None else f"{file}#{platform_id}", platform_id or os.path.basename(file))
 
     @classmethod
     def load_interpolate_platform(
         cls,
-        trajectory: Any,
+        trajectory: ArrayLike,
         platform_file: str | os.PathLike[str] | None = None,
         interpolation_method: str = "ARINC 705",
         sync_gps_time: bool = False,
@@ -42,8 +65,35 @@ class Platform:
         platform_id: str | None = None,
         **unknown: Any,
     ) -> Platform:
-        """A platform that follows recorded poses: an array of :func:`load_traj_csv`. ``platform_file`` and ``platform_id`` name the
-        platform whose mount and noise it has."""
+        """Return a platform that follows recorded poses.
+
+        Parameters
+        ----------
+        trajectory : array_like
+            An array of :func:`load_traj_csv`.
+        platform_file : str or path-like, optional
+            File of the platform whose mount and noise it has.
+        interpolation_method : str
+            Meaning of the angles: ``ARINC 705`` or ``CANONICAL``.
+        sync_gps_time : bool
+            Whether points have the times of the trajectory.
+        interpolation_domain : str
+            ``position_and_attitude`` or ``position``.
+        platform_id : str, optional
+            Id of the platform in its file.
+        **unknown : Any
+            Refused.
+
+        Returns
+        -------
+        Platform
+            The platform.
+
+        Raises
+        ------
+        ValueError
+            Another method, missing fields, or unknown keywords.
+        """
         if unknown:
             raise ValueError(f"load_interpolate_platform() has no {', '.join(map(repr, unknown))}")
         if interpolation_method.upper().replace("_", " ") not in ("ARINC 705", "CANONICAL"):
@@ -59,7 +109,13 @@ class Platform:
         return platform
 
     def clone(self) -> Platform:
-        """A copy."""
+        """Return a copy.
+
+        Returns
+        -------
+        Platform
+            The copy.
+        """
         return copy(self)
 
     def __repr__(self) -> str:
@@ -68,19 +124,42 @@ class Platform:
 
 def load_traj_csv(
     csv: str | os.PathLike[str],
-    tIndex: int = 0,  # noqa: N803
-    rollIndex: int = 1,  # noqa: N803
-    pitchIndex: int = 2,  # noqa: N803
-    yawIndex: int = 3,  # noqa: N803
-    xIndex: int = 4,  # noqa: N803
-    yIndex: int = 5,  # noqa: N803
-    zIndex: int = 6,  # noqa: N803
+    tIndex: int = 0,
+    rollIndex: int = 1,
+    pitchIndex: int = 2,
+    yawIndex: int = 3,
+    xIndex: int = 4,
+    yIndex: int = 5,
+    zIndex: int = 6,
     trajectory_separator: str = ",",
     to_radians: bool = True,
     **unknown: Any,
-) -> np.ndarray:
-    """Reads a trajectory of text: columns by their indices from 0, angles in degrees unless ``to_radians`` is false. Lines that
-    begin with ``#`` are passed over."""
+) -> NDArray[np.void]:
+    """Read a trajectory of text. Lines that begin with ``#`` are passed over.
+
+    Parameters
+    ----------
+    csv : str or path-like
+        The file.
+    tIndex, rollIndex, pitchIndex, yawIndex, xIndex, yIndex, zIndex : int
+        Columns, from 0.
+    trajectory_separator : str
+        Character between columns.
+    to_radians : bool
+        Whether angles are degrees, and become radians.
+    **unknown : Any
+        Refused.
+
+    Returns
+    -------
+    numpy.ndarray
+        A structured array with the fields t (s), roll, pitch, yaw (rad), x, y, z (m).
+
+    Raises
+    ------
+    ValueError
+        Too few columns, or unknown keywords.
+    """
     if unknown:
         raise ValueError(f"load_traj_csv() has no {', '.join(map(repr, unknown))}")
     numbers = np.loadtxt(find_asset(csv), delimiter=trajectory_separator, ndmin=2)
@@ -95,14 +174,36 @@ def load_traj_csv(
 
 
 def platform_from_name(platform_name: str) -> Platform:
-    """A platform that ships."""
+    """Return a platform that ships.
+
+    Parameters
+    ----------
+    platform_name : str
+        Its name, whatever its hyphens, underscores and capitals.
+
+    Returns
+    -------
+    Platform
+        The platform.
+
+    Raises
+    ------
+    ValueError
+        No platform has the name.
+    """
     known = {name: name for name in catalogue.platforms()}
     key = find(platform_name, known, "platform")
     return Platform(catalogue.platform_reference(key), key)
 
 
 def list_platforms() -> list[str]:
-    """Names of the platforms that ship."""
+    """List the platforms that ship.
+
+    Returns
+    -------
+    list of str
+        Their names.
+    """
     return catalogue.platforms()
 
 

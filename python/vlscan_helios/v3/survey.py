@@ -5,15 +5,22 @@ from __future__ import annotations
 import os
 import tempfile
 import warnings
+from collections.abc import Mapping
 from copy import copy
+from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .. import Survey as EngineSurvey
-from ..errors import warn
+from vlscan import Survey as EngineSurvey
+from vlscan import _vlscan
+from vlscan._words import switch, words_of
+from vlscan.errors import warn
+from vlscan.tables import Points, Table
+
 from .platforms import FIELDS, Platform
 from .scanner import Scanner
 from .scene import StaticScene
@@ -26,12 +33,16 @@ from .settings import (
     ParallelizationStrategy,
     PlatformSettings,
     ScannerSettings,
+    Settings,
     TrajectorySettings,
     asset_directories,
     find_asset,
     rng_seed,
     split,
 )
+
+if TYPE_CHECKING:
+    from vlscan import RunOptions
 
 #: A point, packed.
 POINT = np.dtype(
@@ -54,9 +65,7 @@ POINT = np.dtype(
 )
 
 #: A pose: time (s), position (m), angles (rad).
-POSE = np.dtype(
-    [("gps_time", "<f8"), ("position", "<f8", (3,)), ("roll", "<f8"), ("pitch", "<f8"), ("yaw", "<f8")]
-)
+POSE = np.dtype([("gps_time", "<f8"), ("position", "<f8", (3,)), ("roll", "<f8"), ("pitch", "<f8"), ("yaw", "<f8")])
 
 # Fields of a point and the columns of the engine that they hold.
 _COLUMNS = {
@@ -82,7 +91,24 @@ class SurveyHook:
 
 
 class Leg:
-    """A leg: where it begins, and what the scanner does."""
+    """A leg: where it begins, and what the scanner does.
+
+    Parameters
+    ----------
+    platform_settings : PlatformSettings, optional
+        Where it begins.
+    scanner_settings : ScannerSettings, optional
+        What the scanner does.
+    trajectory_settings : TrajectorySettings, optional
+        The part of a trajectory that is flown.
+    **values : Any
+        Keywords of these settings.
+
+    Raises
+    ------
+    ValueError
+        Unknown keywords.
+    """
 
     def __init__(
         self,
@@ -97,15 +123,23 @@ class Leg:
         self.trajectory_settings = _with(trajectory_settings or TrajectorySettings(), trajectory)
 
     def clone(self) -> Leg:
-        """A copy."""
-        settings = (self.platform_settings, self.scanner_settings, self.trajectory_settings)
-        return Leg(*(each.clone() for each in settings))
+        """Return a copy.
+
+        Returns
+        -------
+        Leg
+            The copy.
+        """
+        return Leg(self.platform_settings, self.scanner_settings, self.trajectory_settings)
 
     def __repr__(self) -> str:
         return f"Leg({self.platform_settings!r}, {self.scanner_settings!r})"
 
 
-def _with(settings: Any, values: dict[str, Any]) -> Any:
+_S = TypeVar("_S", bound=Settings)
+
+
+def _with(settings: _S, values: dict[str, Any]) -> _S:
     changed = settings.clone()
     for name, value in values.items():
         setattr(changed, name, value)
@@ -113,7 +147,32 @@ def _with(settings: Any, values: dict[str, Any]) -> Any:
 
 
 class Survey:
-    """A scanner on a platform, a scene, and legs."""
+    """A scanner on a platform, a scene, and legs.
+
+    Parameters
+    ----------
+    scanner : Scanner, optional
+        The scanner.
+    platform : Platform, optional
+        The platform.
+    scene : StaticScene, optional
+        The scene.
+    legs : list of Leg, optional
+        The legs.
+    full_waveform_settings : FullWaveformSettings, optional
+        Digitisation of waveforms.
+    name : str
+        Name.
+    gps_time : datetime, str or float, optional
+        Start of the clock: a datetime, a text or POSIX seconds; 2024-01-01 by default.
+    **unknown : Any
+        Refused.
+
+    Raises
+    ------
+    ValueError
+        Unknown keywords.
+    """
 
     def __init__(
         self,
@@ -123,7 +182,7 @@ class Survey:
         legs: list[Leg] | None = None,
         full_waveform_settings: FullWaveformSettings | None = None,
         name: str = "",
-        gps_time: Any = None,
+        gps_time: datetime | str | float | None = None,
         **unknown: Any,
     ) -> None:
         if unknown:
@@ -138,7 +197,25 @@ class Survey:
 
     @classmethod
     def from_xml(cls, survey_file: str | os.PathLike[str], **unknown: Any) -> Survey:
-        """The survey of a file. It is run as it is; ``scene``, ``full_waveform_settings`` and ``gps_time`` can be replaced."""
+        """Return the survey of a file, which is run as it is.
+
+        Parameters
+        ----------
+        survey_file : str or path-like
+            The file.
+        **unknown : Any
+            ``scene``, ``full_waveform_settings`` and ``gps_time`` can be replaced.
+
+        Returns
+        -------
+        Survey
+            The survey.
+
+        Raises
+        ------
+        NotImplementedError
+            Other arguments of the survey.
+        """
         survey = cls(**unknown)
         survey._file = find_asset(survey_file)
         for name in ("scanner", "platform", "legs", "name", "full_waveform_settings"):
@@ -162,7 +239,13 @@ class Survey:
         raise AttributeError(f"a Survey has no {name!r}")
 
     def clone(self) -> Survey:
-        """A copy, which shares scanner, platform and scene."""
+        """Return a copy, which shares scanner, platform and scene.
+
+        Returns
+        -------
+        Survey
+            The copy.
+        """
         twin = copy(self)
         if self._file is None:
             twin.legs = [leg.clone() for leg in self.legs]
@@ -176,7 +259,28 @@ class Survey:
         trajectory_settings: TrajectorySettings | None = None,
         **values: Any,
     ) -> None:
-        """Adds a leg: a :class:`Leg`, settings, keywords of settings, or all of them."""
+        """Add a leg.
+
+        Parameters
+        ----------
+        leg : Leg, optional
+            The leg.
+        platform_settings : PlatformSettings, optional
+            Instead of those of the leg.
+        scanner_settings : ScannerSettings, optional
+            Instead of those of the leg.
+        trajectory_settings : TrajectorySettings, optional
+            Instead of those of the leg.
+        **values : Any
+            Keywords of settings.
+
+        Raises
+        ------
+        ValueError
+            Unknown keywords.
+        NotImplementedError
+            The survey is that of a file.
+        """
         if self._file is not None:
             raise NotImplementedError("legs cannot be added to the survey of a file; change the file, or build a Survey of its scene")
         if leg is not None:
@@ -189,13 +293,33 @@ class Survey:
         self,
         execution_settings: ExecutionSettings | None = None,
         output_settings: OutputSettings | None = None,
-        callbacks: Any = None,
+        callbacks: object | None = None,
         **values: Any,
     ) -> Any:
-        """Runs the survey.
+        """Run the survey.
 
-        For the formats NPY and LASPY the result is (points, trajectory), for the others the folder that was written. Keywords are
-        those of :class:`ExecutionSettings` and :class:`OutputSettings`.
+        Parameters
+        ----------
+        execution_settings : ExecutionSettings, optional
+            Threads.
+        output_settings : OutputSettings, optional
+            What is returned or written.
+        callbacks : object, optional
+            Refused.
+        **values : Any
+            Keywords of these settings.
+
+        Returns
+        -------
+        tuple or pathlib.Path
+            Points and trajectory for the formats NPY and LASPY; the folder that was written for the others.
+
+        Raises
+        ------
+        ValueError
+            Unknown keywords, or the survey has no scanner, platform or scene.
+        NotImplementedError
+            Callbacks, or what a format has no place for; the message says what to do.
         """
         if callbacks is not None:
             raise NotImplementedError(
@@ -210,11 +334,11 @@ class Survey:
         for name in ("write_waveform", "write_pulse"):
             if getattr(output, name) and not is_folder:
                 raise NotImplementedError(
-                    f"{name} needs a format of files: LAS, LAZ or XYZ; vlscan.Survey.run(waveforms=True, pulses=True) has them in "
-                    "memory"
+                    f"{name} needs a format of files: LAS, LAZ or XYZ; vlscan.Survey.run(waveforms=True, pulses=True) has them in memory"
                 )
-        for name in ("output_dir", "split_by_channel", *["las_scale"] * (form == OutputFormat.NPY)):
-            if name in output.changed() and not is_folder:
+        has_effect = {"las_scale"} if form == OutputFormat.LASPY else set()
+        for name in ("output_dir", "split_by_channel", "las_scale"):
+            if name in output.changed() and not is_folder and name not in has_effect:
                 warn(f"{name} has no effect on the format {form.name}")
         verbosity = LogVerbosity(execution.verbosity)
         options = self._options(execution)
@@ -223,41 +347,37 @@ class Survey:
                 warnings.simplefilter("ignore")
             survey = self._engine(Path(folder))
             if is_folder:
-                words = {"las_output": form != OutputFormat.XYZ, "zip_output": form == OutputFormat.LAZ}
-                return self._run_to_folder(survey, output, {**options, **words})
+                options["las_output"], options["zip_output"] = form != OutputFormat.XYZ, form == OutputFormat.LAZ
+                return self._run_to_folder(survey, output, options)
             columns = [name for names in _COLUMNS.values() for name in ([names] if isinstance(names, str) else names)]
-            result = survey.run(columns=[*columns, "Intensity", "ScanAngle"], **options)
+            options["columns"] = [*columns, "Intensity", "ScanAngle"]
+            result = survey.run(**options)
         points, poses = point_records(result.points), pose_records(result.trajectory)
         if form == OutputFormat.LASPY:
             return _laspy(points, result.points, output.las_scale), poses
         return points, poses
 
-    def _run_to_folder(self, survey: EngineSurvey, output: OutputSettings, options: dict[str, Any]) -> Path:
-        from .. import _vlscan
-        from ..survey import words_of
-
-        extra = {"waveforms": output.write_waveform, "pulses": output.write_pulse, "las_scale": output.las_scale}
-        words = words_of({**options, **extra, "split_by_channel": output.split_by_channel})
-        request = survey._request({}, words=[*words, f"--output={os.fspath(output.output_dir)}"])
-        outcome = _vlscan.run(request, [], None)
+    def _run_to_folder(self, survey: EngineSurvey, output: OutputSettings, options: RunOptions) -> Path:
+        options["las_scale"], options["split_by_channel"] = output.las_scale, output.split_by_channel
+        words = words_of(options)
+        words += [switch("waveforms", output.write_waveform), switch("pulses", output.write_pulse)]
+        outcome = _vlscan.run(survey._request([*words, f"--output={os.fspath(output.output_dir)}"]), [], None)
         return Path(outcome.directories[0])
 
-    def _options(self, execution: ExecutionSettings) -> dict[str, Any]:
-        strategy = ParallelizationStrategy(execution.parallelization)
-        schedule = "dynamic" if strategy == ParallelizationStrategy.CHUNK else "warehouse"
-        options: dict[str, Any] = {
+    def _options(self, execution: ExecutionSettings) -> RunOptions:
+        is_chunked = ParallelizationStrategy(execution.parallelization) == ParallelizationStrategy.CHUNK
+        return {
             "threads": int(execution.num_threads) or None,
             "chunk_size": execution.chunk_size,
             "warehouse_factor": execution.warehouse_factor,
-            "schedule": schedule,
+            "schedule": "dynamic" if is_chunked else "warehouse",
             "seed": rng_seed(),
             "gps_start": self.gps_time,
             "assets": asset_directories(),
         }
-        return {name: value for name, value in options.items() if value is not None and value != []}
 
     def _engine(self, folder: Path) -> EngineSurvey:
-        """The survey for the engine: its file, or one that is written to ``folder``."""
+        """Return the survey for the engine: its file, or one that is written to ``folder``."""
         scene = None if self.scene is None else self.scene.engine()
         if self._file is not None:
             self._check_file()
@@ -269,7 +389,7 @@ class Survey:
         file.write_text(self.to_xml(folder), encoding="utf-8")
         return EngineSurvey.open(file, scene)
 
-    def _waveform(self) -> dict[str, Any] | None:
+    def _waveform(self) -> dict[str, object] | None:
         fwf = vars(self).get("full_waveform_settings")
         if fwf is None:
             return None
@@ -278,18 +398,34 @@ class Survey:
         return {**keys, "max_range_ns": fwf.max_fullwave_range}
 
     def to_xml(self, folder: Path | None = None) -> str:
-        """The survey as XML, that of its file if it has one; a trajectory is written to ``folder``."""
+        """Return the survey as XML, that of its file if it has one.
+
+        Parameters
+        ----------
+        folder : pathlib.Path, optional
+            Where a trajectory is written to.
+
+        Returns
+        -------
+        str
+            The text.
+
+        Raises
+        ------
+        ValueError
+            The survey has no scanner or no platform, or a leg has a part of a trajectory and the platform has none.
+        """
         if self._file is not None:
             return Path(self._file).read_text(encoding="utf-8")
         platform, scanner = self.platform, self.scanner
         if platform is None or scanner is None:
             raise ValueError("the survey has no scanner or no platform")
-        follows = platform.trajectory is not None
-        for leg in [] if follows else self.legs:
+        poses = platform.trajectory
+        for leg in self.legs if poses is None else []:
             if changed := leg.trajectory_settings.changed():
                 raise ValueError(f"a leg has {', '.join(changed)}, but the platform has no trajectory")
-        about: dict[str, Any] = {"name": self.name or "survey", "scene": "in memory", "scanner": scanner.reference}
-        if follows:
+        about: dict[str, object] = {"name": self.name or "survey", "scene": "in memory", "scanner": scanner.reference}
+        if poses is not None:
             about |= {"platform": "interpolated", "basePlatform": platform.reference or None}
             about["rotationSpec"] = platform.rotation_spec
         else:
@@ -306,35 +442,33 @@ class Survey:
             }
             lines.append(f"    {_tag('FWFSettings', values)}/>")
         for leg in self.legs:
-            place = self._place(leg, folder) if follows else _where(leg.platform_settings)
+            place = _where(leg.platform_settings) if poses is None else _place(platform, poses, leg.trajectory_settings, folder)
             lines += ["    <leg>", f"      {_tag('platformSettings', place)}/>"]
             lines += [f"      {_tag('scannerSettings', _scanning(leg.scanner_settings))}/>", "    </leg>"]
         return "\n".join([*lines, "  </survey>", "</document>", ""])
-
-    def _place(self, leg: Leg, folder: Path | None) -> dict[str, Any]:
-        platform, part = self.platform, leg.trajectory_settings
-        assert platform is not None and platform.trajectory is not None
-        path = (folder or Path(".")) / "trajectory.csv"
-        if folder is not None and not path.exists():
-            poses = platform.trajectory
-            columns = [np.degrees(poses[name]) if name in ("roll", "pitch", "yaw") else poses[name] for name in FIELDS]
-            np.savetxt(path, np.column_stack(columns), delimiter=",", fmt="%.17g")
-        indices = {f"{name}Index": index for index, name in enumerate(FIELDS)}
-        return {
-            "trajectory": str(path),
-            **indices,
-            "tStart": part.start_time,
-            "tEnd": part.end_time,
-            "teleportToStart": bool(part.teleport_to_start) or None,
-            "syncGPSTime": platform.sync_gps_time or None,
-            "interpolationDomain": "position" if platform.position_only else None,
-        }
 
     def __repr__(self) -> str:
         return f"<Survey {self._file}>" if self._file is not None else f"<Survey {self.name}: {len(self.legs)} legs>"
 
 
-def _where(settings: PlatformSettings) -> dict[str, Any]:
+def _place(platform: Platform, poses: NDArray[np.void], part: TrajectorySettings, folder: Path | None) -> dict[str, object]:
+    path = (folder or Path(".")) / "trajectory.csv"
+    if folder is not None and not path.exists():
+        columns = [np.degrees(poses[name]) if name in ("roll", "pitch", "yaw") else poses[name] for name in FIELDS]
+        np.savetxt(path, np.column_stack(columns), delimiter=",", fmt="%.17g")
+    indices = {f"{name}Index": index for index, name in enumerate(FIELDS)}
+    return {
+        "trajectory": str(path),
+        **indices,
+        "tStart": part.start_time,
+        "tEnd": part.end_time,
+        "teleportToStart": bool(part.teleport_to_start) or None,
+        "syncGPSTime": platform.sync_gps_time or None,
+        "interpolationDomain": "position" if platform.position_only else None,
+    }
+
+
+def _where(settings: PlatformSettings) -> dict[str, object]:
     return {
         "x": settings.x,
         "y": settings.y,
@@ -344,7 +478,7 @@ def _where(settings: PlatformSettings) -> dict[str, Any]:
     }
 
 
-def _scanning(settings: ScannerSettings) -> dict[str, Any]:
+def _scanning(settings: ScannerSettings) -> dict[str, object]:
     degrees = {
         "headRotatePerSec_deg": settings.head_rotation,
         "headRotateStart_deg": settings.rotation_start_angle,
@@ -366,15 +500,15 @@ def _scanning(settings: ScannerSettings) -> dict[str, Any]:
     }
 
 
-def _tag(name: str, values: dict[str, Any]) -> str:
-    def text(value: Any) -> str:
+def _tag(name: str, values: Mapping[str, object]) -> str:
+    def text(value: object) -> str:
         return str(value).lower() if isinstance(value, bool) else str(value)
 
     given = [f"{key}={quoteattr(text(value))}" for key, value in values.items() if value is not None]
     return " ".join([f"<{name}", *given])
 
 
-def point_records(points: Any) -> np.ndarray:
+def point_records(points: Points) -> NDArray[np.void]:
     """Points as records of :data:`POINT`."""
     records = np.empty(len(points), dtype=POINT)
     for field, columns in _COLUMNS.items():
@@ -386,7 +520,7 @@ def point_records(points: Any) -> np.ndarray:
     return records
 
 
-def pose_records(poses: Any) -> np.ndarray:
+def pose_records(poses: Table) -> NDArray[np.void]:
     """Poses as records of :data:`POSE`."""
     records = np.empty(len(poses), dtype=POSE)
     records["gps_time"] = poses["time"]
@@ -397,7 +531,7 @@ def pose_records(poses: Any) -> np.ndarray:
     return records
 
 
-def _laspy(points: np.ndarray, columns: Any, scale: float | None) -> Any:
+def _laspy(points: NDArray[np.void], columns: Points, scale: float | None) -> Any:
     try:
         import laspy
     except ImportError as failure:
@@ -419,5 +553,16 @@ def _laspy(points: np.ndarray, columns: Any, scale: float | None) -> Any:
 
 
 def display_xml(survey: Survey) -> str:
-    """The survey as XML."""
+    """Return the survey as XML.
+
+    Parameters
+    ----------
+    survey : Survey
+        The survey.
+
+    Returns
+    -------
+    str
+        The text.
+    """
     return survey.to_xml()

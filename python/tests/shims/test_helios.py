@@ -1,20 +1,16 @@
-"""The names of HELIOS++ 3 and the SimulationBuilder of version 2."""
+"""The names of HELIOS++ 3."""
 
-import re
-import shutil
-import signal
-import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
+
 import vlscan
 from conftest import FIXTURES
 
 pytest.importorskip("pint")
 
-from vlscan import helios, pyhelios  # noqa: E402
+from vlscan import helios
 
 
 @pytest.fixture(autouse=True)
@@ -31,12 +27,18 @@ def plane(size=30.0, z=0.0):
 
 def static_survey(*parts):
     scene = helios.StaticScene(scene_parts=list(parts) or [plane()])
-    survey = helios.Survey(
-        scanner=helios.scanner_from_name("riegl_vz_400"), platform=helios.platform_from_name("tripod"), scene=scene
-    )
+    survey = helios.Survey(scanner=helios.scanner_from_name("riegl_vz_400"), platform=helios.platform_from_name("tripod"), scene=scene)
     survey.add_leg(
-        x=0, y=0, z="150 cm", head_rotation="10 deg/s", rotation_start_angle="0 deg", rotation_stop_angle=20 * helios.units.degree,
-        pulse_frequency=100_000, scan_frequency=120, min_vertical_angle="-40 deg", max_vertical_angle=np.radians(60),
+        x=0,
+        y=0,
+        z="150 cm",
+        head_rotation="10 deg/s",
+        rotation_start_angle="0 deg",
+        rotation_stop_angle=20 * helios.units.degree,
+        pulse_frequency=100_000,
+        scan_frequency=120,
+        min_vertical_angle="-40 deg",
+        max_vertical_angle=np.radians(60),
     )
     return survey
 
@@ -255,11 +257,22 @@ def test_recorded_trajectories(tmp_path):
         trajectory_settings=helios.TrajectorySettings(start_time=1.0, end_time=2.0, teleport_to_start=True),
     )
     points, trajectory = survey.run()
-    assert len(points) > 10_000 and np.isclose(trajectory["position"][0, 1], -20, atol=1) and np.isclose(trajectory["position"][-1, 1], 0, atol=1)
+    assert (
+        len(points) > 10_000
+        and np.isclose(trajectory["position"][0, 1], -20, atol=1)
+        and np.isclose(trajectory["position"][-1, 1], 0, atol=1)
+    )
+
+
+def test_other_names_of_the_package_are_the_same_modules():
+    from vlscan.helios.settings import ScannerSettings
+
+    from vlscan_helios import v3
+
+    assert vlscan.helios is v3 is helios and ScannerSettings is v3.ScannerSettings
 
 
 def test_install_gives_the_name_of_the_original():
-    import sys
 
     before = dict(sys.modules)
     try:
@@ -280,47 +293,3 @@ def test_surveys_are_cloned_and_shown():
     twin.legs[0].scanner_settings.pulse_frequency = 300_000
     assert survey.legs[0].scanner_settings.pulse_frequency == 100_000
     assert 'headRotateStop_deg="20.0"' in helios.display_xml(survey)
-
-
-def test_the_simulation_builder_of_version_2(tmp_path):
-    builder = pyhelios.SimulationBuilder(str(FIXTURES / "room/survey.xml"), [str(FIXTURES / "room")], str(tmp_path))
-    builder.setNumThreads(2)
-    builder.setLasOutput(True)
-    builder.setZipOutput(True)
-    builder.setSeed("7")
-    simulation = builder.build()
-    assert not simulation.isStarted()
-    simulation.start()
-    while simulation.isRunning():
-        time.sleep(0.05)
-    output = simulation.join()
-    assert simulation.isFinished() and len(output.measurements) > 10_000
-    assert any(path.endswith(".laz") for path in output.outpaths) and output.outpath.startswith(str(tmp_path))
-    with pytest.raises(NotImplementedError):
-        builder.setCallback(print)
-
-
-def test_ctrl_c_ends_a_simulation_of_version_2(tmp_path):
-    survey = (FIXTURES / "room/survey.xml").read_text()
-    stop = re.search(r'headRotatePerSec_deg="[^"]*"', survey)
-    (tmp_path / "survey.xml").write_text(survey.replace(stop[0], 'headRotatePerSec_deg="0.001"'))
-    for file in (FIXTURES / "room").iterdir():
-        if file.name != "survey.xml":
-            shutil.copy(file, tmp_path)
-    text = (
-        "import sys, threading, time\n"
-        "from vlscan import pyhelios\n"
-        "simulation = pyhelios.SimulationBuilder(sys.argv[1] + '/survey.xml', [sys.argv[1]], sys.argv[1] + '/out').build()\n"
-        "simulation.start()\n"
-        "print('started', flush=True)\n"
-        "try:\n"
-        "    simulation.join()\n"
-        "except KeyboardInterrupt:\n"
-        "    print('interrupted', simulation.isRunning(), simulation.isFinished(), threading.active_count(), flush=True)\n"
-    )
-    process = subprocess.Popen([sys.executable, "-c", text, tmp_path], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-    assert process.stdout.readline() == "started\n"
-    time.sleep(1)
-    process.send_signal(signal.SIGINT)
-    rest, _ = process.communicate(timeout=60)
-    assert process.returncode == 0 and rest.startswith("interrupted False True")

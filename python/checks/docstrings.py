@@ -1,0 +1,33 @@
+"""Checks by numpydoc that what users meet is documented: a summary, parameters, results. Prints what is missing."""
+
+import sys
+from collections.abc import Iterator
+from enum import EnumMeta
+from functools import cached_property
+from types import FunctionType
+
+from numpydoc.validate import validate
+
+import vlscan
+from vlscan_helios import v3
+
+CHECKS = {"GL06", "GL07", "GL08", "PR01", "PR02", "PR03", "PR04", "PR05", "PR07", "RT01", "RT03", "SS01", "SS03", "SS05"}
+
+
+def documented() -> Iterator[str]:
+    """Names of functions and classes, and of functions and properties of classes."""
+    for package in (vlscan, v3):
+        for name in package.__all__:
+            thing = getattr(package, name)
+            # The signature of an enumeration is that of a function that makes others.
+            if isinstance(thing, (FunctionType, type)) and not isinstance(thing, EnumMeta):
+                yield f"{package.__name__}.{name}"
+            if isinstance(thing, type):
+                parts = (FunctionType, staticmethod, classmethod, property, cached_property)
+                found = (part for part, value in vars(thing).items() if isinstance(value, parts) and not part.startswith("_"))
+                yield from (f"{package.__name__}.{name}.{part}" for part in found)
+
+
+problems = [f"{name}: {code} {text}" for name in documented() for code, text in validate(name)["errors"] if code in CHECKS]
+print("\n".join(problems), end="\n" if problems else "")
+sys.exit(bool(problems))

@@ -1,0 +1,55 @@
+"""Options of a run as words of a command line."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from datetime import datetime, timezone
+from difflib import get_close_matches
+
+from . import catalogue
+
+
+def words_of(options: Mapping[str, object], *, writes_files: bool = True) -> list[str]:
+    """Return the words of options; ``writes_files`` is whether options of files have a meaning."""
+    known = catalogue.options()
+    words = []
+    for name, value in options.items():
+        if name not in known:
+            close = get_close_matches(name, known, 1)
+            hint = f"did you mean {close[0]!r}?" if close else "vlscan.options() lists them"
+            raise TypeError(f"no option of a run is called {name!r}; {hint}")
+        if value is None or (value is False and known[name].has_value):
+            continue
+        if known[name].is_of_files and not writes_files and value is not False:
+            raise ValueError(f"{name} is an option of files, but this run writes none; name them with run(to=...)")
+        word = "--" + name.replace("_", "-")
+        if isinstance(value, bool):
+            words.append(switch(name, value))
+        elif isinstance(value, Mapping):
+            words += [f"{word}={key}={_text(item)}" for key, item in value.items()]
+        elif isinstance(value, (list, tuple)) and known[name].is_list:
+            words += [f"{word}={_text(item)}" for item in value]
+        else:
+            words.append(f"{word}={_text(value)}")
+    return words
+
+
+def switch(name: str, is_on: bool) -> str:
+    """Return the word that turns a switch on, or the one that turns it off: ``--misses``, ``--no-misses``."""
+    name = name.replace("_", "-")
+    if is_on:
+        return f"--{name}"
+    return f"--{name.removeprefix('no-')}" if name.startswith("no-") else f"--no-{name}"
+
+
+def _text(value: object) -> str:
+    if isinstance(value, os.PathLike):
+        return os.fsdecode(value)
+    if isinstance(value, datetime) and value.tzinfo is not None:
+        return str(value.astimezone(timezone.utc).replace(tzinfo=None))
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return ",".join(_text(item) for item in value)
+    return str(value)

@@ -1,0 +1,6 @@
+"""Another name of :mod:`vlscan_helios.v3`, HELIOS++ 3 over vlscan: ``import vlscan.helios as helios``."""
+
+from vlscan_helios.v3 import *  # noqa: F403
+from vlscan_helios.v3 import install
+
+install(__name__)

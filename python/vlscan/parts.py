@@ -1,0 +1,695 @@
+"""Parts of scenes: geometry, materials, and where they stand."""
+
+from __future__ import annotations
+
+import math
+import operator
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _vlscan
+from ._typing import MeshWithFaces, MeshWithTriangles, PathLike, Vector
+
+_Quaternion = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Material:
+    """How a surface reflects, and which class its points get.
+
+    Parameters
+    ----------
+    name : str
+        Name, by which :meth:`Part.with_material` finds it.
+    reflectance : float, optional
+        Reflectance, 0 to 1. By default that of ``spectrum``, else 0.5.
+    classification : int
+        Class of the points, 0 to 255.
+    spectrum : str, optional
+        Name of a spectrum in a ``spectra`` folder of the assets; its reflectance at the scanner's wavelength.
+    is_ground : bool
+        Whether legs, and parts on the ground, stand on it.
+    diffuse : tuple of float
+        Diffuse colour; all 0 with no specular colour is a surface that reflects alike in all directions.
+    specular : tuple of float
+        Specular colour.
+    specular_exponent : float
+        Exponent of the specular lobe.
+    roughness_deg : float
+        Roughness of the surface, 0 to 90 degrees; refined physics.
+
+    Raises
+    ------
+    ValueError
+        A value is beyond its bounds.
+
+    Examples
+    --------
+    >>> vlscan.Material("soil", reflectance=0.3, classification=2, is_ground=True).classification
+    2
+    """
+
+    name: str = "material"
+    reflectance: float | None = None
+    classification: int = 0
+    spectrum: str | None = None
+    is_ground: bool = False
+    diffuse: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    specular: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    specular_exponent: float = 10.0
+    roughness_deg: float = 0.0
+
+    _USUAL_REFLECTANCE: ClassVar[float | None] = 0.5
+
+    def __post_init__(self) -> None:
+        self._check("reflectance", 1)
+        self._check("roughness_deg", 90)
+        self._check("classification", 255)
+
+    def _check(self, name: str, highest: float) -> None:
+        value = getattr(self, name)
+        if value is not None and not 0 <= value <= highest:
+            raise ValueError(f"{name} of the material {self.name!r} is {value}, expected 0 to {highest}")
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where a part stands: ``p' = scale * rotation(p) + offset``; ``on_ground`` is 1 for one that is dropped to the ground."""
+
+    quaternion: _Quaternion = (1.0, 0.0, 0.0, 0.0)
+    scale: float = 1.0
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    on_ground: int = 0
+    id: str | None = None
+    changes: _vlscan.Changes = _vlscan.Changes()
+
+    def fields(self) -> dict[str, object]:
+        """Return the fields that the engine reads."""
+        w, *vector = self.quaternion
+        length = math.hypot(*vector)
+        axis = [v / length for v in vector] if length > 0 else [0.0, 0.0, 1.0]
+        angle = 2 * math.atan2(length, w)
+        scale, offset = float(self.scale), [float(v) for v in self.offset]
+        return dict(axis=axis, angle=angle, scale=scale, offset=offset, on_ground=int(self.on_ground), id=self.id, changes=self.changes)
+
+
+def _product(a: _Quaternion, b: _Quaternion) -> _Quaternion:
+    """Return the quaternion of the rotation ``b``, then ``a``."""
+    (aw, ax, ay, az), (bw, bx, by, bz) = a, b
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+def _turned(q: _Quaternion, v: tuple[float, float, float]) -> tuple[float, float, float]:
+    w, axis, vector = q[0], np.asarray(q[1:], float), np.asarray(v, float)
+    x, y, z = (vector + 2 * np.cross(axis, np.cross(axis, vector) + w * vector)).tolist()
+    return x, y, z
+
+
+class Part:
+    """A part of a scene: geometry and where it stands.
+
+    Parts are made by :meth:`mesh`, :meth:`file` and the other static methods. They do not change: :meth:`translate` and the
+    like return new ones, which share the geometry, so a thousand copies of a tree take the memory of one.
+
+    Parameters
+    ----------
+    kind : str
+        Name of the function of the engine that makes the part.
+    arguments : tuple
+        Its arguments.
+    place : object
+        Where the part stands.
+    faces : tuple of int, optional
+        Number of faces and of triangles in each, if known.
+
+    Examples
+    --------
+    >>> floor = vlscan.Part.mesh([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], [[0, 1, 2, 3]])
+    >>> vlscan.Scene([floor, floor.translate(0, 0, 3).named("ceiling")]).bounds[1].tolist()
+    [9.0, 9.0, 3.0]
+    """
+
+    def __init__(self, kind: str, arguments: tuple[object, ...], place: _Place, faces: tuple[int, int] | None = None) -> None:
+        self._kind, self._arguments, self._place, self._faces = kind, arguments, place, faces
+
+    @staticmethod
+    def mesh(
+        vertices: ArrayLike,
+        faces: ArrayLike,
+        materials: Material | Iterable[Material] | None = None,
+        material_of: ArrayLike | None = None,
+        id: str | None = None,
+    ) -> Part:
+        """Make a part of triangles or quadrilaterals in memory.
+
+        Parameters
+        ----------
+        vertices : array_like
+            Coordinates, n by 3, m.
+        faces : array_like
+            Indices of vertices, m by 3 or m by 4.
+        materials : Material or iterable of Material, optional
+            One for all faces, or several.
+        material_of : array_like, optional
+            Of several materials the index of the one of each face.
+        id : str, optional
+            What the column ``ObjectId`` reports; a number by default.
+
+        Returns
+        -------
+        Part
+            The part.
+
+        Raises
+        ------
+        ValueError
+            Arrays of another shape or type, or indices beyond.
+
+        Examples
+        --------
+        >>> vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+        >>> leaf, bark = vlscan.Material("leaf"), vlscan.Material("bark")
+        >>> part = vlscan.Part.mesh(vertices, [[0, 1, 2], [0, 2, 3]], [leaf, bark], material_of=[0, 1])
+        """
+        points = np.asarray(vertices, dtype="<f8")
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise ValueError(f"vertices has the shape {points.shape}, expected n by 3")
+        corners = np.asarray(faces)
+        if corners.ndim != 2 or corners.shape[1] not in (3, 4):
+            raise ValueError(f"faces has the shape {corners.shape}, expected n by 3 or n by 4")
+        if corners.size and corners.dtype.kind not in "iu":
+            raise ValueError(f"faces has the type {corners.dtype}, expected whole numbers")
+        if corners.size and (corners.min() < 0 or corners.max() >= len(points)):
+            raise ValueError(f"faces has indices beyond the {len(points)} vertices")
+        known = [materials] if isinstance(materials, Material) else list(materials or [])
+        if len(known) > 1 and material_of is None:
+            raise ValueError(f"there are {len(known)} materials, expected material_of with the index of the one of each face")
+        index = np.asarray([] if material_of is None else material_of)
+        if index.size and index.shape != (len(corners),):
+            raise ValueError(f"material_of has the shape {index.shape}, expected an index per face, ({len(corners)},)")
+        index = _indices("material_of", index, len(known), "materials")
+        count, per_face = len(corners), corners.shape[1] - 2
+        if per_face == 2:
+            corners = corners[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+            index = np.repeat(index, 2)
+        made = _vlscan.Mesh(
+            points.tobytes(),
+            corners.astype("<u4").tobytes(),
+            [_fields(material) for material in known],
+            index.tobytes(),
+        )
+        return Part("of_mesh", (made,), _Place(id=id), (count, per_face))
+
+    @staticmethod
+    def of(
+        mesh: MeshWithFaces | MeshWithTriangles,
+        materials: Material | Iterable[Material] | None = None,
+        material_of: ArrayLike | None = None,
+        id: str | None = None,
+    ) -> Part:
+        """Make a part of a mesh of another library.
+
+        Parameters
+        ----------
+        mesh : object
+            Anything with ``vertices`` and ``faces`` (trimesh) or ``triangles`` (Open3D).
+        materials : Material or iterable of Material, optional
+            As in :meth:`mesh`.
+        material_of : array_like, optional
+            As in :meth:`mesh`.
+        id : str, optional
+            What the column ``ObjectId`` reports.
+
+        Returns
+        -------
+        Part
+            The part.
+
+        Raises
+        ------
+        TypeError
+            The object has no vertices and faces.
+        """
+        faces = getattr(mesh, "faces", None)
+        faces = getattr(mesh, "triangles", None) if faces is None else faces
+        if faces is None or not hasattr(mesh, "vertices"):
+            raise TypeError(f"{type(mesh).__name__} has no vertices and faces")
+        return Part.mesh(np.asarray(mesh.vertices), np.asarray(faces), materials, material_of, id)
+
+    @staticmethod
+    def obj(path: PathLike, up: str | None = None, id: str | None = None) -> Part:
+        """Make a part of a Wavefront OBJ file and the materials that it names.
+
+        Parameters
+        ----------
+        path : str or path-like
+            The file.
+        up : str, optional
+            The axis that points up, ``z`` (the default) or ``y``.
+        id : str, optional
+            What the column ``ObjectId`` reports.
+
+        Returns
+        -------
+        Part
+            The part, which is read when its scene is loaded.
+        """
+        return Part.mesh_file(path, up, id=id)
+
+    @staticmethod
+    def mesh_file(
+        path: PathLike,
+        up: str | None = None,
+        unit: str | float | None = None,
+        materials: PathLike | None = None,
+        id: str | None = None,
+    ) -> Part:
+        """Make a part of a mesh file: OBJ, PLY, STL or glTF (``.gltf``, ``.glb``).
+
+        Parameters
+        ----------
+        path : str or path-like
+            The file.
+        up : str, optional
+            The axis that points up, ``z`` or ``y``; by default that of the format, y for glTF and z for the others.
+        unit : str or float, optional
+            Unit of its coordinates: m (the default, of which a mesh of improbable size is warned), cm, mm, km, ft, us-ft, in,
+            or a number of metres.
+        materials : str or path-like, optional
+            A table of materials (docs/scenes.md).
+        id : str, optional
+            What the column ``ObjectId`` reports.
+
+        Returns
+        -------
+        Part
+            The part, which is read when its scene is loaded.
+
+        Raises
+        ------
+        ValueError
+            ``up`` is another axis.
+        """
+        if up not in (None, "y", "z"):
+            raise ValueError(f"up is {up!r}, expected 'y' or 'z'")
+        table = None if materials is None else os.fspath(materials)
+        return Part("of_mesh_file", (os.fspath(path), up, None if unit is None else str(unit), table), _Place(id=id))
+
+    @staticmethod
+    def raster(path: PathLike, material_file: PathLike | None = None, material: str | None = None, id: str | None = None) -> Part:
+        """Make a part of a terrain raster (GeoTIFF).
+
+        Parameters
+        ----------
+        path : str or path-like
+            The file.
+        material_file : str or path-like, optional
+            An MTL file.
+        material : str, optional
+            Name of the material in that file; the alphabetically first by default.
+        id : str, optional
+            What the column ``ObjectId`` reports.
+
+        Returns
+        -------
+        Part
+            The part, which is read when its scene is loaded.
+        """
+        return Part("of_raster", (os.fspath(path), _choice(material_file, material)), _Place(id=id))
+
+    @staticmethod
+    def points(
+        path: PathLike,
+        voxel_size: float,
+        separator: str = "",
+        normal_columns: tuple[int, int, int] | None = None,
+        rgb_columns: tuple[int, int, int] | None = None,
+        max_color_value: float = 255.0,
+        default_normal: tuple[float, float, float] | None = None,
+        estimate_normals: int = 0,
+        snap_neighbor_normal: bool = False,
+        material_file: PathLike | None = None,
+        material: str | None = None,
+        id: str | None = None,
+    ) -> Part:
+        """Make a part of a point cloud as text, whose points become voxels.
+
+        Parameters
+        ----------
+        path : str or path-like
+            The file.
+        voxel_size : float
+            Edge of the voxels, m.
+        separator : str
+            Characters each of which separates columns; blanks by default.
+        normal_columns, rgb_columns : tuple of int, optional
+            Columns of the normal and of the colour, from 0.
+        max_color_value : float
+            Value that colours are divided by.
+        default_normal : tuple of float, optional
+            Normal of points that have none.
+        estimate_normals : int
+            0: none; 1: normals by a plane through the points of each voxel; 2 and more: in batches.
+        snap_neighbor_normal : bool
+            Whether a voxel has the normal of the point nearest to its centre, instead of their mean.
+        material_file : str or path-like, optional
+            An MTL file.
+        material : str, optional
+            Name of the material in that file; the alphabetically first by default.
+        id : str, optional
+            What the column ``ObjectId`` reports.
+
+        Returns
+        -------
+        Part
+            The part, which is read when its scene is loaded.
+        """
+        settings = dict(
+            voxel_size=float(voxel_size),
+            separator=separator,
+            normal_columns=normal_columns,
+            rgb_columns=rgb_columns,
+            max_color_value=float(max_color_value),
+            default_normal=default_normal,
+            estimate_normals=operator.index(estimate_normals),
+            snap_neighbor_normal=bool(snap_neighbor_normal),
+        )
+        return Part("of_points", (os.fspath(path), settings, _choice(material_file, material)), _Place(id=id))
+
+    @staticmethod
+    def voxels(
+        path: PathLike,
+        mode: str = "transmittive",
+        exponent: float = 0.5,
+        random_shift: bool = False,
+        leaf_angles: PathLike | None = None,
+        material_file: PathLike | None = None,
+        material: str | None = None,
+        id: str | None = None,
+    ) -> Part:
+        """Make a part of vegetation voxels (AMAPVox).
+
+        Parameters
+        ----------
+        path : str or path-like
+            The file.
+        mode : str
+            ``transmittive`` (rays pass leaves by chance), ``fixed`` (opaque cubes) or ``scaled`` (opaque cubes, scaled by the
+            density to the power of ``exponent``).
+        exponent : float
+            The exponent.
+        random_shift : bool
+            Whether scaled cubes are moved within their cells.
+        leaf_angles : str or path-like, optional
+            A table of leaf angles.
+        material_file : str or path-like, optional
+            An MTL file.
+        material : str, optional
+            Name of the material in that file; the alphabetically first by default.
+        id : str, optional
+            What the column ``ObjectId`` reports.
+
+        Returns
+        -------
+        Part
+            The part, which is read when its scene is loaded.
+        """
+        settings = dict(
+            mode=mode,
+            exponent=float(exponent),
+            drop_empty=True,
+            random_shift=bool(random_shift),
+            lad_table=None if leaf_angles is None else os.fspath(leaf_angles),
+        )
+        return Part("of_voxels", (os.fspath(path), settings, _choice(material_file, material)), _Place(id=id))
+
+    @staticmethod
+    def file(path: PathLike, id: str | None = None, **settings: Any) -> Part:
+        """Make a part of a file, whose extension tells the format.
+
+        Parameters
+        ----------
+        path : str or path-like
+            A file that ends in ``.obj``, ``.ply``, ``.stl``, ``.gltf``, ``.glb``, ``.tif`` or ``.vox``.
+        id : str, optional
+            What the column ``ObjectId`` reports.
+        **settings : Any
+            Keywords of :meth:`mesh_file`, :meth:`raster` or :meth:`voxels`.
+
+        Returns
+        -------
+        Part
+            The part, which is read when its scene is loaded.
+
+        Raises
+        ------
+        ValueError
+            The extension tells no format.
+
+        Examples
+        --------
+        >>> vlscan.Scene([vlscan.Part.file("fixtures/forest/beech.obj", up="y")]).primitives > 100
+        True
+        """
+        extension = os.path.splitext(os.fspath(path))[1].lower()
+        meshes = (".obj", ".ply", ".stl", ".gltf", ".glb")
+        makers: dict[str, Callable[..., Part]] = dict.fromkeys(meshes, Part.mesh_file)
+        makers |= {".tif": Part.raster, ".tiff": Part.raster, ".vox": Part.voxels}
+        if extension not in makers:
+            raise ValueError(f"{os.fspath(path)}: expected a file that ends in {', '.join(makers)}")
+        return makers[extension](path, id=id, **settings)
+
+    def translate(self, x: float, y: float, z: float = 0.0) -> Part:
+        """Return the part moved.
+
+        Parameters
+        ----------
+        x, y, z : float
+            The way, m.
+
+        Returns
+        -------
+        Part
+            The moved part, which shares the geometry.
+        """
+        old_x, old_y, old_z = self._place.offset
+        return self._placed(offset=(old_x + float(x), old_y + float(y), old_z + float(z)))
+
+    def scale(self, factor: float) -> Part:
+        """Return the part scaled about the origin.
+
+        Parameters
+        ----------
+        factor : float
+            The factor, above 0.
+
+        Returns
+        -------
+        Part
+            The scaled part, which shares the geometry.
+
+        Raises
+        ------
+        ValueError
+            The factor is not above 0.
+        """
+        if not (math.isfinite(factor) and factor > 0):
+            raise ValueError(f"a scale is {factor}, expected a number above 0")
+        x, y, z = self._place.offset
+        factor = float(factor)
+        return self._placed(scale=self._place.scale * factor, offset=(x * factor, y * factor, z * factor))
+
+    def rotate(self, axis: Vector, angle_deg: float) -> Part:
+        """Return the part turned about an axis through the origin, right-handed.
+
+        Parameters
+        ----------
+        axis : sequence of float
+            The axis, of any length.
+        angle_deg : float
+            The angle, degrees.
+
+        Returns
+        -------
+        Part
+            The turned part, which shares the geometry.
+
+        Raises
+        ------
+        ValueError
+            The axis is 0, or a number is not finite.
+        """
+        direction = np.asarray(axis, float)
+        length = np.linalg.norm(direction)
+        if direction.shape != (3,) or not 0 < length < math.inf:
+            raise ValueError(f"an axis is {axis}, expected three finite numbers that are not all 0")
+        if not math.isfinite(angle_deg):
+            raise ValueError(f"an angle is {angle_deg}, expected a finite number of degrees")
+        half = math.radians(angle_deg) / 2
+        return self.turn((math.cos(half), *(direction / length * math.sin(half))))
+
+    def turn(self, quaternion: Vector) -> Part:
+        """Return the part turned about the origin by a quaternion.
+
+        Parameters
+        ----------
+        quaternion : sequence of float
+            w, x, y, z, of any length.
+
+        Returns
+        -------
+        Part
+            The turned part, which shares the geometry.
+
+        Raises
+        ------
+        ValueError
+            The quaternion is 0, or a number is not finite.
+        """
+        q = np.asarray(quaternion, float)
+        if q.shape != (4,) or not 0 < np.linalg.norm(q) < math.inf:
+            raise ValueError(f"a quaternion is {quaternion}, expected finite numbers w, x, y, z that are not all 0")
+        w, x, y, z = (q / np.linalg.norm(q)).tolist()
+        unit = (w, x, y, z)
+        return self._placed(quaternion=_product(unit, self._place.quaternion), offset=_turned(unit, self._place.offset))
+
+    def drop_to_ground(self, on_ground: bool = True) -> Part:
+        """Return the part lowered, or lifted, to the ground below it: to surfaces whose material is ground.
+
+        Parameters
+        ----------
+        on_ground : bool
+            Whether it is.
+
+        Returns
+        -------
+        Part
+            The part, which shares the geometry.
+        """
+        return self._placed(on_ground=1 if on_ground else 0)
+
+    def with_material(self, material: Material, of: str | ArrayLike | None = None) -> Part:
+        """Return the part with another material.
+
+        Parameters
+        ----------
+        material : Material
+            The material.
+        of : str or array_like, optional
+            The faces that get it, all by default: those whose material has this name, or those with these indices. Indices
+            count the faces as they were given or as the file has them, from 0; a polygon is one, and voxels follow them. For
+            a part of :meth:`mesh` it may be a mask, too.
+
+        Returns
+        -------
+        Part
+            The part, which shares the geometry.
+
+        Raises
+        ------
+        ValueError
+            An index beyond the faces of a mesh; of a file it is an error when the scene is loaded.
+
+        Examples
+        --------
+        >>> tree = vlscan.Part.obj("fixtures/forest/beech.obj")
+        >>> wet = tree.with_material(vlscan.Material("wet", reflectance=0.1), of="leaves")
+        """
+        which: str | bytes | None
+        if of is None or isinstance(of, str):
+            which = of
+        else:
+            indices, per_face = self._face_numbers(of), self._faces[1] if self._faces else 1
+            # A quadrilateral is two triangles.
+            triangles = (indices[:, None] * per_face + np.arange(per_face)).ravel()
+            which = triangles.astype("<u4").tobytes()
+        return self._placed(changes=self._place.changes.then(which, _fields(material)))
+
+    def _face_numbers(self, of: ArrayLike) -> NDArray[np.int64]:
+        """Return the indices of faces that a mask or indices choose."""
+        chosen = np.atleast_1d(np.asarray(of))
+        count = self._faces[0] if self._faces else None
+        if chosen.dtype == bool:
+            if count is None:
+                raise ValueError("the number of faces of a file is not known yet, so a mask cannot be checked; give indices")
+            if chosen.shape != (count,):
+                raise ValueError(f"a mask of faces has the shape {chosen.shape}, expected one per face, ({count},)")
+            return np.flatnonzero(chosen)
+        if chosen.size == 0:
+            return np.zeros(0, np.int64)
+        if chosen.ndim != 1 or chosen.dtype.kind not in "iu":
+            raise ValueError(f"expected a list of indices of faces, found the shape {chosen.shape} of {chosen.dtype}")
+        highest = (2**32 if count is None else count) - 1
+        if chosen.min() < 0 or chosen.max() > highest:
+            raise ValueError(f"indices of faces are {chosen.min()} to {chosen.max()}, expected 0 to {highest}")
+        return chosen.astype(np.int64)
+
+    def named(self, id: str) -> Part:
+        """Return the part with an id.
+
+        Parameters
+        ----------
+        id : str
+            What the column ``ObjectId`` reports.
+
+        Returns
+        -------
+        Part
+            The part, which shares the geometry.
+        """
+        return self._placed(id=id)
+
+    def _placed(self, **changes: Any) -> Part:
+        return Part(self._kind, self._arguments, replace(self._place, **changes), self._faces)
+
+    def _made(self) -> _vlscan.Part:
+        made: _vlscan.Part = getattr(_vlscan.Part, self._kind)(*self._arguments, self._place.fields())
+        return made
+
+    def __repr__(self) -> str:
+        return f"<Part {self._kind.removeprefix('of_')} {self._place}>"
+
+
+def _indices(name: str, values: NDArray[Any], count: int, things: str) -> NDArray[np.uint32]:
+    """Return indices from 0 to ``count`` - 1 as unsigned integers of 32 bits.
+
+    Other numbers would become one of these, so that they are refused: fractions, NaN, and those beyond.
+    """
+    if values.size == 0:
+        return np.zeros(values.shape, np.dtype("<u4"))
+    if values.dtype.kind not in "iuf" or not np.all(values == np.floor(values)):
+        raise ValueError(f"{name} holds {_first(values)} of the type {values.dtype}, expected whole numbers")
+    if values.min() < 0 or values.max() >= count:
+        raise ValueError(f"{name} has indices from {values.min()} to {values.max()}, and there are {count} {things}")
+    return values.astype(np.dtype("<u4"))
+
+
+def _first(values: NDArray[Any]) -> object:
+    """Return the first value that is not a whole number."""
+    numeric = values.dtype.kind == "f"
+    return values[values != np.floor(values)][0] if numeric else values.flat[0]
+
+
+def _fields(material: Material) -> dict[str, Any]:
+    fields = asdict(material)
+    if material.reflectance is None and material.spectrum is None:
+        fields["reflectance"] = material._USUAL_REFLECTANCE
+    for key in ("diffuse", "specular"):
+        fields[key] = [float(v) for v in fields[key]]
+    for key in ("specular_exponent", "roughness_deg"):
+        fields[key] = float(fields[key])
+    return fields
+
+
+def _choice(file: PathLike | None, name: str | None) -> dict[str, str | None]:
+    return dict(file=None if file is None else os.fspath(file), name=name)

@@ -1,0 +1,103 @@
+"""Results of runs."""
+
+from __future__ import annotations
+
+import html
+import os
+from functools import cached_property
+
+from . import _vlscan
+from .errors import Problem
+from .tables import Points, Table, Waveforms
+
+
+class Result:
+    """What a run has measured.
+
+    Parameters
+    ----------
+    outcome : object
+        The result of the engine.
+
+    Examples
+    --------
+    >>> result = vlscan.run("fixtures/room/survey.xml", seed=1)
+    >>> result.point_count == len(result.points)
+    True
+    """
+
+    def __init__(self, outcome: _vlscan.Outcome) -> None:
+        self._outcome = outcome
+
+    def _table(self, name: str) -> _vlscan.Table:
+        table = self._outcome.table(name)
+        if table is None:
+            how = "run without to=" if name == "points" else f"run with {name}=True and without to="
+            raise AttributeError(f"this run has no {name} in memory; {how}")
+        return table
+
+    @cached_property
+    def points(self) -> Points:
+        """The points."""
+        return Points(self._table("points"))
+
+    @cached_property
+    def trajectory(self) -> Table:
+        """Poses of the platform, as often as ``trajectory_interval_s`` of the settings asks for.
+
+        Columns are time (s), x, y, z (m), roll, pitch, yaw (degrees, of a heading); ``platform_roll`` and so on in the
+        convention of HELIOS++.
+        """
+        return Table(self._table("trajectory"))
+
+    @cached_property
+    def pulses(self) -> Table:
+        """Emitted pulses of a run with ``pulses=True``.
+
+        Columns are time (s), x, y, z (m), dx, dy, dz, pulse, device, scan_angle (degrees).
+        """
+        return Table(self._table("pulses"))
+
+    @cached_property
+    def waveforms(self) -> Waveforms:
+        """Digitised waveforms of a run with ``waveforms=True``."""
+        return Waveforms(self._table("waveforms"))
+
+    @property
+    def pulse_count(self) -> int:
+        """Number of pulses emitted."""
+        return self._outcome.pulses
+
+    @property
+    def point_count(self) -> int:
+        """Number of points, in memory or in the first file."""
+        return self._outcome.points
+
+    @property
+    def seconds(self) -> float:
+        """Time from the first pulse to the last point, s."""
+        return self._outcome.seconds
+
+    @property
+    def files(self) -> list[str]:
+        """Files that were written."""
+        return [path for path, *_ in self._outcome.files]
+
+    @property
+    def directories(self) -> list[str]:
+        """Run directories, in the layout of HELIOS++."""
+        return [os.fspath(path) for path in self._outcome.directories]
+
+    @property
+    def problems(self) -> list[Problem]:
+        """Warnings and notes of the run, with their places."""
+        return [Problem(**fields) for fields in self._outcome.notices]
+
+    def __repr__(self) -> str:
+        where = f", {', '.join(self.files)}" if self.files else ""
+        return f"<Result: {self.pulse_count:,} pulses, {self.point_count:,} points in {self.seconds:.2f} s{where}>"
+
+    def _repr_html_(self) -> str:
+        if self._outcome.table("points") is None:
+            return f"<div>{html.escape(repr(self))}</div>"
+        return self.points._repr_html_()
