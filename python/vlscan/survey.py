@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,6 +28,19 @@ TRAJECTORY_COLUMNS = ("time", "x", "y", "z", "roll", "pitch", "yaw")
 
 # A table as the engine takes it: of Arrow, or columns as bytes of doubles.
 _Table: TypeAlias = ArrowStream | dict[str, bytes]
+
+
+class SurveyArguments(TypedDict, total=False):
+    """Arguments of :class:`Survey` but its scene."""
+
+    scanner: Scanner | str | Mapping[str, object] | None
+    legs: Iterable[Leg]
+    platform: Platform | str | None
+    trajectory: PathLike | TableLike | ArrayLike | None
+    settings: Mapping[str, object] | None
+    waveform: Mapping[str, object] | None
+    detector: Mapping[str, object] | None
+    name: str | None
 
 
 class Leg:
@@ -142,27 +155,18 @@ class Survey:
         self._file: str | None = None
 
     @staticmethod
-    def open(
-        path: PathLike,
-        scene: Scene | PathLike | Part | Iterable[Part] | None = None,
-        scanner: Scanner | str | Mapping[str, object] | None = None,
-        legs: Iterable[Leg] = (),
-        *,
-        platform: Platform | str | None = None,
-        trajectory: PathLike | TableLike | ArrayLike | None = None,
-        settings: Mapping[str, object] | None = None,
-        waveform: Mapping[str, object] | None = None,
-        detector: Mapping[str, object] | None = None,
-        name: str | None = None,
-    ) -> Survey:
+    def open(path: PathLike, scene: Scene | PathLike | None = None, **changes: Unpack[SurveyArguments]) -> Survey:
         """Open the survey of a file.
 
         Parameters
         ----------
         path : str or path-like
             A survey of HELIOS++ (``.xml``) or a pipeline (``.toml``).
-        scene, scanner, legs, platform, trajectory, settings, waveform, detector, name : object
-            As for :class:`Survey`. They replace what an XML file says; of a pipeline only scene and trajectory can be replaced.
+        scene : Scene, str or path-like, optional
+            Replaces the scene of the file.
+        **changes : SurveyArguments
+            Other arguments of :class:`Survey`, which replace what an XML file says; of a pipeline only the trajectory can be
+            replaced.
 
         Returns
         -------
@@ -180,17 +184,7 @@ class Survey:
         >>> "x" in survey.run(columns=["X"]).trajectory
         True
         """
-        survey = Survey(
-            scene,
-            scanner,
-            legs,
-            platform=platform,
-            trajectory=trajectory,
-            settings=settings,
-            waveform=waveform,
-            detector=detector,
-            name=name,
-        )
+        survey = Survey(scene, **changes)
         survey._file = os.fspath(path)
         if survey._file.lower().endswith(".toml") and survey._keys():
             raise ValueError("a pipeline file cannot be changed by arguments; give them as options of the run, or change the file")
