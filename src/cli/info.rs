@@ -4,7 +4,7 @@ use super::Console;
 use super::args::InfoArgs;
 use crate::options::{InputOptions, Options, holds_survey, read_survey};
 use crate::output::ObjectIds;
-use crate::pipeline::{check_raster_memory, material_rules};
+use crate::pipeline::check_raster_memory;
 use serde_json::json;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -107,7 +107,7 @@ impl SceneName<'_> {
 pub(super) fn options(recipe: &SceneRecipe, scanning: &Scanning, verify: bool) -> Result<LoadOptions> {
     let options = LoadOptions {
         wavelength_nm: scanning.wavelength_nm,
-        rules: material_rules(&scanning.corrections),
+        rules: scanning.corrections,
         max_memory: machine::memory(),
         ..LoadOptions::default()
     };

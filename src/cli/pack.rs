@@ -2,7 +2,6 @@
 
 use super::args::PackArgs;
 use super::{Console, info};
-use crate::pipeline::material_rules;
 use std::path::Path;
 use std::time::Instant;
 use vlscan_base::error::{Error, Result};
@@ -28,7 +27,7 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
     let options = LoadOptions {
         wavelength_nm: args.wavelength.unwrap_or(found.wavelength_nm),
         seed,
-        rules: material_rules(&corrections),
+        rules: corrections,
         sharing: args.instances.unwrap_or_default(),
         max_memory: machine::memory(),
         ..LoadOptions::default()

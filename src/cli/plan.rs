@@ -6,7 +6,7 @@ use super::args::{AirborneArgs, CommonPlanArgs, MobileArgs, PlanArgs, PlanComman
 use super::ground::GroundModel;
 use super::{Console, info};
 use crate::options::holds_survey;
-use crate::pipeline::{LoadedScene, material_rules};
+use crate::pipeline::LoadedScene;
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
@@ -142,7 +142,7 @@ impl Site {
         console.warnings(&warnings)?;
         let options = LoadOptions {
             wavelength_nm: instrument.wavelength(),
-            rules: material_rules(&PhysicsProfile::Refined.corrections()),
+            rules: PhysicsProfile::Refined.corrections(),
             max_memory: machine::memory(),
             ..LoadOptions::default()
         };

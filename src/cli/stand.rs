@@ -3,7 +3,6 @@
 use super::Console;
 use super::args::StandArgs;
 use super::ground::GroundModel;
-use crate::pipeline::material_rules;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
@@ -130,11 +129,8 @@ fn read_terrain(
     })?;
     let (recipe, warnings) = read_scene(name, &ReadOptions::default())?;
     console.warnings(&warnings)?;
-    let options = LoadOptions {
-        max_memory: machine::memory(),
-        rules: material_rules(&Corrections::REFINED),
-        ..LoadOptions::default()
-    };
+    let options =
+        LoadOptions { max_memory: machine::memory(), rules: Corrections::REFINED, ..LoadOptions::default() };
     let (ground, mut warnings) = GroundModel::load(&recipe, &options)?;
     let is_own = named.is_none() && ground.has_ground();
     if !is_own && !is_raster && !is_obj {

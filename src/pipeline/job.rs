@@ -9,7 +9,7 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::machine;
 use vlscan_lidar::flight::FlightOptions;
 use vlscan_lidar::pulse::{Corrections, PhysicsOptions, PhysicsProfile};
-use vlscan_scene::{LoadOptions, MaterialRules};
+use vlscan_scene::LoadOptions;
 use vlscan_survey::{NavigationErrors, PlatformKind, Survey};
 use vlscan_trace::BuildOptions;
 use vlscan_warehouse::{Policy, PolicyKind, Schedule};
@@ -72,7 +72,7 @@ impl Job {
         }
         let threads = threads(options.schedule.threads, all_threads());
         let physics = physics(options, &survey, seed)?;
-        let kinematics = physics.corrections.kinematics();
+        let kinematics = physics.corrections.and(Corrections::MOTION);
         let gps_start = options.origin.gps_start.clone().unwrap_or_default();
         let (gps_start_ns, day) = gps_start.resolve(kinematics.leap_seconds)?;
         let output = OutputRequest {
@@ -92,7 +92,7 @@ impl Job {
                 max_memory: options.schedule.max_memory.map(|bytes| bytes.0).or_else(machine::memory),
                 jobs: threads,
                 sharing: options.tree.instances.unwrap_or_default(),
-                rules: material_rules(&physics.corrections),
+                rules: physics.corrections,
                 drop_polygons: options.input.drop_polygons.is_on(),
                 stop: None,
             },
@@ -121,18 +121,6 @@ impl Job {
             part_table: options.part_table.clone(),
             progress_lines: speed.progress.is_on(),
         })
-    }
-}
-
-/// Returns the rules by which materials and leaf angle tables are read under these corrections.
-pub fn material_rules(corrections: &Corrections) -> MaterialRules {
-    MaterialRules {
-        specular_shares: corrections.specular_shares,
-        reflectance_fraction: corrections.reflectance_fraction,
-        specular_lobe: corrections.specular_lobe,
-        lambert_default: corrections.lambert_default,
-        leaf_table_scale: corrections.leaf_table_scale,
-        leaf_table_mirror: corrections.leaf_table_mirror,
     }
 }
 
@@ -177,7 +165,7 @@ fn all_threads() -> usize {
 
 fn physics(options: &Options, survey: &Survey, seed: u64) -> Result<PhysicsOptions> {
     let (output, echoes) = (&options.output, &options.echoes);
-    let mut in_any = if options.has_own_flight { Corrections::kinematic() } else { Corrections::NONE };
+    let mut in_any = if options.has_own_flight { Corrections::MOTION } else { Corrections::NONE };
     in_any.mount_offsets_turn |= matches!(survey.platform.kind, PlatformKind::Stream(_));
     let mut corrections = options.profile.corrections(in_any)?;
     // Light scattered continuously along a path cannot be attributed to the range of a subray.

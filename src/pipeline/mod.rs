@@ -62,7 +62,7 @@ pub use dry_run::{Forecast, LegForecast, Sketch};
 pub use emit::{Emission, Emitted, emit};
 pub use fly::fly;
 pub use heights::{Fallback, SceneGround};
-pub use job::{Job, material_rules, policy, schedule_of};
+pub use job::{Job, policy, schedule_of};
 pub use load::check_raster_memory;
 pub use merge::{merge, merge_warnings, output_context};
 pub use part_table::PartTable;

@@ -368,6 +368,27 @@ fn calls(patterns: &[&str], allowed: &[&str]) -> Vec<String> {
     found
 }
 
+/// A correction is a row of the table, a use of the field of its name elsewhere, and a row in the documentation.
+#[test]
+fn every_correction_is_used_and_described() {
+    const TABLE: &str = "crates/base/src/corrections.rs";
+    let sources: Vec<Source> = crates().iter().flat_map(|of| sources(of)).collect();
+    let table = &sources.iter().find(|source| source.path == TABLE).unwrap().code;
+    let rows = table.split_once("corrections! {").unwrap().1.split_once("\n}").unwrap().0;
+    let physics = fs::read_to_string(root().join("docs/physics.md")).unwrap();
+    let names: Vec<&str> = rows.lines().filter_map(|row| row.trim().split([' ', ':']).nth(1)).collect();
+    assert!(names.len() > 50, "{names:?}");
+    for name in names {
+        let is_name = |word: &str| word == name;
+        let is_used = |source: &Source| {
+            let mut words = source.code.split(|c: char| !(c.is_alphanumeric() || c == '_'));
+            source.path != TABLE && words.any(is_name)
+        };
+        assert!(sources.iter().any(is_used), "{name} changes nothing");
+        assert!(physics.contains(&format!("`{}`", name.replace('_', "-"))), "docs/physics.md lacks {name}");
+    }
+}
+
 #[test]
 fn every_input_is_opened_where_it_is_noted() {
     let opening =

@@ -3,6 +3,7 @@
 //! | module | what it does |
 //! |---|---|
 //! | `error`, `diag` | errors; diagnostics with file, line and caret |
+//! | `corrections` | departures from the reference's physics, materials and kinematics |
 //! | `rng` | counter-based random numbers |
 //! | `quantity`, `markup` | bounds of numbers, counts and sizes as text; text in XML and HTML |
 //! | `crs` | coordinate reference systems: WKT by EPSG code, codes in WKT, areas of use; units of length |
@@ -15,6 +16,7 @@
 #![deny(unsafe_code)]
 
 pub mod columns;
+pub mod corrections;
 pub mod crs;
 pub mod damage;
 pub mod diag;

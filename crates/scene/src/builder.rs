@@ -3,7 +3,6 @@
 use super::change::AppliedChanges;
 use super::library::Library;
 use super::model::{MovingPart, Part};
-use super::rules::MaterialRules;
 use super::surfaces::Surface;
 use super::voxel::Voxel;
 use rayon::prelude::*;
@@ -13,6 +12,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use vlscan_base::corrections::Corrections;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 pub(super) use vlscan_geom::MAX_COORDINATE;
@@ -31,7 +31,7 @@ pub struct LoadOptions {
     /// Seed of random materials and random voxel shifts.
     pub seed: u64,
     /// Departures from the reference's reading of materials and leaf angle tables.
-    pub rules: MaterialRules,
+    pub rules: Corrections,
     /// Whether to skip OBJ faces with more than four vertices, as the reference does (spec input-formats §10, trap 51).
     pub drop_polygons: bool,
     /// Maximum memory of the scene without its tree, bytes.
@@ -59,7 +59,7 @@ impl Default for LoadOptions {
         LoadOptions {
             wavelength_nm: 1064.0,
             seed: 0,
-            rules: MaterialRules::default(),
+            rules: Corrections::NONE,
             drop_polygons: false,
             max_memory: None,
             jobs: 0,
@@ -146,7 +146,7 @@ pub(super) struct SceneBuilder<'a> {
     /// Geometry files and tables that were opened.
     pub sources: Vec<PathBuf>,
     /// Rules that change some leaf angle table.
-    pub leaf_table_rules: MaterialRules,
+    pub leaf_table_rules: Corrections,
     pub diagnostics: Diagnostics,
     /// Numbers of the faces of the part being loaded.
     pub faces: FaceNumbers,
@@ -203,7 +203,7 @@ impl<'a> SceneBuilder<'a> {
             meshes: SharedMeshes::default(),
             changes: AppliedChanges::default(),
             sources: Vec::new(),
-            leaf_table_rules: MaterialRules::default(),
+            leaf_table_rules: Corrections::NONE,
             diagnostics: Diagnostics::default(),
             faces: FaceNumbers::default(),
             doubted: HashSet::new(),

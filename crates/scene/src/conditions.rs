@@ -2,8 +2,8 @@
 
 use super::builder::LoadOptions;
 use super::model::Scene;
-use super::rules::MaterialRules;
 use std::path::PathBuf;
+use vlscan_base::corrections::Corrections;
 use vlscan_survey::{Loader, MaterialChoice, SceneRecipe, VoxelMode};
 
 /// Settings that a scene was loaded with, as far as they can affect it.
@@ -18,9 +18,9 @@ pub struct Conditions {
     /// Whether the scene has random materials or positions.
     pub is_random: bool,
     /// See [`LoadOptions::rules`].
-    pub rules: MaterialRules,
+    pub rules: Corrections,
     /// The rules that change the scene.
-    pub relevant_rules: MaterialRules,
+    pub relevant_rules: Corrections,
     /// See [`LoadOptions::drop_polygons`].
     pub drop_polygons: bool,
 }
@@ -37,8 +37,8 @@ impl Conditions {
             has_spectra: false,
             seed: options.seed,
             is_random: loaders.into_iter().any(is_random),
-            rules: options.rules,
-            relevant_rules: MaterialRules::default(),
+            rules: options.rules.and(Corrections::MATERIAL),
+            relevant_rules: Corrections::NONE,
             drop_polygons: options.drop_polygons,
         }
     }
@@ -61,7 +61,8 @@ impl Conditions {
             return Err(format!("its random materials or places are those of seed {packed}, not of {asked}"));
         }
         if self.rules.and(self.relevant_rules) != options.rules.and(self.relevant_rules) {
-            let (packed, asked) = (profile_of(self.rules), profile_of(options.rules));
+            let (packed, asked) =
+                (profile_of(self.rules), profile_of(options.rules.and(Corrections::MATERIAL)));
             return Err(format!(
                 "its materials or leaf angle tables were read for {packed}, and this run has {asked}"
             ));
@@ -74,10 +75,10 @@ impl Conditions {
 }
 
 /// The option by which materials are read like that.
-fn profile_of(rules: MaterialRules) -> &'static str {
-    if rules == MaterialRules::default() {
+fn profile_of(rules: Corrections) -> &'static str {
+    if rules == Corrections::NONE {
         "--physics helios"
-    } else if rules.to_array() == [true; MaterialRules::COUNT] {
+    } else if rules == Corrections::MATERIAL {
         "--physics refined"
     } else {
         "other corrections (--correct)"

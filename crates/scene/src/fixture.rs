@@ -1,13 +1,14 @@
 //! Scenes for tests: files in a temporary folder and recipes for them.
 
-use super::{LoadOptions, MaterialRules, Scene, load};
+use super::{LoadOptions, Scene, load};
 use std::path::{Path, PathBuf};
+use vlscan_base::corrections::Corrections;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_survey::{Loader, MeshReading, MotionTiming, PartRecipe, SceneRecipe, Transform};
 
 /// The rules of the reference: no departures.
-pub(super) const HELIOS: MaterialRules = MaterialRules::from_array([false; MaterialRules::COUNT]);
+pub(super) const HELIOS: Corrections = Corrections::NONE;
 
 pub(super) struct Fixture {
     folder: tempfile::TempDir,

@@ -5,10 +5,10 @@
 
 use super::material::SPHERICAL_MEAN_COSINE;
 use super::number::float;
-use super::rules::MaterialRules;
 use super::text::{Lines, Problems, Source, is_empty_line, shown};
 use libm::acos;
 use std::f64::consts::{PI, TAU};
+use vlscan_base::corrections::Corrections;
 use vlscan_base::diag::Diagnostics;
 use vlscan_geom::DVec3;
 
@@ -68,7 +68,7 @@ impl LadTable {
     }
 
     /// The table of rows (unit direction, value) according to the rules, and its properties. `None` without rows.
-    fn by_rules(rows: Vec<(DVec3, f64)>, rules: MaterialRules) -> Option<(LadTable, TableKind)> {
+    fn by_rules(rows: Vec<(DVec3, f64)>, rules: Corrections) -> Option<(LadTable, TableKind)> {
         let is_half =
             rows.iter().all(|(d, _)| d.z > -SAME_ANGLE) || rows.iter().all(|(d, _)| d.z < SAME_ANGLE);
         let table = if rules.leaf_table_mirror {
@@ -146,9 +146,9 @@ impl LadTable {
     /// errors, all of which are reported.
     pub(super) fn read(
         source: &Source,
-        rules: MaterialRules,
+        rules: Corrections,
         diagnostics: &mut Diagnostics,
-    ) -> Option<(LadTable, MaterialRules)> {
+    ) -> Option<(LadTable, Corrections)> {
         if !source.is_text("a leaf angle table", diagnostics) {
             return None;
         }
@@ -183,18 +183,15 @@ impl LadTable {
         if rules.leaf_table_scale || rules.leaf_table_mirror {
             kind.report(source, rules, diagnostics);
         }
-        let relevant = MaterialRules {
-            leaf_table_scale: kind.is_g,
-            leaf_table_mirror: true,
-            ..MaterialRules::default()
-        };
+        let relevant =
+            Corrections { leaf_table_scale: kind.is_g, leaf_table_mirror: true, ..Corrections::NONE };
         Some((table, relevant))
     }
 }
 
 impl TableKind {
     /// Reports how the table was interpreted.
-    fn report(&self, source: &Source, rules: MaterialRules, diagnostics: &mut Diagnostics) {
+    fn report(&self, source: &Source, rules: Corrections, diagnostics: &mut Diagnostics) {
         let place = || Some(source.place(0, 0..0));
         let is_g = self.is_g && rules.leaf_table_scale;
         let (scale, expected) = if is_g { ("G", 0.5) } else { ("2πG", PI) };
@@ -225,8 +222,7 @@ mod tests {
     use proptest::prelude::*;
     use vlscan_geom::unit;
 
-    const REFINED: MaterialRules =
-        MaterialRules { leaf_table_scale: true, leaf_table_mirror: true, ..HELIOS };
+    const REFINED: Corrections = Corrections { leaf_table_scale: true, leaf_table_mirror: true, ..HELIOS };
 
     /// Rows every 5° between two zenith angles.
     fn rows(from: u32, to: u32, g: impl Fn(f64) -> f64) -> Vec<(DVec3, f64)> {

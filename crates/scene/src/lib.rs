@@ -19,7 +19,7 @@
 //! | `obj`, `mesh`, `geotiff`, `xyz`, `vox` | loaders: meshes in files and in memory, rasters, point clouds, vegetation voxels |
 //! | `text`, `number` | files of text: lines, problems with their places, numbers |
 //! | `change` | materials that replace those of a part |
-//! | `library`, `mtl`, `spectra`, `reflectance_issues`, `reflectance_units`, `rules` | material definitions, their resolution and problems |
+//! | `library`, `mtl`, `spectra`, `reflectance_issues`, `reflectance_units` | material definitions, their resolution and problems |
 //! | `ground`, `plane` | drop parts to the ground; planes fitted to points |
 //! | `instances`, `instance_set` | parts that share a mesh |
 //! | `model`, `surfaces`, `material`, `voxel`, `lad` | the loaded scene and its components |
@@ -68,7 +68,6 @@ mod plane;
 mod polygon;
 mod reflectance_issues;
 mod reflectance_units;
-mod rules;
 mod spectra;
 mod surfaces;
 #[cfg(test)]
@@ -93,6 +92,5 @@ pub use motion::{DynamicObject, DynamicScene, MotionPlan, MotionState, ObjectUpd
 pub use mtl::read_materials;
 pub use pack::{Pack, pack};
 pub use part_facts::PartFacts;
-pub use rules::MaterialRules;
 pub use surfaces::{Surface, SurfaceIds};
 pub use voxel::{Voxel, VoxelKind};

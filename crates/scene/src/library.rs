@@ -4,13 +4,13 @@ use super::material::{Material, Reflection};
 use super::mtl;
 use super::reflectance_issues::{ReflectanceIssue, ReflectanceIssues};
 use super::reflectance_units::{MAX_FRACTION, ReflectanceUnits};
-use super::rules::MaterialRules;
 use super::spectra::Spectra;
 use super::text::Source;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use vlscan_base::corrections::Corrections;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::quantity::CLASSES;
 use vlscan_base::rng::{Purpose, Stream};
@@ -25,9 +25,9 @@ const MAX_VARIANTS: u32 = 10_000;
 /// The materials of a scene and the files that define them. A material is resolved at its first use by a primitive.
 pub(super) struct Library {
     spectra: Spectra,
-    rules: MaterialRules,
+    rules: Corrections,
     /// Rules that change some material.
-    pub relevant_rules: MaterialRules,
+    pub relevant_rules: Corrections,
     /// Reflectances that are missing or not fractions.
     pub issues: ReflectanceIssues,
     /// All reflectances, whose units should be alike.
@@ -112,11 +112,11 @@ fn first_word(name: &str) -> &str {
 }
 
 impl Library {
-    pub fn new(spectra: Spectra, rules: MaterialRules, seed: u64) -> Library {
+    pub fn new(spectra: Spectra, rules: Corrections, seed: u64) -> Library {
         Library {
             spectra,
             rules,
-            relevant_rules: MaterialRules::default(),
+            relevant_rules: Corrections::NONE,
             issues: ReflectanceIssues::default(),
             units: ReflectanceUnits::default(),
             seed,
@@ -326,12 +326,12 @@ impl Library {
             diagnostics.warn(d.place.clone(), message);
         }
         let (has_kd, has_ks) = (d.kd != [0.0; 3], d.ks != [0.0; 3]);
-        self.relevant_rules = self.relevant_rules.or(MaterialRules {
+        self.relevant_rules = self.relevant_rules.or(Corrections {
             specular_shares: has_kd && has_ks,
             reflectance_fraction: d.reflectance.is_none_or(|r| r > 1.0),
             specular_lobe: has_ks && d.roughness == 0.0,
             lambert_default: !has_kd && !has_ks,
-            ..MaterialRules::default()
+            ..Corrections::NONE
         });
         let has_share = self.rules.specular_shares || is_last || from_spectrum.is_some();
         Material {
@@ -444,7 +444,7 @@ fn is_specular_only(d: &MaterialDefinition) -> bool {
 }
 
 /// The angular law; without `has_share` the specular share remains 0, as in the reference for most materials.
-fn reflection(d: &MaterialDefinition, has_share: bool, rules: MaterialRules) -> Reflection {
+fn reflection(d: &MaterialDefinition, has_share: bool, rules: Corrections) -> Reflection {
     let (kd, ks): (f64, f64) = (d.kd.iter().sum(), d.ks.iter().sum());
     let (has_kd, has_ks) = (d.kd != [0.0; 3], d.ks != [0.0; 3]);
     let specularity = match (has_kd, has_ks) {

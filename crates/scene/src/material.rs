@@ -1,6 +1,6 @@
 //! Reflection of surfaces (spec pulse-physics §3.2).
 
-use super::MaterialRules;
+use vlscan_base::corrections::Corrections;
 
 /// A material with its reflectance at the scanner's wavelength.
 #[derive(Clone, Debug, PartialEq)]
@@ -8,7 +8,7 @@ pub struct Material {
     /// Name, that of `newmtl` for materials of MTL files.
     pub name: String,
     /// ρ as used in the energy computation: `helios_reflectance` verbatim, otherwise that of the spectrum, otherwise
-    /// one half; spectra and the half are in per cent unless [`MaterialRules::reflectance_fraction`] is set.
+    /// one half; spectra and the half are in per cent unless [`Corrections::reflectance_fraction`] is set.
     pub reflectance: f64,
     /// Angular law of the reflection.
     pub reflection: Reflection,
@@ -53,7 +53,7 @@ pub const SPHERICAL_MEAN_COSINE: f64 = 2.0 / 3.0;
 
 impl Material {
     /// A material without a definition: reflectance one half, uniform or Lambertian according to the rules.
-    pub fn unnamed(name: &str, rules: MaterialRules) -> Material {
+    pub fn unnamed(name: &str, rules: Corrections) -> Material {
         Material {
             name: name.to_owned(),
             reflectance: if rules.reflectance_fraction { 0.5 } else { 50.0 },
@@ -139,7 +139,7 @@ mod tests {
     use std::f64::consts::{FRAC_PI_2, PI};
 
     fn with(reflection: Reflection) -> Material {
-        Material { reflectance: 0.5, reflection, ..Material::unnamed("m", MaterialRules::default()) }
+        Material { reflectance: 0.5, reflection, ..Material::unnamed("m", Corrections::NONE) }
     }
 
     fn lobes(specularity: f64, exponent: f64, degrees: f64) -> Material {

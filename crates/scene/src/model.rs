@@ -3,12 +3,12 @@
 use super::instance_set::InstanceSet;
 use super::lad::LadTable;
 use super::material::Material;
-use super::rules::MaterialRules;
 use super::surfaces::{Surface, SurfaceIds};
 use super::voxel::Voxel;
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
+use vlscan_base::corrections::Corrections;
 use vlscan_base::store::vec_bytes;
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_survey::{MotionSequence, MotionTiming};
@@ -46,7 +46,7 @@ pub struct Scene {
     /// Coordinate reference system that its files name, as WKT.
     pub crs: Option<String>,
     /// Rules that change its materials or leaf angle tables.
-    pub relevant_rules: MaterialRules,
+    pub relevant_rules: Corrections,
     /// Files that it was loaded from, except those named in its description.
     pub sources: Vec<PathBuf>,
     /// The tree of a packed scene.
@@ -327,8 +327,8 @@ mod tests {
             surface_ids: vec![0, 0, 0, 1, 0].into(),
             surfaces: vec![Surface { part: 0, material: 0 }, Surface { part: 0, material: 1 }],
             materials: vec![
-                Material { is_ground: true, ..Material::unnamed("soil", MaterialRules::default()) },
-                Material::unnamed("tile", MaterialRules::default()),
+                Material { is_ground: true, ..Material::unnamed("soil", Corrections::NONE) },
+                Material::unnamed("tile", Corrections::NONE),
             ],
             voxels: vec![Voxel::default()],
             shift: DVec3::new(1000.0, 2000.0, 3.0),

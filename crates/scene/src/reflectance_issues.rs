@@ -1,9 +1,9 @@
 //! Collects materials whose reflectance is missing or not a fraction, to report them file by file.
 
-use super::MaterialRules;
 use super::library::DEFAULT;
 use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
+use vlscan_base::corrections::Corrections;
 use vlscan_base::diag::{Diagnostics, Place};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -52,7 +52,7 @@ impl ReflectanceIssues {
 
     /// Reports one message per file and issue, with the number of materials and their names. Under the reference's rules
     /// only reflectances that are missing count, which are 50 then.
-    pub fn report(&self, rules: MaterialRules, diagnostics: &mut Diagnostics) {
+    pub fn report(&self, rules: Corrections, diagnostics: &mut Diagnostics) {
         let is_fraction = rules.reflectance_fraction;
         let assumed = if is_fraction { "0.5" } else { "50 per cent, the default of HELIOS++" };
         for Group { issue, materials } in &self.groups {
@@ -116,7 +116,7 @@ mod tests {
         issues.add(ReflectanceIssue::NoFraction, "glare", place("a.mtl", 20));
         issues.add(ReflectanceIssue::PerCent, "wall", place("a.mtl", 30));
         let mut d = Diagnostics::default();
-        issues.report(MaterialRules { reflectance_fraction: true, ..MaterialRules::default() }, &mut d);
+        issues.report(Corrections { reflectance_fraction: true, ..Corrections::NONE }, &mut d);
         let [of_a, of_b, glare, wall] = d.items() else { panic!("{}", d.render(false)) };
         assert!(of_a.message.contains("10 materials") && of_a.message.contains("\"m7\" and 2 more"));
         assert_eq!(of_b.message, "material \"m1\" has no reflectance; it reflects 0.5");
@@ -131,7 +131,7 @@ mod tests {
             issues.add(ReflectanceIssue::Missing, name, Place::in_line(Path::new("a.obj"), line, "", 0..0));
         }
         let mut d = Diagnostics::default();
-        issues.report(MaterialRules::default(), &mut d);
+        issues.report(Corrections::NONE, &mut d);
         let [told] = d.items() else { panic!("{}", d.render(false)) };
         assert!(told.message.contains("material \"wall\" has no"), "{}", told.message);
         assert_eq!(told.place.as_ref().map(|place| place.line), Some(2));

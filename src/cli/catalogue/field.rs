@@ -2,10 +2,11 @@
 
 use super::sources::Sources;
 use std::f64::consts::PI;
+use vlscan_base::corrections::Corrections;
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::{DVec3, degrees};
 use vlscan_lidar::scanner::{DevicePlan, DeviceState};
-use vlscan_survey::{Deflector, Device, Kinematics, Scanner, ScannerSettings};
+use vlscan_survey::{Deflector, Device, Scanner, ScannerSettings};
 
 /// Beams of a device that are sampled.
 const SAMPLES: u32 = 2000;
@@ -109,7 +110,7 @@ fn sampled(scanner: &Scanner) -> Result<[f64; 2]> {
             scan_angle: device.scan_angle_max,
             ..scanner.own_settings()
         };
-        let plan = DevicePlan::new(device, Kinematics::CORRECTED);
+        let plan = DevicePlan::new(device, Corrections::MOTION);
         let mut state = DeviceState::at_rest(&plan);
         state.start_leg(&plan, &settings);
         for i in 0..SAMPLES {

@@ -3,12 +3,13 @@
 use crate::cli::svg::{COLOURS, begin};
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
+use vlscan_base::corrections::Corrections;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::markup::escaped;
 use vlscan_base::rng::GOLDEN;
 use vlscan_geom::{DVec3, degrees};
 use vlscan_lidar::scanner::{DevicePlan, DeviceState};
-use vlscan_survey::{Deflector, Kinematics, Scanner, ScannerSettings};
+use vlscan_survey::{Deflector, Scanner, ScannerSettings};
 
 /// Beams that are drawn, at most.
 const DOTS: u64 = 24_000;
@@ -64,7 +65,7 @@ impl Pattern {
         let share = DOTS as f64 / (pulses as f64 * scanner.devices.len() as f64);
         let (mut channels, mut extent) = (Vec::new(), [[f64::INFINITY, f64::NEG_INFINITY]; 2]);
         for device in &scanner.devices {
-            let plan = DevicePlan::new(device, Kinematics::CORRECTED);
+            let plan = DevicePlan::new(device, Corrections::MOTION);
             channels.push(beams(&plan, &settings, pulses, share, &mut extent)?);
         }
         Ok(Pattern { settings, seconds, channels, extent })

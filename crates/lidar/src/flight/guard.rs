@@ -91,8 +91,9 @@ fn detour_seconds(plan: &PlatformPlan, leg: usize) -> f64 {
 mod tests {
     use crate::flight::testing::*;
     use crate::flight::{FlightOptions, FlightPlan, FlightState, Step};
+    use vlscan_base::corrections::Corrections;
     use vlscan_base::error::Error;
-    use vlscan_survey::{Kinematics, Leg, Mount, PlatformKind, Survey};
+    use vlscan_survey::{Leg, Mount, PlatformKind, Survey};
 
     fn drive(points: &[[f64; 3]], change: impl Fn(&mut Leg)) -> Survey {
         let legs = points.iter().map(|p| leg(*p, 3.0, &change)).collect();
@@ -172,7 +173,7 @@ mod tests {
         s.legs[1..].iter_mut().for_each(|l| l.platform.speed = 0.0);
         turn_head(&mut s.legs[1], 360.0, 36.0);
         turn_head(&mut s.legs[2], 360.0, 72.0);
-        let corrected = FlightOptions { kinematics: Kinematics::CORRECTED, ..options() };
+        let corrected = FlightOptions { kinematics: Corrections::MOTION, ..options() };
         let legs = fly_plan(&plan_with(&s, corrected.clone()));
         for (leg, steps) in legs[1..].iter().zip([10, 20]) {
             assert!(leg.steps.abs_diff(steps) <= 1, "{} steps", leg.steps);

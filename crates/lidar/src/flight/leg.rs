@@ -22,7 +22,7 @@ pub(super) struct PlannedLeg {
     /// Maximum duration, s; 0 = none.
     pub max_duration: f64,
     /// Steps per second of the step clock, and the period of the GPS clock, ns: the first leg's for all legs, unless
-    /// [`Kinematics::leg_pulse_rate`](vlscan_survey::Kinematics::leg_pulse_rate) is on.
+    /// [`Corrections::leg_pulse_rate`](vlscan_base::corrections::Corrections::leg_pulse_rate) is on.
     pub frequency: f64,
     pub increment_ns: f64,
     /// GPS time at which the leg starts, ns of the week, where its trajectory determines it.

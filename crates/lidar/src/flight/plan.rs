@@ -7,11 +7,12 @@ use super::noise::PoseNoise;
 use super::settings;
 use crate::platform::{LegCourse, Motion, PlatformPlan, StreamPlan, TrajectoryTable, read_trajectories};
 use crate::scanner::DevicePlan;
+use vlscan_base::corrections::Corrections;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::DVec3;
 use vlscan_survey::{
-    AngleConvention, Interpolated, Kinematics, Mount, NavigationErrors, PlatformKind, RotationSpec, Survey,
+    AngleConvention, Interpolated, Mount, NavigationErrors, PlatformKind, RotationSpec, Survey,
 };
 
 /// Choices beside the survey that a flight depends on.
@@ -26,7 +27,7 @@ pub struct FlightOptions {
     /// Start of the GPS clock, ns of the week, unless a trajectory determines it.
     pub gps_start_ns: f64,
     /// Differences of platform, clock and optics from the reference.
-    pub kinematics: Kinematics,
+    pub kinematics: Corrections,
     /// Errors of the reported pose.
     pub navigation: NavigationErrors,
     /// Whether a leg on the ground where there is none is an error. The reference puts it at the height of the scene's
@@ -42,7 +43,7 @@ impl Default for FlightOptions {
             platform_noise: true,
             leg_noise: true,
             gps_start_ns: 0.0,
-            kinematics: Kinematics::HELIOS,
+            kinematics: Corrections::NONE,
             navigation: NavigationErrors::NONE,
             needs_ground: false,
         }
@@ -59,7 +60,7 @@ pub struct FlightPlan {
     pub(super) mount: Mount,
     pub(super) noise: PoseNoise,
     pub(super) navigation: Option<Navigation>,
-    pub(super) kinematics: Kinematics,
+    pub(super) kinematics: Corrections,
     pub(super) shift: DVec3,
     /// GPS time of the first step, ns of the week.
     pub(super) start_ns: f64,
@@ -212,7 +213,7 @@ impl FlightPlan {
 fn load_table(
     settings: &Interpolated,
     shift: DVec3,
-    kinematics: &Kinematics,
+    kinematics: &Corrections,
     problems: &mut Diagnostics,
 ) -> Result<Option<TrajectoryTable>> {
     let Some(table) = read_trajectories(settings, problems)? else { return Ok(None) };
@@ -308,7 +309,7 @@ mod tests {
         s.scanner.devices[0].scan_freq = (0.0, 25.0);
         s.legs.iter_mut().for_each(|l| l.scanner.scan_freq = 5.0);
         for (as_asked, period) in [(false, 4), (true, 20)] {
-            let kinematics = Kinematics { conic_at_leg_frequency: as_asked, ..Kinematics::HELIOS };
+            let kinematics = Corrections { conic_at_leg_frequency: as_asked, ..Corrections::NONE };
             let plan = plan_with(&s, FlightOptions { kinematics, ..Default::default() });
             let pulses = fly_plan(&plan).remove(0).pulses;
             let beam = |i: usize| pulses[i].attitude.forward();

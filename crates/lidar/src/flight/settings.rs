@@ -3,10 +3,11 @@
 use super::leg::PlannedLeg;
 use crate::platform::{Motion, PlatformPlan};
 use crate::scanner::{DevicePlan, firing_window};
+use vlscan_base::corrections::Corrections;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::quantity::{COORDINATE, MAX_DURATION, number};
 use vlscan_geom::degrees;
-use vlscan_survey::{Deflector, Kinematics, Leg, PlatformKind, Survey};
+use vlscan_survey::{Deflector, Leg, PlatformKind, Survey};
 
 /// Limit of steps of a warm-up: a quarter of an hour at 1 MHz.
 const MAX_WARMUP_STEPS: f64 = 1e9;
@@ -128,7 +129,7 @@ pub(super) fn check_optics(leg: &PlannedLeg, devices: &[DevicePlan], problems: &
 pub(super) fn check_reference(
     leg: &PlannedLeg,
     devices: &[DevicePlan],
-    kinematics: &Kinematics,
+    kinematics: &Corrections,
     problems: &mut Diagnostics,
 ) {
     let s = &leg.settings;
@@ -280,8 +281,9 @@ fn why_never_arrives(index: usize, platform: &PlatformPlan) -> Option<(String, &
 mod tests {
     use crate::flight::FlightOptions;
     use crate::flight::testing::*;
+    use vlscan_base::corrections::Corrections;
     use vlscan_geom::{DVec3, radians};
-    use vlscan_survey::{Kinematics, Leg, Mount, Multicopter, PlatformKind, Survey};
+    use vlscan_survey::{Leg, Mount, Multicopter, PlatformKind, Survey};
 
     fn flight(change: impl Fn(&mut Leg)) -> Survey {
         let legs = vec![leg([0.0, 0.0, 10.0], 30.0, &change), leg([50.0, 0.0, 10.0], 30.0, &change)];
@@ -305,7 +307,7 @@ mod tests {
         hilly.legs[1].platform.position.z = 11.0;
         let report = refusal(&hilly);
         assert!(report.contains("1.000 m off it") && report.contains("vehicle-heights"), "{report}");
-        let corrected = FlightOptions { kinematics: Kinematics::CORRECTED, ..options() };
+        let corrected = FlightOptions { kinematics: Corrections::MOTION, ..options() };
         assert!(fly_plan(&plan_with(&hilly, corrected)).len() == 2);
         for endless in [still, stiff, hilly] {
             let mut timed = endless;

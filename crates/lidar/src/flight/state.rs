@@ -8,9 +8,9 @@ use super::pulse::{FlightSink, PoseSample};
 use crate::platform::{LegEntry, PlatformState, Pose, Readiness};
 use crate::scanner::{DevicePlan, DeviceState};
 use serde::{Deserialize, Serialize};
+use vlscan_base::corrections::Corrections;
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::DVec3;
-use vlscan_survey::Kinematics;
 
 /// What a step did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -119,7 +119,7 @@ impl FlightState {
     /// in the reference do not count.
     #[inline]
     pub(super) fn step_clock(&self, plan: &FlightPlan) -> StepClock {
-        let Kinematics { leg_pulse_rate, legs_on_time, .. } = plan.kinematics;
+        let Corrections { leg_pulse_rate, legs_on_time, .. } = plan.kinematics;
         if leg_pulse_rate || legs_on_time {
             let (base, frequency) = (self.clock_base, plan.legs[self.leg].frequency);
             StepClock::OfLeg { base, ticks: self.leg_ticks, frequency }

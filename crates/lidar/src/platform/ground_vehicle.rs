@@ -4,8 +4,8 @@ use super::course::{Course, LegCourse, LegEntry, align, facing, horizontal, hori
 use super::physics::accelerated;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
+use vlscan_base::corrections::Corrections;
 use vlscan_geom::{DVec3, Rotation};
-use vlscan_survey::Kinematics;
 
 /// Engine force when driving forwards, and backwards.
 pub(super) const CRUISE_FORCE: f64 = 0.02;
@@ -56,7 +56,7 @@ impl GroundVehicle {
         legs: &[LegCourse],
         leg: usize,
         entry: LegEntry,
-        kinematics: &Kinematics,
+        kinematics: &Corrections,
     ) {
         if self.course.start_leg(legs, leg, entry) {
             self.manoeuvre = Manoeuvre::Drive;
@@ -202,7 +202,7 @@ mod tests {
         // spec kinematics §2.8 example 3
         let legs = [course([0.0, 0.0, 0.0], 3.0), course([0.0, 1000.0, 0.0], 3.0)];
         let mut car = GroundVehicle::default();
-        car.start_leg(&legs, 0, entry(0), &Kinematics::HELIOS);
+        car.start_leg(&legs, 0, entry(0), &Corrections::NONE);
         let speeds: Vec<f64> = (0..400)
             .map(|_| {
                 car.step(0.005, &legs[0], false);
@@ -238,7 +238,7 @@ mod tests {
         ];
         let mut car = GroundVehicle::default();
         for (leg, rows) in golden.iter().enumerate() {
-            car.start_leg(&legs, leg, entry(leg), &Kinematics::HELIOS);
+            car.start_leg(&legs, leg, entry(leg), &Corrections::NONE);
             let last = rows.last().unwrap().0;
             for step in 0..=last {
                 assert!(!car.course.is_reached(), "leg {leg} ends before step {step}");
@@ -262,7 +262,7 @@ mod tests {
             .map(|p| course(p, 3.0));
         let mut car = GroundVehicle::default();
         for leg in 0..3 {
-            car.start_leg(&legs, leg, entry(leg), &Kinematics::CORRECTED);
+            car.start_leg(&legs, leg, entry(leg), &Corrections::MOTION);
             let (from, to) = (legs[leg].position, legs[leg + 1].position);
             let mut steps = 0;
             while !car.course.is_reached() {

@@ -2,8 +2,8 @@
 
 use super::course::{Course, LegCourse, LegEntry, align, facing};
 use serde::{Deserialize, Serialize};
+use vlscan_base::corrections::Corrections;
 use vlscan_geom::{DVec3, Rotation, spacing, steps_in_binade, unit};
-use vlscan_survey::Kinematics;
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct LinearPath {
@@ -24,7 +24,7 @@ impl LinearPath {
         legs: &[LegCourse],
         leg: usize,
         entry: LegEntry,
-        kinematics: &Kinematics,
+        kinematics: &Corrections,
     ) {
         let corner = self.course.target;
         let left = self.course.time_left_at_target().filter(|_| entry == LegEntry::Continuing);

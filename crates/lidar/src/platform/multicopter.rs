@@ -7,8 +7,9 @@ use super::physics::accelerated;
 use libm::{acos, cos, log, sin};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
+use vlscan_base::corrections::Corrections;
 use vlscan_geom::{DVec3, Rotation, unit};
-use vlscan_survey::{Kinematics, Multicopter};
+use vlscan_survey::Multicopter;
 
 const GRAVITY: f64 = 9.81;
 const CLIMB_FORCE: f64 = 0.1;
@@ -109,7 +110,7 @@ impl MulticopterState {
         legs: &[LegCourse],
         leg: usize,
         entry: LegEntry,
-        kinematics: &Kinematics,
+        kinematics: &Corrections,
     ) {
         let here = &legs[leg];
         let assigned = self.course.start_leg(legs, leg, entry);

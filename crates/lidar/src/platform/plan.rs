@@ -5,7 +5,8 @@ use super::ground_vehicle;
 use super::multicopter::MulticopterPlan;
 use super::stream::StreamPlan;
 use super::table::TrajectoryTable;
-use vlscan_survey::{Kinematics, Multicopter, RotationSpec};
+use vlscan_base::corrections::Corrections;
+use vlscan_survey::{Multicopter, RotationSpec};
 
 /// A platform as the flight simulation uses it: its motion model, legs and corrections.
 #[derive(Clone, Debug)]
@@ -17,7 +18,7 @@ pub struct PlatformPlan {
     /// How the roll, pitch and yaw angles of a trajectory compose to an attitude.
     pub rotation_spec: RotationSpec,
     /// Corrections of the reference's kinematics that are enabled.
-    pub kinematics: Kinematics,
+    pub kinematics: Corrections,
 }
 
 /// How a platform moves.
@@ -42,8 +43,8 @@ pub enum Motion {
 
 impl Motion {
     /// A multicopter whose steps in angle follow from the first leg's pulse frequency, or, with
-    /// [`Kinematics::leg_pulse_rate`], from the frequency of each leg.
-    pub fn multicopter(parameters: &Multicopter, legs: &[LegCourse], kinematics: &Kinematics) -> Motion {
+    /// [`Corrections::leg_pulse_rate`], from the frequency of each leg.
+    pub fn multicopter(parameters: &Multicopter, legs: &[LegCourse], kinematics: &Corrections) -> Motion {
         let first = legs.first().map_or(1.0, |l| l.frequency);
         let frequency = |leg: &LegCourse| if kinematics.leg_pulse_rate { leg.frequency } else { first };
         let plans = legs.iter().map(|leg| MulticopterPlan::new(parameters.clone(), frequency(leg)));

@@ -187,9 +187,9 @@ impl ClusterDetector {
 mod tests {
     use super::*;
     use crate::pulse::detect::detect;
-    use crate::pulse::options::Corrections;
     use crate::pulse::testkit::{received, tls_detector};
     use proptest::prelude::*;
+    use vlscan_base::corrections::Corrections;
     use vlscan_trace::simd::portable::Portable;
 
     /// An instrument that reads between bins.

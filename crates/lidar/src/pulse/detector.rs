@@ -1,7 +1,7 @@
 //! Settings of the detection, and the returns that it finds.
 
-use super::options::Corrections;
 use super::shape::PulseShape;
+use vlscan_base::corrections::Corrections;
 
 /// Conditions for a bin to be a peak.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,8 +1,8 @@
 //! Voxels of foliage: whether they scatter a ray, and where (spec pulse-physics §2.5, §2.6).
 
-use super::options::Corrections;
 use libm::log;
 use std::f64::consts::TAU;
+use vlscan_base::corrections::Corrections;
 use vlscan_base::rng::Stream;
 use vlscan_geom::DVec3;
 use vlscan_scene::{LadTable, SPHERICAL_MEAN_COSINE, Scene, VoxelKind};

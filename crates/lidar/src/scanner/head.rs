@@ -151,11 +151,12 @@ fn avoid_multiples_of_pi(angle: f64, distance: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::scanner::testing::{device, settings};
+    use vlscan_base::corrections::Corrections;
     use vlscan_geom::{DVec3, degrees, radians};
-    use vlscan_survey::{Deflector, Device, Kinematics};
+    use vlscan_survey::{Deflector, Device};
 
     fn head(device: &Device, frequency: u32, rate: f64, start: f64, stop: f64) -> (DevicePlan, HeadState) {
-        let plan = DevicePlan::new(device, Kinematics::HELIOS);
+        let plan = DevicePlan::new(device, Corrections::NONE);
         let mut s = settings(frequency);
         (s.head_rate, s.head_start, s.head_stop) = (radians(rate), radians(start), radians(stop));
         let mut head = HeadState::default();

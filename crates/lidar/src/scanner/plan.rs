@@ -1,8 +1,9 @@
 //! The constants of a device.
 
 use super::risley::PrismTrain;
+use vlscan_base::corrections::Corrections;
 use vlscan_geom::{DVec3, unit};
-use vlscan_survey::{Deflector, Device, Kinematics, MechanicalErrors, Mount};
+use vlscan_survey::{Deflector, Device, MechanicalErrors, Mount};
 
 /// The constant properties of one device of a scanner that determine its beam directions.
 #[derive(Clone, Debug)]
@@ -24,13 +25,13 @@ pub struct DevicePlan {
     /// Mechanical calibration errors: formulae for range, deflection angle and head angle.
     pub errors: MechanicalErrors,
     /// Corrections of the reference's kinematics that are enabled.
-    pub kinematics: Kinematics,
+    pub kinematics: Corrections,
     pub(super) prisms: Option<PrismTrain>,
 }
 
 impl DevicePlan {
     /// The plan of `device`, with the head axis normalised and the Risley prisms, if any, prepared.
-    pub fn new(device: &Device, kinematics: Kinematics) -> DevicePlan {
+    pub fn new(device: &Device, kinematics: Corrections) -> DevicePlan {
         let axis = device.head.axis;
         let prisms = match &device.deflector {
             Deflector::Risley { prisms, air, incident } => Some(PrismTrain::new(prisms, *air, *incident)),

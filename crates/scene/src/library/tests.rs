@@ -8,7 +8,7 @@ const MTL: &str = "newmtl matte\nKd .6 .6 .6\nhelios_reflectance 50\nnewmtl glos
     Ks .1 .1 .1\nhelios_spectra lost\nnewmtl mirror\nKs 1 1 1\nnewmtl plain\nnewmtl last\nKd .2 .2 .2\nKs .6 .6 .6\n\
     helios_reflectance 0.3\nhelios_classification 7\nhelios_isGround true\n";
 
-const SHARES: MaterialRules = MaterialRules { specular_shares: true, ..HELIOS };
+const SHARES: Corrections = Corrections { specular_shares: true, ..HELIOS };
 
 struct Fixture {
     folder: tempfile::TempDir,
@@ -25,7 +25,7 @@ impl Fixture {
         Fixture { folder, diagnostics: Diagnostics::default() }
     }
 
-    fn library(&self, rules: MaterialRules) -> Library {
+    fn library(&self, rules: Corrections) -> Library {
         Library::new(Spectra::new(&[self.folder.path().to_path_buf()], 1064.0), rules, 1)
     }
 
@@ -76,7 +76,7 @@ fn the_specular_share_of_most_materials_is_zero_unless_asked_for() {
 #[test]
 fn reflectances_are_fractions_and_missing_ones_are_reported() {
     let mut f = Fixture::new();
-    let mut library = f.library(MaterialRules { reflectance_fraction: true, ..HELIOS });
+    let mut library = f.library(Corrections { reflectance_fraction: true, ..HELIOS });
     assert!((f.material(&mut library, "slate").reflectance - 0.364).abs() < 1e-6, "a spectrum in per cent");
     assert_eq!(f.material(&mut library, "last").reflectance, 0.3);
     assert_eq!(f.material(&mut library, "matte").reflectance, 0.5, "50 is per cent, and reported");
@@ -84,7 +84,7 @@ fn reflectances_are_fractions_and_missing_ones_are_reported() {
     assert_eq!(f.material(&mut library, "mirror").reflectance, 0.5);
     assert_eq!(f.material(&mut library, "nowhere").reflectance, 0.5);
     let mut reported = Diagnostics::default();
-    let rules = MaterialRules { reflectance_fraction: true, ..MaterialRules::default() };
+    let rules = Corrections { reflectance_fraction: true, ..Corrections::NONE };
     library.issues.report(rules, &mut reported);
     let [above, missing] = reported.items() else { panic!("{}", reported.render(false)) };
     assert!(above.message.contains("\"matte\"") && missing.message.contains("\"plain\", \"mirror\""));
@@ -97,7 +97,7 @@ fn laws_by_colours_roughness_and_rules() {
     let mut f = Fixture::new();
     let mtl = format!("{MTL}newmtl rough\nKd .1 .1 .1\nvlscan_roughness_deg 45\n");
     std::fs::write(f.folder.path().join("m.mtl"), mtl).unwrap();
-    let rules = MaterialRules { specular_lobe: true, lambert_default: true, ..SHARES };
+    let rules = Corrections { specular_lobe: true, lambert_default: true, ..SHARES };
     let (mut refined, mut helios) = (f.library(rules), f.library(HELIOS));
     let lobes = |specularity, exponent| Reflection::Lobes { specularity, exponent, roughness: 0.0 };
     assert_eq!(f.material(&mut refined, "glossy").reflection, lobes(0.5, 20.0));

@@ -1,11 +1,12 @@
 //! The files and settings that a packed scene was made from, and whether it is still up to date.
 
 use crate::conditions::Conditions;
-use crate::{LoadOptions, MaterialRules, Scene};
+use crate::{LoadOptions, Scene};
 use std::collections::BTreeSet;
 use std::fs::Metadata;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
+use vlscan_base::corrections::{Area, Corrections};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileSet, reads};
 use vlscan_base::store::{ByteReader, ByteWriter, Checksum, UnexpectedEnd};
@@ -76,7 +77,9 @@ impl Origin {
         w.f64(c.wavelength_nm);
         w.u64(c.seed);
         [c.has_spectra, c.is_random, c.drop_polygons].into_iter().for_each(|b| w.flag(b));
-        c.rules.to_array().into_iter().chain(c.relevant_rules.to_array()).for_each(|b| w.flag(b));
+        for mut rules in [c.rules, c.relevant_rules] {
+            rules.switches().filter(|rule| rule.1 == Area::Material).for_each(|(.., is_on)| w.flag(*is_on));
+        }
         w.u64(BUILDERS.iter().position(|b| *b == self.builder).unwrap_or(0) as u64);
         w.list(&sources, |w, s| {
             w.text(&s.path.to_string_lossy());
@@ -91,11 +94,11 @@ impl Origin {
             let (wavelength_nm, seed) = (r.f64()?, r.u64()?);
             let (has_spectra, is_random, drop_polygons) = (r.flag()?, r.flag()?, r.flag()?);
             let mut rules = || {
-                let mut all = [false; MaterialRules::COUNT];
-                for rule in &mut all {
-                    *rule = r.flag()?;
+                let mut rules = Corrections::NONE;
+                for (.., is_on) in rules.switches().filter(|rule| rule.1 == Area::Material) {
+                    *is_on = r.flag()?;
                 }
-                Ok(MaterialRules::from_array(all))
+                Ok(rules)
             };
             let (rules, relevant_rules) = (rules()?, rules()?);
             let conditions = Conditions {

@@ -5,12 +5,11 @@
 //! |---|---|
 //! | `scene`, `mesh` | parts of a scene: loaders, transforms, motions, swaps; meshes in memory |
 //! | `poses` | recorded trajectories |
-//! | `navigation`, `kinematics` | errors of navigation; departures from the reference's kinematics |
+//! | `navigation` | errors of navigation |
 //! | `receiver` | pulse shape, noise and detector of a receiver |
 //! | `instrument_keys` | which physics makes use of which key of an instrument |
 
 mod instrument_keys;
-mod kinematics;
 mod mesh;
 mod navigation;
 mod poses;
@@ -24,7 +23,6 @@ use vlscan_geom::{DVec3, Rotation};
 
 pub use instrument_keys::{INSTRUMENT_KEYS, InstrumentKey};
 pub use instrument_keys::{KeyUse, WrittenKey, key_named, key_of_attribute, warn_of_unused_keys};
-pub use kinematics::Kinematics;
 pub use mesh::{MaterialChange, MaterialDefinition, Mesh, Replaced};
 pub use navigation::NavigationErrors;
 pub use poses::*;

@@ -2,10 +2,11 @@
 //! channels, facets and head an instrument has, no formula of its own is needed.
 
 use super::reach::{Reach, Seen};
+use vlscan_base::corrections::Corrections;
 use vlscan_base::rng::GOLDEN;
 use vlscan_geom::{DVec3, Rotation};
 use vlscan_lidar::scanner::{DevicePlan, DeviceState};
-use vlscan_survey::{Device, Kinematics, Mount, ScannerSettings};
+use vlscan_survey::{Device, Mount, ScannerSettings};
 
 /// Most samples, all devices together.
 const MAX_SAMPLES: f64 = 60_000.0;
@@ -121,7 +122,7 @@ fn directions(
     count: u32,
     stride: u32,
 ) -> Result<Vec<DVec3>, String> {
-    let plan = DevicePlan::new(device, Kinematics::CORRECTED);
+    let plan = DevicePlan::new(device, Corrections::MOTION);
     let mut state = DeviceState::at_rest(&plan);
     state.start_leg(&plan, settings);
     let mut found = Vec::with_capacity(count as usize);

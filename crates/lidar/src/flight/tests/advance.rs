@@ -5,6 +5,7 @@ use crate::flight::testing::*;
 use crate::flight::{FlightOptions, FlightPlan, FlightState, Step};
 use crate::platform::Pose;
 use proptest::prelude::*;
+use vlscan_base::corrections::Corrections;
 use vlscan_geom::{DVec3, Rotation, radians};
 use vlscan_survey::*;
 
@@ -46,7 +47,7 @@ fn streamed_flights_advance_as_in_single_steps() {
     for max_gap in [0.4, f64::INFINITY] {
         let mut s = along(PlatformKind::LinearPath, &[[0.0; 3]], 3000, 1, |l| l.platform.speed = 0.0);
         s.platform.kind = PlatformKind::Stream(PoseStream { max_gap, ..PoseStream::at("-") });
-        for kinematics in [Kinematics::HELIOS, Kinematics::CORRECTED] {
+        for kinematics in [Corrections::NONE, Corrections::MOTION] {
             let poses: Vec<Pose> = [0.0, 0.1, 0.3, 0.65, 1.2, 1.3, 1.5]
                 .map(|t| Pose { time: 604_799.0 + t, position: DVec3::X * t, attitude: Rotation::about_z(t) })
                 .to_vec();
@@ -97,7 +98,7 @@ fn along(
     s
 }
 
-fn planned(survey: &Survey, kinematics: Kinematics, start_ns: f64) -> FlightPlan {
+fn planned(survey: &Survey, kinematics: Corrections, start_ns: f64) -> FlightPlan {
     plan_with(survey, FlightOptions { kinematics, gps_start_ns: start_ns, ..options() })
 }
 
@@ -105,7 +106,7 @@ fn planned(survey: &Survey, kinematics: Kinematics, start_ns: f64) -> FlightPlan
 fn oblique_legs_of_many_steps_are_those_of_single_steps() {
     // Where increments alternate in their last bit, steps are taken one by one.
     let points = [[0.0, 0.0, 300.0], [30.0, 17.0, 300.0], [-28.3, 17.07, 301.3], [-28.3, -20.0, 301.3]];
-    for kinematics in [Kinematics::HELIOS, Kinematics::CORRECTED] {
+    for kinematics in [Corrections::NONE, Corrections::MOTION] {
         let s = along(PlatformKind::LinearPath, &points, 20_000, 0, |_| {});
         let at_once = compare(&planned(&s, kinematics, START_NS), &[1024, 3000, 17, 1], |_| ());
         assert!(at_once > 0.95, "{at_once}");
@@ -115,7 +116,7 @@ fn oblique_legs_of_many_steps_are_those_of_single_steps() {
 #[test]
 fn every_deflector_advances_as_in_single_steps() {
     for deflector in 0..6 {
-        for kinematics in [Kinematics::HELIOS, Kinematics::CORRECTED] {
+        for kinematics in [Corrections::NONE, Corrections::MOTION] {
             let s = along(PlatformKind::LinearPath, &[[0.0; 3], [3.0, 4.0, 0.0]], 3000, deflector, |l| {
                 l.scanner.warmup = 0.01;
             });
@@ -131,11 +132,11 @@ fn heads_samples_durations_and_the_end_of_the_week_are_single_steps() {
         turn_head(l, 36.0, 50.0);
         l.scanner.trajectory_interval = 0.11;
     });
-    assert!(compare(&planned(&s, Kinematics::HELIOS, WEEK_NS - 0.7e9), &[400, 90], |_| ()) > 0.9);
+    assert!(compare(&planned(&s, Corrections::NONE, WEEK_NS - 0.7e9), &[400, 90], |_| ()) > 0.9);
     let s = along(PlatformKind::Static, &[[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], 2000, 3, |l| {
         l.scanner.max_duration = Some(1.3);
     });
-    for kinematics in [Kinematics::HELIOS, Kinematics::CORRECTED] {
+    for kinematics in [Corrections::NONE, Corrections::MOTION] {
         assert!(compare(&planned(&s, kinematics, START_NS), &[400, 90], |_| ()) > 0.9);
     }
 }
@@ -149,7 +150,7 @@ fn recorded_flights_advance_as_in_single_steps() {
     });
     // In the reference the steps keep the rate of the first leg.
     s.legs[1].scanner.pulse_freq = 3000;
-    for kinematics in [Kinematics::HELIOS, Kinematics::CORRECTED] {
+    for kinematics in [Corrections::NONE, Corrections::MOTION] {
         assert!(compare(&planned(&s, kinematics, START_NS), &[300, 70], |_| ()) > 0.9);
     }
 }
@@ -171,7 +172,7 @@ proptest! {
             .map(|p| if round { p.map(|c| (c / 100.0).round() * 100.0) } else { p })
             .collect();
         let s = along(PlatformKind::LinearPath, &points, frequency, deflector, |l| l.platform.speed = speed);
-        let kinematics = if corrected { Kinematics::CORRECTED } else { Kinematics::HELIOS };
+        let kinematics = if corrected { Corrections::MOTION } else { Corrections::NONE };
         if let Ok((plan, _)) = FlightPlan::new(
             &s,
             DVec3::ZERO,

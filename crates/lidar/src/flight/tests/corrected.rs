@@ -2,17 +2,18 @@
 
 use crate::flight::FlightOptions;
 use crate::flight::testing::*;
+use vlscan_base::corrections::Corrections;
 use vlscan_geom::{DVec3, Rotation, degrees, radians};
 use vlscan_survey::*;
 
 /// Flies `survey` from GPS second 1000 of the week on.
-fn fly_as(survey: &Survey, kinematics: Kinematics) -> Vec<FlownLeg> {
+fn fly_as(survey: &Survey, kinematics: Corrections) -> Vec<FlownLeg> {
     let options = FlightOptions { gps_start_ns: 1000e9, kinematics, ..FlightOptions::default() };
     fly_plan(&plan_with(survey, options))
 }
 
 fn corrected(survey: &Survey) -> Vec<FlownLeg> {
-    fly_as(survey, Kinematics::CORRECTED)
+    fly_as(survey, Corrections::MOTION)
 }
 
 /// Straight legs through `points` at 30 m/s, the last one inactive.
@@ -49,7 +50,7 @@ fn every_time_is_a_multiple_of_the_period() {
         }
     }
     // The reference has one more pulse in the later leg, and counts time at the first leg's rate.
-    let helios = fly_as(&s, Kinematics::HELIOS);
+    let helios = fly_as(&s, Corrections::NONE);
     assert_eq!(helios[1].pulses.len(), 75_001);
 }
 
@@ -59,7 +60,7 @@ fn the_exact_clock_wraps_at_the_end_of_the_week() {
     let s = survey(PlatformKind::Static, Mount::IDENTITY, straight(), vec![l]);
     let options = FlightOptions {
         gps_start_ns: 604_799e9,
-        kinematics: Kinematics::CORRECTED,
+        kinematics: Corrections::MOTION,
         ..FlightOptions::default()
     };
     let flown = fly_plan(&plan_with(&s, options));
@@ -132,7 +133,7 @@ fn recorded_legs_start_on_time_and_turn_the_shorter_way() {
     }
 }
 
-fn copter(legs: Vec<Leg>, kinematics: Kinematics) -> Vec<FlownLeg> {
+fn copter(legs: Vec<Leg>, kinematics: Corrections) -> Vec<FlownLeg> {
     fly_as(
         &survey(PlatformKind::Multicopter(MULTICOPTER.clone()), mount([0.0, 0.0, -0.5]), straight(), legs),
         kinematics,
@@ -146,7 +147,7 @@ fn a_tilted_multicopter_tilts_its_scanner() {
             .map(|p| leg(p, 8.0, |l| l.scanner.trajectory_interval = 0.01))
             .to_vec()
     };
-    let tilted = copter(legs(), Kinematics::CORRECTED);
+    let tilted = copter(legs(), Corrections::MOTION);
     let first = &tilted[0].pulses;
     // Towards (40, 10): 75.96° from the first pulse on; after a second the pitch is at its limit, −40°.
     assert!((azimuth(first[0].attitude) - 75.963_757).abs() < 1e-3, "{}", azimuth(first[0].attitude));
@@ -157,7 +158,7 @@ fn a_tilted_multicopter_tilts_its_scanner() {
         tilted[0].poses.iter().find(|p| p.time_ns == first[100].time_ns).expect("a pose with each pulse");
     let arm = first[100].origin - pose.position;
     assert!((arm - pose.attitude.apply(DVec3::new(0.0, 0.0, -0.5))).length() < 1e-12, "{arm}");
-    let level = copter(legs(), Kinematics { multicopter_tilt: false, ..Kinematics::CORRECTED });
+    let level = copter(legs(), Corrections { multicopter_tilt: false, ..Corrections::MOTION });
     assert!(level[0].pulses.iter().all(|p| p.attitude.forward().z.abs() < 1e-12));
 }
 
@@ -174,7 +175,7 @@ fn attitude_noise_turns_platform_and_mount() {
     let (sin, cos) = libm::sincos(0.1);
     assert!((pulse.attitude.forward() - DVec3::new(-sin, 0.0, -cos)).length() < 1e-12);
     assert!((pulse.origin - DVec3::new(-2.0 * sin, 0.0, -2.0 * cos)).length() < 1e-12);
-    let helios = fly_as(&s, Kinematics::HELIOS)[0].pulses[0];
+    let helios = fly_as(&s, Corrections::NONE)[0].pulses[0];
     assert!((helios.attitude.forward() - DVec3::new(0.0, 0.0, -1.0)).length() < 1e-12);
 }
 
@@ -187,7 +188,7 @@ fn warm_up_moves_the_optics_only() {
     let s = survey(PlatformKind::Static, Mount::IDENTITY, straight(), vec![leg([0.0; 3], 0.0, scan)]);
     // One step of 0.36° before the first pulse; with ten steps of warm-up eleven.
     assert!((azimuth(corrected(&s)[0].pulses[0].attitude) - 359.64).abs() < 1e-9);
-    assert!((azimuth(fly_as(&s, Kinematics::HELIOS)[0].pulses[0].attitude) - 356.04).abs() < 1e-9);
+    assert!((azimuth(fly_as(&s, Corrections::NONE)[0].pulses[0].attitude) - 356.04).abs() < 1e-9);
 }
 
 #[test]
@@ -205,7 +206,7 @@ fn all_channels_restart_after_an_inactive_leg() {
     let flown = corrected(&s);
     let of = |device: u32| flown[2].pulses.iter().find(|p| p.device == device).unwrap().attitude;
     assert_eq!(of(0), of(1));
-    let helios = Kinematics { channels_restart: false, ..Kinematics::CORRECTED };
+    let helios = Corrections { channels_restart: false, ..Corrections::MOTION };
     let flown = fly_as(&s, helios);
     let of = |device: u32| flown[2].pulses.iter().find(|p| p.device == device).unwrap().attitude;
     assert_ne!(of(0), of(1));

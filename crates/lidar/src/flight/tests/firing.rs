@@ -3,16 +3,17 @@
 use crate::flight::testing::*;
 use crate::flight::{FlightOptions, FlightState, Pulse};
 use crate::platform::Pose;
+use vlscan_base::corrections::Corrections;
 use vlscan_geom::{DVec3, degrees, radians};
 use vlscan_survey::*;
 
-fn options(kinematics: Kinematics) -> FlightOptions {
+fn options(kinematics: Corrections) -> FlightOptions {
     FlightOptions { gps_start_ns: 1000e9, kinematics, ..FlightOptions::default() }
 }
 
 /// All pulses with the corrected kinematics.
 fn corrected(survey: &Survey) -> Vec<Pulse> {
-    fly_plan(&plan_with(survey, options(Kinematics::CORRECTED))).into_iter().flat_map(|l| l.pulses).collect()
+    fly_plan(&plan_with(survey, options(Corrections::MOTION))).into_iter().flat_map(|l| l.pulses).collect()
 }
 
 /// `survey` with copies of its device that fire `offsets` seconds after the start of the period.
@@ -86,7 +87,7 @@ fn a_turning_head_smears_the_channels() {
     }
     // The reference fires all at once.
     let at_once = in_turn(still, &[0.0; 16]);
-    let helios = |s: &Survey| fly_plan(&plan_with(s, options(Kinematics::HELIOS))).remove(0).pulses;
+    let helios = |s: &Survey| fly_plan(&plan_with(s, options(Corrections::NONE))).remove(0).pulses;
     assert_eq!(helios(&in_turn(at_once.clone(), &offsets)), helios(&at_once));
 }
 
@@ -130,7 +131,7 @@ fn streamed_poses_go_on_whatever_their_blocks() {
         straight(),
         vec![leg([0.0; 3], 0.0, |l| l.scanner.pulse_freq = 10)],
     );
-    let plan = plan_with(&in_turn(stream, &[0.0, 0.09]), options(Kinematics::CORRECTED));
+    let plan = plan_with(&in_turn(stream, &[0.0, 0.09]), options(Corrections::MOTION));
     let fly = |block: usize| {
         let (mut state, mut keep) = (FlightState::start(&plan), Keep::default());
         for block in poses.chunks(block) {
@@ -156,7 +157,7 @@ fn streamed_poses_go_on_whatever_their_blocks() {
 fn stamps_stay_within_the_week() {
     let l = leg([0.0; 3], 0.0, |l| l.scanner.max_duration = Some(0.015));
     let s = in_turn(survey(PlatformKind::Static, Mount::IDENTITY, straight(), vec![l]), &[0.0, 0.004]);
-    let options = FlightOptions { gps_start_ns: 604_799.998e9, ..options(Kinematics::CORRECTED) };
+    let options = FlightOptions { gps_start_ns: 604_799.998e9, ..options(Corrections::MOTION) };
     let stamps: Vec<f64> = fly_plan(&plan_with(&s, options))[0].pulses.iter().map(|p| p.time_ns).collect();
     for (stamp, wanted) in stamps.iter().zip([604_799.998e9, 0.002e9, 0.008e9, 0.012e9]) {
         assert!((stamp - wanted).abs() < 1.0, "{stamps:?}");
@@ -173,7 +174,7 @@ fn all_channels_fire_at_once_where_the_period_is_too_short() {
         in_turn(survey(PlatformKind::Static, Mount::IDENTITY, straight(), vec![l]), &[0.0, 0.002])
     };
     let plan = |frequency| {
-        let options = options(Kinematics::CORRECTED);
+        let options = options(Corrections::MOTION);
         crate::flight::FlightPlan::new(&still(frequency), DVec3::ZERO, &|_, _| None, &options).unwrap()
     };
     for (frequency, apart_ns) in [(499, 2e6), (500, 0.0), (10_000, 0.0)] {

@@ -2,6 +2,7 @@
 
 use crate::flight::testing::*;
 use crate::flight::{FlightOptions, FlightState, Step};
+use vlscan_base::corrections::Corrections;
 use vlscan_geom::{DVec3, Rotation, degrees, radians};
 use vlscan_survey::Formula;
 use vlscan_survey::*;
@@ -272,7 +273,7 @@ fn offsets_are_in_world_axes_unless_they_turn_with_the_mount() {
         survey(PlatformKind::LinearPath, mount([0.0, 1.0, 0.5]), Deflector::Fibres { count: 1 }, legs);
     s.scanner.devices[0].beam_origin.offset = DVec3::new(0.0, 0.25, 0.0);
     for (rotate, wanted) in [(false, [0.0, 1.25, 0.5]), (true, [1.25, 0.0, 0.5])] {
-        let kinematics = Kinematics { mount_offsets_turn: rotate, ..Kinematics::HELIOS };
+        let kinematics = Corrections { mount_offsets_turn: rotate, ..Corrections::NONE };
         let flown = fly_plan(&plan_with(&s, FlightOptions { kinematics, ..Default::default() }));
         close(flown[0].pulses[0].origin, wanted, 1e-7);
     }

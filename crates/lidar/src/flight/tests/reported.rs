@@ -2,6 +2,7 @@
 
 use crate::flight::testing::*;
 use crate::flight::{FlightOptions, Pulse};
+use vlscan_base::corrections::Corrections;
 use vlscan_geom::{DVec3, Rotation, radians};
 use vlscan_survey::*;
 
@@ -15,7 +16,7 @@ fn flight() -> Survey {
 fn fly_with(errors: &[(&str, &[f64])]) -> Vec<FlownLeg> {
     let mut navigation = NavigationErrors::NONE;
     errors.iter().for_each(|(key, numbers)| navigation.set(key, numbers).unwrap());
-    let kinematics = Kinematics::CORRECTED;
+    let kinematics = Corrections::MOTION;
     let options = FlightOptions { kinematics, navigation, seed: 7, ..FlightOptions::default() };
     fly_plan(&plan_with(&flight(), options))
 }

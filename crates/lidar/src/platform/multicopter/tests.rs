@@ -24,7 +24,7 @@ fn fly(legs: &[LegCourse], limit: usize) -> Vec<Vec<(DVec3, f64, f64)>> {
     let mut copter = MulticopterState::default();
     let mut flown = Vec::new();
     for leg in 0..legs.len() {
-        copter.start_leg(&plan, legs, leg, entry(leg), &Kinematics::HELIOS);
+        copter.start_leg(&plan, legs, leg, entry(leg), &Corrections::NONE);
         let mut rows = Vec::new();
         while rows.len() < limit && !copter.check_arrival(&legs[leg]) {
             copter.step(&plan, &legs[leg]);
@@ -79,7 +79,7 @@ fn braking_distance_depends_on_the_pulse_frequency() {
         let legs = golden_legs(|l| (l.frequency, l.step_length) = (frequency, 8.0 / frequency));
         let plan = MulticopterPlan::new(MULTICOPTER, frequency);
         let mut copter = MulticopterState::default();
-        copter.start_leg(&plan, &legs, 0, entry(0), &Kinematics::HELIOS);
+        copter.start_leg(&plan, &legs, 0, entry(0), &Corrections::NONE);
         let found = copter.slow_distance;
         assert!((found / wanted - 1.0).abs() < 1e-3, "{frequency} Hz: {found}");
     }
@@ -91,7 +91,7 @@ fn the_beam_lags_one_step_behind_the_yaw() {
     let legs = golden_legs(|_| {});
     let plan = MulticopterPlan::new(MULTICOPTER, 100.0);
     let mut copter = MulticopterState::default();
-    copter.start_leg(&plan, &legs, 0, entry(0), &Kinematics::HELIOS);
+    copter.start_leg(&plan, &legs, 0, entry(0), &Corrections::NONE);
     assert!((copter.yaw.to_degrees() + 75.963757).abs() < 1e-6);
     copter.step(&plan, &legs[0]);
     assert_eq!(copter.mount_pointing.forward(), DVec3::Y);
@@ -133,7 +133,7 @@ fn smooth_turns() {
     let mut copter = MulticopterState::default();
     let mut steps = [0; 3];
     for leg in 0..3 {
-        copter.start_leg(&plan, &legs, leg, entry(leg), &Kinematics::HELIOS);
+        copter.start_leg(&plan, &legs, leg, entry(leg), &Corrections::NONE);
         while !copter.check_arrival(&legs[leg]) && steps[leg] < 100_000 {
             copter.step(&plan, &legs[leg]);
             for (_, step, position, angles) in golden.iter().filter(|g| (g.0, g.1) == (leg, steps[leg])) {

@@ -1,9 +1,9 @@
 //! The optics and the atmosphere that all energy models share (spec pulse-physics §3.1).
 
 use crate::pulse::lanes::LANES;
-use crate::pulse::options::Corrections;
 use crate::pulse::subray::rays_in_ring;
 use libm::pow;
+use vlscan_base::corrections::Corrections;
 use vlscan_survey::Beam;
 
 /// Nanowatts per watt; amplitudes are in nanowatts.

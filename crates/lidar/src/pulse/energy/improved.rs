@@ -3,10 +3,10 @@
 use super::beam::{BeamState, extinction, half_angle, received_scale, rings_of_subrays};
 use super::series::{MAX_SERIES_ARGUMENT, exponential, exponential_minus_one, series};
 use crate::pulse::lanes::{Block, LANES};
-use crate::pulse::options::Corrections;
 use crate::pulse::subray::rays_in_ring;
 use std::array::from_fn;
 use std::f64::consts::PI;
+use vlscan_base::corrections::Corrections;
 
 /// Each ring carries its share of a Gaussian beam.
 #[derive(Clone, Debug)]

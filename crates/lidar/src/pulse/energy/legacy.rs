@@ -3,11 +3,11 @@
 use super::beam::{BeamState, extinction, half_angle, received_scale, rings_of_subrays};
 use super::series::{MAX_SERIES_ARGUMENT, exponential, series};
 use crate::pulse::lanes::{Block, LANES};
-use crate::pulse::options::Corrections;
 use crate::pulse::subray::{rays_in_ring, ring_angle};
 use libm::sin;
 use std::array::from_fn;
 use std::f64::consts::PI;
+use vlscan_base::corrections::Corrections;
 
 /// I ∝ R⁻², each ring damped by the beam's profile.
 #[derive(Clone, Debug)]

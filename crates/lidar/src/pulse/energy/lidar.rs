@@ -15,7 +15,7 @@
 use super::beam::{NANO, extinction};
 use super::series::{MAX_SERIES_ARGUMENT, exponential, series};
 use crate::pulse::lanes::{Block, LANES};
-use crate::pulse::options::Corrections;
+use vlscan_base::corrections::Corrections;
 use vlscan_survey::Beam;
 
 /// Pulse rate at which `average_power` is the power of one pulse, Hz, see [`pulse_energy`].

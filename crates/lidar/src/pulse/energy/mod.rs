@@ -116,9 +116,9 @@ mod tests {
     use super::beam::extinction;
     use super::series::{exponential, exponential_minus_one};
     use super::*;
-    use crate::pulse::options::Corrections;
     use crate::pulse::subray::Subrays;
     use crate::pulse::testkit::tls_beam;
+    use vlscan_base::corrections::Corrections;
     use vlscan_survey::Beam;
 
     fn state(beam: &Beam, rings: u32, range_min: f64) -> BeamState<'_> {

@@ -2,11 +2,12 @@
 
 use super::*;
 use crate::scanner::testing::{device, settings};
+use vlscan_base::corrections::Corrections;
 use vlscan_geom::{degrees, radians};
-use vlscan_survey::{Device, Formula, Kinematics, Prism};
+use vlscan_survey::{Device, Formula, Prism};
 
 fn started(device: &Device, settings: &ScannerSettings) -> (DevicePlan, DeflectorState) {
-    start(DevicePlan::new(device, Kinematics::HELIOS), device, settings)
+    start(DevicePlan::new(device, Corrections::NONE), device, settings)
 }
 
 fn start(plan: DevicePlan, device: &Device, settings: &ScannerSettings) -> (DevicePlan, DeflectorState) {
@@ -16,7 +17,7 @@ fn start(plan: DevicePlan, device: &Device, settings: &ScannerSettings) -> (Devi
 }
 
 /// Exact angles of the first steps, degrees.
-fn angles(device: &Device, settings: &ScannerSettings, steps: usize, kinematics: Kinematics) -> Vec<f64> {
+fn angles(device: &Device, settings: &ScannerSettings, steps: usize, kinematics: Corrections) -> Vec<f64> {
     let (plan, mut state) = start(DevicePlan::new(device, kinematics), device, settings);
     let mut step = || {
         state.step(&plan);
@@ -39,7 +40,7 @@ fn polygon_lines() {
     let mut s = settings(100);
     (s.scan_freq, s.scan_angle) = (10.0, radians(120.0));
     let lines = [24.0, 48.0, 72.0, 96.0, -120.0, -96.0, -72.0, -48.0, -24.0, 0.0, 24.0];
-    let found = angles(&d, &s, 15, Kinematics::HELIOS);
+    let found = angles(&d, &s, 15, Corrections::NONE);
     assert_close(&found[..4], &lines[..4], 1e-9);
     assert!((found[4] - 120.0).abs() < 1e-9, "the fifth addition falls short of 120°: {}", found[4]);
     assert_close(&found[5..12], &lines[4..], 1e-9);
@@ -47,7 +48,7 @@ fn polygon_lines() {
     let mut s = settings(160);
     s.scan_freq = 20.0;
     let b = [7.5, 15.0, 22.5, -30.0, -22.5, -15.0, -7.5, 0.0, 7.5, 15.0, 22.5, 30.0, -30.0, -22.5];
-    assert_close(&angles(&d, &s, 14, Kinematics::HELIOS), &b, 1e-9);
+    assert_close(&angles(&d, &s, 14, Corrections::NONE), &b, 1e-9);
 }
 
 #[test]
@@ -57,7 +58,7 @@ fn facets_draw_cones_in_turn() {
     d.scan_angle_max = radians(60.0);
     let mut s = settings(1200);
     s.scan_freq = 100.0;
-    for kinematics in [Kinematics::HELIOS, Kinematics::CORRECTED] {
+    for kinematics in [Corrections::NONE, Corrections::MOTION] {
         let (plan, mut state) = start(DevicePlan::new(&d, kinematics), &d, &s);
         let mut tilts = Vec::new();
         let mut before = 0.0;
@@ -112,7 +113,7 @@ fn a_corrected_polygon_has_the_requested_frequency() {
     d.scan_angle_max = radians(30.0);
     let mut s = settings(1000);
     s.scan_freq = 133.0;
-    let found = angles(&d, &s, 10_000, Kinematics::CORRECTED);
+    let found = angles(&d, &s, 10_000, Corrections::MOTION);
     for (k, angle) in found.iter().enumerate() {
         let turned = (k + 1) as f64 * 60.0 * 0.133 + 30.0;
         let off = (turned - 60.0 * (turned / 60.0).floor() - 30.0 - angle).abs();
@@ -120,7 +121,7 @@ fn a_corrected_polygon_has_the_requested_frequency() {
     }
     let lines = found.windows(2).filter(|w| w[1] < w[0]).count();
     assert_eq!(lines, 1330);
-    let helios = angles(&d, &s, 10_000, Kinematics::HELIOS).windows(2).filter(|w| w[1] < w[0]).count();
+    let helios = angles(&d, &s, 10_000, Corrections::NONE).windows(2).filter(|w| w[1] < w[0]).count();
     assert_eq!(helios, 1250, "the reference needs 8 pulses a line");
 }
 
@@ -130,7 +131,7 @@ fn a_corrected_mirror_has_the_requested_frequency_within_its_limits() {
     for (freq, turning) in [(70.0, 0.07), (7.3, 0.0073), (430.0, 0.43), (2000.0, 0.5)] {
         let mut s = settings(100_000);
         (s.scan_freq, s.scan_angle) = (freq, radians(20.0));
-        let found = angles(&d, &s, 100_000, Kinematics::CORRECTED);
+        let found = angles(&d, &s, 100_000, Corrections::MOTION);
         assert!((found[0] + 20.0).abs() < 1e-9);
         assert!(found.iter().all(|a| a.abs() <= 20.0 + 1e-9));
         let up = found.windows(2).filter(|w| w[0] < 0.0 && w[1] >= 0.0).count();
@@ -142,7 +143,7 @@ fn a_corrected_mirror_has_the_requested_frequency_within_its_limits() {
     }
     let mut s = settings(1000);
     (s.scan_freq, s.scan_angle) = (2.0, radians(200.0));
-    let widest = angles(&d, &s, 500, Kinematics::CORRECTED).into_iter().fold(0.0, f64::max);
+    let widest = angles(&d, &s, 500, Corrections::MOTION).into_iter().fold(0.0, f64::max);
     assert!((widest - 120.0).abs() < 0.1, "{widest} is beyond the device");
 }
 
@@ -194,7 +195,7 @@ fn oscillating_period() {
     let d = device(Deflector::Oscillating { scan_product: 1e6 });
     let mut s = settings(1000);
     (s.scan_freq, s.scan_angle) = (2.0, radians(20.0));
-    let found = angles(&d, &s, 501, Kinematics::HELIOS);
+    let found = angles(&d, &s, 501, Corrections::NONE);
     for (j, wanted) in [
         (0, -20.0),
         (1, -20.0),
@@ -269,7 +270,7 @@ fn fibre_order() {
     let mut s = settings(100);
     s.scan_angle = radians(20.0);
     assert_close(
-        &angles(&d, &s, 9, Kinematics::HELIOS),
+        &angles(&d, &s, 9, Corrections::NONE),
         &[-20.0, -15.0, -10.0, -5.0, 0.0, 5.0, 10.0, 15.0, -20.0],
         1e-9,
     );
@@ -280,10 +281,10 @@ fn corrected_fibres_are_symmetric() {
     let d = device(Deflector::Fibres { count: 8 });
     let mut s = settings(100);
     s.scan_angle = radians(20.0);
-    let found = angles(&d, &s, 9, Kinematics::CORRECTED);
+    let found = angles(&d, &s, 9, Corrections::MOTION);
     assert_close(&found, &[-17.5, -12.5, -7.5, -2.5, 2.5, 7.5, 12.5, 17.5, -17.5], 1e-9);
     let one = device(Deflector::Fibres { count: 1 });
-    assert_close(&angles(&one, &s, 2, Kinematics::CORRECTED), &[0.0, 0.0], 1e-12);
+    assert_close(&angles(&one, &s, 2, Corrections::MOTION), &[0.0, 0.0], 1e-12);
 }
 
 #[test]

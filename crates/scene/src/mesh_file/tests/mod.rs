@@ -1,9 +1,10 @@
 //! Mesh files that are small enough to be checked by hand, and damaged ones.
 
+use crate::Scene;
 use crate::fixture::{Fixture, report};
-use crate::{MaterialRules, Scene};
 use base64::Engine;
 use std::path::PathBuf;
+use vlscan_base::corrections::Corrections;
 use vlscan_geom::DVec3;
 use vlscan_survey::{Loader, MaterialChange, MaterialDefinition, MeshReading, Replaced, Transform, UpAxis};
 
@@ -220,7 +221,7 @@ fn warnings_about_materials_name_the_file_and_the_row_that_define_them() {
         let mut f = fixture(mesh, bytes);
         let materials = Some(f.file("materials.csv", table));
         let reading = MeshReading { materials, ..MeshReading::default() };
-        f.options.rules = MaterialRules { reflectance_fraction: true, ..MaterialRules::default() };
+        f.options.rules = Corrections { reflectance_fraction: true, ..Corrections::NONE };
         f.part(Loader::MeshFiles { files: vec![f.path().join(mesh)], reading });
         let (_, found) = f.load().unwrap_or_else(|e| panic!("{}", report(&e)));
         let told = found.items();
