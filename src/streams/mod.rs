@@ -6,17 +6,14 @@
 //! | `row` | a pulse as numbers and back, bit for bit |
 //! | `text`, `table` | writes rows as comma-separated values, and as an Arrow IPC stream |
 //! | `read` | reads blocks of rows while they arrive |
-//! | `schema` | the columns of one stream and their positions |
-//! | `text_rows`, `table_rows` | rows of text lines; rows of record batches |
+//! | `schema` | the columns of one stream and their positions; a row as a pulse |
 
 mod columns;
 mod read;
 mod row;
 mod schema;
 mod table;
-mod table_rows;
 mod text;
-mod text_rows;
 
 pub use columns::PulseColumn;
 pub use read::{PulseReader, RowBlock};

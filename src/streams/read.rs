@@ -1,33 +1,29 @@
 //! Reads a stream of pulses as blocks of complete rows, which the workers parse. The first bytes decide whether the
 //! stream is text or an Arrow stream.
 
+use super::columns::PulseColumn;
 use super::row::{PulseRow, RowFault};
-use super::table_rows::{BatchReader, TableRows};
-use super::text_rows::{LineReader, TextRows};
+use super::schema::StreamSchema;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::input::arrow::{ArrowDetection, detect_arrow};
+use vlscan_base::input::rows::{self, RowDecoder};
 use vlscan_base::input::{InputStream, ReadEvent, is_stdin};
 use vlscan_geom::DVec3;
 use vlscan_warehouse::Stop;
 
 /// Interval at which the stop flag is polled while no bytes arrive.
 const STOP_POLL_INTERVAL: Duration = Duration::from_millis(100);
+/// Approximate length of a line with all columns, bytes.
+const TYPICAL_LINE_BYTES: usize = 320;
 
 /// Rows of pulses that have not been parsed.
 #[derive(Clone, Debug)]
 pub struct RowBlock {
-    rows: Rows,
-    /// Number of rows in the stream before this block.
-    before: u64,
-}
-
-#[derive(Clone, Debug)]
-enum Rows {
-    Text(TextRows),
-    Table(TableRows),
+    rows: rows::RowBlock,
+    schema: Arc<StreamSchema>,
 }
 
 /// Reader of a stream of pulses.
@@ -35,18 +31,10 @@ enum Rows {
 pub struct PulseReader {
     input: InputStream,
     path: PathBuf,
-    format: Format,
+    decoder: RowDecoder,
+    schema: Option<Arc<StreamSchema>>,
     ended: bool,
-    before: u64,
     max_rows: usize,
-}
-
-#[derive(Debug)]
-enum Format {
-    /// Too few bytes have arrived to decide.
-    Unknown(Vec<u8>),
-    Text(LineReader),
-    Table(BatchReader),
 }
 
 impl PulseReader {
@@ -66,14 +54,9 @@ impl PulseReader {
 
     /// Reads `input`; `path` is the name in messages.
     pub fn of(input: InputStream, path: &Path, max_rows: usize) -> PulseReader {
-        PulseReader {
-            input,
-            path: if is_stdin(path) { PathBuf::from("<stdin>") } else { path.to_path_buf() },
-            format: Format::Unknown(Vec::new()),
-            ended: false,
-            before: 0,
-            max_rows: max_rows.max(1),
-        }
+        let path = if is_stdin(path) { PathBuf::from("<stdin>") } else { path.to_path_buf() };
+        let decoder = RowDecoder::new(&path, "a pulse", None);
+        PulseReader { input, path, decoder, schema: None, ended: false, max_rows: max_rows.max(1) }
     }
 
     /// Waits for at least one row and returns the rows that have arrived; `None` at the end of the stream, or when
@@ -84,20 +67,32 @@ impl PulseReader {
     /// when it cannot be read.
     pub fn next_block(&mut self, stop: &Stop) -> Result<Option<RowBlock>> {
         loop {
-            let rows = match &mut self.format {
-                Format::Unknown(_) => None,
-                Format::Text(lines) => lines.next_rows(self.max_rows, self.ended)?.map(Rows::Text),
-                Format::Table(tables) => tables.next_rows(self.max_rows)?.map(Rows::Table),
-            };
-            if let Some(rows) = rows {
-                let block = RowBlock { rows, before: self.before };
-                self.before += block.rows.count();
-                return Ok(Some(block));
+            let block = self.decoder.next_block(self.max_rows, self.ended)?;
+            let has_rows = block.is_some();
+            if let Some(rows) = self.without_header(block)?
+                && let Some(schema) = self.schema.clone()
+            {
+                return Ok(Some(RowBlock { rows, schema }));
             }
-            if self.ended || !self.receive(stop)? {
+            if !has_rows && (self.ended || !self.receive(stop)?) {
                 return self.finish(stop);
             }
         }
+    }
+
+    /// Resolves the columns as soon as they are known, even before the first row; returns the rows without a header.
+    fn without_header(&mut self, block: Option<rows::RowBlock>) -> Result<Option<rows::RowBlock>> {
+        if self.schema.is_some() {
+            return Ok(block);
+        }
+        if let Some(fields) = self.decoder.fields() {
+            self.schema = Some(Arc::new(StreamSchema::of_fields(&self.path, fields)?));
+            return Ok(block);
+        }
+        let Some(block) = block else { return Ok(None) };
+        let (schema, is_header) = StreamSchema::of_text(&block.row(0, &mut Vec::new()))?;
+        self.schema = Some(Arc::new(schema));
+        Ok(if is_header { block.split_at(1).1 } else { Some(block) })
     }
 
     /// Waits for the next bytes; `false` when `stop` is requested.
@@ -105,7 +100,7 @@ impl PulseReader {
         loop {
             match self.input.next(Some(STOP_POLL_INTERVAL)) {
                 ReadEvent::Bytes(bytes) => {
-                    self.feed(&bytes);
+                    self.decoder.feed(&bytes);
                     self.receive_available();
                     return Ok(true);
                 }
@@ -113,11 +108,6 @@ impl PulseReader {
                 ReadEvent::Timeout => {}
                 ReadEvent::End => {
                     self.ended = true;
-                    // A beginning of an Arrow stream that is too short to be recognised is read as text.
-                    if let Format::Unknown(bytes) = &mut self.format {
-                        let bytes = std::mem::take(bytes);
-                        self.begin_text(&bytes);
-                    }
                     return Ok(true);
                 }
                 ReadEvent::Error(e) => return Err(Error::io("read", &self.path, e)),
@@ -125,39 +115,11 @@ impl PulseReader {
         }
     }
 
-    fn feed(&mut self, bytes: &[u8]) {
-        match &mut self.format {
-            Format::Text(lines) => lines.feed(bytes),
-            Format::Table(tables) => tables.feed(bytes),
-            Format::Unknown(first) => {
-                first.extend_from_slice(bytes);
-                let first = std::mem::take(first);
-                match detect_arrow(&first) {
-                    ArrowDetection::NeedMoreBytes => self.format = Format::Unknown(first),
-                    ArrowDetection::Other => self.begin_text(&first),
-                    ArrowDetection::Arrow => {
-                        let mut tables = BatchReader::new(&self.path);
-                        tables.feed(&first);
-                        self.format = Format::Table(tables);
-                    }
-                }
-            }
-        }
-    }
-
-    fn begin_text(&mut self, bytes: &[u8]) {
-        let mut lines = LineReader::new(&self.path);
-        lines.feed(bytes);
-        self.format = Format::Text(lines);
-    }
-
-    /// Adds all bytes that have already arrived, so that blocks of a fast stream are large.
+    /// Adds all bytes of text that have already arrived, so that blocks of a fast stream are large.
     fn receive_available(&mut self) {
-        while let Format::Text(lines) = &mut self.format
-            && !lines.has_rows(self.max_rows)
-        {
+        while !self.decoder.has_pending(self.max_rows.saturating_mul(TYPICAL_LINE_BYTES)) {
             match self.input.next(Some(Duration::ZERO)) {
-                ReadEvent::Bytes(bytes) => lines.feed(&bytes),
+                ReadEvent::Bytes(bytes) => self.decoder.feed(&bytes),
                 // The next call reports the end and errors again.
                 _ => break,
             }
@@ -165,56 +127,45 @@ impl PulseReader {
     }
 
     fn finish(&self, stop: &Stop) -> Result<Option<RowBlock>> {
-        match &self.format {
-            _ if stop.is_requested() => Ok(None),
-            Format::Table(tables) => tables.end().map(|()| None),
-            Format::Text(lines) if lines.has_begun() => Ok(None),
-            _ => {
-                let mut problems = Diagnostics::default();
-                let message = "the stream is empty, expected a header such as time,x,y,z,dx,dy,dz and pulses";
-                problems.error(Some(Place::in_line(&self.path, 0, "", 0..0)), message);
-                Err(Error::Input(Box::new(problems)))
-            }
+        if stop.is_requested() || self.decoder.has_begun() {
+            return Ok(None);
         }
-    }
-}
-
-impl Rows {
-    fn count(&self) -> u64 {
-        match self {
-            Rows::Text(rows) => rows.count(),
-            Rows::Table(rows) => rows.count(),
-        }
+        let mut problems = Diagnostics::default();
+        let message = "the stream is empty, expected a header such as time,x,y,z,dx,dy,dz and pulses";
+        problems.error(Some(Place::of_file(&self.path)), message);
+        Err(Error::Input(Box::new(problems)))
     }
 }
 
 impl RowBlock {
     pub fn rows(&self) -> u32 {
-        u32::try_from(self.rows.count()).unwrap_or(u32::MAX)
+        u32::try_from(self.rows.len()).unwrap_or(u32::MAX)
     }
 
     /// Epoch of the first pulse; the other rows are not parsed.
     pub fn first_epoch(&self) -> u32 {
-        match &self.rows {
-            Rows::Text(rows) => rows.first_epoch(),
-            Rows::Table(rows) => rows.first_epoch(),
-        }
+        self.epochs().next().unwrap_or(0)
+    }
+
+    /// Epochs of the pulses; an invalid number is reported when the row is parsed.
+    fn epochs(&self) -> impl Iterator<Item = u32> {
+        let (column, mut fields) = (self.schema.position(PulseColumn::Epoch), Vec::new());
+        (0..self.rows.len()).map(move |row| {
+            let epoch = column.map(|at| self.rows.row(row, &mut fields).number(at, ""));
+            epoch.and_then(|epoch| epoch.ok()).unwrap_or(0.0) as u32
+        })
     }
 
     /// Splits the block before the first pulse of another epoch; the second value is the rest.
     pub fn split_at_epoch(self) -> (RowBlock, Option<RowBlock>) {
-        let (first, rest) = match self.rows {
-            Rows::Text(rows) => {
-                let (first, rest) = rows.split_at_epoch();
-                (Rows::Text(first), rest.map(Rows::Text))
-            }
-            Rows::Table(rows) => {
-                let (first, rest) = rows.split_at_epoch();
-                (Rows::Table(first), rest.map(Rows::Table))
-            }
+        let has_epochs = self.schema.position(PulseColumn::Epoch).is_some();
+        let first = self.first_epoch();
+        let Some(count) = self.epochs().position(|epoch| has_epochs && epoch != first) else {
+            return (self, None);
         };
-        let rest = rest.map(|rows| RowBlock { rows, before: self.before + first.count() });
-        (RowBlock { rows: first, before: self.before }, rest)
+        let (rows, rest) = self.rows.split_at(count);
+        let schema = self.schema;
+        (RowBlock { rows, schema: schema.clone() }, rest.map(|rows| RowBlock { rows, schema }))
     }
 
     /// Appends the rows as pulses in the frame whose origin is at `shift` in the world. `check` accepts or refuses
@@ -228,9 +179,11 @@ impl RowBlock {
         into: &mut Vec<PulseRow>,
         check: impl Fn(&PulseRow) -> Result<(), RowFault>,
     ) -> Result<()> {
-        match &self.rows {
-            Rows::Text(rows) => rows.pulses(shift, self.before, into, check),
-            Rows::Table(rows) => rows.pulses(shift, self.before, into, check),
+        let mut fields = Vec::new();
+        for (index, order) in (0..self.rows.len()).zip(self.rows.before()..) {
+            let row = self.rows.row(index, &mut fields);
+            into.push(self.schema.pulse(&row, shift, order, &check).map_err(|e| e.with_help(""))?);
         }
+        Ok(())
     }
 }

@@ -2,63 +2,95 @@
 
 use super::columns::{COLUMNS, PulseColumn, parse_pulse_heading};
 use super::row::{ATTITUDE, ColumnSet, DIRECTION, EXACT, LOW, ORIGIN, PulseRow, RowFault, Values};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
+use vlscan_base::input::arrow::TableField;
+use vlscan_base::input::rows::{Row, RowError};
 use vlscan_geom::DVec3;
 
 #[derive(Debug)]
 pub(super) struct StreamSchema {
-    /// Name of the stream in messages.
-    pub path: PathBuf,
     /// Column, factor to ns, m or rad, and position in a row.
     columns: Vec<(PulseColumn, f64, usize)>,
     present: ColumnSet,
+    /// Number of columns of every line, of which some may have no use.
+    width: Option<usize>,
 }
 
 impl StreamSchema {
-    /// Resolves headings to columns. Each heading has its place and, where its values are not numbers, a description
-    /// of them; `whole` is the place of the header.
+    fn new(width: Option<usize>) -> StreamSchema {
+        StreamSchema { columns: Vec::new(), present: ColumnSet::default(), width }
+    }
+
+    /// The schema of text with this first row, and whether the row is a header. Without a header seven numbers are time,
+    /// origin and direction, and six are origin and direction.
+    ///
+    /// # Errors
+    /// As [`StreamSchema::of_fields`], and for another number of columns without a header.
+    pub fn of_text(first: &Row) -> Result<(StreamSchema, bool)> {
+        let names: Vec<String> = first.texts().collect();
+        if names.iter().all(|name| name.parse::<f64>().is_err()) {
+            let place = |column| first.error(column, "").place;
+            let headings = names.iter().enumerate().map(|(i, name)| (&**name, place(Some(i)), None));
+            let schema = StreamSchema::new(Some(names.len())).with_headings(headings, place(None))?;
+            return Ok((schema, true));
+        }
+        if !matches!(names.len(), 6 | 7) {
+            let message = format!("{} numbers and no header that names them", names.len());
+            let help = "without a header the columns are time, x, y, z, dx, dy, dz";
+            return Err(first.error(None, message).with_help(help));
+        }
+        let seconds = std::iter::once((PulseColumn::Time, 1e9)).filter(|_| names.len() == 7);
+        let metres = ORIGIN.iter().chain(&DIRECTION).map(|c| (*c, 1.0));
+        let mut schema = StreamSchema::new(Some(names.len()));
+        for (position, (column, factor)) in seconds.chain(metres).enumerate() {
+            schema.push(column, factor, position);
+        }
+        Ok((schema, false))
+    }
+
+    /// The schema of an Arrow stream; `path` is its name in messages.
     ///
     /// # Errors
     /// [`Error::Input`](vlscan_base::error::Error::Input) with every heading that is unknown, repeated or without numbers,
     /// and with the missing columns that a pulse requires.
-    pub fn from_headings<'h>(
-        path: &Path,
+    pub fn of_fields(path: &Path, fields: &[TableField]) -> Result<StreamSchema> {
+        let place = Place::of_file(path);
+        let headings = fields
+            .iter()
+            .map(|field| (&*field.heading, place.clone(), Some(field.holds).filter(|_| !field.is_number())));
+        StreamSchema::new(None).with_headings(headings, place.clone())
+    }
+
+    /// Resolves headings to columns. Each heading has its place and, where its values are not numbers, a description
+    /// of them; `whole` is the place of the header.
+    fn with_headings<'h>(
+        mut self,
         headings: impl Iterator<Item = (&'h str, Place, Option<&'h str>)>,
         whole: Place,
     ) -> Result<StreamSchema> {
         let mut problems = Diagnostics::default();
-        let mut schema =
-            StreamSchema { path: path.to_path_buf(), columns: Vec::new(), present: ColumnSet::default() };
         for (position, (heading, place, no_numbers)) in headings.enumerate() {
             match (parse_pulse_heading(heading), no_numbers) {
-                (Ok((column, _)), _) if schema.present.has(column) => {
+                (Ok((column, _)), _) if self.present.has(column) => {
                     problems.error(Some(place), format!("a second column for {}", column.entry().name));
                 }
                 (Ok(_), Some(holds)) => {
                     problems
                         .error(Some(place), format!("column `{heading}` holds {holds}, expected numbers"));
                 }
-                (Ok((column, factor)), None) => schema.push(column, factor, position),
+                (Ok((column, factor)), None) => self.push(column, factor, position),
                 (Err((message, help)), _) => {
                     problems.error(Some(place), message).help(help);
                 }
             }
         }
         if problems.is_empty() {
-            check_complete(schema.present, whole, &mut problems);
+            check_complete(self.present, whole, &mut problems);
         }
         problems.finish(false)?;
-        Ok(schema)
-    }
-
-    /// A schema for columns without headings, with their factors.
-    pub fn without_headings(path: &Path, columns: impl Iterator<Item = (PulseColumn, f64)>) -> StreamSchema {
-        let mut schema =
-            StreamSchema { path: path.to_path_buf(), columns: Vec::new(), present: ColumnSet::default() };
-        columns.enumerate().for_each(|(position, (column, factor))| schema.push(column, factor, position));
-        schema
+        Ok(self)
     }
 
     fn push(&mut self, column: PulseColumn, factor: f64, position: usize) {
@@ -66,38 +98,32 @@ impl StreamSchema {
         self.present = self.present.with(column);
     }
 
-    pub fn width(&self) -> usize {
-        self.columns.len()
-    }
-
     /// Position of a column in a row.
     pub fn position(&self, column: PulseColumn) -> Option<usize> {
         self.columns.iter().find(|c| c.0 == column).map(|c| c.2)
     }
 
-    /// The values of a row in ns, m and rad; `number` reads a value by column and position.
-    pub fn values<E>(&self, number: impl Fn(PulseColumn, usize) -> Result<f64, E>) -> Result<Values, E> {
-        let mut values = [0.0; COLUMNS];
-        for (column, factor, position) in &self.columns {
-            values[*column as usize] = number(*column, *position)? * factor;
-        }
-        Ok(values)
-    }
-
-    /// Appends the pulse of a row, if `check` accepts it, in the frame whose origin is at `shift` in the world.
-    /// `order` is the index of the row in the stream, from 0.
-    pub fn push_pulse(
+    /// The pulse of a row, if `check` accepts it, in the frame whose origin is at `shift` in the world. `order` is the index of
+    /// the row in the stream, from 0.
+    pub fn pulse(
         &self,
-        values: &Values,
+        row: &Row,
         shift: DVec3,
         order: u64,
-        into: &mut Vec<PulseRow>,
         check: &impl Fn(&PulseRow) -> Result<(), RowFault>,
-    ) -> Result<(), RowFault> {
-        let row = PulseRow::of(values, self.present, shift, order)?;
-        check(&row)?;
-        into.push(row);
-        Ok(())
+    ) -> Result<PulseRow, RowError> {
+        if let Some(width) = self.width.filter(|width| *width != row.width()) {
+            return Err(
+                row.error(None, format!("{} columns, expected {width} as in the header", row.width()))
+            );
+        }
+        let mut values: Values = [0.0; COLUMNS];
+        for (column, factor, position) in &self.columns {
+            values[*column as usize] = row.number(*position, column.entry().name)? * factor;
+        }
+        let pulse = PulseRow::of(&values, self.present, shift, order);
+        let pulse = pulse.and_then(|pulse| check(&pulse).map(|()| pulse));
+        pulse.map_err(|(column, message)| row.error(self.position(column), message))
     }
 }
 

@@ -11,6 +11,8 @@ pub enum Separator {
     Char(char),
     /// Any run of blanks and tabs.
     Blanks,
+    /// Any of several ASCII characters, by the bits of their codes; other blanks are ignored.
+    AnyOf(u128),
 }
 
 impl Separator {
@@ -19,53 +21,74 @@ impl Separator {
         if c == ' ' { Separator::Blanks } else { Separator::Char(c) }
     }
 
-    /// The separator that `line` most likely uses: semicolon, comma, tab, or blanks.
-    pub fn guess(line: &str) -> Separator {
-        [';', ',', '\t']
-            .into_iter()
-            .find(|&c| line.trim().contains(c))
-            .map_or(Separator::Blanks, Separator::Char)
-    }
-
-    /// The columns of `line` as byte ranges without surrounding blanks.
-    pub fn split(self, line: &str) -> Vec<Range<usize>> {
-        let mut fields = Vec::with_capacity(8);
-        match self {
-            Separator::Char(c) => {
-                let mut start = 0;
-                for part in line.split(c) {
-                    fields.push(trimmed(line, start..start + part.len()));
-                    start += part.len() + c.len_utf8();
-                }
-                // A separator at the end of the line does not start a further column.
-                if fields.len() > 1 && fields.last().is_some_and(|f| f.is_empty()) {
-                    fields.pop();
-                }
-            }
-            Separator::Blanks => {
-                let mut start = None;
-                for (i, c) in line.char_indices() {
-                    match (c.is_whitespace(), start) {
-                        (false, None) => start = Some(i),
-                        (true, Some(s)) => {
-                            fields.push(s..i);
-                            start = None;
-                        }
-                        _ => {}
-                    }
-                }
-                if let Some(s) = start {
-                    fields.push(s..line.len());
-                }
+    /// The separator for characters that each separate columns; none are blanks.
+    pub fn any_of(characters: &str) -> Separator {
+        let mut all = characters.chars();
+        match (all.next(), all.next()) {
+            (None, _) => Separator::Blanks,
+            (Some(one), None) => Separator::named(one),
+            _ if characters.contains(' ') && characters.bytes().all(is_blank) => Separator::Blanks,
+            _ => {
+                let ascii = characters.bytes().filter(u8::is_ascii);
+                Separator::AnyOf(ascii.fold(0, |set, byte| set | 1 << byte))
             }
         }
-        fields
+    }
+
+    /// The separator that `line` most likely uses: semicolon, comma, tab, or blanks. With semicolons, and where blanks separate
+    /// at least three numbers with one comma each, commas are decimal commas.
+    pub fn guess(line: impl AsRef<[u8]>) -> Separator {
+        let line = line.as_ref();
+        let has = |c: char| line.trim_ascii().contains(&(c as u8));
+        let found = [';', ',', '\t'].into_iter().find(|&c| has(c) && (c != ',' || !has_decimal_commas(line)));
+        found.map_or(Separator::Blanks, Separator::Char)
+    }
+
+    /// The columns of `line` as byte ranges without surrounding blanks. A separator at the end of the line does not start a
+    /// further column.
+    pub fn split(self, line: &(impl AsRef<[u8]> + ?Sized)) -> impl Iterator<Item = Range<usize>> {
+        let line = line.as_ref();
+        // A character beyond ASCII is found by its first byte.
+        let mut encoded = [0; 4];
+        let (separating, width) = match self {
+            Separator::Blanks => (ByteSet::BLANKS, 1),
+            Separator::AnyOf(set) => (ByteSet([set as u64, (set >> 64) as u64, 0, 0]), 1),
+            Separator::Char(c) => {
+                let width = c.encode_utf8(&mut encoded).len();
+                (ByteSet::of(&encoded[..1]), width)
+            }
+        };
+        let separates = move |at: usize| {
+            separating.has(line[at]) && (width == 1 || line[at..].starts_with(&encoded[..width]))
+        };
+        let padding = match self {
+            Separator::Blanks => ByteSet::BLANKS,
+            _ => ByteSet::BLANKS.without(separating),
+        };
+        let mut next = Some(0);
+        std::iter::from_fn(move || {
+            let mut start = next?;
+            while start < line.len() && padding.has(line[start]) {
+                start += 1;
+            }
+            if start >= line.len() {
+                next = None;
+                return None;
+            }
+            let end = (start..line.len()).find(|&at| separates(at)).unwrap_or(line.len());
+            next = (end < line.len()).then_some(end + width);
+            let mut last = end;
+            while last > start && padding.has(line[last - 1]) {
+                last -= 1;
+            }
+            Some(start..last)
+        })
     }
 
     /// The `count` columns of a line of a table, of which the last may be empty: then the separator at the end of the line
     /// stands before it. `Err` has the number of columns found.
     pub fn split_row(self, line: &str, count: usize) -> Result<Vec<Range<usize>>, usize> {
-        let mut fields = self.split(line);
+        let mut fields: Vec<_> = self.split(line).collect();
         if let Separator::Char(c) = self
             && fields.len() + 1 == count
             && line.trim_end_matches(|end: char| end.is_whitespace() && end != c).ends_with(c)
@@ -80,9 +103,55 @@ impl Separator {
         match self {
             Separator::Blanks => "blanks".to_owned(),
             Separator::Char('\t') => "tabs".to_owned(),
-            Separator::Char(c) => format!("`{c}`"),
+            other => format!("`{}`", other.characters()),
         }
     }
+
+    /// The characters that separate.
+    pub fn characters(self) -> String {
+        match self {
+            Separator::Blanks => " ".to_owned(),
+            Separator::Char(c) => c.to_string(),
+            Separator::AnyOf(set) => (0..128u8).filter(|c| set & 1 << c != 0).map(char::from).collect(),
+        }
+    }
+}
+
+/// A set of bytes.
+#[derive(Clone, Copy)]
+struct ByteSet([u64; 4]);
+
+impl ByteSet {
+    const BLANKS: ByteSet = ByteSet::of(b" \t\r\x0b\x0c");
+
+    const fn of(bytes: &[u8]) -> ByteSet {
+        let (mut set, mut i) = ([0; 4], 0);
+        while i < bytes.len() {
+            set[bytes[i] as usize / 64] |= 1 << (bytes[i] % 64);
+            i += 1;
+        }
+        ByteSet(set)
+    }
+
+    fn without(self, ByteSet(other): ByteSet) -> ByteSet {
+        ByteSet(std::array::from_fn(|i| self.0[i] & !other[i]))
+    }
+
+    fn has(&self, byte: u8) -> bool {
+        self.0[usize::from(byte / 64)] >> (byte % 64) & 1 != 0
+    }
+}
+
+/// Whether `byte` is a blank within a line. This includes the carriage return before a line feed.
+pub fn is_blank(byte: u8) -> bool {
+    matches!(byte, b' ' | b'\t' | b'\r' | 0x0b | 0x0c)
+}
+
+/// Whether the commas of a line are those of at least three numbers and other words between blanks.
+fn has_decimal_commas(line: &[u8]) -> bool {
+    let words = || Separator::Blanks.split(line).map(|at| &line[at]);
+    let fits = |word: &[u8]| !word.contains(&b',') || std::str::from_utf8(word).is_ok_and(has_decimal_comma);
+    words().count() >= 3 && words().all(fits)
 }
 
 /// A field of a comma-separated table, quoted where that is necessary (RFC 4180).
@@ -108,6 +177,7 @@ pub fn unquoted(line: &str, separator: Separator) -> Vec<String> {
         let separates = match separator {
             Separator::Char(separator) => c == separator,
             Separator::Blanks => c.is_whitespace(),
+            Separator::AnyOf(set) => c.is_ascii() && set & 1 << c as u8 != 0,
         };
         match (c, is_quoted) {
             ('"', true) if rest.peek() == Some(&'"') => field.extend(rest.next()),
@@ -156,12 +226,6 @@ pub fn has_decimal_comma(text: &str) -> bool {
 /// What a message about a text that should be a number adds if it has a decimal comma; an empty text for others.
 pub fn comma_note(text: &str) -> &'static str {
     if has_decimal_comma(text) { ", which has a decimal comma; numbers need a decimal point" } else { "" }
-}
-
-fn trimmed(line: &str, at: Range<usize>) -> Range<usize> {
-    let text = &line[at.clone()];
-    let start = at.start + (text.len() - text.trim_start().len());
-    start..start + text.trim().len()
 }
 
 /// The quantity of a column.
@@ -257,7 +321,7 @@ mod tests {
     use super::*;
 
     fn texts(separator: Separator, line: &str) -> Vec<&str> {
-        separator.split(line).into_iter().map(|r| &line[r]).collect()
+        separator.split(line).map(|at| &line[at]).collect()
     }
 
     #[test]
@@ -267,6 +331,33 @@ mod tests {
         assert_eq!(texts(Separator::guess("  1\t2\t"), "  1\t2\t"), ["1", "2"]);
         assert_eq!(texts(Separator::guess(" 1  2\r"), " 1  2\r"), ["1", "2"]);
         assert_eq!(texts(Separator::Char(','), "1,,3"), ["1", "", "3"]);
+    }
+
+    #[test]
+    fn commas_between_columns_and_within_numbers_are_told_apart() {
+        for (line, expected) in [
+            ("1,5\t2,5\t3,5", "\t"),
+            ("-1,5 2 3,5e3 oak", " "),
+            ("1,2,3", ","),
+            ("1, 2, 3", ","),
+            ("1 ,2 ,3", ","),
+            ("1,5 2,5", ","),
+            ("7,1.5,2 3", ","),
+            ("7,oak tree,1,2,3", ","),
+            ("1,5;2,5;3,5", ";"),
+        ] {
+            assert_eq!(Separator::guess(line).characters(), expected, "{line:?}");
+        }
+    }
+
+    #[test]
+    fn several_characters_may_separate() {
+        assert_eq!(texts(Separator::any_of(" ,"), "1, 2\t,3"), ["1", "", "2", "3"]);
+        assert_eq!(texts(Separator::any_of("·"), "1 · 2·3"), ["1", "2", "3"]);
+        assert_eq!(texts(Separator::any_of("\t"), "1\t 2 3\t\t4"), ["1", "2 3", "", "4"]);
+        for blanks in ["", " ", " \t"] {
+            assert_eq!(Separator::any_of(blanks), Separator::Blanks);
+        }
     }
 
     #[test]

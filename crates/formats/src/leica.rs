@@ -3,11 +3,11 @@
 //! its raster, four with the scanner's pose, four with the matrix that its points are multiplied by (as rows of four numbers, from
 //! the left), then a line `x y z intensity`, optionally with `r g b`, for every place of the raster; 0 0 0 is no point.
 
-use super::text::{Separators, float, is_line_end, is_skipped, read_line};
+use super::text::{float, is_line_end, is_skipped, read_line};
 use super::{Attribute, AttributeSet, PointRow, Reading};
 use std::io::BufRead;
 use std::ops::ControlFlow;
-use vlscan_base::columns::comma_note;
+use vlscan_base::columns::{Separator, comma_note};
 use vlscan_base::diag::Place;
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::DVec3;
@@ -33,7 +33,7 @@ pub(super) fn detect(first: &[u8]) -> Option<bool> {
 
 /// The numbers of a line between blanks; `None` if there are other words or too many.
 fn numbers(line: &[u8]) -> Option<Vec<f64>> {
-    let words: Vec<f64> = Separators::BLANKS.split(line).map(|at| float(&line[at])).collect::<Option<_>>()?;
+    let words: Vec<f64> = Separator::Blanks.split(line).map(|at| float(&line[at])).collect::<Option<_>>()?;
     (1..=MAX_COLUMNS).contains(&words.len()).then_some(words)
 }
 
@@ -60,7 +60,7 @@ impl<R: BufRead> Lines<R> {
             match numbers(text) {
                 Some(values) => return Ok(Some(values)),
                 None => {
-                    let words = Separators::BLANKS.split(text).map(|at| &text[at]);
+                    let words = Separator::Blanks.split(text).map(|at| &text[at]);
                     let wrong =
                         words.filter(|word| float(word).is_none()).map(String::from_utf8_lossy).next();
                     let found =

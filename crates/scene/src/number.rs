@@ -4,7 +4,8 @@
 //! 2⁵³ and a power of ten up to 10²² are both exact, so one multiplication or division rounds correctly. All others are
 //! parsed by the standard library.
 
-pub(super) use vlscan_formats::text::{float, is_blank};
+pub(super) use vlscan_base::columns::is_blank;
+pub(super) use vlscan_formats::text::float;
 
 const POWERS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18,

@@ -122,6 +122,11 @@ impl NumberBatch {
         self.columns[column].as_ref().map_or(f64::NAN, |values| values[row])
     }
 
+    /// Number of columns, whether or not they contain numbers.
+    pub fn width(&self) -> usize {
+        self.columns.len()
+    }
+
     /// Number of a row in the stream and in the batch, for messages.
     pub fn place(&self, row: usize) -> String {
         let of_all = self.before.saturating_add(row as u64 + 1);

@@ -1,7 +1,8 @@
 //! Input that is read while it arrives: [`InputStream`] reads bytes on a separate thread, so that the consumer can
-//! wait for them with a timeout; [`arrow`] decodes Arrow streams batch by batch.
+//! wait for them with a timeout; [`arrow`] decodes Arrow streams batch by batch, [`rows`] rows of numbers in text and Arrow.
 
 pub mod arrow;
+pub mod rows;
 
 use crate::error::{Error, Result};
 use crate::files::reads;

@@ -1,10 +1,10 @@
 //! PCD of the Point Cloud Library, 0.5 to 0.7: text, binary, and binary compressed by LZF. Points with coordinates that are NaN,
 //! as organised clouds have them, are no points. The offset that this program writes as a comment is added.
 
-use crate::text::{Separators, float, is_blank, is_line_end, last_of_line_ends};
+use crate::text::{float, is_line_end, last_of_line_ends};
 use crate::{Attribute, Columns, Reading};
 use std::ops::ControlFlow;
-use vlscan_base::columns::comma_note;
+use vlscan_base::columns::{Separator, comma_note, is_blank};
 use vlscan_geom::DVec3;
 
 /// Bytes that LZF can make of one byte, at most.
@@ -215,7 +215,7 @@ fn read_text(data: &[u8], header: &Header, reading: &mut Reading) -> Result<(), 
     let mut values = vec![f64::NAN; header.fields.len()];
     let mut lines = data.split(|b| is_line_end(*b)).filter(|line| !line.trim_ascii().is_empty());
     for line in lines.by_ref().take(header.points) {
-        let words: Vec<_> = Separators::BLANKS.split(line).collect();
+        let words: Vec<_> = Separator::Blanks.split(line).collect();
         for (attribute, column) in &used {
             let word = words.get(header.fields[*column].index).map_or(&b""[..], |at| &line[at.clone()]);
             values[*column] = float(word).ok_or_else(|| {

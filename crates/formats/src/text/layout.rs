@@ -1,11 +1,11 @@
 //! Finds out how the lines of a text file are split and what their columns hold: by names where the first line, or the last
 //! comment before the points, consists of names; else by the number of columns.
 
-use super::lines::{Separators, is_heading, is_skipped};
+use super::lines::{is_heading, is_skipped};
 use crate::{Attribute, Columns};
 use std::ops::Range;
 use std::path::Path;
-use vlscan_base::columns::stated_separator;
+use vlscan_base::columns::{Separator, stated_separator};
 use vlscan_base::diag::{Diagnostics, Place};
 
 /// Number of columns of the point files of this program and of HELIOS++ (spec outputs §3).
@@ -17,7 +17,7 @@ const OBJECT_COLUMN: usize = 8;
 /// The columns of a file.
 #[derive(Clone, Debug)]
 pub struct Layout {
-    separators: Vec<u8>,
+    separator: Separator,
     /// The column of each attribute, and the units of the coordinates.
     pub columns: Columns,
     /// Number of columns that are named; `None` for columns without names.
@@ -31,9 +31,9 @@ impl Layout {
     /// object may be empty, which is not visible between blanks: its word is inserted then.
     pub fn split(&self, line: &[u8], words: &mut Vec<Range<usize>>) {
         words.clear();
-        words.extend(Separators(&self.separators).split(line));
+        words.extend(self.separator.split(line));
         let is_full = self.named.is_none() && self.columns.get(Attribute::Object) == Some(OBJECT_COLUMN);
-        if is_full && words.len() == FULL_COLUMNS - 1 && self.separators == b" " {
+        if is_full && words.len() == FULL_COLUMNS - 1 && self.separator == Separator::Blanks {
             words.insert(OBJECT_COLUMN, 0..0);
         }
     }
@@ -41,7 +41,7 @@ impl Layout {
     /// What is wrong with the number of words of a line, if it has less than there are names: between blanks, an empty value
     /// shifts those behind it.
     pub fn missing_values(&self, words: &[Range<usize>]) -> Option<String> {
-        let named = self.named.filter(|named| self.separators == b" " && words.len() < *named)?;
+        let named = self.named.filter(|named| self.separator == Separator::Blanks && words.len() < *named)?;
         Some(format!("expected {named} values, as many as columns are named, found {}", words.len()))
     }
 
@@ -60,16 +60,16 @@ struct Heading {
 /// Finds the layout of a file from its first lines.
 #[derive(Default)]
 pub struct LayoutFinder {
-    /// The separators that a setting or the file itself states.
-    separators: Option<Vec<u8>>,
+    /// The separator that a setting or the file itself states.
+    separator: Option<Separator>,
     heading: Option<Heading>,
     comment: Option<Heading>,
 }
 
 impl LayoutFinder {
-    /// A finder for a file whose separators are known; `None` if the lines tell them.
-    pub fn new(separators: Option<Vec<u8>>) -> LayoutFinder {
-        LayoutFinder { separators, ..LayoutFinder::default() }
+    /// A finder for a file whose separator is known; `None` if the lines tell it.
+    pub fn new(separator: Option<Separator>) -> LayoutFinder {
+        LayoutFinder { separator, ..LayoutFinder::default() }
     }
 
     /// Looks at the next line of the file `path`, whose number counts from 1. Returns the layout when it is the first one with a
@@ -84,8 +84,8 @@ impl LayoutFinder {
         let line = line.strip_prefix(b"\xef\xbb\xbf").unwrap_or(line);
         // A line of spreadsheets; its separator may be a tab.
         let stated = std::str::from_utf8(line).ok().and_then(stated_separator);
-        if let Some(separator) = stated.and_then(|c| u8::try_from(c).ok()).filter(u8::is_ascii) {
-            self.separators.get_or_insert(vec![separator]);
+        if let Some(separator) = stated {
+            self.separator.get_or_insert(Separator::named(separator));
             return None;
         }
         let line = line.trim_ascii_end();
@@ -96,28 +96,23 @@ impl LayoutFinder {
                 Some(Heading { number, text }).filter(|c| !c.text.is_empty()).or(self.comment.take());
             return None;
         }
-        let separators = self.separators_of(line);
-        let words: Vec<_> = Separators(&separators).split(line).collect();
+        let separator = self.separator_of(line);
+        let words: Vec<_> = separator.split(line).collect();
         if self.heading.is_none() && is_heading(line, &words) {
             self.heading = Some(Heading { number, text: line.to_vec() });
             return None;
         }
-        Some(self.layout(path, number, separators, line, &words, found))
+        Some(self.layout(path, number, separator, line, &words, found))
     }
 
-    /// The separators of a line; single tabs where the file has names between tabs, since names may have blanks in them.
-    fn separators_of(&self, line: &[u8]) -> Vec<u8> {
-        if let Some(separators) = &self.separators {
-            return separators.clone();
-        }
-        let guessed = Separators::guess(line).0.to_vec();
+    /// The separator of a line; single tabs where the file has names between tabs, since names may have blanks in them.
+    fn separator_of(&self, line: &[u8]) -> Separator {
         let has_tabs = |heading: &Heading| heading.text.contains(&b'\t');
-        match guessed == b" "
-            && line.contains(&b'\t')
-            && self.heading.as_ref().or(self.comment.as_ref()).is_some_and(has_tabs)
-        {
-            true => b"\t".to_vec(),
-            false => guessed,
+        let heading = self.heading.as_ref().or(self.comment.as_ref());
+        match (self.separator, Separator::guess(line)) {
+            (Some(separator), _) => separator,
+            (None, Separator::Char('\t')) if !heading.is_some_and(has_tabs) => Separator::Blanks,
+            (None, guessed) => guessed,
         }
     }
 
@@ -125,18 +120,16 @@ impl LayoutFinder {
         &mut self,
         path: &Path,
         first_line: usize,
-        separators: Vec<u8>,
+        separator: Separator,
         line: &[u8],
         words: &[Range<usize>],
         found: &mut Diagnostics,
     ) -> Layout {
         let count = words.len();
-        let by_count = |separators| {
-            let columns = columns_by_count(line, words);
-            Layout { separators, columns, named: None, first_line }
-        };
+        let by_count =
+            || Layout { separator, columns: columns_by_count(line, words), named: None, first_line };
         let names_of = |heading: &Heading| -> Vec<String> {
-            let words = Separators(&separators).split(&heading.text);
+            let words = separator.split(&heading.text);
             let name = |at: Range<usize>| decoded(&heading.text[at]).trim().trim_matches('"').to_owned();
             words.map(name).collect()
         };
@@ -157,7 +150,7 @@ impl LayoutFinder {
                     for remark in columns.remarks(&names) {
                         found.warn(Some(place.clone()), remark);
                     }
-                    return Layout { separators, columns, named: Some(names.len()), first_line };
+                    return Layout { separator, columns, named: Some(names.len()), first_line };
                 }
                 Err(problem) if is_known => {
                     found.error(Some(place), problem);
@@ -167,13 +160,10 @@ impl LayoutFinder {
                         Some(place),
                         "none of these names is known; the first three columns are read as x, y and z",
                     );
-                    return Layout {
-                        columns: columns_by_count(line, &words[..count.min(3)]),
-                        ..by_count(separators)
-                    };
+                    return Layout { columns: columns_by_count(line, &words[..count.min(3)]), ..by_count() };
                 }
             }
-            return by_count(separators);
+            return by_count();
         }
         // Comments are often sentences: names only if there is one for every column.
         if let Some(comment) = self.comment.take() {
@@ -186,10 +176,10 @@ impl LayoutFinder {
                 for remark in columns.remarks(&names) {
                     found.warn(Some(Place::in_line(path, comment.number, &shown, 0..shown.len())), remark);
                 }
-                return Layout { separators, columns, named: Some(names.len()), first_line };
+                return Layout { separator, columns, named: Some(names.len()), first_line };
             }
         }
-        by_count(separators)
+        by_count()
     }
 }
 

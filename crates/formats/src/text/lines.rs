@@ -3,7 +3,7 @@
 use crate::{Attribute, Columns, PointRow};
 use std::io::BufRead;
 use std::ops::Range;
-use vlscan_base::columns::has_decimal_comma;
+use vlscan_base::columns::is_blank;
 
 /// Maximum length of a line, bytes: a binary file without line ends must not fill the memory.
 const MAX_LINE_BYTES: usize = 1 << 16;
@@ -55,11 +55,6 @@ pub fn read_line(source: &mut impl BufRead, line: &mut Vec<u8>) -> std::io::Resu
     }
 }
 
-/// Whether `byte` separates words of a line. This includes the carriage return before a line feed.
-pub fn is_blank(byte: u8) -> bool {
-    matches!(byte, b' ' | b'\t' | b'\r' | 0x0b | 0x0c)
-}
-
 /// Parses `word` as a number; `None` unless all of it is one.
 pub fn float(word: &[u8]) -> Option<f64> {
     std::str::from_utf8(word).ok()?.parse().ok()
@@ -68,59 +63,6 @@ pub fn float(word: &[u8]) -> Option<f64> {
 /// Whether a line contains no point: it is blank, or a comment marked by `//` or `#`.
 pub fn is_skipped(line: &[u8]) -> bool {
     matches!(line.trim_ascii_start(), [] | [b'/', b'/', ..] | [b'#', ..]) || line.iter().all(|&b| is_blank(b))
-}
-
-/// The characters that separate columns. Blanks may be repeated; every other separator delimits a column, possibly
-/// empty.
-#[derive(Clone, Copy, Debug)]
-pub struct Separators<'a>(pub &'a [u8]);
-
-impl Separators<'static> {
-    pub(crate) const BLANKS: Separators<'static> = Separators(b" ");
-
-    /// Semicolons if the line has any, else commas, else blanks: with semicolons, and where blanks separate numbers with one
-    /// comma each, commas are decimal commas.
-    pub fn guess(line: &[u8]) -> Separators<'static> {
-        match (line.contains(&b';'), line.contains(&b',')) {
-            (true, _) => Separators(b";"),
-            (false, true) if !has_decimal_commas(line) => Separators(b","),
-            _ => Separators::BLANKS,
-        }
-    }
-}
-
-/// Whether the commas of a line are those of at least three numbers and other words between blanks.
-fn has_decimal_commas(line: &[u8]) -> bool {
-    let words = || Separators::BLANKS.split(line).map(|at| &line[at]);
-    words().count() >= 3 && words().all(|word| !word.contains(&b',') || is_with_comma(word))
-}
-
-/// Whether a word is a number with a decimal comma.
-pub fn is_with_comma(word: &[u8]) -> bool {
-    std::str::from_utf8(word).is_ok_and(has_decimal_comma)
-}
-
-impl<'a> Separators<'a> {
-    /// The positions of the words of a line.
-    pub fn split(self, line: &'a [u8]) -> impl Iterator<Item = Range<usize>> + 'a {
-        let by_blanks = self.0.contains(&b' ') && self.0.iter().all(|&s| is_blank(s));
-        let is_separator = move |b: u8| self.0.contains(&b) || (by_blanks && is_blank(b));
-        let is_padding = move |b: u8| is_blank(b) && (by_blanks || !self.0.contains(&b));
-        let mut at = Some(0);
-        std::iter::from_fn(move || {
-            let mut start = at?;
-            while line.get(start).is_some_and(|&b| is_padding(b)) {
-                start += 1;
-            }
-            if start >= line.len() {
-                at = None;
-                return None;
-            }
-            let end = line[start..].iter().position(|&b| is_separator(b)).map_or(line.len(), |n| start + n);
-            at = (end < line.len()).then_some(end + 1);
-            Some(start..end)
-        })
-    }
 }
 
 /// Whether a line is a heading: at least three words, all of them names but for empty ones, which begin with a letter or `_` and
@@ -167,36 +109,8 @@ impl Columns {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use vlscan_base::columns::Separator;
     use vlscan_geom::DVec3;
-
-    fn words(separators: Separators<'static>, line: &'static str) -> Vec<&'static str> {
-        separators.split(line.as_bytes()).map(|at| line[at].trim()).collect()
-    }
-
-    #[test]
-    fn blanks_may_be_repeated_and_other_separators_enclose_empty_words() {
-        assert_eq!(words(Separators::BLANKS, " 1 \t2  3\r"), ["1", "2", "3"]);
-        assert_eq!(words(Separators::guess(b"1;"), "1; ;2 3"), ["1", "", "2 3"]);
-        assert_eq!(words(Separators::guess(b"1,5;2,5"), "1,5;2,5"), ["1,5", "2,5"]);
-        assert_eq!(words(Separators(b"\t"), "1\t 2 3\t\t4"), ["1", "2 3", "", "4"]);
-    }
-
-    #[test]
-    fn commas_between_columns_and_within_numbers_are_told_apart() {
-        for (line, expected) in [
-            ("1,5\t2,5\t3,5", " "),
-            ("-1,5 2 3,5e3 oak", " "),
-            ("1,2,3", ","),
-            ("1, 2, 3", ","),
-            ("1 ,2 ,3", ","),
-            ("1,5 2,5", ","),
-            ("7,1.5,2 3", ","),
-            ("7,oak tree,1,2,3", ","),
-            ("1,5;2,5;3,5", ";"),
-        ] {
-            assert_eq!(Separators::guess(line.as_bytes()).0, expected.as_bytes(), "{line:?}");
-        }
-    }
 
     #[test]
     fn lines_end_in_any_way() {
@@ -219,7 +133,7 @@ mod tests {
     #[test]
     fn headings_consist_of_names() {
         let is = |line: &'static str| {
-            let words: Vec<_> = Separators::guess(line.as_bytes()).split(line.as_bytes()).collect();
+            let words: Vec<_> = Separator::guess(line).split(line).collect();
             is_heading(line.as_bytes(), &words)
         };
         assert!(["x y z", "\"id\",X,Y", ",x,y,z", "_id Höhe y", "x,,z"].map(is).iter().all(|is| *is));
@@ -230,7 +144,7 @@ mod tests {
     fn rows_are_parsed_by_their_columns() {
         let columns = Columns::find(["x", "y", "z", "class", "nx", "ny", "nz"]);
         let parse = |line: &'static str| {
-            let words: Vec<_> = Separators::BLANKS.split(line.as_bytes()).collect();
+            let words: Vec<_> = Separator::Blanks.split(line).collect();
             columns.parse(line.as_bytes(), &words)
         };
         let row = parse("1 2 3 300 0 0 1").unwrap();

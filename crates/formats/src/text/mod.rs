@@ -11,6 +11,6 @@ mod lines;
 mod read;
 
 pub use layout::{Layout, LayoutFinder};
-pub use lines::{Separators, float, is_blank, is_skipped, is_with_comma};
+pub use lines::{float, is_skipped};
 pub(super) use lines::{is_line_end, last_of_line_ends, read_line};
 pub(super) use read::read;

@@ -4,11 +4,11 @@ use super::layout::{Layout, LayoutFinder};
 use super::lines::{BadColumn, is_skipped, read_line};
 use crate::{Attribute, Reading};
 use std::io::BufRead;
-use std::ops::{ControlFlow, Range};
-use std::path::Path;
+use std::ops::ControlFlow;
 use vlscan_base::columns::comma_note;
 use vlscan_base::diag::Place;
 use vlscan_base::error::{Error, Result};
+use vlscan_base::input::rows::line_place;
 
 /// Number of problems after which reading stops.
 const MAX_PROBLEMS: usize = 10;
@@ -41,9 +41,9 @@ pub(crate) fn read(mut source: impl BufRead, reading: &mut Reading) -> Result<()
         layout.split(text, &mut words);
         if words.len() > width.0 {
             longer.0 += 1;
-            longer
-                .1
-                .get_or_insert_with(|| place(reading.path, number, text, words[width.0].start..text.len()));
+            longer.1.get_or_insert_with(|| {
+                line_place(reading.path, number, text, words[width.0].start..text.len())
+            });
         }
         let missing = layout.missing_values(&words).map(Wrong::Missing);
         let parsed = layout.columns.parse(text, &words).map_err(Wrong::Column);
@@ -55,7 +55,7 @@ pub(crate) fn read(mut source: impl BufRead, reading: &mut Reading) -> Result<()
                 let path = reading.path;
                 let place = |attribute| {
                     let at = layout.columns.get(attribute).and_then(|column| words.get(column)).cloned();
-                    place(path, number, text, at.unwrap_or(text.len()..text.len()))
+                    line_place(path, number, text, at.unwrap_or(text.len()..text.len()))
                 };
                 if let ControlFlow::Break(()) = reading.take_from(&row, object.as_deref(), place) {
                     break;
@@ -83,13 +83,6 @@ pub(crate) fn read(mut source: impl BufRead, reading: &mut Reading) -> Result<()
     Ok(())
 }
 
-/// The place of the bytes `at` of a line.
-fn place(path: &Path, number: usize, line: &[u8], at: Range<usize>) -> Place {
-    let shown = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    let (before, marked) = (shown(&line[..at.start]), shown(line[at].trim_ascii()));
-    Place::in_line(path, number, &shown(line), before.len()..before.len() + marked.len())
-}
-
 /// Why a line is no point.
 enum Wrong {
     /// It has less values than there are names.
@@ -101,7 +94,7 @@ impl Wrong {
     fn report(self, number: usize, line: &[u8], reading: &mut Reading) {
         match self {
             Wrong::Missing(message) => {
-                let place = place(reading.path, number, line, line.len()..line.len());
+                let place = line_place(reading.path, number, line, line.len()..line.len());
                 let problem = reading.found.error(Some(place), message);
                 problem.help("separate the columns by commas if values may be empty");
             }
@@ -114,7 +107,8 @@ impl Wrong {
                 };
                 let hint = comma_note(&word);
                 let message = format!("expected {}, found {found}{hint}", bad.attribute.described());
-                let problem = reading.found.error(Some(place(reading.path, number, line, bad.at)), message);
+                let problem =
+                    reading.found.error(Some(line_place(reading.path, number, line, bad.at)), message);
                 if !hint.is_empty() {
                     problem
                         .help("`tr , .` replaces the commas of a file whose columns are separated by others");
@@ -128,6 +122,7 @@ impl Wrong {
 mod tests {
     use super::*;
     use crate::{AttributeSet, PointRow, PointSink, Selection};
+    use std::path::Path;
     use vlscan_base::diag::Diagnostics;
 
     struct Count(u32);

@@ -1,7 +1,8 @@
 //! Columns of poses: which column of a row holds which component, and its unit.
 
-use std::ops::Range;
-use vlscan_base::columns::{Dimension, Heading, HeadingError, Separator, comma_note, parse_heading};
+use vlscan_base::columns::{Dimension, Heading, HeadingError, Separator, parse_heading};
+use vlscan_base::input::arrow::TableField;
+use vlscan_base::input::rows::{Row, RowDecoder, RowError};
 use vlscan_geom::radians;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -115,13 +116,6 @@ impl Headings {
     }
 }
 
-/// An error in a line and its location.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct RowError {
-    pub at: Range<usize>,
-    pub message: String,
-}
-
 impl PoseLayout {
     /// Columns by number, in the order of [`POSE_COLUMNS`].
     pub fn numbered(columns: [usize; 7]) -> PoseLayout {
@@ -146,26 +140,40 @@ impl PoseLayout {
         }
     }
 
-    /// The layout that a line of headings describes; unknown names are ignored.
-    pub fn from_headings(line: &str, separator: Separator) -> Result<PoseLayout, RowError> {
-        let fields = separator.split(line);
-        let is_unit = |field: &Range<usize>| {
-            let text = &line[field.clone()];
-            text.starts_with(['(', '[']) && text.ends_with([')', ']'])
-        };
-        let mut headings = Headings::default();
-        let mut column = 0;
-        for (i, field) in fields.iter().enumerate() {
-            // `roll (deg)` in a line separated by blanks is one heading.
-            if is_unit(field) && i > 0 {
-                continue;
+    /// The layout that headings describe; unknown names are ignored.
+    pub fn from_headings(names: impl IntoIterator<Item = impl AsRef<str>>) -> Result<PoseLayout, String> {
+        let mut columns: Vec<String> = Vec::new();
+        for name in names {
+            let name = name.as_ref();
+            match columns.last_mut() {
+                // `roll (deg)` in a line separated by blanks is one heading.
+                Some(last) if name.starts_with(['(', '[']) && name.ends_with([')', ']']) => {
+                    last.push_str(name)
+                }
+                _ => columns.push(name.to_owned()),
             }
-            let end = fields.get(i + 1).filter(|next| is_unit(next)).unwrap_or(field).end;
-            let at = field.start..end;
-            let added = PoseColumn::parse(&line[at.clone()])
-                .and_then(|heading| heading.map_or(Ok(()), |heading| headings.add(column, heading)));
-            added.map_err(|message| RowError { at, message })?;
-            column += 1;
+        }
+        let mut headings = Headings::default();
+        for (column, name) in columns.iter().enumerate() {
+            PoseColumn::parse(name)?.map_or(Ok(()), |heading| headings.add(column, heading))?;
+        }
+        Ok(headings.finish())
+    }
+
+    /// The layout of an Arrow stream; other columns than those of poses need not be numbers.
+    fn from_fields(fields: &[TableField]) -> Result<PoseLayout, String> {
+        let mut headings = Headings::default();
+        for (column, field) in fields.iter().enumerate() {
+            match PoseColumn::parse(&field.heading)? {
+                Some(_) if !field.is_number() => {
+                    return Err(format!(
+                        "column `{}` holds {}, expected numbers",
+                        field.heading, field.holds
+                    ));
+                }
+                Some(heading) => headings.add(column, heading)?,
+                None => {}
+            }
         }
         Ok(headings.finish())
     }
@@ -234,35 +242,19 @@ impl PoseLayout {
         if missing.is_empty() { Ok(self) } else { Err(format!("no column for {}", missing.join(", "))) }
     }
 
-    /// Parses `line`: its numbers, not converted, in the order of [`POSE_COLUMNS`], and the byte range of the time.
-    /// Components without a column are 0.
-    pub fn read(&self, line: &str, separator: Separator) -> Result<([f64; 7], Range<usize>), RowError> {
-        let fields = separator.split(line);
-        let (mut values, mut time) = ([0.0; 7], 0..0);
+    /// The numbers of a row, not converted, in the order of [`POSE_COLUMNS`]. Components without a column are 0.
+    pub fn read(&self, row: &Row) -> Result<[f64; 7], RowError> {
+        let mut values = [0.0; 7];
         for column in POSE_COLUMNS {
             let Some(index) = self.columns[column as usize] else { continue };
             let name = self.name_of(column);
-            let Some(field) = fields.get(index) else {
-                let message = format!(
-                    "column {} for {name} is missing: {} column{} separated by {}",
-                    index + 1,
-                    fields.len(),
-                    if fields.len() == 1 { "" } else { "s" },
-                    separator.name()
-                );
-                return Err(RowError { at: 0..line.len(), message });
-            };
-            if column == PoseColumn::Time {
-                time = field.clone();
+            let number = row.number(index, name)?;
+            if !number.is_finite() {
+                return Err(row.expected_number(index, name));
             }
-            let text = &line[field.clone()];
-            let number = text.parse().ok().filter(|v: &f64| v.is_finite());
-            values[column as usize] = number.ok_or_else(|| RowError {
-                at: field.clone(),
-                message: format!("expected a number for {name}, found `{text}`{}", comma_note(text)),
-            })?;
+            values[column as usize] = number;
         }
-        Ok((values, time))
+        Ok(values)
     }
 
     /// Converts `values` to seconds, metres and radians. Angles without a unit are degrees if `degrees` is set.
@@ -295,10 +287,10 @@ pub(super) struct Directives {
 
 impl Directives {
     /// Parses a comment line; returns whether it was a directive.
-    pub fn parse(&mut self, comment: &str) -> Result<bool, String> {
+    fn parse(&mut self, comment: &str) -> Result<bool, String> {
         if let Some(names) = comment.strip_prefix("#HEADER:") {
-            let layout = PoseLayout::from_headings(names, Separator::guess(names));
-            self.layout = Some(layout.map_err(|e| e.message)?);
+            let names = Separator::guess(names).split(names).map(|at| &names[at]);
+            self.layout = Some(PoseLayout::from_headings(names)?);
         } else if let Some(column) = comment.strip_prefix("#TIME_COLUMN:") {
             let column = column.trim();
             let number = column.parse().ok().filter(|number| *number < MAX_COLUMNS);
@@ -312,19 +304,74 @@ impl Directives {
     }
 }
 
-/// Whether `line` consists of headings: no column is a number, and at least one names a component of a pose.
-pub(super) fn is_header(line: &str, separator: Separator) -> bool {
-    let fields = separator.split(line);
-    fields.iter().all(|f| line[f.clone()].parse::<f64>().map_or(true, |v| !v.is_finite()))
-        && fields.iter().any(|f| PoseColumn::parse(&line[f.clone()]) != Ok(None))
+/// What a table of poses itself says of its columns.
+#[derive(Debug)]
+pub(super) struct StatedColumns {
+    pub directives: Directives,
+    pub has_directives: bool,
+    /// The texts of the first row; none in Arrow streams.
+    pub first: Vec<String>,
+    /// Whether the first row of text consists of headings: no column is a number, and at least one names a component of a
+    /// pose. Or whether there are the columns of an Arrow stream.
+    pub has_header: bool,
+    header: Result<PoseLayout, String>,
+}
+
+impl StatedColumns {
+    /// What the comments and the first row, or the columns of an Arrow stream, say.
+    ///
+    /// # Errors
+    /// A directive that cannot be parsed.
+    pub fn of(rows: &RowDecoder, first: Option<&Row>) -> Result<StatedColumns, RowError> {
+        let (mut directives, mut has_directives) = (Directives::default(), false);
+        for (place, comment) in rows.comments() {
+            let parsed = directives.parse(comment);
+            has_directives |= parsed.map_err(|message| RowError { place: place.clone(), message })?;
+        }
+        let first: Vec<String> = first.into_iter().flat_map(Row::texts).collect();
+        let (has_header, header) = match rows.fields() {
+            Some(fields) => (true, PoseLayout::from_fields(fields)),
+            None => (is_header(&first), PoseLayout::from_headings(&first)),
+        };
+        Ok(StatedColumns { directives, has_directives, first, has_header, header })
+    }
+
+    /// Whether the first row is text and names the columns.
+    pub fn has_header_row(&self) -> bool {
+        self.has_header && !self.first.is_empty()
+    }
+
+    /// The layout of the header.
+    pub fn header(&self) -> Result<PoseLayout, String> {
+        self.header.clone()
+    }
+}
+
+/// Whether the columns of a line are headings.
+fn is_header(names: &[String]) -> bool {
+    names.iter().all(|name| name.parse::<f64>().map_or(true, |v| !v.is_finite()))
+        && names.iter().any(|name| PoseColumn::parse(name) != Ok(None))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn layout(line: &str) -> Result<PoseLayout, RowError> {
-        PoseLayout::from_headings(line, Separator::guess(line))
+    fn names(line: &str) -> Vec<String> {
+        Separator::guess(line).split(line).map(|at| line[at].to_owned()).collect()
+    }
+
+    fn layout(line: &str) -> Result<PoseLayout, String> {
+        PoseLayout::from_headings(names(line))
+    }
+
+    /// The message about a row, if there is one, and the text that it marks.
+    fn refused(layout: &PoseLayout, line: &str) -> (String, String) {
+        let mut rows = RowDecoder::new(std::path::Path::new("a.txt"), "a pose", None);
+        rows.feed(line.as_bytes());
+        let block = rows.next_block(1, true).unwrap().unwrap();
+        let e = layout.read(&block.row(0, &mut Vec::new())).unwrap_err();
+        (e.place.excerpt[e.place.marked.clone()].to_owned(), e.message)
     }
 
     #[test]
@@ -352,7 +399,7 @@ mod tests {
         );
         let l = layout("t,lat,lon,x,northing,z").unwrap();
         assert!(!l.geographic && l.columns[4] == Some(3) && l.columns[5] == Some(4));
-        assert!(layout("lat[m]").unwrap_err().message.contains("expected rad, mrad or deg"));
+        assert!(layout("lat[m]").unwrap_err().contains("expected rad, mrad or deg"));
     }
 
     #[test]
@@ -371,21 +418,17 @@ mod tests {
     #[test]
     fn errors_in_rows_are_located() {
         let l = PoseLayout::in_order(&POSE_COLUMNS, None);
-        let comma = Separator::Char(',');
-        let e = l.read("1,2,3,abc,5,6,7", comma).unwrap_err();
-        assert_eq!((e.at, e.message.as_str()), (6..9, "expected a number for yaw, found `abc`"));
-        let e = l.read("1,2,3", comma).unwrap_err();
-        assert!(e.message.contains("column 4 for yaw is missing: 3 columns"));
-        assert!(l.read("1,2,3,nan,5,6,7", comma).is_err());
-        let e = l.read("1;2;3,5;4;5;6;7", Separator::Char(';')).unwrap_err();
-        assert!(e.message.contains("decimal comma"), "{}", e.message);
-        assert!(layout("time,x,x").unwrap_err().message.contains("second column for x"));
+        let (marked, message) = refused(&l, "1,2,3,abc,5,6,7");
+        assert_eq!((&*marked, &*message), ("abc", "expected a number for yaw, found `abc`"));
+        assert!(refused(&l, "1,2,3").1.contains("column 4 for yaw is missing: 3 columns"));
+        assert!(refused(&l, "1,2,3,nan,5,6,7").1.contains("found `nan`"));
+        assert!(refused(&l, "1;2;3,5;4;5;6;7").1.contains("decimal comma"));
+        assert!(layout("time,x,x").unwrap_err().contains("second column for x"));
     }
 
     #[test]
     fn headers_are_lines_of_headings() {
-        let comma = Separator::Char(',');
         let lines = ["time,x,y", "1,x,y", "foo,bar", ""];
-        assert_eq!(lines.map(|line| is_header(line, comma)), [true, false, false, false]);
+        assert_eq!(lines.map(|line| is_header(&names(line))), [true, false, false, false]);
     }
 }

@@ -2,22 +2,24 @@
 
 use super::course::reported_angles;
 use super::interpolated::composed;
-use super::layout::{ANGLES, Directives, POSE_COLUMNS, PoseColumn, PoseLayout, is_header};
+use super::layout::{ANGLES, POSE_COLUMNS, PoseColumn, PoseLayout, StatedColumns};
 use super::poses::decoder::read_binary;
 use super::poses::fix::{Fix, FixPlace, Pose, RecordError};
 use super::poses::georeference::Georeference;
-use super::poses::text::MAX_LINE_BYTES;
 use super::table::{PoseValues, TrajectoryTable, filter_slopes, unwrap_angles};
 use std::path::Path;
-use vlscan_base::columns::{Separator, stated_separator};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::input;
+use vlscan_base::input::arrow::{ArrowDetection, detect_arrow};
+use vlscan_base::input::rows::{Row, RowDecoder};
 use vlscan_base::quantity;
 use vlscan_survey::{Interpolated, TrajectoryFile};
 
 /// Maximum size of a file, bytes.
 const MAX_FILE_BYTES: u64 = 1 << 33;
+/// Number of bytes that are decoded together.
+const PIECE_BYTES: usize = 1 << 20;
 /// Maximum number of wrong rows that are listed; further ones are only counted.
 const MAX_LISTED_ROWS: usize = 20;
 
@@ -63,7 +65,10 @@ fn read_file(
     problems: &mut Diagnostics,
 ) -> Option<Vec<(f64, PoseValues)>> {
     if let Some(read) = read_binary(&file.path, bytes, georeference) {
-        let poses = read.map_err(|found| problems.extend(found)).ok()?;
+        let poses = match read {
+            Ok(poses) => poses,
+            Err(e) => return report(e, problems),
+        };
         check_count(&file.path, poses.len(), problems)?;
         if file.columns.is_some() || file.separator.is_some() {
             let message = "tIndex, xIndex … and the separator have no effect: the file is no text";
@@ -71,7 +76,7 @@ fn read_file(
         }
         return Some(thin(pose_rows(&poses, settings), threshold));
     }
-    let (rows, layout) = read_rows(file, &String::from_utf8_lossy(bytes), settings.position_only, problems)?;
+    let (rows, layout) = read_rows(file, bytes, settings.position_only, problems)?;
     let rows = thin(rows, threshold).into_iter().map(|(time, [roll, pitch, yaw, x, y, z])| {
         let [time, values @ ..] = layout.in_si([time, roll, pitch, yaw, x, y, z], settings.degrees);
         (time, values)
@@ -89,6 +94,17 @@ fn read_file(
             None
         }
     }
+}
+
+/// Adds the problems of a file that cannot be decoded.
+fn report<T>(error: Error, problems: &mut Diagnostics) -> Option<T> {
+    match error {
+        Error::Input(found) => problems.extend(*found),
+        other => {
+            problems.error(None, other.to_string());
+        }
+    }
+    None
 }
 
 /// Checks times and positions.
@@ -159,74 +175,46 @@ fn thin(mut rows: Vec<(f64, PoseValues)>, threshold: f64) -> Vec<(f64, PoseValue
 /// The rows as they are written in the file (time; roll, pitch, yaw, x, y, z) and their layout.
 fn read_rows(
     file: &TrajectoryFile,
-    text: &str,
+    bytes: &[u8],
     position_only: bool,
     problems: &mut Diagnostics,
 ) -> Option<(Vec<(f64, PoseValues)>, PoseLayout)> {
-    let mut directives = Directives::default();
-    let mut reading: Option<(PoseLayout, Separator)> = None;
-    let mut stated = None;
-    if text.contains('\0') {
+    if detect_arrow(bytes) != ArrowDetection::Arrow && bytes.contains(&0) {
         let place = Place::of_file(&file.path);
         problems.error(Some(place), "expected a trajectory as text, SBET or TerraScan, found other bytes");
         return None;
     }
+    let mut decoder = RowDecoder::new(&file.path, "a pose", file.separator);
+    let (mut layout, mut fields) = (None, Vec::new());
     let (mut rows, mut wrong) = (Vec::new(), 0);
-    for (number, line) in text.lines().enumerate() {
-        let place = |at| Some(Place::in_line(&file.path, number + 1, line, at));
-        if line.len() > MAX_LINE_BYTES {
-            let message = format!("a line of more than {MAX_LINE_BYTES} bytes, expected a pose");
-            problems.error(place(0..0), message);
-            return None;
-        }
-        let content = line.trim_start();
-        if content.is_empty() {
-            continue;
-        }
-        if content.starts_with('#') {
-            if let Err(e) = directives.parse(content) {
-                problems.error(place(0..line.len()), e);
-                return None;
-            }
-            continue;
-        }
-        if let Some(separator) = stated_separator(content).filter(|_| reading.is_none()) {
-            stated = Some(separator);
-            continue;
-        }
-        if reading.is_none() {
-            let separator =
-                file.separator.or(stated).map_or_else(|| Separator::guess(line), Separator::named);
-            let header = is_header(line, separator);
-            let named = header.then_some((line, separator));
-            match choose_layout(file, &directives, named, position_only) {
-                Ok(layout) => {
-                    let named = match header {
-                        true => PoseLayout::from_headings(line, separator).ok(),
-                        false => directives.layout.clone(),
-                    };
-                    warn_of_other_columns(&layout, named, place(0..line.len()), problems);
-                    reading = Some((layout, separator));
+    let mut pieces = bytes.chunks(PIECE_BYTES).peekable();
+    while let Some(piece) = pieces.next() {
+        decoder.feed(piece);
+        loop {
+            let block = match decoder.next_block(usize::MAX, pieces.peek().is_none()) {
+                Ok(Some(block)) => block,
+                Ok(None) => break,
+                Err(e) => return report(e, problems),
+            };
+            let mut begin = 0;
+            let layout = match &layout {
+                Some(layout) => layout,
+                None => {
+                    let first = block.row(0, &mut fields);
+                    let (found, has_header) = find_layout(file, &decoder, &first, position_only, problems)?;
+                    begin = usize::from(has_header);
+                    layout.insert(found)
                 }
-                Err(message) => {
-                    problems.error(place(0..line.len()), message).help(
-                        "give tIndex, xIndex … in the survey or a line `#HEADER: \"t\", \"roll\", \"pitch\", \
-                         \"yaw\", \"x\", \"y\", \"z\"` in the file",
-                    );
-                    return None;
-                }
-            }
-            if header {
-                continue;
-            }
-        }
-        let (layout, separator) = reading.as_ref()?;
-        match layout.read(line, *separator) {
-            Ok(([t, values @ ..], _)) => rows.push((t, values)),
-            Err(e) => {
-                wrong += 1;
-                if wrong <= MAX_LISTED_ROWS {
-                    problems.error(place(e.at), e.message);
+            };
+            for index in begin..block.len() {
+                match layout.read(&block.row(index, &mut fields)) {
+                    Ok([t, values @ ..]) => rows.push((t, values)),
+                    Err(e) => {
+                        wrong += 1;
+                        if wrong <= MAX_LISTED_ROWS {
+                            problems.error(Some(e.place), e.message);
+                        }
+                    }
                 }
             }
         }
@@ -239,7 +227,37 @@ fn read_rows(
         return None;
     }
     check_count(&file.path, rows.len(), problems)?;
-    Some((rows, reading?.0))
+    Some((rows, layout?))
+}
+
+/// The layout of a file, and whether its first row names the columns.
+fn find_layout(
+    file: &TrajectoryFile,
+    decoder: &RowDecoder,
+    first: &Row,
+    position_only: bool,
+    problems: &mut Diagnostics,
+) -> Option<(PoseLayout, bool)> {
+    let place = || Some(first.error(None, "").place);
+    let stated = match StatedColumns::of(decoder, Some(first)) {
+        Ok(stated) => stated,
+        Err(e) => return report(e.with_help(""), problems),
+    };
+    match choose_layout(file, &stated, position_only) {
+        Ok(layout) => {
+            let named =
+                if stated.has_header { stated.header().ok() } else { stated.directives.layout.clone() };
+            warn_of_other_columns(&layout, named, place(), problems);
+            Some((layout, stated.has_header_row()))
+        }
+        Err(message) => {
+            problems.error(place(), message).help(
+                "give tIndex, xIndex … in the survey or a line `#HEADER: \"t\", \"roll\", \"pitch\", \
+                 \"yaw\", \"x\", \"y\", \"z\"` in the file",
+            );
+            None
+        }
+    }
 }
 
 /// Warns of column numbers of the survey that contradict the names in the file.
@@ -261,22 +279,22 @@ fn warn_of_other_columns(
 /// pitch, yaw, x, y, z around a `#TIME_COLUMN`.
 fn choose_layout(
     file: &TrajectoryFile,
-    directives: &Directives,
-    header: Option<(&str, Separator)>,
+    stated: &StatedColumns,
     position_only: bool,
 ) -> Result<PoseLayout, String> {
     use PoseColumn::{Time, X, Y, Z};
     let wanted: &[PoseColumn] = if position_only { &[Time, X, Y, Z] } else { &POSE_COLUMNS };
+    let time = stated.directives.time_column;
     let mut layout = if let Some(columns) = file.columns {
         PoseLayout::numbered(columns)
-    } else if let Some(layout) = &directives.layout {
+    } else if let Some(layout) = &stated.directives.layout {
         let mut layout = layout.clone();
-        layout.set_time(directives.time_column);
+        layout.set_time(time);
         layout
-    } else if let Some((line, separator)) = header {
-        PoseLayout::from_headings(line, separator).map_err(|e| e.message)?
-    } else if directives.time_column.is_some() {
-        PoseLayout::in_order(wanted, directives.time_column)
+    } else if stated.has_header {
+        stated.header()?
+    } else if time.is_some() {
+        PoseLayout::in_order(wanted, time)
     } else {
         return Err("nothing says which column holds the time".to_owned());
     };
@@ -297,7 +315,7 @@ mod tests {
 
     fn rows(file: &TrajectoryFile, text: &str) -> Result<Vec<(f64, PoseValues)>, String> {
         let mut d = Diagnostics::default();
-        let found = read_rows(file, text, false, &mut d);
+        let found = read_rows(file, text.as_bytes(), false, &mut d);
         if d.is_fatal(false) { Err(d.render(false)) } else { Ok(found.unwrap().0) }
     }
 

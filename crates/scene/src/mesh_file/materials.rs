@@ -85,8 +85,7 @@ fn read_rows(path: &Path, text: &str, diagnostics: &mut Diagnostics) -> HashMap<
         return rows;
     };
     let separator = Separator::guess(heading);
-    let names: Vec<String> =
-        separator.split(heading).into_iter().map(|at| heading[at].to_ascii_lowercase()).collect();
+    let names: Vec<String> = separator.split(heading).map(|at| heading[at].to_ascii_lowercase()).collect();
     let unknown = names.iter().find(|name| !COLUMNS.contains(&name.as_str()));
     if !names.iter().any(|n| n == "name") || unknown.is_some() {
         let what = unknown.map_or("no column \"name\"".to_owned(), |name| format!("the column \"{name}\""));

@@ -3,9 +3,9 @@
 use crate::builder::MAX_COORDINATE;
 use crate::text::{Line, Lines, Problems, Source, shown};
 use std::ops::Range;
-use vlscan_base::columns::comma_note;
+use vlscan_base::columns::{Separator, comma_note, has_decimal_comma};
 use vlscan_base::diag::Diagnostics;
-use vlscan_formats::text::{Layout, LayoutFinder, Separators, is_skipped, is_with_comma};
+use vlscan_formats::text::{Layout, LayoutFinder, is_skipped};
 use vlscan_formats::{Attribute, Columns, PointRow};
 use vlscan_survey::XyzLoader;
 
@@ -27,9 +27,8 @@ impl RowFormat {
         source: &Source,
         diagnostics: &mut Diagnostics,
     ) -> Option<RowFormat> {
-        let separators =
-            if loader.separator.is_empty() { vec![b' '] } else { loader.separator.clone().into_bytes() };
-        let mut finder = LayoutFinder::new(Some(separators.clone()));
+        let separator = Separator::any_of(&loader.separator);
+        let mut finder = LayoutFinder::new(Some(separator));
         let mut lines = Lines::new(source.bytes(), false);
         let (layout, line) = lines.find_map(|line| {
             let layout = finder.next(source.path(), line.number, &line.text, diagnostics)?;
@@ -37,23 +36,21 @@ impl RowFormat {
         })?;
         let mut words = Vec::new();
         layout.split(&line.text, &mut words);
-        let guessed = Separators::guess(&line.text);
+        let guessed = Separator::guess(&line.text);
         let is_decimal = |line: &Line| {
-            let mut words = guessed.split(&line.text).map(|at| &line.text[at]);
-            words.find(|word| is_with_comma(word)).map(shown)
+            let mut words = guessed.split(&line.text).map(|at| shown(&line.text[at]));
+            words.find(|word| has_decimal_comma(word))
         };
         let decimal = is_decimal(&line);
-        let is_torn = decimal.is_some()
-            && separators.contains(&b',')
-            && !guessed.0.iter().any(|s| separators.contains(s));
+        let used = if loader.separator.is_empty() { " " } else { &loader.separator };
+        let is_torn = decimal.is_some() && used.contains(',') && !used.contains(&guessed.characters());
         if (words.len() < 3 || is_torn) && guessed.split(&line.text).count() >= 3 {
             // The line may name the columns; the numbers are in the next one then.
             let mut next = || lines.find(|line| !is_skipped(&line.text));
             let hint = decimal.or_else(|| is_decimal(&next()?)).map_or_else(String::new, |word| {
                 format!(", and \"{word}\" has a decimal comma; numbers need a decimal point")
             });
-            let [used, found] =
-                [&separators[..], guessed.0].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
+            let found = guessed.characters();
             diagnostics.error(
                 Some(source.place(line.number, line.start..line.start + line.text.len())),
                 format!(

@@ -9,7 +9,7 @@
 //! (32-bit, little-endian), then records of doubles: time, x, y, z (m), heading, roll, pitch (degrees), and quality
 //! flags (TerraScan User Guide, Trajectory file formats). The heading counts clockwise from the grid's north.
 
-use super::fix::{Decoded, Fix, FixPlace, RecordError, RecordPlace};
+use super::fix::{Fix, FixPlace, RecordError, RecordPlace};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use vlscan_geom::{Rotation, radians};
 
@@ -19,6 +19,19 @@ const HEADER_BYTES: usize = 24;
 /// Plausible sizes of TerraScan's header and records.
 const HEADER_SIZES: std::ops::RangeInclusive<usize> = HEADER_BYTES..=1 << 16;
 const RECORD_SIZES: std::ops::RangeInclusive<usize> = 56..=4096;
+
+/// Result of decoding the next bytes. Counts are bytes.
+#[derive(Debug)]
+pub enum Decoded {
+    /// The beginning of a record; more bytes are needed.
+    Incomplete,
+    /// Bytes without a fix.
+    Skipped(usize),
+    /// A fix.
+    Fix(usize, Fix, RecordPlace<'static>),
+    /// An invalid record.
+    Invalid(RecordPlace<'static>, RecordError),
+}
 
 /// Decodes the records of one of the formats.
 #[derive(Debug)]
@@ -62,7 +75,7 @@ impl RecordDecoder {
         }
     }
 
-    pub fn next(&mut self, bytes: &[u8], ended: bool) -> Decoded<'static> {
+    pub fn next(&mut self, bytes: &[u8], ended: bool) -> Decoded {
         if self.skip > 0 {
             return match bytes.len().min(self.skip) {
                 0 if ended => self.invalid(RecordError::new("the header is cut")),
@@ -109,7 +122,7 @@ impl RecordDecoder {
         }
     }
 
-    fn read_header(&mut self, bytes: &[u8], ended: bool) -> Decoded<'static> {
+    fn read_header(&mut self, bytes: &[u8], ended: bool) -> Decoded {
         if bytes.len() < HEADER_BYTES {
             return match ended && !bytes.is_empty() {
                 true => self.invalid(RecordError::new("the header is cut")),
@@ -134,7 +147,7 @@ impl RecordDecoder {
         self.skip(HEADER_BYTES)
     }
 
-    fn skip(&mut self, bytes: usize) -> Decoded<'static> {
+    fn skip(&mut self, bytes: usize) -> Decoded {
         self.byte += bytes as u64;
         Decoded::Skipped(bytes)
     }
@@ -143,7 +156,7 @@ impl RecordDecoder {
         RecordPlace::Record { number: self.read + 1, byte: self.byte }
     }
 
-    fn invalid(&self, error: RecordError) -> Decoded<'static> {
+    fn invalid(&self, error: RecordError) -> Decoded {
         Decoded::Invalid(self.place(), error)
     }
 }
@@ -257,7 +270,7 @@ mod tests {
                 }
                 Decoded::Invalid(place, error) => {
                     let found = place.error(std::path::Path::new("f"), error);
-                    return (fixes, Some(found.render(false)));
+                    return (fixes, Some(found.to_string()));
                 }
             }
         }

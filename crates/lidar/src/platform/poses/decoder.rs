@@ -1,19 +1,36 @@
 //! Detects the format of a trajectory and decodes its bytes to fixes.
 
-use super::binary::{RecordDecoder, looks_like_sbet};
-use super::fix::{Decoded, Pose, RecordError, RecordPlace};
+use super::binary::{Decoded, RecordDecoder, looks_like_sbet};
+use super::fix::{Fix, Pose, RecordError, RecordPlace};
 use super::georeference::Georeference;
-use super::text::TextDecoder;
-use std::path::Path;
-use vlscan_base::diag::Diagnostics;
+use super::text::PoseRows;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use vlscan_base::diag::Place;
+use vlscan_base::error::Result;
+use vlscan_base::input::arrow::{ArrowDetection, detect_arrow};
+use vlscan_base::input::rows::RowError;
 use vlscan_survey::{PoseFormat, PoseStream};
+
+/// Takes the fixes that are decoded, with the name of their format; breaks after an error.
+pub type TakeFix<'t> = dyn FnMut(&str, Fix, RecordPlace) -> ControlFlow<()> + 't;
 
 /// Decodes one of the formats.
 #[derive(Debug)]
-pub enum PoseDecoder {
+pub struct PoseDecoder {
+    /// Name of the stream in messages.
+    path: PathBuf,
+    settings: PoseStream,
+    /// Bytes that have not been decoded, unless rows are.
+    pending: Vec<u8>,
+    format: Format,
+}
+
+#[derive(Debug)]
+enum Format {
     /// Too few bytes have arrived to detect the format.
-    Unknown(Box<PoseStream>),
-    Text(Box<TextDecoder>),
+    Unknown,
+    Rows(Box<PoseRows>),
     Binary(RecordDecoder),
 }
 
@@ -21,51 +38,100 @@ pub enum PoseDecoder {
 const TERRASCAN: &[u8] = b"TSCANTRJ";
 /// Fewer bytes hold no pose in any format.
 const MIN_POSE_BYTES: usize = 14;
+/// Number of bytes of a file that are decoded together.
+const PIECE_BYTES: usize = 1 << 20;
 /// Bytes that decide any detection: an SBET record.
 const DETECTION_BYTES: usize = 136;
 
 impl PoseDecoder {
-    pub fn new(settings: &PoseStream) -> PoseDecoder {
-        match settings.format {
-            None => PoseDecoder::Unknown(Box::new(settings.clone())),
-            Some(PoseFormat::Text | PoseFormat::Helios) => {
-                PoseDecoder::Text(Box::new(TextDecoder::new(settings.clone())))
-            }
-            Some(PoseFormat::Sbet) => PoseDecoder::Binary(RecordDecoder::sbet()),
-            Some(PoseFormat::TerraScan) => PoseDecoder::Binary(RecordDecoder::terrascan()),
+    /// A decoder without bytes; `path` is the name in messages.
+    pub fn new(path: &Path, settings: &PoseStream) -> PoseDecoder {
+        let format = match settings.format {
+            None | Some(PoseFormat::Text | PoseFormat::Helios) => Format::Unknown,
+            Some(PoseFormat::Sbet) => Format::Binary(RecordDecoder::sbet()),
+            Some(PoseFormat::TerraScan) => Format::Binary(RecordDecoder::terrascan()),
+        };
+        PoseDecoder { path: path.to_path_buf(), settings: settings.clone(), pending: Vec::new(), format }
+    }
+
+    /// Whether the bytes fed so far are records, or can still be such.
+    fn may_be_binary(&self) -> bool {
+        !matches!(self.format, Format::Rows(_))
+    }
+
+    /// Adds bytes that have arrived.
+    pub fn feed(&mut self, bytes: &[u8]) {
+        match &mut self.format {
+            Format::Rows(rows) => rows.feed(bytes),
+            _ => self.pending.extend_from_slice(bytes),
         }
     }
 
-    /// Decodes the beginning of `bytes`; with `ended` no others will follow.
-    pub fn next<'t>(&mut self, bytes: &'t [u8], ended: bool) -> Decoded<'t> {
-        if let PoseDecoder::Unknown(settings) = self {
-            match detect(bytes, ended) {
-                Detection::NeedMoreBytes => return Decoded::Incomplete,
-                Detection::Text => {
-                    *self = PoseDecoder::Text(Box::new(TextDecoder::new((**settings).clone())))
+    /// Passes the fixes that have arrived to `take` until it breaks; with `ended` no others will follow.
+    ///
+    /// # Errors
+    /// The first record that is no fix, with its place.
+    pub fn decode(&mut self, ended: bool, take: &mut TakeFix) -> Result<()> {
+        if matches!(self.format, Format::Unknown) {
+            self.find_format(ended)?;
+        }
+        let records = match &mut self.format {
+            Format::Unknown => return Ok(()),
+            Format::Rows(rows) => return rows.decode(ended, take),
+            Format::Binary(records) => records,
+        };
+        let (mut start, mut outcome) = (0, Ok(()));
+        loop {
+            match records.next(&self.pending[start..], ended) {
+                Decoded::Incomplete => break,
+                Decoded::Skipped(count) => start += count,
+                Decoded::Fix(count, fix, place) => {
+                    start += count;
+                    if take(records.name(), fix, place).is_break() {
+                        break;
+                    }
                 }
-                Detection::Sbet => *self = PoseDecoder::Binary(RecordDecoder::sbet()),
-                Detection::TerraScan => *self = PoseDecoder::Binary(RecordDecoder::terrascan()),
-                Detection::Unsupported(help) => {
-                    let message = "this is neither text nor SBET nor a TerraScan trajectory";
-                    let place = RecordPlace::Record { number: 1, byte: 0 };
-                    return Decoded::Invalid(place, RecordError::new(message).help(help));
+                Decoded::Invalid(place, error) => {
+                    outcome = Err(place.error(&self.path, error));
+                    break;
                 }
             }
         }
-        match self {
-            PoseDecoder::Unknown(_) => Decoded::Incomplete,
-            PoseDecoder::Text(lines) => lines.next(bytes, ended),
-            PoseDecoder::Binary(records) => records.next(bytes, ended),
-        }
+        self.pending.drain(..start);
+        outcome
     }
 
-    pub fn name(&self) -> &'static str {
-        match self {
-            PoseDecoder::Unknown(_) => "nothing",
-            PoseDecoder::Text(lines) => lines.name(),
-            PoseDecoder::Binary(records) => records.name(),
-        }
+    fn find_format(&mut self, ended: bool) -> Result<()> {
+        let bytes = &self.pending;
+        let is_named = self.settings.format.is_some();
+        let detected = match detect_arrow(bytes) {
+            ArrowDetection::NeedMoreBytes if !ended => return Ok(()),
+            ArrowDetection::Arrow => Detection::Text,
+            _ if is_named && bytes[..bytes.len().min(DETECTION_BYTES)].contains(&0) => {
+                let place = Place::in_line(&self.path, 1, "", 0..0);
+                let message = "expected a pose as text, found bytes that are none".to_owned();
+                let help = "binary trajectories (SBET, TerraScan) are recognised if no format is named";
+                return Err(RowError { place, message }.with_help(help));
+            }
+            _ if is_named => Detection::Text,
+            _ => detect(bytes, ended),
+        };
+        self.format = match detected {
+            Detection::NeedMoreBytes => return Ok(()),
+            Detection::Text => {
+                let mut rows = PoseRows::new(&self.path, self.settings.clone());
+                rows.feed(&std::mem::take(&mut self.pending));
+                Format::Rows(Box::new(rows))
+            }
+            Detection::Sbet => Format::Binary(RecordDecoder::sbet()),
+            Detection::TerraScan => Format::Binary(RecordDecoder::terrascan()),
+            Detection::Unsupported(help) => {
+                let message = "this is neither text nor SBET nor a TerraScan trajectory";
+                let place = RecordPlace::Record { number: 1, byte: 0 };
+                return Err(place.error(&self.path, RecordError::new(message).help(help)));
+            }
+        };
+        Ok(())
     }
 }
 
@@ -112,27 +178,25 @@ pub(in crate::platform) fn read_binary(
     path: &Path,
     bytes: &[u8],
     frame: &mut Georeference,
-) -> Option<std::result::Result<Vec<Pose>, Diagnostics>> {
-    let mut decoder = PoseDecoder::new(&PoseStream::at(path));
-    let (mut poses, mut start) = (Vec::new(), 0);
-    loop {
-        let next = decoder.next(&bytes[start..], true);
-        if !matches!(decoder, PoseDecoder::Binary(_)) {
-            return None;
-        }
-        match next {
-            Decoded::Incomplete => return Some(Ok(poses)),
-            Decoded::Skipped(count) => start += count,
-            Decoded::Fix(count, fix, place) => {
-                start += count;
-                match frame.pose(&fix) {
-                    Ok(pose) => poses.push(pose),
-                    Err(error) => return Some(Err(place.error(path, error))),
-                }
-            }
-            Decoded::Invalid(place, error) => return Some(Err(place.error(path, error))),
-        }
+) -> Option<Result<Vec<Pose>>> {
+    let mut decoder = PoseDecoder::new(path, &PoseStream::at(path));
+    decoder.feed(&bytes[..bytes.len().min(DETECTION_BYTES)]);
+    if decoder.find_format(true).is_ok() && !decoder.may_be_binary() {
+        return None;
     }
+    let (mut poses, mut outcome) = (Vec::new(), Ok(()));
+    let mut take = |_: &str, fix: Fix, place: RecordPlace| {
+        let pose = frame.pose(&fix).map(|pose| poses.push(pose));
+        outcome = pose.map_err(|error| place.error(path, error));
+        if outcome.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    };
+    let pieces = bytes[bytes.len().min(DETECTION_BYTES)..].chunks(PIECE_BYTES);
+    let decoded = pieces.into_iter().try_for_each(|piece| {
+        decoder.feed(piece);
+        decoder.decode(false, &mut take)
+    });
+    let decoded = decoded.and_then(|()| decoder.decode(true, &mut take));
+    Some(outcome.and(decoded).map(|()| poses))
 }
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
 //! Records of a trajectory: fixes in the recorder's frame, poses in the world, and errors with their locations.
 
-use std::borrow::Cow;
-use std::ops::Range;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::Error;
+use vlscan_base::input::rows::{Row, RowError};
 use vlscan_geom::{DVec3, Rotation};
 
 /// Position and attitude at a time.
@@ -38,39 +38,29 @@ pub enum FixPlace {
     Geographic([f64; 3]),
 }
 
-/// Result of decoding the next bytes of a trajectory. Counts are bytes.
-#[derive(Debug)]
-pub enum Decoded<'t> {
-    /// The beginning of a record; more bytes are needed.
-    Incomplete,
-    /// Bytes without a fix.
-    Skipped(usize),
-    /// A fix.
-    Fix(usize, Fix, RecordPlace<'t>),
-    /// An invalid record.
-    Invalid(RecordPlace<'t>, RecordError),
-}
-
-#[derive(Clone, Debug)]
-pub enum RecordPlace<'t> {
-    /// A line, numbered from 1, and where its time is.
-    Line { number: usize, text: Cow<'t, str>, time: Range<usize> },
+/// Where a fix was read.
+#[derive(Clone, Copy, Debug)]
+pub enum RecordPlace<'r> {
+    /// A row of text or of an Arrow stream, and the column of its time.
+    Row(&'r Row<'r>, usize),
     /// A record, numbered from 1, and its first byte.
     Record { number: u64, byte: u64 },
+    /// The file as a whole.
+    File,
 }
 
 /// An error in a record.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordError {
     pub message: String,
-    /// Bytes of the line to be marked; `None` marks the whole line.
-    pub at: Option<Range<usize>>,
     pub help: &'static str,
+    /// Whether the time of the record is to be marked; otherwise all of it is.
+    pub is_of_time: bool,
 }
 
 impl RecordError {
     pub fn new(message: impl Into<String>) -> RecordError {
-        RecordError { message: message.into(), at: None, help: "" }
+        RecordError { message: message.into(), help: "", is_of_time: false }
     }
 
     pub fn help(self, help: &'static str) -> RecordError {
@@ -79,42 +69,28 @@ impl RecordError {
 }
 
 impl RecordPlace<'_> {
-    pub fn time(&self) -> Option<Range<usize>> {
-        match self {
-            RecordPlace::Line { time, .. } => Some(time.clone()),
-            RecordPlace::Record { .. } => None,
-        }
-    }
-
-    pub fn error(&self, path: &Path, error: RecordError) -> Diagnostics {
-        let mut found = Diagnostics::default();
-        let reported = found.error(Some(self.place(path, error.at)), self.message(error.message));
-        if !error.help.is_empty() {
-            reported.help(error.help);
-        }
-        found
+    /// The error at this place of `path`.
+    pub fn error(&self, path: &Path, error: RecordError) -> Error {
+        let help = error.help;
+        self.located(path, error).with_help(help)
     }
 
     /// The error at this place of `path`, as a warning.
     pub fn warning(&self, path: &Path, error: RecordError) -> Diagnostics {
         let mut found = Diagnostics::default();
-        found.warn(Some(self.place(path, error.at)), self.message(error.message));
+        let RowError { place, message } = self.located(path, error);
+        found.warn(Some(place), message);
         found
     }
 
-    fn place(&self, path: &Path, at: Option<Range<usize>>) -> Place {
+    fn located(&self, path: &Path, RecordError { message, is_of_time, .. }: RecordError) -> RowError {
+        let place = Place::of_file(path);
         match self {
-            RecordPlace::Line { number, text, .. } => {
-                Place::in_line(path, *number, text, at.unwrap_or(0..text.len()))
+            RecordPlace::Row(row, time) => row.error(is_of_time.then_some(*time), message),
+            RecordPlace::Record { number, byte } => {
+                RowError { place, message: format!("record {number} (byte {byte}): {message}") }
             }
-            RecordPlace::Record { .. } => Place::in_line(path, 0, "", 0..0),
-        }
-    }
-
-    fn message(&self, message: String) -> String {
-        match self {
-            RecordPlace::Line { .. } => message,
-            RecordPlace::Record { number, byte } => format!("record {number} (byte {byte}): {message}"),
+            RecordPlace::File => RowError { place, message },
         }
     }
 }

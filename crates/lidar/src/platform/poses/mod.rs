@@ -3,14 +3,12 @@
 //! | file | what it does |
 //! |---|---|
 //! | `reader` | bytes to poses, in blocks |
-//! | `arrow` | an Arrow stream as lines of text |
 //! | `decoder` | detects the format; bytes to fixes |
-//! | `text`, `binary` | decoders of text, and of SBET and TerraScan records |
+//! | `text`, `binary` | decoders of rows of text and Arrow, and of SBET and TerraScan records |
 //! | `fix` | fixes, poses, and errors in records |
 //! | `georeference` | a fix to a pose: projection, lever arm, boresight |
 //! | `sequence` | checks of consecutive fixes: times, gaps, headings |
 
-mod arrow;
 mod binary;
 pub(super) mod decoder;
 pub(super) mod fix;

@@ -1,13 +1,13 @@
 //! Reads a trajectory from a file, a named pipe or standard input: turns bytes, as they arrive, into blocks of poses.
 
-use super::arrow::TextInput;
 use super::decoder::PoseDecoder;
-use super::fix::{Decoded, Fix, FixPlace, Pose, RecordError, RecordPlace};
+use super::fix::{Fix, FixPlace, Pose, RecordError, RecordPlace};
 use super::georeference::Georeference;
 use super::sequence::{Checked, SequenceChecks};
 use crate::platform::layout::PoseLayout;
 use std::collections::VecDeque;
 use std::f64::consts::{FRAC_PI_2, PI};
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use vlscan_base::diag::{Diagnostics, Notice};
@@ -52,8 +52,8 @@ const MAX_BLOCK_POSES: usize = 1024;
 pub struct PoseReader {
     input: InputStream,
     path: PathBuf,
-    text: TextInput,
-    decoder: PoseDecoder,
+    /// `None` while it decodes.
+    decoder: Option<PoseDecoder>,
     georeference: Georeference,
     checks: SequenceChecks,
     /// Whether the UTM zone is detected from the first pose.
@@ -62,8 +62,6 @@ pub struct PoseReader {
     text_options: Vec<&'static str>,
     /// Options that say how latitude and longitude are projected.
     geographic_options: Vec<&'static str>,
-    /// Bytes of an incomplete record.
-    rest: Vec<u8>,
     bytes: u64,
     poses: u64,
     /// Poses that have not been returned yet.
@@ -107,11 +105,11 @@ impl PoseReader {
     /// `settings.path` is the name of `input` in messages.
     pub fn new(input: InputStream, settings: &PoseStream) -> PoseReader {
         let stdin = is_stdin(&settings.path);
+        let path = if stdin { PathBuf::from("<stdin>") } else { settings.path.clone() };
         PoseReader {
             input,
-            path: if stdin { PathBuf::from("<stdin>") } else { settings.path.clone() },
-            text: TextInput::default(),
-            decoder: PoseDecoder::new(settings),
+            decoder: Some(PoseDecoder::new(&path, settings)),
+            path,
             georeference: Georeference::new(settings),
             checks: SequenceChecks::new(settings.max_gap),
             zone_is_detected: settings.grid == Grid::FirstFix,
@@ -122,7 +120,6 @@ impl PoseReader {
                 (settings.rotation.is_some(), "the meaning of its angles"),
             ]),
             geographic_options: given(&[(matches!(settings.grid, Grid::Utm(_)), "the UTM zone")]),
-            rest: Vec::new(),
             bytes: 0,
             poses: 0,
             pending: VecDeque::new(),
@@ -191,48 +188,31 @@ impl PoseReader {
 
     /// Processes the bytes of one read; returns `false` if none arrived before the timeout.
     fn receive(&mut self, timeout: Duration) -> bool {
-        let mut bytes = std::mem::take(&mut self.rest);
+        let Some(mut decoder) = self.decoder.take() else { return false };
+        let mut has_arrived = true;
         match self.input.next(Some(timeout)) {
             ReadEvent::Bytes(read) => {
                 self.bytes += read.len() as u64;
-                let converted = self.text.push(&read, &mut bytes, &mut self.path);
-                self.keep_failure(converted);
+                decoder.feed(&read);
             }
-            ReadEvent::Timeout => {
-                self.rest = bytes;
-                return false;
-            }
-            ReadEvent::End => {
-                self.ended = true;
-                let complete = self.text.check_end();
-                self.keep_failure(complete);
-            }
+            ReadEvent::Timeout => has_arrived = false,
+            ReadEvent::End => self.ended = true,
             ReadEvent::Error(e) => self.failure = Some(Failure::Io(e.kind(), e.to_string())),
         }
-        if self.text.is_unknown() && !self.ended {
-            self.rest = bytes;
-            return true;
-        }
-        let mut start = 0;
-        while self.failure.is_none() {
-            match self.decoder.next(&bytes[start..], self.ended) {
-                Decoded::Incomplete => break,
-                Decoded::Skipped(count) => start += count,
-                Decoded::Fix(count, fix, place) => {
-                    start += count;
-                    if let Err(error) = self.accept(&fix, &place) {
-                        self.fail(&place, error);
-                    }
+        if has_arrived && self.failure.is_none() {
+            let decoded = decoder.decode(self.ended, &mut |format, fix, place| {
+                if let Err(error) = self.accept(format, &fix, &place) {
+                    self.fail(&place, error);
                 }
-                Decoded::Invalid(place, error) => self.fail(&place, error),
-            }
+                if self.failure.is_none() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+            });
+            self.keep_failure(decoded);
         }
-        bytes.drain(..start);
-        self.rest = bytes;
-        if self.ended && self.failure.is_none() {
+        self.decoder = Some(decoder);
+        if has_arrived && self.ended && self.failure.is_none() {
             self.finish();
         }
-        true
+        has_arrived
     }
 
     fn keep_failure(&mut self, result: Result<()>) {
@@ -241,11 +221,10 @@ impl PoseReader {
         }
     }
 
-    fn accept(&mut self, fix: &Fix, place: &RecordPlace) -> Result<(), RecordError> {
-        let Checked { is_repeated, warning } = self.checks.check(fix).map_err(|error| {
-            let at = error.at.clone().or(place.time());
-            RecordError { at, ..error }
-        })?;
+    fn accept(&mut self, format: &str, fix: &Fix, place: &RecordPlace) -> Result<(), RecordError> {
+        let checked = self.checks.check(fix);
+        let Checked { is_repeated, warning } =
+            checked.map_err(|error| RecordError { is_of_time: true, ..error })?;
         if let Some(warning) = warning {
             self.warn(place, warning);
         }
@@ -258,8 +237,8 @@ impl PoseReader {
                 self.warn(place, warning);
             }
             let is_geographic = matches!(fix.place, FixPlace::Geographic(_));
-            self.warn_of_unused_options(place, is_geographic);
-            self.describe_first(&pose, is_geographic);
+            self.warn_of_unused_options(format, place, is_geographic);
+            self.describe_first(format, &pose, is_geographic);
         }
         if let Some(note) = self.checks.compare_heading(&pose) {
             (self.notify)(Notice::Note(format!("{}: {note}", self.path.display())));
@@ -271,9 +250,9 @@ impl PoseReader {
     }
 
     /// Warns of options that have no effect on the format that was found.
-    fn warn_of_unused_options(&mut self, place: &RecordPlace, is_geographic: bool) {
-        let is_text = matches!(self.decoder, PoseDecoder::Text(_));
-        let format = format!("in {}, which states it by itself", self.decoder.name());
+    fn warn_of_unused_options(&mut self, format: &str, place: &RecordPlace, is_geographic: bool) {
+        let is_text = matches!(place, RecordPlace::Row(..));
+        let format = format!("in {format}, which states it by itself");
         let unused = [
             (std::mem::take(&mut self.text_options), is_text, format),
             (
@@ -290,7 +269,7 @@ impl PoseReader {
     }
 
     /// Reports how the first pose was interpreted.
-    fn describe_first(&mut self, pose: &Pose, geographic: bool) {
+    fn describe_first(&mut self, format: &str, pose: &Pose, geographic: bool) {
         let (path, p) = (self.path.display(), pose.position);
         if let Some(zone) = self.georeference.zone().filter(|_| self.zone_is_detected) {
             (self.notify)(Notice::Note(format!(
@@ -306,8 +285,7 @@ impl PoseReader {
         }
         let heading = libm::atan2(pose.attitude.forward().x, pose.attitude.forward().y).to_degrees();
         (self.notify)(Notice::Detail(format!(
-            "{path}: {}; first pose at time {}, x {:.3}, y {:.3}, z {:.3}, heading {:.2}°",
-            self.decoder.name(),
+            "{path}: {format}; first pose at time {}, x {:.3}, y {:.3}, z {:.3}, heading {:.2}°",
             number(pose.time),
             p.x,
             p.y,
@@ -334,7 +312,7 @@ impl PoseReader {
             let (poses, path) = (self.poses, self.path.display());
             return (self.notify)(Notice::Detail(format!("{path}: {poses} poses")));
         }
-        let file = RecordPlace::Line { number: 0, text: "".into(), time: 0..0 };
+        let file = RecordPlace::File;
         if self.bytes == 0 {
             self.fail(&file, RecordError::new("the trajectory is empty, expected poses"));
         } else {
@@ -351,7 +329,7 @@ impl PoseReader {
     }
 
     fn fail(&mut self, place: &RecordPlace, error: RecordError) {
-        self.failure = Some(Failure::Input(Box::new(place.error(&self.path, error))));
+        self.keep_failure(Err(place.error(&self.path, error)));
     }
 }
 

@@ -1,145 +1,130 @@
-//! Trajectories in text: a header names columns in any order, otherwise they are time, x, y, z, roll, pitch, yaw. Blank
-//! lines and lines that begin with `#` are skipped, except the directives `#HEADER:` and `#TIME_COLUMN:` of HELIOS++'s
-//! files. Lines that HELIOS++ wrote are detected by their numbers of decimals.
+//! Trajectories in rows, of text or of an Arrow stream: a header names columns in any order, otherwise they are time, x, y, z,
+//! roll, pitch, yaw. Of the comments of text the directives `#HEADER:` and `#TIME_COLUMN:` of HELIOS++'s files count. Lines that
+//! HELIOS++ wrote are detected by their numbers of decimals.
 
-use super::fix::{Decoded, Fix, FixPlace, RecordError, RecordPlace};
+use super::decoder::TakeFix;
+use super::fix::{Fix, FixPlace, RecordPlace};
 use crate::platform::interpolated::composed;
-use crate::platform::layout::{ANGLES, Directives, POSE_COLUMNS, PoseColumn, PoseLayout, is_header};
-use std::borrow::Cow;
+use crate::platform::layout::{ANGLES, POSE_COLUMNS, PoseColumn, PoseLayout, StatedColumns};
 use std::f64::consts::FRAC_PI_2;
-use vlscan_base::columns::{Separator, stated_separator};
+use std::path::Path;
+use vlscan_base::columns::Separator;
+use vlscan_base::diag::Place;
+use vlscan_base::error::Result;
+use vlscan_base::input::rows::{Row, RowDecoder, RowError};
 use vlscan_geom::Rotation;
 use vlscan_survey::{AngleConvention, PoseFormat, PoseStream, RotationSpec};
 
-pub const MAX_LINE_BYTES: usize = 1 << 16;
+/// Maximum number of rows that are decoded together.
+const BLOCK_ROWS: usize = 1024;
 /// Decimals of the columns of HELIOS++'s trajectory files: x, y, z, t, roll, pitch, yaw.
 const HELIOS_DECIMALS: [usize; 7] = [4, 4, 4, 9, 4, 4, 4];
+/// Hint where no columns are found.
+const NAME_COLUMNS: &str = "name the columns in a first line: time,x,y,z,roll,pitch,yaw";
 
+/// Decodes rows to fixes.
 #[derive(Debug)]
-pub struct TextDecoder {
+pub struct PoseRows {
+    /// Name of the stream in messages.
+    place: Place,
+    rows: RowDecoder,
+    settings: PoseStream,
+    layout: Option<PoseLayout>,
     /// The convention of the angles, once the layout is known.
     rotation: AngleConvention,
-    settings: PoseStream,
-    line: usize,
-    directives: Directives,
-    reading: Option<(PoseLayout, Separator)>,
     helios: bool,
 }
 
-impl TextDecoder {
-    pub fn new(settings: PoseStream) -> TextDecoder {
-        let helios = settings.format == Some(PoseFormat::Helios);
-        TextDecoder {
-            rotation: AngleConvention::Heading,
+impl PoseRows {
+    pub fn new(path: &Path, settings: PoseStream) -> PoseRows {
+        PoseRows {
+            place: Place::of_file(path),
+            rows: RowDecoder::new(path, "a pose", settings.separator),
+            helios: settings.format == Some(PoseFormat::Helios),
             settings,
-            line: 0,
-            directives: Directives::default(),
-            reading: None,
-            helios,
+            layout: None,
+            rotation: AngleConvention::Heading,
         }
     }
 
     pub fn name(&self) -> &'static str {
-        if self.helios { "HELIOS++ text" } else { "text" }
+        match (self.helios, self.rows.fields()) {
+            (true, _) => "HELIOS++ text",
+            (false, None) => "text",
+            (false, Some(_)) => "Arrow",
+        }
     }
 
-    pub fn next<'t>(&mut self, bytes: &'t [u8], ended: bool) -> Decoded<'t> {
-        let end = memchr::memchr(b'\n', bytes);
-        let line = &bytes[..end.unwrap_or(bytes.len())];
-        if line.len() > MAX_LINE_BYTES {
-            let start = String::from_utf8_lossy(&line[..40]).into_owned();
-            let place = RecordPlace::Line { number: self.line + 1, text: Cow::Owned(start), time: 0..0 };
-            let message = format!("a line of more than {MAX_LINE_BYTES} bytes, expected a pose");
-            return Decoded::Invalid(place, RecordError { at: Some(0..0), ..RecordError::new(message) });
-        }
-        let taken = match end {
-            Some(end) => end + 1,
-            None if ended && !line.is_empty() => line.len(),
-            None => return Decoded::Incomplete,
-        };
-        self.line += 1;
-        if self.line == 1 && line.contains(&0) {
-            let place = RecordPlace::Line { number: 1, text: Cow::Borrowed(""), time: 0..0 };
-            let help = "binary trajectories (SBET, TerraScan) are recognised if no format is named";
-            return Decoded::Invalid(
-                place,
-                RecordError::new("expected text, found bytes that are none").help(help),
-            );
-        }
-        let mut text = String::from_utf8_lossy(line);
-        if text.ends_with('\r') || self.line == 1 && text.starts_with('\u{feff}') {
-            let bare = text.trim_end_matches('\r').trim_start_matches('\u{feff}');
-            text = Cow::Owned(bare.to_owned());
-        }
-        match self.take(&text) {
-            Ok(None) => Decoded::Skipped(taken),
-            Ok(Some((fix, time))) => {
-                Decoded::Fix(taken, fix, RecordPlace::Line { number: self.line, text, time })
+    pub fn feed(&mut self, bytes: &[u8]) {
+        self.rows.feed(bytes);
+    }
+
+    /// Passes the rows that have arrived to `take` until it breaks; with `ended` no others will follow.
+    ///
+    /// # Errors
+    /// The first row that is no fix, columns that are missing, and what [`RowDecoder::next_block`] refuses.
+    pub fn decode(&mut self, ended: bool, take: &mut TakeFix) -> Result<()> {
+        let mut fields = Vec::new();
+        loop {
+            let block = self.rows.next_block(BLOCK_ROWS, ended)?;
+            let mut begin = 0;
+            if self.layout.is_none() && (block.is_some() || self.rows.fields().is_some()) {
+                let first = block.as_ref().map(|block| block.row(0, &mut fields));
+                begin = usize::from(self.begin(first.as_ref())?);
             }
-            Err(problem) => {
-                Decoded::Invalid(RecordPlace::Line { number: self.line, text, time: 0..0 }, problem)
+            let (Some(block), Some(layout)) = (block, &self.layout) else { return Ok(()) };
+            let time = layout.columns[PoseColumn::Time as usize].unwrap_or_default();
+            for index in begin..block.len() {
+                let row = block.row(index, &mut fields);
+                let values = layout.read(&row).map_err(|e| e.with_help(""))?;
+                if take(self.name(), self.fix(layout, values), RecordPlace::Row(&row, time)).is_break() {
+                    return Ok(());
+                }
             }
         }
     }
 
-    fn take(&mut self, line: &str) -> Result<Option<(Fix, std::ops::Range<usize>)>, RecordError> {
-        let content = line.trim_start();
-        if content.is_empty() {
-            return Ok(None);
-        }
-        if content.starts_with('#') {
-            let is_directive = self.directives.parse(content).map_err(RecordError::new)?;
-            self.helios |= is_directive && self.settings.format.is_none();
-            return Ok(None);
-        }
-        if let Some(separator) = stated_separator(content).filter(|_| self.reading.is_none()) {
-            self.settings.separator = self.settings.separator.or(Some(separator));
-            return Ok(None);
-        }
-        if self.reading.is_none() {
-            let separator = self.settings.separator.map_or_else(|| Separator::guess(line), Separator::named);
-            let header = is_header(line, separator);
-            let layout = self.choose_layout(line, separator, header).map_err(|message| {
-                RecordError::new(message).help("name the columns in a first line: time,x,y,z,roll,pitch,yaw")
-            })?;
-            self.reading = Some((layout, separator));
-            let default = if self.helios { AngleConvention::Helios } else { AngleConvention::Heading };
-            self.rotation = self.settings.rotation.unwrap_or(default);
-            if header || self.settings.columns.is_some() && has_no_number(line, separator) {
-                return Ok(None);
-            }
-        }
-        let Some((layout, separator)) = &self.reading else { return Ok(None) };
-        let (values, time) = layout
-            .read(line, *separator)
-            .map_err(|e| RecordError { at: Some(e.at), ..RecordError::new(e.message) })?;
-        Ok(Some((self.fix(layout, values), time)))
+    /// Finds the columns; returns whether the first row names them.
+    fn begin(&mut self, first: Option<&Row>) -> Result<bool> {
+        let stated = StatedColumns::of(&self.rows, first).map_err(|e| e.with_help(""))?;
+        self.helios |= stated.has_directives && self.settings.format.is_none();
+        let separator = first.map(Row::separator);
+        let layout = self.choose_layout(&stated, separator).map_err(|message| {
+            let place = self.place.clone();
+            first.map_or(RowError { place, message: message.clone() }, |row| row.error(None, message))
+        });
+        self.layout = Some(layout.map_err(|e| e.with_help(NAME_COLUMNS))?);
+        let default = if self.helios { AngleConvention::Helios } else { AngleConvention::Heading };
+        self.rotation = self.settings.rotation.unwrap_or(default);
+        let has_no_number = || stated.first.iter().all(|text| text.parse::<f64>().is_err());
+        let is_text = !stated.first.is_empty();
+        Ok(stated.has_header_row() || is_text && self.settings.columns.is_some() && has_no_number())
     }
 
     /// Chooses by precedence: the user's columns, the stream's header, a `#HEADER` directive, the default orders.
     fn choose_layout(
         &mut self,
-        line: &str,
-        separator: Separator,
-        header: bool,
-    ) -> Result<PoseLayout, String> {
+        stated: &StatedColumns,
+        separator: Option<Separator>,
+    ) -> std::result::Result<PoseLayout, String> {
         use PoseColumn::{Pitch, Roll, Time, X, Y, Yaw, Z};
-        let time = self.directives.time_column;
+        let time = stated.directives.time_column;
         let mut layout = if let Some(columns) = &self.settings.columns {
             PoseLayout::chosen(columns)?
-        } else if header {
-            PoseLayout::from_headings(line, separator).map_err(|e| e.message)?
-        } else if let Some(layout) = &self.directives.layout {
+        } else if stated.has_header {
+            stated.header()?
+        } else if let Some(layout) = &stated.directives.layout {
             layout.clone()
         } else if time.is_some() {
             PoseLayout::in_order(&POSE_COLUMNS, time)
-        } else if self.helios || self.settings.format.is_none() && is_helios_output(line, separator) {
+        } else if self.helios || self.settings.format.is_none() && is_helios_output(&stated.first, separator)
+        {
             self.helios = true;
             PoseLayout::in_order(&[X, Y, Z, Time, Roll, Pitch, Yaw], None)
         } else {
             PoseLayout::in_order(&[Time, X, Y, Z, Roll, Pitch, Yaw], None)
         };
-        if !header && self.settings.columns.is_none() {
+        if !stated.has_header && self.settings.columns.is_none() {
             layout.set_time(time);
         }
         layout.complete(&POSE_COLUMNS)
@@ -171,32 +156,28 @@ fn attitude(convention: AngleConvention, roll: f64, pitch: f64, yaw: f64) -> Rot
     }
 }
 
-fn has_no_number(line: &str, separator: Separator) -> bool {
-    separator.split(line).into_iter().all(|field| line[field].parse::<f64>().is_err())
-}
-
-fn is_helios_output(line: &str, separator: Separator) -> bool {
-    let fields = separator.split(line);
+fn is_helios_output(first: &[String], separator: Option<Separator>) -> bool {
     let decimals = |text: &str| text.split_once('.').map_or(0, |(_, decimals)| decimals.len());
-    separator == Separator::Blanks
-        && fields.len() == HELIOS_DECIMALS.len()
-        && fields.iter().zip(HELIOS_DECIMALS).all(|(f, expected)| decimals(&line[f.clone()]) == expected)
+    separator == Some(Separator::Blanks)
+        && first.len() == HELIOS_DECIMALS.len()
+        && first.iter().zip(HELIOS_DECIMALS).all(|(text, expected)| decimals(text) == expected)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::ops::ControlFlow;
     use vlscan_geom::{DVec3, radians};
 
     fn first(settings: PoseStream, text: &str) -> Fix {
-        let (mut lines, mut at) = (TextDecoder::new(settings), 0);
-        loop {
-            match lines.next(&text.as_bytes()[at..], true) {
-                Decoded::Skipped(n) => at += n,
-                Decoded::Fix(_, fix, _) => return fix,
-                other => panic!("{other:?}"),
-            }
-        }
+        let (mut rows, mut first) = (PoseRows::new(Path::new("-"), settings), None);
+        rows.feed(text.as_bytes());
+        rows.decode(true, &mut |_, fix, _| {
+            first.get_or_insert(fix);
+            ControlFlow::Break(())
+        })
+        .unwrap();
+        first.unwrap()
     }
 
     fn defaults() -> PoseStream {
@@ -276,10 +257,10 @@ mod tests {
     #[test]
     fn bytes_are_not_printed_as_text() {
         let settings = PoseStream { format: Some(PoseFormat::Text), ..defaults() };
-        match TextDecoder::new(settings).next(&[1, 0, 2, b'\n'], true) {
-            Decoded::Invalid(_, error) => assert!(error.message.contains("found bytes that are none")),
-            other => panic!("{other:?}"),
-        }
+        let mut rows = PoseRows::new(Path::new("-"), settings);
+        rows.feed(&[1, 0, 2, b'\n']);
+        let refused = rows.decode(true, &mut |_, fix, _| panic!("{fix:?}")).unwrap_err();
+        assert!(refused.to_string().contains("found bytes that are none"), "{refused}");
     }
 
     #[test]

@@ -1,0 +1,506 @@
+//! Rows of tables of numbers, as lines of text or as record batches of an Arrow stream, decoded while they arrive:
+//! [`RowDecoder`] takes bytes and returns blocks of complete rows, whose numbers any thread can read. What the columns mean is
+//! up to the caller, who finds the names in [`RowDecoder::fields`] or in the first row of the text.
+
+use super::arrow::{ArrowDecoder, ArrowDetection, NumberBatch, TableField, detect_arrow};
+use crate::columns::{Separator, comma_note, stated_separator};
+use crate::diag::{Diagnostics, Place};
+use crate::error::{Error, Result};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Maximum length of a line, bytes.
+const MAX_LINE_BYTES: usize = 1 << 16;
+/// Number of characters that are shown of a line that is too long.
+const SHOWN_OF_LONG_LINE: usize = 40;
+
+/// Decodes a stream of rows. Blank lines and comments of text are passed over; the first bytes tell text from Arrow.
+#[derive(Debug)]
+pub struct RowDecoder {
+    source: Arc<Source>,
+    /// What a row is, for messages.
+    what: &'static str,
+    format: Format,
+    /// Number of rows that have been returned.
+    rows: u64,
+}
+
+/// A stream and how its lines are split.
+#[derive(Clone, Debug)]
+struct Source {
+    path: PathBuf,
+    separator: Separator,
+}
+
+#[derive(Debug)]
+enum Format {
+    /// Too few bytes have arrived to decide.
+    Unknown(Vec<u8>, Option<char>),
+    Text(TextDecoder),
+    Arrow(Box<ArrowDecoder>, Option<RowBlock>),
+}
+
+#[derive(Debug)]
+struct TextDecoder {
+    /// Bytes that have arrived and have not been returned.
+    pending: Vec<u8>,
+    /// Number of lines that have been returned.
+    line: usize,
+    /// The separator that is named, by the caller or in the stream.
+    named: Option<char>,
+    has_begun: bool,
+    /// The comments before the first row, with their lines.
+    comments: Vec<(Place, String)>,
+}
+
+impl RowDecoder {
+    /// A decoder without bytes. `path` is the name in messages, `what` says what a row is; without a separator the first row
+    /// tells it.
+    pub fn new(path: &Path, what: &'static str, separator: Option<char>) -> RowDecoder {
+        let source = Arc::new(Source { path: path.to_path_buf(), separator: Separator::Blanks });
+        RowDecoder { source, what, format: Format::Unknown(Vec::new(), separator), rows: 0 }
+    }
+
+    /// Adds bytes that have arrived.
+    pub fn feed(&mut self, bytes: &[u8]) {
+        match &mut self.format {
+            Format::Text(text) => text.pending.extend_from_slice(bytes),
+            Format::Arrow(decoder, _) => decoder.feed(bytes),
+            Format::Unknown(first, named) => {
+                first.extend_from_slice(bytes);
+                match detect_arrow(first) {
+                    ArrowDetection::NeedMoreBytes => {}
+                    ArrowDetection::Other => {
+                        self.format = Format::Text(TextDecoder::new(std::mem::take(first), *named));
+                    }
+                    ArrowDetection::Arrow => {
+                        let mut decoder = ArrowDecoder::new(&self.source.path);
+                        decoder.feed(first);
+                        self.format = Format::Arrow(Box::new(decoder), None);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The columns of an Arrow stream, once they have arrived.
+    pub fn fields(&self) -> Option<&Arc<[TableField]>> {
+        match &self.format {
+            Format::Arrow(decoder, _) => decoder.fields(),
+            _ => None,
+        }
+    }
+
+    /// The comments before the first row of text, with their lines.
+    pub fn comments(&self) -> &[(Place, String)] {
+        match &self.format {
+            Format::Text(text) => &text.comments,
+            _ => &[],
+        }
+    }
+
+    /// Whether about `bytes` bytes of text have arrived that have not been returned.
+    pub fn has_pending(&self, bytes: usize) -> bool {
+        !matches!(&self.format, Format::Text(text) if text.pending.len() < bytes)
+    }
+
+    /// Whether a row of text or the columns of an Arrow stream have arrived.
+    pub fn has_begun(&self) -> bool {
+        match &self.format {
+            Format::Unknown(..) => false,
+            Format::Text(text) => text.has_begun,
+            Format::Arrow(decoder, _) => decoder.fields().is_some(),
+        }
+    }
+
+    /// The next rows that have arrived, at most `max_rows`; `ended` means that no further bytes follow. The first row of text may
+    /// hold the names of the columns.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for lines that are too long, for bytes that are no text, and for damaged and cut Arrow streams. The rows
+    /// before are returned first.
+    pub fn next_block(&mut self, max_rows: usize, ended: bool) -> Result<Option<RowBlock>> {
+        if ended && let Format::Unknown(first, named) = &mut self.format {
+            // A beginning of an Arrow stream that is too short to be recognised is read as text.
+            self.format = Format::Text(TextDecoder::new(std::mem::take(first), *named));
+        }
+        let block = match &mut self.format {
+            Format::Unknown(..) => None,
+            Format::Text(text) => {
+                let lines = text.next_lines(max_rows, ended, &mut self.source);
+                lines.map_err(|problem| problem.error(&self.source.path, self.what))?.map(|lines| {
+                    let rows = 0..lines.rows.len();
+                    RowBlock { content: Content::Text(Arc::new(lines)), rows, ..self.empty_block() }
+                })
+            }
+            Format::Arrow(decoder, rest) => {
+                let batch = match rest.take() {
+                    Some(rest) => Some(rest),
+                    None => decoder.next_batch()?.map(|batch| RowBlock {
+                        source: self.source.clone(),
+                        rows: 0..batch.rows,
+                        content: Content::Batch(Arc::new(batch)),
+                        before: self.rows,
+                    }),
+                };
+                if ended && batch.is_none() {
+                    decoder.end()?;
+                }
+                batch.map(|block| {
+                    let (block, others) = block.split_at(max_rows);
+                    *rest = others;
+                    block
+                })
+            }
+        };
+        self.rows += block.as_ref().map_or(0, |block| block.len() as u64);
+        Ok(block)
+    }
+
+    fn empty_block(&self) -> RowBlock {
+        let content = Content::Text(Arc::default());
+        RowBlock { source: self.source.clone(), content, rows: 0..0, before: self.rows }
+    }
+}
+
+/// Why a line cannot be a row.
+enum WrongLine {
+    /// Its number and its beginning.
+    TooLong(usize, String),
+    NoText,
+}
+
+impl WrongLine {
+    fn error(self, path: &Path, what: &str) -> Error {
+        let (number, start, message) = match self {
+            WrongLine::TooLong(number, start) => {
+                (number, start, format!("a line of more than {MAX_LINE_BYTES} bytes, expected {what}"))
+            }
+            WrongLine::NoText => {
+                (1, String::new(), format!("expected {what} as text, found bytes that are none"))
+            }
+        };
+        RowError { place: Place::in_line(path, number, &start, 0..0), message }.with_help("")
+    }
+}
+
+impl TextDecoder {
+    fn new(pending: Vec<u8>, named: Option<char>) -> TextDecoder {
+        TextDecoder { pending, line: 0, named, has_begun: false, comments: Vec::new() }
+    }
+
+    /// The next complete lines with rows; `None` if there are none. The first one decides the separator.
+    fn next_lines(
+        &mut self,
+        max_rows: usize,
+        ended: bool,
+        source: &mut Arc<Source>,
+    ) -> std::result::Result<Option<Lines>, WrongLine> {
+        let (mut rows, mut at) = (Vec::new(), 0);
+        while rows.len() < max_rows {
+            let rest = &self.pending[at..];
+            let length = line_length(rest, ended);
+            if length.map_or(rest.len(), |(length, _)| length) > MAX_LINE_BYTES {
+                if !rows.is_empty() {
+                    break;
+                }
+                let start = String::from_utf8_lossy(&rest[..SHOWN_OF_LONG_LINE]).into_owned();
+                return Err(WrongLine::TooLong(self.line + 1, start));
+            }
+            let Some((length, with_end)) = length else { break };
+            self.line += 1;
+            let mut line = at..at + length;
+            at += with_end;
+            if self.line == 1 && self.pending[line.clone()].starts_with(b"\xef\xbb\xbf") {
+                line.start += 3;
+            }
+            let text = &self.pending[line.clone()];
+            if self.line == 1 && text.contains(&0) {
+                return Err(WrongLine::NoText);
+            }
+            match text.trim_ascii_start() {
+                [] => continue,
+                [b'#', ..] => {
+                    if !self.has_begun {
+                        let place = line_place(&source.path, self.line, text, 0..text.len());
+                        self.comments.push((place, String::from_utf8_lossy(text).trim().to_owned()));
+                    }
+                    continue;
+                }
+                _ => {}
+            }
+            if !self.has_begun {
+                let shown = String::from_utf8_lossy(text);
+                if let Some(stated) = stated_separator(&shown) {
+                    self.named = self.named.or(Some(stated));
+                    continue;
+                }
+                self.has_begun = true;
+                let separator = self.named.map_or_else(|| Separator::guess(text), Separator::named);
+                *source = Arc::new(Source { path: source.path.clone(), separator });
+            }
+            rows.push((self.line, line));
+        }
+        let bytes: Vec<u8> = self.pending.drain(..at).collect();
+        Ok((!rows.is_empty()).then_some(Lines { bytes, rows }))
+    }
+}
+
+/// Length of the first line of a text, without and with its end: a line feed, a carriage return or both. `None` while it is
+/// incomplete; `ended` means that no further bytes follow.
+pub fn line_length(text: &[u8], ended: bool) -> Option<(usize, usize)> {
+    let Some(at) = memchr::memchr2(b'\n', b'\r', text) else {
+        return (ended && !text.is_empty()).then_some((text.len(), text.len()));
+    };
+    match (text[at], text.get(at + 1)) {
+        (b'\r', Some(b'\n')) => Some((at, at + 2)),
+        (b'\r', None) if !ended => None,
+        _ => Some((at, at + 1)),
+    }
+}
+
+/// Complete lines with rows, each with its number, from 1.
+#[derive(Debug, Default)]
+struct Lines {
+    bytes: Vec<u8>,
+    rows: Vec<(usize, Range<usize>)>,
+}
+
+/// Rows whose numbers have not been read.
+#[derive(Clone, Debug)]
+pub struct RowBlock {
+    source: Arc<Source>,
+    content: Content,
+    rows: Range<usize>,
+    /// Number of rows in the stream before the first one of `content`.
+    before: u64,
+}
+
+#[derive(Clone, Debug)]
+enum Content {
+    Text(Arc<Lines>),
+    Batch(Arc<NumberBatch>),
+}
+
+impl RowBlock {
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Whether there are no rows.
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    /// Number of rows in the stream before this block.
+    pub fn before(&self) -> u64 {
+        self.before + self.rows.start as u64
+    }
+
+    /// The first `count` rows and the others, if there are others.
+    pub fn split_at(mut self, count: usize) -> (RowBlock, Option<RowBlock>) {
+        let end = self.rows.end;
+        let middle = end.min(self.rows.start.saturating_add(count));
+        let others = (middle < end).then(|| RowBlock { rows: middle..end, ..self.clone() });
+        self.rows.end = middle;
+        (self, others)
+    }
+
+    /// The row at `index`; the positions of its columns are stored in `fields`.
+    ///
+    /// # Panics
+    /// If there is no such row.
+    pub fn row<'b>(&'b self, index: usize, fields: &'b mut Vec<Range<usize>>) -> Row<'b> {
+        let index = self.rows.start + index;
+        fields.clear();
+        let content = match &self.content {
+            Content::Batch(batch) => RowContent::Batch(batch, index),
+            Content::Text(lines) => {
+                let (number, at) = &lines.rows[index];
+                let line = &lines.bytes[at.clone()];
+                fields.extend(self.source.separator.split(line));
+                RowContent::Text(*number, line)
+            }
+        };
+        Row { source: &self.source, content, fields }
+    }
+}
+
+/// A row: its numbers and their places.
+#[derive(Clone, Copy, Debug)]
+pub struct Row<'b> {
+    source: &'b Source,
+    content: RowContent<'b>,
+    fields: &'b [Range<usize>],
+}
+
+#[derive(Clone, Copy, Debug)]
+enum RowContent<'b> {
+    /// A line and its number.
+    Text(usize, &'b [u8]),
+    Batch(&'b NumberBatch, usize),
+}
+
+/// A wrong value and its place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RowError {
+    /// The line and the column, or the complete stream if it is no text.
+    pub place: Place,
+    /// What is wrong.
+    pub message: String,
+}
+
+impl RowError {
+    /// The error with a hint, which may be empty.
+    pub fn with_help(self, help: &str) -> Error {
+        let mut problems = Diagnostics::default();
+        let problem = problems.error(Some(self.place), self.message);
+        if !help.is_empty() {
+            problem.help(help);
+        }
+        Error::Input(Box::new(problems))
+    }
+}
+
+impl Row<'_> {
+    /// The texts of the columns; none in batches.
+    pub fn texts(&self) -> impl Iterator<Item = String> {
+        let line = self.line();
+        self.fields.iter().map(move |at| String::from_utf8_lossy(&line[at.clone()]).trim().to_owned())
+    }
+
+    fn line(&self) -> &[u8] {
+        match self.content {
+            RowContent::Text(_, line) => line,
+            RowContent::Batch(..) => &[],
+        }
+    }
+
+    /// Number of columns.
+    pub fn width(&self) -> usize {
+        match self.content {
+            RowContent::Text(..) => self.fields.len(),
+            RowContent::Batch(batch, _) => batch.width(),
+        }
+    }
+
+    /// How the line is split.
+    pub fn separator(&self) -> Separator {
+        self.source.separator
+    }
+
+    /// The number in a column. `name` says what it is, for messages; it may be infinite or NaN.
+    ///
+    /// # Errors
+    /// The column does not exist or is no number.
+    pub fn number(&self, column: usize, name: &str) -> std::result::Result<f64, RowError> {
+        if column >= self.width() {
+            let message = format!(
+                "column {} for {name} is missing: {} column{} separated by {}",
+                column + 1,
+                self.width(),
+                if self.width() == 1 { "" } else { "s" },
+                self.source.separator.name()
+            );
+            return Err(self.error(None, message));
+        }
+        let (line, at) = match self.content {
+            RowContent::Batch(batch, row) => return Ok(batch.value(column, row)),
+            RowContent::Text(_, line) => (line, &self.fields[column]),
+        };
+        let number = std::str::from_utf8(&line[at.clone()]).ok().and_then(|text| text.trim().parse().ok());
+        number.ok_or_else(|| self.expected_number(column, name))
+    }
+
+    /// The error that a column is no number; `name` says what it should be.
+    pub fn expected_number(&self, column: usize, name: &str) -> RowError {
+        let text = match self.content {
+            RowContent::Text(_, line) => {
+                let at = self.fields.get(column).cloned().unwrap_or_default();
+                String::from_utf8_lossy(&line[at]).into_owned()
+            }
+            RowContent::Batch(batch, row) => batch.value(column, row).to_string(),
+        };
+        self.error(Some(column), format!("expected a number for {name}, found `{text}`{}", comma_note(&text)))
+    }
+
+    /// An error in a column or in the complete row.
+    pub fn error(&self, column: Option<usize>, message: impl Into<String>) -> RowError {
+        let message = message.into();
+        let path = &self.source.path;
+        match self.content {
+            RowContent::Text(number, line) => {
+                let at = column.and_then(|column| self.fields.get(column)).cloned();
+                RowError { place: line_place(path, number, line, at.unwrap_or(0..line.len())), message }
+            }
+            RowContent::Batch(batch, row) => {
+                RowError { place: Place::of_file(path), message: format!("{}: {message}", batch.place(row)) }
+            }
+        }
+    }
+}
+
+/// The place of the bytes `at` of a line, which need not be UTF-8.
+pub fn line_place(path: &Path, number: usize, line: &[u8], at: Range<usize>) -> Place {
+    let shown = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let (before, marked) = (shown(&line[..at.start]), shown(line[at].trim_ascii()));
+    Place::in_line(path, number, &shown(line), before.len()..before.len() + marked.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The numbers of the first two columns of all rows, in blocks of at most `max_rows`.
+    fn read(text: &[u8], piece: usize, max_rows: usize) -> Result<Vec<Vec<[f64; 2]>>> {
+        let mut decoder = RowDecoder::new(Path::new("a.txt"), "a row", None);
+        let (mut blocks, mut fields) = (Vec::new(), Vec::new());
+        let mut take = |decoder: &mut RowDecoder, ended| -> Result<()> {
+            while let Some(block) = decoder.next_block(max_rows, ended)? {
+                let mut rows = Vec::new();
+                for i in 0..block.len() {
+                    let row = block.row(i, &mut fields);
+                    let number = |column| row.number(column, "x").map_err(|e| e.with_help(""));
+                    rows.push([number(0)?, number(1)?]);
+                }
+                blocks.push(rows);
+            }
+            Ok(())
+        };
+        for bytes in text.chunks(piece) {
+            decoder.feed(bytes);
+            take(&mut decoder, false)?;
+        }
+        take(&mut decoder, true)?;
+        Ok(blocks)
+    }
+
+    #[test]
+    fn lines_end_in_any_way_and_arrive_in_any_pieces() {
+        for end in ["\n", "\r\n", "\r"] {
+            let text = ["\u{feff}sep=;", "# a remark", "", "1;2", " 3 ; 4;", "5;6"].join(end);
+            for piece in [1, 3, 100] {
+                let rows = read(text.as_bytes(), piece, 100).unwrap().concat();
+                assert_eq!(rows, [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]], "{end:?}");
+            }
+            assert_eq!(read(text.as_bytes(), 100, 2).unwrap().len(), 2);
+        }
+        assert_eq!(line_length(b"1\r", false), None, "a line feed may follow");
+    }
+
+    #[test]
+    fn errors_are_placed() {
+        let said = |text: &[u8]| match read(text, 100_000, 10) {
+            Err(Error::Input(problems)) => problems.render(false),
+            other => panic!("{other:?}"),
+        };
+        assert!(said(b"1,2\n\n3,a\n").contains("a.txt:3:3"));
+        assert!(said(b"1 2\n3,5 1 1\n").contains("decimal comma"));
+        assert!(said(b"1 2\n3\n").contains("column 2 for x is missing: 1 column separated by blanks"));
+        assert!(said(b"1\0\n").contains("expected a row as text, found bytes that are none"));
+        let long = [b"1 2\n", &[b'x'; MAX_LINE_BYTES + 1][..]].concat();
+        assert!(said(&long).contains("a line of more than 65536 bytes, expected a row"));
+    }
+}
