@@ -15,7 +15,7 @@ macro_rules! corrections {
     ($($(#[doc = $doc:literal])* $area:ident $name:ident: $refined:literal,)*) => {
         /// Departures from the reference's physics, each of which is optional. Spec pulse-physics §9 and §10 and spec
         /// kinematics state the rule behind each.
-        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
         pub struct Corrections {
             $($(#[doc = $doc])* pub $name: bool,)*
         }

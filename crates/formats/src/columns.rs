@@ -1,224 +1,121 @@
 //! Which columns of a table hold which attributes of a point.
 
 use super::PointRow;
-use std::ops::RangeInclusive;
 use vlscan_base::columns::Dimension;
 use vlscan_geom::DVec3;
 
-/// An attribute of a point.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Attribute {
-    /// First coordinate.
-    X,
-    /// Second coordinate.
-    Y,
-    /// Third coordinate.
-    Z,
-    /// First component of the surface normal.
-    NormalX,
-    /// Second component of the surface normal.
-    NormalY,
-    /// Third component of the surface normal.
-    NormalZ,
-    /// Strength of the return.
-    Intensity,
-    /// Point class.
-    Class,
-    /// Number of the return.
-    ReturnNumber,
-    /// The object that was hit.
-    Object,
-    /// The leg that was flown, from 0.
-    Leg,
-    /// The device of the scanner, from 0.
-    Channel,
-    /// Time of the pulse, s.
-    Time,
+macro_rules! attributes {
+    ($($attribute:ident $noun:literal, $described:literal, $dimension:expr, $whole:expr, $names:literal;)*) => {
+        /// An attribute of a point.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Attribute {
+            $(#[doc = concat!("Of a point: ", $described, ".")] $attribute,)*
+        }
+
+        impl Attribute {
+            pub(crate) const ALL: [Attribute; Attribute::COUNT] = [$(Attribute::$attribute),*];
+
+            pub(crate) const COUNT: usize = [$($noun),*].len();
+        }
+
+        const ENTRIES: [Entry; Attribute::COUNT] = [$(Entry {
+            noun: $noun,
+            described: $described,
+            dimension: $dimension,
+            whole_numbers: $whole,
+            names: $names,
+        }),*];
+    };
+}
+
+/// What there is to know of an attribute.
+struct Entry {
+    /// A value, for messages.
+    noun: &'static str,
+    /// A value with its unit, for messages.
+    described: &'static str,
+    /// The quantity of the values, if units count for it.
+    dimension: Option<Dimension>,
+    /// The whole numbers that the attribute can have; `None` for attributes that need not be whole.
+    whole_numbers: Option<(f64, f64)>,
+    /// The names that programs use for the attribute, in lower case and without underscores and blanks. If a file has several of
+    /// them, the first in this list counts.
+    names: &'static str,
+}
+
+const BYTE: Option<(f64, f64)> = Some((0.0, 255.0));
+const SHORT: Option<(f64, f64)> = Some((0.0, 65_535.0));
+const LONG: Option<(f64, f64)> = Some((i64::MIN as f64, i64::MAX as f64));
+
+attributes! {
+    X "x", "x, a number of metres", Some(Dimension::Length), None, "x easting east xcoordinate xcoord pointx rechtswert e";
+    Y "y", "y, a number of metres", Some(Dimension::Length), None, "y northing north ycoordinate ycoord pointy hochwert n";
+    Z "z", "z, a number of metres", Some(Dimension::Length), None,
+        "z elevation elev height altitude zcoordinate zcoord pointz höhe hoehe h";
+    NormalX "normal", "a component of the normal", None, None, "nx normalx";
+    NormalY "normal", "a component of the normal", None, None, "ny normaly";
+    NormalZ "normal", "a component of the normal", None, None, "nz normalz";
+    Intensity "intensity", "an intensity", None, None, "heliosamplitude intensity amplitude";
+    Class "class", "a point class", None, BYTE, "surfaceclass classification class label";
+    ReturnNumber "return number", "the number of the return", None, BYTE, "returnnumber return";
+    Object "object", "an object", None, LONG, "objectid hitobjectid object partid part treeid instanceid instance";
+    Leg "leg", "the number of a leg", None, SHORT, "leg pointsourceid";
+    Channel "channel", "the number of a channel", None, SHORT, "device channel userdata scannerchannel ring";
+    Time "time", "a time", Some(Dimension::Time), None, "gpstime time timestamp";
 }
 
 impl Attribute {
-    pub(crate) const COUNT: usize = 13;
-
-    pub(crate) const ALL: [Attribute; Attribute::COUNT] = [
-        Attribute::X,
-        Attribute::Y,
-        Attribute::Z,
-        Attribute::NormalX,
-        Attribute::NormalY,
-        Attribute::NormalZ,
-        Attribute::Intensity,
-        Attribute::Class,
-        Attribute::ReturnNumber,
-        Attribute::Object,
-        Attribute::Leg,
-        Attribute::Channel,
-        Attribute::Time,
-    ];
-
     /// The coordinates, in the order x, y, z.
     pub const POSITION: [Attribute; 3] = [Attribute::X, Attribute::Y, Attribute::Z];
-
-    /// Attributes whose values in text need not be numbers.
-    pub const OPTIONAL: [Attribute; 7] = [
-        Attribute::NormalX,
-        Attribute::NormalY,
-        Attribute::NormalZ,
-        Attribute::Object,
-        Attribute::Leg,
-        Attribute::Channel,
-        Attribute::Time,
-    ];
 
     /// The components of the surface normal, in the order x, y, z.
     pub const NORMAL: [Attribute; 3] = [Attribute::NormalX, Attribute::NormalY, Attribute::NormalZ];
 
-    /// The names that programs use for the attribute, in lower case and without underscores and blanks. If a file has
-    /// several of them, the first in this list counts.
-    fn names(self) -> &'static [&'static str] {
-        match self {
-            Attribute::X => &["x", "easting", "east", "xcoordinate", "xcoord", "pointx", "rechtswert", "e"],
-            Attribute::Y => &["y", "northing", "north", "ycoordinate", "ycoord", "pointy", "hochwert", "n"],
-            Attribute::Z => &[
-                "z",
-                "elevation",
-                "elev",
-                "height",
-                "altitude",
-                "zcoordinate",
-                "zcoord",
-                "pointz",
-                "höhe",
-                "hoehe",
-                "h",
-            ],
-            Attribute::NormalX => &["nx", "normalx"],
-            Attribute::NormalY => &["ny", "normaly"],
-            Attribute::NormalZ => &["nz", "normalz"],
-            Attribute::Intensity => &["heliosamplitude", "intensity", "amplitude"],
-            Attribute::Class => &["surfaceclass", "classification", "class", "label"],
-            Attribute::ReturnNumber => &["returnnumber", "return"],
-            Attribute::Object => {
-                &["objectid", "hitobjectid", "object", "partid", "part", "treeid", "instanceid", "instance"]
-            }
-            Attribute::Leg => &["leg", "pointsourceid"],
-            Attribute::Channel => &["device", "channel", "userdata", "scannerchannel", "ring"],
-            Attribute::Time => &["gpstime", "time", "timestamp"],
-        }
+    /// Whether values in text need not be numbers.
+    pub fn is_optional(self) -> bool {
+        use Attribute::{Channel, Leg, NormalX, NormalY, NormalZ, Object, Time};
+        matches!(self, NormalX | NormalY | NormalZ | Object | Leg | Channel | Time)
     }
 
-    /// The quantity of the values, if units count for it.
-    fn dimension(self) -> Option<Dimension> {
-        match self {
-            Attribute::X | Attribute::Y | Attribute::Z => Some(Dimension::Length),
-            Attribute::Time => Some(Dimension::Time),
-            _ => None,
-        }
+    fn entry(self) -> &'static Entry {
+        &ENTRIES[self as usize]
     }
 
-    /// The whole numbers that the attribute can have; `None` for attributes that need not be whole.
-    fn whole_numbers(self) -> Option<RangeInclusive<f64>> {
-        match self {
-            Attribute::Class | Attribute::ReturnNumber => Some(0.0..=255.0),
-            Attribute::Leg | Attribute::Channel => Some(0.0..=65_535.0),
-            Attribute::Object => Some(i64::MIN as f64..=i64::MAX as f64),
-            _ => None,
-        }
+    fn names(self) -> impl Iterator<Item = &'static str> {
+        self.entry().names.split(' ')
+    }
+
+    fn has_name(self, plain: &str) -> bool {
+        self.names().any(|name| name == plain)
     }
 
     /// What a value of the attribute that does not fit is, and what counts instead; for messages.
     pub fn misfit(self) -> String {
-        let (name, kind) = match self {
-            Attribute::Class => ("class", "whole number from 0 to 255"),
-            Attribute::ReturnNumber => ("return number", "whole number from 0 to 255"),
-            Attribute::Leg => ("leg", "whole number from 0 to 65535"),
-            Attribute::Channel => ("channel", "whole number from 0 to 65535"),
-            Attribute::Object => ("object", "whole number"),
-            _ => return format!("{} that is no number; it counts as 0", self.described()),
+        let kind = match self.entry().whole_numbers {
+            None => return format!("{} that is no number; it counts as 0", self.described()),
+            Some((min, _)) if min < 0.0 => "whole number".to_owned(),
+            Some((min, max)) => format!("whole number from {min} to {max}"),
         };
-        format!("a {name} that is no {kind}; it is cut to one, and counts as 0 where it is no number")
+        let noun = self.entry().noun;
+        format!("a {noun} that is no {kind}; it is cut to one, and counts as 0 where it is no number")
     }
 
     /// Description of a value of the attribute, for messages.
     pub fn described(self) -> &'static str {
-        match self {
-            Attribute::X => "x, a number of metres",
-            Attribute::Y => "y, a number of metres",
-            Attribute::Z => "z, a number of metres",
-            Attribute::NormalX | Attribute::NormalY | Attribute::NormalZ => "a component of the normal",
-            Attribute::Intensity => "an intensity",
-            Attribute::Class => "a point class",
-            Attribute::ReturnNumber => "the number of the return",
-            Attribute::Object => "an object",
-            Attribute::Leg => "the number of a leg",
-            Attribute::Channel => "the number of a channel",
-            Attribute::Time => "a time",
-        }
+        self.entry().described
     }
 }
 
 /// A name that this program's own tables of points have, and those of other programs have not.
 const OWN_NAME: &str = "pulsenumber";
 
-/// Names of columns that points often have and that nothing here needs, in the form of [`Attribute::names`].
-const UNUSED_NAMES: &[&str] = &[
-    "a",
-    "alpha",
-    "b",
-    "beamdirectionx",
-    "beamdirectiony",
-    "beamdirectionz",
-    "beamoriginx",
-    "beamoriginy",
-    "beamoriginz",
-    "blue",
-    "classflags",
-    "curvature",
-    "edgeofflightline",
-    "echowidth",
-    "fid",
-    "footprintfraction",
-    "flightline",
-    "fullwaveindex",
-    "g",
-    "green",
-    "heightaboveground",
-    "id",
-    "incidenceangle",
-    "index",
-    "infrared",
-    "keypoint",
-    "nir",
-    "numberofreturns",
-    "numreturns",
-    "overlap",
-    "point",
-    "pointid",
-    "primitive",
-    "pulsenumber",
-    "r",
-    "range",
-    "red",
-    "reflectance",
-    "rgb",
-    "rgba",
-    "scanangle",
-    "scananglerank",
-    "scandirectionflag",
-    "scannerx",
-    "scannery",
-    "scannerz",
-    "subray",
-    "surfacex",
-    "surfacey",
-    "surfacez",
-    "synthetic",
-    "truerange",
-    "truex",
-    "truey",
-    "truez",
-    "width",
-    "withheld",
-];
+/// Names of columns that points often have and that nothing here needs, in the form of [`Entry::names`].
+const UNUSED_NAMES: &str = "a alpha b beamdirectionx beamdirectiony beamdirectionz beamoriginx beamoriginy beamoriginz blue \
+     classflags curvature edgeofflightline echowidth fid footprintfraction flightline fullwaveindex g \
+     green heightaboveground id incidenceangle index infrared keypoint nir numberofreturns numreturns \
+     overlap point pointid primitive pulsenumber r range red reflectance rgb rgba scanangle scananglerank \
+     scandirectionflag scannerx scannery scannerz subray surfacex surfacey surfacez synthetic truerange \
+     truex truey truez width withheld";
 
 /// Maximum number of names in a message.
 const MAX_LISTED_NAMES: usize = 8;
@@ -255,9 +152,9 @@ impl Misfits {
     /// A value of an attribute without what does not fit, which is noted: numbers have no fraction and are within the
     /// attribute's range, and what is no number is 0.
     pub fn fitted(&mut self, attribute: Attribute, value: f64) -> f64 {
-        let fitted = match attribute.whole_numbers() {
+        let fitted = match attribute.entry().whole_numbers {
             _ if value.is_nan() => 0.0,
-            Some(range) => value.trunc().clamp(*range.start(), *range.end()),
+            Some((min, max)) => value.trunc().clamp(min, max),
             None if value.is_infinite() => 0.0,
             None => value,
         };
@@ -306,11 +203,11 @@ impl Columns {
     pub fn find<'n>(names: impl IntoIterator<Item = &'n str>) -> Columns {
         let headings: Vec<&str> = names.into_iter().collect();
         let names: Vec<String> = headings.iter().copied().map(plain).collect();
-        let position = |known: &&str| names.iter().position(|name| name == known);
-        let mut columns = Attribute::ALL.map(|attribute| attribute.names().iter().find_map(position));
+        let position = |known: &str| names.iter().position(|name| name == known);
+        let mut columns = Attribute::ALL.map(|attribute| attribute.names().find_map(position));
         // The intensity of this program's own tables is the logarithm of their amplitude.
-        if position(&OWN_NAME).is_some() {
-            let amplitude = ["heliosamplitude", "amplitude"].iter().find_map(position);
+        if position(OWN_NAME).is_some() {
+            let amplitude = ["heliosamplitude", "amplitude"].into_iter().find_map(position);
             columns[Attribute::Intensity as usize] = amplitude.or(columns[Attribute::Intensity as usize]);
         }
         let unit = |attribute: Attribute| {
@@ -358,7 +255,7 @@ impl Columns {
                 // One letter is a name of a coordinate only where there is no better one.
                 let may_differ = name.len() == 1
                     || USUAL_PAIRS.iter().any(|pair| pair.contains(&name) && pair.contains(&own));
-                name == own || (!may_differ && attribute.names().contains(&name))
+                name == own || (!may_differ && attribute.has_name(name))
             };
             if let Some(other) = (0..names.len()).find(|column| *column != chosen && is_alike(column)) {
                 let what = attribute.described();
@@ -373,7 +270,7 @@ impl Columns {
             }
         }
         for (attribute, column) in self.used() {
-            if let Some(dimension) = attribute.dimension()
+            if let Some(dimension) = attribute.entry().dimension
                 && let Some(unit) = unit_of(names[column])
                 && factor(attribute, names[column]).is_none()
             {
@@ -388,8 +285,8 @@ impl Columns {
         }
         let is_known = |name: &str| {
             name.is_empty()
-                || UNUSED_NAMES.contains(&name)
-                || Attribute::ALL.iter().any(|attribute| attribute.names().contains(&name))
+                || UNUSED_NAMES.split(' ').any(|unused| unused == name)
+                || Attribute::ALL.iter().any(|attribute| attribute.has_name(name))
         };
         let unknown: Vec<&str> =
             names.iter().zip(&plain).filter(|(_, plain)| !is_known(plain)).map(|(name, _)| *name).collect();
@@ -455,7 +352,7 @@ impl Columns {
     }
 }
 
-/// Normalises a column's name to the form used in [`Attribute::names`].
+/// Normalises a column's name to the form used in [`Entry::names`].
 fn plain(name: &str) -> String {
     let name = name.find(['[', '(']).map_or(name, |at| &name[..at]);
     let is_kept = |c: &char| !(*c == '_' || *c == '"' || c.is_whitespace());
@@ -472,13 +369,13 @@ fn unit_of(heading: &str) -> Option<&str> {
 
 /// Metres or seconds in the unit in brackets behind the name of a column; `None` without a unit that is known.
 fn factor(attribute: Attribute, heading: &str) -> Option<f64> {
-    attribute.dimension()?.factor(&unit_of(heading)?.to_lowercase())
+    attribute.entry().dimension?.factor(&unit_of(heading)?.to_lowercase())
 }
 
 /// Whether a name is that of a geographic coordinate, or has a unit of angles and is one of a horizontal coordinate.
 fn is_angle(heading: &str) -> bool {
     let name = plain(heading);
-    let is_horizontal = [Attribute::X, Attribute::Y].iter().any(|axis| axis.names().contains(&name.as_str()));
+    let is_horizontal = [Attribute::X, Attribute::Y].iter().any(|axis| axis.has_name(&name));
     let is_unit = unit_of(heading).is_some_and(|unit| {
         let unit = unit.trim_end_matches('.').to_lowercase();
         unit == "degree" || unit == "radian" || Dimension::Angle.factor(&unit).is_some()

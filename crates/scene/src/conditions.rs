@@ -7,7 +7,7 @@ use vlscan_base::corrections::Corrections;
 use vlscan_survey::{Loader, MaterialChoice, SceneRecipe, VoxelMode};
 
 /// Settings that a scene was loaded with, as far as they can affect it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Conditions {
     /// Wavelength of the spectra, nm.
     pub wavelength_nm: f64,

@@ -13,7 +13,7 @@ use vlscan_base::diag::Diagnostics;
 use vlscan_geom::DVec3;
 
 /// The projection function G over the zenith angle, on the scale where an isotropic canopy has the value π.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct LadTable {
     /// Zenith angles, rad, strictly ascending.
     angles: Vec<f64>,

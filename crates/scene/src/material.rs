@@ -3,7 +3,7 @@
 use vlscan_base::corrections::Corrections;
 
 /// A material with its reflectance at the scanner's wavelength.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Material {
     /// Name, that of `newmtl` for materials of MTL files.
     pub name: String,
@@ -19,7 +19,7 @@ pub struct Material {
 }
 
 /// Angular law of the reflection back to the source: f(θ) = π·BRDF·cos θ.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum Reflection {
     /// ρ at any angle (neither Kd nor Ks).
     Uniform,

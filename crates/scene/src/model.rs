@@ -56,7 +56,7 @@ pub struct Scene {
 }
 
 /// What [`Scene::sizes`] finds by reading all vertices and cubes.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Sizes {
     /// Whether all primitives that are stored in the scene, those of moving parts in their initial pose, lie within its bounds:
     /// parts that were moved to the ground need not.
@@ -75,7 +75,7 @@ pub struct PackedTree {
 }
 
 /// A part that moves during the survey, see [`MotionPlan`](super::MotionPlan).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct MovingPart {
     /// Index in [`Scene::parts`].
     pub part: u32,
@@ -92,7 +92,7 @@ pub struct MovingPart {
 }
 
 /// A part of the scene, identified by the object id of returns.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Part {
     /// Reported id, normally a number as text.
     pub id: String,

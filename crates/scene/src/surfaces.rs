@@ -6,7 +6,7 @@ use vlscan_base::store::{ArrayFile, ArrayFileWriter, vec_bytes};
 use vlscan_trace::prefetch;
 
 /// Part and material of primitives.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub struct Surface {
     /// Index in [`Scene::parts`](super::Scene::parts).
     pub part: u32,

@@ -6,6 +6,7 @@ use vlscan_geom::{Aabb, DVec3};
 /// brings every primitive within [-1, 1]. Rounding a local coordinate to `f32` therefore changes it by at most
 /// [`Frame::ROUNDING`], whatever the size and position of the scene.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Frame {
     /// Scene coordinates of the centre of the scene's bounds, m.
     pub origin: DVec3,

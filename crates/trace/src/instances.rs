@@ -20,6 +20,7 @@ const OUTLINE_CELLS: usize = 8;
 
 /// Transformation of a model into the scene: `scale · R · p + offset`, then up by `raise`.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Placement {
     /// R.
     pub rotation: Rotation,

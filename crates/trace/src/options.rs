@@ -3,7 +3,7 @@
 /// How a tree chooses its splits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(rename_all = "kebab-case"))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum Builder {
     /// kd-tree by the object median, axes in turn; 1 in HELIOS++.
     ///
@@ -164,6 +164,7 @@ impl BuildOptions {
 
 /// Size, depth and cost of a tree (spec tree-and-schedule §1.16).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Statistics {
     /// Primitives that can be hit; excludes those with a coordinate that is NaN or infinite.
     pub primitives: usize,

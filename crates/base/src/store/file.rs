@@ -1,9 +1,9 @@
-//! File format of named arrays.
+//! File format of named arrays and values. Values are encoded by postcard, without names of their fields.
 //!
 //! ```text
 //! 0    magic "VLSCENE\n" │ version u32 │ byte order u32 │ table: offset, length, checksum │ file length │ checksum │ 0 u64
 //! 64   arrays, one after the other
-//!      table: for each array its name, offset, length, bytes of an element, checksums of its blocks
+//!      table, a value: for each array its name, bytes, bytes of an element, checksums of its blocks
 //! ```
 //!
 //! An array is divided into blocks of 256 KiB, each with a checksum. Opening a file checks header and table; reading an
@@ -11,11 +11,12 @@
 //! is returned. So the numbers that a program computes with are those that were compared, whatever happens to the file
 //! afterwards.
 
-use super::bytes::{ByteReader, ByteWriter, UnexpectedEnd};
 use crate::error::{Error, Result};
 use crate::files::{FileWriter, Patched, fault, read_exact_at, reads};
 use bytemuck::{AnyBitPattern, NoUninit};
 use rayon::prelude::*;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::ops::Range;
@@ -25,7 +26,7 @@ use xxhash_rust::xxh3::xxh3_64;
 const MAGIC: &[u8; 8] = b"VLSCENE\n";
 
 /// Version of the contents; incremented whenever the meaning of any content changes, such as the elements of an array.
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
 
 /// Written in native byte order; a machine of the opposite order reads a different number.
 const BYTE_ORDER: u32 = 0x0102_0304;
@@ -43,6 +44,7 @@ pub struct ArrayFileWriter {
 }
 
 /// Table entry of an array.
+#[derive(Serialize, Deserialize)]
 struct Entry {
     name: String,
     bytes: Range<u64>,
@@ -79,20 +81,19 @@ impl ArrayFileWriter {
         Ok(())
     }
 
+    /// Appends a value under a name.
+    pub fn value(&mut self, name: impl Into<String>, value: &impl Serialize) -> Result<()> {
+        self.array(name, &encode(value)?)
+    }
+
     /// Completes the file and returns its length, bytes.
     pub fn finish(mut self) -> Result<u64> {
-        let mut table = ByteWriter::default();
-        table.list(&self.table, |w, e| {
-            w.text(&e.name);
-            [e.bytes.start, e.length(), e.element].into_iter().for_each(|n| w.u64(n));
-            w.list(&e.sums, |w, sum| w.u64(*sum));
-        });
-        let start = self.at;
-        self.put(table.bytes())?;
+        let (table, start) = (encode(&self.table)?, self.at);
+        self.put(&table)?;
         let mut header = MAGIC.to_vec();
         header.extend(VERSION.to_ne_bytes());
         header.extend(BYTE_ORDER.to_ne_bytes());
-        for number in [start, table.bytes().len() as u64, xxh3_64(table.bytes()), self.at] {
+        for number in [start, table.len() as u64, xxh3_64(&table), self.at] {
             header.extend(number.to_ne_bytes());
         }
         header.extend(xxh3_64(&header).to_ne_bytes());
@@ -192,6 +193,15 @@ impl ArrayFile {
         Ok(values)
     }
 
+    /// Reads a value.
+    ///
+    /// # Errors
+    /// As for [`ArrayFile::array`], and [`Error::Input`] for a value of another type.
+    pub fn value<T: DeserializeOwned>(&self, name: &str) -> Result<T> {
+        let bytes = self.array::<u8>(name)?;
+        postcard::from_bytes(&bytes).map_err(|_| self.refuse(&format!("the value {name} has another layout")))
+    }
+
     /// Checksum of the contents, from the checksums within the file.
     pub fn fingerprint(&self) -> u64 {
         self.table_sum
@@ -237,6 +247,11 @@ impl ArrayFile {
     }
 }
 
+/// The bytes of a value.
+fn encode(value: &impl Serialize) -> Result<Vec<u8>> {
+    postcard::to_stdvec(value).map_err(|e| Error::Internal(format!("a value of a file: {e}")))
+}
+
 fn refuse(path: &Path, reason: &str) -> Error {
     Error::input(format!("cannot use the packed scene {}: {reason}", path.display()))
 }
@@ -280,16 +295,13 @@ fn read_header(header: &[u8; HEADER_BYTES], length: u64) -> std::result::Result<
 
 /// Reads a table of arrays that end before `limit`; `None` for one that is not valid.
 fn read_table(bytes: &[u8], limit: u64) -> Option<Vec<Entry>> {
-    let entry = |r: &mut ByteReader| {
-        let (name, start, length, element) = (r.text()?, r.u64()?, r.u64()?, r.u64()?);
-        let sums = r.list(ByteReader::u64)?;
-        let end = start.checked_add(length).filter(|end| *end <= limit).ok_or(UnexpectedEnd)?;
-        if length.div_ceil(BLOCK_BYTES as u64) != sums.len() as u64 {
-            return Err(UnexpectedEnd);
-        }
-        Ok(Entry { name, bytes: start..end, element, sums })
+    let table: Vec<Entry> = postcard::from_bytes(bytes).ok()?;
+    let is_valid = |Entry { bytes, sums, .. }: &Entry| {
+        bytes.start <= bytes.end
+            && bytes.end <= limit
+            && (bytes.end - bytes.start).div_ceil(BLOCK_BYTES as u64) == sums.len() as u64
     };
-    ByteReader(bytes).list(entry).ok()
+    table.iter().all(is_valid).then_some(table)
 }
 
 #[cfg(test)]

@@ -2,17 +2,14 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `bytes` | encodes and decodes small values |
-//! | `file` | the file format of named arrays, with checksums of everything |
+//! | `file` | the file format of named arrays and values, with checksums of everything |
 //! | `file_bytes` | the bytes of a file: read, or mapped if there are very many; the only `unsafe` code here |
 //! | `sum` | checksums of values of any kind |
 
-mod bytes;
 mod file;
 mod file_bytes;
 mod sum;
 
-pub use bytes::{ByteReader, ByteWriter, UnexpectedEnd};
 pub use file::{ArrayFile, ArrayFileWriter};
 pub use file_bytes::FileBytes;
 pub use sum::Checksum;

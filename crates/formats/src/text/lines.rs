@@ -91,8 +91,7 @@ impl Columns {
     pub fn parse(&self, line: &[u8], words: &[Range<usize>]) -> Result<PointRow, BadColumn> {
         let number = |column: usize| words.get(column).and_then(|at| float(line[at.clone()].trim_ascii()));
         for (attribute, column) in self.used() {
-            let optional = Attribute::OPTIONAL.contains(&attribute);
-            if !optional && number(column).is_none() {
+            if !attribute.is_optional() && number(column).is_none() {
                 let at = words.get(column).cloned().unwrap_or(line.len()..line.len());
                 return Err(BadColumn { attribute, at });
             }

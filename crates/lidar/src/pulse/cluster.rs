@@ -4,7 +4,7 @@
 //! the samples around it are computed, for other clusters all samples. They equal those of
 //! [`super::waveform::Waveform`] bit for bit.
 
-use super::detector::{DetectorSettings, PeakRule, Return};
+use super::detector_settings::{DetectorSettings, PeakRule, Return};
 use super::pulse_starts::PulseStarts;
 use super::return_profile::ReturnProfile;
 use super::shape::PulseShape;
@@ -186,7 +186,7 @@ impl ClusterDetector {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pulse::detect::detect;
+    use crate::pulse::peak_detection::detect;
     use crate::pulse::testkit::{received, tls_detector};
     use proptest::prelude::*;
     use vlscan_base::corrections::Corrections;

@@ -6,7 +6,7 @@
 //! depth T of the path. The light of a pulse is collected in range cells that all of its subrays share. They are as
 //! wide as the bins of the waveform, so that a homogeneous medium leaves no ripples there.
 
-use super::detector::DetectorSettings;
+use super::detector_settings::DetectorSettings;
 use super::energy::Energy;
 use super::reflections::Reflections;
 use super::view::Interaction;

@@ -1,7 +1,7 @@
 //! The instruments of a survey: the constants of each device, computed once.
 
 use super::cluster::ClusterRule;
-use super::detector::{DetectorSettings, PeakRule};
+use super::detector_settings::{DetectorSettings, PeakRule};
 use super::energy::{BeamState, Energy, NANO, half_angle};
 use super::footprint::Footprint;
 use super::noise::{ReceiverNoise, signal_to_noise};

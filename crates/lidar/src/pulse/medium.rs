@@ -7,7 +7,7 @@
 //! neighbours.
 
 use super::continuum::{MAX_DEPTH, MediumSegment, depth};
-use super::detector::DetectorSettings;
+use super::detector_settings::DetectorSettings;
 use super::foliage::{self, FreePaths, MediumEvent};
 use super::view::{Interaction, STEP_BEHIND, SceneView, SideOfBounds, distance};
 use vlscan_geom::DVec3;

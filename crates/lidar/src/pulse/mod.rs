@@ -8,7 +8,7 @@
 //! | `simulator`, `ray_batch` | the three phases of many pulses; rays that are traced together |
 //! | `subray`, `footprint` | directions of subrays: rings, and patterns of equal energy |
 //! | `traced`, `energy`, `lanes` | ranges of the hits and the energy received from there, in blocks of subrays |
-//! | `detection` | from the hits of a pulse to its records |
+//! | `receive` | from the hits of a pulse to its records |
 //! | `view`, `reflect`, `reflections`, `triangle_cache` | the scene at the time of a pulse, and its reflections |
 //! | `foliage`, `medium`, `continuum` | rays through voxels |
 //! | `return_profile`, `slope` | reflected light by range; subrays on one slope |
@@ -16,16 +16,14 @@
 //! | `shape`, `sampled`, `waveform` | the outgoing pulse and the received waveform |
 //! | `receiver`, `noise`, `ranging` | receivers that are not ideal |
 //! | `maximum` | time and height of an echo between its samples |
-//! | `detector`, `detect`, `peaks`, `fit`, `recorded` | detection settings; returns of simulated, recorded waveforms |
+//! | `detector_settings`, `peak_detection`, `peaks`, `fit`, `recorded` | detection settings; returns of simulated, recorded waveforms |
 //! | `sources`, `range_noise` | true causes of echoes; noise of ranges |
 //! | `echo`, `batch` | the records |
 
 mod batch;
 mod cluster;
 mod continuum;
-mod detect;
-mod detection;
-mod detector;
+mod detector_settings;
 mod echo;
 mod energy;
 mod fit;
@@ -37,12 +35,14 @@ mod maximum;
 mod medium;
 mod noise;
 mod options;
+mod peak_detection;
 mod peaks;
 mod physics;
 mod pulse_starts;
 mod range_noise;
 mod ranging;
 mod ray_batch;
+mod receive;
 mod receiver;
 mod recorded;
 mod reflect;

@@ -1,6 +1,6 @@
 //! Finds the bins of a waveform that are echoes (spec pulse-physics §4.4).
 
-use super::detector::PeakRule;
+use super::detector_settings::PeakRule;
 use super::lanes::LANES;
 use super::waveform::Waveform;
 use vlscan_trace::simd::{F64Ops, MaskOps, Simd, each_of};

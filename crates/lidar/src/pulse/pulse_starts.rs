@@ -1,6 +1,6 @@
 //! Starts of the pulses of reflections in a waveform, for pulses that may start between two bins.
 
-use super::detector::DetectorSettings;
+use super::detector_settings::DetectorSettings;
 use super::lanes::{Block, LANES};
 use super::return_profile::ReturnProfile;
 

@@ -5,7 +5,7 @@
 //! maxima stay where they are: ranges are read as an instrument does that knows its own response, from the samples
 //! before saturation. Amplitudes, recorded waveforms and the widths of echoes are those after it.
 
-use super::detector::{DetectorSettings, Return};
+use super::detector_settings::{DetectorSettings, Return};
 use super::energy::NANO;
 use super::lanes::LANES;
 use super::noise::{FalseAlarm, PulseDraws, ReceiverNoise, matched_bandwidth, shot_variance};

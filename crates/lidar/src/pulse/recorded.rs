@@ -1,6 +1,6 @@
 //! Echoes of recorded waveforms.
 
-use super::detector::PeakRule;
+use super::detector_settings::PeakRule;
 use super::fit;
 use super::peaks::Peaks;
 use super::waveform::Waveform;

@@ -1,12 +1,12 @@
 //! The simulation of pulses: ray generation, traversal and detection for many pulses at a time.
 
 use super::batch::Batch;
-use super::detection::{Detection, pulse_record, traced_axis};
 use super::echo::Echo;
 use super::instrument::InstrumentTable;
 use super::physics::Physics;
 use super::range_noise;
 use super::ray_batch::RayBatch;
+use super::receive::{Detection, pulse_record, traced_axis};
 use super::subray::Subrays;
 use super::traced::{GainBuffer, TracedPulse};
 use super::view::SceneView;
@@ -288,11 +288,11 @@ fn check_positions(echoes: &[Echo]) -> Result<()> {
 #[cold]
 fn no_place(echo: Option<&Echo>) -> Error {
     let Some(Echo { position: p, range, pulse_number, device, .. }) = echo else {
-        return Error::Internal("a point is no place".to_owned());
+        return Error::Internal("a point has no finite position".to_owned());
     };
     Error::input(format!(
-        "pulse {pulse_number} of device {device} gives a point that is no place: x {} y {} z {} at the range \
-         {} m; settings of the scanner or coordinates of the scene are out of proportion",
+        "pulse {pulse_number} of device {device} gives a point beyond ±{MAX_POSITION:e} m or NaN: x {} y {} z {} at the range \
+         {} m; check the settings of the scanner and the coordinates of the scene",
         number(p.x),
         number(p.y),
         number(p.z),

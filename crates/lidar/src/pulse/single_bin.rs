@@ -1,7 +1,7 @@
 //! The fast path of most pulses: all their light arrives within one bin, so that the waveform is the outgoing pulse,
 //! whose single peak is precomputed.
 
-use super::detector::{DetectorSettings, PeakRule, Return};
+use super::detector_settings::{DetectorSettings, PeakRule, Return};
 use super::return_profile::ReturnProfile;
 use super::shape::PulseShape;
 
@@ -76,7 +76,7 @@ impl SingleBinDetector {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pulse::detect::detect;
+    use crate::pulse::peak_detection::detect;
     use crate::pulse::testkit::{received, tls_detector};
     use proptest::prelude::*;
     use vlscan_trace::simd::portable::Portable;

@@ -1,6 +1,6 @@
 //! True causes of echoes: the surface of the strongest subray, and the share of the footprint.
 
-use super::detector::Return;
+use super::detector_settings::Return;
 use super::echo::EchoTruth;
 use super::instrument::Instrument;
 use super::reflections::Reflections;

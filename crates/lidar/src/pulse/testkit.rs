@@ -1,6 +1,6 @@
 //! Instruments, scenes and pulses for the tests of this module.
 
-use super::detector::DetectorSettings;
+use super::detector_settings::DetectorSettings;
 use super::instrument::{Instrument, InstrumentTable};
 use super::return_profile::ReturnProfile;
 use super::waveform::Waveform;

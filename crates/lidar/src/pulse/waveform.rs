@@ -1,6 +1,6 @@
 //! The received waveform (spec pulse-physics §4.2, §4.3).
 
-use super::detector::DetectorSettings;
+use super::detector_settings::DetectorSettings;
 use super::lanes::{Block, LANES};
 use super::pulse_starts::PulseStarts;
 use super::return_profile::ReturnProfile;

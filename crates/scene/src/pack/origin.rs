@@ -2,22 +2,22 @@
 
 use crate::conditions::Conditions;
 use crate::{LoadOptions, Scene};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fs::Metadata;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
-use vlscan_base::corrections::{Area, Corrections};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileSet, reads};
-use vlscan_base::store::{ByteReader, ByteWriter, Checksum, UnexpectedEnd};
+use vlscan_base::store::{ArrayFile, ArrayFileWriter, Checksum};
 use vlscan_survey::SceneRecipe;
 use vlscan_trace::Builder;
 
 /// A file at the time the scene was packed.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Source {
     /// Relative to the folder of the pack if the file is within it.
-    path: PathBuf,
+    path: String,
     length: u64,
     modified_ns: u64,
     sum: u64,
@@ -31,7 +31,8 @@ pub(super) struct Origin {
     sources: Vec<Source>,
 }
 
-const BUILDERS: [Builder; 5] = [Builder::Bvh, Builder::Fsah, Builder::AxisSah, Builder::Sah, Builder::Median];
+/// The name of the origin in a pack.
+const NAME: &str = "origin";
 
 impl Origin {
     pub fn of(recipe: &SceneRecipe, options: &LoadOptions, builder: Builder) -> Origin {
@@ -58,14 +59,14 @@ impl Origin {
         }
     }
 
-    /// Reads all files again for their checksums and encodes the origin.
-    pub fn finish(self, pack: &Path) -> Result<ByteWriter> {
+    /// Reads all files again for their checksums and appends the origin to the pack at `pack`.
+    pub fn write(self, pack: &Path, out: &mut ArrayFileWriter) -> Result<()> {
         let folder = std::fs::canonicalize(folder_of(pack)).unwrap_or_default();
         let mut sources = Vec::new();
         for path in self.files.iter().filter(|p| p.is_file()) {
             let about = std::fs::metadata(path).map_err(|e| Error::io("read", path, e))?;
             let whole = std::fs::canonicalize(path).map_err(|e| Error::io("read", path, e))?;
-            let path = whole.strip_prefix(&folder).map_or(whole.clone(), Path::to_path_buf);
+            let path = whole.strip_prefix(&folder).unwrap_or(&whole).to_string_lossy().into_owned();
             sources.push(Source {
                 path,
                 length: about.len(),
@@ -73,51 +74,16 @@ impl Origin {
                 sum: sum(&whole).map_err(|e| Error::io("read", &whole, e))?,
             });
         }
-        let (mut w, c) = (ByteWriter::default(), &self.conditions);
-        w.f64(c.wavelength_nm);
-        w.u64(c.seed);
-        [c.has_spectra, c.is_random, c.drop_polygons].into_iter().for_each(|b| w.flag(b));
-        for mut rules in [c.rules, c.relevant_rules] {
-            rules.switches().filter(|rule| rule.1 == Area::Material).for_each(|(.., is_on)| w.flag(*is_on));
-        }
-        w.u64(BUILDERS.iter().position(|b| *b == self.builder).unwrap_or(0) as u64);
-        w.list(&sources, |w, s| {
-            w.text(&s.path.to_string_lossy());
-            [s.length, s.modified_ns, s.sum].into_iter().for_each(|n| w.u64(n));
-        });
-        Ok(w)
+        out.value(NAME, &(&self.conditions, self.builder, sources))
     }
 
-    pub fn read(bytes: &[u8]) -> std::result::Result<Origin, String> {
-        let mut r = ByteReader(bytes);
-        let mut all = || {
-            let (wavelength_nm, seed) = (r.f64()?, r.u64()?);
-            let (has_spectra, is_random, drop_polygons) = (r.flag()?, r.flag()?, r.flag()?);
-            let mut rules = || {
-                let mut rules = Corrections::NONE;
-                for (.., is_on) in rules.switches().filter(|rule| rule.1 == Area::Material) {
-                    *is_on = r.flag()?;
-                }
-                Ok(rules)
-            };
-            let (rules, relevant_rules) = (rules()?, rules()?);
-            let conditions = Conditions {
-                wavelength_nm,
-                has_spectra,
-                seed,
-                is_random,
-                rules,
-                relevant_rules,
-                drop_polygons,
-            };
-            let builder = *BUILDERS.get(r.size()?).ok_or(UnexpectedEnd)?;
-            let sources = r.list(|r| {
-                let path = PathBuf::from(r.text()?);
-                Ok(Source { path, length: r.u64()?, modified_ns: r.u64()?, sum: r.u64()? })
-            })?;
-            Ok(Origin { conditions, builder, files: BTreeSet::new(), sources })
-        };
-        all().map_err(|UnexpectedEnd| "its origin cannot be read".to_owned())
+    /// Reads the origin of a pack.
+    ///
+    /// # Errors
+    /// As for [`ArrayFile::value`].
+    pub fn read(file: &ArrayFile) -> Result<Origin> {
+        let (conditions, builder, sources) = file.value(NAME)?;
+        Ok(Origin { conditions, builder, files: BTreeSet::new(), sources })
     }
 
     /// Checks that the files have not changed. A missing file counts as unchanged: packs can be moved without their
@@ -132,7 +98,7 @@ impl Origin {
             about.len() != s.length || (!same_time && sum(&path).ok() != Some(s.sum))
         };
         match self.sources.iter().find(changed) {
-            Some(s) => Err(format!("{} has changed since; pack the scene again", s.path.display())),
+            Some(s) => Err(format!("{} has changed since; pack the scene again", s.path)),
             None => Ok(()),
         }
     }

@@ -1,6 +1,6 @@
 //! Opens packed scenes.
 
-use super::contents::{Contents, are_arrays_valid, is_of_epoch};
+use super::contents::{are_arrays_valid, is_of_epoch, read_epochs, read_scene};
 use super::origin::Origin;
 use crate::builder::{LoadOptions, format_bytes};
 use crate::conditions::Conditions;
@@ -13,7 +13,7 @@ use vlscan_base::store::ArrayFile;
 pub struct Pack {
     file: ArrayFile,
     origin: Origin,
-    contents: Contents,
+    epochs: u32,
 }
 
 impl Pack {
@@ -24,15 +24,15 @@ impl Pack {
     /// damaged, or is older than the files that it was made from.
     pub fn open(path: &Path) -> Result<Pack> {
         let file = ArrayFile::open(path)?;
-        let origin = Origin::read(&file.array("origin")?).map_err(|reason| file.refuse(&reason))?;
+        let origin = Origin::read(&file)?;
         origin.check_files(path).map_err(|reason| file.refuse(&reason))?;
-        let contents = Contents::read(&file.array("scene")?).map_err(|reason| file.refuse(&reason))?;
-        Ok(Pack { file, origin, contents })
+        let epochs = read_epochs(&file)?;
+        Ok(Pack { file, origin, epochs })
     }
 
     /// Number of epochs.
     pub fn epochs(&self) -> u32 {
-        self.contents.epochs()
+        self.epochs
     }
 
     /// The settings that the scene was packed with.
@@ -66,7 +66,7 @@ impl Pack {
             let (needed, limit) = (format_bytes(needed), format_bytes(limit));
             return Err(self.file.refuse(&format!("its scene needs {needed}; the limit is {limit}")));
         }
-        self.contents.scene(&self.file, epoch, self.origin.builder)
+        read_scene(&self.file, epoch, self.origin.builder)
     }
 
     /// Checksum of the contents.
@@ -81,7 +81,7 @@ impl Pack {
     pub fn verify(&self) -> Result<()> {
         self.file.verify()?;
         for epoch in 0..self.epochs() {
-            let scene = self.contents.scene(&self.file, epoch, self.origin.builder)?;
+            let scene = read_scene(&self.file, epoch, self.origin.builder)?;
             if !are_arrays_valid(&scene) {
                 return Err(self.file.refuse("a number in its arrays names something that is not there"));
             }

@@ -8,7 +8,7 @@ use crate::load::load_epoch;
 use std::path::Path;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::store::{ArrayFileWriter, ByteWriter};
+use vlscan_base::store::ArrayFileWriter;
 use vlscan_survey::SceneRecipe;
 use vlscan_trace::BuildOptions;
 
@@ -47,20 +47,19 @@ pub fn pack(
     }
     let mut origin = Origin::of(recipe, options, tree.builder);
     origin.refuse_replacing(path)?;
-    let (mut out, mut values) = (ArrayFileWriter::create(path)?, ByteWriter::default());
+    let mut out = ArrayFileWriter::create(path)?;
     let (mut warnings, mut first, mut primitives) = (Diagnostics::default(), None, 0);
-    values.u64(u64::from(epochs));
     for epoch in 0..epochs {
         let (scene, found) = load_epoch(recipe, options, epoch, first)?;
         warnings.extend(found);
         first = first.or(Some(SceneFrame::of(&scene)));
         primitives = primitives.max(scene.primitives());
         origin.add(&scene);
-        contents::write(&scene, &scene.tree(tree), epoch, &mut out, &mut values)?;
+        contents::write(&scene, &scene.tree(tree), epoch, &mut out)?;
     }
     warn(&warnings)?;
     origin.refuse_replacing(path)?;
-    out.array("scene", values.bytes())?;
-    out.array("origin", origin.finish(path)?.bytes())?;
+    contents::write_epochs(epochs, &mut out)?;
+    origin.write(path, &mut out)?;
     Ok(Packed { bytes: out.finish()?, primitives, epochs })
 }

@@ -215,7 +215,7 @@ pub struct VoxelLoader {
 }
 
 /// A sequence of rigid motions (spec input-formats §3.7).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct MotionSequence {
     /// Id within the part.
     pub id: String,
@@ -228,7 +228,7 @@ pub struct MotionSequence {
 }
 
 /// One rigid motion per update step.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Motion {
     /// The rigid motion that each step applies.
     pub kind: MotionKind,
@@ -239,7 +239,7 @@ pub struct Motion {
 }
 
 /// Rigid motions; no others exist. Axes and normals are unit vectors, angles radians.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[allow(missing_docs, reason = "variants and fields have the mathematical names of the motions")]
 pub enum MotionKind {
     Identity,
@@ -252,7 +252,7 @@ pub enum MotionKind {
 }
 
 /// Update intervals of a moving part.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct MotionTiming {
     /// The part moves at every n-th scene update.
     pub dyn_step: u32,

@@ -2,11 +2,11 @@
 
 use super::batch::{Batch, WeakPulses};
 use super::cluster::ClusterDetector;
-use super::detect::{attribute, detect};
-use super::detector::{DetectorSettings, Return};
+use super::detector_settings::{DetectorSettings, Return};
 use super::echo::{Echo, EchoTruth, PulseRecord, WaveformRecord};
 use super::foliage::FreePaths;
 use super::instrument::Instrument;
+use super::peak_detection::{attribute, detect};
 use super::physics::Physics;
 use super::receiver::ReceiverModel;
 use super::reflect::ReflectScratch;

@@ -1,6 +1,6 @@
 //! Turns reflections into returns: the receiver (spec pulse-physics §4).
 
-use super::detector::{DetectorSettings, Return};
+use super::detector_settings::{DetectorSettings, Return};
 use super::fit;
 use super::peaks::Peaks;
 use super::receiver::ReceiverModel;
