@@ -90,9 +90,10 @@ impl PulseReader {
             return Ok(block);
         }
         let Some(block) = block else { return Ok(None) };
-        let (schema, is_header) = StreamSchema::of_text(&block.row(0, &mut Vec::new()))?;
+        let schema = StreamSchema::of_text(&block.row(0, &mut Vec::new()))?;
+        let has_header = schema.header_rows > 0;
         self.schema = Some(Arc::new(schema));
-        Ok(if is_header { block.split_at(1).1 } else { Some(block) })
+        Ok(if has_header { block.split_at(1).1 } else { Some(block) })
     }
 
     /// Waits for the next bytes; `false` when `stop` is requested.
@@ -179,8 +180,8 @@ impl RowBlock {
         into: &mut Vec<PulseRow>,
         check: impl Fn(&PulseRow) -> Result<(), RowFault>,
     ) -> Result<()> {
-        let mut fields = Vec::new();
-        for (index, order) in (0..self.rows.len()).zip(self.rows.before()..) {
+        let (mut fields, before) = (Vec::new(), self.rows.before() - self.schema.header_rows);
+        for (index, order) in (0..self.rows.len()).zip(before..) {
             let row = self.rows.row(index, &mut fields);
             into.push(self.schema.pulse(&row, shift, order, &check).map_err(|e| e.with_help(""))?);
         }

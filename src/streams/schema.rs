@@ -14,27 +14,29 @@ pub(super) struct StreamSchema {
     /// Column, factor to ns, m or rad, and position in a row.
     columns: Vec<(PulseColumn, f64, usize)>,
     present: ColumnSet,
-    /// Number of columns of every line, of which some may have no use.
+    /// Number of columns of every line.
     width: Option<usize>,
+    /// Number of rows that are headers.
+    pub header_rows: u64,
 }
 
 impl StreamSchema {
     fn new(width: Option<usize>) -> StreamSchema {
-        StreamSchema { columns: Vec::new(), present: ColumnSet::default(), width }
+        StreamSchema { columns: Vec::new(), present: ColumnSet::default(), width, header_rows: 0 }
     }
 
-    /// The schema of text with this first row, and whether the row is a header. Without a header seven numbers are time,
-    /// origin and direction, and six are origin and direction.
+    /// The schema of text with this first row, which may be a header. Without a header seven numbers are time, origin and
+    /// direction, and six are origin and direction.
     ///
     /// # Errors
     /// As [`StreamSchema::of_fields`], and for another number of columns without a header.
-    pub fn of_text(first: &Row) -> Result<(StreamSchema, bool)> {
+    pub fn of_text(first: &Row) -> Result<StreamSchema> {
         let names: Vec<String> = first.texts().collect();
         if names.iter().all(|name| name.parse::<f64>().is_err()) {
             let place = |column| first.error(column, "").place;
             let headings = names.iter().enumerate().map(|(i, name)| (&**name, place(Some(i)), None));
             let schema = StreamSchema::new(Some(names.len())).with_headings(headings, place(None))?;
-            return Ok((schema, true));
+            return Ok(StreamSchema { header_rows: 1, ..schema });
         }
         if !matches!(names.len(), 6 | 7) {
             let message = format!("{} numbers and no header that names them", names.len());
@@ -47,7 +49,7 @@ impl StreamSchema {
         for (position, (column, factor)) in seconds.chain(metres).enumerate() {
             schema.push(column, factor, position);
         }
-        Ok((schema, false))
+        Ok(schema)
     }
 
     /// The schema of an Arrow stream; `path` is its name in messages.

@@ -154,6 +154,14 @@ fn has_decimal_commas(line: &[u8]) -> bool {
     words().count() >= 3 && words().all(fits)
 }
 
+/// Text in UTF-8, or else in Latin-1, as spreadsheets write it.
+pub fn decoded(bytes: &[u8]) -> String {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => text.to_owned(),
+        Err(_) => bytes.iter().map(|&b| char::from(b)).collect(),
+    }
+}
+
 /// A field of a comma-separated table, quoted where that is necessary (RFC 4180).
 pub fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r']) {

@@ -391,6 +391,15 @@ fn shortened(text: String) -> String {
     format!("{} … {}", before.trim_end(), after.trim_start())
 }
 
+/// Names in one line; of many, the first `max` and the number of the others.
+pub fn listed<T: AsRef<str>>(names: &[T], max: usize) -> String {
+    let shown: Vec<&str> = names.iter().take(max).map(AsRef::as_ref).collect();
+    match names.len().saturating_sub(max) {
+        0 => shown.join(", "),
+        more => format!("{} and {more} more", shown.join(", ")),
+    }
+}
+
 /// The candidate that a misspelt `word` probably means: at most a third of its letters differ (an inserted, missing,
 /// wrong or swapped letter counts once; case is ignored). Among equally near candidates the first is returned. If none is as
 /// near, it is the shortest one of which `word` is a part, whatever the signs between its letters.

@@ -2,6 +2,7 @@
 
 use super::PointRow;
 use vlscan_base::columns::Dimension;
+use vlscan_base::diag::listed;
 use vlscan_geom::DVec3;
 
 macro_rules! attributes {
@@ -234,7 +235,8 @@ impl Columns {
         {
             return Ok(columns);
         }
-        let found = listed(names.iter().filter(|name| !name.is_empty()).copied());
+        let named: Vec<&str> = names.iter().filter(|name| !name.is_empty()).copied().collect();
+        let found = listed(&named, MAX_LISTED_NAMES);
         if names.iter().any(are_degrees) {
             return Err(format!(
                 "its coordinates are longitude and latitude ({found}); project them, for example by PDAL's \
@@ -292,8 +294,10 @@ impl Columns {
             names.iter().zip(&plain).filter(|(_, plain)| !is_known(plain)).map(|(name, _)| *name).collect();
         if !unknown.is_empty() {
             let columns = if unknown.len() == 1 { "column" } else { "columns" };
-            remarks
-                .push(format!("{columns} with no known meaning, not read: {}", listed(unknown.into_iter())));
+            remarks.push(format!(
+                "{columns} with no known meaning, not read: {}",
+                listed(&unknown, MAX_LISTED_NAMES)
+            ));
         }
         remarks
     }
@@ -381,16 +385,6 @@ fn is_angle(heading: &str) -> bool {
         unit == "degree" || unit == "radian" || Dimension::Angle.factor(&unit).is_some()
     });
     matches!(name.as_str(), "lon" | "long" | "longitude" | "lat" | "latitude") || (is_horizontal && is_unit)
-}
-
-/// Names in one line; of many, the first.
-fn listed<'n>(names: impl Iterator<Item = &'n str>) -> String {
-    let names: Vec<&str> = names.collect();
-    let shown = names[..names.len().min(MAX_LISTED_NAMES)].join(", ");
-    match names.len().saturating_sub(MAX_LISTED_NAMES) {
-        0 => shown,
-        more => format!("{shown} and {more} more"),
-    }
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Replaces materials of a part after its files are loaded, and finds changes that replace nothing.
 
 use super::builder::{Extent, PartSource, SceneBuilder};
+use super::library::DefinedBy;
 use super::text::printable;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -59,7 +60,7 @@ pub(super) fn apply(
     }
     let definitions = || changes.iter().map(|change| change.material.clone()).collect();
     let address = Arc::as_ptr(changes).cast::<u8>() as usize;
-    let materials = scene.library.of_definitions(address, definitions, &mut scene.diagnostics);
+    let materials = scene.library.of(DefinedBy::Memory(address), definitions, &mut scene.diagnostics);
     let faces = &mut scene.faces;
     if faces.are_wanted && faces.count == 0 {
         // The triangles of rasters and voxels have no numbers.

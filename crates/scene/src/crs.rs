@@ -1,7 +1,7 @@
 //! Coordinate reference system of a scene: from the keys of its rasters and from `.prj` files beside its geometry.
 
-use super::geotiff;
 use super::text::Source;
+use crate::load::raster;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use vlscan_base::crs;
@@ -61,7 +61,7 @@ fn keeps_coordinates(transform: &Transform) -> bool {
 
 fn crs_of_file(file: &Path, part: &PartRecipe, problems: &mut Diagnostics) -> Option<Named> {
     if matches!(part.loader, Loader::GeoTiff { .. })
-        && let Some(code) = Source::open(file).ok().and_then(|source| geotiff::projected_epsg(&source))
+        && let Some(code) = Source::open(file).ok().and_then(|source| raster::projected_epsg(&source))
     {
         // Codes that are not built in are as good as none.
         return crs::wkt_of_epsg(code.into()).ok().map(|wkt| Named { wkt, file: file.to_path_buf() });

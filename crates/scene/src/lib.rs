@@ -1,7 +1,7 @@
 //! The scanned scene: parts with geometry and materials in one frame.
 //!
 //! ```text
-//! SceneRecipe ─ load ─► loaders: obj │ geotiff │ xyz │ vox ─► builder ─ transform ─ ground ─ shift ─► Scene
+//! SceneRecipe ─ load ─► loaders: mesh │ raster │ cloud │ voxel ─► builder ─ transform ─ ground ─ shift ─► Scene
 //!                          └ mtl, spectra ─► library (materials at the scanner's wavelength)
 //! ```
 //!
@@ -15,8 +15,7 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `load`, `builder` | load a scene; the scene under construction |
-//! | `obj`, `mesh`, `geotiff`, `xyz`, `vox` | loaders: meshes in files and in memory, rasters, point clouds, vegetation voxels |
+//! | `load`, `builder` | load a scene from meshes, rasters, point clouds and vegetation voxels; the scene under construction |
 //! | `text`, `number` | files of text: lines, problems with their places, numbers |
 //! | `change` | materials that replace those of a part |
 //! | `library`, `mtl`, `spectra`, `reflectance_issues`, `reflectance_units` | material definitions, their resolution and problems |
@@ -29,9 +28,6 @@
 //! | `pack` | packed scenes |
 //! | `fingerprint` | checksums of scenes |
 //! | `crs`, `frames` | coordinate reference systems of rasters and meshes; parts in local coordinates beside a grid |
-//! | `mesh_doubts` | meshes that are probably in another unit, or with another axis up |
-//! | `mesh_file` | mesh files: PLY, STL, glTF and, by `obj`, OBJ; tables of materials |
-//! | `polygon` | polygons as triangles, for all formats |
 //! | `inventory`, `part_facts` | count the contents of a scene and of its parts |
 
 #![deny(unsafe_code)]
@@ -45,7 +41,6 @@ mod fingerprint;
 #[cfg(test)]
 mod fixture;
 mod frames;
-mod geotiff;
 mod ground;
 mod instance_set;
 mod instances;
@@ -54,18 +49,13 @@ mod lad;
 mod library;
 mod load;
 mod material;
-mod mesh;
-mod mesh_doubts;
-mod mesh_file;
 mod model;
 mod motion;
 mod mtl;
 mod number;
-mod obj;
 mod pack;
 mod part_facts;
 mod plane;
-mod polygon;
 mod reflectance_issues;
 mod reflectance_units;
 mod spectra;
@@ -73,19 +63,16 @@ mod surfaces;
 #[cfg(test)]
 mod tests;
 mod text;
-mod vox;
 mod voxel;
-mod xyz;
 
 pub use builder::{LoadOptions, Sharing};
 pub use conditions::Conditions;
 pub use epoch::{SceneFrame, count_epochs};
 pub use fingerprint::fingerprint;
-pub use geotiff::raster_needs;
 pub use instance_set::InstanceSet;
 pub use inventory::Inventory;
 pub use lad::LadTable;
-pub use load::{load, load_epoch};
+pub use load::{load, load_epoch, raster_needs};
 pub use material::{Material, Reflection, SPHERICAL_MEAN_COSINE};
 pub use model::{MovingPart, PackedTree, Part, Scene, Sizes};
 pub use motion::{DynamicObject, DynamicScene, MotionPlan, MotionState, ObjectUpdate, check_time_step};

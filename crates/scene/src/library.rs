@@ -9,12 +9,11 @@ use super::text::Source;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use vlscan_base::corrections::Corrections;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::quantity::CLASSES;
 use vlscan_base::rng::{Purpose, Stream};
-use vlscan_survey::{MaterialChoice, MaterialDefinition, Mesh};
+use vlscan_survey::{MaterialChoice, MaterialDefinition};
 
 /// Name of the material of faces without one; no file can redefine it.
 pub(super) const DEFAULT: &str = "default";
@@ -34,11 +33,8 @@ pub(super) struct Library {
     pub units: ReflectanceUnits,
     seed: u64,
     files: Vec<MtlFile>,
-    file_of: HashMap<PathBuf, Option<usize>>,
-    /// Index in `files` of definitions in memory, by their address.
-    in_memory: HashMap<usize, usize>,
-    /// Index in `files` of mesh files, with the tables of materials they are read with, and of those tables.
-    mesh_files: HashMap<(PathBuf, Option<PathBuf>), usize>,
+    /// Index in `files`.
+    file_of: HashMap<DefinedBy, usize>,
     /// Definitions without a source and without their places, by name, with their materials: meshes with equal ones share
     /// them.
     of_memory: HashMap<String, Vec<(MaterialDefinition, u32)>>,
@@ -49,9 +45,20 @@ pub(super) struct Library {
 
 /// Definitions of a file, or of a mesh in memory.
 struct MtlFile {
-    /// `None` for definitions that were read elsewhere.
+    /// `None` for definitions that were read elsewhere, and for files that cannot be read.
     source: Option<Source>,
     definitions: Vec<MaterialDefinition>,
+}
+
+/// Where definitions are from.
+#[derive(PartialEq, Eq, Hash)]
+pub(super) enum DefinedBy {
+    /// An MTL file.
+    MtlFile(PathBuf),
+    /// The address of what is in memory.
+    Memory(usize),
+    /// A mesh file with the table of materials that it is read with, or such a table.
+    MeshFile(PathBuf, Option<PathBuf>),
 }
 
 #[derive(PartialEq, Eq, Hash)]
@@ -122,8 +129,6 @@ impl Library {
             seed,
             files: Vec::new(),
             file_of: HashMap::new(),
-            in_memory: HashMap::new(),
-            mesh_files: HashMap::new(),
             of_memory: HashMap::new(),
             index_of: HashMap::new(),
             materials: Vec::new(),
@@ -146,17 +151,22 @@ impl Library {
         true
     }
 
+    /// Index of an MTL file; `None` if it cannot be read.
     fn open(&mut self, path: &Path, diagnostics: &mut Diagnostics) -> Option<usize> {
-        if let Some(&file) = self.file_of.get(path) {
-            return file;
-        }
-        let file = Source::open(path).ok().map(|source| {
-            let definitions = mtl::read(&source, diagnostics);
-            self.files.push(MtlFile { source: Some(source), definitions });
-            self.files.len() - 1
+        let file = self.file(DefinedBy::MtlFile(path.to_path_buf()), || match Source::open(path) {
+            Ok(source) => MtlFile { definitions: mtl::read(&source, diagnostics), source: Some(source) },
+            Err(_) => MtlFile { source: None, definitions: Vec::new() },
         });
-        self.file_of.insert(path.to_path_buf(), file);
-        file
+        Some(file).filter(|&file| self.files[file].source.is_some())
+    }
+
+    /// Index of a file, which is read the first time.
+    fn file(&mut self, by: DefinedBy, read: impl FnOnce() -> MtlFile) -> usize {
+        let files = &mut self.files;
+        *self.file_of.entry(by).or_insert_with(|| {
+            files.push(read());
+            files.len() - 1
+        })
     }
 
     /// Resolves a name to a material: the definition of this name, else one with the same first word.
@@ -170,38 +180,16 @@ impl Library {
         }
     }
 
-    /// The materials of a mesh in memory, in its order.
-    pub fn of_mesh(&mut self, mesh: &Arc<Mesh>, diagnostics: &mut Diagnostics) -> Vec<u32> {
-        self.of_definitions(Arc::as_ptr(mesh) as usize, || mesh.materials().to_vec(), diagnostics)
-    }
-
-    /// The materials of definitions in memory, in their order; `address` identifies them.
-    pub fn of_definitions(
+    /// The materials of definitions, in their order.
+    pub fn of(
         &mut self,
-        address: usize,
+        by: DefinedBy,
         definitions: impl FnOnce() -> Vec<MaterialDefinition>,
         diagnostics: &mut Diagnostics,
     ) -> Vec<u32> {
-        let file = *self.in_memory.entry(address).or_insert_with(|| {
-            self.files.push(MtlFile { source: None, definitions: definitions() });
-            self.files.len() - 1
-        });
+        let file = self.file(by, || MtlFile { source: None, definitions: definitions() });
         let count = self.files[file].definitions.len();
         (0..count).map(|index| self.defined(DefinitionId { file, index }, diagnostics)).collect()
-    }
-
-    /// The materials of a mesh file and the table of materials that it is read with, in their order.
-    pub fn of_file(
-        &mut self,
-        key: (PathBuf, Option<PathBuf>),
-        definitions: &[MaterialDefinition],
-        diagnostics: &mut Diagnostics,
-    ) -> Vec<u32> {
-        let file = *self.mesh_files.entry(key).or_insert_with(|| {
-            self.files.push(MtlFile { source: None, definitions: definitions.to_vec() });
-            self.files.len() - 1
-        });
-        (0..definitions.len()).map(|index| self.defined(DefinitionId { file, index }, diagnostics)).collect()
     }
 
     /// Adds the definitions of a table of materials to `names`, in which they precede those of files added later.
@@ -211,11 +199,8 @@ impl Library {
         definitions: impl FnOnce() -> Vec<MaterialDefinition>,
         names: &mut Names,
     ) {
-        let key = (path.to_path_buf(), None);
-        let file = *self.mesh_files.entry(key).or_insert_with(|| {
-            self.files.push(MtlFile { source: None, definitions: definitions() });
-            self.files.len() - 1
-        });
+        let by = DefinedBy::MeshFile(path.to_path_buf(), None);
+        let file = self.file(by, || MtlFile { source: None, definitions: definitions() });
         for (index, definition) in self.files[file].definitions.iter().enumerate() {
             names.add(&definition.name, DefinitionId { file, index });
         }

@@ -4,7 +4,7 @@ use super::number::{float, skip_blanks};
 use super::text::{Line, Lines, Problems, Source, Words, operand, printable, shown};
 use std::ops::Range;
 use std::path::Path;
-use vlscan_base::columns::comma_note;
+use vlscan_base::columns::{comma_note, decoded};
 use vlscan_base::diag::{Diagnostics, nearest};
 use vlscan_base::quantity::CLASSES;
 use vlscan_survey::MaterialDefinition;
@@ -184,17 +184,9 @@ fn boolean(word: &[u8]) -> Option<bool> {
     }
 }
 
-/// Decodes a name, see [`text_of`], without control characters.
+/// Decodes a name, see [`decoded`], without control characters.
 pub(super) fn name_of(bytes: &[u8]) -> String {
-    printable(&text_of(bytes))
-}
-
-/// Decodes text: UTF-8, otherwise Latin-1.
-pub(super) fn text_of(bytes: &[u8]) -> String {
-    match std::str::from_utf8(bytes) {
-        Ok(text) => text.to_owned(),
-        Err(_) => bytes.iter().map(|&b| char::from(b)).collect(),
-    }
+    printable(&decoded(bytes))
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use super::library::DEFAULT;
 use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
 use vlscan_base::corrections::Corrections;
-use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::diag::{Diagnostics, Place, listed};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum ReflectanceIssue {
@@ -62,10 +62,7 @@ impl ReflectanceIssues {
             let Some((_, place)) = materials.peek() else { continue };
             let place = Some(place.clone());
             let names: Vec<String> = materials.map(|(name, _)| format!("\"{name}\"")).collect();
-            let mut listed = names[..names.len().min(MAX_LISTED)].join(", ");
-            if names.len() > MAX_LISTED {
-                listed += &format!(" and {} more", names.len() - MAX_LISTED);
-            }
+            let listed = listed(&names, MAX_LISTED);
             let (message, help) = match (issue, names.len()) {
                 (ReflectanceIssue::PerCent, 1) => (
                     format!("the reflectance of material {listed} is above 2 and taken as per cent"),

@@ -125,63 +125,33 @@ impl RowDecoder {
             // A beginning of an Arrow stream that is too short to be recognised is read as text.
             self.format = Format::Text(TextDecoder::new(std::mem::take(first), *named));
         }
-        let block = match &mut self.format {
+        let mut rest = None;
+        let content = match &mut self.format {
             Format::Unknown(..) => None,
             Format::Text(text) => {
-                let lines = text.next_lines(max_rows, ended, &mut self.source);
-                lines.map_err(|problem| problem.error(&self.source.path, self.what))?.map(|lines| {
-                    let rows = 0..lines.rows.len();
-                    RowBlock { content: Content::Text(Arc::new(lines)), rows, ..self.empty_block() }
-                })
+                let lines = text.next_lines(max_rows, ended, &mut self.source, self.what)?;
+                lines.map(|lines| (0..lines.rows.len(), Content::Text(Arc::new(lines))))
             }
-            Format::Arrow(decoder, rest) => {
-                let batch = match rest.take() {
-                    Some(rest) => Some(rest),
-                    None => decoder.next_batch()?.map(|batch| RowBlock {
-                        source: self.source.clone(),
-                        rows: 0..batch.rows,
-                        content: Content::Batch(Arc::new(batch)),
-                        before: self.rows,
-                    }),
-                };
-                if ended && batch.is_none() {
+            Format::Arrow(decoder, kept) => {
+                rest = kept.take();
+                let batch = if rest.is_none() { decoder.next_batch()? } else { None };
+                if ended && batch.is_none() && rest.is_none() {
                     decoder.end()?;
                 }
-                batch.map(|block| {
-                    let (block, others) = block.split_at(max_rows);
-                    *rest = others;
-                    block
-                })
+                batch.map(|batch| (0..batch.rows, Content::Batch(Arc::new(batch))))
             }
         };
+        let (source, before) = (self.source.clone(), self.rows);
+        let block = content.map(|(rows, content)| RowBlock { source, content, rows, before }).or(rest);
+        let (block, rest) = block.map_or((None, None), |block| {
+            let (block, rest) = block.split_at(max_rows);
+            (Some(block), rest)
+        });
+        if let Format::Arrow(_, kept) = &mut self.format {
+            *kept = rest;
+        }
         self.rows += block.as_ref().map_or(0, |block| block.len() as u64);
         Ok(block)
-    }
-
-    fn empty_block(&self) -> RowBlock {
-        let content = Content::Text(Arc::default());
-        RowBlock { source: self.source.clone(), content, rows: 0..0, before: self.rows }
-    }
-}
-
-/// Why a line cannot be a row.
-enum WrongLine {
-    /// Its number and its beginning.
-    TooLong(usize, String),
-    NoText,
-}
-
-impl WrongLine {
-    fn error(self, path: &Path, what: &str) -> Error {
-        let (number, start, message) = match self {
-            WrongLine::TooLong(number, start) => {
-                (number, start, format!("a line of more than {MAX_LINE_BYTES} bytes, expected {what}"))
-            }
-            WrongLine::NoText => {
-                (1, String::new(), format!("expected {what} as text, found bytes that are none"))
-            }
-        };
-        RowError { place: Place::in_line(path, number, &start, 0..0), message }.with_help("")
     }
 }
 
@@ -196,7 +166,14 @@ impl TextDecoder {
         max_rows: usize,
         ended: bool,
         source: &mut Arc<Source>,
-    ) -> std::result::Result<Option<Lines>, WrongLine> {
+        what: &str,
+    ) -> Result<Option<Lines>> {
+        let named = source.clone();
+        let refuse = |number, line: &[u8], message| {
+            let start = String::from_utf8_lossy(&line[..line.len().min(SHOWN_OF_LONG_LINE)]);
+            let place = Place::in_line(&named.path, number, &start, 0..0);
+            Err(RowError { place, message }.with_help(""))
+        };
         let (mut rows, mut at) = (Vec::new(), 0);
         while rows.len() < max_rows {
             let rest = &self.pending[at..];
@@ -205,8 +182,8 @@ impl TextDecoder {
                 if !rows.is_empty() {
                     break;
                 }
-                let start = String::from_utf8_lossy(&rest[..SHOWN_OF_LONG_LINE]).into_owned();
-                return Err(WrongLine::TooLong(self.line + 1, start));
+                let message = format!("a line of more than {MAX_LINE_BYTES} bytes, expected {what}");
+                return refuse(self.line + 1, rest, message);
             }
             let Some((length, with_end)) = length else { break };
             self.line += 1;
@@ -217,7 +194,7 @@ impl TextDecoder {
             }
             let text = &self.pending[line.clone()];
             if self.line == 1 && text.contains(&0) {
-                return Err(WrongLine::NoText);
+                return refuse(1, &[], format!("expected {what} as text, found bytes that are none"));
             }
             match text.trim_ascii_start() {
                 [] => continue,

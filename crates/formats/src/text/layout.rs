@@ -5,7 +5,7 @@ use super::lines::{is_heading, is_skipped};
 use crate::{Attribute, Columns};
 use std::ops::Range;
 use std::path::Path;
-use vlscan_base::columns::{Separator, stated_separator};
+use vlscan_base::columns::{Separator, decoded, stated_separator};
 use vlscan_base::diag::{Diagnostics, Place};
 
 /// Number of columns of the point files of this program and of HELIOS++ (spec outputs §3).
@@ -194,14 +194,6 @@ impl Layout {
         found
             .warn(Some(place), format!("columns 4 to {} have no names and are not read", words.len()))
             .help("name the columns in the first line, for example `x y z intensity red green blue`");
-    }
-}
-
-/// Text in UTF-8, or else in Latin-1, as spreadsheets write it.
-fn decoded(bytes: &[u8]) -> String {
-    match std::str::from_utf8(bytes) {
-        Ok(text) => text.to_owned(),
-        Err(_) => bytes.iter().map(|b| char::from(*b)).collect(),
     }
 }
 

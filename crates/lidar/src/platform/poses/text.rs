@@ -90,8 +90,9 @@ impl PoseRows {
         self.helios |= stated.has_directives && self.settings.format.is_none();
         let separator = first.map(Row::separator);
         let layout = self.choose_layout(&stated, separator).map_err(|message| {
-            let place = self.place.clone();
-            first.map_or(RowError { place, message: message.clone() }, |row| row.error(None, message))
+            let line = first.filter(|_| self.rows.fields().is_none());
+            let place = line.map_or_else(|| self.place.clone(), |row| row.error(None, "").place);
+            RowError { place, message }
         });
         self.layout = Some(layout.map_err(|e| e.with_help(NAME_COLUMNS))?);
         let default = if self.helios { AngleConvention::Helios } else { AngleConvention::Heading };

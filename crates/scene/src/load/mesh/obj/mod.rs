@@ -6,18 +6,19 @@ mod slice;
 #[cfg(test)]
 mod tests;
 
-use super::builder::{PartSource, SceneBuilder};
-use super::library::{DEFAULT, Known, Names};
-use super::mtl::{name_of, text_of};
-use super::polygon::{self, Fan};
-use super::reflectance_issues::ReflectanceIssue;
-use super::text::{Problems, Source, cut_into_pieces};
+use crate::builder::{PartSource, SceneBuilder};
+use crate::library::{DEFAULT, Known, Names};
+use crate::load::mesh::polygon::{self, Fan};
+use crate::mtl::name_of;
+use crate::reflectance_issues::ReflectanceIssue;
+use crate::text::{Problems, Source, cut_into_pieces};
 use rayon::prelude::*;
-pub(super) use slice::Reading;
+pub(crate) use slice::Reading;
 use slice::{NO_VERTEX, Slice, Statement, Switch};
 use std::collections::HashSet;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use vlscan_base::columns::decoded;
 use vlscan_base::diag::{Place, nearest};
 use vlscan_base::error::Result;
 use vlscan_base::files::reads;
@@ -34,7 +35,7 @@ const PIECES_PER_THREAD: usize = 4;
 const MAX_LISTED_NAMES: usize = 10_000;
 
 /// Appends the triangles of an OBJ file to the scene. `names` holds the materials known to the part's files.
-pub(super) fn load(
+pub(crate) fn load(
     scene: &mut SceneBuilder,
     part: &PartSource,
     source: &Source,
@@ -239,7 +240,7 @@ fn add_library(
 ) {
     let folder = source.path().parent().map_or_else(PathBuf::new, PathBuf::from);
     let place = || source.place(switch.line, switch.at.clone());
-    let whole = text_of(operand);
+    let whole = decoded(operand);
     let with_slashes = whole.replace('\\', "/");
     let words: Vec<&str> = with_slashes.split_whitespace().collect();
     for files in [vec![whole.as_str()], vec![with_slashes.as_str()], words] {

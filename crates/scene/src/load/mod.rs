@@ -1,19 +1,32 @@
 //! Builds the finished scene from its description (spec input-formats §3.6): loads and transforms all parts, drops
 //! those with `onGround` to the ground, and moves the origin to the centre of the scene.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `mesh` | meshes in files and in memory |
+//! | `raster` | terrain from GeoTIFF |
+//! | `cloud` | point clouds as cubes |
+//! | `voxel` | vegetation voxels |
 
-use super::builder::{Extent, FaceNumbers, LoadOptions, MAX_COORDINATE, PartSource, SceneBuilder};
-use super::crs::find_crs;
-use super::epoch::{SceneFrame, keeps_frame};
-use super::frames::PartFrames;
-use super::ground::{self, Body, LoadedPart};
-use super::lad::LadTable;
-use super::library::{Library, Names};
-use super::mesh_file::{self, EpochPart};
-use super::model::{MovingPart, Part, Scene};
-use super::pack::Pack;
-use super::spectra::Spectra;
-use super::text::{Source, printable};
-use super::{change, geotiff, instances, mesh, mesh_doubts, vox, xyz};
+mod cloud;
+mod mesh;
+pub(crate) mod raster;
+mod voxel;
+
+use crate::builder::{Extent, FaceNumbers, LoadOptions, MAX_COORDINATE, PartSource, SceneBuilder};
+use crate::crs::find_crs;
+use crate::epoch::{SceneFrame, keeps_frame};
+use crate::frames::PartFrames;
+use crate::ground::{self, Body, LoadedPart};
+use crate::lad::LadTable;
+use crate::library::{Library, Names};
+use crate::model::{MovingPart, Part, Scene};
+use crate::pack::Pack;
+use crate::spectra::Spectra;
+use crate::text::{Source, printable};
+use crate::{change, instances};
+use mesh::EpochPart;
+pub use raster::raster_needs;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -54,7 +67,7 @@ fn load_sources(
     let spectra = Spectra::new(&recipe.asset_folders, options.wavelength_nm);
     let library = Library::new(spectra, options.rules, options.seed);
     let mut scene = SceneBuilder::new(options, library);
-    let parts = mesh_file::parts_in_epoch(&mut scene, recipe, epoch)?;
+    let parts = mesh::parts_in_epoch(&mut scene, recipe, epoch)?;
     let present = parts.iter().filter(|part| part.is_present).map(|part| part.recipe.as_ref());
     scene.meshes = instances::plan_sharing(present, options.sharing);
     let mut loaded = Vec::new();
@@ -157,7 +170,7 @@ fn load_part(
         let bounds = ground::bounds_of(scene, &body);
         check_coordinates(scene, &id, bounds, &body, part.place.as_ref());
         frames.add(&id, part.place.as_ref(), bounds);
-        mesh_doubts::check(scene, part, files, &body, bounds);
+        mesh::doubts::check(scene, part, files, &body, bounds);
         if let Body::Stored(extent) = &body
             && !part.motions.is_empty()
         {
@@ -228,17 +241,17 @@ fn load_files(
     scene.faces = FaceNumbers { are_wanted, ..FaceNumbers::default() };
     let mut densities = Vec::new();
     if let Loader::Mesh(triangles) = &part.loader {
-        mesh::load(scene, &target, triangles)?;
+        mesh::memory::load(scene, &target, triangles)?;
     }
     for file in files {
         let Some(source) = open(scene, part, file)? else { continue };
         match &part.loader {
-            Loader::MeshFiles { reading, .. } => mesh_file::load(scene, &target, &source, reading, names)?,
+            Loader::MeshFiles { reading, .. } => mesh::load(scene, &target, &source, reading, names)?,
             Loader::Mesh(_) => {}
-            Loader::GeoTiff { .. } => geotiff::load(scene, &target, &source, materials[0])?,
-            Loader::Xyz(loader) => xyz::load(scene, &target, &source, loader, &materials)?,
+            Loader::GeoTiff { .. } => raster::load(scene, &target, &source, materials[0])?,
+            Loader::Xyz(loader) => cloud::load(scene, &target, &source, loader, &materials)?,
             Loader::DetailedVoxels(loader) => {
-                densities.extend(vox::load(scene, &target, &source, loader, &materials)?);
+                densities.extend(voxel::load(scene, &target, &source, loader, &materials)?);
             }
         }
         source.check_unchanged()?;
@@ -249,7 +262,7 @@ fn load_files(
     if let Loader::DetailedVoxels(loader) = &part.loader
         && let VoxelMode::Scaled(exponent) = loader.mode
     {
-        vox::scale_by_density(scene, &densities, exponent, loader.random_shift.then_some(target.index));
+        voxel::scale_by_density(scene, &densities, exponent, loader.random_shift.then_some(target.index));
     }
     Ok(())
 }

@@ -16,8 +16,8 @@ mod tests;
 mod unpack;
 mod validity;
 
-use super::builder::{MAX_COORDINATE, MAX_ELEMENTS, PartSource, SceneBuilder, memory_of};
-use super::text::Source;
+use crate::builder::{MAX_COORDINATE, MAX_ELEMENTS, PartSource, SceneBuilder, memory_of};
+use crate::text::Source;
 use blocks::{Blocks, Directory, readable};
 use georeference::Georeference;
 use keys::{BandMetadata, LengthUnit};
@@ -74,7 +74,7 @@ pub fn raster_needs(recipe: &SceneRecipe) -> Vec<RasterNeed> {
 }
 
 /// EPSG code of a raster's projected system, if its keys name one and its coordinates are those of the scene: metres.
-pub(super) fn projected_epsg(source: &Source) -> Option<u16> {
+pub(crate) fn projected_epsg(source: &Source) -> Option<u16> {
     let mut directory = open(source).ok()?;
     let unit = keys::horizontal_unit(&mut directory).ok().flatten();
     keys::projected_epsg(&mut directory).filter(|_| unit.is_none_or(|unit| unit.is_metre()))
@@ -95,7 +95,7 @@ struct Raster {
 }
 
 /// Appends a raster's triangles, all with one material. Problems of the file are errors of the part.
-pub(super) fn load(
+pub(crate) fn load(
     scene: &mut SceneBuilder,
     part: &PartSource,
     source: &Source,

@@ -1,8 +1,8 @@
 //! Reads one piece of an OBJ file independently of all others (spec input-formats §4.1).
 
 use crate::builder::MAX_COORDINATE;
+use crate::load::mesh::polygon::Fan;
 use crate::number::{float_at, is_blank, skip_blanks};
-use crate::polygon::Fan;
 use crate::text::{Line, Lines, Problems, Words, is_empty_line, operand, shown};
 use std::ops::Range;
 use vlscan_base::columns::comma_note;

@@ -1,7 +1,7 @@
 //! Loads meshes in memory.
 
-use super::builder::{PartSource, SceneBuilder};
-use super::library::DEFAULT;
+use crate::builder::{PartSource, SceneBuilder};
+use crate::library::{DEFAULT, DefinedBy};
 use std::path::Path;
 use std::sync::Arc;
 use vlscan_base::error::Result;
@@ -9,17 +9,20 @@ use vlscan_geom::DVec3;
 use vlscan_survey::Mesh;
 
 /// Appends the triangles of a mesh to the scene. Triangles without area are left out and counted in a warning.
-pub(super) fn load(scene: &mut SceneBuilder, part: &PartSource, mesh: &Arc<Mesh>) -> Result<()> {
+pub(crate) fn load(scene: &mut SceneBuilder, part: &PartSource, mesh: &Arc<Mesh>) -> Result<()> {
     let materials: Vec<u32> = match mesh.materials() {
         [] => vec![scene.library.unnamed(DEFAULT)],
-        _ => scene.library.of_mesh(mesh, &mut scene.diagnostics),
+        all => {
+            let by = DefinedBy::Memory(Arc::as_ptr(mesh) as usize);
+            scene.library.of(by, || all.to_vec(), &mut scene.diagnostics)
+        }
     };
     load_with(scene, part, mesh, materials, &[])
 }
 
 /// [`load`] with materials of the scene in place of those of the mesh, in its order. `face_of` is the face of each triangle,
 /// from 0; without it each triangle is a face.
-pub(super) fn load_with(
+pub(crate) fn load_with(
     scene: &mut SceneBuilder,
     part: &PartSource,
     mesh: &Mesh,

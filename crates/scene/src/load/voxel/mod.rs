@@ -4,10 +4,10 @@ mod layout;
 #[cfg(test)]
 mod tests;
 
-use super::builder::{MAX_COORDINATE, PartSource, SceneBuilder};
-use super::number::float;
-use super::text::{Line, Lines, Problems, Source, Words, cut_into_pieces, is_empty_line, shown};
-use super::voxel::{Voxel, VoxelKind};
+use crate::builder::{MAX_COORDINATE, PartSource, SceneBuilder};
+use crate::number::float;
+use crate::text::{Line, Lines, Problems, Source, Words, cut_into_pieces, is_empty_line, shown};
+use crate::voxel::{Voxel, VoxelKind};
 use layout::Layout;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -36,7 +36,7 @@ struct Header {
 
 /// Maximum density of a part's file, for scaling its voxels.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Densities {
+pub(crate) struct Densities {
     /// The file's cubes, as indices in the scene.
     pub cubes: Range<usize>,
     /// PAD_max, the maximum plant area density, 1/m.
@@ -45,7 +45,7 @@ pub(super) struct Densities {
 
 /// Appends the voxels of a file, without the part's transform and scaling. Returns the data for scaling; `None` after
 /// an error.
-pub(super) fn load(
+pub(crate) fn load(
     scene: &mut SceneBuilder,
     part: &PartSource,
     source: &Source,
@@ -301,7 +301,7 @@ fn read_row(line: &Line, layout: &Layout) -> std::result::Result<Row, (Range<usi
 /// Applies `scaled` to voxels after the part's transform: the edge is multiplied by (PAD/PAD_max)^exponent, and with
 /// `random_shift` the cube gets a random position within the original one. A voxel without density (NaN) has no size
 /// and is removed.
-pub(super) fn scale_by_density(
+pub(crate) fn scale_by_density(
     scene: &mut SceneBuilder,
     files: &[Densities],
     exponent: f64,

@@ -2,8 +2,8 @@
 //! and a mesh whose y is up lies on its side. Both can be told from the extent of most meshes, and are warned of unless the
 //! scene states unit or axis.
 
-use super::builder::SceneBuilder;
-use super::ground::Body;
+use crate::builder::SceneBuilder;
+use crate::ground::Body;
 use std::path::PathBuf;
 use vlscan_base::diag::Place;
 use vlscan_base::quantity::metres;
@@ -21,7 +21,7 @@ const MIN_SHEET: f64 = 100.0;
 
 /// Warns of a part whose mesh is probably in another unit or lies on its side, once for each file. `bounds` is the box of the
 /// part, world frame.
-pub(super) fn check(
+pub(crate) fn check(
     scene: &mut SceneBuilder,
     part: &PartRecipe,
     files: &[PathBuf],
@@ -53,13 +53,13 @@ fn own_bounds(scene: &SceneBuilder, part: &PartRecipe, body: &Body) -> Aabb {
     match body {
         Body::Stored(extent) => {
             let vertices = &scene.geometry.vertices[extent.vertices.clone()];
-            super::builder::bounds_of_points(vertices, |p| {
+            crate::builder::bounds_of_points(vertices, |p| {
                 back.apply((p - transform.offset) / transform.scale)
             })
         }
         Body::Instance(instance) => {
             let model = scene.meshes.placements[*instance].0;
-            super::builder::bounds_of_points(&scene.meshes.models[model as usize].geometry.vertices, |p| p)
+            crate::builder::bounds_of_points(&scene.meshes.models[model as usize].geometry.vertices, |p| p)
         }
     }
 }

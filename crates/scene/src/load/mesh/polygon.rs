@@ -8,7 +8,7 @@ use vlscan_geom::DVec3;
 
 /// A triangle that is left out without a word: ear clipping yields fewer triangles than the fan for polygons with corners on
 /// a straight line. No scene has so many vertices.
-pub(super) const UNUSED: [u32; 3] = [u32::MAX - 1; 3];
+pub(crate) const UNUSED: [u32; 3] = [u32::MAX - 1; 3];
 
 /// Part of the polygon's area by which a triangle of a fan may be turned over, as rounding does with corners on a line.
 const MAX_REVERSED: f64 = 1e-9;
@@ -19,7 +19,7 @@ const MAX_CORNERS: u32 = 1 << 20;
 
 /// A polygon of more than three corners as triangles around its first corner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Fan {
+pub(crate) struct Fan {
     /// Its first triangle.
     pub first: u32,
     /// Number of its triangles: two less than corners.
@@ -28,7 +28,7 @@ pub(super) struct Fan {
 
 /// Polygons that cross themselves, of which triangles are an approximation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Crossings {
+pub(crate) struct Crossings {
     pub count: usize,
     /// The first triangle of the first of them.
     pub first: usize,
@@ -48,7 +48,7 @@ impl Crossings {
 
 /// Replaces the fans that do not fill their polygons. Triangles that become superfluous are [`UNUSED`]; polygons with
 /// unknown corners stay as they are.
-pub(super) fn divide(fans: &[Fan], triangles: &mut [[u32; 3]], vertices: &[DVec3]) -> Option<Crossings> {
+pub(crate) fn divide(fans: &[Fan], triangles: &mut [[u32; 3]], vertices: &[DVec3]) -> Option<Crossings> {
     let divided: Vec<Divided> = fans
         .par_iter()
         .map_init(Divider::default, |divider, fan| divider.divide(*fan, triangles, vertices))

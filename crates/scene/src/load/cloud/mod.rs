@@ -7,9 +7,9 @@ mod cells;
 mod tests;
 mod text;
 
-use super::builder::{MAX_COORDINATE, PartSource, SceneBuilder, memory_of};
-use super::text::{Problems, Source, cut_into_pieces};
-use super::voxel::Voxel;
+use crate::builder::{MAX_COORDINATE, PartSource, SceneBuilder, memory_of};
+use crate::text::{Problems, Source, cut_into_pieces};
+use crate::voxel::Voxel;
 use cells::{Budget, Cells, Grid, NormalRule, SHARDS};
 use rayon::prelude::*;
 use std::ops::{ControlFlow, Range};
@@ -28,7 +28,7 @@ const PIECE_BYTES: usize = 1 << 20;
 const MIN_PLANE_POINTS: u32 = 3;
 
 /// Appends one cube per occupied cell of a file's grid, ordered by z, y, x.
-pub(super) fn load(
+pub(crate) fn load(
     scene: &mut SceneBuilder,
     part: &PartSource,
     source: &Source,
@@ -70,19 +70,13 @@ pub(super) fn load(
     };
     let budget = Budget::new(scene.free_memory().try_into().unwrap_or(usize::MAX));
     let mut sorter = Sorter { grid: &grid, settings: &settings, shards: Default::default(), budget };
-    match &cloud {
-        Cloud::Text { pieces, format } => sorter.sort_text(scene, source, pieces, format)?,
-        Cloud::File(file) => {
-            let mut failure = Ok(());
-            let mut found = Diagnostics::default();
-            // What there is to say was said when the extent was looked for.
-            each_batch(file, &mut found, |batches| {
-                failure = sorter.sort(scene, source, batches);
-                failure.is_ok()
-            })?;
-            failure?;
-        }
-    }
+    let mut failure = Ok(());
+    // What there is to say was said when the extent was looked for.
+    cloud.each_batch(source, &mut Diagnostics::default(), |batches| {
+        failure = sorter.sort(scene, source, batches);
+        failure.is_ok()
+    })?;
+    failure?;
     let shards = sorter.shards;
     let cells: usize = shards.iter().map(Cells::len).sum();
     scene.check_memory(memory_of(0, 0, cells).max((cells * size_of::<Filled>()) as u64), source.path())?;
@@ -128,24 +122,16 @@ impl<'s> Cloud<'s> {
         settings: &Settings,
         diagnostics: &mut Diagnostics,
     ) -> Result<Option<Aabb>> {
-        let file = match self {
-            Cloud::Text { pieces, format } => {
-                return Ok(extent_of_text(source, settings, pieces, format, diagnostics));
-            }
-            Cloud::File(file) => file,
-        };
         let (mut extent, mut passed, mut wrong) = (Aabb::EMPTY, 0, None);
         let mut without_normal = 0;
         let mut found = Diagnostics::default();
-        each_batch(file, &mut found, |batches| {
-            for point in batches.iter().flatten() {
-                // Also false for NaN.
-                let is_near = point.position.abs().max_element() <= MAX_COORDINATE;
-                wrong =
-                    wrong.or((!(point.position.is_finite() && is_near)).then_some((passed, point.position)));
-                extent = extent.with(point.position);
-                without_normal += u64::from(!settings.has_usable_normal(point));
-                passed += 1;
+        self.each_batch(source, &mut found, |batches| {
+            let seen: Vec<_> = batches.par_iter().map(|batch| settings.look_at(batch)).collect();
+            for ((own, lacking, first_wrong), batch) in seen.into_iter().zip(batches) {
+                extent = extent.union(own);
+                without_normal += lacking;
+                wrong = wrong.or(first_wrong.map(|number| (passed + number, batch[number].position)));
+                passed += batch.len();
             }
             wrong.is_none()
         })?;
@@ -163,26 +149,61 @@ impl<'s> Cloud<'s> {
         diagnostics.extend(found);
         Ok((!is_wrong).then_some(extent))
     }
+
+    /// Passes batches of points to `take`, in the order of the file, as long as it returns true. What is wrong with them goes to
+    /// `found`.
+    fn each_batch(
+        &self,
+        source: &Source,
+        found: &mut Diagnostics,
+        mut take: impl FnMut(&[Vec<PointRow>]) -> bool,
+    ) -> Result<()> {
+        let (pieces, format) = match self {
+            Cloud::Text { pieces, format } => (pieces, format),
+            Cloud::File(file) => {
+                let mut batches = Batches { take, batches: vec![Vec::new()], is_ended: false };
+                file.read(Selection::PositionAndClass, &mut batches, found)?;
+                if !batches.is_ended {
+                    batches.flush();
+                }
+                return Ok(());
+            }
+        };
+        let (mut problems, mut passed) = (Problems::default(), 0);
+        for wave in pieces.chunks(4 * rayon::current_num_threads()) {
+            let read = wave.par_iter().map(|piece| {
+                let (mut points, mut problems) = (Vec::new(), Problems::default());
+                let bytes = &source.bytes()[piece.clone()];
+                let lines = format.read(bytes, piece.start == 0, &mut problems, |p| points.push(p));
+                (points, problems, lines)
+            });
+            let read: Vec<_> = read.collect();
+            let mut batches = Vec::with_capacity(read.len());
+            for ((points, found, lines), piece) in read.into_iter().zip(wave) {
+                problems.append(found, passed, piece.start);
+                passed += lines;
+                batches.push(points);
+            }
+            if !take(&batches) {
+                return Ok(());
+            }
+        }
+        if let Some((number, at, last)) = source.unended_line()
+            && let Some((columns, found)) = format.find_truncation(source.bytes(), last)
+        {
+            problems.error(number, at..at + last.len(), || {
+                format!("expected {columns} columns as in the first line, found {found}; is the file whole?")
+            });
+        }
+        problems.report(source, found);
+        Ok(())
+    }
 }
 
 fn report_empty(source: &Source, is_text: bool, diagnostics: &mut Diagnostics) {
     let place = is_text.then(|| source.place(1, 0..0));
     let message = format!("expected points in {}, found none", source.path().display());
     diagnostics.error(place, message);
-}
-
-/// Passes batches of points of a file to `take`, in the order of the file, as long as it returns true.
-fn each_batch(
-    file: &PointFile,
-    found: &mut Diagnostics,
-    take: impl FnMut(&[Vec<PointRow>]) -> bool,
-) -> Result<()> {
-    let mut batches = Batches { take, batches: vec![Vec::new()], is_ended: false };
-    file.read(Selection::PositionAndClass, &mut batches, found)?;
-    if !batches.is_ended {
-        batches.flush();
-    }
-    Ok(())
 }
 
 /// Number of points of a batch, which one task sorts.
@@ -249,44 +270,6 @@ impl Settings {
     }
 }
 
-/// The box around all points of a text file; `None` after errors in its lines.
-fn extent_of_text(
-    source: &Source,
-    settings: &Settings,
-    pieces: &[Range<usize>],
-    format: &RowFormat,
-    diagnostics: &mut Diagnostics,
-) -> Option<Aabb> {
-    let read: Vec<(Aabb, u64, Problems, usize)> = pieces
-        .par_iter()
-        .map(|piece| {
-            let (mut extent, mut without_normal, mut problems) = (Aabb::EMPTY, 0, Problems::default());
-            let bytes = &source.bytes()[piece.clone()];
-            let lines = format.read(bytes, piece.start == 0, &mut problems, |p| {
-                extent = extent.with(p.position);
-                without_normal += u64::from(!settings.has_usable_normal(&p));
-            });
-            (extent, without_normal, problems, lines)
-        })
-        .collect();
-    let (mut all, mut without_normal, mut problems, mut passed) = (Aabb::EMPTY, 0, Problems::default(), 0);
-    for ((extent, without, found, lines), piece) in read.into_iter().zip(pieces) {
-        all = all.union(extent);
-        without_normal += without;
-        problems.append(found, passed, piece.start);
-        passed += lines;
-    }
-    if let Some((number, at, last)) = source.unended_line()
-        && let Some((columns, found)) = format.find_truncation(source.bytes(), last)
-    {
-        problems.error(number, at..at + last.len(), || {
-            format!("expected {columns} columns as in the first line, found {found}; is the file whole?")
-        });
-    }
-    settings.warn_of_normals(without_normal, source, diagnostics);
-    problems.report(source, diagnostics).then_some(all)
-}
-
 /// Sorts points into cells. Each cell receives its points in the order of the file for any number of threads.
 struct Sorter<'a> {
     grid: &'a Grid,
@@ -296,29 +279,6 @@ struct Sorter<'a> {
 }
 
 impl Sorter<'_> {
-    fn sort_text(
-        &mut self,
-        scene: &SceneBuilder,
-        source: &Source,
-        pieces: &[Range<usize>],
-        format: &RowFormat,
-    ) -> Result<()> {
-        for wave in pieces.chunks(4 * rayon::current_num_threads()) {
-            let read: Vec<_> = wave
-                .par_iter()
-                .map(|piece| {
-                    let mut sorted: [Vec<PointRow>; SHARDS] = Default::default();
-                    let mut reported = Problems::default();
-                    let (bytes, is_first) = (&source.bytes()[piece.clone()], piece.start == 0);
-                    format.read(bytes, is_first, &mut reported, |p| self.put(p, &mut sorted));
-                    sorted
-                })
-                .collect();
-            self.add(scene, source, &read)?;
-        }
-        Ok(())
-    }
-
     fn sort(&mut self, scene: &SceneBuilder, source: &Source, batches: &[Vec<PointRow>]) -> Result<()> {
         let sorted: Vec<_> = batches
             .par_iter()
@@ -357,6 +317,18 @@ impl Sorter<'_> {
 }
 
 impl Settings {
+    /// The box around points, the number of those without a usable normal, and the first one that is too far away.
+    fn look_at(&self, points: &[PointRow]) -> (Aabb, u64, Option<usize>) {
+        let (mut extent, mut without_normal) = (Aabb::EMPTY, 0);
+        for point in points {
+            extent = extent.with(point.position);
+            without_normal += u64::from(!self.has_usable_normal(point));
+        }
+        // Also false for NaN.
+        let is_near = |p: DVec3| p.is_finite() && p.abs().max_element() <= MAX_COORDINATE;
+        (extent, without_normal, points.iter().position(|point| !is_near(point.position)))
+    }
+
     /// Whether a point has no normal, or one of a direction; normals that are not looked at are usable.
     fn has_usable_normal(&self, point: &PointRow) -> bool {
         self.rule == NormalRule::Plane || point.normal.is_none_or(|n| n.is_finite() && n != DVec3::ZERO)

@@ -2,6 +2,7 @@
 //!
 //! | file | what it does |
 //! |---|---|
+//! | `obj` | OBJ |
 //! | `ply` | PLY |
 //! | `stl` | STL |
 //! | `gltf`, `gltf_buffers` | documents of glTF 2.0: accessors, meshes, materials; their bytes |
@@ -10,7 +11,11 @@
 //! | `gltf_nodes` | the nodes of a glTF document with their transforms |
 //! | `expand` | glTF files as parts, one for each mesh that a node places |
 //! | `materials` | tables of materials by name |
+//! | `memory` | meshes in memory |
+//! | `polygon` | polygons as triangles, for all formats |
+//! | `doubts` | meshes that are probably in another unit, or with another axis up |
 
+pub(super) mod doubts;
 mod expand;
 mod gltf;
 mod gltf_buffers;
@@ -18,22 +23,24 @@ mod gltf_extensions;
 mod gltf_materials;
 mod gltf_nodes;
 mod materials;
+pub(super) mod memory;
+mod obj;
 mod ply;
+mod polygon;
 mod stl;
 #[cfg(test)]
 mod tests;
 
-pub(super) use expand::{EpochPart, parts_in_epoch};
+pub(crate) use expand::{EpochPart, parts_in_epoch};
 
-use super::builder::{PartSource, SceneBuilder};
-use super::library::Names;
-use super::polygon::Fan;
-use super::text::{Source, printable};
-use super::{mesh, obj, polygon};
+use crate::builder::{PartSource, SceneBuilder};
+use crate::library::{DefinedBy, Names};
+use crate::text::{Source, printable};
 use materials::MaterialTable;
+use polygon::Fan;
 use std::collections::HashSet;
 use std::path::Path;
-use vlscan_base::diag::Place;
+use vlscan_base::diag::{Place, listed};
 use vlscan_base::error::{Error, Result};
 use vlscan_formats::is_ply;
 use vlscan_geom::DVec3;
@@ -154,7 +161,7 @@ fn diffuse(name: impl AsRef<str>) -> MaterialDefinition {
 }
 
 /// Appends the triangles of a mesh file to the scene. `names` holds the materials known to the part's OBJ files.
-pub(super) fn load(
+pub(crate) fn load(
     scene: &mut SceneBuilder,
     part: &PartSource,
     source: &Source,
@@ -199,9 +206,9 @@ pub(super) fn load(
     let mesh = finish(scene, source.path(), table.as_ref(), raw, &mut unknown)?;
     warn_of_unknown(scene, source.path(), unknown);
     let Some(mesh) = mesh else { return Ok(()) };
-    let key = (source.path().to_path_buf(), reading.materials.clone());
-    let materials = scene.library.of_file(key, mesh.materials(), &mut scene.diagnostics);
-    mesh::load_with(scene, part, &mesh, materials, &face_of)
+    let by = DefinedBy::MeshFile(source.path().to_path_buf(), reading.materials.clone());
+    let materials = scene.library.of(by, || mesh.materials().to_vec(), &mut scene.diagnostics);
+    memory::load_with(scene, part, &mesh, materials, &face_of)
 }
 
 /// The format of a file that is none of the known ones, and what to do with it. The first bytes of a binary STL file are
@@ -219,6 +226,9 @@ fn table_of(scene: &mut SceneBuilder, path: &Path, reading: &MeshReading) -> Opt
     Some(table)
 }
 
+/// Maximum number of names of materials in a warning.
+const MAX_NAMES: usize = 5;
+
 /// Warns of materials whose reflectance is not known.
 fn warn_of_unknown(scene: &mut SceneBuilder, path: &Path, mut unknown: Vec<String>) {
     let mut seen = HashSet::new();
@@ -226,9 +236,9 @@ fn warn_of_unknown(scene: &mut SceneBuilder, path: &Path, mut unknown: Vec<Strin
     if unknown.is_empty() {
         return;
     }
-    let names = unknown.iter().take(5).map(|n| format!("\"{n}\"")).collect::<Vec<_>>().join(", ");
-    let more = if unknown.len() > 5 { format!(" and {} more", unknown.len() - 5) } else { String::new() };
-    let message = format!("no reflectance for the material {names}{more}; it reflects 50 per cent");
+    let names: Vec<String> = unknown.iter().map(|n| format!("\"{n}\"")).collect();
+    let message =
+        format!("no reflectance for the material {}; it reflects 50 per cent", listed(&names, MAX_NAMES));
     let help =
         "a file materials.csv beside it, with a line name,reflectance,class,ground and one for each material";
     scene.diagnostics.warn(Some(Place::of_file(path)), message).help(help);
