@@ -11,10 +11,11 @@
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use vlscan::internals::{
-    DVec3, FlightOptions, FlightPlan, FlightState, Options, Pose, Rotation, Step, read_run,
-};
-use vlscan::{Error, Result};
+use vlscan::geom::Rotation;
+use vlscan::lidar::flight::{FlightOptions, FlightPlan, FlightState, Step};
+use vlscan::lidar::platform::Pose;
+use vlscan::options::{Options, read_survey};
+use vlscan::{DVec3, Error, Result};
 
 const CHUNK: u32 = 1024;
 const MAX_PULSES: u64 = 1 << 22;
@@ -129,7 +130,7 @@ fn fly(plan: &FlightPlan) -> Result<(u64, u64, f64)> {
 }
 
 fn measure(name: &str, path: &Path) -> Result<()> {
-    let (survey, ..) = read_run(path, Options::default())?;
+    let (survey, ..) = read_survey(path, Options::default())?;
     let (plan, _) = FlightPlan::new(&survey, DVec3::ZERO, &|_, _| None, &FlightOptions::default())?;
     let mut best = (0, 0, f64::INFINITY);
     for _ in 0..3 {

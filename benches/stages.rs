@@ -10,10 +10,12 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use vlscan::internals::{
-    Batch, FlightPlan, FlightSink, FlightState, Kind, NoOffload, OutputContext, OutputPlan, Phase, Physics,
-    PoseSample, Pulse, PulseSimulator, Scene, SceneOptions, Step, Survey, write_scene,
-};
+use vlscan::lidar::flight::{FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Step};
+use vlscan::lidar::pulse::{Batch, Phase, Physics, PulseSimulator};
+use vlscan::output::{NoOffload, OutputContext, OutputPlan};
+use vlscan::scene::Scene;
+use vlscan::survey::Survey;
+use vlscan::tools::generate::{Kind, SceneOptions, write_scene};
 use vlscan::{
     Error, OutputRequest, PointFormat, ReadOptions, Result, Session, Settings, Target, read_survey,
 };
@@ -158,7 +160,7 @@ fn plan(survey: &Survey, scene: &Scene, format: PointFormat) -> Result<Arc<Outpu
 
 fn measure(path: &Path, passes: usize) -> Result<()> {
     let (survey, _) = read_survey(path, &ReadOptions::default())?;
-    let session = Session::open_scene(Settings::new(survey), |_| ())?;
+    let session = Session::open_for_flight(Settings::new(survey), |_| ())?;
     let (settings, scene) = (session.settings(), session.scene());
     let tree = session.build_tree(&settings.tree)?;
     let [las, laz, text] = [PointFormat::Las, PointFormat::Laz, PointFormat::Xyz];

@@ -11,11 +11,13 @@ use std::fs;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use vlscan::internals::{
-    LoadOptions, Options, PlatformKind, PollResult, PoseReader, PreviewOptions, SceneRecipe, command_line,
-    draw, load, read_packet, read_points, read_run, read_wave, unzip,
-};
-use vlscan::{Formula, PulseReader, ReadOptions, Stop, parse_seed, read_scene, read_survey};
+use vlscan::lidar::platform::{PollResult, PoseReader};
+use vlscan::options::{Options, read_survey as read_run};
+use vlscan::output::unzip;
+use vlscan::scene::{LoadOptions, load};
+use vlscan::survey::{PlatformKind, SceneRecipe};
+use vlscan::tools::preview::{PreviewOptions, draw, read_packet, read_points, read_wave};
+use vlscan::{Formula, PulseReader, ReadOptions, Stop, command_line, parse_seed, read_scene, read_survey};
 
 /// A folder with a small survey, into which a target writes its bytes.
 pub struct Bench {

@@ -1,6 +1,76 @@
-//! Virtual laser scanning for Unix pipes.
+//! Virtual laser scanning: a scene and an instrument become the point cloud that the instrument would have measured.
 //!
-//! A survey, or a stream of poses, becomes the point cloud that the instrument would have measured. Data flows one way:
+//! Terrestrial, mobile and airborne scanners, with beams that have a width, surfaces that have a reflectance, waveforms, foliage,
+//! moving parts. The same inputs and seed give the same bytes, for any number of threads.
+//!
+//! ```
+//! use vlscan::arrow_array::{cast::AsArray, types::Float64Type};
+//! use vlscan::survey::{Mesh, ReadOptions, find_scanner};
+//! use vlscan::{DVec3, Scan};
+//!
+//! # fn main() -> vlscan::Result<()> {
+//! // A floor of 20 m × 20 m in memory; `read_scene("scene.xml#site")` reads files.
+//! let corners = [[-10.0, -10.0], [10.0, -10.0], [10.0, 10.0], [-10.0, 10.0]];
+//! let corners = corners.map(|[x, y]| DVec3::new(x, y, 0.0));
+//! let floor = Mesh::new(corners.into(), vec![[0, 1, 2], [0, 2, 3]], Vec::new(), Vec::new())?;
+//!
+//! // One turn of a VLP-16 from 1.5 m above it, at 10 turns per second.
+//! let (scanner, _) = find_scanner("vlp16", &ReadOptions::default())?;
+//! let turn = std::f64::consts::TAU;
+//! let scan = Scan::new(floor, scanner)
+//!     .station(DVec3::new(0.0, 0.0, 1.5))
+//!     .configure(|settings| (settings.head_rate, settings.head_stop) = (10.0 * turn, turn))
+//!     .seed(1);
+//!
+//! // Arrow record batches arrive while the scan runs.
+//! for batch in scan.batches(10_000)? {
+//!     let batch = batch?;
+//!     let heights = batch["Z"].as_primitive::<Float64Type>().values();
+//!     assert!(heights.iter().all(|z| z.abs() < 0.2));
+//! }
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Where to begin
+//!
+//! | you have | begin with |
+//! |---|---|
+//! | a scene and an instrument | [`Scan`], whose [`run`](Scan::run) writes files and whose [`batches`](Scan::batches) stay in memory |
+//! | a survey file of HELIOS++ | [`read_survey`], [`Settings::new`], [`Session::open`] |
+//! | a pipeline file, or options as the command line takes them | [`Job::resolve`] |
+//! | one scene for many runs | [`LoadedScene`], over which sessions are opened |
+//! | a scan pattern of your own | [`survey::ScanPattern`] |
+//! | pulses of your own | [`PulseReader`] and [`Session::trace`] |
+//! | a scene to send rays through | [`scene::load`], [`trace::Tree`] |
+//!
+//! What is written is an [`OutputRequest`]: [files](Target) in any [`PointFormat`], [tables](TableRequest) in memory, [columns](Column),
+//! waveforms, tiles. Problems of the input are [`Error::Input`] with [`Diagnostics`]: each has its file, line and remedy; warnings reach
+//! the observer of a session as [`Notice`]s. The programs in `examples/` show each of these at work.
+//!
+//! # Crates
+//!
+//! Most stages are crates, each of which can be used alone; here they are modules:
+//!
+//! * [`geom`]: vectors, rotations, boxes, map projection
+//! * [`base`]: errors with the place of each problem, files that are named when complete, random numbers
+//! * [`trace`]: a watertight ray tracer in double precision for packets of rays; nothing of LiDAR
+//! * [`warehouse`]: producer, bounded queue, workers, ordered collector; nothing of LiDAR
+//! * [`survey`]: surveys, scenes and instruments as their files describe them, the catalogue
+//! * [`formats`]: point-cloud formats, read and written
+//! * [`scene`]: scenes that can be traced
+//! * [`lidar`]: the instrument: platform, scanner, flight, pulse
+//! * [`tools`]: generated scenes, planning, campaigns, comparison, pictures
+//!
+//! ```text
+//! geom ◄─ base ◄─ survey, formats, warehouse
+//! geom ◄─ trace
+//! survey, formats, trace ◄─ scene ◄─ lidar ◄─ tools ◄─ vlscan
+//! ```
+//!
+//! # How a run works
+//!
+//! Data flows one way:
 //!
 //! ```text
 //! survey.xml / pipeline.toml            scene files
@@ -14,14 +84,6 @@
 //!                                            │ encoded batches, in chunk order
 //!                                            ▼
 //!                                       output: points (las, ply, arrow …), trajectory, waveforms, pulses
-//! ```
-//!
-//! Most stages are crates, each of which can be used alone:
-//!
-//! ```text
-//! geom ◄─ base ◄─ survey, formats, warehouse
-//! geom ◄─ trace
-//! survey, formats, trace ◄─ scene ◄─ lidar ◄─ tools ◄─ vlscan
 //! ```
 //!
 //! | module | what it does | uses |
@@ -48,51 +110,38 @@
 #![deny(unsafe_code)]
 
 mod cli;
-mod options;
-mod output;
+pub mod options;
+pub mod output;
 mod pipeline;
 mod shards;
 mod streams;
 
-pub use cli::main;
+/// The arrays of the record batches in which points arrive.
+pub use arrow_array;
+pub use vlscan_base as base;
+pub use vlscan_formats as formats;
+pub use vlscan_geom as geom;
+pub use vlscan_lidar as lidar;
+pub use vlscan_scene as scene;
+pub use vlscan_survey as survey;
+pub use vlscan_tools as tools;
+pub use vlscan_trace as trace;
+pub use vlscan_warehouse as warehouse;
+
+pub use cli::{command_line, main};
 pub use options::{OptionName, Options};
 pub use output::{Column, OutputRequest, PointFormat, TableContent, TableRequest, TableSink, Target};
 pub use pipeline::{
-    Control, Job, LegRule, LoadedScene, Progress, Report, Resumption, SceneFacts, Session, Settings,
+    Batches, Control, Emission, Emitted, Estimate, Fallback, FileForecast, Forecast, Job, LegForecast,
+    LegRule, LoadedScene, Missed, Progress, Report, Resumption, Scan, SceneFacts, SceneGround, Session,
+    Settings, Sketch, Snapshot, TimeForecast, emit,
 };
-pub use streams::PulseReader;
+pub use shards::Records;
+pub use streams::{PulseReader, RowBlock};
 pub use vlscan_base::diag::{Diagnostics, Notice};
 pub use vlscan_base::error::{Error, Result};
+pub use vlscan_geom::DVec3;
 pub use vlscan_survey::{
     Formula, MaterialDefinition, Mesh, ReadOptions, parse_seed, read_scene, read_survey,
 };
 pub use vlscan_warehouse::{Policy, Recorder, Schedule, Stop};
-
-/// What the benchmarks, the tests and the Python module of this repository use, besides the library.
-#[doc(hidden)]
-pub mod internals {
-    pub use crate::cli::command_line;
-    pub use crate::options::{Options, read_survey as read_run};
-    pub use crate::output::{NoOffload, OutputContext, OutputPlan, unzip};
-    pub use vlscan_base::diag::{Diagnostic, Place, Severity};
-    pub use vlscan_base::input::arrow::encode_stream;
-    pub use vlscan_base::rng::{Purpose, Stream};
-    pub use vlscan_geom::{Aabb, DVec3, Rotation, UtmZone};
-    pub use vlscan_lidar::flight::{
-        FlightOptions, FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Skipped, Step,
-    };
-    pub use vlscan_lidar::platform::{PollResult, Pose, PoseReader};
-    pub use vlscan_lidar::pulse::{Batch, Phase, Physics, PulseSimulator};
-    pub use vlscan_scene::{LoadOptions, Pack, Scene, load, pack};
-    pub use vlscan_survey::{
-        Loader, MaterialChange, MaterialChoice, MeshReading, MotionTiming, PartRecipe, PlatformKind,
-        Replaced, Scanner, SceneRecipe, Survey, Transform, UpAxis, VoxelLoader, VoxelMode, XyzLoader,
-        catalogue,
-    };
-    pub use vlscan_tools::generate::{Kind, SceneOptions, write_scene};
-    pub use vlscan_tools::preview::{
-        ColourBy, PageOptions, Points, PreviewOptions, draw, points_of_table, read_packet, read_points,
-        read_wave, write_page,
-    };
-    pub use vlscan_trace::{BuildOptions, Builder, Geometry, Hits, RayGroup, TraceScratch, Tree};
-}

@@ -2,7 +2,7 @@
 
 use crate::Tracer;
 use std::os::raw::c_void;
-use vlscan::internals::{Geometry, RayGroup};
+use vlscan::trace::{Geometry, RayGroup};
 
 /// The device and scene of `embree.c`.
 #[repr(C)]

@@ -19,7 +19,7 @@ mod scene;
 
 use rays::RaySet;
 use std::time::Duration;
-use vlscan::internals::{BuildOptions, Builder, Geometry, Hits, RayGroup, TraceScratch, Tree};
+use vlscan::trace::{BuildOptions, Builder, Geometry, Hits, RayGroup, TraceScratch, Tree};
 
 const BUILDERS: [(&str, Builder); 5] = [
     ("bvh", Builder::Bvh),

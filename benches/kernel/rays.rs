@@ -1,9 +1,9 @@
 //! The sets of rays that are traced.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
-use vlscan::internals::{DVec3, Rotation};
-use vlscan::internals::{Geometry, RayGroup};
-use vlscan::internals::{Purpose, Stream};
+use vlscan::base::rng::{Purpose, Stream};
+use vlscan::geom::{DVec3, Rotation};
+use vlscan::trace::{Geometry, RayGroup};
 
 const BATCH_PULSES: usize = 512;
 

@@ -1,8 +1,8 @@
 //! The forest scenes.
 
-use vlscan::internals::Geometry;
-use vlscan::internals::{Kind, SceneOptions, write_scene};
-use vlscan::internals::{LoadOptions, load};
+use vlscan::scene::{LoadOptions, load};
+use vlscan::tools::generate::{Kind, SceneOptions, write_scene};
+use vlscan::trace::Geometry;
 use vlscan::{ReadOptions, read_survey};
 
 /// Makes the forest of `vlscan scene make forest -n SIZE` and loads it as a run does.

@@ -3,7 +3,7 @@
 use crate::errors::exception;
 use pyo3::prelude::*;
 use vlscan::Options;
-use vlscan::internals::catalogue as shipped;
+use vlscan::survey::catalogue as shipped;
 
 /// References and names.
 type Named = Vec<(String, String)>;

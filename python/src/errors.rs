@@ -4,7 +4,7 @@ use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::sync::{Arc, Mutex, PoisonError};
-use vlscan::internals::{Diagnostic, Severity};
+use vlscan::base::diag::{Diagnostic, Severity};
 use vlscan::{Diagnostics, Error, Notice};
 
 /// The exception for an error of the engine.

@@ -6,7 +6,9 @@ use arrow_array::RecordBatch;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use vlscan::internals::{ColourBy, PageOptions, Points, PreviewOptions, draw, points_of_table, write_page};
+use vlscan::tools::preview::{
+    ColourBy, PageOptions, Points, PreviewOptions, draw, points_of_table, write_page,
+};
 use vlscan::{Error, Notice};
 
 fn colour_of(name: &str) -> PyResult<ColourBy> {

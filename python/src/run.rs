@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
-use vlscan::internals::encode_stream;
+use vlscan::base::input::arrow::encode_stream;
 use vlscan::{
     Control, Job, LegRule, OutputRequest, Progress, PulseReader, Report, Session, TableContent, TableRequest,
     TableSink,

@@ -8,9 +8,11 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
-use vlscan::internals::{
-    DVec3, Loader, MaterialChange, MaterialChoice, MeshReading, MotionTiming, Pack, PartRecipe, Replaced,
-    Rotation, SceneRecipe, Transform, UpAxis, VoxelLoader, VoxelMode, XyzLoader, pack,
+use vlscan::geom::{DVec3, Rotation};
+use vlscan::scene::{Pack, pack};
+use vlscan::survey::{
+    Loader, MaterialChange, MaterialChoice, MeshReading, PartRecipe, Replaced, SceneRecipe, Transform,
+    UpAxis, VoxelLoader, VoxelMode, XyzLoader,
 };
 use vlscan::{Job, LoadedScene, MaterialDefinition, ReadOptions, Session, read_scene};
 
@@ -209,8 +211,6 @@ fn part(loader: Loader, place: &Bound<'_, PyDict>) -> PyResult<Part> {
     let angle: f64 = get("angle")?.extract()?;
     Ok(Part(PartRecipe {
         id: get("id")?.extract()?,
-        number: 0,
-        loader,
         changes: get("changes")?.cast::<Changes>()?.get().0.clone(),
         transform: Transform {
             rotation: if angle == 0.0 { Rotation::IDENTITY } else { Rotation::about(axis, angle) },
@@ -218,10 +218,7 @@ fn part(loader: Loader, place: &Bound<'_, PyDict>) -> PyResult<Part> {
             offset: DVec3::from(get("offset")?.extract::<[f64; 3]>()?),
             on_ground: get("on_ground")?.extract()?,
         },
-        motions: Vec::new(),
-        timing: MotionTiming { dyn_step: 1, tree_step: 1, dyn_time_step: None, tree_time_step: None },
-        swaps: Vec::new(),
-        place: None,
+        ..PartRecipe::new(loader)
     }))
 }
 
@@ -250,19 +247,11 @@ impl Scene {
     #[staticmethod]
     fn of_parts(parts: &Bound<'_, PyList>, asset_folders: Vec<PathBuf>) -> PyResult<Scene> {
         let mut recipes = Vec::new();
-        for (number, part) in (0..).zip(parts) {
-            let part = part.cast_into::<Part>()?;
-            recipes.push(PartRecipe { number, ..part.get().0.clone() });
+        for part in parts {
+            recipes.push(part.cast_into::<Part>()?.get().0.clone());
         }
-        Ok(Scene::of(SceneRecipe {
-            id: "scene".to_owned(),
-            path: PathBuf::from("<python>"),
-            parts: recipes,
-            dyn_step: 1,
-            dyn_time_step: None,
-            packed: None,
-            asset_folders,
-        }))
+        let recipe = SceneRecipe::of_parts("<python>", recipes);
+        Ok(Scene::of(SceneRecipe { asset_folders, ..recipe }))
     }
 
     /// Ids of the parts that the description names; none for packed scenes.
@@ -360,10 +349,8 @@ impl Scene {
     /// A session over this scene, which is loaded if the one in memory is not the one that the settings ask for.
     pub fn session(&self, job: Job, notices: &Notices) -> vlscan::Result<Session> {
         let loaded = self.lock().clone();
-        if let Some(loaded) = loaded
-            && let Some(session) = Session::open_loaded(job.settings.clone(), &loaded, notices.observer())?
-        {
-            return Ok(session);
+        if let Some(loaded) = loaded.filter(|loaded| loaded.suits(&job.settings)) {
+            return Session::new(job.settings, loaded, notices.observer());
         }
         // Only one scene is kept.
         self.unload();

@@ -3,7 +3,7 @@
 use crate::output::Ground;
 use crate::pipeline::{Fallback, LoadedScene, SceneGround};
 use std::sync::Arc;
-use vlscan_base::diag::Diagnostics;
+use vlscan_base::diag::{Diagnostics, Notice};
 use vlscan_base::error::Result;
 use vlscan_geom::DVec3;
 use vlscan_scene::LoadOptions;
@@ -24,8 +24,11 @@ impl GroundModel {
     }
 
     /// The ground of a scene that is loaded.
-    pub fn over(loaded: &LoadedScene) -> GroundModel {
-        GroundModel(loaded.ground(Fallback::Highest))
+    ///
+    /// # Errors
+    /// Those of [`LoadedScene::tree`].
+    pub fn over(loaded: &LoadedScene, notify: &dyn Fn(Notice)) -> Result<GroundModel> {
+        Ok(GroundModel(loaded.ground(Fallback::Highest, notify)?))
     }
 
     /// The corners of the box of the scene's ground, which crowns and roofs may reach beyond, world coordinates, m; in

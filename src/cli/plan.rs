@@ -147,8 +147,9 @@ impl Site {
             ..LoadOptions::default()
         };
         let trees = BuildOptions::of(Builder::default());
-        let loaded = LoadedScene::load(&recipe, &options, trees, console.is_strict(), &console.observer())?;
-        let ground = GroundModel::over(&loaded);
+        let observer = console.observer();
+        let loaded = LoadedScene::load(&recipe, &options, &trees, console.is_strict(), &observer)?;
+        let ground = GroundModel::over(&loaded, &observer)?;
         Ok(Site { recipe, loaded, ground })
     }
 }

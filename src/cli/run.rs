@@ -2,6 +2,7 @@
 
 use super::args::RunArgs;
 use super::companions::{Companions, resolve};
+use super::shards::open_without_tree;
 use super::{Console, Verbosity};
 use crate::output::{FileKind, Target};
 use crate::pipeline::{Job, Report, Resumption, Session};
@@ -25,7 +26,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let mut companions = Companions::of(schedule_log, part_table, &mut output);
     let resumption = args.shards.resume.map(|pulses| Resumption::beside(&output, pulses.0)).transpose()?;
     let mut session = match resumption {
-        Some(_) => Session::open_without_tree(settings, console.observer())?,
+        Some(_) => open_without_tree(settings, console)?,
         None => Session::open(settings, console.observer())?,
     };
     companions.describe(session.scene());

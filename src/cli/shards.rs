@@ -6,8 +6,8 @@ use super::run::{show_report, warn_of_few_points};
 use super::{Console, interrupt};
 use crate::options::{OneOf, Options};
 use crate::pipeline::{
-    Job, Session, join_segments, merge as merge_shards, merge_segment, merge_warnings, output_context,
-    schedule_of,
+    Job, LoadedScene, Session, Settings, join_segments, merge as merge_shards, merge_segment, merge_warnings,
+    output_context, schedule_of,
 };
 use crate::shards::{ShardSet, shard_path};
 use std::path::PathBuf;
@@ -40,7 +40,7 @@ pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> 
              of the scene",
         ));
     }
-    let mut session = Session::open_without_tree(settings, console.observer())?;
+    let mut session = open_without_tree(settings, console)?;
     schedule_log.as_deref().map_or(Ok(()), reads::refuse_input)?;
     let companions = Companions::of(schedule_log, None, &mut output);
     let legs = session.survey().legs.len();
@@ -56,11 +56,17 @@ pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> 
     show_report(console, &report, started)
 }
 
+/// A session whose tree is built when a shard is computed: shards that exist need none.
+pub fn open_without_tree(settings: Settings, console: &Console) -> Result<Session> {
+    let scene = LoadedScene::of(&settings, &console.observer())?;
+    Session::new(settings, scene, console.observer())
+}
+
 /// Runs `vlscan index-shards`.
 pub fn index(args: &IndexShardsArgs, console: &Console) -> Result<()> {
     let (folder, options) = folder_of_shards(&args.options)?;
     let Job { settings, output, .. } = resolve(&args.file, &options, console)?;
-    let mut session = Session::open_without_tree(settings, console.observer())?;
+    let mut session = open_without_tree(settings, console)?;
     let shards = session.shards(&folder, output.creation, options.output.force.is_on(), &interrupt::STOP)?;
     console.say(format!(
         "{}  {} pulses, for any number of shards",

@@ -239,7 +239,7 @@ impl FromStr for GpsStart {
 
     fn from_str(text: &str) -> Result<GpsStart, String> {
         if text.trim() != "now" {
-            gps_start(text, false)?;
+            gps_start(text, false).map_err(|e| e.to_string())?;
         }
         Ok(GpsStart(text.to_owned()))
     }
@@ -308,7 +308,7 @@ impl FromStr for Crs {
         let path = Path::new(text.trim());
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
         if let Some(code) = crs::parse_epsg(text) {
-            crs::wkt_of_epsg(code).map(|_| Crs::Epsg(code))
+            crs::wkt_of_epsg(code).map(|_| Crs::Epsg(code)).map_err(|e| e.to_string())
         } else if crs::is_wkt(text) {
             Ok(Crs::Wkt(text.trim().to_owned()))
         } else if reads::is_file(path) || matches!(extension, "wkt" | "prj") {

@@ -34,6 +34,7 @@ const HEADER_BYTES: usize = 375;
 
 /// A file to be joined.
 pub struct Segment {
+    /// The file.
     pub path: PathBuf,
     /// Number of its points.
     pub records: u64,

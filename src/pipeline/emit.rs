@@ -12,7 +12,9 @@ use vlscan_lidar::platform::PoseReader;
 use vlscan_survey::Survey;
 use vlscan_warehouse::{Collect, Feed, JobQueue, Outcome, Schedule};
 
+/// The flight alone, ready to be written by [`emit`].
 pub struct Emission {
+    /// The planned flight.
     pub flight: FlightPlan,
     /// World position of the scene frame's origin, m.
     pub shift: DVec3,
@@ -20,17 +22,22 @@ pub struct Emission {
     pub epochs: u32,
     /// Poses of a streamed platform, as they arrive.
     pub poses: Option<PoseReader>,
+    /// Threads, and how the flight is divided among them.
     pub schedule: Schedule,
+    /// The survey that is flown.
     pub survey: Survey,
 }
 
 /// Poses and pulses of a chunk of steps.
 #[derive(Debug, Default)]
 pub struct Emitted {
+    /// Number of the leg in the survey.
     pub leg: u32,
+    /// Number of the flight, from 0.
     pub epoch: u32,
     /// Pulses, each with the number of simulation steps before it in its epoch.
     pub pulses: Vec<(Pulse, u64)>,
+    /// Samples of the trajectory.
     pub poses: Vec<PoseSample>,
     step: u64,
 }

@@ -10,12 +10,15 @@ use vlscan_trace::Tree;
 /// The surface that is taken as ground in scenes without a ground material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fallback {
+    /// The lowest surface: heights of points in a scene of terrain and what is on it.
     Lowest,
+    /// The highest surface: what a flight must stay above.
     Highest,
 }
 
 /// The highest ground at a place, found with the scene's tree.
 pub struct SceneGround {
+    /// The scene.
     pub scene: Arc<Scene>,
     tree: Arc<Tree>,
     /// Whether a material of the scene is ground.
@@ -24,6 +27,7 @@ pub struct SceneGround {
 }
 
 impl SceneGround {
+    /// The ground of a scene, found with the tree over it.
     pub fn new(scene: Arc<Scene>, tree: Arc<Tree>, fallback: Fallback) -> SceneGround {
         let has_ground = scene.materials.iter().any(|material| material.is_ground);
         SceneGround { scene, tree, has_ground, fallback }

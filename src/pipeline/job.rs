@@ -1,15 +1,13 @@
 //! Conversion of options to the settings of a session, with every choice resolved.
 
-use super::settings::{DEFAULT_CHUNK_SIZE, DEFAULT_LATENCY, DEFAULT_WAREHOUSE_FACTOR, Settings};
+use super::settings::{DEFAULT_CHUNK_SIZE, DEFAULT_WAREHOUSE_FACTOR, Settings};
 use crate::options::{Options, read_pipeline_text, read_survey};
 use crate::output::OutputRequest;
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::machine;
-use vlscan_lidar::flight::FlightOptions;
-use vlscan_lidar::pulse::{Corrections, PhysicsOptions, PhysicsProfile};
-use vlscan_scene::LoadOptions;
+use vlscan_lidar::pulse::{Corrections, PhysicsProfile};
 use vlscan_survey::{NavigationErrors, PlatformKind, Survey};
 use vlscan_trace::BuildOptions;
 use vlscan_warehouse::{Policy, PolicyKind, Schedule};
@@ -71,48 +69,42 @@ impl Job {
             }
         }
         let threads = threads(options.schedule.threads, all_threads());
-        let physics = physics(options, &survey, seed)?;
-        let kinematics = physics.corrections.and(Corrections::MOTION);
+        let is_live = matches!(survey.platform.kind, PlatformKind::Stream(_));
+        let mut settings = Settings::new(survey);
+        settings.set_seed(seed);
+        settings.set_threads(threads);
+        settings.set_corrections(corrections(options, is_live)?);
+        settings.strict = options.input.strict.is_on();
+        settings.load.max_memory = options.schedule.max_memory.map(|bytes| bytes.0).or_else(machine::memory);
+        settings.load.sharing = options.tree.instances.unwrap_or_default();
+        settings.load.drop_polygons = options.input.drop_polygons.is_on();
+        settings.tree = tree(options, threads);
+        settings.schedule = schedule(options, threads);
         let gps_start = options.origin.gps_start.clone().unwrap_or_default();
-        let (gps_start_ns, day) = gps_start.resolve(kinematics.leap_seconds)?;
-        let output = OutputRequest {
-            live: matches!(survey.platform.kind, PlatformKind::Stream(_)),
-            ..options.output_request(day)?
-        };
+        let (gps_start_ns, day) = gps_start.resolve(settings.flight.kinematics.leap_seconds)?;
+        let flight = &mut settings.flight;
+        flight.gps_start_ns = gps_start_ns;
+        flight.platform_noise = !options.noise.no_platform_noise.is_on();
+        flight.leg_noise = !options.noise.no_leg_noise.is_on();
+        flight.navigation = navigation(options)?;
+        flight.needs_ground =
+            options.has_own_flight || options.profile.profile == Some(PhysicsProfile::Refined);
+        let (echoes, physics) = (&options.echoes, &mut settings.physics);
+        physics.legacy_energy = echoes.legacy_energy.is_on();
+        physics.fixed_incidence = echoes.fixed_incidence.is_on();
+        physics.echo_width = echoes.echo_width.is_on();
+        physics.waveform_noise = echoes.waveform_noise.is_on();
+        physics.record_subrays = options.output.subrays.is_on();
+        if let Some(latency) = options.trajectory.latency {
+            settings.max_latency = latency.0;
+        }
+        let output = OutputRequest { live: is_live, ..options.output_request(day)? };
         if physics.record_subrays && output.records().waveforms {
             return Err(Error::input(
                 "subrays have no waveforms: leave out either --subrays or the waveforms",
             ));
         }
-        let settings = Settings {
-            strict: options.input.strict.is_on(),
-            load: LoadOptions {
-                wavelength_nm: survey.scanner.devices[0].beam.wavelength,
-                seed,
-                max_memory: options.schedule.max_memory.map(|bytes| bytes.0).or_else(machine::memory),
-                jobs: threads,
-                sharing: options.tree.instances.unwrap_or_default(),
-                rules: physics.corrections,
-                drop_polygons: options.input.drop_polygons.is_on(),
-                stop: None,
-            },
-            tree: tree(options, threads),
-            flight: FlightOptions {
-                seed,
-                platform_noise: !options.noise.no_platform_noise.is_on(),
-                leg_noise: !options.noise.no_leg_noise.is_on(),
-                gps_start_ns,
-                kinematics,
-                navigation: navigation(options)?,
-                needs_ground: options.has_own_flight
-                    || options.profile.profile == Some(PhysicsProfile::Refined),
-            },
-            physics,
-            schedule: schedule(options, threads),
-            max_latency: options.trajectory.latency.map_or(DEFAULT_LATENCY, |latency| latency.0),
-            survey,
-        };
-        let settings = Settings { physics: settings.physics_for(&output), ..settings };
+        settings.physics = settings.physics_for(&output);
         let speed = &options.schedule;
         Ok(Job {
             settings,
@@ -163,23 +155,14 @@ fn all_threads() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-fn physics(options: &Options, survey: &Survey, seed: u64) -> Result<PhysicsOptions> {
-    let (output, echoes) = (&options.output, &options.echoes);
+/// The corrections that the options ask for, along a live trajectory or not.
+fn corrections(options: &Options, is_live: bool) -> Result<Corrections> {
     let mut in_any = if options.has_own_flight { Corrections::MOTION } else { Corrections::NONE };
-    in_any.mount_offsets_turn |= matches!(survey.platform.kind, PlatformKind::Stream(_));
+    in_any.mount_offsets_turn |= is_live;
     let mut corrections = options.profile.corrections(in_any)?;
     // Light scattered continuously along a path cannot be attributed to the range of a subray.
-    corrections.foliage_continuum &= !output.subrays.is_on();
-    Ok(PhysicsOptions {
-        seed,
-        legacy_energy: echoes.legacy_energy.is_on(),
-        fixed_incidence: echoes.fixed_incidence.is_on(),
-        echo_width: echoes.echo_width.is_on(),
-        waveform_noise: echoes.waveform_noise.is_on(),
-        record_subrays: output.subrays.is_on(),
-        corrections,
-        ..PhysicsOptions::helios()
-    })
+    corrections.foliage_continuum &= !options.output.subrays.is_on();
+    Ok(corrections)
 }
 
 fn navigation(options: &Options) -> Result<NavigationErrors> {
@@ -194,19 +177,15 @@ fn navigation(options: &Options) -> Result<NavigationErrors> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::{Cli, Command};
     use crate::options::Over;
-    use clap::Parser;
     use vlscan_trace::Builder;
 
     fn options(line: &str) -> Options {
-        let words = ["vlscan", "run", "a.toml"].into_iter().chain(line.split_whitespace());
-        let Command::Run(args) = Cli::parse_from(words).command else { panic!("no run") };
-        args.options
+        parsed(line).unwrap()
     }
 
-    fn refused(line: &str) -> bool {
-        Cli::try_parse_from(["vlscan", "run", "a.toml"].into_iter().chain(line.split_whitespace())).is_err()
+    fn parsed(line: &str) -> Result<Options> {
+        Options::parse(line.split_whitespace().map(str::to_owned))
     }
 
     #[test]
@@ -243,6 +222,6 @@ mod tests {
         ] {
             assert_eq!(policy(line), expected, "{line}");
         }
-        assert!(refused("--chunk-size 0") && refused("--idle-threshold=-1"));
+        assert!(parsed("--chunk-size 0").is_err() && parsed("--idle-threshold=-1").is_err());
     }
 }

@@ -6,7 +6,7 @@ use super::collector::{Ended, PassEnd};
 use super::crs::check_place;
 use super::fly::run_stages;
 use super::pass::Control;
-use super::session::Report;
+use super::run::Report;
 use super::worker::{Measured, Pieces};
 use crate::output::{OutputContext, OutputPlan, OutputRequest, Summary};
 use crate::shards::{BlockHead, ShardFile, ShardSet};

@@ -1,19 +1,20 @@
-//! The stages of the program and their connections. A [`Session`] takes resolved [`Settings`]; it loads the scene,
-//! builds the tree, and flies the survey over it or traces a stream of pulses, once per epoch of a scene with swapped
-//! parts:
+//! The stages of the program and their connections. A [`Session`] takes resolved [`Settings`] and a [`LoadedScene`]; it flies the
+//! survey over it or traces a stream of pulses, once per epoch of a scene with swapped parts:
 //!
 //! ```text
-//! Settings ─► Session::open ─► run ────────────────► fly ──┐ pass over   ┌─► next epoch
-//!                            ├ trace(stream of pulses) ────┴─ an epoch ──┴─► Report
-//!                            └ into_emission ─► emit: poses or pulses without tracing
+//! Scan ─┐
+//! Job ──┴► Settings ─► LoadedScene ─► Session ─► run ────────────────► fly ──┐ pass over   ┌─► next epoch
+//!                                              ├ trace(stream of pulses) ────┴─ an epoch ──┴─► Report
+//!                                              └ into_emission ─► emit: poses or pulses without tracing
 //! ```
 //!
 //! | file | contents |
 //! |---|---|
 //! | `settings`, `job` | everything that is chosen before the start; its resolution from options and files |
-//! | `session` | loading, the loop over epochs, the report |
+//! | `scene` | a loaded scene with its tree; facts about it, points on its surfaces |
+//! | `session`, `run` | a scene and its survey; the loop over epochs, the report |
+//! | `scan`, `batches` | scans of a scene with an instrument, without files; points as record batches while the run goes |
 //! | `dry_run` | what a run will cost and give, from a measured sample |
-//! | `sample` | facts about a loaded scene, points on its surfaces |
 //! | `heights` | the ground that heights of points count from and planned legs follow |
 //! | `fly`, `pass` | the stages of a pass over one epoch, and their inputs |
 //! | `load` | scene and tree of an epoch, refused if they exceed the memory limit |
@@ -31,6 +32,7 @@
 //! | `progress` | counters of the work done |
 
 mod aim;
+mod batches;
 mod chunk;
 mod collector;
 mod crs;
@@ -48,7 +50,9 @@ mod plausibility;
 mod progress;
 mod resume;
 mod resume_folder;
-mod sample;
+mod run;
+mod scan;
+mod scene;
 mod segment;
 mod session;
 mod settings;
@@ -56,9 +60,10 @@ mod shard;
 mod stream;
 mod worker;
 
+pub use batches::Batches;
 pub use chunk::chunk_making_s;
 pub use collector::Ended;
-pub use dry_run::{Forecast, LegForecast, Sketch};
+pub use dry_run::{Estimate, FileForecast, Forecast, LegForecast, Missed, Sketch, TimeForecast};
 pub use emit::{Emission, Emitted, emit};
 pub use fly::fly;
 pub use heights::{Fallback, SceneGround};
@@ -70,8 +75,10 @@ pub use pass::{Control, Pass};
 pub use plausibility::target;
 pub use progress::{Progress, Snapshot};
 pub use resume::Resumption;
-pub use sample::SceneFacts;
+pub use run::Report;
+pub use scan::Scan;
+pub use scene::{LoadedScene, SceneFacts};
 pub use segment::{join_segments, merge_segment};
-pub use session::{LoadedScene, Report, Session};
+pub use session::Session;
 pub use settings::Settings;
 pub use stream::LegRule;

@@ -4,7 +4,8 @@ use super::merge::merge;
 use super::pass::Control;
 use super::progress::Progress;
 use super::resume_folder::{ResumeFolder, RunId, State};
-use super::session::{Report, Session};
+use super::run::Report;
+use super::session::Session;
 use super::shard::Divisible;
 use crate::output::{OutputContext, OutputPlan, OutputRequest, Summary, Target};
 use crate::shards::{OneOf, ShardSet};
@@ -215,7 +216,7 @@ mod tests {
         let (survey, _) = read_survey(&path, &ReadOptions::default()).unwrap();
         let mut settings = Settings::new(survey);
         (settings.flight.seed, settings.physics.seed) = (seed, seed);
-        Session::open_without_tree(settings, |_| {}).unwrap()
+        Session::open(settings, |_| {}).unwrap()
     }
 
     fn id(seed: u64, outputs: &OutputRequest) -> RunId {

@@ -3,7 +3,7 @@
 
 use super::merge::{check_records, merge_echoes};
 use super::pass::Control;
-use super::session::Report;
+use super::run::Report;
 use crate::output::{JOINED_POINTS, LasVersion, OutputRequest, PointFormat, Segment, Summary, Target, join};
 use crate::shards::{OneOf, PrivateFolder, ShardHead, ShardSet, array_list};
 use rayon::prelude::*;

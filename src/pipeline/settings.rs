@@ -6,7 +6,7 @@ use std::num::NonZero;
 use std::thread::available_parallelism;
 use std::time::Duration;
 use vlscan_lidar::flight::FlightOptions;
-use vlscan_lidar::pulse::PhysicsOptions;
+use vlscan_lidar::pulse::{Corrections, PhysicsOptions};
 use vlscan_scene::LoadOptions;
 use vlscan_survey::Survey;
 use vlscan_trace::BuildOptions;
@@ -64,6 +64,25 @@ impl Settings {
             max_latency: DEFAULT_LATENCY,
             survey,
         }
+    }
+
+    /// Sets the seed of every random draw: of materials, noise of the platform, and pulses.
+    pub fn set_seed(&mut self, seed: u64) {
+        (self.load.seed, self.flight.seed, self.physics.seed) = (seed, seed, seed);
+    }
+
+    /// Sets the number of threads, at least 1, that load the scene, build the tree and trace pulses. Points do not depend on it.
+    pub fn set_threads(&mut self, threads: usize) {
+        let threads = threads.max(1);
+        (self.load.jobs, self.schedule.threads) = (threads, threads);
+        (self.tree.jobs, self.tree.geometry_jobs) = (threads, threads);
+    }
+
+    /// Sets where physics, motions and materials depart from the reference's.
+    pub fn set_corrections(&mut self, corrections: Corrections) {
+        self.physics.corrections = corrections;
+        self.flight.kinematics = corrections.and(Corrections::MOTION);
+        self.load.rules = corrections;
     }
 
     /// Returns the options of the physics, with everything recorded that the outputs need.

@@ -5,7 +5,8 @@ use super::crs;
 use super::fly::fly;
 use super::pass::Control;
 use super::plausibility;
-use super::session::{Epochs, Report, Session};
+use super::run::{Epochs, Report};
+use super::session::Session;
 use super::settings::Settings;
 use crate::output::{NoOffload, OutputContext, OutputPlan, OutputRequest, ShardOutput};
 use crate::shards::{

@@ -139,6 +139,7 @@ impl PulseReader {
 }
 
 impl RowBlock {
+    /// Number of its rows.
     pub fn rows(&self) -> u32 {
         u32::try_from(self.rows.len()).unwrap_or(u32::MAX)
     }

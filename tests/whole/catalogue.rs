@@ -3,7 +3,7 @@
 use crate::common;
 use crate::common::{fixture, folder, run, succeed, text};
 use std::fs;
-use vlscan::internals::{Scanner, catalogue};
+use vlscan::survey::{Scanner, catalogue};
 
 /// A survey of 3000 pulses per device over a fixture, from where the scanner can see it.
 fn survey(reference: &str, scanner: &Scanner) -> String {

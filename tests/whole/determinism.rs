@@ -3,7 +3,7 @@
 use crate::common::{files, fixture, folder, succeed};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use vlscan::internals::{BuildOptions, Builder};
+use vlscan::trace::{BuildOptions, Builder};
 use vlscan::{
     Control, OutputRequest, PointFormat, Progress, ReadOptions, Session, Settings, Stop, Target, read_survey,
 };

@@ -7,7 +7,8 @@ mod flight;
 use flight::{FlightOptions, GridPlace, NAMES, flight_sbet, flight_text};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use vlscan::internals::{Kind, SceneOptions, UtmZone, write_scene};
+use vlscan::geom::UtmZone;
+use vlscan::tools::generate::{Kind, SceneOptions, write_scene};
 
 fn fixtures() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures")

@@ -418,7 +418,7 @@ fn previews_show_tables_and_wave_packets() {
         succeed(dir.path(), &["preview", name, "-o", &format!("{name}.png"), "--colour", "return", "-q"]);
         let picture = std::fs::read(dir.path().join(format!("{name}.png"))).unwrap();
         assert!(picture.len() > 5000 && picture.starts_with(b"\x89PNG"));
-        vlscan::internals::read_points(&dir.path().join(name)).unwrap().0
+        vlscan::tools::preview::read_points(&dir.path().join(name)).unwrap().0
     });
     for cloud in &clouds {
         assert!(cloud.len() > 1000 && cloud.len() == clouds[0].len());
@@ -434,7 +434,8 @@ fn previews_show_tables_and_wave_packets() {
     let wave = std::fs::read_to_string(dir.path().join("a_fullwave.txt")).unwrap();
     let longest = wave.lines().max_by_key(|line| line.len()).unwrap();
     let fields: Vec<f64> = longest.split_whitespace().map(|f| f.parse().unwrap()).collect();
-    let from_packet = vlscan::internals::read_packet(&dir.path().join("a.laz"), fields[0] as u64).unwrap();
+    let from_packet =
+        vlscan::tools::preview::read_packet(&dir.path().join("a.laz"), fields[0] as u64).unwrap();
     let highest = fields[10..].iter().copied().fold(0.0, f64::max);
     assert!(from_packet.samples.len() > 10 && from_packet.samples.len() <= fields.len() - 10);
     for (packet, text) in from_packet.samples.iter().zip(&fields[10..]) {

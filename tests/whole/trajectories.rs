@@ -10,7 +10,7 @@ use std::path::Path;
 use std::process::Stdio;
 use std::sync::mpsc;
 use std::time::Duration;
-use vlscan::internals::{Rotation, UtmZone};
+use vlscan::geom::{Rotation, UtmZone};
 
 /// Where `fixtures/airborne` lies in zone 32N.
 const ORIGIN: [f64; 2] = [476_000.0, 5_429_000.0];

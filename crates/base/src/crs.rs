@@ -44,21 +44,32 @@ pub fn is_wkt(text: &str) -> bool {
     text.trim_start().starts_with(|c: char| c.is_ascii_alphabetic()) && text.contains('[')
 }
 
+/// Why an EPSG code names no system of points.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum EpsgError {
+    /// The code is not known.
+    #[error("EPSG:{0} is not among the systems that are built in; give its WKT instead")]
+    Unknown(u32),
+    /// The system has heights alone, or is geocentric.
+    #[error("EPSG:{code} ({name}) has no easting and northing; name a projected or compound system")]
+    NotHorizontal {
+        /// The code.
+        code: u32,
+        /// Name of the system.
+        name: String,
+    },
+}
+
 /// Returns the WKT 1 of an EPSG code.
 ///
 /// # Errors
-/// An unknown code, or one of heights alone.
-pub fn wkt_of_epsg(code: u32) -> Result<String, String> {
+/// An unknown code, or one of a system without easting and northing.
+pub fn wkt_of_epsg(code: u32) -> Result<String, EpsgError> {
     let known = u16::try_from(code).ok().and_then(crs_definitions::from_code);
-    let Some(definition) = known else {
-        return Err(format!("EPSG:{code} is not among the systems that are built in; give its WKT instead"));
-    };
+    let definition = known.ok_or(EpsgError::Unknown(code))?;
     match keyword(definition.wkt).as_str() {
         "PROJCS" | "GEOGCS" | "COMPD_CS" => Ok(without_shifts(definition.wkt)),
-        _ => Err(format!(
-            "EPSG:{code} ({}) has no easting and northing; name a projected or compound system",
-            name(definition.wkt)
-        )),
+        _ => Err(EpsgError::NotHorizontal { code, name: name(definition.wkt) }),
     }
 }
 
@@ -181,8 +192,8 @@ mod tests {
             assert_eq!(wkt.matches('[').count(), wkt.matches(']').count());
             assert_eq!(epsg(&wkt).map(|(_, code)| u32::from(code)), Some(code));
         }
-        assert!(wkt_of_epsg(1).unwrap_err().contains("WKT"));
-        assert!(wkt_of_epsg(4978).unwrap_err().contains("no easting"));
+        assert!(wkt_of_epsg(1).unwrap_err().to_string().contains("WKT"));
+        assert!(wkt_of_epsg(4978).unwrap_err().to_string().contains("no easting"));
         for (text, zone) in [("32N", 32632), ("7S", 32707)] {
             let zone_wkt = wkt_of_zone(UtmZone::parse(text).unwrap()).unwrap();
             assert_eq!(epsg(&zone_wkt), Some((EpsgKind::Projected, zone)));

@@ -18,6 +18,21 @@ pub enum Severity {
     Note,
 }
 
+/// What a problem is about, for programs that treat some problems in their own way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum ProblemKind {
+    /// A value, a file or a combination of them that is not valid.
+    #[default]
+    Invalid,
+    /// A file that does not exist.
+    NotFound,
+    /// An output that exists and is not to be replaced.
+    Exists,
+    /// Input that needs more memory than the limit allows.
+    TooLarge,
+}
+
 /// A message during a run.
 #[derive(Clone, Debug)]
 pub enum Notice {
@@ -111,6 +126,8 @@ impl Place {
 pub struct Diagnostic {
     /// How grave it is.
     pub severity: Severity,
+    /// What it is about.
+    pub kind: ProblemKind,
     /// The problem and the expected input, in one sentence without a full stop.
     pub message: String,
     /// Its place; `None` for problems outside of files.
@@ -171,6 +188,7 @@ impl Diagnostics {
             *stored += 1;
             self.items.push(Diagnostic {
                 severity,
+                kind: ProblemKind::Invalid,
                 message,
                 place,
                 help: None,
@@ -187,8 +205,9 @@ impl Diagnostics {
     /// Adds all problems of `other`.
     pub fn extend(&mut self, other: Diagnostics) {
         for item in other.items {
-            let Diagnostic { severity, message, place, help, repeats, also_in_lines } = item;
+            let Diagnostic { severity, kind, message, place, help, repeats, also_in_lines } = item;
             let mine = self.push(severity, place, message);
+            mine.kind = kind;
             mine.repeat(repeats, &also_in_lines);
             mine.help = help.or(mine.help.take());
         }
@@ -213,6 +232,22 @@ impl Diagnostics {
     /// All problems in the order in which they were found.
     pub fn items(&self) -> &[Diagnostic] {
         &self.items
+    }
+
+    /// Whether one of the problems is of that kind.
+    ///
+    /// ```
+    /// use vlscan_base::Error;
+    /// use vlscan_base::diag::ProblemKind;
+    ///
+    /// let Err(error) = std::fs::read("missing.xml").map_err(|e| Error::open("missing.xml", e)) else { return };
+    /// match error {
+    ///     Error::Input(problems) if problems.has(ProblemKind::NotFound) => println!("nothing to read yet"),
+    ///     other => panic!("{other}"),
+    /// }
+    /// ```
+    pub fn has(&self, kind: ProblemKind) -> bool {
+        self.items.iter().any(|problem| problem.kind == kind)
     }
 
     /// Whether the run must end; with `strict` warnings end it, too.
@@ -282,6 +317,12 @@ impl Diagnostic {
         if self.message != FURTHER_PROBLEMS {
             self.help = Some(shortened(text.into()));
         }
+        self
+    }
+
+    /// Sets what the problem is about.
+    pub fn of_kind(&mut self, kind: ProblemKind) -> &mut Diagnostic {
+        self.kind = kind;
         self
     }
 

@@ -1,6 +1,6 @@
 //! Errors, and the exit status of the program.
 
-use crate::diag::Diagnostics;
+use crate::diag::{Diagnostics, ProblemKind};
 use std::path::{Path, PathBuf};
 
 /// Result type of the crate.
@@ -55,7 +55,7 @@ impl Error {
         let path = path.as_ref();
         match source.kind() {
             std::io::ErrorKind::NotFound => {
-                Error::input(format!("{}: there is no such file", path.display()))
+                Error::input_of(ProblemKind::NotFound, format!("{}: there is no such file", path.display()))
             }
             _ => Error::io("read", path, source),
         }
@@ -63,8 +63,13 @@ impl Error {
 
     /// A single input problem without a place in a file (a command-line value, a combination of options).
     pub fn input(message: impl Into<String>) -> Error {
+        Error::input_of(ProblemKind::Invalid, message)
+    }
+
+    /// [`Error::input`] of a kind that programs can tell.
+    pub fn input_of(kind: ProblemKind, message: impl Into<String>) -> Error {
         let mut d = Diagnostics::default();
-        d.error(None, message);
+        d.error(None, message).of_kind(kind);
         Error::Input(Box::new(d))
     }
 

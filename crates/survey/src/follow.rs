@@ -1,5 +1,7 @@
-//! Surveys that follow a stream of poses, and default settings of legs.
+//! Surveys that follow a stream of poses; devices, scanners and legs with default settings.
 
+use super::scanner_xml::{DETECTOR, DEVICE_BEAM, WAVEFORM};
+use super::{Deflector, Device, Head, MechanicalErrors, Mount, Receiver, Scanner};
 use super::{Leg, PlatformKind, PlatformSettings, PoseStream, ScannerSettings, Survey};
 use vlscan_geom::DVec3;
 
@@ -22,7 +24,43 @@ impl Survey {
     }
 }
 
-impl super::Scanner {
+impl Device {
+    /// A device with this deflector on a head that does not turn, and otherwise the defaults of `[scanner]` in pipeline files: 1064 nm,
+    /// 0.3 mrad, pulses of 4 ns, any range, no noise.
+    pub fn new(deflector: Deflector) -> Device {
+        Device {
+            id: String::new(),
+            deflector,
+            scan_angle_max: 0.0,
+            scan_freq: (0.0, 0.0),
+            head: Head { axis: DVec3::Z, max_rate: 0.0 },
+            beam_origin: Mount::IDENTITY,
+            firing_offset: 0.0,
+            beam: DEVICE_BEAM,
+            detector: DETECTOR,
+            receiver: Receiver::default(),
+            waveform: WAVEFORM,
+            waveform_place: None,
+            errors: MechanicalErrors::default(),
+        }
+    }
+}
+
+impl Scanner {
+    /// A scanner of one device with this name, which emits so many pulses per second.
+    pub fn new(name: impl Into<String>, pulse_freq: u32, device: Device) -> Scanner {
+        let name = name.into();
+        Scanner {
+            id: name.clone(),
+            pulse_freqs: vec![pulse_freq],
+            devices: vec![Device { id: name.clone(), ..device }],
+            name,
+            multi_channel: false,
+            written: Vec::new(),
+            sources: Vec::new(),
+        }
+    }
+
     /// A leg without a position, for pulses of a stream.
     pub fn leg(&self) -> Leg {
         Leg {

@@ -9,7 +9,7 @@
 //! | `context`, `fields`, `documents` | the problems of one run of a reader; typed attributes of an element; documents and references |
 //! | `read` | the entry points: a survey, a scene, a scanner |
 //! | `survey_xml`, `settings`, `templates`, `legs`, `trajectories` | the `<survey>` element: templates, legs, trajectories |
-//! | `follow` | surveys that follow a stream of poses |
+//! | `follow` | surveys that follow a stream of poses; devices, scanners and legs with default settings |
 //! | `checks`, `effects` | checks that need the complete survey: limits, legs that never end; settings that are limited or have no effect |
 //! | `scanner_xml`, `deflector_xml`, `receiver_xml`, `pulse_file`, `platform_xml` | instruments and platforms |
 //! | `scene_xml`, `params`, `loaders`, `instances`, `motions` | the parts of a scene |

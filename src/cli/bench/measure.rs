@@ -100,7 +100,7 @@ impl Bench {
             ));
         }
         let started = Instant::now();
-        let session = Session::open_scene(settings, console.observer())?;
+        let session = Session::open_for_flight(settings, console.observer())?;
         let load_s = started.elapsed().as_secs_f64();
         if session.epochs() > 1 {
             console.say("the scene's swaps ask for several flights; the first is compared");

@@ -256,15 +256,11 @@ impl<'c> CellRunner<'c> {
             .loaded
             .as_ref()
             .filter(|(name, loaded)| site.is_shared && *name == site.name && is_same(loaded));
-        let shared = match known {
-            Some((_, loaded)) => {
-                self.reused = Some(loaded.reads().clone());
-                Session::open_loaded(settings.clone(), loaded, self.console.observer())?
-            }
-            None => None,
-        };
-        let mut session = match shared {
-            Some(session) => session,
+        if let Some((_, loaded)) = known {
+            self.reused = Some(loaded.reads().clone());
+        }
+        let mut session = match known.filter(|(_, loaded)| loaded.suits(&settings)) {
+            Some((_, loaded)) => Session::new(settings, loaded.clone(), self.console.observer())?,
             None => {
                 self.loaded = None;
                 Session::open(settings, self.console.observer())?

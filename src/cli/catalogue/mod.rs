@@ -189,6 +189,7 @@ fn scanner(reference: &str, scanner: &Scanner) -> Result<ScannerRow> {
         Deflector::EllipticConic { .. } => "elliptic",
         Deflector::Fibres { .. } => "line",
         Deflector::Risley { .. } => "risley",
+        Deflector::Custom(_) => "custom",
     };
     let beam = &device.beam;
     Ok(ScannerRow {

@@ -14,9 +14,7 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::number;
 use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::PhysicsProfile;
-use vlscan_survey::{
-    Loader, MaterialDefinition, Mesh, MotionTiming, PartRecipe, PlatformKind, SceneRecipe, Transform,
-};
+use vlscan_survey::{MaterialDefinition, Mesh, PlatformKind, SceneRecipe};
 use vlscan_tools::plan::{Area, Document, Promise, fly_sample};
 
 /// Share of the pulses that meet flat ground within range and return, below which the plan of a flight is refused.
@@ -103,12 +101,11 @@ impl Check<'_> {
         settings.survey.scene = recipe.clone();
         settings.strict = self.console.is_strict();
         let observer = self.console.observer();
-        let session = Session::open_loaded(settings, loaded, move |notice| {
+        Session::new(settings, loaded.clone(), move |notice| {
             if matches!(notice, Notice::Warnings(_)) {
                 observer(notice);
             }
-        })?;
-        session.ok_or_else(other_scene)
+        })
     }
 
     /// Flies a sample over flat ground.
@@ -154,26 +151,7 @@ impl Check<'_> {
             ..MaterialDefinition::new("ground")
         };
         let mesh = Mesh::new(corners, vec![[0, 1, 2], [0, 2, 3]], vec![ground], Vec::new())?;
-        let part = PartRecipe {
-            id: None,
-            number: 0,
-            loader: Loader::Mesh(Arc::new(mesh)),
-            changes: Arc::default(),
-            transform: Transform::IDENTITY,
-            motions: Vec::new(),
-            timing: MotionTiming { dyn_step: 1, tree_step: 1, dyn_time_step: None, tree_time_step: None },
-            swaps: Vec::new(),
-            place: None,
-        };
-        Ok(SceneRecipe {
-            id: "flat".to_owned(),
-            path: PathBuf::new(),
-            parts: vec![part],
-            dyn_step: 1,
-            dyn_time_step: None,
-            packed: None,
-            asset_folders: Vec::new(),
-        })
+        Ok(SceneRecipe { id: "flat".to_owned(), path: PathBuf::new(), ..mesh.into() })
     }
 }
 
@@ -240,7 +218,7 @@ fn share_too_near(session: &Session, echoes: f64) -> Result<f64> {
         device.detector.range_min = 0.0;
     }
     let loaded = session.loaded().ok_or_else(other_scene)?;
-    let mut unlimited = Session::open_loaded(settings, &loaded, |_| ())?.ok_or_else(other_scene)?;
+    let mut unlimited = Session::new(settings, loaded, |_| ())?;
     let met = 1.0 - dry_run(&mut unlimited)?.missed.pulses;
     Ok(if met > 0.0 { (1.0 - echoes / met).max(0.0) } else { 0.0 })
 }

@@ -137,7 +137,7 @@ fn fly(
     let Job { mut settings, progress_lines, .. } = resolve(&args.file, &args.options(), console)?;
     change(&mut settings.survey);
     let has_errors = settings.flight.navigation.any();
-    let emission = Session::open_scene(settings, console.observer())?.into_emission()?;
+    let emission = Session::open_for_flight(settings, console.observer())?.into_emission()?;
     let flight = Flight::new(&emission, has_errors, as_flown);
     let legs = emission.survey.legs.len();
     let is_live = emission.poses.is_some();

@@ -16,8 +16,8 @@ mod spacing;
 mod timeline;
 
 use super::pass::Control;
-use super::plausibility;
-use super::session::{Epochs, Session};
+use super::run::Epochs;
+use super::session::Session;
 use crate::output::{
     FileKind, FileSummary, NoOffload, OutputContext, OutputPlan, OutputRequest, Summary, Target,
 };
@@ -28,7 +28,6 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 use timeline::{LegTime, Timeline};
-use vlscan_base::diag::Notice;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::machine;
 use vlscan_geom::DVec3;
@@ -47,6 +46,7 @@ const MIN_TIME_UNCERTAINTY: f64 = 0.1;
 /// A number with its relative uncertainty (two standard errors).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Estimate {
+    /// The number itself.
     pub value: f64,
     /// Fraction of the value.
     pub uncertainty: f64,
@@ -57,7 +57,9 @@ pub struct Estimate {
 pub struct LegForecast {
     /// Number of the leg in the survey.
     pub leg: u32,
+    /// Duration, s.
     pub seconds: f64,
+    /// Number of pulses of all devices.
     pub pulses: f64,
     /// `None` where the sample has no pulse of the leg.
     pub points: Option<f64>,
@@ -74,8 +76,11 @@ pub struct LegForecast {
 /// A file that the run will write.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FileForecast {
+    /// Path, or what the file is.
     pub name: String,
+    /// What its records are: points, waveforms, pulses, poses.
     pub content: &'static str,
+    /// Size, bytes.
     pub bytes: f64,
 }
 
@@ -101,33 +106,42 @@ pub struct TimeForecast {
     pub loading_s: f64,
     /// From the first pulse to the last byte.
     pub simulation_s: f64,
+    /// All of it.
     pub total_s: f64,
     /// Fraction of the total (two standard errors).
     pub uncertainty: f64,
+    /// Number of threads of the run.
     pub threads: usize,
 }
 
 /// What a run will cost and give.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Forecast {
+    /// Legs that take time, in the order of the survey.
     pub legs: Vec<LegForecast>,
     /// Number of times that the survey is flown, once for each state of a scene with swapped parts.
     pub epochs: u32,
     /// Time of the survey, s.
     pub duration_s: f64,
+    /// Number of pulses, over all epochs.
     pub pulses: f64,
     /// Whether the pulses were counted and not estimated.
     pub pulses_are_counted: bool,
+    /// Number of points, over all epochs.
     pub points: Estimate,
+    /// Ground within the scene's box that swaths cover, m².
     pub covered_m2: f64,
     /// Points per m² of the covered ground.
     pub points_per_m2: Option<f64>,
     /// Pulses with echoes per m² of the covered ground.
     pub pulses_per_m2: Option<f64>,
+    /// The files that the run writes.
     pub files: Vec<FileForecast>,
     /// The most memory that loading and sample have needed, bytes.
     pub memory_bytes: u64,
+    /// How long the run takes.
     pub time: TimeForecast,
+    /// What the run does not measure.
     pub missed: Missed,
     /// Pulses of the sample.
     pub sampled_pulses: f64,
@@ -155,17 +169,10 @@ impl Session {
         control: Control<'_>,
     ) -> Result<Forecast> {
         control.stop.begin_run();
-        self.check_instrument()?;
-        self.enter_epoch(0, control.stop)?;
-        let flight = self.plan_flight()?;
-        let found = plausibility::check_flight(self.survey(), self.scene(), self.tree()?, &flight);
-        let strict = self.settings().strict;
-        self.notify(Notice::Warnings(found.finish(strict)?));
+        let (flight, _) = self.plan_checked_flight(control.stop)?;
+        let outputs = &self.complete(outputs.clone());
         let context = self.output_context();
-        let inputs = self.inputs().chain(outputs.inputs.iter().cloned()).collect();
-        let request = OutputRequest { epochs: self.epochs(), inputs, ..outputs.clone() };
-        let planned = OutputPlan::new(request, &context)?;
-        self.notify(Notice::Warnings(planned.warnings().clone().finish(strict)?));
+        self.plan_output(outputs.clone(), &context)?;
         let loading_s = started.elapsed().as_secs_f64();
         let (timeline, sample, summary) = self.sample_flight(&flight, outputs, &context, control)?;
         let seen = Seen { session: self, flight: &flight, timeline: &timeline, sample: &sample, outputs };

@@ -33,14 +33,25 @@ const LEAP_SECONDS: [i64; 18] = [
     1_483_228_800, // 2017-01-01
 ];
 
+/// A text that is no time.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum TimeError {
+    /// It has a colon, and is no calendar time.
+    #[error("expected a time like 2024-01-31 12:00:00, found `{0}`")]
+    Calendar(String),
+    /// It is neither a number nor a calendar time.
+    #[error("expected POSIX seconds or a time like 2024-01-31 12:00:00, found `{0}`")]
+    Posix(String),
+}
+
 /// GPS time of week, ns, at which a run starts: now if `text` is empty, otherwise a UTC time `YYYY-MM-DD hh:mm:ss` or
 /// POSIX seconds, whose fraction is ignored (spec outputs §2.4). With `leap_seconds` it counts from the true epoch and
 /// includes the leap seconds of UTC, which POSIX time does not count (IS-GPS-200, §20.3.3.5.2.4); without, it counts
 /// from the reference's epoch and has none.
 ///
 /// # Errors
-/// A sentence that states what was found and what was expected.
-pub fn gps_start(text: &str, leap_seconds: bool) -> Result<f64, String> {
+/// A text that is no time.
+pub fn gps_start(text: &str, leap_seconds: bool) -> Result<f64, TimeError> {
     let posix = posix_seconds(text)?;
     let since_epoch = if leap_seconds {
         // A leap second has the POSIX time of the second after it, but precedes it.
@@ -58,7 +69,7 @@ pub fn gps_start(text: &str, leap_seconds: bool) -> Result<f64, String> {
 ///
 /// # Errors
 /// As [`gps_start`].
-pub fn calendar_day(text: &str) -> Result<(u16, u16), String> {
+pub fn calendar_day(text: &str) -> Result<(u16, u16), TimeError> {
     let date = DateTime::from_timestamp(posix_seconds(text)?, 0);
     Ok(match date {
         Some(date) if (1970..=9999).contains(&date.year()) => (date.year() as u16, date.ordinal() as u16),
@@ -66,21 +77,18 @@ pub fn calendar_day(text: &str) -> Result<(u16, u16), String> {
     })
 }
 
-fn posix_seconds(text: &str) -> Result<i64, String> {
+fn posix_seconds(text: &str) -> Result<i64, TimeError> {
     let text = text.trim();
     if text.is_empty() {
         return Ok(Utc::now().timestamp());
     }
     if text.contains(':') {
-        return utc_seconds(text)
-            .ok_or_else(|| format!("expected a time like 2024-01-31 12:00:00, found `{text}`"));
+        return utc_seconds(text).ok_or_else(|| TimeError::Calendar(text.to_owned()));
     }
     let whole = text.split_once('.').map_or(text, |(whole, fraction)| {
         if fraction.bytes().all(|b| b.is_ascii_digit()) { whole } else { text }
     });
-    whole
-        .parse()
-        .map_err(|_| format!("expected POSIX seconds or a time like 2024-01-31 12:00:00, found `{text}`"))
+    whole.parse().map_err(|_| TimeError::Posix(text.to_owned()))
 }
 
 /// POSIX seconds of `YYYY-MM-DD hh:mm:ss` in UTC; a leap second, 23:59:60, has the number of the second after it.
@@ -162,7 +170,7 @@ mod tests {
             "1.x",
             "1e9",
         ] {
-            assert!(gps_start(text, false).unwrap_err().contains(text), "{text}");
+            assert!(gps_start(text, false).unwrap_err().to_string().contains(text), "{text}");
         }
         assert!(gps_start("é:00000000000000000", false).is_err());
     }

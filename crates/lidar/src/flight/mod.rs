@@ -33,7 +33,7 @@ mod testing;
 mod tests;
 
 pub use advance::Skipped;
-pub use clock::{calendar_day, gps_start};
+pub use clock::{TimeError, calendar_day, gps_start};
 pub use jump::LegClock;
 pub use plan::{FlightOptions, FlightPlan};
 pub use pulse::{FlightSink, PoseSample, Pulse};

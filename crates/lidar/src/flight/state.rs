@@ -236,7 +236,7 @@ impl FlightState {
                 continue;
             }
             state.deflector.step(device);
-            if device.errors.deflection.is_some() && !state.has_deflection() {
+            if device.may_lack_deflection && !state.has_deflection() {
                 return Err(state.formula_error(device));
             }
             if !state.deflector.is_firing() {

@@ -44,6 +44,16 @@ pub enum DeflectorState {
         /// The last direction that left the prisms, where total reflection is possible.
         last: Option<DVec3>,
     },
+    /// A pattern of a program's own.
+    Custom {
+        /// Steps since the first one of the leg; a fraction between two steps.
+        steps: f64,
+        /// Time per step, s.
+        step: f64,
+        /// Direction of the beam, unit vector; NaN where the pattern has none.
+        beam: DVec3,
+        is_firing: bool,
+    },
 }
 
 impl DeflectorState {
@@ -58,6 +68,9 @@ impl DeflectorState {
                 DeflectorState::Fibres { angle: 0.0, next: 0, count: 1, half_angle: 0.0 }
             }
             Deflector::Risley { .. } => DeflectorState::Risley { time: 0.0, step: 0.0, last: None },
+            Deflector::Custom(_) => {
+                DeflectorState::Custom { steps: -1.0, step: 0.0, beam: DVec3::Y, is_firing: true }
+            }
         }
     }
 
@@ -91,6 +104,7 @@ impl DeflectorState {
                 *half_angle = scan_angle;
             }
             (DeflectorState::Risley { step, .. }, _) => *step = 1.0 / frequency,
+            (DeflectorState::Custom { steps, step, .. }, _) => (*steps, *step) = (-1.0, 1.0 / frequency),
             _ => {}
         }
     }
@@ -102,7 +116,7 @@ impl DeflectorState {
             DeflectorState::Oscillating(mirror) => (mirror.angle, mirror.count) = (0.0, 0),
             DeflectorState::Conic { turn, .. } => *turn = 0.0,
             DeflectorState::Fibres { angle, .. } => *angle = 0.0,
-            DeflectorState::Risley { .. } => {}
+            DeflectorState::Risley { .. } | DeflectorState::Custom { .. } => {}
         }
     }
 
@@ -130,6 +144,19 @@ impl DeflectorState {
                     *last = prisms.refract(*time).or(*last);
                 }
             }
+            DeflectorState::Custom { .. } => self.advance_pattern(plan, 1.0),
+        }
+    }
+
+    /// Moves a pattern of a program's own on by `count` steps or a fraction of one.
+    fn advance_pattern(&mut self, plan: &DevicePlan, count: f64) {
+        if let (DeflectorState::Custom { steps, step, beam, is_firing }, Deflector::Custom(pattern)) =
+            (self, &plan.deflector)
+        {
+            *steps += count;
+            let time = *steps * *step;
+            *is_firing = pattern.is_firing(time);
+            *beam = pattern.direction(time).try_normalize().unwrap_or(DVec3::NAN);
         }
     }
 
@@ -151,6 +178,7 @@ impl DeflectorState {
                 later.step(plan);
             }
             DeflectorState::Fibres { .. } => {}
+            DeflectorState::Custom { .. } => later.advance_pattern(plan, part),
         }
         later
     }
@@ -160,6 +188,13 @@ impl DeflectorState {
     pub fn advance(&mut self, plan: &DevicePlan, steps: u32) -> u32 {
         match self {
             DeflectorState::Polygon(mirror) => return mirror.advance(plan, steps),
+            DeflectorState::Custom { .. } => {
+                let is_firing = |state: &mut DeflectorState| {
+                    state.step(plan);
+                    u32::from(state.is_firing())
+                };
+                return (0..steps).map(|_| is_firing(self)).sum();
+            }
             DeflectorState::Oscillating(mirror) => mirror.advance(steps),
             DeflectorState::Fibres { next, count, .. } if steps > 0 => {
                 // The angle is that of the last fibre.
@@ -181,11 +216,12 @@ impl DeflectorState {
     pub fn is_firing(&self) -> bool {
         match self {
             DeflectorState::Polygon(mirror) => mirror.is_firing(),
+            DeflectorState::Custom { is_firing, .. } => *is_firing,
             _ => true,
         }
     }
 
-    /// The angle without errors, of which error formulas are functions; 0 for Risley prisms.
+    /// The angle without errors, of which error formulas are functions; 0 for Risley prisms and patterns of a program's own.
     #[inline]
     pub fn exact_angle(&self) -> f64 {
         match self {
@@ -193,7 +229,7 @@ impl DeflectorState {
             DeflectorState::Oscillating(mirror) => mirror.angle,
             DeflectorState::Conic { turn, .. } => *turn,
             DeflectorState::Fibres { angle, .. } => *angle,
-            DeflectorState::Risley { .. } => 0.0,
+            DeflectorState::Risley { .. } | DeflectorState::Custom { .. } => 0.0,
         }
     }
 
@@ -201,7 +237,7 @@ impl DeflectorState {
     /// of `deflection`, the exact rotation.
     pub fn scan_angle(&self, deflection: &Rotation) -> f64 {
         match self {
-            DeflectorState::Conic { .. } | DeflectorState::Risley { .. } => {
+            DeflectorState::Conic { .. } | DeflectorState::Risley { .. } | DeflectorState::Custom { .. } => {
                 let beam = deflection.forward();
                 libm::atan2(beam.z, beam.y)
             }
@@ -238,6 +274,7 @@ impl DeflectorState {
                 beam.map_or(Rotation::IDENTITY, |b| Rotation::between(DVec3::Y, b))
             }
             DeflectorState::Polygon(mirror) => reflected(mirror.exact, mirror.tilt(plan)),
+            DeflectorState::Custom { beam, .. } => Rotation::between(DVec3::Y, *beam),
             _ => Rotation::about_x(self.exact_angle()),
         }
     }

@@ -6,7 +6,7 @@ use super::plan::DevicePlan;
 use serde::{Deserialize, Serialize};
 use vlscan_base::error::Error;
 use vlscan_geom::Rotation;
-use vlscan_survey::ScannerSettings;
+use vlscan_survey::{Deflector, ScannerSettings};
 
 /// State of one device of a scanner between two simulation steps: head, deflector and pulse counter.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -66,15 +66,29 @@ impl DeviceState {
         DeviceState { head, deflector, ..*self }
     }
 
-    /// Whether the formula of the deflection error had a value; [`DeviceState::formula_error`] names it otherwise.
+    /// Whether the formula of the deflection error had a value, and a pattern of a program's own a direction;
+    /// [`DeviceState::formula_error`] names the one without it.
     #[inline]
     pub fn has_deflection(&self) -> bool {
-        !matches!(&self.deflector, DeflectorState::Polygon(mirror) if !mirror.angle.is_finite())
+        match &self.deflector {
+            DeflectorState::Polygon(mirror) => mirror.angle.is_finite(),
+            DeflectorState::Custom { beam, is_firing, .. } => !is_firing || beam.is_finite(),
+            _ => true,
+        }
     }
 
     /// The error of the first formula of an error that has no value at the current angles.
     #[cold]
     pub fn formula_error(&self, plan: &DevicePlan) -> Error {
+        if let (DeflectorState::Custom { steps, step, .. }, Deflector::Custom(pattern)) =
+            (&self.deflector, &plan.deflector)
+        {
+            let time = steps * step;
+            let found = pattern.direction(time);
+            return Error::input(format!(
+                "the scan pattern points to {found} at {time} s, expected a direction whose length is above 0: {pattern:?}"
+            ));
+        }
         let at = self.deflector.exact_angle();
         let errors = &plan.errors;
         let deflection = errors.deflection.as_ref().map(|formula| formula.number("deflection error", at));

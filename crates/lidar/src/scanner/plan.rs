@@ -26,6 +26,8 @@ pub struct DevicePlan {
     pub errors: MechanicalErrors,
     /// Corrections of the reference's kinematics that are enabled.
     pub kinematics: Corrections,
+    /// Whether the beam may have no direction at some time: by a formula of an error, or a pattern of a program's own.
+    pub may_lack_deflection: bool,
     pub(super) prisms: Option<PrismTrain>,
 }
 
@@ -47,6 +49,8 @@ impl DevicePlan {
             firing_offset: if kinematics.firing_offsets { device.firing_offset } else { 0.0 },
             errors: device.errors.clone(),
             kinematics,
+            may_lack_deflection: device.errors.deflection.is_some()
+                || matches!(device.deflector, Deflector::Custom(_)),
             prisms,
         }
     }

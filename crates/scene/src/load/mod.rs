@@ -39,6 +39,31 @@ use vlscan_survey::{Loader, MaterialChoice, PartRecipe, Replaced, SceneRecipe, T
 
 /// Loads a scene in its first epoch and returns it with its warnings. All problems of all files are collected before an
 /// error is returned. The result does not depend on the number of threads. Moving parts are in their initial pose.
+///
+/// ```
+/// use vlscan_geom::DVec3;
+/// use vlscan_scene::{LoadOptions, load};
+/// use vlscan_survey::{Mesh, SceneRecipe};
+/// use vlscan_trace::BuildOptions;
+///
+/// # fn main() -> vlscan_base::Result<()> {
+/// // `read_scene` of vlscan-survey makes a recipe from files.
+/// let corners = vec![DVec3::ZERO, DVec3::new(4.0, 0.0, 0.0), DVec3::new(0.0, 4.0, 1.0)];
+/// let mesh = Mesh::new(corners, vec![[0, 1, 2]], Vec::new(), Vec::new())?;
+/// let (scene, warnings) = load(&SceneRecipe::from(mesh), &LoadOptions::default())?;
+///
+/// // Geometry is relative to the centre of the scene.
+/// let tree = scene.tree(&BuildOptions::default());
+/// let above = scene.to_local(DVec3::new(1.0, 2.0, 10.0));
+/// let hit = tree.nearest_where(&scene.geometry, above, -DVec3::Z, |_| true).expect("the triangle");
+/// assert_eq!(hit.t, 9.5);
+/// assert_eq!(scene.material_of(hit.primitive).classification, 0);
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # Errors
+/// [`Error::Input`] for files that are missing or invalid, and scenes beyond the memory limit; [`Error::Io`].
 pub fn load(recipe: &SceneRecipe, options: &LoadOptions) -> Result<(Scene, Diagnostics)> {
     load_epoch(recipe, options, 0, None)
 }

@@ -18,6 +18,7 @@ mod scene;
 
 use super::Formula;
 use std::path::PathBuf;
+use std::sync::Arc;
 use vlscan_base::diag::Place;
 use vlscan_geom::{DVec3, Rotation};
 
@@ -383,7 +384,7 @@ pub struct WaveformPlace {
     pub keys: [&'static str; 2],
 }
 
-/// Kinds of deflectors (spec kinematics §4); no others exist.
+/// Kinds of deflectors (spec kinematics §4), and patterns of a program's own.
 #[derive(Clone, Debug)]
 pub enum Deflector {
     /// `rotating`: polygon mirror.
@@ -420,6 +421,44 @@ pub enum Deflector {
         /// Incoming beam, unit vector in the emitter frame.
         incident: DVec3,
     },
+    /// A pattern that a program defines. Files cannot describe it.
+    Custom(Arc<dyn ScanPattern>),
+}
+
+/// A scan pattern of a program's own: where the beam points, as a function of time.
+///
+/// The pattern is asked for the same times again and again, by many threads and in any order, so it must be a function of time
+/// alone: what is drawn at random has to follow from the time. Runs are deterministic then, as with every other deflector.
+///
+/// `Debug` has to tell different patterns apart: what was computed of a run earlier is used again only for equal surveys.
+///
+/// ```
+/// use vlscan_geom::DVec3;
+/// use vlscan_survey::ScanPattern;
+///
+/// /// A spiral that opens to 20 degrees within a second, 50 turns per second.
+/// #[derive(Debug)]
+/// struct Spiral;
+///
+/// impl ScanPattern for Spiral {
+///     fn direction(&self, time: f64) -> DVec3 {
+///         let (turn, opening) = (std::f64::consts::TAU * 50.0 * time, time.fract() * 20f64.to_radians());
+///         DVec3::new(opening.sin() * turn.cos(), opening.cos(), opening.sin() * turn.sin())
+///     }
+/// }
+/// ```
+pub trait ScanPattern: std::fmt::Debug + Send + Sync {
+    /// The direction of the beam, of any length above 0, in the frame of the emitter: x to the right, y forward, z up. `time` is that
+    /// since the first step of the leg, s.
+    ///
+    /// A direction that is 0 or not finite ends the run with an error if the beam fires then.
+    fn direction(&self, time: f64) -> DVec3;
+
+    /// Whether a pulse is emitted at that time.
+    fn is_firing(&self, time: f64) -> bool {
+        let _ = time;
+        true
+    }
 }
 
 /// A rotating wedge prism of a Risley deflector.

@@ -26,6 +26,29 @@ pub struct SceneRecipe {
     pub asset_folders: Vec<PathBuf>,
 }
 
+impl SceneRecipe {
+    /// A scene of these parts, which no file describes. `path` is its name in messages.
+    pub fn of_parts(path: impl Into<PathBuf>, parts: Vec<PartRecipe>) -> SceneRecipe {
+        let parts = (0..).zip(parts).map(|(number, part)| PartRecipe { number, ..part }).collect();
+        SceneRecipe {
+            id: "scene".to_owned(),
+            path: path.into(),
+            parts,
+            dyn_step: 1,
+            dyn_time_step: None,
+            packed: None,
+            asset_folders: Vec::new(),
+        }
+    }
+}
+
+impl From<Mesh> for SceneRecipe {
+    /// A scene of one part.
+    fn from(mesh: Mesh) -> SceneRecipe {
+        SceneRecipe::of_parts("<mesh>", vec![PartRecipe::new(Loader::Mesh(Arc::new(mesh)))])
+    }
+}
+
 /// A part of a scene.
 #[derive(Clone, Debug)]
 pub struct PartRecipe {
@@ -47,6 +70,23 @@ pub struct PartRecipe {
     pub swaps: Vec<Swap>,
     /// Place of the part in its file, for messages.
     pub place: Option<Place>,
+}
+
+impl PartRecipe {
+    /// A part at rest, with the materials of its geometry, where its geometry says.
+    pub fn new(loader: Loader) -> PartRecipe {
+        PartRecipe {
+            id: None,
+            number: 0,
+            loader,
+            changes: Arc::default(),
+            transform: Transform::IDENTITY,
+            motions: Vec::new(),
+            timing: MotionTiming { dyn_step: 1, tree_step: 1, dyn_time_step: None, tree_time_step: None },
+            swaps: Vec::new(),
+            place: None,
+        }
+    }
 }
 
 /// `p′ = scale · R · p + offset`, then grounding.

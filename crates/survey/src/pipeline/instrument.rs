@@ -1,10 +1,8 @@
 //! The `[scanner]` table.
 
 use super::super::deflector_xml::{FACET_TILTS, are_facet_tilts};
-use super::super::scanner_xml::{
-    DETECTOR, DEVICE_BEAM, WAVEFORM, WAVELENGTHS, read_scanner, unusual_wavelength,
-};
-use super::super::{Deflector, Device, Head, MechanicalErrors, Mount, Prism, Receiver, Scanner};
+use super::super::scanner_xml::{WAVELENGTHS, read_scanner, unusual_wavelength};
+use super::super::{Deflector, Device, Prism, Scanner};
 use super::keys::{InstrumentKeys, Key, Optics, PrismKeys};
 use super::receiver::{change_emission, change_receiver};
 use super::values::Values;
@@ -40,7 +38,7 @@ pub(super) fn read_instrument(
         id: "scanner".to_owned(),
         name: "scanner".to_owned(),
         pulse_freqs: Vec::new(),
-        devices: vec![bare_device()],
+        devices: vec![Device::new(Deflector::Conic)],
         multi_channel: false,
         written: Vec::new(),
         sources: Vec::new(),
@@ -110,24 +108,6 @@ fn read_channel(values: &Values, base: &Device, index: usize, table: &Spanned<In
     device.beam.atmosphere_wavelength = base.beam.atmosphere_wavelength;
     device.id = keys.id.clone().unwrap_or_else(|| index.to_string());
     device
-}
-
-fn bare_device() -> Device {
-    Device {
-        id: String::new(),
-        deflector: Deflector::Conic,
-        scan_angle_max: 0.0,
-        scan_freq: (0.0, 0.0),
-        head: Head { axis: DVec3::Z, max_rate: 0.0 },
-        beam_origin: Mount::IDENTITY,
-        firing_offset: 0.0,
-        beam: DEVICE_BEAM,
-        detector: DETECTOR,
-        receiver: Receiver::default(),
-        waveform: WAVEFORM,
-        waveform_place: None,
-        errors: MechanicalErrors::default(),
-    }
 }
 
 fn change_device(values: &Values, device: &mut Device, keys: &InstrumentKeys) {

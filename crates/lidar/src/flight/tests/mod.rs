@@ -4,5 +4,6 @@ mod advance;
 mod corrected;
 mod firing;
 mod golden;
+mod pattern;
 mod replay;
 mod reported;

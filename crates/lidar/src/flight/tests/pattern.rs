@@ -1,0 +1,77 @@
+//! Scan patterns of a program's own.
+
+use crate::flight::testing::*;
+use crate::flight::{FlightState, Step};
+use std::f64::consts::TAU;
+use std::sync::Arc;
+use vlscan_geom::DVec3;
+use vlscan_survey::*;
+
+/// A circle of a turn per second, whose beam is off in the first quarter; the direction is `at_rest` then.
+#[derive(Debug)]
+struct Circle {
+    at_rest: DVec3,
+    is_off: bool,
+}
+
+impl ScanPattern for Circle {
+    fn direction(&self, time: f64) -> DVec3 {
+        if time.fract() < 0.25 {
+            return self.at_rest;
+        }
+        let (sin, cos) = libm::sincos(TAU * time);
+        DVec3::new(cos, 2.0, sin)
+    }
+
+    fn is_firing(&self, time: f64) -> bool {
+        !self.is_off || time.fract() >= 0.25
+    }
+}
+
+fn survey_of(pattern: Circle) -> Survey {
+    let legs = [0.0, 5.0].map(|x| leg([x, 0.0, 0.0], 0.0, |leg| leg.scanner.max_duration = Some(2.0)));
+    survey(PlatformKind::Static, Mount::IDENTITY, Deflector::Custom(Arc::new(pattern)), legs.into())
+}
+
+#[test]
+fn beams_follow_the_pattern_from_the_begin_of_each_leg() {
+    let flown = fly(&survey_of(Circle { at_rest: DVec3::new(0.0, 3.0, 0.0), is_off: false }));
+    for leg in &flown[..2] {
+        assert!((199..=201).contains(&leg.pulses.len()), "{}", leg.pulses.len());
+        for (i, pulse) in leg.pulses.iter().enumerate() {
+            let time = i as f64 * 0.01;
+            let (sin, cos) = libm::sincos(TAU * time);
+            let expected = if time.fract() < 0.25 { DVec3::Y } else { DVec3::new(cos, 2.0, sin).normalize() };
+            let off = (pulse.attitude.forward() - expected).length();
+            assert!(off < 1e-9, "pulse {i}: {:?}, expected {expected:?}", pulse.attitude.forward());
+        }
+    }
+}
+
+#[test]
+fn what_does_not_fire_needs_no_direction() {
+    let survey = survey_of(Circle { at_rest: DVec3::ZERO, is_off: true });
+    let pulses: usize = fly(&survey).iter().map(|leg| leg.pulses.len()).sum();
+    assert!((298..=304).contains(&pulses), "{pulses}");
+    // Many steps at once are those of single steps.
+    let plan = plan_with(&survey, options());
+    let (mut quick, mut single) = (FlightState::start(&plan), FlightState::start(&plan));
+    for _ in 0..7 {
+        let (steps, pulses) = quick.advance(&plan, 23);
+        let mut count = Count::default();
+        (0..steps).for_each(|_| assert_eq!(single.step(&plan, &mut count).unwrap(), Step::Advanced));
+        assert_eq!(count.pulses, u64::from(pulses));
+        assert_eq!(format!("{quick:?}"), format!("{single:?}"));
+        quick.step(&plan, &mut Count::default()).unwrap();
+        single.step(&plan, &mut Count::default()).unwrap();
+    }
+}
+
+#[test]
+fn a_pulse_without_a_direction_is_an_error() {
+    for at_rest in [DVec3::ZERO, DVec3::NAN, DVec3::X * f64::INFINITY] {
+        let plan = plan_with(&survey_of(Circle { at_rest, is_off: false }), options());
+        let error = FlightState::start(&plan).step(&plan, &mut Count::default()).unwrap_err();
+        assert!(error.to_string().contains("scan pattern") && error.exit_status() == 2, "{error}");
+    }
+}

@@ -1,0 +1,264 @@
+//! Runs of a session: a flight or a stream of pulses is measured over one epoch after the other.
+
+use super::collector::Ended;
+use super::crs;
+use super::fly::{fly, trace};
+use super::heights::Fallback;
+use super::pass::{Control, Pass};
+use super::plausibility::{self, PoseCheck, YieldCheck};
+use super::session::Session;
+use super::settings::Settings;
+use super::stream::{LegRule, PulseSource, Tracing};
+use crate::output::{FileSummary, Ground, OutputContext, OutputPlan, OutputRequest, Summary, Target, Writer};
+use crate::streams::PulseReader;
+use std::ops::RangeInclusive;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+use vlscan_base::diag::Notice;
+use vlscan_base::error::{Error, Result};
+use vlscan_lidar::flight::{FlightPlan, FlightState};
+use vlscan_lidar::pulse::{Physics, PhysicsOptions};
+use vlscan_survey::PlatformKind;
+use vlscan_warehouse::Stop;
+
+/// Result of a run.
+#[derive(Clone, Debug)]
+pub struct Report {
+    /// Summary of the outputs.
+    pub summary: Summary,
+    /// Pulses emitted.
+    pub pulses: u64,
+    /// Time from the first pulse to the last point written, without the loading of later epochs, s.
+    pub seconds: f64,
+    /// Whether the run was stopped: the outputs contain what was measured until then, and say so.
+    pub interrupted: bool,
+}
+
+/// The epochs of a run, and how each is measured.
+pub(super) struct Epochs {
+    pub range: RangeInclusive<u32>,
+    pub options: PhysicsOptions,
+    /// Whether too few points are reported.
+    pub is_checked: bool,
+}
+
+impl Session {
+    /// Flies and measures the survey, once per epoch.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for flights or outputs that are impossible, [`Error::Io`], [`Error::ClosedPipe`], and
+    /// [`Error::Interrupted`] when a stop is requested before the first pulse or between two epochs.
+    pub fn run(&mut self, outputs: OutputRequest, control: Control<'_>) -> Result<Report> {
+        control.stop.begin_run();
+        let (flight, is_doubted) = self.plan_checked_flight(control.stop)?;
+        let is_reported = Arc::new(AtomicBool::new(is_doubted));
+        let mut poses = self.open_poses()?;
+        if let PlatformKind::Stream(stream) = &self.survey().platform.kind {
+            let bounds = self.scene().bounds.translated(self.scene().shift);
+            let mut check = PoseCheck::new(stream, bounds, is_reported.clone());
+            poses = poses.map(|poses| poses.on_pose(move |seen| check.add(seen)));
+        }
+        let outputs = self.complete(outputs);
+        let mut context = self.output_context();
+        if context.crs.is_none() && outputs.sinks.iter().any(|(_, format)| format.holds_crs()) {
+            // Mistakes in the outputs are reported before the first pose is waited for.
+            OutputPlan::new(outputs.clone(), &context)?;
+            context.crs = crs::of_flight(&flight, poses.as_mut(), control.stop);
+        }
+        let (output, epochs) = self.plan_outputs(outputs, &context)?;
+        let mut state = FlightState::start(&flight);
+        self.run_epochs(output, epochs, control, &is_reported, |_, pass, epoch, writer| {
+            if epoch > 0 {
+                state.repeat(&flight);
+            }
+            fly(pass, &flight, &mut state, poses.take(), u64::MAX, writer)
+        })
+    }
+
+    /// Traces a stream of pulses through the scene instead of flying the survey.
+    ///
+    /// # Errors
+    /// As for [`Session::run`]; [`Error::Input`] for malformed rows, with their line.
+    pub fn trace(
+        &mut self,
+        pulses: PulseReader,
+        legs: LegRule,
+        outputs: OutputRequest,
+        control: Control<'_>,
+    ) -> Result<Report> {
+        control.stop.begin_run();
+        let mut source = PulseSource::new(pulses);
+        self.check_instrument()?;
+        self.enter_epoch(0, control.stop)?;
+        let (output, epochs) = self.plan_outputs(self.complete(outputs), &self.output_context())?;
+        let options = epochs.options;
+        let is_reported = AtomicBool::new(false);
+        self.run_epochs(output, epochs, control, &is_reported, |session, pass, epoch, writer| {
+            let tracing = Tracing { survey: session.survey(), options, shift: session.scene().shift, legs };
+            trace(pass, &tracing, &mut source, epoch, writer)
+        })
+    }
+
+    /// Plans the flight over the first epoch's scene, checks it and the instrument, and reports what is hardly intended. Returns
+    /// whether the flight is.
+    pub(super) fn plan_checked_flight(&mut self, stop: &Stop) -> Result<(FlightPlan, bool)> {
+        self.enter_epoch(0, stop)?;
+        let flight = self.plan_flight()?;
+        if let Some(note) = plausibility::describe_idle_mirror(self.survey()) {
+            self.notify(Notice::Note(note));
+        }
+        self.check_instrument()?;
+        let found = plausibility::check_flight(self.survey(), self.scene(), self.tree()?, &flight);
+        let found = found.finish(self.settings().strict)?;
+        let is_doubted = !found.is_empty();
+        self.notify(Notice::Warnings(found));
+        Ok((flight, is_doubted))
+    }
+
+    /// What outputs depend on.
+    pub(super) fn output_context(&self) -> OutputContext {
+        let two_way = self.settings().physics.corrections.two_way_time;
+        OutputContext::new(self.survey(), self.scene()).with_times(two_way)
+    }
+
+    /// Warns of settings of the instrument that the physics passes over or replaces.
+    pub(super) fn check_instrument(&self) -> Result<()> {
+        let Settings { survey, physics, strict, .. } = self.settings();
+        let mut found = plausibility::check_instrument(survey, &physics.corrections);
+        if self.has_spectra() {
+            found.extend(plausibility::check_wavelengths(survey));
+        }
+        self.notify(Notice::Warnings(found.finish(*strict)?));
+        Ok(())
+    }
+
+    /// The request with what follows from the session: its inputs and its epochs.
+    pub(super) fn complete(&self, outputs: OutputRequest) -> OutputRequest {
+        let inputs = self.inputs().chain(outputs.inputs.iter().cloned()).collect();
+        OutputRequest { epochs: self.epochs(), inputs, ..outputs }
+    }
+
+    /// Plans complete outputs of all epochs over the scene of the first.
+    fn plan_outputs(
+        &self,
+        outputs: OutputRequest,
+        context: &OutputContext,
+    ) -> Result<(Arc<OutputPlan>, Epochs)> {
+        let options = self.settings().physics_for(&outputs);
+        let epochs = self.epochs();
+        let is_joined = |target: &Target| !matches!(target, Target::Helios(_));
+        if epochs > 1 && outputs.sinks.iter().any(|(target, _)| is_joined(target)) {
+            self.notify(Notice::Note(format!(
+                "the scene's swaps make {epochs} flights, whose points follow each other in the same files, each from the same time on; \
+                 --output DIR writes a folder for each"
+            )));
+        }
+        if let Some(lack) = crs::lack_of_crs(&outputs, context) {
+            self.notify(Notice::Note(lack));
+        }
+        let output = self.plan_output(outputs, context)?;
+        Ok((Arc::new(output), Epochs { range: 0..=epochs - 1, options, is_checked: true }))
+    }
+
+    /// Plans complete outputs and reports warnings of them.
+    pub(super) fn plan_output(&self, outputs: OutputRequest, context: &OutputContext) -> Result<OutputPlan> {
+        let output = OutputPlan::new(outputs, context)?;
+        self.notify(Notice::Warnings(output.warnings().clone().finish(self.settings().strict)?));
+        Ok(output)
+    }
+
+    /// Runs epochs; outputs continue from one to the next. `is_reported` records whether the cause of too few points has
+    /// been reported.
+    pub(super) fn run_epochs(
+        &mut self,
+        output: Arc<OutputPlan>,
+        epochs: Epochs,
+        control: Control<'_>,
+        is_reported: &AtomicBool,
+        pass_over: impl FnMut(&Session, &Pass<'_>, u32, Option<Box<Writer>>) -> Result<Ended>,
+    ) -> Result<Report> {
+        let ended = self.pass_epochs(&output, epochs, control, is_reported, pass_over);
+        ended.map_err(|e| self.with_rescued(e, &output.rescued()))
+    }
+
+    fn pass_epochs(
+        &mut self,
+        output: &Arc<OutputPlan>,
+        epochs: Epochs,
+        control: Control<'_>,
+        is_reported: &AtomicBool,
+        mut pass_over: impl FnMut(&Session, &Pass<'_>, u32, Option<Box<Writer>>) -> Result<Ended>,
+    ) -> Result<Report> {
+        let Epochs { range, options, is_checked } = epochs;
+        let (mut epoch, mut seconds, mut writer) = (*range.start(), 0.0, None);
+        let (summary, interrupted) = loop {
+            self.enter_epoch(epoch, control.stop)?;
+            let (settings, scene, tree) = (self.settings(), self.scene(), self.tree()?);
+            let ground = || self.ground(Fallback::Lowest).map(|ground| Arc::new(ground) as Arc<dyn Ground>);
+            let physics = Physics::new(scene, tree, &settings.survey, options)?;
+            let pass = Pass {
+                physics: &physics,
+                motion: self.motion(),
+                trees: &settings.tree,
+                output: output.clone(),
+                ground: output.has_heights().then(ground).transpose()?,
+                schedule: settings.schedule,
+                control,
+                target: plausibility::target(&settings.survey, scene),
+                check: is_checked.then_some(YieldCheck {
+                    settings,
+                    scene,
+                    tree,
+                    is_reported,
+                    observer: self.observer(),
+                }),
+                epoch,
+                is_last: epoch == *range.end(),
+            };
+            let started = Instant::now();
+            let ended = pass_over(self, &pass, epoch, writer.take()).and_then(|ended| match ended {
+                Ended::Complete(summary) => Ok(Ok((summary, false))),
+                Ended::Interrupted(writer) => Ok(Ok((writer.finish_partial()?, true))),
+                Ended::NextEpoch(writer) => Ok(Err(writer)),
+            });
+            seconds += started.elapsed().as_secs_f64();
+            match ended? {
+                Ok(complete) => break complete,
+                Err(open) => writer = Some(open),
+            }
+            epoch += 1;
+            self.notify(Notice::Detail(format!("epoch {} of {}", epoch + 1, self.epochs())));
+        };
+        for file in summary.files.iter().filter(|file| file.beside.is_some()) {
+            self.notify(Notice::Note(what_is_kept(file)));
+        }
+        let pulses = control.progress.snapshot().pulses;
+        Ok(Report { summary, pulses, seconds, interrupted })
+    }
+
+    /// Adds to the error of a failed run where its partial outputs are.
+    fn with_rescued(&self, mut error: Error, files: &[FileSummary]) -> Error {
+        for file in files.iter().filter(|file| file.path.is_some()) {
+            let kept = what_is_kept(file);
+            match &mut error {
+                Error::Input(problems) | Error::Limits(problems) => {
+                    problems.note(None, kept);
+                }
+                _ => self.notify(Notice::Note(kept)),
+            }
+        }
+        error
+    }
+}
+
+/// Describes where a partial output is, and that it did not replace the file of an earlier run.
+fn what_is_kept(file: &FileSummary) -> String {
+    let path = file.path.as_deref().unwrap_or(Path::new("standard output"));
+    let new = format!("what was measured until then is in {}", path.display());
+    match &file.beside {
+        Some(old) => format!("{} is kept as it was; {new}", old.display()),
+        None => new,
+    }
+}

@@ -1,0 +1,359 @@
+//! Scans from a scene and an instrument, for programs that have no survey file.
+
+use super::batches::Batches;
+use super::pass::Control;
+use super::progress::Progress;
+use super::run::Report;
+use super::scene::LoadedScene;
+use super::session::{Observer, Session};
+use super::settings::Settings;
+use crate::output::{OutputRequest, PointFormat, TableRequest, Target};
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use vlscan_base::diag::Notice;
+use vlscan_base::error::{Error, Result};
+use vlscan_geom::DVec3;
+use vlscan_lidar::pulse::{Corrections, PhysicsProfile};
+use vlscan_survey::{
+    Leg, Mount, Platform, PlatformKind, PlatformNoise, PlatformSettings, PoseStream, Scanner,
+    ScannerSettings, SceneRecipe, Survey,
+};
+use vlscan_warehouse::Stop;
+
+/// A scan of a scene with an instrument: where the instrument stands or moves, how it is set, what is written. It becomes a
+/// [`Session`] by [`Scan::session`], or points by [`Scan::run`] and [`Scan::batches`].
+///
+/// The physics is the refined one unless [`Scan::physics`] says otherwise, and the seed is 0: the same scan gives the same points.
+///
+/// ```
+/// use vlscan::survey::{Mesh, ReadOptions, find_scanner};
+/// use vlscan::{DVec3, Scan};
+///
+/// # fn main() -> vlscan::Result<()> {
+/// # let folder = tempfile::tempdir().unwrap();
+/// # let points = folder.path().join("floor.laz");
+/// let corners = [[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]].map(|[x, y]| DVec3::new(x, y, 0.0));
+/// let floor = Mesh::new(corners.into(), vec![[0, 1, 2], [0, 2, 3]], Vec::new(), Vec::new())?;
+/// let (scanner, _) = find_scanner("vlp16", &ReadOptions::default())?;
+/// let report = Scan::new(floor, scanner)
+///     .station(DVec3::new(0.0, 0.0, 1.5))
+///     .configure(|settings| {
+///         (settings.head_rate, settings.head_stop) = (20.0 * std::f64::consts::PI, std::f64::consts::TAU);
+///     })
+///     .output(&points)?
+///     .run()?;
+/// assert!(report.summary.points > 10_000);
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone)]
+#[must_use = "a scan does nothing until it is run"]
+pub struct Scan {
+    scene: SceneRecipe,
+    loaded: Option<LoadedScene>,
+    scanner: Scanner,
+    platform: Option<Platform>,
+    waypoints: Vec<PlatformSettings>,
+    poses: Option<PoseStream>,
+    scanner_settings: ScannerSettings,
+    corrections: Corrections,
+    seed: u64,
+    threads: Option<usize>,
+    is_strict: bool,
+    outputs: OutputRequest,
+    observer: Observer,
+}
+
+impl Scan {
+    /// A scan of a scene, which is a [`Mesh`](vlscan_survey::Mesh) in memory or what [`read_scene`](vlscan_survey::read_scene)
+    /// returns, with a scanner, which is one of the catalogue ([`find_scanner`](vlscan_survey::find_scanner)) or one of your own
+    /// ([`Scanner::new`]).
+    pub fn new(scene: impl Into<SceneRecipe>, scanner: Scanner) -> Scan {
+        Scan {
+            scene: scene.into(),
+            loaded: None,
+            platform: None,
+            waypoints: Vec::new(),
+            poses: None,
+            scanner_settings: ScannerSettings { active: true, ..scanner.own_settings() },
+            scanner,
+            corrections: PhysicsProfile::OF_PIPELINES.corrections(),
+            seed: 0,
+            threads: None,
+            is_strict: false,
+            outputs: OutputRequest::default(),
+            observer: Arc::new(|_| ()),
+        }
+    }
+
+    /// Takes the scene from memory instead of loading it: that of an earlier scan, which [`Session::loaded`] returns.
+    pub fn over(self, loaded: LoadedScene) -> Scan {
+        Scan { loaded: Some(loaded), ..self }
+    }
+
+    /// Adds a position from which the scanner measures, world coordinates, m. It does so until its head has turned from
+    /// `head_start` to `head_stop`, or for `max_duration`; see [`Scan::configure`].
+    pub fn station(self, position: DVec3) -> Scan {
+        self.path([position], 0.0)
+    }
+
+    /// Adds positions through which the platform moves in straight lines, world coordinates, m, at a speed in m/s. It measures
+    /// from the first one to the last.
+    pub fn path(mut self, positions: impl IntoIterator<Item = DVec3>, speed: f64) -> Scan {
+        let settings = |position| PlatformSettings { speed, ..PlatformSettings::at(position) };
+        self.waypoints.extend(positions.into_iter().map(settings));
+        self
+    }
+
+    /// Follows recorded poses, of a file or of a stream, instead of stations and paths.
+    pub fn trajectory(self, poses: PoseStream) -> Scan {
+        Scan { poses: Some(poses), ..self }
+    }
+
+    /// Sets what carries the scanner: how it moves, how the scanner is mounted on it, its noise; see
+    /// [`find_platform`](vlscan_survey::find_platform). Otherwise the axes of the scanner are those of the world at stations, and
+    /// those of the motion along paths and trajectories.
+    pub fn platform(self, platform: Platform) -> Scan {
+        Scan { platform: Some(platform), ..self }
+    }
+
+    /// Changes the settings of the scanner: scan rate, angles, rotation of the head, duration. They begin as
+    /// [`Scanner::own_settings`].
+    pub fn configure(mut self, change: impl FnOnce(&mut ScannerSettings)) -> Scan {
+        change(&mut self.scanner_settings);
+        self
+    }
+
+    /// Chooses the physics: refined, or that of HELIOS++.
+    pub fn physics(self, profile: PhysicsProfile) -> Scan {
+        self.corrections(profile.corrections())
+    }
+
+    /// Chooses each departure from the physics of HELIOS++.
+    pub fn corrections(self, corrections: Corrections) -> Scan {
+        Scan { corrections, ..self }
+    }
+
+    /// Sets the seed of every random draw.
+    pub fn seed(self, seed: u64) -> Scan {
+        Scan { seed, ..self }
+    }
+
+    /// Sets the number of threads; otherwise those of the machine. Points do not depend on it.
+    pub fn threads(self, threads: usize) -> Scan {
+        Scan { threads: Some(threads), ..self }
+    }
+
+    /// Makes errors of warnings.
+    pub fn strict(self) -> Scan {
+        Scan { is_strict: true, ..self }
+    }
+
+    /// Passes warnings and notes to `observer`. Without one they are not seen.
+    pub fn observer(self, observer: impl Fn(Notice) + Send + Sync + 'static) -> Scan {
+        Scan { observer: Arc::new(observer), ..self }
+    }
+
+    /// Adds a file of points, whose extension names the format.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for an extension that names none.
+    pub fn output(self, path: impl AsRef<Path>) -> Result<Scan> {
+        let path = path.as_ref();
+        match PointFormat::of_file(path) {
+            Some(Ok(format)) => Ok(self.sink(Target::File(path.to_path_buf()), format)),
+            _ => Err(Error::input(format!(
+                "{}: its extension names no format; expected one of {}",
+                path.display(),
+                PointFormat::names()
+            ))),
+        }
+    }
+
+    /// Adds an output of points.
+    pub fn sink(mut self, target: Target, format: PointFormat) -> Scan {
+        self.outputs.sinks.push((target, format));
+        self
+    }
+
+    /// Adds a table of points, poses, pulses or waveforms, which takes record batches while the scan runs.
+    pub fn table(mut self, table: TableRequest) -> Scan {
+        self.outputs.tables.push(table);
+        self
+    }
+
+    /// Changes everything else about the outputs: columns, settings of LAS, waveforms, tiles, whether files are replaced.
+    pub fn outputs(mut self, change: impl FnOnce(&mut OutputRequest)) -> Scan {
+        change(&mut self.outputs);
+        self
+    }
+
+    /// The survey that the scan is.
+    ///
+    /// # Errors
+    /// [`Error::Input`] without a station, a path or a trajectory.
+    pub fn survey(&self) -> Result<Survey> {
+        if self.waypoints.is_empty() && self.poses.is_none() {
+            return Err(Error::input(
+                "the scanner is nowhere: a scan needs a station, a path or a trajectory",
+            ));
+        }
+        let is_moving = self.waypoints.iter().any(|waypoint| waypoint.speed > 0.0);
+        let platform = self.platform.clone().unwrap_or_else(|| Platform {
+            id: "platform".to_owned(),
+            kind: if is_moving { PlatformKind::LinearPath } else { PlatformKind::Static },
+            mount: Mount::IDENTITY,
+            noise: PlatformNoise::default(),
+        });
+        let is_path = !matches!(platform.kind, PlatformKind::Static);
+        let count = self.waypoints.len();
+        let leg = |(number, platform): (usize, &PlatformSettings)| Leg {
+            number: number as u32,
+            strip: None,
+            platform: platform.clone(),
+            scanner: ScannerSettings {
+                // A path ends at its last position.
+                active: self.scanner_settings.active && !(is_path && number + 1 == count),
+                ..self.scanner_settings.clone()
+            },
+            place: None,
+        };
+        let mut survey = Survey {
+            name: "scan".to_owned(),
+            path: PathBuf::new(),
+            seed: Some(self.seed),
+            platform,
+            scanner: self.scanner.clone(),
+            scene: self.scene.clone(),
+            legs: self.waypoints.iter().enumerate().map(leg).collect(),
+            leg_offset: None,
+            crs_wkt: None,
+        };
+        if let Some(poses) = &self.poses {
+            survey.legs = vec![Leg { scanner: self.scanner_settings.clone(), ..self.scanner.leg() }];
+            survey.follow(poses.clone());
+        }
+        Ok(survey)
+    }
+
+    /// The settings of a session for the scan.
+    ///
+    /// # Errors
+    /// As for [`Scan::survey`].
+    pub fn settings(&self) -> Result<Settings> {
+        let mut settings = Settings::new(self.survey()?);
+        settings.set_seed(self.seed);
+        settings.set_corrections(self.corrections);
+        settings.flight.needs_ground = true;
+        settings.strict = self.is_strict;
+        if let Some(threads) = self.threads {
+            settings.set_threads(threads);
+        }
+        settings.physics = settings.physics_for(&self.outputs);
+        Ok(settings)
+    }
+
+    /// A session of the scan, and the outputs to run it with: for progress, for requests to stop, for several runs.
+    ///
+    /// # Errors
+    /// As for [`Session::open`] and [`Scan::survey`].
+    pub fn session(self) -> Result<(Session, OutputRequest)> {
+        let settings = self.settings()?;
+        let Scan { loaded, poses, outputs, observer, .. } = self;
+        let outputs = OutputRequest { live: poses.is_some(), ..outputs };
+        let observer = move |notice| observer(notice);
+        let session = match loaded {
+            Some(loaded) => Session::new(settings, loaded, observer)?,
+            None => Session::open(settings, observer)?,
+        };
+        Ok((session, outputs))
+    }
+
+    /// Runs the scan.
+    ///
+    /// # Errors
+    /// As for [`Scan::session`] and [`Session::run`].
+    pub fn run(self) -> Result<Report> {
+        let (mut session, outputs) = self.session()?;
+        session.run(outputs, Control::new(&Progress::default(), &Stop::new()))
+    }
+
+    /// Runs the scan on another thread and returns its points, `rows` at a time, while it runs.
+    ///
+    /// # Errors
+    /// As for [`Scan::session`]; errors of the run are items of the iterator.
+    pub fn batches(self, rows: usize) -> Result<Batches> {
+        let (session, outputs) = self.session()?;
+        Ok(session.into_batches(outputs, rows))
+    }
+}
+
+impl fmt::Debug for Scan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Scan")
+            .field("scene", &self.scene.path)
+            .field("scanner", &self.scanner.id)
+            .field("waypoints", &self.waypoints.len())
+            .field("outputs", &self.outputs)
+            .finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use vlscan_survey::{Mesh, ReadOptions, find_platform, find_scanner};
+
+    fn floor() -> Mesh {
+        let corners = [[-50.0, -50.0], [50.0, -50.0], [50.0, 50.0], [-50.0, 50.0]];
+        let corners = corners.map(|[x, y]| DVec3::new(x, y, 0.0)).into();
+        Mesh::new(corners, vec![[0, 1, 2], [0, 2, 3]], Vec::new(), Vec::new()).unwrap()
+    }
+
+    fn scan() -> Scan {
+        let (scanner, _) = find_scanner("vlp16", &ReadOptions::default()).unwrap();
+        let turn = std::f64::consts::TAU;
+        let scan = Scan::new(floor(), scanner).threads(2);
+        scan.configure(|settings| (settings.head_rate, settings.head_stop) = (20.0 * turn, turn))
+    }
+
+    fn rows(batches: Batches) -> Vec<arrow_array::RecordBatch> {
+        batches.map(|batch| batch.unwrap()).collect()
+    }
+
+    #[test]
+    fn stations_share_a_loaded_scene_and_seeds_decide() {
+        let at = |scan: Scan| scan.station(DVec3::Z * 2.0).station(DVec3::new(3.0, 0.0, 2.0));
+        let (session, outputs) = at(scan()).session().unwrap();
+        let loaded = session.loaded().unwrap();
+        let first = rows(session.into_batches(outputs, 1000));
+        assert!(first.len() > 3 && first[..first.len() - 1].iter().all(|batch| batch.num_rows() == 1000));
+        assert_eq!(first, rows(at(scan()).over(loaded.clone()).batches(1000).unwrap()));
+        assert_ne!(first, rows(at(scan()).over(loaded).seed(1).batches(1000).unwrap()));
+    }
+
+    #[test]
+    fn paths_end_at_their_last_position_and_batches_can_be_dropped() {
+        let (platform, _) = find_platform("vehicle_linearpath", &ReadOptions::default()).unwrap();
+        let path = [DVec3::ZERO, DVec3::new(5.0, 0.0, 0.0)];
+        let flight =
+            scan().platform(platform).path(path, 10.0).configure(|settings| settings.head_stop = 0.0);
+        let survey = flight.survey().unwrap();
+        assert_eq!(survey.legs.iter().map(|leg| leg.scanner.active).collect::<Vec<_>>(), [true, false]);
+        let mut batches = flight.batches(10).unwrap();
+        assert_eq!(batches.next().unwrap().unwrap().num_rows(), 10);
+        assert!(batches.report().is_none());
+    }
+
+    #[test]
+    fn what_is_missing_is_named() {
+        let nowhere = scan().run().unwrap_err().to_string();
+        assert!(nowhere.contains("needs a station"), "{nowhere}");
+        let unknown = scan().output("points.bmp").unwrap_err().to_string();
+        assert!(unknown.contains("points.bmp") && unknown.contains("laz"), "{unknown}");
+        let never_ends = find_scanner("vlp16", &ReadOptions::default()).unwrap().0;
+        let found = Scan::new(floor(), never_ends).station(DVec3::Z).run();
+        assert!(found.is_err(), "{found:?}");
+    }
+}
