@@ -8,7 +8,7 @@ use vlscan::arrow_array::RecordBatch;
 use vlscan::arrow_array::cast::AsArray;
 use vlscan::arrow_array::types::Float64Type;
 use vlscan::survey::{Mesh, ReadOptions, find_platform, find_scanner};
-use vlscan::{Column, DVec3, Scan};
+use vlscan::{Column, DVec3, Notice, Scan};
 
 /// Side of a cell of the map, m.
 const CELL: f64 = 10.0;
@@ -17,7 +17,7 @@ fn main() -> vlscan::Result<()> {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let file = folder.path().join("flight.parquet");
     let (scanner, _) = find_scanner("riegl_vux-1uav", &ReadOptions::default())?;
-    let (platform, _) = find_platform("sr22", &ReadOptions::default())?;
+    let (platform, _) = find_platform("copter_linearpath", &ReadOptions::default())?;
 
     let corners = [[-60.0, -60.0], [60.0, -60.0], [60.0, 60.0], [-60.0, 60.0]];
     let corners = corners.map(|[x, y]| DVec3::new(x, y, 0.0));
@@ -29,6 +29,11 @@ fn main() -> vlscan::Result<()> {
         .configure(|settings| {
             (settings.pulse_freq, settings.scan_freq) = (50_000, 50.0);
             settings.scan_angle = 30f64.to_radians();
+        })
+        .observer(|notice| {
+            if let Notice::Warnings(found) = notice {
+                eprint!("{}", found.render(false));
+            }
         })
         .outputs(|outputs| outputs.columns = Some(vec![Column::X, Column::Y, Column::Z, Column::Intensity]))
         .output(&file)?

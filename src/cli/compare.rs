@@ -4,13 +4,11 @@ use super::Console;
 use super::args::CompareArgs;
 use super::preview::read_cloud;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileWriter, Patched, reads, write_stdout};
+use vlscan_base::files::{FileWriter, Patched, reads, refuse_existing, write_stdout};
 use vlscan_tools::compare::{CompareOptions, compare, page, table};
 
 pub fn run(args: &CompareArgs, console: &Console) -> Result<()> {
-    if let Some(path) = args.page.as_deref().filter(|path| path.exists() && !args.force) {
-        return Err(Error::input(format!("{} exists; --force overwrites it", path.display())));
-    }
+    args.page.as_deref().map_or(Ok(()), |page| refuse_existing(page, args.force))?;
     args.page.as_deref().map_or(Ok(()), |page| reads::refuse_input_of(page, [&args.first, &args.second]))?;
     let [first, second] = [&args.first, &args.second].map(|path| read_cloud(path, console));
     let (first, second) = (first?, second?);

@@ -4,8 +4,8 @@ use super::args::PackArgs;
 use super::{Console, info};
 use std::path::Path;
 use std::time::Instant;
-use vlscan_base::error::{Error, Result};
-use vlscan_base::files::is_special;
+use vlscan_base::error::Result;
+use vlscan_base::files::{is_special, refuse_existing};
 use vlscan_base::machine;
 use vlscan_base::quantity::amount;
 use vlscan_lidar::pulse::PhysicsProfile;
@@ -19,9 +19,7 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
     console.warnings(&warnings)?;
     let out = args.out.clone().unwrap_or_else(|| recipe.path.with_extension("vlscene"));
     let is_stream = is_special(&out);
-    if out.exists() && !is_stream && !args.force {
-        return Err(Error::input(format!("{} exists; --force overwrites it", out.display())));
-    }
+    refuse_existing(&out, args.force)?;
     let seed = args.seed.map(|seed| seed.0).or(found.seed).unwrap_or(0);
     let corrections = args.physics.map_or(found.corrections, PhysicsProfile::corrections);
     let options = LoadOptions {

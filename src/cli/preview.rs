@@ -9,7 +9,7 @@ use std::io::{BufReader, BufWriter, IsTerminal, Seek, Write};
 use std::path::Path;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileWriter, Patched, is_special, reads};
+use vlscan_base::files::{FileWriter, Patched, reads, refuse_existing};
 use vlscan_base::quantity::amount;
 use vlscan_tools::preview::{
     Chart, ColourBy, PageOptions, Points, PreviewOptions, Wave, draw, read_packet, read_points, read_wave,
@@ -117,9 +117,7 @@ fn check(args: &PreviewArgs) -> Result<()> {
         }
         return Ok(());
     }
-    if out.exists() && !is_special(out) && !args.force {
-        return Err(Error::input(format!("{} exists already; overwrite it with --force", out.display())));
-    }
+    refuse_existing(out, args.force)?;
     reads::refuse_input_of(out, [points])?;
     let ending = out.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     if is_page(out) || ending.as_deref() == Some("png") {

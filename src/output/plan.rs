@@ -21,7 +21,7 @@ use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use vlscan_base::crs;
-use vlscan_base::diag::Diagnostics;
+use vlscan_base::diag::{Diagnostics, ProblemKind};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileSet, NewFolder, identity, is_special, reads, remove_litter};
 use vlscan_geom::{Aabb, DVec3};
@@ -357,7 +357,8 @@ fn check_path(path: &Path, made: &[PathBuf], may_exist: bool, inputs: &Inputs, p
             .error(None, format!("{} is not a directory, so {shown} cannot be written", folder.display()));
     }
     if !may_exist && path.exists() {
-        problems.error(None, format!("{shown} exists already")).help("overwrite it with --force");
+        let problem = problems.error(None, format!("{shown} exists already")).of_kind(ProblemKind::Exists);
+        problem.help("overwrite it with --force");
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 use std::time::Instant;
-use vlscan_base::diag::Notice;
+use vlscan_base::diag::{Notice, ProblemKind};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::amount;
 use vlscan_scene::{LoadOptions, Scene, SceneFrame};
@@ -43,7 +43,7 @@ pub(super) fn build_tree(
 ) -> Result<Arc<Tree>> {
     let (held, needed) = (scene.memory() as u64, scene.tree_forecast(options.builder));
     if let Some(limit) = max_memory.filter(|limit| held.saturating_add(needed) > *limit) {
-        return Err(Error::input(format!(
+        return Err(too_large(format!(
             "the scene needs {}B and the tree over it about {}B more; the limit is {}B",
             amount(held as f64),
             amount(needed as f64),
@@ -58,6 +58,10 @@ pub(super) fn build_tree(
         started.elapsed().as_secs_f64()
     )));
     Ok(tree)
+}
+
+fn too_large(message: String) -> Error {
+    Error::input_of(ProblemKind::TooLarge, message)
 }
 
 /// Reports the memory that large rasters and the trees over them will need, and refuses more than `limit` bytes, before
@@ -88,7 +92,7 @@ pub fn check_raster_memory(
         }
     }
     match limit {
-        Some(limit) if all > limit => Err(Error::input(format!(
+        Some(limit) if all > limit => Err(too_large(format!(
             "the rasters of the scene and the tree over them need about {}B; the limit is {}B",
             amount(all as f64),
             amount(limit as f64)

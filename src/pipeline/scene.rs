@@ -12,7 +12,7 @@ use vlscan_base::files::{Reads, Recording};
 use vlscan_base::machine;
 use vlscan_base::rng::{Purpose, Stream};
 use vlscan_geom::{Aabb, DVec3};
-use vlscan_scene::{Conditions, LoadOptions, Scene, SceneFrame};
+use vlscan_scene::{Conditions, LoadOptions, Scene, SceneFrame, Sharing};
 use vlscan_survey::SceneRecipe;
 use vlscan_trace::{BuildOptions, Tree};
 
@@ -26,7 +26,8 @@ pub struct LoadedScene {
     tree: Arc<OnceLock<Arc<Tree>>>,
     /// The settings that the scene depends on.
     pub(super) conditions: Conditions,
-    options: LoadOptions,
+    sharing: Sharing,
+    max_memory: Option<u64>,
     trees: BuildOptions,
     epoch: u32,
     epochs: u32,
@@ -77,32 +78,54 @@ impl LoadedScene {
         let mut conditions = Conditions::of(recipe, options);
         conditions.add(&scene);
         let frame = SceneFrame::of(&scene);
-        let (options, trees) = (options.clone(), trees.clone());
-        let tree = Arc::default();
-        Ok(LoadedScene { scene, tree, conditions, options, trees, epoch: 0, epochs, frame, reads })
+        let LoadOptions { sharing, max_memory, .. } = *options;
+        let (tree, trees) = (Arc::default(), trees.clone());
+        Ok(LoadedScene {
+            scene,
+            tree,
+            conditions,
+            sharing,
+            max_memory,
+            trees,
+            epoch: 0,
+            epochs,
+            frame,
+            reads,
+        })
     }
 
     /// Whether a session with these settings can be opened over the scene: not if they ask for spectra at another wavelength,
     /// other random materials, another kind of tree. That the settings describe this very scene is up to the caller.
     pub fn suits(&self, settings: &Settings) -> bool {
+        self.check(settings).is_ok()
+    }
+
+    /// As [`LoadedScene::suits`], with what differs.
+    pub(super) fn check(&self, settings: &Settings) -> Result<()> {
         let BuildOptions { jobs, geometry_jobs, .. } = settings.tree;
-        self.epoch == 0
-            && self.conditions.check(&settings.load).is_ok()
-            && self.options.sharing == settings.load.sharing
-            && BuildOptions { jobs, geometry_jobs, ..self.trees.clone() } == settings.tree
+        let differs = |what: &str| Err(Error::input(format!("the scene was loaded for another run: {what}")));
+        match self.conditions.check(&settings.load) {
+            Err(mismatch) => differs(&mismatch.to_string()),
+            Ok(()) if self.sharing != settings.load.sharing => differs("it shares meshes otherwise"),
+            Ok(()) if BuildOptions { jobs, geometry_jobs, ..self.trees.clone() } != settings.tree => {
+                differs("its tree is of another kind")
+            }
+            Ok(()) if self.epoch > 0 => differs("it is the scene of a later epoch"),
+            Ok(()) => Ok(()),
+        }
     }
 
     /// Loads the scene of another epoch in the frame of the first one. This one is freed before, unless others hold it.
     pub(super) fn load_epoch(
         &mut self,
         epoch: u32,
-        recipe: &SceneRecipe,
-        is_strict: bool,
+        settings: &Settings,
         notify: &dyn Fn(Notice),
     ) -> Result<()> {
         (self.scene, self.tree) = Default::default();
         let later = (epoch, Some(self.frame));
-        self.scene = Arc::new(load_scene(recipe, &self.options, is_strict, later, notify)?);
+        let Settings { survey, load, strict, .. } = settings;
+        self.scene = Arc::new(load_scene(&survey.scene, load, *strict, later, notify)?);
         self.epoch = epoch;
         Ok(())
     }
@@ -124,7 +147,7 @@ impl LoadedScene {
     /// # Errors
     /// As for [`LoadedScene::tree`].
     pub fn build_tree(&self, options: &BuildOptions, notify: &dyn Fn(Notice)) -> Result<Arc<Tree>> {
-        build_tree(options, self.options.max_memory, &self.scene, notify)
+        build_tree(options, self.max_memory, &self.scene, notify)
     }
 
     /// Forgets the tree, which is built again when it is needed.

@@ -90,11 +90,7 @@ impl Session {
         scene: LoadedScene,
         observer: impl Fn(Notice) + Send + Sync + 'static,
     ) -> Result<Session> {
-        if !scene.suits(&settings) {
-            return Err(Error::input(
-                "the scene was loaded for other settings: wavelength, seed, materials, instances or tree differ",
-            ));
-        }
+        scene.check(&settings)?;
         let (found, note) = crs::adopt(&mut settings, scene.scene());
         observer(Notice::Warnings(found.finish(settings.strict)?));
         note.into_iter().for_each(|note| observer(Notice::Note(note)));
@@ -223,8 +219,7 @@ impl Session {
     /// time.
     pub(super) fn enter_epoch(&mut self, epoch: u32, stop: &Stop) -> Result<()> {
         if epoch != self.scene.epoch() {
-            let Settings { survey, strict, .. } = &self.settings;
-            self.scene.load_epoch(epoch, &survey.scene, *strict, &*self.observer)?;
+            self.scene.load_epoch(epoch, &self.settings, &*self.observer)?;
             self.motion = plan_motion(&self.settings, self.scene.scene());
         }
         self.tree()?;

@@ -66,6 +66,12 @@ impl Error {
         Error::input_of(ProblemKind::Invalid, message)
     }
 
+    /// The error for an output that exists and is not to be replaced.
+    pub fn exists(path: impl AsRef<Path>) -> Error {
+        let message = format!("{} exists already; overwrite it with --force", path.as_ref().display());
+        Error::input_of(ProblemKind::Exists, message)
+    }
+
     /// [`Error::input`] of a kind that programs can tell.
     pub fn input_of(kind: ProblemKind, message: impl Into<String>) -> Error {
         let mut d = Diagnostics::default();

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use vlscan_base::corrections::Corrections;
-use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::diag::{Diagnostics, Place, ProblemKind};
 use vlscan_base::error::{Error, Result};
 pub(super) use vlscan_geom::MAX_COORDINATE;
 use vlscan_geom::{Aabb, DVec3};
@@ -333,12 +333,13 @@ impl<'a> SceneBuilder<'a> {
         if need <= limit {
             return Ok(());
         }
-        Err(Error::input(format!(
+        let message = format!(
             "the scene needs at least {} with {}, without the tree over it; the limit is {}",
             format_bytes(need),
             file.display(),
             format_bytes(limit)
-        )))
+        );
+        Err(Error::input_of(ProblemKind::TooLarge, message))
     }
 }
 

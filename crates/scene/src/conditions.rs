@@ -25,6 +25,26 @@ pub struct Conditions {
     pub drop_polygons: bool,
 }
 
+/// Why a scene is not the one that other options ask for.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum ConditionMismatch {
+    /// Reflectances from spectra at another wavelength, nm.
+    #[error("its spectra are those at {loaded} nm, the scanner's beam has {requested} nm")]
+    #[allow(missing_docs, reason = "the variant says it")]
+    Wavelength { loaded: f64, requested: f64 },
+    /// Random materials or places of another seed.
+    #[error("its random materials or places are those of seed {loaded}, not of {requested}")]
+    #[allow(missing_docs, reason = "the variant says it")]
+    Seed { loaded: u64, requested: u64 },
+    /// Materials or leaf angle tables that were read by other rules, named by the options that choose these.
+    #[error("its materials or leaf angle tables were read for {loaded}, and this run has {requested}")]
+    #[allow(missing_docs, reason = "the variant says it")]
+    Materials { loaded: &'static str, requested: &'static str },
+    /// Faces with more than four corners that are skipped, or not.
+    #[error("faces with more than four corners are treated otherwise in it")]
+    Polygons,
+}
+
 impl Conditions {
     /// The conditions under which a scene is loaded, before anything of it is.
     pub fn of(recipe: &SceneRecipe, options: &LoadOptions) -> Conditions {
@@ -50,25 +70,26 @@ impl Conditions {
         self.has_spectra |= scene.sources.iter().any(is_spectrum);
     }
 
-    /// Checks that a scene loaded with these options would be equal; otherwise the difference is the error.
-    pub fn check(&self, options: &LoadOptions) -> std::result::Result<(), String> {
+    /// Checks that a scene loaded with these options would be equal.
+    ///
+    /// # Errors
+    /// The first difference.
+    pub fn check(&self, options: &LoadOptions) -> Result<(), ConditionMismatch> {
         if self.has_spectra && self.wavelength_nm != options.wavelength_nm {
-            let (packed, asked) = (self.wavelength_nm, options.wavelength_nm);
-            return Err(format!("its spectra are those at {packed} nm, the scanner's beam has {asked} nm"));
+            let (loaded, requested) = (self.wavelength_nm, options.wavelength_nm);
+            return Err(ConditionMismatch::Wavelength { loaded, requested });
         }
         if self.is_random && self.seed != options.seed {
-            let (packed, asked) = (self.seed, options.seed);
-            return Err(format!("its random materials or places are those of seed {packed}, not of {asked}"));
+            let (loaded, requested) = (self.seed, options.seed);
+            return Err(ConditionMismatch::Seed { loaded, requested });
         }
         if self.rules.and(self.relevant_rules) != options.rules.and(self.relevant_rules) {
-            let (packed, asked) =
-                (profile_of(self.rules), profile_of(options.rules.and(Corrections::MATERIAL)));
-            return Err(format!(
-                "its materials or leaf angle tables were read for {packed}, and this run has {asked}"
-            ));
+            let requested = options.rules.and(Corrections::MATERIAL);
+            let (loaded, requested) = (profile_of(self.rules), profile_of(requested));
+            return Err(ConditionMismatch::Materials { loaded, requested });
         }
         if self.drop_polygons != options.drop_polygons {
-            return Err("faces with more than four corners are treated otherwise in it".to_owned());
+            return Err(ConditionMismatch::Polygons);
         }
         Ok(())
     }

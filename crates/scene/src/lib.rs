@@ -66,7 +66,7 @@ mod text;
 mod voxel;
 
 pub use builder::{LoadOptions, Sharing};
-pub use conditions::Conditions;
+pub use conditions::{ConditionMismatch, Conditions};
 pub use epoch::{SceneFrame, count_epochs};
 pub use fingerprint::fingerprint;
 pub use instance_set::InstanceSet;

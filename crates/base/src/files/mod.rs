@@ -30,7 +30,7 @@ mod temporary;
 mod tests;
 mod writer;
 
-pub use paths::{free_name, identity, is_special, is_stdout, with_suffix};
+pub use paths::{free_name, identity, is_special, is_stdout, refuse_existing, with_suffix};
 pub use positioned::{PositionedFile, read_exact_at};
 pub use reads::{FileSet, ReadGuard, Reads, Recording, Stamp};
 pub use stream::limit_waiting;

@@ -243,10 +243,7 @@ fn check(options: &SceneOptions) -> Result<f64> {
 fn refuse_existing(folder: &Path) -> Result<()> {
     let fixed = ["survey.xml", "scene.xml", "scanners.xml", "platforms.xml", "ground.obj", "shell.obj"];
     match fixed.iter().find(|name| folder.join(name).exists()) {
-        Some(name) => {
-            let shown = folder.join(name);
-            Err(Error::input(format!("{} exists already; overwrite it with --force", shown.display())))
-        }
+        Some(name) => Err(Error::exists(folder.join(name))),
         None => Ok(()),
     }
 }

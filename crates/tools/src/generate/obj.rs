@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileWriter, NewFolder, Patched};
+use vlscan_base::files::{FileWriter, NewFolder, Patched, refuse_existing};
 use vlscan_geom::{Aabb, DVec3};
 
 /// Decimals of a coordinate in metres: the unit is 0.1 mm.
@@ -39,12 +39,7 @@ impl SceneFolder {
     /// Creates a file in the folder.
     pub(super) fn file(&self, name: &str) -> Result<NewFile<'_>> {
         let path = self.path.join(name);
-        if !self.overwrite && path.exists() {
-            return Err(Error::input(format!(
-                "{} exists already; overwrite it with --force",
-                path.display()
-            )));
-        }
+        refuse_existing(&path, self.overwrite)?;
         let file = FileWriter::create(&path, self.overwrite, Patched::Never)?;
         Ok(NewFile { folder: self, path, file })
     }

@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use vlscan_base::columns::quoted;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileWriter, NewFolder, Patched, reads::refuse_input};
+use vlscan_base::files::{FileWriter, NewFolder, Patched, reads::refuse_input, refuse_existing};
 use vlscan_base::input::read_file;
 use vlscan_base::markup::escaped;
 
@@ -154,9 +154,7 @@ fn absolute(path: &Path) -> Result<String> {
 }
 
 fn save(path: &Path, text: impl AsRef<[u8]>, overwrite: bool) -> Result<()> {
-    if path.exists() && !overwrite {
-        return Err(Error::input(format!("{} exists; --force overwrites it", path.display())));
-    }
+    refuse_existing(path, overwrite)?;
     refuse_input(path)?;
     let mut file = FileWriter::create(path, overwrite, Patched::Never)?;
     file.append(text.as_ref())?;
