@@ -4,8 +4,8 @@
 
 use vlscan::output::{LasSettings, LasVersion};
 use vlscan::{
-    Control, LoadedScene, Notice, OutputRequest, PointFormat, Progress, ReadOptions, Session, Settings, Stop,
-    Target, read_survey,
+    LoadedScene, Notice, OutputRequest, PointFormat, Progress, ReadOptions, RunContext, Session, Settings,
+    Stop, Target, read_survey,
 };
 
 fn main() -> vlscan::Result<()> {
@@ -36,7 +36,7 @@ fn main() -> vlscan::Result<()> {
         // Another thread may read the progress and request the end meanwhile.
         let (progress, stop) = (Progress::default(), Stop::new());
         let mut session = Session::new(settings, scene.clone(), observer)?;
-        let report = session.run(outputs, Control::new(&progress, &stop))?;
+        let report = session.run(outputs, RunContext::new(&progress, &stop))?;
         assert_eq!(progress.snapshot().pulses, report.pulses);
         let bytes = std::fs::read(&path).expect("the file of the run");
         assert_eq!(bytes[24..26], [1, 0], "LAS 1.0");

@@ -38,7 +38,7 @@
 //! |---|---|
 //! | a scene and an instrument | [`Scan`], whose [`run`](Scan::run) writes files and whose [`batches`](Scan::batches) stay in memory |
 //! | a survey file of HELIOS++ | [`read_survey`], [`Settings::new`], [`Session::open`] |
-//! | a pipeline file, or options as the command line takes them | [`Job::resolve`] |
+//! | a pipeline file, or options as the command line takes them | [`ResolvedRun::resolve`] |
 //! | one scene for many runs | [`LoadedScene`], over which sessions are opened |
 //! | a scan pattern of your own | [`survey::ScanPattern`] |
 //! | pulses of your own | [`PulseReader`] and [`Session::trace`] |
@@ -57,7 +57,7 @@
 //! * [`trace`]: a watertight ray tracer in double precision for packets of rays; nothing of LiDAR
 //! * [`warehouse`]: producer, bounded queue, workers, ordered collector; nothing of LiDAR
 //! * [`survey`]: surveys, scenes and instruments as their files describe them, the catalogue
-//! * [`formats`]: point-cloud formats, read and written
+//! * [`formats`]: readers of point clouds
 //! * [`scene`]: scenes that can be traced
 //! * [`lidar`]: the instrument: platform, scanner, flight, pulse
 //! * [`tools`]: generated scenes, planning, campaigns, comparison, pictures
@@ -132,9 +132,9 @@ pub use cli::{command_line, main};
 pub use options::{OptionName, Options};
 pub use output::{Column, OutputRequest, PointFormat, TableContent, TableRequest, TableSink, Target};
 pub use pipeline::{
-    Batches, Control, Emission, Emitted, Estimate, Fallback, FileForecast, Forecast, Job, LegForecast,
-    LegRule, LoadedScene, Missed, Progress, Report, Resumption, Scan, SceneFacts, SceneGround, Session,
-    Settings, Sketch, Snapshot, TimeForecast, emit,
+    Batches, DryRunReport, Emission, Emitted, Estimate, Fallback, FileEstimate, FlightCoverage, LegEstimate,
+    LegRule, LoadedScene, Missed, Progress, Report, ResolvedRun, ResumeOptions, RunContext, Scan, SceneFacts,
+    SceneGround, Session, Settings, Snapshot, TimeEstimate, emit,
 };
 pub use shards::Records;
 pub use streams::{PulseReader, RowBlock};

@@ -14,8 +14,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan::base::input::arrow::encode_stream;
 use vlscan::{
-    Control, Job, LegRule, OutputRequest, Progress, PulseReader, Report, Session, TableContent, TableRequest,
-    TableSink,
+    LegRule, OutputRequest, Progress, PulseReader, Report, ResolvedRun, RunContext, Session, TableContent,
+    TableRequest, TableSink,
 };
 
 /// Rows of pulses that are traced together.
@@ -59,7 +59,7 @@ impl Request {
 }
 
 impl Request {
-    fn job(&self, notices: &Notices) -> vlscan::Result<Job> {
+    fn job(&self, notices: &Notices) -> vlscan::Result<ResolvedRun> {
         let mut options = vlscan::Options::parse(self.words.iter().cloned())?;
         let has_file = !options.output.out.is_empty() || options.output.output.is_some();
         options.is_traced = self.pulses.is_some();
@@ -69,8 +69,8 @@ impl Request {
             options.trajectory.path = Some(PathBuf::from("<trajectory>"));
         }
         let read = match &self.file {
-            Some(file) => Job::resolve(file, &options),
-            None => Job::of_text(Path::new("<python>"), self.document.clone(), &options),
+            Some(file) => ResolvedRun::resolve(file, &options),
+            None => ResolvedRun::of_text(Path::new("<python>"), self.document.clone(), &options),
         };
         let (mut job, warnings) = read?;
         if !has_file {
@@ -81,7 +81,7 @@ impl Request {
         Ok(job)
     }
 
-    fn session(&self, job: Job, notices: &Notices) -> vlscan::Result<Session> {
+    fn session(&self, job: ResolvedRun, notices: &Notices) -> vlscan::Result<Session> {
         match &self.scene {
             Some(scene) => scene.get().session(job, notices),
             None => Session::open(job.settings, notices.observer()),
@@ -99,7 +99,7 @@ impl Request {
         let mut job = self.job(notices)?;
         interruption.watch(&mut job.settings);
         let outputs = OutputRequest { tables, ..job.output.clone() };
-        let control = Control::new(progress, &interruption.stop);
+        let control = RunContext::new(progress, &interruption.stop);
         let Some(pulses) = &self.pulses else {
             return self.session(job, notices)?.run(outputs, control);
         };

@@ -14,7 +14,7 @@ use vlscan::survey::{
     Loader, MaterialChange, MaterialChoice, MeshReading, PartRecipe, Replaced, SceneRecipe, Transform,
     UpAxis, VoxelLoader, VoxelMode, XyzLoader,
 };
-use vlscan::{Job, LoadedScene, MaterialDefinition, ReadOptions, Session, read_scene};
+use vlscan::{LoadedScene, MaterialDefinition, ReadOptions, ResolvedRun, Session, read_scene};
 
 /// Triangles with materials.
 #[pyclass(frozen, module = "vlscan")]
@@ -339,15 +339,15 @@ impl Scene {
         self.loaded.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn job(&self, document: String, words: Vec<String>) -> vlscan::Result<Job> {
+    fn job(&self, document: String, words: Vec<String>) -> vlscan::Result<ResolvedRun> {
         let mut options = vlscan::Options::parse(words)?;
         options.is_traced = true;
         options.scene = Some(self.recipe.clone());
-        Job::of_text("<python>".as_ref(), document, &options).map(|(job, _)| job)
+        ResolvedRun::of_text("<python>".as_ref(), document, &options).map(|(job, _)| job)
     }
 
     /// A session over this scene, which is loaded if the one in memory is not the one that the settings ask for.
-    pub fn session(&self, job: Job, notices: &Notices) -> vlscan::Result<Session> {
+    pub fn session(&self, job: ResolvedRun, notices: &Notices) -> vlscan::Result<Session> {
         let loaded = self.lock().clone();
         if let Some(loaded) = loaded.filter(|loaded| loaded.suits(&job.settings)) {
             return Session::new(job.settings, loaded, notices.observer());

@@ -5,7 +5,7 @@ use super::interrupt;
 use super::watch::watched;
 use crate::options::Options;
 use crate::output::OutputRequest;
-use crate::pipeline::{Control, Job, PartTable, Progress, Report};
+use crate::pipeline::{PartTable, Progress, Report, ResolvedRun, RunContext};
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, Patched};
@@ -15,9 +15,9 @@ use vlscan_warehouse::Recorder;
 /// Reads the survey or pipeline with the options of the command line, and shows the warnings about them.
 ///
 /// # Errors
-/// As for [`Job::resolve`]; warnings, if they are errors.
-pub fn resolve(file: &Path, options: &Options, console: &Console) -> Result<Job> {
-    let (job, warnings) = Job::resolve(file, options)?;
+/// As for [`ResolvedRun::resolve`]; warnings, if they are errors.
+pub fn resolve(file: &Path, options: &Options, console: &Console) -> Result<ResolvedRun> {
+    let (job, warnings) = ResolvedRun::resolve(file, options)?;
     console.warnings(&warnings)?;
     Ok(job)
 }
@@ -60,11 +60,11 @@ impl Companions {
         console: &Console,
         progress_lines: bool,
         legs: usize,
-        work: impl FnOnce(Control<'_>) -> Result<Report>,
+        work: impl FnOnce(RunContext<'_>) -> Result<Report>,
     ) -> Result<Report> {
         let progress = Progress::default();
         let control =
-            Control { recorder: self.recorder.as_ref(), ..Control::new(&progress, &interrupt::STOP) };
+            RunContext { recorder: self.recorder.as_ref(), ..RunContext::new(&progress, &interrupt::STOP) };
         let report = watched(console, progress_lines, legs, &progress, || work(control))?;
         if !report.interrupted {
             self.write(&report)?;

@@ -3,7 +3,7 @@
 use super::args::RunArgs;
 use super::companions::resolve;
 use super::{Console, interrupt};
-use crate::pipeline::{Control, Forecast, Job, LegForecast, Progress, Session};
+use crate::pipeline::{DryRunReport, LegEstimate, Progress, ResolvedRun, RunContext, Session};
 use std::fmt::Write as _;
 use std::time::Instant;
 use vlscan_base::error::{Error, Result};
@@ -15,13 +15,13 @@ const MAX_LISTED_LEGS: usize = 20;
 
 pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
-    let Job { settings, mut output, schedule_log, part_table, .. } =
+    let ResolvedRun { settings, mut output, schedule_log, part_table, .. } =
         resolve(&args.file, &args.options, console)?;
     output.inputs.push(args.file.clone());
     output.companions.extend(schedule_log.into_iter().chain(part_table));
     let mut session = Session::open(settings, console.observer())?;
     let progress = Progress::default();
-    let forecast = session.dry_run(&output, started, Control::new(&progress, &interrupt::STOP))?;
+    let forecast = session.dry_run(&output, started, RunContext::new(&progress, &interrupt::STOP))?;
     let text = match args.dry.json {
         true => serde_json::to_string_pretty(&forecast).map_err(|e| Error::Internal(e.to_string()))? + "\n",
         false => text(&forecast),
@@ -29,7 +29,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     write_stdout(&text)
 }
 
-fn text(f: &Forecast) -> String {
+fn text(f: &DryRunReport) -> String {
     let mut out = String::new();
     let mut line = |name: &str, value: String| {
         let _ = writeln!(out, "{name:<12}{value}");
@@ -70,7 +70,7 @@ fn text(f: &Forecast) -> String {
     out
 }
 
-fn missed(f: &Forecast, line: &mut impl FnMut(&str, String)) {
+fn missed(f: &DryRunReport, line: &mut impl FnMut(&str, String)) {
     let missed = &f.missed;
     let mut reasons = Vec::new();
     if missed.beside_scene > 0.005 {
@@ -90,7 +90,7 @@ fn missed(f: &Forecast, line: &mut impl FnMut(&str, String)) {
     }
 }
 
-fn legs(legs: &[LegForecast], out: &mut String) {
+fn legs(legs: &[LegEstimate], out: &mut String) {
     let _ = writeln!(
         out,
         "\n{:>5} {:>9} {:>9} {:>9} {:>8} {:>10} {:>8} {:>8}",

@@ -5,7 +5,7 @@ use super::companions::{Companions, resolve};
 use super::shards::open_without_tree;
 use super::{Console, Verbosity};
 use crate::output::{FileKind, Target};
-use crate::pipeline::{Job, Report, Resumption, Session};
+use crate::pipeline::{Report, ResolvedRun, ResumeOptions, Session};
 use std::io::Write;
 use std::time::Instant;
 use vlscan_base::diag::Diagnostics;
@@ -20,11 +20,11 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
         return super::shards::run_shard(args, shard, console);
     }
     let started = Instant::now();
-    let Job { settings, mut output, schedule_log, part_table, progress_lines } =
+    let ResolvedRun { settings, mut output, schedule_log, part_table, progress_lines } =
         resolve(&args.file, &args.options, console)?;
     output.inputs.push(args.file.clone());
     let mut companions = Companions::of(schedule_log, part_table, &mut output);
-    let resumption = args.shards.resume.map(|pulses| Resumption::beside(&output, pulses.0)).transpose()?;
+    let resumption = args.shards.resume.map(|pulses| ResumeOptions::beside(&output, pulses.0)).transpose()?;
     let mut session = match resumption {
         Some(_) => open_without_tree(settings, console)?,
         None => Session::open(settings, console.observer())?,

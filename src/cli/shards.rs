@@ -6,8 +6,8 @@ use super::run::{show_report, warn_of_few_points};
 use super::{Console, interrupt};
 use crate::options::{OneOf, Options};
 use crate::pipeline::{
-    Job, LoadedScene, Session, Settings, join_segments, merge as merge_shards, merge_segment, merge_warnings,
-    output_context, schedule_of,
+    LoadedScene, ResolvedRun, Session, Settings, join_segments, merge as merge_shards, merge_segment,
+    merge_warnings, output_context, schedule_of,
 };
 use crate::shards::{ShardSet, shard_path};
 use std::path::PathBuf;
@@ -30,7 +30,7 @@ pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> 
             .help("replace it with --force; --resume computes it again only where it is damaged");
         return Err(Error::Input(Box::new(problems)));
     }
-    let Job { mut settings, mut output, schedule_log, part_table, progress_lines } =
+    let ResolvedRun { mut settings, mut output, schedule_log, part_table, progress_lines } =
         resolve(&args.file, &options, console)?;
     // A merge may write any format.
     settings.physics.record_scanner_axes = true;
@@ -65,7 +65,7 @@ pub fn open_without_tree(settings: Settings, console: &Console) -> Result<Sessio
 /// Runs `vlscan index-shards`.
 pub fn index(args: &IndexShardsArgs, console: &Console) -> Result<()> {
     let (folder, options) = folder_of_shards(&args.options)?;
-    let Job { settings, output, .. } = resolve(&args.file, &options, console)?;
+    let ResolvedRun { settings, output, .. } = resolve(&args.file, &options, console)?;
     let mut session = open_without_tree(settings, console)?;
     let shards = session.shards(&folder, output.creation, options.output.force.is_on(), &interrupt::STOP)?;
     console.say(format!(

@@ -3,7 +3,7 @@
 use super::args::PreviewArgs;
 use super::{Console, interrupt};
 use crate::options::{InputOptions, Options, Switch};
-use crate::pipeline::{Control, Job, Progress, Session, Sketch};
+use crate::pipeline::{FlightCoverage, Progress, ResolvedRun, RunContext, Session};
 use arrow_array::cast::AsArray;
 use arrow_array::types::{Float64Type, Int32Type};
 use vlscan_base::error::{Error, Result};
@@ -24,11 +24,11 @@ pub fn survey_points(args: &PreviewArgs, console: &Console) -> Result<Points> {
         strict: Switch::given(console.is_strict()),
         ..InputOptions::default()
     };
-    let (job, warnings) = Job::resolve(&args.points, &Options { input, ..Options::default() })?;
+    let (job, warnings) = ResolvedRun::resolve(&args.points, &Options { input, ..Options::default() })?;
     console.warnings(&warnings)?;
     let mut session = Session::open(job.settings, console.observer())?;
     let progress = Progress::default();
-    let sketch = session.sketch(Control::new(&progress, &interrupt::STOP))?;
+    let sketch = session.sketch(RunContext::new(&progress, &interrupt::STOP))?;
     let loaded = session.loaded().ok_or_else(|| Error::Internal("the scene is not loaded".to_owned()))?;
     let mut points = Points::new(Attributes { class: true, leg: true, ..Attributes::default() });
     points.count_legs_from_one();
@@ -47,7 +47,7 @@ pub fn survey_points(args: &PreviewArgs, console: &Console) -> Result<Points> {
 }
 
 /// Adds dots along the flight lines.
-fn draw_tracks(sketch: &Sketch, points: &mut Points) {
+fn draw_tracks(sketch: &FlightCoverage, points: &mut Points) {
     let all = sketch.tracks.iter().flat_map(|(_, track)| track);
     let bounds = all.fold(points.bounds(), |bounds, position| bounds.with(*position));
     let step = bounds.size().max_element().max(1e-3) / MAX_DOTS;
@@ -75,7 +75,7 @@ fn shown(leg: u32) -> u16 {
 
 /// Swaths, sorted into the columns of a grid.
 struct Cover<'s> {
-    sketch: &'s Sketch,
+    sketch: &'s FlightCoverage,
     low: f64,
     width: f64,
     /// Indices of the swaths that reach into each column.
@@ -85,7 +85,7 @@ struct Cover<'s> {
 const COLUMNS: usize = 512;
 
 impl<'s> Cover<'s> {
-    fn of(sketch: &'s Sketch) -> Cover<'s> {
+    fn of(sketch: &'s FlightCoverage) -> Cover<'s> {
         let corners = || sketch.swaths.iter().flat_map(|(_, quad)| quad).map(|corner| corner.x);
         let (low, high) =
             corners().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
@@ -121,11 +121,11 @@ mod tests {
             let p = |x: f64, y: f64| DVec3::new(x, y, 50.0);
             [p(x, 0.0), p(x + 10.0, 0.0), p(x + 10.0, 100.0), p(x, 100.0)]
         };
-        let sketch = Sketch { tracks: Vec::new(), swaths: vec![(3, strip(0.0)), (4, strip(5.0))] };
+        let sketch = FlightCoverage { tracks: Vec::new(), swaths: vec![(3, strip(0.0)), (4, strip(5.0))] };
         let cover = Cover::of(&sketch);
         let leg = |x: f64, y: f64| cover.leg(DVec3::new(x, y, 0.0));
         assert_eq!([leg(2.0, 50.0), leg(7.0, 50.0), leg(12.0, 50.0)], [4, 4, 5]);
         assert_eq!([leg(2.0, 150.0), leg(-1.0, 50.0), leg(16.0, 50.0)], [0, 0, 0]);
-        assert_eq!(Cover::of(&Sketch::default()).leg(DVec3::ZERO), 0);
+        assert_eq!(Cover::of(&FlightCoverage::default()).leg(DVec3::ZERO), 0);
     }
 }

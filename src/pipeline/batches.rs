@@ -1,6 +1,6 @@
 //! The points of a run as record batches, taken while the run goes on.
 
-use super::pass::Control;
+use super::pass::RunContext;
 use super::progress::Progress;
 use super::run::Report;
 use super::session::Session;
@@ -50,7 +50,8 @@ impl Session {
         });
         let stop = Arc::new(Stop::new());
         let own = stop.clone();
-        let worker = std::thread::spawn(move || self.run(outputs, Control::new(&Progress::default(), &own)));
+        let worker =
+            std::thread::spawn(move || self.run(outputs, RunContext::new(&Progress::default(), &own)));
         Batches { batches: Some(batches), worker: Some(worker), stop, report: None }
     }
 }

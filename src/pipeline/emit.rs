@@ -1,7 +1,7 @@
 //! The flight alone: [`emit`] flies a survey and writes its poses or pulses, as input of other commands.
 
 use super::chunk::{Chunk, produce};
-use super::pass::Control;
+use super::pass::RunContext;
 use super::progress::Progress;
 use std::io::Write;
 use std::sync::Arc;
@@ -74,12 +74,12 @@ impl Outcome for Written {
 /// [`Error::ClosedPipe`] when the reader has closed the stream, [`Error::Io`], and the errors of the flight.
 pub fn emit<W: Write + Send>(
     emission: Emission,
-    control: Control<'_>,
+    control: RunContext<'_>,
     encode: impl Fn(&Emitted, &mut Vec<u8>) + Sync,
     mut out: W,
 ) -> Result<W> {
     let Emission { flight, epochs, mut poses, schedule, .. } = emission;
-    let Control { progress, stop, .. } = control;
+    let RunContext { progress, stop, .. } = control;
     stop.begin_run();
     stop.heed();
     let flight = &flight;

@@ -2,7 +2,7 @@
 
 use super::chunk;
 use super::collector::{Collector, Ended, PassEnd};
-use super::pass::{Control, Pass};
+use super::pass::{Pass, RunContext};
 use super::stream::{PulseSource, StreamWorker, Tracing};
 use super::worker::{FlightWorker, Pieces};
 use crate::output::{Offload, OutputPlan, Writer};
@@ -82,7 +82,7 @@ impl Pass<'_> {
 /// Runs producer, workers and collector over one epoch; `writer` holds the outputs of the previous epoch.
 pub(super) fn run_stages<C, W>(
     schedule: Schedule,
-    control: Control<'_>,
+    control: RunContext<'_>,
     output: &Arc<OutputPlan>,
     writer: Option<Box<Writer>>,
     end: PassEnd<'_>,
@@ -102,7 +102,7 @@ where
             writer
         }
     };
-    let Control { stop, recorder, .. } = control;
+    let RunContext { stop, recorder, .. } = control;
     stop.heed();
     let collector = Collector::new(control.progress, end, writer);
     vlscan_warehouse::run(schedule, &jobs, stop, recorder, make_worker, produce, collector)

@@ -5,7 +5,7 @@ use super::aim::Aim;
 use super::collector::{Ended, PassEnd};
 use super::crs::check_place;
 use super::fly::run_stages;
-use super::pass::Control;
+use super::pass::RunContext;
 use super::run::Report;
 use super::worker::{Measured, Pieces};
 use crate::output::{OutputContext, OutputPlan, OutputRequest, Summary};
@@ -176,7 +176,7 @@ pub fn merge(
     shards: &ShardSet,
     outputs: OutputRequest,
     schedule: Schedule,
-    control: Control<'_>,
+    control: RunContext<'_>,
 ) -> Result<Report> {
     merge_echoes(shards, outputs, ALL_ECHOES, schedule, control)
 }
@@ -190,7 +190,7 @@ pub(super) fn merge_echoes(
     outputs: OutputRequest,
     wanted: Range<u64>,
     schedule: Schedule,
-    control: Control<'_>,
+    control: RunContext<'_>,
 ) -> Result<Report> {
     let context = output_context(shards)?;
     check_records(shards, &outputs)?;
@@ -215,7 +215,7 @@ fn merge_epochs(
     output: &Arc<OutputPlan>,
     epochs: u32,
     schedule: Schedule,
-    control: Control<'_>,
+    control: RunContext<'_>,
     is_damaged: &AtomicBool,
 ) -> Result<(Summary, bool)> {
     let mut writer = None;

@@ -2,15 +2,15 @@
 //! survey over it or traces a stream of pulses, once per epoch of a scene with swapped parts:
 //!
 //! ```text
-//! Scan ─┐
-//! Job ──┴► Settings ─► LoadedScene ─► Session ─► run ────────────────► fly ──┐ pass over   ┌─► next epoch
-//!                                              ├ trace(stream of pulses) ────┴─ an epoch ──┴─► Report
-//!                                              └ into_emission ─► emit: poses or pulses without tracing
+//! Scan ────────┐
+//! ResolvedRun ─┴► Settings ─► LoadedScene ─► Session ─► run ────────────────► fly ──┐ pass over   ┌─► next epoch
+//!                                                     ├ trace(stream of pulses) ────┴─ an epoch ──┴─► Report
+//!                                                     └ into_emission ─► emit: poses or pulses without tracing
 //! ```
 //!
 //! | file | contents |
 //! |---|---|
-//! | `settings`, `job` | everything that is chosen before the start; its resolution from options and files |
+//! | `settings`, `resolve` | everything that is chosen before the start; its resolution from options and files |
 //! | `scene` | a loaded scene with its tree; facts about it, points on its surfaces |
 //! | `session`, `run` | a scene and its survey; the loop over epochs, the report |
 //! | `scan`, `batches` | scans of a scene with an instrument, without files; points as record batches while the run goes |
@@ -40,7 +40,6 @@ mod dry_run;
 mod emit;
 mod fly;
 mod heights;
-mod job;
 mod load;
 mod merge;
 mod moving;
@@ -48,6 +47,7 @@ mod part_table;
 mod pass;
 mod plausibility;
 mod progress;
+mod resolve;
 mod resume;
 mod resume_folder;
 mod run;
@@ -63,18 +63,18 @@ mod worker;
 pub use batches::Batches;
 pub use chunk::chunk_making_s;
 pub use collector::Ended;
-pub use dry_run::{Estimate, FileForecast, Forecast, LegForecast, Missed, Sketch, TimeForecast};
+pub use dry_run::{DryRunReport, Estimate, FileEstimate, FlightCoverage, LegEstimate, Missed, TimeEstimate};
 pub use emit::{Emission, Emitted, emit};
 pub use fly::fly;
 pub use heights::{Fallback, SceneGround};
-pub use job::{Job, policy, schedule_of};
 pub use load::check_raster_memory;
 pub use merge::{merge, merge_warnings, output_context};
 pub use part_table::PartTable;
-pub use pass::{Control, Pass};
+pub use pass::{Pass, RunContext};
 pub use plausibility::target;
 pub use progress::{Progress, Snapshot};
-pub use resume::Resumption;
+pub use resolve::{ResolvedRun, policy, schedule_of};
+pub use resume::ResumeOptions;
 pub use run::Report;
 pub use scan::Scan;
 pub use scene::{LoadedScene, SceneFacts};

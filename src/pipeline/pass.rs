@@ -12,7 +12,7 @@ use vlscan_warehouse::{Recorder, Schedule, Stop};
 
 /// Progress, stop request and recorder that the caller of a run shares with it.
 #[derive(Clone, Copy, Debug)]
-pub struct Control<'a> {
+pub struct RunContext<'a> {
     /// Counters of the work done so far.
     pub progress: &'a Progress,
     /// Request to stop the run.
@@ -21,10 +21,10 @@ pub struct Control<'a> {
     pub recorder: Option<&'a Recorder>,
 }
 
-impl<'a> Control<'a> {
-    /// A control without a recorder.
-    pub fn new(progress: &'a Progress, stop: &'a Stop) -> Control<'a> {
-        Control { progress, stop, recorder: None }
+impl<'a> RunContext<'a> {
+    /// A context without a recorder.
+    pub fn new(progress: &'a Progress, stop: &'a Stop) -> RunContext<'a> {
+        RunContext { progress, stop, recorder: None }
     }
 }
 
@@ -38,7 +38,7 @@ pub struct Pass<'a> {
     /// The ground of this epoch, if points have heights above it.
     pub ground: Option<Arc<dyn Ground>>,
     pub schedule: Schedule,
-    pub control: Control<'a>,
+    pub control: RunContext<'a>,
     pub target: AimTarget,
     /// Check for too few points, run before the outputs get their names.
     pub check: Option<YieldCheck<'a>>,

@@ -1,7 +1,7 @@
 //! Runs that go on where they were ended: a run is divided into shards, of which those that exist are not computed again.
 
 use super::merge::merge;
-use super::pass::Control;
+use super::pass::RunContext;
 use super::progress::Progress;
 use super::resume_folder::{ResumeFolder, RunId, State};
 use super::run::Report;
@@ -18,25 +18,25 @@ const MAX_SHARDS: u64 = 100_000;
 
 /// How a run is divided so that it can go on later.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Resumption {
+pub struct ResumeOptions {
     /// Folder of the shards, removed when the outputs are complete.
     pub folder: PathBuf,
     /// Pulses per shard; a folder with shards keeps their number.
     pub pulses_per_shard: u64,
 }
 
-impl Resumption {
+impl ResumeOptions {
     /// Shards beside the first output that is a file or a folder: `out.laz.shards`.
     ///
     /// # Errors
     /// [`Error::Input`] when all outputs are streams.
-    pub fn beside(outputs: &OutputRequest, pulses_per_shard: u64) -> Result<Resumption> {
+    pub fn beside(outputs: &OutputRequest, pulses_per_shard: u64) -> Result<ResumeOptions> {
         let path = outputs.sinks.iter().find_map(|(target, _)| path_of(target)).ok_or_else(|| {
             Error::input("a run that can be resumed needs an output with a name: -o, a file or a folder")
         })?;
         let mut name = path.file_name().unwrap_or_default().to_os_string();
         name.push(".shards");
-        Ok(Resumption { folder: path.with_file_name(name), pulses_per_shard })
+        Ok(ResumeOptions { folder: path.with_file_name(name), pulses_per_shard })
     }
 }
 
@@ -50,8 +50,8 @@ impl Session {
     pub fn run_resumable(
         &mut self,
         outputs: OutputRequest,
-        how: &Resumption,
-        control: Control<'_>,
+        how: &ResumeOptions,
+        control: RunContext<'_>,
     ) -> Result<Report> {
         let path = how.folder.as_path();
         let known = ResumeFolder::state_of(path)?;
@@ -110,7 +110,7 @@ impl Session {
         if *folder.state() != State::Merging(run) {
             folder.mark(State::Merging(run))?;
         }
-        let report = merge(&shards, request, schedule, Control { progress: &progress, ..control })?;
+        let report = merge(&shards, request, schedule, RunContext { progress: &progress, ..control })?;
         if !report.interrupted {
             // A run that is ended while it removes the shards must not compute them again.
             folder.mark(State::complete(run, &report.summary))?;
@@ -136,8 +136,8 @@ impl Session {
         &mut self,
         flight: &Divisible,
         outputs: &OutputRequest,
-        how: &Resumption,
-        control: Control<'_>,
+        how: &ResumeOptions,
+        control: RunContext<'_>,
     ) -> Result<f64> {
         let known = ShardSet::list(&how.folder)?;
         let mut runner =
@@ -198,9 +198,9 @@ mod tests {
         }
 
         fn run(&self, seed: u64, outputs: OutputRequest) -> Result<Report> {
-            let how = Resumption { folder: self.at("shards"), pulses_per_shard: 1000 };
+            let how = ResumeOptions { folder: self.at("shards"), pulses_per_shard: 1000 };
             let (progress, stop) = (Progress::default(), Stop::new());
-            session(seed).run_resumable(outputs, &how, Control::new(&progress, &stop))
+            session(seed).run_resumable(outputs, &how, RunContext::new(&progress, &stop))
         }
 
         /// Leaves the folder of shards as a run that was ended.

@@ -4,7 +4,7 @@ use super::collector::Ended;
 use super::crs;
 use super::fly::{fly, trace};
 use super::heights::Fallback;
-use super::pass::{Control, Pass};
+use super::pass::{Pass, RunContext};
 use super::plausibility::{self, PoseCheck, YieldCheck};
 use super::session::Session;
 use super::settings::Settings;
@@ -50,7 +50,7 @@ impl Session {
     /// # Errors
     /// [`Error::Input`] for flights or outputs that are impossible, [`Error::Io`], [`Error::ClosedPipe`], and
     /// [`Error::Interrupted`] when a stop is requested before the first pulse or between two epochs.
-    pub fn run(&mut self, outputs: OutputRequest, control: Control<'_>) -> Result<Report> {
+    pub fn run(&mut self, outputs: OutputRequest, control: RunContext<'_>) -> Result<Report> {
         control.stop.begin_run();
         let (flight, is_doubted) = self.plan_checked_flight(control.stop)?;
         let is_reported = Arc::new(AtomicBool::new(is_doubted));
@@ -86,7 +86,7 @@ impl Session {
         pulses: PulseReader,
         legs: LegRule,
         outputs: OutputRequest,
-        control: Control<'_>,
+        control: RunContext<'_>,
     ) -> Result<Report> {
         control.stop.begin_run();
         let mut source = PulseSource::new(pulses);
@@ -175,7 +175,7 @@ impl Session {
         &mut self,
         output: Arc<OutputPlan>,
         epochs: Epochs,
-        control: Control<'_>,
+        control: RunContext<'_>,
         is_reported: &AtomicBool,
         pass_over: impl FnMut(&Session, &Pass<'_>, u32, Option<Box<Writer>>) -> Result<Ended>,
     ) -> Result<Report> {
@@ -187,7 +187,7 @@ impl Session {
         &mut self,
         output: &Arc<OutputPlan>,
         epochs: Epochs,
-        control: Control<'_>,
+        control: RunContext<'_>,
         is_reported: &AtomicBool,
         mut pass_over: impl FnMut(&Session, &Pass<'_>, u32, Option<Box<Writer>>) -> Result<Ended>,
     ) -> Result<Report> {

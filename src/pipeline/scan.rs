@@ -1,7 +1,7 @@
 //! Scans from a scene and an instrument, for programs that have no survey file.
 
 use super::batches::Batches;
-use super::pass::Control;
+use super::pass::RunContext;
 use super::progress::Progress;
 use super::run::Report;
 use super::scene::LoadedScene;
@@ -288,7 +288,7 @@ impl Scan {
     /// As for [`Scan::session`] and [`Session::run`].
     pub fn run(self) -> Result<Report> {
         let (mut session, outputs) = self.session()?;
-        session.run(outputs, Control::new(&Progress::default(), &Stop::new()))
+        session.run(outputs, RunContext::new(&Progress::default(), &Stop::new()))
     }
 
     /// Runs the scan on another thread and returns its points, `rows` at a time, while it runs.

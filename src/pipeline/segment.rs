@@ -2,7 +2,7 @@
 //! joined by copying. The name of a segment has the checksum of the file, with which joining compares what it copies.
 
 use super::merge::{check_records, merge_echoes};
-use super::pass::Control;
+use super::pass::RunContext;
 use super::run::Report;
 use crate::output::{JOINED_POINTS, LasVersion, OutputRequest, PointFormat, Segment, Summary, Target, join};
 use crate::shards::{OneOf, PrivateFolder, ShardHead, ShardSet, array_list};
@@ -197,7 +197,7 @@ pub fn merge_segment(
     outputs: &OutputRequest,
     segment: OneOf,
     schedule: Schedule,
-    control: Control<'_>,
+    control: RunContext<'_>,
 ) -> Result<Report> {
     let segments = Segments::new(shards, outputs)?;
     let folder = segments.folder.as_path();
@@ -220,7 +220,7 @@ pub fn merge_segment(
 ///
 /// # Errors
 /// [`Error::Input`] when segments are missing, with their numbers, or damaged; [`Error::Io`], [`Error::Interrupted`].
-pub fn join_segments(shards: &ShardSet, outputs: &OutputRequest, control: Control<'_>) -> Result<Report> {
+pub fn join_segments(shards: &ShardSet, outputs: &OutputRequest, control: RunContext<'_>) -> Result<Report> {
     let started = Instant::now();
     let segments = Segments::new(shards, outputs)?;
     let files = segments.find()?;

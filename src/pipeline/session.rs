@@ -26,7 +26,7 @@ pub(super) type Observer = Arc<dyn Fn(Notice) + Send + Sync>;
 ///
 /// ```
 /// use vlscan::output::{LasSettings, LasVersion};
-/// use vlscan::{Control, OutputRequest, PointFormat, Progress, ReadOptions, Session, Settings, Stop, Target, read_survey};
+/// use vlscan::{RunContext, OutputRequest, PointFormat, Progress, ReadOptions, Session, Settings, Stop, Target, read_survey};
 ///
 /// # fn main() -> vlscan::Result<()> {
 /// # let folder = tempfile::tempdir().unwrap();
@@ -40,7 +40,7 @@ pub(super) type Observer = Arc<dyn Fn(Notice) + Send + Sync>;
 /// };
 /// // Other threads may read the progress and request the end of the run.
 /// let (progress, stop) = (Progress::default(), Stop::new());
-/// let report = session.run(outputs, Control::new(&progress, &stop))?;
+/// let report = session.run(outputs, RunContext::new(&progress, &stop))?;
 /// assert!(report.summary.points > 0 && !report.interrupted);
 /// # Ok(())
 /// # }

@@ -3,7 +3,7 @@
 use super::chunk;
 use super::crs;
 use super::fly::fly;
-use super::pass::Control;
+use super::pass::RunContext;
 use super::plausibility;
 use super::run::{Epochs, Report};
 use super::session::Session;
@@ -222,7 +222,7 @@ impl ShardRunner<'_> {
     ///
     /// # Errors
     /// As for [`Session::run`]. The file is complete or absent.
-    pub fn run(&mut self, shard: OneOf, control: Control<'_>) -> Result<Report> {
+    pub fn run(&mut self, shard: OneOf, control: RunContext<'_>) -> Result<Report> {
         let path = self.path(shard);
         let name = path.file_name().unwrap_or_default();
         let private = PrivateFolder::new(&self.folder)?;
@@ -234,7 +234,7 @@ impl ShardRunner<'_> {
         Ok(report)
     }
 
-    fn compute(&mut self, shard: OneOf, path: PathBuf, control: Control<'_>) -> Result<Report> {
+    fn compute(&mut self, shard: OneOf, path: PathBuf, control: RunContext<'_>) -> Result<Report> {
         let head = self.head_of(shard).bytes()?;
         let request = OutputRequest {
             shard: Some(ShardOutput { path, head }),

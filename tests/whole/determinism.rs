@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use vlscan::trace::{BuildOptions, Builder};
 use vlscan::{
-    Control, OutputRequest, PointFormat, Progress, ReadOptions, Session, Settings, Stop, Target, read_survey,
+    OutputRequest, PointFormat, Progress, ReadOptions, RunContext, Session, Settings, Stop, Target,
+    read_survey,
 };
 
 const OUTPUTS: [&str; 13] = [
@@ -160,7 +161,7 @@ fn trees_leave_no_trace() {
             let sinks = vec![(Target::File(points.clone()), PointFormat::Xyz)];
             let (progress, stop) = (Progress::default(), Stop::new());
             let outputs = OutputRequest { sinks, ..Default::default() };
-            session.run(outputs, Control::new(&progress, &stop)).unwrap();
+            session.run(outputs, RunContext::new(&progress, &stop)).unwrap();
             std::fs::read(points).unwrap()
         });
         assert!(points[0].len() > 1000);

@@ -5,7 +5,8 @@ use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 use vlscan::{
-    Control, OutputRequest, PointFormat, Progress, ReadOptions, Session, Settings, Stop, Target, read_survey,
+    OutputRequest, PointFormat, Progress, ReadOptions, RunContext, Session, Settings, Stop, Target,
+    read_survey,
 };
 
 /// Number of runs, from the environment.
@@ -115,7 +116,7 @@ fn fly(dir: &Path, run: u32) {
         stop.request();
     }
     let outputs = OutputRequest { sinks, ..Default::default() };
-    let outcome = session.run(outputs, Control::new(&progress, &stop));
+    let outcome = session.run(outputs, RunContext::new(&progress, &stop));
     assert_eq!(outcome.is_err(), run % 5 == 4 || run % 7 == 6, "run {run}: {outcome:?}");
     for file in files(dir) {
         std::fs::remove_file(dir.join(file)).unwrap();

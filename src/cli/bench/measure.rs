@@ -3,9 +3,9 @@
 use super::matrix::{Combination, Matrix};
 use crate::cli::{Console, RunArgs, interrupt};
 use crate::output::{OutputContext, OutputPlan, OutputRequest, PointFormat, ShardOutput, Target};
-use crate::pipeline::Job;
+use crate::pipeline::ResolvedRun;
 use crate::pipeline::{
-    Control, Ended, Pass, Progress, Session, Settings, chunk_making_s, fly, merge, target,
+    Ended, Pass, Progress, RunContext, Session, Settings, chunk_making_s, fly, merge, target,
 };
 use crate::shards::{Fingerprint, OneOf, Records, ShardHead, ShardSet, shard_path};
 use serde::Serialize;
@@ -91,9 +91,9 @@ pub struct Cell {
 
 impl Bench {
     pub fn prepare(args: &RunArgs, format: &str, console: &Console) -> Result<Bench> {
-        let (job, warnings) = Job::resolve(&args.file, &args.options)?;
+        let (job, warnings) = ResolvedRun::resolve(&args.file, &args.options)?;
         console.warnings(&warnings)?;
-        let Job { settings, output, .. } = job;
+        let ResolvedRun { settings, output, .. } = job;
         if matches!(settings.survey.platform.kind, PlatformKind::Stream(_)) {
             return Err(Error::input(
                 "a stream of poses passes only once, and a comparison flies many times",
@@ -217,7 +217,7 @@ impl Bench {
             output: Arc::new(output),
             ground: None,
             schedule,
-            control: Control { progress: &progress, stop, recorder: Some(&recorder) },
+            control: RunContext { progress: &progress, stop, recorder: Some(&recorder) },
             target: target(survey, scene),
             check: None,
             epoch: 0,
@@ -321,7 +321,7 @@ impl Bench {
         let part = flown.ok_or(Error::Interrupted)?;
 
         let (progress, recorder) = (Progress::default(), Recorder::new());
-        let control = Control { progress: &progress, stop: &interrupt::STOP, recorder: Some(&recorder) };
+        let control = RunContext { progress: &progress, stop: &interrupt::STOP, recorder: Some(&recorder) };
         let parts = ShardSet::open(&folder)?;
         let merged = merge(&parts, self.request(&self.format)?, settings, control)?;
         if merged.interrupted {

@@ -6,7 +6,7 @@ use super::labels::{Labels, objects};
 use super::{is_of_machine, near};
 use crate::options::{Options, Seed, Switch, read_survey};
 use crate::output::{FileKind, PointFormat};
-use crate::pipeline::{Control, Job, LoadedScene, PartTable, Progress, Report, Session};
+use crate::pipeline::{LoadedScene, PartTable, Progress, Report, ResolvedRun, RunContext, Session};
 use clap::{Parser, ValueEnum};
 use std::any::Any;
 use std::collections::BTreeSet;
@@ -240,9 +240,9 @@ impl<'c> CellRunner<'c> {
 
     /// Flies the survey.
     fn fly(&mut self, cell: &Cell, site: &Site, run: &RunArgs) -> Result<(Report, PartTable)> {
-        let (job, warnings) = Job::resolve(&run.file, &run.options)?;
+        let (job, warnings) = ResolvedRun::resolve(&run.file, &run.options)?;
         self.console.warnings(&warnings)?;
-        let Job { settings, mut output, .. } = job;
+        let ResolvedRun { settings, mut output, .. } = job;
         if output.trajectory.is_some() {
             return Err(Error::input(format!(
                 "{}: its [[output]] of the trajectory names one file, which every cell would write; leave it out",
@@ -271,7 +271,7 @@ impl<'c> CellRunner<'c> {
         }
         let table = PartTable::new(session.scene());
         let progress = Progress::default();
-        let report = session.run(output, Control::new(&progress, &interrupt::STOP))?;
+        let report = session.run(output, RunContext::new(&progress, &interrupt::STOP))?;
         if report.interrupted {
             return Err(Error::Interrupted);
         }

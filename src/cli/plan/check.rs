@@ -5,7 +5,7 @@ use super::super::args::CommonPlanArgs;
 use super::super::{Console, interrupt};
 use crate::options::{InputOptions, Options, ProfileOptions};
 use crate::output::OutputRequest;
-use crate::pipeline::{Control, Forecast, Job, LoadedScene, Progress, Session, Settings};
+use crate::pipeline::{DryRunReport, LoadedScene, Progress, ResolvedRun, RunContext, Session, Settings};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -87,7 +87,7 @@ impl Check<'_> {
         let profile = ProfileOptions { profile: Some(PhysicsProfile::Refined), ..ProfileOptions::default() };
         let options =
             Options { input, profile, scene: Some(Arc::new(self.flat_ground()?)), ..Options::default() };
-        let (job, warnings) = Job::of_text(&name, self.plan.text("vlscan plan"), &options)?;
+        let (job, warnings) = ResolvedRun::of_text(&name, self.plan.text("vlscan plan"), &options)?;
         self.console.warnings(&warnings.without(self.told))?;
         Ok(job.settings)
     }
@@ -228,7 +228,7 @@ fn other_scene() -> Error {
 }
 
 /// Refuses a survey that measures nothing of the scene.
-fn check_echoes(forecast: &Forecast) -> Result<()> {
+fn check_echoes(forecast: &DryRunReport) -> Result<()> {
     if forecast.points.value > 0.0 || forecast.sampled_pulses <= 0.0 {
         return Ok(());
     }
@@ -248,13 +248,13 @@ fn check_echoes(forecast: &Forecast) -> Result<()> {
 }
 
 /// Measures a sample of the survey.
-fn dry_run(session: &mut Session) -> Result<Forecast> {
+fn dry_run(session: &mut Session) -> Result<DryRunReport> {
     let progress = Progress::default();
-    session.dry_run(&OutputRequest::default(), Instant::now(), Control::new(&progress, &interrupt::STOP))
+    session.dry_run(&OutputRequest::default(), Instant::now(), RunContext::new(&progress, &interrupt::STOP))
 }
 
 /// The share of the pulses with an echo among those that point at the scene's box within the instrument's ranges.
-fn returned(forecast: &Forecast) -> f64 {
+fn returned(forecast: &DryRunReport) -> f64 {
     let missed = &forecast.missed;
     let within = 1.0 - missed.beside_scene - missed.out_of_range;
     if within > 0.0 { (1.0 - missed.pulses) / within } else { 1.0 }

@@ -4,7 +4,7 @@ use crate::cli::args::{EmitArgs, EmitFormat, PulsesArgs, SurveyArgs, TrajectoryA
 use crate::cli::companions::resolve;
 use crate::cli::watch::watched;
 use crate::cli::{Console, Verbosity, interrupt};
-use crate::pipeline::{Control, Emission, Emitted, Job, Progress, Session, emit};
+use crate::pipeline::{Emission, Emitted, Progress, ResolvedRun, RunContext, Session, emit};
 use crate::streams::{
     ColumnSet, POSE_HEADER, PulseColumn, PulseRow, TableColumn, TableWriter, default_columns, header,
     pose_columns, pulse_columns, push_pose, push_pose_row, push_pulse, push_pulse_row, with_errors,
@@ -134,7 +134,7 @@ fn fly(
             "an Arrow stream would go to the terminal; redirect standard output, or insist with --force",
         ));
     }
-    let Job { mut settings, progress_lines, .. } = resolve(&args.file, &args.options(), console)?;
+    let ResolvedRun { mut settings, progress_lines, .. } = resolve(&args.file, &args.options(), console)?;
     change(&mut settings.survey);
     let has_errors = settings.flight.navigation.any();
     let emission = Session::open_for_flight(settings, console.observer())?.into_emission()?;
@@ -143,7 +143,7 @@ fn fly(
     let is_live = emission.poses.is_some();
 
     let progress = Progress::default();
-    let control = Control::new(&progress, &interrupt::STOP);
+    let control = RunContext::new(&progress, &interrupt::STOP);
     let started = Instant::now();
     let failed = |e| Error::io("write", "standard output", e);
     let mut out = FileWriter::stdout(Patched::Never)?;

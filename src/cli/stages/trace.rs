@@ -6,7 +6,7 @@ use crate::cli::companions::Companions;
 use crate::cli::run::show_report;
 use crate::options::{InputOptions, NotNegative, Options, Switch, holds_survey, read_survey};
 use crate::output::Target;
-use crate::pipeline::{Job, LegRule, Session};
+use crate::pipeline::{LegRule, ResolvedRun, Session};
 use crate::streams::PulseReader;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -24,8 +24,8 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
     console.warnings(&warnings)?;
     change_instrument(&mut setting.survey, &args.instrument);
     let known = setting.known;
-    let Job { mut settings, mut output, schedule_log, part_table, progress_lines } =
-        Job::new(setting.survey, &setting.options)?;
+    let ResolvedRun { mut settings, mut output, schedule_log, part_table, progress_lines } =
+        ResolvedRun::new(setting.survey, &setting.options)?;
     output.inputs.push(args.stream.clone());
     let mut companions = Companions::of(schedule_log, part_table, &mut output);
     settings.survey.legs.iter_mut().for_each(|leg| leg.scanner.active = true);

@@ -15,7 +15,7 @@ mod sample;
 mod spacing;
 mod timeline;
 
-use super::pass::Control;
+use super::pass::RunContext;
 use super::run::Epochs;
 use super::session::Session;
 use crate::output::{
@@ -54,7 +54,7 @@ pub struct Estimate {
 
 /// A leg of the survey.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct LegForecast {
+pub struct LegEstimate {
     /// Number of the leg in the survey.
     pub leg: u32,
     /// Duration, s.
@@ -75,7 +75,7 @@ pub struct LegForecast {
 
 /// A file that the run will write.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct FileForecast {
+pub struct FileEstimate {
     /// Path, or what the file is.
     pub name: String,
     /// What its records are: points, waveforms, pulses, poses.
@@ -101,7 +101,7 @@ pub struct Missed {
 
 /// The time of the run on this machine, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct TimeForecast {
+pub struct TimeEstimate {
     /// Loading of scene and tree, measured.
     pub loading_s: f64,
     /// From the first pulse to the last byte.
@@ -116,9 +116,9 @@ pub struct TimeForecast {
 
 /// What a run will cost and give.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Forecast {
+pub struct DryRunReport {
     /// Legs that take time, in the order of the survey.
-    pub legs: Vec<LegForecast>,
+    pub legs: Vec<LegEstimate>,
     /// Number of times that the survey is flown, once for each state of a scene with swapped parts.
     pub epochs: u32,
     /// Time of the survey, s.
@@ -136,11 +136,11 @@ pub struct Forecast {
     /// Pulses with echoes per m² of the covered ground.
     pub pulses_per_m2: Option<f64>,
     /// The files that the run writes.
-    pub files: Vec<FileForecast>,
+    pub files: Vec<FileEstimate>,
     /// The most memory that loading and sample have needed, bytes.
     pub memory_bytes: u64,
     /// How long the run takes.
-    pub time: TimeForecast,
+    pub time: TimeEstimate,
     /// What the run does not measure.
     pub missed: Missed,
     /// Pulses of the sample.
@@ -149,7 +149,7 @@ pub struct Forecast {
 
 /// Where a survey is flown and what it covers, world coordinates, m.
 #[derive(Clone, Debug, Default)]
-pub struct Sketch {
+pub struct FlightCoverage {
     /// Positions along each leg, by its number in the survey.
     pub tracks: Vec<(u32, Vec<DVec3>)>,
     /// Strips and sectors of ground by leg, four corners each; only x and y of corners count.
@@ -166,8 +166,8 @@ impl Session {
         &mut self,
         outputs: &OutputRequest,
         started: Instant,
-        control: Control<'_>,
-    ) -> Result<Forecast> {
+        control: RunContext<'_>,
+    ) -> Result<DryRunReport> {
         control.stop.begin_run();
         let (flight, _) = self.plan_checked_flight(control.stop)?;
         let outputs = &self.complete(outputs.clone());
@@ -175,7 +175,8 @@ impl Session {
         self.plan_output(outputs.clone(), &context)?;
         let loading_s = started.elapsed().as_secs_f64();
         let (timeline, sample, summary) = self.sample_flight(&flight, outputs, &context, control)?;
-        let seen = Seen { session: self, flight: &flight, timeline: &timeline, sample: &sample, outputs };
+        let seen =
+            Observations { session: self, flight: &flight, timeline: &timeline, sample: &sample, outputs };
         Ok(seen.forecast(&summary, loading_s, control))
     }
 
@@ -185,7 +186,7 @@ impl Session {
         flight: &FlightPlan,
         outputs: &OutputRequest,
         context: &OutputContext,
-        control: Control<'_>,
+        control: RunContext<'_>,
     ) -> Result<(Timeline, Sample, [Summary; 2])> {
         let timeline = self.timeline(flight, control)?;
         let folder = tempfile::tempdir().map_err(|e| Error::io("create", std::env::temp_dir(), e))?;
@@ -224,7 +225,7 @@ impl Session {
     ///
     /// # Errors
     /// As for [`Session::run`].
-    pub fn sketch(&mut self, control: Control<'_>) -> Result<Sketch> {
+    pub fn sketch(&mut self, control: RunContext<'_>) -> Result<FlightCoverage> {
         control.stop.begin_run();
         self.enter_epoch(0, control.stop)?;
         let flight = self.plan_flight()?;
@@ -244,11 +245,11 @@ impl Session {
         }
         let quads = area::swaths(&flight, &sample.strata).into_iter();
         let swaths = quads.map(|(leg, quad)| (leg, quad.map(|corner| corner + shift))).collect();
-        Ok(Sketch { tracks, swaths })
+        Ok(FlightCoverage { tracks, swaths })
     }
 
     /// Legs, duration and pulses of the flight.
-    fn timeline(&self, flight: &FlightPlan, control: Control<'_>) -> Result<Timeline> {
+    fn timeline(&self, flight: &FlightPlan, control: RunContext<'_>) -> Result<Timeline> {
         if let PlatformKind::Stream(stream) = &self.survey().platform.kind {
             let Some(mut poses) = self.open_poses()? else { return Ok(Timeline::default()) };
             return timeline::follow(flight, &mut poses, stream.max_gap, control.stop);
@@ -273,7 +274,7 @@ impl Session {
 }
 
 /// Everything that a forecast is made from.
-struct Seen<'a> {
+struct Observations<'a> {
     session: &'a Session,
     flight: &'a FlightPlan,
     timeline: &'a Timeline,
@@ -281,9 +282,9 @@ struct Seen<'a> {
     outputs: &'a OutputRequest,
 }
 
-impl Seen<'_> {
-    fn forecast(&self, written: &[Summary; 2], loading_s: f64, control: Control<'_>) -> Forecast {
-        let Seen { session, timeline, sample, .. } = self;
+impl Observations<'_> {
+    fn forecast(&self, written: &[Summary; 2], loading_s: f64, control: RunContext<'_>) -> DryRunReport {
+        let Observations { session, timeline, sample, .. } = self;
         let epochs = f64::from(session.epochs());
         let pulses = timeline.pulses() * epochs;
         let sum = |of: fn(&Stratum) -> f64| sample.strata.iter().map(of).sum::<f64>();
@@ -304,7 +305,7 @@ impl Seen<'_> {
         let simulation_s = simulated * scale;
         let total_s = loading_s + before + simulation_s;
         let share = if total_s > 0.0 { simulation_s / total_s } else { 0.0 };
-        let time = TimeForecast {
+        let time = TimeEstimate {
             loading_s,
             simulation_s,
             total_s,
@@ -314,7 +315,7 @@ impl Seen<'_> {
         let legs = self.legs();
         let aim = control.progress.aim().sum;
         let of_aim = |count: u64| if aim.sampled > 0 { count as f64 / aim.sampled as f64 } else { 0.0 };
-        let is_empty = |leg: &&LegForecast| leg.pulses > 0.0 && leg.points == Some(0.0);
+        let is_empty = |leg: &&LegEstimate| leg.pulses > 0.0 && leg.points == Some(0.0);
         let missed = Missed {
             pulses: if sampled_pulses > 0.0 { 1.0 - sum(|s| s.hits) / sampled_pulses } else { 0.0 },
             beside_scene: of_aim(aim.sampled - aim.towards),
@@ -323,7 +324,7 @@ impl Seen<'_> {
             legs: legs.iter().filter(is_empty).map(|leg| leg.leg).collect(),
         };
         let memory = session.loaded().map_or(0, |loaded| loaded.facts().memory);
-        Forecast {
+        DryRunReport {
             epochs: session.epochs(),
             duration_s: timeline.seconds() * epochs,
             pulses,
@@ -342,14 +343,14 @@ impl Seen<'_> {
     }
 
     /// The survey's legs that take time, added ones with those that they belong to.
-    fn legs(&self) -> Vec<LegForecast> {
-        let mut legs: Vec<LegForecast> = Vec::new();
+    fn legs(&self) -> Vec<LegEstimate> {
+        let mut legs: Vec<LegEstimate> = Vec::new();
         for LegTime { clock, seconds, pulses } in &self.timeline.legs {
             match legs.last_mut().filter(|last| last.leg == clock.number) {
                 Some(last) => (last.seconds, last.pulses) = (last.seconds + seconds, last.pulses + pulses),
                 None => {
                     let (leg, seconds, pulses) = (clock.number, *seconds, *pulses);
-                    legs.push(LegForecast { leg, seconds, pulses, ..LegForecast::default() });
+                    legs.push(LegEstimate { leg, seconds, pulses, ..LegEstimate::default() });
                 }
             }
         }
@@ -368,7 +369,7 @@ impl Seen<'_> {
     }
 
     /// The files with their sizes, in proportion to those of the sample.
-    fn files(&self, [empty, written]: &[Summary; 2], scale: f64) -> Vec<FileForecast> {
+    fn files(&self, [empty, written]: &[Summary; 2], scale: f64) -> Vec<FileEstimate> {
         // A file of the sample, scaled but for what an empty one has already.
         let bytes_of = |is_wanted: &dyn Fn(&FileSummary) -> bool| {
             let sum =
@@ -391,7 +392,7 @@ impl Seen<'_> {
                 }
             };
             let bytes = bytes_of(&|file| is_points_of(i, file));
-            files.push(FileForecast { name, content: "points", bytes });
+            files.push(FileEstimate { name, content: "points", bytes });
         }
         for (kind, content) in [
             (FileKind::Waveforms, "waveforms"),
@@ -400,14 +401,14 @@ impl Seen<'_> {
         ] {
             if written.files.iter().any(|file| file.kind == kind) {
                 let name = format!("{content} beside the points");
-                files.push(FileForecast { name, content, bytes: bytes_of(&|file| file.kind == kind) });
+                files.push(FileEstimate { name, content, bytes: bytes_of(&|file| file.kind == kind) });
             }
         }
         let is_helios = |(target, _): &(Target, _)| matches!(target, Target::Helios(_));
         let poses: f64 = self.timeline.legs.iter().map(LegTime::poses).sum();
         if poses > 0.0 && (self.outputs.trajectory.is_some() || self.outputs.sinks.iter().any(is_helios)) {
             let bytes = poses * BYTES_PER_POSE * f64::from(self.session.epochs());
-            files.push(FileForecast { name: "the trajectory".to_owned(), content: "poses", bytes });
+            files.push(FileEstimate { name: "the trajectory".to_owned(), content: "poses", bytes });
         }
         files
     }

@@ -19,7 +19,7 @@ const MAX_THREADS: usize = 1024;
 
 /// A run with every choice resolved.
 #[derive(Clone, Debug)]
-pub struct Job {
+pub struct ResolvedRun {
     /// The settings of the session.
     pub settings: Settings,
     /// What is written.
@@ -32,31 +32,31 @@ pub struct Job {
     pub progress_lines: bool,
 }
 
-impl Job {
+impl ResolvedRun {
     /// Reads the survey or pipeline and resolves every choice: the command line takes precedence over the file, the
     /// file over the default.
     ///
     /// # Errors
     /// All problems of all files at once.
-    pub fn resolve(file: &Path, typed: &Options) -> Result<(Job, Diagnostics)> {
+    pub fn resolve(file: &Path, typed: &Options) -> Result<(ResolvedRun, Diagnostics)> {
         let (survey, options, warnings) = read_survey(file, typed.clone())?;
-        Ok((Job::new(survey, &options)?, warnings))
+        Ok((ResolvedRun::new(survey, &options)?, warnings))
     }
 
-    /// Reads a pipeline in memory and resolves every choice, as [`Job::resolve`] does for a file.
+    /// Reads a pipeline in memory and resolves every choice, as [`ResolvedRun::resolve`] does for a file.
     ///
     /// # Errors
-    /// As for [`Job::resolve`].
-    pub fn of_text(name: &Path, text: String, typed: &Options) -> Result<(Job, Diagnostics)> {
+    /// As for [`ResolvedRun::resolve`].
+    pub fn of_text(name: &Path, text: String, typed: &Options) -> Result<(ResolvedRun, Diagnostics)> {
         let (survey, options, warnings) = read_pipeline_text(name, text, typed.clone())?;
-        Ok((Job::new(survey, &options)?, warnings))
+        Ok((ResolvedRun::new(survey, &options)?, warnings))
     }
 
     /// Resolves every choice for a survey that has been read.
     ///
     /// # Errors
     /// Options that contradict one another.
-    pub fn new(mut survey: Survey, options: &Options) -> Result<Job> {
+    pub fn new(mut survey: Survey, options: &Options) -> Result<ResolvedRun> {
         if let Some(crs) = &options.output.crs {
             survey.crs_wkt = Some(crs.wkt()?);
         }
@@ -106,7 +106,7 @@ impl Job {
         }
         settings.physics = settings.physics_for(&output);
         let speed = &options.schedule;
-        Ok(Job {
+        Ok(ResolvedRun {
             settings,
             output,
             schedule_log: speed.schedule_log.clone(),
