@@ -16,7 +16,8 @@ use vlscan::options::{Options, read_survey as read_run};
 use vlscan::output::unzip;
 use vlscan::scene::{LoadOptions, load};
 use vlscan::survey::{PlatformKind, SceneRecipe};
-use vlscan::tools::preview::{PreviewOptions, draw, read_packet, read_points, read_wave};
+use vlscan::tools::cloud::{read_packet, read_points, read_wave};
+use vlscan::tools::preview::{PreviewOptions, draw};
 use vlscan::{Formula, PulseReader, ReadOptions, Stop, command_line, parse_seed, read_scene, read_survey};
 
 /// A folder with a small survey, into which a target writes its bytes.

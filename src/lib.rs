@@ -93,7 +93,10 @@
 //! | `streams` | pulses and poses between commands, as rows of text or of Arrow streams | lidar, warehouse |
 //! | `options` | the options of a run, for the command line and pipeline files alike | output, lidar, warehouse, survey, trace |
 //! | `pipeline` | the session that joins all of them | all above |
-//! | `cli` | the command line | all above, tools |
+//! | `named_scene` | scenes as commands name them | options |
+//! | `planning`, `sketch` | surveys that are planned and checked; a survey as points | named_scene, pipeline, tools |
+//! | `campaign` | data sets of many runs | planning, pipeline, tools |
+//! | `cli` | the command line | all above |
 //!
 //! No module imports one from a row below its own; `tests/whole/structure.rs` holds it. What each crate is for is in
 //! ARCHITECTURE.md.
@@ -109,11 +112,15 @@
 
 #![deny(unsafe_code)]
 
+mod campaign;
 mod cli;
+mod named_scene;
 pub mod options;
 pub mod output;
 mod pipeline;
+mod planning;
 mod shards;
+mod sketch;
 mod streams;
 
 /// The arrays of the record batches in which points arrive.
@@ -128,16 +135,20 @@ pub use vlscan_tools as tools;
 pub use vlscan_trace as trace;
 pub use vlscan_warehouse as warehouse;
 
+pub use campaign::{Campaign, CampaignEvent, CampaignOptions, CampaignReport, FailedCell};
 pub use cli::{command_line, main};
-pub use options::{OptionName, Options};
+pub use options::{OneOf, OptionName, Options};
 pub use output::{Column, OutputRequest, PointFormat, TableContent, TableRequest, TableSink, Target};
 pub use pipeline::{
-    Batches, DryRunReport, Emission, Emitted, Estimate, Fallback, FileEstimate, FlightCoverage, LegEstimate,
-    LegRule, LoadedScene, Missed, Progress, Report, ResolvedRun, ResumeOptions, RunContext, Scan, SceneFacts,
-    SceneGround, Session, Settings, Snapshot, TimeEstimate, emit,
+    Batches, DryRunReport, Emission, Emitted, Estimate, FileEstimate, FlightCoverage, LegEstimate, LegRule,
+    LoadedScene, Missed, Progress, Report, ResolvedRun, ResumeOptions, RunContext, Scan, SceneFacts, Session,
+    Settings, Snapshot, TimeEstimate, emit,
 };
+pub use planning::plan_survey;
 pub use shards::Records;
+pub use sketch::survey_points;
 pub use streams::{PulseReader, RowBlock};
+pub use vlscan_base::Observer;
 pub use vlscan_base::diag::{Diagnostics, Notice};
 pub use vlscan_base::error::{Error, Result};
 pub use vlscan_geom::DVec3;

@@ -6,9 +6,9 @@ use arrow_array::RecordBatch;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use vlscan::tools::preview::{
-    ColourBy, PageOptions, Points, PreviewOptions, draw, points_of_table, write_page,
-};
+use std::path::Path;
+use vlscan::tools::cloud::{Points, points_of_table};
+use vlscan::tools::preview::{ColourBy, PreviewOptions, draw, write_page};
 use vlscan::{Error, Notice};
 
 fn colour_of(name: &str) -> PyResult<ColourBy> {
@@ -30,7 +30,7 @@ pub fn page(
     let made = py.detach(|| {
         let points = points(batches, colour, &notices)?;
         let mut bytes = Vec::new();
-        let options = PageOptions { colour, title, max_points, ..PageOptions::default() };
+        let options = PreviewOptions { colour, title, max_points, ..PreviewOptions::default() };
         write_page(&points, &options, &mut bytes).map_err(|e| Error::io("write", "the page", e))?;
         Ok(String::from_utf8_lossy(&bytes).into_owned())
     });
@@ -64,13 +64,14 @@ pub fn picture<'py>(
 
 /// The points of a table; what is to be said of them is added to `notices`.
 fn points(batches: Vec<RecordBatch>, colour: ColourBy, notices: &Notices) -> vlscan::Result<Points> {
-    let (points, found) = points_of_table(&one(batches)?, colour)?;
+    let (points, mut found) = points_of_table(&one(batches)?)?;
+    found.extend(colour.doubts(&points, Path::new("the table")));
     notices.add(Notice::Warnings(found));
     Ok(points)
 }
 
 /// The only batch of a table.
-fn one(mut batches: Vec<RecordBatch>) -> vlscan::Result<RecordBatch> {
+pub(super) fn one(mut batches: Vec<RecordBatch>) -> vlscan::Result<RecordBatch> {
     match (batches.pop(), batches.is_empty()) {
         (Some(batch), true) => Ok(batch),
         _ => Err(Error::input("expected a table in one piece; combine its chunks first")),

@@ -5,20 +5,16 @@ use super::args::CompareArgs;
 use super::preview::read_cloud;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, Patched, reads, refuse_existing, write_stdout};
-use vlscan_tools::compare::{CompareOptions, compare, page, table};
+use vlscan_tools::compare::{compare, json, page, table};
 
 pub fn run(args: &CompareArgs, console: &Console) -> Result<()> {
     args.page.as_deref().map_or(Ok(()), |page| refuse_existing(page, args.force))?;
     args.page.as_deref().map_or(Ok(()), |page| reads::refuse_input_of(page, [&args.first, &args.second]))?;
     let [first, second] = [&args.first, &args.second].map(|path| read_cloud(path, console));
     let (first, second) = (first?, second?);
-    let options = CompareOptions {
-        cell: args.cell.0,
-        voxel: args.voxel.0,
-        most_distances: usize::try_from(args.most_distances.0).unwrap_or(usize::MAX),
-    };
     let names = [&args.first, &args.second].map(|path| path.display().to_string());
-    let comparison = compare([(&names[0], &first), (&names[1], &second)], &options).map_err(Error::input)?;
+    let comparison =
+        compare([(&names[0], &first), (&names[1], &second)], &args.options).map_err(Error::input)?;
     if let Some(path) = &args.page {
         let mut file = FileWriter::create(path, args.force, Patched::Never)?;
         file.append(page(&comparison, [&first, &second])?.as_bytes())?;
@@ -26,11 +22,7 @@ pub fn run(args: &CompareArgs, console: &Console) -> Result<()> {
         console.say(format!("{}: open it in a browser", path.display()));
     }
     match args.json {
-        true => {
-            let json =
-                serde_json::to_string_pretty(&comparison).map_err(|e| Error::Internal(e.to_string()))?;
-            write_stdout(&(json + "\n"))
-        }
+        true => write_stdout(&(json(&comparison)? + "\n")),
         false => write_stdout(&table(&comparison)),
     }
 }

@@ -4,7 +4,8 @@ use std::fmt::Display;
 use std::fs::{File, OpenOptions};
 use std::io::{IsTerminal, Write, stderr};
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
+use vlscan_base::Observer;
 use vlscan_base::diag::{Diagnostics, Notice};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::write_stderr;
@@ -46,14 +47,13 @@ pub struct Console {
     coloured: bool,
     stderr: bool,
     file: Option<Arc<File>>,
-    collected: Option<Arc<Mutex<Diagnostics>>>,
 }
 
 impl Console {
     /// Creates a console of this verbosity; coloured when stderr is a terminal and `NO_COLOR` is not set.
     pub fn new(verbosity: Verbosity) -> Console {
         let coloured = stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty());
-        Console { verbosity, is_strict: false, coloured, stderr: true, file: None, collected: None }
+        Console { verbosity, is_strict: false, coloured, stderr: true, file: None }
     }
 
     /// Sends messages to `to`. Runs that start within the same second share a log file, line by line.
@@ -80,19 +80,6 @@ impl Console {
         self.is_strict
     }
 
-    /// Keeps warnings and notes for [`Console::take_warnings`] and shows none.
-    pub fn collecting(self) -> Console {
-        Console { collected: Some(Arc::default()), ..self }
-    }
-
-    /// The warnings and notes since the last call.
-    pub fn take_warnings(&self) -> Diagnostics {
-        let collected = self.collected.as_ref();
-        collected
-            .map(|all| std::mem::take(&mut *all.lock().unwrap_or_else(PoisonError::into_inner)))
-            .unwrap_or_default()
-    }
-
     /// Whether a progress bar may be drawn on stderr.
     pub fn draws(&self) -> bool {
         self.stderr && self.shows(Verbosity::Normal)
@@ -113,6 +100,11 @@ impl Console {
             Notice::Detail(detail) => console.detail(detail),
             Notice::Timing(text) => console.took(Verbosity::Verbose, text),
         }
+    }
+
+    /// The observer that shows the notices of a computation.
+    pub fn listener(&self) -> Observer {
+        Observer::new(self.is_strict, self.observer())
     }
 
     /// Shows a line of the normal level.
@@ -146,9 +138,7 @@ impl Console {
     }
 
     fn show(&self, found: &Diagnostics) {
-        if let Some(collected) = &self.collected {
-            collected.lock().unwrap_or_else(PoisonError::into_inner).extend(found.clone());
-        } else if self.shows(Verbosity::Normal) {
+        if self.shows(Verbosity::Normal) {
             self.raw(&found.render(self.coloured));
         }
     }

@@ -2,21 +2,19 @@
 
 use super::Console;
 use super::args::InfoArgs;
-use crate::options::{InputOptions, Options, holds_survey, read_survey};
+use crate::named_scene::{NamedScene, Scanning};
 use crate::output::ObjectIds;
 use crate::pipeline::check_raster_memory;
 use serde_json::json;
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
 use std::time::Instant;
 use vlscan_base::crs;
 use vlscan_base::diag::{Diagnostics, Severity};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::machine;
 use vlscan_base::quantity::amount;
-use vlscan_lidar::pulse::{Corrections, PhysicsProfile};
 use vlscan_scene::{Inventory, LoadOptions, Material, Pack, Part, PartFacts, Scene};
-use vlscan_survey::{ReadOptions, SceneRecipe};
+use vlscan_survey::SceneRecipe;
 use vlscan_trace::{BuildOptions, Tree};
 
 /// Maximum number of parts listed as text; `--json` lists all.
@@ -31,7 +29,7 @@ struct Facts<'a> {
 }
 
 pub fn run(args: &InfoArgs, console: &Console) -> Result<()> {
-    let name = SceneName { scene: &args.scene, assets: &args.assets };
+    let name = NamedScene { name: &args.scene, assets: &args.assets };
     let (recipe, scanning, mut warnings) = name.recipe()?;
     let started = Instant::now();
     let options = options(&recipe, &scanning, args.verify)?;
@@ -56,51 +54,6 @@ pub fn run(args: &InfoArgs, console: &Console) -> Result<()> {
     }
     let text = if args.json { facts.json()? } else { facts.text() };
     vlscan_base::files::write_stdout(&text)
-}
-
-/// A scene as named on the command line: directly, or by a file that refers to it.
-pub struct SceneName<'a> {
-    /// Scene, survey, pipeline or geometry file.
-    pub scene: &'a str,
-    /// Directories in which files are looked up.
-    pub assets: &'a [PathBuf],
-}
-
-/// Properties of the scan that the scene depends on.
-pub struct Scanning {
-    pub wavelength_nm: f64,
-    /// The survey's seed.
-    pub seed: Option<u64>,
-    /// Those by which materials are read.
-    pub corrections: Corrections,
-}
-
-impl SceneName<'_> {
-    /// Reads the scene's description and the properties of its scan.
-    pub fn recipe(&self) -> Result<(SceneRecipe, Scanning, Diagnostics)> {
-        let reading = ReadOptions { assets: self.assets.to_vec(), ..ReadOptions::default() };
-        let path = Path::new(self.scene);
-        let survey = match holds_survey(path) {
-            true => {
-                let input = InputOptions { assets: self.assets.to_vec(), ..InputOptions::default() };
-                Some(read_survey(path, Options { input, ..Options::default() })?)
-            }
-            false => None,
-        };
-        let usual = LoadOptions::default().wavelength_nm;
-        match survey {
-            Some((survey, options, warnings)) => {
-                let wavelength_nm = survey.scanner.devices.first().map_or(usual, |d| d.beam.wavelength);
-                let corrections = options.profile.corrections(Corrections::NONE)?;
-                Ok((survey.scene, Scanning { wavelength_nm, seed: survey.seed, corrections }, warnings))
-            }
-            None => {
-                let (scene, warnings) = vlscan_survey::read_scene(self.scene, &reading)?;
-                let corrections = PhysicsProfile::OF_PIPELINES.corrections();
-                Ok((scene, Scanning { wavelength_nm: usual, seed: None, corrections }, warnings))
-            }
-        }
-    }
 }
 
 /// Returns the options under which a scene loads; for a packed scene those that it was packed with.

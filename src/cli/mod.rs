@@ -14,9 +14,7 @@
 //! | `plan` | `vlscan plan` |
 //! | `campaign` | `vlscan campaign` |
 //! | `bench` | `vlscan bench` |
-//! | `scene`, `stand`, `info`, `pack` | `vlscan scene make`, `stand`, `info` and `pack` |
-//! | `ground` | the ground of a scene |
-//! | `sketch` | a survey over its scene as points, for previews |
+//! | `scene`, `info`, `pack` | `vlscan scene make` and `stand`, `info` and `pack` |
 //! | `preview`, `compare`, `unzip`, `catalogue` | the subcommands of these names |
 //! | `completions`, `manual` | help, man pages, shell completions |
 //! | `console`, `watch`, `interrupt` | messages, progress, Ctrl-C |
@@ -32,7 +30,6 @@ mod compare;
 mod completions;
 mod console;
 mod dry_run;
-mod ground;
 mod helios;
 mod info;
 mod interrupt;
@@ -43,9 +40,7 @@ mod preview;
 mod run;
 mod scene;
 mod shards;
-mod sketch;
 mod stages;
-mod stand;
 mod svg;
 mod unzip;
 mod watch;

@@ -1,7 +1,8 @@
 //! `vlscan scene pack`: a scene compiled to one file.
 
+use super::Console;
 use super::args::PackArgs;
-use super::{Console, info};
+use crate::named_scene::NamedScene;
 use std::path::Path;
 use std::time::Instant;
 use vlscan_base::error::Result;
@@ -14,7 +15,7 @@ use vlscan_trace::BuildOptions;
 
 pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
-    let name = info::SceneName { scene: &args.scene, assets: &args.assets };
+    let name = NamedScene { name: &args.scene, assets: &args.assets };
     let (recipe, found, warnings) = name.recipe()?;
     console.warnings(&warnings)?;
     let out = args.out.clone().unwrap_or_else(|| recipe.path.with_extension("vlscene"));

@@ -1,20 +1,17 @@
 //! `vlscan preview`: a picture of a point cloud, an interactive page, or the waveform of a pulse.
 
-use super::Console;
-use super::args::{Colour, PreviewArgs};
-use super::sketch::survey_points;
+use super::args::PreviewArgs;
+use super::{Console, interrupt};
 use crate::options::holds_survey;
 use crate::output::expand;
+use crate::sketch::survey_points;
 use std::io::{BufReader, BufWriter, IsTerminal, Seek, Write};
 use std::path::Path;
-use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, Patched, reads, refuse_existing};
 use vlscan_base::quantity::amount;
-use vlscan_tools::preview::{
-    Chart, ColourBy, PageOptions, Points, PreviewOptions, Wave, draw, read_packet, read_points, read_wave,
-    write_page,
-};
+use vlscan_tools::cloud::{Points, Wave, read_packet, read_points, read_wave};
+use vlscan_tools::preview::{Chart, ColourBy, PreviewOptions, draw, write_page};
 
 pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     check(args)?;
@@ -22,36 +19,28 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
         return plot(args, pulse, console);
     }
     let is_survey = holds_survey(&args.points);
-    let points = if is_survey { survey_points(args, console)? } else { read_cloud(&args.points, console)? };
-    let usual = if is_survey { Colour::Leg } else { Colour::Height };
-    let colour = match args.colour.unwrap_or(usual) {
-        Colour::Height => ColourBy::Height,
-        Colour::Class => ColourBy::Class,
-        Colour::Intensity => ColourBy::Intensity,
-        Colour::Object => ColourBy::Object,
-        Colour::Return => ColourBy::Return,
-        Colour::Leg => ColourBy::Leg,
-        Colour::Channel => ColourBy::Channel,
-        Colour::Time => ColourBy::Time,
+    let points = match is_survey {
+        true => survey_points(&args.points, &args.assets, &console.listener(), &interrupt::STOP)?,
+        false => read_cloud(&args.points, console)?,
     };
-    console.warnings(&points.doubts_of_colours(&args.points, colour))?;
-    let title = title(&args.points);
+    let colour = args.colour.unwrap_or(if is_survey { ColourBy::Leg } else { ColourBy::Height });
+    console.warnings(&colour.doubts(&points, &args.points))?;
     let count = amount(points.total() as f64);
+    let options = PreviewOptions {
+        colour,
+        width: args.width,
+        height: args.height,
+        light: args.light,
+        title: title(&args.points),
+        max_points: usize::try_from(args.most_points.0).unwrap_or(usize::MAX),
+        heights: None,
+    };
     if !is_page(&args.out) {
-        let (width, height) = (args.width, args.height);
-        let options =
-            PreviewOptions { colour, width, height, light: args.light, title, ..PreviewOptions::default() };
         let picture = draw(&points, &options).png()?;
         write(args, |out| out.write_all(&picture))?;
         console.say(format!("{}: {count} points", args.out.display()));
         return Ok(());
     }
-    let options = PageOptions {
-        colour,
-        light: args.light,
-        title,
-        max_points: usize::try_from(args.most_points.0).unwrap_or(usize::MAX),
-    };
     let page = write(args, |out| write_page(&points, &options, out))?;
     let sampled = if page.shown < page.total {
         format!("{} of {count} points, evenly chosen (--most-points)", amount(page.shown as f64))
@@ -103,11 +92,10 @@ fn check(args: &PreviewArgs) -> Result<()> {
     let is_xml = points.extension().is_some_and(|e| e.eq_ignore_ascii_case("xml"));
     if (is_xml && !holds_survey(points)) || (args.pulse.is_some() && holds_survey(points)) {
         let what = if args.pulse.is_some() { "pulses" } else { "points and no survey" };
-        let mut problems = Diagnostics::default();
-        problems
-            .error(None, format!("{} holds no {what}", points.display()))
-            .help("name points, or a survey whose points are to be drawn; a scene by itself is described by `vlscan scene info`");
-        return Err(Error::Input(Box::new(problems)));
+        return Err(Error::input_with_help(
+            format!("{} holds no {what}", points.display()),
+            "name points, or a survey whose points are to be drawn; a scene by itself is described by `vlscan scene info`",
+        ));
     }
     if is_stdout(out) {
         if std::io::stdout().is_terminal() && !args.force {

@@ -1,38 +1,22 @@
-//! `vlscan scene`: generated scenes, and information on scenes.
+//! `vlscan scene`: scenes that are made, and information on scenes.
 
-use super::args::{MakeArgs, SceneArgs, SceneCommand, SceneKind};
-use super::{Console, info, pack, stand};
+use super::args::{MakeArgs, SceneArgs, SceneCommand, StandArgs};
+use super::{Console, info, pack};
 use vlscan_base::error::Result;
 use vlscan_base::quantity::amount;
-use vlscan_tools::generate::{Kind, SceneOptions, write_scene};
+use vlscan_tools::generate::{make_stand, write_scene};
 
 pub fn run(args: &SceneArgs, console: &Console) -> Result<()> {
     match &args.command {
-        SceneCommand::Make(args) => make_scene(args, console),
-        SceneCommand::Stand(args) => stand::run(args, console),
+        SceneCommand::Make(args) => make(args, console),
+        SceneCommand::Stand(args) => stand(args, console),
         SceneCommand::Info(args) => info::run(args, console),
         SceneCommand::Pack(args) => pack::run(args, console),
     }
 }
 
-fn make_scene(args: &MakeArgs, console: &Console) -> Result<()> {
-    let kind = match args.kind {
-        SceneKind::Forest => Kind::Forest,
-        SceneKind::Terrain => Kind::Terrain,
-        SceneKind::Room => Kind::Room,
-    };
-    let options = SceneOptions {
-        kind,
-        triangles: args.triangles.0,
-        seed: args.seed,
-        extent_m: args.extent,
-        pulses: args.pulses.map(|count| count.0),
-        separate_trees: args.separate_trees,
-        instances: args.models.map(|models| (models, args.copies.unwrap_or(100))),
-        voxels: args.voxels.map(|count| count.0),
-        overwrite: args.force,
-    };
-    let made = write_scene(&options, &args.out)?;
+fn make(args: &MakeArgs, console: &Console) -> Result<()> {
+    let made = write_scene(&args.options, &args.out)?;
     console.say(format!(
         "{} triangles{} in {}; scan them ({} pulses) with: vlscan run {}",
         amount(made.triangles as f64),
@@ -40,6 +24,19 @@ fn make_scene(args: &MakeArgs, console: &Console) -> Result<()> {
         args.out.display(),
         amount(made.pulses as f64),
         made.survey.display()
+    ));
+    Ok(())
+}
+
+fn stand(args: &StandArgs, console: &Console) -> Result<()> {
+    let made = make_stand(&args.options, &args.out, &|_| true, &console.listener())?;
+    let counts: Vec<String> = made.trees.iter().map(usize::to_string).collect();
+    console.say(format!(
+        "{}: {} trees of {} models{}; scan them with: vlscan run SURVEY --scene {0}",
+        made.scene.display(),
+        counts.join(", "),
+        made.models,
+        if counts.len() > 1 { " in the epochs stand_0, stand_1 …" } else { "" },
     ));
     Ok(())
 }

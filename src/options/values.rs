@@ -68,11 +68,7 @@ impl<const MIN: u64> FromStr for Count<MIN> {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let (digits, unit) = split_unit(text);
-        let n = scaled(digits, unit, 1000.0);
-        // 0.3k is 300 but for its last digit.
-        let whole = n.filter(|n| (0.0..1e18).contains(n) && (n - n.round()).abs() <= 1e-9 * n.abs());
-        match whole.map(|n| n.round() as u64) {
+        match quantity::parse_count(text) {
             Some(n) if n >= MIN => Ok(Count(n)),
             _ => Err(format!("expected a number such as 250000 or 250k, found {text:?}")),
         }
@@ -87,34 +83,14 @@ impl FromStr for Bytes {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Bytes, String> {
-        let (digits, unit) = split_unit(text);
+        let (digits, unit) = quantity::split_unit(text);
         let unit = unit.to_ascii_uppercase();
         let prefix = unit.strip_suffix("IB").or(unit.strip_suffix('B')).unwrap_or(&unit);
-        match scaled(digits, prefix, 1024.0).filter(|bytes| (0.0..1e19).contains(bytes)) {
+        match quantity::scaled(digits, prefix, 1024.0).filter(|bytes| (0.0..1e19).contains(bytes)) {
             Some(bytes) => Ok(Bytes(bytes as u64)),
             None => Err(format!("expected a number of bytes such as 8000000000 or 8G, found {text:?}")),
         }
     }
-}
-
-/// The number in `digits` times the power of `base` that a unit prefix stands for.
-fn scaled(digits: &str, prefix: &str, base: f64) -> Option<f64> {
-    let exponent = match prefix {
-        "" => 0,
-        "k" | "K" => 1,
-        "m" | "M" => 2,
-        "g" | "G" => 3,
-        "t" | "T" => 4,
-        _ => return None,
-    };
-    Some(digits.parse::<f64>().ok()? * base.powi(exponent))
-}
-
-/// The number at the start of a text, and its unit.
-fn split_unit(text: &str) -> (&str, &str) {
-    let text = text.trim();
-    let digits = text.bytes().take_while(|b| b.is_ascii_digit() || *b == b'.').count();
-    (&text[..digits], text[digits..].trim())
 }
 
 /// Pulses per chunk.
@@ -143,10 +119,7 @@ macro_rules! number {
             type Err = String;
 
             fn from_str(text: &str) -> Result<$name, String> {
-                match text.trim().parse::<f64>() {
-                    Ok(value) if $bounds.contains(value) => Ok($name(value)),
-                    _ => Err(format!("expected {}, found {text}", $bounds.expected)),
-                }
+                $bounds.parse(text).map($name)
             }
         }
     };

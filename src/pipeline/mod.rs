@@ -15,7 +15,7 @@
 //! | `session`, `run` | a scene and its survey; the loop over epochs, the report |
 //! | `scan`, `batches` | scans of a scene with an instrument, without files; points as record batches while the run goes |
 //! | `dry_run` | what a run will cost and give, from a measured sample |
-//! | `heights` | the ground that heights of points count from and planned legs follow |
+//! | `heights` | the ground that heights of points count from |
 //! | `fly`, `pass` | the stages of a pass over one epoch, and their inputs |
 //! | `load` | scene and tree of an epoch, refused if they exceed the memory limit |
 //! | `chunk` | the producer of a flight: steps become chunks |
@@ -66,7 +66,6 @@ pub use collector::Ended;
 pub use dry_run::{DryRunReport, Estimate, FileEstimate, FlightCoverage, LegEstimate, Missed, TimeEstimate};
 pub use emit::{Emission, Emitted, emit};
 pub use fly::fly;
-pub use heights::{Fallback, SceneGround};
 pub use load::check_raster_memory;
 pub use merge::{merge, merge_warnings, output_context};
 pub use part_table::PartTable;

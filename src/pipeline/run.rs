@@ -3,7 +3,6 @@
 use super::collector::Ended;
 use super::crs;
 use super::fly::{fly, trace};
-use super::heights::Fallback;
 use super::pass::{Pass, RunContext};
 use super::plausibility::{self, PoseCheck, YieldCheck};
 use super::session::Session;
@@ -20,6 +19,7 @@ use vlscan_base::diag::Notice;
 use vlscan_base::error::{Error, Result};
 use vlscan_lidar::flight::{FlightPlan, FlightState};
 use vlscan_lidar::pulse::{Physics, PhysicsOptions};
+use vlscan_scene::Fallback;
 use vlscan_survey::PlatformKind;
 use vlscan_warehouse::Stop;
 

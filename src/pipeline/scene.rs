@@ -1,6 +1,5 @@
 //! A loaded scene: what sessions are opened over, facts about it, points on its surfaces.
 
-use super::heights::{Fallback, SceneGround};
 use super::load::{build_tree, check_raster_memory, load_scene};
 use super::settings::Settings;
 use ::arrow_array::{Float64Array, Int32Array, RecordBatch};
@@ -12,7 +11,7 @@ use vlscan_base::files::{Reads, Recording};
 use vlscan_base::machine;
 use vlscan_base::rng::{Purpose, Stream};
 use vlscan_geom::{Aabb, DVec3};
-use vlscan_scene::{Conditions, LoadOptions, Scene, SceneFrame, Sharing};
+use vlscan_scene::{Conditions, Fallback, GroundModel, LoadOptions, Scene, SceneFrame, Sharing};
 use vlscan_survey::SceneRecipe;
 use vlscan_trace::{BuildOptions, Tree};
 
@@ -164,8 +163,8 @@ impl LoadedScene {
     ///
     /// # Errors
     /// As for [`LoadedScene::tree`].
-    pub fn ground(&self, fallback: Fallback, notify: &dyn Fn(Notice)) -> Result<SceneGround> {
-        Ok(SceneGround::new(self.scene.clone(), self.tree(notify)?.clone(), fallback))
+    pub fn ground(&self, fallback: Fallback, notify: &dyn Fn(Notice)) -> Result<GroundModel> {
+        Ok(GroundModel::new(self.scene.clone(), self.tree(notify)?.clone(), fallback))
     }
 
     /// Number of epochs: a survey is flown once for every state of the scene's swapped parts.

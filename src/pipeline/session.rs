@@ -2,7 +2,6 @@
 
 use super::crs;
 use super::emit::Emission;
-use super::heights::{Fallback, SceneGround};
 use super::scene::LoadedScene;
 use super::settings::Settings;
 use crate::output::OutputRequest;
@@ -12,7 +11,7 @@ use vlscan_base::diag::Notice;
 use vlscan_base::error::{Error, Result};
 use vlscan_lidar::flight::FlightPlan;
 use vlscan_lidar::platform::PoseReader;
-use vlscan_scene::{MotionPlan, Scene};
+use vlscan_scene::{Fallback, GroundModel, MotionPlan, Scene};
 use vlscan_survey::{PlatformKind, Survey};
 use vlscan_trace::{BuildOptions, Tree};
 use vlscan_warehouse::Stop;
@@ -137,7 +136,7 @@ impl Session {
     }
 
     /// The ground of the current epoch's scene.
-    pub(super) fn ground(&self, fallback: Fallback) -> Result<SceneGround> {
+    pub(super) fn ground(&self, fallback: Fallback) -> Result<GroundModel> {
         self.scene.ground(fallback, &*self.observer)
     }
 

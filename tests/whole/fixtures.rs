@@ -15,9 +15,9 @@ fn fixtures() -> PathBuf {
 }
 
 fn options(kind: Kind) -> SceneOptions {
-    let of = |triangles, pulses, extent_m| SceneOptions {
+    let of = |triangles, pulses, extent| SceneOptions {
         pulses: Some(pulses),
-        extent_m,
+        extent,
         overwrite: true,
         ..SceneOptions::new(kind, triangles)
     };

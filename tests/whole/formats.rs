@@ -1,6 +1,7 @@
 //! Outputs, read back by other programs and libraries.
 
 use crate::common::{self, fixture, folder, forest, judge, python_with_laspy, succeed, text};
+use vlscan::formats::Attribute;
 
 #[test]
 fn laspy_finds_the_waveforms_of_the_points() {
@@ -418,13 +419,15 @@ fn previews_show_tables_and_wave_packets() {
         succeed(dir.path(), &["preview", name, "-o", &format!("{name}.png"), "--colour", "return", "-q"]);
         let picture = std::fs::read(dir.path().join(format!("{name}.png"))).unwrap();
         assert!(picture.len() > 5000 && picture.starts_with(b"\x89PNG"));
-        vlscan::tools::preview::read_points(&dir.path().join(name)).unwrap().0
+        vlscan::tools::cloud::read_points(&dir.path().join(name)).unwrap().0
     });
     for cloud in &clouds {
         assert!(cloud.len() > 1000 && cloud.len() == clouds[0].len());
         assert!((cloud.bounds().max - clouds[0].bounds().max).length() < 1e-3);
         assert!(
-            cloud.attributes().return_number && cloud.attributes().object && cloud.attributes().intensity
+            [Attribute::ReturnNumber, Attribute::Object, Attribute::Intensity]
+                .into_iter()
+                .all(|a| cloud.has(a))
         );
     }
     let stream = std::fs::read(dir.path().join("a.arrow")).unwrap();
@@ -434,8 +437,7 @@ fn previews_show_tables_and_wave_packets() {
     let wave = std::fs::read_to_string(dir.path().join("a_fullwave.txt")).unwrap();
     let longest = wave.lines().max_by_key(|line| line.len()).unwrap();
     let fields: Vec<f64> = longest.split_whitespace().map(|f| f.parse().unwrap()).collect();
-    let from_packet =
-        vlscan::tools::preview::read_packet(&dir.path().join("a.laz"), fields[0] as u64).unwrap();
+    let from_packet = vlscan::tools::cloud::read_packet(&dir.path().join("a.laz"), fields[0] as u64).unwrap();
     let highest = fields[10..].iter().copied().fold(0.0, f64::max);
     assert!(from_packet.samples.len() > 10 && from_packet.samples.len() <= fields.len() - 10);
     for (packet, text) in from_packet.samples.iter().zip(&fields[10..]) {

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `error`, `diag` | errors; diagnostics with file, line and caret |
 //! | `corrections` | departures from the reference's physics, materials and kinematics |
+//! | `observer` | the receiver of warnings, notes and times |
 //! | `rng` | counter-based random numbers |
 //! | `quantity`, `markup` | bounds of numbers, counts and sizes as text; text in XML and HTML |
 //! | `crs` | coordinate reference systems: WKT by EPSG code, codes in WKT, areas of use; units of length |
@@ -25,8 +26,10 @@ pub mod files;
 pub mod input;
 pub mod machine;
 pub mod markup;
+pub mod observer;
 pub mod quantity;
 pub mod rng;
 pub mod store;
 
 pub use error::{Error, Result};
+pub use observer::Observer;

@@ -52,6 +52,15 @@ impl Bounds {
         self.low <= value && value <= self.high
     }
 
+    /// Parses a number within the bounds.
+    ///
+    /// # Errors
+    /// A sentence with the expected number.
+    pub fn parse(&self, text: &str) -> Result<f64, String> {
+        let value = text.trim().parse::<f64>().ok().filter(|value| self.contains(*value));
+        value.ok_or_else(|| format!("expected {}, found {text}", self.expected))
+    }
+
     /// Describes a number beyond what is usual, with a hint at the unit that it may be in.
     pub fn doubt(&self, value: f64) -> Option<(String, String)> {
         let Usual { low, high, unit, mistaken } = self.usual?;
@@ -173,6 +182,34 @@ pub fn number(value: f64) -> String {
 
 fn without_zeros(digits: &str) -> &str {
     if digits.contains('.') { digits.trim_end_matches('0').trim_end_matches('.') } else { digits }
+}
+
+/// Parses a whole number with an optional unit prefix: 250k, 1.5M, 4G, 1T.
+pub fn parse_count(text: &str) -> Option<u64> {
+    let (digits, unit) = split_unit(text);
+    let n = scaled(digits, unit, 1000.0)?;
+    // 0.3k is 300 but for its last digit.
+    ((0.0..1e18).contains(&n) && (n - n.round()).abs() <= 1e-9 * n.abs()).then(|| n.round() as u64)
+}
+
+/// The number in `digits` times the power of `base` that a unit prefix stands for.
+pub fn scaled(digits: &str, prefix: &str, base: f64) -> Option<f64> {
+    let exponent = match prefix {
+        "" => 0,
+        "k" | "K" => 1,
+        "m" | "M" => 2,
+        "g" | "G" => 3,
+        "t" | "T" => 4,
+        _ => return None,
+    };
+    Some(digits.parse::<f64>().ok()? * base.powi(exponent))
+}
+
+/// The number at the start of a text, and its unit.
+pub fn split_unit(text: &str) -> (&str, &str) {
+    let text = text.trim();
+    let digits = text.bytes().take_while(|b| b.is_ascii_digit() || *b == b'.').count();
+    (&text[..digits], text[digits..].trim())
 }
 
 /// Formats a number with a unit prefix and three digits: 1.23 M.

@@ -20,6 +20,7 @@
 //! | `change` | materials that replace those of a part |
 //! | `library`, `mtl`, `spectra`, `reflectance_issues`, `reflectance_units` | material definitions, their resolution and problems |
 //! | `ground`, `plane` | drop parts to the ground; planes fitted to points |
+//! | `ground_model` | the ground of a loaded scene |
 //! | `instances`, `instance_set` | parts that share a mesh |
 //! | `model`, `surfaces`, `material`, `voxel`, `lad` | the loaded scene and its components |
 //! | `motion` | moving parts |
@@ -42,6 +43,7 @@ mod fingerprint;
 mod fixture;
 mod frames;
 mod ground;
+mod ground_model;
 mod instance_set;
 mod instances;
 mod inventory;
@@ -69,6 +71,7 @@ pub use builder::{LoadOptions, Sharing};
 pub use conditions::{ConditionMismatch, Conditions};
 pub use epoch::{SceneFrame, count_epochs};
 pub use fingerprint::fingerprint;
+pub use ground_model::{Fallback, GroundModel};
 pub use instance_set::InstanceSet;
 pub use inventory::Inventory;
 pub use lad::LadTable;

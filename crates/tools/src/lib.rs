@@ -2,15 +2,19 @@
 //!
 //! | module | what it does |
 //! |---|---|
+//! | `args` | values of options: bounds, texts |
 //! | `generate` | procedural scenes with the surveys that scan them; stands from inventories |
 //! | `plan` | survey planning: legs from an area, a plot or a line, by what the instrument's optics see |
+//! | `cloud` | point clouds in memory, waveforms of single pulses |
 //! | `preview` | draws point clouds as PNG and as pages for a browser, and waveforms |
 //! | `compare` | two point clouds of one place: density, heights, distances, voxels |
 //! | `campaign` | many runs: scenes × variants × seeds, shared by processes without a server |
 
 #![deny(unsafe_code)]
 
+mod args;
 pub mod campaign;
+pub mod cloud;
 pub mod compare;
 pub mod generate;
 pub mod plan;

@@ -1,8 +1,8 @@
 //! The command line of `vlscan compare`.
 
-use crate::options::{Count, Positive};
 use clap::Args;
 use std::path::PathBuf;
+use vlscan_tools::compare::CompareOptions;
 
 /// `vlscan compare`.
 #[derive(Debug, Args)]
@@ -17,15 +17,9 @@ pub struct CompareArgs {
     /// Write a page with pictures and histograms, too.
     #[arg(long, value_name = "FILE.html")]
     pub page: Option<PathBuf>,
-    /// Side of the cells of density and canopy height, m.
-    #[arg(long, value_name = "M", default_value = "1")]
-    pub cell: Positive,
-    /// Side of the voxels whose occupancy is compared, m.
-    #[arg(long, value_name = "M", default_value = "0.5")]
-    pub voxel: Positive,
-    /// Most points of each cloud whose distance to the other is measured, evenly chosen.
-    #[arg(long, value_name = "N", default_value = "200k")]
-    pub most_distances: Count<1>,
+    /// How the clouds are compared.
+    #[command(flatten)]
+    pub options: CompareOptions,
     /// Overwrite a page that exists.
     #[arg(long)]
     pub force: bool,

@@ -3,7 +3,7 @@
 //! | file | what it holds |
 //! |---|---|
 //! | `simulate` | `run` and its stages: `trajectory`, `pulses`, `trace` |
-//! | `plan` | `plan airborne`, `plan terrestrial`, `plan mobile` |
+//! | `plan` | `plan` |
 //! | `campaign`, `compare` | `campaign`, `compare` |
 //! | `scenes` | `scene make`, `scene stand`, `scene info`, `scene pack` |
 //! | `tools` | everything else |
@@ -22,15 +22,14 @@ mod tools;
 
 pub use campaign::CampaignArgs;
 pub use compare::CompareArgs;
-pub use plan::{AirborneArgs, CommonPlanArgs, MobileArgs, PlanArgs, PlanCommand, TerrestrialArgs};
-pub use scenes::{InfoArgs, MakeArgs, PackArgs, SceneArgs, SceneCommand, SceneKind, StandArgs};
+pub use plan::PlanArgs;
+pub use scenes::{InfoArgs, MakeArgs, PackArgs, SceneArgs, SceneCommand, StandArgs};
 pub use simulate::{
     EmitArgs, EmitFormat, IndexShardsArgs, InstrumentArgs, MergeArgs, PulsesArgs, RunArgs, SurveyArgs,
     TraceArgs, TrajectoryArgs,
 };
 pub use tools::{
-    BenchArgs, CatalogueArgs, CatalogueCommand, Colour, CompletionsArgs, ManArgs, PreviewArgs, ShowArgs,
-    UnzipArgs,
+    BenchArgs, CatalogueArgs, CatalogueCommand, CompletionsArgs, ManArgs, PreviewArgs, ShowArgs, UnzipArgs,
 };
 
 use super::{LogTo, Verbosity};

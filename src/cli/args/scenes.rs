@@ -1,10 +1,11 @@
 //! The command line of `vlscan scene`.
 
-use crate::options::{Count, Seed};
-use clap::{Args, Subcommand, ValueEnum};
+use crate::options::Seed;
+use clap::{Args, Subcommand};
 use std::path::PathBuf;
 use vlscan_lidar::pulse::PhysicsProfile;
 use vlscan_scene::Sharing;
+use vlscan_tools::generate::{SceneOptions, StandOptions};
 use vlscan_trace::Builder;
 
 /// `vlscan scene`.
@@ -38,56 +39,12 @@ pub enum SceneCommand {
 /// `vlscan scene stand`.
 #[derive(Debug, Args)]
 pub struct StandArgs {
-    /// The inventory: a table of text with a heading.
-    pub inventory: PathBuf,
-    /// Folder of tree models, OBJ files whose names begin with their species: beech_1.obj.
-    #[arg(long, value_name = "DIR")]
-    pub trees: PathBuf,
-    /// Terrain: a mesh (.obj, .ply, .stl) or a raster (.tif); may be given more than once. Rasters, and meshes without a ground
-    /// material, become soil: class 2, reflectance 0.3, ground. [default: none, z of the inventory]
-    #[arg(long, value_name = "FILE")]
-    pub terrain: Vec<PathBuf>,
-    /// Material of the terrain, rasters and OBJ files: a material file and a name in it that is ground. [default: that of a mesh
-    /// with ground, else soil]
-    #[arg(long, value_name = "FILE.mtl#NAME", requires = "terrain")]
-    pub terrain_mtl: Option<String>,
     /// Folder to write to.
     #[arg(short = 'o', long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Seed of choice, yaw, thinning and storm.
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub seed: u64,
-    /// Epochs, the first of which is the inventory.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
-    pub epochs: u32,
-    /// Growth of the trees from epoch to epoch, percent.
-    #[arg(long, value_name = "PERCENT", default_value = "0", value_parser = growth, allow_negative_numbers = true)]
-    pub growth: f64,
-    /// Trees felled from epoch to epoch, percent, evenly over the stand.
-    #[arg(long, value_name = "PERCENT", default_value = "0", value_parser = share)]
-    pub thinning: f64,
-    /// Trees that a storm throws from epoch to epoch, percent, in one gap.
-    #[arg(long, value_name = "PERCENT", default_value = "0", value_parser = share)]
-    pub storm: f64,
-    /// Overwrite files that exist.
-    #[arg(long)]
-    pub force: bool,
-}
-
-fn growth(text: &str) -> Result<f64, String> {
-    percent(text, -90.0, 900.0)
-}
-
-fn share(text: &str) -> Result<f64, String> {
-    percent(text, 0.0, 100.0)
-}
-
-/// A fraction, given as percent.
-fn percent(text: &str, low: f64, high: f64) -> Result<f64, String> {
-    match text.trim_end_matches('%').trim().parse::<f64>() {
-        Ok(value) if (low..=high).contains(&value) => Ok(value / 100.0),
-        _ => Err(format!("expected percent from {low} to {high}, found {text}")),
-    }
+    /// What the stand is made of.
+    #[command(flatten)]
+    pub options: StandOptions,
 }
 
 /// `vlscan scene pack`.
@@ -139,51 +96,13 @@ pub struct InfoArgs {
     pub json: bool,
 }
 
-/// Kinds of procedural scenes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum SceneKind {
-    /// Trees on rolling ground, scanned from an aeroplane.
-    Forest,
-    /// Hills, scanned from an aeroplane.
-    Terrain,
-    /// A furnished room, scanned from two tripod positions.
-    Room,
-}
-
 /// `vlscan scene make`.
 #[derive(Debug, Args)]
 pub struct MakeArgs {
-    /// What to make.
-    pub kind: SceneKind,
     /// The folder that gets the files.
     #[arg(short = 'o', long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Number of triangles, met within about one per cent; 250k and 10M are understood.
-    #[arg(short = 'n', long, value_name = "N", default_value = "100k")]
-    pub triangles: Count,
-    /// Another seed makes another scene.
-    #[arg(long, value_name = "SEED", default_value_t = 1)]
-    pub seed: u64,
-    /// Edge length of the scene in metres.
-    #[arg(long, value_name = "METRES")]
-    pub extent: Option<f64>,
-    /// Roughly how many pulses the survey emits.
-    #[arg(long, value_name = "N")]
-    pub pulses: Option<Count>,
-    /// Forest: every tree is a part of its own, so that echoes carry the tree's number.
-    #[arg(long)]
-    pub separate_trees: bool,
-    /// Forest: make so many trees and let each stand in --copies places; a forest of a billion triangles is
-    /// -n 1G --models 50 --copies 1000.
-    #[arg(long, value_name = "N", conflicts_with = "separate_trees")]
-    pub models: Option<u64>,
-    /// Forest: so many opaque voxels of 0.25 m in the crowns, besides the triangles.
-    #[arg(long, value_name = "N", conflicts_with = "models")]
-    pub voxels: Option<Count>,
-    /// Forest with --models: places of each tree. [default: 100]
-    #[arg(long, value_name = "N", requires = "models")]
-    pub copies: Option<u64>,
-    /// Overwrite files that exist.
-    #[arg(long)]
-    pub force: bool,
+    /// What to make.
+    #[command(flatten)]
+    pub options: SceneOptions,
 }

@@ -4,6 +4,7 @@ use crate::options::{ChunkSize, Count, NotNegative, Vector};
 use clap::{Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
 use vlscan_base::error::{Error, Result};
+use vlscan_tools::preview::ColourBy;
 use vlscan_trace::{BuildOptions, Builder};
 use vlscan_warehouse::PolicyKind;
 
@@ -212,27 +213,6 @@ pub struct UnzipArgs {
     pub force: bool,
 }
 
-/// What colours a picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Colour {
-    /// Height.
-    Height,
-    /// Class of the surface.
-    Class,
-    /// Echo strength.
-    Intensity,
-    /// Part that was hit.
-    Object,
-    /// Number of the return.
-    Return,
-    /// Leg that was flown (point source id of LAS).
-    Leg,
-    /// Device of a scanner of several channels.
-    Channel,
-    /// Time of the pulse.
-    Time,
-}
-
 /// `vlscan preview`.
 #[derive(Debug, Args)]
 pub struct PreviewArgs {
@@ -248,7 +228,7 @@ pub struct PreviewArgs {
     pub pulse: Option<u64>,
     /// What colours the points. [default: height; of a survey the leg that covers them, grey where none does]
     #[arg(long, value_enum)]
-    pub colour: Option<Colour>,
+    pub colour: Option<ColourBy>,
     /// Dark on white, for paper, instead of light on black.
     #[arg(long)]
     pub light: bool,

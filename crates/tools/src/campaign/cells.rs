@@ -5,7 +5,6 @@ use super::plots;
 use crate::plan::{Area, read_area};
 use std::collections::BTreeSet;
 use std::sync::Arc;
-use toml::Spanned;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::rng::{Purpose, Stream};
@@ -20,12 +19,16 @@ pub struct Cell {
     pub name: String,
     /// The scene that is scanned, as the campaign's file states it.
     pub scene: Arc<SceneEntry>,
+    /// Index of the scene in the campaign's file.
+    pub scene_index: usize,
     /// Name of the scene, or of the plot.
     pub scene_name: String,
     /// What is scanned and kept.
     pub area: Option<Arc<Area>>,
     /// How the scene is scanned, as the campaign's file states it.
     pub variant: Arc<VariantEntry>,
+    /// Index of the variant in the campaign's file.
+    pub variant_index: usize,
     /// Seed of the run.
     pub seed: u64,
     /// The group that it belongs to, and what that group is for: train, validation or test; empty without a split.
@@ -45,7 +48,7 @@ impl Cells {
     /// [`Error::Input`] for areas that cannot be read, plots that do not fit and names that are there twice.
     pub fn of(file: &File) -> Result<Cells> {
         let (mut scenes, mut found) = (Vec::new(), Diagnostics::default());
-        for scene in &file.scenes {
+        for (index, scene) in file.scenes.iter().enumerate() {
             let scene = Arc::new(scene.clone());
             let area = scene.area.as_deref().map(|area| read_area(area, None, None)).transpose()?;
             let area = area.map(|(area, told)| {
@@ -59,10 +62,10 @@ impl Cells {
                     let digits = count.to_string().len();
                     for (number, plot) in (1..).zip(plots) {
                         let name = format!("{}_{number:0digits$}", scene.name);
-                        scenes.push((scene.clone(), name, Some(Arc::new(plot))));
+                        scenes.push((index, scene.clone(), name, Some(Arc::new(plot))));
                     }
                 }
-                (_, area) => scenes.push((scene.clone(), scene.name.clone(), area.map(Arc::new))),
+                (_, area) => scenes.push((index, scene.clone(), scene.name.clone(), area.map(Arc::new))),
             }
         }
         let seeds = file.seeds.all();
@@ -72,9 +75,9 @@ impl Cells {
         }
         let variants: Vec<Arc<VariantEntry>> = file.variants.iter().cloned().map(Arc::new).collect();
         let mut cells = Vec::with_capacity(count);
-        for (scene, scene_name, area) in &scenes {
+        for (scene_index, scene, scene_name, area) in &scenes {
             for &seed in &seeds {
-                for variant in &variants {
+                for (variant_index, variant) in variants.iter().enumerate() {
                     let name = format!("{}-{}-{seed}", file_name(scene_name), file_name(&variant.name));
                     let by = file.split.as_ref().map_or(GroupBy::Scene, |split| split.get_ref().by);
                     let group = match by {
@@ -86,9 +89,11 @@ impl Cells {
                     cells.push(Cell {
                         name,
                         scene: scene.clone(),
+                        scene_index: *scene_index,
                         scene_name: scene_name.clone(),
                         area: area.clone(),
                         variant: variant.clone(),
+                        variant_index,
                         seed,
                         group,
                         split: "",
@@ -109,7 +114,8 @@ impl Cells {
     /// What there is to say of the files of areas, and of shares of the split that no group falls into.
     pub fn warnings(&self, file: &File) -> Diagnostics {
         let mut found = self.1.clone();
-        let Some(split) = file.split.as_ref().map(Spanned::get_ref) else { return found };
+        let Some(written) = &file.split else { return found };
+        let split = written.get_ref();
         let groups = self.0.iter().map(|cell| cell.group.as_str()).collect::<BTreeSet<_>>().len();
         for (name, share) in split.shares() {
             if share > 0.0 && !self.0.iter().any(|cell| cell.split == name) {
@@ -117,7 +123,7 @@ impl Cells {
                     "the split has no group for {name}: its share is {share}, and there are {groups} groups"
                 );
                 let help = "more scenes (or plots) make more groups; by = \"cell\" makes each cell one";
-                found.warn(file.split_place.clone(), message).help(help);
+                found.warn(file.place(written), message).help(help);
             }
         }
         found

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize, Serializer};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use toml::Spanned;
-use toml::de::{DeTable, DeValue};
 use vlscan_base::diag::Place;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::input::read_text;
@@ -28,72 +28,37 @@ pub struct File {
     pub format: String,
     /// Options of vlscan run for all variants.
     #[serde(default)]
-    pub run: String,
+    pub run: Option<Spanned<String>>,
     /// Training, validation and test.
     #[serde(default)]
     pub split: Option<Spanned<Split>>,
-    /// Where the split is written.
-    #[serde(skip)]
-    pub split_place: Option<Place>,
     /// The scenes, from the `[[scene]]` tables.
     #[serde(default, rename = "scene")]
     pub scenes: Vec<SceneEntry>,
     /// The variants, from the `[[variant]]` tables.
     #[serde(default, rename = "variant")]
     pub variants: Vec<VariantEntry>,
-    /// The lines of options, with their places.
+    /// The text, for places.
     #[serde(skip)]
-    pub lines: Vec<Line>,
+    source: Option<Arc<Source>>,
 }
 
-/// A key whose value is the options of a command.
-#[derive(Clone, Debug)]
-pub struct Line {
-    /// The key: `run`, `plan`, `make` or `stand`, which is the command's name, too.
-    pub key: &'static str,
-    /// The options as written: the value of the key.
-    pub text: String,
-    /// Where the value is written, for messages.
-    pub place: Place,
+/// The text of a key that may be missing.
+pub fn text_of(key: &Option<Spanned<String>>) -> &str {
+    key.as_ref().map_or("", |text| text.get_ref().as_str())
 }
 
-/// The keys with options of commands, by the tables in which they stand; "" is the top of the file.
-const LINE_KEYS: [(&str, &[&str]); 3] =
-    [("", &["run"]), ("scene", &["make", "stand"]), ("variant", &["plan", "run"])];
-
-/// The lines of options in a file that is valid TOML, in the order of the file.
-fn lines_of(path: &Path, text: &str) -> Vec<Line> {
-    let Ok(root) = DeTable::parse(text) else { return Vec::new() };
-    let root = root.into_inner();
-    let mut lines = Vec::new();
-    for (name, keys) in LINE_KEYS {
-        let tables: Vec<&DeTable<'_>> = match (name, root.get(name).map(|value| value.get_ref())) {
-            ("", _) => vec![&root],
-            (_, Some(DeValue::Array(all))) => {
-                all.iter().filter_map(|item| item.get_ref().as_table()).collect()
-            }
-            _ => Vec::new(),
-        };
-        for table in tables {
-            for &key in keys {
-                if let Some(value) = table.get(key)
-                    && let Some(options) = value.get_ref().as_str()
-                {
-                    let place = Place::in_text(path, text, value.span());
-                    lines.push(Line { key, text: options.to_owned(), place });
-                }
-            }
-        }
-    }
-    lines.sort_by_key(|line| line.place.line);
-    lines
+fn is_blank(key: &Option<Spanned<String>>) -> bool {
+    text_of(key).is_empty()
 }
 
 /// Seeds as written.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(untagged, expecting = "expected a number of seeds or a list of seeds")]
 pub enum Seeds {
+    /// How many, from 1.
     Count(u32),
+    /// These.
     List(Vec<u64>),
 }
 
@@ -109,6 +74,7 @@ impl Seeds {
         }
     }
 
+    /// All seeds.
     pub fn all(&self) -> Vec<u64> {
         match self {
             Seeds::Count(count) => (1..=u64::from(*count)).collect(),
@@ -128,7 +94,9 @@ pub enum GroupBy {
     /// The scene; a plot is a scene.
     #[default]
     Scene,
+    /// The variant.
     Variant,
+    /// The seed.
     Seed,
     /// Every cell is a group of its own.
     Cell,
@@ -138,12 +106,16 @@ pub enum GroupBy {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Split {
+    /// What the groups are.
     #[serde(default)]
     pub by: GroupBy,
+    /// Share of the groups for training.
     #[serde(default)]
     pub train: f64,
+    /// Share of the groups for validation.
     #[serde(default)]
     pub validation: f64,
+    /// Share of the groups for testing.
     #[serde(default)]
     pub test: f64,
     /// Another seed, another split.
@@ -169,10 +141,10 @@ pub struct SceneEntry {
     pub file: Option<String>,
     /// Words of vlscan scene make.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub make: Option<String>,
+    pub make: Option<Spanned<String>>,
     /// Words of vlscan scene stand.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub stand: Option<String>,
+    pub stand: Option<Spanned<String>>,
     /// The polygon that is scanned and within which points are kept.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub area: Option<String>,
@@ -216,16 +188,17 @@ impl SceneEntry {
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct VariantEntry {
+    /// Name of the variant, part of the names of its cells.
     pub name: String,
     /// Words of vlscan plan.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub plan: Option<String>,
+    pub plan: Option<Spanned<String>>,
     /// A survey (.xml) or pipeline (.toml), whose scene is replaced.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub survey: Option<PathBuf>,
     /// Options of vlscan run.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub run: String,
+    #[serde(default, skip_serializing_if = "is_blank")]
+    pub run: Option<Spanned<String>>,
 }
 
 impl File {
@@ -242,12 +215,15 @@ impl File {
     /// # Errors
     /// [`Error::Input`] with the line of what is wrong.
     pub fn parse(path: &Path, text: String) -> Result<File> {
-        let lines = lines_of(path, &text);
         let source = Source::of_text(path, text);
-        let mut file = File { lines, ..source.parse()? };
-        file.split_place = file.split.as_ref().map(|split| source.place(split.span()));
+        let file: File = source.parse()?;
         file.check().map_err(|message| Error::input(format!("{}: {message}", path.display())))?;
-        Ok(file)
+        Ok(File { source: Some(Arc::new(source)), ..file })
+    }
+
+    /// Where a value is written; `None` if the file was not read as one.
+    pub fn place<T>(&self, value: &Spanned<T>) -> Option<Place> {
+        self.source.as_ref().map(|source| source.place(value.span()))
     }
 
     fn check(&self) -> Result<(), String> {

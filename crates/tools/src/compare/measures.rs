@@ -1,10 +1,12 @@
 //! What two clouds have in common, and what not.
 
 use super::neighbours::{Distances, distances};
-use crate::preview::Points;
+use crate::args;
+use crate::cloud::Points;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::HashSet;
+use vlscan_base::quantity::POSITIVE;
 use vlscan_geom::DVec3;
 
 /// Percentiles of heights and intensities that are reported.
@@ -19,14 +21,23 @@ const MAX_CELLS: f64 = 1e8;
 const RETURNS: usize = 7;
 
 /// How clouds are compared.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, clap::Args)]
 pub struct CompareOptions {
     /// Side of the cells of density and canopy height, m.
+    #[arg(long, value_name = "M", default_value = "1", value_parser = args::positive)]
     pub cell: f64,
-    /// Side of the voxels of occupancy, m.
+    /// Side of the voxels whose occupancy is compared, m.
+    #[arg(long, value_name = "M", default_value = "0.5", value_parser = args::positive)]
     pub voxel: f64,
-    /// Most points whose distance to the other cloud is measured, evenly chosen.
+    /// Most points of each cloud whose distance to the other is measured, evenly chosen.
+    #[arg(long, value_name = "N", default_value = "200k", value_parser = args::number_of_points)]
     pub most_distances: usize,
+}
+
+impl Default for CompareOptions {
+    fn default() -> CompareOptions {
+        CompareOptions { cell: 1.0, voxel: 0.5, most_distances: 200_000 }
+    }
 }
 
 /// Properties of one cloud.
@@ -36,8 +47,9 @@ pub struct Cloud {
     pub name: String,
     /// Points of the file.
     pub points: usize,
-    /// World coordinates, m.
+    /// Lower corner of its box, world coordinates, m.
     pub min: [f64; 3],
+    /// Upper corner of its box, world coordinates, m.
     pub max: [f64; 3],
     /// Points within the box that both clouds share. If the file has more points than are kept in memory, its own number is
     /// estimated from them.
@@ -55,7 +67,9 @@ pub struct Cloud {
 /// A histogram of both clouds with the same bins.
 #[derive(Clone, Debug, Serialize)]
 pub struct Histogram {
+    /// Lower end of the first bin.
     pub from: f64,
+    /// Upper end of the last bin.
     pub to: f64,
     /// Fractions of the points of each cloud.
     pub fractions: [Vec<f64>; 2],
@@ -66,11 +80,15 @@ pub struct Histogram {
 /// Canopy height, the highest point of each cell above the ground, where both clouds have points.
 #[derive(Clone, Debug, Serialize)]
 pub struct Canopy {
+    /// Number of such cells.
     pub cells: usize,
     /// Second minus first, m.
     pub mean_difference_m: f64,
+    /// Root mean square of the differences, m.
     pub rms_difference_m: f64,
+    /// Pearson's correlation of both heights.
     pub correlation: f64,
+    /// Both heights, m.
     pub heights: Histogram,
 }
 
@@ -78,12 +96,15 @@ pub struct Canopy {
 /// against that of the first, where both have points.
 #[derive(Clone, Debug, Serialize)]
 pub struct Change {
+    /// Number of such cells.
     pub cells: usize,
     /// Second minus first, m.
     pub mean_m: f64,
+    /// Root mean square of the differences, m.
     pub rms_m: f64,
-    /// Volumes between both surfaces where the second is higher, and where it is lower, m³.
+    /// Volume between both surfaces where the second is higher, m³.
     pub raised_m3: f64,
+    /// Volume between both surfaces where the second is lower, m³.
     pub lowered_m3: f64,
     /// Centres of the cells, world coordinates, and differences, m.
     #[serde(skip)]
@@ -93,9 +114,13 @@ pub struct Change {
 /// Voxels that hold points.
 #[derive(Clone, Debug, Serialize)]
 pub struct Voxels {
+    /// Side of a voxel, m.
     pub side_m: f64,
+    /// Voxels with points of both clouds.
     pub both: usize,
+    /// Voxels with points of the first cloud only.
     pub only_first: usize,
+    /// Voxels with points of the second cloud only.
     pub only_second: usize,
     /// Both over all (Jaccard).
     pub agreement: f64,
@@ -104,7 +129,9 @@ pub struct Voxels {
 /// The result.
 #[derive(Clone, Debug, Serialize)]
 pub struct Comparison {
+    /// The first cloud.
     pub first: Cloud,
+    /// The second cloud.
     pub second: Cloud,
     /// Side of the cells, m.
     pub cell_m: f64,
@@ -112,13 +139,19 @@ pub struct Comparison {
     pub area_m2: f64,
     /// Correlation of the numbers of points per cell.
     pub density_correlation: f64,
+    /// Heights above the ground, m.
     pub heights: Histogram,
+    /// The highest points of the cells.
     pub canopy: Canopy,
+    /// The lowest points of the cells.
     pub change: Change,
     /// Of intensities in units of each cloud's median.
     pub intensity: Option<Histogram>,
+    /// From points of the first cloud to the nearest of the second.
     pub first_to_second: Distances,
+    /// From points of the second cloud to the nearest of the first.
     pub second_to_first: Distances,
+    /// Occupied voxels.
     pub voxels: Voxels,
 }
 
@@ -140,6 +173,7 @@ pub fn compare(
     [first, second]: [(&str, &Points); 2],
     options: &CompareOptions,
 ) -> Result<Comparison, String> {
+    args::check([("cell", Some(options.cell), POSITIVE), ("voxel", Some(options.voxel), POSITIVE)])?;
     let (a, b) = (first.1.bounds(), second.1.bounds());
     let low = DVec3::new(a.min.x.max(b.min.x), a.min.y.max(b.min.y), a.min.z.min(b.min.z));
     let high = DVec3::new(a.max.x.min(b.max.x), a.max.y.min(b.max.y), a.max.z.max(b.max.z));
@@ -400,15 +434,15 @@ fn correlation(pairs: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::preview::{Attributes, Point};
+    use vlscan_formats::{AttributeSet, PointRow};
 
     fn cloud(points: impl IntoIterator<Item = [f64; 3]>) -> Points {
-        let attributes = Attributes { intensity: true, return_number: true, ..Attributes::default() };
-        let mut cloud = Points::new(attributes);
+        let mut cloud = Points::new(AttributeSet::of(|_| true));
         for (i, p) in points.into_iter().enumerate() {
             let position = DVec3::from(p) + DVec3::new(431_000.0, 5_412_000.0, 100.0);
             let intensity = (i % 10) as f32 + 1.0;
-            cloud.push(&Point { position, intensity, return_number: 1 + (i % 2) as u32, ..Point::default() });
+            let return_number = 1 + (i % 2) as u8;
+            cloud.push(&PointRow { position, intensity, return_number, ..PointRow::default() }, None);
         }
         cloud
     }

@@ -12,6 +12,7 @@ mod neighbours;
 mod page;
 mod report;
 
-pub use measures::{CompareOptions, compare};
+pub use measures::{Canopy, Change, Cloud, CompareOptions, Comparison, Histogram, Voxels, compare};
+pub use neighbours::Distances;
 pub use page::page;
-pub use report::table;
+pub use report::{json, table};

@@ -12,10 +12,15 @@ const MAX_LEAF_POINTS: usize = 8;
 pub struct Distances {
     /// Points whose distance was measured.
     pub points: usize,
+    /// Mean, m.
     pub mean_m: f64,
+    /// Root mean square, m.
     pub rms_m: f64,
+    /// Median, m.
     pub median_m: f64,
+    /// 95th percentile, m.
     pub percentile_95_m: f64,
+    /// Largest, m.
     pub max_m: f64,
 }
 

@@ -2,11 +2,13 @@
 
 use super::measures::{Comparison, Histogram};
 use super::report::table;
-use crate::preview::{Point, Points, PreviewOptions, common_heights, draw};
+use crate::cloud::Points;
+use crate::preview::{PreviewOptions, common_heights, draw};
 use base64::prelude::{BASE64_STANDARD, Engine};
 use std::fmt::Write as _;
 use vlscan_base::error::Result;
 use vlscan_base::markup::escaped;
+use vlscan_formats::PointRow;
 use vlscan_geom::DVec3;
 
 /// Width and height of a histogram, px.
@@ -54,7 +56,7 @@ pub fn page(comparison: &Comparison, clouds: [&Points; 2]) -> Result<String> {
     let reach = comparison.change.map.iter().map(|cell| cell[2].abs()).fold(0.1, f64::max);
     let mut change = Points::default();
     for cell in &comparison.change.map {
-        change.push(&Point { position: DVec3::from(*cell), ..Point::default() });
+        change.push(&PointRow { position: DVec3::from(*cell), ..PointRow::default() }, None);
     }
     let options = PreviewOptions {
         width: 1100,

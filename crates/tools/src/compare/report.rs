@@ -3,7 +3,17 @@
 use super::measures::{Cloud, Comparison, PERCENTILES};
 use super::neighbours::Distances;
 use std::fmt::Write as _;
+use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::amount;
+
+/// The comparison as JSON.
+///
+/// # Errors
+/// [`Error::Internal`] for numbers that JSON has not.
+pub fn json(comparison: &Comparison) -> Result<String> {
+    let text = serde_json::to_string_pretty(comparison);
+    text.map_err(|e| Error::Internal(format!("a comparison: {e}")))
+}
 
 /// The comparison in lines: what, first cloud, second cloud, difference.
 pub fn table(c: &Comparison) -> String {
@@ -76,14 +86,16 @@ pub fn table(c: &Comparison) -> String {
             line(&name, format!("{:.2}", 100.0 * a), format!("{:.2}", 100.0 * b), signed(100.0 * (b - a)));
         }
     }
-    let to = |d: &Distances| format!("{:.3}", d.mean_m);
-    line("distance, mean, m", to(&c.first_to_second), to(&c.second_to_first), "to the other cloud".into());
-    let to = |d: &Distances| format!("{:.3}", d.median_m);
-    line("  median, m", to(&c.first_to_second), to(&c.second_to_first), none());
-    let to = |d: &Distances| format!("{:.3}", d.percentile_95_m);
-    line("  95 %, m", to(&c.first_to_second), to(&c.second_to_first), none());
-    let to = |d: &Distances| format!("{:.3}", d.max_m);
-    line("  largest, m", to(&c.first_to_second), to(&c.second_to_first), none());
+    let distances: [(&str, fn(&Distances) -> f64); 4] = [
+        ("distance, mean, m", |d| d.mean_m),
+        ("  median, m", |d| d.median_m),
+        ("  95 %, m", |d| d.percentile_95_m),
+        ("  largest, m", |d| d.max_m),
+    ];
+    for (i, (name, of)) in distances.into_iter().enumerate() {
+        let [a, b] = [&c.first_to_second, &c.second_to_first].map(|d| format!("{:.3}", of(d)));
+        line(name, a, b, if i == 0 { "to the other cloud".into() } else { none() });
+    }
     let v = &c.voxels;
     line(
         &format!("voxels of {} m", v.side_m),

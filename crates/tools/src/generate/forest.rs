@@ -68,7 +68,7 @@ impl Budget {
 
 /// Writes the ground, the undergrowth, the trees and, if requested, the voxels.
 pub(super) fn write(options: &SceneOptions, extent: f64, folder: &SceneFolder) -> Result<SceneFiles> {
-    if let Some((models, copies)) = options.instances {
+    if let Some((models, copies)) = options.instances() {
         return write_models(options, (models, copies), extent, folder);
     }
     let budget = Budget::of(options.triangles);

@@ -13,6 +13,11 @@
 //! | `solid`, `obj` | meshes of shapes; writes OBJ files |
 //! | `random` | random numbers and noise |
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments on options are shown as help, where defaults stand in brackets"
+)]
+
 mod crowns;
 mod forest;
 mod obj;
@@ -24,23 +29,22 @@ mod survey;
 mod terrain;
 mod tree;
 
+use crate::args;
 use obj::{Mesh, SceneFolder};
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::Aabb;
 
-pub use stand::{
-    Development, Inventory, Models, PROJECT, StandMade, StandOptions, Terrain, TerrainSurface, write_stand,
-};
+pub use stand::{Development, StandMade, StandOptions, make_stand};
 
 /// Kinds of scenes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Kind {
-    /// Rolling ground with spruces, beeches, birches and undergrowth; scanned from an aeroplane 300 m above it.
+    /// Trees on rolling ground, scanned from an aeroplane.
     Forest,
-    /// Hills with houses and boulders; scanned from an aeroplane 400 m above them.
+    /// Hills, scanned from an aeroplane.
     Terrain,
-    /// A furnished room; scanned from two tripod positions.
+    /// A furnished room, scanned from two tripod positions.
     Room,
 }
 
@@ -50,54 +54,90 @@ impl Kind {
 
     /// Name on the command line, of the scene and of the survey.
     pub fn name(self) -> &'static str {
-        match self {
-            Kind::Forest => "forest",
-            Kind::Terrain => "terrain",
-            Kind::Room => "room",
-        }
+        self.traits().name
     }
 
-    fn min_triangles(self) -> u64 {
-        match self {
-            Kind::Forest => 500,
-            Kind::Terrain => 500,
-            Kind::Room => 1000,
-        }
-    }
-
-    fn extents(self) -> (f64, f64) {
-        match self {
-            Kind::Forest | Kind::Terrain => (20.0, 100_000.0),
-            Kind::Room => (6.0, 60.0),
-        }
+    fn traits(self) -> &'static Traits {
+        &TRAITS[self as usize]
     }
 }
+
+/// What distinguishes a kind of scenes.
+struct Traits {
+    name: &'static str,
+    min_triangles: u64,
+    /// Least and largest extent, m.
+    extents: [f64; 2],
+    material_file: &'static str,
+    materials: Materials,
+    write: fn(&SceneOptions, f64, &SceneFolder) -> Result<SceneFiles>,
+}
+
+/// In the order of [`Kind`].
+static TRAITS: [Traits; 3] = [
+    Traits {
+        name: "forest",
+        min_triangles: 500,
+        extents: [20.0, 100_000.0],
+        material_file: forest::MATERIAL_FILE,
+        materials: forest::MATERIALS,
+        write: forest::write,
+    },
+    Traits {
+        name: "terrain",
+        min_triangles: 500,
+        extents: [20.0, 100_000.0],
+        material_file: terrain::MATERIAL_FILE,
+        materials: terrain::MATERIALS,
+        write: terrain::write,
+    },
+    Traits {
+        name: "room",
+        min_triangles: 1000,
+        extents: [6.0, 60.0],
+        material_file: room::MATERIAL_FILE,
+        materials: room::MATERIALS,
+        write: room::write,
+    },
+];
 
 /// What [`write_scene`] generates.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, clap::Args)]
 pub struct SceneOptions {
-    /// Kind of the scene.
+    /// What to make.
     pub kind: Kind,
-    /// Number of triangles of the scene; the result deviates by at most 1 %, usually by a few triangles.
+    /// Number of triangles, met within about one per cent; 250k and 10M are understood.
+    #[arg(short = 'n', long, value_name = "N", default_value = "100k", value_parser = args::count)]
     pub triangles: u64,
-    /// Seed of all random numbers.
+    /// Another seed makes another scene.
+    #[arg(long, value_name = "SEED", default_value_t = 1)]
     pub seed: u64,
-    /// Edge of the square, or length of the room, m. By default the density is constant, with 1 M triangles for a
-    /// forest of 200 m × 200 m or hills of 500 m × 500 m, and a room is 8 m long.
-    pub extent_m: Option<f64>,
-    /// Approximate number of pulses that the survey emits. By default an airborne scanner has a pulse rate of 1 MHz
-    /// (forest) or 150 kHz (terrain), and a room gets 4 M pulses.
+    /// Edge length of the scene in metres.
+    #[arg(long, value_name = "METRES")]
+    pub extent: Option<f64>,
+    /// Roughly how many pulses the survey emits.
+    #[arg(long, value_name = "N", value_parser = args::count)]
     pub pulses: Option<u64>,
-    /// Forest: makes every tree a separate part, so that returns carry the number of the tree.
+    /// Forest: every tree is a part of its own, so that echoes carry the tree's number.
+    #[arg(long)]
     pub separate_trees: bool,
-    /// Forest: number of tree models, and number of instances of each; the table `trees.csv` lists the instances. The
-    /// triangles of all instances count.
-    pub instances: Option<(u64, u64)>,
-    /// Forest: number of opaque voxels of 0.25 m in the crowns, in addition to the triangles.
+    /// Forest: make so many trees and let each stand in --copies places; a forest of a billion triangles is
+    /// -n 1G --models 50 --copies 1000.
+    #[arg(long, value_name = "N", conflicts_with = "separate_trees")]
+    pub models: Option<u64>,
+    /// Forest: so many opaque voxels of 0.25 m in the crowns, besides the triangles.
+    #[arg(long, value_name = "N", conflicts_with = "models", value_parser = args::count)]
     pub voxels: Option<u64>,
-    /// Whether existing files may be replaced.
+    /// Forest with --models: places of each tree. [default: 100]
+    #[arg(long, value_name = "N", requires = "models")]
+    pub copies: Option<u64>,
+    /// Overwrite files that exist.
+    #[arg(id = "force", long = "force")]
     pub overwrite: bool,
 }
+
+/// Places of each tree of a forest of models, if no number is given.
+const DEFAULT_COPIES: u64 = 100;
 
 impl SceneOptions {
     /// A scene of `triangles` triangles with defaults for everything else.
@@ -106,13 +146,19 @@ impl SceneOptions {
             kind,
             triangles,
             seed: 1,
-            extent_m: None,
+            extent: None,
             pulses: None,
             separate_trees: false,
-            instances: None,
+            models: None,
             voxels: None,
+            copies: None,
             overwrite: false,
         }
+    }
+
+    /// Number of tree models, and number of instances of each.
+    fn instances(&self) -> Option<(u64, u64)> {
+        self.models.map(|models| (models, self.copies.unwrap_or(DEFAULT_COPIES)))
     }
 }
 
@@ -145,23 +191,15 @@ pub fn write_scene(options: &SceneOptions, folder: &Path) -> Result<GeneratedSce
         refuse_existing(folder)?;
     }
     let folder = SceneFolder::create(folder, options.overwrite)?;
-    let (material_file, materials) = match options.kind {
-        Kind::Forest => (forest::MATERIAL_FILE, forest::MATERIALS),
-        Kind::Terrain => (terrain::MATERIAL_FILE, terrain::MATERIALS),
-        Kind::Room => (room::MATERIAL_FILE, room::MATERIALS),
-    };
-    let materials = write_text(&folder, material_file, &materials.text())?;
-    let mut scene = match options.kind {
-        Kind::Forest => forest::write(options, extent, &folder)?,
-        Kind::Terrain => terrain::write(options, extent, &folder)?,
-        Kind::Room => room::write(options, extent, &folder)?,
-    };
+    let Traits { material_file, materials, write, .. } = options.kind.traits();
+    let materials = folder.write(material_file, materials.text().as_bytes())?;
+    let mut scene = write(options, extent, &folder)?;
     let texts = survey::survey_texts(options.kind, extent, scene.ground_height, options.pulses);
     scene.files.push(materials);
-    scene.files.push(write_text(&folder, "scene.xml", &survey::scene_text(options.kind, &scene.parts))?);
-    scene.files.push(write_text(&folder, "scanners.xml", &texts.scanners)?);
-    scene.files.push(write_text(&folder, "platforms.xml", &texts.platforms)?);
-    let survey = write_text(&folder, "survey.xml", &texts.survey)?;
+    scene.files.push(folder.write("scene.xml", survey::scene_text(options.kind, &scene.parts).as_bytes())?);
+    scene.files.push(folder.write("scanners.xml", texts.scanners.as_bytes())?);
+    scene.files.push(folder.write("platforms.xml", texts.platforms.as_bytes())?);
+    let survey = folder.write("survey.xml", texts.survey.as_bytes())?;
     scene.files.push(survey.clone());
     folder.commit()?;
     let SceneFiles { files, triangles, voxels, bounds, .. } = scene;
@@ -191,11 +229,11 @@ impl Materials {
 /// Checks the options and returns the extent of the scene, m.
 fn check(options: &SceneOptions) -> Result<f64> {
     let (kind, triangles) = (options.kind.name(), options.triangles);
-    let min = options.kind.min_triangles();
+    let min = options.kind.traits().min_triangles;
     if triangles < min {
         return Err(Error::input(format!("a {kind} of {triangles} triangles: it takes at least {min}")));
     }
-    if let Some((models, copies)) = options.instances {
+    if let Some((models, copies)) = options.instances() {
         let possible = options.kind == Kind::Forest
             && (1..=10_000).contains(&models)
             && (1..=10_000_000).contains(&copies);
@@ -210,7 +248,7 @@ fn check(options: &SceneOptions) -> Result<f64> {
     }
     if let Some(voxels) = options.voxels
         && (options.kind != Kind::Forest
-            || options.instances.is_some()
+            || options.models.is_some()
             || !(1..=1_000_000_000).contains(&voxels))
     {
         return Err(Error::input(format!(
@@ -222,15 +260,15 @@ fn check(options: &SceneOptions) -> Result<f64> {
             "a {kind} of {triangles} triangles: at most 4000000000 can be made"
         )));
     }
-    let extent = options.extent_m.unwrap_or_else(|| match options.kind {
-        Kind::Forest => match options.instances {
+    let extent = options.extent.unwrap_or_else(|| match options.kind {
+        Kind::Forest => match options.instances() {
             Some((models, copies)) => forest::extent_of_stand(models * copies),
             None => forest::default_extent(triangles),
         },
         Kind::Terrain => terrain::default_extent(triangles),
         Kind::Room => room::DEFAULT_EXTENT,
     });
-    let (min, max) = options.kind.extents();
+    let [min, max] = options.kind.traits().extents;
     if !(min..=max).contains(&extent) {
         return Err(Error::input(format!("an extent of {extent} m: a {kind} can have {min} to {max} m")));
     }
@@ -246,12 +284,6 @@ fn refuse_existing(folder: &Path) -> Result<()> {
         Some(name) => Err(Error::exists(folder.join(name))),
         None => Ok(()),
     }
-}
-
-fn write_text(folder: &SceneFolder, name: &str, text: &str) -> Result<PathBuf> {
-    let mut file = folder.file(name)?;
-    file.write(text.as_bytes())?;
-    Ok(file.finish())
 }
 
 /// A part of the scene and its file.
@@ -337,7 +369,7 @@ mod tests {
     #[test]
     fn the_triangles_asked_for_are_in_the_files() {
         for kind in Kind::ALL {
-            for triangles in [kind.min_triangles(), 1000, 4321, 60_000] {
+            for triangles in [kind.traits().min_triangles, 1000, 4321, 60_000] {
                 let (_folder, summary) = made(&SceneOptions::new(kind, triangles));
                 let found = read_back(&summary);
                 assert_eq!(found, summary.triangles, "{kind:?}");
@@ -364,7 +396,7 @@ mod tests {
     #[test]
     fn a_forest_keeps_its_extent_and_stands_on_the_ground() {
         let (_folder, summary) =
-            made(&SceneOptions { extent_m: Some(60.0), ..SceneOptions::new(Kind::Forest, 20_000) });
+            made(&SceneOptions { extent: Some(60.0), ..SceneOptions::new(Kind::Forest, 20_000) });
         let size = summary.bounds.size();
         assert!(size.x >= 60.0 && size.x < 70.0 && size.y >= 60.0 && size.y < 70.0, "{size}");
         assert!(size.z > 15.0 && size.z < 60.0, "{size}");
@@ -416,7 +448,7 @@ mod tests {
         refuse(SceneOptions::new(Kind::Forest, 10));
         refuse(SceneOptions::new(Kind::Terrain, u64::MAX));
         for extent in [f64::NAN, f64::INFINITY, -5.0, 0.0, 1e9] {
-            refuse(SceneOptions { extent_m: Some(extent), ..SceneOptions::new(Kind::Forest, 5000) });
+            refuse(SceneOptions { extent: Some(extent), ..SceneOptions::new(Kind::Forest, 5000) });
         }
         refuse(SceneOptions { pulses: Some(0), ..SceneOptions::new(Kind::Room, 5000) });
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);

@@ -44,6 +44,13 @@ impl SceneFolder {
         Ok(NewFile { folder: self, path, file })
     }
 
+    /// Writes a file and returns its path.
+    pub(super) fn write(&self, name: &str, content: &[u8]) -> Result<PathBuf> {
+        let mut file = self.file(name)?;
+        file.write(content)?;
+        Ok(file.finish())
+    }
+
     /// Gives all files their names, in the order in which they were completed.
     pub(super) fn commit(self) -> Result<()> {
         self.complete.into_inner().into_iter().try_for_each(|file| file.finish().map(drop))?;

@@ -20,58 +20,70 @@ impl Species {
     pub(super) const ALL: [Species; 3] = [Species::Spruce, Species::Beech, Species::Birch];
 
     pub(super) fn name(self) -> &'static str {
-        match self {
-            Species::Spruce => "spruce",
-            Species::Beech => "beech",
-            Species::Birch => "birch",
-        }
+        self.traits().name
     }
 
-    fn foliage(self) -> &'static str {
-        match self {
-            Species::Spruce => "spruce_needles",
-            Species::Beech => "beech_leaves",
-            Species::Birch => "birch_leaves",
-        }
-    }
-
-    fn bark(self) -> &'static str {
-        match self {
-            Species::Spruce => "spruce_bark",
-            Species::Beech => "beech_bark",
-            Species::Birch => "birch_bark",
-        }
-    }
-
-    /// One-sided leaf area per crown area.
-    fn leaf_area_index(self) -> f64 {
-        match self {
-            Species::Spruce => 3.4,
-            Species::Beech => 3.0,
-            Species::Birch => 2.2,
-        }
+    fn traits(self) -> &'static Traits {
+        &TRAITS[self as usize]
     }
 
     /// Height of the tree and radius of its crown, m.
     fn size(self, random: &mut Random) -> (f64, f64) {
-        let vigour = random.bell();
-        let spread = random.bell();
-        match self {
-            Species::Spruce => (21.0 + 6.0 * vigour, 2.4 + 0.5 * vigour + 0.3 * spread),
-            Species::Beech => (19.0 + 5.0 * vigour, 3.4 + 0.7 * vigour + 0.6 * spread),
-            Species::Birch => (16.0 + 4.0 * vigour, 2.1 + 0.4 * vigour + 0.3 * spread),
-        }
-    }
-
-    /// Height of the crown's base, as a fraction of the tree's height.
-    fn crown_base(self) -> f64 {
-        match self {
-            Species::Spruce => 0.14,
-            Species::Beech => 0.33,
-            Species::Birch => 0.40,
-        }
+        let (vigour, spread) = (random.bell(), random.bell());
+        let Traits { height, radius, .. } = self.traits();
+        (height[0] + height[1] * vigour, radius[0] + radius[1] * vigour + radius[2] * spread)
     }
 }
+
+/// What distinguishes a species.
+struct Traits {
+    name: &'static str,
+    foliage: &'static str,
+    bark: &'static str,
+    /// One-sided leaf area per crown area.
+    leaf_area_index: f64,
+    /// Height of the tree, m: mean, and its change with vigour.
+    height: [f64; 2],
+    /// Radius of the crown, m: mean, and its changes with vigour and spread.
+    radius: [f64; 3],
+    /// Height of the crown's base, as a fraction of the tree's height.
+    crown_base: f64,
+    /// Height of the trunk's top, as a fraction of the tree's height.
+    trunk_top: f64,
+}
+
+static TRAITS: [Traits; 3] = [
+    Traits {
+        name: "spruce",
+        foliage: "spruce_needles",
+        bark: "spruce_bark",
+        leaf_area_index: 3.4,
+        height: [21.0, 6.0],
+        radius: [2.4, 0.5, 0.3],
+        crown_base: 0.14,
+        trunk_top: 0.98,
+    },
+    Traits {
+        name: "beech",
+        foliage: "beech_leaves",
+        bark: "beech_bark",
+        leaf_area_index: 3.0,
+        height: [19.0, 5.0],
+        radius: [3.4, 0.7, 0.6],
+        crown_base: 0.33,
+        trunk_top: 0.86,
+    },
+    Traits {
+        name: "birch",
+        foliage: "birch_leaves",
+        bark: "birch_bark",
+        leaf_area_index: 2.2,
+        height: [16.0, 4.0],
+        radius: [2.1, 0.4, 0.3],
+        crown_base: 0.40,
+        trunk_top: 0.86,
+    },
+];
 
 /// Maximum area of a leaf, m²; meshes with few triangles would otherwise have implausibly large leaves.
 const MAX_LEAF_AREA: f64 = 0.6;
@@ -98,14 +110,15 @@ impl Tree {
 
     /// Centre and half axes of an ellipsoid around the crown, m.
     pub(super) fn crown(&self) -> (DVec3, DVec3) {
-        let (base, half) = (self.species.crown_base(), 0.5 * self.height * (1.0 - self.species.crown_base()));
+        let (base, half) =
+            (self.species.traits().crown_base, 0.5 * self.height * (1.0 - self.species.traits().crown_base));
         (self.foot + DVec3::Z * (base * self.height + half), DVec3::new(self.radius, self.radius, half))
     }
 
     /// Leaf area of the crown, m². Triangles are distributed in proportion to it, so that all leaves have about the
     /// same size.
     pub(super) fn leaf_area(&self) -> f64 {
-        self.species.leaf_area_index() * PI * self.radius * self.radius
+        self.species.traits().leaf_area_index * PI * self.radius * self.radius
     }
 
     /// Writes the tree with exactly `triangles` triangles (an even number).
@@ -115,7 +128,7 @@ impl Tree {
         let pairs = (triangles - wood.triangles()) / 2;
         let area = (self.leaf_area() / (2 * pairs).max(1) as f64).min(MAX_LEAF_AREA);
         let trunk = self.trunk(&mut random, wood.segments);
-        out.material(self.species.bark());
+        out.material(self.species.traits().bark);
         tube(out, &trunk, wood.sides)?;
         match self.species {
             Species::Spruce => self.spruce_crown(out, &mut random, &trunk, wood.branches, pairs, area),
@@ -130,10 +143,7 @@ impl Tree {
         let (dx, dy) = random.heading();
         let sway = 0.03 * self.height * random.unit();
         let thick = 0.011 * self.height + 0.03;
-        let top = match self.species {
-            Species::Spruce => 0.98,
-            Species::Beech | Species::Birch => 0.86,
-        };
+        let top = self.species.traits().trunk_top;
         let point = |i: u64| {
             let t = i as f64 / segments as f64;
             let along = DVec3::new(dx, dy, 0.0) * (sway * t * t);
@@ -153,7 +163,7 @@ impl Tree {
         area: f64,
     ) -> Result<()> {
         const PER_WHORL: f64 = 9.0;
-        let base = self.species.crown_base() * self.height;
+        let base = self.species.traits().crown_base * self.height;
         let whorls = (0.9 * (self.height - base)).round().max(4.0);
         // Root and outward direction of the bough at crown level t (0 = lowest) and azimuth `turn`, as a fraction of a
         // turn.
@@ -168,7 +178,7 @@ impl Tree {
             let tip = root + outward * (0.85 * reach) - DVec3::Z * (0.22 * reach);
             tube(out, &[(root, 0.035), (tip, 0.006)], 3)?;
         }
-        out.material(self.species.foliage());
+        out.material(self.species.traits().foliage);
         let mut left = pairs;
         while left > 0 {
             // Boughs get shorter upwards and so bear fewer needles: the density falls as 1 − t. The tip keeps some
@@ -205,7 +215,7 @@ impl Tree {
         pairs: u64,
         area: f64,
     ) -> Result<()> {
-        let base = self.species.crown_base() * self.height;
+        let base = self.species.traits().crown_base * self.height;
         let half = 0.5 * (self.height - base);
         let middle = self.foot + DVec3::Z * (base + half);
         let shape = DVec3::new(self.radius, self.radius, half);
@@ -221,7 +231,7 @@ impl Tree {
             let t = ((tip.z - self.foot.z) / self.height - random.between(0.12, 0.25)).clamp(0.2, 0.84);
             tube(out, &[(on_axis(trunk, t), 0.05), (tip, 0.01)], 3)?;
         }
-        out.material(self.species.foliage());
+        out.material(self.species.traits().foliage);
         for _ in 0..pairs {
             let (centre, size) = clusters[(random.unit() * clusters.len() as f64) as usize];
             let d = random.direction();

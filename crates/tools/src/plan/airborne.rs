@@ -2,21 +2,24 @@
 
 use super::area::Area;
 use super::beams::{Beams, Field, best_mount};
-use super::document::{Document, Promise, Turned, Waypoint};
+use super::document::{PlannedSurvey, Promise, Turned, Waypoint};
 use super::height::{Ground, Heights, mean_ground};
 use super::line::{Line, turn};
 use super::reach::GROUND_REFLECTANCE;
 use super::report::PlanReport;
 use super::swath::{Instrument, Scan};
+use crate::args;
 use std::f64::consts::PI;
-use vlscan_base::quantity::{metres, number};
+use vlscan_base::quantity::{POSITIVE, metres, number};
 use vlscan_geom::{DVec3, MAX_COORDINATE, radians};
 use vlscan_survey::Mount;
 
 /// Most flight lines of a plan.
 const MAX_LINES: f64 = 10_000.0;
-/// Overlap of neighbouring strips if none is requested.
-const DEFAULT_OVERLAP: f64 = 0.3;
+/// Overlap of neighbouring strips if none is requested, percent.
+const DEFAULT_OVERLAP: f64 = 30.0;
+/// Steepest climb of lines that follow the ground if none is requested, degrees.
+const DEFAULT_CLIMB: f64 = 10.0;
 /// Share of the pulses that point down which the instrument's ranges may cut off where its field can be narrowed.
 const MAX_CUT: f64 = 0.01;
 /// Part of the least range by which the ground must be farther away.
@@ -28,36 +31,54 @@ const ROUNDS: u32 = 3;
 
 /// What an airborne survey shall be. Of speed, overlap and density at least one is given besides those with defaults;
 /// density with overlap yields the speed, density with speed the distance of the lines.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default, clap::Args)]
 pub struct AirborneOptions {
     /// Height above the ground, m.
+    #[arg(long, value_name = "M", value_parser = args::positive)]
     pub height: f64,
     /// Speed, m/s.
+    #[arg(long, value_name = "M/S", value_parser = args::positive)]
     pub speed: Option<f64>,
-    /// Side overlap of neighbouring strips, a fraction of the swath.
-    pub overlap: Option<f64>,
     /// Mean pulses per m².
+    #[arg(long, value_name = "N", value_parser = args::positive)]
     pub density: Option<f64>,
-    /// Half opening angle, degrees.
+    /// Overlap of neighbouring strips, percent of the swath. [default: 30]
+    #[arg(long, value_name = "PERCENT", value_parser = args::overlap)]
+    pub overlap: Option<f64>,
+    /// Half opening angle, degrees; not of spinning heads and wedge prisms. [default: 30, or what the scanner reaches]
+    #[arg(long, value_name = "DEG", value_parser = args::positive)]
     pub scan_angle: Option<f64>,
-    /// Pulses per second.
-    pub pulse_rate: Option<u32>,
-    /// Hz.
+    /// Scan frequency; of spinning scanners turns per second. [default: points as far apart along as across; 10]
+    #[arg(long, value_name = "HZ", value_parser = args::positive)]
     pub scan_freq: Option<f64>,
-    /// Direction of the lines, degrees clockwise from +y; the one with the fewest lines if `None`.
+    /// Direction of the lines, degrees clockwise from +y. [default: the one with the fewest lines]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = args::heading)]
     pub heading: Option<f64>,
-    /// Lines across the others.
+    /// Cross lines, perpendicular to the others and evenly spread.
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=10_000))]
     pub cross_lines: u32,
-    /// Length by which each line begins before the area and ends behind it, m.
+    /// Length by which lines begin before the area and end behind it, m. [default: as far as the scanner looks ahead and
+    /// behind, and a scan line]
+    #[arg(long, value_name = "M", value_parser = args::positive)]
     pub run_in: Option<f64>,
+    /// Fly turns of this radius between lines, m. [default: straight to the next line]
+    #[arg(long, value_name = "M", value_parser = args::positive)]
+    pub turn_radius: Option<f64>,
+    /// Keep the height above the scene's ground instead of above its mean.
+    #[arg(long, requires = "scene")]
+    pub follow_terrain: bool,
+    /// Steepest climb with --follow-terrain, degrees. [default: 10]
+    #[arg(long, value_name = "DEG", requires = "follow_terrain", allow_negative_numbers = true, value_parser = args::climb)]
+    pub climb: Option<f64>,
+}
+
+/// How a platform carries the instrument.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Carrier {
     /// Mount of the scanner on the platform.
     pub mount: Mount,
     /// Whether the plan may turn the scanner where that mount does not point it at the ground.
     pub may_turn: bool,
-    /// Radius of the turns between lines, m; straight to the next line if `None`.
-    pub turn_radius: Option<f64>,
-    /// Steepest climb of lines that follow the ground, degrees; level lines if `None`.
-    pub climb: Option<f64>,
 }
 
 /// A frame in the direction of the lines.
@@ -143,28 +164,40 @@ impl Choice {
 pub fn plan_airborne(
     area: &Area,
     instrument: &Instrument,
+    carrier: &Carrier,
     options: &AirborneOptions,
     ground: &Ground,
-) -> Result<Document, String> {
+) -> Result<PlannedSurvey, String> {
     let height = options.height;
+    args::check([
+        ("height", Some(height), POSITIVE),
+        ("speed", options.speed, POSITIVE),
+        ("density", options.density, POSITIVE),
+        ("overlap", options.overlap, args::OVERLAP),
+        ("scan-angle", options.scan_angle, POSITIVE),
+        ("scan-freq", options.scan_freq, POSITIVE),
+        ("heading", options.heading, args::HEADING),
+        ("run-in", options.run_in, POSITIVE),
+        ("turn-radius", options.turn_radius, POSITIVE),
+        ("climb", options.climb, args::CLIMB),
+    ])?;
+    let climb = options.follow_terrain.then(|| radians(options.climb.unwrap_or(DEFAULT_CLIMB)));
     let level = mean_ground(area, ground);
     let heading = options.heading.map_or_else(|| best_heading(area), radians);
     let frame = Frame::new(heading, area.corners()[0]);
-    let relief = match options.climb {
-        // A level line is above the mean ground.
-        None => level.high - level.mean,
-        Some(_) => 0.0,
-    };
+    // A level line is above the mean ground.
+    let relief = if climb.is_some() { 0.0 } else { level.high - level.mean };
     check_clearance(instrument, options, relief)?;
-    let choice = choose(area, &frame, instrument, options)?;
+    let choice = choose(area, &frame, instrument, carrier, options)?;
     let margins = choice.margins(options.run_in);
     let width = planned_width(&choice.field, instrument, options);
-    let mut lines = parallel_lines(area, &frame, width, choice.spacing, margins)?;
+    let places = line_places(area, &frame, width, choice.spacing)?;
+    let mut lines = lines_at(area, &frame, places, width / 2.0, margins);
     let parallel = lines.len();
     lines.extend(cross_lines(area, heading + PI / 2.0, options.cross_lines, margins));
     turn_every_second(&mut lines, margins);
-    let heights = Heights { ground, level: level.mean, above: height, climb: options.climb.map(radians) };
-    let mut document = Document { turned: choice.turned, ..Document::default() };
+    let heights = Heights { ground, level: level.mean, above: height, climb };
+    let mut document = PlannedSurvey { turned: choice.turned, ..PlannedSurvey::default() };
     let active = add_waypoints(&mut document, &lines, parallel, choice.speed, &heights, options.turn_radius)?;
     document.scanner.clone_from(&instrument.reference);
     document.settings = choice.scan.settings();
@@ -178,7 +211,7 @@ pub fn plan_airborne(
 
 /// Adds the waypoints of all lines, the first `parallel` of which are parallel ones. Returns their length, m.
 fn add_waypoints(
-    document: &mut Document,
+    document: &mut PlannedSurvey,
     lines: &[Line],
     parallel: usize,
     speed: f64,
@@ -246,6 +279,7 @@ fn choose(
     area: &Area,
     frame: &Frame,
     instrument: &Instrument,
+    carrier: &Carrier,
     options: &AirborneOptions,
 ) -> Result<Choice, String> {
     if options.density.is_some() && options.speed.is_some() && options.overlap.is_some() {
@@ -255,7 +289,7 @@ fn choose(
         return Err("how fast? --speed, or --density from which it follows, is needed".to_owned());
     }
     let half_angle = instrument.half_angle(options.scan_angle)?;
-    let pulse_rate = instrument.pulse_rate(options.pulse_rate)?;
+    let pulse_rate = instrument.pulse_rate()?;
     // The first guess of the lines is that of a flight at 30 m/s.
     let mut lines = (30.0 * f64::from(pulse_rate) / options.height).sqrt();
     let mut choice: Option<Choice> = None;
@@ -267,10 +301,10 @@ fn choose(
         let beams = instrument.beams(&scan)?;
         let (mount, turned) = match &choice {
             Some(Choice { turned: Some(turned), .. }) => {
-                (Mount { rotation: turned.turns.rotation(), ..options.mount }, Some(*turned))
+                (Mount { rotation: turned.turns.rotation(), ..carrier.mount }, Some(*turned))
             }
-            Some(_) => (options.mount, None),
-            None => mount(instrument, &beams, options)?,
+            Some(_) => (carrier.mount, None),
+            None => mount(instrument, &beams, carrier, options)?,
         };
         let field = beams.over_ground(&mount, options.height);
         check_ranges(instrument, options, &field)?;
@@ -295,6 +329,7 @@ fn choose(
 fn mount(
     instrument: &Instrument,
     beams: &Beams,
+    carrier: &Carrier,
     options: &AirborneOptions,
 ) -> Result<(Mount, Option<Turned>), String> {
     let [_, far] = instrument.ranges();
@@ -306,10 +341,10 @@ fn mount(
             number(far)
         ));
     }
-    let Some((turns, serves)) = best_mount(beams, &options.mount, options.height) else {
+    let Some((turns, serves)) = best_mount(beams, &carrier.mount, options.height) else {
         // Where a mount would point the beams at the ground the ranges tell why it is not measured.
-        if let Some((turns, _)) = best_mount(&beams.unlimited(), &options.mount, options.height) {
-            let down = Mount { rotation: turns.rotation(), ..options.mount };
+        if let Some((turns, _)) = best_mount(&beams.unlimited(), &carrier.mount, options.height) {
+            let down = Mount { rotation: turns.rotation(), ..carrier.mount };
             check_ranges(instrument, options, &beams.over_ground(&down, options.height))?;
         }
         return Err(format!(
@@ -318,9 +353,9 @@ fn mount(
         ));
     };
     if serves {
-        return Ok((options.mount, None));
+        return Ok((carrier.mount, None));
     }
-    if !options.may_turn {
+    if !carrier.may_turn {
         return Err(format!(
             "the mount of the platform does not point the beams of {} at the ground below the flight; leave out --platform \
              for one that does, or turn the mount by {}",
@@ -328,8 +363,8 @@ fn mount(
             turns.text()
         ));
     }
-    let turned = Turned { offset: options.mount.offset, turns };
-    Ok((Mount { rotation: turns.rotation(), ..options.mount }, Some(turned)))
+    let turned = Turned { offset: carrier.mount.offset, turns };
+    Ok((Mount { rotation: turns.rotation(), ..carrier.mount }, Some(turned)))
 }
 
 /// Refuses strips that the instrument's reach cuts off.
@@ -388,8 +423,8 @@ struct Strip<'s> {
 impl Strip<'_> {
     fn speed_and_spacing(&self, options: &AirborneOptions) -> Result<(f64, f64), String> {
         let spacing_of = |overlap: Option<f64>| match overlap {
-            Some(overlap) => self.field.width() * (1.0 - overlap),
-            None => self.width * (1.0 - DEFAULT_OVERLAP),
+            Some(overlap) => self.field.width() * (1.0 - overlap / 100.0),
+            None => self.width * (1.0 - DEFAULT_OVERLAP / 100.0),
         };
         let (speed, spacing) = match (options.density, options.speed) {
             (Some(density), Some(speed)) => (speed, self.spacing_for(density, speed)?),
@@ -481,31 +516,27 @@ fn line_places(area: &Area, frame: &Frame, width: f64, spacing: f64) -> Result<V
     Ok((0..count as u32).map(|i| first + f64::from(i) * spacing).collect())
 }
 
-fn parallel_lines(
+/// The lines at distances across over what is at most `half` from them, with margins before the area and behind it.
+fn lines_at(
     area: &Area,
     frame: &Frame,
-    width: f64,
-    spacing: f64,
+    places: impl IntoIterator<Item = f64>,
+    half: f64,
     margins: [f64; 2],
-) -> Result<Vec<Line>, String> {
-    let lines = line_places(area, frame, width, spacing)?.into_iter().filter_map(|across| {
-        let half = width / 2.0;
+) -> Vec<Line> {
+    let line = |across: f64| {
         let [from, to] = frame.extent(area, [across - half, across + half])?;
         Some(Line { from: frame.point(from - margins[0], across), to: frame.point(to + margins[1], across) })
-    });
-    Ok(lines.collect())
+    };
+    places.into_iter().filter_map(line).collect()
 }
 
 /// Lines across, at the middles of equal shares of the area's length.
 fn cross_lines(area: &Area, heading: f64, count: u32, margins: [f64; 2]) -> Vec<Line> {
     let frame = Frame::new(heading, area.corners()[0]);
     let [low, high] = frame.width(area);
-    let lines = (0..count).filter_map(|i| {
-        let across = low + (high - low) * (f64::from(i) + 0.5) / f64::from(count);
-        let [from, to] = frame.extent(area, [across; 2])?;
-        Some(Line { from: frame.point(from - margins[0], across), to: frame.point(to + margins[1], across) })
-    });
-    lines.collect()
+    let places = (0..count).map(|i| low + (high - low) * (f64::from(i) + 0.5) / f64::from(count));
+    lines_at(area, &frame, places, 0.0, margins)
 }
 
 /// Turns every second line round, which then begins and ends as the others do.
@@ -531,30 +562,17 @@ mod tests {
     }
 
     fn options() -> AirborneOptions {
-        AirborneOptions {
-            height: 500.0,
-            speed: Some(60.0),
-            overlap: None,
-            density: None,
-            scan_angle: None,
-            pulse_rate: None,
-            scan_freq: None,
-            heading: None,
-            cross_lines: 0,
-            run_in: None,
-            mount: Mount::IDENTITY,
-            may_turn: true,
-            turn_radius: None,
-            climb: None,
-        }
+        AirborneOptions { height: 500.0, speed: Some(60.0), ..AirborneOptions::default() }
     }
+
+    const CARRIER: Carrier = Carrier { mount: Mount::IDENTITY, may_turn: true };
 
     const FLAT: Ground = Ground { height: &|_, _| Some(100.0), level: 0.0 };
 
     #[test]
     fn lines_are_along_the_longer_side_and_cover_the_area() {
         let area = Area::rectangle([0.0, 0.0], [3000.0, 1000.0]).unwrap();
-        let plan = plan_airborne(&area, &instrument(), &options(), &FLAT).unwrap();
+        let plan = plan_airborne(&area, &instrument(), &CARRIER, &options(), &FLAT).unwrap();
         // Swath 577.35 m, spacing 404.15 m: (1000 + 577.35) / 404.15 - 2 = 1.9, so 2 + 1 lines.
         let starts: Vec<_> = plan.waypoints.iter().filter(|w| w.active).collect();
         assert_eq!(starts.len(), 3);
@@ -570,7 +588,7 @@ mod tests {
     fn density_yields_speed_or_spacing() {
         let area = Area::rectangle([0.0, 0.0], [3000.0, 1000.0]).unwrap();
         let frame = Frame::new(best_heading(&area), [0.0; 2]);
-        let chosen = |options: &AirborneOptions| choose(&area, &frame, &instrument(), options);
+        let chosen = |options: &AirborneOptions| choose(&area, &frame, &instrument(), &CARRIER, options);
         let with_density = AirborneOptions { density: Some(8.0), speed: None, ..options() };
         let choice = chosen(&with_density).unwrap();
         assert!((choice.density - 8.0).abs() < 1e-9);
@@ -584,7 +602,7 @@ mod tests {
         let mut warnings = 0;
         for density in (4..24).map(|i| 0.5 * f64::from(i)) {
             let options = AirborneOptions { density: Some(density), ..both.clone() };
-            let Ok(plan) = plan_airborne(&tiny, &instrument(), &options, &FLAT) else { continue };
+            let Ok(plan) = plan_airborne(&tiny, &instrument(), &CARRIER, &options, &FLAT) else { continue };
             let found = plan.comments.iter().find(|line| line.starts_with("density")).unwrap();
             let found: f64 = found.split_whitespace().nth(1).unwrap().parse().unwrap();
             // The comment is rounded.
@@ -599,8 +617,14 @@ mod tests {
         let sparse = AirborneOptions { density: Some(0.1), ..both };
         assert!(chosen(&sparse).err().unwrap().contains("already"));
         assert!(
-            plan_airborne(&area, &instrument(), &AirborneOptions { speed: None, ..options() }, &FLAT)
-                .is_err()
+            plan_airborne(
+                &area,
+                &instrument(),
+                &CARRIER,
+                &AirborneOptions { speed: None, ..options() },
+                &FLAT
+            )
+            .is_err()
         );
     }
 
@@ -609,8 +633,8 @@ mod tests {
         let area = Area::rectangle([0.0, 0.0], [4000.0, 200.0]).unwrap();
         // A step of 200 m.
         let hill = Ground { height: &|x, _| Some(if x > 2000.0 { 200.0 } else { 0.0 }), level: 0.0 };
-        let follow = AirborneOptions { climb: Some(10.0), ..options() };
-        let plan = plan_airborne(&area, &instrument(), &follow, &hill).unwrap();
+        let follow = AirborneOptions { follow_terrain: true, ..options() };
+        let plan = plan_airborne(&area, &instrument(), &CARRIER, &follow, &hill).unwrap();
         let line: Vec<DVec3> = plan.waypoints.iter().map(|w| w.position).take(4).collect();
         assert!(line.len() > 2);
         for pair in line.windows(2) {
@@ -628,7 +652,7 @@ mod tests {
         let low = AirborneOptions { height: 50.0, speed: Some(5.0), ..options() };
         for limits in ["", "scanFreqMin_Hz='100'", "scanFreqMin_Hz='100' scanFreqMax_Hz='200'"] {
             let plan = |range: &str| {
-                plan_airborne(&area, &testing::spinning(&format!("{limits} {range}")), &low, &FLAT)
+                plan_airborne(&area, &testing::spinning(&format!("{limits} {range}")), &CARRIER, &low, &FLAT)
             };
             let planned = plan("rangeMax_m='200'").unwrap();
             let lines = planned.settings.iter().find(|(key, _)| *key == "scan_freq_hz").unwrap().1;
@@ -641,9 +665,14 @@ mod tests {
     #[test]
     fn cross_lines_are_perpendicular() {
         let area = Area::rectangle([0.0, 0.0], [3000.0, 1000.0]).unwrap();
-        let plan =
-            plan_airborne(&area, &instrument(), &AirborneOptions { cross_lines: 2, ..options() }, &FLAT)
-                .unwrap();
+        let plan = plan_airborne(
+            &area,
+            &instrument(),
+            &CARRIER,
+            &AirborneOptions { cross_lines: 2, ..options() },
+            &FLAT,
+        )
+        .unwrap();
         let crossing: Vec<_> = plan
             .waypoints
             .iter()

@@ -256,6 +256,7 @@ impl Field {
 pub struct QuarterTurns(pub [f64; 3]);
 
 impl QuarterTurns {
+    /// The rotation from the axes of the scanner to those of the platform.
     pub fn rotation(self) -> Rotation {
         let [x, y, z] = self.0.map(f64::to_radians);
         Rotation::about_z(z).after(Rotation::about_y(y)).after(Rotation::about_x(x))

@@ -18,7 +18,7 @@ pub fn corridor(line: &[[f64; 2]], distance: f64) -> Result<Area, String> {
         line.windows(2).map(|pair| libm::hypot(pair[1][0] - pair[0][0], pair[1][1] - pair[0][1])).sum();
     // Points that are close enough together that those on the inside of a corner can be left out: it is cut by a part of a step.
     let step = distance / 10.0;
-    if 2.0 * length / step > MAX_POINTS {
+    if !(distance > 0.0 && 2.0 * length / step <= MAX_POINTS) {
         return Err(format!(
             "a corridor of {distance} m along a line of {length:.0} m; a wider one is needed"
         ));

@@ -25,6 +25,7 @@ pub struct Waypoint {
 pub struct Turned {
     /// Where the scanner is on the platform, m.
     pub offset: DVec3,
+    /// How the scanner is turned.
     pub turns: QuarterTurns,
 }
 
@@ -41,7 +42,7 @@ pub struct Promise {
 
 /// A planned survey.
 #[derive(Clone, Debug, Default)]
-pub struct Document {
+pub struct PlannedSurvey {
     /// What the plan promises, a line each.
     pub comments: Vec<String>,
     /// What the user should know; comments, too.
@@ -64,7 +65,7 @@ pub struct Document {
     pub reaches: Vec<Reach>,
 }
 
-impl Document {
+impl PlannedSurvey {
     /// Length of the way along all waypoints, m.
     pub fn length(&self) -> f64 {
         self.waypoints.windows(2).map(|pair| pair[0].position.distance(pair[1].position)).sum()
@@ -164,7 +165,7 @@ mod tests {
 
     #[test]
     fn text_is_toml() {
-        let document = Document {
+        let document = PlannedSurvey {
             comments: vec!["two legs".to_owned()],
             scene: Some("a \"b\"\\c.xml".to_owned()),
             platform: "data/platforms.xml#sr22".to_owned(),
@@ -178,7 +179,7 @@ mod tests {
                 Waypoint { position: DVec3::new(0.5, -1e-9, 100.0), active: true, ..Waypoint::default() },
                 Waypoint { on_ground: true, ..Waypoint::default() },
             ],
-            ..Document::default()
+            ..PlannedSurvey::default()
         };
         let text = document.text("vlscan plan\nrm -r /");
         let read: toml::Table = text.parse().unwrap();

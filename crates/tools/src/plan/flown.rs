@@ -1,7 +1,7 @@
 //! Flies a sample of a planned flight and compares it with what the plan promises of flat ground.
 
 use super::area::Area;
-use super::document::{Document, Promise, Waypoint};
+use super::document::{PlannedSurvey, Promise, Waypoint};
 use super::reach::{Reach, Seen};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::number;
@@ -23,11 +23,13 @@ const MAX_GAPS: f64 = 4.0;
 /// What the sample of a flight has of flat ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flown {
-    /// Mean density over the area of the parallel lines, pulses/m², and its standard deviation.
+    /// Mean density over the area of the parallel lines, pulses/m².
     pub density: f64,
+    /// Standard deviation of the density, pulses/m².
     pub deviation: f64,
-    /// Width of the strips as far as the sample meets them, m, and how much wider they may be.
+    /// Width of the strips as far as the sample meets them, m.
     pub width: f64,
+    /// How much wider the strips may be, m.
     pub gap: f64,
     /// Share of the pulses whose ground the instrument measures.
     pub measured: f64,
@@ -37,7 +39,7 @@ pub struct Flown {
 ///
 /// # Errors
 /// Those of steps of a flight.
-pub fn fly_sample(flight: &FlightPlan, document: &Document, area: &Area, shift: DVec3) -> Result<Flown> {
+pub fn fly_sample(flight: &FlightPlan, document: &PlannedSurvey, area: &Area, shift: DVec3) -> Result<Flown> {
     let Some(Promise { height, .. }) = document.promise else {
         return Err(Error::Internal("the plan is no flight".to_owned()));
     };
@@ -73,7 +75,7 @@ pub fn fly_sample(flight: &FlightPlan, document: &Document, area: &Area, shift: 
 }
 
 /// The steps of each leg that belongs to a parallel line; `None` for other legs.
-fn measuring_legs(flight: &FlightPlan, document: &Document) -> Vec<Option<f64>> {
+fn measuring_legs(flight: &FlightPlan, document: &PlannedSurvey) -> Vec<Option<f64>> {
     let pairs = document.waypoints.windows(2).enumerate();
     let steps = |(i, pair): (usize, &[Waypoint])| {
         let is_line = pair[0].strip.as_deref().is_some_and(|strip| strip.starts_with("line"));

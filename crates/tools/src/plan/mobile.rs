@@ -1,8 +1,9 @@
 //! Mobile surveys: a vehicle along a line.
 
-use super::document::{Document, Waypoint};
+use super::document::{PlannedSurvey, Waypoint};
 use super::swath::Instrument;
-use vlscan_base::quantity::{amount, duration, metres, number};
+use crate::args;
+use vlscan_base::quantity::{POSITIVE, amount, duration, metres, number};
 use vlscan_geom::DVec3;
 
 /// Most waypoints of a plan.
@@ -11,25 +12,23 @@ const MAX_WAYPOINTS: f64 = 1e6;
 const POINT_DISTANCE: f64 = 10.0;
 
 /// What a mobile survey shall be.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, clap::Args)]
 pub struct MobileOptions {
-    /// m/s.
+    /// Speed, m/s.
+    #[arg(long, value_name = "M/S", default_value = "10", value_parser = args::positive)]
     pub speed: f64,
-    /// Half opening angle, degrees.
+    /// Half opening angle, degrees. [default: the scanner's]
+    #[arg(long, value_name = "DEG", value_parser = args::positive)]
     pub scan_angle: Option<f64>,
-    /// Pulses per second.
-    pub pulse_rate: Option<u32>,
-    /// Hz.
+    /// Scan frequency; of spinning scanners turns per second. [default: points at 10 m as far apart along as on a line; 10]
+    #[arg(long, value_name = "HZ", value_parser = args::positive)]
     pub scan_freq: Option<f64>,
-    /// Maximum distance of waypoints, at which the vehicle is set on the ground, m.
+    /// Most metres between waypoints, at which the vehicle is set on the scene's ground.
+    #[arg(long, value_name = "M", default_value = "20", value_parser = args::positive)]
     pub step: f64,
-    /// Height of the ground where there is no scene, m.
-    pub level: f64,
-    /// Whether there is a scene whose ground the vehicle follows.
-    pub on_ground: bool,
 }
 
-/// Plans a drive along a line.
+/// Plans a drive along a line, at the height `level`, m, or on the ground of the scene.
 ///
 /// # Errors
 /// A sentence: options that exceed the instrument, a line that is too long for the step.
@@ -37,9 +36,17 @@ pub fn plan_mobile(
     line: &[[f64; 2]],
     instrument: &Instrument,
     options: &MobileOptions,
-) -> Result<Document, String> {
+    level: f64,
+    on_ground: bool,
+) -> Result<PlannedSurvey, String> {
+    args::check([
+        ("speed", Some(options.speed), POSITIVE),
+        ("scan-angle", options.scan_angle, POSITIVE),
+        ("scan-freq", options.scan_freq, POSITIVE),
+        ("step", Some(options.step), POSITIVE),
+    ])?;
     let half_angle = instrument.mobile_half_angle(options.scan_angle)?;
-    let pulse_rate = instrument.pulse_rate(options.pulse_rate)?;
+    let pulse_rate = instrument.pulse_rate()?;
     // Lines as far apart as the points on them at that distance, unless a frequency is given: v / f = 2·θ·R·f / N.
     let opening = 2.0 * half_angle.unwrap_or(1.0) * POINT_DISTANCE;
     let lines = |fired: f64| (options.speed * f64::from(pulse_rate) * fired / opening).sqrt();
@@ -47,7 +54,7 @@ pub fn plan_mobile(
     let scan = scan_of(instrument.beams(&scan_of(1.0)?)?.fired)?;
     let beams = instrument.beams(&scan)?;
     let fired_rate = f64::from(pulse_rate) * beams.fired * instrument.devices();
-    let mut document = Document::default();
+    let mut document = PlannedSurvey::default();
     let mut total = 0.0;
     let mut places = vec![line[0]];
     for pair in line.windows(2) {
@@ -67,10 +74,10 @@ pub fn plan_mobile(
         .iter()
         .enumerate()
         .map(|(i, [x, y])| Waypoint {
-            position: DVec3::new(*x, *y, options.level),
+            position: DVec3::new(*x, *y, level),
             speed: Some(options.speed),
             active: i < last,
-            on_ground: options.on_ground,
+            on_ground,
             strip: (i < last).then(|| "drive".to_owned()),
         })
         .collect();
@@ -106,16 +113,9 @@ mod tests {
     #[test]
     fn waypoints_are_no_farther_apart_than_the_step() {
         let instrument = instrument("vlp16");
-        let options = MobileOptions {
-            speed: 8.0,
-            scan_angle: None,
-            pulse_rate: None,
-            scan_freq: None,
-            step: 10.0,
-            level: 2.0,
-            on_ground: false,
-        };
-        let plan = plan_mobile(&[[0.0, 0.0], [35.0, 0.0], [35.0, 5.0]], &instrument, &options).unwrap();
+        let options = MobileOptions { speed: 8.0, scan_angle: None, scan_freq: None, step: 10.0 };
+        let plan =
+            plan_mobile(&[[0.0, 0.0], [35.0, 0.0], [35.0, 5.0]], &instrument, &options, 2.0, false).unwrap();
         let x: Vec<f64> = plan.waypoints.iter().map(|w| w.position.x).collect();
         assert_eq!(x, [0.0, 8.75, 17.5, 26.25, 35.0, 35.0]);
         assert!(plan.waypoints.iter().all(|w| w.position.z == 2.0));

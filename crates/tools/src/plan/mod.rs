@@ -16,6 +16,12 @@
 //! | `terrestrial` | positions of a tripod on a grid or around a plot |
 //! | `mobile` | a vehicle along a line |
 //! | `document` | the pipeline file |
+//! | `request` | what a survey is planned from |
+
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments on options are shown as help, where defaults stand in brackets"
+)]
 
 mod airborne;
 mod area;
@@ -30,17 +36,21 @@ mod line;
 mod mobile;
 mod reach;
 mod report;
+mod request;
 mod swath;
 mod terrestrial;
 #[cfg(test)]
 mod testing;
 
-pub use airborne::{AirborneOptions, plan_airborne};
+pub use airborne::{AirborneOptions, Carrier, plan_airborne};
 pub use area::Area;
 pub use area_file::{read_area, read_line};
-pub use document::{Document, Promise};
-pub use flown::fly_sample;
+pub use beams::QuarterTurns;
+pub use document::{PlannedSurvey, Promise, Turned, Waypoint};
+pub use flown::{Flown, fly_sample};
 pub use height::Ground;
 pub use mobile::{MobileOptions, plan_mobile};
-pub use swath::Instrument;
-pub use terrestrial::{Arrangement, TerrestrialOptions, plan_terrestrial};
+pub use reach::{Reach, Seen};
+pub use request::{AirborneRequest, AreaSource, MobileRequest, PlanRequest, PlanSetup, TerrestrialRequest};
+pub use swath::{Instrument, Scan};
+pub use terrestrial::{TerrestrialOptions, plan_terrestrial};

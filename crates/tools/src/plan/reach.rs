@@ -17,9 +17,13 @@ pub struct Reach {
 /// Whether a device measures a place on the ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Seen {
+    /// It is measured.
     Measured,
+    /// It is nearer than the instrument measures.
     TooNear,
+    /// It is farther away than the instrument measures.
     TooFar,
+    /// Its echo is too weak.
     TooWeak,
 }
 

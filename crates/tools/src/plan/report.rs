@@ -2,7 +2,7 @@
 
 use super::airborne::{AirborneOptions, Choice};
 use super::area::Area;
-use super::document::{Document, Turned};
+use super::document::{PlannedSurvey, Turned};
 use super::height::Level;
 use super::swath::Instrument;
 use vlscan_base::quantity::{amount, duration, number};
@@ -34,7 +34,7 @@ pub(super) struct PlanReport<'f> {
 }
 
 impl PlanReport<'_> {
-    pub fn describe(&self, document: &mut Document, options: &AirborneOptions) {
+    pub fn describe(&self, document: &mut PlannedSurvey, options: &AirborneOptions) {
         let flown = document.length();
         document.comments.extend(self.flight(options, flown));
         document.comments.extend(self.strip());
@@ -141,14 +141,14 @@ impl PlanReport<'_> {
         let [_, far] = self.instrument.ranges();
         let depth = self.level.mean - self.level.low;
         let lowest = (self.height + depth).hypot(field.reach() * (1.0 + depth / self.height));
-        if options.climb.is_none() && lowest > far && field.lost.too_far <= 0.0 {
+        if !options.follow_terrain && lowest > far && field.lost.too_far <= 0.0 {
             warn(format!(
                 "where the ground is lowest the edge of the swath is {lowest:.0} m away, farther than the instrument's {} m",
                 number(far)
             ));
         }
         let relief = self.level.high - self.level.low;
-        if options.climb.is_none() && relief > 0.1 * self.height {
+        if !options.follow_terrain && relief > 0.1 * self.height {
             warn(format!(
                 "the ground differs by {relief:.0} m within the area, and level lines have other swaths and densities over \
                  it; --follow-terrain keeps the height above it"

@@ -40,6 +40,8 @@ pub struct Instrument {
     scanner: Scanner,
     /// Reference of the scanner in pipeline files.
     pub reference: String,
+    /// The pulse rate that is wanted instead of the scanner's first, Hz.
+    pub wanted_rate: Option<u32>,
 }
 
 /// The scan of a survey, as its settings state it.
@@ -58,9 +60,9 @@ pub struct Scan {
 }
 
 impl Instrument {
-    /// The instrument `scanner`; `reference` is how pipeline files refer to it.
-    pub fn new(reference: String, scanner: &Scanner) -> Instrument {
-        Instrument { scanner: scanner.clone(), reference }
+    /// The instrument `scanner` at a pulse rate, Hz, or its first one; `reference` is how pipeline files refer to it.
+    pub fn new(reference: String, scanner: &Scanner, wanted_rate: Option<u32>) -> Instrument {
+        Instrument { scanner: scanner.clone(), reference, wanted_rate }
     }
 
     pub(crate) fn name(&self) -> &str {
@@ -81,12 +83,12 @@ impl Instrument {
         self.scanner.devices.len() as f64
     }
 
-    /// The requested pulse rate or the instrument's first, Hz.
+    /// The wanted pulse rate or the scanner's first, Hz.
     ///
     /// # Errors
     /// A sentence if there is none.
-    pub fn pulse_rate(&self, wanted: Option<u32>) -> Result<u32, String> {
-        let rate = wanted.or(self.scanner.pulse_freqs.first().copied()).filter(|rate| *rate > 0);
+    pub fn pulse_rate(&self) -> Result<u32, String> {
+        let rate = self.wanted_rate.or(self.scanner.pulse_freqs.first().copied()).filter(|rate| *rate > 0);
         rate.ok_or_else(|| "the instrument has no usual pulse rate: --pulse-rate is needed".to_owned())
     }
 
@@ -383,7 +385,7 @@ mod tests {
     fn strip(id: &str, wanted_deg: Option<f64>) -> (f64, f64) {
         let instrument = instrument(id);
         let half_angle = instrument.half_angle(wanted_deg).unwrap();
-        let rate = instrument.pulse_rate(None).unwrap();
+        let rate = instrument.pulse_rate().unwrap();
         let scan = instrument.scan(half_angle, rate, None, 100.0).unwrap();
         let field = instrument.beams(&scan).unwrap().over_ground(&down(), 100.0);
         let fired = instrument.beams(&scan).unwrap().fired;

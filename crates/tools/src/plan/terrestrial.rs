@@ -1,73 +1,76 @@
 //! Terrestrial surveys: positions of a tripod.
 
 use super::area::Area;
-use super::document::{Document, Waypoint};
+use super::document::{PlannedSurvey, Waypoint};
 use super::swath::{Instrument, Scan, span};
+use crate::args;
 use std::f64::consts::TAU;
-use vlscan_base::quantity::{amount, duration, number};
+use vlscan_base::quantity::{POSITIVE, amount, duration, number};
 use vlscan_geom::{DVec3, degrees, radians};
 
 /// Most positions of a plan.
 const MAX_POSITIONS: usize = 100_000;
 
-/// Where the tripod stands.
-#[derive(Clone, Debug)]
-pub enum Arrangement {
-    /// On a square grid inside an area.
-    Grid {
-        /// The area that contains all positions.
-        area: Area,
-        /// Distance between neighbouring positions, m.
-        spacing: f64,
-    },
-    /// Evenly on a circle around a plot's centre, the first one to the north.
-    Around {
-        /// Centre of the plot, x and y in m.
-        centre: [f64; 2],
-        /// Radius of the circle, m.
-        radius: f64,
-        /// Number of positions on the circle.
-        count: u32,
-        /// Whether there is also a position at the centre, which comes first.
-        at_centre: bool,
-    },
-}
+/// Positions around a plot if no number is given.
+const DEFAULT_POSITIONS: u32 = 4;
 
-/// What a terrestrial survey shall be.
-#[derive(Clone, Debug)]
+/// What a terrestrial survey shall be: positions on a grid if there is a spacing, else around a plot.
+#[derive(Clone, Debug, clap::Args)]
 pub struct TerrestrialOptions {
-    /// Positions of the tripod.
-    pub arrangement: Arrangement,
-    /// Angle between neighbouring points, degrees.
+    /// Distance of the positions on a square grid over the area, m.
+    #[arg(long, value_name = "M", required_unless_present = "around", conflicts_with = "around", value_parser = args::positive)]
+    pub spacing: Option<f64>,
+    /// Centre of a plot, around which the positions stand.
+    #[arg(long, value_name = "X,Y", requires = "radius", allow_hyphen_values = true, value_parser = args::position)]
+    pub around: Option<[f64; 2]>,
+    /// Radius on which the positions stand, m.
+    #[arg(long, value_name = "M", requires = "around", value_parser = args::positive)]
+    pub radius: Option<f64>,
+    /// Positions around the plot. [default: 4]
+    #[arg(short = 'n', long, value_name = "N", conflicts_with = "spacing", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub positions: Option<u32>,
+    /// One position at the plot's centre as well.
+    #[arg(long, requires = "around")]
+    pub at_centre: bool,
+    /// Angle from point to point, degrees.
+    #[arg(long, value_name = "DEG", default_value = "0.04", value_parser = args::positive)]
     pub resolution: f64,
-    /// Pulses per second.
-    pub pulse_rate: Option<u32>,
-    /// Height of the ground where the scene tells none, m.
-    pub level: f64,
-    /// Whether there is a scene whose ground the tripod is set on.
-    pub on_ground: bool,
 }
 
-/// Plans full turns of the head at each position.
+/// Plans full turns of the head at each position, at the height `level`, m, or on the ground of the scene. A grid lies over `area`.
 ///
 /// # Errors
 /// A sentence: no position, too many, an instrument without a turning head, a resolution that it cannot draw.
-pub fn plan_terrestrial(instrument: &Instrument, options: &TerrestrialOptions) -> Result<Document, String> {
+pub fn plan_terrestrial(
+    area: Option<&Area>,
+    instrument: &Instrument,
+    options: &TerrestrialOptions,
+    level: f64,
+    on_ground: bool,
+) -> Result<PlannedSurvey, String> {
+    args::check([
+        ("spacing", options.spacing, POSITIVE),
+        ("radius", options.radius, POSITIVE),
+        ("resolution", Some(options.resolution), POSITIVE),
+    ])?;
     if instrument.head_rate() <= 0.0 {
         return Err(format!("the head of {} does not turn; it is no terrestrial scanner", instrument.name()));
     }
     let scan = resolved_scan(instrument, options)?;
-    let places = positions(&options.arrangement)?;
-    let mut document =
-        Document { scanner: instrument.reference.clone(), settings: scan.settings(), ..Document::default() };
+    let places = positions(area, options)?;
+    let mut document = PlannedSurvey {
+        scanner: instrument.reference.clone(),
+        settings: scan.settings(),
+        ..PlannedSurvey::default()
+    };
     document.settings.extend([("head_start_deg", 0.0), ("head_stop_deg", 360.0)]);
     document.waypoints = places
         .iter()
         .enumerate()
         .map(|(i, [x, y])| Waypoint {
-            position: DVec3::new(*x, *y, options.level),
+            position: DVec3::new(*x, *y, level),
             active: true,
-            on_ground: options.on_ground,
+            on_ground,
             strip: Some(format!("position{:03}", i + 1)),
             speed: None,
         })
@@ -79,8 +82,8 @@ pub fn plan_terrestrial(instrument: &Instrument, options: &TerrestrialOptions) -
 /// The scan with the requested resolution at the requested pulse rate, else at the first of the instrument's rates that its
 /// mirror and its head can draw it with.
 fn resolved_scan(instrument: &Instrument, options: &TerrestrialOptions) -> Result<Scan, String> {
-    let first = instrument.pulse_rate(options.pulse_rate)?;
-    let others = instrument.pulse_rates().iter().copied().filter(|_| options.pulse_rate.is_none());
+    let first = instrument.pulse_rate()?;
+    let others = instrument.pulse_rates().iter().copied().filter(|_| instrument.wanted_rate.is_none());
     let mut refused = None;
     for rate in [first].into_iter().chain(others) {
         match scan_of(instrument, options.resolution, rate) {
@@ -157,34 +160,19 @@ fn scan_of(instrument: &Instrument, resolution: f64, pulse_rate: u32) -> Result<
     })
 }
 
-fn positions(arrangement: &Arrangement) -> Result<Vec<[f64; 2]>, String> {
-    let places = match arrangement {
-        Arrangement::Grid { area, spacing } => {
-            let (low, high) = area.bounds();
-            // Centred: as far from both edges.
-            let axis = |i: usize| {
-                let count = ((high[i] - low[i]) / spacing).floor().max(0.0);
-                let first = 0.5 * (low[i] + high[i]) - 0.5 * count * spacing;
-                (first, count as usize + 1)
-            };
-            let ((x0, columns), (y0, rows)) = (axis(0), axis(1));
-            if columns.saturating_mul(rows) > 16 * MAX_POSITIONS {
-                return Err(format!(
-                    "a grid of {columns} by {rows} positions, expected at most {MAX_POSITIONS}"
-                ));
-            }
-            let at = |first: f64, i: usize| first + i as f64 * spacing;
-            let all = (0..rows).flat_map(|r| (0..columns).map(move |c| (r, c)));
-            all.map(|(r, c)| [at(x0, c), at(y0, r)]).filter(|p| area.contains(*p)).collect()
-        }
-        Arrangement::Around { centre: [x, y], radius, count, at_centre } => {
-            let mut places: Vec<[f64; 2]> = if *at_centre { vec![[*x, *y]] } else { Vec::new() };
-            places.extend((0..*count).map(|i| {
-                let (s, c) = libm::sincos(TAU * f64::from(i) / f64::from(*count));
+fn positions(area: Option<&Area>, options: &TerrestrialOptions) -> Result<Vec<[f64; 2]>, String> {
+    let places = match (options.around.zip(options.radius), area.zip(options.spacing)) {
+        // The first one stands to the north.
+        (Some(([x, y], radius)), _) => {
+            let count = options.positions.unwrap_or(DEFAULT_POSITIONS);
+            let on_circle = (0..count).map(|i| {
+                let (s, c) = libm::sincos(TAU * f64::from(i) / f64::from(count));
                 [x + radius * s, y + radius * c]
-            }));
-            places
+            });
+            options.at_centre.then_some([x, y]).into_iter().chain(on_circle).collect()
         }
+        (None, Some((area, spacing))) => grid(area, spacing)?,
+        _ => return Err("where? --spacing and an area, or --around and --radius, are needed".to_owned()),
     };
     match places.len() {
         0 => Err("no position is inside the area; a smaller spacing is needed".to_owned()),
@@ -193,8 +181,23 @@ fn positions(arrangement: &Arrangement) -> Result<Vec<[f64; 2]>, String> {
     }
 }
 
+/// The positions of a square grid within an area, centred: as far from both edges.
+fn grid(area: &Area, spacing: f64) -> Result<Vec<[f64; 2]>, String> {
+    let (low, high) = area.bounds();
+    let [(x0, columns), (y0, rows)] = [0, 1].map(|i| {
+        let count = ((high[i] - low[i]) / spacing).floor().max(0.0);
+        (0.5 * (low[i] + high[i]) - 0.5 * count * spacing, count as usize + 1)
+    });
+    if columns.saturating_mul(rows) > 16 * MAX_POSITIONS {
+        return Err(format!("a grid of {columns} by {rows} positions, expected at most {MAX_POSITIONS}"));
+    }
+    let at = |first: f64, i: usize| first + i as f64 * spacing;
+    let all = (0..rows).flat_map(|r| (0..columns).map(move |c| [at(x0, c), at(y0, r)]));
+    Ok(all.filter(|p| area.contains(*p)).collect())
+}
+
 fn describe(
-    document: &mut Document,
+    document: &mut PlannedSurvey,
     instrument: &Instrument,
     options: &TerrestrialOptions,
     scan: &Scan,
@@ -222,7 +225,7 @@ fn describe(
             instrument.devices()
         ));
     }
-    if scan.pulse_rate != instrument.pulse_rate(options.pulse_rate)? {
+    if scan.pulse_rate != instrument.pulse_rate()? {
         document.warnings.push(format!(
             "the pulse rate is {kilohertz} kHz, since the instrument cannot draw {}° at its first one",
             number(options.resolution)
@@ -235,18 +238,35 @@ fn describe(
 mod tests {
     use super::*;
 
+    fn options() -> TerrestrialOptions {
+        TerrestrialOptions {
+            spacing: None,
+            around: None,
+            radius: None,
+            positions: None,
+            at_centre: false,
+            resolution: 0.04,
+        }
+    }
+
     #[test]
     fn a_grid_is_centred_and_inside() {
         let area = Area::new(vec![[0.0, 0.0], [30.0, 0.0], [30.0, 30.0], [0.0, 30.0]]).unwrap();
-        let places = positions(&Arrangement::Grid { area, spacing: 12.0 }).unwrap();
+        let places =
+            positions(Some(&area), &TerrestrialOptions { spacing: Some(12.0), ..options() }).unwrap();
         assert_eq!(places.len(), 9);
         assert_eq!((places[0], places[8]), ([3.0, 3.0], [27.0, 27.0]));
     }
 
     #[test]
     fn positions_around_a_plot_are_on_its_circle() {
-        let around = Arrangement::Around { centre: [100.0, 50.0], radius: 15.0, count: 4, at_centre: true };
-        let places = positions(&around).unwrap();
+        let around = TerrestrialOptions {
+            around: Some([100.0, 50.0]),
+            radius: Some(15.0),
+            at_centre: true,
+            ..options()
+        };
+        let places = positions(None, &around).unwrap();
         assert_eq!(places.len(), 5);
         assert_eq!(places[0], [100.0, 50.0]);
         assert!((places[1][1] - 65.0).abs() < 1e-12 && (places[2][0] - 115.0).abs() < 1e-12);
@@ -255,6 +275,8 @@ mod tests {
     #[test]
     fn what_cannot_be_is_refused() {
         let area = Area::rectangle([0.0, 0.0], [1e6, 1e6]).unwrap();
-        assert!(positions(&Arrangement::Grid { area, spacing: 0.1 }).unwrap_err().contains("at most"));
+        let dense = TerrestrialOptions { spacing: Some(0.1), ..options() };
+        assert!(positions(Some(&area), &dense).unwrap_err().contains("at most"));
+        assert!(positions(Some(&area), &options()).unwrap_err().contains("--spacing"));
     }
 }

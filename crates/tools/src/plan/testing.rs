@@ -10,7 +10,7 @@ pub fn instrument(id: &str) -> Instrument {
         reference.ends_with(id) && reference[..reference.len() - id.len()].ends_with(['#', '/'])
     };
     let (reference, scanner) = known.scanners.iter().find(|(reference, _)| is_meant(reference)).unwrap();
-    Instrument::new(reference.clone(), scanner)
+    Instrument::new(reference.clone(), scanner, None)
 }
 
 /// A scanner of one beam with a mirror of 20° to either side on a head of ten turns a second, with these attributes besides.
@@ -24,5 +24,5 @@ pub fn spinning(attributes: &str) -> Instrument {
     std::fs::write(&path, text).unwrap();
     let reference = format!("{}#s", path.display());
     let (scanner, _) = find_scanner(&reference, &ReadOptions::default()).unwrap();
-    Instrument::new(reference, &scanner)
+    Instrument::new(reference, &scanner, None)
 }

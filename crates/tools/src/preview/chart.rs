@@ -4,7 +4,7 @@
 use super::font;
 use super::label::{grouped, round_below, round_number};
 use super::picture::{Frame, Picture, Rgb};
-use super::wave::Wave;
+use crate::cloud::Wave;
 use std::fmt::Write as _;
 use vlscan_base::markup::escaped;
 use vlscan_lidar::pulse::{RecordedEcho, recorded_echoes};

@@ -2,8 +2,76 @@
 
 use super::label;
 use super::picture::Rgb;
-use super::points::{ColourBy, Points};
+use crate::cloud::Points;
 use libm::{cos, sin};
+use std::path::Path;
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_formats::Attribute;
+
+/// What the colours show.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum ColourBy {
+    /// Height.
+    #[default]
+    Height,
+    /// Class of the surface.
+    Class,
+    /// Echo strength.
+    Intensity,
+    /// Part that was hit.
+    Object,
+    /// Number of the return.
+    Return,
+    /// Leg that was flown (point source id of LAS).
+    Leg,
+    /// Device of a scanner of several channels.
+    Channel,
+    /// Time of the pulse.
+    Time,
+}
+
+impl ColourBy {
+    /// All of them.
+    pub const ALL: [ColourBy; 8] = {
+        use ColourBy::{Channel, Class, Height, Intensity, Leg, Object, Return, Time};
+        [Height, Class, Intensity, Object, Return, Leg, Channel, Time]
+    };
+
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        ["height", "class", "intensity", "object", "return", "leg", "channel", "time"][self as usize]
+    }
+
+    /// Whether the points have the attribute of this colouring.
+    pub(super) fn shown_by(self, points: &Points) -> bool {
+        points.has(match self {
+            ColourBy::Height => return true,
+            ColourBy::Class => Attribute::Class,
+            ColourBy::Intensity => Attribute::Intensity,
+            ColourBy::Object => Attribute::Object,
+            ColourBy::Return => Attribute::ReturnNumber,
+            ColourBy::Leg => Attribute::Leg,
+            ColourBy::Channel => Attribute::Channel,
+            ColourBy::Time => Attribute::Time,
+        })
+    }
+
+    /// A warning of the points of the file `path` whose colour is that of other numbers.
+    pub fn doubts(self, points: &Points, path: &Path) -> Diagnostics {
+        let (legs, channels) = points.beyond_bytes();
+        let (count, what) = match self {
+            ColourBy::Leg => (legs, "legs"),
+            ColourBy::Channel => (channels, "channels"),
+            _ => (0, ""),
+        };
+        let mut found = Diagnostics::default();
+        if count > 0 {
+            let message = format!("{count} points have {what} above 255, which are shown as 255");
+            found.warn(Some(Place::of_file(path)), message);
+        }
+        found
+    }
+}
 
 /// From low to high: dark to light and blue to yellow, readable in greyscale and with colour vision deficiency.
 const HEIGHTS: [Rgb; 8] = [
@@ -70,46 +138,41 @@ impl Colouring {
     /// Colours by `wanted`, or by height if the points lack that attribute; `heights` are those of the lowest and the highest
     /// colour, world coordinates, if not those of the points.
     pub(super) fn new(points: &Points, wanted: ColourBy, heights: Option<(f64, f64)>) -> Colouring {
-        let has = points.attributes;
+        let table = |colours: Vec<Rgb>| Colouring::Table { value: wanted, colours };
         match wanted {
-            ColourBy::Intensity if has.intensity => {
+            _ if !wanted.shown_by(points) => Colouring::of_heights(points, heights),
+            ColourBy::Height => Colouring::of_heights(points, heights),
+            ColourBy::Intensity => {
                 Colouring::Ranks { quantiles: quantiles(&points.intensity), table: &STRENGTHS }
             }
-            ColourBy::Time if has.time => {
+            ColourBy::Time => {
                 let (low, high) = inner_range(points.time.iter().copied());
                 Colouring::Ramp { value: wanted, low, high, table: &HEIGHTS }
             }
-            ColourBy::Leg if has.leg => {
+            ColourBy::Leg => {
                 let colour = |n: usize| match (points.legs_from_one(), n) {
                     (true, 0) => NO_LEG,
                     (true, n) => object_colour(n - 1),
                     (false, n) => object_colour(n),
                 };
-                Colouring::Table { value: wanted, colours: (0..=255).map(colour).collect() }
+                table((0..=255).map(colour).collect())
             }
-            ColourBy::Channel if has.channel => {
-                Colouring::Table { value: wanted, colours: (0..=255).map(object_colour).collect() }
+            ColourBy::Channel => table((0..=255).map(object_colour).collect()),
+            ColourBy::Class => table((0..=255).map(class_colour).collect()),
+            ColourBy::Return => {
+                table((0..=255usize).map(|r| RETURNS[r.saturating_sub(1) % RETURNS.len()]).collect())
             }
-            ColourBy::Class if has.class => {
-                Colouring::Table { value: wanted, colours: (0..=255).map(class_colour).collect() }
-            }
-            ColourBy::Return if has.return_number => {
-                let colours = (0..=255usize).map(|r| RETURNS[r.saturating_sub(1) % RETURNS.len()]).collect();
-                Colouring::Table { value: wanted, colours }
-            }
-            ColourBy::Object if has.object => Colouring::Table {
-                value: wanted,
-                colours: (0..points.objects.len()).map(object_colour).collect(),
-            },
-            _ => {
-                let z = points.origin().z;
-                let (low, high) = match heights {
-                    Some((low, high)) => ((low - z) as f32, (high - z) as f32),
-                    None => inner_range(points.offsets().map(|p| p[2])),
-                };
-                Colouring::Ramp { value: ColourBy::Height, low, high, table: &HEIGHTS }
-            }
+            ColourBy::Object => table((0..points.objects.len()).map(object_colour).collect()),
         }
+    }
+
+    fn of_heights(points: &Points, heights: Option<(f64, f64)>) -> Colouring {
+        let z = points.origin().z;
+        let (low, high) = match heights {
+            Some((low, high)) => ((low - z) as f32, (high - z) as f32),
+            None => inner_range(points.offsets().map(|p| p[2])),
+        };
+        Colouring::Ramp { value: ColourBy::Height, low, high, table: &HEIGHTS }
     }
 
     pub(super) fn of(&self, points: &Points, i: usize) -> Rgb {
@@ -289,49 +352,37 @@ fn inner_range(values: impl Iterator<Item = f32> + Clone) -> (f32, f32) {
     (low + below as f32 * step, high - above as f32 * step)
 }
 
-/// Colours of classes: bare ground like sand, trunks (4) brown, leaves (5) green.
+/// Point classes with their names (LAS 1.4) and colours: bare ground like sand, trunks (4) brown, leaves (5) green.
+const CLASSES: [(usize, &str, Rgb); 18] = [
+    (0, "no class", [150, 158, 166]),
+    (1, "unclassified", [150, 158, 166]),
+    (2, "ground", [198, 178, 142]),
+    (3, "low vegetation", [166, 204, 98]),
+    (4, "mid vegetation", [142, 88, 48]),
+    (5, "high vegetation", [66, 160, 84]),
+    (6, "building", [222, 100, 78]),
+    (7, "low noise", [220, 60, 160]),
+    (8, "key point", [214, 196, 120]),
+    (9, "water", [70, 130, 214]),
+    (10, "rail", [132, 126, 140]),
+    (11, "road", [132, 126, 140]),
+    (13, "wire guard", [240, 220, 110]),
+    (14, "conductor", [240, 220, 110]),
+    (15, "tower", [240, 220, 110]),
+    (16, "connector", [240, 220, 110]),
+    (17, "bridge", [180, 150, 190]),
+    (18, "high noise", [220, 60, 160]),
+];
+
 fn class_colour(class: usize) -> Rgb {
-    match class {
-        0 | 1 => [150, 158, 166],
-        2 => [198, 178, 142],
-        3 => [166, 204, 98],
-        4 => [142, 88, 48],
-        5 => [66, 160, 84],
-        6 => [222, 100, 78],
-        7 | 18 => [220, 60, 160],
-        8 => [214, 196, 120],
-        9 => [70, 130, 214],
-        10 | 11 => [132, 126, 140],
-        13..=16 => [240, 220, 110],
-        17 => [180, 150, 190],
-        _ => object_colour(class),
-    }
+    let known = CLASSES.iter().find(|(code, ..)| *code == class);
+    known.map_or_else(|| object_colour(class), |(.., colour)| *colour)
 }
 
-/// Name of a point class (LAS 1.4).
+/// Name of a point class.
 fn class_name(class: usize) -> String {
-    let name = match class {
-        0 => "no class",
-        1 => "unclassified",
-        2 => "ground",
-        3 => "low vegetation",
-        4 => "mid vegetation",
-        5 => "high vegetation",
-        6 => "building",
-        7 => "low noise",
-        8 => "key point",
-        9 => "water",
-        10 => "rail",
-        11 => "road",
-        13 => "wire guard",
-        14 => "conductor",
-        15 => "tower",
-        16 => "connector",
-        17 => "bridge",
-        18 => "high noise",
-        _ => return format!("class {class}"),
-    };
-    format!("{class} {name}")
+    let known = CLASSES.iter().find(|(code, ..)| *code == class);
+    known.map_or_else(|| format!("class {class}"), |(_, name, _)| format!("{class} {name}"))
 }
 
 /// Colour of an object. Distinct colours of equal lightness for any number of objects: hues a golden angle apart in the
@@ -359,8 +410,8 @@ fn object_colour(number: usize) -> Rgb {
 
 #[cfg(test)]
 mod tests {
-    use super::super::points::{Attributes, Point};
     use super::*;
+    use vlscan_formats::{AttributeSet, PointRow};
     use vlscan_geom::DVec3;
 
     fn luminance(c: Rgb) -> f64 {
@@ -401,9 +452,9 @@ mod tests {
 
     #[test]
     fn a_missing_attribute_falls_back_to_height() {
-        let mut points = Points::new(Attributes { class: true, ..Attributes::default() });
+        let mut points = Points::new(AttributeSet::of(|attribute| attribute == Attribute::Class));
         for (class, z) in [(2, 0.0), (2, 1.0), (2, 2.0), (5, 9.0)] {
-            points.push(&Point { position: DVec3::new(0.0, 0.0, z), class, ..Point::default() });
+            points.push(&PointRow { position: DVec3::new(0.0, 0.0, z), class, ..PointRow::default() }, None);
         }
         assert!(matches!(
             Colouring::new(&points, ColourBy::Object, None),
@@ -420,10 +471,10 @@ mod tests {
     #[test]
     fn clouds_side_by_side_have_one_scale_of_heights() {
         let cloud = |top: f64| {
-            let mut points = Points::new(Attributes::default());
+            let mut points = Points::default();
             for i in 0..1000 {
                 let position = DVec3::new(0.0, 0.0, 200.0 + top * f64::from(i) / 999.0);
-                points.push(&Point { position, ..Point::default() });
+                points.push(&PointRow { position, ..PointRow::default() }, None);
             }
             points
         };
@@ -438,9 +489,9 @@ mod tests {
 
     #[test]
     fn places_without_a_leg_are_grey_and_legs_count_from_0() {
-        let mut points = Points::new(Attributes { leg: true, ..Attributes::default() });
+        let mut points = Points::new(AttributeSet::of(|attribute| attribute == Attribute::Leg));
         for leg in [0, 0, 1, 2] {
-            points.push(&Point { leg, ..Point::default() });
+            points.push(&PointRow { leg, ..PointRow::default() }, None);
         }
         let labels = |points: &Points| {
             let legend = Colouring::new(points, ColourBy::Leg, None).legend(points, 9);

@@ -4,8 +4,8 @@ use super::colour::{Colouring, Legend, mixed};
 use super::label::{grouped, metres, round_below, round_number};
 use super::panel::{Panel, View};
 use super::picture::{Frame, Picture, Rgb};
-use super::points::Points;
 use super::{PreviewOptions, font};
+use crate::cloud::Points;
 
 /// Colours of everything but the points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,7 +95,7 @@ impl Sheet {
             return sheet;
         }
         let extent = Extent::of(points);
-        let section = Section::choose(points, &extent, options);
+        let section = Section::choose(points, &extent);
         let split = sheet.split(&extent);
         let centre = extent.centre();
         let mut keep = extent.keep();
@@ -314,8 +314,8 @@ impl Split {
 }
 
 /// Height above which the view from above omits points, in world coordinates; `None` if no ceiling hides the rest.
-pub(super) fn ceiling(points: &Points, options: &PreviewOptions) -> Option<f64> {
-    if points.is_empty() { None } else { Section::choose(points, &Extent::of(points), options).cut_above }
+pub(super) fn ceiling(points: &Points) -> Option<f64> {
+    if points.is_empty() { None } else { Section::choose(points, &Extent::of(points)).cut_above }
 }
 
 /// The points that the views show.
@@ -327,17 +327,10 @@ struct Section {
 }
 
 impl Section {
-    fn choose(points: &Points, extent: &Extent, options: &PreviewOptions) -> Section {
+    fn choose(points: &Points, extent: &Extent) -> Section {
         let room = is_room(points, extent);
         let middle = 0.5 * (extent.low[1] + extent.high[1]);
-        let cut_above = options.cut_above_m.filter(|c| c.is_finite()).or_else(|| {
-            let half = 0.5 * (extent.low[2] + extent.high[2]);
-            room.then(|| half + points.origin().z)
-        });
-        if let Some(thickness) = options.section_m.filter(|t| t.is_finite() && *t > 0.0) {
-            let half = (0.5 * thickness).min(0.5 * extent.size(1));
-            return Section { south: middle - half, north: middle + half, haze: 0.5, cut_above };
-        }
+        let cut_above = room.then(|| 0.5 * (extent.low[2] + extent.high[2]) + points.origin().z);
         if room {
             return Section { south: middle, north: extent.high[1], haze: 0.35, cut_above };
         }
@@ -437,32 +430,22 @@ impl Frame {
 
 #[cfg(test)]
 mod tests {
-    use super::super::points::{Attributes, Point};
     use super::super::{ColourBy, draw};
     use super::*;
+    use vlscan_formats::{AttributeSet, PointRow};
     use vlscan_geom::DVec3;
 
     fn cloud(n: usize, at: impl Fn(f64, f64) -> f64) -> Points {
-        let all = Attributes {
-            intensity: true,
-            class: true,
-            return_number: true,
-            object: true,
-            ..Attributes::default()
-        };
-        let mut points = Points::new(all);
+        use vlscan_formats::Attribute::{Class, Intensity, Object, ReturnNumber};
+        let mut points =
+            Points::new(AttributeSet::of(|a| [Intensity, Class, ReturnNumber, Object].contains(&a)));
         for i in 0..n * n {
             let (x, y) = ((i % n) as f64, (i / n) as f64);
             let position = DVec3::new(500_000.0 + x, 5_400_000.0 + y, at(x, y));
             let object = if i % 7 == 0 { "7" } else { "8" };
-            points.push(&Point {
-                position,
-                intensity: i as f32,
-                class: (i % 3) as i32,
-                return_number: 1 + (i % 4) as u32,
-                object,
-                ..Point::default()
-            });
+            let (class, return_number) = ((i % 3) as u8, 1 + (i % 4) as u8);
+            let row = PointRow { position, intensity: i as f32, class, return_number, ..PointRow::default() };
+            points.push(&row, Some(object));
         }
         points
     }
@@ -502,16 +485,22 @@ mod tests {
 
     #[test]
     fn odd_clouds_are_drawn_without_panic() {
-        let mut single = Points::new(Attributes::default());
-        single.push(&Point { position: DVec3::new(1e7, -1e7, 1e5), ..Point::default() });
-        let mut line = Points::new(Attributes::default());
-        let mut vast = Points::new(Attributes::default());
+        let mut single = Points::default();
+        single.push(&PointRow { position: DVec3::new(1e7, -1e7, 1e5), ..PointRow::default() }, None);
+        let mut line = Points::default();
+        let mut vast = Points::default();
         for i in 0..100 {
-            line.push(&Point { position: DVec3::new(f64::from(i), 0.0, 0.0), ..Point::default() });
+            line.push(
+                &PointRow { position: DVec3::new(f64::from(i), 0.0, 0.0), ..PointRow::default() },
+                None,
+            );
             let sign = if i % 2 == 0 { 1e300 } else { -1e300 };
-            vast.push(&Point { position: DVec3::new(sign, f64::from(i), 0.0), ..Point::default() });
+            vast.push(
+                &PointRow { position: DVec3::new(sign, f64::from(i), 0.0), ..PointRow::default() },
+                None,
+            );
         }
-        let empty = Points::new(Attributes::default());
+        let empty = Points::default();
         for points in [single, line, vast, empty] {
             for (width, height) in [(0, 0), (500, 400), (1, 5000)] {
                 draw(&points, &PreviewOptions { width, height, ..PreviewOptions::default() });
@@ -521,21 +510,24 @@ mod tests {
 
     #[test]
     fn a_room_is_cut_open_and_a_forest_is_not() {
-        let mut room = Points::new(Attributes::default());
-        let mut forest = Points::new(Attributes::default());
+        let mut room = Points::default();
+        let mut forest = Points::default();
         for i in 0..40_000u32 {
             let (x, y) = (f64::from(i % 200) * 0.04, f64::from(i / 200) * 0.03);
             for z in [0.0, 2.8] {
-                room.push(&Point { position: DVec3::new(x, y, z), ..Point::default() });
+                room.push(&PointRow { position: DVec3::new(x, y, z), ..PointRow::default() }, None);
             }
             let tree = 12.0 + 9.0 * libm::sin(0.9 * x * 25.0) * libm::cos(1.1 * y * 25.0);
             for z in [0.0, tree] {
-                forest.push(&Point { position: DVec3::new(x * 25.0, y * 25.0, z), ..Point::default() });
+                forest.push(
+                    &PointRow { position: DVec3::new(x * 25.0, y * 25.0, z), ..PointRow::default() },
+                    None,
+                );
             }
         }
         assert!(is_room(&room, &Extent::of(&room)));
         assert!(!is_room(&forest, &Extent::of(&forest)));
-        let section = Section::choose(&room, &Extent::of(&room), &PreviewOptions::default());
+        let section = Section::choose(&room, &Extent::of(&room));
         assert!(section.cut_above.is_some_and(|c| (1.0..2.0).contains(&c)));
     }
 }

@@ -1,15 +1,14 @@
 //! Draws a point cloud as a picture (from above and from the south, with scale bars and a legend) or as an interactive
 //! page for a browser, and the waveform of one pulse as a chart.
 //!
-//! A point takes at most 36 bytes of memory. The same points and options give the same picture.
+//! The same points and options give the same picture.
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `read`, `points` | point clouds in memory |
 //! | `layout`, `panel`, `colour` | the layout of a picture, its views, colours and legend |
 //! | `picture`, `font`, `label` | pixels, letters, numbers as text |
 //! | `page` | pages for a browser |
-//! | `wave`, `read_packets`, `chart` | waveforms from text and from LAS, and their chart |
+//! | `chart` | charts of waveforms |
 
 mod chart;
 mod colour;
@@ -19,24 +18,15 @@ mod layout;
 mod page;
 mod panel;
 mod picture;
-mod points;
-mod read;
-mod read_packets;
-#[cfg(test)]
-mod table_tests;
-mod wave;
 
+use crate::cloud::Points;
 pub use chart::Chart;
-pub use page::{PageOptions, write_page};
-pub use picture::Picture;
-pub use points::{Attributes, ColourBy, Point, Points};
-pub use read::{points_of_table, read_points};
-pub use read_packets::read_packet;
-pub use wave::{Wave, read_wave};
-
+pub use colour::ColourBy;
 use colour::Colouring;
+pub use page::{Page, write_page};
+pub use picture::{Picture, Rgb};
 
-/// How a cloud is drawn.
+/// How a cloud is drawn, as a picture or as a page.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PreviewOptions {
     /// What the colours show; height if the points lack the attribute.
@@ -45,18 +35,15 @@ pub struct PreviewOptions {
     pub width: u32,
     /// Height of the picture, dots; 240 to 16384.
     pub height: u32,
-    /// Dark on white, for paper, instead of light on black.
+    /// Dark on white, for paper, instead of light on black; a page begins in this style.
     pub light: bool,
     /// Heights of the lowest and the highest colour, world coordinates; by default those of the points.
     pub heights: Option<(f64, f64)>,
-    /// Start of the title, usually the name of the file; may be empty.
+    /// Start of the title of a picture, name of the cloud on a page, usually the name of the file; may be empty.
     pub title: String,
-    /// Thickness of the slice in the view from the south, m; by default thin enough to distinguish trees, and the
-    /// northern half of a room.
-    pub section_m: Option<f64>,
-    /// Height in world coordinates above which the view from above omits points; by default only the ceiling of a room
-    /// is omitted.
-    pub cut_above_m: Option<f64>,
+    /// Maximum number of points of a page; beyond it the points are divided into this number of equal runs, one point of each is
+    /// kept.
+    pub max_points: usize,
 }
 
 impl Default for PreviewOptions {
@@ -68,8 +55,7 @@ impl Default for PreviewOptions {
             light: false,
             heights: None,
             title: String::new(),
-            section_m: None,
-            cut_above_m: None,
+            max_points: 5_000_000,
         }
     }
 }

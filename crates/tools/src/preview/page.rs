@@ -7,8 +7,8 @@ use super::colour::{Colouring, Legend};
 use super::label::{grouped, metres};
 use super::layout;
 use super::picture::Rgb;
-use super::points::Points;
 use super::{ColourBy, PreviewOptions};
+use crate::cloud::Points;
 use pack::{Packed, Scales, pack, sample};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -25,30 +25,12 @@ const SCRIPTS: [&str; 4] = [
     include_str!("page/main.js"),
 ];
 
-/// Settings of [`write_page`].
-#[derive(Clone, Debug, PartialEq)]
-pub struct PageOptions {
-    /// What the colours show first; height if the points lack the attribute.
-    pub colour: ColourBy,
-    /// Whether the page begins in its light style.
-    pub light: bool,
-    /// Name of the cloud, usually that of its file; may be empty.
-    pub title: String,
-    /// Maximum number of points; beyond it the points are divided into this number of equal runs, one point of each is
-    /// kept.
-    pub max_points: usize,
-}
-
-impl Default for PageOptions {
-    fn default() -> PageOptions {
-        PageOptions { colour: ColourBy::Height, light: false, title: String::new(), max_points: 5_000_000 }
-    }
-}
-
 /// Summary of a written page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Page {
+    /// Points in the page.
     pub shown: usize,
+    /// Points of the cloud.
     pub total: usize,
 }
 
@@ -57,7 +39,7 @@ pub struct Page {
 ///
 /// # Errors
 /// When writing to `out` fails.
-pub fn write_page(points: &Points, options: &PageOptions, out: &mut dyn Write) -> io::Result<Page> {
+pub fn write_page(points: &Points, options: &PreviewOptions, out: &mut dyn Write) -> io::Result<Page> {
     let chosen = sample(points.len(), options.max_points);
     let page = Page { shown: chosen.len(), total: points.total() };
     let legends = Legends::new(points);
@@ -87,7 +69,7 @@ pub fn write_page(points: &Points, options: &PageOptions, out: &mut dyn Write) -
     Ok(page)
 }
 
-fn title(options: &PageOptions) -> String {
+fn title(options: &PreviewOptions) -> String {
     if options.title.is_empty() { "vlscan".to_owned() } else { format!("{} · vlscan", options.title) }
 }
 
@@ -126,7 +108,7 @@ impl Legends {
     }
 
     /// Metadata for the page's script, as JSON.
-    fn meta(&self, points: &Points, packed: &Packed, chosen: &[u32], options: &PageOptions) -> String {
+    fn meta(&self, points: &Points, packed: &Packed, chosen: &[u32], options: &PreviewOptions) -> String {
         let bounds = points.bounds();
         let low = if points.is_empty() { [0.0; 3] } else { bounds.min.to_array() };
         let size = if points.is_empty() { [0.0; 3] } else { bounds.size().to_array() };
@@ -139,7 +121,7 @@ impl Legends {
             "step": packed.step,
             "spacing": packed.spacing,
             "colour": colour.name(),
-            "cut": layout::ceiling(points, &PreviewOptions::default()),
+            "cut": layout::ceiling(points),
         });
         for (way, colouring) in &self.ways {
             meta[way.name()] = entries(colouring, points, chosen, low[2]);
@@ -166,57 +148,32 @@ fn entries(colouring: &Colouring, points: &Points, chosen: &[u32], lowest: f64) 
     }
 }
 
-impl ColourBy {
-    /// Whether the points have the attribute of this colouring.
-    pub(super) fn shown_by(self, points: &Points) -> bool {
-        let has = points.attributes();
-        match self {
-            ColourBy::Height => true,
-            ColourBy::Class => has.class,
-            ColourBy::Intensity => has.intensity,
-            ColourBy::Object => has.object,
-            ColourBy::Return => has.return_number,
-            ColourBy::Leg => has.leg,
-            ColourBy::Channel => has.channel,
-            ColourBy::Time => has.time,
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::points::{Attributes, Point};
     use super::*;
+    use vlscan_formats::{AttributeSet, PointRow};
     use vlscan_geom::DVec3;
 
     fn cloud(n: u32) -> Points {
-        let all = Attributes {
-            intensity: true,
-            class: true,
-            return_number: true,
-            object: true,
-            leg: true,
-            channel: true,
-            time: true,
-        };
-        let mut points = Points::new(all);
+        let mut points = Points::new(AttributeSet::of(|_| true));
         for i in 0..n {
             let (x, y) = (f64::from(i % 100), f64::from(i / 100));
-            points.push(&Point {
+            let row = PointRow {
                 position: DVec3::new(500_000.0 + x, 5_400_000.0 + y, 100.0 + 0.1 * x),
                 intensity: i as f32,
-                class: 2 + (i % 3) as i32,
-                return_number: 1 + i % 2,
-                object: if i % 2 == 0 { "</script><b>" } else { "8" },
+                class: 2 + (i % 3) as u8,
+                return_number: 1 + (i % 2) as u8,
                 leg: (i % 3) as u16,
                 channel: (i % 2) as u16,
                 time: f64::from(i),
-            });
+                ..PointRow::default()
+            };
+            points.push(&row, Some(if i % 2 == 0 { "</script><b>" } else { "8" }));
         }
         points
     }
 
-    fn page(points: &Points, options: &PageOptions) -> (Page, String) {
+    fn page(points: &Points, options: &PreviewOptions) -> (Page, String) {
         let mut text = Vec::new();
         let page = write_page(points, options, &mut text).unwrap();
         (page, String::from_utf8(text).unwrap())
@@ -229,7 +186,7 @@ mod tests {
 
     #[test]
     fn a_page_tells_what_it_shows_and_asks_for_nothing() {
-        let options = PageOptions { title: "<a> & b.laz".to_owned(), ..PageOptions::default() };
+        let options = PreviewOptions { title: "<a> & b.laz".to_owned(), ..PreviewOptions::default() };
         let (shown, text) = page(&cloud(1000), &options);
         assert_eq!(shown, Page { shown: 1000, total: 1000 });
         assert!(text.contains("<title>&lt;a&gt; &amp; b.laz · vlscan</title>"));
@@ -249,7 +206,7 @@ mod tests {
 
     #[test]
     fn more_points_than_wanted_are_sampled_and_the_page_says_so() {
-        let options = PageOptions { max_points: 100, ..PageOptions::default() };
+        let options = PreviewOptions { max_points: 100, ..PreviewOptions::default() };
         let (shown, text) = page(&cloud(1000), &options);
         assert_eq!(shown, Page { shown: 100, total: 1000 });
         assert!(text.contains("100 of 1 000 points"));
@@ -260,16 +217,18 @@ mod tests {
 
     #[test]
     fn odd_clouds_become_pages() {
-        let bare = Attributes::default();
-        let mut single = Points::new(bare);
-        single.push(&Point { position: DVec3::new(1e7, -1e7, 1e5), ..Point::default() });
-        let mut vast = Points::new(bare);
+        let mut single = Points::default();
+        single.push(&PointRow { position: DVec3::new(1e7, -1e7, 1e5), ..PointRow::default() }, None);
+        let mut vast = Points::default();
         for i in 0..100 {
             let sign = if i % 2 == 0 { 1e300 } else { -1e300 };
-            vast.push(&Point { position: DVec3::new(sign, f64::from(i), 0.0), ..Point::default() });
+            vast.push(
+                &PointRow { position: DVec3::new(sign, f64::from(i), 0.0), ..PointRow::default() },
+                None,
+            );
         }
-        for points in [Points::new(bare), single, vast] {
-            let options = PageOptions { colour: ColourBy::Class, ..PageOptions::default() };
+        for points in [Points::default(), single, vast] {
+            let options = PreviewOptions { colour: ColourBy::Class, ..PreviewOptions::default() };
             let (_, text) = page(&points, &options);
             assert_eq!(meta(&text)["colour"], "height");
         }

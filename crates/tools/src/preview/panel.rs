@@ -2,7 +2,7 @@
 
 use super::colour::Colouring;
 use super::picture::{Frame, Picture, Rgb};
-use super::points::Points;
+use crate::cloud::Points;
 use rayon::prelude::*;
 
 /// Each dot of the picture is the mean of `FINE` × `FINE` samples.

@@ -1,16 +1,20 @@
 //! How a stand develops from epoch to epoch.
 
 use super::inventory::Tree;
+use crate::args;
 use vlscan_base::rng::{Purpose, Stream};
 
 /// Changes from one epoch to the next.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, clap::Args)]
 pub struct Development {
-    /// Growth of height, crown and stem, a fraction.
+    /// Growth of the trees from epoch to epoch, percent.
+    #[arg(long, value_name = "PERCENT", default_value = "0", value_parser = args::growth, allow_negative_numbers = true)]
     pub growth: f64,
-    /// Fraction of the trees that are felled, evenly over the stand.
+    /// Trees felled from epoch to epoch, percent, evenly over the stand.
+    #[arg(long, value_name = "PERCENT", default_value = "0", value_parser = args::share)]
     pub thinning: f64,
-    /// Fraction of the trees that a storm throws, in one gap.
+    /// Trees that a storm throws from epoch to epoch, percent, in one gap.
+    #[arg(long, value_name = "PERCENT", default_value = "0", value_parser = args::share)]
     pub storm: f64,
 }
 
@@ -24,13 +28,13 @@ pub(super) fn next_epoch(
 ) -> Vec<(usize, Tree)> {
     let stream = Stream::new(seed, Purpose::SceneMaking);
     let draw = |number: usize, counter: u32| stream.uniform(epoch, number as u64, counter);
-    let thrown = storm_gap(trees, development.storm, |counter| draw(u32::MAX as usize, counter));
+    let thrown = storm_gap(trees, development.storm / 100.0, |counter| draw(u32::MAX as usize, counter));
     trees
         .iter()
         .enumerate()
-        .filter(|(i, (number, _))| !thrown[*i] && draw(*number, 2) >= development.thinning)
+        .filter(|(i, (number, _))| !thrown[*i] && draw(*number, 2) >= development.thinning / 100.0)
         .map(|(_, (number, tree))| {
-            let factor = 1.0 + development.growth;
+            let factor = 1.0 + development.growth / 100.0;
             let grown = Tree {
                 height: tree.height * factor,
                 crown: tree.crown.map(|crown| crown * factor),
@@ -77,11 +81,11 @@ mod tests {
     #[test]
     fn growth_thinning_and_storm() {
         let trees = square(40);
-        let grown = next_epoch(&trees, &Development { growth: 0.1, ..Development::default() }, 1, 3);
+        let grown = next_epoch(&trees, &Development { growth: 10.0, ..Development::default() }, 1, 3);
         assert_eq!((grown.len(), grown[0].1.height, grown[0].1.crown), (1600, 11.0, Some(4.4)));
-        let thinned = next_epoch(&trees, &Development { thinning: 0.25, ..Development::default() }, 1, 3);
+        let thinned = next_epoch(&trees, &Development { thinning: 25.0, ..Development::default() }, 1, 3);
         assert!((thinned.len() as f64 / 1200.0 - 1.0).abs() < 0.05, "{}", thinned.len());
-        let storm = next_epoch(&trees, &Development { storm: 0.1, ..Development::default() }, 1, 3);
+        let storm = next_epoch(&trees, &Development { storm: 10.0, ..Development::default() }, 1, 3);
         assert_eq!(storm.len(), 1440);
         // The gap is in one place: a disc of 160 trees has a radius of 7, a corner's quarter of one 14.
         let gone: Vec<_> = trees.iter().filter(|(n, _)| !storm.iter().any(|(m, _)| m == n)).collect();
@@ -92,7 +96,7 @@ mod tests {
         assert!(extent(0) < 30.0 && extent(1) < 30.0);
         assert_ne!(
             thinned.len(),
-            next_epoch(&trees, &Development { thinning: 0.25, ..Development::default() }, 2, 3).len()
+            next_epoch(&trees, &Development { thinning: 25.0, ..Development::default() }, 2, 3).len()
         );
     }
 }

@@ -4,7 +4,7 @@ use vlscan_base::columns::{Dimension, HeadingError, parse_heading};
 use vlscan_base::diag::{Diagnostics, Place, nearest};
 
 /// What to do with longitudes and latitudes.
-pub const PROJECT: &str =
+pub(super) const PROJECT: &str =
     "project them to the terrain's system, in metres: gdaltransform -s_srs EPSG:4326 -t_srs EPSG:25832";
 
 /// The columns of an inventory, for messages.
@@ -27,98 +27,32 @@ pub(super) enum Column {
     Degrees,
 }
 
-/// The columns with their names, in lower case.
-const NAMES: [(Column, &[&str]); 9] = [
+/// The columns with their names, in lower case, with blanks between them.
+const NAMES: [(Column, &str); 9] = [
     (
         Column::Id,
-        &[
-            "id",
-            "tree",
-            "tree_id",
-            "treeid",
-            "tree_nr",
-            "treenr",
-            "tree_no",
-            "treeno",
-            "name",
-            "label",
-            "nr",
-            "no",
-            "number",
-            "baum",
-            "baumnr",
-            "baum_nr",
-            "baum_id",
-            "baumid",
-            "baumnummer",
-            "nummer",
-        ],
+        "id tree tree_id treeid tree_nr treenr tree_no treeno name label nr no number baum baumnr baum_nr \
+         baum_id baumid baumnummer nummer",
     ),
-    (
-        Column::X,
-        &["x", "easting", "east", "e", "rechtswert", "ostwert", "rw", "x_utm", "utm_x", "x_coord", "coord_x"],
-    ),
-    (
-        Column::Y,
-        &[
-            "y", "northing", "north", "n", "hochwert", "nordwert", "hw", "y_utm", "utm_y", "y_coord",
-            "coord_y",
-        ],
-    ),
-    (Column::Z, &["z", "elevation", "ground", "geländehöhe", "gelaendehoehe"]),
-    (
-        Column::Height,
-        &[
-            "height",
-            "h",
-            "tree_height",
-            "total_height",
-            "höhe",
-            "hoehe",
-            "baumhöhe",
-            "baumhoehe",
-            "scheitelhöhe",
-        ],
-    ),
+    (Column::X, "x easting east e rechtswert ostwert rw x_utm utm_x x_coord coord_x"),
+    (Column::Y, "y northing north n hochwert nordwert hw y_utm utm_y y_coord coord_y"),
+    (Column::Z, "z elevation ground geländehöhe gelaendehoehe"),
+    (Column::Height, "height h tree_height total_height höhe hoehe baumhöhe baumhoehe scheitelhöhe"),
     (
         Column::Crown,
-        &[
-            "crown",
-            "crown_diameter",
-            "crowndiameter",
-            "crown_width",
-            "cd",
-            "krone",
-            "kronendurchmesser",
-            "kronenbreite",
-            "kd",
-        ],
+        "crown crown_diameter crowndiameter crown_width cd krone kronendurchmesser kronenbreite kd",
     ),
-    (
-        Column::Stem,
-        &["dbh", "bhd", "diameter", "stem_diameter", "d13", "d1.3", "brusthöhendurchmesser", "durchmesser"],
-    ),
-    (Column::Species, &["species", "type", "art", "baumart", "holzart"]),
-    (
-        Column::Degrees,
-        &[
-            "lon",
-            "long",
-            "lng",
-            "longitude",
-            "lat",
-            "latitude",
-            "länge",
-            "laenge",
-            "breite",
-            "längengrad",
-            "breitengrad",
-        ],
-    ),
+    (Column::Stem, "dbh bhd diameter stem_diameter d13 d1.3 brusthöhendurchmesser durchmesser"),
+    (Column::Species, "species type art baumart holzart"),
+    (Column::Degrees, "lon long lng longitude lat latitude länge laenge breite längengrad breitengrad"),
 ];
 
+fn names_of(names: &'static str) -> impl Iterator<Item = &'static str> {
+    names.split(' ')
+}
+
 fn known(name: &str) -> Option<(Column, Dimension)> {
-    let (column, _) = NAMES.iter().find(|(_, names)| names.contains(&name))?;
+    let (column, _) = NAMES.iter().find(|(_, names)| names_of(names).any(|known| known == name))?;
     let dimension = match column {
         Column::Id | Column::Species => Dimension::Count,
         Column::Degrees => Dimension::Angle,
@@ -231,14 +165,15 @@ impl Headings {
         let is_missing = |column: Column| {
             column != Column::Degrees && !self.columns.iter().flatten().any(|h| h.column == column)
         };
-        let missing = || NAMES.iter().filter(|(column, _)| is_missing(*column)).flat_map(|(_, names)| *names);
+        let missing =
+            NAMES.iter().filter(|(column, _)| is_missing(*column)).flat_map(|(_, names)| names_of(names));
         let lower = name.to_lowercase();
         let without_unit = lower.split(['[', '(']).next().unwrap_or_default().trim_end();
         let without_unit = match without_unit.rsplit_once('_') {
             Some((stem, unit)) if Dimension::Length.factor(unit).is_some() => stem,
             _ => without_unit,
         };
-        let near = nearest(without_unit, missing().copied())?;
+        let near = nearest(without_unit, missing)?;
         Some(format!("did you mean `{near}` by `{name}`?"))
     }
 }

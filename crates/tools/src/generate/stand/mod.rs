@@ -6,17 +6,17 @@
 //! | `models` | the tree models of a folder: species, height, crown |
 //! | `choose` | which model stands for a tree, how large and how turned |
 //! | `epochs` | growth, thinning and storm from epoch to epoch |
+//! | `make` | reads inventory, models and terrain, and has the stand written |
 //! | `write` | the scene, the tables of instances and of labels |
 
 mod choose;
 mod epochs;
 mod headings;
 mod inventory;
+mod make;
 mod models;
 mod write;
 
 pub use epochs::Development;
-pub use headings::PROJECT;
-pub use inventory::Inventory;
-pub use models::Models;
-pub use write::{StandMade, StandOptions, Terrain, TerrainSurface, write_stand};
+pub use make::{StandOptions, make_stand};
+pub use write::StandMade;

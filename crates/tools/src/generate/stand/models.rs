@@ -20,27 +20,17 @@ pub struct Model {
     pub foot: [f64; 3],
 }
 
-/// The tree models of a folder, in the order of their names.
-#[derive(Clone, Debug, Default)]
-pub struct Models {
-    /// The models with their measured dimensions.
-    pub models: Vec<Model>,
-}
-
-impl Models {
-    /// Measures the OBJ files of a folder.
-    ///
-    /// # Errors
-    /// No mesh in it; a mesh that cannot be read or has no height.
-    pub fn read(folder: &Path) -> Result<Models> {
-        let mut paths = reads::list(folder).map_err(|e| Error::open(folder, e))?;
-        paths.retain(|path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj")));
-        if paths.is_empty() {
-            return Err(Error::input(format!("{}: no tree model (.obj) in that folder", folder.display())));
-        }
-        let models = paths.into_iter().map(measure).collect::<Result<_>>()?;
-        Ok(Models { models })
+/// Measures the tree models of a folder, its OBJ files.
+///
+/// # Errors
+/// No mesh in it; a mesh that cannot be read or has no height.
+pub fn read_models(folder: &Path) -> Result<Vec<Model>> {
+    let mut paths = reads::list(folder).map_err(|e| Error::open(folder, e))?;
+    paths.retain(|path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj")));
+    if paths.is_empty() {
+        return Err(Error::input(format!("{}: no tree model (.obj) in that folder", folder.display())));
     }
+    paths.into_iter().map(measure).collect()
 }
 
 fn measure(path: PathBuf) -> Result<Model> {

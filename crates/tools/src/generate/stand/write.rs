@@ -1,41 +1,36 @@
 //! Writes a stand: `stand.xml` with a scene per epoch, the tables of its trees, and what their labels mean.
 
 use super::choose::{choose, stream};
-use super::epochs::{Development, next_epoch};
+use super::epochs::next_epoch;
 use super::inventory::{Inventory, Tree};
-use super::models::{Model, Models};
+use super::make::StandOptions;
+use super::models::Model;
+use crate::generate::obj::SceneFolder;
 use crate::generate::survey::DOCUMENT;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use vlscan_base::columns::quoted;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileWriter, NewFolder, Patched, reads::refuse_input, refuse_existing};
 use vlscan_base::input::read_file;
 use vlscan_base::markup::escaped;
 
-/// What a stand is made of.
-pub struct StandOptions<'o> {
-    /// Seed of choice, yaw, thinning and storm.
-    pub seed: u64,
+/// Where a stand is written and what stands on what.
+pub(super) struct StandSite<'o> {
+    /// The folder that gets the files.
+    pub folder: &'o Path,
     /// The terrain files, which become parts of the scene.
     pub terrain: &'o [Terrain],
     /// Height of the ground at x, y, m; `None` leaves z as the inventory has it.
     pub ground: &'o dyn Fn(f64, f64) -> Option<f64>,
     /// Whether a tree at x, y stands. Others keep their numbers, so that those that stand are the same models without them.
     pub stands: &'o dyn Fn([f64; 2]) -> bool,
-    /// Number of epochs, at least 1.
-    pub epochs: u32,
-    /// Growth, thinning and storm damage from one epoch to the next.
-    pub development: Development,
     /// Is told of the trees of the first epoch, by their number, before anything is written.
     pub told: &'o dyn Fn(usize, &StandMade) -> Result<()>,
-    /// Replaces files that exist.
-    pub overwrite: bool,
 }
 
 /// A file of the terrain.
 #[derive(Clone, Debug)]
-pub struct Terrain {
+pub(super) struct Terrain {
     /// Path of the mesh or raster.
     pub path: PathBuf,
     /// The material of the surface.
@@ -44,7 +39,7 @@ pub struct Terrain {
 
 /// What a terrain is made of.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum TerrainSurface {
+pub(super) enum TerrainSurface {
     /// The materials that its file has.
     Own,
     /// Bare soil, which the stand brings along.
@@ -71,73 +66,63 @@ pub struct StandMade {
     pub scene: PathBuf,
     /// Trees in each epoch.
     pub trees: Vec<usize>,
+    /// Tree models that were there to choose from.
+    pub models: usize,
     /// Trees of species of which there is no model, by species.
     pub unmatched_species: Vec<(String, usize)>,
     /// Trees where the terrain has no ground.
     pub off_terrain: usize,
 }
 
-/// Writes a stand into `folder`.
+/// Writes a stand.
 ///
 /// # Errors
 /// [`Error::Io`], [`Error::Input`] if a file exists or a name is not UTF-8.
-pub fn write_stand(
+pub(super) fn write_stand(
     inventory: &Inventory,
-    models: &Models,
+    models: &[Model],
     options: &StandOptions,
-    folder: &Path,
+    site: &StandSite,
 ) -> Result<StandMade> {
-    let meshes: Vec<String> =
-        models.models.iter().map(|model| absolute(&model.path)).collect::<Result<_>>()?;
-    let kept = NewFolder::create_all(folder).map_err(|e| Error::io("create", folder, e))?;
+    let StandSite { folder, stands, told, .. } = *site;
+    let meshes: Vec<String> = models.iter().map(|model| absolute(&model.path)).collect::<Result<_>>()?;
+    // No file is replaced before all are complete: the inventory, a model or the terrain may have one of their names.
+    let files = SceneFolder::create(folder, options.overwrite)?;
     let mut made = StandMade {
         scene: folder.join("stand.xml"),
         trees: Vec::new(),
+        models: models.len(),
         unmatched_species: Vec::new(),
         off_terrain: 0,
     };
-    // Before the first file is replaced: the inventory, a model or the terrain may have one of these names.
-    for epoch in 0..options.epochs {
-        let suffix = if options.epochs > 1 { format!("_{epoch}") } else { String::new() };
-        for name in [format!("trees{suffix}.csv"), format!("labels{suffix}.csv")] {
-            refuse_input(&folder.join(name))?;
-        }
-    }
-    refuse_input(&made.scene)?;
     let all = inventory.trees.iter().cloned().enumerate();
     let mut trees: Vec<(usize, Tree)> =
-        all.filter(|(_, tree)| (options.stands)([tree.position[0], tree.position[1]])).collect();
+        all.filter(|(_, tree)| stands([tree.position[0], tree.position[1]])).collect();
     let mut terrain = Vec::new();
     let mut scenes = format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n{DOCUMENT}\n");
     for epoch in 0..options.epochs {
         if epoch > 0 {
             trees = next_epoch(&trees, &options.development, epoch, options.seed);
         }
-        if trees.is_empty() && options.terrain.is_empty() {
+        if trees.is_empty() && site.terrain.is_empty() {
             return Err(Error::input(format!("no tree is left in epoch {epoch}, and there is no terrain")));
         }
         let suffix = if options.epochs > 1 { format!("_{epoch}") } else { String::new() };
-        let table = Tables::of(
-            &trees,
-            &models.models,
-            &meshes,
-            options,
-            options.terrain.len(),
-            (epoch == 0).then_some(&mut made),
-        );
+        let table =
+            Tables::of(&trees, models, &meshes, options.seed, site, (epoch == 0).then_some(&mut made));
         if epoch == 0 {
-            (options.told)(trees.len(), &made)?;
-            terrain = write_terrain(options, folder)?;
+            told(trees.len(), &made)?;
+            terrain = write_terrain(site, &files)?;
         }
-        save(&folder.join(format!("trees{suffix}.csv")), &table.instances, options.overwrite)?;
-        save(&folder.join(format!("labels{suffix}.csv")), &table.labels, options.overwrite)?;
+        files.write(&format!("trees{suffix}.csv"), table.instances.as_bytes())?;
+        files.write(&format!("labels{suffix}.csv"), table.labels.as_bytes())?;
         let instances = (!trees.is_empty()).then(|| format!("trees{suffix}.csv"));
         scene(&mut scenes, &format!("stand{suffix}"), &terrain, instances.as_deref());
         made.trees.push(trees.len());
     }
     scenes.push_str("</document>\n");
-    save(&made.scene, &scenes, options.overwrite)?;
-    kept.keep();
+    files.write("stand.xml", scenes.as_bytes())?;
+    files.commit()?;
     Ok(made)
 }
 
@@ -153,14 +138,6 @@ fn absolute(path: &Path) -> Result<String> {
     })
 }
 
-fn save(path: &Path, text: impl AsRef<[u8]>, overwrite: bool) -> Result<()> {
-    refuse_existing(path, overwrite)?;
-    refuse_input(path)?;
-    let mut file = FileWriter::create(path, overwrite, Patched::Never)?;
-    file.append(text.as_ref())?;
-    file.finish().map(|_| ())
-}
-
 /// The tables of one epoch.
 struct Tables {
     instances: String,
@@ -172,11 +149,11 @@ impl Tables {
         trees: &[(usize, Tree)],
         models: &[Model],
         meshes: &[String],
-        options: &StandOptions,
-        first_part: usize,
+        seed: u64,
+        site: &StandSite,
         mut made: Option<&mut StandMade>,
     ) -> Tables {
-        let stream = stream(options.seed);
+        let stream = stream(seed);
         let mut tables = Tables {
             instances: "file,x,y,z,yaw,scale\n".to_owned(),
             labels: "part,id,species,model,x,y,z,height,crown,dbh\n".to_owned(),
@@ -185,9 +162,9 @@ impl Tables {
             let choice = choose(tree, *number, models, &stream);
             let model = &models[choice.model];
             let [x, y, own_z] = tree.position;
-            let ground = (options.ground)(x, y);
+            let ground = (site.ground)(x, y);
             if let Some(made) = made.as_deref_mut() {
-                made.off_terrain += usize::from(!options.terrain.is_empty() && ground.is_none());
+                made.off_terrain += usize::from(!site.terrain.is_empty() && ground.is_none());
                 if !choice.same_species {
                     made.count_unmatched(tree.species.as_deref().unwrap_or_default());
                 }
@@ -207,7 +184,7 @@ impl Tables {
             let _ = writeln!(
                 tables.labels,
                 "{},{},{},{},{x:.4},{y:.4},{z:.4},{:.3},{},{}",
-                first_part + row,
+                site.terrain.len() + row,
                 quoted(&tree.id),
                 quoted(tree.species.as_deref().unwrap_or(&model.species)),
                 quoted(&model.path.file_stem().unwrap_or_default().to_string_lossy()),
@@ -230,9 +207,9 @@ impl StandMade {
 }
 
 /// Writes the soil and the meshes that get it. Returns the loader of each terrain.
-fn write_terrain(options: &StandOptions, folder: &Path) -> Result<Vec<String>> {
-    if options.terrain.iter().any(|terrain| terrain.surface == TerrainSurface::Soil) {
-        save(&folder.join(SOIL_FILE), SOIL, options.overwrite)?;
+fn write_terrain(site: &StandSite, files: &SceneFolder) -> Result<Vec<String>> {
+    if site.terrain.iter().any(|terrain| terrain.surface == TerrainSurface::Soil) {
+        files.write(SOIL_FILE, SOIL.as_bytes())?;
     }
     let loader = |(number, terrain): (usize, &Terrain)| {
         let (file, name) = match &terrain.surface {
@@ -245,10 +222,10 @@ fn write_terrain(options: &StandOptions, folder: &Path) -> Result<Vec<String>> {
         }
         let copy = format!("terrain_{}.obj", number + 1);
         let mesh = read_file(&terrain.path, u64::MAX - 1).map_err(|e| Error::open(&terrain.path, e))?;
-        save(&folder.join(&copy), with_material(&mesh, &file, name), options.overwrite)?;
+        files.write(&copy, &with_material(&mesh, &file, name))?;
         Ok(mesh_loader(&copy))
     };
-    options.terrain.iter().enumerate().map(loader).collect()
+    site.terrain.iter().enumerate().map(loader).collect()
 }
 
 fn is_obj(path: &Path) -> bool {

@@ -4,12 +4,13 @@
 //! a forest takes 5 to 7 bytes per point.
 
 use super::super::colour::Colouring;
-use super::super::points::Points;
+use crate::cloud::Points;
 use base64::prelude::{BASE64_STANDARD, Engine};
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use rayon::prelude::*;
 use std::io::{self, Write};
+use vlscan_formats::Attribute;
 
 /// Number of points per block: small enough that the page stays responsive while it unpacks one.
 const BLOCK: usize = 65_536;
@@ -151,27 +152,20 @@ fn planes(points: &Points, block: &[(u64, u32)], grid: &Grid, scales: &Scales) -
         }
     }
     let mut plane = |byte: &dyn Fn(usize) -> u8| bytes.extend(block.iter().map(|&(_, i)| byte(i as usize)));
-    let has = points.attributes();
-    if has.intensity {
+    if points.has(Attribute::Intensity) {
         plane(&|i| shade(scales.intensity, points, i));
     }
-    if has.class {
-        plane(&|i| points.class[i]);
+    for values in [&points.class, &points.return_number].into_iter().filter(|values| !values.is_empty()) {
+        plane(&|i| values[i]);
     }
-    if has.return_number {
-        plane(&|i| points.return_number[i]);
-    }
-    if has.object {
+    if points.has(Attribute::Object) {
         plane(&|i| points.object[i] as u8);
         plane(&|i| (points.object[i] >> 8) as u8);
     }
-    if has.leg {
-        plane(&|i| points.leg[i]);
+    for values in [&points.leg, &points.channel].into_iter().filter(|values| !values.is_empty()) {
+        plane(&|i| values[i]);
     }
-    if has.channel {
-        plane(&|i| points.channel[i]);
-    }
-    if has.time {
+    if points.has(Attribute::Time) {
         plane(&|i| shade(scales.time, points, i));
     }
     let mut encoder = ZlibEncoder::new(Vec::with_capacity(bytes.len() / 2), Compression::default());
@@ -187,9 +181,9 @@ fn shade(scale: Option<&Colouring>, points: &Points, i: usize) -> u8 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::points::{Attributes, Point};
     use super::*;
     use std::io::Read;
+    use vlscan_formats::{AttributeSet, PointRow};
     use vlscan_geom::DVec3;
 
     #[test]
@@ -206,16 +200,13 @@ mod tests {
 
     #[test]
     fn positions_and_attributes_come_back() {
-        let mut points = Points::new(Attributes { class: true, object: true, ..Attributes::default() });
+        let mut points = Points::new(AttributeSet::of(|a| matches!(a, Attribute::Class | Attribute::Object)));
         for i in 0..3000u32 {
             let t = f64::from(i);
             let object = (i % 700).to_string();
-            points.push(&Point {
-                position: DVec3::new(5e5 + 40.0 * (t * 0.37).sin(), 5e6 + 0.01 * t, 100.0 + (t * 0.11).cos()),
-                class: (i % 7) as i32,
-                object: &object,
-                ..Point::default()
-            });
+            let position =
+                DVec3::new(5e5 + 40.0 * (t * 0.37).sin(), 5e6 + 0.01 * t, 100.0 + (t * 0.11).cos());
+            points.push(&PointRow { position, class: (i % 7) as u8, ..PointRow::default() }, Some(&object));
         }
         let chosen = sample(points.len(), usize::MAX);
         let packed = pack(&points, &chosen, &Scales::default());
@@ -253,10 +244,10 @@ mod tests {
 
     #[test]
     fn the_spacing_is_that_of_a_surface() {
-        let mut points = Points::new(Attributes::default());
+        let mut points = Points::default();
         for i in 0..40_000u32 {
             let (x, y) = (f64::from(i % 200) * 0.1, f64::from(i / 200) * 0.1);
-            points.push(&Point { position: DVec3::new(x, y, 0.3 * x), ..Point::default() });
+            points.push(&PointRow { position: DVec3::new(x, y, 0.3 * x), ..PointRow::default() }, None);
         }
         let packed = pack(&points, &sample(40_000, usize::MAX), &Scales::default());
         assert!((0.05..0.2).contains(&packed.spacing), "{}", packed.spacing);

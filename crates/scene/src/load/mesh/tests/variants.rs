@@ -5,7 +5,7 @@ use super::*;
 /// The table of materials that the documentation shows.
 #[test]
 fn the_table_of_the_documentation_is_read() {
-    let page = include_str!("../../../../../docs/scenes.md");
+    let page = include_str!("../../../../../../docs/scenes.md");
     let start = page.find("  name,reflectance,class,ground,spectrum\n").unwrap();
     let rows = page[start..].lines().map(str::trim).take_while(|line| !line.starts_with("```"));
     let table: String = rows.map(|row| format!("{row}\n")).collect();

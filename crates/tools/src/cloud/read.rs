@@ -1,13 +1,10 @@
 //! Reads point clouds into memory.
 
-use super::ColourBy;
-use super::points::{Attributes, Point, Points};
+use super::points::Points;
 use ::arrow_array::RecordBatch;
-use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
-use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink};
 use vlscan_geom::MAX_COORDINATE;
 
 /// Reads a point cloud in any format of [`vlscan_formats`]; `-` is stdin. Returns the points and what is to be said of
@@ -16,72 +13,35 @@ use vlscan_geom::MAX_COORDINATE;
 /// # Errors
 /// [`Error::Input`] when the file is of no format that is read or damaged, with the invalid lines of text.
 pub fn read_points(path: &Path) -> Result<(Points, Diagnostics)> {
-    let (mut collector, mut found) = (Collector::default(), Diagnostics::default());
-    vlscan_formats::read_points(path, &mut collector, &mut found)?;
+    let (mut points, mut found) = (Points::default(), Diagnostics::default());
+    vlscan_formats::read_points(path, &mut points, &mut found)?;
     let found = found.finish(false)?;
-    collector.ended(path, found)
+    checked(points, path, found)
 }
 
-/// The points of a table in memory, and what is to be said of them as [`read_points`] does, and of their colours.
+/// The points of a table in memory, and what is to be said of them as [`read_points`] does.
 ///
 /// # Errors
 /// [`Error::Input`] for tables without the columns X, Y and Z, for columns of other numbers than integers and floats of 32 and
 /// 64 bits, and for empty ones.
-pub fn points_of_table(batch: &RecordBatch, colour: ColourBy) -> Result<(Points, Diagnostics)> {
+pub fn points_of_table(batch: &RecordBatch) -> Result<(Points, Diagnostics)> {
     const NAME: &str = "the table";
-    let (mut collector, mut found) = (Collector::default(), Diagnostics::default());
-    vlscan_formats::read_record_batch(batch, NAME, &mut collector, &mut found)?;
-    let (points, mut found) = collector.ended(Path::new(NAME), found)?;
-    found.extend(points.doubts_of_colours(Path::new(NAME), colour));
-    Ok((points, found))
+    let (mut points, mut found) = (Points::default(), Diagnostics::default());
+    vlscan_formats::read_record_batch(batch, NAME, &mut points, &mut found)?;
+    checked(points, Path::new(NAME), found)
 }
 
-/// Collects the points of a file.
-#[derive(Default)]
-struct Collector(Points);
-
-impl PointSink for Collector {
-    fn start(&mut self, attributes: AttributeSet) {
-        self.0 = Points::new(Attributes {
-            intensity: attributes.has(Attribute::Intensity),
-            class: attributes.has(Attribute::Class),
-            return_number: attributes.has(Attribute::ReturnNumber),
-            object: attributes.has(Attribute::Object),
-            leg: attributes.has(Attribute::Leg),
-            channel: attributes.has(Attribute::Channel),
-            time: attributes.has(Attribute::Time),
-        });
-    }
-
-    fn point(&mut self, row: &PointRow, object: Option<&str>) -> ControlFlow<()> {
-        let mut number = itoa::Buffer::new();
-        self.0.push(&Point {
-            position: row.position,
-            intensity: row.intensity,
-            class: row.class.into(),
-            return_number: row.return_number.into(),
-            object: object.unwrap_or_else(|| number.format(row.object)),
-            leg: row.leg,
-            channel: row.channel,
-            time: row.time,
-        });
-        ControlFlow::Continue(())
-    }
-}
-
-impl Collector {
-    /// The points with what was found and what is to be said of them, or an error if there are none.
-    fn ended(self, path: &Path, mut found: Diagnostics) -> Result<(Points, Diagnostics)> {
-        match self.0.is_empty() {
-            true if self.0.skipped() > 0 => Err(Error::input(format!(
-                "{} holds no points with coordinates within ±{MAX_COORDINATE:e} m",
-                path.display()
-            ))),
-            true => Err(Error::input(format!("{} holds no points", path.display()))),
-            false => {
-                found.extend(self.0.doubts(path));
-                Ok((self.0, found))
-            }
+/// The points with what was found and what is to be said of them, or an error if there are none.
+fn checked(points: Points, path: &Path, mut found: Diagnostics) -> Result<(Points, Diagnostics)> {
+    match points.is_empty() {
+        true if points.skipped() > 0 => Err(Error::input(format!(
+            "{} holds no points with coordinates within ±{MAX_COORDINATE:e} m",
+            path.display()
+        ))),
+        true => Err(Error::input(format!("{} holds no points", path.display()))),
+        false => {
+            found.extend(points.doubts(path));
+            Ok((points, found))
         }
     }
 }
@@ -89,6 +49,7 @@ impl Collector {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use vlscan_formats::Attribute;
     use vlscan_geom::DVec3;
 
     fn read_bytes(bytes: &[u8], name: &str) -> Result<Points> {
@@ -230,10 +191,10 @@ mod tests {
             "1; 2; 3\n// note\n4; 5; 6\n",
         ] {
             let points = read(text).unwrap();
-            assert_eq!((points.len(), points.attributes()), (2, Attributes::default()), "{text:?}");
+            assert!(points.len() == 2 && !points.has(Attribute::Intensity), "{text:?}");
             assert_eq!(points.bounds().max, DVec3::new(4.0, 5.0, 6.0), "{text:?}");
         }
-        assert!(read("1 2 3 0.5\n").unwrap().attributes().intensity);
+        assert!(read("1 2 3 0.5\n").unwrap().has(Attribute::Intensity));
     }
 
     #[test]
@@ -352,7 +313,7 @@ mod tests {
         assert_eq!(points.bounds().max.x, 5_474_500.125);
         assert_eq!(points.class, [2, 5]);
         assert_eq!(points.objects, ["7", "-1"]);
-        assert!(!points.attributes().intensity);
+        assert!(!points.has(Attribute::Intensity));
     }
 
     #[test]

@@ -1,21 +1,21 @@
 //! The check of a plan before it is written: its own survey is read as `vlscan run` reads it, a sample of a flight's pulses is flown
 //! over flat ground and compared with what the plan promises, and a dry run tells whether the instrument measures what surrounds it.
 
-use super::super::args::CommonPlanArgs;
-use super::super::{Console, interrupt};
 use crate::options::{InputOptions, Options, ProfileOptions};
 use crate::output::OutputRequest;
 use crate::pipeline::{DryRunReport, LoadedScene, Progress, ResolvedRun, RunContext, Session, Settings};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
+use vlscan_base::Observer;
 use vlscan_base::diag::{Diagnostics, Notice};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::number;
 use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::PhysicsProfile;
 use vlscan_survey::{MaterialDefinition, Mesh, PlatformKind, SceneRecipe};
-use vlscan_tools::plan::{Area, Document, Promise, fly_sample};
+use vlscan_tools::plan::{Area, PlanSetup, PlannedSurvey, Promise, fly_sample};
+use vlscan_warehouse::Stop;
 
 /// Share of the pulses that meet flat ground within range and return, below which the plan of a flight is refused.
 const MIN_FLAT_SHARE: f64 = 0.95;
@@ -28,15 +28,16 @@ const MARGIN: f64 = 1000.0;
 
 /// A plan and what its check needs.
 pub struct Check<'c> {
-    pub plan: &'c Document,
+    pub plan: &'c PlannedSurvey,
     /// The area of a flight.
     pub area: Option<&'c Area>,
-    pub args: &'c CommonPlanArgs,
+    pub setup: &'c PlanSetup,
     /// The scene, if there is one.
     pub scene: Option<(&'c SceneRecipe, &'c LoadedScene)>,
     /// Warnings that have been shown.
     pub told: &'c Diagnostics,
-    pub console: &'c Console,
+    pub observer: &'c Observer,
+    pub stop: &'c Stop,
 }
 
 /// What surrounds a drive or positions.
@@ -68,7 +69,7 @@ impl Check<'_> {
                 }
             }
             if let Some((recipe, loaded)) = self.scene {
-                warnings.extend(check_below(&mut self.over_scene(settings, recipe, loaded)?)?);
+                warnings.extend(self.check_below(&mut self.over_scene(settings, recipe, loaded)?)?);
             }
             return Ok(warnings);
         }
@@ -76,19 +77,19 @@ impl Check<'_> {
             Some((recipe, loaded)) => (self.over_scene(settings, recipe, loaded)?, Around::Scene),
             None => (over_flat_ground(settings)?, Around::FlatGround),
         };
-        warnings.extend(check_around(&mut session, around)?);
+        warnings.extend(self.check_around(&mut session, around)?);
         Ok(warnings)
     }
 
     /// The plan as `vlscan run` reads it, over flat ground.
     fn settings(&self) -> Result<Settings> {
-        let name = self.args.out.clone().unwrap_or_else(|| PathBuf::from("plan.toml"));
-        let input = InputOptions { assets: self.args.assets.clone(), ..InputOptions::default() };
+        let name = self.setup.out.clone().unwrap_or_else(|| PathBuf::from("plan.toml"));
+        let input = InputOptions { assets: self.setup.assets.clone(), ..InputOptions::default() };
         let profile = ProfileOptions { profile: Some(PhysicsProfile::Refined), ..ProfileOptions::default() };
         let options =
             Options { input, profile, scene: Some(Arc::new(self.flat_ground()?)), ..Options::default() };
         let (job, warnings) = ResolvedRun::of_text(&name, self.plan.text("vlscan plan"), &options)?;
-        self.console.warnings(&warnings.without(self.told))?;
+        self.observer.warnings(warnings.without(self.told))?;
         Ok(job.settings)
     }
 
@@ -99,11 +100,11 @@ impl Check<'_> {
         loaded: &LoadedScene,
     ) -> Result<Session> {
         settings.survey.scene = recipe.clone();
-        settings.strict = self.console.is_strict();
-        let observer = self.console.observer();
+        settings.strict = self.observer.is_strict();
+        let observer = self.observer.clone();
         Session::new(settings, loaded.clone(), move |notice| {
             if matches!(notice, Notice::Warnings(_)) {
-                observer(notice);
+                observer.notify(notice);
             }
         })
     }
@@ -120,7 +121,7 @@ impl Check<'_> {
             return Ok(());
         }
         // Of a short sample, which may point at the sky, its own beams tell more.
-        let forecast = dry_run(flat)?;
+        let forecast = self.dry_run(flat)?;
         let share = ((1.0 - forecast.missed.pulses) / flown.measured).max(returned(&forecast));
         if share < MIN_FLAT_SHARE {
             return Err(Error::input(format!(
@@ -153,74 +154,82 @@ impl Check<'_> {
         let mesh = Mesh::new(corners, vec![[0, 1, 2], [0, 2, 3]], vec![ground], Vec::new())?;
         Ok(SceneRecipe { id: "flat".to_owned(), path: PathBuf::new(), ..mesh.into() })
     }
+
+    /// Measures a sample of a flight over the scene. Returns what the user should know of it.
+    fn check_below(&self, session: &mut Session) -> Result<Option<String>> {
+        let forecast = self.dry_run(session)?;
+        check_echoes(&forecast)?;
+        let share = returned(&forecast);
+        Ok((share < MIN_SCENE_SHARE).then(|| {
+            format!(
+                "only {:.0} % of the pulses that point at the scene within the instrument's ranges have an echo: the others pass between \
+                 its objects, or their echoes are too weak",
+                100.0 * share
+            )
+        }))
+    }
+
+    /// Measures a sample of a drive or of positions. Returns what the user should know of it.
+    fn check_around(&self, session: &mut Session, around: Around) -> Result<Option<String>> {
+        let forecast = self.dry_run(session)?;
+        let (echoes, towards) = (1.0 - forecast.missed.pulses, 1.0 - forecast.missed.beside_scene);
+        if forecast.sampled_pulses <= 0.0 || echoes > 0.0 && echoes >= MIN_SCENE_SHARE * towards {
+            return Ok(None);
+        }
+        let scanner = &session.survey().scanner;
+        let name = scanner.name.clone();
+        let least = scanner.devices.iter().map(|device| device.detector.range_min).fold(0.0, f64::max);
+        let near = if least > 0.0 { self.share_too_near(session, echoes)? } else { 0.0 };
+        let (least, percent) = (number(least), (100.0 * near).floor());
+        let what = if around == Around::Scene { "the scene" } else { "flat ground around it" };
+        if near > MAX_NEAR_SHARE {
+            return Err(Error::input(format!(
+                "{name} measures from {least} m on, and {percent} % of the pulses of this plan that meet {what} meet it nearer than that; \
+                 choose a scanner that measures nearer with --scanner (`vlscan catalogue` lists them with their ranges)"
+            )));
+        }
+        if around == Around::Scene {
+            check_echoes(&forecast)?;
+        }
+        Ok(match around {
+            _ if near > MIN_SCENE_SHARE => Some(format!(
+                "{name} measures from {least} m on, and {percent} % of the pulses that meet {what} meet it nearer than that"
+            )),
+            Around::FlatGround if echoes <= 0.0 => {
+                Some(format!("no pulse of this plan has an echo from {what}"))
+            }
+            Around::FlatGround => None,
+            Around::Scene => Some(format!(
+                "only {:.0} % of the pulses that point at the scene have an echo: the others pass between its objects, meet it out of the \
+                 instrument's ranges, or their echoes are too weak",
+                100.0 * echoes / towards
+            )),
+        })
+    }
+
+    /// The share of the pulses that meet something which meet it nearer than the instrument measures. `echoes` is the share of all
+    /// pulses that have an echo.
+    fn share_too_near(&self, session: &Session, echoes: f64) -> Result<f64> {
+        let mut settings = Settings { strict: false, ..session.settings().clone() };
+        for device in &mut settings.survey.scanner.devices {
+            device.detector.range_min = 0.0;
+        }
+        let loaded = session.loaded().ok_or_else(other_scene)?;
+        let mut unlimited = Session::new(settings, loaded, |_| ())?;
+        let met = 1.0 - self.dry_run(&mut unlimited)?.missed.pulses;
+        Ok(if met > 0.0 { (1.0 - echoes / met).max(0.0) } else { 0.0 })
+    }
+
+    /// Measures a sample of the survey.
+    fn dry_run(&self, session: &mut Session) -> Result<DryRunReport> {
+        let progress = Progress::default();
+        session.dry_run(&OutputRequest::default(), Instant::now(), RunContext::new(&progress, self.stop))
+    }
 }
 
 /// A session over the flat ground of the settings, which the user does not know: what it has to say is not shown.
 fn over_flat_ground(settings: Settings) -> Result<Session> {
     Session::open(settings, |_| ())
-}
-
-/// Measures a sample of a flight over the scene. Returns what the user should know of it.
-fn check_below(session: &mut Session) -> Result<Option<String>> {
-    let forecast = dry_run(session)?;
-    check_echoes(&forecast)?;
-    let share = returned(&forecast);
-    Ok((share < MIN_SCENE_SHARE).then(|| {
-        format!(
-            "only {:.0} % of the pulses that point at the scene within the instrument's ranges have an echo: the others pass between \
-             its objects, or their echoes are too weak",
-            100.0 * share
-        )
-    }))
-}
-
-/// Measures a sample of a drive or of positions. Returns what the user should know of it.
-fn check_around(session: &mut Session, around: Around) -> Result<Option<String>> {
-    let forecast = dry_run(session)?;
-    let (echoes, towards) = (1.0 - forecast.missed.pulses, 1.0 - forecast.missed.beside_scene);
-    if forecast.sampled_pulses <= 0.0 || echoes > 0.0 && echoes >= MIN_SCENE_SHARE * towards {
-        return Ok(None);
-    }
-    let scanner = &session.survey().scanner;
-    let name = scanner.name.clone();
-    let least = scanner.devices.iter().map(|device| device.detector.range_min).fold(0.0, f64::max);
-    let near = if least > 0.0 { share_too_near(session, echoes)? } else { 0.0 };
-    let (least, percent) = (number(least), (100.0 * near).floor());
-    let what = if around == Around::Scene { "the scene" } else { "flat ground around it" };
-    if near > MAX_NEAR_SHARE {
-        return Err(Error::input(format!(
-            "{name} measures from {least} m on, and {percent} % of the pulses of this plan that meet {what} meet it nearer than that; \
-             choose a scanner that measures nearer with --scanner (`vlscan catalogue` lists them with their ranges)"
-        )));
-    }
-    if around == Around::Scene {
-        check_echoes(&forecast)?;
-    }
-    Ok(match around {
-        _ if near > MIN_SCENE_SHARE => Some(format!(
-            "{name} measures from {least} m on, and {percent} % of the pulses that meet {what} meet it nearer than that"
-        )),
-        Around::FlatGround if echoes <= 0.0 => Some(format!("no pulse of this plan has an echo from {what}")),
-        Around::FlatGround => None,
-        Around::Scene => Some(format!(
-            "only {:.0} % of the pulses that point at the scene have an echo: the others pass between its objects, meet it out of the \
-             instrument's ranges, or their echoes are too weak",
-            100.0 * echoes / towards
-        )),
-    })
-}
-
-/// The share of the pulses that meet something which meet it nearer than the instrument measures. `echoes` is the share of all
-/// pulses that have an echo.
-fn share_too_near(session: &Session, echoes: f64) -> Result<f64> {
-    let mut settings = Settings { strict: false, ..session.settings().clone() };
-    for device in &mut settings.survey.scanner.devices {
-        device.detector.range_min = 0.0;
-    }
-    let loaded = session.loaded().ok_or_else(other_scene)?;
-    let mut unlimited = Session::new(settings, loaded, |_| ())?;
-    let met = 1.0 - dry_run(&mut unlimited)?.missed.pulses;
-    Ok(if met > 0.0 { (1.0 - echoes / met).max(0.0) } else { 0.0 })
 }
 
 fn other_scene() -> Error {
@@ -245,12 +254,6 @@ fn check_echoes(forecast: &DryRunReport) -> Result<()> {
         "the dry run of this plan measures nothing: of {} pulses none has an echo; {why}",
         forecast.sampled_pulses
     )))
-}
-
-/// Measures a sample of the survey.
-fn dry_run(session: &mut Session) -> Result<DryRunReport> {
-    let progress = Progress::default();
-    session.dry_run(&OutputRequest::default(), Instant::now(), RunContext::new(&progress, &interrupt::STOP))
 }
 
 /// The share of the pulses with an echo among those that point at the scene's box within the instrument's ranges.

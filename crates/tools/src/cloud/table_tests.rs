@@ -1,6 +1,6 @@
 //! Tests of points in Arrow, Parquet and tables in memory.
 
-use super::{ColourBy, Points, points_of_table, read_points};
+use super::{Points, points_of_table, read_points};
 use ::arrow_array::{ArrayRef, Float32Array, Float64Array, Int32Array, RecordBatch, StringArray, UInt8Array};
 use ::parquet::data_type::{ByteArray, ByteArrayType, DoubleType, FloatType, Int32Type};
 use ::parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
@@ -8,6 +8,7 @@ use std::fs::File;
 use std::path::Path;
 use std::sync::Arc;
 use vlscan_base::error::{Error, Result};
+use vlscan_formats::Attribute;
 use vlscan_geom::DVec3;
 
 fn read_bytes(bytes: &[u8]) -> Result<Points> {
@@ -82,7 +83,7 @@ fn assert_points(points: &Points) {
     assert_eq!(points.bounds().max, DVec3::new(249.5, 499.0, 499.0));
     assert_eq!(points.class[..8], [0, 1, 2, 3, 4, 5, 6, 0]);
     assert_eq!(points.objects, ["0", "1"]);
-    assert!(!points.attributes().intensity && !points.attributes().return_number);
+    assert!(!points.has(Attribute::Intensity) && !points.has(Attribute::ReturnNumber));
 }
 
 #[test]
@@ -107,7 +108,7 @@ fn what_is_not_used_as_it_stands_in_a_table_is_said() {
         ("omnivariance", floats([0.0; 3])),
     ];
     let table = RecordBatch::try_from_iter(columns).unwrap();
-    let (points, found) = points_of_table(&table, ColourBy::Leg).unwrap();
+    let (points, found) = points_of_table(&table).unwrap();
     let said = found.render_warnings(false);
     for part in [
         "the table",
@@ -115,11 +116,10 @@ fn what_is_not_used_as_it_stands_in_a_table_is_said() {
         "not read: omnivariance",
         "1 point has a class",
         "1 points without coordinates",
-        "1 points have legs above 255",
     ] {
         assert!(said.contains(part), "{part} is missing from {said}");
     }
-    assert_eq!((points.len(), found.is_fatal(true)), (2, true));
+    assert_eq!((points.len(), points.beyond_bytes(), found.is_fatal(true)), (2, (1, 0), true));
 }
 
 #[test]
@@ -131,7 +131,7 @@ fn units_in_the_metadata_of_a_field_count() {
     let schema = ::arrow_schema::Schema::new(vec![field("X", "ft"), field("Y", "yd"), field("Z", "furlong")]);
     let column = || -> ArrayRef { Arc::new(Float64Array::from(vec![100.0])) };
     let table = RecordBatch::try_new(Arc::new(schema), vec![column(), column(), column()]).unwrap();
-    let (points, found) = points_of_table(&table, ColourBy::Height).unwrap();
+    let (points, found) = points_of_table(&table).unwrap();
     assert!((points.position(0) - DVec3::new(30.48, 91.44, 100.0)).length() < 1e-9);
     let said = found.render(false);
     assert!(said.contains("unit \"furlong\" of column 3") && said.contains("metres are assumed"), "{said}");
@@ -154,7 +154,7 @@ fn what_is_missing_or_damaged_is_said() {
     let floats: ArrayRef = Arc::new(Float64Array::from(vec![1.0]));
     let decimals: ArrayRef = Arc::new(::arrow_array::Decimal128Array::from(vec![100i128]));
     let table = RecordBatch::try_from_iter([("X", floats.clone()), ("Y", decimals), ("Z", floats)]).unwrap();
-    let said_of = said(points_of_table(&table, ColourBy::Height).map(|(points, _)| points));
+    let said_of = said(points_of_table(&table).map(|(points, _)| points));
     assert!(said_of.contains("column Y holds Decimal128"), "{said_of}");
     assert!(said(read_bytes(b"PAR1 and no more")).contains("not a Parquet file"));
 }

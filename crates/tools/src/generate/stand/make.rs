@@ -1,57 +1,103 @@
-//! `vlscan scene stand`: tree models placed by an inventory.
+//! Makes a stand: reads inventory, models and terrain, and writes the scene.
 
-use super::Console;
-use super::args::StandArgs;
-use super::ground::GroundModel;
-use std::path::Path;
+use super::epochs::Development;
+use super::headings::PROJECT;
+use super::inventory::Inventory;
+use super::models::read_models;
+use super::write::{StandMade, StandSite, Terrain, TerrainSurface, write_stand};
+use crate::args;
+use std::path::{Path, PathBuf};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::machine;
+use vlscan_base::quantity::Bounds;
+use vlscan_base::{Observer, machine};
 use vlscan_lidar::pulse::Corrections;
-use vlscan_scene::{LoadOptions, read_materials};
+use vlscan_scene::{GroundModel, LoadOptions, read_materials};
 use vlscan_survey::{ReadOptions, read_scene};
-use vlscan_tools::generate::{
-    Development, Inventory, Models, PROJECT, StandMade, StandOptions, Terrain, TerrainSurface, write_stand,
-};
 
-pub fn run(args: &StandArgs, console: &Console) -> Result<()> {
-    make(args, &|_| true, console)
+/// Numbers of epochs.
+const EPOCHS: Bounds = Bounds::new(1.0, 1000.0, "1 to 1000");
+
+/// What a stand is made of.
+#[derive(Clone, Debug, PartialEq, clap::Args)]
+pub struct StandOptions {
+    /// The inventory: a table of text with a heading.
+    pub inventory: PathBuf,
+    /// Folder of tree models, OBJ files whose names begin with their species: beech_1.obj.
+    #[arg(long, value_name = "DIR")]
+    pub trees: PathBuf,
+    /// Terrain: a mesh (.obj, .ply, .stl) or a raster (.tif); may be given more than once. Rasters, and meshes without a ground
+    /// material, become soil: class 2, reflectance 0.3, ground. [default: none, z of the inventory]
+    #[arg(long, value_name = "FILE")]
+    pub terrain: Vec<PathBuf>,
+    /// Material of the terrain, rasters and OBJ files: a material file and a name in it that is ground. [default: that of a mesh
+    /// with ground, else soil]
+    #[arg(long, value_name = "FILE.mtl#NAME", requires = "terrain")]
+    pub terrain_mtl: Option<String>,
+    /// Seed of choice, yaw, thinning and storm.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Epochs, the first of which is the inventory.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub epochs: u32,
+    /// Growth, thinning and storm damage from one epoch to the next.
+    #[command(flatten)]
+    pub development: Development,
+    /// Overwrite files that exist.
+    #[arg(id = "force", long = "force")]
+    pub overwrite: bool,
 }
 
-/// Makes a stand of the trees of the inventory at places that `stands` accepts.
-pub fn make(args: &StandArgs, stands: &dyn Fn([f64; 2]) -> bool, console: &Console) -> Result<()> {
-    let (inventory, warnings) = Inventory::read(&args.inventory)?;
-    console.warnings(&warnings)?;
-    let models = Models::read(&args.trees)?;
-    let named = args.terrain_mtl.as_deref().map(|name| named_material(name, console)).transpose()?;
-    let (mut terrain, mut files) = (Vec::new(), Vec::new());
-    for path in &args.terrain {
-        let (ground, file) = read_terrain(path, named.as_ref(), console)?;
-        terrain.push(ground);
-        files.push(file);
+impl StandOptions {
+    /// One epoch of the trees of an inventory, without terrain.
+    pub fn new(inventory: PathBuf, trees: PathBuf) -> StandOptions {
+        StandOptions {
+            inventory,
+            trees,
+            terrain: Vec::new(),
+            terrain_mtl: None,
+            seed: 0,
+            epochs: 1,
+            development: Development::default(),
+            overwrite: false,
+        }
     }
-    refuse_all_beside(&inventory, &terrain, stands)?;
-    let ground = |x: f64, y: f64| terrain.iter().filter_map(|part| part.height(x, y)).reduce(f64::max);
-    let options = StandOptions {
-        seed: args.seed,
-        terrain: &files,
-        ground: &ground,
-        stands,
-        epochs: args.epochs,
-        development: Development { growth: args.growth, thinning: args.thinning, storm: args.storm },
-        overwrite: args.force,
-        told: &|trees, made| console.warnings(&doubts(&args.inventory, trees, made)),
-    };
-    let made = write_stand(&inventory, &models, &options, &args.out)?;
-    let counts: Vec<String> = made.trees.iter().map(usize::to_string).collect();
-    console.say(format!(
-        "{}: {} trees of {} models{}; scan them with: vlscan run SURVEY --scene {0}",
-        made.scene.display(),
-        counts.join(", "),
-        models.models.len(),
-        if counts.len() > 1 { " in the epochs stand_0, stand_1 …" } else { "" },
-    ));
-    Ok(())
+}
+
+/// Makes a stand in `folder` of the trees at places (x, y in m) that `stands` accepts.
+///
+/// # Errors
+/// [`Error::Input`] for inventories, models and terrain that cannot be read or do not fit each other, and for files that exist;
+/// [`Error::Io`].
+pub fn make_stand(
+    options: &StandOptions,
+    folder: &Path,
+    stands: &dyn Fn([f64; 2]) -> bool,
+    observer: &Observer,
+) -> Result<StandMade> {
+    let Development { growth, thinning, storm } = options.development;
+    args::check([
+        ("growth", Some(growth), args::GROWTH),
+        ("thinning", Some(thinning), args::SHARE),
+        ("storm", Some(storm), args::SHARE),
+        ("epochs", Some(f64::from(options.epochs)), EPOCHS),
+    ])
+    .map_err(Error::input)?;
+    let (inventory, warnings) = Inventory::read(&options.inventory)?;
+    observer.warnings(warnings)?;
+    let models = read_models(&options.trees)?;
+    let named = options.terrain_mtl.as_deref().map(|name| named_material(name, observer)).transpose()?;
+    let (mut grounds, mut terrain) = (Vec::new(), Vec::new());
+    for path in &options.terrain {
+        let (ground, file) = read_terrain(path, named.as_ref(), observer)?;
+        grounds.push(ground);
+        terrain.push(file);
+    }
+    refuse_all_beside(&inventory, &grounds, stands)?;
+    let ground = |x: f64, y: f64| grounds.iter().filter_map(|part| part.height(x, y)).reduce(f64::max);
+    let told = |trees: usize, made: &StandMade| observer.warnings(doubts(&options.inventory, trees, made));
+    let site = StandSite { folder, terrain: &terrain, ground: &ground, stands, told: &told };
+    write_stand(&inventory, &models, options, &site)
 }
 
 /// Warns of trees of the first epoch that stand as others, or beside the terrain.
@@ -94,19 +140,19 @@ fn refuse_all_beside(
         };
         format!("x {}, y {}", axis(0), axis(1))
     };
-    let mut problems = Diagnostics::default();
     let message = format!(
         "no tree is on the terrain: the trees are at {}; the terrain at {}",
         shown(&trees),
         shown(&corners)
     );
     let is_degrees = trees.iter().all(|[x, y]| x.abs() <= 180.0 && y.abs() <= 90.0);
-    let help = match is_degrees {
-        true => format!("x and y look like longitude and latitude; {PROJECT}"),
-        false => "give inventory and terrain in one coordinate system, in metres".to_owned(),
-    };
-    problems.error(None, message).help(help);
-    Err(Error::Input(Box::new(problems)))
+    Err(Error::input_with_help(
+        message,
+        match is_degrees {
+            true => format!("x and y look like longitude and latitude; {PROJECT}"),
+            false => "give inventory and terrain in one coordinate system, in metres".to_owned(),
+        },
+    ))
 }
 
 /// Reads the height of a terrain, and decides what it is made of: of the material that is asked for; of its own, if that
@@ -114,7 +160,7 @@ fn refuse_all_beside(
 fn read_terrain(
     path: &Path,
     named: Option<&TerrainSurface>,
-    console: &Console,
+    observer: &Observer,
 ) -> Result<(GroundModel, Terrain)> {
     let is_one_of = |endings: &[&str]| {
         path.extension().is_some_and(|e| endings.iter().any(|known| e.eq_ignore_ascii_case(known)))
@@ -128,18 +174,17 @@ fn read_terrain(
         ))
     })?;
     let (recipe, warnings) = read_scene(name, &ReadOptions::default())?;
-    console.warnings(&warnings)?;
+    observer.warnings(warnings)?;
     let options =
         LoadOptions { max_memory: machine::memory(), rules: Corrections::REFINED, ..LoadOptions::default() };
     let (ground, mut warnings) = GroundModel::load(&recipe, &options)?;
     let is_own = named.is_none() && ground.has_ground();
     if !is_own && !is_raster && !is_obj {
-        let mut problems = Diagnostics::default();
-        problems.error(None, format!("{}: none of its materials is ground", path.display())).help(
+        return Err(Error::input_with_help(
+            format!("{}: none of its materials is ground", path.display()),
             "put a materials.csv beside it with the line NAME,0.3,2,true below the heading name,reflectance,class,ground; \
              --terrain-mtl is for rasters (.tif) and OBJ files",
-        );
-        return Err(Error::Input(Box::new(problems)));
+        ));
     }
     if is_raster {
         // A raster has no material, and what is said about that is not so in the stand.
@@ -150,7 +195,7 @@ fn read_terrain(
             "--terrain-mtl FILE.mtl#NAME chooses another material; `helios_isGround true` in its own MTL file keeps those",
         );
     }
-    console.warnings(&warnings)?;
+    observer.warnings(warnings)?;
     let surface = match is_own {
         true => TerrainSurface::Own,
         false => named.cloned().unwrap_or(TerrainSurface::Soil),
@@ -159,13 +204,13 @@ fn read_terrain(
 }
 
 /// The material `file.mtl#name`, or the only one of `file.mtl`.
-fn named_material(reference: &str, console: &Console) -> Result<TerrainSurface> {
+fn named_material(reference: &str, observer: &Observer) -> Result<TerrainSurface> {
     let (file, name) = match reference.rsplit_once('#') {
         Some((file, name)) => (Path::new(file), Some(name)),
         None => (Path::new(reference), None),
     };
     let (definitions, warnings) = read_materials(file)?;
-    console.warnings(&warnings)?;
+    observer.warnings(warnings)?;
     let found = match name {
         Some(name) => definitions.iter().find(|d| d.name == name),
         None => definitions.first().filter(|_| definitions.len() == 1),
@@ -180,13 +225,13 @@ fn named_material(reference: &str, console: &Console) -> Result<TerrainSurface> 
         )));
     };
     if !material.is_ground {
-        let mut problems = Diagnostics::default();
-        let message = format!("--terrain-mtl {reference}: the material `{}` is not ground", material.name);
-        problems.error(None, message).help(format!(
-            "write `helios_isGround true` and `helios_classification 2` below its newmtl in {}",
-            file.display()
+        return Err(Error::input_with_help(
+            format!("--terrain-mtl {reference}: the material `{}` is not ground", material.name),
+            format!(
+                "write `helios_isGround true` and `helios_classification 2` below its newmtl in {}",
+                file.display()
+            ),
         ));
-        return Err(Error::Input(Box::new(problems)));
     }
     Ok(TerrainSurface::Material { file: file.to_path_buf(), name: material.name.clone() })
 }

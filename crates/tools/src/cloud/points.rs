@@ -1,118 +1,30 @@
 //! A point cloud in memory: 24 bytes for each position and up to 12 for its attributes, and a bounded number of points.
 
 use std::collections::HashMap;
+use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink};
 use vlscan_geom::{Aabb, DVec3, MAX_COORDINATE};
-
-/// What the colours show.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ColourBy {
-    /// Height above the datum.
-    #[default]
-    Height,
-    /// Point class, in the customary colours of LAS classes.
-    Class,
-    /// Strength of the return.
-    Intensity,
-    /// Object that was hit.
-    Object,
-    /// Return number.
-    Return,
-    /// Leg that was flown.
-    Leg,
-    /// Device of the scanner.
-    Channel,
-    /// Time of the pulse.
-    Time,
-}
-
-impl ColourBy {
-    /// All of them.
-    pub const ALL: [ColourBy; 8] = [
-        ColourBy::Height,
-        ColourBy::Class,
-        ColourBy::Intensity,
-        ColourBy::Object,
-        ColourBy::Return,
-        ColourBy::Leg,
-        ColourBy::Channel,
-        ColourBy::Time,
-    ];
-
-    /// Its name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            ColourBy::Height => "height",
-            ColourBy::Class => "class",
-            ColourBy::Intensity => "intensity",
-            ColourBy::Object => "object",
-            ColourBy::Return => "return",
-            ColourBy::Leg => "leg",
-            ColourBy::Channel => "channel",
-            ColourBy::Time => "time",
-        }
-    }
-}
 
 /// Maximum number of points that are kept.
 const MAX_POINTS: usize = 40_000_000;
 
-/// A point to be added to [`Points`].
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Point<'a> {
-    /// World position, m.
-    pub position: DVec3,
-    /// Strength of the return, any unit.
-    pub intensity: f32,
-    /// Point class: the classification code of LAS.
-    pub class: i32,
-    /// Return number, from 1; 0 if unknown.
-    pub return_number: u32,
-    /// Name of the object that was hit; empty if unknown.
-    pub object: &'a str,
-    /// Number of the leg.
-    pub leg: u16,
-    /// Number of the scanner's device.
-    pub channel: u16,
-    /// Time of the pulse, s.
-    pub time: f64,
-}
-
-/// The attributes that the points have.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Attributes {
-    /// Strength of the return.
-    pub intensity: bool,
-    /// Point class.
-    pub class: bool,
-    /// Return number.
-    pub return_number: bool,
-    /// Name of the object that was hit.
-    pub object: bool,
-    /// Number of the leg.
-    pub leg: bool,
-    /// Number of the scanner's device.
-    pub channel: bool,
-    /// Time of the pulse.
-    pub time: bool,
-}
-
 /// A point cloud. When there are too many points, every second one of those kept is dropped.
 #[derive(Clone, Debug)]
 pub struct Points {
-    pub(super) attributes: Attributes,
+    attributes: AttributeSet,
     positions: Vec<DVec3>,
-    pub(super) intensity: Vec<f32>,
-    pub(super) class: Vec<u8>,
-    pub(super) return_number: Vec<u8>,
-    pub(super) object: Vec<u16>,
-    pub(super) objects: Vec<String>,
+    pub(crate) intensity: Vec<f32>,
+    pub(crate) class: Vec<u8>,
+    pub(crate) return_number: Vec<u8>,
+    pub(crate) object: Vec<u16>,
+    pub(crate) objects: Vec<String>,
     /// Numbers above 255 are 255.
-    pub(super) leg: Vec<u8>,
-    pub(super) channel: Vec<u8>,
+    pub(crate) leg: Vec<u8>,
+    pub(crate) channel: Vec<u8>,
     /// Seconds after the first point.
-    pub(super) time: Vec<f32>,
+    pub(crate) time: Vec<f32>,
     first_time: Option<f64>,
     bounds: Aabb,
     /// Whether 0 stands for no leg, and N + 1 for leg N.
@@ -125,7 +37,6 @@ pub struct Points {
     stride: u64,
     max_points: usize,
     skipped: u64,
-    odd_classes: u64,
     /// Numbers of points with legs and channels above 255.
     high_legs: u64,
     high_channels: u64,
@@ -133,13 +44,13 @@ pub struct Points {
 
 impl Default for Points {
     fn default() -> Points {
-        Points::new(Attributes::default())
+        Points::new(AttributeSet::default())
     }
 }
 
 impl Points {
     /// An empty cloud whose points have `attributes`; the others take no memory.
-    pub fn new(attributes: Attributes) -> Points {
+    pub fn new(attributes: AttributeSet) -> Points {
         Points {
             attributes,
             positions: Vec::new(),
@@ -160,21 +71,20 @@ impl Points {
             stride: 1,
             max_points: MAX_POINTS,
             skipped: 0,
-            odd_classes: 0,
             high_legs: 0,
             high_channels: 0,
         }
     }
 
-    /// Adds a point. A point with a coordinate that is NaN or beyond [`MAX_COORDINATE`] is counted and skipped. Classes above 255 become 255; object
-    /// names beyond the first 65 535 share one number.
-    pub fn push(&mut self, point: &Point) {
+    /// Adds a point; `object` is the name of its object, if it has one besides its number. A point with a coordinate that is NaN or
+    /// beyond [`MAX_COORDINATE`] is counted and skipped. Object names beyond the first 65 535 share one number.
+    pub fn push(&mut self, row: &PointRow, object: Option<&str>) {
         // Also false for NaN.
-        if !(point.position.is_finite() && point.position.abs().max_element() <= MAX_COORDINATE) {
+        if !(row.position.is_finite() && row.position.abs().max_element() <= MAX_COORDINATE) {
             self.skipped += 1;
             return;
         }
-        self.bounds = self.bounds.with(point.position);
+        self.bounds = self.bounds.with(row.position);
         if self.positions.len() >= self.max_points {
             self.drop_every_second();
         }
@@ -182,32 +92,32 @@ impl Points {
         if !(self.added - 1).is_multiple_of(self.stride) {
             return;
         }
-        self.positions.push(point.position);
-        if self.attributes.intensity {
-            self.intensity.push(point.intensity);
+        self.positions.push(row.position);
+        if self.has(Attribute::Intensity) {
+            self.intensity.push(row.intensity);
         }
-        if self.attributes.class {
-            self.odd_classes += u64::from(!(0..=255).contains(&point.class));
-            self.class.push(point.class.clamp(0, 255) as u8);
+        if self.has(Attribute::Class) {
+            self.class.push(row.class);
         }
-        if self.attributes.return_number {
-            self.return_number.push(point.return_number.min(255) as u8);
+        if self.has(Attribute::ReturnNumber) {
+            self.return_number.push(row.return_number);
         }
-        if self.attributes.object {
-            let number = self.object_number(point.object);
+        if self.has(Attribute::Object) {
+            let mut number = itoa::Buffer::new();
+            let number = self.object_number(object.unwrap_or_else(|| number.format(row.object)));
             self.object.push(number);
         }
-        if self.attributes.leg {
-            self.high_legs += u64::from(point.leg > 255);
-            self.leg.push(point.leg.min(255) as u8);
+        if self.has(Attribute::Leg) {
+            self.high_legs += u64::from(row.leg > 255);
+            self.leg.push(row.leg.min(255) as u8);
         }
-        if self.attributes.channel {
-            self.high_channels += u64::from(point.channel > 255);
-            self.channel.push(point.channel.min(255) as u8);
+        if self.has(Attribute::Channel) {
+            self.high_channels += u64::from(row.channel > 255);
+            self.channel.push(row.channel.min(255) as u8);
         }
-        if self.attributes.time {
-            let first = *self.first_time.get_or_insert(point.time);
-            self.time.push((point.time - first) as f32);
+        if self.has(Attribute::Time) {
+            let first = *self.first_time.get_or_insert(row.time);
+            self.time.push((row.time - first) as f32);
         }
     }
 
@@ -251,7 +161,7 @@ impl Points {
         self.legs_from_one = true;
     }
 
-    pub(super) fn legs_from_one(&self) -> bool {
+    pub(crate) fn legs_from_one(&self) -> bool {
         self.legs_from_one
     }
 
@@ -266,12 +176,12 @@ impl Points {
     }
 
     /// Position of a point relative to [`Points::origin`], m.
-    pub(super) fn offset(&self, i: usize) -> [f32; 3] {
+    pub(crate) fn offset(&self, i: usize) -> [f32; 3] {
         rounded(self.positions[i] - self.origin())
     }
 
     /// The offsets of all points.
-    pub(super) fn offsets(&self) -> impl Iterator<Item = [f32; 3]> + Clone {
+    pub(crate) fn offsets(&self) -> impl Iterator<Item = [f32; 3]> + Clone {
         let origin = self.origin();
         self.positions.iter().map(move |position| rounded(*position - origin))
     }
@@ -287,7 +197,7 @@ impl Points {
     }
 
     /// World position of the origin of offsets, the centre of the cloud's box, m.
-    pub(super) fn origin(&self) -> DVec3 {
+    pub(crate) fn origin(&self) -> DVec3 {
         if self.is_empty() { DVec3::ZERO } else { self.bounds.centre() }
     }
 
@@ -311,39 +221,21 @@ impl Points {
         if self.is_empty() { Aabb::EMPTY } else { self.bounds }
     }
 
-    /// Warnings of the points of the file `path` that are left out, and of classes that are not kept as they are.
+    /// A warning of the points of the file `path` that are left out.
     pub fn doubts(&self, path: &Path) -> Diagnostics {
         let mut found = Diagnostics::default();
-        let place = || Some(Place::of_file(path));
         if self.skipped > 0 {
             let count = self.skipped;
             let message =
                 format!("{count} points without coordinates within ±{MAX_COORDINATE:e} m are left out");
-            found.warn(place(), message);
-        }
-        if self.odd_classes > 0 {
-            let count = self.odd_classes;
-            found.warn(
-                place(),
-                format!("{count} points have classes beyond 0 to 255, which count as 0 or 255"),
-            );
+            found.warn(Some(Place::of_file(path)), message);
         }
         found
     }
 
-    /// A warning of the points of the file `path` whose colour is that of other numbers, if the colours are `colour`.
-    pub fn doubts_of_colours(&self, path: &Path, colour: ColourBy) -> Diagnostics {
-        let (count, what) = match colour {
-            ColourBy::Leg => (self.high_legs, "legs"),
-            ColourBy::Channel => (self.high_channels, "channels"),
-            _ => (0, ""),
-        };
-        let mut found = Diagnostics::default();
-        if count > 0 {
-            let message = format!("{count} points have {what} above 255, which are shown as 255");
-            found.warn(Some(Place::of_file(path)), message);
-        }
-        found
+    /// Numbers of points whose leg and whose channel is above 255, and kept as 255.
+    pub fn beyond_bytes(&self) -> (u64, u64) {
+        (self.high_legs, self.high_channels)
     }
 
     /// Number of points skipped because of their position.
@@ -351,9 +243,20 @@ impl Points {
         self.skipped
     }
 
-    /// The attributes that the points have.
-    pub fn attributes(&self) -> Attributes {
-        self.attributes
+    /// Whether the points have an attribute.
+    pub fn has(&self, attribute: Attribute) -> bool {
+        self.attributes.has(attribute)
+    }
+}
+
+impl PointSink for Points {
+    fn start(&mut self, attributes: AttributeSet) {
+        *self = Points::new(attributes);
+    }
+
+    fn point(&mut self, row: &PointRow, object: Option<&str>) -> ControlFlow<()> {
+        self.push(row, object);
+        ControlFlow::Continue(())
     }
 }
 
@@ -367,11 +270,14 @@ mod tests {
 
     #[test]
     fn positions_keep_their_digits_at_utm_coordinates() {
-        let mut points = Points::new(Attributes::default());
+        let mut points = Points::default();
         for x in [478_000.123, 478_001.456] {
-            points.push(&Point { position: DVec3::new(x, 5_474_500.5, 110.25), ..Point::default() });
+            points.push(
+                &PointRow { position: DVec3::new(x, 5_474_500.5, 110.25), ..PointRow::default() },
+                None,
+            );
         }
-        points.push(&Point { position: DVec3::NAN, ..Point::default() });
+        points.push(&PointRow { position: DVec3::NAN, ..PointRow::default() }, None);
         assert_eq!((points.len(), points.skipped()), (2, 1));
         let doubts = points.doubts(Path::new("a.xyz")).render(false);
         assert!(doubts.contains("1 points without coordinates") && doubts.contains("a.xyz"), "{doubts}");
@@ -382,17 +288,12 @@ mod tests {
 
     #[test]
     fn a_bounded_number_of_points_is_kept_evenly() {
-        let all = Attributes {
-            intensity: true,
-            class: true,
-            return_number: true,
-            object: true,
-            ..Attributes::default()
-        };
+        let all = AttributeSet::of(|attribute| attribute != Attribute::Time);
         let mut points = Points { max_points: 8, ..Points::new(all) };
         for i in 0..100 {
             let position = DVec3::X * f64::from(i);
-            points.push(&Point { position, intensity: i as f32, class: i, object: "a", ..Point::default() });
+            let class = i as u8;
+            points.push(&PointRow { position, intensity: i as f32, class, ..PointRow::default() }, Some("a"));
         }
         assert_eq!((points.total(), points.len()), (100, 7));
         assert_eq!(points.class, [0, 16, 32, 48, 64, 80, 96]);
@@ -402,25 +303,19 @@ mod tests {
 
     #[test]
     fn numbers_beyond_those_that_are_kept_are_told() {
-        let all = Attributes { class: true, leg: true, channel: true, ..Attributes::default() };
-        let mut points = Points::new(all);
-        for (class, leg, channel) in [(5, 0, 3), (300, 255, 256), (-1, 300, 0), (255, 70, 1)] {
-            points.push(&Point { class, leg, channel, ..Point::default() });
+        let mut points = Points::new(AttributeSet::of(|_| true));
+        for (leg, channel) in [(0, 3), (255, 256), (300, 0), (70, 1)] {
+            points.push(&PointRow { leg, channel, ..PointRow::default() }, None);
         }
-        assert_eq!((&points.class[..], &points.leg[..]), (&[5, 255, 0, 255][..], &[0, 255, 255, 70][..]));
-        let path = Path::new("a.las");
-        assert!(points.doubts(path).render(false).contains("2 points have classes beyond 0 to 255"));
-        let colours = |colour| points.doubts_of_colours(path, colour).render(false);
-        assert!(colours(ColourBy::Leg).contains("1 points have legs above 255"));
-        assert!(colours(ColourBy::Channel).contains("1 points have channels above 255"));
-        assert_eq!(colours(ColourBy::Class), "");
+        assert_eq!(points.leg, [0, 255, 255, 70]);
+        assert_eq!(points.beyond_bytes(), (1, 1));
     }
 
     #[test]
     fn objects_are_numbered_in_order_of_appearance() {
-        let mut points = Points::new(Attributes { object: true, ..Attributes::default() });
+        let mut points = Points::new(AttributeSet::of(|attribute| attribute == Attribute::Object));
         for object in ["7", "7", "tree", "7", "tree"] {
-            points.push(&Point { object, ..Point::default() });
+            points.push(&PointRow::default(), Some(object));
         }
         assert_eq!(points.object, [0, 0, 1, 0, 1]);
         assert_eq!(points.objects, ["7", "tree"]);
@@ -428,9 +323,9 @@ mod tests {
 
     #[test]
     fn more_objects_than_numbers_share_the_last_one() {
-        let mut points = Points::new(Attributes { object: true, ..Attributes::default() });
+        let mut points = Points::new(AttributeSet::of(|attribute| attribute == Attribute::Object));
         for i in 0..70_000 {
-            points.push(&Point { object: &i.to_string(), ..Point::default() });
+            points.push(&PointRow { object: i, ..PointRow::default() }, None);
         }
         assert_eq!(points.len(), 70_000);
         assert_eq!(points.objects.len(), 65_535);

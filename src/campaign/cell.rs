@@ -1,22 +1,26 @@
 //! Computes a cell: its scene, its survey, its points and the table of its objects.
 
-use super::super::args::{Cli, Command, RunArgs, SceneArgs, SceneCommand};
-use super::super::{Console, interrupt, plan, scene, stand};
+use super::CampaignEvent;
 use super::labels::{Labels, objects};
-use super::{is_of_machine, near};
+use super::lines::{Requests, SceneSource, SurveySource};
+use super::messages::{is_of_machine, near};
 use crate::options::{Options, Seed, Switch, read_survey};
 use crate::output::{FileKind, PointFormat};
 use crate::pipeline::{LoadedScene, PartTable, Progress, Report, ResolvedRun, RunContext, Session};
-use clap::{Parser, ValueEnum};
+use crate::planning::plan_survey;
 use std::any::Any;
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use vlscan_base::diag::{Diagnostics, Place};
+use std::sync::{Arc, Mutex, PoisonError};
+use vlscan_base::Observer;
+use vlscan_base::diag::{Diagnostics, Notice, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, Patched, Reads, Recording};
 use vlscan_geom::Aabb;
-use vlscan_tools::campaign::{Cell, File, FileRecord, Inputs, Record, SceneEntry, checksum, words};
+use vlscan_tools::campaign::{Cell, FileRecord, Inputs, Record, checksum};
+use vlscan_tools::generate::{SceneOptions, StandOptions, make_stand, write_scene};
+use vlscan_warehouse::Stop;
 
 /// Why a cell has failed.
 pub struct Failure {
@@ -33,12 +37,15 @@ impl From<Error> for Failure {
 
 /// Computes the cells of a campaign one after the other.
 pub struct CellRunner<'c> {
-    pub file: &'c File,
-    format: PointFormat,
-    threads: Option<usize>,
-    console: &'c Console,
+    pub requests: &'c Requests,
+    pub format: PointFormat,
+    pub threads: Option<usize>,
     /// The folder of the campaign's file, in which the process works.
     pub folder: PathBuf,
+    pub stop: &'c Stop,
+    /// Collects warnings, and passes other notices on.
+    observer: Observer,
+    warnings: Arc<Mutex<Diagnostics>>,
     /// The last scene from a file, which the next cell may scan, too.
     loaded: Option<(String, LoadedScene)>,
     /// Warnings that have been shown.
@@ -57,19 +64,31 @@ struct Site {
 }
 
 impl<'c> CellRunner<'c> {
-    /// # Errors
-    /// An unknown format.
-    pub fn new(file: &'c File, threads: Option<usize>, console: &'c Console) -> Result<CellRunner<'c>> {
-        let format = PointFormat::from_str(&file.format, true).map_err(|_| {
-            Error::input(format!("no format is called {}; choose {}", file.format, PointFormat::names()))
-        })?;
+    pub fn new(
+        requests: &'c Requests,
+        format: PointFormat,
+        threads: Option<usize>,
+        is_strict: bool,
+        stop: &'c Stop,
+        notify: &Arc<dyn Fn(CampaignEvent) + Send + Sync>,
+    ) -> Result<CellRunner<'c>> {
         let folder = std::env::current_dir().map_err(|e| Error::open(Path::new("."), e))?;
+        let warnings = Arc::new(Mutex::new(Diagnostics::default()));
+        let (collected, notify) = (warnings.clone(), notify.clone());
+        let observer = Observer::new(is_strict, move |notice| match notice {
+            Notice::Warnings(found) => {
+                collected.lock().unwrap_or_else(PoisonError::into_inner).extend(found);
+            }
+            notice => notify(CampaignEvent::Notice(notice)),
+        });
         Ok(CellRunner {
-            file,
+            requests,
             format,
             threads,
-            console,
             folder,
+            stop,
+            observer,
+            warnings,
             loaded: None,
             warned: BTreeSet::new(),
             reused: None,
@@ -85,20 +104,15 @@ impl<'c> CellRunner<'c> {
     /// The warnings and notes of the last cell that no cell before it had, each in a line; files are named from the campaign's
     /// folder, those in `work` from there.
     pub fn new_warnings(&mut self, work: &Path) -> Vec<String> {
-        let mut found = Vec::new();
-        for item in self.console.take_warnings().items() {
-            let line = near(item.line().trim_end(), &[work, &self.folder]);
-            if self.warned.insert(line.clone()) {
-                found.push(line);
-            }
-        }
-        found
+        let found = std::mem::take(&mut *self.warnings.lock().unwrap_or_else(PoisonError::into_inner));
+        let lines = found.items().iter().map(|item| near(item.line().trim_end(), &[work, &self.folder]));
+        lines.filter(|line| self.warned.insert(line.clone())).collect()
     }
 
     /// Computes a cell into the folder `out` within `work` and completes its record.
     ///
     /// # Errors
-    /// Those of the commands that the campaign names; [`Error::Internal`] for a panic; inputs that change meanwhile.
+    /// Those of what the campaign asks for; [`Error::Internal`] for a panic; inputs that change meanwhile.
     pub fn compute(
         &mut self,
         cell: &Cell,
@@ -139,78 +153,63 @@ impl<'c> CellRunner<'c> {
 
     /// Makes the scene of a cell, unless it is a file.
     fn site(&self, cell: &Cell, work: &Path) -> Result<Site> {
-        let SceneEntry { name, file, make, stand: placed, .. } = &*cell.scene;
-        let margin_m = cell.scene.margin();
         let folder = work.join("scene");
-        if let Some(line) = make {
-            let options = ["-o".into(), text(&folder)?, "--seed".into(), cell.seed.to_string()];
-            let args = scene_args(&["make"], line, &options)?;
-            let SceneCommand::Make(made) = &args.command else { return Err(unexpected(name, "scene make")) };
-            let id = made.kind.to_possible_value().map(|value| value.get_name().to_owned());
-            let scene_file = format!("{}#{}", text(&folder.join("scene.xml"))?, id.unwrap_or_default());
-            scene::run(&args, self.console)?;
-            return Ok(Site { name: scene_file, is_shared: false, labels: Labels::default() });
-        }
-        if let Some(line) = placed {
-            let options = ["-o".into(), text(&folder)?, "--seed".into(), cell.seed.to_string()];
-            let args = scene_args(&["stand"], line, &options)?;
-            let SceneCommand::Stand(args) = args.command else { return Err(unexpected(name, "scene stand")) };
-            if args.epochs > 1 {
-                return Err(Error::input(format!("scene {name}: a campaign scans one epoch of a stand")));
+        match &self.requests.scenes[cell.scene_index] {
+            SceneSource::Make(options) => {
+                let options = SceneOptions { seed: cell.seed, ..(**options).clone() };
+                write_scene(&options, &folder)?;
+                let name = format!("{}#{}", text(&folder.join("scene.xml"))?, options.kind.name());
+                Ok(Site { name, is_shared: false, labels: Labels::default() })
             }
-            let stands = |[x, y]: [f64; 2]| match &cell.area {
-                None => true,
-                Some(area) => {
-                    let (low, high) = area.bounds();
-                    let reaches =
-                        |v: f64, axis: usize| v >= low[axis] - margin_m && v <= high[axis] + margin_m;
-                    reaches(x, 0) && reaches(y, 1)
-                }
-            };
-            stand::make(&args, &stands, self.console)?;
-            let labels = Labels::read(&folder.join("labels.csv"))?;
-            let name = format!("{}#stand", text(&folder.join("stand.xml"))?);
-            return Ok(Site { name, is_shared: false, labels });
+            SceneSource::Stand(options) => {
+                let options = StandOptions { seed: cell.seed, ..(**options).clone() };
+                let margin_m = cell.scene.margin();
+                let bounds = cell.area.as_ref().map(|area| area.bounds());
+                let stands = |place: [f64; 2]| {
+                    bounds.is_none_or(|(low, high)| {
+                        (0..2).all(|i| place[i] >= low[i] - margin_m && place[i] <= high[i] + margin_m)
+                    })
+                };
+                make_stand(&options, &folder, &stands, &self.observer)?;
+                let labels = Labels::read(&folder.join("labels.csv"))?;
+                let name = format!("{}#stand", text(&folder.join("stand.xml"))?);
+                Ok(Site { name, is_shared: false, labels })
+            }
+            SceneSource::File(file) => {
+                let (path, id) =
+                    file.split_once('#').map_or((file.as_str(), None), |(path, id)| (path, Some(id)));
+                let path = text(&self.folder.join(path))?;
+                let name = id.map_or(path.clone(), |id| format!("{path}#{id}"));
+                Ok(Site { name, is_shared: true, labels: Labels::default() })
+            }
         }
-        let file = file.clone().unwrap_or_default();
-        let (path, id) = file.split_once('#').map_or((file.as_str(), None), |(path, id)| (path, Some(id)));
-        let path = text(&self.folder.join(path))?;
-        let name = id.map_or(path.clone(), |id| format!("{path}#{id}"));
-        Ok(Site { name, is_shared: true, labels: Labels::default() })
     }
 
     /// The survey of a cell: planned, or the variant's file.
     fn survey(&self, cell: &Cell, site: &Site, work: &Path) -> Result<PathBuf> {
-        let Some(line) = &cell.variant.plan else {
-            let path = cell.variant.survey.clone().unwrap_or_default();
-            self.console.warnings(&decided_here(&path)?)?;
-            return Ok(path);
+        let (request, command) = match &self.requests.variants[cell.variant_index].0 {
+            SurveySource::Plan { request, command } => (request, command),
+            SurveySource::File(path) => {
+                self.observer.warnings(decided_here(path)?)?;
+                return Ok(path.clone());
+            }
         };
         let path = work.join("plan.toml");
-        let mut options = vec!["--scene".to_owned(), site.name.clone(), "-o".to_owned(), text(&path)?];
-        let typed = words(line).map_err(Error::input)?;
-        let takes_area = typed.first().is_some_and(|kind| kind == "airborne" || kind == "terrestrial")
-            && !typed.iter().any(|word| word.starts_with("--area") || word.starts_with("--around"));
-        if let (Some(area), true) = (&cell.area, takes_area) {
-            let corner = |[x, y]: &[f64; 2]| format!("{x} {y}");
-            let corners: Vec<String> =
-                area.corners().iter().chain(area.corners().first()).map(corner).collect();
-            options.extend(["--area".to_owned(), format!("POLYGON (({}))", corners.join(", "))]);
+        let mut request = request.clone();
+        let setup = request.common_mut();
+        (setup.scene, setup.out) = (Some(site.name.clone()), Some(path.clone()));
+        if let Some(area) = &cell.area {
+            request.within(area);
         }
-        let Command::Plan(args) = parsed(&["plan"], line, &options)? else {
-            return Err(unexpected(&cell.variant.name, "plan"));
-        };
-        plan::make(&args, &format!("vlscan plan {line}"), self.console)?;
+        let plan = plan_survey(&request, command, &self.observer, self.stop)?;
+        plan.comments.into_iter().for_each(|comment| self.observer.note(comment));
         Ok(path)
     }
 
-    fn run_args(&self, cell: &Cell, site: &Site, survey: PathBuf, work: &Path) -> Result<RunArgs> {
-        let line = format!("{} {}", self.file.run, cell.variant.run);
-        let Command::Run(args) = parsed(&["run", &text(&survey)?], &line, &[])? else {
-            return Err(unexpected(&cell.variant.name, "run"));
-        };
-        let mut run = *args;
-        let output = &mut run.options.output;
+    /// The options of a cell's run.
+    fn options(&self, cell: &Cell, site: &Site, work: &Path) -> Options {
+        let mut options = self.requests.variants[cell.variant_index].1.clone();
+        let output = &mut options.output;
         let is_divided = output.tile.is_some() || output.per_object.is_on();
         let out = work.join("out");
         output.out = vec![match is_divided {
@@ -218,35 +217,38 @@ impl<'c> CellRunner<'c> {
             false => out.join(format!("points.{}", self.format.extension())),
         }];
         output.format = Some(self.format);
-        run.options.input.scene = Some(site.name.clone());
-        if self.console.is_strict() {
-            run.options.input.strict = Switch::On;
+        options.input.scene = Some(site.name.clone());
+        if self.observer.is_strict() {
+            options.input.strict = Switch::On;
         }
-        run.options.origin.seed = Some(Seed(cell.seed));
-        if self.threads.is_some() {
-            run.options.schedule.threads = self.threads;
-        }
-        Ok(run)
+        options.origin.seed = Some(Seed(cell.seed));
+        options.schedule.threads = self.threads.or(options.schedule.threads);
+        options
     }
 
     /// Makes the scene and the survey of a cell, and flies it.
     fn measure(&mut self, cell: &Cell, work: &Path) -> Result<(Site, Report, PartTable)> {
         let site = self.site(cell, work)?;
         let survey = self.survey(cell, &site, work)?;
-        let run = self.run_args(cell, &site, survey, work)?;
-        let (report, table) = self.fly(cell, &site, &run)?;
+        let (report, table) = self.fly(cell, &site, &survey, &self.options(cell, &site, work))?;
         Ok((site, report, table))
     }
 
     /// Flies the survey.
-    fn fly(&mut self, cell: &Cell, site: &Site, run: &RunArgs) -> Result<(Report, PartTable)> {
-        let (job, warnings) = ResolvedRun::resolve(&run.file, &run.options)?;
-        self.console.warnings(&warnings)?;
+    fn fly(
+        &mut self,
+        cell: &Cell,
+        site: &Site,
+        survey: &Path,
+        options: &Options,
+    ) -> Result<(Report, PartTable)> {
+        let (job, warnings) = ResolvedRun::resolve(survey, options)?;
+        self.observer.warnings(warnings)?;
         let ResolvedRun { settings, mut output, .. } = job;
         if output.trajectory.is_some() {
             return Err(Error::input(format!(
                 "{}: its [[output]] of the trajectory names one file, which every cell would write; leave it out",
-                run.file.display()
+                survey.display()
             )));
         }
         output.counts_parts = true;
@@ -260,10 +262,10 @@ impl<'c> CellRunner<'c> {
             self.reused = Some(loaded.reads().clone());
         }
         let mut session = match known.filter(|(_, loaded)| loaded.suits(&settings)) {
-            Some((_, loaded)) => Session::new(settings, loaded.clone(), self.console.observer())?,
+            Some((_, loaded)) => Session::new(settings, loaded.clone(), self.observer.callback())?,
             None => {
                 self.loaded = None;
-                Session::open(settings, self.console.observer())?
+                Session::open(settings, self.observer.callback())?
             }
         };
         if site.is_shared && self.loaded.is_none() {
@@ -271,7 +273,7 @@ impl<'c> CellRunner<'c> {
         }
         let table = PartTable::new(session.scene());
         let progress = Progress::default();
-        let report = session.run(output, RunContext::new(&progress, &interrupt::STOP))?;
+        let report = session.run(output, RunContext::new(&progress, self.stop))?;
         if report.interrupted {
             return Err(Error::Interrupted);
         }
@@ -329,32 +331,7 @@ fn decided_here(path: &Path) -> Result<Diagnostics> {
     Ok(found)
 }
 
-/// Parses the words of a command as the command line does.
-fn parsed(before: &[&str], line: &str, after: &[String]) -> Result<Command> {
-    let typed = words(line).map_err(Error::input)?;
-    let all = ["vlscan"].into_iter().chain(before.iter().copied()).map(str::to_owned);
-    let all = all.chain(typed).chain(after.iter().cloned());
-    let cli = Cli::try_parse_from(all).map_err(|e| {
-        let message = e.to_string();
-        let first = message.trim_start_matches("error: ").lines().take_while(|l| !l.is_empty());
-        Error::input(format!("{} {line}: {}", before[0], first.collect::<Vec<_>>().join(" ")))
-    })?;
-    Ok(cli.command)
-}
-
-fn scene_args(kind: &[&str], line: &str, after: &[String]) -> Result<SceneArgs> {
-    let before: Vec<&str> = ["scene"].into_iter().chain(kind.iter().copied()).collect();
-    match parsed(&before, line, after)? {
-        Command::Scene(args) => Ok(args),
-        _ => Err(unexpected(line, "scene")),
-    }
-}
-
-fn unexpected(name: &str, command: &str) -> Error {
-    Error::input(format!("{name}: expected the options of vlscan {command}"))
-}
-
-/// A path in words.
+/// A path as text.
 fn text(path: &Path) -> Result<String> {
     let text = path.to_str().map(str::to_owned);
     text.ok_or_else(|| Error::input(format!("{}: its name is not UTF-8", path.display())))

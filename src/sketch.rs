@@ -1,14 +1,18 @@
 //! A survey over its scene as points: surfaces with the leg that covers them, and the flight lines.
 
-use super::args::PreviewArgs;
-use super::{Console, interrupt};
 use crate::options::{InputOptions, Options, Switch};
 use crate::pipeline::{FlightCoverage, Progress, ResolvedRun, RunContext, Session};
 use arrow_array::cast::AsArray;
 use arrow_array::types::{Float64Type, Int32Type};
+use std::path::{Path, PathBuf};
+use vlscan_base::Observer;
+use vlscan_base::diag::Place;
 use vlscan_base::error::{Error, Result};
+use vlscan_base::quantity::CLASSES;
+use vlscan_formats::{Attribute, AttributeSet, PointRow};
 use vlscan_geom::{DVec3, is_inside};
-use vlscan_tools::preview::{Attributes, Point, Points};
+use vlscan_tools::cloud::Points;
+use vlscan_warehouse::Stop;
 
 /// Most points on the surfaces of the scene.
 const MAX_SURFACE_POINTS: usize = 1_000_000;
@@ -17,20 +21,22 @@ const MAX_DOTS: f64 = 2000.0;
 /// Lines of dots beside each other that a flight line consists of.
 const LINE_WIDTH: i32 = 3;
 
-/// The scene of a survey as points, whose leg is the first one that covers them plus one, or 0, and the flight lines.
-pub fn survey_points(args: &PreviewArgs, console: &Console) -> Result<Points> {
-    let input = InputOptions {
-        assets: args.assets.clone(),
-        strict: Switch::given(console.is_strict()),
-        ..InputOptions::default()
-    };
-    let (job, warnings) = ResolvedRun::resolve(&args.points, &Options { input, ..Options::default() })?;
-    console.warnings(&warnings)?;
-    let mut session = Session::open(job.settings, console.observer())?;
+/// The scene of a survey or pipeline as points, whose leg is the first one that covers them plus one, or 0, and the flight lines.
+/// Files are looked for in `assets`, too.
+///
+/// # Errors
+/// Those of [`ResolvedRun::resolve`] and of a flight; [`Error::Interrupted`].
+pub fn survey_points(survey: &Path, assets: &[PathBuf], observer: &Observer, stop: &Stop) -> Result<Points> {
+    let strict = Switch::given(observer.is_strict());
+    let input = InputOptions { assets: assets.to_vec(), strict, ..InputOptions::default() };
+    let (job, warnings) = ResolvedRun::resolve(survey, &Options { input, ..Options::default() })?;
+    observer.warnings(warnings)?;
+    let mut session = Session::open(job.settings, observer.callback())?;
     let progress = Progress::default();
-    let sketch = session.sketch(RunContext::new(&progress, &interrupt::STOP))?;
+    let sketch = session.sketch(RunContext::new(&progress, stop))?;
     let loaded = session.loaded().ok_or_else(|| Error::Internal("the scene is not loaded".to_owned()))?;
-    let mut points = Points::new(Attributes { class: true, leg: true, ..Attributes::default() });
+    let attributes = AttributeSet::of(|attribute| matches!(attribute, Attribute::Class | Attribute::Leg));
+    let mut points = Points::new(attributes);
     points.count_legs_from_one();
     let table = loaded.sample(MAX_SURFACE_POINTS)?;
     let axis = |i: usize| table.column(i).as_primitive::<Float64Type>().values();
@@ -39,10 +45,17 @@ pub fn survey_points(args: &PreviewArgs, console: &Console) -> Result<Points> {
     let cover = Cover::of(&sketch);
     for i in 0..table.num_rows() {
         let position = DVec3::new(x[i], y[i], z[i]);
-        points.push(&Point { position, class: classes[i], leg: cover.leg(position), ..Point::default() });
+        let class = classes[i].clamp(0, 255) as u8;
+        points.push(&PointRow { position, class, leg: cover.leg(position), ..PointRow::default() }, None);
     }
     draw_tracks(&sketch, &mut points);
-    console.warnings(&points.doubts(&args.points))?;
+    let mut found = points.doubts(survey);
+    let odd = classes.iter().filter(|class| !CLASSES.contains(class)).count();
+    if odd > 0 {
+        let message = format!("{odd} points have classes beyond 0 to 255, which count as 0 or 255");
+        found.warn(Some(Place::of_file(survey)), message);
+    }
+    observer.warnings(found)?;
     Ok(points)
 }
 
@@ -56,7 +69,9 @@ fn draw_tracks(sketch: &FlightCoverage, points: &mut Points) {
             for i in -LINE_WIDTH / 2..=LINE_WIDTH / 2 {
                 for j in -LINE_WIDTH / 2..=LINE_WIDTH / 2 {
                     let beside = DVec3::new(f64::from(i), f64::from(j), 0.0) * step;
-                    points.push(&Point { position: position + beside, leg: shown(*leg), ..Point::default() });
+                    let row =
+                        PointRow { position: position + beside, leg: shown(*leg), ..PointRow::default() };
+                    points.push(&row, None);
                 }
             }
         };

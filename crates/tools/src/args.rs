@@ -1,0 +1,97 @@
+//! Values of options: their bounds, which programs may break, and their texts on command lines.
+
+use vlscan_base::quantity::{Bounds, COORDINATE, POSITIVE, number, parse_count};
+
+/// Directions, degrees.
+pub const HEADING: Bounds = Bounds::new(-360.0, 360.0, "degrees from -360 to 360");
+/// Angles of a climb, degrees.
+pub const CLIMB: Bounds = Bounds::new(0.01, 89.0, "degrees from 0.01 to 89");
+/// Overlaps of strips, percent.
+pub const OVERLAP: Bounds =
+    Bounds::new(-1000.0, 99.0, "percent of the swath, at most 99; below 0 leaves gaps");
+/// Growth, percent.
+pub const GROWTH: Bounds = Bounds::new(-90.0, 900.0, "percent from -90 to 900");
+/// Shares, percent.
+pub const SHARE: Bounds = Bounds::new(0.0, 100.0, "percent from 0 to 100");
+
+/// Checks values that are given, by the names of their options.
+///
+/// # Errors
+/// A sentence about the first one that is beyond its bounds.
+pub fn check<const N: usize>(values: [(&str, Option<f64>, Bounds); N]) -> Result<(), String> {
+    for (option, value, bounds) in values {
+        if let Some(value) = value.filter(|value| !bounds.contains(*value)) {
+            return Err(format!("--{option} {}: expected {}", number(value), bounds.expected));
+        }
+    }
+    Ok(())
+}
+
+/// A finite number above 0.
+pub fn positive(text: &str) -> Result<f64, String> {
+    POSITIVE.parse(text)
+}
+
+/// A whole number with an optional unit prefix: 250k.
+pub fn count(text: &str) -> Result<u64, String> {
+    parse_count(text).ok_or_else(|| format!("expected a number such as 250000 or 250k, found {text:?}"))
+}
+
+/// [`count`] of at least 1.
+pub fn number_of_points(text: &str) -> Result<usize, String> {
+    match count(text)? {
+        0 => Err(format!("expected a number such as 250000 or 250k, found {text:?}")),
+        count => Ok(usize::try_from(count).unwrap_or(usize::MAX)),
+    }
+}
+
+/// Growth, percent.
+pub fn growth(text: &str) -> Result<f64, String> {
+    GROWTH.parse(text.trim_end_matches('%'))
+}
+
+/// A share, percent.
+pub fn share(text: &str) -> Result<f64, String> {
+    SHARE.parse(text.trim_end_matches('%'))
+}
+
+/// A coordinate, m.
+pub fn coordinate(text: &str) -> Result<f64, String> {
+    bounded(text, COORDINATE)
+}
+
+/// A direction, degrees.
+pub fn heading(text: &str) -> Result<f64, String> {
+    bounded(text, HEADING)
+}
+
+/// The angle of a climb, degrees.
+pub fn climb(text: &str) -> Result<f64, String> {
+    bounded(text, CLIMB)
+}
+
+fn bounded(text: &str, bounds: Bounds) -> Result<f64, String> {
+    bounds.parse(text).map_err(|_| format!("expected {}", bounds.expected))
+}
+
+/// The overlap of strips, percent.
+pub fn overlap(text: &str) -> Result<f64, String> {
+    let is_marked = text.trim_end().ends_with('%');
+    match text.trim_end_matches('%').trim().parse::<f64>() {
+        Ok(part) if !is_marked && part != 0.0 && part.abs() < 1.0 => Err(format!(
+            "it is in percent: {} for that part of the swath, or \"{part}%\" if less than one percent is meant",
+            number(part * 100.0)
+        )),
+        Ok(percent) if OVERLAP.contains(percent) => Ok(percent),
+        _ => Err(format!("expected {}", OVERLAP.expected)),
+    }
+}
+
+/// A position: `x,y`, m.
+pub fn position(text: &str) -> Result<[f64; 2], String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    match numbers.map(<[f64; 2]>::try_from) {
+        Some(Ok(position)) if position.iter().all(|v| COORDINATE.contains(*v)) => Ok(position),
+        _ => Err("expected x,y in metres, such as 120.5,-30".to_owned()),
+    }
+}

@@ -1,0 +1,153 @@
+//! What a survey is planned from.
+
+use super::{AirborneOptions, Area, MobileOptions, TerrestrialOptions};
+use crate::args;
+use std::path::PathBuf;
+
+/// A survey that is to be planned.
+#[derive(Clone, Debug, clap::Subcommand)]
+pub enum PlanRequest {
+    /// Parallel flight lines over an area.
+    ///
+    /// The swath W at that height above the ground and the N pulses per second that reach it are sampled from the instrument's
+    /// own optics. With the speed v, f scan lines per second and the distance S of the lines: overlap 1 − S/W, density N/(v·S),
+    /// spacing v/f along and W·f/N across. Density is the mean number of pulses per m² of flat ground; without --speed the speed
+    /// follows from it, with --speed the distance of the lines. The area is covered to its edges as often as within. Where the
+    /// mount of the default platform does not point the scanner at the ground, the plan turns it. Before it is written, a sample
+    /// of the flight is flown over flat ground and over the scene; what the instrument cannot do is refused.
+    Airborne(Box<AirborneRequest>),
+    /// Positions of a tripod on a grid over an area, or around a plot.
+    ///
+    /// The head turns once at each position. Points are resolution × range apart.
+    Terrestrial(Box<TerrestrialRequest>),
+    /// A vehicle along a line.
+    Mobile(Box<MobileRequest>),
+}
+
+impl PlanRequest {
+    /// What all requests have.
+    pub fn common(&self) -> &PlanSetup {
+        match self {
+            PlanRequest::Airborne(request) => &request.common,
+            PlanRequest::Terrestrial(request) => &request.common,
+            PlanRequest::Mobile(request) => &request.common,
+        }
+    }
+
+    /// What all requests have, to be changed.
+    pub fn common_mut(&mut self) -> &mut PlanSetup {
+        match self {
+            PlanRequest::Airborne(request) => &mut request.common,
+            PlanRequest::Terrestrial(request) => &mut request.common,
+            PlanRequest::Mobile(request) => &mut request.common,
+        }
+    }
+
+    /// Plans within an area if the request names no place of its own and is not one along a line.
+    pub fn within(&mut self, area: &Area) {
+        let place = match self {
+            PlanRequest::Airborne(request) => &mut request.area,
+            PlanRequest::Terrestrial(request) if request.options.around.is_none() => &mut request.area,
+            _ => return,
+        };
+        place.get_or_insert_with(|| AreaSource::Given(area.clone()));
+    }
+}
+
+/// Where the polygon or line of an area comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum AreaSource {
+    /// A file of GeoJSON, KML or well-known text, or well-known text itself.
+    Named(String),
+    /// A polygon in the scene's coordinates.
+    Given(Area),
+}
+
+impl From<String> for AreaSource {
+    fn from(name: String) -> AreaSource {
+        AreaSource::Named(name)
+    }
+}
+
+/// What all plans need.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct PlanSetup {
+    /// The scanner: an id of `vlscan catalogue`, or file.xml#id.
+    #[arg(long, value_name = "SCANNER")]
+    pub scanner: String,
+    /// The platform: an id of `vlscan catalogue`, or file.xml#id.
+    #[arg(long, value_name = "PLATFORM")]
+    pub platform: Option<String>,
+    /// The scene, which the plan names; it tells the ground and, where no area is given, the area.
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Option<String>,
+    /// Height of the ground where no scene tells it, m; tripods and vehicles stand on it even if a scene does. [default: 0]
+    #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = args::coordinate)]
+    pub ground: Option<f64>,
+    /// Pulses per second. [default: the scanner's first]
+    #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(1..))]
+    pub pulse_rate: Option<u32>,
+    /// Folder to look for files in; may be given more than once.
+    #[arg(long, value_name = "DIR")]
+    pub assets: Vec<PathBuf>,
+    /// The pipeline file. [default: stdout]
+    #[arg(short = 'o', long, value_name = "PATH")]
+    pub out: Option<PathBuf>,
+    /// Overwrite a file that exists.
+    #[arg(id = "force", long = "force")]
+    pub overwrite: bool,
+}
+
+impl PlanSetup {
+    /// Height of the ground where no scene tells it, m.
+    pub fn level(&self) -> f64 {
+        self.ground.unwrap_or(0.0)
+    }
+}
+
+/// A flight that is to be planned.
+#[derive(Clone, Debug, clap::Args)]
+pub struct AirborneRequest {
+    /// The area in the scene's coordinates: a file of GeoJSON, KML or well-known text, or "POLYGON ((x y, …))". Longitudes and
+    /// latitudes are projected to the scene's UTM zone. [default: the box of the scene's ground]
+    #[arg(long, value_name = "AREA")]
+    pub area: Option<AreaSource>,
+    /// The area is a line, and what is no farther from it than this, m.
+    #[arg(long, value_name = "M", requires = "area", value_parser = args::positive)]
+    pub buffer: Option<f64>,
+    /// Instrument, scene and output.
+    #[command(flatten)]
+    pub common: PlanSetup,
+    /// The flight.
+    #[command(flatten)]
+    pub options: AirborneOptions,
+}
+
+/// Positions of a tripod that are to be planned.
+#[derive(Clone, Debug, clap::Args)]
+pub struct TerrestrialRequest {
+    /// The area in the scene's coordinates: a file of GeoJSON, KML or well-known text, or "POLYGON ((x y, …))". [default: the
+    /// scene's box]
+    #[arg(long, value_name = "AREA", conflicts_with = "around")]
+    pub area: Option<AreaSource>,
+    /// Instrument, scene and output.
+    #[command(flatten)]
+    pub common: PlanSetup,
+    /// The positions.
+    #[command(flatten)]
+    pub options: TerrestrialOptions,
+}
+
+/// A drive that is to be planned.
+#[derive(Clone, Debug, clap::Args)]
+pub struct MobileRequest {
+    /// The line in the scene's coordinates: a file of GeoJSON, KML or well-known text, or "LINESTRING (x y, …)".
+    #[arg(long, value_name = "LINE")]
+    pub along: String,
+    /// Instrument, scene and output.
+    #[command(flatten)]
+    pub common: PlanSetup,
+    /// The drive.
+    #[command(flatten)]
+    pub options: MobileOptions,
+}

@@ -1,0 +1,78 @@
+//! `vlscan campaign`: a data set from a matrix of scenes, variants and seeds.
+
+use super::args::CampaignArgs;
+use super::{Console, Verbosity, interrupt};
+use crate::campaign::{Campaign, CampaignEvent, CampaignOptions, CampaignReport};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::write_stdout;
+use vlscan_base::quantity::{amount, duration};
+
+pub fn run(args: &CampaignArgs, console: &Console) -> Result<()> {
+    let campaign = Campaign::read(&args.file)?;
+    console.warnings(campaign.warnings())?;
+    let options = CampaignOptions { strict: console.is_strict(), ..args.options.clone() };
+    if args.list {
+        let left = campaign.left(&options)?;
+        return write_stdout(&left.iter().map(|cell| format!("{}\n", cell.name)).collect::<String>());
+    }
+    let shown = console.clone();
+    let report = campaign.run(&options, &interrupt::STOP, move |event| show(&shown, event))?;
+    tell(&report, args, console)
+}
+
+fn show(console: &Console, event: CampaignEvent) {
+    match event {
+        // What the stages of a cell say is for --verbose; their warnings are shown once, with the first cell that has them.
+        CampaignEvent::Notice(notice) if console.shows(Verbosity::Verbose) => console.observer()(notice),
+        CampaignEvent::Notice(_) => {}
+        CampaignEvent::Warning { cell, text } => console.say(format!("{cell}  {text}")),
+        CampaignEvent::Damaged { cell, damage } => {
+            console.say(format!("{cell}  is computed again: {damage}"));
+        }
+        CampaignEvent::Completed { cell, points, seconds } => {
+            console.say(format!("{cell}  {} points, {}", amount(points as f64), duration(seconds)));
+        }
+        CampaignEvent::Failed { cell, error } => {
+            console.say(format!("{cell}  failed: {}", error.lines().next().unwrap_or_default()));
+        }
+    }
+}
+
+/// Tells what was computed and what is left.
+///
+/// # Errors
+/// [`Error::Input`] if cells have failed, with `--cell` some of those that are named.
+fn tell(report: &CampaignReport, args: &CampaignArgs, console: &Console) -> Result<()> {
+    let CampaignReport { computed, cells, left, failed, reported, .. } = report;
+    if *computed > 0 {
+        console.say(format!("{computed} cells in {}", duration(report.seconds)));
+    }
+    match &report.manifest {
+        None => console.say(format!("{left} of {cells} cells are left; the same command goes on with them")),
+        Some(path) => {
+            if report.is_manifest_replaced {
+                console.say(format!("{} was not that of the cells, and is written again", path.display()));
+            }
+            let points = amount(report.points as f64);
+            console.say(format!("{}  {cells} cells, {points} points", path.display()));
+        }
+    }
+    let Some(first) = failed.first() else { return Ok(()) };
+    let (text, of, them) = match reported {
+        1 => (format!("{} has failed: {}", first.cell, first.error), format!(" --cell {}", first.cell), "it"),
+        _ => {
+            let text = format!(
+                "{} of {reported} cells have failed, {} among them; the manifest says why{}",
+                failed.len(),
+                first.cell,
+                if *left > 0 { " when all cells are computed" } else { "" }
+            );
+            (text, String::new(), "them")
+        }
+    };
+    if !failed.iter().any(|cell| cell.is_kept) {
+        return Err(Error::input(text));
+    }
+    let file = args.file.display();
+    Err(Error::input_with_help(text, format!("vlscan campaign {file}{of} --retry computes {them} again")))
+}

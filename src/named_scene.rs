@@ -1,0 +1,49 @@
+//! Scenes as commands name them: directly, or by a file that refers to one.
+
+use crate::options::{InputOptions, Options, holds_survey, read_survey};
+use std::path::{Path, PathBuf};
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::Result;
+use vlscan_lidar::pulse::{Corrections, PhysicsProfile};
+use vlscan_scene::LoadOptions;
+use vlscan_survey::{ReadOptions, SceneRecipe};
+
+/// A scene as named on the command line: directly, or by a file that refers to it.
+pub struct NamedScene<'a> {
+    /// Scene, survey, pipeline or geometry file.
+    pub name: &'a str,
+    /// Folders in which files are looked up.
+    pub assets: &'a [PathBuf],
+}
+
+/// Properties of the scan that the scene depends on.
+pub struct Scanning {
+    /// Wavelength at which spectra are evaluated, nm.
+    pub wavelength_nm: f64,
+    /// The survey's seed.
+    pub seed: Option<u64>,
+    /// Those by which materials are read.
+    pub corrections: Corrections,
+}
+
+impl NamedScene<'_> {
+    /// Reads the scene's description and the properties of its scan.
+    ///
+    /// # Errors
+    /// Those of [`read_survey`] and of [`vlscan_survey::read_scene`].
+    pub fn recipe(&self) -> Result<(SceneRecipe, Scanning, Diagnostics)> {
+        let default = LoadOptions::default().wavelength_nm;
+        let path = Path::new(self.name);
+        if !holds_survey(path) {
+            let reading = ReadOptions { assets: self.assets.to_vec(), ..ReadOptions::default() };
+            let (scene, warnings) = vlscan_survey::read_scene(self.name, &reading)?;
+            let corrections = PhysicsProfile::OF_PIPELINES.corrections();
+            return Ok((scene, Scanning { wavelength_nm: default, seed: None, corrections }, warnings));
+        }
+        let input = InputOptions { assets: self.assets.to_vec(), ..InputOptions::default() };
+        let (survey, options, warnings) = read_survey(path, Options { input, ..Options::default() })?;
+        let wavelength_nm = survey.scanner.devices.first().map_or(default, |d| d.beam.wavelength);
+        let corrections = options.profile.corrections(Corrections::NONE)?;
+        Ok((survey.scene, Scanning { wavelength_nm, seed: survey.seed, corrections }, warnings))
+    }
+}

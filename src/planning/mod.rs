@@ -1,0 +1,294 @@
+//! Plans surveys: reads what a plan is made from, has it planned, and checks it by its own dry run.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `check` | the check of a plan before it is written |
+
+mod check;
+
+use crate::named_scene::NamedScene;
+use crate::options::holds_survey;
+use crate::pipeline::LoadedScene;
+use std::path::{Path, PathBuf};
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{FileWriter, Patched};
+use vlscan_base::{Observer, machine};
+use vlscan_geom::DVec3;
+use vlscan_lidar::pulse::PhysicsProfile;
+use vlscan_scene::{Fallback, GroundModel, LoadOptions};
+use vlscan_survey::{Platform, ReadOptions, SceneRecipe, catalogue, find_platform, find_scanner};
+use vlscan_tools::plan::{
+    self, AirborneRequest, Area, AreaSource, Carrier, Ground, Instrument, MobileRequest, PlanRequest,
+    PlanSetup, PlannedSurvey, TerrestrialRequest,
+};
+use vlscan_trace::{BuildOptions, Builder};
+use vlscan_warehouse::Stop;
+
+/// Height below which a flight is a drone's if no platform is named, m.
+const MAX_DRONE_HEIGHT: f64 = 150.0;
+
+/// Plans a survey, checks it, and writes it to the file that the request names, if it names one. `command` is what made the plan, in
+/// its first line.
+///
+/// ```
+/// use vlscan::tools::plan::{AirborneOptions, AirborneRequest, Area, AreaSource, PlanRequest, PlanSetup};
+/// use vlscan::{Observer, Stop, plan_survey};
+///
+/// # fn main() -> vlscan::Result<()> {
+/// let request = PlanRequest::Airborne(Box::new(AirborneRequest {
+///     area: Some(AreaSource::Given(Area::rectangle([0.0, 0.0], [400.0, 300.0]).unwrap())),
+///     buffer: None,
+///     common: PlanSetup { scanner: "riegl_vux-1uav".into(), ..PlanSetup::default() },
+///     options: AirborneOptions { height: 60.0, density: Some(50.0), ..AirborneOptions::default() },
+/// }));
+/// let plan = plan_survey(&request, "my program", &Observer::default(), &Stop::new())?;
+/// assert!(plan.length() > 400.0 && plan.text("my program").contains("riegl_vux-1uav"));
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # Errors
+/// [`Error::Input`] for requests that contradict themselves, exceed the instrument, or result in surveys that do not keep what they
+/// promise or measure nothing; [`Error::Io`]; [`Error::Interrupted`].
+pub fn plan_survey(
+    request: &PlanRequest,
+    command: &str,
+    observer: &Observer,
+    stop: &Stop,
+) -> Result<PlannedSurvey> {
+    let planner = Planner::new(request.common(), observer)?;
+    let (plan, area, told) = match request {
+        PlanRequest::Airborne(request) => planner.airborne(request),
+        PlanRequest::Terrestrial(request) => planner.terrestrial(request),
+        PlanRequest::Mobile(request) => planner.mobile(request),
+    }?;
+    planner.finish(plan, area.as_ref(), &told, command, stop)
+}
+
+/// What plans of all kinds are made from.
+struct Planner<'a> {
+    setup: &'a PlanSetup,
+    observer: &'a Observer,
+    instrument: Instrument,
+    /// Where the survey takes place, if there is a scene.
+    site: Option<Site>,
+    /// The warnings about the scanner, which have been shown.
+    told: Diagnostics,
+}
+
+/// A loaded scene.
+struct Site {
+    recipe: SceneRecipe,
+    loaded: LoadedScene,
+    ground: GroundModel,
+}
+
+impl Site {
+    /// Loads the scene of a request as surveys with this instrument do.
+    fn load(name: &str, setup: &PlanSetup, instrument: &Instrument, observer: &Observer) -> Result<Site> {
+        let (recipe, _, warnings) = NamedScene { name, assets: &setup.assets }.recipe()?;
+        observer.warnings(warnings)?;
+        let options = LoadOptions {
+            wavelength_nm: instrument.wavelength(),
+            rules: PhysicsProfile::Refined.corrections(),
+            max_memory: machine::memory(),
+            ..LoadOptions::default()
+        };
+        let trees = BuildOptions::of(Builder::default());
+        let notify = observer.callback();
+        let loaded = LoadedScene::load(&recipe, &options, &trees, observer.is_strict(), &notify)?;
+        let ground = loaded.ground(Fallback::Highest, &notify)?;
+        Ok(Site { recipe, loaded, ground })
+    }
+}
+
+/// A plan, the area of a flight, and the warnings that have been shown.
+type Planned = (PlannedSurvey, Option<Area>, Diagnostics);
+
+impl Planner<'_> {
+    fn new<'a>(setup: &'a PlanSetup, observer: &'a Observer) -> Result<Planner<'a>> {
+        let (scanner, told) = find_scanner(&setup.scanner, &reading(setup))?;
+        observer.warnings(told.clone())?;
+        let (known, _) = catalogue()?;
+        let reference = in_catalogue(&setup.scanner, known.scanners.iter().map(|(name, _)| name));
+        let instrument = Instrument::new(reference, &scanner, setup.pulse_rate);
+        let scene = setup.scene.as_deref();
+        let site = scene.map(|name| Site::load(name, setup, &instrument, observer)).transpose()?;
+        Ok(Planner { setup, observer, instrument, site, told })
+    }
+
+    fn airborne(&self, request: &AirborneRequest) -> Result<Planned> {
+        let area = self.area(request.area.as_ref(), request.buffer)?;
+        let options = &request.options;
+        let default = if options.height < MAX_DRONE_HEIGHT { "copter_linearpath" } else { "sr22" };
+        let (reference, platform, told) = self.platform(default)?;
+        let level = self.setup.level();
+        let height = |x: f64, y: f64| match &self.site {
+            Some(site) => site.ground.height(x, y),
+            None => Some(level),
+        };
+        let ground = Ground { height: &height, level };
+        let carrier = Carrier { mount: platform.mount, may_turn: self.setup.platform.is_none() };
+        let plan = plan::plan_airborne(&area, &self.instrument, &carrier, options, &ground);
+        Ok((PlannedSurvey { platform: reference, ..plan.map_err(Error::input)? }, Some(area), told))
+    }
+
+    fn terrestrial(&self, request: &TerrestrialRequest) -> Result<Planned> {
+        let options = &request.options;
+        let area = match options.around {
+            Some(_) => None,
+            None => Some(self.area(request.area.as_ref(), None)?),
+        };
+        let on_ground = self.is_ground_used()?;
+        let (area, level) = (area.as_ref(), self.setup.level());
+        let plan = plan::plan_terrestrial(area, &self.instrument, options, level, on_ground);
+        let plan = plan.map_err(Error::input)?;
+        let (platform, _, told) = self.platform("tripod")?;
+        Ok((PlannedSurvey { platform, ..plan }, None, told))
+    }
+
+    fn mobile(&self, request: &MobileRequest) -> Result<Planned> {
+        let (line, warnings) = plan::read_line(&request.along, self.crs())?;
+        self.observer.warnings(warnings)?;
+        let on_ground = self.is_ground_used()?;
+        let plan =
+            plan::plan_mobile(&line, &self.instrument, &request.options, self.setup.level(), on_ground);
+        let plan = plan.map_err(Error::input)?;
+        let (platform, _, told) = self.platform("vehicle_linearpath")?;
+        Ok((PlannedSurvey { platform, ..plan }, None, told))
+    }
+
+    /// The platform of the request, or the one that suits, with its reference, and all warnings that have been shown.
+    fn platform(&self, suiting: &str) -> Result<(String, Platform, Diagnostics)> {
+        let name = self.setup.platform.as_deref().unwrap_or(suiting);
+        let (platform, warnings) = find_platform(name, &reading(self.setup))?;
+        self.observer.warnings(warnings.clone())?;
+        let mut told = self.told.clone();
+        told.extend(warnings);
+        let (known, _) = catalogue()?;
+        Ok((in_catalogue(name, known.platforms.iter().map(|(name, _)| name)), platform, told))
+    }
+
+    /// The system of the scene's coordinates as WKT, if its files name one.
+    fn crs(&self) -> Option<&str> {
+        self.site.as_ref().and_then(|site| site.ground.crs())
+    }
+
+    /// Whether waypoints are set on the scene's ground. They are not where the request has its height.
+    fn is_ground_used(&self) -> Result<bool> {
+        let (Some(site), Some(name)) = (&self.site, &self.setup.scene) else { return Ok(false) };
+        if !site.ground.has_ground() && self.setup.ground.is_none() {
+            return Err(Error::input_with_help(
+                format!("--scene {name}: none of its materials is ground"),
+                "give the terrain's material `helios_isGround true` (in its MTL file or materials.csv; `vlscan scene stand \
+                 --terrain` does), or tell the height of level ground with --ground",
+            ));
+        }
+        Ok(self.setup.ground.is_none())
+    }
+
+    /// Refuses waypoints that are to stand on ground where there is none.
+    fn check_ground(&self, plan: &PlannedSurvey) -> Result<()> {
+        let Some(site) = &self.site else { return Ok(()) };
+        let is_missing = |p: &DVec3| !site.ground.is_under(p.x, p.y);
+        let on_ground = plan.waypoints.iter().filter(|w| w.on_ground).map(|w| w.position);
+        let missing: Vec<DVec3> = on_ground.filter(is_missing).collect();
+        let Some(first) = missing.first() else { return Ok(()) };
+        Err(Error::input_with_help(
+            format!(
+                "the scene has no ground below {} of {} positions, the first at x {:.3} y {:.3}",
+                missing.len(),
+                plan.waypoints.len(),
+                first.x,
+                first.y
+            ),
+            "keep --area, --around or --along within the terrain whose material has `helios_isGround true`, or tell the height \
+             of level ground with --ground",
+        ))
+    }
+
+    /// The area of the request, or the box of the scene's ground.
+    fn area(&self, source: Option<&AreaSource>, buffer: Option<f64>) -> Result<Area> {
+        match (source, &self.site) {
+            (Some(AreaSource::Named(name)), _) => {
+                let (area, warnings) = plan::read_area(name, self.crs(), buffer)?;
+                self.observer.warnings(warnings)?;
+                Ok(area)
+            }
+            (Some(AreaSource::Given(area)), _) => Ok(area.clone()),
+            (None, Some(site)) => {
+                let [low, high] = site.ground.extent();
+                Area::rectangle(low, high).map_err(Error::input)
+            }
+            (None, None) => Err(Error::input("give --area, or --scene, whose ground is then the area")),
+        }
+    }
+
+    /// The scene as a plan in the file of the request names it: relative references are relative to that file.
+    fn reference(&self) -> Result<Option<String>> {
+        let (Some(site), Some(name)) = (&self.site, &self.setup.scene) else { return Ok(None) };
+        let (path, id) = match (holds_survey(Path::new(name)), name.split_once('#')) {
+            (true, _) => (site.recipe.path.clone(), Some(site.recipe.id.as_str())),
+            (false, Some((path, id))) => (PathBuf::from(path), Some(id)),
+            (false, None) => (PathBuf::from(name), None),
+        };
+        let folder = self.setup.out.as_deref().and_then(Path::parent);
+        let beside = folder.is_none_or(|folder| folder.as_os_str().is_empty());
+        let path = match beside || !path.exists() {
+            true => path,
+            false => std::path::absolute(&path).map_err(|e| Error::open(&path, e))?,
+        };
+        let path = path.to_str().ok_or_else(|| {
+            Error::input(format!("{}: its name is not UTF-8, which a pipeline file needs", path.display()))
+        })?;
+        Ok(Some(id.map_or(path.to_owned(), |id| format!("{path}#{id}"))))
+    }
+
+    /// Completes the plan, checks it by its own dry run and writes it. `area` is that of a flight, `told` the warnings that have been
+    /// shown.
+    fn finish(
+        &self,
+        mut plan: PlannedSurvey,
+        area: Option<&Area>,
+        told: &Diagnostics,
+        command: &str,
+        stop: &Stop,
+    ) -> Result<PlannedSurvey> {
+        let Planner { setup, observer, .. } = *self;
+        plan.scene = self.reference()?;
+        self.check_ground(&plan)?;
+        if let Some(path) = setup.out.as_ref().filter(|path| path.exists() && !setup.overwrite) {
+            return Err(Error::input(format!("{} exists; --force overwrites it", path.display())));
+        }
+        warn(&plan.warnings, observer)?;
+        let scene = self.site.as_ref().map(|site| (&site.recipe, &site.loaded));
+        let found = check::Check { plan: &plan, area, setup, scene, told, observer, stop }.run()?;
+        warn(&found, observer)?;
+        plan.warnings.extend(found);
+        if let Some(path) = &setup.out {
+            let mut file = FileWriter::create(path, setup.overwrite, Patched::Never)?;
+            file.append(plan.text(command).as_bytes())?;
+            file.finish()?;
+        }
+        Ok(plan)
+    }
+}
+
+fn reading(setup: &PlanSetup) -> ReadOptions {
+    ReadOptions { assets: setup.assets.clone(), ..ReadOptions::default() }
+}
+
+/// The full reference of an id in the catalogue; other names as they are.
+fn in_catalogue<'n>(name: &str, mut references: impl Iterator<Item = &'n String>) -> String {
+    let is_named = |reference: &&String| reference.split_once('#').is_some_and(|(_, id)| id == name);
+    references.find(is_named).cloned().unwrap_or_else(|| name.to_owned())
+}
+
+fn warn(texts: &[String], observer: &Observer) -> Result<()> {
+    let mut warnings = Diagnostics::default();
+    for text in texts {
+        warnings.warn(None, text.clone());
+    }
+    observer.warnings(warnings)
+}
