@@ -10,6 +10,7 @@
 //! | `batches` | runs whose points are taken while they are measured |
 //! | `catalogue` | lists of instruments, options and columns |
 //! | `preview` | pictures and pages of points |
+//! | `tools` | plans, campaigns, comparisons |
 //! | `watch` | work on another thread, which Ctrl-C ends |
 
 use pyo3::prelude::*;
@@ -21,6 +22,7 @@ mod preview;
 mod run;
 mod scene;
 mod table;
+mod tools;
 mod watch;
 
 /// The engine of vlscan; use the package `vlscan`.
@@ -40,6 +42,8 @@ mod _vlscan {
     use super::scene::{Changes, Mesh, Part, Scene};
     #[pymodule_export]
     use super::table::{Column, Table};
+    #[pymodule_export]
+    use super::tools::{compare, plan, run_campaign};
     #[pymodule_export]
     use super::version;
 }

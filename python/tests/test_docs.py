@@ -12,6 +12,17 @@ import vlscan
 from conftest import FIXTURES, ROOT
 
 
+#: The campaign that the examples name.
+CAMPAIGN = """out = "set"
+[[scene]]
+name = "ground"
+file = "ground.obj"
+[[variant]]
+name = "drone"
+plan = "airborne --scanner riegl_vux-1uav --height 60 --density 5"
+"""
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """A folder to work in, with the fixtures that examples name; nothing opens a browser."""
@@ -34,6 +45,7 @@ def test_examples_run(page, folder):
         # The survey and the meshes that its examples name.
         for file in [*(FIXTURES / "room").iterdir(), *(FIXTURES / "forest").glob("*.obj"), *(FIXTURES / "forest").glob("*.mtl")]:
             shutil.copy(file, folder)
+        (folder / "campaign.toml").write_text(CAMPAIGN)
     size = 50.0
     names = {
         "vertices": np.array([[-size, -size, 0], [size, -size, 0], [size, size, 0], [-size, size, 0]]),

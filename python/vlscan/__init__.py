@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from .scene import Scene
     from .survey import Leg, Survey, run, run_batches, trace
     from .tables import Points, Table, Waveforms
+    from .tools import CampaignReport, Plan, compare, plan_airborne, plan_mobile, plan_terrestrial, run_campaign
 
     __version__: str
 
@@ -46,16 +47,19 @@ _MODULES = {
     "scene": ["Scene"],
     "survey": ["Leg", "Survey", "run", "run_batches", "trace"],
     "tables": ["Points", "Table", "Waveforms"],
+    "tools": ["CampaignReport", "Plan", "compare", "plan_airborne", "plan_mobile", "plan_terrestrial", "run_campaign"],
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
+    "CampaignReport",
     "Error",
     "FileError",
     "InputError",
     "Leg",
     "Material",
     "Part",
+    "Plan",
     "Platform",
     "Points",
     "Problem",
@@ -68,10 +72,15 @@ __all__ = [
     "VlscanWarning",
     "Waveforms",
     "columns",
+    "compare",
     "options",
+    "plan_airborne",
+    "plan_mobile",
+    "plan_terrestrial",
     "platforms",
     "run",
     "run_batches",
+    "run_campaign",
     "scanners",
     "trace",
 ]

@@ -50,6 +50,17 @@ def page(table: _Table, colour: str, title: str, max_points: int) -> str:
 def picture(table: _Table, colour: str, title: str, width: int, height: int) -> bytes:
     """Return a PNG picture of points, from above and from the side."""
 
+def plan(kind: str, fields: dict[str, Any]) -> tuple[str, list[str], list[str]]:
+    """Plan a survey: the pipeline file, what the plan promises, and its warnings."""
+
+def run_campaign(path: str, fields: dict[str, Any], notify: Callable[[str, str, str], object] | None) -> dict[str, Any]:
+    """Compute the cells of a campaign and return the state of its data set."""
+
+def compare(
+    first: tuple[str, Any], second: tuple[str, Any], cell: float, voxel: float, most_distances: int
+) -> str:
+    """Compare two clouds, each a table with its name or the file of that name; the comparison as JSON."""
+
 @final
 class Mesh:
     """Triangles with materials."""

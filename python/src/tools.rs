@@ -1,0 +1,202 @@
+//! Around runs: surveys that are planned, campaigns, clouds that are compared.
+
+use crate::errors::{Notices, exception};
+use crate::preview::one;
+use crate::table::batches;
+use crate::watch::{Interruption, watched};
+use pyo3::conversion::FromPyObjectOwned;
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use vlscan::tools::cloud::{Points, points_of_table, read_points};
+use vlscan::tools::compare::{CompareOptions, compare as compare_clouds, json};
+use vlscan::tools::plan::{
+    AirborneOptions, AirborneRequest, Area, AreaSource, MobileOptions, MobileRequest, PlanRequest, PlanSetup,
+    TerrestrialOptions, TerrestrialRequest,
+};
+use vlscan::{Campaign, CampaignEvent, CampaignOptions, Error, Notice, Observer, PartNumber};
+
+/// The command in the first line of plans.
+const COMMAND: &str = "vlscan.plan";
+
+/// A value of a dictionary that the package fills.
+fn get<'py, T: FromPyObjectOwned<'py>>(fields: &Bound<'py, PyDict>, key: &str) -> PyResult<T> {
+    let value = fields.get_item(key)?.ok_or_else(|| PyValueError::new_err(format!("no {key}")))?;
+    value.extract::<T>().map_err(|error| {
+        let error: PyErr = error.into();
+        PyTypeError::new_err(format!("{key}: {}", error.value(fields.py())))
+    })
+}
+
+/// A name of a file, text, or corners.
+fn area(fields: &Bound<'_, PyDict>) -> PyResult<Option<AreaSource>> {
+    let Some(value) = get::<Option<Bound<'_, PyAny>>>(fields, "area")? else { return Ok(None) };
+    if let Ok(name) = value.extract::<String>() {
+        return Ok(Some(AreaSource::Named(name)));
+    }
+    let area =
+        Area::new(value.extract()?).map_err(|message| PyValueError::new_err(format!("area: {message}")));
+    Ok(Some(AreaSource::Given(area?)))
+}
+
+/// A struct whose fields are those of a dictionary, and others.
+macro_rules! of_fields {
+    ($type:ident, $fields:expr, [$($name:ident),*] $(, $other:ident: $value:expr)*) => {
+        $type { $($name: get($fields, stringify!($name))?,)* $($other: $value,)* }
+    };
+}
+
+fn request(kind: &str, fields: &Bound<'_, PyDict>) -> PyResult<PlanRequest> {
+    let common = of_fields!(
+        PlanSetup, fields, [scanner, platform, scene, ground, pulse_rate, assets], out: None, overwrite: false
+    );
+    Ok(match kind {
+        "airborne" => {
+            let options = of_fields!(
+                AirborneOptions,
+                fields,
+                [
+                    height,
+                    speed,
+                    density,
+                    overlap,
+                    scan_angle,
+                    scan_freq,
+                    heading,
+                    cross_lines,
+                    run_in,
+                    turn_radius,
+                    follow_terrain,
+                    climb
+                ]
+            );
+            let (area, buffer) = (area(fields)?, get(fields, "buffer")?);
+            PlanRequest::Airborne(Box::new(AirborneRequest { area, buffer, common, options }))
+        }
+        "terrestrial" => {
+            let options = of_fields!(
+                TerrestrialOptions,
+                fields,
+                [spacing, around, radius, positions, at_centre, resolution]
+            );
+            PlanRequest::Terrestrial(Box::new(TerrestrialRequest { area: area(fields)?, common, options }))
+        }
+        _ => {
+            let options = of_fields!(MobileOptions, fields, [speed, scan_angle, scan_freq, step]);
+            PlanRequest::Mobile(Box::new(MobileRequest { along: get(fields, "along")?, common, options }))
+        }
+    })
+}
+
+/// Plans a survey of a kind: airborne, terrestrial or mobile. Returns the pipeline file, what the plan promises and its warnings.
+#[pyfunction]
+pub fn plan(
+    py: Python<'_>,
+    kind: &str,
+    fields: &Bound<'_, PyDict>,
+) -> PyResult<(String, Vec<String>, Vec<String>)> {
+    let (request, notices) = (request(kind, fields)?, Notices::default());
+    let interruption = Arc::new(Interruption::default());
+    let (own, observer) = (interruption.clone(), Observer::new(false, notices.observer()));
+    let work = move || vlscan::plan_survey(&request, COMMAND, &observer, &own.stop);
+    let done = watched(py, &interruption, work, || py.check_signals())?;
+    notices.issue(py)?;
+    let plan = done.map_err(|error| exception(py, error))?;
+    Ok((plan.text(COMMAND), plan.comments, plan.warnings))
+}
+
+/// Computes the cells of a campaign. `notify` is called with the kind of an event, the name of a cell and a text. Returns the state
+/// of the data set.
+#[pyfunction]
+pub fn run_campaign<'py>(
+    py: Python<'py>,
+    path: PathBuf,
+    fields: &Bound<'py, PyDict>,
+    notify: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let task = get::<Option<(u32, u32)>>(fields, "task")?.map(|(number, of)| PartNumber { number, of });
+    let options = of_fields!(CampaignOptions, fields, [cells, retry, verify, threads, strict], task: task);
+    let (notices, interruption) = (Notices::default(), Arc::new(Interruption::of_writing()));
+    let events = Arc::new(Mutex::new(Vec::new()));
+    let (own, own_notices, own_events) = (interruption.clone(), notices.clone(), events.clone());
+    let work = move || {
+        let campaign = Campaign::read(&path)?;
+        own_notices.add(Notice::Warnings(campaign.warnings().clone().finish(options.strict)?));
+        campaign.run(&options, &own.stop, move |event| {
+            own_events.lock().unwrap_or_else(PoisonError::into_inner).push(event);
+        })
+    };
+    let tell = || {
+        py.check_signals()?;
+        let all = std::mem::take(&mut *events.lock().unwrap_or_else(PoisonError::into_inner));
+        for event in all {
+            let (kind, cell, text) = match event {
+                CampaignEvent::Notice(_) => continue,
+                CampaignEvent::Warning { cell, text } => ("warning", cell, text),
+                CampaignEvent::Damaged { cell, damage } => ("damaged", cell, damage),
+                CampaignEvent::Completed { cell, points, .. } => {
+                    ("completed", cell, format!("{points} points"))
+                }
+                CampaignEvent::Failed { cell, error } => ("failed", cell, error),
+            };
+            if let Some(notify) = &notify {
+                notify.call1(py, (kind, cell, text))?;
+            }
+        }
+        Ok(())
+    };
+    let done = watched(py, &interruption, work, tell)?;
+    tell()?;
+    notices.issue(py)?;
+    let report = done.map_err(|error| exception(py, error))?;
+    let found = PyDict::new(py);
+    found.set_item("computed", report.computed)?;
+    found.set_item("seconds", report.seconds)?;
+    found.set_item("cells", report.cells)?;
+    found.set_item("left", report.left)?;
+    found.set_item("points", report.points)?;
+    found.set_item("manifest", report.manifest)?;
+    let failed = report.failed.into_iter().map(|cell| (cell.cell, cell.error));
+    found.set_item("failed", PyList::new(py, failed)?)?;
+    Ok(found)
+}
+
+/// A cloud to compare: its name, and its points or the file of that name.
+type Named<'py> = (String, Option<Bound<'py, PyAny>>);
+
+/// Compares two clouds. Returns the comparison as JSON.
+#[pyfunction]
+pub fn compare(
+    py: Python<'_>,
+    first: Named<'_>,
+    second: Named<'_>,
+    cell: f64,
+    voxel: f64,
+    most_distances: usize,
+) -> PyResult<String> {
+    let notices = Notices::default();
+    let tables = [first, second].map(|(name, table)| {
+        let table = table.map(|table| batches(&table).map(|(_, batches)| batches)).transpose();
+        table.map(|table| (name, table))
+    });
+    let [first, second] = tables;
+    let (first, second) = (first?, second?);
+    let made = py.detach(|| {
+        let [first, second] = [first, second].map(|(name, table)| -> vlscan::Result<(String, Points)> {
+            let (points, found) = match table {
+                Some(batches) => points_of_table(&one(batches)?)?,
+                None => read_points(Path::new(&name))?,
+            };
+            notices.add(Notice::Warnings(found));
+            Ok((name, points))
+        });
+        let (first, second) = (first?, second?);
+        let options = CompareOptions { cell, voxel, most_distances };
+        let clouds = [(first.0.as_str(), &first.1), (second.0.as_str(), &second.1)];
+        json(&compare_clouds(clouds, &options).map_err(Error::input)?)
+    });
+    notices.issue(py)?;
+    made.map_err(|error| exception(py, error))
+}

@@ -1,0 +1,67 @@
+"""Plans, campaigns and comparisons: what the commands do."""
+
+import json
+
+import pytest
+import vlscan
+
+SQUARE = [(-20, -20), (20, -20), (20, 20), (-20, 20)]
+FLAT = "v -50 -50 0\nv 50 -50 0\nv 50 50 0\nv -50 50 0\nf 1 2 3\nf 1 3 4\n"
+
+
+def test_plans_are_those_of_the_command(command, tmp_path):
+    scene = tmp_path / "flat.obj"
+    scene.write_text(FLAT)
+    text = f"POLYGON (({', '.join(f'{x} {y}' for x, y in [*SQUARE, SQUARE[0]])}))"
+    options = ["--scanner", "riegl_vux-1uav", "--height", 50, "--density", 5, "--area", text, "--scene", scene]
+    done = command("plan", "airborne", *options, "-o", tmp_path / "plan.toml")
+    assert done.returncode == 0, done.stderr
+    for area in (SQUARE, text):
+        plan = vlscan.plan_airborne("riegl_vux-1uav", 50, density=5, area=area, scene=scene)
+        expected = (tmp_path / "plan.toml").read_text().split("\n", 1)[1]
+        assert plan.text.split("\n", 1)[1] == expected and any("density" in line for line in plan.promises)
+    plan.save(tmp_path / "own.toml")
+    points = vlscan.run(tmp_path / "own.toml", seed=1).points
+    assert 5000 < len(points) < 50_000
+    tripods = vlscan.plan_terrestrial("riegl_vz400", around=(0, 0), radius=10, at_centre=True, resolution=0.1, scene=scene, ground=0)
+    assert tripods.text.count("[[leg]]") == 5
+    assert "vlp16" in vlscan.plan_mobile("vlp16", "LINESTRING (0 0, 40 0)", scene=scene, ground=0).text
+    with pytest.raises(vlscan.InputError, match="--height -5"):
+        vlscan.plan_airborne("riegl_vux-1uav", -5, density=5, area=SQUARE)
+    with pytest.raises(TypeError, match="height"):
+        vlscan.plan_airborne("riegl_vux-1uav", "low", density=5, area=SQUARE)
+
+
+def test_campaigns_are_computed_and_clouds_compared(tmp_path):
+    (tmp_path / "flat.obj").write_text(FLAT)
+    text = """out = "set"
+seeds = 2
+[[scene]]
+name = "flat"
+file = "flat.obj"
+area = "POLYGON ((-20 -20, 20 -20, 20 20, -20 20))"
+[[variant]]
+name = "u"
+plan = "airborne --scanner riegl_vux-1uav --height 50 --density 5"
+"""
+    (tmp_path / "c.toml").write_text(text)
+    events = []
+    report = vlscan.run_campaign(tmp_path / "c.toml", cells=["flat-u-1"], notify=lambda *event: events.append(event))
+    assert (report.computed, report.left, report.failed, report.manifest) == (1, 1, [], None)
+    assert [event[:2] for event in events if event[0] == "completed"] == [("completed", "flat-u-1")]
+    report = vlscan.run_campaign(tmp_path / "c.toml")
+    assert (report.computed, report.left) == (1, 0) and report.points > 10_000
+    with open(report.manifest, encoding="utf-8") as file:
+        assert [json.loads(line)["seed"] for line in file] == [1, 2]
+    clouds = [tmp_path / f"set/cells/flat-u-{seed}/points.laz" for seed in (1, 2)]
+    found = vlscan.compare(*clouds)
+    assert found["first_to_second"]["mean_m"] < 1 and found["first"]["points"] > 5000
+    plan = vlscan.plan_airborne("riegl_vux-1uav", 50, density=5, area=SQUARE, scene=tmp_path / "flat.obj")
+    plan.save(tmp_path / "p.toml")
+    points = vlscan.run(tmp_path / "p.toml", seed=1).points
+    assert vlscan.compare(points, clouds[0], voxel=1)["second"]["name"].endswith("points.laz")
+    with pytest.raises(vlscan.InputError, match="no cell nothing"):
+        vlscan.run_campaign(tmp_path / "c.toml", cells=["nothing"])
+    (tmp_path / "c.toml").write_text(text + 'run = "--seed 3"\n')
+    with pytest.raises(vlscan.InputError, match="--seed is not for campaigns"):
+        vlscan.run_campaign(tmp_path / "c.toml")
