@@ -1,7 +1,7 @@
 """The engine of vlscan; use the package ``vlscan``."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias, final
 
 from ._typing import ArrowStream, Progress, SceneFacts
@@ -19,11 +19,14 @@ __all__ = [
     "catalogue",
     "columns",
     "command",
+    "compare",
     "options",
     "page",
     "picture",
+    "plan",
     "run",
     "run_batches",
+    "run_campaign",
     "version",
 ]
 

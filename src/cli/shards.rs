@@ -12,7 +12,6 @@ use crate::pipeline::{
 use crate::shards::{ShardSet, shard_path};
 use std::path::PathBuf;
 use std::time::Instant;
-use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
 use vlscan_base::quantity::amount;
@@ -24,11 +23,10 @@ pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> 
     let path = shard_path(&folder, shard);
     let (force, resumes) = (options.output.force.is_on(), args.shards.resume.is_some());
     if path.exists() && !force && !resumes {
-        let mut problems = Diagnostics::default();
-        problems
-            .error(None, format!("{} exists already", path.display()))
-            .help("replace it with --force; --resume computes it again only where it is damaged");
-        return Err(Error::Input(Box::new(problems)));
+        return Err(Error::input_with_help(
+            format!("{} exists already", path.display()),
+            "replace it with --force; --resume computes it again only where it is damaged",
+        ));
     }
     let ResolvedRun { mut settings, mut output, schedule_log, part_table, progress_lines } =
         resolve(&args.file, &options, console)?;

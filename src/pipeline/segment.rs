@@ -32,11 +32,10 @@ impl<'a> Segments<'a> {
     fn new(shards: &'a ShardSet, request: &OutputRequest) -> Result<Segments<'a>> {
         check_records(shards, request)?;
         let refuse = |what: &str| {
-            let mut problems = Diagnostics::default();
-            problems
-                .error(None, format!("a merge in segments writes one LAS or LAZ file, {what}"))
-                .help("merge other outputs without --segment, one process for each if it takes long");
-            Err(Error::Input(Box::new(problems)))
+            Err(Error::input_with_help(
+                format!("a merge in segments writes one LAS or LAZ file, {what}"),
+                "merge other outputs without --segment, one process for each if it takes long",
+            ))
         };
         let (out, format) = match request.sinks.as_slice() {
             [(Target::File(path), format @ (PointFormat::Las | PointFormat::Laz))] => (path.clone(), *format),
@@ -123,22 +122,16 @@ impl<'a> Segments<'a> {
             };
             return Ok(sums.iter().map(segment).collect());
         }
-        let mut problems = Diagnostics::default();
-        match found.iter().max_by_key(|(_, sums)| sums.len()) {
-            Some((&of, sums)) => {
-                let missing: Vec<u32> = (0..of).filter(|number| !sums.contains_key(number)).collect();
-                let text =
-                    format!("{} of {of} segments are missing in {}", missing.len(), self.folder.display());
-                problems.error(None, text).help(merge_again(of, &missing));
-            }
-            None => {
-                let text = format!("{} holds no segments of these shards and options", self.folder.display());
-                problems
-                    .error(None, text)
-                    .help("merge them first: vlscan merge … --segment K/M, with the same options");
-            }
-        }
-        Err(Error::Input(Box::new(problems)))
+        let folder = self.folder.display();
+        let Some((&of, sums)) = found.iter().max_by_key(|(_, sums)| sums.len()) else {
+            return Err(Error::input_with_help(
+                format!("{folder} holds no segments of these shards and options"),
+                "merge them first: vlscan merge … --segment K/M, with the same options",
+            ));
+        };
+        let missing: Vec<u32> = (0..of).filter(|number| !sums.contains_key(number)).collect();
+        let text = format!("{} of {of} segments are missing in {folder}", missing.len());
+        Err(Error::input_with_help(text, merge_again(of, &missing)))
     }
 
     /// Moves the file of a segment from the folder of this process to the shared one, where it replaces earlier ones of its

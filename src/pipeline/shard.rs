@@ -16,7 +16,7 @@ use crate::shards::{
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use vlscan_base::diag::{Diagnostics, Notice};
+use vlscan_base::diag::Notice;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::NewFolder;
 use vlscan_base::store::Checksum;
@@ -192,11 +192,10 @@ impl ShardRunner<'_> {
             Ok(file) => file,
             Err(reason) if is_shard(&path) => return damaged(reason),
             Err(reason) => {
-                let mut problems = Diagnostics::default();
-                problems
-                    .error(None, format!("{} {reason}, so it is not replaced", path.display()))
-                    .help("move it to another folder, then repeat the command");
-                return Err(Error::Input(Box::new(problems)));
+                return Err(Error::input_with_help(
+                    format!("{} {reason}, so it is not replaced", path.display()),
+                    "move it to another folder, then repeat the command",
+                ));
             }
         };
         let expected = self.head_of(shard);
@@ -207,11 +206,10 @@ impl ShardRunner<'_> {
             };
         }
         let what = expected.difference(&file.head);
-        let mut problems = Diagnostics::default();
-        problems
-            .error(None, format!("{} is of another run; they differ in {what}", path.display()))
-            .help("remove the folder to begin anew, or repeat the command with the same options");
-        Err(Error::Input(Box::new(problems)))
+        Err(Error::input_with_help(
+            format!("{} is of another run; they differ in {what}", path.display()),
+            "remove the folder to begin anew, or repeat the command with the same options",
+        ))
     }
 
     fn head_of(&self, shard: OneOf) -> ShardHead {
@@ -305,14 +303,10 @@ fn check_platform(survey: &Survey) -> Result<()> {
     if stream.path.is_file() {
         return Ok(());
     }
-    let mut problems = Diagnostics::default();
-    problems
-        .error(
-            None,
-            "poses from standard input or a pipe pass only once, and every shard needs those before it",
-        )
-        .help("save them to a file, and name it with --trajectory");
-    Err(Error::Input(Box::new(problems)))
+    Err(Error::input_with_help(
+        "poses from standard input or a pipe pass only once, and every shard needs those before it",
+        "save them to a file, and name it with --trajectory",
+    ))
 }
 
 /// Collects what the contents of shards depend on. `scene` is the scene's checksum.

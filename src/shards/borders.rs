@@ -111,11 +111,8 @@ impl Borders {
             bytes => bytes.map_err(|e| Error::io("read", &path, e))?,
         };
         let refuse = |reason: &str| {
-            let mut problems = vlscan_base::diag::Diagnostics::default();
-            problems
-                .error(None, format!("{} {reason}", path.display()))
-                .help("choose another folder for these shards, or remove the file: it is made again");
-            Error::Input(Box::new(problems))
+            let help = "choose another folder for these shards, or remove the file: it is made again";
+            Error::input_with_help(format!("{} {reason}", path.display()), help)
         };
         let body = bytes.strip_prefix(MAGIC).ok_or_else(|| refuse("is a file of another kind"))?;
         let Some((_, body)) =

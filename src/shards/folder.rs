@@ -100,13 +100,10 @@ impl ShardSet {
         if listed.len() > 1 {
             let counts: Vec<String> =
                 listed.iter().map(|(of, numbers)| format!("{} of {of}", numbers.len())).collect();
-            problems
-                .error(
-                    None,
-                    format!("{} holds shards of different runs: {}", folder.display(), counts.join(", ")),
-                )
-                .help("a run is divided into one number of shards; remove the files of the others");
-            return Err(Error::Input(Box::new(problems)));
+            return Err(Error::input_with_help(
+                format!("{} holds shards of different runs: {}", folder.display(), counts.join(", ")),
+                "a run is divided into one number of shards; remove the files of the others",
+            ));
         }
         let Some((of, present)) = listed.into_iter().next() else {
             return Err(Error::input(format!("{} holds no shards (shard-…-of-….vlshard)", folder.display())));

@@ -52,11 +52,10 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
 fn refuse_shards(args: &TraceArgs) -> Result<()> {
     let options = [("--shard", args.shard.is_some()), ("--resume", args.resume.is_some())];
     let Some((option, _)) = options.iter().find(|(_, is_given)| *is_given) else { return Ok(()) };
-    let mut problems = Diagnostics::default();
-    problems
-        .error(None, format!("{option}: pulses arrive in a stream, whose length and borders are not known"))
-        .help("divide the pulses into files, trace each, and merge the points; or run the survey in shards: vlscan run --shard");
-    Err(Error::Input(Box::new(problems)))
+    Err(Error::input_with_help(
+        format!("{option}: pulses arrive in a stream, whose length and borders are not known"),
+        "divide the pulses into files, trace each, and merge the points; or run the survey in shards: vlscan run --shard",
+    ))
 }
 
 /// The scene that is traced, and the instrument that receives the echoes.

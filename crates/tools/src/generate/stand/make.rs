@@ -146,13 +146,11 @@ fn refuse_all_beside(
         shown(&corners)
     );
     let is_degrees = trees.iter().all(|[x, y]| x.abs() <= 180.0 && y.abs() <= 90.0);
-    Err(Error::input_with_help(
-        message,
-        match is_degrees {
-            true => format!("x and y look like longitude and latitude; {PROJECT}"),
-            false => "give inventory and terrain in one coordinate system, in metres".to_owned(),
-        },
-    ))
+    let help = match is_degrees {
+        true => format!("x and y look like longitude and latitude; {PROJECT}"),
+        false => "give inventory and terrain in one coordinate system, in metres".to_owned(),
+    };
+    Err(Error::input_with_help(message, help))
 }
 
 /// Reads the height of a terrain, and decides what it is made of: of the material that is asked for; of its own, if that
