@@ -89,7 +89,7 @@
 //! | module | what it does | uses |
 //! |---|---|---|
 //! | `shards` | shares of a run that other processes compute: their files, their borders in the flight | lidar |
-//! | `output` | writers, one file per format | shards, lidar, scene, survey |
+//! | `output` | the files of a run: layout, records in the workers, bytes in order | shards, formats, lidar, scene, survey |
 //! | `streams` | pulses and poses between commands, as rows of text or of Arrow streams | lidar, warehouse |
 //! | `options` | the options of a run, for the command line and pipeline files alike | output, lidar, warehouse, survey, trace |
 //! | `pipeline` | the session that joins all of them | all above |

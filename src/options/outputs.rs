@@ -158,10 +158,7 @@ fn sink(path: &Path, asked: Option<PointFormat>, default: PointFormat) -> Result
         false => Target::Directory(path.to_path_buf()),
     };
     let format = match (told, asked) {
-        // Two formats share an extension.
-        (Some(Ok(PointFormat::PlyBinary)), Some(PointFormat::PlyAscii)) => PointFormat::PlyAscii,
-        (Some(Ok(PointFormat::PlyBinary)), Some(PointFormat::RayCloud)) => PointFormat::RayCloud,
-        (Some(Ok(PointFormat::Laz)), Some(PointFormat::Copc)) => PointFormat::Copc,
+        (Some(Ok(told)), Some(asked)) if told.shares_extension(asked) => asked,
         (Some(Ok(format)), _) => format,
         (_, Some(asked)) => asked,
         (None, None) => default,

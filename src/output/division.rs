@@ -1,6 +1,6 @@
 //! Points divided among files by where they are or what they hit, instead of by leg.
 
-use super::ObjectIds;
+use vlscan_formats::ObjectIds;
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_lidar::pulse::Echo;
 

@@ -1,26 +1,22 @@
 //! Encoding in the worker threads: a batch becomes the bytes of every file that it contributes to.
 
-use super::codec::{LegFacts, Piece, PointCodec, encode_points};
-use super::column_codec::ColumnCodec;
-use super::e57::E57Codec;
-use super::ground::Ground;
-use super::las::{LasCodec, encode_with_packets};
-use super::layout::{Route, Slots};
-use super::mcap::McapCodec;
-use super::memory::{self, TableContent};
-use super::pcd::PcdCodec;
+use super::ground::{Ground, height_above};
+use super::layout::{Content, Route, Slots};
+use super::memory;
+use super::piece::{Piece, samples_of};
 use super::plan::OutputPlan;
-use super::ply::{PlyCodec, PlyGroups};
-use super::ray_cloud::RayCloudCodec;
-use super::request::{PointFormat, TrajectoryFormat};
-use super::{table, text};
+use super::request::{TableContent, TrajectoryFormat};
+use super::text;
 use crate::shards;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use vlscan_formats::{Cause, EncodedPoints, PointBatch, PointEncoder, PointFormat, PointRecord, Wave};
 use vlscan_geom::{DVec3, is_inside};
-use vlscan_lidar::pulse::Batch;
-use vlscan_lidar::pulse::Echo;
+use vlscan_lidar::pulse::{Batch, Echo, WaveformRecord};
+
+/// Points that are converted to records at a time; a block of records fits into the first cache.
+const BLOCK_POINTS: usize = 64;
 
 /// The encoded pieces of a batch for all files; input of [`Writer::append`](super::Writer::append).
 #[derive(Debug)]
@@ -42,16 +38,13 @@ impl Encoded {
     /// Appends the next batch, or returns it when the pieces cannot be joined.
     pub fn join(&mut self, next: Encoded) -> Option<Encoded> {
         let goes_on = |(mine, next): (&Piece, &Piece)| {
-            mine.slot == next.slot && !next.is_block && mine.packets.is_empty() && next.packets.is_empty()
+            mine.slot == next.slot && mine.points.is_joinable() && next.points.is_joinable()
         };
         let alike = self.leg == next.leg && self.pieces.len() == next.pieces.len();
         if !alike || !self.pieces.iter().zip(&next.pieces).all(goes_on) {
             return Some(next);
         }
-        for (mine, next) in self.pieces.iter_mut().zip(&next.pieces) {
-            mine.bytes.extend_from_slice(&next.bytes);
-            mine.tally.add(&next.tally);
-        }
+        self.pieces.iter_mut().zip(&next.pieces).for_each(|(mine, next)| mine.points.append(&next.points));
         self.points_of_part.extend(next.points_of_part);
         self.left_out += next.left_out;
         None
@@ -59,23 +52,7 @@ impl Encoded {
 
     /// Total bytes of all pieces.
     pub fn bytes(&self) -> usize {
-        self.pieces.iter().map(|p| p.bytes.len()).sum()
-    }
-}
-
-pub(super) struct XyzCodec<'a> {
-    pub shift: DVec3,
-    pub part_names: &'a [Box<[u8]>],
-}
-
-impl PointCodec for XyzCodec<'_> {
-    const TYPICAL_BYTES: usize = 112;
-
-    fn push(&self, out: &mut Vec<u8>, _: &LegFacts, echo: &Echo) -> Option<DVec3> {
-        let position = echo.position + self.shift;
-        let label = self.part_names.get(echo.part as usize).map_or(&b"-"[..], |l| l);
-        text::push_point(out, position, echo, label);
-        Some(position)
+        self.pieces.iter().map(|p| p.points.bytes.len()).sum()
     }
 }
 
@@ -86,42 +63,67 @@ struct Source<'a> {
     ground: Option<&'a Arc<dyn Ground>>,
 }
 
+/// Waveforms of a batch, found in the order of the echoes.
+struct Waves<'a> {
+    records: &'a [WaveformRecord],
+    /// Where the search for the waveform of an echo begins, by device.
+    next: BTreeMap<u32, usize>,
+}
+
+impl Waves<'_> {
+    /// Index of the waveform of an echo; `u32::MAX` for none. Echoes and waveforms are both in order of emission.
+    fn index_of(&mut self, echo: &Echo) -> u32 {
+        let next = self.next.entry(echo.device).or_default();
+        let is_before =
+            |wave: &WaveformRecord| wave.device != echo.device || wave.pulse_number < echo.pulse_number;
+        while self.records.get(*next).is_some_and(is_before) {
+            *next += 1;
+        }
+        let found = self.records.get(*next).is_some_and(|wave| wave.pulse_number == echo.pulse_number);
+        if found { *next as u32 } else { u32::MAX }
+    }
+}
+
 impl OutputPlan {
     /// Encodes a batch for every file. Called by the worker threads. Heights of its points count from `ground`, that of the
     /// batch's epoch.
     pub fn encode(&self, batch: &Batch, ground: Option<&Arc<dyn Ground>>) -> Encoded {
         let source = Source { batch, ground };
-        let mut echoes = if self.misses { with_misses(batch) } else { Cow::Borrowed(&batch.echoes[..]) };
-        if let Some(ring) = &self.clip {
-            let keeps = |p: DVec3| is_inside(ring, [p.x + self.shift.x, p.y + self.shift.y]);
+        let mut echoes =
+            if self.request.misses { with_misses(batch) } else { Cow::Borrowed(&batch.echoes[..]) };
+        if let Some(ring) = &self.request.clip {
+            let keeps =
+                |p: DVec3| is_inside(ring, [p.x + self.settings.origin.x, p.y + self.settings.origin.y]);
             echoes.to_mut().retain(|echo| keeps(echo.position));
         }
         let routes = self.layout.routes.get(batch.leg as usize).map_or(&[][..], |r| r);
         let mut pieces = Vec::with_capacity(routes.len());
         let mut left_out = 0;
-        for route in routes {
-            match route {
-                Route::Points(format, Slots::Divided(slots)) => {
+        for Route { content, slots } in routes {
+            // What is no points has one file.
+            let slot = slots.as_slice().first().copied().unwrap_or_default();
+            match (*content, slots) {
+                (Content::Points(format), Slots::Divided(slots)) => {
                     let divided = self.divided(&echoes);
                     left_out = (echoes.len() - divided.values().map(Vec::len).sum::<usize>()) as u64;
                     for (file, own) in divided {
-                        self.points(*format, &Slots::One(slots[file]), source, &own, &mut pieces);
+                        self.points(format, &Slots::One(slots[file]), source, &own, &mut pieces);
                     }
                 }
-                Route::Points(format, slots) => self.points(*format, slots, source, &echoes, &mut pieces),
-                Route::Trajectory(format, slot) => pieces.push(self.trajectory(*format, *slot, batch)),
-                Route::Waveforms(slot) => pieces.push(self.waveforms(*slot, batch)),
-                Route::Pulses(slot) => pieces.push(self.pulses(*slot, batch)),
-                Route::Shard(slot) => pieces.push(shard(*slot, batch)),
-                Route::Table(TableContent::Points, slots) => {
+                (Content::Points(format), slots) => self.points(format, slots, source, &echoes, &mut pieces),
+                (Content::Trajectory(format), _) => pieces.push(self.trajectory(format, slot, batch)),
+                (Content::Waveforms, _) => pieces.push(self.waveforms(slot, batch)),
+                (Content::Pulses, _) => pieces.push(self.pulses(slot, batch)),
+                (Content::Shard, _) => pieces.push(shard(slot, batch)),
+                (Content::Table(TableContent::Points), slots) => {
                     self.points(PointFormat::Arrow, slots, source, &echoes, &mut pieces);
                 }
-                Route::Table(content, slots) => {
-                    pieces.extend(slots.as_slice().iter().map(|slot| self.table(*content, *slot, batch)));
+                (Content::Table(content), _) => {
+                    pieces.push(Piece { slot, points: memory::encode(content, batch, self.settings.origin) });
                 }
             }
         }
-        let points_of_part = if self.counts_parts { count_parts(&echoes) } else { Vec::new() };
+        let points_of_part = if self.request.counts_parts { count_parts(&echoes) } else { Vec::new() };
         Encoded { leg: batch.leg, pieces, points_of_part, left_out }
     }
 
@@ -129,13 +131,14 @@ impl OutputPlan {
     fn divided(&self, echoes: &[Echo]) -> BTreeMap<usize, Vec<Echo>> {
         let mut files: BTreeMap<usize, Vec<Echo>> = BTreeMap::new();
         for echo in echoes {
-            if let Some(file) = self.divider.as_ref().and_then(|d| d.file_of(echo, self.shift)) {
+            if let Some(file) = self.divider.as_ref().and_then(|d| d.file_of(echo, self.settings.origin)) {
                 files.entry(file).or_default().push(*echo);
             }
         }
         files
     }
 
+    /// Encodes points and appends one piece per file of `slots`.
     fn points(
         &self,
         format: PointFormat,
@@ -144,107 +147,93 @@ impl OutputPlan {
         echoes: &[Echo],
         pieces: &mut Vec<Piece>,
     ) {
-        let Source { batch, ground } = source;
-        let Some(leg) = self.leg_of(batch) else { return };
-        let leg = &leg;
-        let (shift, objects, groups) = (self.shift, &self.objects, self.ply_groups());
-        match format {
-            PointFormat::Xyz if self.columns_chosen => {
-                self.tables(leg, slots, source, echoes, pieces, |out, rows, block| {
-                    table::push_rows(out, &self.columns, rows, &block, b' ');
-                });
-            }
-            PointFormat::Csv => self.tables(leg, slots, source, echoes, pieces, |out, rows, block| {
-                table::push_rows(out, &self.columns, rows, &block, b',');
-            }),
-            PointFormat::Arrow | PointFormat::Parquet => {
-                let before = pieces.len();
-                self.tables(leg, slots, source, echoes, pieces, |out, _, block| *out = block);
-                pieces[before..].iter_mut().for_each(|piece| piece.is_block = true);
-            }
-            PointFormat::Xyz | PointFormat::Bin => {
-                let codec = XyzCodec { shift, part_names: &self.part_names };
-                encode_points(&codec, leg, slots, echoes, pieces);
-            }
-            PointFormat::Las | PointFormat::Laz | PointFormat::Copc => {
-                let codec = LasCodec { format: &self.las, objects, truths: &batch.truths, ground };
-                match &self.las.packets {
-                    None => encode_points(&codec, leg, slots, echoes, pieces),
-                    Some(packets) => encode_with_packets(&codec, packets, leg, slots, echoes, batch, pieces),
-                }
-            }
-            PointFormat::PlyBinary => {
-                encode_points(
-                    &PlyCodec::<false> { shift, objects, groups, ground },
-                    leg,
-                    slots,
-                    echoes,
-                    pieces,
-                );
-            }
-            PointFormat::RayCloud => {
-                encode_points(&RayCloudCodec { shift, las: &self.las }, leg, slots, echoes, pieces);
-            }
-            PointFormat::E57 => encode_points(&E57Codec { shift }, leg, slots, echoes, pieces),
-            PointFormat::Mcap => {
-                let frame_ns = self.frame_ns(batch.leg);
-                let codec = McapCodec { shift, frame_ns };
-                encode_points(&codec, leg, slots, echoes, pieces);
-            }
-            PointFormat::Pcd => {
-                encode_points(&PcdCodec { shift: shift - self.pcd_offset }, leg, slots, echoes, pieces);
-            }
-            PointFormat::PlyAscii => {
-                encode_points(
-                    &PlyCodec::<true> { shift, objects, groups, ground },
-                    leg,
-                    slots,
-                    echoes,
-                    pieces,
-                );
-            }
-        }
-    }
-
-    /// The facts of a batch's leg.
-    fn leg_of(&self, batch: &Batch) -> Option<LegFacts> {
-        let own = batch.leg_number.map(LegFacts::new);
-        own.or_else(|| self.legs.get(batch.leg as usize).copied())
-    }
-
-    /// Encodes points as one block of columns per file, which `write` converts to the bytes of the file.
-    fn tables(
-        &self,
-        leg: &LegFacts,
-        slots: &Slots,
-        source: Source<'_>,
-        echoes: &[Echo],
-        pieces: &mut Vec<Piece>,
-        write: impl Fn(&mut Vec<u8>, usize, Vec<u8>),
-    ) {
-        let codec = ColumnCodec {
-            columns: &self.columns,
-            shift: self.shift,
-            objects: &self.objects,
-            las: &self.las,
-            truths: &source.batch.truths,
-            ground: source.ground,
-        };
+        let Some(encoder) = self.encoders.get(&format) else { return };
+        // With one file per device the share of each device is unknown, so nothing is reserved.
+        let is_one = matches!(slots, Slots::One(_));
+        let capacity = if is_one { echoes.len() * encoder.typical_bytes() } else { 0 };
         for (index, &slot) in slots.as_slice().iter().enumerate() {
-            let own: Vec<&Echo> = echoes.iter().filter(|echo| slots.index_of(echo.device) == index).collect();
-            let mut piece = Piece::new(slot, 0);
-            let mut block = Vec::new();
-            codec.push(&mut block, leg, &own);
-            write(&mut piece.bytes, own.len(), block);
-            own.iter()
-                .for_each(|echo| piece.tally.count_point(echo.position + self.shift, echo.return_number));
+            let mut piece = Piece::new(slot, capacity);
+            let own = echoes.iter().filter(|echo| slots.index_of(echo.device) == index);
+            self.encode_echoes(&**encoder, source, own, &mut piece.points);
             pieces.push(piece);
         }
     }
 
-    /// Returns the requested groups of PLY properties.
-    pub(super) fn ply_groups(&self) -> PlyGroups {
-        PlyGroups { labels: self.labels, directions: self.misses, heights: self.heights }
+    /// Converts echoes to records and encodes them.
+    fn encode_echoes<'e>(
+        &self,
+        encoder: &dyn PointEncoder,
+        source: Source<'_>,
+        mut echoes: impl Iterator<Item = &'e Echo>,
+        out: &mut EncodedPoints,
+    ) {
+        let batch = source.batch;
+        let (leg, frame_ns) = self.leg_of(batch);
+        let has_packets = encoder.packets().is_some();
+        let mut records =
+            Waves { records: if has_packets { &batch.waveforms } else { &[] }, next: BTreeMap::new() };
+        let waves: Vec<Wave> = records
+            .records
+            .iter()
+            .map(|wave| Wave {
+                device: wave.device,
+                start_ns: wave.start_ns,
+                samples: samples_of(batch, wave),
+            })
+            .collect();
+        let mut block = [PointRecord { leg, ..PointRecord::default() }; BLOCK_POINTS];
+        loop {
+            let mut count = 0;
+            for (record, echo) in block.iter_mut().zip(&mut echoes) {
+                self.fill(record, echo, source);
+                if has_packets {
+                    record.wave = records.index_of(echo);
+                }
+                count += 1;
+            }
+            if count == 0 {
+                return;
+            }
+            encoder.encode(&PointBatch { points: &block[..count], waves: &waves, frame_ns }, out);
+        }
+    }
+
+    /// Fills a record with what the formats need of an echo.
+    #[inline]
+    fn fill(&self, record: &mut PointRecord, echo: &Echo, source: Source<'_>) {
+        record.position = echo.position;
+        record.origin = echo.origin;
+        record.direction = echo.direction;
+        record.range = echo.range;
+        record.true_range = echo.true_range;
+        record.amplitude = echo.intensity;
+        record.echo_width = echo.echo_width;
+        record.incidence_cosine = echo.incidence_cosine;
+        record.scan_angle = echo.scan_angle;
+        record.time_ns = echo.time_ns;
+        record.pulse_number = echo.pulse_number;
+        record.return_number = echo.return_number;
+        record.number_of_returns = echo.number_of_returns;
+        record.device = echo.device;
+        record.part = echo.part;
+        record.primitive = echo.primitive;
+        record.object = self.settings.objects.of_part(echo.part);
+        record.class = echo.classification;
+        let truths = &source.batch.truths;
+        if self.needs.in_scanner {
+            record.in_scanner = echo.position_in_scanner();
+        }
+        if self.needs.true_position {
+            record.true_position = echo.true_position(truths);
+        }
+        if self.needs.height {
+            record.height = height_above(source.ground, echo.position);
+        }
+        if self.needs.cause {
+            let truth = echo.truth(truths);
+            let (surface, normal) = (truth.surface, truth.normal);
+            record.cause = Cause { surface, normal, fraction: truth.fraction, subray: truth.subray };
+        }
     }
 
     fn trajectory(&self, format: TrajectoryFormat, slot: u32, batch: &Batch) -> Piece {
@@ -252,25 +241,18 @@ impl OutputPlan {
             TrajectoryFormat::Helios => text::push_pose,
             TrajectoryFormat::Csv => text::push_pose_csv,
         };
-        piece_of(slot, &batch.poses, 80, |out, pose| push(out, pose.position + self.shift, pose))
-    }
-
-    fn table(&self, content: TableContent, slot: u32, batch: &Batch) -> Piece {
-        let (bytes, tally) = memory::encode(content, batch, self.shift);
-        Piece { bytes, tally, is_block: true, ..Piece::new(slot, 0) }
+        piece_of(slot, &batch.poses, 80, |out, pose| push(out, pose.position + self.settings.origin, pose))
     }
 
     fn waveforms(&self, slot: u32, batch: &Batch) -> Piece {
         piece_of(slot, &batch.waveforms, 512, |out, wave| {
-            let samples = batch.samples.get(wave.first_sample..).unwrap_or_default();
-            let samples = &samples[..wave.samples.min(samples.len())];
-            text::push_waveform(out, wave.origin + self.shift, wave, samples);
+            text::push_waveform(out, wave.origin + self.settings.origin, wave, samples_of(batch, wave));
         })
     }
 
     fn pulses(&self, slot: u32, batch: &Batch) -> Piece {
         piece_of(slot, &batch.pulses, 96, |out, pulse| {
-            text::push_pulse(out, pulse.origin + self.shift, pulse)
+            text::push_pulse(out, pulse.origin + self.settings.origin, pulse)
         })
     }
 }
@@ -278,8 +260,8 @@ impl OutputPlan {
 /// Returns the batch as a block of a shard.
 fn shard(slot: u32, batch: &Batch) -> Piece {
     let mut piece = Piece::new(slot, batch.echoes.len() * 168 + 1024);
-    shards::encode(batch, &mut piece.bytes);
-    piece.tally.records = batch.echoes.len() as u64;
+    shards::encode(batch, &mut piece.points.bytes);
+    piece.points.tally.records = batch.echoes.len() as u64;
     piece
 }
 
@@ -310,7 +292,7 @@ fn with_misses(batch: &Batch) -> Cow<'_, [Echo]> {
 /// Returns a piece of records without coordinates.
 fn piece_of<T>(slot: u32, records: &[T], typical_bytes: usize, push: impl Fn(&mut Vec<u8>, &T)) -> Piece {
     let mut piece = Piece::new(slot, records.len() * typical_bytes);
-    records.iter().for_each(|record| push(&mut piece.bytes, record));
-    piece.tally.records = records.len() as u64;
+    records.iter().for_each(|record| push(&mut piece.points.bytes, record));
+    piece.points.tally.records = records.len() as u64;
     piece
 }

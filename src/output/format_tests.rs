@@ -1,7 +1,5 @@
 //! LAS, LAZ and PLY read back by independent readers.
 
-use super::offload::Job;
-use super::request::{ExtraDimensions, IntensityMapping};
 use super::testing::{batch, echo, scene, survey, write};
 use super::*;
 use ::las::{PointData, Reader};
@@ -13,6 +11,7 @@ use std::io::{Cursor, Read};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 use vlscan_base::error::Error;
+use vlscan_formats::Job;
 use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::Batch;
 use vlscan_lidar::pulse::Echo;
@@ -176,8 +175,7 @@ fn a_point_of_the_specification_in_the_layout_of_the_reference() {
     scene.shift = DVec3::new(20.0, 0.0, 10.889053);
     let echo = Echo { position: world - scene.shift, ..echo };
     let mut request = request(&dir.path().join("a.las"), PointFormat::Las);
-    request.las =
-        LasSettings { intensity: IntensityMapping::Helios, extra: ExtraDimensions::Helios, ..request.las };
+    request.las.extra = ExtraDimensions::Helios;
     request.crs_wkt = None;
     let survey = survey(1, &[None]);
     let plan = Arc::new(OutputPlan::new(request, &OutputContext::new(&survey, &scene)).unwrap());
@@ -192,7 +190,7 @@ fn a_point_of_the_specification_in_the_layout_of_the_reference() {
         [u32_at(point, 0), u32_at(point, 4), u32_at(point, 8)].map(|c| c as i32),
         [-228_380, -255_432, -110_065]
     );
-    assert_eq!((u16_at(point, 12), point[14]), (0, 0x11));
+    assert_eq!((u16_at(point, 12), point[14]), (10_748, 0x11));
     assert_eq!(
         (f64_at(point, 30), u32_at(point, 38), u32_at(point, 42), f64_at(point, 46)),
         (0.0, 1, 0, 5.6037077)

@@ -1,7 +1,6 @@
 //! Joins LAS and LAZ files of consecutive points to one. Points are copied, compressed or not: the chunks of LAZ are those of
 //! the joined file if every file but the last holds whole chunks.
 
-use super::laz::CHUNK_POINTS;
 use super::summary::{FileKind, FileSummary};
 use ::laz::LazVlr;
 use ::laz::laszip::ChunkTable;
@@ -13,6 +12,7 @@ use vlscan_base::damage::catch_decoder_panic;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, Patched, reads};
 use vlscan_base::store::Checksum;
+use vlscan_formats::CHUNK_POINTS;
 use vlscan_geom::{Aabb, DVec3};
 
 /// Number of points of a chunk of LAZ, to whose multiples all files but the last are cut.

@@ -1,15 +1,14 @@
 //! The files of a run, and the assignment of legs and devices to them (spec outputs §1).
 
 use super::context::{OutputContext, OutputLeg};
-use super::memory::{TableContent, TableRequest};
-use super::request::{OutputRequest, PointFormat, Target, TrajectoryFormat};
-use super::stream::Destination;
+use super::request::{OutputRequest, TableContent, TableRequest, Target, TrajectoryFormat};
 use super::summary::FileKind;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
 use vlscan_base::files::{is_stdout, with_suffix};
+use vlscan_formats::{Destination, PointFormat};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Content {
@@ -61,7 +60,7 @@ impl fmt::Display for OutputLocation {
 pub(super) struct FilePlan {
     pub location: OutputLocation,
     pub content: Content,
-    /// Whether the file is a compressed archive of lines.
+    /// Whether the lines of the file are compressed.
     pub zipped: bool,
     /// Index of the last leg that writes to the file.
     pub last_leg: usize,
@@ -102,25 +101,9 @@ impl Slots {
 
 /// One product of a leg.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Route {
-    Points(PointFormat, Slots),
-    Trajectory(TrajectoryFormat, u32),
-    Waveforms(u32),
-    Pulses(u32),
-    Shard(u32),
-    Table(TableContent, Slots),
-}
-
-impl Route {
-    pub fn slots(&self) -> &[u32] {
-        match self {
-            Route::Points(_, slots) | Route::Table(_, slots) => slots.as_slice(),
-            Route::Trajectory(_, slot)
-            | Route::Waveforms(slot)
-            | Route::Pulses(slot)
-            | Route::Shard(slot) => std::slice::from_ref(slot),
-        }
-    }
+pub(super) struct Route {
+    pub content: Content,
+    pub slots: Slots,
 }
 
 /// A run directory to be created: `output/<survey>/<time>`.
@@ -209,7 +192,7 @@ impl OutputLayout {
             let sink = if request.sinks.is_empty() { number } else { request.sinks.len() + 1 + number };
             for leg in 0..self.routes.len() {
                 let slot = self.slot(sink, OutputLocation::Memory(number), Content::Table(*content), leg);
-                self.routes[leg].push(Route::Table(*content, Slots::One(slot)));
+                self.routes[leg].push(Route { content: Content::Table(*content), slots: Slots::One(slot) });
             }
         }
     }
@@ -255,7 +238,7 @@ impl OutputLayout {
                 (Base::Stdout, _) | (_, []) => Slots::One(slot("")),
                 (_, ids) => Slots::PerDevice(ids.iter().map(|id| slot(&format!("_dev{id}"))).collect()),
             };
-            self.routes[index].push(Route::Points(format, slots));
+            self.routes[index].push(Route { content, slots });
         }
     }
 
@@ -268,17 +251,17 @@ impl OutputLayout {
         context: &OutputContext,
         names: &[String],
     ) {
-        let last = context.legs.len().saturating_sub(1);
+        let (content, last) = (Content::Points(format), context.legs.len().saturating_sub(1));
         let mut slots = Vec::with_capacity(names.len());
         for name in names {
             let location = base.inside(format!("{name}.{}", format.extension()));
-            let slot = self.slot(sink, location, Content::Points(format), last);
+            let slot = self.slot(sink, location, content, last);
             self.files[slot as usize].divided = true;
             slots.push(slot);
         }
         let slots: Arc<[u32]> = slots.into();
         for routes in &mut self.routes {
-            routes.push(Route::Points(format, Slots::Divided(slots.clone())));
+            routes.push(Route { content, slots: Slots::Divided(slots.clone()) });
         }
     }
 
@@ -299,14 +282,7 @@ impl OutputLayout {
                 _ => base.inside(format!("{}_{suffix}.{extension}", prefix(leg))),
             };
             let slot = self.slot(sink, location, content, index);
-            self.routes[index].push(match content {
-                Content::Points(format) => Route::Points(format, Slots::One(slot)),
-                Content::Trajectory(format) => Route::Trajectory(format, slot),
-                Content::Waveforms => Route::Waveforms(slot),
-                Content::Pulses => Route::Pulses(slot),
-                Content::Shard => Route::Shard(slot),
-                Content::Table(content) => Route::Table(content, Slots::One(slot)),
-            });
+            self.routes[index].push(Route { content, slots: Slots::One(slot) });
         }
     }
 
@@ -321,19 +297,14 @@ impl OutputLayout {
             return slot;
         }
         let slot = self.files.len() as u32;
-        let zipped = match content {
-            Content::Points(format) => format == PointFormat::Bin,
-            Content::Waveforms | Content::Pulses => self.zip,
-            Content::Trajectory(_) | Content::Shard | Content::Table(_) => false,
-        };
-        let divided = false;
+        let zipped = self.zip && matches!(content, Content::Waveforms | Content::Pulses);
         self.files.push(FilePlan {
             location: location.clone(),
             content,
             zipped,
             last_leg: leg,
             sink,
-            divided,
+            divided: false,
         });
         self.slots.insert(location, slot);
         slot

@@ -1,180 +1,154 @@
 //! Tables in memory: points, poses, pulses and waveforms as Arrow record batches for the caller of a run.
 
-use super::arrow::{batch, data_type};
-use super::columns::{Column, Kind};
-use super::rows::Rows;
-use super::summary::Tally;
+use super::layout::Content;
+use super::piece::{OpenOutput, Piece, samples_of};
+use super::plan::OutputPlan;
+use super::request::{TableContent, TableRequest, TableSink};
+use super::summary::{FileKind, FileSummary};
 use ::arrow_array::{Array, Float64Array, LargeListArray, RecordBatch};
 use ::arrow_buffer::{OffsetBuffer, ScalarBuffer};
 use ::arrow_schema::{DataType, Field, Schema, SchemaRef};
 use std::collections::BTreeMap;
-use std::fmt::Debug;
 use std::sync::Arc;
 use vlscan_base::error::{Error, Result};
+use vlscan_formats::{
+    CloudSettings, Column, EncodedPoints, Kind, Offload, Rows, TableColumn, Tally, point_schema, schema_of,
+};
 use vlscan_geom::{DVec3, degrees};
-use vlscan_lidar::pulse::Batch;
+use vlscan_lidar::flight::PoseSample;
+use vlscan_lidar::pulse::{Batch, PulseRecord, WaveformRecord};
 
-/// What the rows of a table are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum TableContent {
-    /// Points, with the columns of [`OutputRequest::columns`](super::OutputRequest::columns).
-    Points,
-    /// Poses of the platform: time (s), x, y, z (m), roll, pitch, yaw (deg, of a heading as `--trajectory` reads them),
-    /// and the angles in the platform's own convention.
-    Trajectory,
-    /// Emitted pulses: time (s), x, y, z (m), dx, dy, dz, pulse, device, scan_angle (deg).
-    Pulses,
-    /// Digitised waveforms: time (s), pulse, device, x, y, z (m), dx, dy, dz, one-way travel time of the first and the last
-    /// sample (ns), and the list of samples.
-    Waveforms,
+/// A column of records `T`: name, unit, meaning and the value of a record, with the origin of the scene in the world.
+struct RecordColumn<T: 'static>(&'static str, &'static str, &'static str, Value<T>);
+
+/// The value of a record as its column stores it.
+enum Value<T> {
+    F64(fn(&T, DVec3) -> f64),
+    U64(fn(&T) -> u64),
+    U32(fn(&T) -> u32),
 }
 
-/// A table that a run passes to its caller.
-#[derive(Clone, Debug)]
-pub struct TableRequest {
-    /// What its rows are.
-    pub content: TableContent,
-    /// Rows per batch; the last batch has the remaining rows.
-    pub batch_rows: usize,
-    /// Whether a batch ends with its leg, too.
-    pub batch_per_leg: bool,
-    /// Of points with the column `GpsTime`: whether a batch ends at every multiple of so many seconds, too.
-    pub batch_seconds: Option<f64>,
-    /// What takes the batches.
-    pub sink: Arc<dyn TableSink>,
+use Value::{F64, U32, U64};
+
+impl<T> RecordColumn<T> {
+    fn about(&self) -> TableColumn {
+        let RecordColumn(name, unit, meaning, value) = self;
+        let kind = match value {
+            F64(_) => Kind::F64,
+            U64(_) => Kind::U64,
+            U32(_) => Kind::U32,
+        };
+        (name, kind, unit, meaning)
+    }
+
+    /// Appends the values of all records, little-endian.
+    fn push(&self, records: &[T], shift: DVec3, out: &mut Vec<u8>) {
+        match self.3 {
+            F64(value) => records.iter().for_each(|r| out.extend(value(r, shift).to_le_bytes())),
+            U64(value) => records.iter().for_each(|r| out.extend(value(r).to_le_bytes())),
+            U32(value) => records.iter().for_each(|r| out.extend(value(r).to_le_bytes())),
+        }
+    }
 }
 
-/// Takes the batches of a table. At least one batch is passed, in the thread that collects the results of a run.
-pub trait TableSink: Debug + Send + Sync {
-    /// Takes the next batch; the run waits meanwhile.
-    ///
-    /// # Errors
-    /// [`Error::ClosedPipe`] when no further batches are wanted.
-    fn take(&self, batch: RecordBatch) -> Result<()>;
-}
-
-/// Name, kind, unit and meaning of a column.
-type TableColumn = (&'static str, Kind, &'static str, &'static str);
-
-const TRAJECTORY: &[TableColumn] = &[
-    ("time", Kind::F64, "s", "Second of the GPS week."),
-    ("x", Kind::F64, "m", "Position of the platform, world frame."),
-    ("y", Kind::F64, "m", "Position of the platform, world frame."),
-    ("z", Kind::F64, "m", "Position of the platform, world frame."),
-    ("roll", Kind::F64, "deg", "Right side down; innermost rotation."),
-    ("pitch", Kind::F64, "deg", "Nose up."),
-    ("yaw", Kind::F64, "deg", "Heading, clockwise from +y."),
-    ("platform_roll", Kind::F64, "deg", "In the convention of the platform, as HELIOS++ writes it."),
-    ("platform_pitch", Kind::F64, "deg", "In the convention of the platform, as HELIOS++ writes it."),
-    ("platform_yaw", Kind::F64, "deg", "In the convention of the platform, as HELIOS++ writes it."),
+/// Position of the platform, attitude as `--trajectory` reads it, and as HELIOS++ writes it. Adding 0 removes negative zeros.
+const TRAJECTORY: &[RecordColumn<PoseSample>] = &[
+    RecordColumn("time", "s", "Second of the GPS week.", F64(|p, _| p.time_ns / 1e9)),
+    RecordColumn("x", "m", PLATFORM, F64(|p, shift| (p.position + shift).x)),
+    RecordColumn("y", "m", PLATFORM, F64(|p, shift| (p.position + shift).y)),
+    RecordColumn("z", "m", PLATFORM, F64(|p, shift| (p.position + shift).z)),
+    RecordColumn("roll", "deg", "Right side down; innermost rotation.", F64(|p, _| heading_angle(p, 0))),
+    RecordColumn("pitch", "deg", "Nose up.", F64(|p, _| heading_angle(p, 1))),
+    RecordColumn("yaw", "deg", "Heading, clockwise from +y.", F64(|p, _| heading_angle(p, 2))),
+    RecordColumn("platform_roll", "deg", HELIOS, F64(|p, _| degrees(p.roll))),
+    RecordColumn("platform_pitch", "deg", HELIOS, F64(|p, _| degrees(p.pitch))),
+    RecordColumn("platform_yaw", "deg", HELIOS, F64(|p, _| degrees(p.yaw))),
 ];
 
-const PULSES: &[TableColumn] = &[
-    ("time", Kind::F64, "s", "Emission, second of the GPS week."),
-    ("x", Kind::F64, "m", "Origin of the beam, world frame."),
-    ("y", Kind::F64, "m", "Origin of the beam, world frame."),
-    ("z", Kind::F64, "m", "Origin of the beam, world frame."),
-    ("dx", Kind::F64, "", "Direction of the beam, unit vector."),
-    ("dy", Kind::F64, "", "Direction of the beam, unit vector."),
-    ("dz", Kind::F64, "", "Direction of the beam, unit vector."),
-    ("pulse", Kind::U64, "", "Number of the pulse among those of its device, from 1."),
-    ("device", Kind::U32, "", "Index of the device, from 0."),
-    ("scan_angle", Kind::F64, "deg", "Deflection of the beam on the scanner."),
+const PLATFORM: &str = "Position of the platform, world frame.";
+const HELIOS: &str = "In the convention of the platform, as HELIOS++ writes it.";
+
+fn heading_angle(pose: &PoseSample, angle: usize) -> f64 {
+    degrees(pose.attitude.heading_angles()[angle]) + 0.0
+}
+
+const PULSES: &[RecordColumn<PulseRecord>] = &[
+    RecordColumn("time", "s", "Emission, second of the GPS week.", F64(|p, _| p.time_ns / 1e9)),
+    RecordColumn("x", "m", ORIGIN, F64(|p, shift| (p.origin + shift).x)),
+    RecordColumn("y", "m", ORIGIN, F64(|p, shift| (p.origin + shift).y)),
+    RecordColumn("z", "m", ORIGIN, F64(|p, shift| (p.origin + shift).z)),
+    RecordColumn("dx", "", DIRECTION, F64(|p, _| p.direction.x)),
+    RecordColumn("dy", "", DIRECTION, F64(|p, _| p.direction.y)),
+    RecordColumn("dz", "", DIRECTION, F64(|p, _| p.direction.z)),
+    RecordColumn("pulse", "", NUMBER, U64(|p| p.number)),
+    RecordColumn("device", "", DEVICE, U32(|p| p.device)),
+    RecordColumn(
+        "scan_angle",
+        "deg",
+        "Deflection of the beam on the scanner.",
+        F64(|p, _| degrees(p.scan_angle)),
+    ),
 ];
 
-const WAVEFORMS: &[TableColumn] = &[
-    ("time", Kind::F64, "s", "Emission of the pulse, second of the GPS week."),
-    ("pulse", Kind::U64, "", "Number of the pulse among those of its device, from 1."),
-    ("device", Kind::U32, "", "Index of the device, from 0."),
-    ("x", Kind::F64, "m", "Origin of the beam, world frame."),
-    ("y", Kind::F64, "m", "Origin of the beam, world frame."),
-    ("z", Kind::F64, "m", "Origin of the beam, world frame."),
-    ("dx", Kind::F64, "", "Direction of the beam, unit vector."),
-    ("dy", Kind::F64, "", "Direction of the beam, unit vector."),
-    ("dz", Kind::F64, "", "Direction of the beam, unit vector."),
-    ("start", Kind::F64, "ns", "One-way travel time of the first sample."),
-    ("end", Kind::F64, "ns", "One-way travel time of the last sample."),
-    ("count", Kind::U32, "", "Number of samples."),
+const ORIGIN: &str = "Origin of the beam, world frame.";
+const DIRECTION: &str = "Direction of the beam, unit vector.";
+const NUMBER: &str = "Number of the pulse among those of its device, from 1.";
+const DEVICE: &str = "Index of the device, from 0.";
+
+/// The last column is the number of samples, which follow all columns.
+const WAVEFORMS: &[RecordColumn<WaveformRecord>] = &[
+    RecordColumn("time", "s", "Emission of the pulse, second of the GPS week.", F64(|w, _| w.time_ns / 1e9)),
+    RecordColumn("pulse", "", NUMBER, U64(|w| w.pulse_number)),
+    RecordColumn("device", "", DEVICE, U32(|w| w.device)),
+    RecordColumn("x", "m", ORIGIN, F64(|w, shift| (w.origin + shift).x)),
+    RecordColumn("y", "m", ORIGIN, F64(|w, shift| (w.origin + shift).y)),
+    RecordColumn("z", "m", ORIGIN, F64(|w, shift| (w.origin + shift).z)),
+    RecordColumn("dx", "", DIRECTION, F64(|w, _| w.direction.x)),
+    RecordColumn("dy", "", DIRECTION, F64(|w, _| w.direction.y)),
+    RecordColumn("dz", "", DIRECTION, F64(|w, _| w.direction.z)),
+    RecordColumn("start", "ns", "One-way travel time of the first sample.", F64(|w, _| w.start_ns)),
+    RecordColumn("end", "ns", "One-way travel time of the last sample.", F64(|w, _| w.end_ns)),
+    RecordColumn("count", "", "Number of samples.", U32(|w| w.samples as u32)),
 ];
 
 /// Name of the list of samples of waveforms.
 const SAMPLES: &str = "samples";
 
-fn columns(content: TableContent) -> &'static [TableColumn] {
+/// The columns of tables other than points.
+fn columns(content: TableContent) -> Vec<TableColumn> {
     match content {
-        TableContent::Points => &[],
-        TableContent::Trajectory => TRAJECTORY,
-        TableContent::Pulses => PULSES,
-        TableContent::Waveforms => WAVEFORMS,
+        TableContent::Points => Vec::new(),
+        TableContent::Trajectory => TRAJECTORY.iter().map(RecordColumn::about).collect(),
+        TableContent::Pulses => PULSES.iter().map(RecordColumn::about).collect(),
+        TableContent::Waveforms => WAVEFORMS.iter().map(RecordColumn::about).collect(),
     }
 }
 
-/// Encodes the records of a batch other than points: columns, and behind them the samples of waveforms.
-pub(super) fn encode(content: TableContent, batch: &Batch, shift: DVec3) -> (Vec<u8>, Tally) {
-    let mut out = Block(Vec::new());
-    let mut tally = Tally::EMPTY;
+/// Encodes the records of a batch other than points: a block of columns, and behind it the samples of waveforms.
+pub(super) fn encode(content: TableContent, batch: &Batch, shift: DVec3) -> EncodedPoints {
+    let mut out = EncodedPoints::with_capacity(0);
     match content {
         TableContent::Points => {}
-        TableContent::Trajectory => {
-            let poses = &batch.poses;
-            tally.records = poses.len() as u64;
-            out.f64s(poses, |pose| pose.time_ns / 1e9);
-            out.vectors(poses, |pose| pose.position + shift);
-            for angle in 0..3 {
-                // Adding 0 removes negative zeros.
-                out.f64s(poses, |pose| degrees(pose.attitude.heading_angles()[angle]) + 0.0);
-            }
-            out.f64s(poses, |pose| degrees(pose.roll));
-            out.f64s(poses, |pose| degrees(pose.pitch));
-            out.f64s(poses, |pose| degrees(pose.yaw));
-        }
-        TableContent::Pulses => {
-            let pulses = &batch.pulses;
-            tally.records = pulses.len() as u64;
-            out.f64s(pulses, |pulse| pulse.time_ns / 1e9);
-            out.vectors(pulses, |pulse| pulse.origin + shift);
-            out.vectors(pulses, |pulse| pulse.direction);
-            pulses.iter().for_each(|pulse| out.0.extend(pulse.number.to_le_bytes()));
-            pulses.iter().for_each(|pulse| out.0.extend(pulse.device.to_le_bytes()));
-            out.f64s(pulses, |pulse| degrees(pulse.scan_angle));
-        }
+        TableContent::Trajectory => push_block(&mut out, TRAJECTORY, &batch.poses, shift),
+        TableContent::Pulses => push_block(&mut out, PULSES, &batch.pulses, shift),
         TableContent::Waveforms => {
-            let waves = &batch.waveforms;
-            tally.records = waves.len() as u64;
-            out.f64s(waves, |wave| wave.time_ns / 1e9);
-            waves.iter().for_each(|wave| out.0.extend(wave.pulse_number.to_le_bytes()));
-            waves.iter().for_each(|wave| out.0.extend(wave.device.to_le_bytes()));
-            out.vectors(waves, |wave| wave.origin + shift);
-            out.vectors(waves, |wave| wave.direction);
-            out.f64s(waves, |wave| wave.start_ns);
-            out.f64s(waves, |wave| wave.end_ns);
-            let samples: Vec<&[f64]> = waves
-                .iter()
-                .map(|wave| {
-                    let from = batch.samples.get(wave.first_sample..).unwrap_or_default();
-                    &from[..wave.samples.min(from.len())]
-                })
-                .collect();
-            samples.iter().for_each(|samples| out.0.extend((samples.len() as u32).to_le_bytes()));
-            samples.iter().for_each(|samples| out.f64s(samples, |sample| *sample));
+            // As many samples as there are.
+            let cut =
+                |wave: &WaveformRecord| WaveformRecord { samples: samples_of(batch, wave).len(), ..*wave };
+            let waves: Vec<WaveformRecord> = batch.waveforms.iter().map(cut).collect();
+            push_block(&mut out, WAVEFORMS, &waves, shift);
+            for sample in waves.iter().flat_map(|wave| samples_of(batch, wave)) {
+                out.bytes.extend(sample.to_le_bytes());
+            }
         }
     }
-    (out.0, tally)
+    out
 }
 
-/// A block of columns, little-endian.
-struct Block(Vec<u8>);
-
-impl Block {
-    fn f64s<T>(&mut self, records: &[T], value: impl Fn(&T) -> f64) {
-        records.iter().for_each(|record| self.0.extend(value(record).to_le_bytes()));
-    }
-
-    fn vectors<T>(&mut self, records: &[T], value: impl Fn(&T) -> DVec3) {
-        for axis in 0..3 {
-            self.f64s(records, |record| value(record)[axis]);
-        }
-    }
+fn push_block<T>(out: &mut EncodedPoints, columns: &[RecordColumn<T>], records: &[T], shift: DVec3) {
+    out.bytes.extend((records.len() as u32).to_le_bytes());
+    columns.iter().for_each(|column| column.push(records, shift, &mut out.bytes));
+    out.tally.records = records.len() as u64;
 }
 
 /// A table that is being collected.
@@ -185,6 +159,7 @@ pub(super) struct OpenTable {
     samples: Option<Samples>,
     sink: Arc<dyn TableSink>,
     tally: Tally,
+    kind: FileKind,
     has_passed: bool,
     per_leg: bool,
     intervals: Option<Intervals>,
@@ -206,13 +181,20 @@ struct Samples {
 }
 
 impl OpenTable {
-    /// `points` has the columns and the schema of points.
-    pub fn new(request: &TableRequest, points: (&[Column], SchemaRef)) -> OpenTable {
+    pub fn new(request: &TableRequest, settings: &CloudSettings) -> OpenTable {
         let TableRequest { content, batch_rows, batch_per_leg, batch_seconds, sink } = request;
-        let time = points.0.iter().position(|column| *column == Column::GpsTime);
+        let points = settings.table_columns();
+        let time = points.iter().position(|column| *column == Column::GpsTime);
         let (kinds, schema) = match content {
-            TableContent::Points => (points.0.iter().map(|column| column.kind()).collect(), points.1),
-            content => (columns(*content).iter().map(|column| column.1).collect(), schema(*content)),
+            TableContent::Points => {
+                let kinds = points.iter().map(|column| column.kind()).collect();
+                (kinds, point_schema(&points, settings))
+            }
+            content => {
+                let columns = columns(*content);
+                let kinds = columns.iter().map(|column| column.1).collect();
+                (kinds, schema_of(columns.into_iter(), BTreeMap::new()))
+            }
         };
         let intervals = batch_seconds.zip(time).filter(|_| *content == TableContent::Points);
         let intervals =
@@ -228,89 +210,96 @@ impl OpenTable {
             samples,
             sink: sink.clone(),
             tally: Tally::EMPTY,
+            kind: Content::Table(*content).kind(),
             has_passed: false,
             per_leg: *batch_per_leg,
             intervals,
         }
     }
 
-    /// Counts of the rows appended so far.
-    pub fn tally(&self) -> &Tally {
-        &self.tally
-    }
-
-    /// Appends a block of columns and passes every complete batch.
-    pub fn append(&mut self, bytes: &[u8], tally: &Tally) -> Result<()> {
-        self.tally.add(tally);
-        let mut block = bytes;
-        if let Some(samples) = &mut self.samples {
-            let width: usize = WAVEFORMS.iter().map(|column| column.1.width()).sum();
-            let (columns, values) = bytes.split_at((tally.records as usize * width).min(bytes.len()));
-            block = columns;
-            samples.append(columns, values, tally.records as usize);
-        }
-        let (mut from, end) = (0, self.rows.in_block(block));
-        while from < end {
-            let to = self.enter_interval(block, from)?;
-            from = self.rows.append_rows(block, from..to);
-            if self.rows.is_full() {
-                self.pass()?;
-            }
-        }
-        Ok(())
-    }
-
     /// Passes the rows collected so far if row `from` of the block is in another interval. Returns the end of its rows there.
-    fn enter_interval(&mut self, block: &[u8], from: usize) -> Result<usize> {
-        let end = self.rows.in_block(block);
+    fn enter_interval(&mut self, block: &[&[u8]], from: usize, end: usize) -> Result<usize> {
         let Some(intervals) = &mut self.intervals else { return Ok(end) };
-        let times = self.rows.column(block, intervals.column);
+        let times = block[intervals.column];
         let interval = |row: usize| {
             let time = f64::from_le_bytes(std::array::from_fn(|i| times[8 * row + i]));
             libm::floor(time / intervals.seconds)
         };
         let here = interval(from);
         let to = (from..end).find(|row| interval(*row) != here).unwrap_or(end);
-        if std::mem::replace(&mut intervals.current, here) != here && self.rows.len() > 0 {
+        if std::mem::replace(&mut intervals.current, here) != here && !self.rows.is_empty() {
             self.pass()?;
         }
         Ok(to)
     }
 
-    /// Passes the rows of a leg that has ended, if batches end with legs.
-    pub fn end_leg(&mut self) -> Result<()> {
-        if self.per_leg && self.rows.len() > 0 { self.pass() } else { Ok(()) }
-    }
-
     /// Passes the rows collected so far.
     fn pass(&mut self) -> Result<()> {
         self.has_passed = true;
-        let batch = batch(&mut self.rows, &self.schema)?;
+        let batch = self.rows.batch(&self.schema)?;
         self.sink.take(match &mut self.samples {
             Some(samples) => samples.join(batch)?,
             None => batch,
         })
     }
+}
+
+impl OpenOutput for OpenTable {
+    /// Appends blocks of columns and passes every complete batch.
+    fn append(&mut self, piece: Piece, _: &dyn Offload) -> Result<()> {
+        self.tally.add(&piece.points.tally);
+        let mut bytes = &piece.points.bytes[..];
+        while let Some((block, end)) = self.rows.take_block(&mut bytes) {
+            if let Some(samples) = &mut self.samples {
+                samples.append(&block, &mut bytes);
+            }
+            let mut from = 0;
+            while from < end {
+                let to = self.enter_interval(&block, from, end)?;
+                from = self.rows.append_rows(&block, from..to);
+                if self.rows.is_full() {
+                    self.pass()?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn has_records(&self) -> bool {
+        self.tally.records > 0
+    }
+
+    fn end_leg(&mut self) -> Result<()> {
+        if self.per_leg && !self.rows.is_empty() { self.pass() } else { Ok(()) }
+    }
 
     /// Passes the remaining rows.
-    pub fn finish(mut self) -> Result<Tally> {
-        if self.rows.len() > 0 || !self.has_passed {
+    fn finish(
+        mut self: Box<Self>,
+        _: &OutputPlan,
+        _: &dyn Offload,
+        partial: bool,
+    ) -> Result<Vec<FileSummary>> {
+        if !self.rows.is_empty() || !self.has_passed {
             self.pass()?;
         }
-        Ok(self.tally)
+        Ok(vec![FileSummary { partial, ..FileSummary::of(self.kind, &self.tally, self.tally.bounds) }])
     }
 }
 
 impl Samples {
-    /// Appends the samples of `rows` waveforms; the last of their `columns` has the numbers of samples.
-    fn append(&mut self, columns: &[u8], values: &[u8], rows: usize) {
-        let (values, _) = values.as_chunks();
-        self.values.extend(values.iter().map(|value| f64::from_le_bytes(*value)));
-        let (counts, _) = columns[columns.len().saturating_sub(4 * rows)..].as_chunks();
+    /// Takes the samples of a block of waveforms from the beginning of `bytes`; the last of its columns has their numbers.
+    fn append(&mut self, block: &[&[u8]], bytes: &mut &[u8]) {
+        let (counts, _) = block.last().copied().unwrap_or_default().as_chunks();
+        let first = self.offsets.last().copied().unwrap_or(0);
+        let mut last = first;
         for count in counts {
-            let last = self.offsets.last().copied().unwrap_or(0);
-            self.offsets.push(last + i64::from(u32::from_le_bytes(*count)));
+            last += i64::from(u32::from_le_bytes(*count));
+            self.offsets.push(last);
         }
+        let (samples, rest) = bytes.split_at((8 * (last - first) as usize).min(bytes.len()));
+        self.values.extend(samples.as_chunks().0.iter().map(|value| f64::from_le_bytes(*value)));
+        *bytes = rest;
     }
 
     /// The batch with the samples of its rows, which are the first ones collected.
@@ -344,17 +333,4 @@ fn with_samples(schema: &Schema) -> SchemaRef {
     let about = BTreeMap::from([("description".to_owned(), "Samples of the waveform.".to_owned())]);
     let fields = schema.fields().iter().cloned().chain([Arc::new(list.with_metadata(about))]);
     Arc::new(Schema::new_with_metadata(fields.collect::<Vec<_>>(), schema.metadata().clone()))
-}
-
-fn schema(content: TableContent) -> SchemaRef {
-    let fields = columns(content).iter().map(|(name, kind, unit, meaning)| {
-        let mut about = BTreeMap::from([("description".to_owned(), (*meaning).to_owned())]);
-        if !unit.is_empty() {
-            about.insert("unit".to_owned(), (*unit).to_owned());
-        }
-        Field::new(*name, data_type(*kind), false).with_metadata(about)
-    });
-    let generator = ("generator".to_owned(), concat!("vlscan ", env!("CARGO_PKG_VERSION")).to_owned());
-    let metadata = BTreeMap::from([generator]);
-    Arc::new(Schema::new_with_metadata(fields.collect::<Vec<_>>(), metadata))
 }

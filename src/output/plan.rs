@@ -1,75 +1,39 @@
 //! The plan of all outputs, computed and checked before anything is written.
 
-use super::arrow::{About, schema};
-use super::codec::LegFacts;
-use super::columns::Column;
-use super::context::OutputContext;
-use super::division::{Divider, Ring};
-use super::las::LasFormat;
+use super::context::{OutputContext, OutputLeg};
+use super::division::Divider;
 use super::layout::{Content, FilePlan, OutputLayout, OutputLocation};
-use super::mcap;
-use super::memory::{TableContent, TableRequest};
-use super::objects::ObjectIds;
-use super::pcd;
-use super::request::{OutputRequest, PacketPlace, PointFormat, Target};
-use super::stream::Destination;
+use super::request::{OutputRequest, TableContent, Target};
 use super::summary::FileSummary;
-use super::text;
-use ::arrow_schema::SchemaRef;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 use vlscan_base::crs;
 use vlscan_base::diag::{Diagnostics, ProblemKind};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileSet, NewFolder, identity, is_special, reads, remove_litter};
-use vlscan_geom::{Aabb, DVec3};
+use vlscan_formats::{
+    CloudSettings, Column, Destination, Needs, ObjectIds, PacketPlace, PointBatch, PointEncoder, PointFormat,
+};
+use vlscan_lidar::pulse::Batch;
 
 /// All outputs of a run: files, contents and formats. Immutable and shared by the workers.
 #[derive(Debug)]
 pub struct OutputPlan {
     pub(super) layout: OutputLayout,
-    pub(super) legs: Vec<LegFacts>,
-    pub(super) shift: DVec3,
-    /// Ids of the scene's parts as text fields.
-    pub(super) part_names: Vec<Box<[u8]>>,
-    /// Ids of the scene's parts as integers.
-    pub(super) objects: ObjectIds,
-    pub(super) las: LasFormat,
-    /// What coordinates of PCD are relative to, m.
-    pub(super) pcd_offset: DVec3,
-    /// Duration of a frame of MCAP in each leg, ns.
-    frames_ns: Vec<f64>,
-    pub(super) columns: Vec<Column>,
-    /// Whether the user chose the columns.
-    pub(super) columns_chosen: bool,
-    /// Arrow schema: the columns with their metadata.
-    pub(super) schema: SchemaRef,
-    /// Whether pulses without echoes are written.
-    pub(super) misses: bool,
-    /// Whether points are counted by part.
-    pub(super) counts_parts: bool,
-    /// Whether PLY has the labels part, primitive and true range.
-    pub(super) labels: bool,
-    /// Whether LAS and PLY have the height above the ground.
-    pub(super) heights: bool,
+    pub(super) request: OutputRequest,
+    /// What the formats know of the points.
+    pub(super) settings: CloudSettings,
+    /// Number of each leg in records, and duration of its frames, ns.
+    legs: Vec<(u16, f64)>,
+    /// The formats that points are written in.
+    pub(super) encoders: BTreeMap<PointFormat, Arc<dyn PointEncoder>>,
+    /// What these need of points.
+    pub(super) needs: Needs,
     /// The division of points among the files of folders.
     pub(super) divider: Option<Divider>,
-    /// Where points are kept.
-    pub(super) clip: Option<Ring>,
-    pub(super) live: bool,
-    /// Name of the coordinate reference system: its EPSG code, if it has one.
-    pub(super) crs_name: Option<String>,
     warnings: Diagnostics,
-    pub(super) force: bool,
-    /// Whether files that exist stay if they hold the same bytes.
-    pub(super) goes_on: bool,
-    pub(super) run_stamp: Option<String>,
-    /// The head of a shard.
-    pub(super) shard_head: Vec<u8>,
-    pub(super) tables: Vec<TableRequest>,
-    pub(super) epochs: u32,
     /// Partial files that a failed run left.
     pub(super) rescued: Mutex<Vec<FileSummary>>,
 }
@@ -80,7 +44,8 @@ impl OutputPlan {
     ///
     /// # Errors
     /// [`Error::Input`].
-    pub fn new(request: OutputRequest, context: &OutputContext) -> Result<OutputPlan> {
+    pub fn new(mut request: OutputRequest, context: &OutputContext) -> Result<OutputPlan> {
+        request.epochs = request.epochs.max(1);
         let mut problems = Diagnostics::default();
         let objects = ObjectIds::new(&context.parts);
         let divider = divider(&request, context, &objects, &mut problems);
@@ -88,7 +53,6 @@ impl OutputPlan {
         check_requests(&request, context, &mut problems);
         let inputs = Inputs::of(&request);
         check_files(&layout, &request, &inputs, &mut problems);
-        let mut las_problems = Diagnostics::default();
         let wkt = request.crs_wkt.as_deref().or(context.crs.as_deref());
         if let (Some(chosen), Some(named)) = (&request.crs_wkt, &context.crs)
             && crs::differ(chosen, named)
@@ -97,66 +61,44 @@ impl OutputPlan {
                 format!("--crs says {}, what was measured is in {}", crs::name(chosen), crs::name(named));
             problems.warn(None, message).help("leave out --crs: nothing is projected");
         }
-        let las = LasFormat::new(&request, context, wkt, &objects, &mut las_problems);
-        if request.sinks.iter().any(|(_, format)| format.is_las()) {
-            problems.extend(las_problems);
-            if las.packet_place() == Some(PacketPlace::Beside) {
-                check_packets(&layout, request.force || request.goes_on, &inputs, &mut problems);
-            }
+        let settings = cloud_settings(&request, context, wkt, objects);
+        let has_table = request.tables.iter().any(|table| table.content == TableContent::Points);
+        let mut encoders = BTreeMap::new();
+        let formats = request.sinks.iter().map(|(_, format)| *format);
+        for format in formats.chain(has_table.then_some(PointFormat::Arrow)) {
+            encoders.insert(format, format.encoder(&settings, &mut problems)?);
+        }
+        if encoders.values().any(|encoder| encoder.packets() == Some(PacketPlace::Beside)) {
+            check_packets(&layout, request.force || request.goes_on, &inputs, &mut problems);
         }
         let warnings = problems.finish(false)?;
-        let Aabb { min, max } = context.bounds;
-        let world = Aabb { min: min + context.shift, max: max + context.shift };
-        let columns = request.columns.clone().unwrap_or_else(|| {
-            let mut columns = Column::default_columns(request.misses);
-            columns.extend(request.heights.then_some(Column::HeightAboveGround));
-            columns
-        });
-        let about = About { scanner: &context.scanner, crs: wkt, objects: &objects };
-        let schema = schema(&columns, &about);
+        let leg = |leg: &OutputLeg| {
+            let frame_ns = request.frame_s.or(leg.revolution_s).map_or(PointBatch::FRAME_NS, |s| s * 1e9);
+            (saturated(leg.number), frame_ns)
+        };
         Ok(OutputPlan {
             layout,
-            legs: context.legs.iter().map(|leg| LegFacts::new(leg.number)).collect(),
-            shift: context.shift,
-            part_names: context.parts.iter().map(|part| text::label(part)).collect(),
-            objects,
-            las,
-            pcd_offset: pcd::offset(&world),
-            frames_ns: context
-                .legs
-                .iter()
-                .map(|leg| request.frame_s.or(leg.revolution_s).unwrap_or(mcap::FRAME_S) * 1e9)
-                .collect(),
-            columns,
-            columns_chosen: request.columns.is_some(),
-            schema,
-            misses: request.misses,
-            counts_parts: request.counts_parts,
-            labels: request.labels,
-            heights: request.heights,
+            legs: context.legs.iter().map(leg).collect(),
+            encoders,
+            needs: request.needs(),
             divider,
-            clip: request.clip,
-            live: request.live,
-            crs_name: wkt.map(crs::short_name),
             warnings,
-            force: request.force,
-            goes_on: request.goes_on,
-            run_stamp: request.run_stamp,
-            shard_head: request.shard.map(|shard| shard.head).unwrap_or_default(),
-            tables: request.tables,
-            epochs: request.epochs.max(1),
             rescued: Mutex::default(),
+            settings,
+            request,
         })
     }
 
     /// Whether points have their height above the ground.
     pub fn has_heights(&self) -> bool {
-        self.heights || self.columns.contains(&Column::HeightAboveGround)
+        self.needs.height
     }
 
-    /// Duration of a frame of MCAP, ns.
-    pub(super) fn frame_ns(&self, leg: u32) -> f64 {
-        self.frames_ns.get(leg as usize).copied().unwrap_or(mcap::FRAME_S * 1e9)
+    /// Number of the leg of a batch in records, and duration of its frames, ns.
+    pub(super) fn leg_of(&self, batch: &Batch) -> (u16, f64) {
+        let known = self.legs.get(batch.leg as usize).copied();
+        let (number, frame_ns) = known.unwrap_or((saturated(batch.leg), PointBatch::FRAME_NS));
+        (batch.leg_number.map_or(number, saturated), frame_ns)
     }
 
     /// Warnings about the request.
@@ -168,6 +110,38 @@ impl OutputPlan {
     pub fn rescued(&self) -> Vec<FileSummary> {
         self.rescued.lock().map(|files| files.clone()).unwrap_or_default()
     }
+}
+
+/// What the formats need to know of the points.
+fn cloud_settings(
+    request: &OutputRequest,
+    context: &OutputContext,
+    wkt: Option<&str>,
+    objects: ObjectIds,
+) -> CloudSettings {
+    CloudSettings {
+        origin: context.shift,
+        bounds: context.bounds,
+        crs: wkt.map(str::to_owned),
+        scanner: context.scanner.clone(),
+        creation: request.creation,
+        parts: context.parts.clone(),
+        objects,
+        highest_class: context.highest_class,
+        columns: request.columns.clone(),
+        misses: request.misses,
+        labels: request.labels,
+        true_positions: request.true_positions,
+        heights: request.heights,
+        las: request.las.clone(),
+        bins_ns: context.devices.iter().map(|device| device.bin).collect(),
+        metres_per_ns: context.metres_per_ns,
+    }
+}
+
+/// The number of a leg in records, saturated.
+fn saturated(leg: u32) -> u16 {
+    u16::try_from(leg).unwrap_or(u16::MAX)
 }
 
 /// Plans the division of points, which takes folders and whole points.
@@ -234,7 +208,7 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
             )
             .help("-o points.csv, .xyz, .arrow or .parquet");
     }
-    let has_frames = request.sinks.iter().any(|(_, format)| *format == PointFormat::Mcap);
+    let has_frames = request.sinks.iter().any(|(_, format)| format.has_frames());
     if request.frame_s.is_some() && !has_frames && request.shard.is_none() {
         problems.error(None, "frames have a duration in MCAP, and none is written").help("-o points.mcap");
     }

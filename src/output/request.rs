@@ -1,147 +1,13 @@
 //! Specification of the outputs of a run.
 
-use super::{Column, Division, Ring, TableContent, TableRequest};
+use super::{Division, Ring};
 use crate::shards::Records;
-use clap::ValueEnum;
-use serde::Deserialize;
-use std::path::{Path, PathBuf};
-
-/// Format of a point file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ValueEnum, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum PointFormat {
-    /// Eleven columns of text as HELIOS++ writes them.
-    ///
-    /// Spec outputs §3.
-    #[value(alias = "txt")]
-    Xyz,
-    /// Comma-separated values with a line of names.
-    ///
-    /// See [`Column`].
-    Csv,
-    /// The text of xyz, compressed.
-    ///
-    /// Spec outputs §8.
-    Bin,
-    /// LAS.
-    ///
-    /// See [`LasSettings`].
-    Las,
-    /// LAS compressed as LAZ.
-    Laz,
-    /// LAZ whose chunks are the nodes of an octree; files end in .copc.laz.
-    #[value(alias = "copc.laz")]
-    Copc,
-    /// PLY, little-endian.
-    #[value(name = "ply")]
-    #[serde(rename = "ply")]
-    PlyBinary,
-    /// PLY as text.
-    PlyAscii,
-    /// PLY of rays, as raycloudtools reads it; files end in .raycloud.ply.
-    #[value(name = "raycloud", alias = "raycloud.ply")]
-    #[serde(rename = "raycloud")]
-    RayCloud,
-    /// PCD of the Point Cloud Library, binary.
-    Pcd,
-    /// E57 with a scan and its pose for each leg.
-    E57,
-    /// MCAP with a message `PointCloud2` of ROS 2 for each revolution, in the axes of the scanner.
-    Mcap,
-    /// Arrow IPC stream with the columns of csv.
-    #[value(alias = "arrows")]
-    Arrow,
-    /// Parquet with the columns of csv.
-    Parquet,
-}
-
-impl PointFormat {
-    /// Returns the format that the extension of a file name denotes; `None` for names without extension.
-    ///
-    /// # Errors
-    /// The extension, when it denotes no format.
-    pub fn of_file(path: &Path) -> Option<Result<PointFormat, String>> {
-        // A name that is no Unicode has an extension, too.
-        let name = path.file_name()?.to_string_lossy();
-        let ends_in = |end: &str| {
-            let found = name.len().checked_sub(end.len()).and_then(|at| name.get(at..));
-            found.is_some_and(|found| found.eq_ignore_ascii_case(end))
-        };
-        let extension = match () {
-            _ if ends_in(".copc.laz") => "copc.laz",
-            _ if ends_in(".raycloud.ply") => "raycloud.ply",
-            _ => Path::new(&*name).extension()?.to_str()?,
-        };
-        Some(PointFormat::from_str(extension, true).map_err(|_| extension.to_owned()))
-    }
-
-    /// Returns all names, separated by commas.
-    pub fn names() -> String {
-        let names = PointFormat::value_variants().iter().filter_map(ValueEnum::to_possible_value);
-        names.map(|value| value.get_name().to_owned()).collect::<Vec<_>>().join(", ")
-    }
-
-    /// File name extension of the format.
-    pub fn extension(self) -> &'static str {
-        match self {
-            PointFormat::Xyz => "xyz",
-            PointFormat::Bin => "bin",
-            PointFormat::Las => "las",
-            PointFormat::Laz => "laz",
-            PointFormat::Copc => "copc.laz",
-            PointFormat::PlyBinary | PointFormat::PlyAscii => "ply",
-            PointFormat::RayCloud => "raycloud.ply",
-            PointFormat::Pcd => "pcd",
-            PointFormat::E57 => "e57",
-            PointFormat::Mcap => "mcap",
-            PointFormat::Csv => "csv",
-            PointFormat::Arrow => "arrow",
-            PointFormat::Parquet => "parquet",
-        }
-    }
-
-    /// Whether the header counts the points, so that it can be completed only at the end.
-    pub fn counts(self) -> bool {
-        self.is_las()
-            || matches!(self, PointFormat::PlyBinary | PointFormat::PlyAscii)
-            || matches!(self, PointFormat::RayCloud | PointFormat::Pcd)
-    }
-
-    /// Whether the format is LAS, compressed or not.
-    pub fn is_las(self) -> bool {
-        matches!(self, PointFormat::Las | PointFormat::Laz | PointFormat::Copc)
-    }
-
-    /// Whether the format has a place for the coordinate reference system.
-    pub fn holds_crs(self) -> bool {
-        self.is_las()
-            || matches!(self, PointFormat::PlyBinary | PointFormat::PlyAscii)
-            || matches!(self, PointFormat::Arrow | PointFormat::Parquet)
-    }
-
-    /// Whether the format is text that a terminal can show.
-    pub fn is_text(self) -> bool {
-        matches!(self, PointFormat::Xyz | PointFormat::PlyAscii | PointFormat::Csv)
-    }
-
-    /// What has to be recorded beside echoes for the points of the format, whatever else is written. Columns that are chosen
-    /// add what they need, see [`Column::records`].
-    pub fn records(self) -> Records {
-        match self {
-            PointFormat::Mcap => Records { scanner_axes: true, ..Records::default() },
-            PointFormat::Xyz | PointFormat::Csv | PointFormat::Bin => Records::default(),
-            PointFormat::Las | PointFormat::Laz | PointFormat::Copc => Records::default(),
-            PointFormat::PlyBinary | PointFormat::PlyAscii | PointFormat::RayCloud => Records::default(),
-            PointFormat::Pcd | PointFormat::E57 => Records::default(),
-            PointFormat::Arrow | PointFormat::Parquet => Records::default(),
-        }
-    }
-
-    /// Whether the columns can be chosen.
-    pub fn has_columns(self) -> bool {
-        matches!(self, PointFormat::Xyz | PointFormat::Csv | PointFormat::Arrow | PointFormat::Parquet)
-    }
-}
+use ::arrow_array::RecordBatch;
+use std::fmt::Debug;
+use std::path::PathBuf;
+use std::sync::Arc;
+use vlscan_base::error::Result;
+use vlscan_formats::{Column, LasSettings, Needs, PointFormat};
 
 /// Format of a trajectory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -175,6 +41,45 @@ pub struct ShardOutput {
     pub path: PathBuf,
     /// Its head, as [`crate::shards::ShardHead::bytes`] returns it.
     pub head: Vec<u8>,
+}
+
+/// What the rows of a table are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum TableContent {
+    /// Points, with the columns of [`OutputRequest::columns`].
+    Points,
+    /// Poses of the platform: time (s), x, y, z (m), roll, pitch, yaw (deg, of a heading as `--trajectory` reads them),
+    /// and the angles in the platform's own convention.
+    Trajectory,
+    /// Emitted pulses: time (s), x, y, z (m), dx, dy, dz, pulse, device, scan_angle (deg).
+    Pulses,
+    /// Digitised waveforms: time (s), pulse, device, x, y, z (m), dx, dy, dz, one-way travel time of the first and the last
+    /// sample (ns), and the list of samples.
+    Waveforms,
+}
+
+/// A table that a run passes to its caller.
+#[derive(Clone, Debug)]
+pub struct TableRequest {
+    /// What its rows are.
+    pub content: TableContent,
+    /// Rows per batch; the last batch has the remaining rows.
+    pub batch_rows: usize,
+    /// Whether a batch ends with its leg, too.
+    pub batch_per_leg: bool,
+    /// Of points with the column `GpsTime`: whether a batch ends at every multiple of so many seconds, too.
+    pub batch_seconds: Option<f64>,
+    /// What takes the batches.
+    pub sink: Arc<dyn TableSink>,
+}
+
+/// Takes the batches of a table. At least one batch is passed, in the thread that collects the results of a run.
+pub trait TableSink: Debug + Send + Sync {
+    /// Takes the next batch; the run waits meanwhile.
+    ///
+    /// # Errors
+    /// [`Error::ClosedPipe`] when no further batches are wanted.
+    fn take(&self, batch: RecordBatch) -> Result<()>;
 }
 
 /// Specification of all outputs of a run.
@@ -286,78 +191,15 @@ impl OutputRequest {
             pulses: self.pulses || self.misses || has_table(TableContent::Pulses),
             ..Records::default()
         };
-        let formats = self.sinks.iter().map(|(_, format)| format.records());
-        let columns = self.columns.iter().flatten().map(|column| column.records());
-        formats.chain(columns).fold(own, Records::union)
+        let needs = self.needs();
+        Records { truth: needs.cause, scanner_axes: needs.in_scanner, ..own }
     }
-}
 
-/// LAS version.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum LasVersion {
-    /// 1.4 with point data record format 6.
-    #[default]
-    V14,
-    /// 1.0 with point data record format 1 (`--las10`).
-    V10,
-}
-
-/// Mapping of an amplitude to the 16-bit intensity of LAS. The amplitude itself is in the extra bytes.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum IntensityMapping {
-    /// `10000 + 1000·log10(amplitude)`, hundredths of a decibel above −100 dB: amplitudes of different surveys differ by
-    /// ten powers of ten, and none of them comes out as 0 or saturated. 0 for amplitudes that are not positive.
-    #[default]
-    Decibel,
-    /// `65535·amplitude/full_scale`.
-    Linear {
-        /// Amplitude of the highest intensity.
-        full_scale: f64,
-    },
-    /// As HELIOS++: `65535·amplitude/10⁶`, rounded down, which is nearly always 0 (spec outputs trap 8).
-    Helios,
-}
-
-/// Dimensions in the extra bytes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ExtraDimensions {
-    /// `echo_width`, `fullwaveIndex`, `hitObjectId`, `heliosAmplitude`, and then `device`, `range`, `incidence_angle`.
-    #[default]
-    All,
-    /// The first four, as HELIOS++.
-    Helios,
-    /// No extra bytes: for programs that refuse them.
-    None,
-}
-
-/// Settings of LAS and LAZ (spec outputs §4).
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct LasSettings {
-    /// LAS version.
-    pub version: LasVersion,
-    /// Metres per unit of the coordinates; `None`: 0.0001, or the next power of ten at which the scene fits into 32
-    /// bits.
-    pub scale: Option<f64>,
-    /// Mapping of amplitudes to intensities.
-    pub intensity: IntensityMapping,
-    /// Dimensions in the extra bytes.
-    pub extra: ExtraDimensions,
-    /// Number of points in the header of LAS on a pipe, which is then written without delay, with the scene's box as
-    /// bounds: more points are an error, and most readers tolerate fewer. `None`: the points are spooled, and the
-    /// header is exact. On a seekable output the header is always patched at the end.
-    pub at_most: Option<u64>,
-    /// Waveforms as packets that the points refer to (LAS 1.4 with point format 9); `None`: no packets, point format
-    /// 6.
-    pub packets: Option<PacketPlace>,
-}
-
-/// Location of the waveform packets of LAS.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum PacketPlace {
-    /// In the file of the points, as an extended variable length record after them.
-    Inside,
-    /// In a file of the same name with the extension .wdp.
-    Beside,
+    /// What formats and columns need of points.
+    pub(super) fn needs(&self) -> Needs {
+        let own = Needs { true_position: self.true_positions, height: self.heights, ..Needs::default() };
+        let formats = self.sinks.iter().map(|(_, format)| format.needs());
+        let columns = self.columns.iter().flatten().map(|column| column.needs());
+        formats.chain(columns).fold(own, Needs::union)
+    }
 }

@@ -1,12 +1,8 @@
 //! Summary of the written outputs.
 
 use std::path::PathBuf;
-use vlscan_geom::{Aabb, DVec3};
-
-/// State recorded in the metadata of a complete output.
-pub(super) const COMPLETE: &str = "complete";
-/// State recorded in the metadata of an output of a run that was interrupted or failed.
-pub(super) const PARTIAL: &str = "partial: the run ended early";
+use vlscan_formats::Tally;
+use vlscan_geom::Aabb;
 
 /// Summary of the outputs of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -64,34 +60,11 @@ pub struct FileSummary {
     pub left_out: u64,
 }
 
-/// Counts of the records in a file or a piece; the counts of pieces add up.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Tally {
-    pub records: u64,
-    pub left_out: u64,
-    pub by_return: [u64; 15],
-    /// Box around the coordinates as stored: metres, or integers of LAS.
-    pub bounds: Aabb,
-}
-
-impl Tally {
-    pub const EMPTY: Tally = Tally { records: 0, left_out: 0, by_return: [0; 15], bounds: Aabb::EMPTY };
-
-    pub fn count_point(&mut self, stored: DVec3, return_number: u32) {
-        self.records += 1;
-        // A missed pulse has return number 0.
-        if let Some(nth) = return_number.min(15).checked_sub(1) {
-            self.by_return[nth as usize] += 1;
-        }
-        self.bounds = self.bounds.with(stored);
-    }
-
-    pub fn add(&mut self, other: &Tally) {
-        self.records += other.records;
-        self.left_out += other.left_out;
-        for (mine, theirs) in self.by_return.iter_mut().zip(&other.by_return) {
-            *mine += theirs;
-        }
-        self.bounds = self.bounds.union(other.bounds);
+impl FileSummary {
+    /// The summary of a complete output without name, with these counts and this box around its points.
+    pub(super) fn of(kind: FileKind, tally: &Tally, bounds: Aabb) -> FileSummary {
+        let Tally { records, left_out, by_return, .. } = *tally;
+        let (path, partial, beside, bytes) = (None, false, None, 0);
+        FileSummary { path, partial, beside, kind, records, bytes, bounds, by_return, left_out }
     }
 }

@@ -1,42 +1,13 @@
-//! The text files of HELIOS++ (spec outputs §3, §5–7), with fields separated by single spaces and without header, and
+//! The text files of HELIOS++ besides points (spec outputs §5–7), with fields separated by single spaces and without header, and
 //! trajectories as comma-separated values.
 
-use super::codec::seconds;
-use super::number::{push_fixed, push_integer};
+use vlscan_formats::number::{push_fixed, push_integer};
 use vlscan_geom::{DVec3, degrees};
 use vlscan_lidar::flight::PoseSample;
-use vlscan_lidar::pulse::{Echo, PulseRecord, WaveformRecord};
+use vlscan_lidar::pulse::{PulseRecord, WaveformRecord};
 
 /// Header line of a trajectory as comma-separated values.
 pub(super) const TRAJECTORY_HEADER: &[u8] = b"time,x,y,z,roll,pitch,yaw\n";
-
-/// Converts a part's id to a text field: blanks become `_`, and an empty id, which would shift the columns, becomes
-/// `-`.
-pub(super) fn label(id: &str) -> Box<[u8]> {
-    if id.is_empty() {
-        return Box::from(*b"-");
-    }
-    id.chars()
-        .map(|c| if c.is_whitespace() || c.is_control() { '_' } else { c })
-        .collect::<String>()
-        .into_bytes()
-        .into()
-}
-
-/// Appends `x y z intensity echo_width return_number number_of_returns fullwave_index object_id class gps_time`.
-pub(super) fn push_point(out: &mut Vec<u8>, position: DVec3, echo: &Echo, label: &[u8]) {
-    push_vector(out, position);
-    push_decimals(out, echo.intensity);
-    push_decimals(out, echo.echo_width);
-    push_count(out, echo.return_number);
-    push_count(out, echo.number_of_returns);
-    push_count(out, echo.pulse_number);
-    out.extend_from_slice(label);
-    out.push(b' ');
-    push_count(out, echo.classification);
-    push_seconds(out, echo.time_ns);
-    out.push(b'\n');
-}
 
 /// Appends `x y z gps_time roll pitch yaw`, angles in degrees.
 pub(super) fn push_pose(out: &mut Vec<u8>, position: DVec3, pose: &PoseSample) {
@@ -90,7 +61,7 @@ pub(super) fn push_pulse(out: &mut Vec<u8>, origin: DVec3, pulse: &PulseRecord) 
 }
 
 fn push_seconds(out: &mut Vec<u8>, time_ns: f64) {
-    push_fixed::<9>(out, seconds(time_ns));
+    push_fixed::<9>(out, time_ns / 1e9);
 }
 
 fn push_vector(out: &mut Vec<u8>, v: DVec3) {
@@ -115,20 +86,12 @@ fn yaw_degrees(pose: &PoseSample) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::output::testing::echo;
     use vlscan_geom::Rotation;
 
     fn text(push: impl FnOnce(&mut Vec<u8>)) -> String {
         let mut out = Vec::new();
         push(&mut out);
         String::from_utf8(out).unwrap()
-    }
-
-    #[test]
-    fn a_point_of_the_specification() {
-        let echo = Echo { intensity: 5.6037077, time_ns: 86_391e9, pulse_number: 1, ..echo(1, 1) };
-        let line = text(|out| push_point(out, DVec3::new(-2.838, -25.5432, -0.0065), &echo, b"0"));
-        assert_eq!(line, "-2.8380 -25.5432 -0.0065 5.6037 0.0000 1 1 1 0 0 86391.000000000\n");
     }
 
     #[test]
@@ -185,12 +148,5 @@ mod tests {
         let expected = "7 -5.1000 1.4000 88.2000 0.0000 0.0000 -1.0000 355.8806 356.1306 518391.000000000 \
                         0.000000000 1.168329293\n";
         assert_eq!(line, expected);
-    }
-
-    #[test]
-    fn labels_stay_one_field() {
-        assert_eq!(&*label(""), b"-");
-        assert_eq!(&*label("oak tree\t7"), b"oak_tree_7");
-        assert_eq!(&*label("north"), b"north");
     }
 }

@@ -1,16 +1,17 @@
 //! The writer thread's part: appends encoded batches in chunk order.
 
-use super::Offload;
 use super::encode::Encoded;
+use super::file::open_output;
 use super::layout::{Content, OutputLocation};
-use super::memory::TableContent;
-use super::open::OpenOutput;
+use super::piece::OpenOutput;
 use super::plan::{OutputPlan, create_run_directory, stamp};
+use super::request::TableContent;
 use super::summary::Summary;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::NewFolder;
+use vlscan_formats::Offload;
 
 /// All open outputs of a run. Dropping it unfinished is equivalent to [`Writer::abort`], except that a panic leaves
 /// nothing.
@@ -18,7 +19,7 @@ pub struct Writer {
     plan: Arc<OutputPlan>,
     offload: Arc<dyn Offload>,
     /// Open files by slot; `None` when complete.
-    files: Vec<Option<OpenOutput>>,
+    files: Vec<Option<Box<dyn OpenOutput>>>,
     /// Slots in the order in which legs complete them, and the number of complete ones.
     closing: Vec<u32>,
     closed: usize,
@@ -104,7 +105,7 @@ impl Writer {
         }
         for (part, count) in encoded.points_of_part {
             let (part, counts) = (part as usize, &mut self.summary.points_of_part);
-            if part < self.plan.part_names.len() {
+            if part < self.plan.settings.objects.count() {
                 counts.resize(counts.len().max(part + 1), 0);
                 counts[part] += count;
             }
@@ -119,7 +120,7 @@ impl Writer {
             let file = self.files.get_mut(piece.slot as usize).and_then(Option::as_mut);
             let file =
                 file.ok_or_else(|| Error::Internal(format!("leg {} writes a closed file", encoded.leg)))?;
-            let mut appended = file.append(&self.plan, piece, &*self.offload);
+            let mut appended = file.append(piece, &*self.offload);
             if !self.plan.keeps_files_open() {
                 appended = appended.and_then(|()| file.close_handle());
             }
@@ -138,7 +139,7 @@ impl Writer {
         let plan = self.plan.clone();
         for slot in 0..self.files.len() as u32 {
             if let Some(file) = &mut self.files[slot as usize] {
-                let flushed = file.flush(&plan);
+                let flushed = file.flush(plan.request.live);
                 self.drop_closed_pipe(slot, flushed)?;
             }
         }
@@ -148,8 +149,8 @@ impl Writer {
     /// Begins the next epoch of a scene with swapped parts: its legs are written to new run directories, while the
     /// files of other targets are continued.
     pub fn next_epoch(&mut self) -> Result<()> {
-        if self.epoch >= self.plan.epochs {
-            return Err(Error::Internal(format!("more than {} epochs", self.plan.epochs)));
+        if self.epoch >= self.plan.request.epochs {
+            return Err(Error::Internal(format!("more than {} epochs", self.plan.request.epochs)));
         }
         let next = self.close_while(|_| true).and_then(|()| self.end_leg()).and_then(|()| {
             (self.epoch, self.leg, self.closed) = (self.epoch + 1, 0, 0);
@@ -170,7 +171,7 @@ impl Writer {
     /// # Errors
     /// [`Error::Io`]; files already completed are kept, the others are removed.
     pub fn finish(mut self) -> Result<Summary> {
-        self.epoch = self.plan.epochs.max(self.epoch);
+        self.epoch = self.plan.request.epochs.max(self.epoch);
         let closed = self.close_while(|_| true);
         self.note_failure(closed)?;
         if !self.partial {
@@ -218,7 +219,7 @@ impl Writer {
 
     fn create_runs(&mut self) -> Result<()> {
         let plan = self.plan.clone();
-        let name = plan.run_stamp.clone().unwrap_or_else(stamp);
+        let name = plan.request.run_stamp.clone().unwrap_or_else(stamp);
         for run in &plan.layout.runs {
             let (path, made) = create_run_directory(&run.parent, &name)?;
             self.summary.directories.push(path.clone());
@@ -238,7 +239,7 @@ impl Writer {
         for (slot, file) in
             plan.layout.files.iter().enumerate().filter(|(_, f)| !f.divided && wanted(&f.location))
         {
-            let mut open = OpenOutput::open(&plan, file, &self.runs)?;
+            let mut open = open_output(&plan, file, &self.runs)?;
             open.close_handle()?;
             self.files[slot] = Some(open);
         }
@@ -252,7 +253,7 @@ impl Writer {
             return Ok(());
         };
         if self.files[slot as usize].is_none() {
-            self.files[slot as usize] = Some(OpenOutput::open(&plan, file, &self.runs)?);
+            self.files[slot as usize] = Some(open_output(&plan, file, &self.runs)?);
         }
         Ok(())
     }
@@ -269,7 +270,7 @@ impl Writer {
     fn end_leg(&mut self) -> Result<()> {
         let plan = self.plan.clone();
         let left = plan.layout.routes.get(self.leg as usize).map_or(&[][..], |r| r);
-        for &slot in left.iter().flat_map(|route| route.slots()) {
+        for &slot in left.iter().flat_map(|route| route.slots.as_slice()) {
             if let Some(file) = &mut self.files[slot as usize] {
                 let ended = file.end_leg();
                 self.drop_closed_pipe(slot, ended)?;
@@ -288,10 +289,10 @@ impl Writer {
                 break;
             }
             self.closed += 1;
-            if self.epoch < plan.epochs && !matches!(file.location, OutputLocation::Run { .. }) {
+            if self.epoch < plan.request.epochs && !matches!(file.location, OutputLocation::Run { .. }) {
                 continue;
             }
-            let Some(open) = self.files[slot as usize].take() else { continue };
+            let Some(mut open) = self.files[slot as usize].take() else { continue };
             if self.partial && open.is_file() && !open.has_records() {
                 continue;
             }
@@ -321,7 +322,7 @@ impl Drop for Writer {
             return;
         }
         let plan = self.plan.clone();
-        for file in self.files.iter_mut().filter_map(Option::take).filter(OpenOutput::has_records) {
+        for file in self.files.iter_mut().filter_map(Option::take).filter(|file| file.has_records()) {
             // The run has failed already; a file that cannot be completed is removed.
             let Ok(done) = file.finish(&plan, &*self.offload, true) else { continue };
             if let Ok(mut rescued) = plan.rescued.lock() {

@@ -86,13 +86,6 @@ impl Error {
         Error::Input(Box::new(d))
     }
 
-    /// [`Error::input`] with what to do about it.
-    pub fn input_with_help(message: impl Into<String>, help: impl Into<String>) -> Error {
-        let mut d = Diagnostics::default();
-        d.error(None, message).help(help);
-        Error::Input(Box::new(d))
-    }
-
     /// The exit status of the process.
     pub fn exit_status(&self) -> u8 {
         match self {

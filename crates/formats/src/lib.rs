@@ -1,36 +1,71 @@
-//! Reads point clouds. Every command and loader reads points through [`PointFile`] or [`read_points`], which recognise
-//! the format by the first bytes and pass the points one by one to a [`PointSink`]. Positions are metres.
+//! Point clouds of many formats, read and written point by point in bounded memory. Reader and writer of a format stand side by
+//! side.
+//!
+//! Every command and loader reads points through [`PointFile`] or [`read_points`], which recognise the format by the first bytes
+//! and pass the points one by one to a [`PointSink`]. Positions are metres.
+//!
+//! A [`PointFormat`] is a row in the table of formats that are written. Prepared for the [`CloudSettings`] of a cloud it is a
+//! [`PointEncoder`], which turns [`PointRecord`]s into bytes in any number of threads, and begins files, whose [`FileBody`] takes
+//! these bytes in one. [`CloudWriter`] does both in one thread.
+//!
+//! ```text
+//! PointRecord ─► PointEncoder::encode ─► EncodedPoints ─► FileBody::append ─► OutputStream
+//! ```
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `columns` | which columns of a table hold which attributes of a point, and in which units |
-//! | `file` | opens files and streams, and calls the reader of their format |
-//! | `format` | recognises formats, also those that are not read |
-//! | `las` | LAS and LAZ 1.0 to 1.5: points, extra dimensions, units, raw records |
-//! | `ply` | PLY, text and binary |
-//! | `pcd`, `e57` | PCD, E57 |
-//! | `leica` | PTS and PTX |
-//! | `table` | Arrow, Parquet and tables in memory |
+//! | `las` | LAS, LAZ and COPC |
+//! | `ply`, `pcd`, `e57` | PLY and ray clouds, PCD, E57 |
+//! | `mcap` | MCAP with messages of ROS 2, written |
+//! | `leica` | PTS and PTX, read |
 //! | `text` | lines of columns, with or without a line of names |
+//! | `columnar`, `table` | Arrow and Parquet: written; read, as tables in memory are |
+//! | `columns` | which columns of a table hold which attributes of a point, and in which units |
+//! | `file`, `format` | opens files and streams that are read, and recognises their formats |
+//! | `point_format` | the table of the formats that are written |
+//! | `record`, `settings`, `objects` | points as they are written; facts about a cloud; numbers of objects |
+//! | `encode`, `cloud_writer` | the two halves of a format; a writer for one thread |
+//! | `out`, `number` | buffered streams of bytes with jobs for idle threads; numbers as text |
 
 #![deny(unsafe_code)]
 
+mod cloud_writer;
+mod columnar;
 mod columns;
 mod e57;
+mod encode;
 mod file;
 mod format;
 mod las;
 mod leica;
+mod mcap;
+pub mod number;
+mod objects;
+mod out;
 mod pcd;
 mod ply;
+mod point_format;
+mod record;
+mod settings;
 mod table;
 pub mod text;
 
+pub use cloud_writer::CloudWriter;
+pub use columnar::{Column, Kind, Rows, TableColumn, point_schema, schema_of};
 pub use columns::{Attribute, AttributeSet, Columns, Misfits};
+pub use encode::{EncodedFile, Ending, FileBody, Plain, PointEncoder};
 pub use file::{PointFile, read_points};
 pub use format::CloudFormat;
-pub use las::{ExtraDimension, Header as LasHeader, LasReader, Selection};
+pub use las::{
+    CHUNK_POINTS, ExtraDimension, ExtraDimensions, Header as LasHeader, LasReader, LasSettings, LasVersion,
+    PACKETS_HEADER_BYTES, PacketPlace, Selection, packets_header,
+};
+pub use objects::ObjectIds;
+pub use out::{Destination, Job, NoOffload, Offload, OutputStream};
 pub use ply::{PlyNumbers, is_ply, ply_header};
+pub use point_format::PointFormat;
+pub use record::{Cause, EncodedPoints, Needs, PointBatch, PointRecord, Tally, Wave};
+pub use settings::CloudSettings;
 pub use table::read_record_batch;
 
 /// The example of the README.

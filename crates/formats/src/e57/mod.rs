@@ -1,5 +1,7 @@
 //! E57 (ASTM E2807).
 
 mod read;
+mod write;
 
 pub(crate) use read::read;
+pub(crate) use write::e57;

@@ -3,11 +3,16 @@
 //! | file | contents |
 //! |---|---|
 //! | `read`, `header`, `numbers` | reader; its header; its numbers in text |
+//! | `write`, `ray_cloud` | writer; ray clouds |
 
 mod header;
 mod numbers;
+mod ray_cloud;
 mod read;
+mod write;
 
 pub use header::{is_ply, ply_header};
 pub use numbers::PlyNumbers;
+pub(crate) use ray_cloud::ray_cloud;
 pub(crate) use read::read;
+pub(crate) use write::{ascii, binary};

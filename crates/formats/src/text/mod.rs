@@ -5,12 +5,17 @@
 //! | `layout` | finds out what the columns of a file hold, from its first lines |
 //! | `lines` | splits and parses lines |
 //! | `read` | reads files and streams |
+//! | `write`, `archive` | writes lines; compressed archives of lines, written and read |
 
+mod archive;
 mod layout;
 mod lines;
 mod read;
+mod write;
 
+pub use archive::{begin_archive, expand, unzip};
 pub use layout::{Layout, LayoutFinder};
 pub use lines::{float, is_skipped};
 pub(super) use lines::{is_line_end, last_of_line_ends, read_line};
 pub(super) use read::read;
+pub(crate) use write::{bin, csv, xyz};

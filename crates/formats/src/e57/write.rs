@@ -1,0 +1,230 @@
+//! E57 (ASTM E2807): a scan for each leg, with the pose of the scanner. Points are collected in a temporary file, because the
+//! sections of a scan are completed one after the other.
+
+use crate::encode::{Ending, FileBody, PointEncoder};
+use crate::out::{Offload, OutputStream};
+use crate::record::{EncodedPoints, PointBatch};
+use crate::settings::CloudSettings;
+use ::e57::{E57Writer, Quaternion, Record, RecordDataType, RecordName, RecordValue, Transform, Translation};
+use std::io::{BufReader, Cursor, Read, Seek};
+use std::sync::Arc;
+use vlscan_base::crs;
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{FileWriter, scratch_failed};
+use vlscan_geom::DVec3;
+
+/// Bytes of a collected point: leg, position, origin, time, intensity, return number and their number.
+const RECORD_BYTES: usize = 2 + 7 * 8 + 4 + 2;
+
+/// Bytes of points that are kept in memory.
+const MAX_MEMORY_BYTES: usize = 1 << 16;
+
+/// Encoder of points as collected points.
+#[derive(Debug)]
+struct E57 {
+    /// World position of the origin of points, m.
+    origin: DVec3,
+    /// Name of the coordinate reference system.
+    crs: Option<String>,
+}
+
+/// E57 files.
+pub(crate) fn e57(settings: &CloudSettings, _: &mut Diagnostics) -> Result<Arc<dyn PointEncoder>> {
+    let crs = settings.crs.as_deref().map(crs::short_name);
+    Ok(Arc::new(E57 { origin: settings.origin, crs }))
+}
+
+impl PointEncoder for E57 {
+    fn typical_bytes(&self) -> usize {
+        RECORD_BYTES
+    }
+
+    fn encode(&self, batch: &PointBatch, out: &mut EncodedPoints) {
+        out.extend(batch.points, |out, point| {
+            let position = point.position + self.origin;
+            out.extend(point.leg.to_le_bytes());
+            for v in [position, point.origin + self.origin] {
+                v.to_array().into_iter().for_each(|c| out.extend(c.to_le_bytes()));
+            }
+            out.extend(point.seconds().to_le_bytes());
+            out.extend((point.amplitude as f32).to_le_bytes());
+            out.extend(point.returns());
+            Some(position)
+        });
+    }
+
+    fn begin(self: Arc<Self>, _: &mut OutputStream) -> Result<Box<dyn FileBody>> {
+        Ok(Box::new(E57Body { encoder: self, memory: Vec::new(), file: None, count: 0 }))
+    }
+}
+
+/// A point as it was collected.
+struct Point {
+    leg: u16,
+    position: DVec3,
+    origin: DVec3,
+    time: f64,
+    intensity: f32,
+    returns: [u8; 2],
+}
+
+impl Point {
+    fn decode(bytes: &[u8; RECORD_BYTES]) -> Point {
+        let double = |i: usize| f64::from_le_bytes(std::array::from_fn(|b| bytes[2 + 8 * i + b]));
+        Point {
+            leg: u16::from_le_bytes([bytes[0], bytes[1]]),
+            position: DVec3::new(double(0), double(1), double(2)),
+            origin: DVec3::new(double(3), double(4), double(5)),
+            time: double(6),
+            intensity: f32::from_le_bytes(std::array::from_fn(|b| bytes[58 + b])),
+            returns: [bytes[62], bytes[63]],
+        }
+    }
+}
+
+/// A file that is being written.
+struct E57Body {
+    encoder: Arc<E57>,
+    /// Points that are not in the file.
+    memory: Vec<u8>,
+    file: Option<FileWriter>,
+    count: u64,
+}
+
+impl FileBody for E57Body {
+    fn append(&mut self, points: Vec<u8>, out: &mut OutputStream, _: &dyn Offload) -> Result<()> {
+        self.count += (points.len() / RECORD_BYTES) as u64;
+        self.memory.extend_from_slice(&points);
+        if self.memory.len() <= MAX_MEMORY_BYTES {
+            return Ok(());
+        }
+        let file = match &mut self.file {
+            Some(file) => file,
+            none => none.insert(out.scratch_beside()?),
+        };
+        file.append(&self.memory)?;
+        self.memory.clear();
+        Ok(())
+    }
+
+    fn close_handle(&mut self) {
+        self.file.iter_mut().for_each(FileWriter::close_handle);
+        self.memory.shrink_to_fit();
+    }
+
+    /// Writes the scans.
+    fn finish(&mut self, _: &Ending, out: &mut OutputStream, _: &dyn Offload) -> Result<()> {
+        let source: Box<dyn Read> = match self.file.take() {
+            Some(mut file) => {
+                file.append(&self.memory)?;
+                file.rewind().map_err(|e| file.failed("read", e))?;
+                Box::new(BufReader::new(file))
+            }
+            None => Box::new(Cursor::new(std::mem::take(&mut self.memory))),
+        };
+        let mut points = Points { source, left: self.count, next: None };
+        let mut file = out.scratch_beside()?;
+        let mut writer = E57Writer::new(&mut file, &guid(u64::MAX, self.count)).map_err(e57_failed)?;
+        writer.set_coordinate_metadata(self.encoder.crs.clone());
+        let mut scan = 0;
+        while let Some(first) = points.next()? {
+            let mut cloud =
+                writer.add_pointcloud(&guid(scan, self.count), prototype()).map_err(e57_failed)?;
+            cloud.set_name(Some(format!("leg {}", first.leg)));
+            let DVec3 { x, y, z } = first.origin;
+            let rotation = Quaternion { w: 1.0, x: 0.0, y: 0.0, z: 0.0 };
+            cloud.set_transform(Some(Transform { rotation, translation: Translation { x, y, z } }));
+            let (leg, pose) = (first.leg, first.origin);
+            let mut point = first;
+            loop {
+                cloud.add_point(values(&point, pose)).map_err(e57_failed)?;
+                match points.next()? {
+                    Some(next) if next.leg == leg => point = next,
+                    next => {
+                        points.next = next;
+                        break;
+                    }
+                }
+            }
+            cloud.finalize().map_err(e57_failed)?;
+            scan += 1;
+        }
+        writer.finalize().map_err(e57_failed)?;
+        drop(writer);
+        file.copy_to(|bytes| out.append(bytes))
+    }
+}
+
+/// The collected points, in order.
+struct Points {
+    source: Box<dyn Read>,
+    left: u64,
+    /// A point that has been read ahead.
+    next: Option<Point>,
+}
+
+impl Points {
+    fn next(&mut self) -> Result<Option<Point>> {
+        if let Some(point) = self.next.take() {
+            return Ok(Some(point));
+        }
+        if self.left == 0 {
+            return Ok(None);
+        }
+        self.left -= 1;
+        let mut bytes = [0; RECORD_BYTES];
+        self.source.read_exact(&mut bytes).map_err(scratch_failed)?;
+        Ok(Some(Point::decode(&bytes)))
+    }
+}
+
+/// The fields of a point, in the frame of its scan: axes as in the world, origin at the scanner.
+fn prototype() -> Vec<Record> {
+    let double = RecordDataType::Double { min: None, max: None };
+    let single = RecordDataType::Single { min: None, max: None };
+    let count = RecordDataType::Integer { min: 0, max: 255 };
+    [
+        (RecordName::CartesianX, double.clone()),
+        (RecordName::CartesianY, double.clone()),
+        (RecordName::CartesianZ, double.clone()),
+        (RecordName::Intensity, single),
+        (RecordName::TimeStamp, double),
+        (RecordName::ReturnIndex, count.clone()),
+        (RecordName::ReturnCount, count),
+    ]
+    .into_iter()
+    .map(|(name, data_type)| Record { name, data_type })
+    .collect()
+}
+
+fn values(point: &Point, pose: DVec3) -> Vec<RecordValue> {
+    let local = point.position - pose;
+    let [number, count] = point.returns;
+    vec![
+        RecordValue::Double(local.x),
+        RecordValue::Double(local.y),
+        RecordValue::Double(local.z),
+        RecordValue::Single(point.intensity),
+        RecordValue::Double(point.time),
+        // Counted from 0.
+        RecordValue::Integer(i64::from(number.saturating_sub(1))),
+        RecordValue::Integer(i64::from(count)),
+    ]
+}
+
+/// An identifier that depends on the content alone, so that the same run gives the same bytes.
+fn guid(scan: u64, points: u64) -> String {
+    let hash = xxhash_rust::xxh3::xxh3_128(&[scan.to_le_bytes(), points.to_le_bytes()].concat());
+    let hex = format!("{hash:032x}");
+    format!("{{{}-{}-{}-{}-{}}}", &hex[..8], &hex[8..12], &hex[12..16], &hex[16..20], &hex[20..])
+}
+
+fn e57_failed(e: ::e57::Error) -> Error {
+    match e {
+        ::e57::Error::Write { .. } | ::e57::Error::Read { .. } => {
+            scratch_failed(std::io::Error::other(e.to_string()))
+        }
+        e => Error::Internal(format!("E57: {e}")),
+    }
+}

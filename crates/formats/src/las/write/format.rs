@@ -1,0 +1,192 @@
+//! Properties shared by all LAS files of a run: version, scale, offset, extra bytes, variable length records.
+
+use super::packets::WavePackets;
+use super::vlr::{self, Groups};
+use crate::las::{ExtraDimensions, LasVersion, PacketPlace};
+use crate::settings::CloudSettings;
+use vlscan_base::diag::Diagnostics;
+use vlscan_geom::{Aabb, DVec3};
+
+/// Highest class of point format 1.
+pub(super) const MAX_CLASS_1: i32 = 31;
+
+#[derive(Debug)]
+pub(in crate::las) struct LasFormat {
+    pub version: LasVersion,
+    /// Metres per unit.
+    pub scale: f64,
+    /// World position of the origin of the stored integers, m.
+    pub offset: DVec3,
+    /// Origin of points relative to the offset, m.
+    pub shift: DVec3,
+    pub extra: ExtraDimensions,
+    /// Number of points in the header of a stream that cannot be patched.
+    pub at_most: Option<u64>,
+    /// Box around all points that can occur, in stored integers, for the header of a stream that cannot be patched.
+    pub(super) reach: Aabb,
+    pub groups: Groups,
+    /// Layout of waveform packets, if requested.
+    pub packets: Option<WavePackets>,
+    pub(super) creation: (u16, u16),
+    pub(super) system: String,
+    /// Variable length records, except the one of the compression.
+    pub(super) vlrs: Vec<Vec<u8>>,
+}
+
+impl LasFormat {
+    /// Chooses scale and offset and prepares the variable length records.
+    pub fn new(settings: &CloudSettings, problems: &mut Diagnostics) -> LasFormat {
+        let (cloud, settings) = (settings, &settings.las);
+        let offset =
+            DVec3::from(cloud.origin.to_array().map(|c| if c.is_finite() { c.round() } else { 0.0 }));
+        let groups = Groups {
+            labels: cloud.labels,
+            directions: cloud.misses,
+            true_positions: cloud.true_positions,
+            heights: cloud.heights,
+        };
+        let highest = cloud.highest_class;
+        if settings.version == LasVersion::V10 && highest > MAX_CLASS_1 {
+            problems
+                .warn(None, format!("--las10 has classes 0 to {MAX_CLASS_1}, the scene has up to {highest}: points of the others get class 0"))
+                .help("leave out --las10: LAS 1.4 has classes up to 255");
+        }
+        let mut vlrs = Vec::new();
+        if settings.extra != ExtraDimensions::None {
+            vlrs.push(vlr::extra_bytes(settings.extra, groups));
+        }
+        vlrs.extend(cloud.crs.as_deref().and_then(|wkt| vlr::crs(settings.version, wkt, problems)));
+        let packets = settings.packets.and_then(|place| {
+            if settings.version == LasVersion::V10 {
+                problems.error(None, "LAS 1.0 has no waveform packets").help("write LAS 1.4");
+                return None;
+            }
+            WavePackets::new(place, &cloud.bins_ns, cloud.metres_per_ns, problems)
+        });
+        vlrs.extend(packets.iter().flat_map(WavePackets::descriptors));
+        vlrs.push(vlr::remarks(settings));
+        vlrs.extend(vlr::object_names(&cloud.objects.names));
+        let scale = choose_scale(settings.scale, &cloud.bounds, problems);
+        let shift = cloud.origin - offset;
+        if settings.at_most.is_some() && settings.packets == Some(PacketPlace::Inside) {
+            problems
+                .error(None, "waveform packets after the points need a header that is completed at the end")
+                .help("--wave-packets beside, or no --las-at-most");
+        }
+        LasFormat {
+            version: settings.version,
+            scale,
+            at_most: settings.at_most,
+            reach: reach(&cloud.bounds, shift, scale),
+            offset,
+            shift,
+            extra: settings.extra,
+            creation: cloud.creation,
+            groups,
+            packets,
+            system: cloud.scanner.clone(),
+            vlrs,
+        }
+    }
+
+    pub fn point_format(&self) -> u8 {
+        match (self.version, &self.packets) {
+            (LasVersion::V14, None) => 6,
+            (LasVersion::V14, Some(_)) => 9,
+            (LasVersion::V10, _) => 1,
+        }
+    }
+
+    /// Bytes of a point without extra bytes.
+    pub fn base_length(&self) -> u16 {
+        match (self.version, &self.packets) {
+            (LasVersion::V14, None) => 30,
+            (LasVersion::V14, Some(_)) => 59,
+            (LasVersion::V10, _) => 28,
+        }
+    }
+
+    pub fn extra_length(&self) -> u16 {
+        vlr::extra_length(self.extra, self.groups)
+    }
+
+    /// Bytes of a point with extra bytes.
+    pub fn record_length(&self) -> u16 {
+        self.base_length() + self.extra_length()
+    }
+
+    /// Maximum number of points in a file.
+    pub fn max_points(&self) -> u64 {
+        match self.version {
+            LasVersion::V14 => u64::MAX,
+            LasVersion::V10 => u64::from(u32::MAX),
+        }
+    }
+
+    /// Location of the waveform packets, if there are any.
+    pub fn packet_place(&self) -> Option<PacketPlace> {
+        self.packets.as_ref().map(|p| p.place)
+    }
+
+    /// Converts a box of stored integers to world coordinates.
+    pub fn world(&self, stored: &Aabb) -> Aabb {
+        if stored.is_empty() {
+            return Aabb::EMPTY;
+        }
+        Aabb { min: stored.min * self.scale + self.offset, max: stored.max * self.scale + self.offset }
+    }
+}
+
+/// Returns the scene's box enlarged by ten metres for range noise, in stored integers.
+fn reach(bounds: &Aabb, shift: DVec3, scale: f64) -> Aabb {
+    if bounds.is_empty() {
+        return Aabb::EMPTY;
+    }
+    let margin = DVec3::splat(10.0);
+    Aabb { min: (bounds.min - margin + shift) / scale, max: (bounds.max + margin + shift) / scale }
+}
+
+/// Returns the requested scale, or the smallest of 0.1 mm, 1 mm ... at which the scene fits into 32 bits.
+fn choose_scale(requested: Option<f64>, bounds: &Aabb, problems: &mut Diagnostics) -> f64 {
+    // Range noise moves points beyond the scene's box.
+    let reach = if bounds.is_empty() {
+        0.0
+    } else {
+        bounds.min.abs().max(bounds.max.abs()).max_element() * 1.01 + 10.0
+    };
+    let fits = |scale: f64| reach / scale < f64::from(i32::MAX);
+    let Some(scale) = requested else {
+        let scales = [1e-4, 1e-3, 1e-2, 0.1, 1.0];
+        return scales.into_iter().find(|&s| fits(s)).unwrap_or(reach / 1e9);
+    };
+    if !(scale > 0.0 && scale.is_finite()) {
+        problems.error(None, format!("expected a LAS scale greater than 0 m, found {scale}"));
+    } else if !fits(scale) {
+        let min_scale = reach / f64::from(i32::MAX);
+        problems
+            .error(None, format!("the coordinates of the scene exceed 32 bits at a LAS scale of {scale} m"))
+            .help(format!("choose a scale of at least {min_scale:.1e} m"));
+    }
+    scale
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_scale_grows_with_the_scene() {
+        let sized = |half: f64| Aabb { min: DVec3::splat(-half), max: DVec3::splat(half) };
+        let mut problems = Diagnostics::default();
+        assert_eq!(choose_scale(None, &Aabb::EMPTY, &mut problems), 1e-4);
+        assert_eq!(choose_scale(None, &sized(200e3), &mut problems), 1e-4);
+        assert_eq!(choose_scale(None, &sized(300e3), &mut problems), 1e-3);
+        assert!(choose_scale(None, &sized(1e12), &mut problems) > 100.0);
+        assert_eq!(choose_scale(Some(0.01), &sized(300e3), &mut problems), 0.01);
+        assert!(problems.items().is_empty());
+        for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-5] {
+            choose_scale(Some(wrong), &sized(300e3), &mut problems);
+        }
+        assert_eq!(problems.items().len(), 5);
+    }
+}

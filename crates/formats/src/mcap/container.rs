@@ -1,0 +1,196 @@
+//! Records of MCAP: one schema, one channel, a chunk for each message, and the index at the end.
+
+use crate::out::OutputStream;
+use vlscan_base::error::Result;
+
+const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
+
+/// Kinds of records.
+mod op {
+    pub const HEADER: u8 = 0x01;
+    pub const FOOTER: u8 = 0x02;
+    pub const SCHEMA: u8 = 0x03;
+    pub const CHANNEL: u8 = 0x04;
+    pub const MESSAGE: u8 = 0x05;
+    pub const CHUNK: u8 = 0x06;
+    pub const MESSAGE_INDEX: u8 = 0x07;
+    pub const CHUNK_INDEX: u8 = 0x08;
+    pub const STATISTICS: u8 = 0x0B;
+    pub const METADATA: u8 = 0x0C;
+    pub const METADATA_INDEX: u8 = 0x0D;
+    pub const SUMMARY_OFFSET: u8 = 0x0E;
+    pub const DATA_END: u8 = 0x0F;
+}
+
+/// Bytes of a record before its content: kind and length.
+const RECORD_HEAD_BYTES: u64 = 9;
+/// Bytes of a message before its data.
+const MESSAGE_HEAD_BYTES: u64 = 22;
+
+/// The only schema and the only channel; 0 means none.
+const ID: u16 = 1;
+
+/// A text with its name and its language.
+pub struct Text<'a> {
+    pub name: &'a str,
+    pub encoding: &'a str,
+    pub text: &'a str,
+}
+
+/// A file that is being written.
+pub struct Container {
+    schema: Vec<u8>,
+    channel: Vec<u8>,
+    /// Times and places of the chunks.
+    chunks: Vec<Chunk>,
+}
+
+/// A chunk with one message.
+struct Chunk {
+    time_ns: u64,
+    at: u64,
+    bytes: u64,
+    records_bytes: u64,
+}
+
+impl Container {
+    pub fn begin(library: &str, schema: &Text, topic: &str, out: &mut OutputStream) -> Result<Container> {
+        let header = Content::default().string("ros2").string(library);
+        let schema =
+            Content::default().u16(ID).string(schema.name).string(schema.encoding).string(schema.text);
+        let channel = Content::default().u16(ID).u16(ID).string(topic).string("cdr").u32(0);
+        out.append(&MAGIC)?;
+        out.append(&header.record(op::HEADER))?;
+        let (schema, channel) = (schema.record(op::SCHEMA), channel.record(op::CHANNEL));
+        out.append(&schema)?;
+        out.append(&channel)?;
+        Ok(Container { schema, channel, chunks: Vec::new() })
+    }
+
+    /// Appends a message that consists of these pieces.
+    pub fn message(&mut self, time_ns: u64, pieces: &[&[u8]], out: &mut OutputStream) -> Result<()> {
+        let data: u64 = pieces.iter().map(|piece| piece.len() as u64).sum();
+        let records_bytes = RECORD_HEAD_BYTES + MESSAGE_HEAD_BYTES + data;
+        // Times of the first and the last message, size and absent checksum, no compression.
+        let head = Content::default().u64(time_ns).u64(time_ns).u64(records_bytes).u32(0).string("");
+        let head = head.u64(records_bytes).0;
+        let at = out.len();
+        out.append(&record_head(op::CHUNK, head.len() as u64 + records_bytes))?;
+        out.append(&head)?;
+        out.append(&record_head(op::MESSAGE, MESSAGE_HEAD_BYTES + data))?;
+        let sequence = self.chunks.len() as u32;
+        out.append(&Content::default().u16(ID).u32(sequence).u64(time_ns).u64(time_ns).0)?;
+        pieces.iter().try_for_each(|piece| out.append(piece))?;
+        self.chunks.push(Chunk { time_ns, at, bytes: out.len() - at, records_bytes });
+        // The message is at the beginning of its chunk.
+        let index = Content::default().u16(ID).u32(16).u64(time_ns).u64(0);
+        out.append(&index.record(op::MESSAGE_INDEX))
+    }
+
+    /// Writes what is known about the file, and the index.
+    pub fn finish(&self, about: &[(&str, &str)], out: &mut OutputStream) -> Result<()> {
+        let metadata = Content::default().string("vlscan").map(about).record(op::METADATA);
+        let metadata_at = out.len();
+        out.append(&metadata)?;
+        out.append(&Content::default().u32(0).record(op::DATA_END))?;
+        let summary_at = out.len();
+        let metadata_index = Content::default().u64(metadata_at).u64(metadata.len() as u64).string("vlscan");
+        let groups = [
+            (op::SCHEMA, self.schema.clone()),
+            (op::CHANNEL, self.channel.clone()),
+            (op::STATISTICS, self.statistics()),
+            (op::CHUNK_INDEX, self.chunks.iter().flat_map(Chunk::index).collect()),
+            (op::METADATA_INDEX, metadata_index.record(op::METADATA_INDEX)),
+        ];
+        let mut offsets = Vec::new();
+        for (kind, records) in groups.iter().filter(|(_, records)| !records.is_empty()) {
+            let offset = Content::default().u8(*kind).u64(out.len()).u64(records.len() as u64);
+            offsets.extend(offset.record(op::SUMMARY_OFFSET));
+            out.append(records)?;
+        }
+        let offsets_at = out.len();
+        out.append(&offsets)?;
+        let footer = Content::default().u64(summary_at).u64(offsets_at).u32(0);
+        out.append(&footer.record(op::FOOTER))?;
+        out.append(&MAGIC)
+    }
+
+    fn statistics(&self) -> Vec<u8> {
+        let times = || self.chunks.iter().map(|chunk| chunk.time_ns);
+        let messages = self.chunks.len() as u64;
+        Content::default()
+            .u64(messages)
+            .u16(1)
+            .u32(1)
+            // Attachments, metadata, chunks.
+            .u32(0)
+            .u32(1)
+            .u32(messages as u32)
+            .u64(times().min().unwrap_or(0))
+            .u64(times().max().unwrap_or(0))
+            // Messages by channel: a list of ten bytes.
+            .u32(10)
+            .u16(ID)
+            .u64(messages)
+            .record(op::STATISTICS)
+    }
+}
+
+impl Chunk {
+    /// The record of the summary that tells where the chunk is.
+    fn index(&self) -> Vec<u8> {
+        // The index of the message follows the chunk.
+        let index_bytes = RECORD_HEAD_BYTES + 2 + 4 + 16;
+        let content = Content::default().u64(self.time_ns).u64(self.time_ns).u64(self.at).u64(self.bytes);
+        let content = content.u32(10).u16(ID).u64(self.at + self.bytes).u64(index_bytes).string("");
+        content.u64(self.records_bytes).u64(self.records_bytes).record(op::CHUNK_INDEX)
+    }
+}
+
+/// Kind and length of a record.
+fn record_head(kind: u8, bytes: u64) -> Vec<u8> {
+    Content::default().u8(kind).u64(bytes).0
+}
+
+/// The content of a record: little-endian values, texts and lists with their length in bytes before them.
+#[derive(Default)]
+struct Content(Vec<u8>);
+
+impl Content {
+    fn u8(mut self, value: u8) -> Content {
+        self.0.push(value);
+        self
+    }
+
+    fn u16(mut self, value: u16) -> Content {
+        self.0.extend(value.to_le_bytes());
+        self
+    }
+
+    fn u32(mut self, value: u32) -> Content {
+        self.0.extend(value.to_le_bytes());
+        self
+    }
+
+    fn u64(mut self, value: u64) -> Content {
+        self.0.extend(value.to_le_bytes());
+        self
+    }
+
+    fn string(self, text: &str) -> Content {
+        let mut content = self.u32(text.len() as u32);
+        content.0.extend(text.as_bytes());
+        content
+    }
+
+    fn map(self, pairs: &[(&str, &str)]) -> Content {
+        let list = pairs.iter().fold(Content::default(), |list, (key, value)| list.string(key).string(value));
+        let mut content = self.u32(list.0.len() as u32);
+        content.0.extend(list.0);
+        content
+    }
+
+    fn record(self, kind: u8) -> Vec<u8> {
+        [record_head(kind, self.0.len() as u64), self.0].concat()
+    }
+}

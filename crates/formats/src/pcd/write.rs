@@ -1,0 +1,126 @@
+//! PCD 0.7 of the Point Cloud Library, binary. Coordinates are 32-bit floats there, so that points far from the origin are
+//! written relative to a whole thousand metres, which a comment of the header names.
+
+use crate::encode::{Counted, FileBody, PointEncoder};
+use crate::out::OutputStream;
+use crate::record::{EncodedPoints, PointBatch};
+use crate::settings::{CloudSettings, SOFTWARE};
+use std::sync::Arc;
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::Result;
+use vlscan_base::files::Patched;
+use vlscan_geom::{Aabb, DVec3};
+
+/// Bytes of a point.
+const POINT_BYTES: usize = 32;
+
+/// Distance from the origin up to which 32-bit floats resolve a millimetre, m.
+const MAX_EXACT_M: f64 = 8192.0;
+
+/// Names, bytes and kinds of the fields: metres, seconds of the GPS week.
+const FIELDS: [(&str, u8, char); 9] = [
+    ("x", 4, 'F'),
+    ("y", 4, 'F'),
+    ("z", 4, 'F'),
+    ("intensity", 4, 'F'),
+    ("time", 8, 'F'),
+    ("ring", 2, 'U'),
+    ("return_number", 1, 'U'),
+    ("number_of_returns", 1, 'U'),
+    ("label", 4, 'I'),
+];
+
+/// The point that coordinates are relative to, for a scene with this box in the world.
+fn offset(world: &Aabb) -> DVec3 {
+    let reach = if world.is_empty() { 0.0 } else { world.min.abs().max(world.max.abs()).max_element() };
+    if reach <= MAX_EXACT_M || !reach.is_finite() {
+        return DVec3::ZERO;
+    }
+    // Adding 0 makes 0 of -0.
+    DVec3::from(world.centre().to_array().map(|c| (c / 1000.0).round() * 1000.0 + 0.0))
+}
+
+/// Returns the header of a file with `count` points, whose length does not depend on the count.
+fn head(offset: DVec3, count: u64, state: &str) -> Vec<u8> {
+    let list =
+        |text: &dyn Fn(&(&str, u8, char)) -> String| FIELDS.iter().map(text).collect::<Vec<_>>().join(" ");
+    let count = count.to_string();
+    let padding = " ".repeat(2 * (20 - count.len()));
+    let DVec3 { x, y, z } = offset;
+    format!(
+        "# .PCD v0.7 - Point Cloud Data file format\n# {SOFTWARE}; state {state:40}\n# add {x} {y} {z} to x y z{padding}\n\
+         VERSION 0.7\nFIELDS {}\nSIZE {}\nTYPE {}\nCOUNT {}\nWIDTH {count}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\n\
+         POINTS {count}\nDATA binary\n",
+        list(&|f| f.0.to_owned()),
+        list(&|f| f.1.to_string()),
+        list(&|f| f.2.to_string()),
+        list(&|_| "1".to_owned()),
+    )
+    .into_bytes()
+}
+
+/// Encoder of points. `ring` is the channel of the scanner, `label` the class.
+#[derive(Debug)]
+struct Pcd {
+    /// What coordinates in the file are relative to, m, world.
+    offset: DVec3,
+    /// Origin of points in the frame of the file, m.
+    origin: DVec3,
+}
+
+/// PCD files.
+pub(crate) fn pcd(settings: &CloudSettings, _: &mut Diagnostics) -> Result<Arc<dyn PointEncoder>> {
+    let offset = offset(&settings.world_bounds());
+    Ok(Arc::new(Pcd { offset, origin: settings.origin - offset }))
+}
+
+impl PointEncoder for Pcd {
+    fn typical_bytes(&self) -> usize {
+        POINT_BYTES
+    }
+
+    fn encode(&self, batch: &PointBatch, out: &mut EncodedPoints) {
+        out.extend(batch.points, |out, point| {
+            let position = point.position + self.origin;
+            position.to_array().into_iter().for_each(|c| out.extend((c as f32).to_le_bytes()));
+            out.extend((point.amplitude as f32).to_le_bytes());
+            out.extend(point.seconds().to_le_bytes());
+            out.extend(point.device_u16().to_le_bytes());
+            out.extend(point.returns());
+            out.extend(point.class.to_le_bytes());
+            Some(position)
+        });
+    }
+
+    fn patched(&self) -> Patched {
+        Patched::Always
+    }
+
+    fn begin(self: Arc<Self>, out: &mut OutputStream) -> Result<Box<dyn FileBody>> {
+        Counted::begin(move |count, state| head(self.offset, count, state), out)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn headers_have_one_length_and_offsets_keep_millimetres() {
+        let near = Aabb { min: DVec3::splat(-100.0), max: DVec3::splat(8000.0) };
+        assert_eq!(offset(&near), DVec3::ZERO);
+        let far = Aabb {
+            min: DVec3::new(476_000.0, 5_429_400.0, 90.0),
+            max: DVec3::new(477_500.0, 5_430_000.0, 200.0),
+        };
+        assert_eq!(offset(&far), DVec3::new(477_000.0, 5_430_000.0, 0.0));
+        assert_eq!(offset(&Aabb::EMPTY), DVec3::ZERO);
+        let west = Aabb { min: DVec3::splat(-9000.0), max: DVec3::splat(8900.0) };
+        let text = String::from_utf8(head(offset(&west), 0, "complete")).unwrap();
+        assert!(text.contains("# add 0 0 0 to x y z"), "{text}");
+        let length = head(offset(&far), 0, "complete").len();
+        assert_eq!(head(offset(&far), u64::MAX, "partial").len(), length);
+        let sizes: usize = FIELDS.iter().map(|f| usize::from(f.1)).sum();
+        assert_eq!(sizes, POINT_BYTES);
+    }
+}

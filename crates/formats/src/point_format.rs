@@ -1,0 +1,210 @@
+//! The table of the formats that are written.
+
+use crate::columnar::{arrow, parquet};
+use crate::e57::e57;
+use crate::encode::PointEncoder;
+use crate::las::{copc, las, laz};
+use crate::mcap::mcap;
+use crate::pcd::pcd;
+use crate::ply::{ascii, binary, ray_cloud};
+use crate::record::Needs;
+use crate::settings::CloudSettings;
+use crate::text::{bin, csv, xyz};
+use serde::Deserialize;
+use std::path::Path;
+use std::sync::Arc;
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::Result;
+
+/// Prepares a format for the files of a cloud, and records problems.
+type NewEncoder = fn(&CloudSettings, &mut Diagnostics) -> Result<Arc<dyn PointEncoder>>;
+
+/// Facts about a format that do not depend on the cloud.
+struct Facts {
+    name: &'static str,
+    aliases: &'static [&'static str],
+    /// File name extension; formats with the same last part of it share that one.
+    extension: &'static str,
+    flags: u8,
+    encoder: NewEncoder,
+    /// One line about it.
+    help: &'static str,
+}
+
+/// It is text that a terminal can show.
+const TEXT: u8 = 1;
+/// It has a place for the coordinate reference system.
+const CRS: u8 = 2;
+/// Its columns can be chosen.
+const COLUMNS: u8 = 4;
+/// It has records of LAS, compressed or not.
+const LAS: u8 = 8;
+/// Its points are in the axes of the scanner, and come in frames.
+const FRAMES: u8 = 16;
+
+macro_rules! formats {
+    ($($variant:ident $name:literal $aliases:tt $extension:literal [$($flag:ident)*] $encoder:ident $help:literal;)*) => {
+        /// Format of a point file.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Deserialize)]
+        pub enum PointFormat {
+            $(
+                #[doc = concat!($help, ".")]
+                #[serde(rename = $name)]
+                $variant,
+            )*
+        }
+
+        /// The facts in the order of the formats.
+        static FACTS: &[Facts] = &[$(Facts {
+            name: $name,
+            aliases: &$aliases,
+            extension: $extension,
+            flags: 0 $(| $flag)*,
+            encoder: $encoder,
+            help: $help,
+        },)*];
+
+        impl PointFormat {
+            /// All formats.
+            pub const ALL: &[PointFormat] = &[$(PointFormat::$variant),*];
+        }
+    };
+}
+
+formats! {
+    Xyz "xyz" ["txt"] "xyz" [TEXT COLUMNS] xyz "Eleven columns of text as HELIOS++ writes them";
+    Csv "csv" [] "csv" [TEXT COLUMNS] csv "Comma-separated values with a line of names";
+    Bin "bin" [] "bin" [] bin "The text of xyz, compressed";
+    Las "las" [] "las" [CRS LAS] las "LAS";
+    Laz "laz" [] "laz" [CRS LAS] laz "LAS compressed as LAZ";
+    Copc "copc" ["copc.laz"] "copc.laz" [CRS LAS] copc
+        "LAZ whose chunks are the nodes of an octree; files end in .copc.laz";
+    PlyBinary "ply" [] "ply" [CRS] binary "PLY, little-endian";
+    PlyAscii "ply-ascii" [] "ply" [TEXT CRS] ascii "PLY as text";
+    RayCloud "raycloud" ["raycloud.ply"] "raycloud.ply" [] ray_cloud
+        "PLY of rays, as raycloudtools reads it; files end in .raycloud.ply";
+    Pcd "pcd" [] "pcd" [] pcd "PCD of the Point Cloud Library, binary";
+    E57 "e57" [] "e57" [] e57 "E57 with a scan and its pose for each leg";
+    Mcap "mcap" [] "mcap" [FRAMES] mcap
+        "MCAP with a message `PointCloud2` of ROS 2 for each revolution, in the axes of the scanner";
+    Arrow "arrow" ["arrows"] "arrow" [COLUMNS CRS] arrow "Arrow IPC stream with the columns of csv";
+    Parquet "parquet" [] "parquet" [COLUMNS CRS] parquet "Parquet with the columns of csv";
+}
+
+#[cfg(feature = "clap")]
+impl clap::ValueEnum for PointFormat {
+    fn value_variants<'a>() -> &'a [PointFormat] {
+        PointFormat::ALL
+    }
+
+    fn to_possible_value(&self) -> Option<clap::builder::PossibleValue> {
+        let Facts { name, aliases, help, .. } = self.facts();
+        Some(clap::builder::PossibleValue::new(name).aliases(aliases.iter().copied()).help(help))
+    }
+}
+
+impl PointFormat {
+    fn facts(self) -> &'static Facts {
+        &FACTS[self as usize]
+    }
+
+    /// One line about the format.
+    pub fn help(self) -> &'static str {
+        self.facts().help
+    }
+
+    fn is(self, flag: u8) -> bool {
+        self.facts().flags & flag != 0
+    }
+
+    /// The format of a name or alias, whatever its capitals.
+    pub fn of_name(name: &str) -> Option<PointFormat> {
+        let is_it = |known: &str| known.eq_ignore_ascii_case(name);
+        let found =
+            |format: &PointFormat| is_it(format.name()) || format.facts().aliases.iter().any(|a| is_it(a));
+        PointFormat::ALL.iter().copied().find(found)
+    }
+
+    /// Returns the format that the extension of a file name denotes; `None` for names without extension.
+    ///
+    /// # Errors
+    /// The extension, when it denotes no format.
+    pub fn of_file(path: &Path) -> Option<Result<PointFormat, String>> {
+        // A name that is no Unicode has an extension, too.
+        let name = path.file_name()?.to_string_lossy();
+        let ends_in = |format: &PointFormat| {
+            let end = format.extension();
+            let at = name.len().checked_sub(end.len() + 1).filter(|_| end.contains('.'))?;
+            let found = name.get(at..)?.strip_prefix('.')?;
+            found.eq_ignore_ascii_case(end).then_some(*format)
+        };
+        if let Some(format) = PointFormat::ALL.iter().find_map(ends_in) {
+            return Some(Ok(format));
+        }
+        let extension = Path::new(&*name).extension()?.to_str()?;
+        Some(PointFormat::of_name(extension).ok_or_else(|| extension.to_owned()))
+    }
+
+    /// Whether a file with the extension of this format may hold the other: the last part of its extension is the same.
+    pub fn shares_extension(self, other: PointFormat) -> bool {
+        other.extension().rsplit('.').next() == Some(self.extension())
+    }
+
+    /// The name.
+    pub fn name(self) -> &'static str {
+        self.facts().name
+    }
+
+    /// Returns all names, separated by commas.
+    pub fn names() -> String {
+        PointFormat::ALL.iter().map(|format| format.name()).collect::<Vec<_>>().join(", ")
+    }
+
+    /// File name extension of the format.
+    pub fn extension(self) -> &'static str {
+        self.facts().extension
+    }
+
+    /// Whether the format is LAS, compressed or not.
+    pub fn is_las(self) -> bool {
+        self.is(LAS)
+    }
+
+    /// Whether the format has a place for the coordinate reference system.
+    pub fn holds_crs(self) -> bool {
+        self.is(CRS)
+    }
+
+    /// Whether the format is text that a terminal can show.
+    pub fn is_text(self) -> bool {
+        self.is(TEXT)
+    }
+
+    /// Whether the columns can be chosen.
+    pub fn has_columns(self) -> bool {
+        self.is(COLUMNS)
+    }
+
+    /// Whether points come in frames, whose duration can be chosen.
+    pub fn has_frames(self) -> bool {
+        self.is(FRAMES)
+    }
+
+    /// What the format needs of points besides the settings; columns that are chosen add what they need, see
+    /// [`Column::needs`](crate::Column::needs).
+    pub fn needs(self) -> Needs {
+        Needs { in_scanner: self.is(FRAMES), ..Needs::default() }
+    }
+
+    /// Prepares the format for the files of a cloud; problems of the settings are recorded in `problems`.
+    ///
+    /// # Errors
+    /// [`Error::Internal`](vlscan_base::Error::Internal).
+    pub fn encoder(
+        self,
+        settings: &CloudSettings,
+        problems: &mut Diagnostics,
+    ) -> Result<Arc<dyn PointEncoder>> {
+        (self.facts().encoder)(settings, problems)
+    }
+}

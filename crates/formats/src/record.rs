@@ -1,0 +1,311 @@
+//! Points as they are written, and what precedes their place in a file: records of one format, and their counts.
+
+use crate::PointRow;
+use crate::las::Packet;
+use vlscan_geom::{Aabb, DVec3, degrees};
+
+/// A point with everything that is known of it; a format writes what it has a place for. Positions are relative to
+/// [`CloudSettings::origin`](crate::CloudSettings::origin), so that large coordinates keep their digits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointRecord {
+    /// Measured position, m. Of a pulse without echo that of the beam's origin.
+    pub position: DVec3,
+    /// Origin of the beam, m.
+    pub origin: DVec3,
+    /// Direction of the beam, unit vector.
+    pub direction: DVec3,
+    /// Position relative to the origin of the beam in the axes of the scanner's mount, m; NaN if unknown.
+    pub in_scanner: DVec3,
+    /// Position without errors of navigation, m; NaN if unknown.
+    pub true_position: DVec3,
+    /// What caused the echo.
+    pub cause: Cause,
+    /// Measured range, m.
+    pub range: f64,
+    /// Distance to what was hit, m, without noise and errors.
+    pub true_range: f64,
+    /// Amplitude of the echo, in the unit of the instrument.
+    pub amplitude: f64,
+    /// Width of the echo, ns; 0 if unknown.
+    pub echo_width: f64,
+    /// Cosine of the angle between beam and surface normal.
+    pub incidence_cosine: f64,
+    /// Deflection of the beam on the scanner, rad.
+    pub scan_angle: f64,
+    /// Time of emission, ns of the GPS week.
+    pub time_ns: f64,
+    /// Number of the pulse among those of its device, from 1.
+    pub pulse_number: u64,
+    /// Height above the ground, m; NaN where there is none.
+    pub height: f32,
+    /// Number of the return, from 1; 0 marks a pulse without echo.
+    pub return_number: u32,
+    /// Number of returns of the pulse; 0 marks a pulse without echo.
+    pub number_of_returns: u32,
+    /// Index of the scanner's device, from 0.
+    pub device: u32,
+    /// Index into [`CloudSettings::parts`](crate::CloudSettings::parts), the names of what was hit; `u32::MAX` for nothing.
+    pub part: u32,
+    /// Index of the triangle or voxel; `u32::MAX` for none.
+    pub primitive: u32,
+    /// Number of the object that was hit.
+    pub object: i32,
+    /// Class of the surface.
+    pub class: i32,
+    /// Index of the waveform in [`PointBatch::waves`]; `u32::MAX` for none.
+    pub wave: u32,
+    /// Number of the leg.
+    pub leg: u16,
+}
+
+/// The true cause of an echo. Positions are relative to [`CloudSettings::origin`](crate::CloudSettings::origin).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cause {
+    /// Point of the surface that was hit, m; NaN if no surface caused the echo.
+    pub surface: DVec3,
+    /// Unit normal there, towards the instrument; 0 in voxels.
+    pub normal: DVec3,
+    /// Share of the beam that is part of the echo.
+    pub fraction: f64,
+    /// Number of the strongest subray within the beam, from 0; `u32::MAX` without a surface.
+    pub subray: u32,
+}
+
+impl Cause {
+    /// Nothing is known.
+    pub const UNKNOWN: Cause =
+        Cause { surface: DVec3::NAN, normal: DVec3::NAN, fraction: f64::NAN, subray: u32::MAX };
+}
+
+impl Default for PointRecord {
+    /// A single return at the origin, of which nothing else is known.
+    fn default() -> PointRecord {
+        PointRecord {
+            position: DVec3::ZERO,
+            origin: DVec3::ZERO,
+            direction: DVec3::ZERO,
+            in_scanner: DVec3::NAN,
+            true_position: DVec3::NAN,
+            cause: Cause::UNKNOWN,
+            range: 0.0,
+            true_range: 0.0,
+            amplitude: 0.0,
+            echo_width: 0.0,
+            incidence_cosine: 1.0,
+            scan_angle: 0.0,
+            time_ns: 0.0,
+            pulse_number: 0,
+            height: f32::NAN,
+            return_number: 1,
+            number_of_returns: 1,
+            device: 0,
+            part: u32::MAX,
+            primitive: u32::MAX,
+            object: 0,
+            class: 0,
+            wave: u32::MAX,
+            leg: 0,
+        }
+    }
+}
+
+impl PointRecord {
+    /// Whether it stands for a pulse without echo.
+    #[inline]
+    pub fn is_miss(&self) -> bool {
+        self.number_of_returns == 0
+    }
+
+    /// Time of emission, s of the GPS week.
+    #[inline]
+    pub(crate) fn seconds(&self) -> f64 {
+        self.time_ns / 1e9
+    }
+
+    /// Angle between beam and surface normal, degrees.
+    #[inline]
+    pub(crate) fn incidence_degrees(&self) -> f32 {
+        degrees(libm::acos(self.incidence_cosine.clamp(-1.0, 1.0))) as f32
+    }
+
+    /// Number of the leg plus one, because 0 means "unknown" in LAS; saturated.
+    #[inline]
+    pub(crate) fn source_id(&self) -> u16 {
+        self.leg.saturating_add(1)
+    }
+
+    /// Number of the return and of returns, saturated to 8 bits.
+    #[inline]
+    pub(crate) fn returns(&self) -> [u8; 2] {
+        [self.return_number, self.number_of_returns].map(|count| u8::try_from(count).unwrap_or(u8::MAX))
+    }
+
+    /// Index of the device, saturated to 16 bits.
+    #[inline]
+    pub(crate) fn device_u16(&self) -> u16 {
+        u16::try_from(self.device).unwrap_or(u16::MAX)
+    }
+}
+
+/// Values of a [`PointRecord`] that only some formats and columns write, and that need not be computed for others.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Needs {
+    /// [`PointRecord::cause`].
+    pub cause: bool,
+    /// [`PointRecord::in_scanner`].
+    pub in_scanner: bool,
+    /// [`PointRecord::true_position`].
+    pub true_position: bool,
+    /// [`PointRecord::height`].
+    pub height: bool,
+}
+
+impl Needs {
+    /// What one or the other needs.
+    #[must_use]
+    pub fn union(self, other: Needs) -> Needs {
+        Needs {
+            cause: self.cause || other.cause,
+            in_scanner: self.in_scanner || other.in_scanner,
+            true_position: self.true_position || other.true_position,
+            height: self.height || other.height,
+        }
+    }
+}
+
+/// A digitised waveform.
+#[derive(Clone, Copy, Debug)]
+pub struct Wave<'a> {
+    /// Index of the scanner's device.
+    pub device: u32,
+    /// Travel time of the first sample, ns.
+    pub start_ns: f64,
+    /// Amplitudes, one bin of the device after the other.
+    pub samples: &'a [f64],
+}
+
+/// Points of one leg, in order of emission.
+#[derive(Clone, Copy, Debug)]
+pub struct PointBatch<'a> {
+    /// The points.
+    pub points: &'a [PointRecord],
+    /// Waveforms that points refer to.
+    pub waves: &'a [Wave<'a>],
+    /// Duration of a frame, for formats that have frames, ns.
+    pub frame_ns: f64,
+}
+
+impl PointBatch<'_> {
+    /// Duration of the frames of instruments that do not spin, ns.
+    pub const FRAME_NS: f64 = 1e8;
+}
+
+/// Encoded points of one file.
+#[derive(Clone, Debug)]
+pub struct EncodedPoints {
+    /// Records of the format.
+    pub bytes: Vec<u8>,
+    /// Waveform packets that the records refer to; their offsets count from the first of them.
+    pub packets: Vec<u8>,
+    /// Counts of the records.
+    pub tally: Tally,
+    /// The waveform that was encoded last, and its packet.
+    pub(crate) last_packet: Option<(u32, Packet)>,
+}
+
+impl EncodedPoints {
+    /// No points yet, and room for `capacity` bytes.
+    pub fn with_capacity(capacity: usize) -> EncodedPoints {
+        EncodedPoints {
+            bytes: Vec::with_capacity(capacity),
+            packets: Vec::new(),
+            tally: Tally::EMPTY,
+            last_packet: None,
+        }
+    }
+
+    /// Encodes points one after the other and counts them. `encode` appends the record of a point and returns its coordinates as
+    /// stored, or `None`, with nothing appended, when the format cannot represent them.
+    #[inline]
+    pub(crate) fn extend(
+        &mut self,
+        points: &[PointRecord],
+        mut encode: impl FnMut(&mut Vec<u8>, &PointRecord) -> Option<DVec3>,
+    ) {
+        for point in points {
+            match encode(&mut self.bytes, point) {
+                Some(stored) => self.tally.count_point(stored, point.return_number),
+                None => self.tally.left_out += 1,
+            }
+        }
+    }
+
+    /// Whether points can be appended: offsets of packets count from the first packet of the piece.
+    pub fn is_joinable(&self) -> bool {
+        self.packets.is_empty()
+    }
+
+    /// Appends points that are [joinable](EncodedPoints::is_joinable).
+    pub fn append(&mut self, next: &EncodedPoints) {
+        self.bytes.extend_from_slice(&next.bytes);
+        self.tally.add(&next.tally);
+    }
+}
+
+/// Counts of the records in a file or in a part of it; the counts of parts add up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tally {
+    /// Number of records.
+    pub records: u64,
+    /// Points left out because the format cannot represent them: coordinates that are not finite or exceed the 32
+    /// bits of LAS.
+    pub left_out: u64,
+    /// Points by return number: first returns at index 0, the fifteenth and later returns at index 14.
+    pub by_return: [u64; 15],
+    /// Box around the coordinates as stored: metres, or integers of LAS.
+    pub bounds: Aabb,
+}
+
+impl Tally {
+    /// No records.
+    pub const EMPTY: Tally = Tally { records: 0, left_out: 0, by_return: [0; 15], bounds: Aabb::EMPTY };
+
+    /// Counts a point with these coordinates as stored.
+    #[inline]
+    pub fn count_point(&mut self, stored: DVec3, return_number: u32) {
+        self.records += 1;
+        // A missed pulse has return number 0.
+        if let Some(nth) = return_number.min(15).checked_sub(1) {
+            self.by_return[nth as usize] += 1;
+        }
+        self.bounds = self.bounds.with(stored);
+    }
+
+    /// Adds the counts of others.
+    pub fn add(&mut self, other: &Tally) {
+        self.records += other.records;
+        self.left_out += other.left_out;
+        for (mine, theirs) in self.by_return.iter_mut().zip(&other.by_return) {
+            *mine += theirs;
+        }
+        self.bounds = self.bounds.union(other.bounds);
+    }
+}
+
+impl From<&PointRow> for PointRecord {
+    /// The point as it was read, with its position in the world.
+    fn from(row: &PointRow) -> PointRecord {
+        PointRecord {
+            position: row.position,
+            amplitude: row.intensity.into(),
+            class: row.class.into(),
+            return_number: row.return_number.into(),
+            number_of_returns: u32::from(row.return_number).max(1),
+            object: row.object as i32,
+            leg: row.leg,
+            device: row.channel.into(),
+            time_ns: row.time * 1e9,
+            ..PointRecord::default()
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! What formats need to know of a cloud before its first point.
+
+use crate::columnar::Column;
+use crate::las::LasSettings;
+use crate::objects::ObjectIds;
+use vlscan_geom::{Aabb, DVec3, LIGHT_SPEED};
+
+/// The program that writes, as files name it.
+pub(crate) const SOFTWARE: &str = concat!("vlscan ", env!("CARGO_PKG_VERSION"));
+
+/// State recorded in the metadata of a file.
+pub(crate) fn state(is_partial: bool) -> &'static str {
+    if is_partial { PARTIAL } else { "complete" }
+}
+
+/// State of a file whose points ended early.
+pub(crate) const PARTIAL: &str = "partial: the run ended early";
+
+/// Facts about a cloud and the choices for its files.
+#[derive(Clone, Debug)]
+pub struct CloudSettings {
+    /// World position that the positions of records are relative to, m.
+    pub origin: DVec3,
+    /// Box that the points are expected in, relative to `origin`, m; empty if unknown. Coordinates of limited width are chosen
+    /// by it.
+    pub bounds: Aabb,
+    /// Coordinate reference system of the world as WKT.
+    pub crs: Option<String>,
+    /// Display name of the instrument.
+    pub scanner: String,
+    /// Year and day of the year (from 1), for headers.
+    pub creation: (u16, u16),
+    /// Names of what [`PointRecord::part`](crate::PointRecord::part) refers to.
+    pub parts: Vec<String>,
+    /// Numbers of these parts.
+    pub objects: ObjectIds,
+    /// The highest class of the points.
+    pub highest_class: i32,
+    /// Columns of tables, and, if set, also of the text format, which has the columns of HELIOS++ otherwise.
+    pub columns: Option<Vec<Column>>,
+    /// Whether there are pulses without echoes, so that directions are written.
+    pub misses: bool,
+    /// Whether LAS and PLY have labels for machine learning: part, primitive, true range. Tables always can.
+    pub labels: bool,
+    /// Whether LAS has positions without errors of navigation. Tables have them as columns.
+    pub true_positions: bool,
+    /// Whether points have their height above the ground.
+    pub heights: bool,
+    /// Settings of LAS, LAZ and COPC.
+    pub las: LasSettings,
+    /// Width of the bins of waveforms by device, ns.
+    pub bins_ns: Vec<f64>,
+    /// Metres of range per nanosecond of the times of waveforms: of one way, or of the way there and back.
+    pub metres_per_ns: f64,
+}
+
+impl Default for CloudSettings {
+    fn default() -> CloudSettings {
+        CloudSettings {
+            origin: DVec3::ZERO,
+            bounds: Aabb::EMPTY,
+            crs: None,
+            scanner: String::new(),
+            creation: (0, 0),
+            parts: Vec::new(),
+            objects: ObjectIds::default(),
+            highest_class: 0,
+            columns: None,
+            misses: false,
+            labels: false,
+            true_positions: false,
+            heights: false,
+            las: LasSettings::default(),
+            bins_ns: Vec::new(),
+            metres_per_ns: LIGHT_SPEED,
+        }
+    }
+}
+
+impl CloudSettings {
+    /// The columns of tables: the chosen ones, or those written by default.
+    pub fn table_columns(&self) -> Vec<Column> {
+        self.columns.clone().unwrap_or_else(|| {
+            let mut columns = Column::default_columns(self.misses);
+            columns.extend(self.heights.then_some(Column::HeightAboveGround));
+            columns
+        })
+    }
+
+    /// The bounds in the world, m.
+    pub(crate) fn world_bounds(&self) -> Aabb {
+        Aabb { min: self.bounds.min + self.origin, max: self.bounds.max + self.origin }
+    }
+}
