@@ -251,7 +251,7 @@ class Survey:
         ----------
         to : str, path-like or iterable of them, optional
             Files that are written, whose extensions tell the format (``.laz``, ``.copc.laz``, ``.las``, ``.parquet``,
-            ``.arrow``, ``.ply``, ``.csv``, ``.xyz``). Without it the points stay in memory.
+            ``.geo.parquet``, ``.arrow``, ``.ply``, ``.csv``, ``.xyz``). Without it the points stay in memory.
         waveforms, pulses : bool, optional
             Whether they are recorded, too.
         progress : callable, optional

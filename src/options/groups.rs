@@ -112,11 +112,11 @@ pub struct OutputOptions with opposites {
     /// Write every emitted pulse, beside the first output that is a file or folder.
     #[arg(long, action = SetTrue)]
     pub pulses: Switch,
-    /// Columns of csv, arrow and parquet, and of xyz, which gets a header then: X,Y,Z,Intensity,GpsTime and so on. An
+    /// Columns of csv, arrow, parquet and geoparquet, and of xyz, which gets a header then: X,Y,Z,Intensity,GpsTime and so on. An
     /// unknown name lists them all.
     #[arg(long, value_name = "NAMES")]
     pub columns: Option<ColumnList>,
-    /// Write part, primitive and true range into las, laz and ply, too; csv, arrow and parquet have them anyway.
+    /// Write part, primitive and true range into las, laz and ply, too; csv, arrow, parquet and geoparquet have them anyway.
     #[arg(long, action = SetTrue, help_heading = FILES)]
     pub labels: Switch,
     /// Write positions without errors of navigation (TrueX, TrueY, TrueZ) into las and laz, too; the columns of csv, arrow and
@@ -157,7 +157,7 @@ pub struct OutputOptions with opposites {
     pub split_by_channel: Switch,
     /// Coordinate reference system of the scene: EPSG:25832, WKT, or a file that holds either.
     ///
-    /// It goes into LAS, LAZ, PLY, Arrow and Parquet. [default: that of the scene's GeoTIFF or .prj files, else the UTM zone of a projected flight]
+    /// It goes into LAS, LAZ, PLY, Arrow, Parquet and GeoParquet. [default: that of the scene's GeoTIFF or .prj files, else the UTM zone of a projected flight]
     #[arg(long, value_name = "EPSG:N|WKT|FILE")]
     pub crs: Option<Crs>,
     /// With --output: LAS 1.4 instead of text.

@@ -204,7 +204,7 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
         problems
             .error(
                 None,
-                "columns can be chosen for text, CSV, Arrow and Parquet, and none of them is written",
+                "columns can be chosen for text, CSV, Arrow, Parquet and GeoParquet, and none of them is written",
             )
             .help("-o points.csv, .xyz, .arrow or .parquet");
     }

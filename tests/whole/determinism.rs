@@ -9,7 +9,7 @@ use vlscan::{
     read_survey,
 };
 
-const OUTPUTS: [&str; 13] = [
+const OUTPUTS: [&str; 14] = [
     "all.xyz",
     "all.las",
     "all.laz",
@@ -22,6 +22,7 @@ const OUTPUTS: [&str; 13] = [
     "all.csv",
     "all.arrow",
     "all.parquet",
+    "all.geo.parquet",
     "legs",
 ];
 

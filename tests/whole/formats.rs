@@ -1,6 +1,6 @@
 //! Outputs, read back by other programs and libraries.
 
-use crate::common::{self, fixture, folder, forest, judge, python_with_laspy, succeed, text};
+use crate::common::{self, fixture, folder, forest, judge, python_with_laspy, run, succeed, text};
 use vlscan::formats::Attribute;
 
 #[test]
@@ -135,6 +135,60 @@ csv = pc.read_csv("a.csv")
 assert csv.column_names == table.column_names
 for name in csv.column_names:
     assert np.allclose(csv[name].to_numpy(), at(name), atol=6e-5), name
+"#,
+    );
+}
+
+#[test]
+fn geoparquet_has_its_geometry_box_and_system() {
+    let Some(python) = common::python("pyarrow, pyproj") else { return };
+    let dir = folder();
+    let survey = forest();
+    let usual = ["run", &survey, "-q", "--seed", "3", "-o", "a.parquet"];
+    let systems = ["25832", "5555", "2056", "31370", "3035", "31467", "2193", "28992"];
+    for (number, code) in systems.iter().enumerate() {
+        let geo = format!("{code}.geo.parquet");
+        let more = ["-o", &geo, "--crs", code, "--columns", "Range,ObjectId"];
+        let (usual, more) = if number == 0 { (&usual[..], &more[..4]) } else { (&usual[..5], &more[..]) };
+        succeed(dir.path(), &[usual, more].concat());
+    }
+    let wkt = r#"PROJCRS["ETRS89 / UTM zone 32N",ID["EPSG",25832]]"#;
+    let lost = run(dir.path(), &["run", &survey, "-o", "wkt.geo.parquet", "--crs", wkt]);
+    assert!(lost.status.success() && text(&lost.stderr).contains("no PROJJSON"), "{}", text(&lost.stderr));
+    judge(
+        &python,
+        dir.path(),
+        r#"
+import glob, json, struct
+import pyarrow.parquet as pq
+from pyproj import CRS, Transformer
+
+table, plain = pq.read_table("25832.geo.parquet"), pq.read_table("a.parquet")
+assert table.column_names == [*plain.column_names, "geometry", "bbox"]
+rows = [struct.unpack("<bIddd", wkb) for wkb in table["geometry"].to_pylist()]
+boxes = table["bbox"].to_pylist()
+for row, x, y, z, box in zip(rows, *(table[c].to_pylist() for c in "XYZ"), boxes):
+    assert row == (1, 1001, x, y, z)
+    assert box["xmin"] <= x <= box["xmax"] and box["ymin"] <= y <= box["ymax"] and box["xmax"] - box["xmin"] < 0.1
+found = lambda name: json.loads(pq.read_metadata(name).metadata[b"geo"])
+geo = found("25832.geo.parquet")
+column = geo["columns"][geo["primary_column"]]
+assert (geo["version"], column["encoding"], column["geometry_types"]) == ("1.1.0", "WKB", ["Point Z"])
+corners = [[f(r[2 + axis] for r in rows) for axis in range(3)] for f in (min, max)]
+assert column["bbox"] == corners[0] + corners[1]
+assert column["covering"]["bbox"]["ymax"] == ["bbox", "ymax"]
+codes = sorted(int(name.split(".")[0]) for name in glob.glob("[0-9]*.geo.parquet"))
+assert len(codes) == 8
+for code in codes:
+    system = CRS.from_json_dict(found(f"{code}.geo.parquet")["columns"]["geometry"]["crs"])
+    assert system.to_epsg() == code, (code, system.to_epsg())
+    known = CRS.from_epsg(code)
+    area = known.area_of_use
+    place = (area.west + area.east) / 2, (area.south + area.north) / 2
+    here, there = (Transformer.from_crs(c.geodetic_crs, c, always_xy=True).transform(*place) for c in (system, known))
+    assert all(abs(a - b) < 1e-3 for a, b in zip(here, there)), (code, here, there)
+assert pq.read_table("2056.geo.parquet").column_names == ["Range", "ObjectId", "geometry", "bbox"]
+assert found("wkt.geo.parquet")["columns"]["geometry"]["crs"] is None
 "#,
     );
 }

@@ -12,7 +12,7 @@ use std::io::BufReader;
 use std::path::Path;
 
 /// All values of `--format`, with the extension that denotes them.
-const FORMATS: [(&str, &str); 14] = [
+const FORMATS: [(&str, &str); 15] = [
     ("xyz", "xyz"),
     ("csv", "csv"),
     ("bin", "bin"),
@@ -27,6 +27,7 @@ const FORMATS: [(&str, &str); 14] = [
     ("mcap", "mcap"),
     ("arrow", "arrow"),
     ("parquet", "parquet"),
+    ("geoparquet", "geo.parquet"),
 ];
 
 /// A head that turns once, in a room, level and facing north: the axes of the scanner are those of the world.
@@ -199,7 +200,7 @@ fn read(format: &str, path: &Path) -> Vec<[f64; 3]> {
         "e57" => e57(path),
         "mcap" => mcap(&bytes),
         "arrow" => arrow(path),
-        "parquet" => parquet(path),
+        "parquet" | "geoparquet" => parquet(path),
         other => panic!("no reader of {other}"),
     }
 }

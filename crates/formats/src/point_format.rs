@@ -1,6 +1,6 @@
 //! The table of the formats that are written.
 
-use crate::columnar::{arrow, parquet};
+use crate::columnar::{arrow, geoparquet, parquet};
 use crate::e57::e57;
 use crate::encode::PointEncoder;
 use crate::las::{copc, las, laz};
@@ -89,6 +89,8 @@ formats! {
         "MCAP with a message `PointCloud2` of ROS 2 for each revolution, in the axes of the scanner";
     Arrow "arrow" ["arrows"] "arrow" [COLUMNS CRS] arrow "Arrow IPC stream with the columns of csv";
     Parquet "parquet" [] "parquet" [COLUMNS CRS] parquet "Parquet with the columns of csv";
+    GeoParquet "geoparquet" ["geo.parquet"] "geo.parquet" [COLUMNS CRS] geoparquet
+        "Parquet with a geometry and its coordinate reference system, for GIS; files end in .geo.parquet";
 }
 
 #[cfg(feature = "clap")]

@@ -5,13 +5,17 @@
 //! |---|---|
 //! | `rows` | columns in groups of rows, as Arrow record batches |
 //! | `arrow`, `parquet` | Arrow IPC streams and Parquet files |
+//! | `geoparquet`, `projjson` | GeoParquet, and coordinate reference systems as it names them |
 
 mod arrow;
+mod geoparquet;
 mod parquet;
+mod projjson;
 mod rows;
 
 pub(crate) use arrow::arrow;
 pub use arrow::{TableColumn, point_schema, schema_of};
+pub(crate) use geoparquet::geoparquet;
 pub(crate) use parquet::parquet;
 pub use rows::Rows;
 
