@@ -16,7 +16,7 @@ use vlscan::tools::plan::{
     AirborneOptions, AirborneRequest, Area, AreaSource, MobileOptions, MobileRequest, PlanRequest, PlanSetup,
     TerrestrialOptions, TerrestrialRequest,
 };
-use vlscan::{Campaign, CampaignEvent, CampaignOptions, Error, Notice, Observer, PartNumber};
+use vlscan::{Campaign, CampaignEvent, CampaignOptions, Error, Notice, Observer, OneOf};
 
 /// The command in the first line of plans.
 const COMMAND: &str = "vlscan.plan";
@@ -116,7 +116,7 @@ pub fn run_campaign<'py>(
     fields: &Bound<'py, PyDict>,
     notify: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let task = get::<Option<(u32, u32)>>(fields, "task")?.map(|(number, of)| PartNumber { number, of });
+    let task = get::<Option<(u32, u32)>>(fields, "task")?.map(|(number, of)| OneOf { number, of });
     let options = of_fields!(CampaignOptions, fields, [cells, retry, verify, threads, strict], task: task);
     let (notices, interruption) = (Notices::default(), Arc::new(Interruption::of_writing()));
     let events = Arc::new(Mutex::new(Vec::new()));
