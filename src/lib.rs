@@ -142,10 +142,10 @@ pub use output::{Column, OutputRequest, PointFormat, TableContent, TableRequest,
 pub use pipeline::{
     Batches, DryRunReport, Emission, Emitted, Estimate, FileEstimate, FlightCoverage, LegEstimate, LegRule,
     LoadedScene, Missed, Progress, Report, ResolvedRun, ResumeOptions, RunContext, Scan, SceneFacts, Session,
-    Settings, Snapshot, TimeEstimate, emit,
+    Settings, Snapshot, TimeEstimate, emit, merge,
 };
 pub use planning::plan_survey;
-pub use shards::Records;
+pub use shards::{Records, ShardSet};
 pub use sketch::survey_points;
 pub use streams::{PulseReader, RowBlock};
 pub use vlscan_base::Observer;

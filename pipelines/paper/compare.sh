@@ -6,12 +6,16 @@
 #
 # Trees are compared under the warehouse, schedules over FSAH. Every survey's full tables, JSON and pictures are left in FOLDER
 # as NAME-trees and NAME-schedules, those of the fixture as forest-replay. Tables are printed of what is there when it ends, also
-# when it is interrupted. Leave the machine alone meanwhile. Needs python3; VLSCAN names the program.
+# when it is interrupted. Leave the machine alone meanwhile. Needs cargo and python3; SCHEDULES names the program that is built already.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 folder=${1:-$here}
 repetitions=${2:-1}
-vlscan=${VLSCAN:-vlscan}
+if [ -n "${SCHEDULES:-}" ]; then
+  program=("$SCHEDULES")
+else
+  program=(cargo run --release --quiet --manifest-path "$here/../../Cargo.toml" -p vlscan-schedules --)
+fi
 # The quick ones first.
 surveys=("${@:3}")
 [ ${#surveys[@]} -gt 0 ] || surveys=(FIXED_250 HAMMERLE ARBORETUM DIWANG SCALED_COG)
@@ -21,7 +25,7 @@ measure() {
   local began=$SECONDS
   printf '%s ' "$1" >&2
   rm -f "$folder/$1.json"
-  "$vlscan" bench "$2" --repetitions "$3" --json "$folder/$1.json" --svg "$folder/$1.svg" --force "${@:4}" \
+  "${program[@]}" "$2" --repetitions "$3" --json "$folder/$1.json" --svg "$folder/$1.svg" --force "${@:4}" \
     > "$folder/$1.txt"
   printf '%d s\n' $((SECONDS - began)) >&2
 }

@@ -1,123 +1,288 @@
-//! `vlscan bench`: the paper's experiment on this machine. One survey is flown with every tree, every schedule,
-//! different chunk sizes and numbers of threads; the times are written as table, JSON and picture.
-
-mod columns;
-mod forecast;
-mod matrix;
-mod measure;
-mod nodes;
-mod paper;
-mod picture;
-mod report;
-mod table;
+//! `vlscan bench`: how fast a survey runs on this machine, with which threads, schedule, chunks and tree, and where the time
+//! goes.
 
 use super::args::BenchArgs;
-use super::{Cli, Command, Console, RunArgs};
-use clap::Parser;
-use matrix::{Matrix, thread_counts};
-use report::Report;
-use std::ffi::OsString;
-use std::path::Path;
+use super::{Console, interrupt};
+use crate::options::{ChunkSize, Options, Switch};
+use crate::output::{OutputRequest, PointFormat, Target};
+use crate::pipeline::{LoadedScene, Progress, ResolvedRun, RunContext, Session, Settings, policy};
+use clap::ValueEnum as _;
+use serde::Serialize;
+use serde_json::json;
+use std::time::Instant;
+use vlscan_base::aligned::{Side, aligned};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileWriter, Patched, identity, is_special, reads, write_stdout};
-use vlscan_warehouse::{Schedule, Workload};
+use vlscan_base::files::{is_special, reads, write_file, write_stdout};
+use vlscan_base::quantity::amount;
+use vlscan_survey::PlatformKind;
+use vlscan_trace::BuildOptions;
+use vlscan_warehouse::{Log, Policy, Recorder, Schedule};
+
+/// What was measured under one schedule.
+#[derive(Serialize)]
+struct Cell {
+    tree: &'static str,
+    schedule: &'static str,
+    /// Pulses per chunk, of the first one when the size is dynamic.
+    chunk_size: u32,
+    /// Chunks per worker that may be queued.
+    warehouse_factor: Option<usize>,
+    threads: usize,
+    /// Least time from the first pulse to the last point written, s, and that of every repetition.
+    simulation_s: f64,
+    simulations_s: Vec<f64>,
+    /// Of the least time, that of completing the file after its last point, with waiting for the disk, s.
+    completing_s: f64,
+    pulses: u64,
+    points: u64,
+    pulses_per_s: f64,
+    points_per_s: f64,
+    /// Time of the same tree on the fewest threads, divided by this one.
+    speedup: f64,
+    shares: Shares,
+}
+
+/// Shares of all threads' time.
+#[derive(Serialize)]
+struct Shares {
+    /// Computing pulses.
+    computing: f64,
+    /// Making chunks and handing them over.
+    making: f64,
+    /// Compressing and writing.
+    writing: f64,
+    /// Waiting for work, or for the writer.
+    waiting: f64,
+}
 
 pub fn run(args: &BenchArgs, console: &Console) -> Result<()> {
-    let matrix = Matrix::new(args)?;
-    for path in [&args.json, &args.svg].into_iter().flatten() {
+    if let Some(path) = &args.json {
         if path.exists() && !is_special(path) && !args.force {
             return Err(Error::input(format!("{} exists; --force replaces it", path.display())));
         }
-    }
-    if let (Some(json), Some(svg)) = (&args.json, &args.svg)
-        && identity(json) == identity(svg)
-    {
-        return Err(Error::input(format!("--json and --svg would both be written to {}", json.display())));
-    }
-    for path in [&args.json, &args.svg].into_iter().flatten() {
         reads::refuse_input_of(path, [&args.survey])?;
     }
-    let run = run_args(args)?;
-    let bench = measure::Bench::prepare(&run, &args.format, console)?;
-    let mut report = Report::begin(&bench);
-    let simulated = thread_counts(&args.simulate_threads)?;
-    for (name, options) in &matrix.trees {
-        let built = bench.build(options, &matrix)?;
-        let cells = bench.cells(name, options, &built, &matrix, console)?;
-        if !simulated.is_empty() || !args.simulate_nodes.is_empty() {
-            console.detail(format!("task times: {name}"));
-            let load = bench.workload(options, &built.tree, &matrix)?;
-            report.forecasts.extend(forecast::simulate(name, &load, &matrix, &simulated, &cells));
-            if let Some(schedule) = matrix.parallel().filter(|_| !args.simulate_nodes.is_empty()) {
-                console.detail(format!("parts: {name}"));
-                let costs = bench.part_costs(options, &built, schedule.policy.size())?;
-                report.clusters.push(cluster(args, name, &load, costs, schedule));
+    let mut options = Options::parse(args.run.iter().cloned())
+        .map_err(|e| Error::input(format!("options of vlscan run after --: {e}")))?;
+    options.input.assets.extend(args.assets.iter().cloned());
+    if console.is_strict() {
+        options.input.strict = Switch::On;
+    }
+    let (job, warnings) = ResolvedRun::resolve(&args.survey, &options)?;
+    console.warnings(&warnings)?;
+    if matches!(job.settings.survey.platform.kind, PlatformKind::Stream(_)) {
+        return Err(Error::input("a stream of poses passes only once, and a comparison flies many times"));
+    }
+    let schedules = schedules(args, &job.settings)?;
+    let folder = tempfile::tempdir().map_err(|e| Error::io("create", &std::env::temp_dir(), e))?;
+    let target = Target::File(folder.path().join(format!("points.{}", args.format)));
+    let request = OutputRequest {
+        // Of no format is `none`.
+        sinks: PointFormat::from_str(&args.format, true).map(|points| (target, points)).into_iter().collect(),
+        waveforms: false,
+        pulses: false,
+        trajectory: None,
+        force: true,
+        ..job.output
+    };
+    let (mut cells, mut scene) = (Vec::new(), String::new());
+    for &builder in &args.tree {
+        let BuildOptions { jobs, geometry_jobs, .. } = job.settings.tree;
+        let tree = BuildOptions { jobs, geometry_jobs, ..BuildOptions::of(builder) };
+        let settings = Settings { tree, ..job.settings.clone() };
+        let started = Instant::now();
+        let session = Session::open(settings.clone(), console.observer())?;
+        let loaded = session.loaded().ok_or_else(|| Error::Internal("the scene is not loaded".to_owned()))?;
+        scene = format!(
+            "{}: {} primitives, {} legs; loaded with its tree in {:.2} s; points as {}\n\n",
+            session.survey().name,
+            amount(session.scene().primitives() as f64),
+            session.survey().legs.len(),
+            started.elapsed().as_secs_f64(),
+            args.format
+        );
+        drop(session);
+        cells.extend(compare(args, &settings, &loaded, &schedules, &request, console)?);
+    }
+    if let Some(path) = &args.json {
+        let machine = json!({
+            "threads": all_threads(), "arch": std::env::consts::ARCH, "os": std::env::consts::OS,
+        });
+        let program = concat!("vlscan ", env!("CARGO_PKG_VERSION"));
+        let all = json!({ "program": program, "machine": machine, "format": args.format, "cells": cells });
+        let text = serde_json::to_string_pretty(&all).map_err(|e| Error::Internal(e.to_string()))? + "\n";
+        write_file(path, args.force, text.as_bytes())?;
+        if path.as_os_str() == "-" {
+            eprint!("{scene}{}", table(&cells));
+            return Ok(());
+        }
+    }
+    write_stdout(&(scene + &table(&cells)))
+}
+
+/// The schedules to compare, each once.
+fn schedules(args: &BenchArgs, settings: &Settings) -> Result<Vec<Schedule>> {
+    let all = all_threads();
+    let threads = match &args.threads[..] {
+        [] => (0..).map(|i| 1 << i).take_while(|&n| n < all).chain([all]).collect(),
+        wanted => wanted.to_vec(),
+    };
+    if let Some(n) = threads.iter().find(|n| !(1..=1024).contains(*n)) {
+        return Err(Error::input(format!("--threads: expected 1 to 1024 threads, found {n}")));
+    }
+    let usual = [ChunkSize(settings.schedule.policy.size())];
+    let sizes = if args.chunk_size.is_empty() { &usual[..] } else { &args.chunk_size };
+    let mut found: Vec<Schedule> = Vec::new();
+    for &threads in &threads {
+        for &kind in &args.schedule {
+            for &ChunkSize(size) in sizes {
+                // On one thread they are all the same.
+                let policy = match threads {
+                    1 => Policy::Static { size },
+                    _ => policy(kind, size, args.warehouse_factor, None),
+                };
+                let schedule = Schedule { threads, policy, ..settings.schedule };
+                if !found.contains(&schedule) {
+                    found.push(schedule);
+                }
             }
         }
-        report.cells.extend(cells);
     }
-    report.compare();
-    write_report(args, &report)
+    Ok(found)
 }
 
-/// Simulates the nodes that `args` name, each of which flies by `schedule`.
-fn cluster(
+/// Flies every schedule as often as asked for; they take turns, so that other load affects all of them alike.
+fn compare(
     args: &BenchArgs,
-    tree: &'static str,
-    load: &Workload,
-    costs: measure::PartCosts,
-    schedule: Schedule,
-) -> report::ClusterForecast {
-    let cluster = nodes::Cluster {
-        threads: args.node_threads,
-        pulses: args.simulate_pulses.map_or(costs.pulses, |pulses| pulses.0),
-        parts_per_node: args.node_parts,
-        node_bytes_per_s: args.node_disk.0 as f64,
-        all_bytes_per_s: args.file_system.0 as f64,
-    };
-    let nodes = nodes::simulate(load, &costs, schedule, cluster, &args.simulate_nodes);
-    report::ClusterForecast { tree, cluster, costs, nodes }
+    settings: &Settings,
+    loaded: &LoadedScene,
+    schedules: &[Schedule],
+    request: &OutputRequest,
+    console: &Console,
+) -> Result<Vec<Cell>> {
+    let mut cells: Vec<Option<Cell>> = schedules.iter().map(|_| None).collect();
+    for turn in 0..=args.repetitions {
+        console.detail(match turn {
+            0 => "warm-up".to_owned(),
+            n => format!("repetition {n}"),
+        });
+        for (schedule, best) in schedules.iter().zip(&mut cells) {
+            let settings = Settings { schedule: *schedule, ..settings.clone() };
+            let tree = settings.tree.builder.name();
+            let mut session = Session::new(settings, loaded.clone(), |_| ())?;
+            let (progress, recorder) = (Progress::default(), Recorder::new());
+            let context =
+                RunContext { recorder: Some(&recorder), ..RunContext::new(&progress, &interrupt::STOP) };
+            let report = session.run(request.clone(), context)?;
+            // A flight that was stopped has no valid time.
+            if report.interrupted {
+                return Err(Error::Interrupted);
+            }
+            if turn > 0 {
+                let points = progress.snapshot().echoes;
+                let cell =
+                    cell((tree, *schedule), (report.pulses, points), report.seconds, &recorder.finish());
+                let times = best.as_mut().map(|best| std::mem::take(&mut best.simulations_s));
+                let mut kept = match best.take() {
+                    Some(best) if best.simulation_s <= cell.simulation_s => best,
+                    _ => cell,
+                };
+                kept.simulations_s = times.into_iter().flatten().chain([report.seconds]).collect();
+                *best = Some(kept);
+            }
+        }
+    }
+    let mut cells: Vec<Cell> = cells.into_iter().flatten().collect();
+    let least = cells.iter().min_by_key(|cell| cell.threads).map_or(f64::NAN, |cell| cell.simulation_s);
+    cells.iter_mut().for_each(|cell| cell.speedup = least / cell.simulation_s);
+    Ok(cells)
 }
 
-fn write_report(args: &BenchArgs, report: &Report) -> Result<()> {
-    let mut text = table::of(report);
-    if args.paper {
-        text.push('\n');
-        text.push_str(&paper::tables());
+fn cell(
+    (tree, Schedule { threads, policy, .. }): (&'static str, Schedule),
+    (pulses, points): (u64, u64),
+    seconds: f64,
+    log: &Log,
+) -> Cell {
+    let all = log.workers.iter().fold(log.producer, |sum, worker| sum.plus(*worker));
+    let share = |part: f64| part / all.wall_s.max(f64::MIN_POSITIVE);
+    let making =
+        (log.producer.wall_s - log.producer.busy_s - log.producer.idle_s - log.producer.jobs_s).max(0.0);
+    Cell {
+        tree,
+        schedule: if threads == 1 { "sequential" } else { policy.name() },
+        chunk_size: policy.size(),
+        warehouse_factor: match policy {
+            Policy::Warehouse { factor, .. } => Some(factor),
+            _ => None,
+        },
+        threads,
+        simulation_s: seconds,
+        simulations_s: Vec::new(),
+        completing_s: log.completing_s,
+        pulses,
+        points,
+        pulses_per_s: pulses as f64 / seconds.max(1e-9),
+        points_per_s: points as f64 / seconds.max(1e-9),
+        speedup: f64::NAN,
+        shares: Shares {
+            computing: share(all.busy_s),
+            making: share(making),
+            writing: share(all.jobs_s),
+            waiting: share(all.idle_s),
+        },
     }
-    let to_stdout = args.json.as_deref().is_some_and(|path| path.as_os_str() == "-");
-    if let Some(path) = &args.json {
-        let json = serde_json::to_string_pretty(&report.json(args.paper))
-            .map_err(|e| Error::Internal(e.to_string()))?;
-        write(path, &(json + "\n"), args.force)?;
-    }
-    if let Some(path) = &args.svg {
-        write(path, &picture::of(report), args.force)?;
-    }
-    if to_stdout {
-        eprint!("{text}");
-        return Ok(());
-    }
-    write_stdout(&text)
 }
 
-fn write(path: &Path, text: &str, force: bool) -> Result<()> {
-    if path.as_os_str() == "-" {
-        return write_stdout(text);
+/// The cells in lines, and the quickest one as options of a run.
+fn table(cells: &[Cell]) -> String {
+    let head = [
+        "tree",
+        "schedule",
+        "chunk",
+        "threads",
+        "simulation s",
+        "completing s",
+        "speedup",
+        "pulses/s",
+        "points/s",
+        "computing",
+        "making",
+        "writing",
+        "waiting",
+    ];
+    let percent = |share: f64| format!("{:.0} %", 100.0 * share);
+    let mut lines = vec![head.map(str::to_owned).to_vec()];
+    lines.extend(cells.iter().map(|c| {
+        vec![
+            c.tree.to_owned(),
+            c.schedule.to_owned(),
+            c.chunk_size.to_string(),
+            c.threads.to_string(),
+            format!("{:.3}", c.simulation_s),
+            format!("{:.3}", c.completing_s),
+            format!("{:.2}", c.speedup),
+            amount(c.pulses_per_s),
+            amount(c.points_per_s),
+            percent(c.shares.computing),
+            percent(c.shares.making),
+            percent(c.shares.writing),
+            percent(c.shares.waiting),
+        ]
+    }));
+    let mut text = aligned(&lines, Side::Right);
+    if let Some(best) = cells.iter().min_by(|a, b| a.simulation_s.total_cmp(&b.simulation_s)) {
+        let schedule = match best.threads {
+            1 => String::new(),
+            _ => format!(" --schedule {}", best.schedule),
+        };
+        let Cell { tree, threads, chunk_size, .. } = best;
+        text +=
+            &format!("\nquickest: --threads {threads}{schedule} --chunk-size {chunk_size} --tree {tree}\n");
     }
-    let mut file = FileWriter::create(path, force, Patched::Never)?;
-    file.append(text.as_bytes())?;
-    file.finish().map(drop)
+    text
 }
 
-/// Parses the survey and the options of `vlscan run` that follow `--`.
-fn run_args(args: &BenchArgs) -> Result<Box<RunArgs>> {
-    let words = ["vlscan", "run", "-q"].into_iter().map(OsString::from);
-    let assets = args.assets.iter().flat_map(|dir| [OsString::from("--assets"), dir.clone().into()]);
-    let words = words.chain([args.survey.clone().into()]).chain(assets).chain(args.run.iter().cloned());
-    match Cli::try_parse_from(words) {
-        Ok(Cli { command: Command::Run(run), .. }) => Ok(run),
-        Ok(_) => Err(Error::input("after --: expected options of vlscan run")),
-        Err(e) => Err(Error::input(format!("after --: {e}"))),
-    }
+fn all_threads() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
 }

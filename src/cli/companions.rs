@@ -8,7 +8,7 @@ use crate::output::OutputRequest;
 use crate::pipeline::{PartTable, Progress, Report, ResolvedRun, RunContext};
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileWriter, Patched};
+use vlscan_base::files::write_file;
 use vlscan_scene::Scene;
 use vlscan_warehouse::Recorder;
 
@@ -76,19 +76,13 @@ impl Companions {
         if let (Some(path), Some(recorder)) = (&self.schedule_log, self.recorder) {
             let text =
                 serde_json::to_string(&recorder.finish()).map_err(|e| Error::Internal(e.to_string()))?;
-            write_file(path, self.force, &(text + "\n"))?;
+            write_file(path, self.force, (text + "\n").as_bytes())?;
         }
         if let (Some(path), Some(parts), false) =
             (&self.part_table, self.parts, report.summary.files.is_empty())
         {
-            write_file(path, self.force, &parts.csv(&report.summary.points_of_part))?;
+            write_file(path, self.force, parts.csv(&report.summary.points_of_part).as_bytes())?;
         }
         Ok(())
     }
-}
-
-fn write_file(path: &Path, force: bool, text: &str) -> Result<()> {
-    let mut file = FileWriter::create(path, force, Patched::Never)?;
-    file.append(text.as_bytes())?;
-    file.finish().map(drop)
 }

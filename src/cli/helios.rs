@@ -231,7 +231,7 @@ mod tests {
         ours.iter().map(|w| w.to_str().unwrap()).collect::<Vec<_>>().join(" ")
     }
 
-    fn run(line: &str) -> crate::cli::RunArgs {
+    fn run(line: &str) -> crate::cli::args::RunArgs {
         let cli = Cli::try_parse_from(translate_helios_args(words(line)).unwrap())
             .unwrap_or_else(|e| panic!("{line}: {e}"));
         let Command::Run(run) = cli.command else { panic!("not a run: {line}") };

@@ -82,25 +82,6 @@ impl Facts<'_> {
         bytes as f64 / (self.inventory.primitives() as f64).max(1.0)
     }
 
-    fn faults(&self) -> Vec<String> {
-        let i = &self.inventory;
-        let mut faults = Vec::new();
-        if i.slivers > 0 {
-            faults.push(format!("{} triangles are all but a line; rays can hardly hit them", i.slivers));
-        }
-        if i.duplicates > 0 {
-            faults.push(format!("{} triangles have the same corners as another one", i.duplicates));
-        }
-        if i.duplicate_cubes > 0 {
-            faults.push(format!("{} voxels have the place and size of another one", i.duplicate_cubes));
-        }
-        if i.duplicate_instances > 0 {
-            let count = i.duplicate_instances;
-            faults.push(format!("{count} instances stand where the same mesh stands already"));
-        }
-        faults
-    }
-
     fn text(&self) -> String {
         let (i, mut out) = (&self.inventory, String::new());
         let mut line = |name: &str, text: String| {
@@ -171,7 +152,7 @@ impl Facts<'_> {
         if let Some(more) = self.scene.parts.len().checked_sub(MAX_LISTED_PARTS).filter(|n| *n > 0) {
             let _ = writeln!(out, "            and {more} more; --json lists all");
         }
-        for fault in self.faults() {
+        for fault in self.inventory.faults() {
             let _ = writeln!(out, "\nwarning: {fault}");
         }
         out
@@ -203,7 +184,7 @@ impl Facts<'_> {
             let found = self.warnings.items().iter().filter(move |d| d.severity == severity);
             found.map(|d| d.message.clone())
         };
-        let warnings: Vec<_> = told(Severity::Warning).chain(self.faults()).collect();
+        let warnings: Vec<_> = told(Severity::Warning).chain(self.inventory.faults()).collect();
         let notes: Vec<_> = told(Severity::Note).collect();
         let (scene, tree, s) = (self.scene.memory(), self.tree.memory(), self.tree.statistics());
         let facts = json!({

@@ -4,18 +4,15 @@
 //! The pages in `man/` are checked in, and so is `python/vlscan/_options.py`, which `vlscan man --python DIR` writes;
 //! `tests/whole/manual.rs` fails when they differ from the generated ones.
 
-mod pages;
-
 use super::Cli;
-use super::args::ManArgs;
+use super::args::{CompletionsArgs, ManArgs};
 use super::console::Console;
 use crate::options::{pipeline_keys, python_module};
 use clap::{Command, CommandFactory};
 use clap_mangen::Man;
 use clap_mangen::roff::{Roff, bold, roman};
-use pages::{EXIT_STATUS, PAGES, Page};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileWriter, NewFolder, Patched, reads};
+use vlscan_base::files::{FileWriter, NewFolder, Patched, reads, write_file};
 use vlscan_lidar::pulse::Corrections;
 
 /// Introduction below the short help, for new users.
@@ -25,7 +22,49 @@ To begin:
   vlscan run forest/survey.xml -o forest.laz
   vlscan preview forest.laz -o forest.html";
 
-/// Returns the command line with the examples of [`pages`] and the exit statuses at the end of each `--help`.
+/// The examples and files of every command.
+const PAGES: &str = include_str!("manual/pages.md");
+
+/// The manual's content on a command besides its options.
+#[derive(Clone, Copy)]
+struct Page {
+    /// The command as typed: `vlscan scene make`.
+    path: &'static str,
+    /// Shell lines with comments; an empty line between examples.
+    examples: &'static str,
+    /// The list of files that are read or written.
+    files: &'static str,
+}
+
+impl Page {
+    /// Files with their descriptions.
+    fn files(self) -> Vec<(&'static str, &'static str)> {
+        self.files.lines().filter_map(|line| line.strip_prefix("- `")?.split_once("`: ")).collect()
+    }
+}
+
+/// The pages of all commands.
+fn pages() -> impl Iterator<Item = Page> {
+    PAGES.split("\n## ").skip(1).filter_map(|page| {
+        let (path, rest) = page.split_once("\n\n```sh\n")?;
+        let (examples, files) = rest.split_once("\n```\n")?;
+        Some(Page { path, examples, files })
+    })
+}
+
+/// Exit statuses, common to all subcommands.
+const EXIT_STATUS: &[(&str, &str)] = &[
+    ("0", "Done. Also when the reader of stdout closes it, as head(1) does."),
+    ("1", "The machine failed: a file could not be read or written, the disk is full."),
+    ("2", "The input or the command line is wrong; the message says where and what was expected."),
+    ("3", "A scan frequency is outside the scanner's limits."),
+    (
+        "130",
+        "Interrupted (Ctrl-C, SIGTERM): files and streams are valid, hold what was done until then and say that they are partial.",
+    ),
+];
+
+/// Returns the command line with the examples of `manual/pages.md` and the exit statuses at the end of each `--help`.
 pub fn command() -> Command {
     let mut command = with_examples(Cli::command(), "vlscan").after_help(BEGIN);
     // Passes global options to the subcommands, and sets the full names of all commands.
@@ -54,9 +93,7 @@ pub fn run(args: &ManArgs, console: &Console) -> Result<()> {
         }
     }
     for (name, text) in &pages {
-        let mut page = FileWriter::create(&args.dir.join(name), true, Patched::Never)?;
-        page.append(text)?;
-        page.finish()?;
+        write_file(&args.dir.join(name), true, text)?;
     }
     folder.keep();
     if !args.python {
@@ -71,8 +108,15 @@ pub fn run(args: &ManArgs, console: &Console) -> Result<()> {
     Ok(())
 }
 
-fn page(path: &str) -> Option<&'static Page> {
-    PAGES.iter().find(|page| page.path == path)
+/// Runs `vlscan completions`: writes the script that completes the command line to stdout.
+pub fn completions(args: &CompletionsArgs) -> Result<()> {
+    let mut script = Vec::new();
+    clap_complete::generate(args.shell, &mut command(), "vlscan", &mut script);
+    FileWriter::stdout(Patched::Never)?.append(&script)
+}
+
+fn page(path: &str) -> Option<Page> {
+    pages().find(|page| page.path == path)
 }
 
 fn with_examples(command: Command, path: &str) -> Command {
@@ -223,17 +267,21 @@ fn written(command: &Command, path: &str, related: &[String]) -> std::io::Result
     }
     let mut ours = Roff::new();
     if let Some(page) = page(path) {
-        examples(&mut ours, page.examples);
-        definitions(&mut ours, "FILES", page.files);
+        verbatim(&mut ours, "EXAMPLES", page.examples);
+        let files = page.files();
+        if !files.is_empty() {
+            ours.control("SH", ["FILES"]);
+            entries(&mut ours, files);
+        }
     }
     if takes_corrections(command) {
-        let entries: Vec<(String, String)> = correction_entries().collect();
-        let entries: Vec<(&str, &str)> = entries.iter().map(|(n, h)| (n.as_str(), h.as_str())).collect();
-        definitions(&mut ours, "CORRECTIONS", &entries);
+        ours.control("SH", ["CORRECTIONS"]);
+        entries(&mut ours, correction_entries());
         ours.control("SH", ["SWITCHES"]);
         ours.text([roman(OPPOSITES)]);
     }
-    definitions(&mut ours, "EXIT STATUS", EXIT_STATUS);
+    ours.control("SH", ["EXIT STATUS"]);
+    entries(&mut ours, EXIT_STATUS.iter().copied());
     ours.control("SH", ["SEE ALSO"]);
     ours.text([roman(
         related.iter().map(|p| format!("{}(1)", p.replace(' ', "-"))).collect::<Vec<_>>().join(", "),
@@ -249,21 +297,11 @@ fn pipeline_page() -> Vec<u8> {
     page.control("TH", ["VLSCAN-PIPELINE", "5", "", &version, "vlscan manual"]);
     page.control("SH", ["NAME"]);
     page.text([roman("vlscan-pipeline - files that describe a run of vlscan(1)")]);
-    page.control("SH", ["SYNOPSIS"]);
-    page.control("EX", []);
-    for line in PIPELINE_EXAMPLE.lines() {
-        page.text([roman(line)]);
-    }
-    page.control("EE", []);
+    verbatim(&mut page, "SYNOPSIS", PIPELINE_EXAMPLE);
     for table in pipeline_keys() {
-        let heading = if table.name.is_empty() { "KEYS AT THE TOP" } else { &table.name };
-        page.control("SH", [heading]);
+        page.control("SH", [if table.name.is_empty() { "KEYS AT THE TOP" } else { &table.name }]);
         page.text([roman(table.about)]);
-        for (key, help) in table.keys {
-            page.control("TP", []);
-            page.text([bold(key)]);
-            page.text([roman(help)]);
-        }
+        entries(&mut page, table.keys);
     }
     page.control("SH", ["SEE ALSO"]);
     page.text([roman("vlscan(1), vlscan-run(1)")]);
@@ -296,9 +334,9 @@ fn in_ascii(text: &str) -> String {
     })
 }
 
-/// Writes the examples verbatim: no filling, no typographic hyphens.
-fn examples(page: &mut Roff, text: &str) {
-    page.control("SH", ["EXAMPLES"]);
+/// Writes shell lines or a file verbatim: no filling, no typographic hyphens.
+fn verbatim(page: &mut Roff, heading: &str, text: &str) {
+    page.control("SH", [heading]);
     page.control("EX", []);
     for line in text.lines() {
         page.text([roman(line)]);
@@ -306,15 +344,12 @@ fn examples(page: &mut Roff, text: &str) {
     page.control("EE", []);
 }
 
-fn definitions(page: &mut Roff, heading: &str, entries: &[(&str, &str)]) {
-    if entries.is_empty() {
-        return;
-    }
-    page.control("SH", [heading]);
+/// Writes terms, each with its meaning.
+fn entries<T: Into<String>>(page: &mut Roff, entries: impl IntoIterator<Item = (T, T)>) {
     for (term, meaning) in entries {
         page.control("TP", []);
-        page.text([bold(*term)]);
-        page.text([roman(*meaning)]);
+        page.text([bold(term.into())]);
+        page.text([roman(meaning.into())]);
     }
 }
 
@@ -334,7 +369,7 @@ mod tests {
         let mut seen = Vec::new();
         visit(&command(), "vlscan", &mut |command, path| {
             seen.push(path.to_owned());
-            assert!(page(path).is_some(), "`{path}` has no examples: add it to src/cli/manual/pages.rs");
+            assert!(page(path).is_some(), "`{path}` has no examples: add it to src/cli/manual/pages.md");
             let help = command.clone().render_long_help().to_string();
             assert!(help.contains("Examples:\n  "), "{path}:\n{help}");
             assert!(
@@ -342,12 +377,9 @@ mod tests {
                 "{path}:\n{help}"
             );
         });
-        for page in PAGES {
-            assert!(
-                seen.iter().any(|path| path == page.path),
-                "pages.rs has {}, which is no command",
-                page.path
-            );
+        assert_eq!(pages().count(), PAGES.matches("\n## ").count(), "a section of pages.md has no examples");
+        for Page { path, .. } in pages() {
+            assert!(seen.iter().any(|known| known == path), "pages.md has {path}, which is no command");
         }
     }
 

@@ -16,18 +16,15 @@
 //! | `bench` | `vlscan bench` |
 //! | `scene`, `info`, `pack` | `vlscan scene make` and `stand`, `info` and `pack` |
 //! | `preview`, `compare`, `unzip`, `catalogue` | the subcommands of these names |
-//! | `completions`, `manual` | help, man pages, shell completions |
+//! | `manual` | help, man pages, shell completions |
 //! | `console`, `watch`, `interrupt` | messages, progress, Ctrl-C |
-//! | `aligned`, `svg` | text in columns, drawings |
 
-mod aligned;
 mod args;
 mod bench;
 mod campaign;
 mod catalogue;
 mod companions;
 mod compare;
-mod completions;
 mod console;
 mod dry_run;
 mod helios;
@@ -41,11 +38,10 @@ mod run;
 mod scene;
 mod shards;
 mod stages;
-mod svg;
 mod unzip;
 mod watch;
 
-pub use args::{Cli, Command, RunArgs};
+pub use args::{Cli, Command};
 pub use console::{Console, LogTo, Verbosity};
 pub use manual::command as command_line;
 
@@ -127,7 +123,7 @@ fn dispatch(command: &Command, console: &Console) -> Result<()> {
         Command::Unzip(args) => unzip::run(args, console),
         Command::Compare(args) => compare::run(args, console),
         Command::Preview(args) => preview::run(args, console),
-        Command::Completions(args) => completions::run(args),
+        Command::Completions(args) => manual::completions(args),
         Command::Man(args) => manual::run(args, console),
     }
 }

@@ -1,12 +1,11 @@
 //! Chunks: descriptors of consecutive pulses, without the pulses themselves.
 
-use std::hint::black_box;
 use std::time::{Duration, Instant};
 use vlscan_base::error::{Error, Result};
 use vlscan_lidar::flight::{FlightPlan, FlightState, Step};
 use vlscan_lidar::platform::{PollResult, PoseReader};
 use vlscan_scene::{MotionPlan, MotionState};
-use vlscan_warehouse::{Feed, Outcome, Stop, Tasks, thread_cpu_s};
+use vlscan_warehouse::{Feed, Outcome, Stop, Tasks};
 
 /// Maximum steps per chunk, however few of them emit pulses, because a requested stop is checked between chunks.
 const MAX_STEPS: u32 = 1 << 16;
@@ -89,36 +88,6 @@ impl Chunk {
         self.poses -= first.poses;
         Ok(first)
     }
-}
-
-/// Pulses after which [`chunk_making_s`] ends a flight, and processor time up to which it repeats it, s.
-const TIMED_PULSES: u64 = 1 << 22;
-const MIN_TIMED_S: f64 = 0.02;
-
-/// Measures the processor time of making chunks of `size` pulses, s per pulse.
-///
-/// # Errors
-/// The errors of the flight.
-pub fn chunk_making_s(plan: &FlightPlan, size: u32) -> Result<f64> {
-    let (mut pulses, mut seconds) = (0, 0.0);
-    while seconds < MIN_TIMED_S {
-        let mut state = FlightState::start(plan);
-        let (began, started) = (thread_cpu_s(), Instant::now());
-        let end = pulses + TIMED_PULSES;
-        while pulses < end
-            && let Some(chunk) = Chunk::take(plan, &mut state, None, size)?
-        {
-            pulses += u64::from(black_box(chunk).pulses);
-        }
-        seconds += match (began, thread_cpu_s()) {
-            (Some(from), Some(to)) => to - from,
-            _ => started.elapsed().as_secs_f64(),
-        };
-        if pulses == 0 {
-            return Ok(0.0);
-        }
-    }
-    Ok(seconds / pulses as f64)
 }
 
 /// Steps from `state`, the beginning of a flight, to its end and passes every chunk that is not empty to `feed`. A

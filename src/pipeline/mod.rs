@@ -61,16 +61,12 @@ mod stream;
 mod worker;
 
 pub use batches::Batches;
-pub use chunk::chunk_making_s;
-pub use collector::Ended;
 pub use dry_run::{DryRunReport, Estimate, FileEstimate, FlightCoverage, LegEstimate, Missed, TimeEstimate};
 pub use emit::{Emission, Emitted, emit};
-pub use fly::fly;
 pub use load::check_raster_memory;
 pub use merge::{merge, merge_warnings, output_context};
 pub use part_table::PartTable;
-pub use pass::{Pass, RunContext};
-pub use plausibility::target;
+pub use pass::RunContext;
 pub use progress::{Progress, Snapshot};
 pub use resolve::{ResolvedRun, policy, schedule_of};
 pub use resume::ResumeOptions;

@@ -65,7 +65,7 @@ impl Session {
     /// # Errors
     /// [`Error::Input`] for flights that cannot be divided and for a folder of another flight, [`Error::Io`],
     /// [`Error::Interrupted`].
-    pub(crate) fn shards(
+    pub fn shards(
         &mut self,
         folder: &Path,
         creation: (u16, u16),

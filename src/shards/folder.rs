@@ -67,6 +67,7 @@ pub struct ShardSet {
     folder: PathBuf,
     /// Head of the first shard; those of the others differ in the number only.
     pub head: ShardHead,
+    /// Echoes of all shards.
     pub echoes: u64,
 }
 

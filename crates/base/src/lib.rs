@@ -6,7 +6,7 @@
 //! | `corrections` | departures from the reference's physics, materials and kinematics |
 //! | `observer` | the receiver of warnings, notes and times |
 //! | `rng` | counter-based random numbers |
-//! | `quantity`, `markup` | bounds of numbers, counts and sizes as text; text in XML and HTML |
+//! | `quantity`, `markup`, `aligned` | bounds of numbers, counts and sizes as text; text in XML and HTML, in aligned columns |
 //! | `crs` | coordinate reference systems: WKT by EPSG code, codes in WKT, areas of use; units of length |
 //! | `columns` | headings and separators of columns |
 //! | `files` | files named when complete, files that are read |
@@ -16,6 +16,7 @@
 
 #![deny(unsafe_code)]
 
+pub mod aligned;
 pub mod columns;
 pub mod corrections;
 pub mod crs;

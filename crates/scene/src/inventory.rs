@@ -39,6 +39,21 @@ pub struct Inventory {
 }
 
 impl Inventory {
+    /// What is wrong with the primitives, a sentence for each defect.
+    pub fn faults(&self) -> Vec<String> {
+        let faults = [
+            (self.slivers, "triangles are all but a line; rays can hardly hit them"),
+            (self.duplicates, "triangles have the same corners as another one"),
+            (self.duplicate_cubes, "voxels have the place and size of another one"),
+            (self.duplicate_instances, "instances stand where the same mesh stands already"),
+        ];
+        faults
+            .into_iter()
+            .filter(|fault| fault.0 > 0)
+            .map(|(count, what)| format!("{count} {what}"))
+            .collect()
+    }
+
     /// Counts the contents of a scene by visiting every stored primitive.
     pub fn of(scene: &Scene) -> Inventory {
         let mut all = Inventory {

@@ -5,6 +5,8 @@
 //! | `args` | values of options: bounds, texts |
 //! | `generate` | procedural scenes with the surveys that scan them; stands from inventories |
 //! | `plan` | survey planning: legs from an area, a plot or a line, by what the instrument's optics see |
+//! | `chart` | charts as SVG and as pixels |
+//! | `catalogue` | figures of instruments with their sources, fields of view, scan patterns |
 //! | `cloud` | point clouds in memory, waveforms of single pulses |
 //! | `preview` | draws point clouds as PNG and as pages for a browser, and waveforms |
 //! | `compare` | two point clouds of one place: density, heights, distances, voxels |
@@ -14,6 +16,8 @@
 
 mod args;
 pub mod campaign;
+pub mod catalogue;
+pub mod chart;
 pub mod cloud;
 pub mod compare;
 pub mod generate;

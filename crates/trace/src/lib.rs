@@ -1,4 +1,6 @@
-//! The first primitive hit by a ray: primitives, rays, and the trees over them, independent of LiDAR.
+#![doc = include_str!("../README.md")]
+//!
+//! ## Inside
 //!
 //! A [`Geometry`] holds triangles and cubes, a [`Tree`] is built over it, and [`Tree::nearest_where`] finds the first hit of a
 //! ray, [`Tree::trace_group`] those of many ([`RayGroup`], [`Hits`]). [`Instances`] place a model many times.
@@ -49,11 +51,6 @@ pub use parts::{NodeArray, TreeParts};
 pub use rays::{Hits, RayGroup};
 pub use simd::prefetch;
 pub use vlscan_geom::{Aabb, DVec3, Rotation};
-
-/// The example of the README.
-#[cfg(doctest)]
-#[doc = include_str!("../README.md")]
-struct Readme;
 
 #[cfg(test)]
 mod golden_tests;

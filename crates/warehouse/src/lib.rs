@@ -1,7 +1,8 @@
-//! Chunks of work, the schedules that distribute them, and the threads that compute them, independent of LiDAR.
+#![doc = include_str!("../README.md")]
 //!
-//! One producer makes chunks, workers turn each into a result, one collector takes the results in the order in which the
-//! chunks were made (spec kdtree-and-scheduling §3):
+//! ## Inside
+//!
+//! The threads and the queues between them (spec kdtree-and-scheduling §3):
 //!
 //! ```text
 //!             ┌─ queue (bounded) ──────────────► workers ─┐ one channel for each result
@@ -21,8 +22,6 @@
 //! | `run` | the threads |
 //! | `sizing` | the size of dynamic chunks |
 //! | `record` | idle times, queue depths, chunk sizes |
-//! | `workload` | tasks and costs, from records |
-//! | `replay` | simulation of a schedule, for machines with more cores |
 //! | `jobs` | side jobs of the collector |
 //! | `spin` | spinning for a moment before sleep |
 //! | `stop` | the request to stop |
@@ -33,23 +32,15 @@ mod feed;
 mod jobs;
 mod policy;
 mod record;
-mod replay;
 mod run;
 mod sizing;
 mod spin;
 mod stop;
-mod workload;
 
 pub use feed::{Feed, Outcome, Tasks};
 pub use jobs::{Job, JobQueue};
-pub use policy::{Policy, PolicyKind, Schedule};
-pub use record::{Log, Recorder, SizeChange, thread_cpu_s};
-pub use replay::replay;
+pub use policy::{MAX_BUFFERED_TASKS, Policy, PolicyKind, Schedule};
+pub use record::{Depth, LegEnd, Log, MAX_HISTORY, Recorder, Series, SizeChange, ThreadLog, thread_cpu_s};
 pub use run::{Collect, run};
+pub use sizing::ChunkSizer;
 pub use stop::Stop;
-pub use workload::{ChunkCosts, Overheads, Workload};
-
-/// The example of the README.
-#[cfg(doctest)]
-#[doc = include_str!("../README.md")]
-struct Readme;

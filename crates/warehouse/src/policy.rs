@@ -86,7 +86,7 @@ impl Schedule {
     }
 
     /// Maximum number of queued chunks.
-    pub(super) fn queue_capacity(&self) -> usize {
+    pub fn queue_capacity(&self) -> usize {
         match self.policy {
             Policy::Warehouse { factor, .. } => (factor.max(1) * self.workers()).max(1),
             // A chunk is sent only to an idle worker.
@@ -98,7 +98,7 @@ impl Schedule {
     /// queued or being computed, and as many finished ones. There is room for the single tasks that a producer
     /// computes while a worker has a complete chunk, and, where chunks are small, for enough results that no thread
     /// waits while the collector is briefly descheduled.
-    pub(super) fn results_capacity(&self) -> usize {
+    pub fn results_capacity(&self) -> usize {
         let size = self.policy.size();
         let singles = match self.policy {
             Policy::Static { .. } => size.min(MAX_TASKS_AHEAD),
@@ -117,4 +117,4 @@ const MAX_TASKS_AHEAD: u32 = 4096;
 
 /// Single tasks that the producer computes before it passes their results to the collector, which may have to be
 /// woken.
-pub(super) const MAX_BUFFERED_TASKS: usize = 64;
+pub const MAX_BUFFERED_TASKS: usize = 64;

@@ -24,6 +24,7 @@ impl<T> Series<T> {
         Series { entries: Vec::new(), max: max.max(2), stride: 1, seen: 0 }
     }
 
+    /// Adds an entry.
     pub fn push(&mut self, entry: T) {
         if self.seen.is_multiple_of(self.stride) {
             if self.entries.len() >= self.max {
@@ -54,7 +55,7 @@ impl<T: Serialize> Serialize for Series<T> {
 }
 
 /// Maximum entries of a history in the log.
-pub(super) const MAX_HISTORY: usize = 4096;
+pub const MAX_HISTORY: usize = 4096;
 
 /// Maximum entries of the profile of task times.
 const MAX_PROFILE: usize = 1 << 17;
@@ -62,7 +63,9 @@ const MAX_PROFILE: usize = 1 << 17;
 /// Activity of one thread, or of several together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ThreadLog {
+    /// Number of chunks computed or collected.
     pub chunks: u64,
+    /// Number of tasks in these chunks.
     pub tasks: u64,
     /// Time spent computing, s.
     pub busy_s: f64,
@@ -78,6 +81,7 @@ pub struct ThreadLog {
 }
 
 impl ThreadLog {
+    /// The activity of both together.
     pub fn plus(self, other: ThreadLog) -> ThreadLog {
         ThreadLog {
             chunks: self.chunks + other.chunks,
@@ -113,6 +117,7 @@ pub struct SizeChange {
 pub struct Depth {
     /// Time since the start, s.
     pub at_s: f64,
+    /// Number of chunks.
     pub chunks: usize,
 }
 

@@ -26,7 +26,7 @@ enum Direction {
 /// step is larger than the last in the same direction; when they grow, the direction is reversed and steps are small
 /// again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct ChunkSizer {
+pub struct ChunkSizer {
     size: u32,
     step: u32,
     direction: Direction,
@@ -52,6 +52,7 @@ impl ChunkSizer {
         self.size
     }
 
+    /// The last step, Δ, in tasks.
     pub fn step(&self) -> u32 {
         self.step
     }

@@ -118,7 +118,7 @@ pub enum Command {
     /// cells that no other has taken. What is complete stays: the same command goes on where it was ended. A cell that fails
     /// is kept with its message and stops no other. The data set has the same bytes wherever its cells were computed.
     Campaign(CampaignArgs),
-    /// Compare trees, schedules, chunk sizes and numbers of threads on a survey.
+    /// Measure how fast a survey runs on this machine: threads, schedules, chunk sizes and trees compared.
     Bench(Box<BenchArgs>),
     /// Fly a survey or pipeline and write the platform's poses to stdout.
     ///

@@ -36,4 +36,4 @@ pub use reads::{FileSet, ReadGuard, Reads, Recording, Stamp};
 pub use stream::limit_waiting;
 pub use temporary::{NewFolder, is_temporary_name, publish, remove_litter, remove_temporary};
 pub use writer::scratch_failed;
-pub use writer::{FileWriter, Patched, write_stderr, write_stdout};
+pub use writer::{FileWriter, Patched, write_file, write_stderr, write_stdout};

@@ -314,6 +314,16 @@ impl Read for FileWriter {
     }
 }
 
+/// Writes a file, or stdout if that is what `path` names; an existing file is replaced only with `replace`.
+///
+/// # Errors
+/// As for [`FileWriter`].
+pub fn write_file(path: &Path, replace: bool, bytes: &[u8]) -> Result<()> {
+    let mut file = FileWriter::create(path, replace, Patched::Never)?;
+    file.append(bytes)?;
+    file.finish().map(drop)
+}
+
 /// Writes a text to standard output.
 ///
 /// # Errors

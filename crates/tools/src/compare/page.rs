@@ -2,6 +2,7 @@
 
 use super::measures::{Comparison, Histogram};
 use super::report::table;
+use crate::chart::{Anchor, Axis, Drawing, Mark, Plot, Role, Theme, style};
 use crate::cloud::Points;
 use crate::preview::{PreviewOptions, common_heights, draw};
 use base64::prelude::{BASE64_STANDARD, Engine};
@@ -13,7 +14,6 @@ use vlscan_geom::DVec3;
 
 /// Width and height of a histogram, px.
 const CHART: [f64; 2] = [560.0, 220.0];
-const COLOURS: [&str; 2] = ["#2a6fb0", "#d9782d"];
 
 /// The page; nothing in it is loaded from elsewhere.
 ///
@@ -29,12 +29,11 @@ pub fn page(comparison: &Comparison, clouds: [&Points; 2]) -> Result<String> {
     add(format_args!("<title>{} and {}</title>\n", names[0], names[1]));
     add(format_args!(
         "<style>body{{font:15px/1.4 system-ui,sans-serif;margin:2em auto;max-width:75em;padding:0 1em;color-scheme:light dark}}\
-         pre{{overflow-x:auto}}img{{max-width:100%}}figure{{display:inline-block;margin:0 1em 1em 0}}\
-         .first{{color:{}}}.second{{color:{}}}</style></head><body>\n",
-        COLOURS[0], COLOURS[1]
+         pre{{overflow-x:auto}}img{{max-width:100%}}figure{{display:inline-block;margin:0 1em 1em 0}}\n{}</style></head><body>\n",
+        style(Theme::Reader)
     ));
     add(format_args!(
-        "<h1><span class=\"first\">{}</span> and <span class=\"second\">{}</span></h1>\n<pre>{}</pre>\n",
+        "<h1><span class=\"s0\">{}</span> and <span class=\"s1\">{}</span></h1>\n<pre>{}</pre>\n",
         names[0],
         names[1],
         escaped(&table(comparison))
@@ -45,7 +44,7 @@ pub fn page(comparison: &Comparison, clouds: [&Points; 2]) -> Result<String> {
         add(format_args!("{}", chart("Intensity in units of the median", intensity)));
     }
     let heights = common_heights(&clouds);
-    for (points, (name, class)) in clouds.into_iter().zip(names.iter().zip(["first", "second"])) {
+    for (points, (name, class)) in clouds.into_iter().zip(names.iter().zip(["s0", "s1"])) {
         let options =
             PreviewOptions { width: 1100, height: 800, light: true, heights, ..PreviewOptions::default() };
         let picture = BASE64_STANDARD.encode(draw(points, &options).png()?);
@@ -78,38 +77,25 @@ pub fn page(comparison: &Comparison, clouds: [&Points; 2]) -> Result<String> {
 fn chart(title: &str, histogram: &Histogram) -> String {
     let [width, height] = CHART;
     let (most, cut) = scale(histogram);
-    let note = match cut {
-        true => format!("; bars above {:.0} % are cut", 100.0 * most),
-        false => String::new(),
-    };
-    let mut out = format!(
-        "<figure><figcaption>{title}{note}</figcaption><svg width=\"{width}\" height=\"{}\" viewBox=\"0 0 {width} {}\" role=\"img\">",
-        height + 20.0,
-        height + 20.0
-    );
-    for (fractions, colour) in histogram.fractions.iter().zip(COLOURS) {
-        let step = width / fractions.len() as f64;
-        let mut path = format!("M0 {height}");
-        for (i, fraction) in fractions.iter().enumerate() {
-            let y = height * (1.0 - (fraction / most).min(1.0));
-            let _ = write!(path, "L{:.1} {y:.1}L{:.1} {y:.1}", step * i as f64, step * (i + 1) as f64);
-        }
-        let _ = write!(
-            out,
-            "<path d=\"{path}L{width} {height}Z\" fill=\"{colour}\" fill-opacity=\"0.25\" stroke=\"{colour}\" stroke-width=\"1.5\"/>"
-        );
+    let note = if cut { format!("; bars above {:.0} % are cut", 100.0 * most) } else { String::new() };
+    let mut drawing = Drawing::new(width, height + 20.0, 1.2);
+    let x = Axis::new(histogram.from, histogram.to);
+    let plot = Plot { left: 0.0, right: width, top: 0.0, bottom: height, x, y: Axis::new(0.0, most) };
+    for (n, fractions) in histogram.fractions.iter().enumerate() {
+        let step = (x.high - x.low) / fractions.len() as f64;
+        let side = |at: usize, fraction: f64| plot.at(x.low + step * at as f64, fraction.min(most));
+        let path = fractions.iter().enumerate().flat_map(|(i, f)| [side(i, *f), side(i + 1, *f)]).collect();
+        let role = Role::Series(n);
+        drawing.add(Mark::Below { path: Vec::clone(&path), floor: height, opacity: 0.25, role });
+        drawing.add(Mark::Stroke { path, width: 1.5, dashed: false, role });
     }
-    let label = |x: f64, anchor: &str, value: f64| {
-        format!(
-            "<text x=\"{x}\" y=\"{}\" text-anchor=\"{anchor}\" fill=\"currentColor\" font-size=\"13\">{value:.1}</text>",
-            height + 16.0
-        )
-    };
-    let middle = 0.5 * (histogram.from + histogram.to);
-    out += &label(0.0, "start", histogram.from);
-    out += &label(width / 2.0, "middle", middle);
-    out += &label(width, "end", histogram.to);
-    out + "</svg></figure>\n"
+    let ends = [(x.low, Anchor::Start), (0.5 * (x.low + x.high), Anchor::Middle), (x.high, Anchor::End)];
+    for (value, anchor) in ends {
+        drawing.write([plot.at(value, 0.0)[0], height + 6.0], format!("{value:.1}"), Role::Ink, anchor);
+    }
+    let size = format!("width:{width}px;max-width:100%");
+    let svg = drawing.svg(title);
+    format!("<figure style=\"{size}\"><figcaption>{title}{note}</figcaption>{svg}</figure>\n")
 }
 
 /// The fraction at the top of a chart, and whether bars are cut there: the ground of a forest has so many points that nothing

@@ -1,7 +1,6 @@
 //! Colours of points, and the legend.
 
-use super::label;
-use super::picture::Rgb;
+use crate::chart::{Rgb, label};
 use crate::cloud::Points;
 use libm::{cos, sin};
 use std::path::Path;

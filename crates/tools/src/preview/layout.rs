@@ -1,10 +1,10 @@
 //! The layout of a picture: views, captions, scale bars, legend.
 
+use super::PreviewOptions;
 use super::colour::{Colouring, Legend, mixed};
-use super::label::{grouped, metres, round_below, round_number};
 use super::panel::{Panel, View};
-use super::picture::{Frame, Picture, Rgb};
-use super::{PreviewOptions, font};
+use crate::chart::label::{grouped, metres, round_below, round_number};
+use crate::chart::{Frame, Picture, Rgb, font};
 use crate::cloud::Points;
 
 /// Colours of everything but the points.

@@ -6,25 +6,21 @@
 //! | file | what it does |
 //! |---|---|
 //! | `layout`, `panel`, `colour` | the layout of a picture, its views, colours and legend |
-//! | `picture`, `font`, `label` | pixels, letters, numbers as text |
 //! | `page` | pages for a browser |
 //! | `chart` | charts of waveforms |
 
 mod chart;
 mod colour;
-mod font;
-mod label;
 mod layout;
 mod page;
 mod panel;
-mod picture;
 
+pub use crate::chart::{Picture, Rgb};
 use crate::cloud::Points;
 pub use chart::Chart;
 pub use colour::ColourBy;
 use colour::Colouring;
 pub use page::{Page, write_page};
-pub use picture::{Picture, Rgb};
 
 /// How a cloud is drawn, as a picture or as a page.
 #[derive(Clone, Debug, PartialEq)]

@@ -4,10 +4,10 @@
 mod pack;
 
 use super::colour::{Colouring, Legend};
-use super::label::{grouped, metres};
 use super::layout;
-use super::picture::Rgb;
 use super::{ColourBy, PreviewOptions};
+use crate::chart::Rgb;
+use crate::chart::label::{grouped, metres};
 use crate::cloud::Points;
 use pack::{Packed, Scales, pack, sample};
 use serde_json::{Value, json};

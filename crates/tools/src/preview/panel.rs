@@ -1,7 +1,7 @@
 //! Draws one view of the cloud: projection, nearest point per dot, and shading that emphasises structure.
 
 use super::colour::Colouring;
-use super::picture::{Frame, Picture, Rgb};
+use crate::chart::{Frame, Picture, Rgb};
 use crate::cloud::Points;
 use rayon::prelude::*;
 

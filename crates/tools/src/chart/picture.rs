@@ -15,11 +15,11 @@ pub struct Picture {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Frame {
-    pub(super) x: u32,
-    pub(super) y: u32,
-    pub(super) width: u32,
-    pub(super) height: u32,
+pub(crate) struct Frame {
+    pub(crate) x: u32,
+    pub(crate) y: u32,
+    pub(crate) width: u32,
+    pub(crate) height: u32,
 }
 
 impl Picture {
@@ -43,13 +43,13 @@ impl Picture {
         if inside { self.dots[y as usize * self.width as usize + x as usize] } else { [0; 3] }
     }
 
-    pub(super) fn set(&mut self, x: u32, y: u32, colour: Rgb) {
+    pub(crate) fn set(&mut self, x: u32, y: u32, colour: Rgb) {
         if x < self.width && y < self.height {
             self.dots[y as usize * self.width as usize + x as usize] = colour;
         }
     }
 
-    pub(super) fn fill(&mut self, frame: Frame, colour: Rgb) {
+    pub(crate) fn fill(&mut self, frame: Frame, colour: Rgb) {
         for y in frame.y..frame.y.saturating_add(frame.height).min(self.height) {
             for x in frame.x..frame.x.saturating_add(frame.width).min(self.width) {
                 self.set(x, y, colour);
@@ -58,7 +58,7 @@ impl Picture {
     }
 
     /// Draws text with its upper left corner at (x, y); each dot of the font is `scale` × `scale` dots.
-    pub(super) fn text(&mut self, x: u32, y: u32, text: &str, scale: u32, colour: Rgb) {
+    pub(crate) fn text(&mut self, x: u32, y: u32, text: &str, scale: u32, colour: Rgb) {
         for (i, c) in text.chars().enumerate() {
             let (rows, drop) = font::glyph(c);
             for (row, bits) in rows.into_iter().enumerate() {
@@ -76,7 +76,7 @@ impl Picture {
     }
 
     /// The picture at half its size; each dot is the mean of four.
-    pub(super) fn halved(&self) -> Picture {
+    pub(crate) fn halved(&self) -> Picture {
         let (width, height) = (self.width / 2, self.height / 2);
         let mut half = Picture::new(width, height, [0; 3]);
         for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {

@@ -1,8 +1,6 @@
 //! The combinations of trees, schedules and threads that are compared.
 
-use crate::cli::args::BenchArgs;
-use crate::options::ChunkSize;
-use crate::pipeline::policy;
+use crate::args::Args;
 use serde::Serialize;
 use vlscan_base::error::{Error, Result};
 use vlscan_trace::{BuildOptions, Builder};
@@ -12,8 +10,8 @@ pub struct Matrix {
     pub trees: Vec<(&'static str, BuildOptions)>,
     /// Schedules that every tree is flown with. On one thread they are equivalent and reported as `sequential`.
     pub variants: Vec<Variant>,
-    pub repetitions: usize,
-    pub warm_up: usize,
+    pub repetitions: u32,
+    pub warm_up: u32,
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -68,7 +66,7 @@ impl Combination {
 
 impl Matrix {
     /// Returns the combinations requested on the command line.
-    pub fn new(args: &BenchArgs) -> Result<Matrix> {
+    pub fn new(args: &Args) -> Result<Matrix> {
         let tree = |&builder: &Builder| Ok((builder.name(), args.rules.build_options(builder)?));
         let trees = args.tree.iter().map(tree).collect::<Result<Vec<_>>>()?;
         let mut wanted = thread_counts(&args.threads)?;
@@ -83,11 +81,11 @@ impl Matrix {
         for &threads in &wanted {
             for &leg_barrier in args.leg_barrier.values() {
                 for &kind in &args.schedule {
-                    for &ChunkSize(chunk) in &args.chunk_size {
+                    for &chunk in &args.chunk_size {
                         for &factor in &args.warehouse_factor {
                             let policy = match threads {
                                 1 => Policy::Static { size: chunk },
-                                _ => policy(kind, chunk, factor, args.idle_threshold.map(|ms| ms.0)),
+                                _ => args.policy(kind, chunk, factor),
                             };
                             let chunk = if kind == PolicyKind::Single && threads > 1 { 1 } else { chunk };
                             let leg_barrier = leg_barrier && threads > 1;

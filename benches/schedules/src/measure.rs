@@ -1,34 +1,30 @@
 //! Measurement of flights and tree builds.
 
-use super::matrix::{Combination, Matrix};
-use crate::cli::{Console, RunArgs, interrupt};
-use crate::output::{OutputContext, OutputPlan, OutputRequest, PointFormat, ShardOutput, Target};
-use crate::pipeline::ResolvedRun;
-use crate::pipeline::{
-    Ended, Pass, Progress, RunContext, Session, Settings, chunk_making_s, fly, merge, target,
-};
-use crate::shards::{Fingerprint, OneOf, Records, ShardHead, ShardSet, shard_path};
+use crate::args::Args;
+use crate::matrix::{Combination, Matrix};
+use crate::workload::{ChunkCosts, Overheads, Workload};
 use serde::Serialize;
-use std::sync::Arc;
+use std::hint::black_box;
 use std::thread::available_parallelism;
 use std::time::Instant;
+use vlscan::lidar::flight::{FlightPlan, FlightState, Step};
+use vlscan::lidar::pulse::Physics;
+use vlscan::{
+    LoadedScene, OneOf, Options, OutputRequest, PointFormat, Progress, Recorder, ResolvedRun, RunContext,
+    Session, Settings, ShardSet, Target, merge,
+};
+use vlscan_base::diag::Notice;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::machine;
-use vlscan_lidar::flight::{FlightPlan, FlightState, Step};
-use vlscan_lidar::pulse::Physics;
 use vlscan_survey::PlatformKind;
-use vlscan_trace::{BuildOptions, Tree};
-use vlscan_warehouse::{
-    ChunkCosts, Log, Overheads, Policy, Recorder, Schedule, SizeChange, Stop, Workload, thread_cpu_s,
-};
+use vlscan_trace::{BuildOptions, Statistics};
+use vlscan_warehouse::{Log, Policy, Schedule, SizeChange, Stop, thread_cpu_s};
 
 /// The survey, ready for repeated flights.
 pub struct Bench {
-    pub session: Session,
-    pub load_s: f64,
-    pub format: String,
+    settings: Settings,
     output: OutputRequest,
-    flight: FlightPlan,
+    format: String,
     /// Temporary directory of the points of all runs.
     folder: tempfile::TempDir,
 }
@@ -89,100 +85,122 @@ pub struct Cell {
     pub sizes: Vec<SizeChange>,
 }
 
+/// The scene with one tree, and the minimum time of building the tree with each number of threads, s.
+pub struct Built {
+    pub session: Session,
+    /// Time to load the scene, s.
+    pub load_s: f64,
+    loaded: LoadedScene,
+    tree: Statistics,
+    tree_bytes: usize,
+    /// Rays per pulse, without those that continue behind a voxel.
+    rays: usize,
+    seconds: Vec<(usize, f64)>,
+}
+
+/// Shows what the first session warns of; the later ones would repeat it.
+fn show(notice: Notice) {
+    if let Notice::Warnings(found) = notice {
+        eprint!("{}", found.render(false));
+    }
+}
+
+/// A schedule of one thread.
+fn alone(chunk: u32) -> Schedule {
+    Schedule { threads: 1, policy: Policy::Static { size: chunk }, leg_barrier: false }
+}
+
 impl Bench {
-    pub fn prepare(args: &RunArgs, format: &str, console: &Console) -> Result<Bench> {
-        let (job, warnings) = ResolvedRun::resolve(&args.file, &args.options)?;
-        console.warnings(&warnings)?;
+    /// Reads the survey with the options of `vlscan run` that follow `--`.
+    pub fn prepare(args: &Args) -> Result<Bench> {
+        let (job, warnings) = ResolvedRun::resolve(&args.survey, &Options::parse(args.run.iter().cloned())?)?;
+        show(Notice::Warnings(warnings));
         let ResolvedRun { settings, output, .. } = job;
         if matches!(settings.survey.platform.kind, PlatformKind::Stream(_)) {
             return Err(Error::input(
                 "a stream of poses passes only once, and a comparison flies many times",
             ));
         }
-        let started = Instant::now();
-        let session = Session::open_for_flight(settings, console.observer())?;
-        let load_s = started.elapsed().as_secs_f64();
-        if session.epochs() > 1 {
-            console.say("the scene's swaps ask for several flights; the first is compared");
-        }
-        let flight = session.plan_flight()?;
         let folder =
             tempfile::tempdir().map_err(|e| Error::io("create", std::env::temp_dir().as_path(), e))?;
-        Ok(Bench { session, load_s, format: format.to_owned(), output, flight, folder })
+        Ok(Bench { settings, output, format: args.format.clone(), folder })
+    }
+
+    /// Loads the scene and builds one kind of tree with every number of threads.
+    pub fn build(&self, options: &BuildOptions, matrix: &Matrix) -> Result<Built> {
+        let tree = with_jobs(options, 0);
+        let started = Instant::now();
+        let Settings { survey, load, strict, physics, .. } = &self.settings;
+        let loaded = LoadedScene::load(&survey.scene, load, &tree, *strict, &show)?;
+        let load_s = started.elapsed().as_secs_f64();
+        if loaded.epochs() > 1 {
+            return Err(Error::input("the scene's swaps ask for several flights, and a comparison has one"));
+        }
+        let mut seconds: Vec<(usize, f64)> = Vec::new();
+        let (mut statistics, mut tree_bytes, mut rays) = (Statistics::default(), 0, 0);
+        for variant in &matrix.variants {
+            let threads = variant.schedule.threads;
+            if seconds.iter().any(|build| build.0 == threads) {
+                continue;
+            }
+            let mut least = f64::INFINITY;
+            for _ in 0..matrix.repetitions {
+                // Strict trees can fill half of the memory: each is dropped before the next is built.
+                let started = Instant::now();
+                let tree = loaded.scene().tree(&with_jobs(options, threads));
+                least = least.min(started.elapsed().as_secs_f64());
+                (statistics, tree_bytes) = (*tree.statistics(), tree.memory());
+                rays = Physics::new(loaded.scene(), &tree, survey, *physics)?.max_rays();
+            }
+            seconds.push((threads, least));
+        }
+        let session = self.session(&loaded, options.clone(), alone(1))?;
+        Ok(Built { session, load_s, loaded, tree: statistics, tree_bytes, rays, seconds })
+    }
+
+    /// A session over a loaded scene.
+    fn session(&self, loaded: &LoadedScene, options: BuildOptions, schedule: Schedule) -> Result<Session> {
+        let settings = Settings { tree: with_jobs(&options, 1), schedule, ..self.settings.clone() };
+        Session::new(settings, loaded.clone(), |_| ())
     }
 
     /// Measures all cells of a tree. Repetitions take turns, so that other load affects all of them alike.
     pub fn cells(
         &self,
         tree_name: &'static str,
-        options: &BuildOptions,
         built: &Built,
         matrix: &Matrix,
-        console: &Console,
+        say: &dyn Fn(String),
     ) -> Result<Vec<Cell>> {
-        let Built { tree, seconds: builds } = built;
-        let physics = self.physics(tree)?;
-        let mut best: Vec<Option<(f64, Flown)>> = vec![None; matrix.variants.len()];
+        let mut best: Vec<Option<Flown>> = vec![None; matrix.variants.len()];
         let mut all = vec![(Vec::new(), f64::INFINITY); matrix.variants.len()];
         for turn in 0..matrix.warm_up + matrix.repetitions {
-            console.detail(format!(
-                "{tree_name}: {} {}",
-                if turn < matrix.warm_up { "warm-up" } else { "repetition" },
-                turn + 1
-            ));
+            let kind = if turn < matrix.warm_up { "warm-up" } else { "repetition" };
+            say(format!("{tree_name}: {kind} {}", turn + 1));
             for (i, variant) in matrix.variants.iter().enumerate() {
-                let flown = self.fly(&physics, options, variant.schedule)?;
+                let flown = self.fly(built, variant.schedule)?;
                 if turn < matrix.warm_up {
                     continue;
                 }
                 all[i].0.push(flown.seconds);
                 all[i].1 = all[i].1.min(flown.log.cpu_s());
-                if best[i].as_ref().is_none_or(|(least, _)| flown.seconds < *least) {
-                    best[i] = Some((flown.seconds, flown));
+                if best[i].as_ref().is_none_or(|best| flown.seconds < best.seconds) {
+                    best[i] = Some(flown);
                 }
             }
         }
-        let build_of = |threads: usize| builds.iter().find(|b| b.0 == threads).map_or(f64::NAN, |b| b.1);
+        let build_of =
+            |threads: usize| built.seconds.iter().find(|b| b.0 == threads).map_or(f64::NAN, |b| b.1);
         let cells = matrix.variants.iter().zip(best).zip(all).filter_map(|((variant, best), seconds)| {
-            let (_, flown) = best?;
-            Some(cell(variant.with_tree(tree_name), build_of(variant.schedule.threads), flown, seconds, tree))
+            let build_s = build_of(variant.schedule.threads);
+            Some(cell(variant.with_tree(tree_name), build_s, best?, seconds, built))
         });
         Ok(cells.collect())
     }
 
-    pub fn build(&self, options: &BuildOptions, matrix: &Matrix) -> Result<Built> {
-        let mut seconds: Vec<(usize, f64)> = Vec::new();
-        let mut tree = None;
-        for variant in &matrix.variants {
-            let threads = variant.schedule.threads;
-            if seconds.iter().any(|b| b.0 == threads) {
-                continue;
-            }
-            let mut least = f64::INFINITY;
-            for _ in 0..matrix.repetitions {
-                // Strict trees can fill half of the memory.
-                drop(tree.take());
-                let started = Instant::now();
-                tree = Some(self.session.scene().tree(&with_jobs(options, threads)));
-                least = least.min(started.elapsed().as_secs_f64());
-                if interrupt::STOP.is_requested() {
-                    return Err(Error::Interrupted);
-                }
-            }
-            seconds.push((threads, least));
-        }
-        let tree = tree.unwrap_or_else(|| self.session.scene().tree(&with_jobs(options, 0)));
-        Ok(Built { tree, seconds })
-    }
-
-    fn physics<'a>(&'a self, tree: &'a Tree) -> Result<Physics<'a>> {
-        let Settings { survey, physics, .. } = self.session.settings();
-        Physics::new(self.session.scene(), tree, survey, *physics)
-    }
-
-    fn fly(&self, physics: &Physics, options: &BuildOptions, schedule: Schedule) -> Result<Flown> {
+    fn fly(&self, built: &Built, schedule: Schedule) -> Result<Flown> {
         // A flight that was stopped has no valid time.
-        self.fly_until(&interrupt::STOP, &self.format, physics, options, schedule)?.ok_or(Error::Interrupted)
+        self.fly_until(&Stop::new(), &self.format, built, schedule)?.ok_or(Error::Interrupted)
     }
 
     /// Flies once; `None` when the flight was stopped.
@@ -190,48 +208,19 @@ impl Bench {
         &self,
         stop: &Stop,
         format: &str,
-        physics: &Physics,
-        options: &BuildOptions,
-        schedule: Schedule,
-    ) -> Result<Option<Flown>> {
-        self.fly_to(stop, self.request(format)?, physics, options, schedule)
-    }
-
-    /// Flies once and writes the outputs of a request; `None` when the flight was stopped.
-    fn fly_to(
-        &self,
-        stop: &Stop,
-        request: OutputRequest,
-        physics: &Physics,
-        options: &BuildOptions,
+        built: &Built,
         schedule: Schedule,
     ) -> Result<Option<Flown>> {
         let (progress, recorder) = (Progress::default(), Recorder::new());
-        let (survey, scene) = (self.session.survey(), self.session.scene());
-        let two_way = self.session.settings().physics.corrections.two_way_time;
-        let output = OutputPlan::new(request, &OutputContext::new(survey, scene).with_times(two_way))?;
-        let pass = Pass {
-            physics,
-            motion: self.session.motion(),
-            trees: &with_jobs(options, 1),
-            output: Arc::new(output),
-            ground: None,
-            schedule,
-            control: RunContext { progress: &progress, stop, recorder: Some(&recorder) },
-            target: target(survey, scene),
-            check: None,
-            epoch: 0,
-            is_last: true,
+        let mut session = self.session(&built.loaded, built.session.settings().tree.clone(), schedule)?;
+        let control = RunContext { progress: &progress, stop, recorder: Some(&recorder) };
+        let report = match session.run(self.request(format)?, control) {
+            Ok(report) if !report.interrupted => report,
+            Ok(_) | Err(Error::Interrupted) => return Ok(None),
+            Err(error) => return Err(error),
         };
-        let started = Instant::now();
-        let mut state = FlightState::start(&self.flight);
-        if let Ended::Interrupted(_) = fly(&pass, &self.flight, &mut state, None, u64::MAX, None)? {
-            return Ok(None);
-        }
-        let seconds = started.elapsed().as_secs_f64();
         let (done, log) = (progress.snapshot(), recorder.finish());
-        let rays = physics.max_rays();
-        Ok(Some(Flown { seconds, pulses: done.pulses, echoes: done.echoes, rays, log }))
+        Ok(Some(Flown { seconds: report.seconds, pulses: done.pulses, echoes: done.echoes, log }))
     }
 
     fn request(&self, format: &str) -> Result<OutputRequest> {
@@ -249,15 +238,13 @@ impl Bench {
             pulses: false,
             trajectory: None,
             force: true,
-            epochs: 1,
             ..self.output.clone()
         })
     }
 
     /// Measures the task times in chunks of all possible sizes, on one thread while the other cores are busy, and the
     /// other costs.
-    pub fn workload(&self, options: &BuildOptions, tree: &Tree, matrix: &Matrix) -> Result<Workload> {
-        let physics = self.physics(tree)?;
+    pub fn workload(&self, built: &Built, matrix: &Matrix) -> Result<Workload> {
         let mut sizes: Vec<u32> =
             matrix.variants.iter().flat_map(|v| [1, v.schedule.policy.size()]).collect();
         // Dynamic chunks can have any size; their costs near a measured size are known accurately enough.
@@ -272,84 +259,63 @@ impl Bench {
         sizes.dedup();
         let mut logs: Vec<(u32, Vec<Log>)> = sizes.iter().map(|&size| (size, Vec::new())).collect();
         let mut making: Vec<(u32, f64)> = sizes.iter().map(|&size| (size, f64::INFINITY)).collect();
-        self.under_load(&physics, options, || {
+        let flight = built.session.plan_flight()?;
+        self.under_load(built, || {
             for _ in 0..matrix.repetitions.max(2) {
                 for (size, least) in &mut making {
-                    *least = least.min(chunk_making_s(&self.flight, *size)?);
+                    *least = least.min(chunk_making_s(&flight, *size)?);
                 }
                 for (size, logs) in &mut logs {
-                    let policy = Policy::Static { size: *size };
-                    let settings = Schedule { threads: 1, policy, leg_barrier: false };
-                    logs.push(self.fly(&physics, options, settings)?.log);
+                    logs.push(self.fly(built, alone(*size))?.log);
                 }
             }
             Ok(())
         })?;
-        let alone = self.under_load(&physics, options, || ChunkCosts::measure(1))?;
+        let alone = self.under_load(built, || ChunkCosts::measure(1))?;
         Ok(Workload::from_logs(&logs, making, Overheads::measure(alone)?))
     }
 
-    /// Measures what a run in parts costs: stepping through the flight, computing the only part of a run and merging it,
+    /// Measures what a run in shards costs: stepping through the flight, computing the only shard of a run and merging it,
     /// each on one thread.
-    pub fn part_costs(&self, options: &BuildOptions, built: &Built, chunk: u32) -> Result<PartCosts> {
-        let physics = self.physics(&built.tree)?;
-        let settings = Schedule { threads: 1, policy: Policy::Static { size: chunk }, leg_barrier: false };
-        let run = self.fly(&physics, options, settings)?;
+    pub fn shard_costs(&self, built: &Built, chunk: u32) -> Result<ShardCosts> {
+        let run = self.fly(built, alone(chunk))?;
+        let flight = built.session.plan_flight()?;
         let started = thread_cpu_s().unwrap_or_default();
-        let mut state = FlightState::start(&self.flight);
-        while state.skip(&self.flight, u32::MAX, u32::MAX)?.last != Step::Ended {}
-        let plan_s = thread_cpu_s().unwrap_or_default() - started;
+        let mut state = FlightState::start(&flight);
+        while state.skip(&flight, u32::MAX, u32::MAX)?.last != Step::Ended {}
+        let index_s = thread_cpu_s().unwrap_or_default() - started;
 
-        let folder = self.folder.path().join("parts");
-        std::fs::create_dir_all(&folder).map_err(|e| Error::io("create", &folder, e))?;
-        let context = OutputContext::new(self.session.survey(), self.session.scene());
-        let internal = |e| Error::Internal(format!("a part: {e}"));
-        let head = ShardHead {
-            fingerprint: Fingerprint::default(),
-            number: 0,
-            of: 1,
-            total: run.pulses,
-            epochs: 1,
-            creation: self.output.creation,
-            records: Records::default(),
-            context: postcard::to_stdvec(&context).map_err(internal)?,
-        };
-        let path = shard_path(&folder, OneOf { number: 0, of: 1 });
-        let part = ShardOutput { path: path.clone(), head: head.bytes()? };
-        let request = OutputRequest { shard: Some(part), ..OutputRequest::default() };
-        let flown = self.fly_to(&interrupt::STOP, request, &physics, options, settings)?;
-        let part = flown.ok_or(Error::Interrupted)?;
+        let folder = self.folder.path().join("shards");
+        let (stop, shard) = (Stop::new(), OneOf { number: 0, of: 1 });
+        let tree = built.session.settings().tree.clone();
+        let (progress, recorder) = (Progress::default(), Recorder::new());
+        let control = RunContext { recorder: Some(&recorder), ..RunContext::new(&progress, &stop) };
+        let mut session = self.session(&built.loaded, tree, alone(chunk))?;
+        let mut shards = session.shards(&folder, self.output.creation, true, &stop)?;
+        shards.run(shard, control)?;
+        let (path, shard) = (shards.path(shard), recorder.finish());
 
         let (progress, recorder) = (Progress::default(), Recorder::new());
-        let control = RunContext { progress: &progress, stop: &interrupt::STOP, recorder: Some(&recorder) };
-        let parts = ShardSet::open(&folder)?;
-        let merged = merge(&parts, self.request(&self.format)?, settings, control)?;
-        if merged.interrupted {
-            return Err(Error::Interrupted);
-        }
+        let control = RunContext { recorder: Some(&recorder), ..RunContext::new(&progress, &stop) };
+        let merged = merge(&ShardSet::open(&folder)?, self.request(&self.format)?, alone(chunk), control)?;
         let log = recorder.finish();
-        Ok(PartCosts {
+        Ok(ShardCosts {
             pulses: run.pulses,
-            plan_s,
-            start_s: self.load_s
+            index_s,
+            start_s: built.load_s
                 + built.seconds.iter().fold(f64::INFINITY, |least, build| least.min(build.1)),
             run_cpu_s: run.log.cpu_s(),
-            part_cpu_s: part.log.cpu_s(),
+            shard_cpu_s: shard.cpu_s(),
             merge_cpu_s: log.cpu_s() - log.collector.cpu_s,
             collect_s: log.collector.cpu_s,
-            part_bytes: std::fs::metadata(&path).map_err(|e| Error::io("read", &path, e))?.len(),
+            shard_bytes: std::fs::metadata(&path).map_err(|e| Error::io("read", &path, e))?.len(),
             out_bytes: merged.summary.files.iter().map(|file| file.bytes).sum(),
         })
     }
 
     /// Measures while all other cores fly the same survey, as in the simulated flights: the threads share memory
     /// bandwidth, and waking a thread on a sleeping core costs several times as much.
-    fn under_load<T>(
-        &self,
-        physics: &Physics,
-        options: &BuildOptions,
-        measure: impl FnOnce() -> Result<T>,
-    ) -> Result<T> {
+    fn under_load<T>(&self, built: &Built, measure: impl FnOnce() -> Result<T>) -> Result<T> {
         struct AtEnd<'a>(&'a Stop);
         impl Drop for AtEnd<'_> {
             fn drop(&mut self) {
@@ -357,12 +323,11 @@ impl Bench {
             }
         }
         let (end, others) = (Stop::new(), available_parallelism().map_or(0, |n| n.get() - 1));
-        let settings = Schedule { threads: 1, policy: Policy::Static { size: 256 }, leg_barrier: false };
         std::thread::scope(|scope| {
             let _end = AtEnd(&end);
             for _ in 0..others {
                 // Until the end, or until an error, which the measured flight reports.
-                let fly = || self.fly_until(&end, "none", physics, options, settings);
+                let fly = || self.fly_until(&end, "none", built, alone(256));
                 machine::spawn_scoped(scope, "load", move || while let Ok(Some(_)) = fly() {})?;
             }
             measure()
@@ -370,29 +335,53 @@ impl Bench {
     }
 }
 
-/// What a run in parts costs on one thread. Times are processor times, s, but for that of the start.
+/// Pulses after which [`chunk_making_s`] ends a flight, and processor time up to which it repeats it, s.
+const TIMED_PULSES: u64 = 1 << 22;
+const MIN_TIMED_S: f64 = 0.02;
+
+/// Measures the processor time of making chunks of `size` pulses as a run does, s per pulse: the flight's state is copied, and
+/// the flight is stepped over the chunk.
+fn chunk_making_s(plan: &FlightPlan, size: u32) -> Result<f64> {
+    let (mut pulses, mut seconds) = (0, 0.0);
+    while seconds < MIN_TIMED_S {
+        let mut state = FlightState::start(plan);
+        let (began, started, end) = (thread_cpu_s(), Instant::now(), pulses + TIMED_PULSES);
+        while pulses < end {
+            drop(black_box(state.clone()));
+            let skipped = state.skip(plan, size, u32::MAX)?;
+            pulses += u64::from(skipped.pulses);
+            if skipped.last == Step::Ended {
+                break;
+            }
+        }
+        seconds += match (began, thread_cpu_s()) {
+            (Some(from), Some(to)) => to - from,
+            _ => started.elapsed().as_secs_f64(),
+        };
+        if pulses == 0 {
+            return Ok(0.0);
+        }
+    }
+    Ok(seconds / pulses as f64)
+}
+
+/// What a run in shards costs on one thread. Times are processor times, s, but for that of the start.
 #[derive(Clone, Debug, Serialize)]
-pub struct PartCosts {
+pub struct ShardCosts {
     pub pulses: u64,
     /// Stepping through the flight once.
-    pub plan_s: f64,
+    pub index_s: f64,
     /// Loading the scene and building its tree, on all threads of this machine.
     pub start_s: f64,
-    /// Computing everything without parts, and as a part.
+    /// Computing everything without shards, and as a shard.
     pub run_cpu_s: f64,
-    pub part_cpu_s: f64,
+    pub shard_cpu_s: f64,
     /// Merging: reading and encoding, which threads share, and collecting.
     pub merge_cpu_s: f64,
     pub collect_s: f64,
-    /// Bytes of the parts and of the output.
-    pub part_bytes: u64,
+    /// Bytes of the shards and of the output.
+    pub shard_bytes: u64,
     pub out_bytes: u64,
-}
-
-/// A tree, and the minimum time of building it with each number of threads, s.
-pub struct Built {
-    pub tree: Arc<Tree>,
-    seconds: Vec<(usize, f64)>,
 }
 
 #[derive(Clone)]
@@ -400,7 +389,6 @@ struct Flown {
     seconds: f64,
     pulses: u64,
     echoes: u64,
-    rays: usize,
     log: Log,
 }
 
@@ -411,9 +399,9 @@ fn cell(
     build_s: f64,
     flown: Flown,
     (simulations_s, cpu_s): (Vec<f64>, f64),
-    tree: &Tree,
+    built: &Built,
 ) -> Cell {
-    let known = tree.statistics();
+    let known = &built.tree;
     let per_second = |n: f64| n / flown.seconds.max(1e-9);
     let (busy, idle) = flown
         .log
@@ -437,9 +425,9 @@ fn cell(
         pulses: flown.pulses,
         echoes: flown.echoes,
         pulses_per_s: per_second(flown.pulses as f64),
-        rays_per_s: per_second(flown.pulses as f64 * flown.rays as f64),
+        rays_per_s: per_second(flown.pulses as f64 * built.rays as f64),
         echoes_per_s: per_second(flown.echoes as f64),
-        tree_bytes: tree.memory(),
+        tree_bytes: built.tree_bytes,
         tree_nodes: known.interior,
         tree_leaves: known.leaves,
         tree_references: known.references,
@@ -457,6 +445,7 @@ fn cell(
     }
 }
 
+/// `options` on `jobs` threads, of which as many help with large nodes as the rules say.
 fn with_jobs(options: &BuildOptions, jobs: usize) -> BuildOptions {
     let geometry_jobs = if options.geometry_jobs == 0 { jobs } else { options.geometry_jobs };
     BuildOptions { jobs, geometry_jobs, ..options.clone() }

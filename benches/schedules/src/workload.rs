@@ -1,19 +1,17 @@
 //! Tasks and their costs, measured in runs on one thread.
 
-use super::feed::{Outcome, Tasks};
-use super::jobs::JobQueue;
-use super::policy::{Policy, Schedule};
-use super::record::{Log, Recorder, ThreadLog, thread_cpu_s};
-use super::run::{Collect, run};
-use super::stop::Stop;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 use vlscan_base::error::Result;
+use vlscan_warehouse::{
+    Collect, Feed, JobQueue, Log, Outcome, Policy, Recorder, Schedule, Stop, Tasks, ThreadLog, run,
+    thread_cpu_s,
+};
 
 /// Cumulative seconds of computing by task, measured in chunks of one size.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Profile {
+pub struct Profile {
     size: u32,
     tasks: Vec<u64>,
     seconds: Vec<f64>,
@@ -41,7 +39,7 @@ impl Profile {
 
 /// Sizes of chunks, ascending, and the seconds per task in chunks of that size.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct PerSize(pub Vec<(u32, f64)>);
+pub struct PerSize(pub Vec<(u32, f64)>);
 
 impl PerSize {
     /// Seconds for a chunk of `tasks` tasks.
@@ -71,24 +69,24 @@ fn interpolate<T>(measured: &[T], size: impl Fn(&T) -> u32, tasks: u64, value: i
     }
 }
 
-/// Measured costs of a workload, from which [`replay()`](crate::replay()) predicts run times.
+/// Measured costs of a workload, from which [`replay()`](crate::replay::replay()) predicts run times.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Workload {
     /// Task times in chunks of different sizes, sizes ascending.
-    pub(super) profiles: Vec<Profile>,
+    pub profiles: Vec<Profile>,
     /// Tasks up to the end of each leg, ascending; the last is the number of tasks.
-    pub(super) legs: Vec<u64>,
+    pub legs: Vec<u64>,
     /// Costs of making a chunk.
-    pub(super) making: PerSize,
+    pub making: PerSize,
     /// Costs of the collector: taking the result of a chunk, falling asleep and being woken.
-    pub(super) collecting: PerSize,
+    pub collecting: PerSize,
     /// Time that the collector takes for the result of a chunk when results come so quickly that it stays awake.
-    pub(super) taking: PerSize,
+    pub taking: PerSize,
     /// Costs of what the collector has workers do (compression, writing).
-    pub(super) jobs: PerSize,
+    pub jobs: PerSize,
     /// Start and end: threads, the last results, s.
-    pub(super) fixed_s: f64,
-    pub(super) overheads: Overheads,
+    pub fixed_s: f64,
+    pub overheads: Overheads,
 }
 
 /// Processor time that a chunk costs in addition to its work, s.
@@ -108,11 +106,11 @@ pub struct ChunkCosts {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Overheads {
     /// Costs on one thread. The collector's cost is that of the run.
-    pub(super) alone: ChunkCosts,
+    pub alone: ChunkCosts,
     /// Costs on several threads. The collector's cost is the excess over one thread.
-    pub(super) shared: ChunkCosts,
+    pub shared: ChunkCosts,
     /// Single tasks in such quick succession that all threads stay awake.
-    pub(super) single: ChunkCosts,
+    pub single: ChunkCosts,
 }
 
 impl Overheads {
@@ -174,7 +172,7 @@ impl Workload {
     }
 
     /// Seconds of a computing thread for a chunk of the tasks `from..to`.
-    pub(super) fn cost(&self, from: u64, to: u64) -> f64 {
+    pub fn cost(&self, from: u64, to: u64) -> f64 {
         let count = to.saturating_sub(from);
         let of = |p: &Profile| p.until(to) - p.until(from);
         let computing = interpolate(&self.profiles, |p| p.size, count, of);
@@ -306,10 +304,10 @@ fn run_chunks(threads: usize, policy: Policy, chunks: u32, work: impl Fn() + Syn
 
     struct Discard;
 
-    impl Collect<()> for Discard {
+    impl Collect<Nothing> for Discard {
         type Summary = ();
 
-        fn take(&mut self, (): (), _: bool) -> Result<()> {
+        fn take(&mut self, _: Nothing, _: bool) -> Result<()> {
             Ok(())
         }
 
@@ -324,26 +322,29 @@ fn run_chunks(threads: usize, policy: Policy, chunks: u32, work: impl Fn() + Syn
     let worker = || {
         |_: OneTask| {
             work();
-            Ok(())
+            Ok(Nothing)
         }
     };
-    let produce = |feed: &mut super::feed::Feed<'_, _, _, _>| (0..chunks).try_for_each(|_| feed.put(OneTask));
+    let produce = |feed: &mut Feed<'_, _, _, _>| (0..chunks).try_for_each(|_| feed.put(OneTask));
     let schedule = Schedule { threads, policy, leg_barrier: false };
     run(schedule, &jobs, &Stop::new(), Some(&recorder), worker, produce, Discard)?;
     Ok(recorder.finish())
 }
 
-impl Outcome for () {
-    fn join(&mut self, (): ()) -> Option<()> {
+/// The result of work whose results do not matter.
+struct Nothing;
+
+impl Outcome for Nothing {
+    fn join(&mut self, _: Nothing) -> Option<Nothing> {
         None
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::record::LegEnd;
-    use super::super::replay;
     use super::*;
+    use crate::replay::replay;
+    use vlscan_warehouse::LegEnd;
 
     #[test]
     fn costs_go_between_measured_sizes() {

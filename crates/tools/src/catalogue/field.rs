@@ -36,7 +36,7 @@ pub fn field_of_view(scanner: &Scanner) -> Result<Vec<f64>> {
 }
 
 /// The field of view in words.
-pub fn in_words(angles: &[f64], has_head: bool) -> String {
+pub fn field_in_words(angles: &[f64], has_head: bool) -> String {
     match angles {
         [around, up] if has_head => format!("{around}° all around, {up}° up and down"),
         _ => angles.iter().map(|angle| format!("{angle}°")).collect::<Vec<_>>().join(" × "),
@@ -44,7 +44,7 @@ pub fn in_words(angles: &[f64], has_head: bool) -> String {
 }
 
 /// The figures of the catalogue that state the field of view.
-pub fn figures(scanner: &Scanner, sources: &Sources) -> Vec<&'static str> {
+pub fn field_figures(scanner: &Scanner, sources: &Sources) -> Vec<&'static str> {
     let first = &scanner.devices[0];
     if sources.has("field") {
         return vec!["field"];
@@ -217,8 +217,8 @@ mod tests {
 
     #[test]
     fn fields_are_told_as_data_sheets_do() {
-        assert_eq!(in_words(&[58.0], false), "58°");
-        assert_eq!(in_words(&[40.0, 28.0], false), "40° × 28°");
-        assert_eq!(in_words(&[360.0, 41.3], true), "360° all around, 41.3° up and down");
+        assert_eq!(field_in_words(&[58.0], false), "58°");
+        assert_eq!(field_in_words(&[40.0, 28.0], false), "40° × 28°");
+        assert_eq!(field_in_words(&[360.0, 41.3], true), "360° all around, 41.3° up and down");
     }
 }

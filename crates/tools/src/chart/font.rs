@@ -1,13 +1,13 @@
 //! A font of 5 × 7 dots.
 
 /// Distance from one character to the next, dots.
-pub(super) const ADVANCE: u32 = 6;
+pub(crate) const ADVANCE: u32 = 6;
 /// Height of the capitals, dots; descenders take two more rows below.
-pub(super) const HEIGHT: u32 = 7;
+pub(crate) const HEIGHT: u32 = 7;
 
 /// The dots of a character: seven rows of five (bit 4 is the leftmost), and the number of rows that it extends below
 /// the baseline. Characters without a glyph are drawn as a box.
-pub(super) fn glyph(c: char) -> ([u8; 7], u32) {
+pub(crate) fn glyph(c: char) -> ([u8; 7], u32) {
     let rows = |bits: [u8; 7]| (bits, 0);
     let hanging = |bits: [u8; 7]| (bits, 2);
     match c {
@@ -103,7 +103,7 @@ pub(super) fn glyph(c: char) -> ([u8; 7], u32) {
 }
 
 /// Width of a text, dots.
-pub(super) fn width(text: &str) -> u32 {
+pub(crate) fn width(text: &str) -> u32 {
     (text.chars().count() as u32 * ADVANCE).saturating_sub(1)
 }
 

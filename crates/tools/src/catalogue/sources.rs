@@ -11,6 +11,7 @@ const UNVERIFIED: &str = "not compared with a data sheet";
 pub struct Sources<'s>(&'s [FigureSource]);
 
 impl Sources<'_> {
+    /// The sources of a scanner's figures.
     pub fn of(scanner: &Scanner) -> Sources<'_> {
         Sources(&scanner.sources)
     }

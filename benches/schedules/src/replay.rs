@@ -1,6 +1,6 @@
 //! Simulation of a schedule on a machine with more cores: measured task times, distributed in simulated time.
 //!
-//! The machine has as many cores as threads. Producer, workers and queues behave as in [`super::run()`]; the costs
+//! The machine has as many cores as threads. Producer, workers and queues behave as in [`vlscan_warehouse::run()`]; the costs
 //! are those of the [`Workload`]. The collector is one thread more than there are cores: it sleeps until the next
 //! result in order is ready, and takes the results one after the other. Its work takes time from a core on which
 //! another thread computes, and so lengthens the computing of the chunk that it takes, as do the jobs that it has
@@ -8,12 +8,10 @@
 //! several threads compute is charged to the thread that announces the result. A thread that is too far ahead of the
 //! collector waits, and the run ends when the collector has taken everything.
 
-use super::policy::{MAX_BUFFERED_TASKS, Policy, Schedule};
-use super::record::{MAX_HISTORY, Series, SizeChange};
-use super::sizing::ChunkSizer;
-use super::workload::{ChunkCosts, PerSize, Workload};
+use crate::workload::{ChunkCosts, PerSize, Workload};
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
+use vlscan_warehouse::{ChunkSizer, MAX_BUFFERED_TASKS, MAX_HISTORY, Policy, Schedule, Series, SizeChange};
 
 /// The result of a simulation.
 #[derive(Clone, Debug, PartialEq)]

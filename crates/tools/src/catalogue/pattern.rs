@@ -1,11 +1,9 @@
-//! The scan pattern of an instrument at rest as a drawing (SVG): where its beams point, seen from the instrument.
+//! The scan pattern of an instrument at rest as a drawing: where its beams point, seen from the instrument.
 
-use crate::cli::svg::{COLOURS, begin};
+use crate::chart::{Anchor, Axis, Drawing, Mark, Plot, Role, labelled, steps};
 use std::f64::consts::TAU;
-use std::fmt::Write as _;
 use vlscan_base::corrections::Corrections;
-use vlscan_base::error::{Error, Result};
-use vlscan_base::markup::escaped;
+use vlscan_base::error::Result;
 use vlscan_base::rng::GOLDEN;
 use vlscan_geom::{DVec3, degrees};
 use vlscan_lidar::scanner::{DevicePlan, DeviceState};
@@ -26,6 +24,8 @@ const MAX_HEIGHT: f64 = 760.0;
 const MARGINS: [f64; 4] = [64.0, 24.0, 62.0, 52.0];
 /// Distance of the lines of the grid, at least, px.
 const TICK_PX: f64 = 36.0;
+/// Distances of the lines of the grid, degrees.
+const STEPS: [f64; 10] = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0];
 
 /// Directions of beams by channel.
 pub struct Pattern {
@@ -43,7 +43,8 @@ impl Pattern {
     /// # Errors
     /// Formulas of mechanical errors without a value.
     pub fn of(scanner: &Scanner) -> Result<Pattern> {
-        let first = scanner.devices.first().ok_or_else(|| Error::Internal("no device".to_owned()))?;
+        // A scanner has at least one device.
+        let first = &scanner.devices[0];
         let head_rate = first.head.max_rate.abs();
         let turns = head_rate > 0.0;
         let settings = ScannerSettings {
@@ -72,64 +73,37 @@ impl Pattern {
     }
 
     /// Draws the pattern, with the same scale on both axes.
-    pub fn svg(&self, scanner: &Scanner) -> String {
+    pub fn drawing(&self, scanner: &Scanner) -> Drawing {
         let [left, right, top, bottom] = MARGINS;
         // A line has room around it.
         let largest = self.extent.iter().map(|[lo, hi]| hi - lo).fold(1.0, f64::max);
         let [x, y] = self.extent.map(|[lo, hi]| {
             let room = (0.04 * (hi - lo)).max(0.1 * largest - 0.5 * (hi - lo)).max(0.02 * largest);
-            [lo - room, hi + room]
+            Axis::new(lo - room, hi + room)
         });
-        let scale = ((WIDTH - left - right) / (x[1] - x[0])).min((MAX_HEIGHT - top - bottom) / (y[1] - y[0]));
-        let (w, h) = (scale * (x[1] - x[0]), scale * (y[1] - y[0]));
-        let (width, height) = ((left + right + w).max(560.0), top + bottom + h);
-        let at = |[u, v]: [f64; 2]| [left + scale * (u - x[0]), top + scale * (y[1] - v)];
-        let mut svg = begin(width.round(), height.round());
-        let _ = writeln!(
-            svg,
-            "<text x=\"{left}\" y=\"26\" font-size=\"17\">{}</text>\n\
-             <text x=\"{left}\" y=\"46\" fill=\"#555555\">{}</text>",
-            escaped(&scanner.name),
-            escaped(&self.caption(scanner)),
-        );
-        let grid = |svg: &mut String, from: [f64; 2], to: [f64; 2]| {
-            let ([x1, y1], [x2, y2]) = (at(from), at(to));
-            let _ = writeln!(
-                svg,
-                "<path d=\"M{x1:.1} {y1:.1}L{x2:.1} {y2:.1}\" stroke=\"#dddddd\" fill=\"none\"/>"
-            );
+        let [across, up] = [x.high - x.low, y.high - y.low];
+        let scale = ((WIDTH - left - right) / across).min((MAX_HEIGHT - top - bottom) / up);
+        let (right, bottom_at) = (left + scale * across, top + scale * up);
+        let plot = Plot { left, right, top, bottom: bottom_at, x, y };
+        let width = (right + MARGINS[1]).max(560.0).round();
+        let mut drawing = Drawing::new(width, (bottom_at + bottom).round(), 1.1);
+        drawing.write([left, 12.0], scanner.name.clone(), Role::Ink, Anchor::Start);
+        drawing.write([left, 30.0], self.caption(scanner), Role::Faint, Anchor::Start);
+        drawing.write([left, 46.0], "upwards", Role::Faint, Anchor::End);
+        let ticks = |axis: Axis| {
+            let step = STEPS.into_iter().find(|step| step * scale >= TICK_PX).unwrap_or(90.0);
+            let ticks = labelled(steps(axis.low, axis.high, step), step);
+            ticks.into_iter().map(|(value, name)| (value, name + "°")).collect()
         };
-        let text = |svg: &mut String, [x, y]: [f64; 2], anchor: &str, text: &str| {
-            let _ = writeln!(svg, "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\">{text}</text>");
-        };
-        for tick in ticks(x, scale) {
-            grid(&mut svg, [tick, y[0]], [tick, y[1]]);
-            let [px, py] = at([tick, y[0]]);
-            text(&mut svg, [px, py + 16.0], "middle", &format!("{tick}°"));
+        plot.grid(&mut drawing, ticks(x), ticks(y));
+        let middle = 0.5 * (left + right);
+        let below = [middle, bottom_at + 30.0];
+        drawing.write(below, "to the right of straight ahead", Role::Ink, Anchor::Middle);
+        for (n, beams) in self.channels.iter().enumerate() {
+            let at = beams.iter().map(|[across, up]| plot.at(*across, *up)).collect();
+            drawing.add(Mark::Dots { at, width: 1.6, role: Role::Series(n) });
         }
-        for tick in ticks(y, scale) {
-            grid(&mut svg, [x[0], tick], [x[1], tick]);
-            let [px, py] = at([x[0], tick]);
-            text(&mut svg, [px - 6.0, py + 4.0], "end", &format!("{tick}°"));
-        }
-        text(&mut svg, [left + 0.5 * w, height - 12.0], "middle", "to the right of straight ahead");
-        let _ = writeln!(
-            svg,
-            "<text transform=\"translate(16 {:.1}) rotate(-90)\" text-anchor=\"middle\">upwards</text>",
-            top + 0.5 * h
-        );
-        for (beams, colour) in self.channels.iter().zip(COLOURS.iter().cycle()) {
-            let mut path = String::new();
-            for [px, py] in beams.iter().map(|beam| at(*beam)) {
-                let _ = write!(path, "M{px:.1} {py:.1}h0");
-            }
-            let _ = writeln!(
-                svg,
-                "<path d=\"{path}\" stroke=\"{colour}\" stroke-width=\"1.6\" stroke-linecap=\"round\"/>"
-            );
-        }
-        svg.push_str("</svg>\n");
-        svg
+        drawing
     }
 
     /// What the drawing shows.
@@ -188,25 +162,17 @@ fn beams(
     Ok(beams)
 }
 
-/// Round angles within a range, at a readable distance. `scale` is pixels per degree.
-fn ticks([lo, hi]: [f64; 2], scale: f64) -> impl Iterator<Item = f64> {
-    let steps = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0];
-    let step = steps.into_iter().find(|step| step * scale >= TICK_PX).unwrap_or(90.0);
-    let first = libm::ceil(lo / step) as i64;
-    // Without the digits that steps of tenths add.
-    (first..).map(move |i| (i as f64 * step * 10.0).round() / 10.0).take_while(move |tick| *tick <= hi)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::chart::Theme;
     use vlscan_survey::catalogue;
 
     fn pattern(id: &str) -> Pattern {
         let (known, _) = catalogue().unwrap();
         let (_, scanner) = known.scanners.iter().find(|(name, _)| name.ends_with(id)).unwrap();
         let pattern = Pattern::of(scanner).unwrap();
-        let svg = pattern.svg(scanner);
+        let svg = pattern.drawing(scanner).file(Theme::Light);
         let drawn: usize = pattern.channels.iter().map(Vec::len).sum();
         assert_eq!(svg.matches("h0").count(), drawn);
         assert!((drawn as u64) < 2 * DOTS && drawn > 500, "{id}: {drawn}");
@@ -229,11 +195,5 @@ mod tests {
         let livox = pattern("#livox_mid-40");
         let farthest = livox.channels[0].iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max);
         assert!((farthest - 19.2).abs() < 0.4, "{farthest}");
-    }
-
-    #[test]
-    fn ticks_are_round() {
-        assert_eq!(ticks([-1.0, 1.0], 80.0).collect::<Vec<_>>(), [-1.0, -0.5, 0.0, 0.5, 1.0]);
-        assert!(ticks([-187.0, 187.0], 2.5).all(|tick| tick % 15.0 == 0.0));
     }
 }

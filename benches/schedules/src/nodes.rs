@@ -1,11 +1,13 @@
-//! Runs in parts on many nodes, in simulated time: measured costs of computing, merging and stepping through the flight, and
+//! Runs in shards on many nodes, in simulated time: measured costs of computing, merging and stepping through the flight, and
 //! the speed of disks and the behaviour of a batch system as assumptions.
 
-use super::measure::PartCosts;
+use crate::measure::ShardCosts;
+use crate::replay::replay;
+use crate::workload::Workload;
 use serde::Serialize;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
-use vlscan_warehouse::{Schedule, Workload, replay};
+use vlscan_warehouse::Schedule;
 
 /// What is assumed about a cluster.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -15,7 +17,7 @@ pub struct Cluster {
     /// Pulses of the whole survey.
     pub pulses: u64,
     /// Parts per node.
-    pub parts_per_node: u32,
+    pub shards_per_node: u32,
     /// Bytes per second that a node reads or writes.
     pub node_bytes_per_s: f64,
     /// Bytes per second of all nodes together.
@@ -30,28 +32,28 @@ const TASKS_PER_S: f64 = 50.0;
 #[derive(Clone, Debug, Serialize)]
 pub struct NodesForecast {
     pub nodes: u32,
-    pub parts: u32,
-    /// Time to find where the parts begin, s.
-    pub plan_s: f64,
-    /// Time from the first part to the last, s.
-    pub parts_s: f64,
+    pub shards: u32,
+    /// Time to find where the shards begin, s.
+    pub index_s: f64,
+    /// Time from the first shard to the last, s.
+    pub shards_s: f64,
     /// Time of the merge, s, and the number of nodes that share it.
     pub merge_s: f64,
     pub merging_nodes: u32,
     /// Time to join what several nodes have merged, s.
     pub join_s: f64,
     pub total_s: f64,
-    /// Time of a run without parts on one node, divided by this time.
+    /// Time of a run without shards on one node, divided by this time.
     pub speedup: f64,
     pub efficiency: f64,
-    /// Fraction of the time of the parts in which a node waits for the disk.
+    /// Fraction of the time of the shards in which a node waits for the disk.
     pub disk: f64,
 }
 
 /// Costs of a survey of the cluster's size.
 struct Scaled<'a> {
     load: &'a Workload,
-    costs: &'a PartCosts,
+    costs: &'a ShardCosts,
     cluster: Cluster,
     /// Pulses of the survey per pulse that was measured.
     scale: f64,
@@ -62,11 +64,11 @@ struct Scaled<'a> {
 impl Scaled<'_> {
     /// Seconds of computing of a fraction of the survey on a node.
     fn compute(&self, from: f64, to: f64) -> f64 {
-        self.load.share(from, to) * self.costs.part_cpu_s * self.scale / self.threads
+        self.load.share(from, to) * self.costs.shard_cpu_s * self.scale / self.threads
     }
 
-    fn part_bytes(&self) -> f64 {
-        self.costs.part_bytes as f64 * self.scale
+    fn shard_bytes(&self) -> f64 {
+        self.costs.shard_bytes as f64 * self.scale
     }
 
     fn out_bytes(&self) -> f64 {
@@ -82,23 +84,23 @@ impl Scaled<'_> {
         TASK_START_S + self.costs.start_s
     }
 
-    /// A run without parts on one node.
+    /// A run without shards on one node.
     fn alone(&self) -> f64 {
         let computing = self.costs.run_cpu_s * self.scale / self.threads;
         self.start() + computing.max(self.out_bytes() / self.disk(1))
     }
 
-    /// Time of all parts, and the fraction of it that nodes wait for disks.
-    fn parts(&self, nodes: u32, parts: u32) -> (f64, f64) {
-        let active = nodes.min(parts);
-        let writing = self.part_bytes() / f64::from(parts) / self.disk(active);
+    /// Time of all shards, and the fraction of it that nodes wait for disks.
+    fn shards(&self, nodes: u32, shards: u32) -> (f64, f64) {
+        let active = nodes.min(shards);
+        let writing = self.shard_bytes() / f64::from(shards) / self.disk(active);
         // Tasks begin one after the other, each on the node that is idle first. Times are compared as whole nanoseconds.
         let mut idle: BinaryHeap<Reverse<u64>> = (0..active).map(|_| Reverse(0)).collect();
         let (mut last, mut waited, mut busy) = (0.0_f64, 0.0, 0.0);
-        for part in 0..parts {
+        for shard in 0..shards {
             let Some(Reverse(at)) = idle.pop() else { break };
-            let begin = (at as f64 * 1e-9).max(f64::from(part) / TASKS_PER_S);
-            let [from, to] = [part, part + 1].map(|n| f64::from(n) / f64::from(parts));
+            let begin = (at as f64 * 1e-9).max(f64::from(shard) / TASKS_PER_S);
+            let [from, to] = [shard, shard + 1].map(|n| f64::from(n) / f64::from(shards));
             let computing = self.compute(from, to);
             let end = begin + self.start() + computing.max(writing);
             waited += (writing - computing).max(0.0);
@@ -114,7 +116,7 @@ impl Scaled<'_> {
         let share = self.scale / f64::from(nodes);
         let encoding = self.costs.merge_cpu_s * share / self.threads;
         let collecting = self.costs.collect_s * share;
-        let bytes = (self.costs.part_bytes + self.costs.out_bytes) as f64 * share;
+        let bytes = (self.costs.shard_bytes + self.costs.out_bytes) as f64 * share;
         let merging = encoding.max(collecting).max(bytes / self.disk(nodes));
         let join = if nodes > 1 { TASK_START_S + 2.0 * self.out_bytes() / self.disk(1) } else { 0.0 };
         (TASK_START_S + f64::from(nodes) / TASKS_PER_S + merging, join)
@@ -124,7 +126,7 @@ impl Scaled<'_> {
 /// Simulates runs on `nodes` nodes each. `schedule` is that of a node.
 pub fn simulate(
     load: &Workload,
-    costs: &PartCosts,
+    costs: &ShardCosts,
     schedule: Schedule,
     cluster: Cluster,
     nodes: &[u32],
@@ -137,29 +139,29 @@ pub fn simulate(
 /// [`simulate`], where the threads of a node do the work of `threads` threads that never wait.
 fn simulate_with(
     load: &Workload,
-    costs: &PartCosts,
+    costs: &ShardCosts,
     threads: f64,
     cluster: Cluster,
     nodes: &[u32],
 ) -> Vec<NodesForecast> {
     let scale = cluster.pulses as f64 / costs.pulses.max(1) as f64;
     let scaled = Scaled { load, costs, cluster, scale, threads };
-    let plan_s = TASK_START_S + costs.plan_s * scale;
+    let index_s = TASK_START_S + costs.index_s * scale;
     let forecast = |&nodes: &u32| {
-        let parts = nodes.saturating_mul(cluster.parts_per_node).max(1);
-        let (parts_s, disk) = scaled.parts(nodes, parts);
+        let shards = nodes.saturating_mul(cluster.shards_per_node).max(1);
+        let (shards_s, disk) = scaled.shards(nodes, shards);
         let alone = (1, scaled.merge(1));
         let shared = (nodes, scaled.merge(nodes));
         let time = |(_, (merge, join)): &(u32, (f64, f64))| merge + join;
         let (merging_nodes, (merge_s, join_s)) = if time(&shared) < time(&alone) { shared } else { alone };
-        let total_s = plan_s + parts_s + merge_s + join_s;
+        let total_s = index_s + shards_s + merge_s + join_s;
         let speedup = scaled.alone() / total_s;
         let efficiency = speedup / f64::from(nodes.max(1));
         NodesForecast {
             nodes,
-            parts,
-            plan_s,
-            parts_s,
+            shards,
+            index_s,
+            shards_s,
             merge_s,
             merging_nodes,
             join_s,
@@ -176,16 +178,16 @@ fn simulate_with(
 mod tests {
     use super::*;
 
-    fn costs() -> PartCosts {
-        PartCosts {
+    fn costs() -> ShardCosts {
+        ShardCosts {
             pulses: 1_000_000,
-            plan_s: 0.001,
+            index_s: 0.001,
             start_s: 2.0,
             run_cpu_s: 10.0,
-            part_cpu_s: 10.0,
+            shard_cpu_s: 10.0,
             merge_cpu_s: 1.0,
             collect_s: 0.1,
-            part_bytes: 100_000_000,
+            shard_bytes: 100_000_000,
             out_bytes: 40_000_000,
         }
     }
@@ -197,7 +199,7 @@ mod tests {
     const CLUSTER: Cluster = Cluster {
         threads: 1,
         pulses: 1_000_000_000,
-        parts_per_node: 4,
+        shards_per_node: 4,
         node_bytes_per_s: 1e9,
         all_bytes_per_s: 10e9,
     };
@@ -205,12 +207,12 @@ mod tests {
     #[test]
     fn one_node_takes_what_its_work_takes() {
         let [one, ten] = simulated(CLUSTER, &[1, 10]).try_into().unwrap();
-        // 10 000 s of computing in four parts, each of which starts in 3 s; 1000 s to merge.
-        assert!((one.parts_s - 10_012.0).abs() < 0.1, "{one:?}");
+        // 10 000 s of computing in four shards, each of which starts in 3 s; 1000 s to merge.
+        assert!((one.shards_s - 10_012.0).abs() < 0.1, "{one:?}");
         assert!((one.merge_s - 1001.0).abs() < 0.1 && one.merging_nodes == 1 && one.join_s == 0.0, "{one:?}");
-        assert!((one.plan_s - 2.0).abs() < 1e-9 && one.efficiency < 1.0, "{one:?}");
+        assert!((one.index_s - 2.0).abs() < 1e-9 && one.efficiency < 1.0, "{one:?}");
         // Ten nodes compute in a tenth of the time, and merge together.
-        assert!((ten.parts_s - 1012.0).abs() < 1.0, "{ten:?}");
+        assert!((ten.shards_s - 1012.0).abs() < 1.0, "{ten:?}");
         assert!(ten.merging_nodes == 10 && (ten.join_s - 81.0).abs() < 0.1, "{ten:?}");
     }
 
@@ -218,8 +220,8 @@ mod tests {
     fn disks_limit_many_nodes() {
         let [slow] = simulated(Cluster { all_bytes_per_s: 1e8, ..CLUSTER }, &[100]).try_into().unwrap();
         // 100 GB at 100 MB/s.
-        assert!(slow.parts_s > 1000.0 && slow.disk > 0.8, "{slow:?}");
+        assert!(slow.shards_s > 1000.0 && slow.disk > 0.8, "{slow:?}");
         let [fast] = simulated(Cluster { all_bytes_per_s: 1e12, ..CLUSTER }, &[100]).try_into().unwrap();
-        assert!(fast.parts_s < 130.0 && fast.disk == 0.0, "{fast:?}");
+        assert!(fast.shards_s < 130.0 && fast.disk == 0.0, "{fast:?}");
     }
 }

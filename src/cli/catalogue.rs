@@ -1,66 +1,23 @@
 //! `vlscan catalogue`: the scanners and platforms shipped with the program.
 
-mod field;
-mod pattern;
-mod sources;
-
 use super::Console;
-use super::aligned::{Side, aligned};
 use super::args::{CatalogueArgs, CatalogueCommand, ShowArgs};
-use field::field_of_view;
-use pattern::Pattern;
 use serde::Serialize;
-use sources::Sources;
+use vlscan_base::aligned::{Side, aligned};
 use vlscan_base::diag::nearest;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileWriter, Patched, write_stdout};
+use vlscan_base::files::{write_file, write_stdout};
 use vlscan_base::quantity::number;
-use vlscan_geom::degrees;
-use vlscan_survey::{
-    Deflector, Platform, PlatformKind, ReadOptions, Scanner, catalogue, find_scanner, width_of_pulse_length,
+use vlscan_survey::{ReadOptions, Scanner, catalogue, find_scanner};
+use vlscan_tools::catalogue::{
+    Pattern, PlatformFigures, ScannerFigures, Sources, field_figures, field_in_words,
 };
-
-/// Properties of a scanner by which users compare scanners; the figures are those of its first device.
-#[derive(Serialize)]
-struct ScannerRow {
-    /// Reference to the scanner in surveys and pipelines.
-    reference: String,
-    name: String,
-    optics: &'static str,
-    channels: usize,
-    /// Along the emitter's x axis.
-    divergence_mrad: f64,
-    /// Along the emitter's z axis, of elliptic beams.
-    divergence_y_mrad: Option<f64>,
-    pulse_rates_hz: Vec<u32>,
-    range_min_m: f64,
-    /// `None` is unlimited.
-    range_max_m: Option<f64>,
-    /// Full angle of the field, or of its two extents: all around, and up and down, of a head that turns; each at most 360.
-    field_of_view_deg: Vec<f64>,
-    /// Maximum rotation rate of the head; 0 without a head.
-    head_deg_per_s: f64,
-    wavelength_nm: f64,
-    /// In the measure of HELIOS++, which surveys in XML keep without corrections.
-    pulse_length_ns: f64,
-    /// Full width at half maximum.
-    pulse_fwhm_ns: f64,
-    accuracy_m: f64,
-    /// 0 is unlimited.
-    max_returns: u32,
-}
-
-#[derive(Serialize)]
-struct PlatformRow {
-    reference: String,
-    kind: &'static str,
-    mount_offset_m: [f64; 3],
-}
+use vlscan_tools::chart::Theme;
 
 #[derive(Serialize)]
 struct Rows {
-    scanners: Vec<ScannerRow>,
-    platforms: Vec<PlatformRow>,
+    scanners: Vec<ScannerFigures>,
+    platforms: Vec<PlatformFigures>,
 }
 
 pub fn run(args: &CatalogueArgs, console: &Console) -> Result<()> {
@@ -78,13 +35,13 @@ pub fn run(args: &CatalogueArgs, console: &Console) -> Result<()> {
             .scanners
             .iter()
             .filter(|(r, s)| wanted(r, &s.name))
-            .map(|(r, s)| scanner(r, s))
+            .map(|(r, s)| ScannerFigures::of(r, s))
             .collect::<Result<_>>()?,
         platforms: known
             .platforms
             .iter()
             .filter(|(r, _)| wanted(r, ""))
-            .map(|(r, p)| platform(r, p))
+            .map(|(r, p)| PlatformFigures::of(r, p))
             .collect(),
     };
     if rows.scanners.is_empty() && rows.platforms.is_empty() {
@@ -101,19 +58,25 @@ pub fn run(args: &CatalogueArgs, console: &Console) -> Result<()> {
     write_stdout(&if args.json { json(&rows)? } else { table(&rows) })
 }
 
+/// A scanner with where its figures come from.
+#[derive(Serialize)]
+struct ShownScanner<'r> {
+    #[serde(flatten)]
+    figures: &'r ScannerFigures,
+    sources: Sources<'r>,
+}
+
 /// Shows one scanner.
 fn show(args: &ShowArgs, console: &Console) -> Result<()> {
     let (found, warnings) = find_scanner(&args.name, &ReadOptions::default())?;
     console.warnings(&warnings)?;
-    let row = scanner(&args.name, &found)?;
+    let row = ScannerFigures::of(&args.name, &found)?;
     if let Some(path) = &args.picture {
         if path.exists() && !args.force {
             return Err(Error::input(format!("{} exists; --force overwrites it", path.display())));
         }
-        let picture = Pattern::of(&found)?.svg(&found);
-        let mut file = FileWriter::create(path, args.force, Patched::Never)?;
-        file.append(picture.as_bytes())?;
-        file.finish()?;
+        let picture = Pattern::of(&found)?.drawing(&found).file(Theme::Light);
+        write_file(path, args.force, picture.as_bytes())?;
     }
     let text = match args.json {
         true => json(&ShownScanner { figures: &row, sources: Sources::of(&found) })?,
@@ -123,7 +86,7 @@ fn show(args: &ShowArgs, console: &Console) -> Result<()> {
 }
 
 /// The figures of a scanner, a line each.
-fn figures(row: &ScannerRow, scanner: &Scanner) -> String {
+fn figures(row: &ScannerFigures, scanner: &Scanner) -> String {
     let device = &scanner.devices[0];
     let rates: Vec<String> = row.pulse_rates_hz.iter().map(|&hz| (f64::from(hz) / 1e3).to_string()).collect();
     let [_, name, optics, channels, divergence, _, range, _, wavelength, returns] = scanner_line(row);
@@ -148,8 +111,8 @@ fn figures(row: &ScannerRow, scanner: &Scanner) -> String {
     line("optics", optics, &[]);
     line("channels", channels, &["channels"]);
     line("pulse rates", format!("{} kHz", rates.join(", ")), &["pulseFreqs_Hz"]);
-    let field = field::in_words(&row.field_of_view_deg, row.head_deg_per_s > 0.0);
-    line("field of view", field, &field::figures(scanner, &sources));
+    let field = field_in_words(&row.field_of_view_deg, row.head_deg_per_s > 0.0);
+    line("field of view", field, &field_figures(scanner, &sources));
     line("lines", lines, &["scanFreqMin_Hz", "scanFreqMax_Hz"]);
     line("head", head, &["headRotatePerSecMax_deg"]);
     // A range without an end is no figure.
@@ -179,64 +142,6 @@ fn json(rows: &impl Serialize) -> Result<String> {
     Ok(serde_json::to_string_pretty(rows).map_err(|e| Error::Internal(e.to_string()))? + "\n")
 }
 
-fn scanner(reference: &str, scanner: &Scanner) -> Result<ScannerRow> {
-    // A scanner has at least one device.
-    let device = &scanner.devices[0];
-    let optics = match device.deflector {
-        Deflector::Polygon { .. } => "rotating",
-        Deflector::Oscillating { .. } => "oscillating",
-        Deflector::Conic => "conic",
-        Deflector::EllipticConic { .. } => "elliptic",
-        Deflector::Fibres { .. } => "line",
-        Deflector::Risley { .. } => "risley",
-        Deflector::Custom(_) => "custom",
-    };
-    let beam = &device.beam;
-    Ok(ScannerRow {
-        reference: reference.to_owned(),
-        name: scanner.name.clone(),
-        optics,
-        channels: scanner.devices.len(),
-        divergence_mrad: rounded(beam.divergence * 1e3),
-        divergence_y_mrad: beam.divergence_y.map(|angle| rounded(angle * 1e3)),
-        pulse_rates_hz: scanner.pulse_freqs.clone(),
-        range_min_m: device.detector.range_min,
-        range_max_m: Some(device.detector.range_max).filter(|&m| m.is_finite() && m < 1e6),
-        field_of_view_deg: field_of_view(scanner)?,
-        head_deg_per_s: rounded(degrees(device.head.max_rate)),
-        wavelength_nm: rounded(beam.wavelength),
-        pulse_length_ns: beam.pulse_length,
-        pulse_fwhm_ns: rounded(width_of_pulse_length(beam.length(true))),
-        accuracy_m: device.detector.accuracy,
-        max_returns: device.detector.max_returns,
-    })
-}
-
-/// A scanner with where its figures come from.
-#[derive(Serialize)]
-struct ShownScanner<'r> {
-    #[serde(flatten)]
-    figures: &'r ScannerRow,
-    sources: Sources<'r>,
-}
-
-fn platform(reference: &str, platform: &Platform) -> PlatformRow {
-    let kind = match platform.kind {
-        PlatformKind::Static => "static",
-        PlatformKind::LinearPath => "linear path",
-        PlatformKind::GroundVehicle { .. } => "ground vehicle",
-        PlatformKind::Multicopter(_) => "multicopter",
-        PlatformKind::Interpolated(_) => "trajectory",
-        PlatformKind::Stream(_) => "stream",
-    };
-    PlatformRow { reference: reference.to_owned(), kind, mount_offset_m: platform.mount.offset.to_array() }
-}
-
-/// Rounds away the digits that come from the conversion of units.
-fn rounded(value: f64) -> f64 {
-    (value * 1e6).round() / 1e6
-}
-
 fn table(rows: &Rows) -> String {
     let mut text = String::new();
     if !rows.scanners.is_empty() {
@@ -263,7 +168,7 @@ fn table(rows: &Rows) -> String {
 }
 
 /// The cells of a scanner in the table.
-fn scanner_line(s: &ScannerRow) -> [String; 10] {
+fn scanner_line(s: &ScannerFigures) -> [String; 10] {
     let kilohertz = |f: Option<&u32>| f.map_or(0.0, |&f| f64::from(f) / 1e3);
     let (least, most) = (kilohertz(s.pulse_rates_hz.iter().min()), kilohertz(s.pulse_rates_hz.iter().max()));
     let rates = if least == most { format!("{least}") } else { format!("{least}-{most}") };
@@ -291,24 +196,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn figures_of_a_scanner() {
-        let (known, _) = catalogue().unwrap();
-        let (reference, found) = known.scanners.iter().find(|s| s.0.ends_with("#riegl_vz400")).unwrap();
-        let row = scanner(reference, found).unwrap();
-        assert_eq!(
-            (row.optics, row.channels, &row.field_of_view_deg[..]),
-            ("rotating", 1, &[360.0, 100.0][..])
-        );
-        assert!(
-            row.reference.starts_with("data/") && row.divergence_mrad > 0.0 && !row.pulse_rates_hz.is_empty()
-        );
-    }
-
-    #[test]
     fn list_and_lines_tell_the_same_field() {
         let (known, _) = catalogue().unwrap();
         for (reference, found) in &known.scanners {
-            let row = scanner(reference, found).unwrap();
+            let row = ScannerFigures::of(reference, found).unwrap();
             let shown = figures(&row, found);
             let line = shown.lines().find(|line| line.starts_with("field of view")).unwrap();
             let told: Vec<f64> =
@@ -322,7 +213,7 @@ mod tests {
         let (known, _) = catalogue().unwrap();
         let line = |id: &str, name: &str| {
             let (reference, found) = known.scanners.iter().find(|s| s.0.ends_with(id)).unwrap();
-            let shown = figures(&scanner(reference, found).unwrap(), found);
+            let shown = figures(&ScannerFigures::of(reference, found).unwrap(), found);
             shown.lines().find(|line| line.starts_with(name)).unwrap_or_else(|| panic!("{shown}")).to_owned()
         };
         // The source of its farthest echo says nothing of its least range.

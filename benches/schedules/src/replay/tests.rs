@@ -1,7 +1,7 @@
 //! Schedules computed by hand.
 
-use super::super::workload::{Overheads, PerSize, Profile};
 use super::*;
+use crate::workload::{Overheads, PerSize, Profile};
 
 fn load(costs: &[f64], legs: &[u64]) -> Workload {
     let mut sum = 0.0;

@@ -1,13 +1,14 @@
 //! The measurements and their comparison.
 
-use super::forecast::Forecast;
-use super::matrix::cores;
-use super::measure::{Bench, Cell, PartCosts};
-use super::nodes::{Cluster, NodesForecast};
-use super::paper;
+use crate::forecast::Forecast;
+use crate::matrix::cores;
+use crate::measure::{Built, Cell, ShardCosts};
+use crate::nodes::{Cluster, NodesForecast};
+use crate::paper;
 use serde::Serialize;
 use serde_json::{Value, json};
 
+#[derive(Default)]
 pub struct Report {
     pub survey: String,
     pub primitives: usize,
@@ -25,23 +26,20 @@ pub struct Report {
 pub struct ClusterForecast {
     pub tree: &'static str,
     pub cluster: Cluster,
-    pub costs: PartCosts,
+    pub costs: ShardCosts,
     pub nodes: Vec<NodesForecast>,
 }
 
 impl Report {
-    pub fn begin(bench: &Bench) -> Report {
-        Report {
-            survey: bench.session.survey().name.clone(),
-            primitives: bench.session.scene().primitives(),
-            legs: bench.session.survey().legs.len(),
-            load_s: bench.load_s,
-            scene_bytes: bench.session.scene().memory(),
-            format: bench.format.clone(),
-            cells: Vec::new(),
-            forecasts: Vec::new(),
-            clusters: Vec::new(),
-        }
+    /// Takes the facts of the survey and its scene.
+    pub fn describe(&mut self, built: &Built, format: &str) {
+        let (survey, scene) = (built.session.survey(), built.session.scene());
+        self.survey = survey.name.clone();
+        self.primitives = scene.primitives();
+        self.legs = survey.legs.len();
+        self.load_s = built.load_s;
+        self.scene_bytes = scene.memory();
+        self.format = format.to_owned();
     }
 
     /// Computes speedups: of each cell relative to its tree on one thread with the same chunks, or else the smallest;

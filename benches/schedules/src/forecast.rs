@@ -1,9 +1,11 @@
 //! Schedules with other numbers of threads: measured task times in simulated time.
 
-use super::matrix::{Combination, Matrix, Variant};
-use super::measure::Cell;
+use crate::matrix::{Combination, Matrix, Variant};
+use crate::measure::Cell;
+use crate::replay::replay;
+use crate::workload::Workload;
 use serde::Serialize;
-use vlscan_warehouse::{Schedule, SizeChange, Workload, replay};
+use vlscan_warehouse::{Schedule, SizeChange};
 
 #[derive(Clone, Debug, Serialize)]
 pub struct Forecast {

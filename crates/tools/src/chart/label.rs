@@ -1,7 +1,7 @@
 //! Numbers formatted for people.
 
 /// Groups digits: 1234567 becomes "1 234 567".
-pub(super) fn grouped(n: usize) -> String {
+pub(crate) fn grouped(n: usize) -> String {
     let digits = n.to_string();
     let mut text = String::new();
     for (i, d) in digits.chars().enumerate() {
@@ -14,7 +14,7 @@ pub(super) fn grouped(n: usize) -> String {
 }
 
 /// Formats metres, with fewer decimals for larger values.
-pub(super) fn metres(m: f64) -> String {
+pub(crate) fn metres(m: f64) -> String {
     match m.abs() {
         a if a >= 1000.0 => format!("{m:.0}"),
         a if a >= 100.0 => format!("{m:.1}"),
@@ -23,7 +23,7 @@ pub(super) fn metres(m: f64) -> String {
 }
 
 /// Formats a value with three digits.
-pub(super) fn significant(value: f64) -> String {
+pub(crate) fn significant(value: f64) -> String {
     let digits = if value == 0.0 { 0 } else { libm::log10(value.abs()).floor() as i32 };
     match digits {
         -4..=5 => format!("{value:.*}", (2 - digits).max(0) as usize),
@@ -32,7 +32,7 @@ pub(super) fn significant(value: f64) -> String {
 }
 
 /// Formats a percentage.
-pub(super) fn share(percent: f64) -> String {
+pub(crate) fn share(percent: f64) -> String {
     match percent {
         p if p >= 9.95 => format!("{p:.0}%"),
         p if p >= 0.095 => format!("{p:.1}%"),
@@ -41,7 +41,7 @@ pub(super) fn share(percent: f64) -> String {
 }
 
 /// The largest of 1, 2, 5 × 10ⁿ that is not above `limit`.
-pub(super) fn round_below(limit: f64) -> f64 {
+pub(crate) fn round_below(limit: f64) -> f64 {
     if !(limit > 1e-12 && limit.is_finite()) {
         return 1.0;
     }
@@ -56,7 +56,7 @@ pub(super) fn round_below(limit: f64) -> f64 {
 }
 
 /// Formats a multiple of `step` without unnecessary decimals.
-pub(super) fn round_number(value: f64, step: f64) -> String {
+pub(crate) fn round_number(value: f64, step: f64) -> String {
     let decimals = (0..9).find(|d| step * 10f64.powi(*d) > 0.999).unwrap_or(9);
     let text = format!("{value:.*}", decimals as usize);
     if text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') {

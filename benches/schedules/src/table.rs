@@ -1,9 +1,20 @@
 //! The report as tables.
 
-use super::columns::table;
-use super::matrix::Combination;
-use super::report::{ClusterForecast, Report};
+use crate::matrix::Combination;
+use crate::report::{ClusterForecast, Report};
+use vlscan_base::aligned::{Side, aligned};
 use vlscan_base::quantity::amount;
+
+/// The heading of a column and its text in every row.
+type Column<T> = (&'static str, fn(&T) -> String);
+
+/// Formats rows in aligned columns, two spaces apart: the first column left-aligned, all others right-aligned.
+pub fn table<T>(rows: &[T], columns: &[Column<T>]) -> String {
+    let head = columns.iter().map(|(head, _)| (*head).to_owned()).collect();
+    let body = rows.iter().map(|row| columns.iter().map(|(_, text)| text(row)).collect());
+    let lines: Vec<Vec<String>> = std::iter::once(head).chain(body).collect();
+    aligned(&lines, Side::Right)
+}
 
 pub fn of(report: &Report) -> String {
     let mut text = format!(
@@ -39,19 +50,19 @@ fn simulated_nodes(cluster: &ClusterForecast) -> String {
     let megabytes = |bytes: u64| bytes as f64 / 1e6;
     let head = format!(
         "\nSimulated nodes of {} threads, {} pulses, tree {tree}; {}B/s per node, {}B/s altogether.\n\
-         Measured per pulse on one thread: run {:.0} ns, as a part {:.0} ns, plan {:.1} ns, merge {:.0} + {:.0} ns; \
-         start {:.2} s, parts {:.0} MB, output {:.0} MB for {} pulses.\n",
+         Measured per pulse on one thread: run {:.0} ns, as a shard {:.0} ns, index {:.1} ns, merge {:.0} + {:.0} ns; \
+         start {:.2} s, shards {:.0} MB, output {:.0} MB for {} pulses.\n",
         assumed.threads,
         amount(assumed.pulses as f64),
         amount(assumed.node_bytes_per_s),
         amount(assumed.all_bytes_per_s),
         per_pulse(costs.run_cpu_s),
-        per_pulse(costs.part_cpu_s),
-        per_pulse(costs.plan_s),
+        per_pulse(costs.shard_cpu_s),
+        per_pulse(costs.index_s),
         per_pulse(costs.merge_cpu_s),
         per_pulse(costs.collect_s),
         costs.start_s,
-        megabytes(costs.part_bytes),
+        megabytes(costs.shard_bytes),
         megabytes(costs.out_bytes),
         amount(costs.pulses as f64),
     );
@@ -59,9 +70,9 @@ fn simulated_nodes(cluster: &ClusterForecast) -> String {
         nodes,
         &[
             ("nodes", |n| n.nodes.to_string()),
-            ("parts", |n| n.parts.to_string()),
-            ("plan s", |n| format!("{:.1}", n.plan_s)),
-            ("parts s", |n| format!("{:.1}", n.parts_s)),
+            ("shards", |n| n.shards.to_string()),
+            ("index s", |n| format!("{:.1}", n.index_s)),
+            ("shards s", |n| format!("{:.1}", n.shards_s)),
             ("merge s", |n| format!("{:.1}", n.merge_s)),
             ("by nodes", |n| n.merging_nodes.to_string()),
             ("join s", |n| format!("{:.1}", n.join_s)),
