@@ -11,7 +11,6 @@ import pytest
 import vlscan
 from conftest import FIXTURES, ROOT
 
-
 #: The campaign that the examples name.
 CAMPAIGN = """out = "set"
 [[scene]]

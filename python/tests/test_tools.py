@@ -3,6 +3,7 @@
 import json
 
 import pytest
+
 import vlscan
 
 SQUARE = [(-20, -20), (20, -20), (20, 20), (-20, 20)]

@@ -12,7 +12,7 @@ from ._typing import PathLike, Vector
 class RunOptions(TypedDict, total=False):
     """Options of :meth:`vlscan.Survey.run`: those of the command line with underscores. ``None`` is an option not given."""
 
-    format: Literal["xyz", "csv", "bin", "las", "laz", "copc", "ply", "ply-ascii", "raycloud", "pcd", "e57", "mcap", "arrow", "parquet"] | None
+    format: Literal["xyz", "csv", "bin", "las", "laz", "copc", "ply", "ply-ascii", "raycloud", "pcd", "e57", "mcap", "arrow", "parquet", "geoparquet"] | None
     """Format of the points, where no extension tells it."""
 
     columns: str | Sequence[str] | None

@@ -230,7 +230,7 @@ class Survey:
         if isinstance(self.trajectory, (str, os.PathLike)):
             words = [*words, f"--trajectory={os.fspath(self.trajectory)}"]
         elif self.trajectory is not None:
-            trajectory = _columns_of(self.trajectory, TRAJECTORY_COLUMNS)
+            trajectory = columns_of(self.trajectory, TRAJECTORY_COLUMNS)
         scene = self.scene._scene if self.scene is not None else None
         if self._file is not None and not self._keys():
             return _vlscan.Request(words, file=self._file, scene=scene, trajectory=trajectory, pulses=pulses)
@@ -477,7 +477,7 @@ def trace(
             columns["time"] = np.broadcast_to(np.asarray(time, float), len(ends))
         pulses = columns
     words, tables = _recorded(to, waveforms, None, options)
-    return Result(_vlscan.run(survey._request(words, _columns_of(pulses, ())), tables, progress))
+    return Result(_vlscan.run(survey._request(words, columns_of(pulses, ())), tables, progress))
 
 
 def _opened(survey: Survey | PathLike) -> Survey:
@@ -510,7 +510,7 @@ def _batches(request: _vlscan.Request, rows: int, per_leg: bool, seconds: float 
         batches.close()
 
 
-def _columns_of(table: TableLike | ArrayLike, names: tuple[str, ...]) -> _Table:
+def columns_of(table: TableLike | ArrayLike, names: tuple[str, ...]) -> _Table:
     """Return a table as the engine takes it; ``names`` are those of the columns of an array without names."""
     if isinstance(table, ArrowStream):
         return table

@@ -6,30 +6,42 @@ import json
 import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 from . import _vlscan
-from .scene import PathLike
+from ._typing import PathLike, TableLike
 from .survey import columns_of
-from .tables import Points
 
 #: The corners of a polygon, x and y in m; a file of GeoJSON, KML or well-known text; or well-known text itself.
-Area = PathLike | Sequence[Sequence[float]]
+Area: TypeAlias = PathLike | Sequence[Sequence[float]]
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A planned survey."""
+    """A planned survey.
 
-    #: The pipeline file, which ``vlscan run`` flies.
+    Parameters
+    ----------
+    text : str
+        The pipeline file, which ``vlscan run`` flies.
+    promises : list of str
+        What the plan promises: duration, pulses, density, spacing, footprint.
+    warnings : list of str
+        What there is to know of it.
+    """
+
     text: str
-    #: What the plan promises: duration, pulses, density, spacing, footprint.
     promises: list[str]
-    #: What there is to know of it.
     warnings: list[str]
 
     def save(self, path: PathLike) -> None:
-        """Writes the pipeline file."""
+        """Write the pipeline file.
+
+        Parameters
+        ----------
+        path : str or path-like
+            The file, ``.toml``.
+        """
         with open(path, "w", encoding="utf-8") as file:
             file.write(self.text)
 
@@ -57,9 +69,57 @@ def plan_airborne(
     pulse_rate: int | None = None,
     assets: Iterable[PathLike] = (),
 ) -> Plan:
-    """Plans parallel flight lines over an area, ``height`` m above the ground; the options are those of ``vlscan plan airborne``.
+    """Plan parallel flight lines over an area, with the options of ``vlscan plan airborne``.
 
-    ``speed`` (m/s) or ``density`` (pulses/m²) is needed; ``overlap`` is percent of the swath, angles are degrees."""
+    Parameters
+    ----------
+    scanner : str
+        Id of the scanner.
+    height : float
+        Height above the ground, m.
+    area : sequence, str or path-like, optional
+        Corners of a polygon, a file, or well-known text; the scene by default.
+    buffer : float, optional
+        The area is a line, and what is no farther from it than this, m.
+    speed, density : float, optional
+        Speed, m/s, and mean pulses per m²; one of them is needed.
+    overlap : float, optional
+        Overlap of neighbouring strips, percent of the swath.
+    scan_angle, scan_freq : float, optional
+        Half opening angle, degrees, and scan frequency, Hz.
+    heading : float, optional
+        Direction of the lines, degrees clockwise from +y; by default the one with the fewest lines.
+    cross_lines : int
+        Number of cross lines, perpendicular to the others and evenly spread.
+    run_in : float, optional
+        Length by which lines begin before the area and end behind it, m.
+    turn_radius : float, optional
+        Radius of turns between lines, m; by default the flight is straight to the next line.
+    follow_terrain : bool
+        Whether the height is above the scene's ground instead of above its mean.
+    climb : float, optional
+        Steepest climb with ``follow_terrain``, degrees.
+    platform : str, optional
+        Id of the platform; the usual one of the scanner by default.
+    scene : str or path-like, optional
+        The scene, for the heights of its ground.
+    ground : float, optional
+        Height of the ground where no scene tells it, m; tripods and vehicles stand on it even if a scene does.
+    pulse_rate : int, optional
+        Pulses per second; the scanner's first by default.
+    assets : iterable of str or path-like
+        Folders in which files are searched.
+
+    Returns
+    -------
+    Plan
+        The plan.
+
+    Raises
+    ------
+    InputError
+        The options are missing, invalid, or beyond what the instrument can do.
+    """
     return _plan("airborne", dict(locals()))
 
 
@@ -79,8 +139,47 @@ def plan_terrestrial(
     pulse_rate: int | None = None,
     assets: Iterable[PathLike] = (),
 ) -> Plan:
-    """Plans positions of a tripod, on a grid (``spacing`` m) over an area or ``around`` a plot; the options are those of
-    ``vlscan plan terrestrial``."""
+    """Plan positions of a tripod over an area or around a plot, with the options of ``vlscan plan terrestrial``.
+
+    Parameters
+    ----------
+    scanner : str
+        Id of the scanner.
+    area : sequence, str or path-like, optional
+        Corners of a polygon, a file, or well-known text; the scene by default.
+    spacing : float, optional
+        Distance of the positions on a grid, m.
+    around : tuple of float, optional
+        Centre of a plot, m.
+    radius : float, optional
+        Its radius, m.
+    positions : int, optional
+        Number of positions around it.
+    at_centre : bool
+        Whether there is one at its centre, too.
+    resolution : float
+        Angle from point to point, degrees.
+    platform : str, optional
+        Id of the platform; the usual one of the scanner by default.
+    scene : str or path-like, optional
+        The scene, for the heights of its ground.
+    ground : float, optional
+        Height of the ground where no scene tells it, m; tripods and vehicles stand on it even if a scene does.
+    pulse_rate : int, optional
+        Pulses per second; the scanner's first by default.
+    assets : iterable of str or path-like
+        Folders in which files are searched.
+
+    Returns
+    -------
+    Plan
+        The plan.
+
+    Raises
+    ------
+    InputError
+        The options are missing, invalid, or beyond what the instrument can do.
+    """
     return _plan("terrestrial", dict(locals()))
 
 
@@ -98,7 +197,41 @@ def plan_mobile(
     pulse_rate: int | None = None,
     assets: Iterable[PathLike] = (),
 ) -> Plan:
-    """Plans a drive along a line: a file, or well-known text; the options are those of ``vlscan plan mobile``."""
+    """Plan a drive along a line, with the options of ``vlscan plan mobile``.
+
+    Parameters
+    ----------
+    scanner : str
+        Id of the scanner.
+    along : str or path-like
+        The line: a file, or well-known text.
+    speed : float
+        Speed, m/s.
+    scan_angle, scan_freq : float, optional
+        Half opening angle, degrees, and scan frequency, Hz.
+    step : float
+        Most metres between waypoints, at which the vehicle is set on the scene's ground.
+    platform : str, optional
+        Id of the platform; the usual one of the scanner by default.
+    scene : str or path-like, optional
+        The scene, for the heights of its ground.
+    ground : float, optional
+        Height of the ground where no scene tells it, m; tripods and vehicles stand on it even if a scene does.
+    pulse_rate : int, optional
+        Pulses per second; the scanner's first by default.
+    assets : iterable of str or path-like
+        Folders in which files are searched.
+
+    Returns
+    -------
+    Plan
+        The plan.
+
+    Raises
+    ------
+    InputError
+        The options are missing, invalid, or beyond what the instrument can do.
+    """
     return _plan("mobile", dict(locals()))
 
 
@@ -114,19 +247,32 @@ def _plan(kind: str, fields: dict[str, Any]) -> Plan:
 
 @dataclass(frozen=True)
 class CampaignReport:
-    """The state of a campaign's data set."""
+    """The state of a campaign's data set.
 
-    #: Cells that the call has computed, and how long it took, s.
+    Parameters
+    ----------
+    computed : int
+        Cells that the call has computed.
+    seconds : float
+        How long it took, s.
+    cells : int
+        Cells of the campaign.
+    left : int
+        Those of them that are neither complete nor failed.
+    points : int
+        Points of all cells.
+    manifest : path-like or None
+        The manifest, which is written when no cell is left.
+    failed : list of tuple
+        Names of the cells that have failed, each with the reason.
+    """
+
     computed: int
     seconds: float
-    #: Cells of the campaign, and those of them that are neither complete nor failed.
     cells: int
     left: int
-    #: Points of all cells.
     points: int
-    #: The manifest, which is written when no cell is left.
     manifest: os.PathLike[str] | None
-    #: Names of the cells that have failed, each with the reason.
     failed: list[tuple[str, str]]
 
 
@@ -141,29 +287,79 @@ def run_campaign(
     strict: bool = False,
     notify: Callable[[str, str, str], object] | None = None,
 ) -> CampaignReport:
-    """Computes the cells of a campaign that are left, as ``vlscan campaign`` does. A cell that fails stops no other.
+    """Compute the cells of a campaign that are left, as ``vlscan campaign`` does. A cell that fails stops no other.
 
-    ``notify`` is called with the kind of an event (``warning``, ``damaged``, ``completed``, ``failed``), the name of the cell, and a
-    text. The campaign's folder is the working directory of the process meanwhile."""
+    The campaign's folder is the working directory of the process meanwhile.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The campaign's file.
+    task : tuple of int, optional
+        K and N: every N-th cell only, from cell K on, with K from 0 to N-1.
+    cells : iterable of str
+        Names of the cells; all by default.
+    retry : bool
+        Whether cells that have failed are computed again.
+    verify : bool
+        Whether the checksums of all files of complete cells are compared.
+    threads : int, optional
+        Threads of this process; all by default.
+    strict : bool
+        Whether warnings about the input are errors.
+    notify : callable, optional
+        Called with the kind of an event (``warning``, ``damaged``, ``completed``, ``failed``), the name of the cell, and a text.
+
+    Returns
+    -------
+    CampaignReport
+        The state of the data set.
+
+    Raises
+    ------
+    InputError
+        The campaign is invalid, or has no such cell.
+    """
     fields = {"task": task, "cells": list(cells), "retry": retry, "verify": verify, "threads": threads, "strict": strict}
     return CampaignReport(**_vlscan.run_campaign(os.fspath(path), fields, notify))
 
 
 def compare(
-    first: Points | PathLike,
-    second: Points | PathLike,
+    first: TableLike | PathLike,
+    second: TableLike | PathLike,
     *,
     cell: float = 1.0,
     voxel: float = 0.5,
     most_distances: int = 200_000,
 ) -> dict[str, Any]:
-    """Compares two point clouds of one place, each a file or the points of a run: density, heights, canopy, change, intensity,
-    returns, distances from cloud to cloud, occupied voxels. Returns what ``vlscan compare --json`` writes."""
+    """Compare two point clouds of one place: density, heights, canopy, change, intensity, returns, distances, occupied voxels.
 
-    def named(cloud: Any, name: str) -> tuple[str, Any]:
+    Parameters
+    ----------
+    first, second : Points, table, str or path-like
+        The clouds: the points of a run, or a file.
+    cell : float
+        Side of the cells of density and canopy height, m.
+    voxel : float
+        Side of the voxels whose occupancy is compared, m.
+    most_distances : int
+        Most points of each cloud whose distance to the other is measured.
+
+    Returns
+    -------
+    dict
+        What ``vlscan compare --json`` writes.
+
+    Raises
+    ------
+    InputError
+        A cloud cannot be compared.
+    """
+
+    def named(cloud: TableLike | PathLike, name: str) -> tuple[str, object]:
         if isinstance(cloud, (str, os.PathLike)):
             return os.fspath(cloud), None
         return name, columns_of(cloud, ("X", "Y", "Z"))
 
-    clouds = named(first, "first"), named(second, "second")
-    return json.loads(_vlscan.compare(*clouds, cell, voxel, most_distances))
+    compared: dict[str, Any] = json.loads(_vlscan.compare(named(first, "first"), named(second, "second"), cell, voxel, most_distances))
+    return compared
