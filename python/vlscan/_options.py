@@ -16,7 +16,7 @@ class RunOptions(TypedDict, total=False):
     """Format of the points, where no extension tells it."""
 
     columns: str | Sequence[str] | None
-    """Columns of csv, arrow and parquet, and of xyz, which gets a header then: X,Y,Z,Intensity,GpsTime and so on. An unknown name lists them all."""
+    """Columns of csv, arrow, parquet and geoparquet, and of xyz, which gets a header then: X,Y,Z,Intensity,GpsTime and so on. An unknown name lists them all."""
 
     frame_s: float | None
     """Duration of the frames of mcap. [default: a revolution of a spinning scanner, 0.1 for others]"""
@@ -43,7 +43,7 @@ class RunOptions(TypedDict, total=False):
     """Replace files that exist, once their successors are complete."""
 
     labels: bool | None
-    """Write part, primitive and true range into las, laz and ply, too; csv, arrow and parquet have them anyway."""
+    """Write part, primitive and true range into las, laz and ply, too; csv, arrow, parquet and geoparquet have them anyway."""
 
     true_positions: bool | None
     """Write positions without errors of navigation (TrueX, TrueY, TrueZ) into las and laz, too; the columns of csv, arrow and parquet are chosen with --columns."""
