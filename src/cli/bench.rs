@@ -74,7 +74,7 @@ pub fn run(args: &BenchArgs, console: &Console) -> Result<()> {
         return Err(Error::input("a stream of poses passes only once, and a comparison flies many times"));
     }
     let schedules = schedules(args, &job.settings)?;
-    let folder = tempfile::tempdir().map_err(|e| Error::io("create", &std::env::temp_dir(), e))?;
+    let folder = tempfile::tempdir().map_err(|e| Error::io("create", std::env::temp_dir(), e))?;
     let target = Target::File(folder.path().join(format!("points.{}", args.format)));
     let request = OutputRequest {
         // Of no format is `none`.

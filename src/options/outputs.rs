@@ -85,7 +85,6 @@ impl Options {
                 at_most: output.las_at_most.map(|count| count.0),
                 packets: output.wave_packets,
                 extra: output.las_extra.unwrap_or_default(),
-                ..LasSettings::default()
             },
             force: output.force.is_on(),
             crs_wkt: output.crs.as_ref().map(Crs::wkt).transpose()?,

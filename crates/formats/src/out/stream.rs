@@ -97,6 +97,7 @@ impl OutputStream {
     }
 
     /// Bytes appended so far, including buffered ones.
+    #[expect(clippy::len_without_is_empty, reason = "a stream is not a collection")]
     pub fn len(&self) -> u64 {
         self.len
     }

@@ -86,7 +86,8 @@ pub fn table(c: &Comparison) -> String {
             line(&name, format!("{:.2}", 100.0 * a), format!("{:.2}", 100.0 * b), signed(100.0 * (b - a)));
         }
     }
-    let distances: [(&str, fn(&Distances) -> f64); 4] = [
+    type Figure = (&'static str, fn(&Distances) -> f64);
+    let distances: [Figure; 4] = [
         ("distance, mean, m", |d| d.mean_m),
         ("  median, m", |d| d.median_m),
         ("  95 %, m", |d| d.percentile_95_m),
