@@ -36,7 +36,7 @@ impl<'a> Compressed<'a> {
         header: &Header,
         selection: Selection,
     ) -> Result<Option<Compressed<'a>>, String> {
-        let record = file.variable_record(LazVlr::USER_ID, LazVlr::RECORD_ID)?;
+        let record = header.variable_record(file, LazVlr::USER_ID, LazVlr::RECORD_ID)?;
         let record = record.ok_or_else(|| {
             format!(
                 "its points are compressed, and the record of LASzip that tells how is missing; {CONVERT}"

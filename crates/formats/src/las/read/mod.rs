@@ -71,7 +71,7 @@ impl<'a> LasReader<'a> {
 
     /// The data of a variable length record.
     pub fn variable_record(&self, user: &str, id: u16) -> Result<Option<&'a [u8]>, String> {
-        self.file.variable_record(user, id)
+        self.header.variable_record(self.file, user, id)
     }
 
     /// The extra dimensions of the points with their names.
@@ -170,7 +170,7 @@ impl Shown {
 pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
     let mut reader = LasReader::open(bytes, reading.selection)?;
     let shown = Shown::of(&reader, reading.selection)?;
-    let units = units::position_units(reader.file)?;
+    let units = units::position_units(reader.file, &reader.header)?;
     units.note.iter().for_each(|note| reading.note(note.as_str()));
     units.warnings.iter().for_each(|warning| reading.warn(warning.as_str()));
     reader.check_count(reading);
@@ -179,7 +179,7 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
         Attribute::NormalX | Attribute::NormalY | Attribute::NormalZ => false,
         Attribute::Object => shown.object.is_some(),
         Attribute::Channel => shown.device.is_some() || format >= 6,
-        Attribute::Time => format >= 6 || matches!(format, 1 | 3..=5),
+        Attribute::Time => reader.header.has_time(),
         _ => true,
     }));
     let (header, metres) = (reader.header.clone(), units.metres.unwrap_or(DVec3::ONE));

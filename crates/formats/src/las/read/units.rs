@@ -1,6 +1,6 @@
 //! Units of positions, by the coordinate reference system that a file names: WKT, or GeoTIFF keys.
 
-use super::header::Fields;
+use super::header::{Fields, Header};
 use vlscan_base::crs::{LengthUnit, Unit, Units, length_unit_in, wkt_of_epsg};
 use vlscan_geom::DVec3;
 
@@ -10,8 +10,6 @@ const WKT_RECORD: u16 = 2112;
 const KEYS_RECORD: u16 = 34_735;
 const DOUBLES_RECORD: u16 = 34_736;
 const TEXTS_RECORD: u16 = 34_737;
-/// Bit of the global encoding: the system is WKT.
-const IS_WKT: u16 = 0x10;
 
 /// GeoTIFF keys.
 const MODEL_TYPE: u16 = 1024;
@@ -39,10 +37,11 @@ pub(super) struct PositionUnits {
 }
 
 /// The units of a file.
-pub(super) fn position_units(file: Fields) -> Result<PositionUnits, String> {
-    let wkt = file.variable_record(USER, WKT_RECORD)?;
-    let keys = file.variable_record(USER, KEYS_RECORD)?;
-    let is_wkt = file.u16(6)? & IS_WKT != 0 || keys.is_none();
+pub(super) fn position_units(file: Fields, header: &Header) -> Result<PositionUnits, String> {
+    let record = |id| header.variable_record(file, USER, id);
+    let wkt = record(WKT_RECORD)?;
+    let keys = record(KEYS_RECORD)?;
+    let is_wkt = header.states_wkt() || keys.is_none();
     let text = |record: &[u8]| String::from_utf8_lossy(record).trim_end_matches('\0').to_owned();
     Ok(match wkt.filter(|_| is_wkt) {
         Some(wkt) => PositionUnits::of(Units::of_wkt(&text(wkt))),
@@ -53,8 +52,8 @@ pub(super) fn position_units(file: Fields) -> Result<PositionUnits, String> {
                     .chunks_exact(2)
                     .map(|b| u16::from_le_bytes([b[0], b[1]]))
                     .collect(),
-                doubles: file.variable_record(USER, DOUBLES_RECORD)?.unwrap_or_default(),
-                texts: file.variable_record(USER, TEXTS_RECORD)?.map(text).unwrap_or_default(),
+                doubles: record(DOUBLES_RECORD)?.unwrap_or_default(),
+                texts: record(TEXTS_RECORD)?.map(text).unwrap_or_default(),
             };
             let (units, unknown) = keys.units();
             let mut found = PositionUnits::of(units);

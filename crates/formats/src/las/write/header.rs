@@ -6,6 +6,9 @@ use crate::las::copc::Octree;
 use crate::las::{LasVersion, PacketPlace};
 use crate::record::Tally;
 use crate::settings::SOFTWARE;
+use las::raw::header::{Evlr, LargeFile};
+use las::{Version, raw};
+use vlscan_geom::DVec3;
 
 impl LasFormat {
     /// Returns header and variable length records of a file with the counts and bounds of `tally`, and with packets
@@ -41,7 +44,7 @@ impl LasFormat {
     }
 }
 
-/// Returns the public header block, field by field in the order of the LAS specification.
+/// Returns the public header block.
 fn header(
     format: &LasFormat,
     compressed: bool,
@@ -51,70 +54,62 @@ fn header(
     record_at: Option<u64>,
 ) -> Vec<u8> {
     let modern = format.version == LasVersion::V14;
-    let size: u16 = if modern { 375 } else { 227 };
-    let data = usize::from(size) + vlrs.iter().map(|vlr| vlr.len()).sum::<usize>();
-    let mut out = Vec::with_capacity(data);
-    // File signature
-    out.extend_from_slice(b"LASF");
-    // File source ID
-    out.extend(0u16.to_le_bytes());
-    // Global encoding: GPS week time; WKT, the only kind of coordinate system allowed for formats 6 and 9; location
-    // of the waveform packets
+    let version = if modern { Version::new(1, 4) } else { Version::new(1, 0) };
+    let data = usize::from(version.header_size()) + vlrs.iter().map(|vlr| vlr.len()).sum::<usize>();
     let packets = match format.packet_place() {
-        None => 0u16,
+        None => 0,
         Some(PacketPlace::Inside) => 2,
         Some(PacketPlace::Beside) => 4,
     };
-    out.extend((packets | if modern { 0x10 } else { 0 }).to_le_bytes());
-    // Project ID
-    out.extend([0; 16]);
-    // Version major, minor
-    out.extend(if modern { [1, 4] } else { [1, 0] });
-    // System identifier
-    out.extend(fixed_text::<32>(&format.system));
-    // Generating software
-    out.extend(fixed_text::<32>(SOFTWARE));
-    // File creation day of year, year
-    let (year, day) = format.creation;
-    out.extend(day.to_le_bytes());
-    out.extend(year.to_le_bytes());
-    // Header size
-    out.extend(size.to_le_bytes());
-    // Offset to point data
-    out.extend((data as u32).to_le_bytes());
-    // Number of variable length records
-    out.extend((vlrs.len() as u32).to_le_bytes());
-    // Point data record format; the highest bit marks compression
-    out.push(format.point_format() | if compressed { 0x80 } else { 0 });
-    // Point data record length
-    out.extend(format.record_length().to_le_bytes());
-    // Legacy number of point records, and by return: 0 for formats 6 and above
     let by_return = by_return(tally, if modern { 15 } else { 7 });
+    // The fields of earlier versions are 0 for formats 6 and above.
     let legacy = |count: u64| if modern { 0 } else { u32::try_from(count).unwrap_or(u32::MAX) };
-    out.extend(legacy(tally.records).to_le_bytes());
-    by_return[..5].iter().for_each(|&count| out.extend(legacy(count).to_le_bytes()));
-    // Scale factors
-    [format.scale; 3].iter().for_each(|scale| out.extend(scale.to_le_bytes()));
-    // Offsets
-    format.offset.to_array().iter().for_each(|offset| out.extend(offset.to_le_bytes()));
-    // Max and min of X, Y, Z
     let world = format.world(&tally.bounds);
-    for axis in 0..3 {
-        let (max, min) = if world.is_empty() { (0.0, 0.0) } else { (world.max[axis], world.min[axis]) };
-        out.extend(f64::to_le_bytes(max));
-        out.extend(f64::to_le_bytes(min));
-    }
-    if modern {
-        // Start of waveform data packet record
-        out.extend(packets_at.unwrap_or(0).to_le_bytes());
-        // Start of first extended variable length record, number of them
-        out.extend(record_at.unwrap_or(0).to_le_bytes());
-        out.extend(u32::from(record_at.is_some()).to_le_bytes());
-        // Number of point records, and by return
-        out.extend(tally.records.to_le_bytes());
-        by_return.iter().for_each(|count| out.extend(count.to_le_bytes()));
-    }
-    debug_assert_eq!(out.len(), usize::from(size));
+    let (min, max) = if world.is_empty() { (DVec3::ZERO, DVec3::ZERO) } else { (world.min, world.max) };
+    let (year, day) = format.creation;
+    let header = raw::Header {
+        // GPS week time; WKT, the only kind of coordinate system allowed for formats 6 and 9; location of the packets.
+        global_encoding: packets | if modern { 0x10 } else { 0 },
+        version,
+        system_identifier: fixed_text(&format.system),
+        generating_software: fixed_text(SOFTWARE),
+        file_creation_day_of_year: day,
+        file_creation_year: year,
+        header_size: version.header_size(),
+        offset_to_point_data: data as u32,
+        number_of_variable_length_records: vlrs.len() as u32,
+        // The highest bit marks compression.
+        point_data_record_format: format.point_format() | if compressed { 0x80 } else { 0 },
+        point_data_record_length: format.record_length(),
+        number_of_point_records: legacy(tally.records),
+        number_of_points_by_return: std::array::from_fn(|i| legacy(by_return[i])),
+        x_scale_factor: format.scale,
+        y_scale_factor: format.scale,
+        z_scale_factor: format.scale,
+        x_offset: format.offset.x,
+        y_offset: format.offset.y,
+        z_offset: format.offset.z,
+        max_x: max.x,
+        min_x: min.x,
+        max_y: max.y,
+        min_y: min.y,
+        max_z: max.z,
+        min_z: min.z,
+        start_of_waveform_data_packet_record: packets_at,
+        evlr: Some(Evlr {
+            start_of_first_evlr: record_at.unwrap_or(0),
+            number_of_evlrs: record_at.is_some().into(),
+        }),
+        large_file: Some(LargeFile {
+            number_of_point_records: tally.records,
+            number_of_points_by_return: by_return,
+        }),
+        ..raw::Header::default()
+    };
+    let mut out = Vec::with_capacity(data);
+    // Writing to a vector cannot fail.
+    let _ = header.write_to(&mut out);
+    debug_assert_eq!(out.len(), usize::from(version.header_size()));
     out
 }
 

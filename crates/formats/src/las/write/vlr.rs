@@ -2,6 +2,8 @@
 
 use crate::las::{ExtraDimensions, LasSettings, LasVersion};
 use crate::settings::SOFTWARE;
+use las::raw::Vlr;
+use las::raw::vlr::RecordLength;
 use vlscan_base::crs::{EpsgKind, epsg};
 use vlscan_base::diag::Diagnostics;
 
@@ -182,18 +184,20 @@ pub(super) fn laszip(laszip: &::laz::LazVlr) -> Vec<u8> {
 
 /// Returns a variable length record: header and data.
 pub(super) fn record(user: &str, id: u16, description: &str, data: &[u8]) -> Vec<u8> {
+    let mut user_id = [0; 16];
+    // 16 characters without a NUL at the end are allowed.
+    user_id.copy_from_slice(&fixed_text::<17>(user)[..16]);
+    let record = Vlr {
+        user_id,
+        record_id: id,
+        record_length_after_header: RecordLength::Vlr(data.len() as u16),
+        description: fixed_text(description),
+        data: data.to_vec(),
+        ..Vlr::default()
+    };
     let mut out = Vec::with_capacity(54 + data.len());
-    // Reserved
-    out.extend(0u16.to_le_bytes());
-    // User ID: 16 characters without a NUL at the end are allowed
-    out.extend(&fixed_text::<17>(user)[..16]);
-    // Record ID
-    out.extend(id.to_le_bytes());
-    // Record length after header
-    out.extend((data.len() as u16).to_le_bytes());
-    // Description
-    out.extend(fixed_text::<32>(description));
-    out.extend_from_slice(data);
+    // Writing to a vector cannot fail.
+    let _ = record.write_to(&mut out);
     out
 }
 
