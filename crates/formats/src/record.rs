@@ -1,7 +1,6 @@
 //! Points as they are written, and what precedes their place in a file: records of one format, and their counts.
 
 use crate::PointRow;
-use crate::las::Packet;
 use vlscan_geom::{Aabb, DVec3, degrees};
 
 /// A point with everything that is known of it; a format writes what it has a place for. Positions are relative to
@@ -128,6 +127,18 @@ impl PointRecord {
         degrees(libm::acos(self.incidence_cosine.clamp(-1.0, 1.0))) as f32
     }
 
+    /// The amplitude as 16-bit intensity of LAS: `10000 + 1000·log10(amplitude)`, hundredths of a decibel above −100 dB.
+    /// Amplitudes of different surveys differ by ten powers of ten, and none of them comes out as 0 or saturated. 0 for
+    /// amplitudes that are not positive.
+    #[inline]
+    pub fn digital_intensity(&self) -> u16 {
+        // The conversion saturates, and NaN becomes 0.
+        match self.amplitude > 0.0 {
+            true => round_half_even(10_000.0 + DECIBEL * libm::log(self.amplitude)).max(1.0) as u16,
+            false => 0,
+        }
+    }
+
     /// Number of the leg plus one, because 0 means "unknown" in LAS; saturated.
     #[inline]
     pub(crate) fn source_id(&self) -> u16 {
@@ -145,6 +156,17 @@ impl PointRecord {
     pub(crate) fn device_u16(&self) -> u16 {
         u16::try_from(self.device).unwrap_or(u16::MAX)
     }
+}
+
+/// `1000·log10(a) = DECIBEL·ln(a)`.
+const DECIBEL: f64 = 1000.0 * std::f64::consts::LOG10_E;
+
+/// Equivalent of `f64::round_ties_even` for magnitudes below 2^51, without the function call on processors that lack
+/// the instruction. Larger numbers keep about their magnitude.
+#[inline(always)]
+pub(crate) fn round_half_even(x: f64) -> f64 {
+    const UNIT_IS_LAST_DIGIT: f64 = 1.5 * (1u64 << 52) as f64;
+    (x + UNIT_IS_LAST_DIGIT) - UNIT_IS_LAST_DIGIT
 }
 
 /// Values of a [`PointRecord`] that only some formats and columns write, and that need not be computed for others.
@@ -198,6 +220,14 @@ pub struct PointBatch<'a> {
 impl PointBatch<'_> {
     /// Duration of the frames of instruments that do not spin, ns.
     pub const FRAME_NS: f64 = 1e8;
+}
+
+/// A waveform packet of LAS among those of a piece of a file.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Packet {
+    pub descriptor: u8,
+    pub offset: u64,
+    pub bytes: u32,
 }
 
 /// Encoded points of one file.

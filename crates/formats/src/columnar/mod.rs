@@ -19,7 +19,6 @@ pub(crate) use geoparquet::geoparquet;
 pub(crate) use parquet::parquet;
 pub use rows::Rows;
 
-use crate::las::digital_intensity;
 use crate::number::{push_fixed, push_integer};
 use crate::record::{EncodedPoints, Needs, PointRecord};
 use crate::settings::CloudSettings;
@@ -169,7 +168,7 @@ columns! {
     X f64 4 "m" |p, o| p.position.x + o.x, "Coordinate, world frame; of a missed pulse that of the beam's origin.";
     Y f64 4 "m" |p, o| p.position.y + o.y, "Coordinate, world frame; of a missed pulse that of the beam's origin.";
     Z f64 4 "m" |p, o| p.position.z + o.z, "Coordinate, world frame; of a missed pulse that of the beam's origin.";
-    Intensity u16 0 "" |p, _| digital_intensity(p.amplitude), "Amplitude as LAS files have it: 10000 + 1000 log10(Amplitude).";
+    Intensity u16 0 "" |p, _| p.digital_intensity(), "Amplitude as LAS files have it: 10000 + 1000 log10(Amplitude).";
     ReturnNumber u8 0 "" |p, _| p.returns()[0], "Number of the return, from 1, at most 255; 0 marks a missed pulse.";
     NumberOfReturns u8 0 "" |p, _| p.returns()[1], "Returns of the pulse, at most 255.";
     Classification u8 0 "" |p, _| u8::try_from(p.class).unwrap_or(0), "Class of the surface; 0 where it is no byte, see SurfaceClass.";

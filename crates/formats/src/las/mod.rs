@@ -17,4 +17,4 @@ pub(crate) use read::read;
 pub use read::{ExtraDimension, Header, LasReader, Selection};
 pub use settings::{ExtraDimensions, LasSettings, LasVersion, PacketPlace};
 pub use write::{PACKETS_HEADER_BYTES, packets_header};
-pub(crate) use write::{Packet, copc, digital_intensity, las, laz};
+pub(crate) use write::{copc, las, laz};

@@ -3,7 +3,6 @@
 //! in free space.
 
 use crate::encode::{Counted, FileBody, PointEncoder};
-use crate::las::digital_intensity;
 use crate::out::OutputStream;
 use crate::record::{EncodedPoints, PointBatch};
 use crate::settings::{CloudSettings, SOFTWARE};
@@ -44,7 +43,7 @@ impl PointEncoder for RayCloud {
             position.to_array().into_iter().for_each(|c| out.extend(c.to_le_bytes()));
             out.extend(point.seconds().to_le_bytes());
             (origin - end).to_array().into_iter().for_each(|c| out.extend((c as f32).to_le_bytes()));
-            let grey = (digital_intensity(point.amplitude) >> 8) as u8;
+            let grey = (point.digital_intensity() >> 8) as u8;
             out.extend([grey, grey, grey, if is_miss { 0 } else { 255 }]);
             Some(position)
         });

@@ -12,7 +12,7 @@
 //! * `PointSourceId`: number of the leg plus one, because 0 means "unknown";
 //! * `ScannerChannel` (format 6): device modulo 4; the extra dimension `device` holds the index itself;
 //! * `ScanAngle`: deflection of the beam relative to the scanner, in 0.006° (format 6) or whole degrees (format 1);
-//! * `Intensity`: see [`digital_intensity`];
+//! * `Intensity`: see [`PointRecord::digital_intensity`](crate::PointRecord::digital_intensity);
 //! * `Classification`: 0 where the material's class exceeds 255 (31 in format 1) or is negative;
 //! * return numbers above 15 (format 1: 7) are stored as 15 (7), and counted as such in the header.
 
@@ -23,9 +23,7 @@ mod record;
 mod vlr;
 
 pub(super) use format::LasFormat;
-pub(crate) use packets::Packet;
 pub use packets::{PACKETS_HEADER_BYTES, packets_header};
-pub(crate) use record::digital_intensity;
 
 use super::copc::{self, CopcStream, Octree};
 use super::laz::{self, LazStream};

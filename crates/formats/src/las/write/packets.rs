@@ -9,7 +9,7 @@
 use super::format::LasFormat;
 use super::vlr::{fixed_text, record};
 use crate::las::PacketPlace;
-use crate::record::{EncodedPoints, PointBatch, PointRecord, Wave};
+use crate::record::{EncodedPoints, Packet, PointBatch, PointRecord, Wave};
 use vlscan_base::diag::Diagnostics;
 
 /// Offset in bytes of the reference in a record: after the fields that format 9 shares with format 6.
@@ -41,14 +41,6 @@ pub(in crate::las) struct WavePackets {
     lengths: Vec<u32>,
     /// Metres of range per nanosecond of the times of waveforms.
     metres_per_ns: f64,
-}
-
-/// A packet among those of a piece of a file.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Packet {
-    descriptor: u8,
-    offset: u64,
-    bytes: u32,
 }
 
 impl WavePackets {

@@ -2,11 +2,8 @@
 
 use super::format::{LasFormat, MAX_CLASS_1};
 use crate::las::{ExtraDimensions, LasVersion};
-use crate::record::PointRecord;
+use crate::record::{PointRecord, round_half_even};
 use vlscan_geom::{DVec3, degrees};
-
-/// `1000·log10(a) = DECIBEL·ln(a)`.
-const DECIBEL: f64 = 1000.0 * std::f64::consts::LOG10_E;
 
 /// Flag "withheld" of formats 6 and 1, set for missed pulses.
 const WITHHELD_6: u8 = 1 << 2;
@@ -14,14 +11,6 @@ const WITHHELD_1: u8 = 1 << 7;
 
 /// Bytes of a record with all extra bytes.
 pub(super) const MAX_RECORD_BYTES: usize = 116;
-/// Equivalent of `f64::round_ties_even` for magnitudes below 2^51, without the function call on processors that lack
-/// the instruction. Larger numbers keep about their magnitude.
-#[inline(always)]
-fn round_half_even(x: f64) -> f64 {
-    const UNIT_IS_LAST_DIGIT: f64 = 1.5 * (1u64 << 52) as f64;
-    (x + UNIT_IS_LAST_DIGIT) - UNIT_IS_LAST_DIGIT
-}
-
 impl LasFormat {
     /// Appends the record of a point, without the fields of waveform packets. Returns its coordinates as stored, or `None`, with
     /// nothing appended, if they do not fit into 32 bits.
@@ -51,7 +40,7 @@ impl LasFormat {
         // X, Y, Z
         stored.to_array().into_iter().for_each(|c| record.put((c as i32).to_le_bytes()));
         // Intensity
-        record.put(digital_intensity(point.amplitude).to_le_bytes());
+        record.put(point.digital_intensity().to_le_bytes());
         match self.version {
             LasVersion::V14 => {
                 // Return number, number of returns
@@ -131,18 +120,6 @@ impl LasFormat {
             // HeightAboveGround
             record.put(point.height.to_le_bytes());
         }
-    }
-}
-
-/// Converts an amplitude to the 16-bit intensity: `10000 + 1000·log10(amplitude)`, hundredths of a decibel above −100 dB.
-/// Amplitudes of different surveys differ by ten powers of ten, and none of them comes out as 0 or saturated. 0 for amplitudes
-/// that are not positive. The amplitude itself is in the extra bytes.
-#[inline]
-pub(crate) fn digital_intensity(amplitude: f64) -> u16 {
-    // The conversion saturates, and NaN becomes 0.
-    match amplitude > 0.0 {
-        true => round_half_even(10_000.0 + DECIBEL * libm::log(amplitude)).max(1.0) as u16,
-        false => 0,
     }
 }
 
