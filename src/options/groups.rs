@@ -102,7 +102,7 @@ pub struct OutputOptions with opposites {
     pub output: Option<PathBuf>,
     /// Replace files that exist, once their successors are complete.
     ///
-    /// A run that is interrupted or fails leaves them, and what it measured as NAME.partial.EXT beside them. Also write binary
+    /// If the run fails or is interrupted, existing files are kept, and partial results go to NAME.partial.EXT. Also write binary
     /// data to a terminal.
     #[arg(long, action = SetTrue, help_heading = FILES)]
     pub force: Switch,
@@ -144,8 +144,8 @@ pub struct OutputOptions with opposites {
     /// Write pulses without echoes, too: 0 returns, at the beam's origin, with the beam's direction.
     #[arg(long, action = SetTrue)]
     pub misses: Switch,
-    /// Let LAS leave through a pipe at once, with N as the number of points in its header (250k, 1G); readers bear fewer
-    /// points, more are an error. Without it LAS is completed in a temporary file first.
+    /// Stream LAS to a pipe without a temporary file, with N as the number of points in its header (250k, 1G). Most readers accept
+    /// fewer points; more are an error.
     #[arg(long, value_name = "N", help_heading = FILES)]
     pub las_at_most: Option<Count<1>>,
     /// Write waveforms as packets that the points of LAS and LAZ refer to (LAS 1.4, point format 9), inside that file or

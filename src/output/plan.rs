@@ -154,14 +154,14 @@ fn divider(
     let division = request.division.as_ref()?;
     if !request.sinks.iter().any(|(target, _)| matches!(target, Target::Directory(_))) {
         problems
-            .error(None, "points are divided among the files of a folder, and there is none")
+            .error(None, "--tile and --per-object need a directory as output")
             .help("-o DIR, with --format");
         return None;
     }
     if request.las.packets.is_some() || request.split_by_channel || request.misses {
         problems.error(
             None,
-            "divided points have neither waveform packets nor files per channel, and missed pulses have no place",
+            "--tile and --per-object cannot be combined with --wave-packets, --split-by-channel or --misses",
         );
         return None;
     }
@@ -174,20 +174,21 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
     for (asked, what) in [(request.waveforms, "waveforms"), (request.pulses, "pulses")] {
         if asked && request.sinks.iter().all(|(target, _)| streams(target)) {
             problems
-                .error(None, format!("{what} are written beside a point file, and there is none"))
+                .error(None, format!("{what} are written beside a file of points, and none is written"))
                 .help("name a file or a directory for the points");
         }
     }
     if matches!(request.trajectory, Some((Target::Helios(_), _))) {
-        problems.error(
-            None,
-            "a run directory has its trajectories already; name a file or a directory for others",
-        );
+        problems
+            .error(None, "--output writes the trajectories itself; name a file or a directory for others");
     }
     let wants_heights = request.heights
         || request.columns.iter().flatten().any(|column| *column == Column::HeightAboveGround);
     if wants_heights && !context.has_ground {
-        problems.error(None, "heights above the ground need the scene: merges and streams have none");
+        problems.error(
+            None,
+            "--height-above-ground needs the scene, which `vlscan merge` and streams do not have",
+        );
     }
     let has_no_time = request.columns.as_ref().is_some_and(|columns| !columns.contains(&Column::GpsTime));
     for seconds in request.tables.iter().filter_map(|table| table.batch_seconds) {
@@ -204,19 +205,19 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
         problems
             .error(
                 None,
-                "columns can be chosen for text, CSV, Arrow, Parquet and GeoParquet, and none of them is written",
+                "--columns applies to xyz, csv, arrow, parquet and geoparquet, and none of them is written",
             )
             .help("-o points.csv, .xyz, .arrow or .parquet");
     }
     let has_frames = request.sinks.iter().any(|(_, format)| format.has_frames());
     if request.frame_s.is_some() && !has_frames && request.shard.is_none() {
-        problems.error(None, "frames have a duration in MCAP, and none is written").help("-o points.mcap");
+        problems.error(None, "--frame-s applies to MCAP output only").help("-o points.mcap");
     }
     if request.split_by_channel
         && context.devices.len() > 1
         && request.sinks.iter().any(|(target, _)| streams(target))
     {
-        problems.error(None, "points on standard output cannot be split by channel");
+        problems.error(None, "--split-by-channel needs files: points go to standard output");
     }
     let binary = |(target, format): &(Target, PointFormat)| streams(target) && !format.is_text();
     if request.sinks.iter().any(binary) && !request.force && std::io::stdout().is_terminal() {
@@ -278,8 +279,8 @@ fn check_packets(layout: &OutputLayout, may_exist: bool, inputs: &Inputs, proble
         let location = match &file.location {
             OutputLocation::Fixed(Destination::Stdout) => {
                 problems
-                    .error(None, "waveform packets cannot be written beside standard output")
-                    .help("write them inside: --wave-packets inside");
+                    .error(None, "--wave-packets beside needs a file of points: they go to standard output")
+                    .help("--wave-packets inside");
                 continue;
             }
             OutputLocation::Fixed(Destination::Path(path)) => {

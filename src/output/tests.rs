@@ -331,7 +331,7 @@ fn requests_that_cannot_be_met() {
         assert!(problems.headline().contains(part), "{}", problems.headline());
     };
     let stdout = points(Target::Stdout);
-    refused(OutputRequest { waveforms: true, ..stdout.clone() }, "beside a point file");
+    refused(OutputRequest { waveforms: true, ..stdout.clone() }, "beside a file of points");
     refused(OutputRequest { split_by_channel: true, ..stdout.clone() }, "cannot be split");
     let trajectory = Some((Target::File("/dev/stdout".into()), TrajectoryFormat::Csv));
     refused(OutputRequest { trajectory, ..stdout.clone() }, "only one output");

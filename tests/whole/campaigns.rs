@@ -89,7 +89,7 @@ fn failures_are_kept_and_stop_nothing() {
     assert!(text(&out.stderr).contains("1 of 2 cells have failed"), "{}", text(&out.stderr));
     let lines = manifest(&dir.path().join("set"));
     assert!(lines[0]["error"].is_null() && lines[0]["points"].as_u64().unwrap() > 500, "{}", lines[0]);
-    assert!(lines[1]["error"].as_str().unwrap().contains("columns can be chosen"), "{}", lines[1]);
+    assert!(lines[1]["error"].as_str().unwrap().contains("--columns applies to"), "{}", lines[1]);
     // Kept, and not computed again until asked for.
     let list = |folder: &Path| text(&succeed(folder, &["campaign", &name, "--list"]).stdout);
     assert_eq!(list(dir.path()), "");

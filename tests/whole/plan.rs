@@ -378,7 +378,7 @@ fn mistakes_are_answered() {
     let common = ["plan", "airborne", "--scanner", "riegl_vux-1uav", "--height", "80"];
     for (rest, expected) in [
         (vec!["--speed", "8"], "give --area"),
-        (vec!["--area", "POLYGON ((0 0, 9 0, 9 9))"], "how fast?"),
+        (vec!["--area", "POLYGON ((0 0, 9 0, 9 9))"], "give --speed"),
         (vec!["--area", "nowhere.geojson", "--speed", "8"], "nowhere.geojson"),
         (vec!["--area", "POLYGON ((8.6 49.4, 8.7 49.4, 8.7 49.5))", "--speed", "8"], "degrees"),
         (vec!["--area", "POLYGON ((0 0, 9 0, 9 9))", "--speed", "8", "--platform", "glider"], "sr22"),

@@ -85,7 +85,7 @@ impl Setting {
         let (scanner, mut warnings) = vlscan_survey::find_scanner(&args.scanner, &reading)?;
         let Some(name) = &scene else {
             return Err(Error::input(
-                "--scene is missing: what do the pulses meet? (only a survey as --scanner brings its own)",
+                "--scene is required, unless --scanner names a survey, which has its own scene",
             ));
         };
         let (scene, found) = scene_of(name, &reading)?;

@@ -286,7 +286,7 @@ fn choose(
         return Err("density, speed and overlap determine each other: leave one out".to_owned());
     }
     if options.density.is_none() && options.speed.is_none() {
-        return Err("how fast? --speed, or --density from which it follows, is needed".to_owned());
+        return Err("give --speed, or --density to derive the speed from it".to_owned());
     }
     let half_angle = instrument.half_angle(options.scan_angle)?;
     let pulse_rate = instrument.pulse_rate()?;
