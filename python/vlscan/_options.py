@@ -25,7 +25,7 @@ class RunOptions(TypedDict, total=False):
     """Divide the points of a folder (-o DIR) among square tiles of this edge length in metres, tile_X_Y, instead of legs."""
 
     las_at_most: int | str | None
-    """Let LAS leave through a pipe at once, with N as the number of points in its header (250k, 1G); readers bear fewer points, more are an error. Without it LAS is completed in a temporary file first."""
+    """Stream LAS to a pipe without a temporary file, with N as the number of points in its header (250k, 1G). Most readers accept fewer points; more are an error."""
 
     wave_packets: Literal["inside", "beside"] | None
     """Write waveforms as packets that the points of LAS and LAZ refer to (LAS 1.4, point format 9), inside that file or beside it as .wdp."""

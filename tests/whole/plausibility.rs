@@ -618,7 +618,7 @@ fn words_and_files() -> Vec<Mistake> {
         ),
         typed("a zone that is none", "run survey.xml --trajectory - --utm-zone 77X -o a.xyz", "77X"),
         typed("a file that exists", "run survey.xml -o taken.xyz", "--force"),
-        typed("pulses without a scanner's scene", "trace - --scanner riegl_vz400", "--scene is missing"),
+        typed("pulses without a scanner's scene", "trace - --scanner riegl_vz400", "--scene is required"),
         written(
             "a misspelt attribute",
             "s.xml",

@@ -160,7 +160,7 @@ fn wrong_pulses_are_named_with_their_place() {
             format!("device,{}0,0,0,0,100,0,0,-1\n9,0,0,0,100,0,0,-1\n", &head[..20]),
             "device 9, the scanner has 1",
         ),
-        ("\u{0}\u{1}\u{2}\n".repeat(3), "unknown column"),
+        ("\u{0}\u{1}\u{2}\n".repeat(3), "expected a pulse as text, found binary data"),
         ("x".repeat(100_000), "a line of more than"),
     ];
     for (input, part) in cases {
@@ -182,7 +182,7 @@ fn scanners_and_legs_that_are_missing_are_named() {
     };
     let pulse = "leg,x,y,z,dx,dy,dz\n5,0,0,100,0,0,-1\n";
     refuse(&["trace", "--scene", &scene, "--scanner", "riegl_vz40"], pulse, "did you mean `riegl_vz400`");
-    refuse(&["trace", "--scanner", "riegl_vz400"], pulse, "--scene is missing");
+    refuse(&["trace", "--scanner", "riegl_vz400"], pulse, "--scene is required");
     refuse(
         &["trace", "--scene", &scene, "--scanner", "riegl_vz400", "-o", "legs"],
         pulse,

@@ -194,7 +194,7 @@ impl TextDecoder {
             }
             let text = &self.pending[line.clone()];
             if self.line == 1 && text.contains(&0) {
-                return refuse(1, &[], format!("expected {what} as text, found bytes that are none"));
+                return refuse(1, &[], format!("expected {what} as text, found binary data"));
             }
             match text.trim_ascii_start() {
                 [] => continue,
@@ -476,7 +476,7 @@ mod tests {
         assert!(said(b"1,2\n\n3,a\n").contains("a.txt:3:3"));
         assert!(said(b"1 2\n3,5 1 1\n").contains("decimal comma"));
         assert!(said(b"1 2\n3\n").contains("column 2 for x is missing: 1 column separated by blanks"));
-        assert!(said(b"1\0\n").contains("expected a row as text, found bytes that are none"));
+        assert!(said(b"1\0\n").contains("expected a row as text, found binary data"));
         let long = [b"1 2\n", &[b'x'; MAX_LINE_BYTES + 1][..]].concat();
         assert!(said(&long).contains("a line of more than 65536 bytes, expected a row"));
     }

@@ -109,7 +109,7 @@ impl PoseDecoder {
             ArrowDetection::Arrow => Detection::Text,
             _ if is_named && bytes[..bytes.len().min(DETECTION_BYTES)].contains(&0) => {
                 let place = Place::in_line(&self.path, 1, "", 0..0);
-                let message = "expected a pose as text, found bytes that are none".to_owned();
+                let message = "expected a pose as text, found binary data".to_owned();
                 let help = "binary trajectories (SBET, TerraScan) are recognised if no format is named";
                 return Err(RowError { place, message }.with_help(help));
             }

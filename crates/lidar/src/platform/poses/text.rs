@@ -261,7 +261,7 @@ mod tests {
         let mut rows = PoseRows::new(Path::new("-"), settings);
         rows.feed(&[1, 0, 2, b'\n']);
         let refused = rows.decode(true, &mut |_, fix, _| panic!("{fix:?}")).unwrap_err();
-        assert!(refused.to_string().contains("found bytes that are none"), "{refused}");
+        assert!(refused.to_string().contains("found binary data"), "{refused}");
     }
 
     #[test]
