@@ -78,7 +78,7 @@ pub trait TableSink: Debug + Send + Sync {
     /// Takes the next batch; the run waits meanwhile.
     ///
     /// # Errors
-    /// [`Error::ClosedPipe`] when no further batches are wanted.
+    /// [`Error::ClosedPipe`](vlscan_base::error::Error::ClosedPipe) when no further batches are wanted.
     fn take(&self, batch: RecordBatch) -> Result<()>;
 }
 

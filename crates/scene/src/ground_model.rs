@@ -33,10 +33,10 @@ impl GroundModel {
         GroundModel { scene, tree, has_ground, fallback }
     }
 
-    /// Loads a scene for its ground, or its highest surfaces if no material is ground. Also returns what [`load`] warns of.
+    /// Loads a scene for its ground, or its highest surfaces if no material is ground. Also returns what [`load`](fn@load) warns of.
     ///
     /// # Errors
-    /// Those of [`load`].
+    /// Those of [`load`](fn@load).
     pub fn load(recipe: &SceneRecipe, options: &LoadOptions) -> Result<(GroundModel, Diagnostics)> {
         let (scene, warnings) = load(recipe, options)?;
         let tree = scene.tree(&BuildOptions::default());
