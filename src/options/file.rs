@@ -203,9 +203,9 @@ fn take_options(tables: &mut Tables) -> Options {
         let numbers = numbers.into_vec();
         match NavigationErrors::default().set(key, &numbers) {
             Ok(()) => options.navigation.errors.push(NavigationError { key: (*key).to_owned(), numbers }),
-            Err(message) => {
+            Err(error) => {
                 let place = tables.place("navigation_errors", key);
-                tables.error(place, message);
+                tables.error(place, error.to_string());
             }
         }
     }

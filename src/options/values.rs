@@ -56,7 +56,7 @@ impl FromStr for Seed {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Seed, String> {
-        parse_seed(text).map(Seed)
+        parse_seed(text).map(Seed).map_err(|e| e.to_string())
     }
 }
 
@@ -336,7 +336,7 @@ impl FromStr for NavigationError {
         let Some((key, numbers)) = parts else {
             return Err(format!("expected KEY=NUMBERS such as position_m=0.02,0.02,0.05, found {text:?}"));
         };
-        NavigationErrors::default().set(key, &numbers)?;
+        NavigationErrors::default().set(key, &numbers).map_err(|e| e.to_string())?;
         Ok(NavigationError { key: key.to_owned(), numbers })
     }
 }

@@ -160,8 +160,21 @@ pub const BORESIGHT: Bounds = NUMBER.usually(1e-6, 180.0, "degrees");
 pub const HEIGHT_OFFSET: Bounds = NUMBER.usually(1e-4, 10_000.0, "m").mistaken_for("mm", 1e-3);
 /// Classes of points: LAS has a byte for them.
 pub const CLASSES: std::ops::RangeInclusive<i32> = 0..=255;
-/// Wavelengths of laser scanners, nm.
-pub const USUAL_WAVELENGTHS: std::ops::RangeInclusive<u32> = 200..=20_000;
+/// Wavelengths of lasers, nm: whole numbers.
+pub const WAVELENGTH_NM: Bounds =
+    Bounds::new(1.0, 1e6, "a whole number from 1 to 1000000").usually(200.0, 20_000.0, "nm");
+/// Counts, of which 0 often means no limit.
+pub const COUNT: Bounds = Bounds::new(0.0, u32::MAX as f64, "a whole number of at least 0");
+/// Counts of things of which there is at least one.
+pub const COUNT_ABOVE_0: Bounds = Bounds::new(1.0, u32::MAX as f64, "a whole number above 0");
+/// Pulses per second.
+pub const PULSE_FREQ: Bounds = Bounds::new(1.0, i32::MAX as f64, "a whole number above 0");
+/// Rings of subrays of a pulse; a pulse of the largest number has about 3 million subrays.
+pub const QUALITY: Bounds = Bounds::new(1.0, 1000.0, "a whole number from 1 to 1000");
+/// Reflectance of a material.
+pub const REFLECTANCE: Bounds = Bounds::new(0.0, 1.0, "a reflectance from 0 to 1");
+/// Roughness of a surface, degrees.
+pub const ROUGHNESS: Bounds = Bounds::new(0.0, 90.0, "a roughness of 0 to 90 degrees");
 
 /// Formats a number for a message: six digits, or as many as three decimals need, without zeros at its end. Digits that
 /// arithmetic has left over do not appear.

@@ -8,6 +8,7 @@
 //! first, whatever else lies in the working directory.
 
 use super::shipped::{self, BuiltIn};
+use super::toml::words::hint_for_name;
 use regex_lite::Regex;
 use std::borrow::Cow;
 use std::cell::RefCell;
@@ -160,6 +161,13 @@ impl Assets {
         in_other_case.or_else(|| bases().find_map(|base| near_name(base, Path::new(&*spelling))))
     }
 
+    /// The help for a name that denotes no file: how to write paths of Windows, the name that is probably meant, and the
+    /// folders that are searched.
+    pub fn help_for_missing(&self, name: &str, referring: &Path) -> String {
+        let hint = hint_for_name(name);
+        if hint.is_empty() { self.searched(name, referring) } else { hint }
+    }
+
     /// The name that is probably meant and the folders that are searched for `name`, for messages.
     pub fn searched(&self, name: &str, referring: &Path) -> String {
         let searched = self.searched_folders(name, referring);
@@ -193,6 +201,14 @@ fn located<T>(name: &str, find: impl Fn(&str) -> Option<T>) -> Option<Located<T>
     let spelling = slashes(name);
     let found = if spelling == name { None } else { find(&spelling) };
     found.map(|found| Located { found, respelled: Some(spelling.into_owned()) })
+}
+
+/// Help for a name with backslashes.
+pub(super) const SPELLING_HELP: &str = "write / between folders, which every system reads";
+
+/// The warning of a name that is read in another spelling.
+pub(super) fn spelling_message(name: &str, spelling: &str) -> String {
+    format!("there is no file `{name}`; `{spelling}` is read")
 }
 
 /// A path with `/` between its folders.

@@ -2,8 +2,8 @@
 
 use super::assets::Found;
 use super::context::{Context, ReadOptions};
+use super::instrument::read_scanner;
 use super::platform_xml::read_platform;
-use super::scanner_xml::read_scanner;
 use super::shipped::FILES;
 use super::{Platform, Scanner};
 use vlscan_base::diag::Diagnostics;
@@ -12,7 +12,9 @@ use vlscan_base::error::Result;
 /// All built-in entries, each with the reference by which surveys and pipelines name it.
 #[derive(Clone, Debug, Default)]
 pub struct Catalogue {
+    /// Scanners.
     pub scanners: Vec<(String, Scanner)>,
+    /// Platforms.
     pub platforms: Vec<(String, Platform)>,
 }
 

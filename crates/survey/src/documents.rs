@@ -1,11 +1,11 @@
 //! Documents, and resolution of references to assets and files.
 
-use super::assets::{Found, Located};
+use super::assets::{Found, Located, SPELLING_HELP, spelling_message};
 use super::context::Context;
 use super::fields::Fields;
-use super::pipeline::words::hint_for_name;
+use super::keys::Key;
 use super::shipped::{BuiltIn, FILES};
-use super::xml::{Document, Element};
+use super::xml::{BUILT_IN, Document, Element};
 use super::xml_limits::MAX_DOCUMENT_BYTES;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -17,14 +17,6 @@ use vlscan_base::input::read_file;
 
 /// Minimum memory that one byte of a scene's description takes, bytes, as XML or as a table of instances.
 const MIN_MEMORY_PER_BYTE: u64 = 8;
-
-/// The folder of the built-in files in messages.
-const BUILT_IN: &str = "<built in>";
-
-/// Whether an element is in a file of the built-in catalogue.
-pub(super) fn is_built_in(element: &Element) -> bool {
-    element.path().starts_with(BUILT_IN)
-}
 
 /// The ids of the built-in scanners or platforms, with their files.
 pub(super) fn built_in_ids(context: &Context, kind: &str) -> Vec<(&'static BuiltIn, String)> {
@@ -102,10 +94,8 @@ impl Context {
         }
         let mut fields = Fields::new(self, &root);
         fields.ignore(&["schemaLocation", "noNamespaceSchemaLocation"]);
-        match fields.text("paths") {
-            Some("beside") => self.assets.look_beside_first(root.folder()),
-            Some(_) => fields.refuse("paths", "beside"),
-            None => {}
+        if fields.choice("paths", &[("beside", ())], None).is_some() {
+            self.assets.look_beside_first(root.folder());
         }
         fields.done(&["survey", "scene", "scanner", "platform", "scannerSettings", "platformSettings"]);
         let mut ids = HashSet::new();
@@ -158,9 +148,7 @@ impl Context {
             }
             None => {
                 let message = format!("cannot find the file `{file}`");
-                let hint = hint_for_name(file);
-                let help = if hint.is_empty() { self.assets.searched(file, folder) } else { hint };
-                self.error_help(place, message, help);
+                self.error_help(place, message, self.assets.help_for_missing(file, folder));
                 None
             }
         }
@@ -199,11 +187,6 @@ impl Context {
         found
     }
 
-    /// The existing file that an attribute names. A missing file is an error that lists the searched folders.
-    pub fn file(&self, name: &str, folder: &Path, place: Place) -> Option<PathBuf> {
-        self.find_file(name, folder, Some(place))
-    }
-
     /// As [`Context::file`], for names in tables of instances, which belong to files beside the table.
     pub fn file_beside(&self, name: &str, folder: &Path, place: Place) -> Option<PathBuf> {
         let beside = folder.join(name);
@@ -219,12 +202,12 @@ impl Context {
         }
     }
 
-    /// As [`Context::file`], for a name that may have no place. A file of the working directory that hides another one
-    /// beside the referring file is warned of.
-    pub fn find_file(&self, name: &str, folder: &Path, place: Option<Place>) -> Option<PathBuf> {
+    /// The existing file of a name, which may have no place. A missing file is an error that lists the searched folders; a file
+    /// of the working directory that hides another one beside the referring file is warned of.
+    pub fn file(&self, name: &str, folder: &Path, place: impl Into<Option<Place>>) -> Option<PathBuf> {
+        let place = place.into();
         let Some(Located { found, respelled }) = self.assets.file(name, folder) else {
-            let hint = hint_for_name(name);
-            let help = if hint.is_empty() { self.assets.searched(name, folder) } else { hint };
+            let help = self.assets.help_for_missing(name, folder);
             self.error_help(place, format!("cannot find the file `{name}`"), help);
             return None;
         };
@@ -239,14 +222,6 @@ impl Context {
             self.warn_help(place, spelling_message(name, spelling), SPELLING_HELP);
         }
     }
-}
-
-/// Help for a name with backslashes.
-pub(super) const SPELLING_HELP: &str = "write / between folders, which every system reads";
-
-/// The warning of a name that is read in another spelling.
-pub(super) fn spelling_message(name: &str, spelling: &str) -> String {
-    format!("there is no file `{name}`; `{spelling}` is read")
 }
 
 fn same_file(one: &Path, other: &Path) -> bool {
@@ -268,4 +243,55 @@ fn shortened(ids: &[String]) -> String {
         list.push_str(&format!(" and {} more", ids.len() - MAX_LISTED));
     }
     list
+}
+
+/// The element of a scanner or a platform: `file.xml#id`, `file.xml` for its first one, or the id of a built-in one. Files are
+/// searched from `folder`; `place` is the place of the reference.
+pub(super) fn find_asset(
+    context: &Context,
+    kind: &str,
+    reference: &str,
+    folder: &Path,
+    place: Option<Place>,
+) -> Option<Element> {
+    let is_file = looks_like_file(reference);
+    let (file, id) = match reference.split_once('#') {
+        Some((file, id)) => (file, Some(id)),
+        None if is_file || context.assets.file(reference, folder).is_some() => (reference, None),
+        None => return built_in(context, kind, reference, place),
+    };
+    let root = context.referred_document(file, folder, place.clone())?;
+    context.pick(&root, kind, id, place)
+}
+
+/// The built-in scanner or platform with that id, which must not be in two files of the catalogue.
+fn built_in(context: &Context, kind: &str, id: &str, place: Option<Place>) -> Option<Element> {
+    let ids = built_in_ids(context, kind);
+    let files: Vec<_> = ids.iter().filter(|(_, own)| own == id).map(|(file, _)| *file).collect();
+    if let [file] = files[..] {
+        let root = context.open(&Found::BuiltIn(file))?;
+        return context.pick(&root, kind, Some(id), place);
+    }
+    if !files.is_empty() {
+        let all: Vec<String> = files.iter().map(|file| format!("{}#{id}", file.path)).collect();
+        let message = format!("{} {kind}s that ship have the id `{id}`", all.len());
+        context.error_help(place, message, format!("write the one that is meant: {}", all.join(" or ")));
+        return None;
+    }
+    let help = match nearest(id, ids.iter().map(|(_, own)| own.as_str())) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None if kind == "platform" => {
+            let all: Vec<&str> = ids.iter().map(|(_, own)| own.as_str()).collect();
+            format!("there are {}, and file.xml#id", all.join(", "))
+        }
+        None => "`vlscan catalogue` lists those that ship; a file of one's own is file.xml#id".to_owned(),
+    };
+    context.error_help(place, format!("no {kind} that ships has the id `{id}`"), help);
+    None
+}
+
+/// The element of a scanner or a platform that a key of TOML refers to.
+pub(super) fn named_asset(fields: &mut Fields, key: Key, kind: &str) -> Option<Element> {
+    let name = fields.near_name(key)?;
+    find_asset(fields.context, kind, &name, fields.folder(), Some(fields.place(key)))
 }

@@ -1,58 +1,17 @@
 //! Settings of legs that the scanner or the platform limits, replaces or does not have. Each is a warning that names
 //! what is used instead.
 
-use super::context::Context;
-use super::{Deflector, Device, Leg, PlatformKind, Survey};
-use vlscan_base::diag::Place;
-use vlscan_base::quantity::number;
+use super::checks::LegCheck;
+use super::keys::{Key, LegKeys, SettingsKeys};
+use super::{Deflector, Device, PlatformKind};
+use vlscan_base::quantity::{NUMBER, number};
 use vlscan_geom::degrees;
 
-/// A setting of a leg by its names in surveys and in pipeline files.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Setting {
-    pub xml: &'static str,
-    pub toml: &'static str,
-    /// The element of a leg that has it.
-    pub tag: &'static str,
-}
-
-const fn setting(xml: &'static str, toml: &'static str) -> Setting {
-    Setting { xml, toml, tag: "scannerSettings" }
-}
-
-const fn of_platform(xml: &'static str, toml: &'static str) -> Setting {
-    Setting { xml, toml, tag: "platformSettings" }
-}
-
-pub(super) const SCAN_FREQ: Setting = setting("scanFreq_hz", "scan_freq_hz");
-pub(super) const SCAN_ANGLE: Setting = setting("scanAngle_deg", "scan_angle_deg");
-pub(super) const VERTICAL_MIN: Setting = setting("verticalAngleMin_deg", "vertical_angle_min_deg");
-pub(super) const VERTICAL_MAX: Setting = setting("verticalAngleMax_deg", "vertical_angle_max_deg");
-pub(super) const HEAD_RATE: Setting = setting("headRotatePerSec_deg", "head_rate_deg_per_s");
-pub(super) const HEAD_START: Setting = setting("headRotateStart_deg", "head_start_deg");
-pub(super) const HEAD_STOP: Setting = setting("headRotateStop_deg", "head_stop_deg");
-pub(super) const PULSE_FREQ: Setting = setting("pulseFreq_hz", "pulse_freq_hz");
-pub(super) const MAX_DURATION: Setting = setting("maxDuration_s", "max_duration_s");
-const BEAM_DIVERGENCE: Setting = setting("beamDivergence_rad", "beam_divergence_rad");
-const POSITION: Setting = of_platform("x", "position_m");
-const ON_GROUND: Setting = of_platform("onGround", "on_ground");
-const SPEED: Setting = of_platform("movePerSec_m", "speed_m_per_s");
-const STOP_AND_TURN: Setting = of_platform("stopAndTurn", "");
-const SMOOTH_TURN: Setting = of_platform("smoothTurn", "");
-const SLOWDOWN: Setting = of_platform("slowdownEnabled", "");
-const YAW_AT_DEPARTURE: Setting = of_platform("yawAtDeparture_deg", "");
-
-impl Setting {
-    /// Its name in the file of a place.
-    pub fn name_at(self, place: Option<&Place>) -> &'static str {
-        let is_pipeline =
-            place.is_some_and(|p| p.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")));
-        if is_pipeline && !self.toml.is_empty() { self.toml } else { self.xml }
-    }
-}
-
-/// Where a setting of a leg, by its index, is written.
-pub(super) type Places<'a> = &'a dyn Fn(usize, Setting) -> Option<Place>;
+const K: SettingsKeys = SettingsKeys::KEYS;
+const STOP_AND_TURN: Key = Key::attribute("stopAndTurn", &NUMBER);
+const SMOOTH_TURN: Key = Key::attribute("smoothTurn", &NUMBER);
+const SLOWDOWN: Key = Key::attribute("slowdownEnabled", &NUMBER);
+const YAW_AT_DEPARTURE: Key = Key::attribute("yawAtDeparture_deg", &NUMBER);
 
 /// Speed of legs that name none, m/s.
 const DEFAULT_SPEED: f64 = 70.0;
@@ -61,40 +20,28 @@ const MAX_RADIANS: f64 = 6.3;
 /// Ratio from which a scan angle is far below that of the scanner.
 const FAR_BELOW: f64 = 20.0;
 
-/// Warns of settings without effect in all legs.
-pub(super) fn check_effects(context: &Context, survey: &Survey, places: Places) {
-    let is_flown = matches!(survey.platform.kind, PlatformKind::Stream(_));
-    for (index, leg) in survey.legs.iter().enumerate() {
-        let check = LegCheck { context, survey, leg, index, places };
-        if !is_flown {
-            check.platform();
+impl LegCheck<'_> {
+    /// Warns of settings without effect.
+    pub fn effects(&self) {
+        if !matches!(self.survey.platform.kind, PlatformKind::Stream(_)) {
+            self.platform();
         }
-        if leg.scanner.active {
-            check.head();
-            check.radians();
-            check.deflection();
-            check.divergence();
+        if self.leg.scanner.active {
+            self.head();
+            self.radians();
+            self.deflection();
+            self.divergence();
         }
     }
-}
 
-struct LegCheck<'a> {
-    context: &'a Context,
-    survey: &'a Survey,
-    leg: &'a Leg,
-    index: usize,
-    places: Places<'a>,
-}
-
-impl LegCheck<'_> {
     fn devices(&self) -> &[Device] {
         &self.survey.scanner.devices
     }
 
     /// Warns of a setting; `message` follows its name.
-    fn warn(&self, setting: Setting, message: &str) {
-        let place = (self.places)(self.index, setting).or_else(|| self.leg.place.clone());
-        let name = setting.name_at(place.as_ref());
+    fn warn(&self, setting: Key, message: impl std::fmt::Display) {
+        let place = self.place(setting);
+        let name = self.name(setting);
         let message = match &place {
             Some(_) => format!("`{name}` {message}"),
             None => format!("leg {}: `{name}` {message}", self.leg.number),
@@ -111,14 +58,17 @@ impl LegCheck<'_> {
             PlatformKind::LinearPath | PlatformKind::GroundVehicle { .. } | PlatformKind::Multicopter(_)
         );
         if p.speed != DEFAULT_SPEED && p.speed != 0.0 && !has_waypoints {
-            self.warn(SPEED, &no_effect);
+            self.warn(LegKeys::KEYS.speed_m_per_s, &no_effect);
         }
         if matches!(kind, PlatformKind::Interpolated(_)) {
             if p.position.length_squared() > 0.0 {
-                self.warn(POSITION, &format!("{no_effect}: positions come from its trajectory"));
+                self.warn(
+                    LegKeys::KEYS.position_m,
+                    format!("{no_effect}: positions come from its trajectory"),
+                );
             }
             if p.on_ground {
-                self.warn(ON_GROUND, &format!("{no_effect}: heights come from its trajectory"));
+                self.warn(LegKeys::KEYS.on_ground, format!("{no_effect}: heights come from its trajectory"));
             }
         }
         if matches!(kind, PlatformKind::Multicopter(_)) {
@@ -143,12 +93,12 @@ impl LegCheck<'_> {
             return;
         }
         if limit == 0.0 {
-            return self.warn(HEAD_RATE, "has no effect: the scanner's head does not turn");
+            return self.warn(K.head_rate_deg_per_s, "has no effect: the scanner's head does not turn");
         }
         let (wanted, limit) = (number(degrees(wanted)), number(degrees(limit)));
         self.warn(
-            HEAD_RATE,
-            &format!("of {wanted} °/s is beyond the scanner's limit; its head turns by {limit} °/s"),
+            K.head_rate_deg_per_s,
+            format!("of {wanted} °/s is beyond the scanner's limit; its head turns by {limit} °/s"),
         );
     }
 
@@ -159,44 +109,40 @@ impl LegCheck<'_> {
         let doubt = |setting, angle: f64| {
             let written = degrees(angle);
             let (written, meant) = (number(written), number(degrees(written)));
-            self.warn(setting, &format!("is {written} degrees; {written} rad would be {meant} degrees"));
+            self.warn(setting, format!("is {written} degrees; {written} rad would be {meant} degrees"));
         };
         let is_small = s.scan_angle > 0.0 && s.scan_angle * FAR_BELOW < max;
         if is_small && looks_like_radians(s.scan_angle) && degrees(s.scan_angle) <= max * 1.05 {
-            doubt(SCAN_ANGLE, s.scan_angle);
+            doubt(K.scan_angle_deg, s.scan_angle);
         }
-        for (setting, angle) in [
-            (HEAD_START, s.head_start),
-            (HEAD_STOP, s.head_stop),
-            (VERTICAL_MIN, s.vertical_min.unwrap_or(0.0)),
-            (VERTICAL_MAX, s.vertical_max.unwrap_or(0.0)),
-        ] {
-            if looks_like_radians(angle) {
-                doubt(setting, angle);
-            }
-        }
+        let head = [(K.head_start_deg, s.head_start), (K.head_stop_deg, s.head_stop)];
+        let angles = head.into_iter().chain(self.vertical_angles());
+        angles.filter(|(_, angle)| looks_like_radians(*angle)).for_each(|(key, angle)| doubt(key, angle));
+    }
+
+    /// The vertical angles that the leg has, rad.
+    fn vertical_angles(&self) -> impl Iterator<Item = (Key, f64)> + use<> {
+        let s = &self.leg.scanner;
+        let angles = [(K.vertical_angle_min_deg, s.vertical_min), (K.vertical_angle_max_deg, s.vertical_max)];
+        angles.into_iter().filter_map(|(key, angle)| Some((key, angle?)))
     }
 
     fn deflection(&self) {
         let s = &self.leg.scanner;
         if s.scan_angle < 0.0 {
-            self.warn(SCAN_ANGLE, "is below 0 and counts as not given: that of the scanner is used");
+            self.warn(K.scan_angle_deg, "is below 0 and counts as not given: that of the scanner is used");
         }
-        let has = |is: fn(&Deflector) -> bool| self.devices().iter().any(|d| is(&d.deflector));
-        let (fibres, risley) = (|d: &Deflector| matches!(d, Deflector::Fibres { .. }), is_risley);
-        let only = |what: fn(&Deflector) -> bool| self.devices().iter().all(|d| what(&d.deflector));
-        if s.scan_freq > 0.0 && (only(fibres) || only(risley)) {
-            let reason = if has(is_risley) { "its prisms turn by themselves" } else { "it has no mirror" };
-            self.warn(SCAN_FREQ, &format!("has no effect with this scanner: {reason}"));
+        let only = |optics: &str| self.devices().iter().all(|d| d.deflector.optics() == optics);
+        if s.scan_freq > 0.0 && (only("line") || only("risley")) {
+            let reason = if only("risley") { "its prisms turn by themselves" } else { "it has no mirror" };
+            self.warn(K.scan_freq_hz, format!("has no effect with this scanner: {reason}"));
         }
-        if s.scan_angle > 0.0 && only(risley) {
-            self.warn(SCAN_ANGLE, "has no effect with this scanner: its prisms deflect the beam");
+        if s.scan_angle > 0.0 && only("risley") {
+            self.warn(K.scan_angle_deg, "has no effect with this scanner: its prisms deflect the beam");
         }
-        if !has(|d| matches!(d, Deflector::Polygon { .. })) {
-            for (setting, angle) in [(VERTICAL_MIN, s.vertical_min), (VERTICAL_MAX, s.vertical_max)] {
-                if angle.is_some() {
-                    self.warn(setting, "has no effect: only rotating optics have vertical angles");
-                }
+        if !self.devices().iter().any(|d| d.deflector.optics() == "rotating") {
+            for (setting, _) in self.vertical_angles() {
+                self.warn(setting, "has no effect: only rotating optics have vertical angles");
             }
         }
         self.devices().iter().for_each(|device| self.limits(device));
@@ -212,18 +158,16 @@ impl LegCheck<'_> {
                 let used = number(scan_product / degrees(angle));
                 let (freq, angle) = (number(s.scan_freq), in_degrees(angle));
                 self.warn(
-                    SCAN_FREQ,
-                    &format!(
-                        "of {freq} Hz is too much for {angle} degrees: the mirror swings with {used} Hz"
-                    ),
+                    K.scan_freq_hz,
+                    format!("of {freq} Hz is too much for {angle} degrees: the mirror swings with {used} Hz"),
                 );
             }
             Deflector::Risley { .. } | Deflector::Oscillating { .. } => {}
             _ if max > 0.0 && angle > max => {
                 let (angle, max) = (in_degrees(angle), in_degrees(max));
                 self.warn(
-                    SCAN_ANGLE,
-                    &format!("of {angle} degrees is beyond the scanner's {max}, which is used"),
+                    K.scan_angle_deg,
+                    format!("of {angle} degrees is beyond the scanner's {max}, which is used"),
                 );
             }
             Deflector::Polygon { effective_max, .. } => {
@@ -232,26 +176,25 @@ impl LegCheck<'_> {
                     let (angle, usable) = (in_degrees(angle), in_degrees(effective_max));
                     let message =
                         format!("of {angle} degrees is beyond the {usable} within which the scanner fires");
-                    self.warn(SCAN_ANGLE, &message);
+                    self.warn(K.scan_angle_deg, message);
                 }
             }
             _ => {}
         }
         let Deflector::Polygon { .. } = device.deflector else { return };
-        for (setting, vertical) in [(VERTICAL_MIN, s.vertical_min), (VERTICAL_MAX, s.vertical_max)] {
-            let Some(vertical) = vertical.map(f64::abs) else { continue };
+        for (setting, vertical) in self.vertical_angles() {
             // Rounding of the conversion to radians.
-            let beyond = |limit: f64| limit > 0.0 && vertical > limit * (1.0 + 1e-9);
+            let beyond = |limit: f64| limit > 0.0 && vertical.abs() > limit * (1.0 + 1e-9);
             if beyond(max) {
                 self.warn(
                     setting,
-                    &format!("is beyond the mirror, which turns within ±{} degrees", in_degrees(max)),
+                    format!("is beyond the mirror, which turns within ±{} degrees", in_degrees(max)),
                 );
             } else if beyond(angle) {
                 let angle = in_degrees(angle);
                 self.warn(
                     setting,
-                    &format!("is beyond the scan angle of {angle} degrees, which does not count for it"),
+                    format!("is beyond the scan angle of {angle} degrees, which does not count for it"),
                 );
             }
         }
@@ -261,13 +204,9 @@ impl LegCheck<'_> {
         let devices = self.devices();
         if devices.len() > 1 && self.leg.scanner.beam_divergence != devices[0].beam.divergence {
             let message = format!("reaches the first of the {} channels only, as in HELIOS++", devices.len());
-            self.warn(BEAM_DIVERGENCE, &message);
+            self.warn(K.beam_divergence_rad, message);
         }
     }
-}
-
-fn is_risley(deflector: &Deflector) -> bool {
-    matches!(deflector, Deflector::Risley { .. })
 }
 
 /// Whether an angle (rad) was written as a number that is no round number of degrees, and a round one if it stands for

@@ -1,8 +1,6 @@
-//! Surveys that follow a stream of poses; devices, scanners and legs with default settings.
+//! Surveys that follow a stream of poses; scanners and legs with default settings.
 
-use super::scanner_xml::{DETECTOR, DEVICE_BEAM, WAVEFORM};
-use super::{Deflector, Device, Head, MechanicalErrors, Mount, Receiver, Scanner};
-use super::{Leg, PlatformKind, PlatformSettings, PoseStream, ScannerSettings, Survey};
+use super::{Device, Leg, PlatformKind, PlatformSettings, PoseStream, Scanner, ScannerSettings, Survey};
 use vlscan_geom::DVec3;
 
 impl Survey {
@@ -21,28 +19,6 @@ impl Survey {
             place: model.and_then(|leg| leg.place.clone()),
         };
         self.legs = vec![leg];
-    }
-}
-
-impl Device {
-    /// A device with this deflector on a head that does not turn, and otherwise the defaults of `[scanner]` in pipeline files: 1064 nm,
-    /// 0.3 mrad, pulses of 4 ns, any range, no noise.
-    pub fn new(deflector: Deflector) -> Device {
-        Device {
-            id: String::new(),
-            deflector,
-            scan_angle_max: 0.0,
-            scan_freq: (0.0, 0.0),
-            head: Head { axis: DVec3::Z, max_rate: 0.0 },
-            beam_origin: Mount::IDENTITY,
-            firing_offset: 0.0,
-            beam: DEVICE_BEAM,
-            detector: DETECTOR,
-            receiver: Receiver::default(),
-            waveform: WAVEFORM,
-            waveform_place: None,
-            errors: MechanicalErrors::default(),
-        }
     }
 }
 
@@ -87,6 +63,16 @@ impl Scanner {
 impl PlatformSettings {
     /// Default platform settings of a leg that starts at `position` (world, m).
     pub fn at(position: DVec3) -> PlatformSettings {
-        PlatformSettings { position, ..super::settings::PlatformLayer::unset().resolved(None) }
+        PlatformSettings {
+            position,
+            on_ground: false,
+            speed: 70.0,
+            stop_and_turn: true,
+            smooth_turn: false,
+            slowdown: true,
+            yaw_at_departure: None,
+            trajectory: None,
+            mount: None,
+        }
     }
 }

@@ -26,85 +26,59 @@ const RASTER: &str = "convert it: gdal_translate -co COMPRESS=DEFLATE in.ext out
 const TIFF: &str = "a terrain raster is read by <filter type=\"geotiffloader\">";
 const UNPACK: &str = "unpack it first: unzip, gunzip, 7z";
 
+const fn format(
+    name: &'static str,
+    starts: &'static [&'static [u8]],
+    endings: &'static [&'static str],
+    help: &'static str,
+) -> Format {
+    Format { name, starts, endings, help }
+}
+
 const FORMATS: [Format; 27] = [
-    Format { name: "FBX", starts: &[b"Kaydara FBX", b"; FBX"], endings: &["fbx"], help: CONVERT },
-    Format { name: "COLLADA", starts: &[b"<COLLADA"], endings: &["dae"], help: CONVERT },
-    Format {
-        name: "OFF",
-        starts: &[b"OFF\n", b"OFF\r", b"OFF ", b"COFF", b"NOFF"],
-        endings: &["off"],
-        help: CONVERT,
-    },
+    format("FBX", &[b"Kaydara FBX", b"; FBX"], &["fbx"], CONVERT),
+    format("COLLADA", &[b"<COLLADA"], &["dae"], CONVERT),
+    format("OFF", &[b"OFF\n", b"OFF\r", b"OFF ", b"COFF", b"NOFF"], &["off"], CONVERT),
     // A TIFF file of big-endian numbers begins as one of 3D Studio does.
-    Format {
-        name: "a TIFF raster",
-        starts: &[b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"],
-        endings: &["tif", "tiff"],
-        help: TIFF,
-    },
-    Format { name: "3D Studio", starts: &[b"MM"], endings: &["3ds"], help: CONVERT },
-    Format { name: "a Blender file", starts: &[b"BLENDER"], endings: &["blend"], help: CONVERT },
-    Format {
-        name: "USD",
-        starts: &[b"#usda", b"PXR-USDC"],
-        endings: &["usd", "usda", "usdc", "usdz"],
-        help: CONVERT,
-    },
-    Format {
-        name: "X3D or VRML",
-        starts: &[b"#VRML", b"#X3D", b"<X3D"],
-        endings: &["wrl", "x3d", "vrml"],
-        help: CONVERT,
-    },
-    Format { name: "IFC", starts: &[], endings: &["ifc", "ifczip", "ifcxml"], help: IFC },
-    Format { name: "STEP", starts: &[b"ISO-10303-21"], endings: &["step", "stp"], help: CAD },
-    Format { name: "IGES", starts: &[], endings: &["igs", "iges"], help: CAD },
-    Format {
-        name: "DXF",
-        starts: &[b"0\nSECTION", b"0\r\nSECTION", b"AutoCAD Binary DXF"],
-        endings: &["dxf"],
-        help: CAD,
-    },
-    Format { name: "DWG", starts: &[b"AC10"], endings: &["dwg"], help: CAD },
-    Format { name: "a Rhino file", starts: &[b"3D Geometry File Format"], endings: &["3dm"], help: CAD },
-    Format { name: "a SketchUp file", starts: &[], endings: &["skp"], help: CAD },
-    Format { name: "3MF", starts: &[], endings: &["3mf"], help: CONVERT },
-    Format {
-        name: "CityGML or CityJSON",
-        starts: &[b"<CityModel", b"<core:CityModel"],
-        endings: &["gml", "json", "citygml", "cityjson"],
-        help: CITY,
-    },
-    Format { name: "LandXML", starts: &[b"<LandXML"], endings: &["landxml"], help: CAD },
-    Format { name: "LAS points", starts: &[b"LASF"], endings: &["las", "laz", "copc"], help: POINTS },
-    Format { name: "E57 points", starts: &[b"ASTM-E57"], endings: &["e57"], help: POINTS },
-    Format { name: "PCD points", starts: &[b"# .PCD"], endings: &["pcd"], help: POINTS },
-    Format { name: "points of text", starts: &[], endings: &["xyz", "pts", "ptx", "txt"], help: POINTS },
-    Format {
-        name: "an ESRI grid of text",
-        starts: &[b"ncols", b"NCOLS"],
-        endings: &["asc", "grd"],
-        help: RASTER,
-    },
-    Format { name: "ERDAS Imagine", starts: &[b"EHFA_HEADER_TAG"], endings: &["img"], help: RASTER },
-    Format {
-        name: "HDF or NetCDF",
-        starts: &[b"\x89HDF", b"CDF\x01", b"CDF\x02"],
-        endings: &["nc", "h5", "bag"],
-        help: RASTER,
-    },
-    Format {
-        name: "a raster in a format of GDAL",
-        starts: &[b"\x89PNG", b"\xff\xd8\xff", b"\0\0\0\x0cjP", b"<VRTDataset"],
-        endings: &["hgt", "jp2", "vrt", "dem", "ecw"],
-        help: RASTER,
-    },
-    Format {
-        name: "a compressed archive",
-        starts: &[b"PK\x03\x04", b"\x1f\x8b", b"7z\xbc\xaf"],
-        endings: &["zip", "gz", "7z"],
-        help: UNPACK,
-    },
+    format("a TIFF raster", &[b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"], &["tif", "tiff"], TIFF),
+    format("3D Studio", &[b"MM"], &["3ds"], CONVERT),
+    format("a Blender file", &[b"BLENDER"], &["blend"], CONVERT),
+    format("USD", &[b"#usda", b"PXR-USDC"], &["usd", "usda", "usdc", "usdz"], CONVERT),
+    format("X3D or VRML", &[b"#VRML", b"#X3D", b"<X3D"], &["wrl", "x3d", "vrml"], CONVERT),
+    format("IFC", &[], &["ifc", "ifczip", "ifcxml"], IFC),
+    format("STEP", &[b"ISO-10303-21"], &["step", "stp"], CAD),
+    format("IGES", &[], &["igs", "iges"], CAD),
+    format("DXF", &[b"0\nSECTION", b"0\r\nSECTION", b"AutoCAD Binary DXF"], &["dxf"], CAD),
+    format("DWG", &[b"AC10"], &["dwg"], CAD),
+    format("a Rhino file", &[b"3D Geometry File Format"], &["3dm"], CAD),
+    format("a SketchUp file", &[], &["skp"], CAD),
+    format("3MF", &[], &["3mf"], CONVERT),
+    format(
+        "CityGML or CityJSON",
+        &[b"<CityModel", b"<core:CityModel"],
+        &["gml", "json", "citygml", "cityjson"],
+        CITY,
+    ),
+    format("LandXML", &[b"<LandXML"], &["landxml"], CAD),
+    format("LAS points", &[b"LASF"], &["las", "laz", "copc"], POINTS),
+    format("E57 points", &[b"ASTM-E57"], &["e57"], POINTS),
+    format("PCD points", &[b"# .PCD"], &["pcd"], POINTS),
+    format("points of text", &[], &["xyz", "pts", "ptx", "txt"], POINTS),
+    format("an ESRI grid of text", &[b"ncols", b"NCOLS"], &["asc", "grd"], RASTER),
+    format("ERDAS Imagine", &[b"EHFA_HEADER_TAG"], &["img"], RASTER),
+    format("HDF or NetCDF", &[b"\x89HDF", b"CDF\x01", b"CDF\x02"], &["nc", "h5", "bag"], RASTER),
+    format(
+        "a raster in a format of GDAL",
+        &[b"\x89PNG", b"\xff\xd8\xff", b"\0\0\0\x0cjP", b"<VRTDataset"],
+        &["hgt", "jp2", "vrt", "dem", "ecw"],
+        RASTER,
+    ),
+    format(
+        "a compressed archive",
+        &[b"PK\x03\x04", b"\x1f\x8b", b"7z\xbc\xaf"],
+        &["zip", "gz", "7z"],
+        UNPACK,
+    ),
 ];
 
 /// Bytes of a file's beginning in which the root of an XML or JSON file is looked for.

@@ -166,21 +166,25 @@ struct Parser<'a> {
 
 impl<'a> Parser<'a> {
     fn sum(&mut self) -> Result<(), FormulaError> {
-        self.product()?;
-        while let Token::Symbol(operator @ ('+' | '-')) = self.token {
-            self.advance()?;
-            self.product()?;
-            self.emit(if operator == '+' { Step::Add } else { Step::Subtract })?;
-        }
-        Ok(())
+        self.chain([('+', Step::Add), ('-', Step::Subtract)], Parser::product)
     }
 
     fn product(&mut self) -> Result<(), FormulaError> {
-        self.signed_power()?;
-        while let Token::Symbol(operator @ ('*' | '/')) = self.token {
+        self.chain([('*', Step::Multiply), ('/', Step::Divide)], Parser::signed_power)
+    }
+
+    /// Operands joined by left-associative operators.
+    fn chain(
+        &mut self,
+        operators: [(char, Step); 2],
+        operand: fn(&mut Self) -> Result<(), FormulaError>,
+    ) -> Result<(), FormulaError> {
+        operand(self)?;
+        while let Some((_, step)) = operators.iter().find(|(symbol, _)| self.token == Token::Symbol(*symbol))
+        {
             self.advance()?;
-            self.signed_power()?;
-            self.emit(if operator == '*' { Step::Multiply } else { Step::Divide })?;
+            operand(self)?;
+            self.emit(*step)?;
         }
         Ok(())
     }

@@ -3,11 +3,11 @@
 use super::context::Context;
 use super::fields::{Fields, read_mount};
 use super::platform_xml::{mount_of_other, read_platform};
-use super::settings::{PlatformLayer, ScannerLayer};
+use super::settings::{NO_LIMIT, PlatformLayer, ScannerLayer};
 use super::templates::Templates;
 use super::trajectories::Trajectories;
 use super::xml::Element;
-use super::{Deflector, Leg, Platform, Scanner};
+use super::{Leg, Platform, Scanner};
 
 /// The state of the reader of legs.
 pub(super) struct LegReader<'c> {
@@ -19,8 +19,6 @@ pub(super) struct LegReader<'c> {
     pub trajectories: Option<Trajectories>,
 }
 
-/// The duration that means "no limit", s.
-const NO_LIMIT: f64 = -1.0;
 /// The text that means "no strip".
 const NO_STRIP: &str = "NULL_STRIP_ID";
 
@@ -41,7 +39,7 @@ impl<'c> LegReader<'c> {
 
     pub fn read(&mut self, element: &Element, number: u32) -> Leg {
         let mut fields = Fields::new(self.context, element);
-        let strip = fields.text("stripId").filter(|s| *s != NO_STRIP).map(str::to_owned);
+        let strip = fields.text("stripId").filter(|s| *s != NO_STRIP);
         let max_duration = fields.number("maxDuration_s", NO_LIMIT);
         if max_duration < 0.0 && max_duration != NO_LIMIT {
             fields.warn("maxDuration_s", "is below 0: the leg has no limit of its own");
@@ -85,7 +83,7 @@ impl<'c> LegReader<'c> {
                 PlatformLayer::read(self.context, &element, template.as_ref().unwrap_or(&default))
             }
         };
-        let trajectory = self.trajectories.as_mut().and_then(|t| t.add(self.context, leg, &layer));
+        let trajectory = self.trajectories.as_mut().and_then(|t| t.add(self.context, leg, &layer.trajectory));
         layer.resolved(trajectory)
     }
 
@@ -102,49 +100,8 @@ impl<'c> LegReader<'c> {
         let mut merged = layer.merged(template.as_ref(), &own);
         layer.report_unheeded(self.context, &element, &merged);
         if let Some(scanner) = self.scanner {
-            apply_resolution(self.context, &element, &mut merged, scanner);
+            merged.apply_resolution(&Fields::new(self.context, &element), scanner);
         }
         merged
     }
-}
-
-/// Computes scan frequency and head speed from the angular resolutions (spec input-formats §2.6).
-fn apply_resolution(context: &Context, element: &Element, layer: &mut ScannerLayer, scanner: &Scanner) {
-    let (vertical, horizontal) = (layer.vertical_resolution, layer.horizontal_resolution);
-    if !layer.active || vertical == 0.0 && horizontal == 0.0 {
-        return;
-    }
-    let device = &scanner.devices[0];
-    if !matches!(device.deflector, Deflector::Polygon { .. }) {
-        let message = "angular resolutions have no effect: the scanner has no rotating optics";
-        return context.warn(element.place(), message);
-    }
-    if vertical == 0.0 || horizontal == 0.0 {
-        let (given, missing) = match vertical == 0.0 {
-            true => ("horizontalResolution_deg", "verticalResolution_deg"),
-            false => ("verticalResolution_deg", "horizontalResolution_deg"),
-        };
-        let message = format!("`{given}` is given without `{missing}`; the scanner would stand still");
-        return context.error_help(element.value_place(given), message, format!("give `{missing}` as well"));
-    }
-    if vertical < 0.0 || horizontal < 0.0 {
-        let name = if vertical < 0.0 { "verticalResolution_deg" } else { "horizontalResolution_deg" };
-        return context.error(element.value_place(name), format!("`{name}` must be above 0"));
-    }
-    if device.scan_angle_max <= 0.0 {
-        return context
-            .error(element.place(), "angular resolutions need a scanner with `scanAngleMax_deg` above 0");
-    }
-    let given =
-        [("scanFreq_hz", "verticalResolution_deg"), ("headRotatePerSec_deg", "horizontalResolution_deg")];
-    for (replaced, by) in given {
-        if element.value(replaced).is_some() && element.value(by).is_some() {
-            context.warn(
-                element.name_place(replaced),
-                format!("`{replaced}` has no effect beside `{by}`, from which it follows"),
-            );
-        }
-    }
-    layer.scan_freq = f64::from(layer.pulse_freq) * vertical / (2.0 * device.scan_angle_max);
-    layer.head_rate = horizontal * layer.scan_freq;
 }

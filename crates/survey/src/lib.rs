@@ -1,19 +1,30 @@
-//! Surveys and scenes as their files describe them, with every template, default and unit resolved. Geometry is not
-//! loaded here.
+//! Surveys of virtual laser scanning as plain values, with every template, default and unit resolved: from HELIOS++ XML and
+//! from TOML. Geometry is not loaded here.
+//!
+//! * [`read_survey`] reads a survey of XML, [`read_pipeline_survey`] that of a pipeline file: a [`Survey`] of a [`Scanner`], a
+//!   [`Platform`], [`Leg`]s and a [`SceneRecipe`].
+//! * [`read_scene`], [`find_scanner`] and [`find_platform`] read one of these alone, [`catalogue`] all that are built in.
+//! * All readers return the warnings to be shown beside the value, and all problems of all files at once as an error: each with
+//!   its place, what was found and what was expected.
+//! * [`INSTRUMENT_KEYS`] and [`SURVEY_TABLES`] list what can be stated, with names in both formats and bounds.
+//!
+//! Angles are radians, lengths metres, frequencies hertz, positions world coordinates.
 //!
 //! | file | what it does |
 //! |---|---|
 //! | `model` | the plain values that every reader produces |
 //! | `text`, `xml`, `xml_limits` | bytes to text; XML as owned elements with their places in the file; how large it may be |
 //! | `shipped`, `assets`, `catalogue` | the built-in files; the search path; the built-in scanners and platforms |
-//! | `context`, `fields`, `documents` | the problems of one run of a reader; typed attributes of an element; documents and references |
+//! | `keys` | names, bounds and use of every setting, in XML and TOML |
+//! | `context`, `fields`, `documents` | the problems of one run of a reader; typed values of an element or a table; documents and references |
 //! | `read` | the entry points: a survey, a scene, a scanner |
 //! | `survey_xml`, `settings`, `templates`, `legs`, `trajectories` | the `<survey>` element: templates, legs, trajectories |
-//! | `follow` | surveys that follow a stream of poses; devices, scanners and legs with default settings |
+//! | `toml` | pipeline files |
+//! | `follow` | surveys that follow a stream of poses; scanners and legs with default settings |
 //! | `checks`, `effects` | checks that need the complete survey: limits, legs that never end; settings that are limited or have no effect |
-//! | `scanner_xml`, `deflector_xml`, `receiver_xml`, `pulse_file`, `platform_xml` | instruments and platforms |
-//! | `scene_xml`, `params`, `loaders`, `instances`, `motions` | the parts of a scene |
-//! | `pipeline` | pipeline files |
+//! | `instrument`, `device`, `deflector`, `receiver`, `pulse_file` | instruments of both formats |
+//! | `platform_xml` | platforms |
+//! | `scene_xml`, `loaders`, `instances`, `motions` | the parts of a scene |
 //! | `foreign` | endings of mesh files, and mesh formats that are not read |
 //! | `formula`, `seed` | formulas of calibration errors; the formats of a seed |
 
@@ -23,7 +34,8 @@ mod assets;
 mod catalogue;
 mod checks;
 mod context;
-mod deflector_xml;
+mod deflector;
+mod device;
 mod documents;
 mod effects;
 mod fields;
@@ -31,17 +43,16 @@ mod follow;
 mod foreign;
 pub mod formula;
 mod instances;
+mod instrument;
+mod keys;
 mod legs;
 mod loaders;
 mod model;
 mod motions;
-mod params;
-mod pipeline;
 mod platform_xml;
 mod pulse_file;
 mod read;
-mod receiver_xml;
-mod scanner_xml;
+mod receiver;
 mod scene_xml;
 mod seed;
 mod settings;
@@ -54,18 +65,27 @@ pub mod testkit;
 #[cfg(test)]
 mod tests;
 mod text;
+mod toml;
 mod trajectories;
 mod xml;
 mod xml_limits;
 
-pub use catalogue::catalogue;
+pub use self::toml::{PipelineSurvey, Source, Tables, field_names, read_pipeline_survey};
+pub use catalogue::{Catalogue, catalogue};
 pub use context::{ReadOptions, SceneChoice};
 pub use foreign::foreign_format;
-pub use formula::Formula;
+pub use formula::{Formula, FormulaError};
+pub use keys::{
+    INSTRUMENT_KEYS, Key, KeyTable, KeyUse, SURVEY_TABLES, WrittenKey, key_named, warn_of_unused_keys,
+};
 pub use model::*;
 pub use motions::rounded_steps;
-pub use pipeline::{KeyTable, SURVEY_TABLES, Source, Tables, field_names, read_pipeline_survey};
 pub use read::{find_platform, find_scanner, read_scene, read_survey};
-pub use seed::parse_seed;
-pub use text::decode_table;
+pub use seed::{SeedError, parse_seed};
+pub use text::{NotText, decode_table};
 pub use xml_limits::MAX_DOCUMENT_BYTES;
+
+/// The example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+pub struct Readme;

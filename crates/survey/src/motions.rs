@@ -1,7 +1,7 @@
 //! Moving parts (spec input-formats §3.7).
 
 use super::context::Context;
-use super::fields::{Fields, parse_vector};
+use super::fields::{Fields, Reading, parse_vector};
 use super::xml::Element;
 use super::{Motion, MotionKind, MotionSequence, MotionTiming};
 use std::collections::HashMap;
@@ -24,17 +24,18 @@ pub(super) fn read_motions(context: &Context, part: &Element) -> Vec<MotionSeque
 
 fn read_sequence(context: &Context, element: &Element, ids: &HashMap<&str, usize>) -> MotionSequence {
     let mut fields = Fields::new(context, element);
-    let id = fields.required("id").unwrap_or_default().to_owned();
-    let loops = match fields.required("loop") {
-        Some(_) => fields.lenient_count("loop", 0),
-        None => 0,
-    };
+    let id = fields.required("id").unwrap_or_default();
+    if !fields.has("loop") {
+        fields.missing("loop");
+    }
+    fields.reading = Reading::Lenient;
+    let loops = fields.count("loop", 0);
     let next = fields.text("next").filter(|n| !n.is_empty()).and_then(|next| {
-        let index = ids.get(next).copied();
+        let index = ids.get(next.as_str()).copied();
         if index.is_none() {
             let mut known: Vec<&str> = ids.keys().copied().collect();
             known.sort_unstable();
-            let help = nearest(next, known).map_or(String::new(), |n| format!("did you mean `{n}`?"));
+            let help = nearest(&next, known).map_or(String::new(), |n| format!("did you mean `{n}`?"));
             context.warn_help(
                 element.value_place("next"),
                 format!("there is no motion `{next}` in this part, which stops after `{id}`"),
@@ -51,15 +52,23 @@ fn read_sequence(context: &Context, element: &Element, ids: &HashMap<&str, usize
     MotionSequence { id, loops, next, motions }
 }
 
+/// Types of motions.
+const TYPES: [&str; 7] =
+    ["identity", "translation", "rotation", "reflection", "glideplane", "helical", "rotsym"];
 /// Attributes of motions, of which each type has some.
 const MOTION_ATTRIBUTES: [&str; 7] = ["vec", "axis", "angle", "center", "ortho", "shift", "glide"];
 
 fn read_motion(context: &Context, element: &Element) -> Option<Motion> {
     let mut fields = Fields::new(context, element);
-    let kind = fields.required("type").map(str::to_owned);
-    let about_self = fields.lenient_flag("selfMode", false);
-    let auto_crs = fields.lenient_number("autoCRS", 0.0);
-    let kind = kind.and_then(|kind| read_kind(context, &mut fields, &kind));
+    if !fields.has("type") {
+        fields.missing("type");
+    }
+    let kinds = TYPES.map(|name| (name, name));
+    let kind = fields.choice("type", &kinds, None);
+    fields.reading = Reading::Lenient;
+    let about_self = fields.flag("selfMode", false);
+    let auto_crs = fields.number("autoCRS", 0.0);
+    let kind = kind.and_then(|kind| read_kind(&mut fields, element, kind));
     fields.rest_without_effect(
         &MOTION_ATTRIBUTES,
         &format!("in a motion of type {}", element.value("type").unwrap_or_default()),
@@ -68,14 +77,14 @@ fn read_motion(context: &Context, element: &Element) -> Option<Motion> {
     Some(Motion { kind: kind?, about_self, auto_crs })
 }
 
-fn read_kind(context: &Context, fields: &mut Fields, kind: &str) -> Option<MotionKind> {
+fn read_kind(fields: &mut Fields, element: &Element, kind: &str) -> Option<MotionKind> {
     Some(match kind {
         "identity" => MotionKind::Identity,
         "translation" => MotionKind::Translation { by: required_vector(fields, "vec")? },
-        "rotation" | "helical" if has_null_axis(fields) => {
+        "rotation" | "helical" if has_null_axis(element) => {
             let message = "the `axis` of this motion is 0 0 0, so that nothing moves";
             let help = "if rounding left nothing of the axis, write it with more digits";
-            context.warn_help(fields.element.value_place("axis"), message, help);
+            fields.context.warn_help(element.value_place("axis"), message, help);
             fields.ignore(&["axis", "angle", "center", "glide"]);
             MotionKind::Identity
         }
@@ -95,23 +104,12 @@ fn read_kind(context: &Context, fields: &mut Fields, kind: &str) -> Option<Motio
         }
         "helical" => {
             let (axis, angle) = axis_and_angle(fields);
-            let glide = required_number(fields, "glide");
+            let glide = fields.required_number("glide");
             MotionKind::Helical { axis: axis?, angle: angle?, glide: glide? }
         }
-        "rotsym" => {
+        _ => {
             let (axis, angle) = axis_and_angle(fields);
             MotionKind::RotaryReflection { centre: fields.vector("center"), axis: axis?, angle: angle? }
-        }
-        other => {
-            let known =
-                ["identity", "translation", "rotation", "reflection", "glideplane", "helical", "rotsym"];
-            let help = match nearest(other, known) {
-                Some(near) => format!("did you mean `{near}`?"),
-                None => format!("the types are {}", known.join(", ")),
-            };
-            let place = fields.element.value_place("type");
-            context.error_help(place, format!("unknown motion type `{other}`"), help);
-            return None;
         }
     })
 }
@@ -122,38 +120,28 @@ const MAX_NULL_AXIS_ANGLE: f64 = 1.0;
 
 /// Whether the axis is the null vector and the angle small, as programs write a part that hardly turns and round the axis
 /// to a few digits.
-fn has_null_axis(fields: &Fields) -> bool {
-    let element = &fields.element;
+fn has_null_axis(element: &Element) -> bool {
     let angle = element.value("angle").and_then(|text| text.trim().parse::<f64>().ok());
     angle.is_some_and(|angle| angle.abs() <= MAX_NULL_AXIS_ANGLE)
-        && element.value("axis").and_then(parse_vector) == Some(DVec3::ZERO)
+        && element.value("axis").and_then(parse_vector) == Some([0.0; 3])
 }
 
 fn axis_and_angle(fields: &mut Fields) -> (Option<DVec3>, Option<f64>) {
     let axis = direction(fields, "axis");
-    let angle = required_number(fields, "angle").map(radians);
+    let angle = fields.required_number("angle").map(radians);
     (axis, angle)
 }
 
-/// A number without which the motion would be wrong: an unreadable value is an error.
-fn required_number(fields: &mut Fields, name: &'static str) -> Option<f64> {
-    let text = fields.required(name)?;
-    let number = text.trim().parse::<f64>().ok().filter(|v| quantity::NUMBER.contains(*v));
-    if number.is_none() {
-        fields.refuse(name, "a number");
-    }
-    number
-}
-
 fn required_vector(fields: &mut Fields, name: &'static str) -> Option<DVec3> {
-    fields.required(name)?;
+    if !fields.has(name) {
+        fields.missing(name);
+    }
     fields.vector(name)
 }
 
 /// A vector normalised to unit length.
 fn direction(fields: &mut Fields, name: &'static str) -> Option<DVec3> {
-    let vector = required_vector(fields, name)?;
-    let direction = unit(vector);
+    let direction = unit(required_vector(fields, name)?);
     if !direction.is_finite() {
         fields.refuse(name, "a direction");
         return None;
@@ -164,8 +152,8 @@ fn direction(fields: &mut Fields, name: &'static str) -> Option<DVec3> {
 /// Reads the timing attributes of a `<part>`.
 pub(super) fn read_timing(fields: &mut Fields) -> MotionTiming {
     MotionTiming {
-        dyn_step: fields.whole_within("dynStep", 1, 0..=u32::MAX),
-        tree_step: fields.whole_within("kdtDynStep", 1, 0..=u32::MAX),
+        dyn_step: fields.count("dynStep", 1),
+        tree_step: fields.count("kdtDynStep", 1),
         dyn_time_step: positive_time(fields, "dynTimeStep"),
         tree_time_step: positive_time(fields, "kdtDynTimeStep"),
     }
@@ -211,7 +199,7 @@ pub fn rounded_steps(steps: f64, time: f64, step: f64) -> Option<String> {
 
 /// A time step, s; `None` when it is missing or NaN.
 pub(super) fn positive_time(fields: &mut Fields, name: &'static str) -> Option<f64> {
-    let time = fields.optional_number(name, &quantity::NUMBER)?;
+    let time = fields.optional_or_nan(name)?;
     if time <= 0.0 {
         fields.refuse(name, "a number of seconds above 0");
         return None;

@@ -1,10 +1,13 @@
 //! Platforms (spec input-formats §7) and noise (spec input-formats §2.10).
 
 use super::context::Context;
-use super::fields::{Fields, read_mount};
+use super::fields::{Fields, Reading};
+use super::keys::{Key, LegKeys};
 use super::xml::Element;
 use super::{Mount, Multicopter, Noise, NoiseKind, Platform, PlatformKind, PlatformNoise};
 use vlscan_base::diag::Place;
+use vlscan_base::quantity::NOT_NEGATIVE;
+use vlscan_geom::radians;
 
 /// Children of a platform that describe noise, in the order position x, y, z, attitude x, y, z.
 pub(super) const NOISE: [&str; 6] = [
@@ -16,9 +19,8 @@ pub(super) const NOISE: [&str; 6] = [
     "attitudeZNoise",
 ];
 
-/// Attributes of multicopters; a ground vehicle has the first one.
-const MULTICOPTER: [&str; 10] = [
-    "drag",
+/// The other parameters of multicopters; a ground vehicle has the drag alone.
+const MULTICOPTER: [&str; 9] = [
     "engine_max_force",
     "speedup_magnitude",
     "slowdown_magnitude",
@@ -32,14 +34,11 @@ const MULTICOPTER: [&str; 10] = [
 
 pub(super) fn read_platform(context: &Context, element: &Element) -> Option<Platform> {
     let mut fields = Fields::new(context, element);
-    let id = fields.text("id").unwrap_or_default().to_owned();
+    let id = fields.text("id").unwrap_or_default();
     fields.ignore(&["name"]);
-    let kind = fields.required("type").map(str::to_ascii_lowercase);
-    let kind = read_kind(&mut fields, kind.as_deref(), context);
-    let mut children = NOISE.to_vec();
-    children.push("scannerMount");
-    fields.done(&children);
-    let mount = element.child("scannerMount").map_or(Mount::IDENTITY, |m| read_mount(context, &m));
+    let kind = read_kind(&mut fields);
+    let mount = fields.pose(LegKeys::KEYS.mount).unwrap_or(Mount::IDENTITY);
+    fields.done(&NOISE);
     let mut noise = PlatformNoise::default();
     replace_noise(context, element, &mut noise);
     Some(Platform { id, kind: kind?, mount, noise })
@@ -72,39 +71,45 @@ pub(super) fn mount_of_other(
     Some(other.mount)
 }
 
-fn read_kind(fields: &mut Fields, kind: Option<&str>, context: &Context) -> Option<PlatformKind> {
+fn read_kind(fields: &mut Fields) -> Option<PlatformKind> {
+    fields.reading = Reading::Lenient;
     // Every attribute is read for every kind: built-in platforms list more than they need.
-    let drag = fields.lenient_number("drag", 1.0);
+    let drag = fields.number("drag", 1.0);
+    let angle = |fields: &mut Fields, name, default| radians(fields.number(name, default));
     let multicopter = Multicopter {
         drag,
-        engine_max_force: fields.lenient_number("engine_max_force", 0.1),
-        speedup: fields.lenient_number("speedup_magnitude", 2.0),
-        slowdown: fields.lenient_number("slowdown_magnitude", 2.0),
-        base_pitch: fields.lenient_angle("base_pitch_deg", -5.0),
-        pitch_speed: fields.lenient_angle("pitch_speed_deg", 85.94),
-        roll_speed: fields.lenient_angle("roll_speed_deg", 28.65),
-        yaw_speed: fields.lenient_angle("yaw_speed_deg", 85.94),
-        pitch_offset: fields.lenient_angle("pitch_offset_deg", 35.0),
-        roll_offset: fields.lenient_angle("roll_offset_deg", 25.0),
+        engine_max_force: fields.number("engine_max_force", 0.1),
+        speedup: fields.number("speedup_magnitude", 2.0),
+        slowdown: fields.number("slowdown_magnitude", 2.0),
+        base_pitch: angle(fields, "base_pitch_deg", -5.0),
+        pitch_speed: angle(fields, "pitch_speed_deg", 85.94),
+        roll_speed: angle(fields, "roll_speed_deg", 28.65),
+        yaw_speed: angle(fields, "yaw_speed_deg", 85.94),
+        pitch_offset: angle(fields, "pitch_offset_deg", 35.0),
+        roll_offset: angle(fields, "roll_offset_deg", 25.0),
     };
     fields.ignore(&["slowdown_distance"]);
-    let drag_only = kind == Some("groundvehicle");
-    if matches!(kind, Some("static" | "linearpath")) || drag_only {
-        let names = if drag_only { &MULTICOPTER[1..] } else { &MULTICOPTER[..] };
-        fields.without_effect(names, &format!("on a platform of type {}", kind.unwrap_or_default()));
+    if !fields.has("type") {
+        fields.missing("type");
+        return None;
     }
-    Some(match kind? {
-        "static" => PlatformKind::Static,
-        "linearpath" => PlatformKind::LinearPath,
-        "groundvehicle" => PlatformKind::GroundVehicle { drag },
-        "multicopter" => PlatformKind::Multicopter(multicopter),
-        other => {
-            let message = format!("unknown platform type `{other}`; a static platform is used");
-            let help = "the types are static, linearpath, groundvehicle and multicopter";
-            context.warn_help(fields.element.value_place("type"), message, help);
-            PlatformKind::Static
+    let kinds = [
+        PlatformKind::Static,
+        PlatformKind::LinearPath,
+        PlatformKind::GroundVehicle { drag },
+        PlatformKind::Multicopter(multicopter),
+    ];
+    let kind = fields.choice("type", &kinds.map(|kind| (kind.name(), kind)), Some("static"));
+    let why = kind.as_ref().map(|kind| format!("on a platform of type {}", kind.name()));
+    match (&kind, why) {
+        (Some(PlatformKind::Static | PlatformKind::LinearPath), Some(why)) => {
+            fields.without_effect(&["drag"], &why);
+            fields.without_effect(&MULTICOPTER, &why);
         }
-    })
+        (Some(PlatformKind::GroundVehicle { .. }), Some(why)) => fields.without_effect(&MULTICOPTER, &why),
+        _ => {}
+    }
+    Some(kind.unwrap_or(PlatformKind::Static))
 }
 
 /// Replaces the noise sources for which `element` has a child.
@@ -119,38 +124,31 @@ pub(super) fn replace_noise(context: &Context, element: &Element, noise: &mut Pl
 
 fn read_noise(context: &Context, element: &Element) -> Noise {
     let mut fields = Fields::new(context, element);
-    let uniform = match fields.text("type") {
-        Some("UNIFORM") => true,
-        None | Some("NORMAL") => false,
-        Some(other) => {
-            let message = format!("unknown noise type `{other}`; NORMAL is used");
-            context.warn_help(element.value_place("type"), message, "the types are NORMAL and UNIFORM");
-            false
-        }
-    };
+    let kinds = [("NORMAL", false), ("UNIFORM", true)];
+    let uniform = fields.choice("type", &kinds, Some("NORMAL")).unwrap_or(false);
+    fields.reading = Reading::Lenient;
     match uniform {
         true => fields.without_effect(&["mean", "stdev"], "with uniform noise, which has `min` and `max`"),
         false => fields.without_effect(&["min", "max"], "with normal noise, which has `mean` and `stdev`"),
     }
-    let (mean, stdev) = (fields.lenient_number("mean", 0.0), fields.lenient_number("stdev", 1.0));
-    let (min, max) = (fields.lenient_number("min", 0.0), fields.lenient_number("max", 1.0));
-    let clipped = fields.lenient_flag("clipEnabled", false);
+    let (mean, stdev) = (fields.number("mean", 0.0), fields.number(STDEV, 1.0));
+    let (min, max) = (fields.number("min", 0.0), fields.number("max", 1.0));
+    if uniform {
+        fields.in_order((min, max), ["min", "max"], "");
+    }
+    let clipped = fields.flag("clipEnabled", false);
     if !clipped {
         fields.without_effect(&["clipMin", "clipMax"], "without `clipEnabled`");
     }
-    let clip = (fields.lenient_number("clipMin", 0.0), fields.lenient_number("clipMax", 1.0));
-    let lifespan = fields.lenient_count("fixedLifespan", 1);
-    if !uniform && stdev < 0.0 {
-        fields.refuse("stdev", "a number of at least 0");
+    let clip = (fields.number("clipMin", 0.0), fields.number("clipMax", 1.0));
+    if clipped {
+        fields.in_order(clip, ["clipMin", "clipMax"], "");
     }
-    if uniform && min > max {
-        fields.refuse(if fields.has("max") { "max" } else { "min" }, "such that min does not exceed max");
-    }
-    if clipped && clip.0 > clip.1 {
-        let name = if fields.has("clipMax") { "clipMax" } else { "clipMin" };
-        fields.refuse(name, "such that clipMin does not exceed clipMax");
-    }
+    let lifespan = fields.count("fixedLifespan", 1);
     fields.done(&[]);
     let kind = if uniform { NoiseKind::Uniform { min, max } } else { NoiseKind::Normal { mean, stdev } };
     Noise { kind, clip: clipped.then_some(clip), lifespan }
 }
+
+/// Standard deviation of noise.
+const STDEV: Key = Key::attribute("stdev", &NOT_NEGATIVE);

@@ -2,22 +2,19 @@
 
 use super::assets::Found;
 use super::context::{Context, ReadOptions, SceneChoice};
-use super::documents::built_in_ids;
+use super::documents::find_asset;
 use super::foreign::{MESH_ENDINGS, is_foreign_ending};
-use super::instances::{Base, read_table};
+use super::instances::{Base, Row, read_table};
+use super::instrument::read_scanner;
 use super::platform_xml::read_platform;
-use super::scanner_xml::read_scanner;
 use super::scene_xml::read_scene_element;
 use super::survey_xml::read_survey_document;
-use super::xml::Element;
 use super::{
-    Loader, MaterialChoice, MeshReading, MotionTiming, PartRecipe, Platform, Scanner, SceneRecipe, Survey,
-    Transform,
+    Loader, MaterialChoice, MeshReading, PartRecipe, Platform, Scanner, SceneRecipe, Survey, Transform,
 };
 use super::{VoxelLoader, VoxelMode};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use vlscan_base::diag::{Diagnostics, Place, nearest};
+use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
 use vlscan_base::files::reads;
 
@@ -71,51 +68,6 @@ pub fn find_platform(reference: &str, options: &ReadOptions) -> Result<(Platform
     context.finish(platform)
 }
 
-/// The element of a scanner or a platform: `file.xml#id`, `file.xml` for its first one, or the id of a built-in one. Files are
-/// searched from `folder`; `place` is the place of the reference.
-pub(super) fn find_asset(
-    context: &Context,
-    kind: &str,
-    reference: &str,
-    folder: &Path,
-    place: Option<Place>,
-) -> Option<Element> {
-    let is_file = reference.contains(['/', '\\']) || extension(reference) == "xml";
-    let (file, id) = match reference.split_once('#') {
-        Some((file, id)) => (file, Some(id)),
-        None if is_file || context.assets.file(reference, folder).is_some() => (reference, None),
-        None => return built_in(context, kind, reference, place),
-    };
-    let root = context.referred_document(file, folder, place.clone())?;
-    context.pick(&root, kind, id, place)
-}
-
-/// The built-in scanner or platform with that id, which must not be in two files of the catalogue.
-fn built_in(context: &Context, kind: &str, id: &str, place: Option<Place>) -> Option<Element> {
-    let ids = built_in_ids(context, kind);
-    let files: Vec<_> = ids.iter().filter(|(_, own)| own == id).map(|(file, _)| *file).collect();
-    if let [file] = files[..] {
-        let root = context.open(&Found::BuiltIn(file))?;
-        return context.pick(&root, kind, Some(id), place);
-    }
-    if !files.is_empty() {
-        let all: Vec<String> = files.iter().map(|file| format!("{}#{id}", file.path)).collect();
-        let message = format!("{} {kind}s that ship have the id `{id}`", all.len());
-        context.error_help(place, message, format!("write the one that is meant: {}", all.join(" or ")));
-        return None;
-    }
-    let help = match nearest(id, ids.iter().map(|(_, own)| own.as_str())) {
-        Some(near) => format!("did you mean `{near}`?"),
-        None if kind == "platform" => {
-            let all: Vec<&str> = ids.iter().map(|(_, own)| own.as_str()).collect();
-            format!("there are {}, and file.xml#id", all.join(", "))
-        }
-        None => "`vlscan catalogue` lists those that ship; a file of one's own is file.xml#id".to_owned(),
-    };
-    context.error_help(place, format!("no {kind} that ships has the id `{id}`"), help);
-    None
-}
-
 /// The scene that replaces that of a survey.
 pub(super) fn chosen_scene(context: &Context, choice: &SceneChoice) -> Option<SceneRecipe> {
     match choice {
@@ -161,28 +113,23 @@ pub(super) fn is_geometry(reference: &str) -> bool {
 }
 
 fn scene_of_file(context: &Context, name: &str, folder: &Path, place: Option<Place>) -> Option<SceneRecipe> {
-    let path = context.find_file(name, folder, place)?;
+    let path = context.file(name, folder, place)?;
     let asset_folders = context.assets.folders(path.parent().unwrap_or(Path::new("")));
-    let part = |number, loader, transform, place| PartRecipe {
-        id: None,
-        number,
-        loader,
-        changes: Arc::default(),
-        transform,
-        motions: Vec::new(),
-        timing: MotionTiming { dyn_step: 1, tree_step: 1, dyn_time_step: None, tree_time_step: None },
-        swaps: Vec::new(),
-        place,
-    };
     let parts = if is_packed(name) {
         Vec::new()
     } else if extension(name) == "csv" {
         let base = Base { file: None, reading: MeshReading::default(), transform: Transform::IDENTITY };
         let rows = read_table(context, &path, &base)?;
-        (0..).zip(rows).map(|(n, row)| part(n, row.loader, row.transform, Some(row.place))).collect()
+        let part = |(number, row): (u32, Row)| PartRecipe {
+            place: Some(row.place),
+            number,
+            transform: row.transform,
+            ..PartRecipe::new(row.loader)
+        };
+        (0..).zip(rows).map(part).collect()
     } else {
         let place = Some(Place::of_file(&path));
-        vec![part(0, loader_of_file(path.clone()), Transform::IDENTITY, place)]
+        vec![PartRecipe { place, ..PartRecipe::new(loader_of_file(path.clone())) }]
     };
     let id = Path::new(name).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let packed = is_packed(name).then(|| path.clone());

@@ -3,19 +3,19 @@
 use super::context::Context;
 use super::fields::Fields;
 use super::instances::{Base, Row, read_table};
-use super::loaders::{LOADERS, read_file, read_loader};
+use super::keys::Key;
+use super::loaders::{LOADERS, read_loader};
 use super::motions::{check_timing, positive_time, read_motions, read_timing};
-use super::params::Params;
 use super::xml::Element;
 use super::{Loader, MeshReading, PartRecipe, SceneRecipe, Swap, Transform};
-use std::sync::Arc;
-use vlscan_base::diag::nearest;
+use vlscan_base::diag::{Place, nearest};
+use vlscan_base::quantity::COUNT_ABOVE_0;
 use vlscan_geom::DVec3;
 
 pub(super) fn read_scene_element(context: &Context, element: &Element) -> Option<SceneRecipe> {
     let mut fields = Fields::new(context, element);
-    let id = fields.text("id").unwrap_or_default().to_owned();
-    let dyn_step = fields.whole_within("dynStep", 1, 0..=u32::MAX);
+    let id = fields.text("id").unwrap_or_default();
+    let dyn_step = fields.count("dynStep", 1);
     let dyn_time_step = positive_time(&mut fields, "dynTimeStep");
     fields.ignore(&["name"]);
     fields.done(&["part"]);
@@ -53,7 +53,7 @@ pub(super) fn read_scene_element(context: &Context, element: &Element) -> Option
 /// that is loaded from several files.
 fn read_part(context: &Context, element: &Element, number: u32) -> Vec<PartRecipe> {
     let mut fields = Fields::new(context, element);
-    let id = fields.text("id").filter(|id| !id.is_empty()).map(str::to_owned);
+    let id = fields.text("id").filter(|id| !id.is_empty());
     let timing = read_timing(&mut fields);
     fields.ignore(&["name"]);
     fields.done(&["filter", "swap", "dmotion"]);
@@ -61,7 +61,7 @@ fn read_part(context: &Context, element: &Element, number: u32) -> Vec<PartRecip
         context.error(element.place(), "a <part> needs a <filter> that loads its geometry");
         return Vec::new();
     }
-    let mut chain = Chain::new();
+    let mut chain = Chain::default();
     let has_swaps = element.child("swap").is_some();
     for filter in element.named("filter") {
         chain.add(context, &filter, if has_swaps { Where::SwappedPart } else { Where::Part });
@@ -73,39 +73,33 @@ fn read_part(context: &Context, element: &Element, number: u32) -> Vec<PartRecip
         context.warn(element.child("swap").as_ref().unwrap_or(element).place(), message);
         swaps.clear();
     }
-    if let Some(rows) = chain.rows {
-        let recipe = |(row, number): (Row, u32)| PartRecipe {
-            id: id.clone(),
-            number,
-            loader: row.loader,
-            changes: Arc::default(),
-            transform: chain.transform.after(&row.transform),
-            motions: motions.clone(),
-            timing,
-            swaps: swaps.clone(),
-            place: Some(row.place),
-        };
-        return rows.into_iter().zip(number..).map(recipe).collect();
-    }
-    let Some(loader) = chain.loader else {
-        if !chain.loader_failed {
-            context.warn(element.place(), "a part without a loader is skipped");
+    let placed: Vec<(Loader, Transform, Place)> = match (chain.rows, chain.loader) {
+        (Some(rows), _) => {
+            let place = |row: Row| (row.loader, chain.transform.after(&row.transform), row.place);
+            rows.into_iter().map(place).collect()
         }
-        return Vec::new();
+        (None, Some(loader)) => {
+            let loaders = if id.is_none() { loader.per_file() } else { vec![loader] };
+            loaders.into_iter().map(|loader| (loader, chain.transform, element.place())).collect()
+        }
+        (None, None) => {
+            if !chain.loader_failed {
+                context.warn(element.place(), "a part without a loader is skipped");
+            }
+            Vec::new()
+        }
     };
-    let loaders = if id.is_none() { loader.per_file() } else { vec![loader] };
-    let recipe = |(loader, number)| PartRecipe {
+    let recipe = |((loader, transform, place), number)| PartRecipe {
         id: id.clone(),
-        number,
-        loader,
-        changes: Arc::default(),
-        transform: chain.transform,
         motions: motions.clone(),
         timing,
         swaps: swaps.clone(),
-        place: Some(element.place()),
+        place: Some(place),
+        number,
+        transform,
+        ..PartRecipe::new(loader)
     };
-    loaders.into_iter().zip(number..).map(recipe).collect()
+    placed.into_iter().zip(number..).map(recipe).collect()
 }
 
 /// The context in which a chain of filters occurs.
@@ -118,6 +112,7 @@ enum Where {
 }
 
 /// The accumulated effect of a chain of filters (spec input-formats §3.3).
+#[derive(Default)]
 struct Chain {
     loader: Option<Loader>,
     /// Whether a loader occurred that could not be read.
@@ -132,24 +127,11 @@ struct Chain {
 }
 
 impl Chain {
-    fn new() -> Chain {
-        Chain {
-            loader: None,
-            loader_failed: false,
-            rows: None,
-            filters: 0,
-            transform: Transform::IDENTITY,
-            scale: None,
-            offset: None,
-            on_ground: None,
-        }
-    }
-
     fn add(&mut self, context: &Context, filter: &Element, place: Where) {
         let Some(kind) = filter.value("type").map(str::to_ascii_lowercase) else {
             return context.error(filter.place(), "<filter> needs the attribute `type`");
         };
-        let params = || Params::new(context, filter);
+        let params = || Fields::of_params(context, filter);
         match kind.as_str() {
             "rotate" => self.rotate(params(), place),
             "scale" => self.scale(params()),
@@ -171,38 +153,39 @@ impl Chain {
     }
 
     /// Applies a loader, which discards the effect of the filters before it.
-    fn load(&mut self, params: Params, kind: &str, place: Where) {
-        let (context, filter) = (params.context, params.filter);
+    fn load(&mut self, params: Fields, kind: &str, place: Where) {
+        let (context, at) = (params.context, params.own_place());
         let second = self.loader.is_some() || self.loader_failed;
         match place {
             Where::Swap if self.filters > 0 => {
-                context.error(filter.place(), "a loader must be the first filter of a <swap>");
+                context.error(at, "a loader must be the first filter of a <swap>");
             }
             Where::SwappedPart if second => {
-                context.error(filter.place(), "a part with <swap> elements may have one loader only");
+                context.error(at, "a part with <swap> elements may have one loader only");
             }
-            _ if second => context.warn(filter.place(), "a second loader replaces the first one of the part"),
+            _ if second => context.warn(at, "a second loader replaces the first one of the part"),
             _ if self.filters > 0 => {
                 let message = "filters before the loader have no effect";
-                context.warn_help(filter.place(), message, "put the loader first");
+                context.warn_help(at, message, "put the loader first");
             }
             _ => {}
         }
         let loader = read_loader(kind, params);
-        *self = Chain { loader_failed: loader.is_none(), loader, filters: self.filters, ..Chain::new() };
+        *self = Chain { loader_failed: loader.is_none(), loader, filters: self.filters, ..Chain::default() };
     }
 
     /// Replaces the part by the instances of a table; the filters so far transform the mesh of each instance.
-    fn place_instances(&mut self, mut params: Params, place: Where) {
-        let (context, filter) = (params.context, params.filter);
+    fn place_instances(&mut self, mut params: Fields, place: Where) {
+        let (context, place_of_filter) = (params.context, params.own_place());
+        let at = || place_of_filter.clone();
         if place != Where::Part || self.rows.is_some() {
-            context.error(filter.place(), "a table of instances can stand once in a <part> without <swap>");
+            context.error(at(), "a table of instances can stand once in a <part> without <swap>");
         }
         let (file, reading) = match self.loader.take() {
             Some(Loader::MeshFiles { mut files, reading }) if files.len() == 1 => (files.pop(), reading),
             None => (None, MeshReading::default()),
             Some(_) => {
-                context.error(filter.place(), "instances can be made of one mesh file");
+                context.error(at(), "instances can be made of one mesh file");
                 (None, MeshReading::default())
             }
         };
@@ -210,27 +193,27 @@ impl Chain {
         if !params.has("filepath") {
             params.missing("filepath");
         }
-        let rows = read_file(&mut params, "filepath").and_then(|path| read_table(context, &path, &base));
-        params.done();
+        let rows = params.file("filepath").and_then(|path| read_table(context, &path, &base));
+        params.done(&[]);
         let failed = rows.is_none();
-        *self = Chain { loader_failed: failed, rows, filters: self.filters, ..Chain::new() };
+        *self = Chain { loader_failed: failed, rows, filters: self.filters, ..Chain::default() };
     }
 
-    fn rotate(&mut self, mut params: Params, place: Where) {
+    fn rotate(&mut self, mut params: Fields, place: Where) {
         match params.rotation("rotation") {
             Some(_) if place == Where::Swap => {
                 let message = "`rotate` has no effect in a <swap>; the part keeps its rotation";
-                params.context.warn(params.filter.place(), message);
+                params.context.warn(params.own_place(), message);
             }
             Some(rotation) => self.transform.rotation = rotation.after(self.transform.rotation),
             None => params.missing("rotation"),
         }
-        params.done();
+        params.done(&[]);
     }
 
-    fn scale(&mut self, mut params: Params) {
-        match params.number("scale") {
-            Some(0.0) => params.context.warn(params.filter.place(), "a scale of 0 is ignored"),
+    fn scale(&mut self, mut params: Fields) {
+        match params.optional("scale") {
+            Some(0.0) => params.context.warn(params.own_place(), "a scale of 0 is ignored"),
             Some(scale) => {
                 self.scale = Some(scale);
                 self.transform.scale = scale;
@@ -238,10 +221,10 @@ impl Chain {
             None if !params.has("scale") => params.missing("scale"),
             None => {}
         }
-        params.done();
+        params.done(&[]);
     }
 
-    fn translate(&mut self, mut params: Params) {
+    fn translate(&mut self, mut params: Fields) {
         match params.vector("offset") {
             Some(offset) => {
                 self.offset = Some(offset);
@@ -250,11 +233,11 @@ impl Chain {
             None if !params.has("offset") => params.missing("offset"),
             None => {}
         }
-        if let Some(mode) = params.whole("onGround") {
+        if let Some(mode) = params.integer("onGround") {
             self.on_ground = Some(mode);
             self.transform.on_ground = mode;
         }
-        params.done();
+        params.done(&[]);
     }
 }
 
@@ -264,7 +247,7 @@ fn read_swaps(context: &Context, part: &Element, on_ground: i64) -> Vec<Swap> {
     let mut swaps = Vec::new();
     for element in part.named("swap") {
         let mut fields = Fields::new(context, &element);
-        let epochs = fields.whole_within("swapStep", 1, 1..=u32::MAX);
+        let epochs = fields.count(Key::attribute("swapStep", &COUNT_ABOVE_0), 1);
         keep_crs = fields.flag("keepCRS", keep_crs);
         let vanish = fields.text("force_null").is_some();
         if fields.has("swapIndices") {
@@ -277,7 +260,7 @@ fn read_swaps(context: &Context, part: &Element, on_ground: i64) -> Vec<Swap> {
         }
         fields.ignore(&["swapIndices"]);
         fields.done(&["filter"]);
-        let mut chain = Chain::new();
+        let mut chain = Chain::default();
         if !vanish {
             for filter in element.named("filter") {
                 chain.add(context, &filter, Where::Swap);

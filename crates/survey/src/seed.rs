@@ -8,14 +8,17 @@ const HOUR: i64 = 3_600;
 const MINUTE: i64 = 60;
 
 /// Parses a seed: an integer; a decimal number, whose bit pattern is the seed; or a time stamp `YYYY-MM-DD
-/// hh:mm:ss`, converted to seconds with months of 30 days. The error states what was expected.
+/// hh:mm:ss`, converted to seconds with months of 30 days.
+///
+/// # Errors
+/// [`SeedError`] for any other text.
 ///
 /// ```
 /// use vlscan_survey::parse_seed;
 /// assert_eq!(parse_seed("43"), Ok(43));
 /// assert_eq!(parse_seed("1970-01-01 00:00:01"), Ok(2_592_000 + 86_400 + 1));
 /// ```
-pub fn parse_seed(text: &str) -> Result<u64, String> {
+pub fn parse_seed(text: &str) -> Result<u64, SeedError> {
     let text = text.trim();
     let seed = if text.contains(':') {
         time_stamp(text).map(|s| s as u64)
@@ -24,10 +27,24 @@ pub fn parse_seed(text: &str) -> Result<u64, String> {
     } else {
         text.parse::<u64>().ok().or_else(|| text.parse::<i64>().ok().map(|s| s as u64))
     };
-    seed.ok_or_else(|| {
-        format!("`{text}` is no seed: expected a whole number, a decimal number or a time stamp YYYY-MM-DD hh:mm:ss")
-    })
+    seed.ok_or_else(|| SeedError { text: text.to_owned() })
 }
+
+/// A text that is no seed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SeedError {
+    /// The text.
+    pub text: String,
+}
+
+impl std::fmt::Display for SeedError {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        let expected = "a whole number, a decimal number or a time stamp YYYY-MM-DD hh:mm:ss";
+        write!(f, "`{}` is no seed: expected {expected}", self.text)
+    }
+}
+
+impl std::error::Error for SeedError {}
 
 fn time_stamp(text: &str) -> Option<i64> {
     let (date, time) = text.split_once(' ')?;
@@ -78,7 +95,7 @@ mod tests {
             "nan.",
             "1:2:3",
         ] {
-            assert!(parse_seed(text).unwrap_err().contains("time stamp"), "{text}");
+            assert!(parse_seed(text).unwrap_err().to_string().contains("time stamp"), "{text}");
         }
     }
 }

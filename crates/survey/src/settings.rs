@@ -1,216 +1,202 @@
-//! Scanner and platform settings of a leg, merged from the leg, its template and the scanner (spec input-formats
-//! §2.4–2.5, spec kinematics §1.7).
+//! Scanner and platform settings of a leg: attributes and keys, merged from the leg, its template and the scanner (spec
+//! input-formats §2.4–2.6, spec kinematics §1.7).
 
 use super::context::Context;
 use super::fields::Fields;
+use super::keys::{Key, LegKeys, SettingsKeys};
+use super::trajectories::TrajectoryLayer;
 use super::xml::Element;
-use super::{LegTrajectory, PlatformSettings, ScannerSettings};
-use vlscan_base::quantity::{self, number};
-use vlscan_geom::{DVec3, degrees};
+use super::{Deflector, LegTrajectory, PlatformSettings, Scanner, ScannerSettings};
+use vlscan_base::quantity::{ANGLE, Bounds, NUMBER, POSITIVE, number};
+use vlscan_geom::{DVec3, degrees, radians};
 
-/// Scanner settings as written, before merging. Angles are radians; vertical angles that are NaN are not set.
-#[derive(Clone, Debug)]
-pub(super) struct ScannerLayer {
-    pub active: bool,
-    pub pulse_freq: i32,
-    pub scan_freq: f64,
-    scan_angle: f64,
-    vertical_min: f64,
-    vertical_max: f64,
-    pub head_rate: f64,
-    head_start: f64,
-    head_stop: f64,
-    pub beam_divergence: f64,
-    /// `beam_divergence` as written, NaN where it is not: here no value is reserved for "not given".
-    own_divergence: f64,
-    trajectory_interval: f64,
-    max_duration: f64,
-    warmup: f64,
-    pub vertical_resolution: f64,
-    pub horizontal_resolution: f64,
+const K: SettingsKeys = SettingsKeys::KEYS;
+
+/// How a setting is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Whole,
+    Number,
+    /// Degrees; radians in the model.
+    Angle,
+    /// As [`Kind::Angle`]; NaN unsets the value of a template.
+    Unsettable,
 }
 
-impl ScannerLayer {
-    /// Values without a template; in merging they mean "not given".
-    pub const DEFAULT: ScannerLayer = ScannerLayer {
-        active: true,
-        pulse_freq: 0,
-        scan_freq: 0.0,
-        scan_angle: 0.0,
-        vertical_min: f64::NAN,
-        vertical_max: f64::NAN,
-        head_rate: 0.0,
-        head_start: 0.0,
-        head_stop: 0.0,
-        beam_divergence: 0.003,
-        own_divergence: f64::NAN,
-        trajectory_interval: 0.0,
-        max_duration: -1.0,
-        warmup: 0.0,
-        vertical_resolution: 0.0,
-        horizontal_resolution: 0.0,
-    };
+/// A setting: its key, how it is written, and its value.
+type Row = (Key, Kind, fn(&mut ScannerLayer) -> &mut f64);
 
+/// Defines the settings, each with its key and the value that means "not given" in merging.
+macro_rules! settings {
+    ($($field:ident: $key:ident, $kind:ident = $default:expr;)*) => {
+        /// Scanner settings as written, before merging, in the units of the model. Vertical angles that are NaN are not set.
+        #[derive(Clone, Debug)]
+        pub(super) struct ScannerLayer {
+            pub active: bool,
+            $(pub $field: f64,)*
+            /// `beam_divergence` as written, NaN where it is not: here no value is reserved for "not given".
+            own_divergence: f64,
+        }
+
+        impl ScannerLayer {
+            /// Values without a template; in merging they mean "not given".
+            pub const DEFAULT: ScannerLayer =
+                ScannerLayer { active: true, $($field: $default,)* own_divergence: f64::NAN };
+            const ROWS: &'static [Row] = &[$((K.$key, Kind::$kind, |layer| &mut layer.$field)),*];
+        }
+    };
+}
+
+settings! {
+    pulse_freq: pulse_freq_hz, Whole = 0.0;
+    scan_freq: scan_freq_hz, Number = 0.0;
+    scan_angle: scan_angle_deg, Angle = 0.0;
+    vertical_min: vertical_angle_min_deg, Unsettable = f64::NAN;
+    vertical_max: vertical_angle_max_deg, Unsettable = f64::NAN;
+    head_rate: head_rate_deg_per_s, Angle = 0.0;
+    head_start: head_start_deg, Angle = 0.0;
+    head_stop: head_stop_deg, Angle = 0.0;
+    beam_divergence: beam_divergence_rad, Number = 0.003;
+    trajectory_interval: trajectory_interval_s, Number = 0.0;
+    max_duration: max_duration_s, Number = NO_LIMIT;
+    warmup: warmup_s, Number = 0.0;
+    vertical_resolution: vertical_resolution_deg, Angle = 0.0;
+    horizontal_resolution: horizontal_resolution_deg, Angle = 0.0;
+}
+
+/// The duration that means "no limit", s.
+pub(super) const NO_LIMIT: f64 = -1.0;
+/// Attitude of a multicopter at the end of a stop.
+const YAW_AT_DEPARTURE: Key = Key::attribute("yawAtDeparture_deg", &ANGLE);
+/// Pulses per second in XML, where 0 means "not given".
+const PULSE_FREQ_OR_0: Bounds = Bounds::new(0.0, i32::MAX as f64, "a whole number above 0");
+
+impl ScannerLayer {
     /// The scanner's default values.
     pub fn of_scanner(pulse_freq: u32, beam_divergence: f64) -> ScannerLayer {
-        let pulse_freq = i32::try_from(pulse_freq).unwrap_or(i32::MAX);
+        let pulse_freq = f64::from(pulse_freq);
         ScannerLayer { pulse_freq, beam_divergence, own_divergence: beam_divergence, ..ScannerLayer::DEFAULT }
+    }
+
+    /// The settings of a leg as a layer that keys change.
+    pub fn of_leg(settings: &ScannerSettings) -> ScannerLayer {
+        ScannerLayer {
+            active: settings.active,
+            pulse_freq: f64::from(settings.pulse_freq),
+            scan_freq: settings.scan_freq,
+            scan_angle: settings.scan_angle,
+            vertical_min: settings.vertical_min.unwrap_or(f64::NAN),
+            vertical_max: settings.vertical_max.unwrap_or(f64::NAN),
+            head_rate: settings.head_rate,
+            head_start: settings.head_start,
+            head_stop: settings.head_stop,
+            beam_divergence: settings.beam_divergence,
+            own_divergence: settings.written_divergence.unwrap_or(settings.beam_divergence),
+            trajectory_interval: settings.trajectory_interval,
+            max_duration: settings.max_duration.unwrap_or(NO_LIMIT),
+            warmup: settings.warmup,
+            ..ScannerLayer::DEFAULT
+        }
     }
 
     /// Reads a `<scannerSettings>` with `base` as defaults.
     pub fn read(context: &Context, element: &Element, base: &ScannerLayer) -> ScannerLayer {
-        let mut fields = Fields::new(context, element);
-        let mut angle_or_nan = |name: &'static str, base: f64| match fields.has(name) {
-            // NaN unsets the value of a template.
-            true if fields.element.value(name).is_some_and(is_nan) => {
-                fields.ignore(&[name]);
-                f64::NAN
-            }
-            true => fields.optional_angle(name).unwrap_or(base),
-            false => {
-                fields.ignore(&[name]);
-                base
-            }
-        };
-        let vertical_min = angle_or_nan("verticalAngleMin_deg", base.vertical_min);
-        let vertical_max = angle_or_nan("verticalAngleMax_deg", base.vertical_max);
-        let beam_divergence =
-            fields.within("beamDivergence_rad", base.beam_divergence, &quantity::DIVERGENCE);
-        let layer = ScannerLayer {
-            active: fields.flag("active", base.active),
-            pulse_freq: fields.whole("pulseFreq_hz", base.pulse_freq),
-            scan_freq: fields.within("scanFreq_hz", base.scan_freq, &quantity::SCAN_FREQ),
-            scan_angle: fields.angle("scanAngle_deg", base.scan_angle, &quantity::HALF_ANGLE),
-            vertical_min,
-            vertical_max,
-            head_rate: fields.angle("headRotatePerSec_deg", base.head_rate, &quantity::HEAD_RATE),
-            head_start: fields.angle("headRotateStart_deg", base.head_start, &quantity::ANGLE),
-            head_stop: fields.angle("headRotateStop_deg", base.head_stop, &quantity::ANGLE),
-            beam_divergence,
-            own_divergence: if fields.has("beamDivergence_rad") {
-                beam_divergence
-            } else {
-                base.own_divergence
-            },
-            trajectory_interval: fields.within(
-                "trajectoryTimeInterval_s",
-                base.trajectory_interval,
-                &quantity::SAMPLE_INTERVAL,
-            ),
-            max_duration: read_duration(context, &mut fields, base.max_duration),
-            warmup: fields.within("opticsWarmupPhase_s", base.warmup, &quantity::WARMUP),
-            vertical_resolution: fields.angle(
-                "verticalResolution_deg",
-                base.vertical_resolution,
-                &quantity::ANGLE,
-            ),
-            horizontal_resolution: fields.angle(
-                "horizontalResolution_deg",
-                base.horizontal_resolution,
-                &quantity::ANGLE,
-            ),
-        };
-        if fields.has("pulseFreq_hz") && layer.pulse_freq < 0 {
-            fields.refuse("pulseFreq_hz", "a whole number above 0");
-        }
-        if layer.vertical_min > layer.vertical_max {
-            let name = if fields.has("verticalAngleMax_deg") {
-                "verticalAngleMax_deg"
-            } else {
-                "verticalAngleMin_deg"
-            };
-            fields.refuse(name, "such that the lower vertical angle does not exceed the upper one");
-        }
-        if layer.max_duration < 0.0 && layer.max_duration != ScannerLayer::DEFAULT.max_duration {
-            fields.warn("maxDuration_s", "is below 0: the leg has no limit");
-        }
-        layer.check_head(&mut fields);
+        let (mut fields, mut layer) = (Fields::new(context, element), base.clone());
+        layer.active = fields.flag("active", layer.active);
+        layer.change(&mut fields);
         fields.ignore(&["id", "name", "template"]);
-        fields.done(&["maxDuration_s"]);
+        fields.done(&[]);
         layer
     }
 
-    /// Warns when the head does not turn towards its stop angle.
-    fn check_head(&self, fields: &mut Fields) {
+    /// Applies attributes or keys.
+    pub fn change(&mut self, fields: &mut Fields) {
+        for &(key, kind, value_of) in ScannerLayer::ROWS {
+            let value = value_of(self);
+            match kind {
+                Kind::Whole => {
+                    let bounds = if fields.is_toml() { key.bounds } else { &PULSE_FREQ_OR_0 };
+                    *value = f64::from(fields.count(Key { bounds, ..key }, *value as u32));
+                }
+                Kind::Unsettable if fields.is_nan(key) => {
+                    fields.ignore(&[key]);
+                    *value = f64::NAN;
+                }
+                Kind::Angle | Kind::Unsettable => fields.set_angle(key, value),
+                Kind::Number => fields.set(key, value),
+            }
+        }
+        self.read_duration(fields);
+        if fields.has(K.beam_divergence_rad) {
+            self.own_divergence = self.beam_divergence;
+        }
+        let window = (degrees(self.vertical_min), degrees(self.vertical_max));
+        fields.in_order(window, [K.vertical_angle_min_deg, K.vertical_angle_max_deg], "");
         let way = self.head_stop - self.head_start;
-        if fields.has("headRotateStop_deg") && way * self.head_rate < 0.0 {
+        if fields.has(K.head_stop_deg) && way * self.head_rate < 0.0 {
             let direction = if self.head_rate > 0.0 { "at least" } else { "at most" };
             let start = number(degrees(self.head_start));
-            fields.refuse(
-                "headRotateStop_deg",
-                &format!("{direction} the start angle {start} for this head speed"),
-            );
+            fields
+                .refuse(K.head_stop_deg, &format!("{direction} the start angle {start} for this head speed"));
+        }
+    }
+
+    /// Checks the duration, which XML may also have in a child element.
+    fn read_duration(&mut self, fields: &mut Fields) {
+        let is_attribute = fields.has_value(K.max_duration_s);
+        if fields.is_toml() {
+            if is_attribute && self.max_duration <= 0.0 {
+                fields.refuse(K.max_duration_s, POSITIVE.expected);
+            }
+            return;
+        }
+        let child = fields.element_child(K.max_duration_s).filter(|_| !is_attribute);
+        if let Some(element) = child.as_ref().and_then(Fields::element) {
+            let text = element.content().trim();
+            match text.parse::<f64>() {
+                Ok(value) if NUMBER.contains(value) => self.max_duration = value,
+                _ => {
+                    let used = self.max_duration;
+                    let message =
+                        format!("expected a number in <maxDuration_s>, found `{text}`; {used} is used");
+                    fields.context.warn(element.place(), message);
+                }
+            }
+        }
+        if self.max_duration < 0.0 && self.max_duration != NO_LIMIT {
+            fields.warn(K.max_duration_s, "is below 0: the leg has no limit");
         }
     }
 
     /// Selects each value from the leg (`self`), the template or the scanner by comparing values (spec input-formats
     /// §2.5).
     pub fn merged(&self, template: Option<&ScannerLayer>, scanner: &ScannerLayer) -> ScannerLayer {
-        let default = &ScannerLayer::DEFAULT;
-        let template = template.unwrap_or(default);
-        let own_divergence =
-            if self.own_divergence.is_nan() { scanner.own_divergence } else { self.own_divergence };
-        macro_rules! pick {
-            ($($field:ident),*) => {
-                ScannerLayer { own_divergence, $($field: {
-                    if self.$field != template.$field {
-                        self.$field
-                    } else if template.$field != default.$field {
-                        template.$field
-                    } else {
-                        scanner.$field
-                    }
-                }),* }
-            };
+        let mut default = ScannerLayer::DEFAULT;
+        let (mut own, mut scanner) = (self.clone(), scanner.clone());
+        let mut template = template.unwrap_or(&default).clone();
+        for (_, _, value_of) in ScannerLayer::ROWS {
+            let (template, default) = (*value_of(&mut template), *value_of(&mut default));
+            let value = value_of(&mut own);
+            if *value == template {
+                *value = if template != default { template } else { *value_of(&mut scanner) };
+            }
         }
-        pick!(
-            active,
-            pulse_freq,
-            scan_freq,
-            scan_angle,
-            vertical_min,
-            vertical_max,
-            head_rate,
-            head_start,
-            head_stop,
-            beam_divergence,
-            trajectory_interval,
-            max_duration,
-            warmup,
-            vertical_resolution,
-            horizontal_resolution
-        )
+        if own.own_divergence.is_nan() {
+            own.own_divergence = scanner.own_divergence;
+        }
+        own
     }
 
     /// Warns of attributes of `element`, read as these settings, whose values count as not given in merging.
     pub fn report_unheeded(&self, context: &Context, element: &Element, merged: &ScannerLayer) {
-        let angle = |value: f64| if value.is_nan() { "none".to_owned() } else { number(degrees(value)) };
-        let pairs = [
-            ("active", self.active.to_string(), merged.active.to_string()),
-            ("pulseFreq_hz", self.pulse_freq.to_string(), merged.pulse_freq.to_string()),
-            ("scanFreq_hz", number(self.scan_freq), number(merged.scan_freq)),
-            ("scanAngle_deg", angle(self.scan_angle), angle(merged.scan_angle)),
-            ("verticalAngleMin_deg", angle(self.vertical_min), angle(merged.vertical_min)),
-            ("verticalAngleMax_deg", angle(self.vertical_max), angle(merged.vertical_max)),
-            ("headRotatePerSec_deg", angle(self.head_rate), angle(merged.head_rate)),
-            ("headRotateStart_deg", angle(self.head_start), angle(merged.head_start)),
-            ("headRotateStop_deg", angle(self.head_stop), angle(merged.head_stop)),
-            ("beamDivergence_rad", number(self.beam_divergence), number(merged.beam_divergence)),
-            (
-                "trajectoryTimeInterval_s",
-                number(self.trajectory_interval),
-                number(merged.trajectory_interval),
-            ),
-            ("maxDuration_s", number(self.max_duration), number(merged.max_duration)),
-            ("opticsWarmupPhase_s", number(self.warmup), number(merged.warmup)),
-            ("verticalResolution_deg", angle(self.vertical_resolution), angle(merged.vertical_resolution)),
-            (
-                "horizontalResolution_deg",
-                angle(self.horizontal_resolution),
-                angle(merged.horizontal_resolution),
-            ),
-        ];
-        for (name, written, used) in pairs {
+        let (mut own, mut merged) = (self.clone(), merged.clone());
+        for &(key, kind, value_of) in ScannerLayer::ROWS {
+            let name = key.attribute;
+            let [written, used] = [&mut own, &mut merged].map(|layer| match *value_of(layer) {
+                angle if angle.is_nan() => "none".to_owned(),
+                angle if matches!(kind, Kind::Angle | Kind::Unsettable) => number(degrees(angle)),
+                value => number(value),
+            });
             if element.value(name).is_some() && written != used {
                 let message = format!(
                     "`{name}` of {written} is a default and counts as not given; {used} is used, as in HELIOS++"
@@ -220,12 +206,51 @@ impl ScannerLayer {
         }
     }
 
+    /// Computes scan frequency and head speed from the angular resolutions (spec input-formats §2.6), which `fields` have.
+    pub fn apply_resolution(&mut self, fields: &Fields, scanner: &Scanner) {
+        let keys = [K.vertical_resolution_deg, K.horizontal_resolution_deg];
+        let angles = [self.vertical_resolution, self.horizontal_resolution];
+        let [given, other] = if angles[0] == 0.0 { [keys[1], keys[0]] } else { keys };
+        let (context, device) = (fields.context, &scanner.devices[0]);
+        let is_said = fields.is_toml() && (fields.has(given) || fields.has(other));
+        if !self.active && !fields.is_toml() || angles == [0.0; 2] && !is_said {
+            return;
+        }
+        if !matches!(device.deflector, Deflector::Polygon { .. }) {
+            let message = "angular resolutions have no effect: the scanner has no rotating optics";
+            match fields.is_toml() {
+                true => context.error(fields.place(given), message),
+                false => context.warn(fields.own_place(), message),
+            }
+        } else if angles.contains(&0.0) {
+            let [given_name, other] = [given, other].map(|key| fields.name(key));
+            let message = format!("`{given_name}` is given without `{other}`; the scanner would stand still");
+            context.error_help(fields.place(given), message, format!("give `{other}` as well"));
+        } else if let Some(i) = angles.iter().position(|angle| *angle < 0.0) {
+            fields.error(keys[i], "must be above 0");
+        } else if device.scan_angle_max <= 0.0 {
+            let needed = if fields.is_toml() { "scan_angle_max_deg" } else { "scanAngleMax_deg" };
+            let message = format!("angular resolutions need a scanner with `{needed}` above 0");
+            context.error(fields.own_place(), message);
+        } else {
+            for (replaced, by) in [K.scan_freq_hz, K.head_rate_deg_per_s].into_iter().zip(keys) {
+                if fields.has(replaced) && fields.has(by) {
+                    let why = format!("beside `{}`, from which it follows", fields.name(by));
+                    fields.warn_of_effect(replaced, &why);
+                }
+            }
+            self.scan_freq = self.pulse_freq * self.vertical_resolution / (2.0 * device.scan_angle_max);
+            self.head_rate = self.horizontal_resolution * self.scan_freq;
+        }
+    }
+
     /// Converts the settings to the model. A pulse rate below 1 has been reported.
     pub fn resolved(&self) -> ScannerSettings {
         let set = |angle: f64| (!angle.is_nan()).then_some(angle);
+        let is_other = self.own_divergence != self.beam_divergence && !self.own_divergence.is_nan();
         ScannerSettings {
             active: self.active,
-            pulse_freq: u32::try_from(self.pulse_freq).unwrap_or(0),
+            pulse_freq: self.pulse_freq as u32,
             scan_freq: self.scan_freq,
             scan_angle: self.scan_angle,
             vertical_min: set(self.vertical_min),
@@ -234,9 +259,7 @@ impl ScannerLayer {
             head_start: self.head_start,
             head_stop: self.head_stop,
             beam_divergence: self.beam_divergence,
-            written_divergence: (self.own_divergence != self.beam_divergence
-                && !self.own_divergence.is_nan())
-            .then_some(self.own_divergence),
+            written_divergence: is_other.then_some(self.own_divergence),
             trajectory_interval: self.trajectory_interval,
             max_duration: (self.max_duration > 0.0).then_some(self.max_duration),
             warmup: self.warmup,
@@ -244,200 +267,54 @@ impl ScannerLayer {
     }
 }
 
-fn is_nan(text: &str) -> bool {
-    text.parse::<f64>().is_ok_and(f64::is_nan)
-}
-
-/// The value of the attribute, else of the child element's text.
-fn read_duration(context: &Context, fields: &mut Fields, base: f64) -> f64 {
-    let attribute = fields.within("maxDuration_s", base, &quantity::NUMBER);
-    if fields.has("maxDuration_s") {
-        return attribute;
-    }
-    let Some(child) = fields.element.child("maxDuration_s") else { return base };
-    match child.content().trim().parse::<f64>() {
-        Ok(value) if quantity::NUMBER.contains(value) => value,
-        _ => {
-            let found = child.content().trim();
-            let message = format!("expected a number in <maxDuration_s>, found `{found}`; {base} is used");
-            context.warn(child.place(), message);
-            base
-        }
-    }
-}
-
 /// Platform settings as written.
 #[derive(Clone, Debug)]
 pub(super) struct PlatformLayer {
-    position: DVec3,
-    on_ground: bool,
-    speed: f64,
-    stop_and_turn: bool,
-    smooth_turn: bool,
-    slowdown: bool,
-    /// Takes effect only in the leg's own element, not in a template.
-    yaw_at_departure: Option<f64>,
+    settings: PlatformSettings,
     pub trajectory: TrajectoryLayer,
-}
-
-#[derive(Clone, Debug, Default)]
-pub(super) struct TrajectoryLayer {
-    pub file: Option<String>,
-    /// The element that names the file, for messages and the search path.
-    pub file_at: Option<Element>,
-    pub columns: Option<[usize; 7]>,
-    pub separator: Option<char>,
-    pub start: Option<f64>,
-    pub end: Option<f64>,
-    pub teleport: bool,
-    pub position_only: Option<bool>,
-    pub degrees: Option<bool>,
-    pub sync_gps: bool,
-    pub slope_filter: f64,
 }
 
 impl PlatformLayer {
     /// Whether the element says how the platform turns at its departure.
     pub fn has_departure(&self) -> bool {
-        self.yaw_at_departure.is_some()
+        self.settings.yaw_at_departure.is_some()
     }
 
     pub fn unset() -> PlatformLayer {
-        PlatformLayer {
-            position: DVec3::ZERO,
-            on_ground: false,
-            speed: 70.0,
-            stop_and_turn: true,
-            smooth_turn: false,
-            slowdown: true,
-            yaw_at_departure: None,
-            trajectory: TrajectoryLayer::default(),
-        }
+        PlatformLayer { settings: PlatformSettings::at(DVec3::ZERO), trajectory: TrajectoryLayer::default() }
     }
 
     /// Reads a `<platformSettings>` with `base` as defaults.
     pub fn read(context: &Context, element: &Element, base: &PlatformLayer) -> PlatformLayer {
         let mut fields = Fields::new(context, element);
-        let smooth_turn = fields.flag("smoothTurn", base.smooth_turn);
-        if smooth_turn && matches!(fields.element.value("stopAndTurn"), Some("true" | "1")) {
+        let (keys, default) = (LegKeys::KEYS, &base.settings);
+        let smooth_turn = fields.flag("smoothTurn", default.smooth_turn);
+        if smooth_turn && matches!(element.value("stopAndTurn"), Some("true" | "1")) {
             fields.warn("stopAndTurn", "has no effect beside `smoothTurn`");
         }
-        let layer = PlatformLayer {
-            position: DVec3::new(
-                fields.number("x", base.position.x),
-                fields.number("y", base.position.y),
-                fields.number("z", base.position.z),
-            ),
-            on_ground: fields.flag("onGround", base.on_ground),
-            speed: fields.within("movePerSec_m", base.speed, &quantity::SPEED),
+        let DVec3 { x, y, z } = default.position;
+        let position = [("x", x), ("y", y), ("z", z)].map(|(name, default)| fields.number(name, default));
+        let settings = PlatformSettings {
+            position: DVec3::from(position),
+            on_ground: fields.flag(keys.on_ground, default.on_ground),
+            speed: fields.number(keys.speed_m_per_s, default.speed),
             // A template with smooth turns passes on that the platform does not stop.
-            stop_and_turn: fields.flag("stopAndTurn", base.stop_and_turn) && !smooth_turn,
+            stop_and_turn: fields.flag("stopAndTurn", default.stop_and_turn) && !smooth_turn,
             smooth_turn,
-            slowdown: fields.flag("slowdownEnabled", base.slowdown),
-            yaw_at_departure: fields.optional_angle("yawAtDeparture_deg"),
-            trajectory: base.trajectory.with(&mut fields),
+            slowdown: fields.flag("slowdownEnabled", default.slowdown),
+            // Takes effect only in the leg's own element, not in a template.
+            yaw_at_departure: fields.optional_or_nan(YAW_AT_DEPARTURE).map(radians),
+            trajectory: None,
+            mount: None,
         };
+        let trajectory = base.trajectory.with(&mut fields, element);
         fields.ignore(&["id", "name", "template"]);
         fields.done(&[]);
-        layer
+        PlatformLayer { settings, trajectory }
     }
 
     /// Converts the settings to the model.
-    pub fn resolved(&self, trajectory: Option<LegTrajectory>) -> PlatformSettings {
-        PlatformSettings {
-            position: self.position,
-            on_ground: self.on_ground,
-            speed: self.speed,
-            stop_and_turn: self.stop_and_turn,
-            smooth_turn: self.smooth_turn,
-            slowdown: self.slowdown,
-            yaw_at_departure: self.yaw_at_departure,
-            trajectory,
-            mount: None,
-        }
-    }
-}
-
-/// Column attributes in the order of their default positions.
-const COLUMNS: [&str; 7] = ["tIndex", "rollIndex", "pitchIndex", "yawIndex", "xIndex", "yIndex", "zIndex"];
-/// Spellings of the separator attribute; the first is HELIOS++'s.
-const SEPARATOR: [&str; 2] = ["trajectory_seperator", "trajectory_separator"];
-
-impl TrajectoryLayer {
-    fn with(&self, fields: &mut Fields) -> TrajectoryLayer {
-        let file = fields.text("trajectory").map(str::to_owned);
-        let own = file.is_some().then(|| fields.element.clone());
-        let optional = |fields: &mut Fields, name, base: Option<f64>| match fields.has(name) {
-            true => Some(fields.lenient_number(name, base.unwrap_or(0.0))),
-            false => {
-                fields.ignore(&[name]);
-                base
-            }
-        };
-        let flag = |fields: &mut Fields, name, base: Option<bool>| match fields.has(name) {
-            true => Some(fields.lenient_flag(name, base.unwrap_or(true))),
-            false => {
-                fields.ignore(&[name]);
-                base
-            }
-        };
-        let layer = TrajectoryLayer {
-            columns: read_columns(fields).or(self.columns),
-            separator: read_separator(fields).or(self.separator),
-            start: optional(fields, "tStart", self.start),
-            end: optional(fields, "tEnd", self.end),
-            teleport: fields.lenient_flag("teleportToStart", self.teleport),
-            position_only: read_domain(fields).or(self.position_only),
-            degrees: flag(fields, "toRadians", self.degrees),
-            sync_gps: fields.lenient_flag("syncGPSTime", self.sync_gps),
-            slope_filter: fields.lenient_number("slopeFilterThreshold", self.slope_filter),
-            file_at: own.or(self.file_at.clone()),
-            file: file.or(self.file.clone()),
-        };
-        if let (Some(start), Some(end)) = (layer.start, layer.end)
-            && start > end
-        {
-            fields.refuse(
-                if fields.has("tEnd") { "tEnd" } else { "tStart" },
-                "such that tStart does not exceed tEnd",
-            );
-        }
-        layer
-    }
-}
-
-/// All columns when at least one is given; the others keep their default positions.
-fn read_columns(fields: &mut Fields) -> Option<[usize; 7]> {
-    let given = COLUMNS.iter().any(|name| fields.has(name));
-    let mut columns = [0; 7];
-    for (i, name) in COLUMNS.iter().enumerate() {
-        columns[i] = fields.lenient_count(name, i as u32) as usize;
-    }
-    given.then_some(columns)
-}
-
-fn read_separator(fields: &mut Fields) -> Option<char> {
-    let found: Vec<(&str, &str)> =
-        SEPARATOR.iter().filter_map(|n| fields.text(n).map(|text| (*n, text))).collect();
-    let &(name, text) = found.first()?;
-    let mut letters = text.chars();
-    match (text, letters.next(), letters.next()) {
-        ("\\t", ..) => Some('\t'),
-        (_, Some(letter), None) => Some(letter),
-        _ => {
-            fields.refuse(name, "one character");
-            None
-        }
-    }
-}
-
-fn read_domain(fields: &mut Fields) -> Option<bool> {
-    match fields.text("interpolationDomain")? {
-        "position_and_attitude" => Some(false),
-        "position" => Some(true),
-        _ => {
-            fields.refuse("interpolationDomain", "position or position_and_attitude");
-            None
-        }
+    pub fn resolved(self, trajectory: Option<LegTrajectory>) -> PlatformSettings {
+        PlatformSettings { trajectory, ..self.settings }
     }
 }

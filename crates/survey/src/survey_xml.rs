@@ -2,21 +2,23 @@
 
 use super::checks::{check_legs, places_in};
 use super::context::Context;
-use super::fields::{Fields, read_mount};
+use super::device::{MULTI_CHANNEL_PULSE_LENGTH, change_detector, change_waveform_of};
+use super::fields::{Fields, Reading, read_mount};
+use super::instrument::read_scanner;
+use super::keys::Key;
 use super::legs::LegReader;
 use super::platform_xml::{NOISE, read_platform, replace_noise};
 use super::read::{chosen_scene, find_scene, is_geometry};
-use super::receiver_xml::read_receiver;
-use super::scanner_xml::{
-    MULTI_CHANNEL_PULSE_LENGTH, check_listed, read_ranges, read_scanner, read_waveform, waveform_place,
-    written_keys,
-};
+use super::receiver::change_receiver;
 use super::scene_xml::read_scene_element;
 use super::seed::parse_seed;
-use super::trajectories::{Trajectories, read_rotation_spec};
+use super::trajectories::Trajectories;
 use super::xml::Element;
-use super::{Detector, Mount, Platform, PlatformKind, PlatformNoise, PoseStream, Receiver, Scanner, Survey};
+use super::{
+    Device, Mount, Platform, PlatformKind, PlatformNoise, PoseStream, Receiver, RotationSpec, Scanner, Survey,
+};
 use std::path::Path;
+use vlscan_base::quantity::NOT_NEGATIVE;
 
 /// Reads the survey of a document and checks it.
 pub(super) fn read_survey_document(
@@ -70,28 +72,27 @@ pub(super) fn read_survey_parts(context: &Context, root: &Element) -> Option<(Su
 
 fn read_survey_element(context: &Context, element: &Element) -> Option<Survey> {
     let mut fields = Fields::new(context, element);
-    let name = fields.text("name").map_or_else(|| file_name(element.path()), str::to_owned);
-    let seed = read_seed(context, &mut fields);
-    let leg_offset = read_leg_offset(&mut fields);
-    let platform_reference = fields.required("platform");
-    fields.required("scanner");
-    fields.required("scene");
+    let name = fields.text("name").unwrap_or_else(|| file_name(element.path()));
+    let seed = read_seed(&mut fields);
+    for name in ["platform", "scanner", "scene"] {
+        fields.required(name);
+    }
     for name in ["numRuns", "simSpeed"] {
         if fields.text(name).is_some_and(|text| text.trim().parse::<f64>() != Ok(1.0)) {
             fields.warn(name, "has no effect, as in HELIOS++");
         }
     }
+    let leg_offset = read_leg_offset(&mut fields);
     fields.ignore(&["basePlatform", "rotationSpec", "id"]);
-    let mut children = vec!["leg", "FWFSettings", "detectorSettings", "scannerMount"];
-    children.extend(NOISE);
-    fields.done(&children);
+    let children = ["leg", "FWFSettings", "detectorSettings", "scannerMount"];
+    fields.done(&[&children[..], &NOISE].concat());
 
     let scanner = context.asset("scanner", element, "scanner").and_then(|e| read_scanner(context, &e));
     let scanner = scanner.map(|mut scanner| {
         override_device_0(context, element, &mut scanner);
         scanner
     });
-    let interpolated = platform_reference == Some("interpolated");
+    let interpolated = element.value("platform") == Some("interpolated");
     let trajectories = interpolated.then(|| Trajectories::new(read_rotation_spec(context, element)));
     let mut reader = LegReader::new(context, scanner.as_ref(), trajectories);
     let mut legs: Vec<_> =
@@ -131,76 +132,64 @@ fn file_name(path: &Path) -> String {
     path.file_name().map_or_else(|| "survey".to_owned(), |s| s.to_string_lossy().into_owned())
 }
 
-fn read_seed(context: &Context, fields: &mut Fields) -> Option<u64> {
+fn read_seed(fields: &mut Fields) -> Option<u64> {
     let text = fields.text("seed").filter(|t| !t.eq_ignore_ascii_case("auto"))?;
-    match parse_seed(text) {
-        Ok(seed) => Some(seed),
-        Err(message) => {
-            context.error(fields.element.value_place("seed"), message);
-            None
-        }
+    let seed = parse_seed(&text);
+    if let Err(error) = &seed {
+        fields.context.error(fields.place("seed"), error.to_string());
     }
+    seed.ok()
 }
 
 fn read_leg_offset(fields: &mut Fields) -> Option<(f64, f64)> {
-    let wanted = fields.lenient_flag("legRandomOffset", false);
-    if !wanted {
+    fields.reading = Reading::Lenient;
+    if !fields.flag("legRandomOffset", false) {
         let names = ["legRandomOffsetMean", "legRandomOffsetStdev"];
         fields.without_effect(&names, "without `legRandomOffset`");
         return None;
     }
-    let mean = fields.lenient_number("legRandomOffsetMean", 0.0);
-    let stdev = fields.lenient_number("legRandomOffsetStdev", 0.1);
-    if stdev < 0.0 {
-        fields.refuse("legRandomOffsetStdev", "a number of at least 0");
-    }
-    Some((mean, stdev))
+    let stdev = Key::attribute("legRandomOffsetStdev", &NOT_NEGATIVE);
+    Some((fields.number("legRandomOffsetMean", 0.0), fields.number(stdev, 0.1)))
 }
 
 /// Applies the survey's waveform and detector settings, which affect the first device only. An accuracy of the survey and the
 /// factor on the range noise apply to all devices (spec input-formats §2.11–2.12, trap 17); without one, each has its own
 /// in refined physics.
 fn override_device_0(context: &Context, survey: &Element, scanner: &mut Scanner) {
-    let multi_channel = scanner.multi_channel;
+    let channels = if scanner.multi_channel { scanner.devices.len() } else { 1 };
     let device = &mut scanner.devices[0];
-    let pulse_length = if multi_channel { MULTI_CHANNEL_PULSE_LENGTH } else { device.beam.pulse_length };
-    let channels = if multi_channel { scanner.devices.len() } else { 1 };
-    let device = &mut scanner.devices[0];
-    let waveform = read_waveform(context, survey, &device.waveform, pulse_length);
-    if waveform != device.waveform
-        && let Some(element) = survey.child("FWFSettings")
-    {
+    let pulse_length =
+        if scanner.multi_channel { MULTI_CHANNEL_PULSE_LENGTH } else { device.beam.pulse_length };
+    let before = device.clone();
+    change_waveform_of(&mut Fields::new(context, survey), device, pulse_length);
+    if let Some(element) = survey.child("FWFSettings").filter(|_| device.waveform != before.waveform) {
         warn_of_first_channel(context, &element, channels);
     }
-    device.waveform = waveform;
-    device.waveform_place = waveform_place(survey).or(device.waveform_place.take());
-    if let Some(element) = survey.child("detectorSettings") {
-        let mut fields = Fields::new(context, &element);
-        let detector = read_ranges(&mut fields, &device.detector);
-        let limits = |d: &Detector| (d.range_min, d.range_max);
-        if limits(&detector) != limits(&device.detector) {
-            warn_of_first_channel(context, &element, channels);
-        }
-        device.detector = detector;
-        if fields.has("distanceMeasurementError") {
-            device.detector.distance_error = fields.formula("distanceMeasurementError");
-        }
-        let receiver = read_receiver(context, &mut fields, device.receiver.clone(), &device.detector);
-        check_listed(&fields);
-        fields.done(&["snr", "maxRange"]);
-        if receiver != device.receiver {
-            set_receiver(scanner, &receiver);
-        }
+    let Some(element) = survey.child("detectorSettings") else { return share_detector(scanner, false) };
+    let mut fields = Fields::new(context, &element);
+    change_detector(&mut fields, &mut device.detector);
+    let limits = |device: &Device| (device.detector.range_min, device.detector.range_max);
+    if limits(device) != limits(&before) {
+        warn_of_first_channel(context, &element, channels);
     }
-    scanner.written.extend(survey.child("detectorSettings").iter().flat_map(written_keys));
-    let device = &scanner.devices[0];
-    let has_accuracy = survey.child("detectorSettings").is_some_and(|e| e.value("accuracy_m").is_some());
-    let (accuracy, distance_error) = (device.detector.accuracy, device.detector.distance_error.clone());
-    for device in &mut scanner.devices[1..] {
+    change_receiver(&mut fields, &mut device.receiver);
+    let receiver = device.receiver.clone();
+    scanner.written.extend(fields.written_keys(None));
+    if receiver != before.receiver {
+        set_receiver(scanner, &receiver);
+    }
+    share_detector(scanner, element.value("accuracy_m").is_some());
+    fields.done(&[]);
+}
+
+/// Sets the factor on the range noise of all devices to that of the first one, and the accuracy, if the survey states it.
+fn share_detector(scanner: &mut Scanner, has_accuracy: bool) {
+    let Some((first, others)) = scanner.devices.split_first_mut() else { return };
+    for device in others {
         if has_accuracy {
-            device.detector.accuracy = accuracy;
+            device.detector.accuracy = first.detector.accuracy;
         }
-        device.detector.distance_error.clone_from(&distance_error);
+        device.detector.distance_error.clone_from(&first.detector.distance_error);
     }
 }
 
@@ -257,5 +246,19 @@ fn interpolated_platform(context: &Context, survey: &Element, trajectories: Traj
         kind: PlatformKind::Interpolated(trajectories.finish()),
         mount,
         noise,
+    }
+}
+
+/// The survey's `rotationSpec`.
+fn read_rotation_spec(context: &Context, survey: &Element) -> RotationSpec {
+    match survey.value("rotationSpec") {
+        None | Some("ARINC 705") => RotationSpec::Arinc705,
+        Some("CANONICAL") => RotationSpec::Canonical,
+        Some(other) => {
+            let message = format!("unknown rotation specification `{other}`");
+            let help = "the specifications are `ARINC 705` and `CANONICAL`";
+            context.limit(Some(survey.value_place("rotationSpec")), message, help);
+            RotationSpec::Arinc705
+        }
     }
 }

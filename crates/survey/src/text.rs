@@ -2,9 +2,9 @@
 
 use std::borrow::Cow;
 
-/// The error of undecodable bytes: the first invalid byte and a hint.
-#[derive(Debug, PartialEq, Eq)]
-pub(super) struct NotText {
+/// Bytes that are no text in a known encoding.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NotText {
     /// Offset of the first invalid byte.
     pub at: usize,
     /// The problem, in one sentence.
@@ -12,6 +12,14 @@ pub(super) struct NotText {
     /// The text, decoded in the most likely encoding.
     pub guess: Option<String>,
 }
+
+impl std::fmt::Display for NotText {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl std::error::Error for NotText {}
 
 /// Decodes UTF-8, UTF-16 with a byte order mark, or the single-byte encoding that an XML declaration names.
 pub(super) fn decode(bytes: &[u8]) -> Result<String, NotText> {
@@ -44,8 +52,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<String, NotText> {
 /// encoding that was guessed.
 ///
 /// # Errors
-/// A sentence for bytes that are no text.
-pub fn decode_table(bytes: &[u8]) -> Result<(String, Option<String>), String> {
+/// [`NotText`].
+pub fn decode_table(bytes: &[u8]) -> Result<(String, Option<String>), NotText> {
     match decode(bytes) {
         Ok(text) => Ok((text, None)),
         Err(NotText { guess: Some(text), .. }) if !bytes.contains(&0) => {
@@ -53,7 +61,7 @@ pub fn decode_table(bytes: &[u8]) -> Result<(String, Option<String>), String> {
                 "it is not UTF-8 and read as Windows-1252 (Latin-1); save it as UTF-8 if letters are wrong";
             Ok((text, Some(message.to_owned())))
         }
-        Err(NotText { message, .. }) => Err(message),
+        Err(error) => Err(error),
     }
 }
 

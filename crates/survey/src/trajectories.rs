@@ -1,7 +1,7 @@
 //! Interpolated platforms: the trajectory files of the legs and their settings (spec input-formats §2.8).
 
 use super::context::Context;
-use super::settings::{PlatformLayer, TrajectoryLayer};
+use super::fields::{Fields, Reading};
 use super::xml::Element;
 use super::{Interpolated, LegTrajectory, RotationSpec, TrajectoryFile};
 
@@ -15,8 +15,79 @@ const COLUMNS: [(&str, &str); 7] = [
     ("yIndex", "y"),
     ("zIndex", "z"),
 ];
-/// Those of them that are angles.
+/// Spellings of the separator attribute; the first is HELIOS++'s.
+const SEPARATOR: [&str; 2] = ["trajectory_seperator", "trajectory_separator"];
+/// Those of [`COLUMNS`] that are angles.
 const ANGLES: std::ops::RangeInclusive<usize> = 1..=3;
+
+/// What `<platformSettings>` say of a trajectory.
+#[derive(Clone, Debug, Default)]
+pub(super) struct TrajectoryLayer {
+    pub file: Option<String>,
+    /// The element that names the file, for messages and the search path.
+    pub file_at: Option<Element>,
+    pub columns: Option<[usize; 7]>,
+    pub separator: Option<char>,
+    pub start: Option<f64>,
+    pub end: Option<f64>,
+    pub teleport: bool,
+    pub position_only: Option<bool>,
+    pub degrees: Option<bool>,
+    pub sync_gps: bool,
+    pub slope_filter: f64,
+}
+
+impl TrajectoryLayer {
+    /// These settings with the attributes of an element applied.
+    pub fn with(&self, fields: &mut Fields, element: &Element) -> TrajectoryLayer {
+        fields.reading = Reading::Lenient;
+        let file = fields.text("trajectory");
+        let file_at = file.is_some().then(|| element.clone());
+        let degrees = fields.flag("toRadians", self.degrees.unwrap_or(true));
+        let domains = [("position_and_attitude", false), ("position", true)];
+        let layer = TrajectoryLayer {
+            columns: read_columns(fields).or(self.columns),
+            separator: read_separator(fields).or(self.separator),
+            start: fields.optional("tStart").or(self.start),
+            end: fields.optional("tEnd").or(self.end),
+            teleport: fields.flag("teleportToStart", self.teleport),
+            position_only: fields.choice("interpolationDomain", &domains, None).or(self.position_only),
+            degrees: fields.has("toRadians").then_some(degrees).or(self.degrees),
+            sync_gps: fields.flag("syncGPSTime", self.sync_gps),
+            slope_filter: fields.number("slopeFilterThreshold", self.slope_filter),
+            file_at: file_at.or(self.file_at.clone()),
+            file: file.or(self.file.clone()),
+        };
+        if let (Some(start), Some(end)) = (layer.start, layer.end) {
+            fields.in_order((start, end), ["tStart", "tEnd"], "");
+        }
+        layer
+    }
+}
+
+/// All columns when at least one is given; the others keep their default positions.
+fn read_columns(fields: &mut Fields) -> Option<[usize; 7]> {
+    let given = COLUMNS.iter().any(|(name, _)| fields.has(*name));
+    let mut columns = [0; 7];
+    for (column, ((name, _), default)) in columns.iter_mut().zip(COLUMNS.iter().zip(0..)) {
+        *column = fields.count(*name, default) as usize;
+    }
+    given.then_some(columns)
+}
+
+fn read_separator(fields: &mut Fields) -> Option<char> {
+    let found = SEPARATOR.map(|name| fields.text(name).map(|text| (name, text)));
+    let (name, text) = found.into_iter().flatten().next()?;
+    let mut letters = text.chars();
+    match (text.as_str(), letters.next(), letters.next()) {
+        ("\\t", ..) => Some('\t'),
+        (_, Some(letter), None) => Some(letter),
+        _ => {
+            fields.refuse(name, "one character");
+            None
+        }
+    }
+}
 
 /// Collects the trajectory files of a survey leg by leg.
 pub(super) struct Trajectories {
@@ -38,8 +109,7 @@ impl Trajectories {
     }
 
     /// Adds the file of a leg and returns the part that the leg flies.
-    pub fn add(&mut self, context: &Context, leg: &Element, layer: &PlatformLayer) -> Option<LegTrajectory> {
-        let says = &layer.trajectory;
+    pub fn add(&mut self, context: &Context, leg: &Element, says: &TrajectoryLayer) -> Option<LegTrajectory> {
         let degrees = says.degrees.unwrap_or(true);
         if !self.platform.files.is_empty() && degrees != self.platform.degrees {
             let message =
@@ -150,18 +220,4 @@ fn check_columns(context: &Context, leg: &Element, says: &TrajectoryLayer) {
 
 fn place_of(leg: &Element, attribute: &str) -> vlscan_base::diag::Place {
     leg.child("platformSettings").map_or_else(|| leg.place(), |settings| settings.value_place(attribute))
-}
-
-/// The survey's `rotationSpec`.
-pub(super) fn read_rotation_spec(context: &Context, survey: &Element) -> RotationSpec {
-    match survey.value("rotationSpec") {
-        None | Some("ARINC 705") => RotationSpec::Arinc705,
-        Some("CANONICAL") => RotationSpec::Canonical,
-        Some(other) => {
-            let message = format!("unknown rotation specification `{other}`");
-            let help = "the specifications are `ARINC 705` and `CANONICAL`";
-            context.limit(Some(survey.value_place("rotationSpec")), message, help);
-            RotationSpec::Arinc705
-        }
-    }
 }

@@ -8,6 +8,9 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use vlscan_base::diag::{Diagnostics, Place};
 
+/// The folder of the built-in files in messages.
+pub(super) const BUILT_IN: &str = "<built in>";
+
 /// A parsed document. Elements are stored flat, in document order.
 #[derive(Debug)]
 pub(super) struct Document {
@@ -178,6 +181,11 @@ impl Element {
     /// The folder of the file that contains the element.
     pub fn folder(&self) -> &Path {
         self.document.path.parent().unwrap_or(Path::new(""))
+    }
+
+    /// Whether it is in a file of the built-in catalogue.
+    pub fn is_built_in(&self) -> bool {
+        self.path().starts_with(BUILT_IN)
     }
 
     pub fn root(&self) -> Element {

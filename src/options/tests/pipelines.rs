@@ -258,7 +258,7 @@ fn what_is_missing_is_said() {
         "scene = 'a.obj'\n[scanner]\noptics = 'conic'\npulse_freqs_hz = [5]\nscan_angle_along_max_deg = 14\n";
     contains(
         &refused(read(cone)),
-        &["expected a `scan_angle_max_deg` above 0 for an elliptic cone", "p.toml:5:"],
+        &["an elliptic cone (`scan_angle_along_max_deg`) needs a `scan_angle_max_deg` above 0", "p.toml:5:"],
     );
     contains(&refused(read("scene = ")), &["not well-formed TOML", "p.toml:1:"]);
     contains(
@@ -271,27 +271,42 @@ fn what_is_missing_is_said() {
 fn wrong_values_are_marked() {
     let wrong = |more: &str| refused(read(&format!("survey = 'survey.xml'\n{more}")));
     contains(&wrong("[scanner]\nrange_error_m = '1+foo(t)'"), &["unknown name `foo`", "p.toml:3:20"]);
-    contains(&wrong("[scanner]\nfibres = 5"), &["this key needs optics = \"line\""]);
+    contains(&wrong("[scanner]\nfibres = 5"), &["`fibres` needs optics = \"line\""]);
     contains(
         &wrong("[scanner]\nscan_freq_min_hz = 200\nscan_freq_max_hz = 100"),
-        &["expected at least the lower limit, 200", "p.toml:4:20"],
+        &[
+            "`scan_freq_max_hz` must be at least `scan_freq_min_hz`, 200, or 0 for no limit, found `100`",
+            "p.toml:4:20",
+        ],
     );
-    contains(&wrong("[scanner]\nscan_freq_min_hz = 9000"), &["expected at most the upper limit, 120"]);
+    contains(
+        &wrong("[scanner]\nscan_freq_min_hz = 9000"),
+        &["`scan_freq_min_hz` must be at most `scan_freq_max_hz`, 120, found `9000`"],
+    );
     contains(
         &wrong("[scanner]\nrange_min_m = 20\nrange_max_m = 10"),
-        &["expected at least the lower limit, 20"],
+        &["`range_max_m` must be at least `range_min_m`, 20, found `10`"],
     );
     contains(
         &wrong("[detector]\nrange_min_m = 20\nrange_max_m = 10"),
-        &["expected at least the lower limit, 20"],
+        &["`range_max_m` must be at least `range_min_m`, 20, found `10`"],
     );
-    contains(&wrong("[scanner]\nbeam_divergence_rad = 0"), &["expected a number above 0"]);
+    contains(
+        &wrong("[scanner]\nbeam_divergence_rad = 0"),
+        &["`beam_divergence_rad` must be a number above 0"],
+    );
     contains(
         &wrong("[platform]\nmount = { rotate_deg = [{ x = 1, y = 2 }] }"),
         &["one finite angle about one axis"],
     );
-    contains(&wrong("[platform]\nmount = { offset_m = [1, 2] }"), &["expected three numbers"]);
-    contains(&wrong("[settings]\nvertical_resolution_deg = 0.1"), &["give both"]);
+    contains(
+        &wrong("[platform]\nmount = { offset_m = [1, 2] }"),
+        &["`offset_m` must be three finite numbers"],
+    );
+    contains(
+        &wrong("[settings]\nvertical_resolution_deg = 0.1"),
+        &["the scanner would stand still", "give `horizontal_resolution_deg` as well"],
+    );
     contains(&wrong("seed = [1]"), &["is no seed"]);
     contains(&wrong("crs = 'EPSG:99'"), &["EPSG:99"]);
     contains(&wrong("[schedule]\nmax_memory = '5 bananas'"), &["expected a number of bytes"]);
@@ -418,7 +433,7 @@ fn data_sheet_figures_and_paths_of_windows_have_hints() {
         report(&read_pipeline(&folder.path("p.toml")).unwrap_err())
     };
     let snr = report_of("scene = \"a.obj\"\n[scanner]\nsnr = 0.001\n");
-    contains(&snr, &["expected a table such as { range_m = …", "found the number 0.001", "p.toml:3:7"]);
+    contains(&snr, &["`snr` must be a table such as { range_m = …", "found `0.001`", "p.toml:3:7"]);
     contains(
         &report_of("scene = \"C:\\Users\\me\\a.obj\"\n"),
         &["not well-formed TOML", "single quotes", "C:/Users/me"],

@@ -7,25 +7,21 @@
 //! | `poses` | recorded trajectories |
 //! | `navigation` | errors of navigation |
 //! | `receiver` | pulse shape, noise and detector of a receiver |
-//! | `instrument_keys` | which physics makes use of which key of an instrument |
 
-mod instrument_keys;
 mod mesh;
 mod navigation;
 mod poses;
 mod receiver;
 mod scene;
 
-use super::Formula;
+use super::{Formula, WrittenKey};
 use std::path::PathBuf;
 use std::sync::Arc;
 use vlscan_base::diag::Place;
 use vlscan_geom::{DVec3, Rotation};
 
-pub use instrument_keys::{INSTRUMENT_KEYS, InstrumentKey};
-pub use instrument_keys::{KeyUse, WrittenKey, key_named, key_of_attribute, warn_of_unused_keys};
 pub use mesh::{MaterialChange, MaterialDefinition, Mesh, Replaced};
-pub use navigation::NavigationErrors;
+pub use navigation::{NavigationErrors, NavigationKeyError, NavigationProblem};
 pub use poses::*;
 pub use receiver::*;
 pub use scene::*;

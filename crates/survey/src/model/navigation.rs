@@ -92,46 +92,90 @@ impl NavigationErrors {
     /// Sets the errors of `key` to one number (for all three components) or to three.
     ///
     /// # Errors
-    /// What was expected, in one sentence: an unknown key, a wrong count of numbers, a number out of range.
-    pub fn set(&mut self, key: &str, numbers: &[f64]) -> Result<(), String> {
+    /// [`NavigationKeyError`], which says what was expected.
+    pub fn set(&mut self, key: &str, numbers: &[f64]) -> Result<(), NavigationKeyError> {
+        let error = |problem| NavigationKeyError { key: key.to_owned(), problem };
         let three = match numbers {
-            [one] => Ok([*one; 3]),
-            [a, b, c] => Ok([*a, *b, *c]),
-            _ => Err(format!("{key}: expected one number or three, found {}", numbers.len())),
-        }?;
+            [one] => [*one; 3],
+            [a, b, c] => [*a, *b, *c],
+            _ => return Err(error(NavigationProblem::Count(numbers.len()))),
+        };
         if let Some(wrong) = numbers.iter().find(|v| !quantity::NUMBER.contains(**v)) {
-            return Err(format!("{key}: expected finite numbers from -1e12 to 1e12, found {wrong:?}"));
+            return Err(error(NavigationProblem::OutOfRange(*wrong)));
         }
-        let sigma = |v: [f64; 3]| match v.iter().find(|v| **v < 0.0) {
-            Some(wrong) => Err(format!("{key}: expected a standard deviation of at least 0, found {wrong}")),
-            None => Ok(v),
+        let sigma = || match three.iter().find(|v| **v < 0.0) {
+            Some(wrong) => Err(error(NavigationProblem::Negative(*wrong))),
+            None => Ok(three),
         };
         let seconds = || match numbers {
             [s] if quantity::POSITIVE.contains(*s) => Ok(*s),
-            _ => Err(format!("{key}: expected one number of seconds above 0")),
+            _ => Err(error(NavigationProblem::NoTime)),
         };
         match key {
-            "position_m" => self.position = sigma(three)?,
+            "position_m" => self.position = sigma()?,
             "position_correlation_s" => self.position_correlation = seconds()?,
             "position_bias_m" => self.position_bias = three,
-            "attitude_deg" => self.attitude = sigma(three)?.map(radians),
+            "attitude_deg" => self.attitude = sigma()?.map(radians),
             "attitude_correlation_s" => self.attitude_correlation = seconds()?,
             "attitude_bias_deg" => self.attitude_bias = three.map(radians),
             "attitude_drift_deg_per_h" => self.attitude_drift = three.map(|v| radians(v) / 3600.0),
             "boresight_deg" => self.boresight = three.map(radians),
-            "boresight_sigma_deg" => self.boresight_sigma = sigma(three)?.map(radians),
+            "boresight_sigma_deg" => self.boresight_sigma = sigma()?.map(radians),
             "lever_arm_m" => self.lever_arm = three,
-            "lever_arm_sigma_m" => self.lever_arm_sigma = sigma(three)?,
-            _ => {
-                return Err(format!(
-                    "no error of navigation is called `{key}`; there are {}",
-                    KEYS.map(|(name, _)| name).join(", ")
-                ));
-            }
+            "lever_arm_sigma_m" => self.lever_arm_sigma = sigma()?,
+            _ => return Err(error(NavigationProblem::Unknown)),
         }
         Ok(())
     }
 }
+
+/// Numbers that a key of [`NavigationErrors`] does not take.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NavigationKeyError {
+    /// The key.
+    pub key: String,
+    /// What is wrong with its numbers.
+    pub problem: NavigationProblem,
+}
+
+/// What is wrong with a key of [`NavigationErrors`] and its numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum NavigationProblem {
+    /// There is no such key.
+    Unknown,
+    /// This many numbers, neither one nor three.
+    Count(usize),
+    /// A number that is not finite or too large.
+    OutOfRange(f64),
+    /// A standard deviation below 0.
+    Negative(f64),
+    /// No single time above 0.
+    NoTime,
+}
+
+impl std::fmt::Display for NavigationKeyError {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        let key = &self.key;
+        match self.problem {
+            NavigationProblem::Unknown => {
+                let known = KEYS.map(|(name, _)| name).join(", ");
+                write!(f, "no error of navigation is called `{key}`; there are {known}")
+            }
+            NavigationProblem::Count(found) => {
+                write!(f, "{key}: expected one number or three, found {found}")
+            }
+            NavigationProblem::OutOfRange(found) => {
+                write!(f, "{key}: expected finite numbers from -1e12 to 1e12, found {found:?}")
+            }
+            NavigationProblem::Negative(found) => {
+                write!(f, "{key}: expected a standard deviation of at least 0, found {found}")
+            }
+            NavigationProblem::NoTime => write!(f, "{key}: expected one number of seconds above 0"),
+        }
+    }
+}
+
+impl std::error::Error for NavigationKeyError {}
 
 impl Default for NavigationErrors {
     fn default() -> NavigationErrors {
@@ -156,8 +200,8 @@ mod tests {
         assert_eq!(e.attitude_drift, [radians(1.0), 0.0, radians(-2.0)]);
         e.set("position_m", &[0.02]).unwrap();
         assert_eq!((e.position, e.boresight), ([0.02; 3], [radians(1.0); 3]));
-        assert!(e.set("position_m", &[-1.0]).unwrap_err().contains("standard deviation"));
-        assert!(e.set("position_correlation_s", &[0.0]).unwrap_err().contains("above 0"));
-        assert!(e.set("pos", &[1.0]).unwrap_err().contains("position_bias_m"));
+        assert!(e.set("position_m", &[-1.0]).unwrap_err().to_string().contains("standard deviation"));
+        assert!(e.set("position_correlation_s", &[0.0]).unwrap_err().to_string().contains("above 0"));
+        assert!(e.set("pos", &[1.0]).unwrap_err().to_string().contains("position_bias_m"));
     }
 }

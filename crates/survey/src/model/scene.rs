@@ -82,7 +82,7 @@ impl PartRecipe {
             changes: Arc::default(),
             transform: Transform::IDENTITY,
             motions: Vec::new(),
-            timing: MotionTiming { dyn_step: 1, tree_step: 1, dyn_time_step: None, tree_time_step: None },
+            timing: MotionTiming::default(),
             swaps: Vec::new(),
             place: None,
         }
@@ -110,6 +110,12 @@ impl Transform {
     /// The image of a point.
     pub fn apply(&self, p: DVec3) -> DVec3 {
         self.rotation.apply(p) * self.scale + self.offset
+    }
+}
+
+impl Default for Transform {
+    fn default() -> Transform {
+        Transform::IDENTITY
     }
 }
 
@@ -141,13 +147,17 @@ impl MeshReading {
 }
 
 /// Up axis of a mesh file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum UpAxis {
     /// z: coordinates are unchanged.
     Z,
     /// y: (x, y, z) is read as (x, −z, y).
     Y,
+}
+
+impl UpAxis {
+    /// The axes by name.
+    pub const NAMES: [(&str, UpAxis); 2] = [("y", UpAxis::Y), ("z", UpAxis::Z)];
 }
 
 /// Material settings of loaders whose files have no materials (spec input-formats §3.5).
@@ -302,6 +312,12 @@ pub struct MotionTiming {
     pub dyn_time_step: Option<f64>,
     /// `tree_step` in seconds.
     pub tree_time_step: Option<f64>,
+}
+
+impl Default for MotionTiming {
+    fn default() -> MotionTiming {
+        MotionTiming { dyn_step: 1, tree_step: 1, dyn_time_step: None, tree_time_step: None }
+    }
 }
 
 /// One state of a part between epochs (spec input-formats §3.8).

@@ -2,27 +2,11 @@
 
 pub mod documents;
 
-use super::scanner_xml::{DETECTOR, DEVICE_BEAM, WAVEFORM};
-use super::settings::PlatformLayer;
+use super::device::{DETECTOR, DEVICE_BEAM, WAVEFORM};
 use super::*;
-use vlscan_geom::DVec3;
 
 pub fn device() -> Device {
-    Device {
-        id: "tls".to_owned(),
-        deflector: Deflector::Conic,
-        scan_angle_max: 1.0,
-        scan_freq: (0.0, 0.0),
-        head: Head { axis: DVec3::Z, max_rate: 0.0 },
-        beam_origin: Mount::IDENTITY,
-        firing_offset: 0.0,
-        beam: DEVICE_BEAM,
-        detector: DETECTOR,
-        receiver: Receiver::default(),
-        waveform: WAVEFORM,
-        waveform_place: None,
-        errors: MechanicalErrors::default(),
-    }
+    Device { scan_angle_max: 1.0, id: "tls".to_owned(), ..Device::new(Deflector::Conic) }
 }
 
 /// The beam of the worked examples (spec pulse-physics §3.6), of 5 ns.
@@ -62,7 +46,13 @@ pub fn scanner_settings(pulse_freq: u32) -> ScannerSettings {
 }
 
 pub fn leg(number: u32, scanner: ScannerSettings) -> Leg {
-    Leg { number, strip: None, platform: PlatformLayer::unset().resolved(None), scanner, place: None }
+    Leg {
+        number,
+        strip: None,
+        platform: PlatformSettings::at(vlscan_geom::DVec3::ZERO),
+        scanner,
+        place: None,
+    }
 }
 
 /// A survey of these devices on a tripod with one leg at 1 kHz and the divergence of device 0.

@@ -57,7 +57,13 @@ fn the_closed_list_of_optics() {
         (2, 1.5, radians(-4.0), 1.0, DVec3::Y)
     );
     let unknown = refused(scanner_of("<scanner id='mine' optics='rotatin' pulseFreqs_Hz='5'/>"));
-    contains(&unknown, &["unknown optics `rotatin`", "did you mean `rotating`?"]);
+    contains(
+        &unknown,
+        &[
+            "`optics` must be rotating, oscillating, conic, line or risley, found `rotatin`",
+            "did you mean `rotating`?",
+        ],
+    );
 }
 
 #[test]
@@ -197,14 +203,17 @@ fn wrong_instruments() {
     contains(&base("", "<channels/>"), &["<channels> needs at least one <channel>"]);
     contains(&base("wavelength_nm='0'", ""), &["`wavelength_nm` must be a whole number from 1 to 1000000"]);
     contains(&base("beamDivergence_rad='-1'", ""), &["`beamDivergence_rad` must be a number above 0"]);
-    contains(&base("rangeMin_m='5' rangeMax_m='4'", ""), &["rangeMin_m does not exceed rangeMax_m"]);
+    contains(
+        &base("rangeMin_m='5' rangeMax_m='4'", ""),
+        &["`rangeMax_m` must be at least `rangeMin_m`, 5, found `4`"],
+    );
     contains(
         &base("scanFreqMin_Hz='100' scanFreqMax_Hz='10'", "<channels><channel/><channel/></channels>"),
-        &["`scanFreqMax_Hz` must be at least scanFreqMin_Hz, 100, or 0 for no limit, found `10`"],
+        &["`scanFreqMax_Hz` must be at least `scanFreqMin_Hz`, 100, or 0 for no limit, found `10`"],
     );
     contains(
         &base("scanFreqMax_Hz='10'", "<channels><channel scanFreqMin_Hz='20'/></channels>"),
-        &["`scanFreqMin_Hz` must be at most scanFreqMax_Hz, 10, found `20`"],
+        &["`scanFreqMin_Hz` must be at most `scanFreqMax_Hz`, 10, found `20`"],
     );
     contains(
         &base("", "<beamOrigin><rot axis='w' angle_deg='1'/></beamOrigin>"),

@@ -139,7 +139,7 @@ fn obj_and_geotiff() {
         Loader::MeshFiles { reading: MeshReading { up: Some(UpAxis::Y), .. }, .. }
     ));
     let (_, text) = warned(&format!("<part>{}</part>", up("x")));
-    contains(&text, &["unknown up axis `x`; z is used"]);
+    contains(&text, &["expected y or z for the parameter `up`, found `x`; z is used"]);
     let tiff = filter(
         "geotiffloader",
         &(param("string", "filepath", "t.tif") + &param("string", "matfile", "m.mtl")),
@@ -214,7 +214,10 @@ fn detailed_voxels() {
     assert_eq!(read(&(mode("scaled") + &argument)).0, VoxelMode::Scaled(0.7));
     let (other, dropped, text) = read(&mode("opaque"));
     assert_eq!((other, dropped), (VoxelMode::Transmittive, false));
-    contains(&text, &["unknown intersection mode `opaque`"]);
+    contains(
+        &text,
+        &["expected transmittive, fixed or scaled for the parameter `intersectionMode`, found `opaque`"],
+    );
 }
 
 #[test]
@@ -251,7 +254,10 @@ fn motions() {
             "`axis` must be a direction",
         ),
         ("<dmotion id='a'><motion type='identity'/></dmotion>", "<dmotion> needs the attribute `loop`"),
-        ("<dmotion id='a' loop='1'><motion type='spin'/></dmotion>", "unknown motion type `spin`"),
+        (
+            "<dmotion id='a' loop='1'><motion type='spin'/></dmotion>",
+            "`type` must be identity, translation, rotation",
+        ),
         (
             "<dmotion id='a' loop='1'><motion type='reflection' ortho='0;0;0'/></dmotion>",
             "`ortho` must be a direction",

@@ -1,6 +1,6 @@
 //! Errors of TOML in the words of its users: no names of types, and hints at backslashes in texts.
 
-use super::keys::KeyTable;
+use crate::KeyTable;
 use vlscan_base::columns::has_decimal_comma;
 
 /// A problem in words, with a hint or an empty text.
@@ -41,15 +41,14 @@ const TYPES: [(&str, &str); 27] = [
     ("an array of length 3", "three numbers in brackets"),
 ];
 
-/// The message of an error of serde about a value: "invalid type: FOUND, expected TYPE" and the like. `tables` are those
-/// whose structs may be named.
-pub(crate) fn of_value(message: &str, tables: &[KeyTable]) -> String {
+/// The message of an error of serde about a value: "invalid type: FOUND, expected TYPE" and the like.
+pub(crate) fn of_value(message: &str) -> String {
     let Some((before, expected)) = message.split_once(", expected ") else { return message.to_owned() };
     let length = before.strip_prefix("invalid length ").map(|length| ("invalid length", length));
     let Some((kind, found)) = length.or_else(|| before.split_once(": ")) else { return message.to_owned() };
     let expected = expected.trim();
     let wanted = match expected.strip_prefix("struct ") {
-        Some(name) => table_named(name.split(' ').next().unwrap_or_default(), tables),
+        Some(_) => "a table".to_owned(),
         None if expected.starts_with("enum ") || expected == "variant identifier" => {
             "one of its names in quotes".to_owned()
         }
@@ -65,11 +64,8 @@ pub(crate) fn of_value(message: &str, tables: &[KeyTable]) -> String {
     }
 }
 
-/// A table by the name of its struct, with its keys.
-fn table_named(name: &str, tables: &[KeyTable]) -> String {
-    let Some(table) = tables.iter().find(|table| table.type_name == name) else {
-        return "a table".to_owned();
-    };
+/// A table with its keys.
+pub(crate) fn table(table: &KeyTable) -> String {
     let keys: Vec<&str> = table.keys.iter().map(|(key, _)| *key).collect();
     match &keys[..] {
         few if few.len() <= 6 => {
@@ -135,15 +131,11 @@ fn is_with_decimal_comma(line: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::SURVEY_TABLES;
+    use crate::keys::RatioKeys;
 
     #[test]
     fn values_are_named_as_they_are_written() {
         for (message, words) in [
-            (
-                "invalid type: floating point `0.001`, expected struct RatioKeys",
-                "expected a table such as { range_m = …, reflectance = …, pulse_freq_hz = …, value = … }, found the number 0.001",
-            ),
             ("invalid type: string \"x\", expected f64", "expected a number, found \"x\""),
             (
                 "invalid value: integer `-1`, expected u32",
@@ -158,8 +150,10 @@ mod tests {
             ("invalid type: integer `1`, expected struct Unknown", "expected a table, found the number 1"),
             ("expected one number or three", "expected one number or three"),
         ] {
-            assert_eq!(of_value(message, &SURVEY_TABLES), words);
+            assert_eq!(of_value(message), words);
         }
+        let keys = "{ range_m = …, reflectance = …, pulse_freq_hz = …, value = … }";
+        assert_eq!(table(&RatioKeys::TABLE), format!("a table such as {keys}"));
     }
 
     #[test]

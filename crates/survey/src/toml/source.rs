@@ -1,11 +1,8 @@
 //! The text of a pipeline file, and its tables, from which each reader takes its keys.
 
-use super::super::assets::{Assets, slashes};
+use super::super::assets::{Assets, SPELLING_HELP, slashes, spelling_message};
 use super::super::context::ReadOptions;
-use super::super::documents::{SPELLING_HELP, spelling_message};
 use super::super::text::{decode, line_of_bytes};
-use super::super::{KeyUse, WrittenKey, key_named};
-use super::keys::{SURVEY_TABLES, SurveyKeys};
 use super::words::{self, Wording};
 use serde::Deserialize;
 use serde::de::Visitor;
@@ -68,40 +65,16 @@ impl Source {
         Place::in_text(&self.path, &self.text, at)
     }
 
-    /// The place of a part of a string value; the complete value if it contains escapes.
-    pub fn part_of(&self, value: &Spanned<String>, part: &Range<usize>) -> Place {
-        let span = value.span();
-        let verbatim =
-            self.text.get(span.start + 1..span.end.saturating_sub(1)) == Some(value.get_ref().as_str());
-        if verbatim {
-            self.place(span.start + 1 + part.start..span.start + 1 + part.end)
-        } else {
-            self.place(span)
-        }
+    /// A range of bytes of the text.
+    pub(crate) fn slice(&self, at: Range<usize>) -> &str {
+        self.text.get(at).unwrap_or_default()
     }
 
-    /// The keys of `[scanner]` and `[[scanner.channel]]` that not every physics makes use of.
-    pub fn instrument_keys(&self) -> Vec<WrittenKey> {
-        let (root, _) = DeTable::parse_recoverable(&self.text);
-        let Some(DeValue::Table(scanner)) = root.get_ref().get("scanner").map(Spanned::get_ref) else {
-            return Vec::new();
-        };
-        let channels = match scanner.get("channel").map(Spanned::get_ref) {
-            Some(DeValue::Array(channels)) => channels.iter().map(Spanned::get_ref).collect(),
-            _ => Vec::new(),
-        };
-        let channels = channels.into_iter().enumerate().filter_map(|(i, channel)| match channel {
-            DeValue::Table(channel) => Some((Some(i), channel)),
-            _ => None,
-        });
-        let keys_of = |(channel, table): (Option<usize>, &DeTable)| {
-            let written = table.keys().filter_map(|name| {
-                let key = key_named(name.get_ref()).filter(|key| key.used != KeyUse::Always)?;
-                Some(WrittenKey { key, name: key.key, place: self.place(name.span()), channel })
-            });
-            written.collect::<Vec<_>>()
-        };
-        std::iter::once((None, scanner)).chain(channels).flat_map(keys_of).collect()
+    /// The place of a part of the string `value` in quotes at `span`; the complete value if it contains escapes.
+    pub(crate) fn part_of(&self, span: Range<usize>, value: &str, part: &Range<usize>) -> Place {
+        let is_verbatim = self.slice(span.start + 1..span.end.saturating_sub(1)) == value;
+        let part = span.start + 1 + part.start..span.start + 1 + part.end;
+        self.place(if is_verbatim { part } else { span })
     }
 
     /// Reads a value of which the text is the whole file.
@@ -119,7 +92,12 @@ impl Source {
 
     /// Records an error of serde, whose message has the names of keys and variants in backticks. `span` is its place
     /// unless the error has one.
-    fn report_value(&self, error: &toml::de::Error, span: Option<Range<usize>>, problems: &mut Diagnostics) {
+    pub(crate) fn report_value(
+        &self,
+        error: &toml::de::Error,
+        span: Option<Range<usize>>,
+        problems: &mut Diagnostics,
+    ) {
         let place = error.span().or(span).map(|at| self.place(at));
         let message = error.message();
         let names: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
@@ -131,7 +109,7 @@ impl Source {
         } else if message.starts_with("missing field") {
             (format!("the key `{unknown}` is missing"), None)
         } else {
-            problems.error(place, words::of_value(message, &SURVEY_TABLES));
+            problems.error(place, words::of_value(message));
             return;
         };
         let problem = problems.error(place, message);
@@ -144,6 +122,16 @@ impl Source {
             }
             _ => {}
         }
+    }
+
+    /// Records a key that is none of `known`.
+    pub(crate) fn report_unknown(&self, key: &Spanned<DeString>, known: &[&str], problems: &mut Diagnostics) {
+        let help = match nearest(key.get_ref(), known.iter().copied()) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => format!("the keys here are {}", known.join(", ")),
+        };
+        let message = format!("unknown key `{}`", key.get_ref());
+        problems.error(Some(self.place(key.span())), message).help(help);
     }
 
     fn report_form(&self, error: &toml::de::Error, problems: &mut Diagnostics) {
@@ -247,39 +235,25 @@ impl<'t> Tables<'t> {
         None
     }
 
-    /// Reads the keys of the survey and reports all keys that have not been taken. The caller shows the problems.
-    pub(super) fn finish(mut self) -> (Option<SurveyKeys>, Diagnostics) {
-        let tables: Vec<&'static str> =
-            self.known.keys().copied().filter(|table| !table.is_empty()).collect();
-        for table in tables {
-            let Some(rest) = self.root.get_mut().remove(table) else { continue };
+    /// The keys that have not been taken, at the top level, and the names of those that have. Other keys of the tables of
+    /// which some have been taken are reported as unknown; the caller shows the problems.
+    pub(super) fn finish(mut self) -> (DeTable<'t>, Vec<&'static str>, Diagnostics) {
+        let mut root = std::mem::take(self.root.get_mut());
+        let mut names = self.known.remove("").unwrap_or_default();
+        for (table, known) in &self.known {
+            names.push(table);
+            let Some(rest) = root.remove(*table) else { continue };
             match rest.get_ref() {
                 DeValue::Table(entries) => {
-                    let known = self.known[table].clone();
-                    entries.keys().for_each(|key| self.report_unknown(key, &known));
+                    entries.keys().for_each(|key| self.source.report_unknown(key, known, &mut self.problems));
                 }
                 _ => {
                     let place = self.source.place(rest.span());
-                    self.error(Some(place), format!("expected a table [{table}]"));
+                    self.problems.error(Some(place), format!("expected a table [{table}]"));
                 }
             }
         }
-        let mut known = self.known.remove("").unwrap_or_default();
-        known.extend(field_names::<SurveyKeys>());
-        known.extend(self.known.keys().copied());
-        let unknown: Vec<_> = self
-            .root
-            .get_ref()
-            .keys()
-            .filter(|key| !known.contains(&key.get_ref().as_ref()))
-            .cloned()
-            .collect();
-        for key in unknown {
-            self.report_unknown(&key, &known);
-            self.root.get_mut().remove(&key);
-        }
-        let root = std::mem::replace(&mut self.root, Spanned::new(0..0, DeTable::new()));
-        (self.read(root), self.problems)
+        (root, names, self.problems)
     }
 
     /// Whether the file has an entry of this name at its top level.
@@ -307,24 +281,14 @@ impl<'t> Tables<'t> {
         let assets = Assets::new(&options.assets);
         let name = name.to_string_lossy();
         let Some(located) = assets.file(&near(self.source, &name), self.source.folder()) else {
-            let problem = self.problems.error(place, format!("cannot find the file `{name}`"));
-            let hint = words::hint_for_name(&name);
-            problem.help(if hint.is_empty() { assets.searched(&name, self.source.folder()) } else { hint });
+            let help = assets.help_for_missing(&name, self.source.folder());
+            self.problems.error(place, format!("cannot find the file `{name}`")).help(help);
             return None;
         };
         if let Some(spelling) = located.respelled {
             self.problems.warn(place, spelling_message(&name, &spelling)).help(SPELLING_HELP);
         }
         Some(located.found)
-    }
-
-    fn report_unknown(&mut self, key: &Spanned<DeString>, known: &[&str]) {
-        let help = match nearest(key.get_ref(), known.iter().copied()) {
-            Some(near) => format!("did you mean `{near}`?"),
-            None => format!("the keys here are {}", known.join(", ")),
-        };
-        let place = self.source.place(key.span());
-        self.problems.error(Some(place), format!("unknown key `{}`", key.get_ref())).help(help);
     }
 }
 
@@ -391,7 +355,7 @@ fn remove_within(value: &mut DeValue, wanted: &dyn Fn(&Range<usize>, &Range<usiz
 }
 
 /// Prefers a file beside the pipeline file to one of the search path; returns the reference to use.
-pub(super) fn near(source: &Source, reference: &str) -> String {
+pub(crate) fn near(source: &Source, reference: &str) -> String {
     let (file, id) = match reference.split_once('#') {
         Some((file, id)) => (file, Some(id)),
         None => (reference, None),

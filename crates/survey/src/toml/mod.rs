@@ -3,33 +3,28 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `keys` | the documented keys that describe the survey |
 //! | `source` | the text and its tables; all problems of one file at once |
 //! | `words` | errors of TOML in the words of its users |
-//! | `values` | values of keys: numbers within bounds, poses, references |
 //! | `build`, `parts` | builds the survey and its scene from the keys |
-//! | `instrument`, `receiver` | the `[scanner]` table |
 
 mod build;
-mod instrument;
-pub mod keys;
 mod parts;
-mod receiver;
-mod source;
-mod values;
+pub(crate) mod source;
 pub(crate) mod words;
 
-pub use keys::{KeyTable, SURVEY_TABLES};
 pub use source::{Source, Tables, field_names};
 
 use super::Survey;
 use super::context::{Context, ReadOptions};
+use super::fields::Fields;
+use super::keys::SurveyKeys;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::Result;
 
 /// The survey of a pipeline file.
 #[derive(Clone, Debug)]
 pub struct PipelineSurvey {
+    /// The survey.
     pub survey: Survey,
     /// Whether the file itself describes a flight, instead of taking that of a survey file.
     pub has_own_flight: bool,
@@ -45,14 +40,17 @@ pub struct PipelineSurvey {
 /// [`vlscan_base::Error::Io`] when a file cannot be read.
 pub fn read_pipeline_survey(tables: Tables, options: &ReadOptions) -> Result<(PipelineSurvey, Diagnostics)> {
     let source = tables.source();
-    let (keys, problems) = tables.finish();
+    let (root, names, problems) = tables.finish();
     let context = Context::new(options);
     context.take(problems);
-    let survey = keys.and_then(|keys| {
-        let is_of_survey = keys.survey.is_some();
-        let has_own_flight = !is_of_survey || !keys.leg.is_empty();
-        let survey = build::read_survey(&context, source, &keys, options)?;
-        Some(PipelineSurvey { survey, has_own_flight, is_of_survey })
+    let mut fields = Fields::of_table(&context, source, &root, 0..0);
+    let survey = build::read_survey(&mut fields, source, options).map(|survey| {
+        let is_of_survey = fields.has(SurveyKeys::KEYS.survey);
+        let has_own_flight = !is_of_survey || fields.has(SurveyKeys::KEYS.leg);
+        PipelineSurvey { survey, has_own_flight, is_of_survey }
     });
+    fields.suggest(&names);
+    fields.ignore(SurveyKeys::ALL);
+    fields.done(&[]);
     context.finish(survey)
 }

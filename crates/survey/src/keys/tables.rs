@@ -1,0 +1,422 @@
+//! The keys of each table of a pipeline file: meaning, XML name, bounds, physics that makes use of it. Unknown keys are
+//! errors; omitted keys have the default that their documentation states. Keys that are also options of a run are in the
+//! program's `options`.
+
+use super::{Key, KeyTable, KeyUse};
+use KeyUse::{InLaterChannelsWith, UnlessBeside, With, Without};
+use vlscan_base::quantity::*;
+
+/// The first of two values, if it is given.
+macro_rules! or {
+    (; $default:expr) => {
+        $default
+    };
+    ($given:expr; $default:expr) => {
+        $given
+    };
+}
+
+/// Defines the keys of a table, each with its meaning: `key = "xmlName" in BOUNDS, use;`. Without bounds a number is any
+/// number, without a use the key always has an effect.
+macro_rules! keys {
+    (
+        $(#[doc = $about:literal])+
+        $name:ident = $table:literal {
+            $($(#[doc = $doc:literal])+ $key:ident $(= $xml:literal)? $(in $bounds:ident)? $(, $used:expr)?;)*
+        }
+    ) => {
+        $(#[doc = $about])+
+        #[derive(Clone, Copy, Debug)]
+        #[allow(dead_code, reason = "tables may share keys, which one of them then names")]
+        pub(crate) struct $name {
+            $($(#[doc = $doc])+ pub $key: Key,)*
+        }
+
+        impl $name {
+            /// The keys by name.
+            pub const KEYS: $name = $name {
+                $($key: Key {
+                    key: stringify!($key),
+                    attribute: or!($($xml)?; ""),
+                    bounds: &or!($($bounds)?; NUMBER),
+                    used: or!($($used)?; KeyUse::Always),
+                },)*
+            };
+            /// The keys in the order of the documentation.
+            #[allow(dead_code, reason = "of use for some tables")]
+            pub const ALL: &'static [Key] = &[$($name::KEYS.$key),*];
+            /// Names and meanings of the keys.
+            pub const TABLE: KeyTable = KeyTable {
+                name: $table,
+                about: concat!($($about, "\n"),+),
+                keys: &[$((stringify!($key), concat!($($doc, "\n"),+))),*],
+            };
+        }
+    };
+}
+
+keys! {
+    /// A pipeline file.
+    ///
+    /// A run starts either from `survey`, or from `scene` with `[scanner]` and a way to move: `[trajectory]`, or `[platform]`
+    /// with `[[leg]]` tables. Tables that stand beside `survey` replace or change what the survey says. Paths of input files
+    /// are relative to the pipeline file (then the asset folders are searched); paths of outputs are relative to the working
+    /// directory.
+    SurveyKeys = "" {
+        /// Survey XML file to start from.
+        survey;
+        /// What is scanned: `file.xml#id`, `file.xml` (its first scene), a geometry file (.obj, .tif, .vox), a table of
+        /// instances (.csv) or a packed scene (.vlscene).
+        scene;
+        /// Parts of the scene, instead of `scene`.
+        part;
+        /// Name of the run; it names the output folder. Default: the file's name without extension.
+        name;
+        /// What carries the scanner.
+        platform;
+        /// The instrument.
+        scanner;
+        /// What the scanner does; with `[[leg]]` tables, what holds for all of them.
+        settings;
+        /// Waypoints of a platform that does not follow a trajectory.
+        leg;
+        /// Waveform digitisation, for all channels.
+        waveform;
+        /// Detection, for all channels.
+        detector;
+    }
+}
+
+keys! {
+    /// `[[part]]`: a geometry file and where it stands. A point goes to `scale` times the rotated point plus `position_m`. Parts
+    /// that name the same mesh share it.
+    PartKeys = "[[part]]" {
+        /// Geometry file: a mesh (.obj, .ply, .stl, .gltf, .glb), a terrain raster (.tif) or vegetation voxels (.vox).
+        file;
+        /// What points report as the id of the object. Default: the number of the part, from 0.
+        id;
+        /// Axis of a mesh that points up, `z` or `y`. Default: `y` for glTF, `z` for other meshes.
+        up;
+        /// Unit of the coordinates of a mesh: `m`, `cm`, `mm`, `km`, `ft`, `us-ft`, `in`, or a number of metres. Default: `m`.
+        unit;
+        /// Table of the materials of a mesh by name. Default: `materials.csv` beside it, if it is no OBJ file.
+        materials;
+        /// Scale. Default: 1.
+        scale in SCALE;
+        /// Rotations in degrees, one axis each: `[{ z = 90 }]`. Default: none.
+        rotate_deg;
+        /// World position x, y, z of the file's origin in metres. Default: 0.
+        position_m;
+        /// Lower or lift the part to the ground below it. Default: false.
+        on_ground;
+        /// Materials that replace those of the file: tables `[[part.material]]`, in this order.
+        material;
+    }
+}
+
+keys! {
+    /// `[[part.material]]`: a material instead of those of a part's file.
+    MaterialKeys = "[[part.material]]" {
+        /// Name of the material that is replaced. Default: all of the part.
+        of;
+        /// Numbers of the faces (then voxels) of the part whose material is replaced, from 0, as its file has them, instead of `of`.
+        primitives;
+        /// Its name. Default: `of`, else `material`.
+        name;
+        /// Reflectance, 0 to 1. Default: that of `spectrum`, else 0.5, or 50 with `--physics helios`.
+        reflectance in REFLECTANCE;
+        /// Name of a spectrum in a `spectra` folder of the assets.
+        spectrum;
+        /// Class of the points. Default: 0.
+        classification;
+        /// Whether legs and parts stand on it. Default: false.
+        is_ground;
+        /// Roughness of the surface, degrees; refined physics. Default: 0.
+        roughness_deg in ROUGHNESS;
+    }
+}
+
+keys! {
+    /// `[platform]`: a catalogue entry, changed by the other keys.
+    PlatformKeys = "[platform]" {
+        /// The id of a platform that ships (`vlscan catalogue`), for example `sr22`, or `file.xml#id`.
+        catalogue;
+        /// `static` or `linear_path`. Default: that of the catalogue entry, else `static`.
+        kind = "type";
+        /// Pose of the scanner on the platform. Default: that of the catalogue entry, else none.
+        mount = "scannerMount";
+    }
+}
+
+keys! {
+    /// A position and attitude within another frame (x right, y forward, z up).
+    PoseKeys = "poses" {
+        /// Offset x, y, z in metres. Default: 0.
+        offset_m;
+        /// Rotations in degrees, one axis each: `[{ x = -90 }, { z = 90 }]`. Default: none.
+        rotate_deg;
+        /// Each rotation is about the axes as turned by those before it, instead of the fixed ones. Default: false.
+        local;
+    }
+}
+
+keys! {
+    /// One rotation about one axis, right-handed, in degrees.
+    AxisKeys = "rotations" {
+        /// About x (right): nose up.
+        x;
+        /// About y (forward).
+        y;
+        /// About z (up): to the left.
+        z;
+    }
+}
+
+keys! {
+    /// `[scanner]` and `[[scanner.channel]]`: a catalogue entry, changed by the other keys, or an instrument of one's own. A
+    /// channel starts from the scanner and changes what it names.
+    InstrumentKeys = "[scanner]" {
+        /// The id of a scanner that ships (`vlscan catalogue`), for example `riegl_vz400`, or `file.xml#id`. Not in channels.
+        catalogue;
+        /// Name that outputs report. Default: that of the catalogue entry; channels are numbered from 0.
+        id = "id";
+        /// Name for people. Not in channels.
+        name = "name";
+        /// Beam deflector: `rotating` (polygon mirror), `oscillating`, `conic`, `line` (fibres) or `risley` (prisms).
+        optics = "optics";
+        /// Pulse frequencies in Hz; the first is the default of a leg. Not in channels.
+        pulse_freqs_hz = "pulseFreqs_Hz";
+        /// Largest mechanical half angle, degrees.
+        scan_angle_max_deg = "scanAngleMax_deg" in HALF_ANGLE;
+        /// Largest usable half angle, degrees; `rotating` only. Default: the mechanical one.
+        scan_angle_effective_max_deg = "scanAngleEffectiveMax_deg" in HALF_ANGLE;
+        /// Angles in degrees by which the facets of the mirror turn the beam towards +x, along its axis, in the order in which they
+        /// come into the beam: each line is a cone around the axis; `rotating` only. Default: all lines are plane.
+        facet_tilts_deg = "facetTilts_deg";
+        /// Largest half angle of an elliptic cone along the flight, degrees; `conic` only. Default: a circular cone.
+        scan_angle_along_max_deg = "scanAngleAlongMax_deg" in HALF_ANGLE;
+        /// Lowest scan frequency, Hz. Default: 0.
+        scan_freq_min_hz = "scanFreqMin_Hz" in SCAN_FREQ;
+        /// Highest scan frequency, Hz; 0 is no limit, the default.
+        scan_freq_max_hz = "scanFreqMax_Hz" in SCAN_FREQ;
+        /// Upper limit of half angle (degrees) times scan frequency (Hz); `oscillating` only. Default: 1 000 000.
+        scan_product_deg_hz = "scanProduct" in POSITIVE;
+        /// Number of fibres; `line` only. Default: 1.
+        fibres = "numFibers" in COUNT_ABOVE_0;
+        /// Prisms in the order in which the beam meets them; `risley` only.
+        prisms;
+        /// Refractive index of air; `risley` only. Default: 1.
+        air_index = "refrIndex_air" in REFRACTIVE_INDEX;
+        /// Direction of the beam that enters the prisms; `risley` only. Default: forward, 0 1 0.
+        incident_beam = "incidentBeam";
+        /// Axis of the head's rotation. Default: up, 0 0 1.
+        head_axis = "headRotateAxis";
+        /// Highest speed of the head, degrees per second. Default: 0, the head cannot turn.
+        head_rate_max_deg_per_s = "headRotatePerSecMax_deg" in HEAD_RATE;
+        /// Pose of the emitter on the head. Default: none.
+        beam_origin = "beamOrigin";
+        /// Time from the start of a firing cycle, which is a pulse period, to the pulse of the channel, µs. Default: 0, all channels
+        /// fire at once.
+        firing_offset_us = "firingOffset_us" in FIRING_OFFSET_US, With("firing_offsets");
+        /// Beam divergence, rad, at 1/e²; of an elliptical beam the one along the emitter's x axis. Default: 0.0003.
+        beam_divergence_rad = "beamDivergence_rad" in DIVERGENCE;
+        /// Beam divergence along the emitter's z axis, rad; refined physics. Default: the beam is round.
+        beam_divergence_y_rad = "beamDivergenceY_rad" in DIVERGENCE, With("equal_energy");
+        /// `gaussian` (the default) or `top_hat`: even within the divergence; refined physics.
+        beam_profile = "beamProfile", With("equal_energy");
+        /// Diameter of the beam where it leaves the instrument, m; refined physics. Default: 0, as small as diffraction allows.
+        exit_aperture_m = "exitAperture_m" in APERTURE, With("equal_energy");
+        /// Pulse length, ns. Default: 4.
+        pulse_length_ns = "pulseLength_ns" in PULSE_LENGTH_NS, UnlessBeside { key: "pulse_shape", correction: "receiver" };
+        /// Full width of the pulse at half maximum, ns, instead of `pulse_length_ns`, of which it is 0.485.
+        pulse_fwhm_ns = "pulseFwhm_ns" in PULSE_LENGTH_NS, UnlessBeside { key: "pulse_shape", correction: "receiver" };
+        /// File of the pulse's power over time: two columns, ns and power in any unit; refined physics. Default: a gamma-like
+        /// curve of the pulse length.
+        pulse_shape = "pulseShape", With("receiver");
+        /// Energy of a pulse, µJ; refined physics. Default: by the average power.
+        pulse_energy_uj = "pulseEnergy_uJ" in PULSE_ENERGY_UJ, With("radiometry");
+        /// Wavelength, nm. Default: 1064.
+        wavelength_nm = "wavelength_nm" in WAVELENGTH_NM;
+        /// Average power, W. Default: 4.
+        average_power_w = "averagePower_w" in AVERAGE_POWER_W, UnlessBeside { key: "pulse_energy_uj", correction: "radiometry" };
+        /// Beam quality factor M². Default: 1.
+        beam_quality = "beamQualityFactor" in BEAM_QUALITY, Without("radiometry");
+        /// Optical efficiency. Default: 0.99.
+        optical_efficiency = "opticalEfficiency" in EFFICIENCY;
+        /// Receiver diameter, m. Default: 0.15.
+        receiver_diameter_m = "receiverDiameter_m" in RECEIVER_DIAMETER;
+        /// Atmospheric visibility, km. Default: 23.
+        visibility_km = "atmosphericVisibility_km" in VISIBILITY;
+        /// Standard deviation of the range noise, m. Default: 0.
+        accuracy_m = "accuracy_m" in ACCURACY, InLaterChannelsWith("own_accuracy");
+        /// Nearest range, m. Default: 0.
+        range_min_m = "rangeMin_m" in MIN_RANGE;
+        /// Farthest range, m. Default: unlimited.
+        range_max_m = "rangeMax_m" in MAX_RANGE;
+        /// Most returns per pulse; 0 is unlimited, the default.
+        max_returns = "maxNOR" in COUNT;
+        /// Detection threshold, W. Default: 0.0001.
+        received_energy_min_w = "receivedEnergyMin_W" in NOT_NEGATIVE;
+        /// Target whose echo just reaches the threshold, instead of `received_energy_min_w`: `{ range_m = 600, reflectance =
+        /// 0.9, pulse_freq_hz = 100000 }`; refined physics.
+        max_range = "maxRange", With("receiver");
+        /// Noise of detector and amplifier: standard deviation of a sample, W (noise equivalent power); refined physics.
+        /// Default: no noise.
+        nep_w = "nep_W" in POSITIVE, With("receiver");
+        /// The same noise by a target and the ratio of its echo's peak to it: `{ range_m = 100, reflectance = 0.2, value = 20
+        /// }`; refined physics.
+        snr = "snr", With("receiver");
+        /// Mean power of background light on the detector, W, of which there is shot noise; refined physics. Default: 0.
+        background_w = "background_W" in NOT_NEGATIVE, With("receiver");
+        /// Photocurrent per optical power, A/W; makes shot noise of background light and echoes; refined physics. Default: no
+        /// shot noise.
+        responsivity_a_per_w = "responsivity_A_per_W" in POSITIVE, With("receiver");
+        /// Electrical bandwidth of the receiver, Hz; refined physics. Default: 0.44 over the pulse's width at half maximum.
+        bandwidth_hz = "bandwidth_Hz" in POSITIVE, With("receiver");
+        /// Amplitude at which the receiver saturates, W; refined physics. Default: never.
+        saturation_w = "saturation_W" in POSITIVE, With("receiver");
+        /// Range that an echo right at the threshold is measured too far, m; stronger ones in proportion to threshold over
+        /// amplitude; refined physics. Default: 0.
+        range_walk_m = "rangeWalk_m", With("receiver");
+        /// Samples lie on a grid of bins counted from the emission, instead of beginning with the first return; refined
+        /// physics. Default: false.
+        digitiser_clock = "digitiserClock", With("receiver");
+        /// How the range of an echo is read from the waveform: `peak` (the default), `centroid` or `gaussian` (fit); refined
+        /// physics.
+        detector = "detector", With("receiver");
+        /// Metres added to each range, a formula of the deflection angle THETA in radians. Default: none.
+        range_error_m = "rangeError";
+        /// Radians added to the deflection angle, a formula of THETA; `rotating` only. Default: none.
+        deflection_error_rad = "deflectionError";
+        /// Radians added to the head angle, a formula of THETA; `rotating` only. Default: none.
+        head_error_rad = "headError";
+        /// Channels that fire at the same time. Default: none, the scanner is one device.
+        channel = "channels";
+    }
+}
+
+keys! {
+    /// A target that faces the instrument and fills its beam, as data sheets state figures for.
+    TargetKeys = "max_range" {
+        /// Range, m.
+        range_m = "range_m" in POSITIVE;
+        /// Reflectance, 0 to 1.
+        reflectance = "reflectance" in FRACTION;
+        /// Pulse rate, Hz. Default: the scanner's first.
+        pulse_freq_hz = "pulseFreq_Hz" in POSITIVE;
+    }
+}
+
+keys! {
+    /// A target and the signal-to-noise ratio of its echo.
+    RatioKeys = "snr" {
+        /// Range, m.
+        range_m = "range_m" in POSITIVE;
+        /// Reflectance, 0 to 1.
+        reflectance = "reflectance" in FRACTION;
+        /// Pulse rate, Hz. Default: the scanner's first.
+        pulse_freq_hz = "pulseFreq_Hz" in POSITIVE;
+        /// Peak amplitude over the noise's standard deviation.
+        value = "value" in POSITIVE;
+    }
+}
+
+keys! {
+    /// A rotating wedge prism.
+    PrismKeys = "prisms" {
+        /// Turns per second; the sign is the sense.
+        rotor_freq_hz in ROTOR_FREQ;
+        /// Wedge angle, degrees; positive: inclined face towards the incoming beam.
+        wedge_deg in WEDGE;
+        /// Refractive index.
+        index in REFRACTIVE_INDEX;
+    }
+}
+
+keys! {
+    /// `[settings]` and `leg.settings`: what the scanner does.
+    SettingsKeys = "[settings]" {
+        /// Pulses per second. Default: the scanner's first frequency.
+        pulse_freq_hz = "pulseFreq_hz" in PULSE_FREQ;
+        /// Lines (`rotating`) or periods (`oscillating`) per second. Default: 0.
+        scan_freq_hz = "scanFreq_hz" in SCAN_FREQ;
+        /// Half opening angle of the swath, degrees. Default: the scanner's maximum.
+        scan_angle_deg = "scanAngle_deg" in HALF_ANGLE;
+        /// Lowest deflection angle that fires, degrees. Default: from `scan_angle_deg`.
+        vertical_angle_min_deg = "verticalAngleMin_deg" in ANGLE;
+        /// Highest deflection angle that fires, degrees. Default: from `scan_angle_deg`.
+        vertical_angle_max_deg = "verticalAngleMax_deg" in ANGLE;
+        /// Speed of the head, degrees per second, signed. Default: 0.
+        head_rate_deg_per_s = "headRotatePerSec_deg" in HEAD_RATE;
+        /// Angle at which the head starts, degrees. Default: 0.
+        head_start_deg = "headRotateStart_deg" in ANGLE;
+        /// Angle at which the head stops, degrees. Default: 0.
+        head_stop_deg = "headRotateStop_deg" in ANGLE;
+        /// Spacing of lines along the mirror's sweep, degrees: with the horizontal one it replaces scan frequency and head
+        /// speed (`rotating` only).
+        vertical_resolution_deg = "verticalResolution_deg" in ANGLE;
+        /// Spacing of lines along the head's rotation, degrees.
+        horizontal_resolution_deg = "horizontalResolution_deg" in ANGLE;
+        /// Beam divergence of the first channel, rad. Default: the scanner's.
+        beam_divergence_rad = "beamDivergence_rad" in DIVERGENCE;
+        /// Spacing of trajectory samples, s; 0 writes none, the default.
+        trajectory_interval_s = "trajectoryTimeInterval_s" in SAMPLE_INTERVAL;
+        /// Ends the leg after that time, s. Default: no limit.
+        max_duration_s = "maxDuration_s";
+        /// The optics move that long before the first pulse, s. Default: 0.
+        warmup_s = "opticsWarmupPhase_s" in WARMUP;
+    }
+}
+
+keys! {
+    /// `[[leg]]`: a waypoint and the way to the next one. The last leg of a moving platform is where it arrives.
+    LegKeys = "[[leg]]" {
+        /// World position x, y, z in metres.
+        position_m = "x";
+        /// Take z from the ground. Default: false.
+        on_ground = "onGround";
+        /// Speed, m/s. Default: 70.
+        speed_m_per_s = "movePerSec_m" in SPEED;
+        /// Whether the scanner fires. Default: true.
+        active = "active";
+        /// The id of a platform that ships, or `file.xml#id`, of one that carries the scanner in this leg, with its mount; it has to be of the kind of
+        /// `[platform]`. Default: `[platform]`.
+        platform = "platform";
+        /// Mount of the scanner in this leg. Default: that of the leg's `platform`, or of `[platform]`.
+        mount = "scannerMount";
+        /// Legs with the same strip share their output. Default: none.
+        strip = "stripId";
+        /// What differs from `[settings]`.
+        settings;
+    }
+}
+
+keys! {
+    /// `[waveform]`.
+    WaveformKeys = "[waveform]" {
+        /// Width of a bin, ns. Default: 0.25.
+        bin_ns = "binSize_ns" in BIN_NS;
+        /// Peak search window, ns. Default: 1.
+        window_ns = "winSize_ns" in BIN_NS;
+        /// Number of concentric rings of subrays. Default: 3.
+        quality = "beamSampleQuality" in QUALITY;
+        /// Longest waveform, ns; 0 is unlimited, the default.
+        max_range_ns = "maxFullwaveRange_ns" in NOT_NEGATIVE;
+    }
+}
+
+keys! {
+    /// `[detector]`: replaces the scanner's values.
+    DetectorKeys = "[detector]" {
+        /// Standard deviation of the range noise, m.
+        accuracy_m = "accuracy_m" in ACCURACY;
+        /// Nearest range, m.
+        range_min_m = "rangeMin_m" in MIN_RANGE;
+        /// Farthest range, m.
+        range_max_m = "rangeMax_m" in MAX_RANGE;
+        /// Most returns per pulse; 0 is unlimited.
+        max_returns = "maxNOR" in COUNT;
+        /// Factor on the range noise, a formula of the range t in metres.
+        distance_error = "distanceMeasurementError";
+    }
+}

@@ -1,0 +1,84 @@
+//! Beam and receiver of a device in more detail than HELIOS++, which ignores these attributes.
+
+use super::fields::Fields;
+use super::keys::{InstrumentKeys, RatioKeys, TargetKeys};
+use super::pulse_file::read_pulse_file;
+use super::{
+    AmplifierNoise, Beam, BeamProfile, Ranging, Receiver, ReferenceTarget, ShotNoise, pulse_length_of_width,
+};
+
+const K: InstrumentKeys = InstrumentKeys::KEYS;
+
+/// Applies pulse energy, width, profile and aperture, after pulse length and divergence.
+pub(super) fn change_emission(fields: &mut Fields, beam: &mut Beam) {
+    fields.either(K.pulse_fwhm_ns, K.pulse_length_ns);
+    if let Some(width) = fields.optional(K.pulse_fwhm_ns) {
+        (beam.pulse_length, beam.stated_width) = (pulse_length_of_width(width), None);
+    }
+    if let Some(energy_uj) = fields.optional(K.pulse_energy_uj) {
+        beam.pulse_energy = Some(energy_uj * 1e-6);
+    }
+    let profiles = [("gaussian", BeamProfile::Gaussian), ("top_hat", BeamProfile::TopHat)];
+    beam.profile = fields.choice(K.beam_profile, &profiles, None).unwrap_or(beam.profile);
+    beam.divergence_y = fields.optional(K.beam_divergence_y_rad).or(beam.divergence_y);
+    fields.set(K.exit_aperture_m, &mut beam.aperture);
+}
+
+/// Applies the file of the pulse's shape.
+pub(super) fn change_pulse_shape(fields: &mut Fields, receiver: &mut Receiver) {
+    if let Some(name) = fields.text(K.pulse_shape) {
+        let samples = read_pulse_file(fields.context, &name, fields.folder(), fields.place(K.pulse_shape));
+        receiver.pulse_shape = samples.or(receiver.pulse_shape.take());
+    }
+}
+
+/// Applies noise, saturation, digitiser and detector, and the target whose echo just reaches the threshold.
+pub(super) fn change_receiver(fields: &mut Fields, receiver: &mut Receiver) {
+    fields.either(K.received_energy_min_w, K.max_range);
+    fields.either(K.nep_w, K.snr);
+    if let Some(mut target) = fields.child(K.max_range, &TargetKeys::TABLE) {
+        receiver.max_range = read_target(&mut target);
+        target.done(&[]);
+    }
+    if let Some(mut ratio) = fields.child(K.snr, &RatioKeys::TABLE) {
+        let (target, value) = (read_target(&mut ratio), ratio.required_number(RatioKeys::KEYS.value));
+        ratio.done(&[]);
+        if let Some((target, value)) = target.zip(value) {
+            receiver.noise = Some(AmplifierNoise::Ratio { target, value });
+        }
+    }
+    if let Some(power) = fields.optional(K.nep_w) {
+        receiver.noise = Some(AmplifierNoise::Power(power));
+    }
+    change_shot(fields, receiver);
+    receiver.bandwidth = fields.optional(K.bandwidth_hz).or(receiver.bandwidth);
+    receiver.saturation = fields.optional(K.saturation_w).or(receiver.saturation);
+    fields.set(K.range_walk_m, &mut receiver.range_walk);
+    receiver.digitiser_clock = fields.flag(K.digitiser_clock, receiver.digitiser_clock);
+    let detectors =
+        [("peak", Ranging::Peak), ("centroid", Ranging::Centroid), ("gaussian", Ranging::Gaussian)];
+    receiver.ranging = fields.choice(K.detector, &detectors, None).unwrap_or(receiver.ranging);
+}
+
+/// Shot noise, which requires a responsivity; background light requires it, too.
+fn change_shot(fields: &mut Fields, receiver: &mut Receiver) {
+    let is_given = fields.has(K.background_w) || fields.has(K.responsivity_a_per_w);
+    let mut shot = receiver.shot.unwrap_or(ShotNoise { background: 0.0, responsivity: 0.0 });
+    fields.set(K.background_w, &mut shot.background);
+    fields.set(K.responsivity_a_per_w, &mut shot.responsivity);
+    if is_given && shot.responsivity == 0.0 {
+        let needed = fields.name(K.responsivity_a_per_w);
+        fields.error(K.background_w, &format!("needs `{needed}`, from which its shot noise follows"));
+    } else if is_given {
+        receiver.shot = Some(shot);
+    }
+}
+
+/// Range, reflectance and pulse rate of a figure in a data sheet.
+fn read_target(fields: &mut Fields) -> Option<ReferenceTarget> {
+    let keys = TargetKeys::KEYS;
+    let (range, reflectance) =
+        (fields.required_number(keys.range_m), fields.required_number(keys.reflectance));
+    let pulse_freq = fields.optional(keys.pulse_freq_hz);
+    Some(ReferenceTarget { range: range?, reflectance: reflectance?, pulse_freq })
+}

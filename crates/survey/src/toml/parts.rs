@@ -1,0 +1,132 @@
+//! The `[[part]]` tables: a scene in a pipeline file.
+
+use super::super::fields::Fields;
+use super::super::foreign::MESH_ENDINGS;
+use super::super::keys::{MaterialKeys, PartKeys};
+use super::super::read::loader_of_file;
+use super::super::{
+    Loader, MaterialChange, MaterialDefinition, MeshReading, PartRecipe, Replaced, SceneRecipe, Transform,
+    UpAxis,
+};
+use super::source::Source;
+use std::path::Path;
+use vlscan_base::quantity::CLASSES;
+use vlscan_geom::{DVec3, radians};
+
+/// Extensions of the files that can be parts beside those of meshes.
+const OTHER_EXTENSIONS: [&str; 3] = ["tif", "tiff", "vox"];
+
+/// The scene of these parts. Problems are recorded; parts that cannot be read are left out.
+pub(super) fn read_parts(fields: &Fields, source: &Source, tables: Vec<Fields>) -> SceneRecipe {
+    let read = |(mut table, number): (Fields, u32)| {
+        let part = read_part(&mut table, number);
+        table.done(&[]);
+        part
+    };
+    SceneRecipe {
+        id: source.path().file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned()),
+        path: source.path().to_path_buf(),
+        parts: tables.into_iter().zip(0..).filter_map(read).collect(),
+        dyn_step: 1,
+        dyn_time_step: None,
+        packed: None,
+        asset_folders: fields.context.assets.folders(source.folder()),
+    }
+}
+
+fn read_part(fields: &mut Fields, number: u32) -> Option<PartRecipe> {
+    let keys = PartKeys::KEYS;
+    let scale = fields.number(keys.scale, 1.0);
+    let rotation = fields.rotations(keys.rotate_deg, false);
+    let offset = fields.vector(keys.position_m).unwrap_or(DVec3::ZERO);
+    let on_ground = i64::from(fields.flag(keys.on_ground, false));
+    let changes = fields.children(keys.material, &MaterialKeys::TABLE).into_iter().map(read_change).collect();
+    let id = fields.text(keys.id);
+    let loader = read_loader(fields)?;
+    let transform = Transform { rotation, offset, scale, on_ground };
+    Some(PartRecipe {
+        id,
+        changes,
+        place: Some(fields.own_place()),
+        number,
+        transform,
+        ..PartRecipe::new(loader)
+    })
+}
+
+fn read_loader(fields: &mut Fields) -> Option<Loader> {
+    let keys = PartKeys::KEYS;
+    let of_meshes = [keys.up, keys.unit, keys.materials];
+    if !fields.has(keys.file) {
+        fields.context.error(fields.own_place(), "a [[part]] needs the key `file`");
+    }
+    let Some(name) = fields.text(keys.file) else {
+        fields.ignore(&of_meshes);
+        return None;
+    };
+    let extension = Path::new(&name).extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    let is_mesh = MESH_ENDINGS.contains(&extension.as_str());
+    if !is_mesh && !OTHER_EXTENSIONS.contains(&extension.as_str()) {
+        fields.refuse(keys.file, "a file that ends in .obj, .ply, .stl, .gltf, .glb, .tif or .vox");
+        fields.ignore(&of_meshes);
+        return None;
+    }
+    let mut reading = MeshReading::default();
+    if is_mesh {
+        reading.up = fields.choice(keys.up, &UpAxis::NAMES, None);
+        reading.unit_m = fields.text(keys.unit).and_then(|unit| MeshReading::unit(&unit));
+        if fields.has(keys.unit) && reading.unit_m.is_none() {
+            fields.refuse(keys.unit, MeshReading::UNITS);
+        }
+        reading.materials = fields.file(keys.materials);
+    } else {
+        for key in of_meshes.iter().filter(|key| fields.has(**key)) {
+            fields.error(*key, "has no meaning here: it is for meshes");
+        }
+        fields.ignore(&of_meshes);
+    }
+    match loader_of_file(fields.file(keys.file)?) {
+        Loader::MeshFiles { files, .. } => Some(Loader::MeshFiles { files, reading }),
+        other => Some(other),
+    }
+}
+
+fn read_change(mut fields: Fields) -> MaterialChange {
+    let keys = MaterialKeys::KEYS;
+    let (of, name) = (fields.text(keys.of), fields.text(keys.name));
+    let is_index = |face: &f64| face.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(face);
+    let are_indices = |faces: &[f64]| faces.iter().all(is_index);
+    let faces = fields.numbers(keys.primitives, are_indices, "whole numbers of at least 0 in brackets");
+    let faces: Vec<u32> = faces.unwrap_or_default().into_iter().map(|face| face as u32).collect();
+    if of.is_some() && !faces.is_empty() {
+        let message = "`of` chooses no faces beside `primitives`; it only names the material";
+        fields.context.warn(fields.own_place(), message);
+    }
+    let classification = fields.integer(keys.classification).unwrap_or(0);
+    let classification = i32::try_from(classification).unwrap_or_else(|_| {
+        fields.refuse(keys.classification, "a class from 0 to 255");
+        0
+    });
+    if !CLASSES.contains(&classification) {
+        let message =
+            format!("class {classification} is written as 0 in LAS and LAZ, which have classes 0 to 255");
+        fields.context.warn(fields.place(keys.classification), message);
+    }
+    let material = MaterialDefinition {
+        kd: [1.0; 3],
+        roughness: radians(fields.number(keys.roughness_deg, 0.0)),
+        reflectance: fields.optional(keys.reflectance),
+        spectrum: fields.text(keys.spectrum),
+        classification,
+        is_ground: fields.flag(keys.is_ground, false),
+        place: Some(fields.own_place()),
+        ..MaterialDefinition::new(name.or(of.clone()).unwrap_or_else(|| "material".to_owned()))
+    };
+    fields.done(&[]);
+    let replaced = match of {
+        _ if !faces.is_empty() => Replaced::Faces(faces),
+        Some(name) => Replaced::Named(name),
+        None => Replaced::All,
+    };
+    MaterialChange { replaced, material }
+}
