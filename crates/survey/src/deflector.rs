@@ -89,6 +89,11 @@ pub(super) fn change_deflector(fields: &mut Fields, device: &mut Device, in_chan
     for (own, keys) in OWN_KEYS.iter().filter(|(own, _)| *own != optics) {
         keys.iter().for_each(|keys| refuse_unused(fields, keys, own, optics));
     }
+    // In XML scanners have it in their channels only, whatever their optics.
+    let beam = (is_toml || in_channel).then(|| fields.xyz(K.incident_beam)).flatten().map(unit);
+    if beam.is_some_and(|beam| !beam.is_finite()) {
+        fields.error(K.incident_beam, "must have a direction");
+    }
     let are_tilts = |tilts: &[f64]| (1..=64).contains(&tilts.len()) && tilts.iter().all(|t| t.abs() < 90.0);
     let tilts = fields.numbers(K.facet_tilts_deg, are_tilts, "up to 64 angles between -90 and 90");
     match &mut device.deflector {
@@ -116,12 +121,7 @@ pub(super) fn change_deflector(fields: &mut Fields, device: &mut Device, in_chan
                     read_prism(fields, &keys, prism);
                 }
             }
-            if let Some(beam) = (is_toml || in_channel).then(|| fields.xyz(K.incident_beam)).flatten() {
-                *incident = unit(beam);
-                if !incident.is_finite() {
-                    fields.error(K.incident_beam, "must have a direction");
-                }
-            }
+            *incident = beam.unwrap_or(*incident);
         }
         // No file describes one, so that none can be changed here.
         Deflector::Custom(_) => {}
@@ -129,7 +129,7 @@ pub(super) fn change_deflector(fields: &mut Fields, device: &mut Device, in_chan
             let mut along_max =
                 if let Deflector::EllipticConic { along_max } = conic { *along_max } else { 0.0 };
             fields.set_angle(K.scan_angle_along_max_deg, &mut along_max);
-            *conic = match along_max > 0.0 {
+            *conic = match along_max > 0.0 || is_toml && fields.has(K.scan_angle_along_max_deg) {
                 true => Deflector::EllipticConic { along_max },
                 false => Deflector::Conic,
             };
@@ -230,9 +230,9 @@ pub(super) fn check_deflector(fields: &Fields, device: &Device) {
                 (K.scan_angle_max_deg, device.scan_angle_max),
                 (K.scan_angle_effective_max_deg, *effective_max),
             ];
-            // In TOML the usable angle is the mechanical one by default.
+            // In TOML the usable angle is the mechanical one by default, so that one warning is enough.
             let count = if fields.is_toml() { 1 } else { 2 };
-            for (key, _) in angles[..count].iter().filter(|(_, angle)| *angle == 0.0) {
+            for (key, _) in angles.iter().filter(|(_, angle)| *angle == 0.0).take(count) {
                 let message = format!("rotating optics without `{}` emit no pulse", fields.name(*key));
                 fields.context.warn(fields.place(*key), message);
             }

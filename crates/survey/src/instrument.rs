@@ -60,14 +60,16 @@ fn read_source(context: &Context, element: &Element) -> Option<FigureSource> {
 }
 
 fn read_pulse_freqs(fields: &mut Fields) -> Option<Vec<u32>> {
-    let is_usable = |f: &f64| PULSE_FREQ.contains(*f) && f.fract() == 0.0;
     if fields.is_toml() {
-        let are_usable = |list: &[f64]| !list.is_empty() && list.iter().all(is_usable);
-        let freqs = fields.numbers(K.pulse_freqs_hz, are_usable, "whole numbers above 0 in brackets")?;
-        return Some(freqs.into_iter().map(|f| f as u32).collect());
+        let expected = "whole numbers above 0 in brackets";
+        let freqs = fields.counts(K.pulse_freqs_hz, &PULSE_FREQ, expected)?;
+        if freqs.is_empty() {
+            fields.refuse(K.pulse_freqs_hz, expected);
+        }
+        return (!freqs.is_empty()).then_some(freqs);
     }
     let text = fields.required(K.pulse_freqs_hz)?;
-    let whole = |word: &str| word.trim().parse::<u32>().ok().filter(|f| is_usable(&f64::from(*f)));
+    let whole = |word: &str| word.trim().parse::<u32>().ok().filter(|f| PULSE_FREQ.contains(f64::from(*f)));
     let freqs: Option<Vec<u32>> = text.split(',').map(whole).collect();
     if freqs.is_none() {
         fields.refuse(K.pulse_freqs_hz, "whole numbers above 0 separated by commas");

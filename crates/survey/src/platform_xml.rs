@@ -6,7 +6,7 @@ use super::keys::{Key, LegKeys};
 use super::xml::Element;
 use super::{Mount, Multicopter, Noise, NoiseKind, Platform, PlatformKind, PlatformNoise};
 use vlscan_base::diag::Place;
-use vlscan_base::quantity::NOT_NEGATIVE;
+use vlscan_base::quantity::{DEVIATION, NUMBER};
 use vlscan_geom::radians;
 
 /// Children of a platform that describe noise, in the order position x, y, z, attitude x, y, z.
@@ -131,7 +131,9 @@ fn read_noise(context: &Context, element: &Element) -> Noise {
         true => fields.without_effect(&["mean", "stdev"], "with uniform noise, which has `min` and `max`"),
         false => fields.without_effect(&["min", "max"], "with normal noise, which has `mean` and `stdev`"),
     }
-    let (mean, stdev) = (fields.number("mean", 0.0), fields.number(STDEV, 1.0));
+    // What has no effect is not limited.
+    let stdev = Key::attribute("stdev", if uniform { &NUMBER } else { &DEVIATION });
+    let (mean, stdev) = (fields.number("mean", 0.0), fields.number(stdev, 1.0));
     let (min, max) = (fields.number("min", 0.0), fields.number("max", 1.0));
     if uniform {
         fields.in_order((min, max), ["min", "max"], "");
@@ -149,6 +151,3 @@ fn read_noise(context: &Context, element: &Element) -> Noise {
     let kind = if uniform { NoiseKind::Uniform { min, max } } else { NoiseKind::Normal { mean, stdev } };
     Noise { kind, clip: clipped.then_some(clip), lifespan }
 }
-
-/// Standard deviation of noise.
-const STDEV: Key = Key::attribute("stdev", &NOT_NEGATIVE);

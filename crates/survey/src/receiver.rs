@@ -41,7 +41,7 @@ pub(super) fn change_receiver(fields: &mut Fields, receiver: &mut Receiver) {
         target.done(&[]);
     }
     if let Some(mut ratio) = fields.child(K.snr, &RatioKeys::TABLE) {
-        let (target, value) = (read_target(&mut ratio), ratio.required_number(RatioKeys::KEYS.value));
+        let (target, value) = (read_target(&mut ratio), ratio.exact_number(RatioKeys::KEYS.value));
         ratio.done(&[]);
         if let Some((target, value)) = target.zip(value) {
             receiver.noise = Some(AmplifierNoise::Ratio { target, value });
@@ -77,8 +77,7 @@ fn change_shot(fields: &mut Fields, receiver: &mut Receiver) {
 /// Range, reflectance and pulse rate of a figure in a data sheet.
 fn read_target(fields: &mut Fields) -> Option<ReferenceTarget> {
     let keys = TargetKeys::KEYS;
-    let (range, reflectance) =
-        (fields.required_number(keys.range_m), fields.required_number(keys.reflectance));
+    let (range, reflectance) = (fields.exact_number(keys.range_m), fields.exact_number(keys.reflectance));
     let pulse_freq = fields.optional(keys.pulse_freq_hz);
     Some(ReferenceTarget { range: range?, reflectance: reflectance?, pulse_freq })
 }

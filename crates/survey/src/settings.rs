@@ -123,6 +123,10 @@ impl ScannerLayer {
                     *value = f64::NAN;
                 }
                 Kind::Angle | Kind::Unsettable => fields.set_angle(key, value),
+                // XML has a number for "no limit".
+                Kind::Number if fields.is_toml() && key == K.max_duration_s => {
+                    fields.set(Key { bounds: &POSITIVE, ..key }, value);
+                }
                 Kind::Number => fields.set(key, value),
             }
         }
@@ -143,13 +147,10 @@ impl ScannerLayer {
 
     /// Checks the duration, which XML may also have in a child element.
     fn read_duration(&mut self, fields: &mut Fields) {
-        let is_attribute = fields.has_value(K.max_duration_s);
         if fields.is_toml() {
-            if is_attribute && self.max_duration <= 0.0 {
-                fields.refuse(K.max_duration_s, POSITIVE.expected);
-            }
             return;
         }
+        let is_attribute = fields.has(K.max_duration_s);
         let child = fields.element_child(K.max_duration_s).filter(|_| !is_attribute);
         if let Some(element) = child.as_ref().and_then(Fields::element) {
             let text = element.content().trim();

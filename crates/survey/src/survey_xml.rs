@@ -18,7 +18,7 @@ use super::{
     Device, Mount, Platform, PlatformKind, PlatformNoise, PoseStream, Receiver, RotationSpec, Scanner, Survey,
 };
 use std::path::Path;
-use vlscan_base::quantity::NOT_NEGATIVE;
+use vlscan_base::quantity::DEVIATION;
 
 /// Reads the survey of a document and checks it.
 pub(super) fn read_survey_document(
@@ -148,7 +148,7 @@ fn read_leg_offset(fields: &mut Fields) -> Option<(f64, f64)> {
         fields.without_effect(&names, "without `legRandomOffset`");
         return None;
     }
-    let stdev = Key::attribute("legRandomOffsetStdev", &NOT_NEGATIVE);
+    let stdev = Key::attribute("legRandomOffsetStdev", &DEVIATION);
     Some((fields.number("legRandomOffsetMean", 0.0), fields.number(stdev, 0.1)))
 }
 

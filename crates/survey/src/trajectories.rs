@@ -40,18 +40,19 @@ pub(super) struct TrajectoryLayer {
 impl TrajectoryLayer {
     /// These settings with the attributes of an element applied.
     pub fn with(&self, fields: &mut Fields, element: &Element) -> TrajectoryLayer {
+        let domains = [("position_and_attitude", false), ("position", true)];
+        let domain = fields.choice("interpolationDomain", &domains, None);
         fields.reading = Reading::Lenient;
         let file = fields.text("trajectory");
         let file_at = file.is_some().then(|| element.clone());
         let degrees = fields.flag("toRadians", self.degrees.unwrap_or(true));
-        let domains = [("position_and_attitude", false), ("position", true)];
         let layer = TrajectoryLayer {
             columns: read_columns(fields).or(self.columns),
             separator: read_separator(fields).or(self.separator),
             start: fields.optional("tStart").or(self.start),
             end: fields.optional("tEnd").or(self.end),
             teleport: fields.flag("teleportToStart", self.teleport),
-            position_only: fields.choice("interpolationDomain", &domains, None).or(self.position_only),
+            position_only: domain.or(self.position_only),
             degrees: fields.has("toRadians").then_some(degrees).or(self.degrees),
             sync_gps: fields.flag("syncGPSTime", self.sync_gps),
             slope_filter: fields.number("slopeFilterThreshold", self.slope_filter),

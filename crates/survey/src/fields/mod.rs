@@ -31,6 +31,19 @@ const MAX_UNKNOWN_CHILDREN: usize = 1000;
 /// Elements of which an element may have several.
 const REPEATED: [&str; 10] =
     ["channel", "dmotion", "filter", "leg", "motion", "param", "part", "rot", "source", "swap"];
+/// Settings that XML has in child elements; all others are attributes.
+const IN_CHILDREN: [&str; 10] = [
+    "beamOrigin",
+    "channels",
+    "deflectionError",
+    "headError",
+    "headRotateAxis",
+    "incidentBeam",
+    "maxRange",
+    "rangeError",
+    "scannerMount",
+    "snr",
+];
 /// The root, whose elements are told apart by their ids.
 const ROOT: &str = "document";
 
@@ -174,19 +187,20 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// Whether a key, an attribute or a child element is there.
+    /// Whether a key is there: in XML its attribute, or its child element if it has one.
     pub fn has(&self, key: impl Into<Key>) -> bool {
         let name = self.name(key);
-        let child = match &self.origin {
-            Origin::Element(element) => element.child(name).is_some(),
-            _ => false,
-        };
-        child || self.written_text(name).is_some()
+        match &self.origin {
+            Origin::Element(element) if IN_CHILDREN.contains(&name) => element.child(name).is_some(),
+            _ => self.written_text(name).is_some(),
+        }
     }
 
-    /// Whether a key or an attribute is there.
-    pub fn has_value(&self, key: impl Into<Key>) -> bool {
-        self.written_text(self.name(key)).is_some()
+    /// Marks a kind of child elements as known.
+    fn know_child(&mut self, name: &'static str) {
+        if !self.known_children.contains(&name) {
+            self.known_children.push(name);
+        }
     }
 
     /// The place of the value or of the name of a key; that of the element, filter or table if it is not there.
@@ -240,9 +254,13 @@ impl<'c> Fields<'c> {
 
     /// Marks keys without effect as known.
     pub fn ignore<K: Into<Key> + Copy>(&mut self, keys: &[K]) {
-        let names: Vec<&'static str> = keys.iter().map(|key| self.name(*key)).collect();
-        self.known.extend(&names);
-        self.known_children.extend(names);
+        for key in keys {
+            let name = self.name(*key);
+            match &self.origin {
+                Origin::Element(_) if IN_CHILDREN.contains(&name) => self.know_child(name),
+                _ => self.known.push(name),
+            }
+        }
     }
 
     /// Reports what has not been read: unknown keys of TOML are errors; unknown attributes, parameters, and child elements
@@ -273,8 +291,11 @@ impl<'c> Fields<'c> {
                 }
             }
             Origin::Table(source, table, _) => {
+                // A table that several devices read has its keys several times.
+                let mut seen = HashSet::new();
+                let known: Vec<&str> = known.iter().copied().filter(|name| seen.insert(*name)).collect();
                 for key in table.keys().filter(|key| !known.contains(&key.get_ref().as_ref())) {
-                    source.report_unknown(key, known, &mut self.context.problems.borrow_mut());
+                    source.report_unknown(key, &known, &mut self.context.problems.borrow_mut());
                 }
             }
         }
@@ -379,8 +400,8 @@ impl<'c> Fields<'c> {
     /// Reports a value that cannot be read; TOML has done so.
     fn replaced(&self, key: Key, expected: &str, used: &str) {
         match self.reading {
-            Reading::Required if self.is_toml() => {}
-            Reading::Required => self.refuse(key, expected),
+            _ if self.is_toml() => {}
+            Reading::Required | Reading::Exact => self.refuse(key, expected),
             _ => {
                 let name = self.name(key);
                 let found = self.written_text(name).unwrap_or_default();

@@ -50,6 +50,10 @@ impl<'c> Fields<'c> {
                 let text = self.written_text(self.name(key)).unwrap_or_default();
                 let is_lenient = self.reading == Reading::Lenient;
                 let beginning = is_lenient.then(|| T::beginning(text)).flatten();
+                if beginning.is_some_and(|value| !key.bounds.contains(value)) {
+                    self.refuse(key, key.bounds.expected);
+                    return None;
+                }
                 let used = match beginning.unwrap_or(default) {
                     used if used.is_nan() => "it counts as not given".to_owned(),
                     used => format!("{} is used", number(used)),
@@ -72,8 +76,16 @@ impl<'c> Fields<'c> {
 
     /// A number without which the meaning would be wrong: a missing or unreadable one is an error.
     pub fn required_number(&mut self, key: impl Into<Key>) -> Option<f64> {
-        let key = key.into();
-        let reading = std::mem::replace(&mut self.reading, Reading::Required);
+        self.needed_number(key.into(), Reading::Required)
+    }
+
+    /// As [`Fields::required_number`]; blanks around it make it unreadable.
+    pub fn exact_number(&mut self, key: impl Into<Key>) -> Option<f64> {
+        self.needed_number(key.into(), Reading::Exact)
+    }
+
+    fn needed_number(&mut self, key: Key, reading: Reading) -> Option<f64> {
+        let reading = std::mem::replace(&mut self.reading, reading);
         if !self.has(key) {
             self.missing(key);
         }
@@ -124,6 +136,15 @@ impl<'c> Fields<'c> {
     pub fn count(&mut self, key: impl Into<Key>, default: u32) -> u32 {
         let key = key.into();
         let bounds = if *key.bounds == NUMBER { &quantity::COUNT } else { key.bounds };
+        let name = self.name(key);
+        // Counts of parameters have no decimals, which their other integers may have.
+        if matches!(self.origin, Origin::Params(..))
+            && self.written_text(name).is_some_and(|text| text.trim().parse::<u32>().is_err())
+        {
+            let _ = self.declared_param(name, i64::DECLARED);
+            self.refuse(key, bounds.expected);
+            return default;
+        }
         self.number_or::<i64>(Key { bounds, ..key }, f64::from(default)).map_or(default, |value| value as u32)
     }
 
@@ -243,6 +264,16 @@ impl<'c> Fields<'c> {
         numbers.filter(|numbers| is_usable(numbers))
     }
 
+    /// Whole numbers within bounds, in a pipeline file in brackets.
+    pub fn counts(&mut self, key: Key, bounds: &quantity::Bounds, expected: &str) -> Option<Vec<u32>> {
+        let numbers = self.parsed::<Vec<i64>>(key)??;
+        if !numbers.iter().all(|number| bounds.contains(*number as f64)) {
+            self.refuse(key, expected);
+            return None;
+        }
+        Some(numbers.into_iter().map(|number| number as u32).collect())
+    }
+
     /// A formula, in XML in the attribute `expr` of an element.
     pub fn formula(&mut self, key: impl Into<Key>) -> Option<Formula> {
         let key = key.into();
@@ -282,7 +313,7 @@ impl<'c> Fields<'c> {
     /// The fields of a child element.
     pub fn element_child(&mut self, name: impl Into<Key>) -> Option<Fields<'c>> {
         let name = name.into().attribute;
-        self.known_children.push(name);
+        self.know_child(name);
         let Origin::Element(element) = &self.origin else { return None };
         element.child(name).map(|child| Fields::new(self.context, &child))
     }

@@ -12,6 +12,8 @@ pub(crate) enum Reading {
     Lenient,
     /// A value that does not parse is an error; blanks around it are skipped.
     Required,
+    /// As [`Reading::Required`], but blanks are not skipped.
+    Exact,
 }
 
 /// A type of values.
@@ -72,7 +74,10 @@ impl Value for f64 {
     const DECLARED: &'static [&'static str] = &["double"];
 
     fn parse(text: &str, reading: Reading) -> Option<f64> {
-        if reading == Reading::Strict { text } else { text.trim() }.parse().ok()
+        match reading {
+            Reading::Strict | Reading::Exact => text.parse().ok(),
+            Reading::Lenient | Reading::Required => text.trim().parse().ok(),
+        }
     }
 }
 
@@ -83,7 +88,7 @@ impl Value for i64 {
     fn parse(text: &str, reading: Reading) -> Option<i64> {
         let whole = |value: f64| (value.fract() == 0.0 && value.abs() < 1e15).then_some(value as i64);
         match reading {
-            Reading::Strict => text.parse::<i32>().ok().map(i64::from),
+            Reading::Strict | Reading::Exact => text.parse::<i32>().ok().map(i64::from),
             Reading::Lenient if text.trim().starts_with('-') => Some(-1),
             Reading::Lenient => text.trim().parse::<u32>().ok().map(i64::from),
             Reading::Required => text.trim().parse().ok().or_else(|| whole(text.trim().parse().ok()?)),
@@ -96,7 +101,7 @@ impl Value for bool {
 
     fn parse(text: &str, reading: Reading) -> Option<bool> {
         match (reading, text.trim()) {
-            (Reading::Strict, _) => match text {
+            (Reading::Strict | Reading::Exact, _) => match text {
                 "true" | "1" => Some(true),
                 "false" | "0" => Some(false),
                 _ => None,
@@ -125,6 +130,15 @@ impl Value for Vec<f64> {
 
     fn parse(text: &str, _: Reading) -> Option<Vec<f64>> {
         text.split(';').map(|word| word.trim().parse().ok()).collect()
+    }
+}
+
+/// Whole numbers, in XML separated by semicolons.
+impl Value for Vec<i64> {
+    const DECLARED: &'static [&'static str] = &["string", ""];
+
+    fn parse(text: &str, reading: Reading) -> Option<Vec<i64>> {
+        text.split(';').map(|word| i64::parse(word, reading)).collect()
     }
 }
 

@@ -479,3 +479,122 @@ fn steps_of_time_that_are_not_whole_are_warned_of() {
         !of("dynTimeStep='0.25'", "dynTimeStep='0.5' kdtDynTimeStep='1'", moving).contains("DynTimeStep")
     );
 }
+
+/// The survey of a pipeline file of one part with these keys, and its warnings.
+fn pipeline(scanner: &str, settings: &str, part: &str) -> vlscan_base::Result<(Survey, Diagnostics)> {
+    let text = format!(
+        "[[part]]\nfile = 'a.obj'\n{part}\n[platform]\nkind = 'linear_path'\n[scanner]\n{scanner}\n[settings]\n{settings}\n\
+         [[leg]]\nposition_m = [0, 0, 0]\n[[leg]]\nposition_m = [9, 0, 0]\n"
+    );
+    let folder = Folder::new(&[("p.toml", &text), ("a.obj", "")]);
+    read_pipeline(&folder.path("p.toml"))
+}
+
+#[test]
+fn pipeline_files_take_whole_numbers_and_durations_above_0_only() {
+    let conic = "optics = 'conic'\npulse_freqs_hz = [1000]\n";
+    assert!(pipeline(conic, "max_duration_s = 1", "material = [{ primitives = [0] }]").is_ok());
+    for (scanner, settings, part, message) in [
+        ("optics = 'conic'\npulse_freqs_hz = [1000.0]", "", "", "found the number 1000.0"),
+        ("optics = 'conic'\npulse_freqs_hz = []", "", "", "`pulse_freqs_hz` must be whole numbers above 0"),
+        (conic, "", "material = [{ primitives = [1.0] }]", "found the number 1.0"),
+        (conic, "", "material = [{ primitives = [-1] }]", "`primitives` must be whole numbers of at least 0"),
+        (conic, "max_duration_s = 1e-20", "", "`max_duration_s` must be a number above 0"),
+        (conic, "max_duration_s = -1", "", "`max_duration_s` must be a number above 0"),
+    ] {
+        contains(&refused(pipeline(scanner, settings, part)), &[message]);
+    }
+}
+
+#[test]
+fn a_usable_angle_and_an_ellipse_of_0_are_told_in_pipeline_files() {
+    let ellipse = "optics = 'conic'\npulse_freqs_hz = [1000]\nscan_angle_along_max_deg = 0\n";
+    contains(&refused(pipeline(ellipse, "", "")), &["an elliptic cone (`scan_angle_along_max_deg`) needs"]);
+    let (survey, _) = pipeline(&format!("{ellipse}scan_angle_max_deg = 20"), "", "").unwrap();
+    assert!(matches!(survey.scanner.devices[0].deflector, Deflector::EllipticConic { along_max: 0.0 }));
+    let dark = "optics = 'rotating'\npulse_freqs_hz = [1000]\nscan_angle_max_deg = 20\nscan_angle_effective_max_deg = 0";
+    let (_, warnings) = pipeline(dark, "", "").unwrap();
+    contains(
+        &warnings.render(false),
+        &["rotating optics without `scan_angle_effective_max_deg` emit no pulse"],
+    );
+}
+
+#[test]
+fn parts_beside_another_scene_are_checked() {
+    let text = "[[part]]\nfile = 'none.obj'\nscale = 0\n[scanner]\noptics = 'conic'\npulse_freqs_hz = [5]\n\
+                [[leg]]\nposition_m = [0, 0, 0]\nsettings = { max_duration_s = 1 }\n";
+    let folder = Folder::new(&[("p.toml", text), ("a.obj", "")]);
+    let read = |text: &str| {
+        folder.write("p.toml", text);
+        let source = Source::read(&folder.path("p.toml"))?;
+        let scene = Some(SceneChoice::Named(folder.path("a.obj").to_string_lossy().into_owned()));
+        let options = ReadOptions { scene, ..ReadOptions::default() };
+        read_pipeline_survey(source.tables()?, &options).map(|(read, warnings)| (read.survey, warnings))
+    };
+    let report = refused(read(text));
+    contains(&report, &["`scale` must be a number above 0"]);
+    assert!(!report.contains("none.obj"), "{report}");
+    contains(&refused(read(&text.replace("scale = 0", "scal = 1"))), &["unknown key `scal`"]);
+    read(&text.replace("scale = 0", "")).unwrap();
+}
+
+#[test]
+fn what_is_read_leniently_keeps_its_bounds_and_names() {
+    let plane = "type='linearpath'>";
+    let scanner = format!("{}>", OPTICS[0]);
+    let noise = |attributes: &str| {
+        let noise = format!("type='linearpath'><positionXNoise {attributes}/>");
+        read(&survey(&scanner, &noise, "", "", &legs("", "")))
+    };
+    assert_eq!(noise("stdev='1e13'"), None);
+    assert_eq!(noise("stdev='-1m'"), None);
+    contains(&noise("type='UNIFORM' stdev='-1'").unwrap().1, &["`stdev` has no effect"]);
+    let offset = |stdev: &str| {
+        let attributes = format!("legRandomOffset='true' legRandomOffsetStdev='{stdev}'");
+        read(&survey(&scanner, plane, "", &attributes, &legs("", "")))
+    };
+    contains(&offset("0.5m").unwrap().1, &["0.5 is used"]);
+    assert_eq!((offset("-0.5m"), offset("1e13")), (None, None));
+    let domain = |name: &str| {
+        let way = format!("trajectory='way.txt' interpolationDomain='{name}'");
+        let text = survey(&scanner, plane, "", "basePlatform='mine'", &legs(&way, ""));
+        read(&text.replace("platform='mine'", "platform='interpolated'"))
+    };
+    assert!(domain("position").is_some());
+    assert_eq!(domain("Position"), None);
+    let figure = |range: &str| {
+        let figure = format!("{}><maxRange range_m='{range}' reflectance='0.5'/>", OPTICS[0]);
+        read(&survey(&figure, plane, "", "", &legs("", "")))
+    };
+    assert!(figure("100").is_some());
+    assert_eq!(figure(" 100 "), None);
+    let count = |count: &str| {
+        let cloud =
+            [("filepath", "way.txt"), ("separator", ","), ("voxelSize", "1"), ("estimateNormals", count)];
+        let params = cloud.map(|(key, value)| format!("<param key='{key}' value='{value}'/>")).concat();
+        let part = format!("<part><filter type='xyzloader'>{params}</filter></part></scene>");
+        read(&survey(&scanner, plane, "", "", &legs("", "")).replace("</scene>", &part))
+    };
+    assert!(count("2").is_some());
+    assert_eq!(count("2.0"), None);
+}
+
+#[test]
+fn child_elements_of_the_name_of_an_attribute_are_warned_of() {
+    let plane = "type='linearpath'>";
+    let of = |children: &str| {
+        let scanner = format!("{}>{children}", OPTICS[0]);
+        survey(&scanner, plane, "", "", &legs("", ""))
+    };
+    contains(&read(&of("<pulseLength_ns/>")).unwrap().1, &["unknown element <pulseLength_ns>"]);
+    let channels = read(&of("<channels><channel><optics/><name/></channel></channels>")).unwrap();
+    contains(&channels.1, &["unknown element <optics>", "unknown element <name>"]);
+    contains(&channels.0, &["Polygon"]);
+    let attribute = read(&of("").replace("optics='rotating'", "optics='rotating' snr='5'")).unwrap();
+    contains(&attribute.1, &["unknown attribute `snr`"]);
+    let beam =
+        |beam: &str| read(&of(&format!("<channels><channel><incidentBeam {beam}/></channel></channels>")));
+    contains(&beam("y='1'").unwrap().1, &["`incidentBeam` has no effect with rotating optics"]);
+    assert_eq!((beam("y='inf'"), beam("y='0'")), (None, None));
+}

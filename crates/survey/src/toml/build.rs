@@ -18,15 +18,19 @@ use super::super::{
     Leg, Mount, Platform, PlatformKind, PlatformNoise, PlatformSettings, Scanner, ScannerSettings,
     SceneRecipe, Survey,
 };
-use super::parts::read_parts;
+use super::parts::{check_parts, read_parts};
 use super::source::Source;
 use vlscan_base::diag::Place;
 use vlscan_geom::DVec3;
 
 const K: SurveyKeys = SurveyKeys::KEYS;
 
-/// Reads the survey of the keys at the top of a file. Problems are recorded.
-pub(super) fn read_survey(fields: &mut Fields, source: &Source, options: &ReadOptions) -> Option<Survey> {
+/// Reads the survey of the keys at the top of a file, and whether the file has legs. Problems are recorded.
+pub(super) fn read_survey(
+    fields: &mut Fields,
+    source: &Source,
+    options: &ReadOptions,
+) -> Option<(Survey, bool)> {
     let base = survey_file(fields);
     let name = fields.text(K.name);
     let scene = read_scene(fields, source, options, base.as_ref());
@@ -39,6 +43,7 @@ pub(super) fn read_survey(fields: &mut Fields, source: &Source, options: &ReadOp
     let read = |(tables, number): (&mut LegTables, u32)| {
         read_leg(tables, scanner.as_ref(), platform.as_ref(), number)
     };
+    let has_legs = !legs.is_empty();
     let own_legs: Vec<Leg> = legs.iter_mut().zip(0..).map(read).collect();
     let survey = match (scene, scanner, platform) {
         (Some(scene), Some(scanner), Some(platform)) => {
@@ -58,7 +63,7 @@ pub(super) fn read_survey(fields: &mut Fields, source: &Source, options: &ReadOp
             let mut survey = base.unwrap_or_else(own);
             (survey.scene, survey.scanner, survey.platform) = (scene, scanner, platform);
             survey.name = name.unwrap_or(survey.name);
-            if !own_legs.is_empty() {
+            if has_legs {
                 survey.legs = own_legs;
             }
             set_legs(fields, &mut survey, &mut legs, common.as_mut(), options);
@@ -73,7 +78,7 @@ pub(super) fn read_survey(fields: &mut Fields, source: &Source, options: &ReadOp
     };
     let settings = legs.into_iter().flat_map(|tables| [Some(tables.leg), tables.settings]);
     settings.flatten().chain(common).for_each(|table| table.done(&[]));
-    survey
+    Some((survey?, has_legs))
 }
 
 /// The `[[leg]]` table of a leg and the table of its settings.
@@ -111,7 +116,10 @@ fn read_scene(
     let parts = fields.children(K.part, &PartKeys::TABLE);
     let (context, name) = (fields.context, fields.near_name(K.scene));
     match (&options.scene, name, base) {
-        (Some(scene), ..) => chosen_scene(context, scene),
+        (Some(scene), ..) => {
+            check_parts(parts);
+            chosen_scene(context, scene)
+        }
         (None, Some(_), _) if !parts.is_empty() => {
             context.error(fields.place(K.scene), "give either `scene` or [[part]] tables, not both");
             None

@@ -44,9 +44,9 @@ pub fn read_pipeline_survey(tables: Tables, options: &ReadOptions) -> Result<(Pi
     let context = Context::new(options);
     context.take(problems);
     let mut fields = Fields::of_table(&context, source, &root, 0..0);
-    let survey = build::read_survey(&mut fields, source, options).map(|survey| {
+    let survey = build::read_survey(&mut fields, source, options).map(|(survey, has_legs)| {
         let is_of_survey = fields.has(SurveyKeys::KEYS.survey);
-        let has_own_flight = !is_of_survey || fields.has(SurveyKeys::KEYS.leg);
+        let has_own_flight = !is_of_survey || has_legs;
         PipelineSurvey { survey, has_own_flight, is_of_survey }
     });
     fields.suggest(&names);

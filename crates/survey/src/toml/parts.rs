@@ -10,7 +10,7 @@ use super::super::{
 };
 use super::source::Source;
 use std::path::Path;
-use vlscan_base::quantity::CLASSES;
+use vlscan_base::quantity::{CLASSES, COUNT};
 use vlscan_geom::{DVec3, radians};
 
 /// Extensions of the files that can be parts beside those of meshes.
@@ -34,7 +34,26 @@ pub(super) fn read_parts(fields: &Fields, source: &Source, tables: Vec<Fields>) 
     }
 }
 
+/// Checks parts that another scene replaces; their files are not looked for.
+pub(super) fn check_parts(tables: Vec<Fields>) {
+    let keys = PartKeys::KEYS;
+    for mut table in tables {
+        let _ = read_placed(&mut table);
+        for key in [keys.file, keys.unit, keys.materials] {
+            let _ = table.text(key);
+        }
+        let _ = table.choice(keys.up, &UpAxis::NAMES, None);
+        table.done(&[]);
+    }
+}
+
 fn read_part(fields: &mut Fields, number: u32) -> Option<PartRecipe> {
+    let part = read_placed(fields);
+    Some(PartRecipe { number, loader: read_loader(fields)?, ..part })
+}
+
+/// What a part says beside its file.
+fn read_placed(fields: &mut Fields) -> PartRecipe {
     let keys = PartKeys::KEYS;
     let scale = fields.number(keys.scale, 1.0);
     let rotation = fields.rotations(keys.rotate_deg, false);
@@ -42,16 +61,9 @@ fn read_part(fields: &mut Fields, number: u32) -> Option<PartRecipe> {
     let on_ground = i64::from(fields.flag(keys.on_ground, false));
     let changes = fields.children(keys.material, &MaterialKeys::TABLE).into_iter().map(read_change).collect();
     let id = fields.text(keys.id);
-    let loader = read_loader(fields)?;
     let transform = Transform { rotation, offset, scale, on_ground };
-    Some(PartRecipe {
-        id,
-        changes,
-        place: Some(fields.own_place()),
-        number,
-        transform,
-        ..PartRecipe::new(loader)
-    })
+    let nothing = Loader::MeshFiles { files: Vec::new(), reading: MeshReading::default() };
+    PartRecipe { id, changes, place: Some(fields.own_place()), transform, ..PartRecipe::new(nothing) }
 }
 
 fn read_loader(fields: &mut Fields) -> Option<Loader> {
@@ -94,10 +106,8 @@ fn read_loader(fields: &mut Fields) -> Option<Loader> {
 fn read_change(mut fields: Fields) -> MaterialChange {
     let keys = MaterialKeys::KEYS;
     let (of, name) = (fields.text(keys.of), fields.text(keys.name));
-    let is_index = |face: &f64| face.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(face);
-    let are_indices = |faces: &[f64]| faces.iter().all(is_index);
-    let faces = fields.numbers(keys.primitives, are_indices, "whole numbers of at least 0 in brackets");
-    let faces: Vec<u32> = faces.unwrap_or_default().into_iter().map(|face| face as u32).collect();
+    let faces = fields.counts(keys.primitives, &COUNT, "whole numbers of at least 0 in brackets");
+    let faces = faces.unwrap_or_default();
     if of.is_some() && !faces.is_empty() {
         let message = "`of` chooses no faces beside `primitives`; it only names the material";
         fields.context.warn(fields.own_place(), message);
