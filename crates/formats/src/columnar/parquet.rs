@@ -1,4 +1,4 @@
-//! Points as Parquet, with the columns of the [Arrow stream](super::arrow). The schema of that stream is in the metadata of
+//! Points as Parquet, with the columns of the [Arrow stream](mod@super::arrow). The schema of that stream is in the metadata of
 //! the file, from which readers of Arrow take types, descriptions and the metadata of the table.
 
 use super::arrow::{CRS, STATE, point_schema};
