@@ -26,7 +26,8 @@ impl Fields<'_> {
     /// are `local`.
     pub fn rotations(&mut self, key: Key, local: bool) -> Rotation {
         let keys = AxisKeys::KEYS;
-        let axes: [(Key, fn(f64) -> Rotation); 3] =
+        type Axis = (Key, fn(f64) -> Rotation);
+        let axes: [Axis; 3] =
             [(keys.x, Rotation::about_x), (keys.y, Rotation::about_y), (keys.z, Rotation::about_z)];
         let mut all = Rotation::IDENTITY;
         for mut turn in self.children(key, &AxisKeys::TABLE) {

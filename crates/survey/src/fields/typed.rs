@@ -34,7 +34,7 @@ impl<'c> Fields<'c> {
     /// The number of a key, in the unit of its name; `None` if it is not there or unusable. `default` counts instead; if it is
     /// NaN, nothing does.
     fn number_or<T: Number>(&mut self, key: Key, default: f64) -> Option<f64> {
-        match self.parsed::<T>(key)?.map(T::as_f64) {
+        match self.parsed::<T>(key)?.map(T::to_f64) {
             Some(value) if key.bounds.contains(value) => {
                 if let Some((doubt, hint)) = key.bounds.doubt(value) {
                     let message = format!("`{}` {doubt}", self.name(key));

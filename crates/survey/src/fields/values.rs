@@ -27,7 +27,7 @@ pub(crate) trait Value: DeserializeOwned {
 /// A type of numbers.
 pub(crate) trait Number: Value {
     /// The number as all bounds have it.
-    fn as_f64(self) -> f64;
+    fn to_f64(self) -> f64;
 
     /// The number at the beginning of a text.
     fn beginning(text: &str) -> Option<f64>;
@@ -37,7 +37,7 @@ pub(crate) trait Number: Value {
 }
 
 impl Number for f64 {
-    fn as_f64(self) -> f64 {
+    fn to_f64(self) -> f64 {
         self
     }
 
@@ -53,7 +53,7 @@ impl Number for f64 {
 }
 
 impl Number for i64 {
-    fn as_f64(self) -> f64 {
+    fn to_f64(self) -> f64 {
         self as f64
     }
 
