@@ -332,11 +332,11 @@ fn requests_that_cannot_be_met() {
     };
     let stdout = points(Target::Stdout);
     refused(OutputRequest { waveforms: true, ..stdout.clone() }, "beside a file of points");
-    refused(OutputRequest { split_by_channel: true, ..stdout.clone() }, "cannot be split");
+    refused(OutputRequest { split_by_channel: true, ..stdout.clone() }, "--split-by-channel needs files");
     let trajectory = Some((Target::File("/dev/stdout".into()), TrajectoryFormat::Csv));
     refused(OutputRequest { trajectory, ..stdout.clone() }, "only one output");
     let run = Some((Target::Helios("out".into()), TrajectoryFormat::Csv));
-    refused(OutputRequest { trajectory: run, ..stdout }, "already");
+    refused(OutputRequest { trajectory: run, ..stdout }, "writes the trajectories itself");
     let dir = tempfile::tempdir().unwrap();
     let file = points(Target::File(dir.path().join("a.xyz")));
     refused(

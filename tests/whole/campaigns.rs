@@ -296,7 +296,7 @@ fn objects_have_files_of_their_own_and_heights_count_from_the_ground() {
     }
     assert_eq!(points as usize, rows.len());
     let refused = run(dir.path(), &["run", survey, "-o", "x.laz", "--tile", "5"]);
-    assert!(text(&refused.stderr).contains("a folder"), "{}", text(&refused.stderr));
+    assert!(text(&refused.stderr).contains("need a directory"), "{}", text(&refused.stderr));
 }
 
 #[test]

@@ -434,7 +434,7 @@ fn scanners_without_limits_are_planned_and_contradictory_ones_refused() {
     own_scanner(dir.path(), "scanFreqMin_Hz=\"100\" scanFreqMax_Hz=\"10\"");
     for plan in [&flight[..], &drive[..], &positions[..]] {
         let said = refused(dir.path(), &[plan, &["--scanner", "own.xml#own"]].concat());
-        assert!(said.contains("at least scanFreqMin_Hz, 100, or 0 for no limit"), "{said}");
+        assert!(said.contains("at least `scanFreqMin_Hz`, 100, or 0 for no limit"), "{said}");
     }
     // Without a range its swath has no end.
     own_scanner(dir.path(), "");

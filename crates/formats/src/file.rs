@@ -1,7 +1,10 @@
 //! Opens files and streams of points and calls the reader of their format.
 
+#[cfg(feature = "e57")]
+use super::e57;
 use super::format::{CloudFormat, DETECTED_BYTES};
-use super::{PointSink, Reading, Selection, e57, las, leica, pcd, ply, table, text};
+use super::{PointSink, Reading, Selection, las, leica, pcd, ply, table, text};
+#[cfg(feature = "parquet")]
 use bytes::Bytes;
 use std::io::{BufRead, BufReader, Cursor, Read};
 use std::path::{Path, PathBuf};
@@ -42,6 +45,7 @@ pub fn read_points(path: &Path, sink: &mut dyn PointSink, found: &mut Diagnostic
         }
     };
     match format {
+        #[cfg(feature = "parquet")]
         CloudFormat::Parquet => table::read_parquet(Bytes::from_owner(file.clone()), &mut reading)?,
         _ => read_binary(&file, format, &mut reading),
     }
@@ -69,6 +73,7 @@ fn read_binary(bytes: &[u8], format: CloudFormat, reading: &mut Reading) {
     let read = match format {
         CloudFormat::Ply => ply::read(bytes, reading),
         CloudFormat::Pcd => pcd::read(bytes, reading),
+        #[cfg(feature = "e57")]
         CloudFormat::E57 => e57::read(bytes, reading),
         _ => las::read(bytes, reading),
     };
@@ -111,6 +116,7 @@ impl<'a> PointFile<'a> {
     ) -> Result<()> {
         let mut reading = Reading::new(self.path, selection, sink, found);
         match self.format {
+            #[cfg(feature = "parquet")]
             CloudFormat::Parquet => {
                 let file = FileBytes::open(self.path).map_err(|e| Error::open(self.path, e))?;
                 table::read_parquet(Bytes::from_owner(file.clone()), &mut reading)?;

@@ -1,6 +1,7 @@
 //! Recognises the format of a file of points by its first bytes, and names the formats that are not read.
 
 use super::leica;
+use super::point_format::build_with;
 use super::text::is_line_end;
 use std::path::Path;
 use vlscan_base::input::arrow::{ArrowDetection, detect_arrow};
@@ -32,7 +33,12 @@ pub enum CloudFormat {
 }
 
 /// The formats that are read, for messages.
-const READ_FORMATS: &str = "LAS, LAZ, PLY, PCD, E57, PTS, PTX, text, Arrow and Parquet";
+const READ_FORMATS: &str = match (cfg!(feature = "e57"), cfg!(feature = "parquet")) {
+    (true, true) => "LAS, LAZ, PLY, PCD, E57, PTS, PTX, text, Arrow and Parquet",
+    (true, false) => "LAS, LAZ, PLY, PCD, E57, PTS, PTX, text and Arrow",
+    (false, true) => "LAS, LAZ, PLY, PCD, PTS, PTX, text, Arrow and Parquet",
+    (false, false) => "LAS, LAZ, PLY, PCD, PTS, PTX, text and Arrow",
+};
 
 /// Beginnings of files that are no points or are not read, with their names.
 const OTHERS: &[(&[u8], &str)] = &[
@@ -80,7 +86,8 @@ impl CloudFormat {
     /// Recognises a format by the beginning of a file, at least [`DETECTED_BYTES`] if it has them.
     ///
     /// # Errors
-    /// What the file is instead, and what to convert it to; a sentence that begins with "is".
+    /// What the file is instead, and what to convert it to, or the feature that this build lacks; a sentence that begins with
+    /// "is".
     pub fn recognise(first: &[u8], path: &Path) -> Result<CloudFormat, String> {
         let format = if first.starts_with(b"LASF") {
             CloudFormat::Las
@@ -97,7 +104,17 @@ impl CloudFormat {
         } else {
             return CloudFormat::of_text(first, path);
         };
-        Ok(format)
+        format.built()
+    }
+
+    /// The format, unless this build does not read it.
+    fn built(self) -> Result<CloudFormat, String> {
+        let (name, feature) = match self {
+            CloudFormat::E57 if !cfg!(feature = "e57") => ("E57", "e57"),
+            CloudFormat::Parquet if !cfg!(feature = "parquet") => ("Parquet", "parquet"),
+            _ => return Ok(self),
+        };
+        Err(format!("is {name}, which this build does not read; {}", build_with(feature)))
     }
 
     fn of_text(first: &[u8], path: &Path) -> Result<CloudFormat, String> {
@@ -173,7 +190,9 @@ mod tests {
         for (first, expected) in [
             (&b"LASF\0\0"[..], CloudFormat::Las),
             (b"ply\r\nformat", CloudFormat::Ply),
+            #[cfg(feature = "e57")]
             (b"ASTM-E57\x01", CloudFormat::E57),
+            #[cfg(feature = "parquet")]
             (b"PAR1\x15", CloudFormat::Parquet),
             (b"\xff\xff\xff\xff\x80\0\0\0", CloudFormat::Arrow),
             (b"# .PCD v.7 - Point Cloud\nVERSION .7\n", CloudFormat::Pcd),
@@ -206,6 +225,10 @@ mod tests {
             (b"Solid by a program\0\0\0\x02", "an STL mesh"),
             (b"off\n8 6 12\n", "an OFF mesh"),
             (b"\x01\x02\x03\x04", "binary and of no format"),
+            #[cfg(not(feature = "e57"))]
+            (b"ASTM-E57\x01", "build vlscan with the feature e57"),
+            #[cfg(not(feature = "parquet"))]
+            (b"PAR1\x15", "build vlscan with the feature parquet"),
         ] {
             let named = of("a.xyz", first).unwrap_err();
             assert!(named.starts_with("is ") && named.contains(expected), "{named}");

@@ -12,6 +12,9 @@
 //! PointRecord ─► PointEncoder::encode ─► EncodedPoints ─► FileBody::append ─► OutputStream
 //! ```
 //!
+//! The features `parquet` (with GeoParquet), `e57` and `mcap`, all on by default, build these formats. Without its feature a format
+//! is still recognised, and refused with a message that names the feature.
+//!
 //! | file | what it does |
 //! |---|---|
 //! | `las` | LAS, LAZ and COPC |
@@ -32,12 +35,14 @@
 mod cloud_writer;
 mod columnar;
 mod columns;
+#[cfg(feature = "e57")]
 mod e57;
 mod encode;
 mod file;
 mod format;
 mod las;
 mod leica;
+#[cfg(feature = "mcap")]
 mod mcap;
 pub mod number;
 mod objects;

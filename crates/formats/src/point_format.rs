@@ -1,9 +1,13 @@
 //! The table of the formats that are written.
 
-use crate::columnar::{arrow, geoparquet, parquet};
+use crate::columnar::arrow;
+#[cfg(feature = "parquet")]
+use crate::columnar::{geoparquet, parquet};
+#[cfg(feature = "e57")]
 use crate::e57::e57;
 use crate::encode::PointEncoder;
 use crate::las::{copc, las, laz};
+#[cfg(feature = "mcap")]
 use crate::mcap::mcap;
 use crate::pcd::pcd;
 use crate::ply::{ascii, binary, ray_cloud};
@@ -14,7 +18,7 @@ use serde::Deserialize;
 use std::path::Path;
 use std::sync::Arc;
 use vlscan_base::diag::Diagnostics;
-use vlscan_base::error::Result;
+use vlscan_base::error::{Error, Result};
 
 /// Prepares a format for the files of a cloud, and records problems.
 type NewEncoder = fn(&CloudSettings, &mut Diagnostics) -> Result<Arc<dyn PointEncoder>>;
@@ -26,7 +30,8 @@ struct Facts {
     /// File name extension; formats with the same last part of it share that one.
     extension: &'static str,
     flags: u8,
-    encoder: NewEncoder,
+    /// Of a format that was left out, the feature that builds it.
+    encoder: Result<NewEncoder, &'static str>,
     /// One line about it.
     help: &'static str,
 }
@@ -43,7 +48,10 @@ const LAS: u8 = 8;
 const FRAMES: u8 = 16;
 
 macro_rules! formats {
-    ($($variant:ident $name:literal $aliases:tt $extension:literal [$($flag:ident)*] $encoder:ident $help:literal;)*) => {
+    ($(
+        $(#[cfg(feature = $feature:literal)])?
+        $variant:ident $name:literal $aliases:tt $extension:literal [$($flag:ident)*] $encoder:ident $help:literal;
+    )*) => {
         /// Format of a point file.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Deserialize)]
         pub enum PointFormat {
@@ -60,12 +68,13 @@ macro_rules! formats {
             aliases: &$aliases,
             extension: $extension,
             flags: 0 $(| $flag)*,
-            encoder: $encoder,
+            $(#[cfg(not(feature = $feature))] encoder: Err($feature),)?
+            $(#[cfg(feature = $feature)])? encoder: Ok($encoder),
             help: $help,
         },)*];
 
         impl PointFormat {
-            /// All formats.
+            /// All formats, with those that this build does not write.
             pub const ALL: &[PointFormat] = &[$(PointFormat::$variant),*];
         }
     };
@@ -84,13 +93,22 @@ formats! {
     RayCloud "raycloud" ["raycloud.ply"] "raycloud.ply" [] ray_cloud
         "PLY of rays, as raycloudtools reads it; files end in .raycloud.ply";
     Pcd "pcd" [] "pcd" [] pcd "PCD of the Point Cloud Library, binary";
+    #[cfg(feature = "e57")]
     E57 "e57" [] "e57" [] e57 "E57 with a scan and its pose for each leg";
+    #[cfg(feature = "mcap")]
     Mcap "mcap" [] "mcap" [FRAMES] mcap
         "MCAP with a message `PointCloud2` of ROS 2 for each revolution, in the axes of the scanner";
     Arrow "arrow" ["arrows"] "arrow" [COLUMNS CRS] arrow "Arrow IPC stream with the columns of csv";
+    #[cfg(feature = "parquet")]
     Parquet "parquet" [] "parquet" [COLUMNS CRS] parquet "Parquet with the columns of csv";
+    #[cfg(feature = "parquet")]
     GeoParquet "geoparquet" ["geo.parquet"] "geo.parquet" [COLUMNS CRS] geoparquet
         "Parquet with a geometry and its coordinate reference system, for GIS; files end in .geo.parquet";
+}
+
+/// What to do for a format that was left out.
+pub(crate) fn build_with(feature: &str) -> String {
+    format!("build vlscan with the feature {feature}")
 }
 
 #[cfg(feature = "clap")]
@@ -100,8 +118,10 @@ impl clap::ValueEnum for PointFormat {
     }
 
     fn to_possible_value(&self) -> Option<clap::builder::PossibleValue> {
-        let Facts { name, aliases, help, .. } = self.facts();
-        Some(clap::builder::PossibleValue::new(name).aliases(aliases.iter().copied()).help(help))
+        let Facts { name, aliases, help, encoder, .. } = self.facts();
+        let value = clap::builder::PossibleValue::new(name).aliases(aliases.iter().copied()).help(help);
+        // Still a value where it is not built, for the message of the encoder.
+        Some(value.hide(encoder.is_err()))
     }
 }
 
@@ -157,9 +177,10 @@ impl PointFormat {
         self.facts().name
     }
 
-    /// Returns all names, separated by commas.
+    /// Returns the names of the formats that this build writes, separated by commas.
     pub fn names() -> String {
-        PointFormat::ALL.iter().map(|format| format.name()).collect::<Vec<_>>().join(", ")
+        let built = FACTS.iter().filter(|facts| facts.encoder.is_ok());
+        built.map(|facts| facts.name).collect::<Vec<_>>().join(", ")
     }
 
     /// File name extension of the format.
@@ -201,12 +222,42 @@ impl PointFormat {
     /// Prepares the format for the files of a cloud; problems of the settings are recorded in `problems`.
     ///
     /// # Errors
-    /// [`Error::Internal`](vlscan_base::Error::Internal).
+    /// [`Error::Input`] for a format that this build does not write, [`Error::Internal`].
     pub fn encoder(
         self,
         settings: &CloudSettings,
         problems: &mut Diagnostics,
     ) -> Result<Arc<dyn PointEncoder>> {
-        (self.facts().encoder)(settings, problems)
+        let new = self.facts().encoder.map_err(|feature| {
+            let message = format!("this build does not write {}", self.name());
+            Error::input_with_help(message, build_with(feature))
+        })?;
+        new(settings, problems)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_left_out_is_known_and_names_its_feature() {
+        for (format, feature, is_built) in [
+            (PointFormat::E57, "e57", cfg!(feature = "e57")),
+            (PointFormat::Mcap, "mcap", cfg!(feature = "mcap")),
+            (PointFormat::Parquet, "parquet", cfg!(feature = "parquet")),
+            (PointFormat::GeoParquet, "parquet", cfg!(feature = "parquet")),
+        ] {
+            let path = Path::new("a").with_extension(format.extension());
+            assert_eq!(PointFormat::of_file(&path), Some(Ok(format)));
+            assert_eq!(PointFormat::names().split(", ").any(|name| name == format.name()), is_built);
+            match format.encoder(&CloudSettings::default(), &mut Diagnostics::default()) {
+                Err(Error::Input(problems)) => {
+                    let said = problems.render(false);
+                    assert!(!is_built && said.contains(&build_with(feature)), "{said}");
+                }
+                encoder => assert!(is_built && encoder.is_ok()),
+            }
+        }
     }
 }

@@ -8,16 +8,19 @@
 //! | `geoparquet`, `projjson` | GeoParquet, and coordinate reference systems as it names them |
 
 mod arrow;
+#[cfg(feature = "parquet")]
 mod geoparquet;
+#[cfg(feature = "parquet")]
 mod parquet;
+#[cfg(feature = "parquet")]
 mod projjson;
 mod rows;
 
 pub(crate) use arrow::arrow;
 pub use arrow::{TableColumn, point_schema, schema_of};
-pub(crate) use geoparquet::geoparquet;
-pub(crate) use parquet::parquet;
 pub use rows::Rows;
+#[cfg(feature = "parquet")]
+pub(crate) use {geoparquet::geoparquet, parquet::parquet};
 
 use crate::number::{push_fixed, push_integer};
 use crate::record::{EncodedPoints, Needs, PointRecord};

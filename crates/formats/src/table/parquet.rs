@@ -1,8 +1,7 @@
-//! Arrow streams and files, Parquet, and tables in memory: columns are found by name, in any order.
+//! Parquet: the columns of numbers, row group by row group.
 
-use super::{Columns, PointSink, Reading};
-use ::arrow_array::RecordBatch;
-use ::arrow_schema::Field;
+use super::{start, take_rows};
+use crate::Reading;
 use ::parquet::basic::{ConvertedType, LogicalType, Type as Physical};
 use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use ::parquet::data_type::DataType;
@@ -10,106 +9,14 @@ use ::parquet::errors::ParquetError;
 use ::parquet::file::reader::{FileReader, SerializedFileReader};
 use ::parquet::schema::types::ColumnDescriptor;
 use bytes::Bytes;
-use std::io::Read;
-use std::ops::ControlFlow;
-use std::path::Path;
-use std::sync::Arc;
 use vlscan_base::damage::catch_decoder_panic;
-use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::input::arrow::{ArrowDecoder, TableField, numbers};
 
-/// Rows of Parquet that are read at a time.
+/// Rows that are read at a time.
 const READ_ROWS: usize = 65_536;
 
-/// Finds the columns of the points by name, and starts the sink; columns without numbers have empty names.
-fn start(names: &[&str], reading: &mut Reading) -> Result<Columns> {
-    let columns = Columns::find_positions(names)
-        .map_err(|problem| Error::input(format!("{}: {problem}", reading.path.display())))?;
-    for remark in columns.remarks(names) {
-        reading.warn(remark);
-    }
-    reading.sink.start(columns.attributes());
-    Ok(columns)
-}
-
-/// Reads an Arrow stream or file.
-pub(super) fn read_arrow(mut source: impl Read, reading: &mut Reading) -> Result<()> {
-    let mut decoder = ArrowDecoder::new(reading.path);
-    let mut columns: Option<Columns> = None;
-    let mut buffer = vec![0; 1 << 18];
-    loop {
-        let count = match source.read(&mut buffer) {
-            Err(e) if e.kind() == std::io::ErrorKind::Interrupted => continue,
-            count => count.map_err(|e| Error::io("read", reading.path, e))?,
-        };
-        if count == 0 {
-            break;
-        }
-        decoder.feed(&buffer[..count]);
-        while let Some(batch) = decoder.next_batch()? {
-            let columns = match &columns {
-                Some(columns) => columns,
-                None => {
-                    let fields = decoder.fields().map(|fields| fields.to_vec()).unwrap_or_default();
-                    // Non-numeric columns are not considered.
-                    let names: Vec<&str> =
-                        fields.iter().map(|f| if f.is_number() { f.heading.as_str() } else { "" }).collect();
-                    columns.insert(start(&names, reading)?)
-                }
-            };
-            for row in 0..batch.rows {
-                if reading.take(&columns.row(|column| batch.value(column, row))).is_break() {
-                    return Ok(());
-                }
-            }
-        }
-    }
-    decoder.end()
-}
-
-/// Reads the points of a table in memory; `name` stands for it in messages.
-///
-/// # Errors
-/// [`Error::Input`] for tables without the columns X, Y and Z, and for columns of other numbers than integers and floats of 32
-/// and 64 bits.
-pub fn read_record_batch(
-    batch: &RecordBatch,
-    name: &str,
-    sink: &mut dyn PointSink,
-    found: &mut Diagnostics,
-) -> Result<()> {
-    let mut reading = Reading::new(Path::new(name), super::Selection::All, sink, found);
-    let schema = batch.schema();
-    let field_name = |field: &Arc<Field>| {
-        if field.data_type().is_numeric() { TableField::new(field).heading } else { String::new() }
-    };
-    let names: Vec<String> = schema.fields().iter().map(field_name).collect();
-    let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    let columns = start(&names, &mut reading)?;
-    let mut values: Vec<Vec<f64>> = vec![Vec::new(); names.len()];
-    for (_, column) in columns.used() {
-        values[column] = numbers(batch.column(column)).ok_or_else(|| {
-            let kind = batch.column(column).data_type();
-            Error::input(format!(
-                "{name}: column {} holds {kind}; expected integers or floats of 32 or 64 bits",
-                names[column]
-            ))
-        })?;
-    }
-    // Nothing follows the rows, whether or not the sink has enough.
-    let _ = take_rows(&columns, &values, batch.num_rows(), &mut reading);
-    reading.end();
-    Ok(())
-}
-
-/// Passes rows of columns to the sink.
-fn take_rows(columns: &Columns, values: &[Vec<f64>], rows: usize, reading: &mut Reading) -> ControlFlow<()> {
-    (0..rows).try_for_each(|row| reading.take(&columns.row(|column| values[column][row])))
-}
-
 /// Reads a Parquet file; its library panics on some damaged pages.
-pub(super) fn read_parquet(file: Bytes, reading: &mut Reading) -> Result<()> {
+pub(crate) fn read_parquet(file: Bytes, reading: &mut Reading) -> Result<()> {
     let path = reading.path;
     catch_decoder_panic(|| read_row_groups(file, reading))
         .unwrap_or_else(|| Err(Error::input(format!("{}: its pages are damaged", path.display()))))
