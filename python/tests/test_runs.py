@@ -297,7 +297,7 @@ def test_errors_name_file_line_and_column(room, tmp_path):
         vlscan.run(file)
     problem = next(problem for problem in caught.value.problems if "scaner" in problem.message)
     assert (problem.file, problem.line, problem.column) == (str(file), 2, 1) and "scanner" in problem.help
-    assert isinstance(caught.value, ValueError) and "scaner = 1" in str(caught.value)
+    assert isinstance(caught.value, ValueError) and "a.toml:2:1: unknown key `scaner`" in str(caught.value)
     with pytest.raises(vlscan.InputError) as caught:
         Survey([Part.mesh(*wall())], "riegl_vz400", [Leg(head_rate=1)]).run()
     assert caught.value.problems[0].file == "<python>" and "head_rate_deg_per_s" in caught.value.problems[0].help
