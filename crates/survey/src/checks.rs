@@ -13,10 +13,11 @@ const K: SettingsKeys = SettingsKeys::KEYS;
 /// Where a setting of a leg, by its index, is written.
 pub(super) type Places<'a> = &'a dyn Fn(usize, Key) -> Option<Place>;
 
-/// Checks every leg against the scanner and the platform. `places` tells where a setting is written.
-pub(super) fn check_legs(context: &Context, survey: &Survey, places: Places) {
+/// Checks every leg against the scanner and the platform. `places` tells where a setting is written: in a pipeline, whose legs may
+/// be those of a survey of XML, or in such a survey.
+pub(super) fn check_legs(context: &Context, survey: &Survey, places: Places, in_pipeline: bool) {
     for (index, leg) in survey.legs.iter().enumerate() {
-        let check = LegCheck { context, survey, leg, index, places };
+        let check = LegCheck { context, survey, leg, index, places, in_pipeline };
         check.effects();
         check.end();
         if leg.scanner.pulse_freq == 0 {
@@ -50,6 +51,7 @@ pub(super) struct LegCheck<'a> {
     pub leg: &'a Leg,
     index: usize,
     places: Places<'a>,
+    in_pipeline: bool,
 }
 
 impl LegCheck<'_> {
@@ -61,8 +63,8 @@ impl LegCheck<'_> {
     pub fn name(&self, setting: Key) -> &'static str {
         let place = self.place(setting);
         let ending = place.as_ref().and_then(|place| place.path.extension());
-        let is_toml = ending.is_some_and(|ending| ending.eq_ignore_ascii_case("toml"));
-        if is_toml && !setting.key.is_empty() { setting.key } else { setting.attribute }
+        let is_xml = !self.in_pipeline || ending.is_some_and(|ending| ending.eq_ignore_ascii_case("xml"));
+        if is_xml || setting.key.is_empty() { setting.attribute } else { setting.key }
     }
 
     /// The scan frequency must lie within the scanner's limits (spec input-formats §2.7; active legs only).

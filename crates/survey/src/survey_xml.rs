@@ -30,7 +30,7 @@ pub(super) fn read_survey_document(
     match trajectory {
         Some(stream) => {
             survey.follow(stream);
-            check_legs(context, &survey, &|_, _| None);
+            check_legs(context, &survey, &|_, _| None, false);
         }
         None if legs.is_empty() => {
             let element = root.child("survey")?;
@@ -40,7 +40,7 @@ pub(super) fn read_survey_document(
                 "a leg says where to scan from and how",
             );
         }
-        None => check_legs(context, &survey, &places_in(&legs)),
+        None => check_legs(context, &survey, &places_in(&legs), false),
     }
     Some(survey)
 }

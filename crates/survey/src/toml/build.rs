@@ -283,6 +283,6 @@ fn set_legs(
             let own = tables.get(leg).and_then(|tables| tables.place(key));
             own.or_else(|| common.as_ref()?.place_if_written(key))
         };
-        check_legs(context, survey, &place);
+        check_legs(context, survey, &place, true);
     }
 }
