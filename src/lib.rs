@@ -61,11 +61,12 @@
 //! * [`scene`]: scenes that can be traced
 //! * [`lidar`]: the instrument: platform, scanner, flight, pulse
 //! * [`tools`]: generated scenes, planning, campaigns, comparison, pictures
+//! * [`fit`]: flights, instruments and scenes estimated from recorded point clouds
 //!
 //! ```text
 //! geom ◄─ base ◄─ survey, formats, warehouse
 //! geom ◄─ trace
-//! survey, formats, trace ◄─ scene ◄─ lidar ◄─ tools ◄─ vlscan
+//! survey, formats, trace ◄─ scene ◄─ lidar ◄─ tools ◄─ fit ◄─ vlscan
 //! ```
 //!
 //! # How a run works
@@ -126,6 +127,7 @@ mod streams;
 /// The arrays of the record batches in which points arrive.
 pub use arrow_array;
 pub use vlscan_base as base;
+pub use vlscan_fit as fit;
 pub use vlscan_formats as formats;
 pub use vlscan_geom as geom;
 pub use vlscan_lidar as lidar;
