@@ -59,6 +59,9 @@ attributes! {
     Intensity "intensity", "an intensity", None, None, "heliosamplitude intensity amplitude";
     Class "class", "a point class", None, BYTE, "surfaceclass classification class label";
     ReturnNumber "return number", "the number of the return", None, BYTE, "returnnumber return";
+    NumberOfReturns "number of returns", "the number of returns of the pulse", None, BYTE,
+        "numberofreturns numreturns";
+    ScanAngle "scan angle", "a scan angle in degrees", None, None, "scanangle scananglerank";
     Object "object", "an object", None, LONG, "objectid hitobjectid object partid part treeid instanceid instance";
     Leg "leg", "the number of a leg", None, SHORT, "leg pointsourceid";
     Channel "channel", "the number of a channel", None, SHORT, "device channel userdata scannerchannel ring";
@@ -74,8 +77,11 @@ impl Attribute {
 
     /// Whether values in text need not be numbers.
     pub fn is_optional(self) -> bool {
-        use Attribute::{Channel, Leg, NormalX, NormalY, NormalZ, Object, Time};
-        matches!(self, NormalX | NormalY | NormalZ | Object | Leg | Channel | Time)
+        use Attribute::{Channel, Leg, NormalX, NormalY, NormalZ, NumberOfReturns, Object, ScanAngle, Time};
+        matches!(
+            self,
+            NormalX | NormalY | NormalZ | Object | Leg | Channel | Time | NumberOfReturns | ScanAngle
+        )
     }
 
     fn entry(self) -> &'static Entry {
@@ -113,8 +119,8 @@ const OWN_NAME: &str = "pulsenumber";
 /// Names of columns that points often have and that nothing here needs, in the form of [`Entry::names`].
 const UNUSED_NAMES: &str = "a alpha b beamdirectionx beamdirectiony beamdirectionz beamoriginx beamoriginy beamoriginz blue \
      classflags curvature edgeofflightline echowidth fid footprintfraction flightline fullwaveindex g \
-     green heightaboveground id incidenceangle index infrared keypoint nir numberofreturns numreturns \
-     overlap point pointid primitive pulsenumber r range red reflectance rgb rgba scanangle scananglerank \
+     green heightaboveground id incidenceangle index infrared keypoint nir \
+     overlap point pointid primitive pulsenumber r range red reflectance rgb rgba \
      scandirectionflag scannerx scannery scannerz subray surfacex surfacey surfacez synthetic truerange \
      truex truey truez width withheld";
 
@@ -347,6 +353,8 @@ impl Columns {
             intensity: number(Attribute::Intensity).unwrap_or(0.0) as f32,
             class: fitted(Attribute::Class) as u8,
             return_number: fitted(Attribute::ReturnNumber) as u8,
+            number_of_returns: fitted(Attribute::NumberOfReturns) as u8,
+            scan_angle: fitted(Attribute::ScanAngle),
             object: fitted(Attribute::Object) as i64,
             leg: fitted(Attribute::Leg) as u16,
             channel: fitted(Attribute::Channel) as u16,

@@ -96,6 +96,10 @@ pub struct PointRow {
     pub class: u8,
     /// Return number, from 1.
     pub return_number: u8,
+    /// Number of returns of the pulse.
+    pub number_of_returns: u8,
+    /// Scan angle, degrees, as the file has it: in LAS across the track, negative to the left.
+    pub scan_angle: f64,
     /// Number of the object that was hit.
     pub object: i64,
     /// Number of the leg.

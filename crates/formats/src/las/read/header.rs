@@ -175,6 +175,18 @@ impl Header {
         record[14] & if self.fields.is_extended { 0x0f } else { 0x07 }
     }
 
+    pub(super) fn number_of_returns(&self, record: &[u8]) -> u8 {
+        if self.fields.is_extended { record[14] >> 4 } else { record[14] >> 3 & 0x07 }
+    }
+
+    /// Scan angle, degrees: steps of 0.006° in formats from 6 on, whole degrees in others.
+    pub(super) fn scan_angle(&self, record: &[u8]) -> f64 {
+        match self.fields.is_extended {
+            true => 0.006 * f64::from(i16::from_le_bytes([record[18], record[19]])),
+            false => f64::from(record[16] as i8),
+        }
+    }
+
     /// Offset of the first extra byte in a record.
     pub(super) fn extra_bytes_at(&self) -> usize {
         usize::from(self.fields.len())

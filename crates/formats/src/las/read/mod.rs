@@ -210,6 +210,8 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
                 },
                 class: header.class(record),
                 return_number: header.return_number(record),
+                number_of_returns: header.number_of_returns(record),
+                scan_angle: header.scan_angle(record),
                 leg: header.source_id(record),
                 channel: number(Attribute::Channel, shown.device).map_or(header.channel(record), |v| v as u16),
                 time,
