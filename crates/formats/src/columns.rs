@@ -3,7 +3,7 @@
 use super::PointRow;
 use vlscan_base::columns::Dimension;
 use vlscan_base::diag::listed;
-use vlscan_geom::DVec3;
+use vlscan_geom::{DVec3, degrees};
 
 macro_rules! attributes {
     ($($attribute:ident $noun:literal, $described:literal, $dimension:expr, $whole:expr, $names:literal;)*) => {
@@ -59,9 +59,8 @@ attributes! {
     Intensity "intensity", "an intensity", None, None, "heliosamplitude intensity amplitude";
     Class "class", "a point class", None, BYTE, "surfaceclass classification class label";
     ReturnNumber "return number", "the number of the return", None, BYTE, "returnnumber return";
-    NumberOfReturns "number of returns", "the number of returns of the pulse", None, BYTE,
-        "numberofreturns numreturns";
-    ScanAngle "scan angle", "a scan angle in degrees", None, None, "scanangle scananglerank";
+    NumberOfReturns "number of returns", "the number of returns of the pulse", None, BYTE, "numberofreturns numreturns";
+    ScanAngle "scan angle", "a scan angle, a number of degrees", Some(Dimension::Angle), None, "scanangle scananglerank";
     Object "object", "an object", None, LONG, "objectid hitobjectid object partid part treeid instanceid instance";
     Leg "leg", "the number of a leg", None, SHORT, "leg pointsourceid";
     Channel "channel", "the number of a channel", None, SHORT, "device channel userdata scannerchannel ring";
@@ -196,11 +195,13 @@ pub struct Columns {
     metres: DVec3,
     /// Seconds in a unit of time.
     seconds: f64,
+    /// Degrees in a unit of the scan angle.
+    degrees: f64,
 }
 
 impl Default for Columns {
     fn default() -> Columns {
-        Columns { columns: [None; Attribute::COUNT], metres: DVec3::ONE, seconds: 1.0 }
+        Columns { columns: [None; Attribute::COUNT], metres: DVec3::ONE, seconds: 1.0, degrees: 1.0 }
     }
 }
 
@@ -222,7 +223,7 @@ impl Columns {
             column.and_then(|column| factor(attribute, headings[column])).unwrap_or(1.0)
         };
         let metres = DVec3::from(Attribute::POSITION.map(unit));
-        Columns { columns, metres, seconds: unit(Attribute::Time) }
+        Columns { columns, metres, seconds: unit(Attribute::Time), degrees: unit(Attribute::ScanAngle) }
     }
 
     /// Finds the columns of positions and other attributes by their names; the error lists the names when there are no
@@ -282,7 +283,11 @@ impl Columns {
                 && let Some(unit) = unit_of(names[column])
                 && factor(attribute, names[column]).is_none()
             {
-                let assumed = if dimension == Dimension::Time { "seconds" } else { "metres" };
+                let assumed = match dimension {
+                    Dimension::Time => "seconds",
+                    Dimension::Angle => "degrees",
+                    _ => "metres",
+                };
                 remarks.push(format!(
                     "the unit {unit:?} of column {} ({:?}) is not known; {assumed} are assumed (expected {})",
                     column + 1,
@@ -354,7 +359,7 @@ impl Columns {
             class: fitted(Attribute::Class) as u8,
             return_number: fitted(Attribute::ReturnNumber) as u8,
             number_of_returns: fitted(Attribute::NumberOfReturns) as u8,
-            scan_angle: fitted(Attribute::ScanAngle),
+            scan_angle: fitted(Attribute::ScanAngle) * self.degrees,
             object: fitted(Attribute::Object) as i64,
             leg: fitted(Attribute::Leg) as u16,
             channel: fitted(Attribute::Channel) as u16,
@@ -379,9 +384,11 @@ fn unit_of(heading: &str) -> Option<&str> {
     Some(unit).filter(|unit| !unit.is_empty())
 }
 
-/// Metres or seconds in the unit in brackets behind the name of a column; `None` without a unit that is known.
+/// Metres, seconds or degrees in the unit in brackets behind the name of a column; `None` without a unit that is known.
 fn factor(attribute: Attribute, heading: &str) -> Option<f64> {
-    attribute.entry().dimension?.factor(&unit_of(heading)?.to_lowercase())
+    let dimension = attribute.entry().dimension?;
+    let factor = dimension.factor(&unit_of(heading)?.to_lowercase())?;
+    Some(if dimension == Dimension::Angle { degrees(factor) } else { factor })
 }
 
 /// Whether a name is that of a geographic coordinate, or has a unit of angles and is one of a horizontal coordinate.
@@ -458,6 +465,8 @@ mod tests {
         let row = Columns::find(names).row(|_| 1000.0);
         assert!((row.position - DVec3::new(25.4, 914.4, 304.800_609_601_219_2)).length() < 1e-9, "{row:?}");
         assert_eq!((row.time, Columns::find(names).remarks(&names)), (1.0, vec![]));
+        let angle = |heading| Columns::find([heading]).row(|_| 0.5).scan_angle;
+        assert_eq!(["ScanAngle", "ScanAngleRank [deg]", "scan_angle (rad)"].map(angle), [0.5, 0.5, degrees(0.5)]);
         let names = ["X [furlong]", "Y []", "Z (m a.s.l.)", "time [fortnight]", "intensity [dB]"];
         assert_eq!(Columns::find(names).row(|_| 1.0).position, DVec3::ONE);
         let said = Columns::find(names).remarks(&names);

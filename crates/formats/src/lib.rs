@@ -117,6 +117,9 @@ pub trait PointSink {
     /// Called once, before the first point, with the attributes that the points have.
     fn start(&mut self, attributes: AttributeSet);
 
+    /// Called at most once, before the first point, with the system of the coordinates as WKT in files that name one.
+    fn crs(&mut self, _wkt: &str) {}
+
     /// Takes the next point in the order of the file; `object` is the name of its object in files that have names.
     /// `Break` ends reading.
     fn point(&mut self, row: &PointRow, object: Option<&str>) -> ControlFlow<()>;

@@ -1,7 +1,7 @@
 //! Points as they are written, and what precedes their place in a file: records of one format, and their counts.
 
 use crate::PointRow;
-use vlscan_geom::{Aabb, DVec3, degrees};
+use vlscan_geom::{Aabb, DVec3, degrees, radians};
 
 /// A point with everything that is known of it; a format writes what it has a place for. Positions are relative to
 /// [`CloudSettings::origin`](crate::CloudSettings::origin), so that large coordinates keep their digits.
@@ -330,7 +330,8 @@ impl From<&PointRow> for PointRecord {
             amplitude: row.intensity.into(),
             class: row.class.into(),
             return_number: row.return_number.into(),
-            number_of_returns: u32::from(row.return_number).max(1),
+            number_of_returns: u32::from(row.return_number.max(row.number_of_returns)).max(1),
+            scan_angle: radians(row.scan_angle),
             object: row.object as i32,
             leg: row.leg,
             device: row.channel.into(),

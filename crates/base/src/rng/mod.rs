@@ -49,6 +49,8 @@ pub enum Purpose {
     ReceiverNoise = 15,
     /// False alarms: returns that noise alone causes.
     FalseAlarm = 16,
+    /// Halves of a recording that are compared with each other.
+    Halves = 17,
     /// Navigation errors: position, attitude, boresight and lever arm.
     Navigation = 32,
 }

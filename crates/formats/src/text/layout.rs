@@ -206,6 +206,7 @@ fn columns_by_count(line: &[u8], words: &[Range<usize>]) -> Columns {
         return columns
             .with(Attribute::Intensity, 3)
             .with(Attribute::ReturnNumber, 5)
+            .with(Attribute::NumberOfReturns, 6)
             .with(Attribute::Object, OBJECT_COLUMN)
             .with(Attribute::Class, 9)
             .with(Attribute::Time, 10);
@@ -276,7 +277,7 @@ mod tests {
         }
         assert_eq!(layout("1 2 3 4\n").0.last(), Some(&(Intensity, 3)));
         for full in ["1 2 3 4.5 0 1 2 9 oak 4 5.5\n", "1 2 3 4.5 0 1 2 9  4 5.5\n"] {
-            assert_eq!(layout(full).0.len(), 8, "{full:?}");
+            assert_eq!(layout(full).0.len(), 9, "{full:?}");
         }
     }
 

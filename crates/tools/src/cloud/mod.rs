@@ -1,6 +1,6 @@
 //! Point clouds in memory, and waveforms of single pulses, from files of all formats that are read.
 //!
-//! A point takes at most 36 bytes of memory.
+//! A point takes at most 46 bytes of memory.
 //!
 //! | file | what it does |
 //! |---|---|

@@ -1,4 +1,4 @@
-//! A point cloud in memory: 24 bytes for each position and up to 12 for its attributes, and a bounded number of points.
+//! A point cloud in memory: 24 bytes for each position and up to 22 for its attributes, and a bounded number of points.
 
 use std::collections::HashMap;
 use std::ops::ControlFlow;
@@ -18,14 +18,19 @@ pub struct Points {
     pub(crate) intensity: Vec<f32>,
     pub(crate) class: Vec<u8>,
     pub(crate) return_number: Vec<u8>,
+    pub(crate) number_of_returns: Vec<u8>,
+    /// Degrees.
+    pub(crate) scan_angle: Vec<f32>,
     pub(crate) object: Vec<u16>,
     pub(crate) objects: Vec<String>,
+    pub(crate) leg: Vec<u16>,
     /// Numbers above 255 are 255.
-    pub(crate) leg: Vec<u8>,
     pub(crate) channel: Vec<u8>,
     /// Seconds after the first point.
-    pub(crate) time: Vec<f32>,
+    pub(crate) time: Vec<f64>,
     first_time: Option<f64>,
+    /// System of the coordinates as WKT.
+    crs: Option<String>,
     bounds: Aabb,
     /// Whether 0 stands for no leg, and N + 1 for leg N.
     legs_from_one: bool,
@@ -57,12 +62,15 @@ impl Points {
             intensity: Vec::new(),
             class: Vec::new(),
             return_number: Vec::new(),
+            number_of_returns: Vec::new(),
+            scan_angle: Vec::new(),
             object: Vec::new(),
             objects: Vec::new(),
             leg: Vec::new(),
             channel: Vec::new(),
             time: Vec::new(),
             first_time: None,
+            crs: None,
             bounds: Aabb::EMPTY,
             legs_from_one: false,
             object_numbers: HashMap::new(),
@@ -102,6 +110,12 @@ impl Points {
         if self.has(Attribute::ReturnNumber) {
             self.return_number.push(row.return_number);
         }
+        if self.has(Attribute::NumberOfReturns) {
+            self.number_of_returns.push(row.number_of_returns);
+        }
+        if self.has(Attribute::ScanAngle) {
+            self.scan_angle.push(row.scan_angle as f32);
+        }
         if self.has(Attribute::Object) {
             let mut number = itoa::Buffer::new();
             let number = self.object_number(object.unwrap_or_else(|| number.format(row.object)));
@@ -109,7 +123,7 @@ impl Points {
         }
         if self.has(Attribute::Leg) {
             self.high_legs += u64::from(row.leg > 255);
-            self.leg.push(row.leg.min(255) as u8);
+            self.leg.push(row.leg);
         }
         if self.has(Attribute::Channel) {
             self.high_channels += u64::from(row.channel > 255);
@@ -117,7 +131,7 @@ impl Points {
         }
         if self.has(Attribute::Time) {
             let first = *self.first_time.get_or_insert(row.time);
-            self.time.push((row.time - first) as f32);
+            self.time.push(row.time - first);
         }
     }
 
@@ -131,6 +145,8 @@ impl Points {
         halve(&mut self.intensity);
         halve(&mut self.class);
         halve(&mut self.return_number);
+        halve(&mut self.number_of_returns);
+        halve(&mut self.scan_angle);
         halve(&mut self.object);
         halve(&mut self.leg);
         halve(&mut self.channel);
@@ -196,6 +212,41 @@ impl Points {
         self.return_number.get(i).copied()
     }
 
+    /// Number of returns of the pulse of a point; `None` if the points have none.
+    pub fn number_of_returns_of(&self, i: usize) -> Option<u8> {
+        self.number_of_returns.get(i).copied()
+    }
+
+    /// Class of a point; `None` if the points have none.
+    pub fn class_of(&self, i: usize) -> Option<u8> {
+        self.class.get(i).copied()
+    }
+
+    /// Scan angle of a point, degrees; `None` if the points have none.
+    pub fn scan_angle_of(&self, i: usize) -> Option<f32> {
+        self.scan_angle.get(i).copied()
+    }
+
+    /// Time of a point, s; `None` if the points have none. Points of one pulse have the same bits.
+    pub fn time_of(&self, i: usize) -> Option<f64> {
+        Some(self.first_time? + self.time.get(i)?)
+    }
+
+    /// Leg (point source) and channel, at most 255, of a point; 0 where the points have none.
+    pub fn source_of(&self, i: usize) -> (u16, u8) {
+        (self.leg.get(i).copied().unwrap_or(0), self.channel.get(i).copied().unwrap_or(0))
+    }
+
+    /// The system of the coordinates as WKT, if the file names one.
+    pub fn crs(&self) -> Option<&str> {
+        self.crs.as_deref()
+    }
+
+    /// Whether the cloud had more points than are kept.
+    pub fn is_thinned(&self) -> bool {
+        self.stride > 1
+    }
+
     /// World position of the origin of offsets, the centre of the cloud's box, m.
     pub(crate) fn origin(&self) -> DVec3 {
         if self.is_empty() { DVec3::ZERO } else { self.bounds.centre() }
@@ -233,7 +284,7 @@ impl Points {
         found
     }
 
-    /// Numbers of points whose leg and whose channel is above 255, and kept as 255.
+    /// Numbers of points whose leg and whose channel is above 255, and shown as 255.
     pub fn beyond_bytes(&self) -> (u64, u64) {
         (self.high_legs, self.high_channels)
     }
@@ -252,6 +303,10 @@ impl Points {
 impl PointSink for Points {
     fn start(&mut self, attributes: AttributeSet) {
         *self = Points::new(attributes);
+    }
+
+    fn crs(&mut self, wkt: &str) {
+        self.crs = Some(wkt.to_owned());
     }
 
     fn point(&mut self, row: &PointRow, object: Option<&str>) -> ControlFlow<()> {
@@ -307,7 +362,7 @@ mod tests {
         for (leg, channel) in [(0, 3), (255, 256), (300, 0), (70, 1)] {
             points.push(&PointRow { leg, channel, ..PointRow::default() }, None);
         }
-        assert_eq!(points.leg, [0, 255, 255, 70]);
+        assert_eq!((&points.leg[..], &points.channel[..]), (&[0, 255, 300, 70][..], &[3, 255, 0, 1][..]));
         assert_eq!(points.beyond_bytes(), (1, 1));
     }
 

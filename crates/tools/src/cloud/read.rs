@@ -262,9 +262,10 @@ mod tests {
                 z: 3.0,
                 return_number: 1 + (i % 3) as u8,
                 number_of_returns: 3,
+                scan_angle: -12.0,
                 classification: las::point::Classification::new(5).unwrap(),
                 extra_bytes: extra,
-                gps_time: Some(0.0),
+                gps_time: Some(3e8 + f64::from(i / 3) * 1e-6),
                 ..las::Point::default()
             };
             writer.write_point(point).unwrap();
@@ -282,8 +283,12 @@ mod tests {
             assert!((points.bounds().max.x - 99.9).abs() < 1e-9);
             assert_eq!(points.class[7], 5);
             assert_eq!(points.return_number[..4], [1, 2, 3, 1]);
+            assert_eq!(points.number_of_returns[..2], [3, 3]);
+            assert_eq!(points.scan_angle[0], -12.0);
             assert_eq!(points.intensity[321], 321.0);
             assert_eq!(points.objects, ["0", "1"]);
+            let time = |i| points.time_of(i).unwrap();
+            assert_eq!((time(0), time(999)), (3e8, 3e8 + 333e-6));
         }
     }
 

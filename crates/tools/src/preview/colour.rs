@@ -145,7 +145,7 @@ impl Colouring {
                 Colouring::Ranks { quantiles: quantiles(&points.intensity), table: &STRENGTHS }
             }
             ColourBy::Time => {
-                let (low, high) = inner_range(points.time.iter().copied());
+                let (low, high) = inner_range(points.time.iter().map(|t| *t as f32));
                 Colouring::Ramp { value: wanted, low, high, table: &HEIGHTS }
             }
             ColourBy::Leg => {
@@ -186,7 +186,9 @@ impl Colouring {
     /// Place of a continuous value between the lowest and the highest colour, 0–1; NaN for values that are all equal.
     pub(super) fn fraction(&self, points: &Points, i: usize) -> f32 {
         match self {
-            Colouring::Ramp { value: ColourBy::Time, low, high, .. } => (points.time[i] - low) / (high - low),
+            Colouring::Ramp { value: ColourBy::Time, low, high, .. } => {
+                (points.time[i] as f32 - low) / (high - low)
+            }
             Colouring::Ramp { low, high, .. } => (points.offset(i)[2] - low) / (high - low),
             Colouring::Ranks { quantiles, .. } => rank(quantiles, points.intensity[i]),
             Colouring::Table { .. } => 0.0,
@@ -273,7 +275,7 @@ fn number(points: &Points, value: ColourBy, i: usize) -> usize {
     match value {
         ColourBy::Class => usize::from(points.class[i]),
         ColourBy::Return => usize::from(points.return_number[i]),
-        ColourBy::Leg => usize::from(points.leg[i]),
+        ColourBy::Leg => usize::from(points.leg[i].min(255)),
         ColourBy::Channel => usize::from(points.channel[i]),
         _ => usize::from(points.object[i]),
     }

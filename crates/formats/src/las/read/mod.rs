@@ -182,6 +182,9 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
         Attribute::Time => reader.header.has_time(),
         _ => true,
     }));
+    if let Some(wkt) = &units.crs {
+        reading.sink.crs(wkt);
+    }
     let (header, metres) = (reader.header.clone(), units.metres.unwrap_or(DVec3::ONE));
     let mut are_degrees = units.is_angle;
     let mut more = true;

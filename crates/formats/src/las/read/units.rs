@@ -30,6 +30,8 @@ pub(super) struct PositionUnits {
     pub metres: Option<DVec3>,
     /// Whether horizontal coordinates are angles.
     pub is_angle: bool,
+    /// The system of the coordinates as WKT, as far as the file names it.
+    pub crs: Option<String>,
     /// How the units were taken.
     pub note: Option<String>,
     /// What was assumed.
@@ -44,7 +46,11 @@ pub(super) fn position_units(file: Fields, header: &Header) -> Result<PositionUn
     let is_wkt = header.states_wkt() || keys.is_none();
     let text = |record: &[u8]| String::from_utf8_lossy(record).trim_end_matches('\0').to_owned();
     Ok(match wkt.filter(|_| is_wkt) {
-        Some(wkt) => PositionUnits::of(Units::of_wkt(&text(wkt))),
+        Some(wkt) => {
+            let wkt = text(wkt);
+            let units = Units::of_wkt(&wkt);
+            PositionUnits { crs: Some(wkt), ..PositionUnits::of(units) }
+        }
         None => {
             let keys = Keys {
                 words: keys
@@ -57,6 +63,7 @@ pub(super) fn position_units(file: Fields, header: &Header) -> Result<PositionUn
             };
             let (units, unknown) = keys.units();
             let mut found = PositionUnits::of(units);
+            found.crs = keys.code(PROJECTED_SYSTEM).and_then(|code| wkt_of_epsg(code.into()).ok());
             found.warnings.extend(unknown);
             found
         }
@@ -151,6 +158,7 @@ impl PositionUnits {
         PositionUnits {
             metres: Some(DVec3::new(x.metres, x.metres, z.metres)),
             is_angle: false,
+            crs: None,
             note: Some(format!(
                 "by its coordinate reference system x and y are in {} ({} m), heights in {} ({} m); all are converted to metres",
                 x.name, x.metres, z.name, z.metres

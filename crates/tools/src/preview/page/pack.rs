@@ -162,8 +162,11 @@ fn planes(points: &Points, block: &[(u64, u32)], grid: &Grid, scales: &Scales) -
         plane(&|i| points.object[i] as u8);
         plane(&|i| (points.object[i] >> 8) as u8);
     }
-    for values in [&points.leg, &points.channel].into_iter().filter(|values| !values.is_empty()) {
-        plane(&|i| values[i]);
+    if points.has(Attribute::Leg) {
+        plane(&|i| points.leg[i].min(255) as u8);
+    }
+    if points.has(Attribute::Channel) {
+        plane(&|i| points.channel[i]);
     }
     if points.has(Attribute::Time) {
         plane(&|i| shade(scales.time, points, i));
