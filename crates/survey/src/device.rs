@@ -5,9 +5,10 @@ use super::deflector::{change_deflector, refuse_unused};
 use super::fields::Fields;
 use super::keys::{DetectorKeys, InstrumentKeys, Key, WaveformKeys};
 use super::receiver::{change_emission, change_pulse_shape, change_receiver};
+use super::scan_motion::change_scan_motion;
 use super::{
     Beam, BeamProfile, Deflector, Detector, Device, Formula, Head, MechanicalErrors, Mount, Receiver,
-    WaveformPlace, WaveformSettings,
+    ScanMotion, WaveformPlace, WaveformSettings,
 };
 use vlscan_base::quantity::NOT_NEGATIVE;
 use vlscan_geom::DVec3;
@@ -54,6 +55,7 @@ impl Device {
         Device {
             id: String::new(),
             deflector,
+            scan_motion: ScanMotion::default(),
             scan_angle_max: 0.0,
             scan_freq: (0.0, 0.0),
             head: Head { axis: DVec3::Z, max_rate: 0.0 },
@@ -72,6 +74,7 @@ impl Device {
 /// Applies the keys of a scanner or a channel to a device. `None` for unknown optics.
 pub(super) fn change_device(fields: &mut Fields, device: &mut Device, in_channel: bool) -> Option<()> {
     let deflector = change_deflector(fields, device, in_channel);
+    change_scan_motion(fields, device);
     if let Some(axis) = fields.xyz(K.head_axis) {
         match axis.length() > 0.1 {
             true => device.head.axis = axis,

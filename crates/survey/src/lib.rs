@@ -22,7 +22,8 @@
 //! | `toml` | pipeline files |
 //! | `follow` | surveys that follow a stream of poses; scanners and legs with default settings |
 //! | `checks`, `effects` | checks that need the complete survey: limits, legs that never end; settings that are limited or have no effect |
-//! | `instrument`, `device`, `deflector`, `receiver`, `pulse_file` | instruments of both formats |
+//! | `instrument`, `device`, `deflector`, `scan_motion`, `receiver`, `pulse_file` | instruments of both formats |
+//! | `rows` | text files of a few columns of numbers |
 //! | `platform_xml` | platforms |
 //! | `scene_xml`, `loaders`, `instances`, `motions` | the parts of a scene |
 //! | `foreign` | endings of mesh files, and mesh formats that are not read |
@@ -53,6 +54,8 @@ mod platform_xml;
 mod pulse_file;
 mod read;
 mod receiver;
+mod rows;
+mod scan_motion;
 mod scene_xml;
 mod seed;
 mod settings;

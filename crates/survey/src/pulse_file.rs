@@ -2,14 +2,12 @@
 
 use super::PulseSamples;
 use super::context::Context;
-use super::text::{decode, line_of_bytes};
+use super::rows::read_rows;
 use std::path::Path;
 use std::sync::Arc;
 use vlscan_base::diag::Place;
 
 const MAX_SAMPLES: usize = 1 << 16;
-/// Maximum size of a file, bytes.
-const MAX_FILE_BYTES: u64 = 1 << 24;
 /// Minimum number of samples for which a width is defined.
 const MIN_SAMPLES: usize = 3;
 
@@ -21,91 +19,61 @@ pub(super) fn read_pulse_file(
     folder: &Path,
     place: Place,
 ) -> Option<Arc<PulseSamples>> {
-    let path = context.file(name, folder, place.clone())?;
-    let bytes = match context.read(&path, MAX_FILE_BYTES) {
-        Ok(bytes) => bytes,
-        Err(e) => {
-            context.error(place, format!("cannot read {}: {e}", path.display()));
-            return None;
-        }
-    };
-    let text = match decode(&bytes) {
-        Ok(text) => text,
-        Err(e) => {
-            let (line, excerpt) = line_of_bytes(&bytes, e.at);
-            context.error(Place::in_line(&path, line, &excerpt, 0..0), e.message);
-            return None;
-        }
-    };
-    match parse(&text) {
+    let mut samples = PulseSamples { times: Vec::new(), powers: Vec::new() };
+    let help = "a line is a time in ns and a power, such as `0.25, 0.7`";
+    read_rows(context, name, folder, &place, (COLUMNS, help), |row| add(&mut samples, row))?;
+    match normalised(samples) {
         Ok(samples) => Some(Arc::new(samples)),
-        Err((line, message)) => {
-            let number = line.unwrap_or(1);
-            let excerpt = text.lines().nth(number - 1).unwrap_or_default();
-            let at = match line {
-                Some(_) => Place::in_line(&path, number, excerpt, 0..excerpt.len()),
-                None => place,
-            };
-            context.error_help(at, message, "a line is a time in ns and a power, such as `0.25, 0.7`");
+        Err(message) => {
+            context.error_help(place, message, help);
             None
         }
     }
 }
 
-/// Parses lines of time and power, separated by comma, semicolon or blanks; empty lines, `#` comments and a header
-/// line are skipped. Times are shifted to begin at 0, powers divided by their maximum.
+const COLUMNS: &str = "two finite numbers: time in ns and power";
+
+fn add(samples: &mut PulseSamples, &[time, power]: &[f64; 2]) -> Result<(), String> {
+    if samples.times.last().is_some_and(|last| time <= *last) {
+        return Err("a time later than that of the line before".to_owned());
+    }
+    if power < 0.0 {
+        return Err("a power of at least 0".to_owned());
+    }
+    if samples.times.len() == MAX_SAMPLES {
+        return Err(format!("at most {MAX_SAMPLES} samples"));
+    }
+    samples.times.push(time);
+    samples.powers.push(power);
+    Ok(())
+}
+
+/// Shifts times to begin at 0 and divides powers by their maximum.
 ///
 /// # Errors
-/// The expected content, with the line number unless the error concerns the complete file.
-fn parse(text: &str) -> Result<PulseSamples, (Option<usize>, String)> {
-    let (mut times, mut powers): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
-    let mut header_allowed = true;
-    for (i, line) in text.lines().enumerate() {
-        let content = line.split('#').next().unwrap_or_default().trim();
-        if content.is_empty() {
-            continue;
-        }
-        let fields: Vec<&str> = content
-            .split(|c: char| c == ',' || c == ';' || c.is_whitespace())
-            .filter(|field| !field.is_empty())
-            .collect();
-        let is_header = header_allowed && fields.iter().all(|field| field.parse::<f64>().is_err());
-        header_allowed = false;
-        if is_header {
-            continue;
-        }
-        let refuse = |expected: &str| Err((Some(i + 1), format!("expected {expected}")));
-        let numbers: Vec<f64> =
-            fields.iter().filter_map(|f| f.parse().ok()).filter(|v: &f64| v.is_finite()).collect();
-        let (&[time, power], 2) = (numbers.as_slice(), fields.len()) else {
-            return refuse("two finite numbers: time in ns and power");
-        };
-        if times.last().is_some_and(|last| time <= *last) {
-            return refuse("a time later than that of the line before");
-        }
-        if power < 0.0 {
-            return refuse("a power of at least 0");
-        }
-        if times.len() == MAX_SAMPLES {
-            return refuse(&format!("at most {MAX_SAMPLES} samples"));
-        }
-        times.push(time);
-        powers.push(power);
+/// The expected content of the file.
+fn normalised(mut samples: PulseSamples) -> Result<PulseSamples, String> {
+    let largest = samples.powers.iter().copied().fold(0.0, f64::max);
+    if samples.times.len() < MIN_SAMPLES || largest <= 0.0 {
+        return Err(format!("expected at least {MIN_SAMPLES} samples of a pulse, one of them above 0"));
     }
-    let largest = powers.iter().copied().fold(0.0, f64::max);
-    if times.len() < MIN_SAMPLES || largest <= 0.0 {
-        let message = format!("expected at least {MIN_SAMPLES} samples of a pulse, one of them above 0");
-        return Err((None, message));
-    }
-    let first = times[0];
-    times.iter_mut().for_each(|time| *time -= first);
-    powers.iter_mut().for_each(|power| *power /= largest);
-    Ok(PulseSamples { times, powers })
+    let first = samples.times[0];
+    samples.times.iter_mut().for_each(|time| *time -= first);
+    samples.powers.iter_mut().for_each(|power| *power /= largest);
+    Ok(samples)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rows::parse_rows;
+
+    fn parse(text: &str) -> Result<PulseSamples, (Option<usize>, String)> {
+        let mut samples = PulseSamples { times: Vec::new(), powers: Vec::new() };
+        parse_rows(text, COLUMNS, |row| add(&mut samples, row))
+            .map_err(|(line, message)| (Some(line), message))?;
+        normalised(samples).map_err(|message| (None, message))
+    }
 
     #[test]
     fn samples_begin_at_0_and_peak_at_1() {

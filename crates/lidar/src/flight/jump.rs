@@ -57,7 +57,7 @@ impl FlightState {
         for (device, state) in plan.devices.iter().zip(&mut self.devices) {
             state.head.jump(steps as f64);
             if is_active {
-                state.deflector.advance(device, (steps % MAX_DEFLECTOR_STEPS) as u32);
+                state.advance_deflector(device, (steps % MAX_DEFLECTOR_STEPS) as u32);
             }
         }
         (self.ticks, self.leg_ticks) = (self.ticks + steps, self.leg_ticks + steps);

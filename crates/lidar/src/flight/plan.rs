@@ -162,7 +162,7 @@ impl FlightPlan {
             settings::check_firing(leg, &self.devices, problems);
         }
         for (i, leg) in self.legs.iter().enumerate() {
-            settings::check_optics(leg, &self.devices, problems);
+            settings::check_optics(leg, &self.devices, self.planned_seconds(i), problems);
             settings::check_reference(leg, &self.devices, &self.kinematics, problems);
             if let Some((reason, help)) =
                 settings::why_endless(i, &self.legs, &self.platform, &self.devices[0])
@@ -191,6 +191,27 @@ impl FlightPlan {
                 problems.warn(leg.place.clone(), message);
             }
         }
+    }
+
+    /// The time that leg `leg` of the plan takes, s, as far as its settings tell: by its duration, its part of a trajectory, the
+    /// straight way to its end or the turn of the head. `None` for streams of poses.
+    pub(super) fn planned_seconds(&self, leg: usize) -> Option<f64> {
+        let (planned, course) = (&self.legs[leg], &self.platform.legs[leg]);
+        let settings = &planned.settings;
+        let longest = (planned.max_duration > 0.0).then_some(planned.max_duration);
+        let rate = self.devices[0].head_rate(settings.head_rate);
+        let turn = (rate != 0.0).then(|| ((settings.head_stop - settings.head_start) / rate).max(0.0));
+        let way = match (&self.platform.motion, course.span) {
+            (Motion::Stream(_), _) => None,
+            (_, Some(span)) => Some(span.end - span.start),
+            (Motion::Static, _) => turn,
+            _ => {
+                let next = self.platform.legs.get(leg + 1);
+                let way = next.map_or(0.0, |next| (next.position - course.position).length());
+                (course.speed > 0.0).then(|| (way / course.speed).max(turn.unwrap_or(0.0)))
+            }
+        };
+        [longest, way].into_iter().flatten().reduce(f64::min)
     }
 
     /// Number of legs to be flown, including added ones.

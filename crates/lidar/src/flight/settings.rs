@@ -3,6 +3,7 @@
 use super::leg::PlannedLeg;
 use crate::platform::{Motion, PlatformPlan};
 use crate::scanner::{DevicePlan, firing_window};
+use std::f64::consts::{FRAC_PI_2, PI};
 use vlscan_base::corrections::Corrections;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::quantity::{COORDINATE, MAX_DURATION, number};
@@ -108,13 +109,45 @@ fn check_leg_numbers(leg: &Leg, problems: &mut Diagnostics) {
     }
 }
 
-pub(super) fn check_optics(leg: &PlannedLeg, devices: &[DevicePlan], problems: &mut Diagnostics) {
+/// Warns of optics that fire nothing or backwards, and of recorded wander that is shorter than the leg, which takes `seconds` if
+/// that is known.
+pub(super) fn check_optics(
+    leg: &PlannedLeg,
+    devices: &[DevicePlan],
+    seconds: Option<f64>,
+    problems: &mut Diagnostics,
+) {
     for (i, device) in devices.iter().enumerate().filter(|_| leg.settings.active) {
-        let Deflector::Polygon { effective_max, .. } = device.deflector else { continue };
+        let which = if devices.len() > 1 { format!(", channel {i}") } else { String::new() };
         let angle = device.scan_angle(leg.settings.scan_angle);
+        if let Some((from, to)) = device.motion.wander.as_ref().and_then(|wander| wander.span())
+            && (from > 0.0 || seconds.is_some_and(|seconds| seconds > to + 1.0 / leg.frequency))
+        {
+            let until = seconds.map_or(String::new(), |seconds| format!(" of its {} s", number(seconds)));
+            let message = format!(
+                "leg {}{which}: the wander of the deflector is stated from {} s to {} s{until}; its first and last angle are held \
+                 before and after",
+                leg.number,
+                number(from),
+                number(to)
+            );
+            problems.warn(leg.place.clone(), message);
+        }
+        if matches!(device.deflector, Deflector::Conic | Deflector::EllipticConic { .. }) && angle > FRAC_PI_2
+        {
+            let (angle, other) = (number(degrees(angle)), number(degrees(PI - angle)));
+            let message = format!(
+                "leg {}{which}: with a half angle of {angle}°, above 90°, the beam leaves backwards, as a cone of {other}° about the \
+                 opposite direction that turns the other way",
+                leg.number
+            );
+            problems.warn(leg.place.clone(), message).help(format!(
+                "for a circle that turns the other way give {other}° and scan_reverse = true (scanReverse=\"true\")"
+            ));
+        }
+        let Deflector::Polygon { effective_max, .. } = device.deflector else { continue };
         let (lower, upper) = firing_window(effective_max, angle, &leg.settings);
         if lower >= upper {
-            let which = if devices.len() > 1 { format!(", channel {i}") } else { String::new() };
             let range = format!("{}° to {}°", number(degrees(lower)), number(degrees(upper)));
             let message =
                 format!("leg {}{which}: no pulse fires between vertical angles {range}", leg.number);
@@ -281,9 +314,10 @@ fn why_never_arrives(index: usize, platform: &PlatformPlan) -> Option<(String, &
 mod tests {
     use crate::flight::FlightOptions;
     use crate::flight::testing::*;
+    use std::sync::Arc;
     use vlscan_base::corrections::Corrections;
     use vlscan_geom::{DVec3, radians};
-    use vlscan_survey::{Leg, Mount, Multicopter, PlatformKind, Survey};
+    use vlscan_survey::{AngleTable, Deflector, Leg, Mount, Multicopter, PlatformKind, Survey, Wander};
 
     fn flight(change: impl Fn(&mut Leg)) -> Survey {
         let legs = vec![leg([0.0, 0.0, 10.0], 30.0, &change), leg([50.0, 0.0, 10.0], 30.0, &change)];
@@ -338,6 +372,28 @@ mod tests {
         let mut headless = flight(|_| {});
         headless.scanner.devices.clear();
         assert!(refusal(&headless).contains("has no device"));
+    }
+
+    #[test]
+    fn cones_that_point_backwards_and_short_records_of_wander_cause_warnings() {
+        let warnings = |half_angle: f64, times: Vec<f64>| {
+            let mut s = flight(|_| {});
+            let device = &mut s.scanner.devices[0];
+            device.deflector = Deflector::Conic;
+            (device.scan_angle_max, device.scan_freq) = (radians(half_angle), (0.0, 0.0));
+            let degrees = times.iter().map(|_| 0.1).collect();
+            device.scan_motion.wander = Some(Wander::Table(Arc::new(AngleTable { times, degrees })));
+            plan_of(&s).unwrap().1.render(false)
+        };
+        // The leg takes 50 m at 30 m/s.
+        let long = vec![0.0, 1.7];
+        assert_eq!(warnings(20.0, long.clone()), "");
+        let backwards = warnings(160.0, long);
+        assert!(backwards.contains("160°") && backwards.contains("give 20° and scan_reverse"), "{backwards}");
+        for short in [vec![0.0, 1.6], vec![0.1, 5.0]] {
+            let held = warnings(20.0, short);
+            assert!(held.contains("leg 0: the wander") && held.contains("are held"), "{held}");
+        }
     }
 
     #[test]

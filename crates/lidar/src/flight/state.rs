@@ -235,7 +235,7 @@ impl FlightState {
             if !leg.settings.active {
                 continue;
             }
-            state.deflector.step(device);
+            state.step_deflector(device);
             if device.may_lack_deflection && !state.has_deflection() {
                 return Err(state.formula_error(device));
             }
@@ -326,7 +326,10 @@ impl FlightState {
         let rested = leg.checked_sub(1).is_some_and(|before| !plan.legs[before].settings.active);
         if rested && planned.settings.active {
             let devices = if plan.kinematics.channels_restart { self.devices.len() } else { 1 };
-            self.devices[..devices].iter_mut().for_each(|device| device.deflector.restart());
+            self.devices[..devices]
+                .iter_mut()
+                .zip(&plan.devices)
+                .for_each(|(state, device)| state.restart(device));
         }
         self.guard = if planned.max_duration > 0.0 {
             ProgressGuard::disabled()
@@ -426,10 +429,13 @@ impl FlightState {
 
 fn warm_up(device: &DevicePlan, state: &mut DeviceState, steps: u64, with_head: bool) {
     state.is_warmed_up = true;
-    for _ in 0..steps {
-        if with_head {
+    if with_head {
+        // The head's error is that of the deflection beside it.
+        for _ in 0..steps {
             state.step_head(device);
+            state.warm_up_deflector(device, 1);
         }
-        state.deflector.step(device);
+    } else {
+        state.warm_up_deflector(device, steps);
     }
 }

@@ -57,40 +57,46 @@ pub enum DeflectorState {
 }
 
 impl DeflectorState {
-    pub(super) fn at_rest(deflector: &Deflector) -> DeflectorState {
-        match deflector {
+    pub(super) fn at_rest(plan: &DevicePlan) -> DeflectorState {
+        match &plan.deflector {
             Deflector::Polygon { .. } => DeflectorState::Polygon(Polygon::default()),
             Deflector::Oscillating { .. } => DeflectorState::Oscillating(Oscillating::default()),
             Deflector::Conic | Deflector::EllipticConic { .. } => {
-                DeflectorState::Conic { turn: 0.0, step: 0.0, half_angle: 0.0, along: None }
+                DeflectorState::Conic { turn: plan.motion.phase, step: 0.0, half_angle: 0.0, along: None }
             }
-            Deflector::Fibres { .. } => {
-                DeflectorState::Fibres { angle: 0.0, next: 0, count: 1, half_angle: 0.0 }
+            Deflector::Fibres { count } => {
+                let next = first_fibre(plan, (*count).max(1));
+                DeflectorState::Fibres { angle: 0.0, next, count: 1, half_angle: 0.0 }
             }
-            Deflector::Risley { .. } => DeflectorState::Risley { time: 0.0, step: 0.0, last: None },
+            Deflector::Risley { .. } => {
+                DeflectorState::Risley { time: start_time(plan), step: 0.0, last: None }
+            }
             Deflector::Custom(_) => {
                 DeflectorState::Custom { steps: -1.0, step: 0.0, beam: DVec3::Y, is_firing: true }
             }
         }
     }
 
-    /// Applies a leg's settings. Angles are reset only where the spec says so.
+    /// Applies a leg's settings. Angles are reset only where the spec says so; the others continue, with the correction
+    /// `optics_on_time` from one step of the leg before to the first pulse of this one.
     pub(super) fn start_leg(&mut self, plan: &DevicePlan, settings: &ScannerSettings, frequency: f64) {
         let scan_angle = plan.scan_angle(settings.scan_angle);
         match (self, &plan.deflector) {
             (DeflectorState::Polygon(mirror), Deflector::Polygon { effective_max, .. }) => {
-                *mirror = Polygon::new(*effective_max, plan.scan_angle_max, scan_angle, settings, frequency);
+                *mirror = Polygon::new(plan, *effective_max, scan_angle, settings, frequency);
             }
             (DeflectorState::Oscillating(mirror), Deflector::Oscillating { scan_product }) => {
-                let corrected = plan.kinematics.oscillation_at_leg_frequency;
-                mirror.start_leg(scan_angle, settings.scan_freq, *scan_product, frequency, corrected);
+                mirror.start_leg(plan, scan_angle, settings.scan_freq, *scan_product, frequency);
             }
-            (DeflectorState::Conic { step, half_angle, along, .. }, deflector) => {
+            (DeflectorState::Conic { turn, step, half_angle, along }, deflector) => {
                 // The reference has no elliptic cones.
                 let is_elliptic = matches!(deflector, Deflector::EllipticConic { .. });
                 let at_leg_frequency = plan.kinematics.conic_at_leg_frequency || is_elliptic;
                 let turns = if at_leg_frequency { settings.scan_freq } else { plan.scan_freq_max };
-                *step = TAU * turns / frequency;
+                let before = std::mem::replace(step, plan.sense() * (TAU * turns / frequency));
+                if plan.kinematics.optics_on_time {
+                    *turn += before - *step;
+                }
                 *half_angle = scan_angle;
                 if let Deflector::EllipticConic { along_max } = deflector {
                     // A smaller scan angle shrinks the ellipse as a whole.
@@ -103,20 +109,77 @@ impl DeflectorState {
                 *next %= *count;
                 *half_angle = scan_angle;
             }
-            (DeflectorState::Risley { step, .. }, _) => *step = 1.0 / frequency,
+            (DeflectorState::Risley { time, step, .. }, _) => {
+                let before = std::mem::replace(step, plan.sense() * (1.0 / frequency));
+                if plan.kinematics.optics_on_time {
+                    *time += before - *step;
+                }
+            }
             (DeflectorState::Custom { steps, step, .. }, _) => (*steps, *step) = (-1.0, 1.0 / frequency),
             _ => {}
         }
     }
 
-    /// Resets the angle to 0, at an active leg after an inactive one (spec kinematics §4.1).
-    pub fn restart(&mut self) {
+    /// Resets the angle to that of the phase, at an active leg after an inactive one (spec kinematics §4.1). In the reference
+    /// fibres and prisms go on.
+    pub(super) fn restart(&mut self, plan: &DevicePlan) {
+        let is_on_time = plan.kinematics.optics_on_time;
         match self {
-            DeflectorState::Polygon(mirror) => (mirror.angle, mirror.exact) = (0.0, 0.0),
-            DeflectorState::Oscillating(mirror) => (mirror.angle, mirror.count) = (0.0, 0),
-            DeflectorState::Conic { turn, .. } => *turn = 0.0,
-            DeflectorState::Fibres { angle, .. } => *angle = 0.0,
+            DeflectorState::Polygon(mirror) => mirror.restart(plan),
+            DeflectorState::Oscillating(mirror) => mirror.restart(plan),
+            DeflectorState::Conic { turn, step, .. } => {
+                *turn = plan.motion.phase - if is_on_time { *step } else { 0.0 };
+            }
+            DeflectorState::Fibres { angle, next, count, .. } => {
+                *angle = 0.0;
+                *next = if is_on_time { first_fibre(plan, *count) } else { *next };
+            }
+            DeflectorState::Risley { time, step, .. } if is_on_time => *time = start_time(plan) - *step,
             DeflectorState::Risley { .. } | DeflectorState::Custom { .. } => {}
+        }
+    }
+
+    /// Turns of the deflector's phase per step, signed, and those that have passed at the next step since phase 0. `None` for
+    /// fibres, which are a matter of pulses, not of time.
+    pub(super) fn turns(&self, plan: &DevicePlan) -> Option<(f64, f64)> {
+        match self {
+            DeflectorState::Polygon(mirror) => Some(mirror.turns(plan)),
+            DeflectorState::Oscillating(mirror) => Some(mirror.turns(plan)),
+            DeflectorState::Conic { turn, step, .. } => Some((*step / TAU, (*turn + *step) / TAU)),
+            DeflectorState::Risley { time, step, .. } => {
+                let freq = plan.prism_freq();
+                Some((*step * freq, (*time + *step) * freq))
+            }
+            DeflectorState::Custom { .. } => Some((0.0, 0.0)),
+            DeflectorState::Fibres { .. } => None,
+        }
+    }
+
+    /// Moves the deflector to where it is `turns` after phase 0, `seconds` after the start of the leg.
+    pub(super) fn place(&mut self, plan: &DevicePlan, turns: f64, seconds: f64) {
+        match self {
+            DeflectorState::Polygon(mirror) => mirror.place_with_error(plan, turns),
+            DeflectorState::Oscillating(mirror) => mirror.place(turns),
+            DeflectorState::Conic { turn, .. } => *turn = TAU * (turns - turns.floor()),
+            DeflectorState::Risley { time, last, .. } => {
+                let freq = plan.prism_freq();
+                *time = if freq == 0.0 { 0.0 } else { turns / freq };
+                remember_beam(plan, *time, last);
+            }
+            DeflectorState::Custom { steps, step, .. } => {
+                *steps = seconds / *step;
+                self.advance_pattern(plan, 0.0);
+            }
+            DeflectorState::Fibres { .. } => {}
+        }
+    }
+
+    /// Whether the state depends on each of the steps that led to it, and not only on their number.
+    pub(super) fn depends_on_steps(&self, plan: &DevicePlan) -> bool {
+        match self {
+            DeflectorState::Polygon(_) | DeflectorState::Custom { .. } => true,
+            DeflectorState::Risley { .. } => plan.prisms.as_ref().is_some_and(|p| p.may_reflect_totally),
+            _ => false,
         }
     }
 
@@ -129,20 +192,23 @@ impl DeflectorState {
                 *turn += *step;
                 if *turn >= TAU {
                     *turn %= TAU;
+                } else if *turn < 0.0 {
+                    *turn = turn.rem_euclid(TAU);
                 }
             }
             DeflectorState::Fibres { angle, next, count, half_angle } => {
                 let from_edge = if plan.kinematics.centred_fibres { 0.5 } else { 0.0 };
                 *angle =
                     -*half_angle + (f64::from(*next) + from_edge) * (2.0 * *half_angle / f64::from(*count));
-                *next = if *next + 1 < *count { *next + 1 } else { 0 };
+                *next = match plan.motion.is_reversed {
+                    false if *next + 1 < *count => *next + 1,
+                    false => 0,
+                    true => next.checked_sub(1).unwrap_or(*count - 1),
+                };
             }
             DeflectorState::Risley { time, step, last } => {
                 *time += *step;
-                // Without total reflection the direction is computed only for pulses.
-                if let Some(prisms) = plan.prisms.as_ref().filter(|p| p.may_reflect_totally) {
-                    *last = prisms.refract(*time).or(*last);
-                }
+                remember_beam(plan, *time, last);
             }
             DeflectorState::Custom { .. } => self.advance_pattern(plan, 1.0),
         }
@@ -198,7 +264,10 @@ impl DeflectorState {
             DeflectorState::Oscillating(mirror) => mirror.advance(steps),
             DeflectorState::Fibres { next, count, .. } if steps > 0 => {
                 // The angle is that of the last fibre.
-                *next = ((u64::from(*next) + u64::from(steps - 1)) % u64::from(*count)) as u32;
+                let fibres = u64::from(*count);
+                // A step back is one of all the others forward.
+                let step = if plan.motion.is_reversed { fibres - 1 } else { 1 };
+                *next = ((u64::from(*next) + u64::from(steps - 1) * step) % fibres) as u32;
                 self.step(plan);
             }
             DeflectorState::Risley { time, step, .. }
@@ -249,14 +318,21 @@ impl DeflectorState {
         matches!(self, DeflectorState::Polygon(mirror) if mirror.angle != mirror.exact)
     }
 
+    /// The deflection with its error.
     pub fn rotation(&self, plan: &DevicePlan) -> Rotation {
         match self {
-            DeflectorState::Polygon(mirror) => reflected(mirror.angle, mirror.tilt(plan)),
+            DeflectorState::Polygon(mirror) => tilted(plan, reflected(mirror.angle, mirror.tilt(plan))),
             _ => self.exact_rotation(plan),
         }
     }
 
+    /// The deflection without errors.
     pub fn exact_rotation(&self, plan: &DevicePlan) -> Rotation {
+        tilted(plan, self.deflection(plan))
+    }
+
+    /// The deflection without errors about an axis that is not tilted.
+    fn deflection(&self, plan: &DevicePlan) -> Rotation {
         match self {
             DeflectorState::Conic { turn, half_angle, along: Some(along), .. } => {
                 let (sin, cos) = libm::sincos(*turn);
@@ -277,6 +353,32 @@ impl DeflectorState {
             DeflectorState::Custom { beam, .. } => Rotation::between(DVec3::Y, *beam),
             _ => Rotation::about_x(self.exact_angle()),
         }
+    }
+}
+
+/// The deflection about the tilted axis of the device.
+#[inline]
+fn tilted(plan: &DevicePlan, deflection: Rotation) -> Rotation {
+    plan.axis_tilt.map_or(deflection, |tilt| tilt.after(deflection))
+}
+
+/// The fibre, of `count`, that the light takes first.
+fn first_fibre(plan: &DevicePlan, count: u32) -> u32 {
+    // Rounding up to the whole sequence is its first fibre.
+    (plan.start_turns() * f64::from(count)).round() as u32 % count
+}
+
+/// The time at which the first prism that turns has its phase, s.
+fn start_time(plan: &DevicePlan) -> f64 {
+    let freq = plan.prism_freq();
+    if freq == 0.0 { 0.0 } else { plan.start_turns() / freq }
+}
+
+/// Keeps the direction behind prisms that may reflect it totally; without total reflection it is computed only for pulses.
+#[inline]
+fn remember_beam(plan: &DevicePlan, time: f64, last: &mut Option<DVec3>) {
+    if let Some(prisms) = plan.prisms.as_ref().filter(|p| p.may_reflect_totally) {
+        *last = prisms.refract(time).or(*last);
     }
 }
 

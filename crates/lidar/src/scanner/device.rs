@@ -3,6 +3,7 @@
 use super::deflector::DeflectorState;
 use super::head::HeadState;
 use super::plan::DevicePlan;
+use super::timed::TimedMotion;
 use serde::{Deserialize, Serialize};
 use vlscan_base::error::Error;
 use vlscan_geom::Rotation;
@@ -15,6 +16,8 @@ pub struct DeviceState {
     pub head: HeadState,
     /// Deflection of the beam.
     pub deflector: DeflectorState,
+    /// The motion of the deflector, where it is a function of time instead of equal steps.
+    timed: Option<TimedMotion>,
     /// Pulses emitted so far, over all legs.
     pub pulses: u64,
     /// Whether the warm-up steps of the current leg have been taken.
@@ -26,7 +29,8 @@ impl DeviceState {
     pub fn at_rest(plan: &DevicePlan) -> DeviceState {
         DeviceState {
             head: HeadState::default(),
-            deflector: DeflectorState::at_rest(&plan.deflector),
+            deflector: DeflectorState::at_rest(plan),
+            timed: None,
             pulses: 0,
             is_warmed_up: false,
         }
@@ -38,7 +42,58 @@ impl DeviceState {
         let frequency = f64::from(settings.pulse_freq);
         let deflection = self.deflector.exact_angle();
         self.head.start_leg(plan, settings, frequency, deflection);
+        let wander = self.timed.map_or(0.0, |timed| timed.wander(plan));
         self.deflector.start_leg(plan, settings, frequency);
+        self.timed = plan.motion.wander.as_ref().and_then(|_| {
+            let (per_step, next) = self.deflector.turns(plan)?;
+            Some(TimedMotion::new(next - wander, per_step, frequency))
+        });
+    }
+
+    /// Puts the deflector back to its phase (spec kinematics §4.1).
+    pub fn restart(&mut self, plan: &DevicePlan) {
+        self.deflector.restart(plan);
+        if let (Some(timed), Some((_, next))) = (&mut self.timed, self.deflector.turns(plan)) {
+            timed.start = next;
+        }
+    }
+
+    /// Moves the deflector by one simulation step.
+    #[inline]
+    pub fn step_deflector(&mut self, plan: &DevicePlan) {
+        match &mut self.timed {
+            None => self.deflector.step(plan),
+            Some(timed) => {
+                timed.steps += 1;
+                timed.time = timed.steps as f64 / timed.frequency;
+                self.deflector.place(plan, timed.turns(plan), timed.time);
+            }
+        }
+    }
+
+    /// Moves the deflector by `steps` steps before the first pulse of a leg.
+    pub fn warm_up_deflector(&mut self, plan: &DevicePlan, steps: u64) {
+        match &mut self.timed {
+            None => (0..steps).for_each(|_| self.deflector.step(plan)),
+            Some(timed) => timed.start += timed.rate * steps as f64 / timed.frequency,
+        }
+    }
+
+    /// Takes `steps` steps of a deflector without an error, and returns in how many of them it fires.
+    pub fn advance_deflector(&mut self, plan: &DevicePlan, steps: u32) -> u32 {
+        let Some(timed) = &mut self.timed else { return self.deflector.advance(plan, steps) };
+        if self.deflector.depends_on_steps(plan) {
+            let fires = |state: &mut DeviceState| {
+                state.step_deflector(plan);
+                u32::from(state.deflector.is_firing())
+            };
+            return (0..steps).map(|_| fires(self)).sum();
+        }
+        if steps > 0 {
+            timed.steps += i64::from(steps - 1);
+            self.step_deflector(plan);
+        }
+        steps
     }
 
     /// Turns the head by one simulation step.
@@ -55,15 +110,23 @@ impl DeviceState {
         if !is_active {
             return 0;
         }
-        let pulses = self.deflector.advance(plan, steps);
+        let pulses = self.advance_deflector(plan, steps);
         self.pulses += u64::from(pulses);
         pulses
     }
 
     /// This state `part` of a step later, where another channel of the same cycle fires.
     pub fn within_step(&self, plan: &DevicePlan, part: f64) -> DeviceState {
-        let (head, deflector) = (self.head.within_step(part), self.deflector.within_step(plan, part));
-        DeviceState { head, deflector, ..*self }
+        let deflector = match self.timed {
+            None => self.deflector.within_step(plan, part),
+            Some(now) => {
+                let later = TimedMotion { time: now.time + part / now.frequency, ..now };
+                let mut deflector = self.deflector.clone();
+                deflector.place(plan, later.turns(plan), later.time);
+                deflector
+            }
+        };
+        DeviceState { head: self.head.within_step(part), deflector, ..*self }
     }
 
     /// Whether the formula of the deflection error had a value, and a pattern of a program's own a direction;
@@ -108,3 +171,6 @@ impl DeviceState {
         self.head.exact_rotation(plan).after(plan.beam_origin.rotation)
     }
 }
+
+#[cfg(test)]
+mod tests;

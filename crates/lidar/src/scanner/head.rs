@@ -10,7 +10,7 @@ use vlscan_survey::ScannerSettings;
 /// Angle and motion of the head.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct HeadState {
-    /// Accumulated exact angle, rad.
+    /// Accumulated exact angle, rad; with the correction `optics_on_time` that of the next step.
     angle: f64,
     /// The deflection of which the head's error is a function, once the head has moved.
     error_at: Option<f64>,
@@ -94,13 +94,17 @@ impl HeadState {
         if self.rate < 0.0 { self.angle <= self.stop } else { self.angle >= self.stop }
     }
 
+    /// The angle at the time of the last step without error, rad.
+    fn exact_angle(&self, plan: &DevicePlan) -> f64 {
+        if plan.kinematics.optics_on_time { self.angle - self.step } else { self.angle }
+    }
+
     /// The angle with its error, rad.
     pub fn angle_with_error(&self, plan: &DevicePlan) -> f64 {
+        let angle = self.exact_angle(plan);
         match (&plan.errors.head, self.error_at) {
-            (Some((error, distance)), Some(at)) => {
-                self.angle + error.eval(avoid_multiples_of_pi(at, *distance))
-            }
-            _ => self.angle,
+            (Some((error, distance)), Some(at)) => angle + error.eval(avoid_multiples_of_pi(at, *distance)),
+            _ => angle,
         }
     }
 
@@ -124,7 +128,7 @@ impl HeadState {
     pub fn exact_rotation(&self, plan: &DevicePlan) -> Rotation {
         match &self.still {
             Some([_, exact]) => *exact,
-            None => Rotation::about(plan.head_axis, self.angle % TAU),
+            None => Rotation::about(plan.head_axis, self.exact_angle(plan) % TAU),
         }
     }
 
@@ -183,6 +187,24 @@ mod tests {
         assert_eq!(steps_to_completion(100, 36.0, 0.0, 9.0).0, 26);
         assert_eq!(steps_to_completion(100, -36.0, 1.0, 0.0).0, 3);
         assert_eq!(steps_to_completion(100, 0.0, 0.0, 0.0).0, 0);
+    }
+
+    #[test]
+    fn on_time_the_first_pulse_leaves_at_the_start_angle() {
+        let mut d = device(Deflector::Conic);
+        d.head.axis = DVec3::Z;
+        let plan = DevicePlan::new(&d, Corrections::MOTION);
+        let mut s = settings(5);
+        (s.head_rate, s.head_start, s.head_stop) = (radians(7.0), radians(10.0), radians(20.0));
+        let mut head = HeadState::default();
+        head.start_leg(&plan, &s, 5.0, 0.0);
+        // As many steps as in the reference, of which none is beyond the stop.
+        for k in 0..8 {
+            assert!(!head.is_completed());
+            head.step(&plan, 0.0);
+            assert!((degrees(head.angle_with_error(&plan)) - 10.0 - 1.4 * f64::from(k)).abs() < 1e-9, "{k}");
+        }
+        assert!(head.is_completed());
     }
 
     #[test]

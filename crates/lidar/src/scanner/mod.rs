@@ -8,6 +8,7 @@
 //! | `device` | head and deflector of a device |
 //! | `head` | the rotating head |
 //! | `deflector` | all kinds of deflectors behind one type |
+//! | `timed` | the motion of a deflector as a function of time |
 //! | `polygon`, `oscillating`, `risley` | polygon mirrors, oscillating mirrors, Risley prisms |
 
 mod deflector;
@@ -19,6 +20,7 @@ mod polygon;
 mod risley;
 #[cfg(test)]
 pub mod testing;
+mod timed;
 
 pub use device::DeviceState;
 pub use plan::DevicePlan;

@@ -1,5 +1,6 @@
 //! Oscillating mirrors (spec kinematics §4.3).
 
+use super::plan::DevicePlan;
 use serde::{Deserialize, Serialize};
 use vlscan_geom::degrees;
 
@@ -9,21 +10,27 @@ pub struct Oscillating {
     pub angle: f64,
     /// Pulses since the start of the period; in the corrected motion, of the leg.
     pub count: i64,
+    /// Negative where the mirror is reversed.
     half_angle: f64,
-    /// Corrected motion: periods per pulse.
-    rate: Option<f64>,
+    /// Periods per pulse.
+    rate: f64,
+    is_corrected: bool,
+    /// Place in the period at which the corrected motion starts, 0 to 1.
+    phase: f64,
     /// Motion of the reference: pulses per period, and change per step between the turns.
     pub(super) period: i64,
     step: f64,
 }
 
+/// Longest period of the reference's motion, in steps, in which a phase is looked for step by step.
+const MAX_PERIOD: i64 = 1 << 26;
 /// Pulses of acceleration after a turn, as in the reference.
 const TURNING_PULSES: f64 = 50.0;
 
-/// The angle, from −1 to 1, at pulse `count` of a mirror that oscillates `rate` times per pulse: constant speed between
+/// The angle, from −1 to 1, after `turns` periods of a mirror that oscillates `rate` times per pulse: constant speed between
 /// two parabolas of constant acceleration. Half periods of less than 100 pulses are two parabolas.
-fn oscillation(count: i64, rate: f64) -> f64 {
-    let phase = (count as f64 * rate).fract();
+fn oscillation(turns: f64, rate: f64) -> f64 {
+    let phase = turns - turns.floor();
     let (x, sign) = if phase < 0.5 { (2.0 * phase, 1.0) } else { (2.0 * phase - 1.0, -1.0) };
     // The fraction of a half period that each of the two accelerations takes.
     let r = (TURNING_PULSES * 2.0 * rate).min(0.5);
@@ -42,29 +49,59 @@ impl Oscillating {
     /// Applies a leg's settings; `product` limits half angle (degrees) × frequency.
     pub fn start_leg(
         &mut self,
+        plan: &DevicePlan,
         half_angle: f64,
         scan_freq: f64,
         product: f64,
         frequency: f64,
-        corrected: bool,
     ) {
         let scan_freq =
             if degrees(half_angle) * scan_freq > product { product / degrees(half_angle) } else { scan_freq };
-        self.half_angle = half_angle;
-        if corrected {
-            (self.rate, self.count) = (Some(scan_freq / frequency), 0);
+        let is_first = self.period == 0;
+        self.half_angle = plan.sense() * half_angle;
+        self.rate = scan_freq / frequency;
+        self.is_corrected = plan.kinematics.oscillation_at_leg_frequency;
+        if self.is_corrected {
+            (self.count, self.phase) = (0, plan.start_turns());
         }
         // A scan frequency of 0 makes an infinite period.
         self.period = (frequency / scan_freq) as i64;
-        self.step = 2.0 * half_angle / ((self.period / 2) as f64 - 50.5);
+        self.step = 2.0 * self.half_angle / ((self.period / 2) as f64 - 50.5);
+        if is_first && !self.is_corrected {
+            self.swing_to(plan.start_turns());
+        }
+    }
+
+    /// Places the mirror at the phase of its plan.
+    pub fn restart(&mut self, plan: &DevicePlan) {
+        (self.angle, self.count) = (0.0, 0);
+        if !self.is_corrected {
+            self.swing_to(plan.start_turns());
+        }
+    }
+
+    /// Swings the mirror of the reference from the start of a period to `turns` of it; the next step is at that place.
+    fn swing_to(&mut self, turns: f64) {
+        let steps = (turns * self.period.min(MAX_PERIOD) as f64).round() as i64;
+        (0..steps).for_each(|_| self.step());
+    }
+
+    /// Periods per step, and those that have passed at the next step.
+    pub fn turns(&self, plan: &DevicePlan) -> (f64, f64) {
+        (self.rate, plan.start_turns())
+    }
+
+    /// Moves the mirror to `turns` periods after the start of one, by the corrected law.
+    pub fn place(&mut self, turns: f64) {
+        self.angle = self.half_angle * oscillation(turns, self.rate);
     }
 
     /// Moves by one step. Within 50 pulses of each turn the speed changes linearly, in between it is constant. In
     /// periods of less than 200 pulses these intervals overlap, and the first matching case applies.
     #[inline]
     pub fn step(&mut self) {
-        if let Some(rate) = self.rate {
-            self.angle = self.half_angle * oscillation(self.count, rate);
+        if self.is_corrected {
+            self.place(self.count as f64 * self.rate + self.phase);
             self.count += 1;
             return;
         }
@@ -92,15 +129,15 @@ impl Oscillating {
         }
         self.count += 1;
     }
+
     /// Takes `steps` steps.
     pub fn advance(&mut self, steps: u32) {
-        match self.rate {
+        if self.is_corrected && steps > 0 {
             // The angle is that of the last step.
-            Some(_) if steps > 0 => {
-                self.count += i64::from(steps - 1);
-                self.step();
-            }
-            _ => (0..steps).for_each(|_| self.step()),
+            self.count += i64::from(steps - 1);
+            self.step();
+        } else {
+            (0..steps).for_each(|_| self.step());
         }
     }
 }

@@ -1,15 +1,20 @@
 //! The constants of a device.
 
 use super::risley::PrismTrain;
+use std::f64::consts::TAU;
 use vlscan_base::corrections::Corrections;
-use vlscan_geom::{DVec3, unit};
-use vlscan_survey::{Deflector, Device, MechanicalErrors, Mount};
+use vlscan_geom::{DVec3, Rotation, unit};
+use vlscan_survey::{Deflector, Device, MechanicalErrors, Mount, ScanMotion};
 
 /// The constant properties of one device of a scanner that determine its beam directions.
 #[derive(Clone, Debug)]
 pub struct DevicePlan {
     /// The mechanism that deflects the beam.
     pub deflector: Deflector,
+    /// Sense, phase, tilt and wander of the deflector.
+    pub motion: ScanMotion,
+    /// Rotation after the deflection, where the deflector's axis is tilted.
+    pub axis_tilt: Option<Rotation>,
     /// Mechanical scan angle limit (half angle), rad.
     pub scan_angle_max: f64,
     /// Hz.
@@ -39,8 +44,13 @@ impl DevicePlan {
             Deflector::Risley { prisms, air, incident } => Some(PrismTrain::new(prisms, *air, *incident)),
             _ => None,
         };
+        let motion = device.scan_motion.clone();
+        let [x, z] = motion.axis_tilt;
+        let is_tilted = x != 0.0 || z != 0.0;
         DevicePlan {
             deflector: device.deflector.clone(),
+            axis_tilt: is_tilted.then(|| Rotation::about_z(z).after(Rotation::about_x(x))),
+            motion,
             scan_angle_max: device.scan_angle_max,
             scan_freq_max: device.scan_freq.1,
             head_axis: if axis.length() > 0.1 && axis.is_finite() { unit(axis) } else { DVec3::Z },
@@ -52,6 +62,28 @@ impl DevicePlan {
             may_lack_deflection: device.errors.deflection.is_some()
                 || matches!(device.deflector, Deflector::Custom(_)),
             prisms,
+        }
+    }
+
+    /// +1, or −1 where the deflector is reversed.
+    #[inline]
+    pub(super) fn sense(&self) -> f64 {
+        if self.motion.is_reversed { -1.0 } else { 1.0 }
+    }
+
+    /// The phase at which the deflector restarts, in turns from 0 to 1.
+    #[inline]
+    pub(super) fn start_turns(&self) -> f64 {
+        self.motion.phase / TAU
+    }
+
+    /// Turns per second of the first prism that turns; 0 without one.
+    pub(super) fn prism_freq(&self) -> f64 {
+        match &self.deflector {
+            Deflector::Risley { prisms, .. } => {
+                prisms.iter().map(|prism| prism.rotor_freq).find(|freq| *freq != 0.0).unwrap_or(0.0)
+            }
+            _ => 0.0,
         }
     }
 

@@ -27,16 +27,52 @@ pub(crate) fn firing_window(effective_max: f64, scan_angle: f64, settings: &Scan
 }
 
 impl Polygon {
+    /// The mirror at the start of a leg.
     pub fn new(
+        plan: &DevicePlan,
         effective_max: f64,
-        scan_angle_max: f64,
         scan_angle: f64,
         settings: &ScannerSettings,
         frequency: f64,
     ) -> Polygon {
         let (lower, upper) = firing_window(effective_max, scan_angle, settings);
-        let step = (settings.scan_freq * (scan_angle_max - (-scan_angle_max))) / frequency;
-        Polygon { angle: 0.0, exact: 0.0, step, lower, upper, facet: 0 }
+        let max = plan.scan_angle_max;
+        let step = plan.sense() * ((settings.scan_freq * (max - (-max))) / frequency);
+        let mut mirror = Polygon { angle: 0.0, exact: 0.0, step, lower, upper, facet: 0 };
+        mirror.restart(plan);
+        mirror
+    }
+
+    /// Moves the mirror to `turns` facets after the middle of the first line, without an error of the angle.
+    pub fn place(&mut self, plan: &DevicePlan, turns: f64) {
+        let lines = (turns + 0.5).floor();
+        self.exact = 2.0 * plan.scan_angle_max * (turns - lines);
+        self.angle = self.exact;
+        let count = plan.facet_tilts().len().max(1) as f64;
+        self.facet = lines.rem_euclid(count) as u32;
+    }
+
+    /// Moves the mirror to `turns` facets after the middle of the first line.
+    pub fn place_with_error(&mut self, plan: &DevicePlan, turns: f64) {
+        self.place(plan, turns);
+        self.angle += plan.errors.deflection.as_ref().map_or(0.0, |error| error.eval(self.exact));
+    }
+
+    /// Places the mirror at the phase of its plan; with the correction `optics_on_time` a step before it, so that the first
+    /// step leads to the phase.
+    pub fn restart(&mut self, plan: &DevicePlan) {
+        self.place(plan, plan.start_turns());
+        if plan.kinematics.optics_on_time {
+            self.exact -= self.step;
+            self.angle = self.exact;
+        }
+    }
+
+    /// Facets that pass per step, and those that have passed at the next step.
+    pub fn turns(&self, plan: &DevicePlan) -> (f64, f64) {
+        let line = 2.0 * plan.scan_angle_max;
+        let turns = |angle: f64| if line > 0.0 { angle / line } else { 0.0 };
+        (turns(self.step), turns(self.exact + self.step) + f64::from(self.facet))
     }
 
     #[inline]
@@ -50,12 +86,12 @@ impl Polygon {
         plan.facet_tilts().get(self.facet as usize).copied().unwrap_or(0.0)
     }
 
-    /// Brings the facet into the beam that comes `lines` facets later.
+    /// Brings the facet into the beam that comes `lines` facets later, or earlier where they are negative.
     #[inline]
     fn pass_facets(&mut self, plan: &DevicePlan, lines: f64) {
-        let count = plan.facet_tilts().len() as u64;
+        let count = plan.facet_tilts().len() as i64;
         if count > 1 {
-            self.facet = ((u64::from(self.facet) + lines as u64) % count) as u32;
+            self.facet = (i64::from(self.facet) + lines as i64 % count).rem_euclid(count) as u32;
         }
     }
 
@@ -64,10 +100,19 @@ impl Polygon {
         let max = plan.scan_angle_max;
         self.exact += self.step;
         if plan.kinematics.polygon_keeps_excess {
-            if self.exact >= max && max > 0.0 {
+            // A reversed mirror ends its lines at the other end.
+            if (self.exact >= max || self.step < 0.0 && self.exact < -max) && max > 0.0 {
                 let lines = ((self.exact + max) / (2.0 * max)).floor();
                 self.exact -= 2.0 * max * lines;
                 self.pass_facets(plan, lines);
+            }
+            self.angle = self.exact + plan.errors.deflection.as_ref().map_or(0.0, |e| e.eval(self.exact));
+            return;
+        }
+        if self.step < 0.0 {
+            if self.exact <= -max {
+                self.exact = max;
+                self.pass_facets(plan, -1.0);
             }
             self.angle = self.exact + plan.errors.deflection.as_ref().map_or(0.0, |e| e.eval(self.exact));
             return;

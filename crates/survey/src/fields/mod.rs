@@ -196,6 +196,11 @@ impl<'c> Fields<'c> {
         }
     }
 
+    /// Whether a key of a pipeline file is a table.
+    pub fn has_table(&self, key: Key) -> bool {
+        self.entry(key.key).is_some_and(|value| value.get_ref().as_table().is_some())
+    }
+
     /// Marks a kind of child elements as known.
     fn know_child(&mut self, name: &'static str) {
         if !self.known_children.contains(&name) {

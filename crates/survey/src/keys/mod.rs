@@ -95,7 +95,7 @@ macro_rules! key_table {
 }
 
 /// Documentation of all tables of a pipeline file that describe the survey.
-pub const SURVEY_TABLES: [KeyTable; 14] = [
+pub const SURVEY_TABLES: [KeyTable; 15] = [
     SurveyKeys::TABLE,
     PartKeys::TABLE,
     MaterialKeys::TABLE,
@@ -104,6 +104,7 @@ pub const SURVEY_TABLES: [KeyTable; 14] = [
     PrismKeys::TABLE,
     TargetKeys::TABLE,
     RatioKeys::TABLE,
+    WanderKeys::TABLE,
     SettingsKeys::TABLE,
     LegKeys::TABLE,
     WaveformKeys::TABLE,

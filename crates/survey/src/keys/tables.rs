@@ -195,6 +195,19 @@ keys! {
         facet_tilts_deg = "facetTilts_deg";
         /// Largest half angle of an elliptic cone along the flight, degrees; `conic` only. Default: a circular cone.
         scan_angle_along_max_deg = "scanAngleAlongMax_deg" in HALF_ANGLE;
+        /// The deflector turns, swings or steps the other way. Default: false.
+        scan_reverse = "scanReverse";
+        /// Place of the deflector in its revolution or period at the first pulse of a leg, where it restarts, degrees from 0 to 360
+        /// of a revolution (`conic`), a facet (`rotating`), a period (`oscillating`), a sequence of fibres (`line`) or a turn of the
+        /// first prism (`risley`). Default: 0.
+        scan_phase_deg = "scanPhase_deg" in ANGLE;
+        /// Tilt of the deflector's axis, degrees: angles about the emitter's x axis and then about its z axis by which the deflected
+        /// beam is turned. Default: `[0, 0]`.
+        scan_axis_tilt_deg = "scanAxisTilt_deg";
+        /// Deviation of the deflector from even motion, in the degrees of `scan_phase_deg`: a file of two columns, seconds from
+        /// the start of the leg and the angle, linear in between; or `{ amplitude_deg = 0.2, freq_hz = 3, phase_deg = 0 }`, a
+        /// sine. Not `line`. Default: none.
+        scan_wander = "scanWander";
         /// Lowest scan frequency, Hz. Default: 0.
         scan_freq_min_hz = "scanFreqMin_Hz" in SCAN_FREQ;
         /// Highest scan frequency, Hz; 0 is no limit, the default.
@@ -330,6 +343,18 @@ keys! {
         wedge_deg in WEDGE;
         /// Refractive index.
         index in REFRACTIVE_INDEX;
+    }
+}
+
+keys! {
+    /// A sine that is added to the phase of a deflector.
+    WanderKeys = "scan_wander" {
+        /// Largest deviation, in the degrees of `scan_phase_deg`.
+        amplitude_deg in ANGLE;
+        /// Periods of the deviation per second.
+        freq_hz in POSITIVE;
+        /// Phase of the sine at the start of the leg, degrees. Default: 0.
+        phase_deg in ANGLE;
     }
 }
 

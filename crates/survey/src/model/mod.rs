@@ -6,12 +6,14 @@
 //! | `scene`, `mesh` | parts of a scene: loaders, transforms, motions, swaps; meshes in memory |
 //! | `poses` | recorded trajectories |
 //! | `navigation` | errors of navigation |
+//! | `scan_motion` | sense, phase, tilt and wander of deflectors |
 //! | `receiver` | pulse shape, noise and detector of a receiver |
 
 mod mesh;
 mod navigation;
 mod poses;
 mod receiver;
+mod scan_motion;
 mod scene;
 
 use super::{Formula, WrittenKey};
@@ -24,6 +26,7 @@ pub use mesh::{MaterialChange, MaterialDefinition, Mesh, Replaced};
 pub use navigation::{NavigationErrors, NavigationKeyError, NavigationProblem};
 pub use poses::*;
 pub use receiver::*;
+pub use scan_motion::{AngleTable, ScanMotion, Wander};
 pub use scene::*;
 
 /// A complete survey: scanner, platform, legs and scene.
@@ -347,6 +350,8 @@ pub struct Device {
     pub id: String,
     /// Deflector, which turns the beam within the head.
     pub deflector: Deflector,
+    /// Sense, phase, tilt and wander of the deflector.
+    pub scan_motion: ScanMotion,
     /// Mechanical scan angle limit (half angle), rad.
     pub scan_angle_max: f64,
     /// Scan frequency limits, Hz; a maximum of 0 is no limit.

@@ -10,6 +10,7 @@ mod conformance;
 mod hostile;
 mod instruments;
 mod receivers;
+mod scan_motion;
 mod scenes;
 mod surveys;
 mod values;

@@ -117,11 +117,11 @@ fn sampled(scanner: &Scanner) -> Result<[f64; 2]> {
             // Strides of changing length meet all phases of a mirror.
             let skipped = stride + i % 7 - 1;
             if plan.errors.any() {
-                (0..skipped).for_each(|_| state.deflector.step(&plan));
+                (0..skipped).for_each(|_| state.step_deflector(&plan));
             } else {
                 state.advance(&plan, true, skipped);
             }
-            state.deflector.step(&plan);
+            state.step_deflector(&plan);
             if !state.has_deflection() {
                 return Err(state.formula_error(&plan));
             }

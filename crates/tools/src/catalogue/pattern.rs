@@ -142,7 +142,7 @@ fn beams(
     let (mut beams, mut position) = (Vec::new(), 0.0);
     for _ in 0..pulses {
         state.step_head(plan);
-        state.deflector.step(plan);
+        state.step_deflector(plan);
         if !state.has_deflection() {
             return Err(state.formula_error(plan));
         }

@@ -132,14 +132,14 @@ fn directions(
         }
         true => (0..steps).for_each(|_| {
             state.step_head(&plan);
-            state.deflector.step(&plan);
+            state.step_deflector(&plan);
         }),
     };
     skip(&mut state, first);
     for _ in 0..count {
         skip(&mut state, stride - 1);
         state.step_head(&plan);
-        state.deflector.step(&plan);
+        state.step_deflector(&plan);
         if state.deflector.is_firing() {
             found.push(state.emitter(&plan).after(state.deflector.rotation(&plan)).forward());
         }

@@ -10,8 +10,8 @@ fn started(device: &Device, settings: &ScannerSettings) -> (DevicePlan, Deflecto
     start(DevicePlan::new(device, Corrections::NONE), device, settings)
 }
 
-fn start(plan: DevicePlan, device: &Device, settings: &ScannerSettings) -> (DevicePlan, DeflectorState) {
-    let mut state = DeflectorState::at_rest(&device.deflector);
+fn start(plan: DevicePlan, _: &Device, settings: &ScannerSettings) -> (DevicePlan, DeflectorState) {
+    let mut state = DeflectorState::at_rest(&plan);
     state.start_leg(&plan, settings, f64::from(settings.pulse_freq));
     (plan, state)
 }
@@ -115,7 +115,7 @@ fn a_corrected_polygon_has_the_requested_frequency() {
     s.scan_freq = 133.0;
     let found = angles(&d, &s, 10_000, Corrections::MOTION);
     for (k, angle) in found.iter().enumerate() {
-        let turned = (k + 1) as f64 * 60.0 * 0.133 + 30.0;
+        let turned = k as f64 * 60.0 * 0.133 + 30.0;
         let off = (turned - 60.0 * (turned / 60.0).floor() - 30.0 - angle).abs();
         assert!(off.min(60.0 - off) < 1e-6, "{k}: {angle}");
     }

@@ -1,0 +1,88 @@
+//! Text files of a few columns of numbers, such as pulse shapes and angles over time.
+
+use super::context::Context;
+use super::text::{decode, line_of_bytes};
+use std::path::Path;
+use vlscan_base::diag::Place;
+
+/// Maximum size of a file, bytes.
+const MAX_FILE_BYTES: u64 = 1 << 27;
+
+/// Passes the rows of the file `name`, searched from `folder`, to `row`, which returns what it expects instead. Problems are
+/// recorded with file and line; `place` is the place of the reference, `columns` and `help` say what a line is.
+pub(super) fn read_rows<const N: usize>(
+    context: &Context,
+    name: &str,
+    folder: &Path,
+    place: &Place,
+    (columns, help): (&str, &str),
+    row: impl FnMut(&[f64; N]) -> Result<(), String>,
+) -> Option<()> {
+    let path = context.file(name, folder, place.clone())?;
+    let bytes = match context.read(&path, MAX_FILE_BYTES) {
+        Ok(bytes) => bytes,
+        Err(e) => {
+            context.error(place.clone(), format!("cannot read {}: {e}", path.display()));
+            return None;
+        }
+    };
+    let text = match decode(&bytes) {
+        Ok(text) => text,
+        Err(e) => {
+            let (line, excerpt) = line_of_bytes(&bytes, e.at);
+            context.error(Place::in_line(&path, line, &excerpt, 0..0), e.message);
+            return None;
+        }
+    };
+    match parse_rows(&text, columns, row) {
+        Ok(()) => Some(()),
+        Err((number, message)) => {
+            let excerpt = text.lines().nth(number - 1).unwrap_or_default();
+            context.error_help(Place::in_line(&path, number, excerpt, 0..excerpt.len()), message, help);
+            None
+        }
+    }
+}
+
+/// Parses lines of `N` numbers, separated by comma, semicolon or blanks; empty lines, `#` comments and a header line are
+/// skipped.
+///
+/// # Errors
+/// The expected content, with the line number from 1.
+pub(super) fn parse_rows<const N: usize>(
+    text: &str,
+    columns: &str,
+    mut row: impl FnMut(&[f64; N]) -> Result<(), String>,
+) -> Result<(), (usize, String)> {
+    let mut header_allowed = true;
+    for (i, line) in text.lines().enumerate() {
+        let content = line.split('#').next().unwrap_or_default().trim();
+        if content.is_empty() {
+            continue;
+        }
+        let fields = || {
+            content
+                .split(|c: char| c == ',' || c == ';' || c.is_whitespace())
+                .filter(|field| !field.is_empty())
+        };
+        let is_header = header_allowed && fields().all(|field| field.parse::<f64>().is_err());
+        header_allowed = false;
+        if is_header {
+            continue;
+        }
+        let (mut numbers, mut count) = ([0.0; N], 0);
+        for field in fields() {
+            let number = field.parse().ok().filter(|number: &f64| number.is_finite());
+            if let (Some(place), Some(number)) = (numbers.get_mut(count), number) {
+                *place = number;
+                count += 1;
+            } else {
+                count = N + 1;
+                break;
+            }
+        }
+        let read = if count == N { row(&numbers) } else { Err(columns.to_owned()) };
+        read.map_err(|expected| (i + 1, format!("expected {expected}")))?;
+    }
+    Ok(())
+}
