@@ -48,6 +48,7 @@ mod profiles;
 mod rasters;
 mod scenes;
 mod shards;
+mod spinning;
 mod stages;
 mod stand;
 mod structure;

@@ -140,6 +140,10 @@ pub const APERTURE: Bounds = NOT_NEGATIVE.usually(1e-4, 2.0, "m").mistaken_for("
 pub const RECEIVER_DIAMETER: Bounds = POSITIVE.usually(1e-4, 2.0, "m").mistaken_for("mm", 1e-3);
 /// Standard deviation of a measured range, m.
 pub const ACCURACY: Bounds = NOT_NEGATIVE.usually(1e-6, 1.0, "m").mistaken_for("mm", 1e-3);
+/// Photoelectrons of an echo right at the threshold of a receiver.
+pub const THRESHOLD_PHOTONS: Bounds = Bounds::new(1.0, 1e6, "a whole number from 1 to 1000000");
+/// Dead time of a receiver, ns.
+pub const DEAD_TIME_NS: Bounds = NOT_NEGATIVE.usually(1e-3, 1e5, "ns").mistaken_for("s", 1e9);
 /// Nearest range of a scanner, m.
 pub const MIN_RANGE: Bounds = NOT_NEGATIVE.usually(1e-4, 2000.0, "m").mistaken_for("mm", 1e-3);
 /// Speed of a platform, m/s; negative ones turn it round.

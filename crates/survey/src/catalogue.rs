@@ -48,11 +48,11 @@ mod tests {
     fn every_entry_loads_without_a_warning() {
         let (catalogue, warnings) = catalogue().unwrap_or_else(|e| panic!("{e}"));
         assert!(warnings.is_empty(), "{}", warnings.render(false));
-        assert_eq!((catalogue.scanners.len(), catalogue.platforms.len()), (46, 12));
+        assert_eq!((catalogue.scanners.len(), catalogue.platforms.len()), (47, 12));
         let mut names: Vec<_> = catalogue.scanners.iter().map(|s| &s.0).collect();
         names.sort();
         names.dedup();
-        assert_eq!(names.len(), 46);
+        assert_eq!(names.len(), 47);
     }
 
     #[test]
@@ -91,8 +91,9 @@ mod tests {
             ("#velodyne_hdl-32e", 695e3, 32, (-30.67, 10.67), 905.0),
             ("#hesai_pandar128", 2.304e6, 128, (-25.016, 14.436), 905.0),
             ("#hesai_xt32", 640e3, 32, (-16.0, 15.0), 905.0),
-            ("#ouster_os0-128", 2_621_440.0, 128, (-45.0, 45.0), 865.0),
-            ("#ouster_os1-128", 2_621_440.0, 128, (-22.5, 22.5), 865.0),
+            ("#ouster_os0-128", 2_621_440.0, 128, (-46.0, 46.0), 865.0),
+            ("#ouster_os1-128", 2_621_440.0, 128, (-21.48, 21.48), 865.0),
+            ("#ouster_os2-128", 2_621_440.0, 128, (-10.93, 10.93), 865.0),
             ("#leica_rtc360", 2e6, 1, (-150.0, 150.0), 1550.0),
             ("#leica_blk360", 360e3, 1, (-150.0, 150.0), 830.0),
             ("#riegl_minivux-3uav", 300e3, 1, (-180.0, 180.0), 905.0),

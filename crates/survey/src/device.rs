@@ -221,8 +221,12 @@ pub(super) fn change_waveform_of(fields: &mut Fields, device: &mut Device, pulse
 }
 
 /// Applies `[detector]` or the ranges of `<detectorSettings>`.
-pub(super) fn change_detector(fields: &mut Fields, detector: &mut Detector) {
+pub(super) fn change_detector(fields: &mut Fields, device: &mut Device) {
+    let detector = &mut device.detector;
     change_ranges(fields, detector);
+    if fields.has(DetectorKeys::KEYS.accuracy_m) {
+        device.receiver.range_noise = None;
+    }
     if let Some(formula) = fields.formula(DetectorKeys::KEYS.distance_error) {
         detector.distance_error = Some(formula);
     }

@@ -1,6 +1,8 @@
 //! Surveys that follow a stream of poses; scanners and legs with default settings.
 
-use super::{Device, Leg, PlatformKind, PlatformSettings, PoseStream, Scanner, ScannerSettings, Survey};
+use super::{
+    Device, HeadTurn, Leg, PlatformKind, PlatformSettings, PoseStream, Scanner, ScannerSettings, Survey,
+};
 use vlscan_geom::DVec3;
 
 impl Survey {
@@ -34,6 +36,7 @@ impl Scanner {
             multi_channel: false,
             written: Vec::new(),
             sources: Vec::new(),
+            turn: None,
         }
     }
 
@@ -48,15 +51,21 @@ impl Scanner {
         }
     }
 
-    /// Default scanner settings of a leg: the first pulse frequency and the first device's divergence, all angles
-    /// and frequencies 0, no vertical limits.
+    /// Default scanner settings of a leg: the first pulse frequency, the first device's divergence and the turn of the head that
+    /// the scanner states; other angles and frequencies 0, no vertical limits.
     pub fn own_settings(&self) -> ScannerSettings {
         let beam = self.devices.first().map(|d| d.beam.divergence);
-        super::settings::ScannerLayer::of_scanner(
+        let settings = super::settings::ScannerLayer::of_scanner(
             self.pulse_freqs.first().copied().unwrap_or(0),
             beam.unwrap_or_default(),
         )
-        .resolved()
+        .resolved();
+        match self.turn {
+            Some(HeadTurn { rate, start, stop }) => {
+                ScannerSettings { head_rate: rate, head_start: start, head_stop: stop, ..settings }
+            }
+            None => settings,
+        }
     }
 }
 

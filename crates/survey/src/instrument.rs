@@ -3,14 +3,17 @@
 use super::context::Context;
 use super::deflector::{check_deflector, leave_out_flat_prisms};
 use super::device::{MULTI_CHANNEL_PULSE_LENGTH, change_device, change_waveform_of};
-use super::documents::named_asset;
+use super::documents::find_asset;
 use super::fields::Fields;
-use super::keys::{FIRING_OFFSETS, InstrumentKeys};
+use super::keys::{AZIMUTHS, FIRING_OFFSETS, InstrumentKeys, ORIGIN_RADII};
+use super::ouster::{beam_pose, is_calibration, read_calibration};
 use super::xml::Element;
-use super::{Deflector, Device, FigureSource, Mount, Scanner};
+use super::{Deflector, Device, FigureSource, Scanner};
 use std::ops::RangeInclusive;
-use vlscan_base::quantity::{FIRING_OFFSET_US, PULSE_FREQ};
-use vlscan_geom::{Rotation, radians};
+use std::path::Path;
+use vlscan_base::diag::Place;
+use vlscan_base::quantity::{FIRING_OFFSET_US, PULSE_FREQ, number};
+use vlscan_geom::DVec3;
 
 const K: InstrumentKeys = InstrumentKeys::KEYS;
 
@@ -48,6 +51,7 @@ pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scann
         multi_channel: channels.is_some(),
         written,
         sources: element.named("source").filter_map(|source| read_source(context, &source)).collect(),
+        turn: None,
     })
 }
 
@@ -114,14 +118,15 @@ fn read_channels(
     elements.iter().enumerate().filter_map(read).collect()
 }
 
-/// Channels that differ by the elevation of their beams, `elevations_deg`, from channel 0 on, and by when they fire within a
-/// cycle, `firingOffsets_us`. `None` without elevations.
+/// Channels that differ by the elevation of their beams, `elevations_deg`, from channel 0 on, by their azimuth, `azimuths_deg`, by
+/// where they begin, `originRadii_m`, and by when they fire within a cycle, `firingOffsets_us`. `None` without elevations.
 fn channels_of_table(fields: &mut Fields, base: &Device) -> Option<Vec<Device>> {
     let elevations = fields.text("elevations_deg");
-    let offsets = fields.text(FIRING_OFFSETS);
+    let others = [AZIMUTHS, ORIGIN_RADII, FIRING_OFFSETS].map(|key| (key, fields.text(key)));
     let Some(elevations) = elevations else {
-        if offsets.is_some() {
-            fields.refuse(FIRING_OFFSETS, "beside `elevations_deg`; a <channel> has `firingOffset_us`");
+        for (key, _) in others.iter().filter(|(_, text)| text.is_some()) {
+            let own = if *key == FIRING_OFFSETS { "firingOffset_us" } else { "<beamOrigin>" };
+            fields.refuse(*key, &format!("beside `elevations_deg`; a <channel> has `{own}`"));
         }
         return None;
     };
@@ -131,22 +136,90 @@ fn channels_of_table(fields: &mut Fields, base: &Device) -> Option<Vec<Device>> 
         fields.refuse("elevations_deg", &expected);
         return Some(Vec::new());
     };
-    let range = 0.0..=FIRING_OFFSET_US.high;
-    let offsets = match offsets.map(|text| listed(&text, range)) {
-        None => vec![0.0; elevations.len()],
-        Some(Some(list)) if list.len() == elevations.len() => list,
-        Some(_) => {
-            let expected = format!("{} times in µs from 0 to 1e6, one for each elevation", elevations.len());
-            fields.refuse(FIRING_OFFSETS, &expected);
+    let ranges = [
+        (-MAX_AZIMUTH..=MAX_AZIMUTH, "azimuths in degrees"),
+        (-MAX_ORIGIN_RADIUS..=MAX_ORIGIN_RADIUS, "lengths in m"),
+        (0.0..=FIRING_OFFSET_US.high, "times in µs"),
+    ];
+    let mut lists = [const { Vec::new() }; 3];
+    for ((list, (key, text)), (range, what)) in lists.iter_mut().zip(others).zip(ranges) {
+        let (low, high) = (number(*range.start()), number(*range.end()));
+        let found = text.map_or_else(|| Some(vec![0.0]), |text| listed(&text, range));
+        let found = found.filter(|found| {
+            found.len() == elevations.len() || found.len() == 1 && (key != FIRING_OFFSETS || found[0] == 0.0)
+        });
+        let Some(found) = found else {
+            let count = elevations.len();
+            fields.refuse(key, &format!("{count} {what} from {low} to {high}, one for each elevation"));
             return Some(Vec::new());
+        };
+        *list = found;
+    }
+    let [azimuths, radii, offsets] = lists;
+    Some(channels_of_beams(base, &elevations, &azimuths, &radii, &offsets))
+}
+
+/// Channels like `base` that differ by elevation and azimuth (degrees) of their beams, by the distance of their origin (m) and by
+/// the time of their pulse (µs); lists of one value hold for all.
+fn channels_of_beams(
+    base: &Device,
+    elevations: &[f64],
+    azimuths: &[f64],
+    radii: &[f64],
+    offsets: &[f64],
+) -> Vec<Device> {
+    let of = |list: &[f64], i: usize| list[if list.len() == 1 { 0 } else { i }];
+    let channel = |(i, elevation): (usize, &f64)| {
+        let mut begin = base.beam_origin;
+        if of(radii, i) != 0.0 {
+            begin.offset += begin.rotation.apply(DVec3::new(0.0, of(radii, i), 0.0));
         }
+        let beam_origin = beam_pose(&begin, *elevation, of(azimuths, i));
+        Device { id: i.to_string(), beam_origin, firing_offset: of(offsets, i) * 1e-6, ..base.clone() }
     };
-    let channel = |(index, (elevation, offset)): (usize, (f64, f64))| {
-        let rotation = base.beam_origin.rotation.after(Rotation::about_x(radians(elevation)));
-        let beam_origin = Mount { rotation, ..base.beam_origin };
-        Device { id: index.to_string(), beam_origin, firing_offset: offset * 1e-6, ..base.clone() }
-    };
-    Some(elevations.into_iter().zip(offsets).enumerate().map(channel).collect())
+    elevations.iter().enumerate().map(channel).collect()
+}
+
+/// The channels that `elevations_deg` of a pipeline file lists, or `None` where they cannot be read. Outer `None` without elevations.
+fn listed_channels(fields: &mut Fields, base: &Device) -> Option<Option<Vec<Device>>> {
+    let others = [K.azimuths_deg, K.origin_radii_m];
+    if !fields.has(K.elevations_deg) {
+        for key in others.iter().filter(|key| fields.has(**key)) {
+            fields.error(*key, "needs `elevations_deg` beside it, of the same channels");
+        }
+        fields.ignore(&others);
+        return None;
+    }
+    let within = |limit: f64| move |list: &[f64]| list.iter().all(|value| value.abs() <= limit);
+    let expected = format!("1 to {MAX_CHANNELS} angles from -90 to 90 degrees in brackets");
+    let is_usable = |list: &[f64]| (1..=MAX_CHANNELS as usize).contains(&list.len()) && within(90.0)(list);
+    let elevations = fields.numbers(K.elevations_deg, is_usable, &expected);
+    let count = elevations.as_ref().map_or(1, Vec::len);
+    let of_all = format!("{count} angles in degrees in brackets, one for each elevation");
+    let is_azimuth = |list: &[f64]| list.len() == count && within(MAX_AZIMUTH)(list);
+    let azimuths = fields.numbers(K.azimuths_deg, is_azimuth, &of_all);
+    let expected = format!("1 or {count} lengths of at most {MAX_ORIGIN_RADIUS} m in brackets");
+    let is_radius =
+        |list: &[f64]| (list.len() == 1 || list.len() == count) && within(MAX_ORIGIN_RADIUS)(list);
+    let radii = fields.numbers(K.origin_radii_m, is_radius, &expected);
+    let [azimuths, radii] = [azimuths, radii].map(|list| list.unwrap_or_else(|| vec![0.0]));
+    let offsets = [base.firing_offset * 1e6];
+    Some(elevations.map(|elevations| channels_of_beams(base, &elevations, &azimuths, &radii, &offsets)))
+}
+
+/// The scanner of a reference: `file.xml#id`, a calibration file, or the id of a built-in one. Files are searched from `folder`;
+/// `place` is the place of the reference.
+pub(super) fn scanner_named(
+    context: &Context,
+    reference: &str,
+    folder: &Path,
+    place: Option<Place>,
+) -> Option<Scanner> {
+    if is_calibration(reference) {
+        return read_calibration(context, reference, folder, place);
+    }
+    let element = find_asset(context, "scanner", reference, folder, place)?;
+    read_scanner(context, &element)
 }
 
 /// Numbers within `range` that are separated by semicolons, or evenly spaced as `first;...;last;count` says.
@@ -168,14 +241,19 @@ fn listed(text: &str, range: RangeInclusive<f64>) -> Option<Vec<f64>> {
 
 /// Maximum number of channels in a table.
 const MAX_CHANNELS: u32 = 1024;
+/// Largest azimuth of a beam, degrees.
+const MAX_AZIMUTH: f64 = 360.0;
+/// Largest distance of the origin of a beam from that of the emitter, m.
+const MAX_ORIGIN_RADIUS: f64 = 1.0;
 
 /// The instrument of a `[scanner]` table, based on `inherited` (the scanner of a survey) or its catalogue entry.
 pub(super) fn read_instrument(fields: &mut Fields, inherited: Option<Scanner>) -> Option<Scanner> {
     let base = match fields.has(K.catalogue) {
         false => inherited,
         true => {
-            let element = named_asset(fields, K.catalogue, "scanner")?;
-            let mut scanner = read_scanner(fields.context, &element)?;
+            let name = fields.near_name(K.catalogue)?;
+            let place = Some(fields.place(K.catalogue));
+            let mut scanner = scanner_named(fields.context, &name, fields.folder(), place)?;
             // The catalogue's widths count here whatever the physics; surveys in XML keep the reference's meaning.
             scanner.devices.iter_mut().for_each(|device| device.beam.take_stated_width());
             Some(scanner)
@@ -197,6 +275,7 @@ pub(super) fn read_instrument(fields: &mut Fields, inherited: Option<Scanner>) -
         multi_channel: false,
         written: Vec::new(),
         sources: Vec::new(),
+        turn: None,
     });
     scanner.written.extend(fields.written_keys(None));
     let (id, name) = (fields.text(K.id), fields.text(K.name));
@@ -214,6 +293,16 @@ pub(super) fn read_instrument(fields: &mut Fields, inherited: Option<Scanner>) -
         scanner.devices[0].id.clone_from(&scanner.id);
     }
     let mut channels = fields.children(K.channel, &InstrumentKeys::TABLE);
+    if let Some(listed) = listed_channels(fields, &scanner.devices[0]) {
+        if !channels.is_empty() {
+            fields.error(
+                K.elevations_deg,
+                "lists channels; leave out the `[[scanner.channel]]` tables or the list",
+            );
+        }
+        check_deflector(fields, &scanner.devices[0]);
+        (scanner.devices, scanner.multi_channel) = (listed?, true);
+    }
     if channels.is_empty() && (fields.has(K.optics) || fields.has(K.prisms)) {
         check_deflector(fields, &scanner.devices[0]);
     }
@@ -233,9 +322,17 @@ pub(super) fn read_instrument(fields: &mut Fields, inherited: Option<Scanner>) -
 
 /// A `[[scanner.channel]]` table.
 fn read_channel(fields: &mut Fields, base: &Device, index: usize) -> Option<Device> {
-    let of_scanner = [K.catalogue, K.name, K.pulse_freqs_hz, K.channel];
-    if of_scanner.iter().any(|key| fields.has(*key)) {
-        let message = "a channel has no `catalogue`, `name`, `pulse_freqs_hz` or `channel` of its own";
+    let of_scanner = [
+        K.catalogue,
+        K.name,
+        K.pulse_freqs_hz,
+        K.channel,
+        K.elevations_deg,
+        K.azimuths_deg,
+        K.origin_radii_m,
+    ];
+    if let Some(key) = of_scanner.iter().find(|key| fields.has(**key)) {
+        let message = format!("a channel has no `{}` of its own", key.key);
         fields.context.error(fields.own_place(), message);
     }
     fields.ignore(&of_scanner);

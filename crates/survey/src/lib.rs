@@ -24,6 +24,7 @@
 //! | `checks`, `effects` | checks that need the complete survey: limits, legs that never end; settings that are limited or have no effect |
 //! | `instrument`, `device`, `deflector`, `scan_motion`, `receiver`, `pulse_file` | instruments of both formats |
 //! | `rows` | text files of a few columns of numbers |
+//! | `ouster` | calibration files of Ouster sensors as instruments |
 //! | `platform_xml` | platforms |
 //! | `scene_xml`, `loaders`, `instances`, `motions` | the parts of a scene |
 //! | `foreign` | endings of mesh files, and mesh formats that are not read |
@@ -50,6 +51,7 @@ mod legs;
 mod loaders;
 mod model;
 mod motions;
+mod ouster;
 mod platform_xml;
 mod pulse_file;
 mod read;

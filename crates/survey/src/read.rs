@@ -5,7 +5,7 @@ use super::context::{Context, ReadOptions, SceneChoice};
 use super::documents::find_asset;
 use super::foreign::{MESH_ENDINGS, is_foreign_ending};
 use super::instances::{Base, Row, read_table};
-use super::instrument::read_scanner;
+use super::instrument::scanner_named;
 use super::platform_xml::read_platform;
 use super::scene_xml::read_scene_element;
 use super::survey_xml::read_survey_document;
@@ -45,15 +45,15 @@ pub fn read_scene(reference: &str, options: &ReadOptions) -> Result<(SceneRecipe
     context.finish(scene)
 }
 
-/// Reads a scanner: `file.xml#id`, `file.xml` for its first scanner, or the id of a built-in scanner. An id that two built-in
+/// Reads a scanner: `file.xml#id`, `file.xml` for its first scanner, the calibration file of an Ouster sensor (.json), or the id of a
+/// built-in scanner. An id that two built-in
 /// scanners have is an error that tells their full references.
 ///
 /// # Errors
 /// The errors of [`read_survey`].
 pub fn find_scanner(reference: &str, options: &ReadOptions) -> Result<(Scanner, Diagnostics)> {
     let context = Context::new(options);
-    let element = find_asset(&context, "scanner", reference, Path::new(""), None);
-    let scanner = element.and_then(|element| read_scanner(&context, &element));
+    let scanner = scanner_named(&context, reference, Path::new(""), None);
     context.finish(scanner)
 }
 

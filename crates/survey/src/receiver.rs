@@ -1,10 +1,11 @@
 //! Beam and receiver of a device in more detail than HELIOS++, which ignores these attributes.
 
 use super::fields::Fields;
-use super::keys::{InstrumentKeys, RatioKeys, TargetKeys};
+use super::keys::{InstrumentKeys, RangeNoiseKeys, RatioKeys, TargetKeys};
 use super::pulse_file::read_pulse_file;
 use super::{
-    AmplifierNoise, Beam, BeamProfile, Ranging, Receiver, ReferenceTarget, ShotNoise, pulse_length_of_width,
+    AmplifierNoise, Beam, BeamProfile, RangeNoise, Ranging, Receiver, ReferenceTarget, ShotNoise,
+    pulse_length_of_width,
 };
 
 const K: InstrumentKeys = InstrumentKeys::KEYS;
@@ -58,6 +59,30 @@ pub(super) fn change_receiver(fields: &mut Fields, receiver: &mut Receiver) {
     let detectors =
         [("peak", Ranging::Peak), ("centroid", Ranging::Centroid), ("gaussian", Ranging::Gaussian)];
     receiver.ranging = fields.choice(K.detector, &detectors, None).unwrap_or(receiver.ranging);
+    change_range_noise(fields, receiver);
+    if fields.has(K.threshold_photons) {
+        receiver.threshold_photons =
+            Some(fields.count(K.threshold_photons, 0)).filter(|photons| *photons > 0);
+    }
+    fields.set(K.dead_time_ns, &mut receiver.dead_time);
+    fields.set(K.range_step_m, &mut receiver.range_step);
+}
+
+/// Noise of ranges by strength; an accuracy that is stated instead replaces that of an inherited scanner.
+fn change_range_noise(fields: &mut Fields, receiver: &mut Receiver) {
+    fields.either(K.accuracy_m, K.range_noise);
+    if fields.has(K.accuracy_m) {
+        receiver.range_noise = None;
+    }
+    if let Some(mut table) = fields.child(K.range_noise, &RangeNoiseKeys::TABLE) {
+        let keys = RangeNoiseKeys::KEYS;
+        receiver.range_noise = Some(RangeNoise {
+            constant: table.number(keys.constant_m, 0.0),
+            shot: table.number(keys.shot_m, 0.0),
+            amplifier: table.number(keys.amplifier_m, 0.0),
+        });
+        table.done(&[]);
+    }
 }
 
 /// Shot noise, which requires a responsivity; background light requires it, too.

@@ -167,7 +167,7 @@ fn override_device_0(context: &Context, survey: &Element, scanner: &mut Scanner)
     }
     let Some(element) = survey.child("detectorSettings") else { return share_detector(scanner, false) };
     let mut fields = Fields::new(context, &element);
-    change_detector(&mut fields, &mut device.detector);
+    change_detector(&mut fields, device);
     let limits = |device: &Device| (device.detector.range_min, device.detector.range_max);
     if limits(device) != limits(&before) {
         warn_of_first_channel(context, &element, channels);

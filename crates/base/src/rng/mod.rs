@@ -51,6 +51,8 @@ pub enum Purpose {
     FalseAlarm = 16,
     /// Halves of a recording that are compared with each other.
     Halves = 17,
+    /// Number of photoelectrons of an echo.
+    PhotonCount = 20,
     /// Navigation errors: position, attitude, boresight and lever arm.
     Navigation = 32,
 }

@@ -9,6 +9,7 @@ use super::options::PhysicsOptions;
 use super::peaks::Peaks;
 use super::receiver::{ReceiverModel, receiver_noise};
 use super::sampled;
+use super::selection::ReturnSelection;
 use super::shape::{self, PulseShape, sample_count};
 use super::single_bin::SingleBinDetector;
 use super::subray::Subrays;
@@ -20,7 +21,7 @@ use vlscan_base::corrections::Corrections;
 use vlscan_base::quantity::number;
 use vlscan_base::{Error, Result};
 use vlscan_geom::LIGHT_SPEED;
-use vlscan_survey::{Beam, Device, Formula, Receiver, ReferenceTarget, ScannerSettings, Survey};
+use vlscan_survey::{Beam, Device, Formula, RangeNoise, Receiver, ReferenceTarget, ScannerSettings, Survey};
 use vlscan_trace::simd::portable::Portable;
 
 /// Maximum number of rings of subrays: 512 rings are 822,000 rays per pulse.
@@ -42,8 +43,14 @@ pub(super) struct Instrument {
     pub single_bin: Option<SingleBinDetector>,
     /// Fast path where ranges are read between bins.
     pub clusters: Option<ClusterRule>,
-    /// 1σ range noise, m.
+    /// 1σ range noise of echoes of any strength, m.
     pub range_accuracy: f64,
+    /// Range noise by the strength of echoes, and the threshold that it refers to, instead of the accuracy.
+    pub range_noise: Option<(RangeNoise, f64)>,
+    /// Step of reported ranges, m; 0 = any range.
+    pub range_step: f64,
+    /// Which returns are reported, unless all are.
+    pub selection: Option<ReturnSelection>,
     /// Factor on the range noise.
     pub distance_error: Option<Formula>,
     pub waveform_noise: WaveformNoise,
@@ -79,15 +86,17 @@ impl Instrument {
         let noise = receiver_noise(receiver, &shape, amplitude_of);
         let is_noisy = noise.is_some();
         let rule = peak_rule(device, &c);
-        let rule =
-            PeakRule { threshold: threshold(device, receiver, noise.as_ref(), &rule, amplitude_of), ..rule };
+        let stated = threshold(device, receiver, noise.as_ref(), &rule, amplitude_of);
+        let max_returns = device.detector.max_returns;
+        let selection = ReturnSelection::new(receiver, stated, max_returns, o.seed);
+        let lowest = selection.as_ref().map_or(1.0, ReturnSelection::lowest_share);
         // Echoes count until the next pulse.
         let farthest = device.detector.range_max.min(LIGHT_SPEED * 0.5e9 / frequency);
         let gate = (device.detector.range_min / light_speed, farthest / light_speed);
-        let model = ReceiverModel::new(receiver, noise, &shape, rule.threshold, gate, o.seed)
+        let model = ReceiverModel::new(receiver, noise, &shape, stated, gate, o.seed)
             .map_err(|problem| Error::input(format!("device {}: {problem}", device.id)))?;
         let rule =
-            PeakRule { threshold: model.as_ref().map_or(rule.threshold, ReceiverModel::threshold), ..rule };
+            PeakRule { threshold: model.as_ref().map_or(stated, ReceiverModel::threshold) * lowest, ..rule };
         let waveform_noise = match (o.waveform_noise, c.receiver) {
             (false, _) => WaveformNoise::None,
             (true, false) => WaveformNoise::Amplitude(device.detector.accuracy * 0.5),
@@ -114,7 +123,8 @@ impl Instrument {
             detector: DetectorSettings {
                 shape,
                 rule,
-                max_returns: device.detector.max_returns,
+                // The selection counts itself.
+                max_returns: if selection.is_some() { 0 } else { max_returns },
                 range_min: device.detector.range_min,
                 range_max: device.detector.range_max,
                 max_duration: device.waveform.max_range,
@@ -123,10 +133,29 @@ impl Instrument {
                 corrections: c,
             },
             range_accuracy: if c.own_accuracy { device.detector.accuracy } else { context.first_accuracy },
+            range_noise: receiver.range_noise.map(|noise| (noise, stated)),
+            range_step: receiver.range_step,
+            selection,
             distance_error: device.detector.distance_error.clone(),
             waveform_noise,
             receiver: model,
         })
+    }
+}
+
+impl Instrument {
+    /// Standard deviation of the range of an echo of that amplitude, m.
+    #[inline(always)]
+    pub fn range_sigma(&self, amplitude: f64) -> f64 {
+        match &self.range_noise {
+            Some((noise, threshold)) => noise.sigma(amplitude, *threshold),
+            None => self.range_accuracy,
+        }
+    }
+
+    /// Whether noise or the step of ranges moves echoes.
+    pub fn moves_ranges(&self) -> bool {
+        self.range_accuracy != 0.0 || self.range_noise.is_some() || self.range_step > 0.0
     }
 }
 

@@ -14,7 +14,7 @@
 //! | `return_profile`, `slope` | reflected light by range; subrays on one slope |
 //! | `single_bin`, `cluster`, `pulse_starts` | returns without a waveform |
 //! | `shape`, `sampled`, `waveform` | the outgoing pulse and the received waveform |
-//! | `receiver`, `noise`, `ranging` | receivers that are not ideal |
+//! | `receiver`, `noise`, `ranging`, `selection` | receivers that are not ideal: noise, ranging, photon statistics, dead time |
 //! | `maximum` | time and height of an echo between its samples |
 //! | `detector_settings`, `peak_detection`, `peaks`, `fit`, `recorded` | detection settings; returns of simulated, recorded waveforms |
 //! | `sources`, `range_noise` | true causes of echoes; noise of ranges |
@@ -49,6 +49,7 @@ mod reflect;
 mod reflections;
 mod return_profile;
 mod sampled;
+mod selection;
 mod shape;
 mod simulator;
 mod single_bin;

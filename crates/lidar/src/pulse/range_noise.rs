@@ -7,7 +7,8 @@ use std::collections::HashSet;
 use vlscan_base::Result;
 use vlscan_base::rng::{NORMALS_PER_BLOCK, Stream};
 
-/// Adds noise to the ranges of at most [`NORMALS_PER_BLOCK`] echoes and computes their positions. The noise is a
+/// Adds noise to the ranges of at most [`NORMALS_PER_BLOCK`] echoes, rounds them to the steps of the instrument and computes their
+/// positions. The noise is a
 /// function of device, pulse and return number alone. Returns whether it puts an echo outside the instrument's range
 /// limits.
 #[inline(always)]
@@ -20,10 +21,12 @@ pub(super) fn apply_noise(
     let mut is_outside = false;
     let (mut device, mut number, mut counter) =
         ([0; NORMALS_PER_BLOCK], [0; NORMALS_PER_BLOCK], [0; NORMALS_PER_BLOCK]);
-    let mut accuracy = [0.0; NORMALS_PER_BLOCK];
+    let (mut accuracy, mut has_step) = ([0.0; NORMALS_PER_BLOCK], false);
     for (i, echo) in echoes.iter().enumerate() {
         (device[i], number[i], counter[i]) = (echo.device, echo.pulse_number, echo.return_number - 1);
-        accuracy[i] = instruments.instrument(leg, echo.device)?.range_accuracy;
+        let instrument = instruments.instrument(leg, echo.device)?;
+        accuracy[i] = instrument.range_sigma(echo.intensity);
+        has_step |= instrument.range_step > 0.0;
     }
     if accuracy != [0.0; NORMALS_PER_BLOCK] {
         let drawn = stream.normals(&device, &number, &counter);
@@ -35,6 +38,15 @@ pub(super) fn apply_noise(
             if accuracy[i] != 0.0 {
                 echo.range += noise;
                 is_outside |= !instruments.instrument(leg, echo.device)?.detector.is_in_range(echo.range);
+            }
+        }
+    }
+    if has_step {
+        for echo in echoes.iter_mut() {
+            let instrument = instruments.instrument(leg, echo.device)?;
+            if instrument.range_step > 0.0 {
+                echo.range = libm::rint(echo.range / instrument.range_step) * instrument.range_step;
+                is_outside |= !instrument.detector.is_in_range(echo.range);
             }
         }
     }
@@ -64,7 +76,7 @@ pub(super) fn remove_outside(
         let mut removed = 0;
         for i in from..from + count {
             let echo = batch.echoes[i];
-            if instrument.range_accuracy != 0.0 && !instrument.detector.is_in_range(echo.range) {
+            if instrument.moves_ranges() && !instrument.detector.is_in_range(echo.range) {
                 removed += 1;
                 continue;
             }

@@ -129,6 +129,9 @@ impl Detection {
                 model.add_false_alarms(&self.waveform, detector, draw, &mut self.returns);
             }
         }
+        if let Some(selection) = &instrument.selection {
+            selection.select((pulse.device, pulse.number), &mut self.returns);
+        }
         if options.record_truth || options.record_subrays {
             self.sources.assign(instrument, (&traced, &gains), &self.reflections, &self.returns);
         }

@@ -32,7 +32,7 @@ const MAX_UNKNOWN_CHILDREN: usize = 1000;
 const REPEATED: [&str; 10] =
     ["channel", "dmotion", "filter", "leg", "motion", "param", "part", "rot", "source", "swap"];
 /// Settings that XML has in child elements; all others are attributes.
-const IN_CHILDREN: [&str; 10] = [
+const IN_CHILDREN: [&str; 11] = [
     "beamOrigin",
     "channels",
     "deflectionError",
@@ -41,6 +41,7 @@ const IN_CHILDREN: [&str; 10] = [
     "incidentBeam",
     "maxRange",
     "rangeError",
+    "rangeNoise",
     "scannerMount",
     "snr",
 ];

@@ -6,7 +6,7 @@ mod tables;
 pub(crate) use tables::*;
 
 use vlscan_base::diag::{Diagnostics, Place};
-use vlscan_base::quantity::{Bounds, NUMBER};
+use vlscan_base::quantity::{ANGLE, Bounds, NUMBER};
 
 /// When a key has an effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,7 +95,7 @@ macro_rules! key_table {
 }
 
 /// Documentation of all tables of a pipeline file that describe the survey.
-pub const SURVEY_TABLES: [KeyTable; 15] = [
+pub const SURVEY_TABLES: [KeyTable; 16] = [
     SurveyKeys::TABLE,
     PartKeys::TABLE,
     MaterialKeys::TABLE,
@@ -105,6 +105,7 @@ pub const SURVEY_TABLES: [KeyTable; 15] = [
     TargetKeys::TABLE,
     RatioKeys::TABLE,
     WanderKeys::TABLE,
+    RangeNoiseKeys::TABLE,
     SettingsKeys::TABLE,
     LegKeys::TABLE,
     WaveformKeys::TABLE,
@@ -121,6 +122,12 @@ pub const INSTRUMENT_KEYS: &[Key] = InstrumentKeys::ALL;
 /// Times of all channels within a firing cycle, which only XML lists.
 pub(crate) const FIRING_OFFSETS: Key =
     Key { used: With("firing_offsets"), ..Key::attribute("firingOffsets_us", &NUMBER) };
+
+/// Azimuths of the beams of channels, which XML lists beside their elevations.
+pub(crate) const AZIMUTHS: Key = Key::attribute("azimuths_deg", &ANGLE);
+
+/// Distances of the origins of the beams of channels, which XML lists beside their elevations.
+pub(crate) const ORIGIN_RADII: Key = Key::attribute("originRadii_m", &NUMBER);
 
 /// The key of an instrument of that name in pipeline files.
 pub fn key_named(name: &str) -> Option<&'static Key> {

@@ -176,7 +176,8 @@ keys! {
     /// `[scanner]` and `[[scanner.channel]]`: a catalogue entry, changed by the other keys, or an instrument of one's own. A
     /// channel starts from the scanner and changes what it names.
     InstrumentKeys = "[scanner]" {
-        /// The id of a scanner that ships (`vlscan catalogue`), for example `riegl_vz400`, or `file.xml#id`. Not in channels.
+        /// The id of a scanner that ships (`vlscan catalogue`), for example `riegl_vz400`, `file.xml#id`, or the calibration file
+        /// of an Ouster sensor (.json). Not in channels.
         catalogue;
         /// Name that outputs report. Default: that of the catalogue entry; channels are numbered from 0.
         id = "id";
@@ -297,12 +298,29 @@ keys! {
         /// How the range of an echo is read from the waveform: `peak` (the default), `centroid` or `gaussian` (fit); refined
         /// physics.
         detector = "detector", With("receiver");
+        /// Standard deviation of the range by the strength of the echo, instead of `accuracy_m`: `{ constant_m = 0.005, shot_m =
+        /// 0.02, amplifier_m = 0.01 }`; refined physics.
+        range_noise = "rangeNoise", With("receiver");
+        /// Photoelectrons of an echo right at the threshold, a whole number: strengths have the Poisson statistics of photons, so that
+        /// echoes near the threshold are detected now and then; refined physics. Default: strengths do not vary.
+        threshold_photons = "thresholdPhotons" in THRESHOLD_PHOTONS, With("receiver");
+        /// Time after an echo during which the receiver detects no other one, ns; refined physics. Default: 0.
+        dead_time_ns = "deadTime_ns" in DEAD_TIME_NS, With("receiver");
+        /// Ranges are reported in multiples of it, m; refined physics. Default: 0, any range.
+        range_step_m = "rangeStep_m" in ACCURACY, With("receiver");
         /// Metres added to each range, a formula of the deflection angle THETA in radians. Default: none.
         range_error_m = "rangeError";
         /// Radians added to the deflection angle, a formula of THETA; `rotating` only. Default: none.
         deflection_error_rad = "deflectionError";
         /// Radians added to the head angle, a formula of THETA; `rotating` only. Default: none.
         head_error_rad = "headError";
+        /// Elevations of the beams of channels, degrees, from channel 0 on, instead of `[[scanner.channel]]` tables. Not in channels.
+        elevations_deg in ANGLE;
+        /// Azimuths of the beams of these channels, degrees, clockwise seen from above. Not in channels. Default: 0.
+        azimuths_deg in ANGLE;
+        /// Distance of the origin of these beams from that of the emitter, towards azimuth 0, m: one number in brackets, or one for each
+        /// channel. Not in channels. Default: 0.
+        origin_radii_m in NUMBER;
         /// Channels that fire at the same time. Default: none, the scanner is one device.
         channel = "channels";
     }
@@ -331,6 +349,18 @@ keys! {
         pulse_freq_hz = "pulseFreq_Hz" in POSITIVE;
         /// Peak amplitude over the noise's standard deviation.
         value = "value" in POSITIVE;
+    }
+}
+
+keys! {
+    /// Standard deviations of a range by the strength of its echo, independent of each other.
+    RangeNoiseKeys = "range_noise" {
+        /// Of echoes of any strength, m. Default: 0.
+        constant_m = "constant_m" in ACCURACY;
+        /// By photon noise, of an echo right at the threshold, m: falls with the root of the strength. Default: 0.
+        shot_m = "shot_m" in ACCURACY;
+        /// By noise of the amplifier, of an echo right at the threshold, m: falls with the strength. Default: 0.
+        amplifier_m = "amplifier_m" in ACCURACY;
     }
 }
 

@@ -332,6 +332,19 @@ pub struct Scanner {
     pub written: Vec<WrittenKey>,
     /// Where its figures come from.
     pub sources: Vec<FigureSource>,
+    /// How the head turns in legs that state nothing of it; `None`: it does not.
+    pub turn: Option<HeadTurn>,
+}
+
+/// A turn of a head.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HeadTurn {
+    /// Speed, rad/s; negative is clockwise seen from above.
+    pub rate: f64,
+    /// Angle at which it starts, rad.
+    pub start: f64,
+    /// Angle at which it stops, rad.
+    pub stop: f64,
 }
 
 /// The source of some figures of an instrument.

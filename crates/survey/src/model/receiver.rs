@@ -36,6 +36,37 @@ pub struct Receiver {
     pub digitiser_clock: bool,
     /// Estimator of the range of an echo.
     pub ranging: Ranging,
+    /// Noise of ranges by the strength of echoes; overrides [`super::Detector::accuracy`].
+    pub range_noise: Option<RangeNoise>,
+    /// Photoelectrons of an echo right at the threshold, whose number varies from pulse to pulse; `None` = strengths do not vary.
+    pub threshold_photons: Option<u32>,
+    /// Time after an echo during which no other one is detected, ns.
+    pub dead_time: f64,
+    /// Step of the ranges that are reported, m; 0 = any range.
+    pub range_step: f64,
+}
+
+/// Noise of a range as a function of the strength of its echo: three independent parts, each a standard deviation in metres. The
+/// variance for an echo of amplitude A over the threshold T is constant² + shot²·T/A + amplifier²·(T/A)²: what does not depend
+/// on the light (timer, jitter), the shot noise of the light, which falls with the root of the number of photons, and the
+/// noise of the amplifier, which falls with the signal (Cramér–Rao bounds of a pulse's time in photon noise and in white noise).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RangeNoise {
+    /// Of echoes of any strength.
+    pub constant: f64,
+    /// By photon noise, of an echo right at the threshold.
+    pub shot: f64,
+    /// By noise of the amplifier, of an echo right at the threshold.
+    pub amplifier: f64,
+}
+
+impl RangeNoise {
+    /// Standard deviation for an echo of that amplitude, m; at the threshold for weaker ones.
+    pub fn sigma(&self, amplitude: f64, threshold: f64) -> f64 {
+        let weakness = if amplitude > threshold { threshold / amplitude } else { 1.0 };
+        let (shot, amplifier) = (self.shot * self.shot, self.amplifier * self.amplifier);
+        libm::sqrt(self.constant * self.constant + (shot + amplifier * weakness) * weakness)
+    }
 }
 
 /// Samples of a pulse's power over time, normalised.
@@ -110,6 +141,18 @@ pub fn width_of_pulse_length(length: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn range_noise_falls_with_the_strength() {
+        let noise = RangeNoise { constant: 0.006, shot: 0.02, amplifier: 0.03 };
+        let variance = |weakness: f64| 3.6e-5 + 4e-4 * weakness + 9e-4 * weakness * weakness;
+        for (amplitude, weakness) in [(0.5, 1.0), (2.0, 1.0), (8.0, 0.25), (f64::INFINITY, 0.0)] {
+            assert!(
+                (noise.sigma(amplitude, 2.0) - f64::sqrt(variance(weakness))).abs() < 1e-15,
+                "{amplitude}"
+            );
+        }
+    }
 
     #[test]
     fn the_width_of_the_gamma_pulse_is_that_of_its_half_power_points() {

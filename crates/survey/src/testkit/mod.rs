@@ -74,6 +74,7 @@ pub fn survey(devices: Vec<Device>) -> Survey {
             pulse_freqs: vec![1000],
             multi_channel: devices.len() > 1,
             sources: Vec::new(),
+            turn: None,
             devices,
             written: Vec::new(),
         },

@@ -179,7 +179,7 @@ fn channels_have_firing_offsets() {
     assert_eq!(offsets("<channels><channel/><channel firingOffset_us='2.304'/></channels>"), [0.0, 2.304]);
     for wrong in ["0;1", "0;1;-1", "0;1;2e6", "0;1;nan", "0;...;5;4", ""] {
         let channels = format!("<channels elevations_deg='1;2;3' firingOffsets_us='{wrong}'/>");
-        contains(&refused(with(&channels)), &["`firingOffsets_us` must be 3 times in µs from 0 to 1e6"]);
+        contains(&refused(with(&channels)), &["`firingOffsets_us` must be 3 times in µs from 0 to 1000000"]);
     }
     let alone = "<channels firingOffsets_us='0;1'><channel/><channel/></channels>";
     contains(&refused(with(alone)), &["`firingOffsets_us` must be beside `elevations_deg`"]);

@@ -9,6 +9,7 @@ use vlscan_base::error::Error;
 mod conformance;
 mod hostile;
 mod instruments;
+mod ouster;
 mod receivers;
 mod scan_motion;
 mod scenes;

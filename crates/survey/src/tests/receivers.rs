@@ -120,6 +120,7 @@ fn every_setting_in_both_formats() {
         range_walk: 0.1,
         digitiser_clock: true,
         ranging: Ranging::Gaussian,
+        ..Receiver::default()
     };
     assert_eq!(xml[0].receiver, expected);
     let beam = xml[0].beam;
@@ -235,6 +236,8 @@ fn example(key: &str) -> &'static str {
         "pulse_shape" => "\"pulse.csv\"",
         "max_range" => "{ range_m = 600, reflectance = 0.9 }",
         "snr" => "{ range_m = 100, reflectance = 0.2, value = 20 }",
+        "range_noise" => "{ constant_m = 0.002 }",
+        "threshold_photons" => "8",
         "digitiser_clock" => "true",
         "detector" => "\"gaussian\"",
         "background_w" => "1e-9\nresponsivity_a_per_w = 0.6",
@@ -321,4 +324,68 @@ fn the_accuracy_of_a_later_channel_is_told_where_the_first_one_s_holds() {
     assert_eq!([0, 1].map(|i| scanner.devices[i].detector.accuracy), [0.2, 0.3]);
     let (scanner, _) = of_xml("", channels, "<detectorSettings accuracy_m='0.5'/>").unwrap();
     assert_eq!([0, 1].map(|i| scanner.devices[i].detector.accuracy), [0.5, 0.5]);
+}
+
+#[test]
+fn noise_by_strength_photons_dead_time_and_steps() {
+    let expected = Receiver {
+        range_noise: Some(RangeNoise { constant: 0.005, shot: 0.02, amplifier: 0.0 }),
+        threshold_photons: Some(8),
+        dead_time: 3.0,
+        range_step: 0.001,
+        ..Receiver::default()
+    };
+    let keys = "range_noise = { constant_m = 0.005, shot_m = 0.02 }\nthreshold_photons = 8\ndead_time_ns = 3\nrange_step_m = 0.001\n";
+    assert_eq!(fine(of_toml(keys))[0].receiver, expected);
+    let attributes = "thresholdPhotons='8' deadTime_ns='3' rangeStep_m='0.001'";
+    let (scanner, _) = of_xml(attributes, "<rangeNoise constant_m='0.005' shot_m='0.02'/>", "").unwrap();
+    assert_eq!(scanner.devices[0].receiver, expected);
+    // An accuracy that is stated later replaces it.
+    let after = "range_noise = { constant_m = 0.005 }\n[detector]\naccuracy_m = 0.01\n";
+    assert_eq!(fine(of_toml(after))[0].receiver.range_noise, None);
+    for (keys, said) in [
+        ("accuracy_m = 0.01\nrange_noise = { constant_m = 0.005 }\n", "`range_noise`"),
+        ("range_noise = { constant_m = -1 }\n", "`constant_m`"),
+        ("range_noise = { floor_m = 1 }\n", "unknown key `floor_m`"),
+        ("threshold_photons = 0\n", "`threshold_photons`"),
+        ("dead_time_ns = -1\n", "`dead_time_ns`"),
+        ("range_step_m = -1\n", "`range_step_m`"),
+    ] {
+        let error = report(&of_toml(keys).unwrap_err());
+        assert!(error.contains(said), "{said} is missing from\n{error}");
+    }
+}
+
+#[test]
+fn channels_are_listed_by_the_angles_of_their_beams() {
+    let beams = |devices: &[Device]| -> Vec<[f64; 5]> {
+        let of = |device: &Device| {
+            let (d, o) = (device.beam_origin.rotation.forward(), device.beam_origin.offset);
+            [d.z.asin().to_degrees(), d.x.atan2(d.y).to_degrees(), o.x, o.y, o.z]
+        };
+        devices.iter().map(of).collect()
+    };
+    let expected = [[10.0, 4.0, 0.0, 0.02, 0.0], [-10.0, -4.0, 0.0, 0.02, 0.0]];
+    let are = |devices: &[Device]| {
+        let found = beams(devices);
+        assert_eq!(found.len(), 2);
+        for (a, b) in found.iter().flatten().zip(expected.iter().flatten()) {
+            assert!((a - b).abs() < 1e-9, "{found:?}");
+        }
+    };
+    are(&fine(of_toml("elevations_deg = [10, -10]\nazimuths_deg = [4, -4]\norigin_radii_m = [0.02]\n")));
+    let channels = "<channels elevations_deg='10;-10' azimuths_deg='4;-4' originRadii_m='0.02'/>";
+    are(&fine(of_xml("", channels, "")));
+    for (keys, said) in [
+        ("azimuths_deg = [4, -4]\n", "needs `elevations_deg`"),
+        ("elevations_deg = [10, -10]\nazimuths_deg = [4]\n", "2 angles in degrees"),
+        ("elevations_deg = [10, -91]\n", "-90 to 90"),
+        ("elevations_deg = []\n", "-90 to 90"),
+        ("elevations_deg = [10, -10]\norigin_radii_m = [1, 2, 3]\n", "1 or 2 lengths"),
+        ("elevations_deg = [10]\n[[scanner.channel]]\nid = \"a\"\n", "lists channels"),
+        ("[[scanner.channel]]\nelevations_deg = [10]\n", "a channel has no `elevations_deg`"),
+    ] {
+        let error = report(&of_toml(keys).unwrap_err());
+        assert!(error.contains(said), "{said} is missing from\n{error}");
+    }
 }

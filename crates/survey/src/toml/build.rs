@@ -199,8 +199,8 @@ fn change_detection(fields: &mut Fields, scanner: Option<&mut Scanner>) {
     }
     if let Some(mut table) = detector {
         for device in devices {
+            change_detector(&mut table, device);
             let detector = &mut device.detector;
-            change_detector(&mut table, detector);
             detector.max_returns = table.count(DetectorKeys::KEYS.max_returns, detector.max_returns);
         }
         table.ignore(DetectorKeys::ALL);

@@ -399,3 +399,57 @@ fn the_reference_has_no_receiver() {
         simulate(&wall_at(100.0), &instrument(|_| ()), PhysicsOptions::refined()).echoes
     );
 }
+
+#[test]
+fn range_noise_follows_the_strength_and_ranges_come_in_steps() {
+    use vlscan_survey::RangeNoise;
+    // The threshold is at 200 m: at 100 m echoes are four times as strong, at 50 m sixteen times.
+    let target = ReferenceTarget { range: 200.0, reflectance: 0.5, pulse_freq: None };
+    let noise = RangeNoise { constant: 0.01, shot: 0.04, amplifier: 0.08 };
+    for (range, expected) in [
+        (100.0, (1e-4 + 16e-4 / 4.0 + 64e-4 / 16.0f64).sqrt()),
+        (50.0, (1e-4 + 1e-4 + 64e-4 / 256.0f64).sqrt()),
+    ] {
+        let survey = instrument(|d| {
+            (d.receiver.max_range, d.receiver.range_noise) = (Some(target), Some(noise));
+            (d.receiver.range_step, d.detector.accuracy) = (0.008, 5.0);
+        });
+        let echoes = refined(&wall_at(range), &survey, 4000).echoes;
+        let (mean, sigma) = moments(echoes.iter().map(|e| e.range));
+        assert!((mean - range).abs() < 1e-3, "{mean}");
+        // Steps add the variance of a uniform distribution.
+        let with_steps = (expected * expected + 0.008 * 0.008 / 12.0).sqrt();
+        assert!((sigma / with_steps - 1.0).abs() < 0.04, "{sigma} at {range} m, not {with_steps}");
+        assert!(echoes.iter().all(|e| (e.range / 0.008 - (e.range / 0.008).round()).abs() < 1e-6));
+        assert!(
+            echoes.iter().all(|e| ((e.position - e.origin).length() - e.range).abs() < 1e-9),
+            "points lie at their ranges"
+        );
+    }
+}
+
+#[test]
+fn photons_decide_on_detection_and_dead_time_hides_what_follows() {
+    let target = ReferenceTarget { range: 100.0, reflectance: 0.5, pulse_freq: None };
+    let photons = |d: &mut Device| {
+        (d.receiver.max_range, d.receiver.threshold_photons) = (Some(target), Some(10));
+    };
+    // P(at least 10) for means of 10, 2.5 and 40 (Poisson).
+    for (range, expected) in [(100.0, 0.5421), (200.0, 0.0003), (50.0, 1.0)] {
+        let seen = refined(&wall_at(range), &instrument(photons), 4000).echoes.len() as f64 / 4000.0;
+        assert!((seen - expected).abs() < 0.03, "{seen} at {range} m, not {expected}");
+    }
+    // Amplitudes are those of the photons: mean and variance of the Poisson distribution of 40.
+    let echoes = refined(&wall_at(50.0), &instrument(photons), 4000).echoes;
+    let (mean, sigma) = moments(echoes.iter().map(|e| e.intensity));
+    assert!((sigma / mean / 40f64.sqrt().recip() - 1.0).abs() < 0.05, "{mean} ± {sigma}");
+    // Two walls, 1 m apart, each in a half of the beam.
+    let halves = rectangles(half_white(), &[wall(-20.0, 0.0, 100.0), wall(-20.0, 20.0, 101.0)]);
+    let count = |dead_time: f64| {
+        let survey = instrument(|d| (d.waveform.quality, d.receiver.dead_time) = (3, dead_time));
+        let batch = refined(&halves, &survey, 1);
+        assert!(batch.echoes.iter().all(|e| e.number_of_returns as usize == batch.echoes.len()));
+        batch.echoes.len()
+    };
+    assert_eq!([count(0.0), count(6.5), count(6.8)], [2, 2, 1]);
+}

@@ -1,0 +1,67 @@
+//! Spinning sensors: the pattern of a calibration file, pulse by pulse.
+
+use crate::common::{folder, succeed, text};
+use std::f64::consts::TAU;
+use std::fs;
+
+const SENSOR: &str = r#"{
+  "beam_intrinsics": {
+    "beam_altitude_angles": [20.5, 0.25, -17.75], "beam_azimuth_angles": [4.2, -1.4, -4.2],
+    "lidar_origin_to_beam_origin_mm": 27.67
+  },
+  "config_params": {"lidar_mode": "64x10"},
+  "lidar_data_format": {"columns_per_frame": 64, "pixels_per_column": 3},
+  "sensor_info": {"prod_line": "OS-0-32"}
+}"#;
+
+/// Columns of the pulses of the pipeline, by their names in the header.
+fn pulses(pipeline: &str, names: &[&str]) -> Vec<Vec<f64>> {
+    let dir = folder();
+    fs::write(dir.path().join("sensor.json"), SENSOR).unwrap();
+    let room = "v -9 -9 -9\nv 9 -9 -9\nv 9 9 -9\nv -9 9 9\nf 1 2 3 4\n";
+    fs::write(dir.path().join("room.obj"), room).unwrap();
+    fs::write(dir.path().join("p.toml"), pipeline).unwrap();
+    let out = succeed(dir.path(), &["pulses", "p.toml", "-q"]);
+    let mut lines = text(&out.stdout).lines();
+    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let at: Vec<usize> = names.iter().map(|name| header.iter().position(|h| h == name).unwrap()).collect();
+    let row = |line: &str| {
+        let values: Vec<&str> = line.split(',').collect();
+        at.iter().map(|i| values[*i].parse().unwrap()).collect()
+    };
+    lines.map(row).collect()
+}
+
+const PIPELINE: &str = "scene = \"room.obj\"\n[platform]\nkind = \"static\"\n[[leg]]\nposition_m = [0, 0, 0]\n[scanner]\ncatalogue \
+     = \"sensor.json\"\n";
+
+#[test]
+fn the_pulses_of_a_frame_are_those_of_the_calibration() {
+    let names = ["time[ns]", "x[m]", "y[m]", "z[m]", "dx", "dy", "dz", "device", "pulse"];
+    let found = pulses(PIPELINE, &names);
+    assert_eq!(found.len(), 3 * 64, "one frame");
+    let (altitudes, azimuths) = ([20.5f64, 0.25, -17.75], [4.2f64, -1.4, -4.2]);
+    for row in &found {
+        let [time, x, y, z, dx, dy, dz, device, pulse] = row[..] else { panic!("{row:?}") };
+        let (beam, column) = (device as usize, pulse - 1.0);
+        // The formula of the manual, in the sensor's axes: x towards column 0, y to the left of it.
+        let encoder = -TAU * column / 64.0;
+        let angle = encoder - azimuths[beam].to_radians();
+        let up = altitudes[beam].to_radians();
+        let (forward, left) = (angle.cos() * up.cos(), angle.sin() * up.cos());
+        let expected = [-left, forward, up.sin(), -0.02767 * encoder.sin(), 0.02767 * encoder.cos(), 0.0];
+        for (value, expected) in [dx, dy, dz, x, y, z].into_iter().zip(expected) {
+            assert!((value - expected).abs() < 1e-12, "beam {beam}, column {column}: {row:?}");
+        }
+        assert!(
+            (time - found[0][0] - column * 1e9 / 640.0).abs() < 1.0,
+            "all beams of a column fire at once"
+        );
+    }
+}
+
+#[test]
+fn settings_change_the_turn() {
+    let text = format!("{PIPELINE}[settings]\nhead_stop_deg = -719\n");
+    assert_eq!(pulses(&text, &["pulse"]).len(), 2 * 3 * 64);
+}
