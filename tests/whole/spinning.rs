@@ -22,7 +22,8 @@ fn pulses(pipeline: &str, names: &[&str]) -> Vec<Vec<f64>> {
     fs::write(dir.path().join("room.obj"), room).unwrap();
     fs::write(dir.path().join("p.toml"), pipeline).unwrap();
     let out = succeed(dir.path(), &["pulses", "p.toml", "-q"]);
-    let mut lines = text(&out.stdout).lines();
+    let table = text(&out.stdout);
+    let mut lines = table.lines();
     let header: Vec<&str> = lines.next().unwrap().split(',').collect();
     let at: Vec<usize> = names.iter().map(|name| header.iter().position(|h| h == name).unwrap()).collect();
     let row = |line: &str| {
@@ -62,6 +63,6 @@ fn the_pulses_of_a_frame_are_those_of_the_calibration() {
 
 #[test]
 fn settings_change_the_turn() {
-    let text = format!("{PIPELINE}[settings]\nhead_stop_deg = -719\n");
+    let text = format!("{PIPELINE}[settings]\nhead_stop_deg = -714\n");
     assert_eq!(pulses(&text, &["pulse"]).len(), 2 * 3 * 64);
 }

@@ -142,6 +142,8 @@ pub const RECEIVER_DIAMETER: Bounds = POSITIVE.usually(1e-4, 2.0, "m").mistaken_
 pub const ACCURACY: Bounds = NOT_NEGATIVE.usually(1e-6, 1.0, "m").mistaken_for("mm", 1e-3);
 /// Photoelectrons of an echo right at the threshold of a receiver.
 pub const THRESHOLD_PHOTONS: Bounds = Bounds::new(1.0, 1e6, "a whole number from 1 to 1000000");
+/// Share of echoes that a receiver loses.
+pub const DROPOUT_RATE: Bounds = Bounds::new(0.0, 0.999, "a share of at least 0, at most 0.999");
 /// Dead time of a receiver, ns.
 pub const DEAD_TIME_NS: Bounds = NOT_NEGATIVE.usually(1e-3, 1e5, "ns").mistaken_for("s", 1e9);
 /// Nearest range of a scanner, m.

@@ -64,6 +64,7 @@ pub(super) fn change_receiver(fields: &mut Fields, receiver: &mut Receiver) {
         receiver.threshold_photons =
             Some(fields.count(K.threshold_photons, 0)).filter(|photons| *photons > 0);
     }
+    fields.set(K.dropout_rate, &mut receiver.dropout_rate);
     fields.set(K.dead_time_ns, &mut receiver.dead_time);
     fields.set(K.range_step_m, &mut receiver.range_step);
 }
@@ -80,6 +81,7 @@ fn change_range_noise(fields: &mut Fields, receiver: &mut Receiver) {
             constant: table.number(keys.constant_m, 0.0),
             shot: table.number(keys.shot_m, 0.0),
             amplifier: table.number(keys.amplifier_m, 0.0),
+            footprint: table.number(keys.footprint, 0.0),
         });
         table.done(&[]);
     }

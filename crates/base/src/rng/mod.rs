@@ -51,8 +51,10 @@ pub enum Purpose {
     FalseAlarm = 16,
     /// Halves of a recording that are compared with each other.
     Halves = 17,
-    /// Number of photoelectrons of an echo.
+    /// Number of photoelectrons of an echo, and whether it is lost.
     PhotonCount = 20,
+    /// Large numbers of photoelectrons of an echo.
+    LargePhotonCount = 21,
     /// Navigation errors: position, attitude, boresight and lever arm.
     Navigation = 32,
 }

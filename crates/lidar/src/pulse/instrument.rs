@@ -2,6 +2,7 @@
 
 use super::cluster::ClusterRule;
 use super::detector_settings::{DetectorSettings, PeakRule};
+use super::echo::Echo;
 use super::energy::{BeamState, Energy, NANO, half_angle};
 use super::footprint::Footprint;
 use super::noise::{ReceiverNoise, signal_to_noise};
@@ -14,6 +15,7 @@ use super::shape::{self, PulseShape, sample_count};
 use super::single_bin::SingleBinDetector;
 use super::subray::Subrays;
 use super::waveform::Waveform;
+use libm::sqrt;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::sync::Arc;
@@ -29,6 +31,8 @@ const MAX_RINGS: u32 = 512;
 /// Threshold of instruments that state none, nW. As 1e-4 W it would hide every echo, so it counts as not given and is
 /// in nanowatts with and without the correction of the unit.
 const DEFAULT_THRESHOLD: f64 = 1e-4;
+/// Cosine of the angle of incidence below which the depth of a footprint grows no more: 84°.
+const MIN_INCIDENCE_COSINE: f64 = 0.1;
 const MAX_PULSE_BINS: f64 = (1u32 << 20) as f64;
 
 /// A device with one divergence.
@@ -144,13 +148,20 @@ impl Instrument {
 }
 
 impl Instrument {
-    /// Standard deviation of the range of an echo of that amplitude, m.
+    /// Standard deviation of the range of an echo, m.
     #[inline(always)]
-    pub fn range_sigma(&self, amplitude: f64) -> f64 {
+    pub fn range_sigma(&self, echo: &Echo) -> f64 {
         match &self.range_noise {
-            Some((noise, threshold)) => noise.sigma(amplitude, *threshold),
+            Some((noise, threshold)) => noise.sigma(echo.intensity, *threshold, self.footprint_depth(echo)),
             None => self.range_accuracy,
         }
+    }
+
+    /// Standard deviation of the depths within the footprint on the slope that caused the echo, m: a Gaussian beam has half of its half
+    /// angle at 1/e² as the standard deviation of its directions.
+    fn footprint_depth(&self, echo: &Echo) -> f64 {
+        let cosine = echo.incidence_cosine.abs().clamp(MIN_INCIDENCE_COSINE, 1.0);
+        echo.true_range * self.footprint_angle * 0.5 * sqrt(1.0 - cosine * cosine) / cosine
     }
 
     /// Whether noise or the step of ranges moves echoes.

@@ -25,7 +25,7 @@ pub(super) fn apply_noise(
     for (i, echo) in echoes.iter().enumerate() {
         (device[i], number[i], counter[i]) = (echo.device, echo.pulse_number, echo.return_number - 1);
         let instrument = instruments.instrument(leg, echo.device)?;
-        accuracy[i] = instrument.range_sigma(echo.intensity);
+        accuracy[i] = instrument.range_sigma(echo);
         has_step |= instrument.range_step > 0.0;
     }
     if accuracy != [0.0; NORMALS_PER_BLOCK] {

@@ -1,4 +1,4 @@
-//! Which of the returns in a waveform a receiver reports: photon statistics, dead time, number of returns.
+//! Which of the returns in a waveform a receiver reports: photon statistics, dropouts, dead time, number of returns.
 //!
 //! A receiver that counts photons detects an echo when at least N of its photoelectrons arrive. Their number has the Poisson
 //! distribution around a mean that is proportional to the amplitude of the echo, N at the threshold. So
@@ -21,6 +21,11 @@ const MAX_DEVIATIONS: f64 = 4.8;
 #[derive(Clone, Debug)]
 pub(super) struct ReturnSelection {
     photons: Option<PhotonStatistics>,
+    /// Share of echoes that are lost.
+    dropout_rate: f64,
+    stream: Stream,
+    /// Draws of large numbers of photons.
+    normals: Stream,
     /// Range within which no return follows another one, m.
     dead_range: f64,
     max_returns: usize,
@@ -33,7 +38,6 @@ struct PhotonStatistics {
     threshold: f64,
     /// Photoelectrons per amplitude.
     per_amplitude: f64,
-    stream: Stream,
 }
 
 impl ReturnSelection {
@@ -43,11 +47,14 @@ impl ReturnSelection {
         let photons = receiver.threshold_photons.filter(|_| threshold > 0.0).map(|count| PhotonStatistics {
             threshold: f64::from(count),
             per_amplitude: f64::from(count) / threshold,
-            stream: Stream::new(seed, Purpose::PhotonCount),
         });
         let dead_range = receiver.dead_time * vlscan_geom::LIGHT_SPEED * 0.5;
-        (photons.is_some() || dead_range > 0.0).then_some(ReturnSelection {
+        let dropout_rate = receiver.dropout_rate;
+        (photons.is_some() || dead_range > 0.0 || dropout_rate > 0.0).then_some(ReturnSelection {
             photons,
+            dropout_rate,
+            stream: Stream::new(seed, Purpose::PhotonCount),
+            normals: Stream::new(seed, Purpose::LargePhotonCount),
             dead_range,
             max_returns: if max_returns > 0 { max_returns as usize } else { usize::MAX },
         })
@@ -73,11 +80,16 @@ impl ReturnSelection {
     pub fn select(&self, (device, pulse): (u32, u64), returns: &mut Vec<Return>) {
         let (mut number, mut last, mut kept) = (0, f64::NEG_INFINITY, 0);
         returns.retain_mut(|found| {
+            let draw = self.stream.bits(device, pulse, number);
             number += 1;
+            if rng::open_unit(draw[2], draw[3]) <= self.dropout_rate && !found.is_noise {
+                return false;
+            }
             if let Some(statistics) = &self.photons
                 && !found.is_noise
             {
-                let count = statistics.draw(found.amplitude, device, pulse, number - 1);
+                let normal = || self.normals.normal(device, pulse, number - 1);
+                let count = statistics.draw(found.amplitude, [draw[0], draw[1]], normal);
                 if count < statistics.threshold {
                     return false;
                 }
@@ -94,14 +106,13 @@ impl ReturnSelection {
 
 impl PhotonStatistics {
     /// Number of photoelectrons of an echo of that amplitude.
-    fn draw(&self, amplitude: f64, device: u32, pulse: u64, number: u32) -> f64 {
+    fn draw(&self, amplitude: f64, uniform: [u32; 2], normal: impl Fn() -> f64) -> f64 {
         let mean = amplitude * self.per_amplitude;
         if mean > MAX_POISSON_MEAN {
-            let count = mean + sqrt(mean) * self.stream.normal(device, pulse, number);
+            let count = mean + sqrt(mean) * normal();
             return floor(count + 0.5).max(0.0);
         }
-        let [a, b, ..] = self.stream.bits(device, pulse, number);
-        poisson_quantile(rng::open_unit(a, b), mean)
+        poisson_quantile(rng::open_unit(uniform[0], uniform[1]), mean)
     }
 }
 

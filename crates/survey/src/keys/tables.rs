@@ -304,6 +304,8 @@ keys! {
         /// Photoelectrons of an echo right at the threshold, a whole number: strengths have the Poisson statistics of photons, so that
         /// echoes near the threshold are detected now and then; refined physics. Default: strengths do not vary.
         threshold_photons = "thresholdPhotons" in THRESHOLD_PHOTONS, With("receiver");
+        /// Share of the echoes that are lost whatever their strength; refined physics. Default: 0.
+        dropout_rate = "dropoutRate" in DROPOUT_RATE, With("receiver");
         /// Time after an echo during which the receiver detects no other one, ns; refined physics. Default: 0.
         dead_time_ns = "deadTime_ns" in DEAD_TIME_NS, With("receiver");
         /// Ranges are reported in multiples of it, m; refined physics. Default: 0, any range.
@@ -361,6 +363,9 @@ keys! {
         shot_m = "shot_m" in ACCURACY;
         /// By noise of the amplifier, of an echo right at the threshold, m: falls with the strength. Default: 0.
         amplifier_m = "amplifier_m" in ACCURACY;
+        /// By the texture of surfaces within the footprint, over the standard deviation of the depths within the footprint, which
+        /// grows with the angle of incidence. Default: 0.
+        footprint = "footprint" in NOT_NEGATIVE;
     }
 }
 

@@ -40,16 +40,19 @@ pub struct Receiver {
     pub range_noise: Option<RangeNoise>,
     /// Photoelectrons of an echo right at the threshold, whose number varies from pulse to pulse; `None` = strengths do not vary.
     pub threshold_photons: Option<u32>,
+    /// Share of echoes that are lost whatever their strength.
+    pub dropout_rate: f64,
     /// Time after an echo during which no other one is detected, ns.
     pub dead_time: f64,
     /// Step of the ranges that are reported, m; 0 = any range.
     pub range_step: f64,
 }
 
-/// Noise of a range as a function of the strength of its echo: three independent parts, each a standard deviation in metres. The
-/// variance for an echo of amplitude A over the threshold T is constant² + shot²·T/A + amplifier²·(T/A)²: what does not depend
-/// on the light (timer, jitter), the shot noise of the light, which falls with the root of the number of photons, and the
-/// noise of the amplifier, which falls with the signal (Cramér–Rao bounds of a pulse's time in photon noise and in white noise).
+/// Noise of a range as a function of the strength of its echo and of the depth of its footprint: independent parts. The variance for
+/// an echo of amplitude A over the threshold T is constant² + shot²·T/A + amplifier²·(T/A)² + (footprint·depth)²: what does not
+/// depend on the light (timer, jitter), the shot noise of the light, which falls with the root of the number of photons, the
+/// noise of the amplifier, which falls with the signal (Cramér–Rao bounds of a pulse's time in photon noise and in white noise), and the
+/// texture and speckle of the surface, which move the centre of the light within the footprint.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RangeNoise {
     /// Of echoes of any strength.
@@ -58,14 +61,20 @@ pub struct RangeNoise {
     pub shot: f64,
     /// By noise of the amplifier, of an echo right at the threshold.
     pub amplifier: f64,
+    /// By texture within the footprint, over the standard deviation of the depths in it.
+    pub footprint: f64,
 }
 
 impl RangeNoise {
-    /// Standard deviation for an echo of that amplitude, m; at the threshold for weaker ones.
-    pub fn sigma(&self, amplitude: f64, threshold: f64) -> f64 {
+    /// Standard deviation for an echo of that amplitude, m; at the threshold for weaker ones. `depth` is the standard deviation of
+    /// the depths within the footprint, m.
+    pub fn sigma(&self, amplitude: f64, threshold: f64, depth: f64) -> f64 {
         let weakness = if amplitude > threshold { threshold / amplitude } else { 1.0 };
         let (shot, amplifier) = (self.shot * self.shot, self.amplifier * self.amplifier);
-        libm::sqrt(self.constant * self.constant + (shot + amplifier * weakness) * weakness)
+        let texture = self.footprint * depth;
+        libm::sqrt(
+            self.constant * self.constant + (shot + amplifier * weakness) * weakness + texture * texture,
+        )
     }
 }
 
@@ -144,11 +153,11 @@ mod tests {
 
     #[test]
     fn range_noise_falls_with_the_strength() {
-        let noise = RangeNoise { constant: 0.006, shot: 0.02, amplifier: 0.03 };
-        let variance = |weakness: f64| 3.6e-5 + 4e-4 * weakness + 9e-4 * weakness * weakness;
+        let noise = RangeNoise { constant: 0.006, shot: 0.02, amplifier: 0.03, footprint: 0.5 };
+        let variance = |weakness: f64| 3.6e-5 + 4e-4 * weakness + 9e-4 * weakness * weakness + 1e-4;
         for (amplitude, weakness) in [(0.5, 1.0), (2.0, 1.0), (8.0, 0.25), (f64::INFINITY, 0.0)] {
             assert!(
-                (noise.sigma(amplitude, 2.0) - f64::sqrt(variance(weakness))).abs() < 1e-15,
+                (noise.sigma(amplitude, 2.0, 0.02) - f64::sqrt(variance(weakness))).abs() < 1e-15,
                 "{amplitude}"
             );
         }

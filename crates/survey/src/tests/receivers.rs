@@ -329,16 +329,18 @@ fn the_accuracy_of_a_later_channel_is_told_where_the_first_one_s_holds() {
 #[test]
 fn noise_by_strength_photons_dead_time_and_steps() {
     let expected = Receiver {
-        range_noise: Some(RangeNoise { constant: 0.005, shot: 0.02, amplifier: 0.0 }),
+        range_noise: Some(RangeNoise { constant: 0.005, shot: 0.02, amplifier: 0.0, footprint: 0.7 }),
         threshold_photons: Some(8),
+        dropout_rate: 0.01,
         dead_time: 3.0,
         range_step: 0.001,
         ..Receiver::default()
     };
-    let keys = "range_noise = { constant_m = 0.005, shot_m = 0.02 }\nthreshold_photons = 8\ndead_time_ns = 3\nrange_step_m = 0.001\n";
+    let keys = "range_noise = { constant_m = 0.005, shot_m = 0.02, footprint = 0.7 }\nthreshold_photons = 8\ndropout_rate = 0.01\ndead_time_ns = 3\nrange_step_m = 0.001\n";
     assert_eq!(fine(of_toml(keys))[0].receiver, expected);
-    let attributes = "thresholdPhotons='8' deadTime_ns='3' rangeStep_m='0.001'";
-    let (scanner, _) = of_xml(attributes, "<rangeNoise constant_m='0.005' shot_m='0.02'/>", "").unwrap();
+    let attributes = "thresholdPhotons='8' dropoutRate='0.01' deadTime_ns='3' rangeStep_m='0.001'";
+    let (scanner, _) =
+        of_xml(attributes, "<rangeNoise constant_m='0.005' shot_m='0.02' footprint='0.7'/>", "").unwrap();
     assert_eq!(scanner.devices[0].receiver, expected);
     // An accuracy that is stated later replaces it.
     let after = "range_noise = { constant_m = 0.005 }\n[detector]\naccuracy_m = 0.01\n";

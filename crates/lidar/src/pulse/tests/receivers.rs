@@ -405,7 +405,7 @@ fn range_noise_follows_the_strength_and_ranges_come_in_steps() {
     use vlscan_survey::RangeNoise;
     // The threshold is at 200 m: at 100 m echoes are four times as strong, at 50 m sixteen times.
     let target = ReferenceTarget { range: 200.0, reflectance: 0.5, pulse_freq: None };
-    let noise = RangeNoise { constant: 0.01, shot: 0.04, amplifier: 0.08 };
+    let noise = RangeNoise { constant: 0.01, shot: 0.04, amplifier: 0.08, footprint: 0.0 };
     for (range, expected) in [
         (100.0, (1e-4 + 16e-4 / 4.0 + 64e-4 / 16.0f64).sqrt()),
         (50.0, (1e-4 + 1e-4 + 64e-4 / 256.0f64).sqrt()),
@@ -452,4 +452,21 @@ fn photons_decide_on_detection_and_dead_time_hides_what_follows() {
         batch.echoes.len()
     };
     assert_eq!([count(0.0), count(6.5), count(6.8)], [2, 2, 1]);
+}
+
+#[test]
+fn texture_moves_ranges_on_slopes_and_echoes_drop_out() {
+    use vlscan_survey::RangeNoise;
+    // A wall at 45°: the depths within a beam of 2 mrad have the standard deviation 100 m · 0.5 mrad.
+    let survey = instrument(|d| {
+        d.receiver.range_noise = Some(RangeNoise { footprint: 0.8, ..RangeNoise::default() });
+        d.receiver.dropout_rate = 0.1;
+        d.beam.divergence = 2e-3;
+    });
+    let mut survey = survey;
+    survey.legs[0].scanner.beam_divergence = 2e-3;
+    let echoes = refined(&tilted_plane(half_white()), &survey, 4000).echoes;
+    assert!((echoes.len() as f64 / 4000.0 - 0.9).abs() < 0.02, "{} of 4000", echoes.len());
+    let (mean, sigma) = moments(echoes.iter().map(|e| e.range));
+    assert!((mean - 100.0).abs() < 0.01 && (sigma / 0.04 - 1.0).abs() < 0.05, "{mean} ± {sigma}");
 }
