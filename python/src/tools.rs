@@ -16,7 +16,7 @@ use vlscan::tools::plan::{
     AirborneOptions, AirborneRequest, Area, AreaSource, MobileOptions, MobileRequest, PlanRequest, PlanSetup,
     TerrestrialOptions, TerrestrialRequest,
 };
-use vlscan::{Campaign, CampaignEvent, CampaignOptions, Error, Notice, Observer, OneOf};
+use vlscan::{Campaign, CampaignEvent, CampaignOptions, Notice, Observer, OneOf};
 
 /// The command in the first line of plans.
 const COMMAND: &str = "vlscan.plan";
@@ -172,11 +172,11 @@ pub fn compare(
     py: Python<'_>,
     first: Named<'_>,
     second: Named<'_>,
-    cell: f64,
-    voxel: f64,
-    most_distances: usize,
+    fields: &Bound<'_, PyDict>,
 ) -> PyResult<String> {
     let notices = Notices::default();
+    let observer = Observer::new(false, notices.observer());
+    let options = of_fields!(CompareOptions, fields, [cell, voxel, most_distances, chance, terrain]);
     let tables = [first, second].map(|(name, table)| {
         let table = table.map(|table| batches(&table).map(|(_, batches)| batches)).transpose();
         table.map(|table| (name, table))
@@ -193,9 +193,8 @@ pub fn compare(
             Ok((name, points))
         });
         let (first, second) = (first?, second?);
-        let options = CompareOptions { cell, voxel, most_distances };
         let clouds = [(first.0.as_str(), &first.1), (second.0.as_str(), &second.1)];
-        json(&compare_clouds(clouds, &options).map_err(Error::input)?)
+        json(&compare_clouds(clouds, &options, &observer)?)
     });
     notices.issue(py)?;
     made.map_err(|error| exception(py, error))

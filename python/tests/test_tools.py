@@ -55,7 +55,9 @@ plan = "airborne --scanner riegl_vux-1uav --height 50 --density 5"
     with open(report.manifest, encoding="utf-8") as file:
         assert [json.loads(line)["seed"] for line in file] == [1, 2]
     clouds = [tmp_path / f"set/cells/flat-u-{seed}/points.laz" for seed in (1, 2)]
-    found = vlscan.compare(*clouds)
+    found = vlscan.compare(*clouds, chance=True)
+    returns = next(quantity for quantity in found["quantities"] if quantity["name"] == "returns per pulse")
+    assert returns["figures"][0]["is_within_chance"] is True and found["chance"]["splits"] == 39
     assert found["first_to_second"]["mean_m"] < 1 and found["first"]["points"] > 5000
     plan = vlscan.plan_airborne("riegl_vux-1uav", 50, density=5, area=SQUARE, scene=tmp_path / "flat.obj")
     plan.save(tmp_path / "p.toml")

@@ -59,7 +59,7 @@ def plan(kind: str, fields: dict[str, Any]) -> tuple[str, list[str], list[str]]:
 def run_campaign(path: str, fields: dict[str, Any], notify: Callable[[str, str, str], object] | None) -> dict[str, Any]:
     """Compute the cells of a campaign and return the state of its data set."""
 
-def compare(first: tuple[str, object], second: tuple[str, object], cell: float, voxel: float, most_distances: int) -> str:
+def compare(first: tuple[str, object], second: tuple[str, object], fields: dict[str, object]) -> str:
     """Compare two clouds, each a table with its name or the file of that name; the comparison as JSON."""
 
 @final

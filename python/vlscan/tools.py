@@ -331,19 +331,25 @@ def compare(
     cell: float = 1.0,
     voxel: float = 0.5,
     most_distances: int = 200_000,
+    chance: bool = False,
+    terrain: PathLike | None = None,
 ) -> dict[str, Any]:
-    """Compare two point clouds of one place: density, heights, canopy, change, intensity, returns, distances, occupied voxels.
+    """Compare two point clouds of one place: heights, returns, pulses, scan lines, residuals to a terrain, change of the ground and more.
 
     Parameters
     ----------
     first, second : Points, table, str or path-like
         The clouds: the points of a run, or a file.
     cell : float
-        Side of the cells of density and canopy height, m.
+        Side of the cells of density, canopy height and change, m.
     voxel : float
         Side of the voxels whose occupancy is compared, m.
     most_distances : int
-        Most points of each cloud whose distance to the other is measured.
+        Most points of each cloud whose distance to the other and height above the terrain are measured.
+    chance : bool
+        Whether each figure comes with what chance alone gives: the largest difference between random halves of the first cloud.
+    terrain : str or path-like, optional
+        A raster or mesh that heights and residuals refer to; by default the ground points of the first cloud.
 
     Returns
     -------
@@ -361,5 +367,12 @@ def compare(
             return os.fspath(cloud), None
         return name, columns_of(cloud, ("X", "Y", "Z"))
 
-    compared: dict[str, Any] = json.loads(_vlscan.compare(named(first, "first"), named(second, "second"), cell, voxel, most_distances))
+    fields: dict[str, object] = {
+        "cell": cell,
+        "voxel": voxel,
+        "most_distances": most_distances,
+        "chance": chance,
+        "terrain": None if terrain is None else os.fspath(terrain),
+    }
+    compared: dict[str, Any] = json.loads(_vlscan.compare(named(first, "first"), named(second, "second"), fields))
     return compared

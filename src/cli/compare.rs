@@ -1,28 +1,67 @@
-//! `vlscan compare`: what two point clouds of one place have in common.
+//! `vlscan compare`: what two point clouds of one place have in common, and what not.
 
 use super::Console;
 use super::args::CompareArgs;
 use super::preview::read_cloud;
+use std::path::Path;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileWriter, Patched, reads, refuse_existing, write_stdout};
-use vlscan_tools::compare::{compare, json, page, table};
+use vlscan_base::files::{reads, refuse_existing, write_file, write_stdout};
+use vlscan_base::quantity::amount;
+use vlscan_formats::PointFormat;
+use vlscan_tools::compare::{changed_points, compare, json, page, table, write_changed};
 
 pub fn run(args: &CompareArgs, console: &Console) -> Result<()> {
-    args.page.as_deref().map_or(Ok(()), |page| refuse_existing(page, args.force))?;
-    args.page.as_deref().map_or(Ok(()), |page| reads::refuse_input_of(page, [&args.first, &args.second]))?;
+    check(args)?;
+    let observer = console.listener();
     let [first, second] = [&args.first, &args.second].map(|path| read_cloud(path, console));
     let (first, second) = (first?, second?);
     let names = [&args.first, &args.second].map(|path| path.display().to_string());
-    let comparison =
-        compare([(&names[0], &first), (&names[1], &second)], &args.options).map_err(Error::input)?;
+    let clouds = [(names[0].as_str(), &first), (names[1].as_str(), &second)];
+    let comparison = compare(clouds, &args.options, &observer)?;
     if let Some(path) = &args.page {
-        let mut file = FileWriter::create(path, args.force, Patched::Never)?;
-        file.append(page(&comparison, [&first, &second])?.as_bytes())?;
-        file.finish()?;
+        write_file(path, args.force, page(&comparison, [&first, &second])?.as_bytes())?;
         console.say(format!("{}: open it in a browser", path.display()));
+    }
+    if let Some(path) = &args.change {
+        let raster = comparison.change.map.geotiff(comparison.crs.as_deref())?;
+        write_file(path, args.force, &raster)?;
+        let system = match comparison.crs.as_deref().and_then(vlscan_base::crs::projected_epsg) {
+            Some(code) => format!("EPSG:{code}"),
+            None => "no coordinate system, since the clouds name none with an EPSG code".to_owned(),
+        };
+        console.say(format!("{}: {} cells, {system}", path.display(), comparison.change.cells));
+    }
+    if let Some(path) = &args.changed {
+        let changed = changed_points([&first, &second], args.options.cell)?;
+        write_changed(path, args.force, [&first, &second], &changed, &observer)?;
+        let [new, gone] = [&changed.new, &changed.gone].map(|points| amount(points.len() as f64));
+        console.say(format!("{}: {new} new and {gone} gone points", path.display()));
     }
     match args.json {
         true => write_stdout(&(json(&comparison)? + "\n")),
         false => write_stdout(&table(&comparison)),
     }
+}
+
+/// Refuses files that would replace others, and names of no format, before anything is read.
+fn check(args: &CompareArgs) -> Result<()> {
+    let outputs: Vec<&Path> =
+        [&args.page, &args.change, &args.changed].into_iter().flatten().map(|p| &**p).collect();
+    for (i, path) in outputs.iter().enumerate() {
+        refuse_existing(path, args.force)?;
+        reads::refuse_input_of(path, [&args.first, &args.second])?;
+        if outputs[..i].contains(path) {
+            return Err(Error::input(format!("{}: two outputs have this name", path.display())));
+        }
+    }
+    if let Some(path) = &args.changed
+        && !matches!(PointFormat::of_file(path), Some(Ok(_)))
+    {
+        let known = PointFormat::names();
+        return Err(Error::input(format!(
+            "--changed {}: expected the extension of one of {known}",
+            path.display()
+        )));
+    }
+    Ok(())
 }

@@ -24,25 +24,120 @@ fn runs_are_compared_in_every_format() {
         assert_eq!(same["first"]["points"], same["second"]["points"], "{other}");
     }
     // Other noise, the same forest.
-    let other = json("a.laz", "b.las");
+    let out = succeed(dir.path(), &["compare", "a.laz", "b.las", "--json", "--chance"]);
+    let other: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
     let number = |path: &str| other.pointer(path).and_then(serde_json::Value::as_f64).unwrap_or(f64::NAN);
     let distance = number("/first_to_second/median_m");
     assert!(distance > 0.001 && distance < 0.2, "{other}");
-    assert!(number("/canopy/correlation") > 0.9 && number("/heights/overlap") > 0.97, "{other}");
+    assert!(number("/canopy/correlation") > 0.9 && number("/chance/splits") == 39.0, "{other}");
     assert!(
         (number("/second/density_per_m2") / number("/first/density_per_m2") - 1.0).abs() < 0.02,
         "{other}"
     );
-    let args = ["compare", "a.laz", "b.las", "--page", "c.html"];
+    let quantities = other["quantities"].as_array().unwrap();
+    let quantity =
+        |name: &str| quantities.iter().find(|q| q["name"] == name).unwrap_or_else(|| panic!("{name}"));
+    assert!(quantity("height")["histogram"]["overlap"].as_f64().unwrap() > 0.97);
+    assert_eq!(quantity("returns per pulse")["figures"][0]["is_within_chance"], true, "{other}");
+    let args = ["compare", "a.laz", "b.las", "--page", "c.html", "--chance"];
     let table = text(&succeed(dir.path(), &args).stdout);
-    for name in ["density", "height, 95 %", "canopy height", "intensity", "returns 1", "distance", "voxels"] {
+    for name in [
+        "density",
+        "95 %, m",
+        "canopy height",
+        "intensity",
+        "share of 1",
+        "distance",
+        "voxels",
+        "fill, m³",
+        "chance:",
+    ] {
         assert!(table.contains(name), "{name}: {table}");
     }
-    assert!(table.lines().all(|line| line.chars().count() <= 120), "{table}");
+    assert!(table.lines().all(|line| line.chars().count() <= 120 || line.starts_with("missing")), "{table}");
     let page = fs::read_to_string(dir.path().join("c.html")).unwrap();
-    assert!(page.contains("data:image/png;base64,") && page.contains("<svg") && !page.contains("http://"));
+    assert!(page.matches("data:image/png;base64,").count() == 3 && page.contains("<svg"));
+    assert!(
+        !page.contains("http://") && !page.contains("https://") && !page.contains("<script"),
+        "loads something"
+    );
     let again = run(dir.path(), &args);
     assert!(!again.status.success() && text(&again.stderr).contains("--force"));
+}
+
+/// A mesh of ground of 60 by 60 m in steps of 0.25 m, with a cone 3 m high and a conical pit 3 m deep of a radius of 10 m.
+fn mesh(is_changed: bool) -> String {
+    const SIDE: usize = 241;
+    let mut obj = String::from("mtllib ground.mtl\nusemtl ground\n");
+    for (row, column) in (0..SIDE).flat_map(|row| (0..SIDE).map(move |column| (row, column))) {
+        let (x, y) = (0.25 * column as f64 - 30.0, 0.25 * row as f64 - 30.0);
+        let cone = |cx: f64, cy: f64| (3.0 - 0.3 * (x - cx).hypot(y - cy)).max(0.0);
+        let z = if is_changed { cone(-12.0, -12.0) - cone(12.0, 10.0) } else { 0.0 };
+        obj += &format!("v {x} {y} {z}\n");
+    }
+    for (row, column) in (0..SIDE - 1).flat_map(|row| (0..SIDE - 1).map(move |column| (row, column))) {
+        let a = row * SIDE + column + 1;
+        let (b, c, d) = (a + 1, a + SIDE, a + SIDE + 1);
+        obj += &format!("f {a} {b} {d}\nf {a} {d} {c}\n");
+    }
+    obj
+}
+
+#[test]
+fn a_dam_and_a_pit_of_two_epochs_are_told_apart() {
+    let dir = folder();
+    fs::write(
+        dir.path().join("ground.mtl"),
+        "newmtl ground\nhelios_classification 2\nhelios_isGround true\n",
+    )
+    .unwrap();
+    let area = "POLYGON ((-30 -30, 30 -30, 30 30, -30 30))";
+    for (name, is_changed) in [("before", false), ("after", true)] {
+        fs::write(dir.path().join(format!("{name}.obj")), mesh(is_changed)).unwrap();
+        let (scene, plan, points) = (format!("{name}.obj"), format!("{name}.toml"), format!("{name}.laz"));
+        let flight = ["--scanner", "riegl_vux-1uav", "--height", "60", "--density", "30"];
+        let plan_args = ["plan", "airborne", "--scene", &scene, "--area", area, "--out", &plan];
+        succeed(dir.path(), &[&plan_args[..], &flight[..]].concat());
+        succeed(dir.path(), &["run", &plan, "-o", &points, "-q"]);
+    }
+    let args =
+        ["compare", "before.laz", "after.laz", "--json", "--change", "d.tif", "--changed", "c.laz", "-q"];
+    let out = succeed(dir.path(), &args);
+    let found: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+    // π r² h / 3.
+    let cone = std::f64::consts::PI * 100.0;
+    for part in ["fill", "cut"] {
+        let volume = found["change"][part]["volume_m3"].as_f64().unwrap();
+        assert!((volume / cone - 1.0).abs() < 0.02, "{part}: {}", found["change"]);
+    }
+    assert!(fs::read(dir.path().join("d.tif")).unwrap().starts_with(b"II*\0"));
+    let changed = succeed(dir.path(), &["compare", "c.laz", "after.laz", "--json", "-q"]);
+    let changed: serde_json::Value = serde_json::from_slice(&changed.stdout).unwrap();
+    assert!(changed["first"]["points"].as_u64().unwrap() > 1000, "{}", changed["first"]);
+    let refused = run(dir.path(), &args);
+    assert!(
+        refused.status.code() == Some(2) && text(&refused.stderr).contains("d.tif"),
+        "{}",
+        text(&refused.stderr)
+    );
+    let refused = run(dir.path(), &["compare", "before.laz", "after.laz", "--changed", "c.nothing"]);
+    assert!(text(&refused.stderr).contains("--changed c.nothing"), "{}", text(&refused.stderr));
+    // The terrain is what was scanned: the noise of the ranges is all that remains.
+    let out = succeed(
+        dir.path(),
+        &["compare", "before.laz", "after.laz", "--json", "--terrain", "after.obj", "-q"],
+    );
+    let found: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+    let quantities = found["quantities"].as_array().unwrap();
+    let residual = quantities.iter().find(|q| q["name"] == "residual to the terrain").unwrap();
+    let median = residual["figures"][1]["second"].as_f64().unwrap();
+    assert!(median.abs() < 5.0, "{residual}");
+    let refused = run(dir.path(), &["compare", "before.laz", "after.laz", "--terrain", "none.xyz"]);
+    assert!(
+        text(&refused.stderr).contains("--terrain none.xyz: expected a raster"),
+        "{}",
+        text(&refused.stderr)
+    );
 }
 
 #[test]

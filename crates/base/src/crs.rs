@@ -133,6 +133,22 @@ fn horizontal(wkt: &str) -> &str {
     range.and_then(|(from, to)| wkt.get(from..to)).unwrap_or(wkt)
 }
 
+/// Returns the EPSG code of a projected system, or of the one in a compound system, in WKT 1 or 2.
+pub fn projected_epsg(wkt: &str) -> Option<u16> {
+    let start = ["PROJCS", "PROJCRS", "PROJECTEDCRS"].iter().find_map(|name| wkt.find(name))?;
+    let text = &wkt[start..];
+    let mut depth = 0;
+    let end = text.char_indices().find_map(|(at, c)| {
+        depth += match c {
+            '[' | '(' => 1,
+            ']' | ')' => -1,
+            _ => 0,
+        };
+        (depth == 0 && matches!(c, ']' | ')')).then_some(at + 1)
+    });
+    epsg(&text[..end?]).map(|(_, code)| code)
+}
+
 /// Returns the unit of easting and northing of a projected or compound system by its EPSG code. `None` for other systems and
 /// unknown codes.
 pub fn length_unit(code: u32) -> Option<LengthUnit> {
@@ -177,6 +193,11 @@ mod tests {
         assert_eq!(epsg(two), Some((EpsgKind::Geographic, 4326)));
         let inner = r#"PROJCS["mine",GEOGCS["ETRS89",AUTHORITY["EPSG","4258"]],UNIT["metre",1]]"#;
         assert_eq!(epsg(inner), None);
+        let compound = format!(r#"COMPD_CS["both",{one},VERT_CS["DHHN2016",AUTHORITY["EPSG","7837"]]]"#);
+        assert_eq!(
+            [one, compound.as_str(), inner, two].map(projected_epsg),
+            [Some(25832), Some(25832), None, None]
+        );
         assert_eq!(epsg(r#"COMPD_CS["both",AUTHORITY["EPSG","5555"]]"#), Some((EpsgKind::Compound, 5555)));
         assert_eq!(epsg(r#"LOCAL_CS["mine",AUTHORITY["EPSG","5555"]]"#), None);
         assert_eq!(epsg(""), None);

@@ -466,7 +466,10 @@ mod tests {
         assert!((row.position - DVec3::new(25.4, 914.4, 304.800_609_601_219_2)).length() < 1e-9, "{row:?}");
         assert_eq!((row.time, Columns::find(names).remarks(&names)), (1.0, vec![]));
         let angle = |heading| Columns::find([heading]).row(|_| 0.5).scan_angle;
-        assert_eq!(["ScanAngle", "ScanAngleRank [deg]", "scan_angle (rad)"].map(angle), [0.5, 0.5, degrees(0.5)]);
+        assert_eq!(
+            ["ScanAngle", "ScanAngleRank [deg]", "scan_angle (rad)"].map(angle),
+            [0.5, 0.5, degrees(0.5)]
+        );
         let names = ["X [furlong]", "Y []", "Z (m a.s.l.)", "time [fortnight]", "intensity [dB]"];
         assert_eq!(Columns::find(names).row(|_| 1.0).position, DVec3::ONE);
         let said = Columns::find(names).remarks(&names);

@@ -5,11 +5,12 @@
 //! | `args` | values of options: bounds, texts |
 //! | `generate` | procedural scenes with the surveys that scan them; stands from inventories |
 //! | `plan` | survey planning: legs from an area, a plot or a line, by what the instrument's optics see |
+//! | `geotiff` | rasters as GeoTIFF |
 //! | `chart` | charts as SVG and as pixels |
 //! | `catalogue` | figures of instruments with their sources, fields of view, scan patterns |
 //! | `cloud` | point clouds in memory, waveforms of single pulses |
 //! | `preview` | draws point clouds as PNG and as pages for a browser, and waveforms |
-//! | `compare` | two point clouds of one place: density, heights, distances, voxels |
+//! | `compare` | two point clouds of one place: heights, returns, pulses, residuals, change |
 //! | `campaign` | many runs: scenes × variants × seeds, shared by processes without a server |
 
 #![deny(unsafe_code)]
@@ -21,5 +22,6 @@ pub mod chart;
 pub mod cloud;
 pub mod compare;
 pub mod generate;
+pub mod geotiff;
 pub mod plan;
 pub mod preview;

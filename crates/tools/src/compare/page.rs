@@ -1,7 +1,9 @@
-//! A comparison as one page for a browser: table, histograms, pictures of both clouds.
+//! A comparison as one page for a browser and for paper: tables, charts, pictures of both clouds and of their difference.
 
-use super::measures::{Comparison, Histogram};
-use super::report::table;
+use super::comparison::Comparison;
+use super::histogram::Histogram;
+use super::map::picture_of;
+use super::report::{Section, described, sections};
 use crate::chart::{Anchor, Axis, Drawing, Mark, Plot, Role, Theme, style};
 use crate::cloud::Points;
 use crate::preview::{PreviewOptions, common_heights, draw};
@@ -9,11 +11,21 @@ use base64::prelude::{BASE64_STANDARD, Engine};
 use std::fmt::Write as _;
 use vlscan_base::error::Result;
 use vlscan_base::markup::escaped;
-use vlscan_formats::PointRow;
-use vlscan_geom::DVec3;
 
-/// Width and height of a histogram, px.
-const CHART: [f64; 2] = [560.0, 220.0];
+/// Width and height of the field of a histogram, px.
+const FIELD: [f64; 2] = [520.0, 200.0];
+/// Room at the left and below for the numbers of the axes, px.
+const MARGIN: [f64; 2] = [46.0, 40.0];
+/// Size of pictures, dots.
+const PICTURE: [u32; 2] = [1100, 800];
+
+const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;max-width:76em;padding:0 1em;color-scheme:light dark}\
+ table{border-collapse:collapse;font-variant-numeric:tabular-nums;margin:.3em 0 .8em}td,th{padding:.1em .9em .1em 0;text-align:right}\
+ td:first-child,th:first-child{text-align:left;min-width:15em}th{font-weight:600;border-bottom:1px solid}\
+ tr.out td{font-weight:700}p.m{margin:.2em 0;opacity:.8;max-width:60em}img{max-width:100%}figure{margin:0 0 1em}\
+ section{break-inside:avoid;margin:0 0 1.6em}.pair{display:flex;flex-wrap:wrap;gap:0 2.5em;align-items:flex-start}\
+ h2{margin:1.6em 0 .4em;border-bottom:2px solid}h3{margin:.8em 0 .1em}\
+ @media print{body{margin:0;max-width:none;font-size:11px}a{color:inherit}}";
 
 /// The page; nothing in it is loaded from elsewhere.
 ///
@@ -27,75 +39,152 @@ pub fn page(comparison: &Comparison, clouds: [&Points; 2]) -> Result<String> {
         let _ = out.write_fmt(text);
     };
     add(format_args!("<title>{} and {}</title>\n", names[0], names[1]));
+    add(format_args!("<style>{STYLE}\n{}</style></head><body>\n", style(Theme::Reader)));
     add(format_args!(
-        "<style>body{{font:15px/1.4 system-ui,sans-serif;margin:2em auto;max-width:75em;padding:0 1em;color-scheme:light dark}}\
-         pre{{overflow-x:auto}}img{{max-width:100%}}figure{{display:inline-block;margin:0 1em 1em 0}}\n{}</style></head><body>\n",
-        style(Theme::Reader)
-    ));
-    add(format_args!(
-        "<h1><span class=\"s0\">{}</span> and <span class=\"s1\">{}</span></h1>\n<pre>{}</pre>\n",
+        "<h1><span class=\"s0\">{}</span> and <span class=\"s1\">{}</span></h1>\n{}",
         names[0],
         names[1],
-        escaped(&table(comparison))
+        summary(comparison)
     ));
-    add(format_args!("{}", chart("Heights above the lowest point, m", &comparison.heights)));
-    add(format_args!("{}", chart("Canopy height per cell, m", &comparison.canopy.heights)));
-    if let Some(intensity) = &comparison.intensity {
-        add(format_args!("{}", chart("Intensity in units of the median", intensity)));
+    let mut group = "";
+    for section in sections(comparison) {
+        let quantity = section.quantity.map(|i| &comparison.quantities[i]);
+        let next = quantity.map_or(group, |quantity| quantity.group);
+        if next != group && quantity.is_some() {
+            add(format_args!("<h2>{next}</h2>\n"));
+            group = next;
+        } else if quantity.is_none() {
+            add(format_args!("<h2>{}</h2>\n", escaped(&section.title)));
+        }
+        add(format_args!("<section>"));
+        if quantity.is_some() {
+            add(format_args!("<h3>{}</h3>", escaped(&section.title)));
+        }
+        add(format_args!(
+            "<p class=\"m\">{}</p>\n<div class=\"pair\">{}",
+            escaped(&section.meaning),
+            rows(&section)
+        ));
+        if let Some(quantity) = quantity {
+            let unit = if quantity.unit.is_empty() { String::new() } else { format!(", {}", quantity.unit) };
+            add(format_args!("{}", chart(&format!("{}{unit}", quantity.name), &quantity.histogram)));
+        }
+        add(format_args!("</div></section>\n"));
     }
+    if !comparison.missing.is_empty() {
+        add(format_args!("<h2>Missing</h2>\n<ul>"));
+        comparison.missing.iter().for_each(|missing| add(format_args!("<li>{}</li>", escaped(missing))));
+        add(format_args!("</ul>\n"));
+    }
+    add(format_args!("<h2>Pictures</h2>\n<p class=\"m\">Both clouds have one scale of heights.</p>\n"));
     let heights = common_heights(&clouds);
     for (points, (name, class)) in clouds.into_iter().zip(names.iter().zip(["s0", "s1"])) {
-        let options =
-            PreviewOptions { width: 1100, height: 800, light: true, heights, ..PreviewOptions::default() };
+        let [width, height] = PICTURE;
+        let options = PreviewOptions { width, height, light: true, heights, ..PreviewOptions::default() };
         let picture = BASE64_STANDARD.encode(draw(points, &options).png()?);
         add(format_args!(
-            "<h2 class=\"{class}\">{name}</h2>\n<img alt=\"{name} from above and from the side\" src=\"data:image/png;base64,{picture}\">\n"
+            "<section><h3 class=\"{class}\">{name}</h3>\n<img alt=\"{name} from above and from the side\" \
+             src=\"data:image/png;base64,{picture}\"></section>\n"
         ));
     }
-    let reach = comparison.change.map.iter().map(|cell| cell[2].abs()).fold(0.1, f64::max);
-    let mut change = Points::default();
-    for cell in &comparison.change.map {
-        change.push(&PointRow { position: DVec3::from(*cell), ..PointRow::default() }, None);
-    }
-    let options = PreviewOptions {
-        width: 1100,
-        height: 800,
-        light: true,
-        heights: Some((-reach, reach)),
-        title: "lowest point per cell, second minus first".to_owned(),
-        ..PreviewOptions::default()
-    };
-    let picture = BASE64_STANDARD.encode(draw(&change, &options).png()?);
+    let picture = BASE64_STANDARD.encode(picture_of(&comparison.change.map, PICTURE).png()?);
     add(format_args!(
-        "<h2>Change</h2>\n<img alt=\"differences of the lowest points of each cell\" src=\"data:image/png;base64,{picture}\">\n"
+        "<section><h3>Second minus first</h3>\n<p class=\"m\">Differences of the ground beyond the level of detection in colour, \
+         others in grey; white where a cloud has no surface.</p>\n\
+         <img alt=\"differences of the ground from above\" src=\"data:image/png;base64,{picture}\"></section>\n"
     ));
     add(format_args!("</body></html>\n"));
     Ok(out)
 }
 
+/// What was compared and how many figures lie beyond chance.
+fn summary(c: &Comparison) -> String {
+    let mut text = format!(
+        "<p>vlscan {} compared {} points of the first cloud with {} of the second one, on {:.0} m² that both share. Differences are \
+         second minus first.",
+        env!("CARGO_PKG_VERSION"),
+        c.first.points,
+        c.second.points,
+        c.area_m2
+    );
+    if let Some(chance) = &c.chance {
+        let figures = || c.quantities.iter().flat_map(|quantity| &quantity.figures);
+        let beyond = figures().filter(|figure| figure.is_within_chance == Some(false)).count();
+        let _ = write!(
+            text,
+            " Chance is {}: one more such difference exceeds it with a probability of 1 in {}. Of {} figures {beyond} lie beyond it, \
+             marked by ● and bold.",
+            escaped(&described(chance)),
+            chance.splits + 1,
+            figures().count()
+        );
+    }
+    text + "</p>\n"
+}
+
+fn rows(section: &Section) -> String {
+    let has_chance = section.rows.iter().any(|row| !row.chance.is_empty());
+    let chance = if has_chance { "<th>chance</th><th></th>" } else { "" };
+    let mut text = format!(
+        "<table><tr><th></th><th class=\"s0\">first</th><th class=\"s1\">second</th><th>difference</th>{chance}</tr>\n"
+    );
+    for row in &section.rows {
+        let (class, mark) = if row.is_within == Some(false) { (" class=\"out\"", "●") } else { ("", "") };
+        let _ = write!(text, "<tr{class}><td>{}</td>", escaped(&row.name));
+        for value in [&row.first, &row.second, &row.difference] {
+            let _ = write!(text, "<td>{}</td>", escaped(value));
+        }
+        if has_chance {
+            let _ = write!(text, "<td>{}</td><td>{mark}</td>", escaped(&row.chance));
+        }
+        text.push_str("</tr>\n");
+    }
+    text + "</table>\n"
+}
+
 /// Both histograms as steps.
 fn chart(title: &str, histogram: &Histogram) -> String {
-    let [width, height] = CHART;
-    let (most, cut) = scale(histogram);
-    let note = if cut { format!("; bars above {:.0} % are cut", 100.0 * most) } else { String::new() };
-    let mut drawing = Drawing::new(width, height + 20.0, 1.2);
-    let x = Axis::new(histogram.from, histogram.to);
-    let plot = Plot { left: 0.0, right: width, top: 0.0, bottom: height, x, y: Axis::new(0.0, most) };
+    let (most, is_cut) = scale(histogram);
+    let [left, below] = MARGIN;
+    let (width, height) = (left + FIELD[0] + 10.0, 10.0 + FIELD[1] + below);
+    let mut drawing = Drawing::new(width, height, 1.0);
+    let (x, y) = (Axis::new(histogram.from, histogram.to), Axis::new(0.0, 100.0 * most));
+    let plot = Plot { left, right: left + FIELD[0], top: 10.0, bottom: 10.0 + FIELD[1], x, y };
+    plot.grid(&mut drawing, x.ticks(6.0), y.ticks(4.0));
     for (n, fractions) in histogram.fractions.iter().enumerate() {
         let step = (x.high - x.low) / fractions.len() as f64;
-        let side = |at: usize, fraction: f64| plot.at(x.low + step * at as f64, fraction.min(most));
-        let path = fractions.iter().enumerate().flat_map(|(i, f)| [side(i, *f), side(i + 1, *f)]).collect();
+        let side = |at: usize, fraction: f64| plot.at(x.low + step * at as f64, 100.0 * fraction.min(most));
+        let path: Vec<[f64; 2]> =
+            fractions.iter().enumerate().flat_map(|(i, f)| [side(i, *f), side(i + 1, *f)]).collect();
         let role = Role::Series(n);
-        drawing.add(Mark::Below { path: Vec::clone(&path), floor: height, opacity: 0.25, role });
-        drawing.add(Mark::Stroke { path, width: 1.5, dashed: false, role });
+        drawing.add(Mark::Below { path: path.clone(), floor: plot.bottom, opacity: 0.22, role });
+        drawing.add(Mark::Stroke { path, width: 1.5, dashed: n == 1, role });
     }
-    let ends = [(x.low, Anchor::Start), (0.5 * (x.low + x.high), Anchor::Middle), (x.high, Anchor::End)];
-    for (value, anchor) in ends {
-        drawing.write([plot.at(value, 0.0)[0], height + 6.0], format!("{value:.1}"), Role::Ink, anchor);
+    drawing.write([plot.right, plot.bottom + 24.0], title, Role::Faint, Anchor::End);
+    let mut notes =
+        vec![format!("percent per class of {}; common area {:.3}", width_of(histogram), histogram.overlap)];
+    let beyond = [0, 1].map(|i: usize| histogram.below[i] + histogram.above[i]);
+    if beyond[0].max(beyond[1]) > 5e-4 {
+        notes.push(format!(
+            "{:.2} and {:.2} % lie beyond these classes",
+            100.0 * beyond[0],
+            100.0 * beyond[1]
+        ));
     }
-    let size = format!("width:{width}px;max-width:100%");
+    if is_cut {
+        notes.push(format!("bars above {:.0} % are cut", 100.0 * most));
+    }
     let svg = drawing.svg(title);
-    format!("<figure style=\"{size}\"><figcaption>{title}{note}</figcaption>{svg}</figure>\n")
+    format!(
+        "<figure style=\"width:{width}px;max-width:100%\">{svg}<figcaption class=\"m\">{}</figcaption></figure>\n",
+        escaped(&notes.join("; "))
+    )
+}
+
+fn width_of(histogram: &Histogram) -> String {
+    let width = (histogram.to - histogram.from) / histogram.fractions[0].len() as f64;
+    // The rounding of a decimal number.
+    format!("{}", (width * 1e9).round() / 1e9)
 }
 
 /// The fraction at the top of a chart, and whether bars are cut there: the ground of a forest has so many points that nothing
@@ -108,5 +197,9 @@ fn scale(histogram: &Histogram) -> (f64, bool) {
     }
     heights.sort_by(|a, b| b.total_cmp(a));
     let [first, second] = [0, 1].map(|i| heights.get(i).copied().unwrap_or_default());
-    if second > 0.0 && first > MAX_RATIO * second { (1.5 * second, true) } else { (first.max(1e-9), false) }
+    if heights.len() > 8 && second > 0.0 && first > MAX_RATIO * second {
+        (1.5 * second, true)
+    } else {
+        (1.05 * first.max(1e-9), false)
+    }
 }

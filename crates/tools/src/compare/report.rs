@@ -1,6 +1,8 @@
-//! A comparison as a table of text.
+//! A comparison as a table of text and as JSON.
 
-use super::measures::{Cloud, Comparison, PERCENTILES};
+use super::chance::{BlockKind, Chance};
+use super::change::{Change, Volume};
+use super::comparison::{Agreement, Cloud, Comparison};
 use super::neighbours::Distances;
 use std::fmt::Write as _;
 use vlscan_base::error::{Error, Result};
@@ -15,109 +17,267 @@ pub fn json(comparison: &Comparison) -> Result<String> {
     text.map_err(|e| Error::Internal(format!("a comparison: {e}")))
 }
 
-/// The comparison in lines: what, first cloud, second cloud, difference.
+/// A row of the table.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Row {
+    pub name: String,
+    pub first: String,
+    pub second: String,
+    pub difference: String,
+    pub chance: String,
+    /// Whether the difference is within what chance gives, if that is told.
+    pub is_within: Option<bool>,
+}
+
+/// Rows about one subject.
+pub(super) struct Section {
+    pub title: String,
+    pub meaning: String,
+    pub rows: Vec<Row>,
+    /// The quantity with its distribution, if it is one: its index in the comparison.
+    pub quantity: Option<usize>,
+}
+
+/// All sections of a comparison.
+pub(super) fn sections(c: &Comparison) -> Vec<Section> {
+    let quantities = c.quantities.iter().enumerate().map(|(index, quantity)| {
+        let mut rows: Vec<Row> = quantity
+            .figures
+            .iter()
+            .filter(|figure| figure.unit != "%" || figure.first.max(figure.second) > 0.0)
+            .map(|figure| {
+                let unit = if figure.unit.is_empty() { String::new() } else { format!(", {}", figure.unit) };
+                Row {
+                    name: format!("{}{unit}", figure.name),
+                    first: fixed(figure.first, figure.unit),
+                    second: fixed(figure.second, figure.unit),
+                    difference: signed(figure.difference, figure.unit),
+                    chance: figure.chance.map_or(String::new(), |chance| fixed(chance, figure.unit)),
+                    is_within: figure.is_within_chance,
+                }
+            })
+            .collect();
+        rows.push(Row {
+            name: "largest distance of distributions".to_owned(),
+            first: String::new(),
+            second: String::new(),
+            difference: format!("{:.4}", quantity.distribution.largest),
+            chance: quantity.distribution.chance.map_or(String::new(), |chance| format!("{chance:.4}")),
+            is_within: quantity.distribution.is_within_chance,
+        });
+        let [a, b] = quantity.counts.map(|count| amount(count as f64));
+        let per = quantity.per;
+        Section {
+            title: format!("{} ({a} and {b} {per}s)", quantity.name),
+            meaning: quantity.meaning.clone(),
+            rows,
+            quantity: Some(index),
+        }
+    });
+    [clouds(c)].into_iter().chain(quantities).chain([agreement(c), change(&c.change)]).collect()
+}
+
+/// The comparison in lines: what, first cloud, second cloud, second minus first, chance.
 pub fn table(c: &Comparison) -> String {
     let mut out = String::new();
-    let mut line = |name: &str, a: String, b: String, rest: String| {
-        // Writing to a string does not fail.
-        let _ = writeln!(out, "{}", format!("{name:<26}{a:>16}{b:>16}   {rest}").trim_end());
+    // Writing to a string does not fail.
+    let mut line = |name: &str, row: [&str; 4], mark: &str| {
+        let [a, b, difference, chance] = row;
+        let text = format!("{name:<36}{a:>16}{b:>16}{difference:>16}{chance:>14} {mark}");
+        let _ = writeln!(out, "{}", text.trim_end());
     };
-    let none = String::new;
-    line("", "first".into(), "second".into(), "second against first".into());
-    let counts = [&c.first, &c.second].map(|cloud| amount(cloud.points as f64));
-    line("points", counts[0].clone(), counts[1].clone(), none());
-    let both = |of: &dyn Fn(&Cloud) -> f64, decimals: usize| {
-        let [a, b] = [of(&c.first), of(&c.second)];
-        (format!("{a:.decimals$}"), format!("{b:.decimals$}"), a, b)
-    };
-    let (a, b, x, y) = both(&|cloud| cloud.points_in_box, 0);
-    line("in the box of both", a, b, ratio(x, y));
-    let (a, b, x, y) = both(&|cloud| cloud.density_per_m2, 3);
-    line("density, points/m²", a, b, ratio(x, y));
-    line(
-        &format!("  per cell of {} m", c.cell_m),
-        none(),
-        none(),
-        format!("correlation {} on {:.0} m²", correlation(c.density_correlation), c.area_m2),
-    );
-    for (i, percent) in PERCENTILES.iter().enumerate() {
-        let (a, b, x, y) = both(&|cloud| cloud.height_percentiles_m[i], 2);
-        line(&format!("height, {percent:.0} %, m"), a, b, signed(y - x));
-    }
-    line("height histogram", none(), none(), format!("overlap {:.3}", c.heights.overlap));
-    line(
-        "canopy height, m",
-        none(),
-        none(),
-        format!(
-            "mean {:+.2}, RMS {:.2}, correlation {} in {} cells",
-            c.canopy.mean_difference_m,
-            c.canopy.rms_difference_m,
-            correlation(c.canopy.correlation),
-            c.canopy.cells
-        ),
-    );
-    line(
-        "lowest points per cell, m",
-        none(),
-        none(),
-        format!("mean {}, RMS {:.2} in {} cells", signed(c.change.mean_m), c.change.rms_m, c.change.cells),
-    );
-    line(
-        "  volume between, m³",
-        none(),
-        none(),
-        format!("raised {:.1}, lowered {:.1}", c.change.raised_m3, c.change.lowered_m3),
-    );
-    if let (Some(a), Some(b)) = (c.first.intensity_percentiles, c.second.intensity_percentiles) {
-        let overlap =
-            c.intensity.as_ref().map(|h| format!("overlap of histograms over medians {:.3}", h.overlap));
-        line(
-            "intensity, median",
-            format!("{:.4}", a[3]),
-            format!("{:.4}", b[3]),
-            overlap.unwrap_or_default(),
-        );
-    }
-    if let (Some(a), Some(b)) = (c.first.returns, c.second.returns) {
-        for (i, (a, b)) in a.iter().zip(b).enumerate().filter(|(_, (a, b))| **a > 0.0 || *b > 0.0) {
-            let name =
-                if i == 6 { "returns 7 and later, %".to_owned() } else { format!("returns {}, %", i + 1) };
-            line(&name, format!("{:.2}", 100.0 * a), format!("{:.2}", 100.0 * b), signed(100.0 * (b - a)));
+    line("", ["first", "second", "difference", if c.chance.is_some() { "chance" } else { "" }], "");
+    for (number, section) in sections(c).into_iter().enumerate() {
+        if number > 0 {
+            line(&section.title, [""; 4], "");
+        }
+        for row in &section.rows {
+            let mark = if row.is_within == Some(false) { "*" } else { "" };
+            let name = if number > 0 { format!("  {}", row.name) } else { row.name.clone() };
+            line(&name, [&row.first, &row.second, &row.difference, &row.chance], mark);
         }
     }
-    type Figure = (&'static str, fn(&Distances) -> f64);
-    let distances: [Figure; 4] = [
-        ("distance, mean, m", |d| d.mean_m),
-        ("  median, m", |d| d.median_m),
-        ("  95 %, m", |d| d.percentile_95_m),
-        ("  largest, m", |d| d.max_m),
-    ];
-    for (i, (name, of)) in distances.into_iter().enumerate() {
-        let [a, b] = [&c.first_to_second, &c.second_to_first].map(|d| format!("{:.3}", of(d)));
-        line(name, a, b, if i == 0 { "to the other cloud".into() } else { none() });
+    if let Some(chance) = &c.chance {
+        let _ = writeln!(out, "chance: {}; * is beyond it", described(chance));
     }
-    let v = &c.voxels;
-    line(
-        &format!("voxels of {} m", v.side_m),
-        (v.both + v.only_first).to_string(),
-        (v.both + v.only_second).to_string(),
-        format!("{} in both, agreement {:.3}", v.both, v.agreement),
-    );
+    for missing in &c.missing {
+        let _ = writeln!(out, "missing: {missing}");
+    }
     out
 }
 
-/// A correlation, which values that are all equal do not have.
-fn correlation(value: f64) -> String {
-    if value.is_nan() { "none".to_owned() } else { format!("{value:.3}") }
+/// What the bounds by chance are.
+pub(super) fn described(chance: &Chance) -> String {
+    let Chance { kind, count, splits } = chance;
+    let blocks = match kind {
+        BlockKind::ScanLines => "scan lines".to_owned(),
+        BlockKind::Cells { side_m } => format!("cells of {side_m:.2} m"),
+    };
+    format!(
+        "the largest difference of {splits} random splits of the first cloud's {count} {blocks} into halves"
+    )
+}
+
+fn clouds(c: &Comparison) -> Section {
+    let mut rows = Vec::new();
+    let mut row = |name: &str, of: &dyn Fn(&Cloud) -> String, difference: String| {
+        let [first, second] = [&c.first, &c.second].map(of);
+        rows.push(Row {
+            name: name.to_owned(),
+            first,
+            second,
+            difference,
+            chance: String::new(),
+            is_within: None,
+        });
+    };
+    let ratio = |of: &dyn Fn(&Cloud) -> f64| match of(&c.first) {
+        first if first > 0.0 => format!("× {:.4}", of(&c.second) / first),
+        _ => String::new(),
+    };
+    row("points", &|cloud| amount(cloud.points as f64), String::new());
+    row(
+        "in the box of both",
+        &|cloud| format!("{:.0}", cloud.points_in_box),
+        ratio(&|cloud| cloud.points_in_box),
+    );
+    row(
+        &format!("density on {:.0} m², points/m²", c.area_m2),
+        &|cloud| format!("{:.3}", cloud.density_per_m2),
+        ratio(&|cloud| cloud.density_per_m2),
+    );
+    for (i, name) in ["pulses", "scan lines"].into_iter().enumerate() {
+        let count = |cloud: &Cloud| cloud.pulses_and_lines.map_or(0, |counts| counts[i]);
+        if count(&c.first) + count(&c.second) > 0 {
+            row(name, &|cloud| count(cloud).to_string(), ratio(&|cloud| count(cloud) as f64));
+        }
+    }
+    Section {
+        title: "Clouds".to_owned(),
+        meaning: "the box is the one that both share".to_owned(),
+        rows,
+        quantity: None,
+    }
+}
+
+fn agreement(c: &Comparison) -> Section {
+    let mut rows = Vec::new();
+    let halves = c.agreement_of_halves.as_ref();
+    // Whether a value that is small where clouds agree is at most that of halves.
+    let mut row = |name: String, of: &dyn Fn(&Agreement) -> f64, decimals: usize, is_small: Option<bool>| {
+        let value = of(&c.agreement);
+        let chance = halves.map(of);
+        let shown =
+            |value: f64| if value.is_nan() { "none".to_owned() } else { format!("{value:.decimals$}") };
+        let is_within = chance.zip(is_small).map(|(chance, is_small)| match is_small {
+            true => value.abs() <= chance.abs(),
+            false => value >= chance,
+        });
+        rows.push(Row {
+            name,
+            first: String::new(),
+            second: String::new(),
+            difference: shown(value),
+            chance: chance.map_or(String::new(), shown),
+            is_within,
+        });
+    };
+    row("correlation of densities".to_owned(), &|a| a.density_correlation, 3, None);
+    row("canopy height, mean, m".to_owned(), &|a| a.canopy.mean_difference_m, 3, None);
+    row("canopy height, RMS, m".to_owned(), &|a| a.canopy.rms_difference_m, 3, Some(true));
+    row("canopy height, correlation".to_owned(), &|a| a.canopy.correlation, 3, Some(false));
+    type Figure = (&'static str, fn(&Distances) -> f64);
+    let distances: [Figure; 4] = [
+        ("mean", |d| d.mean_m),
+        ("median", |d| d.median_m),
+        ("95 %", |d| d.percentile_95_m),
+        ("largest", |d| d.max_m),
+    ];
+    for (name, of) in distances {
+        let is_small = (name != "largest").then_some(true);
+        row(format!("distance to second, {name}, m"), &|a| of(&a.first_to_second), 3, is_small);
+        row(format!("distance to first, {name}, m"), &|a| of(&a.second_to_first), 3, is_small);
+    }
+    let side = c.agreement.voxels.side_m;
+    row(format!("voxels of {side} m in both / all"), &|a| a.voxels.agreement, 3, Some(false));
+    Section {
+        title: "both together".to_owned(),
+        meaning: format!(
+            "cells of {} m: numbers of points and highest points; distances to the nearest point of the other cloud; voxels that \
+             both occupy, of all. Chance is the same of two halves of the first cloud, which have half its points",
+            c.cell_m
+        ),
+        rows,
+        quantity: None,
+    }
+}
+
+fn change(change: &Change) -> Section {
+    let row = |name: &str, difference: String| Row {
+        name: name.to_owned(),
+        first: String::new(),
+        second: String::new(),
+        difference,
+        chance: String::new(),
+        is_within: None,
+    };
+    let volume = |v: &Volume| format!("{:.1} ± {:.1}", v.volume_m3, v.uncertainty_m3);
+    Section {
+        title: format!("change of the ground ({} cells)", change.cells),
+        meaning: format!(
+            "second minus first, planes through {} at the centres of cells that both have; cut and fill beyond the level of \
+             detection at 95 %, with standard uncertainties",
+            change.surface
+        ),
+        rows: vec![
+            row("mean, m", format!("{:+.4}", change.mean_m)),
+            row("median, m", format!("{:+.4}", change.median_m)),
+            row("robust spread, m", format!("{:.4}", change.spread_m)),
+            row("level of detection, m", format!("{:.4}", change.detection_m)),
+            row("offset where nothing changed, m", format!("{:+.4}", change.offset_m)),
+            row("fill, m³", volume(&change.fill)),
+            row("  on m²", format!("{:.0}", change.fill.area_m2)),
+            row("cut, m³", volume(&change.cut)),
+            row("  on m²", format!("{:.0}", change.cut.area_m2)),
+            row("net volume of all cells, m³", format!("{:+.1}", change.net_m3)),
+            row(
+                "cells with one surface alone",
+                format!("{} and {}", change.cells_of_one[0], change.cells_of_one[1]),
+            ),
+        ],
+        quantity: None,
+    }
+}
+
+/// Decimals of a number of a unit: a millimetre, a tenth of one of residuals.
+fn decimals(unit: &str) -> usize {
+    match unit {
+        "mm" => 2,
+        "m" | "1/m²" => 3,
+        "%" | "1/s" => 3,
+        _ => 4,
+    }
+}
+
+fn fixed(value: f64, unit: &str) -> String {
+    format!("{value:.*}", decimals(unit))
 }
 
 /// A difference with its sign, without that of a zero.
-fn signed(value: f64) -> String {
-    let text = format!("{value:+.2}");
-    if text.trim_start_matches(['+', '-']) == "0.00" { "0.00".to_owned() } else { text }
+fn signed(value: f64, unit: &str) -> String {
+    let text = format!("{value:+.*}", decimals(unit));
+    let is_zero = text.chars().all(|c| matches!(c, '+' | '-' | '0' | '.'));
+    if is_zero { text[1..].to_owned() } else { text }
 }
 
-fn ratio(a: f64, b: f64) -> String {
-    if a > 0.0 { format!("× {:.3}", b / a) } else { String::new() }
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn differences_of_a_millimetre_are_seen_and_zeros_have_no_sign() {
+        assert_eq!(signed(0.0012, "m"), "+0.001");
+        assert_eq!(signed(-0.0001, "m"), "0.000");
+        assert_eq!(signed(-8.9, "mm"), "-8.90");
+    }
 }

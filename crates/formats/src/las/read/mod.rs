@@ -182,7 +182,8 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
         Attribute::Time => reader.header.has_time(),
         _ => true,
     }));
-    if let Some(wkt) = &units.crs {
+    // Positions that are converted to metres are not in the file's system any more.
+    if let Some(wkt) = units.crs.as_ref().filter(|_| units.metres.is_none()) {
         reading.sink.crs(wkt);
     }
     let (header, metres) = (reader.header.clone(), units.metres.unwrap_or(DVec3::ONE));

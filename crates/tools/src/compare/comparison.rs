@@ -1,0 +1,276 @@
+//! Compares two clouds.
+
+use super::chance::{BlockKind, Chance, Halves, MIN_BLOCKS, SPLITS};
+use super::change::{Change, change};
+use super::cut::{Cut, Grid};
+use super::neighbours::{Distances, distances};
+use super::options::CompareOptions;
+use super::pulses::Pulses;
+use super::quantity::Quantity;
+use super::setting::{Findings, Setting};
+use super::surfaces::{Canopy, Voxels, canopy, correlation, voxels};
+use super::terrain::{Planes, Terrain};
+use crate::cloud::Points;
+use serde::Serialize;
+use vlscan_base::Observer;
+use vlscan_base::crs::{differ, short_name};
+use vlscan_base::diag::{Diagnostics, Notice};
+use vlscan_base::error::{Error, Result};
+use vlscan_geom::DVec3;
+
+/// Side of the squares whose lowest point counts as ground without a terrain, m.
+const GROUND_CELL: f64 = 5.0;
+/// Number of cells of the common box that are blocks of neighbouring points where there are no scan lines, about.
+const BLOCK_CELLS: f64 = 400.0;
+
+/// One cloud.
+#[derive(Clone, Debug, Serialize)]
+pub struct Cloud {
+    /// Name of its file.
+    pub name: String,
+    /// Points of the file.
+    pub points: usize,
+    /// Lower corner of its box, world coordinates, m.
+    pub min: [f64; 3],
+    /// Upper corner of its box, world coordinates, m.
+    pub max: [f64; 3],
+    /// Points within the box that both clouds share. If the file has more points than are kept in memory, its own number is
+    /// estimated from them.
+    pub points_in_box: f64,
+    /// Points per m² of the cells that hold points of either cloud.
+    pub density_per_m2: f64,
+    /// Pulses and scan lines with points in the box; `None` if they cannot be told.
+    pub pulses_and_lines: Option<[usize; 2]>,
+}
+
+/// What voxels, neighbours and cells have in common in a pair of clouds.
+#[derive(Clone, Debug, Serialize)]
+pub struct Agreement {
+    /// Correlation of the numbers of points per cell.
+    pub density_correlation: f64,
+    /// The highest points of the cells.
+    pub canopy: Canopy,
+    /// From points of the first cloud to the nearest of the second.
+    pub first_to_second: Distances,
+    /// From points of the second cloud to the nearest of the first.
+    pub second_to_first: Distances,
+    /// Occupied voxels.
+    pub voxels: Voxels,
+}
+
+/// The result.
+#[derive(Clone, Debug, Serialize)]
+pub struct Comparison {
+    /// The first cloud.
+    pub first: Cloud,
+    /// The second cloud.
+    pub second: Cloud,
+    /// Side of the cells, m.
+    pub cell_m: f64,
+    /// Area of the cells of the common box that hold points of either cloud, m².
+    pub area_m2: f64,
+    /// What the bounds by chance rest on, if they are told.
+    pub chance: Option<Chance>,
+    /// Quantities of points, pulses, scan lines and cells.
+    pub quantities: Vec<Quantity>,
+    /// Quantities that are missing, with the reason.
+    pub missing: Vec<String>,
+    /// What both clouds have in common.
+    #[serde(flatten)]
+    pub agreement: Agreement,
+    /// The same of two halves of the first cloud, if what chance gives is told.
+    pub agreement_of_halves: Option<Agreement>,
+    /// What changed from the first to the second cloud.
+    pub change: Change,
+    /// System of the coordinates as WKT, if the files name one.
+    #[serde(skip)]
+    pub crs: Option<String>,
+}
+
+impl Comparison {
+    /// The quantity of a name.
+    pub fn quantity(&self, name: &str) -> Option<&Quantity> {
+        self.quantities.iter().find(|quantity| quantity.name == name)
+    }
+}
+
+/// Compares `second` with `first` within the box that both share horizontally. Clouds are named for messages and pages.
+///
+/// # Errors
+/// [`Error::Input`] for clouds that do not overlap, cells that are too small, a terrain that cannot be read; warnings if they are
+/// errors.
+pub fn compare(
+    [first, second]: [(&str, &Points); 2],
+    options: &CompareOptions,
+    observer: &Observer,
+) -> Result<Comparison> {
+    options.check().map_err(Error::input)?;
+    if let (Some(a), Some(b)) = (first.1.crs(), second.1.crs())
+        && differ(a, b)
+    {
+        let mut found = Diagnostics::default();
+        found.warn(
+            None,
+            format!("the clouds are in different systems: {} and {}", short_name(a), short_name(b)),
+        );
+        observer.warnings(found)?;
+    }
+    let (low, high) = common_box(first.1, second.1).map_err(Error::input)?;
+    let grid = Grid::new(low, high, options.cell).map_err(Error::input)?;
+    let wide_grid = Grid::new(low, high, GROUND_CELL.max(options.cell)).map_err(Error::input)?;
+    let [a, b] = [first.1, second.1].map(|points| Cut::of(points, low, high));
+    let cuts = [&a, &b];
+    if cuts.iter().any(|cut| cut.len() == 0) {
+        return Err(Error::input("one of the clouds has no point in the box that both share"));
+    }
+    let tell = |what: &str| observer.notify(Notice::Detail(format!("compare: {what}")));
+    tell("pulses");
+    let pulses = cuts.map(Pulses::of);
+    let own_lines: Option<Vec<u32>> = match &pulses[0] {
+        Ok(found) if found.has_lines => {
+            Some(found.pulse_of.iter().map(|pulse| found.line_of[*pulse as usize]).collect())
+        }
+        _ => None,
+    };
+    let terrain = match &options.terrain {
+        Some(path) => Some(Terrain::load(path, low, observer)?),
+        None => Planes::of(&a, own_lines.as_deref()).map(Terrain::Planes),
+    };
+    let (kind, count, blocks) = blocks_of(&a, own_lines, low, high).map_err(Error::input)?;
+    let extremes = wide_grid.extremes(cuts.iter().flat_map(|cut| &cut.offsets));
+    let lowest: Vec<f64> = extremes.into_iter().map(|[low, _]| low).collect();
+    let setting = Setting {
+        cuts,
+        pulses,
+        blocks,
+        halves: (options.chance && count >= MIN_BLOCKS).then(|| Halves::new(count)),
+        grid,
+        wide_grid,
+        lowest,
+        terrain,
+        most: options.most_distances,
+    };
+    let Findings { quantities, mut missing } = findings(&setting, &tell);
+    if options.chance && setting.halves.is_none() {
+        missing.push(format!("chance: the first cloud has {count} blocks, expected at least {MIN_BLOCKS}"));
+    }
+    tell("distances, canopy, voxels");
+    let occupied = occupied_cells(&setting.grid, cuts);
+    let area = occupied as f64 * options.cell * options.cell;
+    let describe = |i: usize, (name, points): (&str, &Points)| {
+        let count = cuts[i].len() as f64 * cuts[i].weight;
+        let of_pulses =
+            |found: &Pulses| [found.pulses.len(), if found.has_lines { found.lines.len() } else { 0 }];
+        Cloud {
+            name: name.to_owned(),
+            points: points.total(),
+            min: points.bounds().min.to_array(),
+            max: points.bounds().max.to_array(),
+            points_in_box: count,
+            density_per_m2: count / area,
+            pulses_and_lines: setting.pulses[i].as_ref().ok().map(of_pulses),
+        }
+    };
+    let agreement = agreement(&setting, cuts, options);
+    let agreement_of_halves = setting.halves.as_ref().map(|halves| {
+        let half = |half: usize| {
+            let is_part = |i: &usize| halves.half(0, setting.blocks[*i]) == half;
+            let chosen: Vec<usize> = (0..a.len()).filter(is_part).collect();
+            Cut {
+                points: a.points,
+                index: chosen.iter().map(|i| a.index[*i]).collect(),
+                offsets: chosen.iter().map(|i| a.offsets[*i]).collect(),
+                weight: a.weight,
+            }
+        };
+        let halves = [half(0), half(1)];
+        self::agreement(&setting, [&halves[0], &halves[1]], options)
+    });
+    tell("change");
+    let crs = first.1.crs().or(second.1.crs()).map(str::to_owned);
+    Ok(Comparison {
+        first: describe(0, first),
+        second: describe(1, second),
+        cell_m: options.cell,
+        area_m2: area,
+        chance: setting.halves.is_some().then_some(Chance { kind, count, splits: SPLITS }),
+        quantities,
+        missing,
+        agreement,
+        agreement_of_halves,
+        change: change(&setting.grid, cuts, [low.x, low.y]),
+        crs,
+    })
+}
+
+/// All quantities; `tell` is told what is measured.
+fn findings(setting: &Setting, tell: &dyn Fn(&str)) -> Findings {
+    let mut found = Findings::default();
+    type Part = (&'static str, fn(&Setting, &mut Findings));
+    let parts: [Part; 8] = [
+        ("density", |setting, found| setting.density(found)),
+        ("heights", |setting, found| setting.heights(found)),
+        ("returns", |setting, found| setting.returns(found)),
+        ("classes", |setting, found| setting.classes(found)),
+        ("intensities", |setting, found| setting.intensity(found)),
+        ("pulses", |setting, found| setting.pulses(found)),
+        ("scan lines", |setting, found| setting.lines(found)),
+        ("residuals", |setting, found| setting.residuals(found)),
+    ];
+    for (name, measure) in parts {
+        tell(name);
+        measure(setting, &mut found);
+    }
+    found
+}
+
+/// The corners of the box that both clouds share horizontally, and that holds the heights of both.
+pub(super) fn common_box(first: &Points, second: &Points) -> Result<(DVec3, DVec3), String> {
+    let (a, b) = (first.bounds(), second.bounds());
+    let low = DVec3::new(a.min.x.max(b.min.x), a.min.y.max(b.min.y), a.min.z.min(b.min.z));
+    let high = DVec3::new(a.max.x.min(b.max.x), a.max.y.min(b.max.y), a.max.z.max(b.max.z));
+    if low.x > high.x || low.y > high.y {
+        let gap = (low - high).max_element();
+        return Err(format!(
+            "the clouds do not overlap: {gap:.1} m lie between their boxes ({:.1} {:.1} and {:.1} {:.1} are their lower corners)",
+            a.min.x, a.min.y, b.min.x, b.min.y
+        ));
+    }
+    Ok((low, high))
+}
+
+/// The blocks of neighbouring points: scan lines, or square cells.
+fn blocks_of(
+    cut: &Cut,
+    lines: Option<Vec<u32>>,
+    low: DVec3,
+    high: DVec3,
+) -> Result<(BlockKind, u32, Vec<u32>), String> {
+    if let Some(lines) = lines {
+        let count = lines.iter().max().map_or(0, |line| line + 1);
+        return Ok((BlockKind::ScanLines, count, lines));
+    }
+    let extent = high - low;
+    let side = (extent.x * extent.y / BLOCK_CELLS).sqrt().clamp(1e-3, GROUND_CELL);
+    let grid = Grid::new(low, high, side)?;
+    let cells = cut.offsets.iter().map(|offset| grid.cell(offset) as u32).collect();
+    Ok((BlockKind::Cells { side_m: side }, grid.len() as u32, cells))
+}
+
+fn occupied_cells(grid: &Grid, cuts: [&Cut; 2]) -> usize {
+    let counts = cuts.map(|cut| grid.counts(cut.offsets.iter()));
+    counts[0].iter().zip(&counts[1]).filter(|(a, b)| **a + **b > 0.0).count()
+}
+
+fn agreement(setting: &Setting, cuts: [&Cut; 2], options: &CompareOptions) -> Agreement {
+    let offsets = cuts.map(|cut| cut.offsets.as_slice());
+    let counts = cuts.map(|cut| setting.grid.counts(cut.offsets.iter()));
+    let pairs = counts[0].iter().zip(&counts[1]).filter(|(a, b)| **a + **b > 0.0);
+    Agreement {
+        density_correlation: correlation(pairs.map(|(a, b)| (*a, *b))),
+        canopy: canopy(&setting.grid, &setting.wide_grid, &setting.lowest, cuts),
+        first_to_second: distances(offsets[0], offsets[1], options.most_distances),
+        second_to_first: distances(offsets[1], offsets[0], options.most_distances),
+        voxels: voxels(offsets, options.voxel),
+    }
+}

@@ -1,0 +1,118 @@
+//! The points of a cloud within the box that both clouds share, and cells over that box.
+
+use crate::cloud::Points;
+use vlscan_formats::Attribute;
+use vlscan_geom::DVec3;
+
+/// Most cells of a raster.
+const MAX_CELLS: f64 = 1e8;
+
+/// The points of a cloud within the common box, in the order of the file.
+pub(super) struct Cut<'a> {
+    pub points: &'a Points,
+    /// Their indices in `points`.
+    pub index: Vec<u32>,
+    /// Their positions relative to the lower corner of the box, m.
+    pub offsets: Vec<[f64; 3]>,
+    /// Points of the file per point kept.
+    pub weight: f64,
+}
+
+impl Cut<'_> {
+    /// The points of `points` in the box, without pulses that met nothing.
+    pub fn of(points: &Points, low: DVec3, high: DVec3) -> Cut<'_> {
+        let has_returns = points.has(Attribute::ReturnNumber)
+            && points.has(Attribute::NumberOfReturns)
+            && (0..points.len()).any(|i| points.number_of_returns_of(i) != Some(0));
+        let is_miss = |i: usize| {
+            has_returns && points.return_number_of(i) == Some(0) && points.number_of_returns_of(i) == Some(0)
+        };
+        let is_inside = |i: &usize| {
+            let p = points.position(*i);
+            p.x >= low.x && p.y >= low.y && p.x <= high.x && p.y <= high.y && !is_miss(*i)
+        };
+        let index: Vec<u32> = (0..points.len()).filter(is_inside).map(|i| i as u32).collect();
+        let offsets = index.iter().map(|i| (points.position(*i as usize) - low).to_array()).collect();
+        Cut { points, index, offsets, weight: points.total() as f64 / points.len().max(1) as f64 }
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.index.len()
+    }
+
+    /// A value of each point, in their order.
+    pub fn map<'s, T>(&'s self, of: impl Fn(&Points, usize) -> T + 's) -> impl Iterator<Item = T> + 's {
+        self.index.iter().map(move |i| of(self.points, *i as usize))
+    }
+
+    /// The numbers of return and returns of a point; `None` without both.
+    pub fn returns(&self, i: usize) -> Option<(u8, u8)> {
+        let i = self.index[i] as usize;
+        let numbers = (self.points.return_number_of(i)?, self.points.number_of_returns_of(i)?);
+        Some(numbers).filter(|numbers| numbers.0 > 0 && numbers.1 > 0)
+    }
+
+    /// Class of a point; `None` if the points have none.
+    pub fn class(&self, i: usize) -> Option<u8> {
+        self.points.class_of(self.index[i] as usize)
+    }
+}
+
+/// Square cells over the common box.
+#[derive(Clone, Debug)]
+pub(super) struct Grid {
+    pub side: f64,
+    pub columns: usize,
+    pub rows: usize,
+}
+
+impl Grid {
+    /// Cells of a side over a box.
+    ///
+    /// # Errors
+    /// A sentence: too many cells.
+    pub fn new(low: DVec3, high: DVec3, side: f64) -> Result<Grid, String> {
+        let count = |extent: f64| (extent / side).floor() + 1.0;
+        let (columns, rows) = (count(high.x - low.x), count(high.y - low.y));
+        if columns * rows > MAX_CELLS {
+            return Err(format!(
+                "{columns:.0} by {rows:.0} cells of {side} m, expected at most {MAX_CELLS}; --cell"
+            ));
+        }
+        Ok(Grid { side, columns: columns as usize, rows: rows as usize })
+    }
+
+    /// Number of cells.
+    pub fn len(&self) -> usize {
+        self.columns * self.rows
+    }
+
+    /// The cell of a position.
+    pub fn cell(&self, offset: &[f64; 3]) -> usize {
+        let index = |v: f64, count: usize| ((v / self.side) as usize).min(count - 1);
+        index(offset[1], self.rows) * self.columns + index(offset[0], self.columns)
+    }
+
+    /// The centre of a cell, relative to the corner of the box, m.
+    pub fn centre(&self, cell: usize) -> [f64; 2] {
+        [cell % self.columns, cell / self.columns].map(|i| (i as f64 + 0.5) * self.side)
+    }
+
+    /// The lowest and the highest of some points in each cell; infinite in cells without.
+    pub fn extremes<'p>(&self, offsets: impl Iterator<Item = &'p [f64; 3]>) -> Vec<[f64; 2]> {
+        let mut extremes = vec![[f64::INFINITY, f64::NEG_INFINITY]; self.len()];
+        for offset in offsets {
+            let [low, high] = &mut extremes[self.cell(offset)];
+            (*low, *high) = (low.min(offset[2]), high.max(offset[2]));
+        }
+        extremes
+    }
+
+    /// The number of some points in each cell.
+    pub fn counts<'p>(&self, offsets: impl Iterator<Item = &'p [f64; 3]>) -> Vec<f64> {
+        let mut counts = vec![0.0; self.len()];
+        offsets.for_each(|offset| counts[self.cell(offset)] += 1.0);
+        counts
+    }
+}

@@ -1,0 +1,44 @@
+//! How clouds are compared.
+
+use crate::args;
+use std::path::PathBuf;
+use vlscan_base::quantity::POSITIVE;
+
+/// How clouds are compared.
+#[derive(Clone, Debug, PartialEq, clap::Args)]
+pub struct CompareOptions {
+    /// Side of the cells of density, canopy height and change, m.
+    #[arg(long, value_name = "M", default_value = "1", value_parser = args::positive)]
+    pub cell: f64,
+    /// Side of the voxels whose occupancy is compared, m.
+    #[arg(long, value_name = "M", default_value = "0.5", value_parser = args::positive)]
+    pub voxel: f64,
+    /// Most points of each cloud whose distance to the other and height above the terrain are measured, evenly chosen.
+    #[arg(long, value_name = "N", default_value = "200k", value_parser = args::number_of_points)]
+    pub most_distances: usize,
+    /// Tell what chance alone gives: each figure with the largest difference between random halves of the first cloud's scan lines,
+    /// or of cells where it has none.
+    #[arg(long)]
+    pub chance: bool,
+    /// Terrain that heights and residuals refer to: a raster (.tif) or a mesh (.obj, .ply, .stl). [default: the ground points of
+    /// the first cloud (class 2)]
+    #[arg(long, value_name = "FILE")]
+    pub terrain: Option<PathBuf>,
+}
+
+impl Default for CompareOptions {
+    fn default() -> CompareOptions {
+        CompareOptions { cell: 1.0, voxel: 0.5, most_distances: 200_000, chance: false, terrain: None }
+    }
+}
+
+impl CompareOptions {
+    /// Checks the bounds of values that programs may break.
+    pub(super) fn check(&self) -> Result<(), String> {
+        args::check([("cell", Some(self.cell), POSITIVE), ("voxel", Some(self.voxel), POSITIVE)])?;
+        match self.most_distances {
+            0 => Err("--most-distances 0: expected at least 1".to_owned()),
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,455 @@
+//! Pulses and scan lines of a recording: points of one time and source are one pulse; lines end where times have a gap or the scan
+//! angle turns.
+
+use super::cut::Cut;
+use std::ops::Range;
+
+/// Least number of pulses of a line whose figures count.
+const MIN_LINE_PULSES: usize = 5;
+/// Least number of lines that recognise a pattern.
+const MIN_LINES: usize = 10;
+/// Largest ratio of the time between two lines to the usual one; a longer one lies between strips.
+const MAX_LINE_GAP: f64 = 3.0;
+/// Largest fraction of pulses that may have a return number twice.
+const MAX_AMBIGUOUS: f64 = 0.01;
+
+/// A pulse with echoes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pulse {
+    /// Leg (point source) and channel.
+    pub source: (u16, u8),
+    /// Time, s.
+    pub time: f64,
+    /// Its first echo: number of the point in the cut.
+    pub first: u32,
+    /// Number of returns, by the file or, where it does not say, of those that are in it.
+    pub returns: u8,
+    /// Scan angle, degrees; 0 if unknown.
+    pub angle: f64,
+}
+
+/// The pulses of a cloud by source and time, and its scan lines.
+pub(super) struct Pulses {
+    pub pulses: Vec<Pulse>,
+    /// The line of each pulse.
+    pub line_of: Vec<u32>,
+    /// Pulses of each line.
+    pub lines: Vec<Range<usize>>,
+    /// The pulse of each point of the cut.
+    pub pulse_of: Vec<u32>,
+    /// Whether the lines are those of a scanner; otherwise there is one for each source.
+    pub has_lines: bool,
+    pub has_angles: bool,
+}
+
+impl Pulses {
+    /// The pulses of the points of a cut.
+    ///
+    /// # Errors
+    /// Why there are none: no times, too coarse ones.
+    pub fn of(cut: &Cut) -> Result<Pulses, String> {
+        if cut.points.is_thinned() {
+            return Err("it has more points than are kept in memory; cut it into parts".to_owned());
+        }
+        let times: Option<Vec<f64>> = cut.map(|points, i| points.time_of(i)).collect();
+        let times = times.ok_or("it has no GPS times")?;
+        if times.iter().all(|time| *time == times[0]) {
+            return Err("all its GPS times are equal".to_owned());
+        }
+        let sources: Vec<(u16, u8)> = cut.map(|points, i| points.source_of(i)).collect();
+        let mut order: Vec<u32> = (0..cut.len() as u32).collect();
+        order.sort_by(|a, b| {
+            let key = |i: &u32| (sources[*i as usize], times[*i as usize]);
+            let ((source_a, time_a), (source_b, time_b)) = (key(a), key(b));
+            source_a.cmp(&source_b).then(time_a.total_cmp(&time_b))
+        });
+        let (mut pulses, mut pulse_of) = (Vec::new(), vec![0; cut.len()]);
+        let mut ambiguous = 0;
+        let key = |i: u32| (sources[i as usize], times[i as usize]);
+        for points in order.chunk_by(|a, b| key(*a) == key(*b)) {
+            points.iter().for_each(|i| pulse_of[*i as usize] = pulses.len() as u32);
+            let mut seen = 0_u16;
+            let (mut first, mut least, mut stated) = (points[0], u8::MAX, 0);
+            for i in points {
+                let Some((number, count)) = cut.returns(*i as usize) else { continue };
+                let bit = 1 << number.min(15);
+                ambiguous += usize::from(seen & bit != 0);
+                seen |= bit;
+                stated = stated.max(count);
+                if number < least {
+                    (first, least) = (*i, number);
+                }
+            }
+            let index = cut.index[first as usize] as usize;
+            pulses.push(Pulse {
+                source: sources[first as usize],
+                time: times[first as usize],
+                first,
+                returns: if stated > 0 { stated } else { points.len().min(255) as u8 },
+                angle: cut.points.scan_angle_of(index).map_or(0.0, f64::from),
+            });
+        }
+        if ambiguous as f64 > MAX_AMBIGUOUS * pulses.len() as f64 {
+            return Err(format!(
+                "{ambiguous} of its points have the source, time and return number of another one: its times are too coarse to tell pulses"
+            ));
+        }
+        let has_angles = pulses.iter().any(|pulse| pulse.angle != pulses[0].angle);
+        let mut found =
+            Pulses { pulses, line_of: Vec::new(), lines: Vec::new(), pulse_of, has_lines: false, has_angles };
+        found.find_lines();
+        Ok(found)
+    }
+
+    fn find_lines(&mut self) {
+        let mut start = 0;
+        let mut sources = 0;
+        for pulses in self.pulses.chunk_by(|a, b| a.source == b.source) {
+            for line in lines_of(pulses, self.has_angles) {
+                self.lines.push(start + line.start..start + line.end);
+            }
+            start += pulses.len();
+            sources += 1;
+        }
+        let long = self.lines.iter().filter(|line| line.len() >= MIN_LINE_PULSES).count();
+        self.has_lines = long >= MIN_LINES && long > sources;
+        for (number, line) in self.lines.iter().enumerate() {
+            self.line_of.extend(std::iter::repeat_n(number as u32, line.len()));
+        }
+    }
+
+    /// Times between successive pulses of a line, s, with the line.
+    pub fn intervals(&self) -> impl Iterator<Item = (f64, u32)> + '_ {
+        self.neighbours().map(|(i, line)| (self.pulses[i + 1].time - self.pulses[i].time, line))
+    }
+
+    /// Horizontal distances between the first echoes of successive pulses of a line, m, with the line.
+    pub fn spacings<'s>(&'s self, cut: &'s Cut) -> impl Iterator<Item = (f64, u32)> + 's {
+        let place = |i: usize| self.place(cut, i);
+        self.neighbours().map(move |(i, line)| (distance(place(i), place(i + 1)), line))
+    }
+
+    /// Pulses that are followed by another one of their line, with the line.
+    fn neighbours(&self) -> impl Iterator<Item = (usize, u32)> + '_ {
+        let lines = self.lines.iter().zip(0..);
+        lines.flat_map(|(line, number)| (line.start..line.end.saturating_sub(1)).map(move |i| (i, number)))
+    }
+
+    fn place(&self, cut: &Cut, pulse: usize) -> [f64; 2] {
+        let [x, y, _] = cut.offsets[self.pulses[pulse].first as usize];
+        [x, y]
+    }
+
+    /// Numbers of the lines that count, without short ones.
+    fn long_lines(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.lines.len()).filter(|i| self.lines[*i].len() >= MIN_LINE_PULSES)
+    }
+
+    /// Numbers of pulses of the lines.
+    pub fn line_lengths(&self) -> impl Iterator<Item = (f64, u32)> + '_ {
+        self.long_lines().map(|i| (self.lines[i].len() as f64, i as u32))
+    }
+
+    /// The middle of the time of a line, s.
+    fn middle(&self, line: usize) -> f64 {
+        let Range { start, end } = self.lines[line];
+        0.5 * (self.pulses[start].time + self.pulses[end - 1].time)
+    }
+
+    /// Times from one line to the next of its source, s, with the first of them; the next one follows within [`MAX_LINE_GAP`] times
+    /// the usual time, in other cases strips end.
+    pub fn line_intervals(&self) -> Vec<(f64, u32)> {
+        let lines: Vec<usize> = self.long_lines().collect();
+        let source = |line: usize| self.pulses[self.lines[line].start].source;
+        let pairs = lines.windows(2).filter(|pair| source(pair[0]) == source(pair[1]));
+        let all: Vec<(f64, u32)> =
+            pairs.map(|pair| (self.middle(pair[1]) - self.middle(pair[0]), pair[0] as u32)).collect();
+        let mut times: Vec<f64> = all.iter().map(|(time, _)| *time).collect();
+        times.sort_unstable_by(f64::total_cmp);
+        let Some(usual) = times.get(times.len() / 2) else { return Vec::new() };
+        all.into_iter().filter(|(time, _)| *time <= MAX_LINE_GAP * usual).collect()
+    }
+
+    /// Horizontal distances from pulses of a line to the nearest of the next three lines of its source, m, with the line: two arcs
+    /// of one revolution of a conic scanner lie far apart, and the next but one is the neighbour. At most 25 pulses of each line.
+    pub fn line_spacings(&self, cut: &Cut) -> Vec<(f64, u32)> {
+        const NEXT: usize = 3;
+        const MAX_PULSES: usize = 25;
+        let usual: Vec<(f64, u32)> = self.line_intervals();
+        let lines: Vec<usize> = self.long_lines().collect();
+        let mut found = Vec::new();
+        for (i, &line) in lines.iter().enumerate() {
+            let is_followed = usual.binary_search_by_key(&(line as u32), |(_, line)| *line).is_ok();
+            let next: Vec<&Range<usize>> =
+                lines[i + 1..].iter().take(NEXT).map(|j| &self.lines[*j]).collect();
+            if !is_followed || next.len() < NEXT {
+                continue;
+            }
+            let range = self.lines[line].clone();
+            let step = range.len().div_ceil(MAX_PULSES).max(1);
+            for pulse in range.step_by(step) {
+                let place = self.place(cut, pulse);
+                let to = next.iter().filter_map(|line| self.distance_to_line(cut, place, line));
+                if let Some(nearest) = to.min_by(f64::total_cmp) {
+                    found.push((nearest, line as u32));
+                }
+            }
+        }
+        found
+    }
+
+    /// The distance of a place from the polyline of a line's first echoes; `None` where the line does not pass it.
+    fn distance_to_line(&self, cut: &Cut, place: [f64; 2], line: &Range<usize>) -> Option<f64> {
+        let nearest = line.clone().min_by(|a, b| {
+            distance(place, self.place(cut, *a)).total_cmp(&distance(place, self.place(cut, *b)))
+        })?;
+        if nearest == line.start || nearest + 1 == line.end {
+            return None;
+        }
+        let to = |i: usize| distance_to_segment(place, [self.place(cut, i), self.place(cut, i + 1)]);
+        Some(to(nearest - 1).min(to(nearest)))
+    }
+
+    /// Scan angles of `other`'s pulses minus those of these pulses at the same time, degrees, interpolated between neighbours
+    /// of a line that are at most three usual intervals apart; with the line of these pulses. Of pulses that both have, the
+    /// neighbours are taken if `leaves_out` is set.
+    pub fn angle_differences(&self, other: &[Pulse], leaves_out: bool) -> Vec<(f64, u32)> {
+        let mut intervals: Vec<f64> = self.intervals().map(|(time, _)| time).collect();
+        if intervals.is_empty() || !self.has_angles {
+            return Vec::new();
+        }
+        let middle = intervals.len() / 2;
+        let usual = *intervals.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let mut by_time: Vec<usize> = (0..self.pulses.len()).collect();
+        by_time.sort_unstable_by(|a, b| self.pulses[*a].time.total_cmp(&self.pulses[*b].time));
+        let difference = |pulse: &Pulse| {
+            let time_of = |i: &usize| self.pulses[*i].time;
+            let after = match leaves_out {
+                true => by_time.partition_point(|i| time_of(i) <= pulse.time),
+                false => by_time.partition_point(|i| time_of(i) < pulse.time),
+            };
+            if !leaves_out && let Some(i) = by_time.get(after).filter(|i| time_of(i) == pulse.time) {
+                return Some((pulse.angle - self.pulses[*i].angle, self.line_of[*i]));
+            }
+            let before = by_time[..after].iter().rev().find(|i| time_of(i) < pulse.time)?;
+            let (a, b) = (&self.pulses[*before], &self.pulses[*by_time.get(after)?]);
+            let line = self.line_of[*before];
+            let is_near = b.time - a.time <= 3.0 * usual && line == self.line_of[by_time[after]];
+            let share = (pulse.time - a.time) / (b.time - a.time);
+            is_near.then_some((pulse.angle - (a.angle + share * (b.angle - a.angle)), line))
+        };
+        other.iter().filter_map(difference).collect()
+    }
+}
+
+/// The lines of the pulses of one source.
+fn lines_of(pulses: &[Pulse], has_angles: bool) -> Vec<Range<usize>> {
+    let gap = gap_between_lines(pulses);
+    let turn = has_angles.then(|| smallest_turn(pulses)).flatten();
+    let mut lines = Vec::new();
+    let mut start = 0;
+    for end in 1..=pulses.len() {
+        let is_end = end == pulses.len() || pulses[end].time - pulses[end - 1].time > gap;
+        if is_end {
+            match turn {
+                Some(turn) => between_turns(pulses, start..end, turn, &mut lines),
+                None => lines.push(start..end),
+            }
+            start = end;
+        }
+    }
+    lines
+}
+
+/// The shortest time between two lines, s: intervals fall into those of pulses, with a few lost ones, and those of lines. Their
+/// limit is the widest step of the ascending intervals on a logarithmic scale, weighted by the logarithm of the number of
+/// intervals beyond, so that a few pauses between strips are no lines. Infinite without such a step.
+fn gap_between_lines(pulses: &[Pulse]) -> f64 {
+    /// Ratio beyond which a wider step says nothing more.
+    const CLEAR: f64 = 10.0;
+    /// Least ratio of a step.
+    const LEAST: f64 = 2.0;
+    /// Least ratio of the time between lines and the usual interval.
+    const BEYOND: f64 = 10.0;
+    let mut intervals: Vec<f64> = pulses.windows(2).map(|pair| pair[1].time - pair[0].time).collect();
+    intervals.retain(|interval| *interval > 0.0);
+    intervals.sort_unstable_by(f64::total_cmp);
+    let Some(usual) = intervals.get(intervals.len() / 2).copied() else { return f64::INFINITY };
+    let first = intervals.partition_point(|interval| *interval <= BEYOND * usual).max(1);
+    let (mut best, mut gap) = (0.0, f64::INFINITY);
+    for i in first..intervals.len() {
+        let ratio = intervals[i] / intervals[i - 1].max(BEYOND * usual);
+        let weight = libm::log(ratio.min(CLEAR)) * libm::log1p((intervals.len() - i) as f64);
+        if ratio >= LEAST && weight > best {
+            (best, gap) = (weight, libm::sqrt(intervals[i] * intervals[i - 1].max(BEYOND * usual)));
+        }
+    }
+    gap
+}
+
+/// The smallest change of the scan angle against its sense that is a turn: a twentieth of its range, and more than one step of the
+/// file; `None` if the angle does not vary by more than a few steps.
+fn smallest_turn(pulses: &[Pulse]) -> Option<f64> {
+    let mut angles: Vec<f64> = pulses.iter().map(|pulse| pulse.angle).collect();
+    angles.sort_unstable_by(f64::total_cmp);
+    let range = angles[angles.len() - 1] - angles[0];
+    let steps = angles.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 1e-5);
+    let step = steps.min_by(f64::total_cmp)?;
+    (range >= 4.0 * step).then(|| (0.05 * range).max(1.5 * step))
+}
+
+/// Appends the lines of a range of pulses: they end where the scan angle turns, or jumps back by half its range.
+fn between_turns(pulses: &[Pulse], range: Range<usize>, turn: f64, lines: &mut Vec<Range<usize>>) {
+    let jump = 10.0 * turn;
+    let mut start = range.start;
+    // The farthest pulse in the present sense, from which a turn is measured.
+    let mut farthest = start;
+    let mut sense = 0.0;
+    for i in range.start + 1..range.end {
+        let step = pulses[i].angle - pulses[i - 1].angle;
+        if step.abs() >= jump {
+            lines.push(start..i);
+            (start, farthest, sense) = (i, i, 0.0);
+            continue;
+        }
+        let ahead = pulses[i].angle - pulses[farthest].angle;
+        if sense == 0.0 {
+            if (pulses[i].angle - pulses[start].angle).abs() >= turn {
+                (farthest, sense) = (i, (pulses[i].angle - pulses[start].angle).signum());
+            }
+        } else if ahead * sense >= 0.0 {
+            farthest = i;
+        } else if -ahead * sense >= turn {
+            lines.push(start..farthest + 1);
+            (start, farthest, sense) = (farthest + 1, i, -sense);
+        }
+    }
+    lines.push(start..range.end);
+}
+
+fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+    libm::hypot(a[0] - b[0], a[1] - b[1])
+}
+
+fn distance_to_segment(p: [f64; 2], [a, b]: [[f64; 2]; 2]) -> f64 {
+    let along = [b[0] - a[0], b[1] - a[1]];
+    let squared = along[0] * along[0] + along[1] * along[1];
+    let share = match squared > 0.0 {
+        true => (((p[0] - a[0]) * along[0] + (p[1] - a[1]) * along[1]) / squared).clamp(0.0, 1.0),
+        false => 0.0,
+    };
+    distance(p, [a[0] + share * along[0], a[1] + share * along[1]])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::Points;
+    use vlscan_formats::{AttributeSet, PointRow};
+    use vlscan_geom::DVec3;
+
+    /// Lines of 100 pulses of 1 µs, 10 ms apart, 0.5 m along and 2 m across; every fifth pulse has two returns. Angles turn or jump.
+    fn recording(turns: bool, period: f64) -> Points {
+        let mut points = Points::new(AttributeSet::of(|_| true));
+        for (line, pulse) in (0..40).flat_map(|line| (0..100).map(move |pulse| (line, pulse))) {
+            let is_back = turns && line % 2 == 1;
+            let column = f64::from(if is_back { 99 - pulse } else { pulse });
+            let number_of_returns = if pulse % 5 == 0 { 2 } else { 1 };
+            for return_number in 1..=number_of_returns {
+                let position = DVec3::new(0.5 * column, 2.0 * f64::from(line), 0.0);
+                let time = 3e8 + f64::from(line) * period + f64::from(pulse) * 1e-6;
+                let scan_angle = 0.2 * column - 10.0;
+                let row = PointRow {
+                    position,
+                    time,
+                    scan_angle,
+                    return_number,
+                    number_of_returns,
+                    leg: 706,
+                    ..PointRow::default()
+                };
+                points.push(&row, None);
+            }
+        }
+        points
+    }
+
+    fn cut(points: &Points) -> Cut<'_> {
+        Cut::of(points, points.bounds().min, points.bounds().max)
+    }
+
+    #[test]
+    fn pulses_and_lines_are_those_that_were_flown() {
+        // With gaps; without them, where angles turn, and where they jump back.
+        for (turns, period) in [(false, 0.01), (true, 0.01), (true, 1e-4), (false, 1e-4)] {
+            let points = recording(turns, period);
+            let cut = cut(&points);
+            let found = Pulses::of(&cut).unwrap();
+            assert_eq!((found.pulses.len(), found.lines.len()), (4000, 40), "{turns} {period}");
+            assert!(found.has_lines);
+            assert_eq!(found.pulses.iter().filter(|pulse| pulse.returns == 2).count(), 800);
+            // The angle of a turn without a pause is that of the pulses before and after.
+            assert!(found.lines.iter().all(|line| (99..=101).contains(&line.len())), "{turns} {period}");
+            // Times of some 3e8 s have steps of 60 ns.
+            assert!(found.intervals().all(|(time, _)| (time - 1e-6).abs() < 7e-8));
+            assert!(found.line_intervals().iter().all(|(time, _)| (time - period).abs() < 1.1e-6));
+            let along: Vec<f64> = found.spacings(&cut).map(|(d, _)| d).collect();
+            assert!(along.iter().filter(|d| (**d - 0.5).abs() < 1e-9).count() > 39 * 98, "{turns} {period}");
+            let across = found.line_spacings(&cut);
+            assert!(across.len() > 800 && across.iter().all(|(d, _)| (d - 2.0).abs() < 1e-9));
+        }
+    }
+
+    #[test]
+    fn scan_angles_are_compared_at_the_same_time() {
+        let points = recording(false, 0.01);
+        let cut = cut(&points);
+        let found = Pulses::of(&cut).unwrap();
+        assert!(found.angle_differences(&found.pulses, false).iter().all(|(d, _)| *d == 0.0));
+        // Between neighbours the angle is linear, but for the steps of the times.
+        let left_out = found.angle_differences(&found.pulses, true);
+        assert!(
+            left_out.len() == 98 * 40 && left_out.iter().all(|(d, _)| d.abs() < 0.02),
+            "{}",
+            left_out.len()
+        );
+        let shifted: Vec<Pulse> =
+            found.pulses.iter().map(|pulse| Pulse { angle: pulse.angle + 0.03, ..*pulse }).collect();
+        let differences = found.angle_differences(&shifted, false);
+        assert!(differences.iter().all(|(d, _)| (d - 0.03).abs() < 1e-9), "{:?}", differences[0]);
+    }
+
+    #[test]
+    fn lost_pulses_and_pauses_are_no_lines() {
+        let pulse = |time: f64| Pulse { source: (0, 0), time, first: 0, returns: 1, angle: 0.0 };
+        // Lines of 200 pulses of 2 µs every 5 ms, with gaps of up to 50 intervals, and a pause of ten minutes.
+        let mut pulses = Vec::new();
+        for line in 0..100 {
+            for i in (0..200).filter(|i| !(50..50 + line % 50).contains(i)) {
+                let pause = if line < 50 { 0.0 } else { 600.0 };
+                pulses.push(pulse(f64::from(line) * 5e-3 + f64::from(i) * 2e-6 + pause));
+            }
+        }
+        assert_eq!(lines_of(&pulses, false).len(), 100);
+    }
+
+    #[test]
+    fn what_has_no_pulses_says_why() {
+        let mut points = Points::new(AttributeSet::of(|a| vlscan_formats::Attribute::POSITION.contains(&a)));
+        points.push(&PointRow::default(), None);
+        assert!(Pulses::of(&cut(&points)).err().unwrap().contains("no GPS times"));
+        let mut points = Points::new(AttributeSet::of(|_| true));
+        for i in 0..100 {
+            let (return_number, number_of_returns) = (1, 1);
+            let row = PointRow {
+                position: DVec3::X * f64::from(i),
+                time: f64::from(i / 10),
+                return_number,
+                number_of_returns,
+                ..PointRow::default()
+            };
+            points.push(&row, None);
+        }
+        assert!(Pulses::of(&cut(&points)).err().unwrap().contains("too coarse"));
+    }
+}

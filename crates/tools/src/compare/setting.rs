@@ -1,0 +1,128 @@
+//! Both clouds, ready to be measured, and what is found.
+
+use super::chance::Halves;
+use super::cut::{Cut, Grid};
+use super::pulses::Pulses;
+use super::quantity::{Definition, Quantity};
+use super::statistic::Statistic;
+use super::terrain::Terrain;
+
+/// Values of cells by the points in them and their weight.
+pub(super) type CellValues<'v> = dyn Fn(&mut dyn Iterator<Item = &[f64; 3]>, f64) -> Vec<f64> + Sync + 'v;
+
+/// Both clouds, ready to be measured.
+pub(super) struct Setting<'a> {
+    pub cuts: [&'a Cut<'a>; 2],
+    pub pulses: [Result<Pulses, String>; 2],
+    /// The block of each point of the first cloud, and its halves.
+    pub blocks: Vec<u32>,
+    pub halves: Option<Halves>,
+    pub grid: Grid,
+    /// The lowest points of both clouds in wide cells, which heights refer to without a terrain.
+    pub wide_grid: Grid,
+    pub lowest: Vec<f64>,
+    pub terrain: Option<Terrain>,
+    /// Most points of each cloud whose height above the terrain is computed.
+    pub most: usize,
+}
+
+/// The quantities that both clouds have, and why others are missing.
+#[derive(Default)]
+pub(super) struct Findings {
+    pub quantities: Vec<Quantity>,
+    pub missing: Vec<String>,
+}
+
+impl Findings {
+    pub fn add(&mut self, name: &str, quantity: Option<Quantity>) {
+        match quantity {
+            Some(quantity) => self.quantities.push(quantity),
+            None => self.missing.push(format!("{name}: a cloud has no such values")),
+        }
+    }
+
+    pub fn lack(&mut self, what: &str, why: &str) {
+        self.missing.push(format!("{what}: {why}"));
+    }
+}
+
+impl Setting<'_> {
+    pub fn define(
+        &self,
+        group: &'static str,
+        name: &str,
+        (unit, per): (&'static str, &'static str),
+        statistics: &[Statistic],
+        meaning: &str,
+    ) -> Definition {
+        Definition {
+            group,
+            name: name.to_owned(),
+            unit,
+            per,
+            meaning: meaning.to_owned(),
+            is_whole: false,
+            is_error: false,
+            statistics: statistics.to_vec(),
+        }
+    }
+
+    /// Values of the points of the first cloud with their blocks.
+    pub fn with_blocks(&self, values: impl Iterator<Item = f64>) -> Vec<(f64, u32)> {
+        values.zip(self.blocks.iter().copied()).filter(|(value, _)| !value.is_nan()).collect()
+    }
+
+    /// The quantity of a value of each point; NaN where a point has none.
+    pub fn of_points(&self, definition: Definition, values: [Vec<f64>; 2]) -> Option<Quantity> {
+        let [first, second] = values;
+        let second = second.into_iter().filter(|value| !value.is_nan()).collect();
+        definition.measure(self.with_blocks(first.into_iter()), second, self.halves.as_ref())
+    }
+
+    /// The quantity of a value of each cell, by the points in the cells.
+    pub fn of_cells(&self, definition: Definition, values: &CellValues) -> Option<Quantity> {
+        let [first, second] = self.cuts.map(|cut| values(&mut cut.offsets.iter(), cut.weight));
+        let of_split = self.halves.as_ref().map(|halves| {
+            move |split: usize| {
+                [0, 1].map(|half| {
+                    let points = self.cuts[0].offsets.iter().zip(&self.blocks);
+                    let mut points = points
+                        .filter(|(_, block)| halves.half(split, **block) == half)
+                        .map(|(offset, _)| offset);
+                    // A half has half the points.
+                    values(&mut points, 2.0 * self.cuts[0].weight)
+                })
+            }
+        });
+        let of_split = of_split.as_ref().map(|of| of as &(dyn Fn(usize) -> [Vec<f64>; 2] + Sync));
+        definition.compare(first, second, of_split)
+    }
+
+    /// The block of a point of the first cloud.
+    pub fn block(&self, point: u32) -> u32 {
+        self.blocks.get(point as usize).copied().unwrap_or(0)
+    }
+
+    /// The pulses of both clouds, unless one has none.
+    pub fn both_pulses(&self) -> Result<[&Pulses; 2], String> {
+        match &self.pulses {
+            [Ok(first), Ok(second)] => Ok([first, second]),
+            [Err(why), _] => Err(format!("the first cloud: {why}")),
+            [_, Err(why)] => Err(format!("the second cloud: {why}")),
+        }
+    }
+
+    /// Measures values with their lines.
+    pub fn of_lines(&self, definition: Definition, values: [Vec<(f64, u32)>; 2]) -> Option<Quantity> {
+        let [first, second] = values;
+        let halves =
+            self.halves.as_ref().filter(|_| self.pulses[0].as_ref().is_ok_and(|pulses| pulses.has_lines));
+        definition.measure(first, second.into_iter().map(|(value, _)| value).collect(), halves)
+    }
+
+    /// World height of the lower corner of the common box, m.
+    pub fn corner(&self) -> f64 {
+        let cut = self.cuts[0];
+        cut.points.position(cut.index[0] as usize).z - cut.offsets[0][2]
+    }
+}

@@ -1,0 +1,89 @@
+//! What cells and voxels of both clouds have in common: highest and lowest points, occupied voxels.
+
+use super::cut::{Cut, Grid};
+use serde::Serialize;
+use std::collections::HashSet;
+
+/// Canopy height, the highest point of each cell above the ground, where both clouds have points.
+#[derive(Clone, Debug, Serialize)]
+pub struct Canopy {
+    /// Number of such cells.
+    pub cells: usize,
+    /// Second minus first, m.
+    pub mean_difference_m: f64,
+    /// Root mean square of the differences, m.
+    pub rms_difference_m: f64,
+    /// Pearson's correlation of both heights.
+    pub correlation: f64,
+}
+
+/// Voxels that hold points.
+#[derive(Clone, Debug, Serialize)]
+pub struct Voxels {
+    /// Side of a voxel, m.
+    pub side_m: f64,
+    /// Voxels with points of both clouds.
+    pub both: usize,
+    /// Voxels with points of the first cloud only.
+    pub only_first: usize,
+    /// Voxels with points of the second cloud only.
+    pub only_second: usize,
+    /// Both over all (Jaccard).
+    pub agreement: f64,
+}
+
+/// The highest points of both clouds in the cells of `grid`, above the lowest ones in the cells of `wide_grid`.
+pub(super) fn canopy(grid: &Grid, wide_grid: &Grid, lowest: &[f64], cuts: [&Cut; 2]) -> Canopy {
+    let tops = cuts.map(|cut| {
+        let extremes = grid.extremes(cut.offsets.iter());
+        let top = |(cell, [_, high]): (usize, [f64; 2])| {
+            let [x, y] = grid.centre(cell);
+            high - lowest[wide_grid.cell(&[x, y, 0.0])]
+        };
+        extremes.into_iter().enumerate().map(top).collect::<Vec<f64>>()
+    });
+    let both = || {
+        let pairs = tops[0].iter().zip(&tops[1]).filter(|(a, b)| a.is_finite() && b.is_finite());
+        pairs.map(|(a, b)| (*a, *b))
+    };
+    let cells = both().count();
+    let mean_of =
+        |of: &dyn Fn(f64, f64) -> f64| both().map(|(a, b)| of(a, b)).sum::<f64>() / (cells as f64).max(1.0);
+    Canopy {
+        cells,
+        mean_difference_m: mean_of(&|a, b| b - a),
+        rms_difference_m: mean_of(&|a, b| (b - a) * (b - a)).sqrt(),
+        correlation: correlation(both()),
+    }
+}
+
+/// The voxels of a side that points of one cloud or the other occupy.
+pub(super) fn voxels([first, second]: [&[[f64; 3]]; 2], side: f64) -> Voxels {
+    let occupied = |offsets: &[[f64; 3]]| -> HashSet<[i32; 3]> {
+        offsets.iter().map(|offset| offset.map(|v| (v / side).floor() as i32)).collect()
+    };
+    let [a, b] = [occupied(first), occupied(second)];
+    let both = a.intersection(&b).count();
+    let all = a.len() + b.len() - both;
+    Voxels {
+        side_m: side,
+        both,
+        only_first: a.len() - both,
+        only_second: b.len() - both,
+        agreement: both as f64 / all.max(1) as f64,
+    }
+}
+
+/// Pearson's correlation; NaN, which JSON writes as null, where one side does not vary.
+pub(super) fn correlation(pairs: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
+    let n = pairs.clone().count() as f64;
+    let mean = |pick: fn((f64, f64)) -> f64| pairs.clone().map(pick).sum::<f64>() / n;
+    let (ma, mb) = (mean(|p| p.0), mean(|p| p.1));
+    let (mut sab, mut saa, mut sbb) = (0.0, 0.0, 0.0);
+    for (a, b) in pairs {
+        sab += (a - ma) * (b - mb);
+        saa += (a - ma) * (a - ma);
+        sbb += (b - mb) * (b - mb);
+    }
+    sab / (saa * sbb).sqrt()
+}
