@@ -1,3 +1,9 @@
 //! What a recorded point cloud says about its flight, its instrument and its scene.
+//!
+//! | module | what it does |
+//! |---|---|
+//! | `flight` | a flight and its scanner from GPS times, positions and scan angles |
 
 #![deny(unsafe_code)]
+
+pub mod flight;

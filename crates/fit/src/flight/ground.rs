@@ -1,0 +1,85 @@
+//! Noise of ranges, by the heights of points about the ground around them.
+
+use super::model::Model;
+use super::recording::{Recording, median};
+use super::solve::Solution;
+use libm::cos;
+use nalgebra::{Matrix3, Vector3};
+use std::collections::HashMap;
+
+/// Width of the cells in which the ground counts as a plane, in mean distances between points.
+const CELL_SPACINGS: f64 = 4.0;
+/// Pulses in a cell that say something of a plane.
+const MIN_PULSES: usize = 8;
+/// ASPRS class of ground.
+const GROUND: u8 = 2;
+
+/// Standard deviation of ranges to smooth ground, m, with what its roughness adds; `None` without enough points.
+///
+/// Planes are fitted to the single returns of small cells, of class ground where there are any; the median of their residuals
+/// counts, freed from what the plane takes up, so that cells with bushes do not matter.
+pub fn range_noise(recording: &Recording, solution: &Solution) -> Option<f64> {
+    let has_ground =
+        recording.pulses.iter().filter(|pulse| pulse.class == GROUND).count() > recording.pulses.len() / 10;
+    let is_used = |i: &usize| {
+        let pulse = &recording.pulses[*i];
+        pulse.returns == 1 && (!has_ground || pulse.class == GROUND)
+    };
+    let used: Vec<usize> = recording.lines.iter().flat_map(|line| line.clone()).filter(is_used).collect();
+    let spacing = spacing(recording, &used);
+    let width = CELL_SPACINGS * spacing;
+    let mut cells: HashMap<(i64, i64), Vec<usize>> = HashMap::new();
+    for i in &used {
+        let place = recording.pulses[*i].position;
+        let cell = ((place.x / width).floor() as i64, (place.y / width).floor() as i64);
+        cells.entry(cell).or_default().push(*i);
+    }
+    let mut spreads = Vec::new();
+    for cell in cells.values().filter(|cell| cell.len() >= MIN_PULSES) {
+        if let Some(spread) = plane_spread(recording, cell) {
+            let time = recording.pulses[cell[0]].time;
+            spreads.push(spread * slant(&solution.model, solution, time));
+        }
+    }
+    (spreads.len() >= 20).then(|| median(spreads))
+}
+
+/// Cosine of the beam's angle from the vertical: a range that is wrong by 1 m makes a height wrong by this.
+fn slant(model: &Model, solution: &Solution, time: f64) -> f64 {
+    let beam = model.direction(&solution.attitude(time), time);
+    1.0 / (-beam.z).max(cos(1.5))
+}
+
+/// Mean distance between points, m, by the cells of a coarse grid that hold any.
+fn spacing(recording: &Recording, used: &[usize]) -> f64 {
+    const COARSE: f64 = 5.0;
+    let mut cells: HashMap<(i64, i64), u32> = HashMap::new();
+    for i in used {
+        let place = recording.pulses[*i].position;
+        *cells.entry(((place.x / COARSE).floor() as i64, (place.y / COARSE).floor() as i64)).or_default() +=
+            1;
+    }
+    let counts: Vec<f64> = cells.values().map(|count| f64::from(*count)).collect();
+    COARSE / median(counts).max(1.0).sqrt()
+}
+
+/// Standard deviation of heights from their plane, m.
+fn plane_spread(recording: &Recording, cell: &[usize]) -> Option<f64> {
+    let origin = recording.pulses[cell[0]].position;
+    let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    for i in cell {
+        let d = recording.pulses[*i].position - origin;
+        let row = Vector3::new(d.x, d.y, 1.0);
+        normal += row * row.transpose();
+        right += row * d.z;
+    }
+    let plane = normal.cholesky()?.solve(&right);
+    let squares: f64 = cell
+        .iter()
+        .map(|i| {
+            let d = recording.pulses[*i].position - origin;
+            (d.z - plane.dot(&Vector3::new(d.x, d.y, 1.0))).powi(2)
+        })
+        .sum();
+    Some((squares / (cell.len() - 3) as f64).sqrt())
+}

@@ -1,0 +1,134 @@
+//! A flight and its scanner, estimated from a recorded cloud with GPS times and scan angles.
+//!
+//! The beam of a model (a platform on a parabola, a mirror that turns or swings) is intersected with the height of each recorded
+//! point; least squares make it meet the point's place, and its angle across the track that of the file. The attitude of each line
+//! is estimated with the parameters, as a random walk. The scan angle is what tells the height of the flight.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `recording` | pulses of one flight line, cut to lines of the scanner |
+//! | `guess` | first guesses for each kind of mirror |
+//! | `model`, `mirror` | where the beam of a flown scanner meets the ground |
+//! | `solve` | least squares for parameters and attitudes |
+//! | `rate` | when pulses leave |
+//! | `ground` | noise of ranges |
+//! | `report`, `write` | figures with uncertainties; pipeline file, trajectory, pulse times |
+
+mod ground;
+mod guess;
+mod mirror;
+mod model;
+mod rate;
+mod recording;
+mod report;
+mod solve;
+mod write;
+
+pub use mirror::Mirror;
+pub use model::{Attitude, Footprint, MAX_PARAMETERS, Model, PLATFORM_PARAMETERS};
+pub use rate::PulseRate;
+pub use recording::{Pulse, Recording};
+pub use report::{Figure, table};
+pub use solve::Solution;
+pub use write::FlightFiles;
+
+use std::path::Path;
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::{Error, Result};
+
+/// Sections whose attitudes are estimated when the kind of mirror is chosen.
+const TRIAL_SECTIONS: usize = 150;
+const MAX_SECTIONS: usize = 20_000;
+/// Sections per revolution of a mirror, within which the attitude counts as constant.
+const SECTIONS_PER_TURN: f64 = 8.0;
+/// Residuals of a kind of mirror that are larger than the best by this factor rule it out.
+const RULED_OUT: f64 = 3.0;
+/// A fit that misses its points by more than this, m on the ground, explains nothing.
+const MAX_RESIDUAL: f64 = 1.0;
+/// One that misses them by more than this is doubtful.
+const DOUBTFUL_RESIDUAL: f64 = 0.15;
+
+/// What is fitted.
+#[derive(Clone, Debug, Default)]
+pub struct FlightRequest {
+    /// Point source of the flight line; the one with the most points if there is none.
+    pub flight_line: Option<u16>,
+    /// Coordinate system of the cloud, as pipeline files name it.
+    pub crs: Option<String>,
+}
+
+/// A flight with its scanner.
+#[derive(Clone, Debug)]
+pub struct FlightFit {
+    /// The pulses.
+    pub recording: Recording,
+    /// Model and attitudes.
+    pub solution: Solution,
+    /// When pulses leave.
+    pub rate: PulseRate,
+    /// Standard deviation of ranges, with the roughness of the ground, m.
+    pub noise: Option<f64>,
+    /// Coordinate system.
+    pub crs: Option<String>,
+}
+
+/// Fits a flight and its scanner to one flight line of a cloud. Warnings are added to `found`.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Input`] for clouds without GPS times or scan angles, with too few pulses, or with pulses that are
+/// neither on the circles of a cone nor on lines across a flight.
+pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics) -> Result<FlightFit> {
+    let mut recording = Recording::read(path, request.flight_line, found)?;
+    let mut solution = best_solution(&recording);
+    if solution.is_none() {
+        // Some files count scan angles to the left.
+        recording.pulses.iter_mut().for_each(|pulse| pulse.angle = -pulse.angle);
+        solution = best_solution(&recording);
+        if solution.is_some() {
+            let message = "scan angles are positive to the left of the flight, against the LAS specification; they are turned round";
+            found.warn(None, format!("{}: {message}", path.display()));
+        }
+    }
+    let name = path.display();
+    let Some(solution) = solution.filter(|solution| solution.residual < MAX_RESIDUAL) else {
+        return Err(Error::input_with_help(
+            format!(
+                "{name}: no flight with a cone, a polygon mirror or an oscillating mirror meets these points"
+            ),
+            "a fit needs all pulses of a flight line, not thinned, with scan angles that change across the track",
+        ));
+    };
+    if solution.residual > DOUBTFUL_RESIDUAL {
+        found.warn(
+            None,
+            format!(
+                "{name}: the fitted flight misses its points by {:.2} m on the ground; doubt its figures",
+                solution.residual
+            ),
+        );
+    }
+    let rate = PulseRate::of(&recording, &solution.model);
+    let noise = ground::range_noise(&recording, &solution);
+    if noise.is_none() {
+        found.warn(None, format!("{name}: too few points of ground lie together for the noise of ranges"));
+    }
+    Ok(FlightFit { recording, solution, rate, noise, crs: request.crs.clone() })
+}
+
+/// The solution that leaves least to chance, over all kinds of mirrors.
+fn best_solution(recording: &Recording) -> Option<Solution> {
+    let sections_of = |model: &Model, max| {
+        let turns = model.of_mirror()[1].abs();
+        solve::sections(recording, 1.0 / (SECTIONS_PER_TURN * turns), max)
+    };
+    let mut trials = Vec::new();
+    for first in guess::guesses(recording) {
+        let sections = sections_of(&first, TRIAL_SECTIONS);
+        let start = solve::solve(recording, &first, &sections, false);
+        trials.push(solve::solve(recording, &start.model, &sections, true));
+    }
+    let smallest = trials.iter().map(|trial| trial.residual).fold(f64::INFINITY, f64::min);
+    trials.retain(|trial| trial.residual <= RULED_OUT * smallest);
+    let best = trials.into_iter().min_by(|a, b| a.unexplained().total_cmp(&b.unexplained()))?;
+    Some(solve::solve(recording, &best.model, &sections_of(&best.model, MAX_SECTIONS), true))
+}

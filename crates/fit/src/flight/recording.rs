@@ -1,0 +1,212 @@
+//! The pulses of one flight line of a recorded cloud.
+
+use std::collections::BTreeMap;
+use std::ops::{ControlFlow, Range};
+use std::path::Path;
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::{Error, Result};
+use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, read_points};
+use vlscan_geom::{DVec3, radians};
+
+/// A gap of this many median intervals between pulses ends a line.
+const GAP_INTERVALS: f64 = 100.0;
+/// A pause of this many seconds ends a flight line.
+const FLIGHT_PAUSE: f64 = 5.0;
+/// Fewer pulses say nothing of a flight.
+const MIN_PULSES: usize = 500;
+
+/// A pulse with at least one return.
+#[derive(Clone, Copy, Debug)]
+pub struct Pulse {
+    /// s after [`Recording::start`].
+    pub time: f64,
+    /// Position of its first return, m, relative to [`Recording::origin`].
+    pub position: DVec3,
+    /// Scan angle, rad, positive to the right of the flight.
+    pub angle: f64,
+    /// Number of its returns.
+    pub returns: u8,
+    /// Class of its first return.
+    pub class: u8,
+}
+
+/// The pulses of one flight line in the order of time.
+#[derive(Clone, Debug)]
+pub struct Recording {
+    /// World position of the origin of all positions, whole metres.
+    pub origin: DVec3,
+    /// GPS time of the first pulse, s.
+    pub start: f64,
+    /// Number of the flight line (point source).
+    pub source: u16,
+    /// Pulses; no two have the same time.
+    pub pulses: Vec<Pulse>,
+    /// Runs of pulses without longer gaps: the lines or arcs of the scanner.
+    pub lines: Vec<Range<usize>>,
+    /// Median interval between pulses, s.
+    pub interval: f64,
+    /// Smallest step between scan angles, rad.
+    pub angle_step: f64,
+}
+
+/// What is read of a point.
+struct Row {
+    time: f64,
+    position: DVec3,
+    angle: f64,
+    source: u16,
+    number: u8,
+    returns: u8,
+    class: u8,
+}
+
+#[derive(Default)]
+struct Rows {
+    attributes: AttributeSet,
+    rows: Vec<Row>,
+}
+
+impl PointSink for Rows {
+    fn start(&mut self, attributes: AttributeSet) {
+        self.attributes = attributes;
+    }
+
+    fn point(&mut self, row: &PointRow, _object: Option<&str>) -> ControlFlow<()> {
+        if row.position.is_finite() && row.time.is_finite() && row.scan_angle.abs() < 90.0 {
+            self.rows.push(Row {
+                time: row.time,
+                position: row.position,
+                angle: row.scan_angle,
+                // Readers count legs from 0, and files point sources from 1.
+                source: row.leg.saturating_add(1),
+                number: row.return_number,
+                returns: row.number_of_returns,
+                class: row.class,
+            });
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+impl Recording {
+    /// Reads one flight line of a cloud: that of the point source `source`, else the one with the most pulses. Warnings, also
+    /// of lines that are left out, are added to `found`.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Input`] for clouds without GPS times or scan angles, or with too few pulses.
+    pub fn read(path: &Path, source: Option<u16>, found: &mut Diagnostics) -> Result<Recording> {
+        let mut sink = Rows::default();
+        read_points(path, &mut sink, found)?;
+        let name = path.display();
+        for (attribute, what) in [(Attribute::Time, "GPS times"), (Attribute::ScanAngle, "scan angles")] {
+            if !sink.attributes.has(attribute) {
+                return Err(Error::input_with_help(
+                    format!("{name} has no {what}, from which a flight is estimated"),
+                    "LAS and LAZ of point formats 1 and 3 to 10 have both",
+                ));
+            }
+        }
+        let mut flights = flight_lines(sink.rows);
+        if let Some(source) = source {
+            let sources: Vec<String> = flights.iter().map(|flight| flight[0].source.to_string()).collect();
+            flights.retain(|flight| flight[0].source == source);
+            if flights.is_empty() {
+                let message = format!("--flight-line {source}: {name} has no points of this point source");
+                return Err(Error::input_with_help(message, format!("it has {}", sources.join(", "))));
+            }
+        }
+        let Some(longest) = flights.iter().max_by_key(|flight| flight.len()) else {
+            return Err(Error::input(format!("{name} holds no points with times and scan angles")));
+        };
+        let recording = Recording::of(longest, path)?;
+        if flights.len() > 1 {
+            let left_out: usize = flights.iter().map(Vec::len).sum::<usize>() - longest.len();
+            let warning = found.warn(
+                None,
+                format!(
+                    "{name} holds {} flight lines: the one with the most points is fitted (point source {}, GPS time {:.1} s); {left_out} points of the others are left out",
+                    flights.len(),
+                    recording.source,
+                    recording.start
+                ),
+            );
+            warning.help("--flight-line N chooses another one by its point source");
+        }
+        Ok(recording)
+    }
+
+    /// The pulses of the points of a flight line, which are in the order of time and return number.
+    fn of(rows: &[Row], path: &Path) -> Result<Recording> {
+        let origin = rows[rows.len() / 2].position.floor();
+        let start = rows[0].time;
+        let mut pulses: Vec<Pulse> = Vec::new();
+        for row in rows {
+            let time = row.time - start;
+            if pulses.last().is_none_or(|last| last.time < time) {
+                pulses.push(Pulse {
+                    time,
+                    position: row.position - origin,
+                    angle: radians(row.angle),
+                    returns: row.returns.max(1),
+                    class: row.class,
+                });
+            }
+        }
+        if pulses.len() < MIN_PULSES {
+            return Err(Error::input(format!(
+                "{}: {} pulses are too few to estimate a flight, which needs {MIN_PULSES}; points of one pulse have the same GPS time",
+                path.display(),
+                pulses.len()
+            )));
+        }
+        let interval = median(pulses.windows(2).map(|pair| pair[1].time - pair[0].time).collect());
+        let is_end = |i: &usize| pulses[*i].time - pulses[i - 1].time > GAP_INTERVALS * interval;
+        let mut borders = vec![0];
+        borders.extend((1..pulses.len()).filter(is_end));
+        borders.push(pulses.len());
+        let lines = borders.windows(2).map(|pair| pair[0]..pair[1]).collect();
+        let is_whole = pulses.iter().all(|pulse| {
+            let degrees = vlscan_geom::degrees(pulse.angle);
+            (degrees - degrees.round()).abs() < 1e-9
+        });
+        let angle_step = radians(if is_whole { 1.0 } else { 0.006 });
+        Ok(Recording { origin, start, source: rows[0].source, pulses, lines, interval, angle_step })
+    }
+
+    /// Duration of the flight line, s.
+    pub fn duration(&self) -> f64 {
+        self.pulses.last().map_or(0.0, |pulse| pulse.time)
+    }
+}
+
+/// The points by flight line, each in the order of time and return number.
+fn flight_lines(rows: Vec<Row>) -> Vec<Vec<Row>> {
+    let mut by_source: BTreeMap<u16, Vec<Row>> = BTreeMap::new();
+    for row in rows {
+        by_source.entry(row.source).or_default().push(row);
+    }
+    let mut flights = Vec::new();
+    for mut rows in by_source.into_values() {
+        rows.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.number.cmp(&b.number)));
+        let mut latest = f64::NEG_INFINITY;
+        for row in rows {
+            if row.time - latest > FLIGHT_PAUSE {
+                flights.push(Vec::new());
+            }
+            latest = row.time;
+            if let Some(flight) = flights.last_mut() {
+                flight.push(row);
+            }
+        }
+    }
+    flights
+}
+
+/// The median; 0 for no values.
+pub fn median(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}

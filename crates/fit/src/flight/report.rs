@@ -1,0 +1,115 @@
+//! What was estimated of a flight, with uncertainties.
+
+use super::mirror::Mirror;
+use super::model::PLATFORM_PARAMETERS;
+use super::{FlightFit, Solution};
+use libm::{hypot, tan};
+use serde::Serialize;
+use vlscan_geom::degrees;
+
+/// An estimated quantity.
+#[derive(Clone, Debug, Serialize)]
+pub struct Figure {
+    /// What it is.
+    pub name: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// Its standard deviation, where it is known.
+    pub deviation: Option<f64>,
+    /// Its unit.
+    pub unit: &'static str,
+}
+
+impl FlightFit {
+    /// The estimated quantities, in the order in which they are shown.
+    pub fn figures(&self) -> Vec<Figure> {
+        let (solution, rate) = (&self.solution, &self.rate);
+        let (p, d) = (&solution.model.parameters, &solution.deviations);
+        let (of_mirror, mirror_deviations) = (solution.model.of_mirror(), &d[PLATFORM_PARAMETERS..]);
+        let mut figures = Vec::new();
+        let mut add = |name, value: f64, deviation: Option<f64>, unit| {
+            figures.push(Figure { name, value, deviation: deviation.filter(|d| d.is_finite()), unit });
+        };
+        add("speed", hypot(p[2], p[3]), Some(hypot(d[2], d[3])), "m/s");
+        let course = degrees(solution.model.course());
+        add("course", course.rem_euclid(360.0), Some(degrees(hypot(d[2], d[3]) / hypot(p[2], p[3]))), "deg");
+        add("height of the platform", p[6] + self.recording.origin.z, Some(d[6]), "m");
+        let above = p[6] - self.mean_height();
+        add("height above the points", above, Some(d[6]), "m");
+        add("climb", p[7], Some(d[7]), "m/s");
+        add("roll", degrees(p[8]), Some(degrees(d[8])), "deg");
+        add("pitch", degrees(p[9]), Some(degrees(d[9])), "deg");
+        match solution.model.mirror {
+            Mirror::Cone => {
+                add(
+                    "half angle of the cone",
+                    degrees(of_mirror[0]),
+                    Some(degrees(mirror_deviations[0])),
+                    "deg",
+                );
+                add("radius on the ground", above * tan(of_mirror[0]), None, "m");
+                add("revolutions", of_mirror[1].abs(), Some(mirror_deviations[1]), "1/s");
+            }
+            Mirror::Polygon => {
+                add(
+                    "angle per line",
+                    degrees(of_mirror[0].abs()),
+                    Some(degrees(mirror_deviations[0])),
+                    "deg",
+                );
+                add("lines", of_mirror[1], Some(mirror_deviations[1]), "1/s");
+                add("yaw of the lines", degrees(of_mirror[3]), Some(degrees(mirror_deviations[3])), "deg");
+            }
+            Mirror::Oscillating => {
+                add("half angle", degrees(of_mirror[0].abs()), Some(degrees(mirror_deviations[0])), "deg");
+                add("periods", of_mirror[1], Some(mirror_deviations[1]), "1/s");
+                add("yaw of the lines", degrees(of_mirror[3]), Some(degrees(mirror_deviations[3])), "deg");
+            }
+        }
+        add("pulse rate", rate.mean, Some(rate.deviation), "1/s");
+        if !rate.is_constant() {
+            add("lowest pulse rate in a revolution", rate.range.0, None, "1/s");
+            add("highest pulse rate in a revolution", rate.range.1, None, "1/s");
+            add("deviation of the rates of lines", 100.0 * rate.of_lines, None, "%");
+        }
+        add("intervals with lost pulses", 100.0 * rate.lost, None, "%");
+        if let Some(noise) = self.noise {
+            add("range noise with roughness", noise, None, "m");
+        }
+        add("attitude changes, root mean square", degrees(attitude_spread(solution)), None, "deg");
+        add("residual on the ground", solution.residual, None, "m");
+        add("residual of the scan angle", degrees(solution.angle_residual), None, "deg");
+        figures
+    }
+
+    /// Mean height of the points, m, relative to the origin.
+    pub(super) fn mean_height(&self) -> f64 {
+        let pulses = &self.recording.pulses;
+        pulses.iter().map(|pulse| pulse.position.z).sum::<f64>() / pulses.len() as f64
+    }
+}
+
+/// Root mean square of the attitudes' deviations from the constant one, rad.
+fn attitude_spread(solution: &Solution) -> f64 {
+    let squares: f64 = solution.attitudes.iter().flatten().map(|angle| angle * angle).sum();
+    (squares / solution.attitudes.len().max(1) as f64).sqrt()
+}
+
+/// The figures as lines of text: name, value ± standard deviation, unit.
+pub fn table(figures: &[Figure]) -> String {
+    figures.iter().map(|figure| format!("{:<36} {}\n", figure.name, figure.text())).collect()
+}
+
+impl Figure {
+    /// Value ± standard deviation and unit, with the digits that the deviation allows.
+    pub fn text(&self) -> String {
+        let digits = match self.deviation {
+            Some(deviation) if deviation > 0.0 => {
+                (1.0 - libm::log10(deviation).floor()).clamp(0.0, 8.0) as usize
+            }
+            _ => (4.0 - libm::log10(self.value.abs().max(1e-3)).floor()).clamp(0.0, 6.0) as usize,
+        };
+        let deviation = self.deviation.map_or(String::new(), |deviation| format!(" ± {deviation:.digits$}"));
+        format!("{:.digits$}{deviation} {}", self.value, self.unit)
+    }
+}

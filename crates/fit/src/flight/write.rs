@@ -1,0 +1,183 @@
+//! The pipeline file of a fitted flight, its trajectory and its pulse times.
+
+use super::mirror::Mirror;
+use super::recording::median;
+use super::{Figure, FlightFit};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use vlscan_base::error::Result;
+use vlscan_base::files::{FileWriter, Patched, refuse_existing};
+use vlscan_geom::degrees;
+
+/// More pulse times than this are not written: the file would be larger than what it is worth.
+const MAX_TIMES: usize = 20_000_000;
+/// Poses are written at most so many times per second.
+const MAX_POSES_PER_S: f64 = 1000.0;
+/// Reflectance of the target that is assumed to be seen at [`ASSUMED_RANGE`] times the greatest recorded range.
+const ASSUMED_REFLECTANCE: f64 = 0.1;
+const ASSUMED_RANGE: f64 = 1.5;
+
+/// The files of a flight.
+#[derive(Clone, Debug)]
+pub struct FlightFiles {
+    /// The pipeline file.
+    pub pipeline: PathBuf,
+    /// Poses: text.
+    pub trajectory: PathBuf,
+    /// Times of pulses: text; `None` for a constant rate.
+    pub pulse_times: Option<PathBuf>,
+}
+
+impl FlightFit {
+    /// Writes the pipeline file at `path`, and beside it the trajectory and, if the pulse rate is not constant, the times of
+    /// pulses. `command` is the command line that made it.
+    ///
+    /// # Errors
+    /// [`vlscan_base::error::Error::Io`]; a file exists and `force` is not set.
+    pub fn write(&self, path: &Path, command: &str, force: bool) -> Result<FlightFiles> {
+        let times = match self.rate.is_constant() {
+            true => None,
+            false => self.rate.times(&self.solution.model, self.recording.duration(), MAX_TIMES),
+        };
+        let files = FlightFiles {
+            pipeline: path.to_path_buf(),
+            trajectory: path.with_extension("trajectory.csv"),
+            pulse_times: times.is_some().then(|| path.with_extension("pulses.txt")),
+        };
+        let all = [Some(&files.pipeline), Some(&files.trajectory), files.pulse_times.as_ref()];
+        all.into_iter().flatten().try_for_each(|path| refuse_existing(path, force))?;
+        write(&files.trajectory, &self.trajectory(), force)?;
+        if let (Some(path), Some(times)) = (&files.pulse_times, &times) {
+            let mut text = String::with_capacity(times.len() * 12);
+            // Writing to a string does not fail.
+            times.iter().for_each(|time| _ = writeln!(text, "{time:.9}"));
+            write(path, &text, force)?;
+        }
+        write(&files.pipeline, &self.pipeline(&files, command), force)?;
+        Ok(files)
+    }
+
+    /// Poses: GPS time, position, roll, pitch, heading (degrees), a line each.
+    fn trajectory(&self) -> String {
+        let (model, origin) = (&self.solution.model, self.recording.origin);
+        let course = degrees(model.course());
+        // Lines that are drawn to a side are turned by the platform's heading, as the attitude of each line is.
+        let yaw = match model.mirror {
+            Mirror::Cone => 0.0,
+            Mirror::Polygon | Mirror::Oscillating => model.of_mirror()[3],
+        };
+        let mut text = String::from("time,x,y,z,roll,pitch,heading\n");
+        let mut times = vec![0.0];
+        for time in self.solution.times.iter().copied().chain([self.recording.duration()]) {
+            if times.last().is_none_or(|last| time - last >= 1.0 / MAX_POSES_PER_S) {
+                times.push(time);
+            }
+        }
+        // The last pulse leaves before the last pose.
+        times.push(self.recording.duration() + 0.01);
+        for time in times {
+            let (place, attitude) = (model.position(time) + origin, self.solution.attitude(time));
+            let angles = [
+                degrees(model.parameters[8] + attitude[0]),
+                degrees(model.parameters[9] + attitude[1]),
+                (course + degrees(attitude[2] + yaw)).rem_euclid(360.0),
+            ];
+            let _ = writeln!(
+                text,
+                "{:.7},{:.4},{:.4},{:.4},{:.7},{:.7},{:.7}",
+                self.recording.start + time,
+                place.x,
+                place.y,
+                place.z,
+                angles[0],
+                angles[1],
+                angles[2]
+            );
+        }
+        text
+    }
+
+    fn pipeline(&self, files: &FlightFiles, command: &str) -> String {
+        let model = &self.solution.model;
+        let p = model.of_mirror();
+        let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let mut out = String::new();
+        let mut line = |text: String| _ = writeln!(out, "{text}");
+        line(format!("# {}", command.replace(['\n', '\r'], " ")));
+        line("#".to_owned());
+        line("# Estimated, with standard deviations:".to_owned());
+        for figure in self.figures() {
+            line(format!("#   {}: {}", figure.name, Figure::text(&figure)));
+        }
+        line("#".to_owned());
+        line("# A turn of the platform and one of the mirror look alike to a cone: its wander is in the heading.".to_owned());
+        line("# Not to be told from the points, and left to you: divergence, pulse length, energy, range limits.".to_owned());
+        line(String::new());
+        line("# scene = \"scene.xml\"         # what is scanned; or vlscan run --scene".to_owned());
+        if let Some(crs) = &self.crs {
+            line(format!("crs = {}", quoted(crs)));
+        }
+        line(format!("\n[trajectory]\npath = {}", quoted(&name(&files.trajectory))));
+        line("\n[platform]\nkind = \"linear_path\"".to_owned());
+        line("# looking down, and across the flight".to_owned());
+        line("mount = { offset_m = [0, 0, 0], rotate_deg = [{ x = -90 }, { z = -90 }] }".to_owned());
+        line(format!("\n[scanner]\nid = \"fitted\"\noptics = \"{}\"", model.mirror.optics()));
+        let (angle, rate, phase, is_reversed) = match model.mirror {
+            // The phase of a cone counts from the right, turned by the mount.
+            Mirror::Cone => (p[0], p[1].abs(), degrees(p[2]) - 90.0, p[1] < 0.0),
+            // The phase of a polygon mirror is 0 in the middle of a line.
+            Mirror::Polygon if p[0] < 0.0 => (-0.5 * p[0], p[1], 180.0 - degrees(p[2]), true),
+            Mirror::Polygon => (0.5 * p[0], p[1], degrees(p[2]) - 180.0, false),
+            Mirror::Oscillating => {
+                (p[0].abs(), p[1], degrees(p[2]) + if p[0] < 0.0 { 180.0 } else { 0.0 }, false)
+            }
+        };
+        line(format!("scan_angle_max_deg = {:.6}", degrees(angle)));
+        line(format!("scan_freq_max_hz = {:.6}", rate.max(1.0)));
+        line(format!("scan_phase_deg = {:.5}", phase.rem_euclid(360.0)));
+        if is_reversed {
+            line("scan_reverse = true".to_owned());
+        }
+        line(format!("pulse_freqs_hz = [{:.1}]", self.rate.mean));
+        if let Some(noise) = self.noise {
+            line("# with the roughness of the ground, which adds to it".to_owned());
+            line(format!("accuracy_m = {noise:.4}"));
+        }
+        let farthest = self.farthest();
+        line("# assumed: a tenth of the light comes back from twice the recorded distance, so that no pulse is lost".to_owned());
+        line(format!(
+            "max_range = {{ range_m = {:.0}, reflectance = {ASSUMED_REFLECTANCE} }}",
+            ASSUMED_RANGE * farthest
+        ));
+        line(format!("max_returns = {}", self.recording.pulses.iter().map(|p| p.returns).max().unwrap_or(1)));
+        line(format!("\n[settings]\nscan_freq_hz = {rate:.6}"));
+        line(format!("pulse_freq_hz = {:.1}", self.rate.mean));
+        if let Some(path) = &files.pulse_times {
+            line("# the rate changes with the place of the mirror, and from line to line; pulses elsewhere are not known".to_owned());
+            line(format!("pulse_times = {}", quoted(&name(path))));
+        }
+        line(format!("\n[[output]]\npath = {}", quoted(&name(&files.pipeline.with_extension("laz")))));
+        out
+    }
+
+    /// Distance from the platform to the farthest points, m.
+    fn farthest(&self) -> f64 {
+        let pulses = &self.recording.pulses;
+        let step = pulses.len().div_ceil(10_000).max(1);
+        let distance = |i: usize| self.solution.model.position(pulses[i].time).distance(pulses[i].position);
+        let distances: Vec<f64> = (0..pulses.len()).step_by(step).map(distance).collect();
+        distances.iter().copied().fold(median(distances.clone()), f64::max)
+    }
+}
+
+fn write(path: &Path, text: &str, force: bool) -> Result<()> {
+    let mut file = FileWriter::create(path, force, Patched::Never)?;
+    file.append(text.as_bytes())?;
+    file.finish()?;
+    Ok(())
+}
+
+/// A string of TOML.
+fn quoted(text: &str) -> String {
+    toml::Value::String(text.to_owned()).to_string()
+}
