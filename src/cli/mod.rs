@@ -15,7 +15,7 @@
 //! | `campaign` | `vlscan campaign` |
 //! | `bench` | `vlscan bench` |
 //! | `scene`, `info`, `pack` | `vlscan scene make` and `stand`, `info` and `pack` |
-//! | `preview`, `compare`, `unzip`, `catalogue` | the subcommands of these names |
+//! | `preview`, `compare`, `fit`, `unzip`, `catalogue` | the subcommands of these names |
 //! | `manual` | help, man pages, shell completions |
 //! | `console`, `watch`, `interrupt` | messages, progress, Ctrl-C |
 
@@ -27,6 +27,7 @@ mod companions;
 mod compare;
 mod console;
 mod dry_run;
+mod fit;
 mod helios;
 mod info;
 mod interrupt;
@@ -121,6 +122,7 @@ fn dispatch(command: &Command, console: &Console) -> Result<()> {
         Command::Plan(args) => plan::run(args, console),
         Command::Catalogue(args) => catalogue::run(args, console),
         Command::Unzip(args) => unzip::run(args, console),
+        Command::Fit(args) => fit::run(args, console),
         Command::Compare(args) => compare::run(args, console),
         Command::Preview(args) => preview::run(args, console),
         Command::Completions(args) => manual::completions(args),

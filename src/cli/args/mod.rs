@@ -15,6 +15,7 @@
 
 mod campaign;
 mod compare;
+mod fit;
 mod plan;
 mod scenes;
 mod simulate;
@@ -22,6 +23,7 @@ mod tools;
 
 pub use campaign::CampaignArgs;
 pub use compare::CompareArgs;
+pub use fit::FitArgs;
 pub use plan::PlanArgs;
 pub use scenes::{InfoArgs, MakeArgs, PackArgs, SceneArgs, SceneCommand, StandArgs};
 pub use simulate::{
@@ -158,6 +160,12 @@ pub enum Command {
     Unzip(UnzipArgs),
     /// Draw a point cloud: a picture from above and from the side, or a page to turn around.
     Preview(PreviewArgs),
+    /// Estimate a flight and its scanner from a recorded point cloud, and write them as a pipeline file.
+    ///
+    /// The cloud needs GPS times and scan angles, as LAS and LAZ have them, and all pulses of a flight line. Cones (Palmer
+    /// scanners), polygon mirrors and oscillating mirrors are told apart. Beside the pipeline file are written the trajectory and, if
+    /// the pulse rate is not constant, the times of the pulses; stdout gets a table of what was estimated, with standard deviations.
+    Fit(FitArgs),
     /// Compare two point clouds of one place, a measured and a simulated one or two runs.
     ///
     /// Within the box that both share: density, height percentiles, canopy height and intensity histograms, returns, distances

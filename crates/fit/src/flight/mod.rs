@@ -53,8 +53,6 @@ const DOUBTFUL_RESIDUAL: f64 = 0.15;
 pub struct FlightRequest {
     /// Point source of the flight line; the one with the most points if there is none.
     pub flight_line: Option<u16>,
-    /// Coordinate system of the cloud, as pipeline files name it.
-    pub crs: Option<String>,
 }
 
 /// A flight with its scanner.
@@ -68,8 +66,6 @@ pub struct FlightFit {
     pub rate: PulseRate,
     /// Standard deviation of ranges, with the roughness of the ground, m.
     pub noise: Option<f64>,
-    /// Coordinate system.
-    pub crs: Option<String>,
 }
 
 /// Fits a flight and its scanner to one flight line of a cloud. Warnings are added to `found`.
@@ -112,7 +108,7 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
     if noise.is_none() {
         found.warn(None, format!("{name}: too few points of ground lie together for the noise of ranges"));
     }
-    Ok(FlightFit { recording, solution, rate, noise, crs: request.crs.clone() })
+    Ok(FlightFit { recording, solution, rate, noise })
 }
 
 /// The solution that leaves least to chance, over all kinds of mirrors.

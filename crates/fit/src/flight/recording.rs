@@ -35,6 +35,8 @@ pub struct Pulse {
 pub struct Recording {
     /// World position of the origin of all positions, whole metres.
     pub origin: DVec3,
+    /// Coordinate system of the positions as WKT, if the file names it.
+    pub wkt: Option<String>,
     /// GPS time of the first pulse, s.
     pub start: f64,
     /// Number of the flight line (point source).
@@ -63,12 +65,17 @@ struct Row {
 #[derive(Default)]
 struct Rows {
     attributes: AttributeSet,
+    wkt: Option<String>,
     rows: Vec<Row>,
 }
 
 impl PointSink for Rows {
     fn start(&mut self, attributes: AttributeSet) {
         self.attributes = attributes;
+    }
+
+    fn crs(&mut self, wkt: &str) {
+        self.wkt = Some(wkt.to_owned());
     }
 
     fn point(&mut self, row: &PointRow, _object: Option<&str>) -> ControlFlow<()> {
@@ -118,7 +125,8 @@ impl Recording {
         let Some(longest) = flights.iter().max_by_key(|flight| flight.len()) else {
             return Err(Error::input(format!("{name} holds no points with times and scan angles")));
         };
-        let recording = Recording::of(longest, path)?;
+        let mut recording = Recording::of(longest, path)?;
+        recording.wkt = sink.wkt.take();
         if flights.len() > 1 {
             let left_out: usize = flights.iter().map(Vec::len).sum::<usize>() - longest.len();
             let warning = found.warn(
@@ -170,7 +178,16 @@ impl Recording {
             (degrees - degrees.round()).abs() < 1e-9
         });
         let angle_step = radians(if is_whole { 1.0 } else { 0.006 });
-        Ok(Recording { origin, start, source: rows[0].source, pulses, lines, interval, angle_step })
+        Ok(Recording {
+            origin,
+            wkt: None,
+            start,
+            source: rows[0].source,
+            pulses,
+            lines,
+            interval,
+            angle_step,
+        })
     }
 
     /// Duration of the flight line, s.

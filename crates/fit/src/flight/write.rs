@@ -5,6 +5,7 @@ use super::recording::median;
 use super::{Figure, FlightFit};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use vlscan_base::crs::epsg;
 use vlscan_base::error::Result;
 use vlscan_base::files::{FileWriter, Patched, refuse_existing};
 use vlscan_geom::degrees;
@@ -114,8 +115,9 @@ impl FlightFit {
         line("# Not to be told from the points, and left to you: divergence, pulse length, energy, range limits.".to_owned());
         line(String::new());
         line("# scene = \"scene.xml\"         # what is scanned; or vlscan run --scene".to_owned());
-        if let Some(crs) = &self.crs {
-            line(format!("crs = {}", quoted(crs)));
+        if let Some(wkt) = &self.recording.wkt {
+            let crs = epsg(wkt).map_or_else(|| wkt.clone(), |(_, code)| format!("EPSG:{code}"));
+            line(format!("crs = {}", quoted(&crs)));
         }
         line(format!("\n[trajectory]\npath = {}", quoted(&name(&files.trajectory))));
         line("\n[platform]\nkind = \"linear_path\"".to_owned());
