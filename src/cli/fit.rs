@@ -23,8 +23,7 @@ pub fn run(args: &FitArgs, console: &Console) -> Result<()> {
         }
         false => write_stdout(&table(&figures))?,
     }
-    let beside = files.pulse_times.iter().chain([&files.trajectory]);
-    let beside: Vec<String> = beside.map(|path| path.display().to_string()).collect();
+    let beside: Vec<String> = files.all().skip(1).map(|path| path.display().to_string()).collect();
     console.say(format!(
         "{}: {} pulses fitted; beside it {}",
         files.pipeline.display(),

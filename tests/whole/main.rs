@@ -24,6 +24,7 @@ mod endurance;
 mod examples;
 mod faults;
 mod files;
+mod fit;
 mod fixtures;
 mod formats;
 mod formats_alone;

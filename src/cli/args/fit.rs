@@ -8,7 +8,8 @@ use std::path::PathBuf;
 pub struct FitArgs {
     /// The recorded cloud: LAS or LAZ, or another format with GPS times and scan angles; - for stdin.
     pub cloud: PathBuf,
-    /// The pipeline file to write; the trajectory gets its name with .trajectory.csv, pulse times with .pulses.txt.
+    /// The pipeline file to write; the trajectory gets its name with .trajectory.csv, the mirror's wander
+    /// with .wander.txt, pulse times with .pulses.txt.
     #[arg(short, long = "output", value_name = "FILE.toml")]
     pub out: PathBuf,
     /// Fit the flight line of this point source; the one with the most points if it is not given.

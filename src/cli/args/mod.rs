@@ -163,8 +163,8 @@ pub enum Command {
     /// Estimate a flight and its scanner from a recorded point cloud, and write them as a pipeline file.
     ///
     /// The cloud needs GPS times and scan angles, as LAS and LAZ have them, and all pulses of a flight line. Cones (Palmer
-    /// scanners), polygon mirrors and oscillating mirrors are told apart. Beside the pipeline file are written the trajectory and, if
-    /// the pulse rate is not constant, the times of the pulses; stdout gets a table of what was estimated, with standard deviations.
+    /// scanners), polygon mirrors and oscillating mirrors are told apart. Beside the pipeline file are written the trajectory, the
+    /// wander of a cone's mirror and, if the pulse rate is not constant, the times of the pulses; stdout gets a table of what was estimated, with standard deviations.
     Fit(FitArgs),
     /// Compare two point clouds of one place, a measured and a simulated one or two runs.
     ///

@@ -279,7 +279,8 @@ fn period(times: &[f64]) -> Option<f64> {
     // Parts of one line have nearly the same time.
     let large = *gaps.get(gaps.len() * 3 / 4)?;
     gaps.retain(|gap| *gap > 0.3 * large);
-    Some(median(gaps)).filter(|period| *period > 0.0)
+    // Where lines are missing, gaps are multiples of the period.
+    gaps.get(gaps.len() / 10).copied().filter(|period| *period > 0.0)
 }
 
 /// The rate near `coarse` (within a share of it) at which the phases of samples (time, phase) are most alike, and that phase at

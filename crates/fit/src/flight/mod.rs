@@ -22,6 +22,8 @@ mod rate;
 mod recording;
 mod report;
 mod solve;
+#[cfg(test)]
+mod tests;
 mod write;
 
 pub use mirror::Mirror;
@@ -44,7 +46,13 @@ const SECTIONS_PER_TURN: f64 = 8.0;
 /// Residuals of a kind of mirror that are larger than the best by this factor rule it out.
 const RULED_OUT: f64 = 3.0;
 /// A fit that misses its points by more than this, m on the ground, explains nothing.
-const MAX_RESIDUAL: f64 = 1.0;
+const MAX_RESIDUAL: f64 = 0.5;
+/// Nor does one with larger deviations of the attitude, rad, or of the scan angles, in steps of these and rad.
+const MAX_ATTITUDE: f64 = 0.05;
+const MAX_ANGLE_STEPS: f64 = 0.6;
+const MAX_ANGLE: f64 = 0.02;
+/// Smaller angles of a mirror are no scan, rad.
+const MIN_MIRROR: f64 = 0.01;
 /// One that misses them by more than this is doubtful.
 const DOUBTFUL_RESIDUAL: f64 = 0.15;
 
@@ -86,7 +94,7 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
         }
     }
     let name = path.display();
-    let Some(solution) = solution.filter(|solution| solution.residual < MAX_RESIDUAL) else {
+    let Some(solution) = solution else {
         return Err(Error::input_with_help(
             format!(
                 "{name}: no flight with a cone, a polygon mirror or an oscillating mirror meets these points"
@@ -95,13 +103,11 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
         ));
     };
     if solution.residual > DOUBTFUL_RESIDUAL {
-        found.warn(
-            None,
-            format!(
-                "{name}: the fitted flight misses its points by {:.2} m on the ground; doubt its figures",
-                solution.residual
-            ),
+        let message = format!(
+            "{name}: the fitted flight misses its points by {:.2} m on the ground; doubt its figures",
+            solution.residual
         );
+        found.warn(None, message);
     }
     let rate = PulseRate::of(&recording, &solution.model);
     let noise = ground::range_noise(&recording, &solution);
@@ -126,5 +132,15 @@ fn best_solution(recording: &Recording) -> Option<Solution> {
     let smallest = trials.iter().map(|trial| trial.residual).fold(f64::INFINITY, f64::min);
     trials.retain(|trial| trial.residual <= RULED_OUT * smallest);
     let best = trials.into_iter().min_by(|a, b| a.unexplained().total_cmp(&b.unexplained()))?;
-    Some(solve::solve(recording, &best.model, &sections_of(&best.model, MAX_SECTIONS), true))
+    let best = solve::solve(recording, &best.model, &sections_of(&best.model, MAX_SECTIONS), true);
+    is_credible(&best, recording).then_some(best)
+}
+
+/// Whether a solution explains its points by a flight that could have been.
+fn is_credible(solution: &Solution, recording: &Recording) -> bool {
+    let max_angle = (MAX_ANGLE_STEPS * recording.angle_step).max(MAX_ANGLE);
+    solution.residual < MAX_RESIDUAL
+        && solution.angle_residual < max_angle
+        && solution.attitude_spread() < MAX_ATTITUDE
+        && solution.model.of_mirror()[0].abs() > MIN_MIRROR
 }

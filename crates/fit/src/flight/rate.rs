@@ -1,14 +1,14 @@
 //! When pulses leave: their mean rate, its dependence on the place of the mirror, and its deviations from line to line.
 
 use super::model::Model;
-use super::recording::{Recording, median};
+use super::recording::Recording;
 
 /// Bins over a revolution of the mirror.
 const BINS: usize = 720;
 /// Fewer intervals say nothing of a bin.
 const MIN_INTERVALS: usize = 30;
-/// Longer intervals than this many medians hold pulses without a return.
-const LOST: f64 = 1.5;
+/// Intervals longer than the short ones of their line by this factor hold pulses without a return.
+const LOST: f64 = 1.6;
 /// A rate that changes less over the revolution, and from line to line, counts as constant.
 const CONSTANT: f64 = 0.003;
 
@@ -44,7 +44,7 @@ impl PulseRate {
         for (number, line) in recording.lines.iter().enumerate() {
             let pulses = &recording.pulses[line.clone()];
             let intervals: Vec<f64> = pulses.windows(2).map(|pair| pair[1].time - pair[0].time).collect();
-            let usual = median(intervals.clone());
+            let usual = short(intervals.clone());
             for (k, interval) in intervals.into_iter().enumerate() {
                 match interval < LOST * usual {
                     true => pairs.push((bin(pulses[k].time), interval, number)),
@@ -141,4 +141,10 @@ impl PulseRate {
         near.min_by(|a, b| (a.0 - time).abs().total_cmp(&(b.0 - time).abs()))
             .map_or(1.0, |(_, factor)| *factor)
     }
+}
+
+/// The interval that a tenth of these is shorter than.
+fn short(mut intervals: Vec<f64>) -> f64 {
+    intervals.sort_by(f64::total_cmp);
+    intervals.get(intervals.len() / 10).copied().unwrap_or(0.0)
 }

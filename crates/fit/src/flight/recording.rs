@@ -6,7 +6,7 @@ use std::path::Path;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, read_points};
-use vlscan_geom::{DVec3, radians};
+use vlscan_geom::{DVec3, degrees, radians};
 
 /// A gap of this many median intervals between pulses ends a line.
 const GAP_INTERVALS: f64 = 100.0;
@@ -160,12 +160,20 @@ impl Recording {
                 });
             }
         }
-        if pulses.len() < MIN_PULSES {
-            return Err(Error::input(format!(
-                "{}: {} pulses are too few to estimate a flight, which needs {MIN_PULSES}; points of one pulse have the same GPS time",
+        let count = pulses.len();
+        let recording = Recording::new(pulses).ok_or_else(|| {
+            Error::input(format!(
+                "{}: {count} pulses are too few to estimate a flight, which needs {MIN_PULSES}; points of one pulse have the same GPS time",
                 path.display(),
-                pulses.len()
-            )));
+            ))
+        })?;
+        Ok(Recording { origin, start, source: rows[0].source, ..recording })
+    }
+
+    /// A recording of pulses in ascending order of time, at the origin of coordinates and of times; `None` for fewer than 500.
+    pub fn new(pulses: Vec<Pulse>) -> Option<Recording> {
+        if pulses.len() < MIN_PULSES {
+            return None;
         }
         let interval = median(pulses.windows(2).map(|pair| pair[1].time - pair[0].time).collect());
         let is_end = |i: &usize| pulses[*i].time - pulses[i - 1].time > GAP_INTERVALS * interval;
@@ -174,15 +182,15 @@ impl Recording {
         borders.push(pulses.len());
         let lines = borders.windows(2).map(|pair| pair[0]..pair[1]).collect();
         let is_whole = pulses.iter().all(|pulse| {
-            let degrees = vlscan_geom::degrees(pulse.angle);
-            (degrees - degrees.round()).abs() < 1e-9
+            let angle = degrees(pulse.angle);
+            (angle - angle.round()).abs() < 1e-9
         });
         let angle_step = radians(if is_whole { 1.0 } else { 0.006 });
-        Ok(Recording {
-            origin,
+        Some(Recording {
+            origin: DVec3::ZERO,
             wkt: None,
-            start,
-            source: rows[0].source,
+            start: 0.0,
+            source: 0,
             pulses,
             lines,
             interval,

@@ -1,8 +1,8 @@
 //! What was estimated of a flight, with uncertainties.
 
+use super::FlightFit;
 use super::mirror::Mirror;
 use super::model::PLATFORM_PARAMETERS;
-use super::{FlightFit, Solution};
 use libm::{hypot, tan};
 use serde::Serialize;
 use vlscan_geom::degrees;
@@ -76,7 +76,7 @@ impl FlightFit {
         if let Some(noise) = self.noise {
             add("range noise with roughness", noise, None, "m");
         }
-        add("attitude changes, root mean square", degrees(attitude_spread(solution)), None, "deg");
+        add("attitude changes, root mean square", degrees(solution.attitude_spread()), None, "deg");
         add("residual on the ground", solution.residual, None, "m");
         add("residual of the scan angle", degrees(solution.angle_residual), None, "deg");
         figures
@@ -87,12 +87,6 @@ impl FlightFit {
         let pulses = &self.recording.pulses;
         pulses.iter().map(|pulse| pulse.position.z).sum::<f64>() / pulses.len() as f64
     }
-}
-
-/// Root mean square of the attitudes' deviations from the constant one, rad.
-fn attitude_spread(solution: &Solution) -> f64 {
-    let squares: f64 = solution.attitudes.iter().flatten().map(|angle| angle * angle).sum();
-    (squares / solution.attitudes.len().max(1) as f64).sqrt()
 }
 
 /// The figures as lines of text: name, value ± standard deviation, unit.

@@ -446,6 +446,12 @@ impl Solution {
         self.residual + height * (changes / self.attitudes.len().max(1) as f64).sqrt()
     }
 
+    /// Root mean square of the attitudes of all sections, rad.
+    pub fn attitude_spread(&self) -> f64 {
+        let squares: f64 = self.attitudes.iter().flatten().map(|angle| angle * angle).sum();
+        (squares / self.attitudes.len().max(1) as f64).sqrt()
+    }
+
     /// Attitude at `time`: linear between the sections' means, constant before the first and after the last.
     pub fn attitude(&self, time: f64) -> Attitude {
         let after = self.times.partition_point(|t| *t <= time);

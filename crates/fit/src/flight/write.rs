@@ -25,8 +25,17 @@ pub struct FlightFiles {
     pub pipeline: PathBuf,
     /// Poses: text.
     pub trajectory: PathBuf,
+    /// Deviation of the mirror from even motion: text; for cones.
+    pub wander: Option<PathBuf>,
     /// Times of pulses: text; `None` for a constant rate.
     pub pulse_times: Option<PathBuf>,
+}
+
+impl FlightFiles {
+    /// All files, the pipeline first.
+    pub fn all(&self) -> impl Iterator<Item = &PathBuf> {
+        [&self.pipeline, &self.trajectory].into_iter().chain(&self.wander).chain(&self.pulse_times)
+    }
 }
 
 impl FlightFit {
@@ -43,11 +52,14 @@ impl FlightFit {
         let files = FlightFiles {
             pipeline: path.to_path_buf(),
             trajectory: path.with_extension("trajectory.csv"),
+            wander: (self.solution.model.mirror == Mirror::Cone).then(|| path.with_extension("wander.txt")),
             pulse_times: times.is_some().then(|| path.with_extension("pulses.txt")),
         };
-        let all = [Some(&files.pipeline), Some(&files.trajectory), files.pulse_times.as_ref()];
-        all.into_iter().flatten().try_for_each(|path| refuse_existing(path, force))?;
+        files.all().try_for_each(|path| refuse_existing(path, force))?;
         write(&files.trajectory, &self.trajectory(), force)?;
+        if let Some(path) = &files.wander {
+            write(path, &self.wander(), force)?;
+        }
         if let (Some(path), Some(times)) = (&files.pulse_times, &times) {
             let mut text = String::with_capacity(times.len() * 12);
             // Writing to a string does not fail.
@@ -58,15 +70,20 @@ impl FlightFit {
         Ok(files)
     }
 
+    /// Deviation of a cone's mirror from even motion: seconds and degrees, a line each.
+    fn wander(&self) -> String {
+        let mut text = String::new();
+        for (time, attitude) in self.solution.times.iter().zip(&self.solution.attitudes) {
+            let _ = writeln!(text, "{time:.7} {:.7}", degrees(attitude[2]));
+        }
+        text
+    }
+
     /// Poses: GPS time, position, roll, pitch, heading (degrees), a line each.
     fn trajectory(&self) -> String {
         let (model, origin) = (&self.solution.model, self.recording.origin);
         let course = degrees(model.course());
-        // Lines that are drawn to a side are turned by the platform's heading, as the attitude of each line is.
-        let yaw = match model.mirror {
-            Mirror::Cone => 0.0,
-            Mirror::Polygon | Mirror::Oscillating => model.of_mirror()[3],
-        };
+        let is_cone = model.mirror == Mirror::Cone;
         let mut text = String::from("time,x,y,z,roll,pitch,heading\n");
         let mut times = vec![0.0];
         for time in self.solution.times.iter().copied().chain([self.recording.duration()]) {
@@ -78,11 +95,10 @@ impl FlightFit {
         times.push(self.recording.duration() + 0.01);
         for time in times {
             let (place, attitude) = (model.position(time) + origin, self.solution.attitude(time));
-            let angles = [
-                degrees(model.parameters[8] + attitude[0]),
-                degrees(model.parameters[9] + attitude[1]),
-                (course + degrees(attitude[2] + yaw)).rem_euclid(360.0),
-            ];
+            // A cone turns by its mirror, whose wander is a file of its own; lines are turned by the platform.
+            let yaw = if is_cone { 0.0 } else { attitude[2] + model.of_mirror()[3] };
+            let heading = (course + degrees(yaw)).rem_euclid(360.0);
+            let angles = [degrees(attitude[0]), degrees(attitude[1]), heading];
             let _ = writeln!(
                 text,
                 "{:.7},{:.4},{:.4},{:.4},{:.7},{:.7},{:.7}",
@@ -111,7 +127,9 @@ impl FlightFit {
             line(format!("#   {}: {}", figure.name, Figure::text(&figure)));
         }
         line("#".to_owned());
-        line("# A turn of the platform and one of the mirror look alike to a cone: its wander is in the heading.".to_owned());
+        if files.wander.is_some() {
+            line("# A turn of the platform and one of the mirror look alike to a cone: both are in the mirror's wander.".to_owned());
+        }
         line("# Not to be told from the points, and left to you: divergence, pulse length, energy, range limits.".to_owned());
         line(String::new());
         line("# scene = \"scene.xml\"         # what is scanned; or vlscan run --scene".to_owned());
@@ -137,10 +155,16 @@ impl FlightFit {
         line(format!("scan_angle_max_deg = {:.6}", degrees(angle)));
         line(format!("scan_freq_max_hz = {:.6}", rate.max(1.0)));
         line(format!("scan_phase_deg = {:.5}", phase.rem_euclid(360.0)));
+        // Roll and pitch of the scanner; the attitude of the trajectory is what changes.
+        let tilt = [-degrees(model.parameters[8]), degrees(model.parameters[9])];
+        line(format!("scan_axis_tilt_deg = [{:.6}, {:.6}]", tilt[0], tilt[1]));
+        if let Some(path) = &files.wander {
+            line(format!("scan_wander = {}", quoted(&name(path))));
+        }
         if is_reversed {
             line("scan_reverse = true".to_owned());
         }
-        line(format!("pulse_freqs_hz = [{:.1}]", self.rate.mean));
+        line(format!("pulse_freqs_hz = [{:.0}]", self.rate.mean));
         if let Some(noise) = self.noise {
             line("# with the roughness of the ground, which adds to it".to_owned());
             line(format!("accuracy_m = {noise:.4}"));
@@ -153,7 +177,7 @@ impl FlightFit {
         ));
         line(format!("max_returns = {}", self.recording.pulses.iter().map(|p| p.returns).max().unwrap_or(1)));
         line(format!("\n[settings]\nscan_freq_hz = {rate:.6}"));
-        line(format!("pulse_freq_hz = {:.1}", self.rate.mean));
+        line(format!("pulse_freq_hz = {:.0}", self.rate.mean));
         if let Some(path) = &files.pulse_times {
             line("# the rate changes with the place of the mirror, and from line to line; pulses elsewhere are not known".to_owned());
             line(format!("pulse_times = {}", quoted(&name(path))));

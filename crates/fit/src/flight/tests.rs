@@ -1,0 +1,127 @@
+//! Flights that are flown by the model itself, over ground of known heights.
+
+use super::*;
+use libm::{cos, sin};
+use vlscan_geom::{DVec3, degrees, radians};
+
+/// Pulses of a flight over rolling ground that fall into a square of 200 m; the mirror wanders by 2 mrad, heights have noise of
+/// 2 cm and angles are rounded to 0.006°.
+fn flown(model: &Model, rate: f64, duration: f64) -> Vec<Pulse> {
+    let ground = |x: f64, y: f64| 3.0 * sin(x * 0.02) + 2.0 * cos(y * 0.03);
+    let mut pulses = Vec::new();
+    for k in 0..(rate * duration) as u64 {
+        let time = k as f64 / rate;
+        let attitude = [1e-4 * sin(40.0 * time), 1e-4 * cos(31.0 * time), 2e-3 * sin(5.0 * time)];
+        let mut height = 0.0;
+        let mut at = model.footprint(&attitude, time, height);
+        for _ in 0..6 {
+            height = ground(at.x, at.y);
+            at = model.footprint(&attitude, time, height);
+        }
+        if at.x.abs() < 100.0 && at.y.abs() < 100.0 {
+            let noise = 0.02 * noise(k);
+            let angle = radians((degrees(at.angle) / 0.006).round() * 0.006);
+            pulses.push(Pulse {
+                time,
+                position: DVec3::new(at.x, at.y, height + noise),
+                angle,
+                returns: 1,
+                class: 2,
+            });
+        }
+    }
+    pulses
+}
+
+/// Nearly normal deviates.
+fn noise(k: u64) -> f64 {
+    let mut sum = -6.0;
+    for j in 0..12 {
+        // A multiplicative hash as uniform numbers.
+        let mixed = (k * 12 + j).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        sum +=
+            ((mixed ^ (mixed >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 11) as f64 / (1u64 << 53) as f64;
+    }
+    sum
+}
+
+fn model(mirror: Mirror, of_mirror: [f64; 4]) -> Model {
+    let mut parameters = [0.0; MAX_PARAMETERS];
+    (parameters[0], parameters[1], parameters[2], parameters[3]) = (-40.0, 350.0, 60.0, 4.0);
+    parameters[6] = 1200.0;
+    parameters[PLATFORM_PARAMETERS..].copy_from_slice(&of_mirror);
+    Model { mirror, parameters }
+}
+
+/// Checks what is estimated of a flight, and that it predicts the lines that were left out.
+fn check(truth: &Model, rate: f64) -> Solution {
+    let recording = Recording::new(flown(truth, rate, 3.0)).unwrap();
+    let mut fitted = recording.clone();
+    // Blocks of lines, so that neither the repetition nor the motion is lost.
+    fitted.lines =
+        recording.lines.iter().enumerate().filter(|(k, _)| k % 3 != 1).map(|(_, l)| l.clone()).collect();
+    let solution = best_solution(&fitted).unwrap();
+    assert_eq!(solution.model.mirror, truth.mirror);
+    let height = solution.model.parameters[6];
+    assert!((height / 1200.0 - 1.0).abs() < 0.005, "height {height}");
+    let frequency = solution.model.of_mirror()[1].abs();
+    assert!((frequency / truth.of_mirror()[1].abs() - 1.0).abs() < 1e-4, "frequency {frequency}");
+    let (mut squares, mut count) = (0.0, 0.0);
+    for line in recording.lines.iter().enumerate().filter(|(k, _)| k % 3 == 1).map(|(_, line)| line.clone()) {
+        for pulse in &recording.pulses[line] {
+            let at = solution.model.footprint(&solution.attitude(pulse.time), pulse.time, pulse.position.z);
+            squares += (at.x - pulse.position.x).powi(2) + (at.y - pulse.position.y).powi(2);
+            count += 1.0;
+        }
+    }
+    let error = (squares / count as f64).sqrt();
+    assert!(error < 0.06, "lines left out: {error} m");
+    let rate_fitted = PulseRate::of(&recording, &solution.model);
+    assert!((rate_fitted.mean / rate - 1.0).abs() < 1e-4 && rate_fitted.is_constant());
+    let noise = ground::range_noise(&recording, &solution).unwrap();
+    assert!((noise / 0.02 - 1.0).abs() < 0.2, "noise {noise}");
+    solution
+}
+
+#[test]
+fn a_cone_is_found_in_either_sense_from_a_part_of_its_circle() {
+    for rate in [-140.0, 140.0] {
+        let solution = check(&model(Mirror::Cone, [radians(20.0), rate, 1.0, 0.0]), 400_000.0);
+        let half_angle = degrees(solution.model.of_mirror()[0]);
+        assert!((half_angle - 20.0).abs() < 0.1, "{half_angle}");
+        assert_eq!(solution.model.of_mirror()[1].signum(), rate.signum());
+    }
+}
+
+#[test]
+fn lines_of_a_polygon_mirror_are_found() {
+    let solution = check(&model(Mirror::Polygon, [radians(58.0), 90.0, 1.0, 0.0]), 200_000.0);
+    assert!((degrees(solution.model.of_mirror()[0]) - 58.0).abs() < 0.5);
+}
+
+#[test]
+fn a_mirror_that_swings_is_found() {
+    let solution = check(&model(Mirror::Oscillating, [radians(25.0), 50.0, 1.0, 0.0]), 200_000.0);
+    assert!((degrees(solution.model.of_mirror()[0]) - 25.0).abs() < 0.2);
+}
+
+#[test]
+fn a_rate_that_follows_the_mirror_is_told() {
+    let truth = model(Mirror::Cone, [radians(20.0), 140.0, 1.0, 0.0]);
+    let mut pulses = flown(&truth, 400_000.0, 3.0);
+    // Every second pulse is missing in half of the circle that falls into the square.
+    let turn = |time: f64| truth.mirror.phase(truth.of_mirror(), time);
+    let middle = recording::median(pulses.iter().map(|pulse| turn(pulse.time)).collect());
+    let mut k = 0;
+    pulses.retain(|pulse| {
+        k += 1;
+        turn(pulse.time) < middle || k % 2 == 0
+    });
+    let recording = Recording::new(pulses).unwrap();
+    let rate = PulseRate::of(&recording, &truth);
+    assert!(!rate.is_constant() && (rate.range.1 / rate.range.0 - 2.0).abs() < 0.1, "{:?}", rate.range);
+    let times = rate.times(&truth, recording.duration(), 1_000_000).unwrap();
+    let share = times.len() as f64 / recording.pulses.len() as f64;
+    // The whole part of the circle has pulses, of which some fall beside the square.
+    assert!(times.windows(2).all(|pair| pair[1] > pair[0]) && (1.0..4.0).contains(&share), "{share}");
+}

@@ -1,0 +1,123 @@
+//! `vlscan fit`: flights that this program flew itself, and recordings where they are at hand.
+
+use crate::common::{folder, missing, run, succeed, text};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Two seconds of a drone with a cone or a polygon mirror over a rolling field.
+fn pipeline(optics: &str) -> String {
+    let mut survey = String::from(
+        "scene = \"hills/scene.xml\"\nseed = 1\n\n[platform]\nkind = \"linear_path\"\n\
+         mount = { offset_m = [0, 0, 0], rotate_deg = [{ x = -90 }, { z = -90 }] }\n\n[scanner]\nid = \"own\"\n",
+    );
+    survey += optics;
+    survey += "pulse_freqs_hz = [100000]\naccuracy_m = 0.01\nmax_range = { range_m = 900, reflectance = 0.2 }\n\n\
+         [settings]\npulse_freq_hz = 100000\nscan_freq_hz = 60\n\n\
+         [[leg]]\nposition_m = [-20, 30, 200]\nspeed_m_per_s = 20\n\n[[leg]]\nposition_m = [20, 30, 200]\nactive = false\n\n\
+         [[output]]\npath = \"line.laz\"\n";
+    survey
+}
+
+/// The estimated values by name.
+fn figures(folder: &Path, args: &[&str]) -> serde_json::Map<String, serde_json::Value> {
+    let out = succeed(folder, args);
+    let figures: Vec<serde_json::Value> = serde_json::from_slice(&out.stdout).unwrap();
+    figures.into_iter().map(|f| (f["name"].as_str().unwrap().to_owned(), f["value"].clone())).collect()
+}
+
+#[test]
+fn a_flight_that_was_flown_here_is_found_and_flown_again() {
+    let cone = "optics = \"conic\"\nscan_angle_max_deg = 20\nscan_freq_max_hz = 60\nscan_reverse = true\nscan_phase_deg = 40\n";
+    let polygon =
+        "optics = \"rotating\"\nscan_angle_max_deg = 30\nscan_freq_max_hz = 60\nscan_phase_deg = 70\n";
+    for (optics, name, angle, rate) in [
+        (cone, "conic", ("half angle of the cone", 20.0), "revolutions"),
+        (polygon, "rotating", ("angle per line", 60.0), "lines"),
+    ] {
+        let dir = folder();
+        succeed(
+            dir.path(),
+            &["scene", "make", "terrain", "-n", "20k", "--pulses", "1k", "-o", "hills", "-q"],
+        );
+        fs::write(dir.path().join("flown.toml"), pipeline(optics)).unwrap();
+        succeed(dir.path(), &["run", "flown.toml", "-q"]);
+        let found = figures(dir.path(), &["fit", "line.laz", "-o", "fit.toml", "--json", "-q"]);
+        for (name, expected, within) in [
+            ("speed", 20.0, 0.2),
+            ("course", 90.0, 0.5),
+            (angle.0, angle.1, 0.01 * angle.1),
+            (rate, 60.0, 0.006),
+            ("pulse rate", 100_000.0, 100.0),
+            ("height of the platform", 200.0, 2.0),
+        ] {
+            let value = found[name].as_f64().unwrap();
+            assert!((value - expected).abs() < within, "{optics}: {name} is {value}");
+        }
+        let written = fs::read_to_string(dir.path().join("fit.toml")).unwrap();
+        assert!(written.contains(&format!("optics = \"{name}\"")), "{written}");
+        // Flown again over the same ground it draws the same lines.
+        succeed(dir.path(), &["run", "fit.toml", "--scene", "hills/scene.xml", "-o", "again.laz", "-q"]);
+        let out = succeed(dir.path(), &["compare", "line.laz", "again.laz", "--json"]);
+        let compared: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+        let points = |which: &str| compared[which]["points"].as_f64().unwrap();
+        assert!((points("second") / points("first") - 1.0).abs() < 0.02, "{compared}");
+        // What exists stays.
+        let again = run(dir.path(), &["fit", "line.laz", "-o", "fit.toml"]);
+        assert!(text(&again.stderr).contains("--force"), "{}", text(&again.stderr));
+    }
+}
+
+#[test]
+fn clouds_that_say_nothing_of_a_flight_are_refused() {
+    let dir = folder();
+    fs::write(dir.path().join("plain.xyz"), "0 0 0\n1 1 1\n").unwrap();
+    let rows: String =
+        (0..2000).map(|k| format!("{k} {} 5 {} 0\n", k * 7 % 13, f64::from(k) * 1e-4)).collect();
+    fs::write(dir.path().join("nadir.txt"), format!("x y z time scan_angle\n{rows}")).unwrap();
+    fs::write(dir.path().join("few.txt"), "x y z time scan_angle\n1 2 3 4 5\n").unwrap();
+    for (cloud, expected) in [
+        ("plain.xyz", "GPS times"),
+        ("nadir.txt", "no flight"),
+        ("few.txt", "too few"),
+        ("none.laz", "none.laz"),
+    ] {
+        let out = run(dir.path(), &["fit", cloud, "-o", "fit.toml"]);
+        let message = text(&out.stderr);
+        assert!(!out.status.success() && message.contains(expected), "{cloud}: {message}");
+        assert!(!dir.path().join("fit.toml").exists(), "{cloud}");
+    }
+    fs::write(dir.path().join("line.txt"), format!("x y z time scan_angle\n{rows}")).unwrap();
+    let out = run(dir.path(), &["fit", "line.txt", "-o", "fit.toml", "--flight-line", "9"]);
+    assert!(text(&out.stderr).contains("--flight-line 9"), "{}", text(&out.stderr));
+}
+
+/// A recording beside the repository.
+fn recording(name: &str) -> Option<PathBuf> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/real").join(name);
+    if !path.exists() {
+        missing("real recordings", "they lie beside the repository");
+        return None;
+    }
+    Some(path)
+}
+
+#[test]
+fn real_flight_lines_are_fitted() {
+    let dir = folder();
+    let lines = [
+        ("airborne/flight_line.laz", "revolutions", 149.9986, 1.64e6, 58.9),
+        ("airborne/hills.laz", "lines", 77.5455, 3.58e5, 70.0),
+    ];
+    for (name, of_mirror, frequency, pulse_rate, speed) in lines {
+        let Some(path) = recording(name) else { return };
+        let found = figures(
+            dir.path(),
+            &["fit", path.to_str().unwrap(), "-o", "fit.toml", "--json", "--force", "-q"],
+        );
+        let value = |name: &str| found[name].as_f64().unwrap();
+        assert!((value(of_mirror) - frequency).abs() < 0.01, "{name}: {found:?}");
+        assert!((value("pulse rate") / pulse_rate - 1.0).abs() < 0.01, "{name}: {found:?}");
+        assert!((value("speed") - speed).abs() < 1.0, "{name}: {found:?}");
+        assert!(value("residual on the ground") < 0.05, "{name}: {found:?}");
+    }
+}
