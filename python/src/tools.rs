@@ -10,13 +10,14 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
+use vlscan::fit::flight::{self, FlightRequest};
 use vlscan::tools::cloud::{Points, points_of_table, read_points};
 use vlscan::tools::compare::{CompareOptions, compare as compare_clouds, json};
 use vlscan::tools::plan::{
     AirborneOptions, AirborneRequest, Area, AreaSource, MobileOptions, MobileRequest, PlanRequest, PlanSetup,
     TerrestrialOptions, TerrestrialRequest,
 };
-use vlscan::{Campaign, CampaignEvent, CampaignOptions, Notice, Observer, OneOf};
+use vlscan::{Campaign, CampaignEvent, CampaignOptions, Diagnostics, Notice, Observer, OneOf};
 
 /// The command in the first line of plans.
 const COMMAND: &str = "vlscan.plan";
@@ -195,6 +196,28 @@ pub fn compare(
         let (first, second) = (first?, second?);
         let clouds = [(first.0.as_str(), &first.1), (second.0.as_str(), &second.1)];
         json(&compare_clouds(clouds, &options, &observer)?)
+    });
+    notices.issue(py)?;
+    made.map_err(|error| exception(py, error))
+}
+
+/// Fits a flight and its scanner to a cloud and writes them. Returns the files, and the figures as JSON.
+#[pyfunction]
+pub fn fit_flight(
+    py: Python<'_>,
+    cloud: PathBuf,
+    output: PathBuf,
+    flight_line: Option<u16>,
+    force: bool,
+) -> PyResult<(Vec<PathBuf>, String)> {
+    let notices = Notices::default();
+    let made = py.detach(|| {
+        let mut found = Diagnostics::default();
+        let fit = flight::fit_flight(&cloud, &FlightRequest { flight_line }, &mut found);
+        notices.add(Notice::Warnings(found.finish(false)?));
+        let fit = fit?;
+        let files = fit.write(&output, &format!("vlscan.fit_flight {}", cloud.display()), force)?;
+        Ok((files.all().cloned().collect(), flight::json(&fit.figures())?))
     });
     notices.issue(py)?;
     made.map_err(|error| exception(py, error))

@@ -376,3 +376,37 @@ def compare(
     }
     compared: dict[str, Any] = json.loads(_vlscan.compare(named(first, "first"), named(second, "second"), fields))
     return compared
+
+
+def fit_flight(
+    cloud: PathLike, output: PathLike, *, flight_line: int | None = None, force: bool = False
+) -> dict[str, tuple[float, float | None, str]]:
+    """Estimate a flight and its scanner from a recorded point cloud, and write them as a pipeline file.
+
+    The trajectory, the wander of a cone's mirror and times of pulses are written beside the pipeline file.
+
+    Parameters
+    ----------
+    cloud : str or path-like
+        The recorded cloud, with GPS times and scan angles: LAS or LAZ.
+    output : str or path-like
+        The pipeline file to write.
+    flight_line : int, optional
+        The point source of the flight line that is fitted; by default the one with the most points.
+    force : bool
+        Overwrite files that exist.
+
+    Returns
+    -------
+    dict
+        Value, standard deviation (or None) and unit of each estimated quantity, by its name.
+
+    Raises
+    ------
+    InputError
+        The cloud has no times or scan angles, or no flight meets its points.
+    FileError
+        A file cannot be read or exists.
+    """
+    _, figures = _vlscan.fit_flight(os.fspath(cloud), os.fspath(output), flight_line, force)
+    return {figure["name"]: (figure["value"], figure["deviation"], figure["unit"]) for figure in json.loads(figures)}

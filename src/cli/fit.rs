@@ -3,10 +3,10 @@
 use super::Console;
 use super::args::FitArgs;
 use vlscan_base::diag::Diagnostics;
-use vlscan_base::error::{Error, Result};
+use vlscan_base::error::Result;
 use vlscan_base::files::{refuse_existing, write_stdout};
 use vlscan_base::quantity::amount;
-use vlscan_fit::flight::{FlightRequest, fit_flight, table};
+use vlscan_fit::flight::{FlightRequest, fit_flight, json, table};
 
 pub fn run(args: &FitArgs, console: &Console) -> Result<()> {
     refuse_existing(&args.out, args.force)?;
@@ -17,10 +17,7 @@ pub fn run(args: &FitArgs, console: &Console) -> Result<()> {
     let files = fit.write(&args.out, &format!("vlscan fit {}", args.cloud.display()), args.force)?;
     let figures = fit.figures();
     match args.json {
-        true => {
-            let text = serde_json::to_string_pretty(&figures).map_err(|e| Error::input(e.to_string()))?;
-            write_stdout(&(text + "\n"))?;
-        }
+        true => write_stdout(&(json(&figures)? + "\n"))?,
         false => write_stdout(&table(&figures))?,
     }
     let beside: Vec<String> = files.all().skip(1).map(|path| path.display().to_string()).collect();

@@ -71,7 +71,7 @@ fn circle(recording: &Recording) -> Option<Circle> {
     }
     let fit = least_squares(&rows, &right)?;
     let radius_squared = fit[4] + fit[0] * fit[0] + fit[1] * fit[1];
-    if !(radius_squared > 0.0) {
+    if radius_squared <= 0.0 {
         return None;
     }
     let mut circle = Circle {

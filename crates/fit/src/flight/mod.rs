@@ -30,7 +30,7 @@ pub use mirror::Mirror;
 pub use model::{Attitude, Footprint, MAX_PARAMETERS, Model, PLATFORM_PARAMETERS};
 pub use rate::PulseRate;
 pub use recording::{Pulse, Recording};
-pub use report::{Figure, table};
+pub use report::{Figure, json, table};
 pub use solve::Solution;
 pub use write::FlightFiles;
 

@@ -5,6 +5,7 @@ use super::mirror::Mirror;
 use super::model::PLATFORM_PARAMETERS;
 use libm::{hypot, tan};
 use serde::Serialize;
+use vlscan_base::error::{Error, Result};
 use vlscan_geom::degrees;
 
 /// An estimated quantity.
@@ -92,6 +93,14 @@ impl FlightFit {
 /// The figures as lines of text: name, value ± standard deviation, unit.
 pub fn table(figures: &[Figure]) -> String {
     figures.iter().map(|figure| format!("{:<36} {}\n", figure.name, figure.text())).collect()
+}
+
+/// The figures as JSON: an array of name, value, deviation, unit.
+///
+/// # Errors
+/// [`Error::Input`] for values that JSON cannot hold.
+pub fn json(figures: &[Figure]) -> Result<String> {
+    serde_json::to_string_pretty(figures).map_err(|e| Error::input(e.to_string()))
 }
 
 impl Figure {

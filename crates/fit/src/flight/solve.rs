@@ -284,10 +284,8 @@ fn prior_cost(
     has_attitudes: bool,
 ) -> f64 {
     let prior = priors(model);
-    let mut cost = 0.0;
-    for k in 0..model.count() {
-        cost += (model.parameters[k] / prior[k]).powi(2);
-    }
+    let known = model.parameters.iter().zip(prior).take(model.count());
+    let mut cost: f64 = known.map(|(value, deviation)| (value / deviation).powi(2)).sum();
     if has_attitudes {
         cost += attitudes.iter().flatten().map(|angle| (angle / ATTITUDE).powi(2)).sum::<f64>();
         for k in 1..sections.len() {
@@ -308,23 +306,22 @@ fn add_priors(
     walk: &[f64; 3],
     has_attitudes: bool,
 ) {
-    let prior = priors(model);
-    for k in 0..model.count() {
-        let precision = 1.0 / (prior[k] * prior[k]);
+    for (k, deviation) in priors(model).into_iter().enumerate().take(model.count()) {
+        let precision = 1.0 / (deviation * deviation);
         normal.parameters[(k, k)] += precision;
         normal.right_parameters[k] -= precision * model.parameters[k];
     }
     if has_attitudes {
-        for k in 0..sections.len() {
+        for (k, attitude) in attitudes.iter().enumerate() {
+            let neighbours = [k.checked_sub(1), Some(k + 1).filter(|next| *next < sections.len())];
             for axis in 0..3 {
                 let mut precision = 1.0 / (ATTITUDE * ATTITUDE);
-                let mut right = -precision * attitudes[k][axis];
-                let neighbours = [k.checked_sub(1), Some(k + 1).filter(|next| *next < sections.len())];
+                let mut right = -precision * attitude[axis];
                 for other in neighbours.into_iter().flatten() {
                     let (before, after) = (k.min(other), k.max(other));
                     let of_walk = walk_precision(&sections[before], &sections[after], walk)[axis];
                     precision += of_walk;
-                    right -= of_walk * (attitudes[k][axis] - attitudes[other][axis]);
+                    right -= of_walk * (attitude[axis] - attitudes[other][axis]);
                 }
                 normal.diagonal[k][(axis, axis)] += precision;
                 normal.right[k][axis] += right;
