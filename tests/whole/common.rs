@@ -164,6 +164,16 @@ pub fn missing(what: &str, how: &str) {
     println!("skipped: no {what} ({how})");
 }
 
+/// A recording of a real instrument, which lies beside the repository where it may be used; says that it is missing otherwise.
+pub fn recording(name: &str) -> Option<PathBuf> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/real").join(name);
+    if path.is_file() {
+        return Some(path);
+    }
+    missing("recordings", &format!("no {}", path.display()));
+    None
+}
+
 /// A Python that has laspy and lazrs.
 pub fn python_with_laspy() -> Option<PathBuf> {
     python("laspy, lazrs")

@@ -1,7 +1,8 @@
 //! `vlscan compare` on runs of the fixtures, in several formats.
 
-use crate::common::{fixture, folder, run, succeed, text};
+use crate::common::{fixture, folder, recording, run, succeed, text};
 use std::fs;
+use std::path::Path;
 
 #[test]
 fn runs_are_compared_in_every_format() {
@@ -138,6 +139,63 @@ fn a_dam_and_a_pit_of_two_epochs_are_told_apart() {
         "{}",
         text(&refused.stderr)
     );
+}
+
+/// Writes the points of a recording in two files, whole pulses to one or the other by chance.
+fn write_halves(recording: &Path, halves: [&Path; 2]) {
+    let mut reader = las::Reader::from_path(recording).unwrap();
+    let header = reader.header().clone();
+    let mut writers = halves.map(|path| las::Writer::from_path(path, header.clone()).unwrap());
+    for point in reader.read_all().unwrap().points() {
+        let point = point.unwrap();
+        // Points of one pulse have the same time.
+        let bits = point.gps_time.unwrap().to_bits().wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        writers[(bits >> 63) as usize].write_point(point).unwrap();
+    }
+    writers.map(|mut writer| writer.close().unwrap());
+}
+
+#[test]
+fn halves_of_a_recording_are_within_chance_and_a_centimetre_is_not() {
+    let Some(recording) = recording("airborne/flight_line.laz") else { return };
+    let dir = folder();
+    let halves = ["a.laz", "b.laz"].map(|name| dir.path().join(name));
+    write_halves(&recording, [&halves[0], &halves[1]]);
+    let compare = |first: &str, second: &str| -> serde_json::Value {
+        let out = succeed(dir.path(), &["compare", first, second, "--chance", "--json", "-q"]);
+        serde_json::from_slice(&out.stdout).unwrap()
+    };
+    let found = compare("a.laz", "b.laz");
+    let beyond = |found: &serde_json::Value| -> Vec<String> {
+        let mut beyond = Vec::new();
+        for quantity in found["quantities"].as_array().unwrap() {
+            for figure in quantity["figures"].as_array().unwrap() {
+                if figure["is_within_chance"] == false {
+                    beyond.push(format!("{}: {figure}", quantity["name"]));
+                }
+            }
+        }
+        beyond
+    };
+    // Bounds are those of quarters, and a hundred figures are not independent.
+    assert!(beyond(&found).len() <= 2, "{:#?}", beyond(&found));
+    let quantity = |found: &serde_json::Value, name: &str| {
+        found["quantities"].as_array().unwrap().iter().find(|q| q["name"] == name).unwrap().clone()
+    };
+    let rate = &quantity(&found, "time between scan lines")["figures"][0];
+    assert!((rate["first"].as_f64().unwrap() - 149.9986).abs() < 0.01, "{rate}");
+    // The same half a centimetre higher.
+    let mut reader = las::Reader::from_path(&halves[1]).unwrap();
+    let mut raised = las::Writer::from_path(dir.path().join("c.laz"), reader.header().clone()).unwrap();
+    for point in reader.read_all().unwrap().points() {
+        let point = point.unwrap();
+        raised.write_point(las::Point { z: point.z + 0.01, ..point }).unwrap();
+    }
+    raised.close().unwrap();
+    let residual = quantity(&compare("a.laz", "c.laz"), "residual to the terrain");
+    let mean = &residual["figures"][0];
+    assert!((mean["difference"].as_f64().unwrap() - 10.0).abs() < 1.5, "{mean}");
+    assert_eq!(mean["is_within_chance"], false, "{mean}");
 }
 
 #[test]

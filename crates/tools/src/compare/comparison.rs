@@ -39,6 +39,8 @@ pub struct Cloud {
     pub points_in_box: f64,
     /// Points per m² of the cells that hold points of either cloud.
     pub density_per_m2: f64,
+    /// Median intensity of the points in the box, in the unit of the file; `None` without intensities.
+    pub intensity_median: Option<f64>,
     /// Pulses and scan lines with points in the box; `None` if they cannot be told.
     pub pulses_and_lines: Option<[usize; 2]>,
 }
@@ -168,6 +170,7 @@ pub fn compare(
             max: points.bounds().max.to_array(),
             points_in_box: count,
             density_per_m2: count / area,
+            intensity_median: cuts[i].median_intensity(),
             pulses_and_lines: setting.pulses[i].as_ref().ok().map(of_pulses),
         }
     };

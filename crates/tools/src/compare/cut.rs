@@ -53,6 +53,14 @@ impl Cut<'_> {
         Some(numbers).filter(|numbers| numbers.0 > 0 && numbers.1 > 0)
     }
 
+    /// The median of the intensities; `None` without any.
+    pub fn median_intensity(&self) -> Option<f64> {
+        let all = self.map(|points, i| points.intensity_of(i)).flatten();
+        let mut values: Vec<f32> = all.filter(|value| !value.is_nan()).collect();
+        let middle = values.len() / 2;
+        (!values.is_empty()).then(|| f64::from(*values.select_nth_unstable_by(middle, f32::total_cmp).1))
+    }
+
     /// Class of a point; `None` if the points have none.
     pub fn class(&self, i: usize) -> Option<u8> {
         self.points.class_of(self.index[i] as usize)

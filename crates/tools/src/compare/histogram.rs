@@ -96,8 +96,27 @@ fn classes(sorted: [&[f64]; 2]) -> (f64, f64, usize) {
     while extent / width > CLASSES[1] {
         width *= 2.0;
     }
-    let first = (low / width).floor();
-    (first * width, width, ((high / width).floor() - first) as usize + 1)
+    // Classes of values in steps hold as many steps each, and begin between two of them.
+    let step = sorted.map(|values| step_of(values, extent)).into_iter().flatten().reduce(f64::min);
+    let begin = match step {
+        Some(step) => {
+            width = step * (width / step).round().max(1.0);
+            low - 0.5 * step
+        }
+        None => (low / width).floor() * width,
+    };
+    (begin, width, ((high - begin) / width).floor() as usize + 1)
+}
+
+/// The step of values that are multiples of one coarser than a thousandth of their extent; `None` of others.
+fn step_of(values: &[f64], extent: f64) -> Option<f64> {
+    let gaps = values.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 1e-6 * extent);
+    let step = gaps.min_by(f64::total_cmp)?;
+    let is_multiple = |value: &f64| {
+        let steps = (value - values[0]) / step;
+        (steps - steps.round()).abs() < 0.05
+    };
+    (1e3 * step > extent && values.iter().all(is_multiple)).then_some(step)
 }
 
 #[cfg(test)]
@@ -125,6 +144,16 @@ mod tests {
         assert_eq!((histogram.from, histogram.to), (0.5, 3.5));
         assert_eq!(histogram.fractions, [vec![0.75, 0.25, 0.0], vec![0.25, 0.5, 0.25]]);
         assert_eq!(histogram.overlap, 0.5);
+    }
+
+    #[test]
+    fn classes_of_values_in_steps_hold_equally_many_of_them() {
+        let values: Vec<f64> = (0..3000).map(|i| 0.0596 * f64::from(i % 30)).collect();
+        let mut sorted = values.clone();
+        sorted.sort_by(f64::total_cmp);
+        let histogram = Histogram::of([&sorted, &sorted], false);
+        let classes = &histogram.fractions[0];
+        assert!(classes[1..classes.len() - 1].iter().all(|f| (f - classes[1]).abs() < 1e-9), "{histogram:?}");
     }
 
     #[test]

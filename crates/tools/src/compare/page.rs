@@ -3,6 +3,7 @@
 use super::comparison::Comparison;
 use super::histogram::Histogram;
 use super::map::picture_of;
+use super::quantity::Figure;
 use super::report::{Section, described, sections};
 use crate::chart::{Anchor, Axis, Drawing, Mark, Plot, Role, Theme, style};
 use crate::cloud::Points;
@@ -13,7 +14,7 @@ use vlscan_base::error::Result;
 use vlscan_base::markup::escaped;
 
 /// Width and height of the field of a histogram, px.
-const FIELD: [f64; 2] = [520.0, 200.0];
+const FIELD: [f64; 2] = [430.0, 190.0];
 /// Room at the left and below for the numbers of the axes, px.
 const MARGIN: [f64; 2] = [46.0, 40.0];
 /// Size of pictures, dots.
@@ -21,10 +22,10 @@ const PICTURE: [u32; 2] = [1100, 800];
 
 const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;max-width:76em;padding:0 1em;color-scheme:light dark}\
  table{border-collapse:collapse;font-variant-numeric:tabular-nums;margin:.3em 0 .8em}td,th{padding:.1em .9em .1em 0;text-align:right}\
- td:first-child,th:first-child{text-align:left;min-width:15em}th{font-weight:600;border-bottom:1px solid}\
+ td:first-child,th:first-child{text-align:left;min-width:13em}th{font-weight:600;border-bottom:1px solid}\
  tr.out td{font-weight:700}p.m{margin:.2em 0;opacity:.8;max-width:60em}img{max-width:100%}figure{margin:0 0 1em}\
- section{break-inside:avoid;margin:0 0 1.6em}.pair{display:flex;flex-wrap:wrap;gap:0 2.5em;align-items:flex-start}\
- h2{margin:1.6em 0 .4em;border-bottom:2px solid}h3{margin:.8em 0 .1em}\
+ section{break-inside:avoid;margin:0 0 1.6em}.pair{display:flex;flex-wrap:wrap;gap:0 1.5em;align-items:flex-start}\
+ h2{margin:1.6em 0 .4em;border-bottom:2px solid}h3{margin:.8em 0 .1em}.pair figure{flex:0 1 490px}@media (min-width:62em){.pair{flex-wrap:nowrap}}\
  @media print{body{margin:0;max-width:none;font-size:11px}a{color:inherit}}";
 
 /// The page; nothing in it is loaded from elsewhere.
@@ -119,7 +120,24 @@ fn summary(c: &Comparison) -> String {
             figures().count()
         );
     }
-    text + "</p>\n"
+    text + "</p>\n" + &beyond(c)
+}
+
+/// The figures that lie beyond chance, by quantity.
+fn beyond(c: &Comparison) -> String {
+    let mut items = String::new();
+    for quantity in &c.quantities {
+        let is_beyond = |figure: &&Figure| figure.is_within_chance == Some(false);
+        let mut names: Vec<&str> =
+            quantity.figures.iter().filter(is_beyond).map(|f| f.name.as_str()).collect();
+        if quantity.distribution.is_within_chance == Some(false) {
+            names.push("distribution");
+        }
+        if !names.is_empty() {
+            let _ = write!(items, "<li>{}: {}</li>\n", escaped(&quantity.name), escaped(&names.join(", ")));
+        }
+    }
+    if items.is_empty() { items } else { format!("<p>Beyond chance:</p>\n<ul>\n{items}</ul>\n") }
 }
 
 fn rows(section: &Section) -> String {

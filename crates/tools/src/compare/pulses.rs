@@ -171,14 +171,16 @@ impl Pulses {
     }
 
     /// Horizontal distances from pulses of a line to the nearest of the next three lines of its source, m, with the line: two arcs
-    /// of one revolution of a conic scanner lie far apart, and the next but one is the neighbour. At most 25 pulses of each line.
+    /// of one revolution of a conic scanner lie far apart, and the next but one is the neighbour. At most 25 pulses
+    /// of each of at most 2000 lines, evenly chosen.
     pub fn line_spacings(&self, cut: &Cut) -> Vec<(f64, u32)> {
         const NEXT: usize = 3;
         const MAX_PULSES: usize = 25;
+        const MAX_LINES: usize = 2000;
         let usual: Vec<(f64, u32)> = self.line_intervals();
         let lines: Vec<usize> = self.long_lines().collect();
         let mut found = Vec::new();
-        for (i, &line) in lines.iter().enumerate() {
+        for (i, &line) in lines.iter().enumerate().step_by(lines.len().div_ceil(MAX_LINES).max(1)) {
             let is_followed = usual.binary_search_by_key(&(line as u32), |(_, line)| *line).is_ok();
             let next: Vec<&Range<usize>> =
                 lines[i + 1..].iter().take(NEXT).map(|j| &self.lines[*j]).collect();

@@ -174,12 +174,7 @@ impl Setting<'_> {
         let scaled = self.cuts.map(|cut| -> Vec<f64> {
             let mut values: Vec<f64> =
                 cut.map(|points, i| points.intensity_of(i).map_or(f64::NAN, f64::from)).collect();
-            let mut sorted: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
-            let middle = sorted.len() / 2;
-            let median = match sorted.is_empty() {
-                true => f64::NAN,
-                false => *sorted.select_nth_unstable_by(middle, f64::total_cmp).1,
-            };
+            let median = cut.median_intensity().unwrap_or(f64::NAN);
             let scale = if median > 0.0 { 1.0 / median } else { f64::NAN };
             values.iter_mut().for_each(|value| *value *= scale);
             values

@@ -4,6 +4,7 @@ use super::chance::{BlockKind, Chance};
 use super::change::{Change, Volume};
 use super::comparison::{Agreement, Cloud, Comparison};
 use super::neighbours::Distances;
+use crate::chart::label::significant;
 use std::fmt::Write as _;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::amount;
@@ -146,6 +147,10 @@ fn clouds(c: &Comparison) -> Section {
         &|cloud| format!("{:.3}", cloud.density_per_m2),
         ratio(&|cloud| cloud.density_per_m2),
     );
+    if c.first.intensity_median.is_some() && c.second.intensity_median.is_some() {
+        let of = |cloud: &Cloud| cloud.intensity_median.unwrap_or_default();
+        row("intensity, median", &|cloud| significant(of(cloud)), ratio(&of));
+    }
     for (i, name) in ["pulses", "scan lines"].into_iter().enumerate() {
         let count = |cloud: &Cloud| cloud.pulses_and_lines.map_or(0, |counts| counts[i]);
         if count(&c.first) + count(&c.second) > 0 {
