@@ -177,8 +177,8 @@ fn halves_of_a_recording_are_within_chance_and_a_centimetre_is_not() {
         }
         beyond
     };
-    // Bounds are those of quarters, and a hundred figures are not independent.
-    assert!(beyond(&found).len() <= 2, "{:#?}", beyond(&found));
+    // One of forty is beyond its bound by chance, and a hundred figures are not independent.
+    assert!(beyond(&found).len() <= 6, "{:#?}", beyond(&found));
     let quantity = |found: &serde_json::Value, name: &str| {
         found["quantities"].as_array().unwrap().iter().find(|q| q["name"] == name).unwrap().clone()
     };

@@ -150,10 +150,31 @@ impl Pulses {
         self.long_lines().map(|i| (self.lines[i].len() as f64, i as u32))
     }
 
-    /// The middle of the time of a line, s.
-    fn middle(&self, line: usize) -> f64 {
-        let Range { start, end } = self.lines[line];
-        0.5 * (self.pulses[start].time + self.pulses[end - 1].time)
+    /// The time of each line of some, s: when its scan angle passes the median one of its source, so that the margin of the cloud, which
+    /// cuts lines at other angles, does not move it; without scan angles the middle of the line. `None` of lines that do not pass it.
+    fn line_times(&self, lines: &[usize]) -> Vec<Option<f64>> {
+        /// Less than the steps of angles in files, so that no pulse is at the angle itself.
+        const BETWEEN_STEPS: f64 = 1e-3;
+        let source = |line: usize| self.pulses[self.lines[line].start].source;
+        let mut times = Vec::with_capacity(lines.len());
+        for lines in lines.chunk_by(|a, b| source(*a) == source(*b)) {
+            let pulses_of = |line: &usize| &self.pulses[self.lines[*line].clone()];
+            let mut angles: Vec<f64> = lines.iter().flat_map(pulses_of).map(|pulse| pulse.angle).collect();
+            let middle = angles.len() / 2;
+            let angle = *angles.select_nth_unstable_by(middle, f64::total_cmp).1 + BETWEEN_STEPS;
+            let passes = |pair: &[Pulse]| (pair[0].angle - angle) * (pair[1].angle - angle) < 0.0;
+            let time = |line: &usize| {
+                let pulses = pulses_of(line);
+                if !self.has_angles {
+                    return Some(0.5 * (pulses[0].time + pulses[pulses.len() - 1].time));
+                }
+                let pair = pulses.windows(2).find(|pair| passes(pair))?;
+                let share = (angle - pair[0].angle) / (pair[1].angle - pair[0].angle);
+                Some(pair[0].time + share * (pair[1].time - pair[0].time))
+            };
+            times.extend(lines.iter().map(time));
+        }
+        times
     }
 
     /// Times from one line to the next of its source, s, with the first of them; the next one follows within [`MAX_LINE_GAP`] times
@@ -161,9 +182,12 @@ impl Pulses {
     pub fn line_intervals(&self) -> Vec<(f64, u32)> {
         let lines: Vec<usize> = self.long_lines().collect();
         let source = |line: usize| self.pulses[self.lines[line].start].source;
-        let pairs = lines.windows(2).filter(|pair| source(pair[0]) == source(pair[1]));
-        let all: Vec<(f64, u32)> =
-            pairs.map(|pair| (self.middle(pair[1]) - self.middle(pair[0]), pair[0] as u32)).collect();
+        let line_times = self.line_times(&lines);
+        let pairs = lines.windows(2).zip(line_times.windows(2));
+        let of_source = pairs.filter(|(lines, _)| source(lines[0]) == source(lines[1]));
+        let interval =
+            |(lines, times): (&[usize], &[Option<f64>])| Some((times[1]? - times[0]?, lines[0] as u32));
+        let all: Vec<(f64, u32)> = of_source.filter_map(interval).collect();
         let mut times: Vec<f64> = all.iter().map(|(time, _)| *time).collect();
         times.sort_unstable_by(f64::total_cmp);
         let Some(usual) = times.get(times.len() / 2) else { return Vec::new() };

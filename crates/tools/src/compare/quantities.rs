@@ -257,7 +257,7 @@ impl Setting<'_> {
             "time between scan lines",
             ("ms", "line"),
             &[Frequency(1e3), Mean, Quantile(0.05), Quantile(0.5), Quantile(0.95)],
-            "from the middle of a scan line (arc) to that of the next one; the rate is that of lines, of revolutions if there is one line in each",
+            "from a scan line (arc) to the next one, at the median scan angle of the source or, without angles, in the middle; the rate is that of lines, of revolutions if there is one line in each",
         );
         found.add("time between scan lines", self.of_lines(definition, pulses.map(milliseconds)));
         let definition = define(
