@@ -51,6 +51,7 @@ fn material(fields: &Bound<'_, PyDict>) -> PyResult<MaterialDefinition> {
         ks: get("specular")?.extract()?,
         ns: get("specular_exponent")?.extract()?,
         roughness: get("roughness_deg")?.extract::<f64>()?.to_radians(),
+        element_size: get("element_size_m")?.extract()?,
         reflectance: get("reflectance")?.extract()?,
         spectrum: get("spectrum")?.extract()?,
         classification: get("classification")?.extract()?,

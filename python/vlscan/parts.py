@@ -42,6 +42,8 @@ class Material:
         Exponent of the specular lobe.
     roughness_deg : float
         Roughness of the surface, 0 to 90 degrees; refined physics.
+    element_size_m : float
+        Size of the elements of foliage (shoots, clusters of leaves) that intercept light as a whole, 0 to 100 m; refined physics.
 
     Raises
     ------
@@ -63,12 +65,14 @@ class Material:
     specular: tuple[float, float, float] = (0.0, 0.0, 0.0)
     specular_exponent: float = 10.0
     roughness_deg: float = 0.0
+    element_size_m: float = 0.0
 
     _USUAL_REFLECTANCE: ClassVar[float | None] = 0.5
 
     def __post_init__(self) -> None:
         self._check("reflectance", 1)
         self._check("roughness_deg", 90)
+        self._check("element_size_m", 100)
         self._check("classification", 255)
 
     def _check(self, name: str, highest: float) -> None:

@@ -183,6 +183,8 @@ pub const DEVIATION: Bounds = Bounds::new(0.0, 1e12, "a number of at least 0, at
 pub const REFLECTANCE: Bounds = Bounds::new(0.0, 1.0, "a reflectance from 0 to 1");
 /// Roughness of a surface, degrees.
 pub const ROUGHNESS: Bounds = Bounds::new(0.0, 90.0, "a roughness of 0 to 90 degrees");
+/// Size of the elements of foliage, m.
+pub const ELEMENT_SIZE: Bounds = Bounds::new(0.0, 100.0, "a size of 0 to 100 m");
 
 /// Formats a number for a message: six digits, or as many as three decimals need, without zeros at its end. Digits that
 /// arithmetic has left over do not appear.

@@ -325,6 +325,7 @@ impl Library {
             reflection: reflection(d, has_share, self.rules),
             classification: d.classification,
             is_ground: d.is_ground,
+            element_size: d.element_size,
         }
     }
 

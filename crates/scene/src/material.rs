@@ -16,6 +16,8 @@ pub struct Material {
     pub classification: i32,
     /// Whether legs and parts may be placed on it.
     pub is_ground: bool,
+    /// Size of the elements of foliage that intercept light as a whole, m; 0: leaves are much smaller than footprints.
+    pub element_size: f64,
 }
 
 /// Angular law of the reflection back to the source: f(θ) = π·BRDF·cos θ.
@@ -60,6 +62,7 @@ impl Material {
             reflection: if rules.lambert_default { Reflection::Lambert } else { Reflection::Uniform },
             classification: 0,
             is_ground: false,
+            element_size: 0.0,
         }
     }
 

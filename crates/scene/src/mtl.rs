@@ -101,11 +101,12 @@ fn statement(
 }
 
 /// Keywords that matter.
-const KNOWN: [&str; 8] = [
+const KNOWN: [&str; 9] = [
     "Kd",
     "Ks",
     "Ns",
     "vlscan_roughness_deg",
+    "vlscan_element_size_m",
     "helios_reflectance",
     "helios_spectra",
     "helios_classification",
@@ -147,6 +148,10 @@ fn set(
         b"vlscan_roughness_deg" => {
             let degrees = number().filter(|d| (0.0..=90.0).contains(d));
             material.roughness = degrees.ok_or("a roughness of 0 to 90 degrees")?.to_radians();
+        }
+        b"vlscan_element_size_m" => {
+            let size = number().filter(|size| (0.0..=100.0).contains(size));
+            material.element_size = size.ok_or("a size of foliage elements of 0 to 100 m")?;
         }
         b"helios_reflectance" if first.and_then(float).is_some_and(f64::is_nan) => {
             material.reflectance = None
@@ -202,7 +207,7 @@ mod tests {
     fn the_example_of_the_dialect() {
         let (m, d) = read_text(
             b"# fields\r\nnewmtl meadow wide\r\n\tKd 0.2 0.6 0.2\r\nhelios_spectra tall grass # dry\r\nhelios_classification 2\r\n\
-              helios_isGround TRUE\r\nillum 2\r\nnewmtl b\xe4r\nKs .5 # grey\nNs 20\nvlscan_roughness_deg 18\nhelios_reflectance 0.4\n",
+              helios_isGround TRUE\r\nillum 2\r\nnewmtl b\xe4r\nKs .5 # grey\nNs 20\nvlscan_roughness_deg 18\nvlscan_element_size_m 0.25\nhelios_reflectance 0.4\n",
         );
         assert!(d.items().is_empty(), "{}", d.render(false));
         assert_eq!(
@@ -212,6 +217,7 @@ mod tests {
         assert_eq!((m[0].classification, m[0].is_ground, m[0].reflectance), (2, true, None));
         assert_eq!((m[1].name.as_str(), m[1].ks, m[1].ns), ("bär", [0.5; 3], 20.0));
         assert_eq!((m[1].reflectance, m[1].is_ground), (Some(0.4), false));
+        assert_eq!((m[0].element_size, m[1].element_size), (0.0, 0.25));
         assert_eq!((m[0].roughness, m[1].roughness), (0.0, std::f64::consts::PI / 10.0));
     }
 

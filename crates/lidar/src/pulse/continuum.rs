@@ -5,6 +5,9 @@
 //! and Lambert). For a subray that is known to be intercepted it is that density over 1 − exp(−T), with the optical
 //! depth T of the path. The light of a pulse is collected in range cells that all of its subrays share. They are as
 //! wide as the bins of the waveform, so that a homogeneous medium leaves no ripples there.
+//!
+//! That is the limit of leaves much smaller than the footprint. Foliage of larger elements (shoots, clusters of leaves)
+//! intercepts a column of the footprint, as wide as an element, at one place ([`intercept`]).
 
 use super::detector_settings::DetectorSettings;
 use super::energy::Energy;
@@ -26,6 +29,25 @@ pub(super) struct MediumSegment {
 /// Optical depth of `segments` up to `end` m from the pulse's origin.
 pub(super) fn depth(segments: &[MediumSegment], end: f64) -> f64 {
     segments.iter().map(|s| s.sigma * (s.to.min(end) - s.from).max(0.0)).sum()
+}
+
+/// The segment in which light is intercepted at an optical depth, the densest of those that overlap there, and the
+/// distance from the pulse's origin, m; `None` if the foliage up to `end` m has less depth.
+pub(super) fn intercept(segments: &[MediumSegment], target: f64, end: f64) -> Option<(MediumSegment, f64)> {
+    let mut bounds: Vec<f64> = segments.iter().flat_map(|s| [s.from, s.to.min(end)]).collect();
+    bounds.sort_unstable_by(f64::total_cmp);
+    let mut passed = 0.0;
+    for pair in bounds.windows(2).filter(|pair| pair[1] > pair[0]) {
+        let active = || segments.iter().filter(|s| s.from <= pair[0] && s.to.min(end) > pair[0]);
+        let sigma: f64 = active().map(|s| s.sigma).sum();
+        let depth = sigma * (pair[1] - pair[0]);
+        if sigma > 0.0 && passed + depth >= target {
+            let densest = active().max_by(|a, b| a.sigma.total_cmp(&b.sigma))?;
+            return Some((*densest, pair[0] + (target - passed) / sigma));
+        }
+        passed += depth;
+    }
+    None
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -244,6 +266,19 @@ mod tests {
     /// By the closed form, the share of the light intercepted before `end` that comes from before `range`.
     fn expected(segments: &[MediumSegment], range: f64, end: f64) -> f64 {
         libm::expm1(-depth(segments, range.min(end))) / libm::expm1(-depth(segments, end))
+    }
+
+    #[test]
+    fn light_is_intercepted_at_its_depth() {
+        let segments =
+            [segment(7, 100.0, 101.0, 0.5), segment(8, 100.5, 102.5, 2.0), segment(9, 110.0, 111.0, 1.0)];
+        let at = |depth: f64, end: f64| {
+            intercept(&segments, depth, end).map(|(s, range)| (s.entry.primitive, range))
+        };
+        assert_eq!(at(0.2, f64::INFINITY), Some((7, 100.4)));
+        assert_eq!(at(0.25 + 2.5 * 0.4, f64::INFINITY), Some((8, 100.9)));
+        assert_eq!(at(0.25 + 1.25 + 3.0 + 0.5, f64::INFINITY), Some((9, 110.5)));
+        assert_eq!((at(5.6, f64::INFINITY), at(4.6, 110.0), at(0.6, 100.0)), (None, None, None));
     }
 
     #[test]

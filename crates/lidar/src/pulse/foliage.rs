@@ -11,6 +11,10 @@ use vlscan_trace::{Cube, Tree};
 /// Projection G of spherically distributed leaves.
 const SPHERICAL_PROJECTION: f64 = 0.5;
 
+/// Bits of the counters of draws by column of a footprint, and of the place of the columns: free paths are fewer.
+const COLUMNS: u32 = 1 << 31;
+const SHIFT: u32 = 1 << 30;
+
 /// Draws the free paths of a pulse: one per voxel of foliage that a subray enters, in the order of subrays.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FreePaths {
@@ -26,6 +30,18 @@ impl FreePaths {
         let u = self.stream.uniform(self.device, self.pulse, self.drawn);
         self.drawn = self.drawn.wrapping_add(1);
         -log(u) / sigma
+    }
+
+    /// Optical depth at which the elements of foliage in a column of the footprint intercept light: exponentially
+    /// distributed, one draw for each pulse and column.
+    pub fn depth_of_column(&self, column: [i32; 2]) -> f64 {
+        let [u, v] = column.map(|i| i as u32 & 0x7fff);
+        -log(self.stream.uniform(self.device, self.pulse, COLUMNS | u << 15 | v))
+    }
+
+    /// Where the columns of a pulse lie: shares of their size, from 0 to 1.
+    pub fn shift_of_columns(&self) -> [f64; 2] {
+        [0, 1].map(|axis| self.stream.uniform(self.device, self.pulse, COLUMNS | SHIFT | axis))
     }
 }
 

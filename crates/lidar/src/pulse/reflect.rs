@@ -1,6 +1,6 @@
 //! Turns the hits of subrays into reflections (spec pulse-physics §2).
 
-use super::continuum::{FoliageContinuum, LeafResponse, MediumSegment, depth};
+use super::continuum::{FoliageContinuum, LeafResponse, MediumSegment, depth, intercept};
 use super::foliage::{self, FreePaths, MediumEvent};
 use super::instrument::Instrument;
 use super::lanes::LANES;
@@ -116,6 +116,7 @@ impl<'a> SceneView<'a> {
         let is_triangle = |i: u32| (i as usize) < triangles || (i as usize >= own && i != Hits::MISS);
         let mut surface = ShadedSurface::none(self.scene);
         let t = traced.t.as_flattened();
+        let mut frame = None;
         for (i, (ring, range)) in rings.iter().zip(gains.ranges).enumerate() {
             let (primitive, direction) = (traced.primitives[i], traced.direction(i));
             if !may_be_occluded && is_triangle(primitive) && instrument.detector.is_in_range(*range) {
@@ -127,7 +128,14 @@ impl<'a> SceneView<'a> {
                 let first =
                     Interaction { from: ray.0, t: t[i], primitive, range: *range, scatter_range: *range };
                 let end = if is_continuous {
-                    self.scatter_continuously((instrument, *ring), ray, first, around, (paths, scratch))
+                    let frame = *frame.get_or_insert_with(|| FootprintFrame::new(traced.origin, direction));
+                    self.scatter_continuously(
+                        (instrument, *ring),
+                        (ray, frame),
+                        first,
+                        around,
+                        (paths, scratch),
+                    )
                 } else if c.adjacent_voxels {
                     self.walk_medium(&instrument.detector, ray, first, around, paths)
                 } else {
@@ -150,12 +158,12 @@ impl<'a> SceneView<'a> {
         }
     }
 
-    /// Follows a subray of `ring` through foliage to the solid surface that reflects it. `None` if there is none, or if
-    /// the foliage intercepts the subray, whose light then joins the continuum.
+    /// Follows a subray of `ring` through foliage to what reflects it: a solid surface or an element of foliage. `None` if there is
+    /// none, or if foliage of small leaves intercepts the subray, whose light then joins the continuum.
     fn scatter_continuously(
         &self,
         (instrument, ring): (&Instrument, u32),
-        (origin, direction): (DVec3, DVec3),
+        ((origin, direction), frame): ((DVec3, DVec3), FootprintFrame),
         first: Interaction,
         around: &[u32],
         (paths, scratch): (&mut FreePaths, &mut ReflectScratch),
@@ -172,6 +180,18 @@ impl<'a> SceneView<'a> {
             return solid;
         }
         let end = solid.map_or(f64::INFINITY, |s| s.range);
+        let foremost = continuum.segments[0];
+        let (scene, local) = self.locate(foremost.entry.primitive);
+        let size = scene.material_of(local).element_size;
+        if size > 0.0 {
+            let column = frame.column(origin + direction * foremost.from, size, paths.shift_of_columns());
+            let found = intercept(&continuum.segments, paths.depth_of_column(column), end);
+            let Some((segment, scatter_range)) = found else { return solid };
+            return instrument
+                .detector
+                .is_in_range(scatter_range)
+                .then_some(Interaction { scatter_range, ..segment.entry });
+        }
         // The optical depth at which the subray is intercepted.
         if paths.sample(1.0) > depth(&continuum.segments, end) {
             return solid;
@@ -236,6 +256,27 @@ impl<'a> SceneView<'a> {
             }
             at = self.nearest(next, direction, origin, |_| true);
         }
+    }
+}
+
+/// Axes across a beam in which the places of its subrays are told apart.
+#[derive(Clone, Copy)]
+struct FootprintFrame {
+    origin: DVec3,
+    axes: [DVec3; 2],
+}
+
+impl FootprintFrame {
+    /// The frame of a beam from `origin`; `direction` is that of one of its subrays.
+    fn new(origin: DVec3, direction: DVec3) -> FootprintFrame {
+        let aside = if direction.z.abs() < 0.9 { DVec3::Z } else { DVec3::X };
+        let u = unit(direction.cross(aside));
+        FootprintFrame { origin, axes: [u, direction.cross(u)] }
+    }
+
+    /// The column, `size` m wide, of the footprint that holds a point; `shift` moves the columns, in shares of their size.
+    fn column(&self, point: DVec3, size: f64, shift: [f64; 2]) -> [i32; 2] {
+        [0, 1].map(|i| ((point - self.origin).dot(self.axes[i]) / size + shift[i]).floor() as i32)
     }
 }
 

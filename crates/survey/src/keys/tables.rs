@@ -133,6 +133,9 @@ keys! {
         is_ground;
         /// Roughness of the surface, degrees; refined physics. Default: 0.
         roughness_deg in ROUGHNESS;
+        /// Size of the elements of foliage (shoots, clusters of leaves) that intercept light as a whole, m; refined physics. Default:
+        /// 0, leaves much smaller than a footprint.
+        element_size_m in ELEMENT_SIZE;
     }
 }
 

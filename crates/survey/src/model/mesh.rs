@@ -101,6 +101,9 @@ pub struct MaterialDefinition {
     pub ns: f64,
     /// Roughness of the surface (`vlscan_roughness_deg`), rad.
     pub roughness: f64,
+    /// Size of the elements of foliage that intercept light as a whole (`vlscan_element_size_m`), m; 0: leaves are much smaller
+    /// than footprints.
+    pub element_size: f64,
     /// Reflectance, 0 to 1 (`helios_reflectance`).
     pub reflectance: Option<f64>,
     /// Name of a spectrum (`helios_spectra`).
@@ -122,6 +125,7 @@ impl MaterialDefinition {
             ks: [0.0; 3],
             ns: 10.0,
             roughness: 0.0,
+            element_size: 0.0,
             reflectance: None,
             spectrum: None,
             classification: 0,

@@ -125,6 +125,7 @@ fn read_change(mut fields: Fields) -> MaterialChange {
     let material = MaterialDefinition {
         kd: [1.0; 3],
         roughness: radians(fields.number(keys.roughness_deg, 0.0)),
+        element_size: fields.number(keys.element_size_m, 0.0),
         reflectance: fields.optional(keys.reflectance),
         spectrum: fields.text(keys.spectrum),
         classification,

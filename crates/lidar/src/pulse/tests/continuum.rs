@@ -61,6 +61,50 @@ fn the_wall_keeps_what_foliage_lets_through_on_average() {
     assert!(variance > 0.01, "interception is random");
 }
 
+/// Foliage of 1 m² per m³, 4 m deep, of elements of that size before the wall; its optical depth is 2.
+fn of_elements(size: f64) -> Vec<Vec<Echo>> {
+    let mut scene = column(4, 1.0, None);
+    scene.materials.iter_mut().for_each(|m| m.element_size = size);
+    echoes(&scene, 6, PhysicsOptions::refined(), 1500)
+}
+
+/// The mean light of the wall is that of the law of Beer and Lambert whatever the size of the elements; its variance, and the share
+/// of pulses with a single return, grow with the size.
+#[test]
+fn larger_elements_keep_the_mean_and_leave_fewer_returns() {
+    let clear = echoes(&column(0, 0.0, None), 6, PhysicsOptions::refined(), 1)[0][0].intensity;
+    let mut last = (0.0, -1.0);
+    for size in [0.002, 0.02, 10.0] {
+        let all = of_elements(size);
+        let n = all.len() as f64;
+        let wall: Vec<f64> = all
+            .iter()
+            .map(|e| e.iter().filter(|e| e.range > 118.0).map(|e| e.intensity).sum::<f64>() / clear)
+            .collect();
+        let mean = wall.iter().sum::<f64>() / n;
+        let variance = wall.iter().map(|w| (w - mean).powi(2)).sum::<f64>() / n;
+        let off = (mean - libm::exp(-2.0)) / (variance / n).sqrt();
+        assert!(off.abs() < 4.0, "{size} m: {mean}");
+        let single = all.iter().filter(|e| e.len() == 1).count() as f64 / n;
+        assert!(variance > last.0 && single > last.1, "{size} m: {variance} {single} after {last:?}");
+        last = (variance, single);
+    }
+    // All or nothing: p(1 − p), but for the borders of the columns.
+    let p = libm::exp(-2.0);
+    assert!((last.0 / (p * (1.0 - p)) - 1.0).abs() < 0.1 && last.1 > 0.98, "{last:?}");
+}
+
+/// Depths of single returns of large elements are exponential: half of those of the foliage lie above the median of the
+/// exponential distribution cut at the depth 2.
+#[test]
+fn large_elements_are_met_by_the_law_of_beer_and_lambert() {
+    let ranges = of_elements(10.0).into_iter().filter(|e| e.len() == 1 && e[0].range < 118.0);
+    let ranges: Vec<f64> = ranges.map(|e| e[0].range).collect();
+    let median = 99.0 - 2.0 * libm::log(0.5 * (1.0 + libm::exp(-2.0)));
+    let below = ranges.iter().filter(|r| **r < median).count() as f64 / ranges.len() as f64;
+    assert!((below - 0.5).abs() < 4.0 * 0.5 / (ranges.len() as f64).sqrt(), "{below} of {}", ranges.len());
+}
+
 #[test]
 fn a_beam_of_one_ray_stops_at_points() {
     let all = echoes(&column(16, 0.3, None), 1, PhysicsOptions::refined(), 400);
