@@ -11,13 +11,14 @@ use pyo3::types::{PyDict, PyList};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan::fit::flight::{self, FlightRequest};
+use vlscan::fit::scene::ReconstructOptions;
 use vlscan::tools::cloud::{Points, points_of_table, read_points};
 use vlscan::tools::compare::{CompareOptions, compare as compare_clouds, json};
 use vlscan::tools::plan::{
     AirborneOptions, AirborneRequest, Area, AreaSource, MobileOptions, MobileRequest, PlanRequest, PlanSetup,
     TerrestrialOptions, TerrestrialRequest,
 };
-use vlscan::{Campaign, CampaignEvent, CampaignOptions, Diagnostics, Notice, Observer, OneOf};
+use vlscan::{Campaign, CampaignEvent, CampaignOptions, Diagnostics, Error, Notice, Observer, OneOf};
 
 /// The command in the first line of plans.
 const COMMAND: &str = "vlscan.plan";
@@ -221,4 +222,26 @@ pub fn fit_flight(
     });
     notices.issue(py)?;
     made.map_err(|error| exception(py, error))
+}
+
+/// Reconstructs a scene from a classified point cloud. Returns what was estimated as JSON.
+#[pyfunction]
+pub fn reconstruct(
+    py: Python<'_>,
+    cloud: PathBuf,
+    folder: PathBuf,
+    voxel: Option<f64>,
+    divergence: f64,
+    force: bool,
+) -> PyResult<String> {
+    let notices = Notices::default();
+    let observer = Observer::new(false, notices.observer());
+    let made = py.detach(|| {
+        let options = ReconstructOptions { voxel, divergence, overwrite: force, ..ReconstructOptions::new(cloud) };
+        let found = vlscan::fit::scene::reconstruct(&options, &observer)?;
+        found.write(&folder, force)?;
+        Ok(found.report().to_string())
+    });
+    notices.issue(py)?;
+    made.map_err(|error: Error| exception(py, error))
 }

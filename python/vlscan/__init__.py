@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from .scene import Scene
     from .survey import Leg, Survey, run, run_batches, trace
     from .tables import Points, Table, Waveforms
-    from .tools import CampaignReport, Plan, compare, fit_flight, plan_airborne, plan_mobile, plan_terrestrial, run_campaign
+    from .tools import CampaignReport, Plan, compare, fit_flight, plan_airborne, plan_mobile, plan_terrestrial, reconstruct, run_campaign
 
     __version__: str
 
@@ -47,7 +47,7 @@ _MODULES = {
     "scene": ["Scene"],
     "survey": ["Leg", "Survey", "run", "run_batches", "trace"],
     "tables": ["Points", "Table", "Waveforms"],
-    "tools": ["CampaignReport", "Plan", "compare", "fit_flight", "plan_airborne", "plan_mobile", "plan_terrestrial", "run_campaign"],
+    "tools": ["CampaignReport", "Plan", "compare", "fit_flight", "plan_airborne", "plan_mobile", "plan_terrestrial", "reconstruct", "run_campaign"],
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
@@ -79,6 +79,7 @@ __all__ = [
     "plan_mobile",
     "plan_terrestrial",
     "platforms",
+    "reconstruct",
     "run",
     "run_batches",
     "run_campaign",

@@ -25,6 +25,7 @@ __all__ = [
     "page",
     "picture",
     "plan",
+    "reconstruct",
     "run",
     "run_batches",
     "run_campaign",
@@ -65,6 +66,9 @@ def compare(first: tuple[str, object], second: tuple[str, object], fields: dict[
 
 def fit_flight(cloud: PathLike, output: PathLike, flight_line: int | None, force: bool) -> tuple[list[str], str]:
     """Fit a flight and its scanner to a cloud and write them: the files, and the figures as JSON."""
+
+def reconstruct(cloud: str, folder: str, voxel: float | None, divergence: float, force: bool) -> str:
+    """Reconstruct a scene from a classified point cloud; what was estimated as JSON."""
 
 @final
 class Mesh:

@@ -410,3 +410,35 @@ def fit_flight(
     """
     _, figures = _vlscan.fit_flight(os.fspath(cloud), os.fspath(output), flight_line, force)
     return {figure["name"]: (figure["value"], figure["deviation"], figure["unit"]) for figure in json.loads(figures)}
+
+
+def reconstruct(
+    cloud: PathLike, folder: PathLike, *, voxel: float | None = None, divergence: float = 0.00025, force: bool = False
+) -> dict[str, Any]:
+    """Reconstruct a scene from a classified point cloud: terrain, roofs with walls, foliage as voxels of leaf area.
+
+    Parameters
+    ----------
+    cloud : str or path-like
+        The cloud, LAS or LAZ with classes, return numbers and times.
+    folder : str or path-like
+        The folder that gets ``scene.xml``, ``scene.toml`` with scene and instrument, ``trajectory.csv`` and ``report.json``.
+    voxel : float, optional
+        Edge of the voxels of foliage, m. By default the mean distance between pulses, 0.3 to 0.75.
+    divergence : float
+        Divergence of the beam that recorded the cloud, full angle at 1/e² of the intensity, rad.
+    force : bool
+        Whether files that exist are replaced.
+
+    Returns
+    -------
+    dict
+        What was estimated, as ``report.json`` has it.
+
+    Raises
+    ------
+    InputError
+        The cloud cannot be read or has no ground.
+    """
+    found: dict[str, Any] = json.loads(_vlscan.reconstruct(os.fspath(cloud), os.fspath(folder), voxel, divergence, force))
+    return found

@@ -1,15 +1,17 @@
 //! `vlscan scene`: scenes that are made, and information on scenes.
 
-use super::args::{MakeArgs, SceneArgs, SceneCommand, StandArgs};
+use super::args::{MakeArgs, ReconstructArgs, SceneArgs, SceneCommand, StandArgs};
 use super::{Console, info, pack};
 use vlscan_base::error::Result;
 use vlscan_base::quantity::amount;
+use vlscan_fit::scene;
 use vlscan_tools::generate::{make_stand, write_scene};
 
 pub fn run(args: &SceneArgs, console: &Console) -> Result<()> {
     match &args.command {
         SceneCommand::Make(args) => make(args, console),
         SceneCommand::Stand(args) => stand(args, console),
+        SceneCommand::Reconstruct(args) => reconstruct(args, console),
         SceneCommand::Info(args) => info::run(args, console),
         SceneCommand::Pack(args) => pack::run(args, console),
     }
@@ -37,6 +39,37 @@ fn stand(args: &StandArgs, console: &Console) -> Result<()> {
         counts.join(", "),
         made.models,
         if counts.len() > 1 { " in the epochs stand_0, stand_1 …" } else { "" },
+    ));
+    Ok(())
+}
+
+fn reconstruct(args: &ReconstructArgs, console: &Console) -> Result<()> {
+    let options = &args.options;
+    let found = scene::reconstruct(options, &console.listener())?;
+    let pipeline = found.write(&args.out, options.overwrite)?;
+    let receiver = &found.receiver;
+    for path in &found.paths {
+        let seen = found.mean_range;
+        console.say(format!(
+            "line {}: instrument found by {} (points {} m away on average)",
+            path.source,
+            path.found_by.phrase(),
+            amount(seen)
+        ));
+    }
+    console.say(format!(
+        "{} pulses: terrain with a spread of {:.3} m, {} m² of roofs, {} voxels with {} m² of leaves in elements of {:.2} m",
+        amount(found.pulses as f64),
+        found.terrain.spread,
+        amount((found.roofs.cells as f64 * found.roofs.cell.powi(2)).round()),
+        amount(found.foliage.voxels.len() as f64),
+        amount(found.foliage.leaf_area().round()),
+        receiver.element_size,
+    ));
+    console.say(format!(
+        "{}: trace pulses through it with: vlscan trace --scanner {} PULSES -o points.laz",
+        args.out.display(),
+        pipeline.display()
     ));
     Ok(())
 }

@@ -47,6 +47,7 @@ mod point_formats;
 mod preview;
 mod profiles;
 mod rasters;
+mod reconstruct;
 mod scenes;
 mod shards;
 mod spinning;

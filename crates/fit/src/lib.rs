@@ -3,7 +3,9 @@
 //! | module | what it does |
 //! |---|---|
 //! | `flight` | a flight and its scanner from GPS times, positions and scan angles |
+//! | `scene` | a scene from classified points: terrain, roofs, foliage as voxels |
 
 #![deny(unsafe_code)]
 
 pub mod flight;
+pub mod scene;

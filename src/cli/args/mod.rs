@@ -25,7 +25,7 @@ pub use campaign::CampaignArgs;
 pub use compare::CompareArgs;
 pub use fit::FitArgs;
 pub use plan::PlanArgs;
-pub use scenes::{InfoArgs, MakeArgs, PackArgs, SceneArgs, SceneCommand, StandArgs};
+pub use scenes::{InfoArgs, MakeArgs, PackArgs, ReconstructArgs, SceneArgs, SceneCommand, StandArgs};
 pub use simulate::{
     EmitArgs, EmitFormat, IndexShardsArgs, InstrumentArgs, MergeArgs, PulsesArgs, RunArgs, SurveyArgs,
     TraceArgs, TrajectoryArgs,

@@ -3,6 +3,7 @@
 use crate::options::Seed;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
+use vlscan_fit::scene::ReconstructOptions;
 use vlscan_lidar::pulse::PhysicsProfile;
 use vlscan_scene::Sharing;
 use vlscan_tools::generate::{SceneOptions, StandOptions};
@@ -30,6 +31,13 @@ pub enum SceneCommand {
     ///
     /// With --epochs each epoch is a scene of its own in stand.xml, stand_0, stand_1 and so on.
     Stand(StandArgs),
+    /// Reconstruct a scene from a classified point cloud: terrain, roofs, foliage as voxels.
+    ///
+    /// Points of class 2 (ground), 9 (water), 8, 10 and 11 become the terrain, 6 and 17 roofs with walls; 7 and 18 are noise; all
+    /// others become voxels of leaf area density, of the class of their points. Where the instrument was is found by pulses of
+    /// several returns, or by scan angles. The folder gets scene.xml with its files, scene.toml with scene and instrument, the
+    /// trajectory, and report.json with all that was estimated.
+    Reconstruct(ReconstructArgs),
     /// Tell what a scene holds and costs: parts, primitives, bounds, materials, memory, faults.
     Info(InfoArgs),
     /// Compile a scene and its tree to one file that opens without loading meshes and building the tree.
@@ -45,6 +53,17 @@ pub struct StandArgs {
     /// What the stand is made of.
     #[command(flatten)]
     pub options: StandOptions,
+}
+
+/// `vlscan scene reconstruct`.
+#[derive(Debug, Args)]
+pub struct ReconstructArgs {
+    /// Folder to write to.
+    #[arg(short = 'o', long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// What the scene is reconstructed from.
+    #[command(flatten)]
+    pub options: ReconstructOptions,
 }
 
 /// `vlscan scene pack`.

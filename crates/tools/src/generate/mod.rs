@@ -30,11 +30,12 @@ mod terrain;
 mod tree;
 
 use crate::args;
-use obj::{Mesh, SceneFolder};
+use obj::Mesh;
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::Aabb;
 
+pub use obj::SceneFolder;
 pub use stand::{Development, StandMade, StandOptions, make_stand};
 
 /// Kinds of scenes.

@@ -12,7 +12,7 @@ const UNITS_PER_METRE: f64 = 10_000.0;
 const FLUSH_AT: usize = 1 << 20;
 
 /// The folder of a scene. Its files get their names together, when the last one is complete.
-pub(super) struct SceneFolder {
+pub struct SceneFolder {
     path: PathBuf,
     overwrite: bool,
     /// Dropped before `folders`, which can be removed only when they are empty.
@@ -23,7 +23,9 @@ pub(super) struct SceneFolder {
 
 impl SceneFolder {
     /// Creates the folder, if it does not exist.
-    pub(super) fn create(path: &Path, overwrite: bool) -> Result<SceneFolder> {
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn create(path: &Path, overwrite: bool) -> Result<SceneFolder> {
         let (folders, complete) = Default::default();
         let folder = SceneFolder { path: path.to_path_buf(), overwrite, folders, complete };
         folder.add_folder("").map(|()| folder)
@@ -45,14 +47,20 @@ impl SceneFolder {
     }
 
     /// Writes a file and returns its path.
-    pub(super) fn write(&self, name: &str, content: &[u8]) -> Result<PathBuf> {
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Input`] for a file that exists, unless it may be replaced.
+    pub fn write(&self, name: &str, content: &[u8]) -> Result<PathBuf> {
         let mut file = self.file(name)?;
         file.write(content)?;
         Ok(file.finish())
     }
 
     /// Gives all files their names, in the order in which they were completed.
-    pub(super) fn commit(self) -> Result<()> {
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn commit(self) -> Result<()> {
         self.complete.into_inner().into_iter().try_for_each(|file| file.finish().map(drop))?;
         self.folders.into_inner().into_iter().for_each(NewFolder::keep);
         Ok(())
@@ -89,7 +97,9 @@ pub(super) struct ObjFile<'f> {
 }
 
 impl<'f> ObjFile<'f> {
-    pub(super) fn create(folder: &'f SceneFolder, name: &str, materials: &str) -> Result<ObjFile<'f>> {
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn create(folder: &'f SceneFolder, name: &str, materials: &str) -> Result<ObjFile<'f>> {
         let mut text = Vec::with_capacity(FLUSH_AT + 4096);
         text.extend_from_slice(format!("mtllib {materials}\n").as_bytes());
         let file = folder.file(name)?;

@@ -80,7 +80,7 @@ pub(crate) fn load(
     check_columns(source, &header, loader.mode, &mut problems);
     if rows == 0 {
         let end = source.bytes().len();
-        problems.error(lines.max(1), end.saturating_sub(1)..end, || "expected voxels, found none".to_owned());
+        problems.warn(lines.max(1), end.saturating_sub(1)..end, || "the file has no voxels".to_owned());
     }
     let is_sound = problems.report(source, &mut scene.diagnostics);
     let cubes = first..scene.geometry.cubes.len();

@@ -1,0 +1,496 @@
+//! Foliage as voxels: leaf area density by the law of Beer and Lambert from what beams lose in them.
+//!
+//! A return k of a pulse with n returns has intercepted 1/n of the beam, and (n − k)/n goes on. In every voxel the intercepted shares
+//! are added up, and so are the lengths of the beams within it, each weighted by the share that is left there. Their ratio is the
+//! estimate of the extinction σ with the greatest likelihood where paths are exponentially distributed (Pimont et al. 2018,
+//! *Estimators and confidence intervals for plant area density at voxel scale with T-LiDAR*, Remote Sensing of Environment 215), and
+//! the leaf area density is σ/G with G = 1/2 of leaves that face all directions alike. Neighbouring columns share what they know:
+//! both sums are smoothed over columns, along the ground or the canopy and never up or down, since tops of crowns are sharp, and what
+//! is known at one level of smoothing is the prior of the next finer one (a gamma distribution, conjugate to exponential paths). Which surface is followed
+//! and how much the prior counts is decided by the likelihood of a quarter of the pulses by what the other three quarters say.
+
+use super::neighbours::Neighbours;
+use super::recording::{Recording, Target};
+use super::sensor::SensorPath;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use vlscan_geom::DVec3;
+
+/// Mean projection of leaves that face all directions alike.
+pub(super) const PROJECTION: f64 = 0.5;
+/// Most voxels of the grid, filled or not.
+const MAX_VOXELS: f64 = 40e6;
+/// Extinction below which a voxel is empty, 1/m.
+const MIN_EXTINCTION: f32 = 4e-3;
+/// Extinction above which a voxel is as good as opaque, 1/m.
+const MAX_EXTINCTION: f32 = 20.0;
+
+/// A voxel that holds foliage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LeafVoxel {
+    /// Its numbers along x, y and z.
+    pub index: [u32; 3],
+    /// One-sided leaf area density, m²/m³.
+    pub density: f64,
+    /// Class of the points.
+    pub class: u8,
+}
+
+/// Foliage of a place.
+#[derive(Clone, Debug, Default)]
+pub struct Foliage {
+    /// Least corner of the grid, m.
+    pub min: DVec3,
+    /// Edge of a voxel, m.
+    pub size: f64,
+    /// Voxels along each axis.
+    pub cells: [usize; 3],
+    /// Those that hold foliage, in the order of x, y, z.
+    pub voxels: Vec<LeafVoxel>,
+}
+
+impl Foliage {
+    /// Leaf area of all voxels, m².
+    pub fn leaf_area(&self) -> f64 {
+        self.voxels.iter().map(|v| v.density).sum::<f64>() * self.size.powi(3)
+    }
+}
+
+/// A grid of voxels with a number for each.
+#[derive(Clone)]
+pub(super) struct Grid {
+    pub min: DVec3,
+    pub size: f64,
+    pub cells: [usize; 3],
+}
+
+impl Grid {
+    /// The grid around `positions`, of voxels of that size, or larger ones if they were too many; `None` without positions.
+    fn around(positions: impl Iterator<Item = DVec3>, size: f64) -> Option<Grid> {
+        let (min, max) =
+            positions.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
+        if !min.is_finite() {
+            return None;
+        }
+        let extent = max - min + 3.0 * size;
+        let size = size.max((extent.x * extent.y * extent.z / MAX_VOXELS).cbrt());
+        let min = ((min / size).floor() - 1.0) * size;
+        let cells = ((max - min) / size).floor() + 2.0;
+        Some(Grid { min, size, cells: [cells.x as usize, cells.y as usize, cells.z as usize] })
+    }
+
+    pub fn len(&self) -> usize {
+        self.cells[0] * self.cells[1] * self.cells[2]
+    }
+
+    pub fn number(&self, [i, j, k]: [usize; 3]) -> usize {
+        (i * self.cells[1] + j) * self.cells[2] + k
+    }
+
+    fn index(&self, number: usize) -> [usize; 3] {
+        [
+            number / self.cells[2] / self.cells[1],
+            number / self.cells[2] % self.cells[1],
+            number % self.cells[2],
+        ]
+    }
+
+    /// Number of the voxel at the surface of each column, of columns in the order of x, y.
+    fn levels_of(&self, surface: impl Fn(f64, f64) -> f64 + Sync) -> Vec<i32> {
+        let column = |c: usize| {
+            let (i, j) = (c / self.cells[1], c % self.cells[1]);
+            let [x, y] =
+                [(i, self.min.x), (j, self.min.y)].map(|(n, min)| min + (n as f64 + 0.5) * self.size);
+            ((surface(x, y) - self.min.z) / self.size).round() as i32
+        };
+        (0..self.cells[0] * self.cells[1]).into_par_iter().map(column).collect()
+    }
+
+    fn containing(&self, p: DVec3) -> Option<usize> {
+        let q = (p - self.min) / self.size;
+        let index = [q.x, q.y, q.z].map(|v| v.floor() as i64);
+        let is_within = index.iter().zip(self.cells).all(|(v, n)| *v >= 0 && (*v as usize) < n);
+        is_within.then(|| self.number(index.map(|v| v as usize)))
+    }
+
+    /// Visits the voxels along `origin` + t·`direction` up to `end` m with the t at which the beam enters and leaves them (Amanatides
+    /// and Woo 1987, *A fast voxel traversal algorithm for ray tracing*).
+    pub fn along(&self, origin: DVec3, direction: DVec3, end: f64, mut visit: impl FnMut(usize, f64, f64)) {
+        let max = self.min
+            + DVec3::new(self.cells[0] as f64, self.cells[1] as f64, self.cells[2] as f64) * self.size;
+        let (mut from, mut to) = (0.0f64, end);
+        for axis in 0..3 {
+            let (o, d) = (origin[axis], direction[axis]);
+            if d == 0.0 {
+                if o < self.min[axis] || o >= max[axis] {
+                    return;
+                }
+                continue;
+            }
+            let (a, b) = ((self.min[axis] - o) / d, (max[axis] - o) / d);
+            (from, to) = (from.max(a.min(b)), to.min(a.max(b)));
+        }
+        if from >= to {
+            return;
+        }
+        let start = origin + direction * (from + 1e-9);
+        let mut index = [0i64; 3];
+        let (mut next, mut step) = ([f64::INFINITY; 3], [f64::INFINITY; 3]);
+        for axis in 0..3 {
+            let q = ((start[axis] - self.min[axis]) / self.size).floor() as i64;
+            index[axis] = q.clamp(0, self.cells[axis] as i64 - 1);
+            let d = direction[axis];
+            if d != 0.0 {
+                let border = self.min[axis] + (index[axis] + i64::from(d > 0.0)) as f64 * self.size;
+                (next[axis], step[axis]) = ((border - origin[axis]) / d, self.size / d.abs());
+            }
+        }
+        let mut t = from;
+        while t < to {
+            let axis = (0..3).min_by(|a, b| next[*a].total_cmp(&next[*b])).unwrap_or(0);
+            let leave = next[axis].min(to);
+            if leave > t {
+                visit(self.number(index.map(|v| v as usize)), t, leave);
+            }
+            t = t.max(leave);
+            index[axis] += if direction[axis] > 0.0 { 1 } else { -1 };
+            next[axis] += step[axis];
+            if index[axis] < 0 || index[axis] >= self.cells[axis] as i64 {
+                return;
+            }
+        }
+    }
+}
+
+/// The beam of a recorded pulse.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Beam {
+    pub origin: DVec3,
+    pub direction: DVec3,
+    /// Distance to its last known return, m.
+    pub length: f64,
+}
+
+/// The beam through the last known return of a pulse.
+pub(super) fn beam(recording: &Recording, pulse: usize, path: &SensorPath) -> Beam {
+    let last = recording.of_pulse(pulse)[recording.of_pulse(pulse).len() - 1];
+    let origin = path.at(last.time);
+    let length = (last.position - origin).length();
+    Beam { origin, direction: (last.position - origin) / length.max(1e-9), length }
+}
+
+/// What beams lost in each voxel, and how far they went through it.
+#[derive(Clone)]
+struct Sums {
+    hits: Vec<f32>,
+    lengths: Vec<f32>,
+}
+
+/// Extinctions of the voxels of a place, 1/m.
+pub(super) struct Extinctions {
+    pub grid: Grid,
+    pub sigma: Vec<f32>,
+    /// Class of most of the intercepted light of voxels with returns, [`NO_CLASS`] of others.
+    classes: Vec<u8>,
+    /// Length of beams, m, for which the next coarser level of smoothing counts.
+    pub prior: f64,
+    /// Whether smoothing follows the canopy rather than the ground.
+    pub along_canopy: bool,
+}
+
+const NO_CLASS: u8 = u8::MAX;
+
+/// Passes of smoothing of the levels, finest first.
+const PASSES: [usize; 4] = [0, 2, 6, 18];
+/// Lengths of beam for which the coarser level counts, m, among which the likelihood of pulses that were left out decides.
+const PRIOR_LENGTHS: [f64; 6] = [0.1, 0.3, 1.0, 3.0, 10.0, 30.0];
+/// Of so many pulses one is left out.
+pub(super) const FOLDS: usize = 4;
+
+/// The extinctions by all pulses of a recording, and those by all but every [`FOLDS`]-th pulse; `None` without foliage. `is_leaf`
+/// tells which returns are from foliage, `terrain` is the height of the ground.
+pub(super) fn extinctions(
+    recording: &Recording,
+    paths: &[SensorPath],
+    is_leaf: &[bool],
+    size: f64,
+    terrain: impl Fn(f64, f64) -> f64 + Sync,
+) -> Option<[Extinctions; 2]> {
+    let leaves = recording.returns.iter().zip(is_leaf).filter(|(_, leaf)| **leaf);
+    let grid = Grid::around(leaves.map(|(r, _)| r.position), size)?;
+    let ground = grid.levels_of(&terrain);
+    let mut shares: BTreeMap<usize, BTreeMap<u8, f32>> = BTreeMap::new();
+    for (r, _) in recording.returns.iter().zip(is_leaf).filter(|(_, leaf)| **leaf) {
+        if let Some(voxel) = grid.containing(r.position) {
+            *shares.entry(voxel).or_default().entry(r.class).or_default() += 1.0 / f32::from(r.of);
+        }
+    }
+    let mut classes = vec![NO_CLASS; grid.len()];
+    for (voxel, of) in shares {
+        let most = of.iter().max_by(|a, b| a.1.total_cmp(b.1));
+        classes[voxel] = most.map_or(NO_CLASS, |(class, _)| *class);
+    }
+    let left_out = sums(recording, paths, is_leaf, &grid, |pulse| pulse % FOLDS == 0);
+    let rest = sums(recording, paths, is_leaf, &grid, |pulse| pulse % FOLDS != 0);
+    let mut all = Sums { hits: rest.hits.clone(), lengths: rest.lengths.clone() };
+    all.hits.iter_mut().zip(&left_out.hits).for_each(|(a, b)| *a += b);
+    all.lengths.iter_mut().zip(&left_out.lengths).for_each(|(a, b)| *a += b);
+    let crowns = |counts: fn(usize) -> bool| grid.levels_of(canopy(recording, counts));
+    // Alignment and prior by which the pulses that were left out are most likely.
+    let mut best = (f64::NEG_INFINITY, false, 0.0, Vec::new());
+    for along_canopy in [false, true] {
+        let surface = if along_canopy { crowns(|pulse| pulse % FOLDS != 0) } else { ground.clone() };
+        let levels = Levels::of(rest.clone(), &grid, &surface);
+        for prior in PRIOR_LENGTHS {
+            let sigma = levels.extinctions(prior);
+            let likelihood = left_out.log_likelihood(&sigma);
+            if likelihood > best.0 {
+                best = (likelihood, along_canopy, prior, sigma);
+            }
+        }
+    }
+    let (_, along_canopy, prior, of_rest) = best;
+    let surface = if along_canopy { crowns(|_| true) } else { ground };
+    let sigma = Levels::of(all, &grid, &surface).extinctions(prior);
+    let by_rest =
+        Extinctions { grid: grid.clone(), sigma: of_rest, classes: Vec::new(), prior, along_canopy };
+    Some([Extinctions { sigma, classes, prior, along_canopy, grid }, by_rest])
+}
+
+/// Height of the canopy: the mean of the first returns that are nearest, of the pulses that `counts` selects.
+fn canopy(recording: &Recording, counts: fn(usize) -> bool) -> impl Fn(f64, f64) -> f64 + Sync {
+    const NEAREST: usize = 4;
+    let pulses = (0..recording.pulses.len()).filter(|pulse| counts(*pulse));
+    let firsts: Vec<DVec3> = pulses.map(|pulse| recording.of_pulse(pulse)[0].position).collect();
+    let neighbours = Neighbours::of(firsts);
+    move |x, y| {
+        let near = neighbours.nearest(x, y, NEAREST, None);
+        let weights = near.iter().map(|(square, _)| 1.0 / (square + 0.01));
+        let add =
+            |[s, n]: [f64; 2], ((_, i), w): (&(f64, usize), f64)| [s + w * neighbours.points()[*i].z, n + w];
+        let sums = near.iter().zip(weights).fold([0.0; 2], add);
+        sums[0] / sums[1]
+    }
+}
+
+/// Intercepted shares and lengths of the pulses that `counts` selects.
+fn sums(
+    recording: &Recording,
+    paths: &[SensorPath],
+    is_leaf: &[bool],
+    grid: &Grid,
+    counts: impl Fn(usize) -> bool,
+) -> Sums {
+    let mut sums = Sums { hits: vec![0.0; grid.len()], lengths: vec![0.0; grid.len()] };
+    for (line, path) in recording.lines.iter().zip(paths) {
+        for pulse in line.pulses.clone().filter(|pulse| counts(*pulse)) {
+            let beam = beam(recording, pulse, path);
+            let mut from = 0.0;
+            for i in recording.pulses[pulse].clone() {
+                let r = &recording.returns[i];
+                let (share, left) = (1.0 / f32::from(r.of), f32::from(r.of - r.number + 1) / f32::from(r.of));
+                let t = (r.position - beam.origin).dot(beam.direction);
+                grid.along(beam.origin, beam.direction, t, |voxel, enter, leave| {
+                    let length = leave - enter.max(from);
+                    if length > 0.0 {
+                        sums.lengths[voxel] += left * length as f32;
+                    }
+                });
+                from = t;
+                if is_leaf[i]
+                    && let Some(voxel) = grid.containing(r.position)
+                {
+                    sums.hits[voxel] += share;
+                }
+            }
+        }
+    }
+    sums
+}
+
+impl Sums {
+    /// Replaces both sums by means over 3 by 3 columns with the weights 1, 2, 1 along x and y, at the same height over the ground:
+    /// `ground` is the number of the voxel at the ground of each column.
+    fn smooth(&mut self, grid: &Grid, ground: &[i32]) {
+        for values in [&mut self.hits, &mut self.lengths] {
+            for axis in 0..2 {
+                smooth_along(grid, ground, axis, values);
+            }
+        }
+    }
+
+    /// Log-likelihood of what these sums count, by extinctions of other pulses.
+    fn log_likelihood(&self, sigma: &[f32]) -> f64 {
+        let of = |((hit, length), sigma): ((&f32, &f32), &f32)| {
+            let s = f64::from(sigma.max(MIN_EXTINCTION));
+            f64::from(*hit) * libm::log(s) - f64::from(*length) * s
+        };
+        self.hits.iter().zip(&self.lengths).zip(sigma).filter(|((_, l), _)| **l > 0.0).map(of).sum()
+    }
+}
+
+/// Sums at several levels of smoothing, finest first, with the number of voxels that count at each.
+struct Levels(Vec<(Sums, f64)>);
+
+impl Levels {
+    fn of(finest: Sums, grid: &Grid, ground: &[i32]) -> Levels {
+        let mut levels: Vec<(Sums, f64)> = Vec::new();
+        let mut sums = finest;
+        for (level, passes) in PASSES.into_iter().enumerate() {
+            let done = if level == 0 { 0 } else { PASSES[level - 1] };
+            (done..passes).for_each(|_| sums.smooth(grid, ground));
+            // A kernel of the variance n/2 along both axes counts as many voxels as lie in 4π times it.
+            let count = (2.0 * std::f64::consts::PI * passes as f64).max(1.0);
+            levels.push((Sums { hits: sums.hits.clone(), lengths: sums.lengths.clone() }, count));
+        }
+        Levels(levels)
+    }
+
+    /// Extinctions of the finest level, where each has the next coarser one for a prior that counts like `prior` metres of beams:
+    /// the mean of a gamma distribution, which is conjugate to exponential paths.
+    fn extinctions(&self, prior: f64) -> Vec<f32> {
+        let mut sigma: Vec<f32> = Vec::new();
+        for (sums, count) in self.0.iter().rev() {
+            let weight = (prior / count) as f32;
+            let of = |i: usize| {
+                let (hit, length) = (sums.hits[i], sums.lengths[i]);
+                let before = sigma.get(i).copied().unwrap_or(0.0);
+                // The coarsest level has no prior.
+                let weight = if sigma.is_empty() { 0.0 } else { weight };
+                if length + weight > 0.0 { (hit + weight * before) / (length + weight) } else { 0.0 }
+            };
+            sigma = (0..sums.hits.len()).into_par_iter().map(of).collect();
+        }
+        sigma.iter_mut().for_each(|s| *s = if *s < MIN_EXTINCTION { 0.0 } else { s.min(MAX_EXTINCTION) });
+        sigma
+    }
+}
+
+fn smooth_along(grid: &Grid, ground: &[i32], axis: usize, values: &mut [f32]) {
+    let [nx, ny, nz] = grid.cells;
+    let (count, step) = if axis == 0 { (nx, ny) } else { (ny, 1) };
+    let before = values.to_vec();
+    let columns = values.par_chunks_mut(nz).enumerate();
+    columns.for_each(|(column, values)| {
+        let place = if axis == 0 { column / ny } else { column % ny };
+        values.iter_mut().for_each(|v| *v *= 0.5);
+        let beside = [(place > 0).then(|| column - step), (place + 1 < count).then(|| column + step)];
+        for other in beside.into_iter().flatten() {
+            let shift = ground[other] - ground[column];
+            for (k, value) in values.iter_mut().enumerate() {
+                let from = k as i64 + i64::from(shift);
+                if (0..nz as i64).contains(&from) {
+                    *value += 0.25 * before[other * nz + from as usize];
+                }
+            }
+        }
+    });
+}
+
+impl Extinctions {
+    /// The voxels with foliage; `factor` scales the extinction of the voxel around a point.
+    pub fn foliage(&self, factor: impl Fn(DVec3) -> f64 + Sync) -> Foliage {
+        let grid = &self.grid;
+        let filled = self.sigma.par_iter().enumerate().filter(|(_, sigma)| **sigma > 0.0);
+        let voxel = |(number, sigma): (usize, &f32)| {
+            let index = grid.index(number);
+            let [i, j, k] = index.map(|i| i as f64 + 0.5);
+            let density = f64::from(*sigma) * factor(grid.min + DVec3::new(i, j, k) * grid.size) / PROJECTION;
+            LeafVoxel { index: index.map(|i| i as u32), density, class: self.class(number, index) }
+        };
+        Foliage { min: grid.min, size: grid.size, cells: grid.cells, voxels: filled.map(voxel).collect() }
+    }
+
+    /// The class of most of the light from a voxel and, where it has none of its own, that of the nearest one that has.
+    fn class(&self, number: usize, index: [usize; 3]) -> u8 {
+        if self.classes[number] != NO_CLASS {
+            return self.classes[number];
+        }
+        for radius in 1..=PASSES[PASSES.len() - 1] as i64 {
+            let mut best = (i64::MAX, NO_CLASS);
+            let range = -radius..=radius;
+            for (di, dj) in range.clone().flat_map(|di| range.clone().map(move |dj| (di, dj))) {
+                // Only what lies on the surface of the cube.
+                let is_side = di.abs() == radius || dj.abs() == radius;
+                let step = if is_side { 1 } else { 2 * radius as usize };
+                for dk in range.clone().step_by(step) {
+                    let at = [index[0] as i64 + di, index[1] as i64 + dj, index[2] as i64 + dk];
+                    let square = di * di + dj * dj + dk * dk;
+                    if square >= best.0 || (0..3).any(|a| at[a] < 0 || at[a] >= self.grid.cells[a] as i64) {
+                        continue;
+                    }
+                    let class = self.classes[self.grid.number(at.map(|v| v as usize))];
+                    if class != NO_CLASS {
+                        best = (square, class);
+                    }
+                }
+            }
+            if best.1 != NO_CLASS {
+                return best.1;
+            }
+        }
+        1
+    }
+}
+
+/// Which returns are from foliage: those of no surface, unless they are unclassified and as near to the terrain as its own points.
+pub(super) fn leaf_returns(recording: &Recording, near_terrain: impl Fn(DVec3) -> bool + Sync) -> Vec<bool> {
+    let is_leaf = |r: &super::recording::Return| {
+        r.target == Target::Foliage && !(r.class <= 1 && near_terrain(r.position))
+    };
+    recording.returns.iter().map(is_leaf).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_beam_passes_its_voxels_without_gaps() {
+        let grid = Grid { min: DVec3::new(-1.0, -2.0, 0.0), size: 0.5, cells: [8, 9, 10] };
+        for (origin, direction) in [
+            (DVec3::new(0.3, 0.1, 50.0), DVec3::new(0.02, -0.03, -1.0).normalize()),
+            (DVec3::new(-9.0, 0.1, 2.0), DVec3::X),
+            (DVec3::new(0.3, 0.2, 1.0), DVec3::new(1.0, 1.0, 1.0).normalize()),
+        ] {
+            let mut last: Option<f64> = None;
+            let mut total = 0.0;
+            grid.along(origin, direction, 60.0, |voxel, enter, leave| {
+                assert!(last.is_none_or(|l| (l - enter).abs() < 1e-9), "{last:?} {enter}");
+                let middle = origin + direction * (0.5 * (enter + leave));
+                assert_eq!(grid.containing(middle), Some(voxel));
+                (last, total) = (Some(leave), total + leave - enter);
+            });
+            assert!(total > 1.0, "{total}");
+        }
+    }
+
+    #[test]
+    fn smoothing_keeps_sums_and_follows_the_ground() {
+        let grid = Grid { min: DVec3::ZERO, size: 1.0, cells: [5, 5, 4] };
+        let level = vec![0; 25];
+        // Rises by a voxel per column along x.
+        let slope: Vec<i32> = (0..25).map(|c| c / 5).collect();
+        for (ground, at, beside) in [(&level, [2, 2, 1], [1, 3, 1]), (&slope, [2, 2, 2], [1, 3, 1])] {
+            let mut sums = Sums { hits: vec![0.0; grid.len()], lengths: vec![1.0; grid.len()] };
+            sums.hits[grid.number(at)] = 16.0;
+            sums.smooth(&grid, ground);
+            assert_eq!(sums.hits[grid.number(at)], 4.0);
+            assert_eq!(sums.hits[grid.number(beside)], 1.0);
+            assert_eq!(sums.hits.iter().sum::<f32>(), 16.0);
+        }
+    }
+
+    /// The likelihood is greatest at the extinction by which the sums were made.
+    #[test]
+    fn the_likelihood_prefers_the_truth() {
+        let sums = Sums { hits: vec![3.0, 6.0], lengths: vec![10.0, 20.0] };
+        let at = |s: f32| sums.log_likelihood(&[s, s]);
+        assert!(at(0.3) > at(0.29) && at(0.3) > at(0.31));
+        // Where beams say enough, no prior matters.
+        let grid = Grid { min: DVec3::ZERO, size: 1.0, cells: [2, 1, 1] };
+        let sums = Sums { hits: vec![3e6, 0.0], lengths: vec![10e6, 0.0] };
+        let found = Levels::of(sums, &grid, &[0, 0]).extinctions(1.0);
+        assert!(found.iter().all(|s| (s - 0.3).abs() < 1e-4), "{found:?}");
+    }
+}

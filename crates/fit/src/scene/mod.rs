@@ -1,0 +1,192 @@
+//! A scene from a classified point cloud: terrain, roofs with walls, foliage as voxels, and the instrument as far as returns tell it.
+//!
+//! The classes are those of the LAS specification 1.4. Ground, water, roads and rails become the terrain; buildings and bridges become
+//! roofs with walls; what else there is becomes foliage, of the class of its points. Everything is estimated from the cloud.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `recording` | returns as pulses and flight lines |
+//! | `sensor` | where the instrument was |
+//! | `terrain`, `roofs` | surfaces |
+//! | `foliage` | leaf area densities |
+//! | `receiver` | resolution and threshold of the receiver, size of the elements of foliage |
+//! | `write` | the files of the scene |
+//! | `neighbours` | points by their place |
+
+mod foliage;
+mod neighbours;
+mod receiver;
+mod recording;
+mod roofs;
+mod sensor;
+mod terrain;
+mod write;
+
+pub use foliage::{Foliage, LeafVoxel};
+pub use receiver::{Layer, Receiver};
+pub use roofs::Roofs;
+pub use sensor::{PathSource, SensorPath};
+pub use terrain::Terrain;
+
+use recording::Target;
+use std::path::{Path, PathBuf};
+use vlscan_base::Observer;
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::Result;
+use vlscan_geom::DVec3;
+
+/// Voxels per distance between pulses, and their least and largest edge, m.
+const VOXEL_PER_SPACING: f64 = 1.0;
+const VOXEL_SIZES: [f64; 2] = [0.3, 0.75];
+/// Least and largest edge of the cells of roofs, m.
+const ROOF_CELLS: [f64; 2] = [0.25, 2.0];
+/// Unclassified points within so many spreads of the terrain are of the terrain.
+const NEAR_SPREADS: f64 = 3.0;
+
+/// What a scene is reconstructed from.
+#[derive(Clone, Debug, PartialEq, clap::Args)]
+pub struct ReconstructOptions {
+    /// The point cloud, LAS or LAZ with classes, return numbers and times. Class 2 is ground, 6 buildings, 9 water; 7 and 18 are noise;
+    /// other points are foliage
+    pub cloud: PathBuf,
+    /// Edge of the voxels of foliage in metres. [default: the mean distance between pulses, 0.3 to 0.75]
+    #[arg(long, value_name = "METRES", value_parser = voxel_size)]
+    pub voxel: Option<f64>,
+    /// Divergence of the beam that recorded the cloud, full angle at 1/e² of the intensity, rad
+    #[arg(long, value_name = "RAD", default_value_t = 0.00025, value_parser = divergence)]
+    pub divergence: f64,
+    /// Replace files that exist.
+    #[arg(id = "force", long = "force")]
+    pub overwrite: bool,
+}
+
+fn within(text: &str, low: f64, high: f64, what: &str) -> std::result::Result<f64, String> {
+    let value = text.parse::<f64>().ok().filter(|v| (low..=high).contains(v));
+    value.ok_or_else(|| format!("expected {what} from {low} to {high}"))
+}
+
+fn voxel_size(text: &str) -> std::result::Result<f64, String> {
+    within(text, 0.05, 20.0, "metres")
+}
+
+fn divergence(text: &str) -> std::result::Result<f64, String> {
+    within(text, 1e-6, 0.1, "rad")
+}
+
+impl ReconstructOptions {
+    /// The defaults for a cloud.
+    pub fn new(cloud: PathBuf) -> ReconstructOptions {
+        ReconstructOptions { cloud, voxel: None, divergence: 0.00025, overwrite: false }
+    }
+}
+
+/// A scene that was estimated from a point cloud.
+#[derive(Clone, Debug)]
+pub struct ReconstructedScene {
+    /// Number of points and pulses that were used.
+    pub points: usize,
+    /// Number of pulses.
+    pub pulses: usize,
+    /// Points of the noise classes 7 and 18, which are left out.
+    pub noise: usize,
+    /// Pulses per square metre.
+    pub density: f64,
+    /// The paths of the instrument, by flight line.
+    pub paths: Vec<SensorPath>,
+    /// Mean distance from the instrument to the points, m.
+    pub mean_range: f64,
+    /// The terrain.
+    pub terrain: Terrain,
+    /// Buildings.
+    pub roofs: Roofs,
+    /// Foliage; without voxels where there is none.
+    pub foliage: Foliage,
+    /// Length of beams, m, for which what the surroundings of a voxel say counts in its density.
+    pub prior: f64,
+    /// Whether the surroundings lie along the canopy rather than along the ground.
+    pub along_canopy: bool,
+    /// Receiver and grain of foliage.
+    pub receiver: Receiver,
+    /// Divergence of the beam that was assumed, rad.
+    pub divergence: f64,
+}
+
+/// Estimates a scene from a classified point cloud. What is doubtful is told to `observer`.
+///
+/// # Errors
+/// [`vlscan_base::Error::Io`]; [`vlscan_base::Error::Input`] for files that are no point cloud or have no ground, and for warnings of a strict
+/// observer.
+pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<ReconstructedScene> {
+    let mut found = Diagnostics::default();
+    let recording = recording::read(&options.cloud, &mut found)?;
+    let paths = sensor::paths(&recording);
+    for path in paths.iter().filter(|p| p.found_by == PathSource::Nadir) {
+        let message = format!(
+            "neither returns nor scan angles of line {} tell where the instrument was; it is taken to be straight above",
+            path.source
+        );
+        found.warn(Some(Place::of_file(&options.cloud)), message);
+    }
+    observer.warnings(found)?;
+    let of = |target: Target| {
+        let returns = recording.returns.iter().filter(move |r| r.target == target);
+        returns.map(|r| (r.position, r.class)).unzip::<DVec3, u8, Vec<_>, Vec<_>>()
+    };
+    let (ground, ground_classes) = of(Target::Ground);
+    let terrain = terrain::terrain(&ground, &ground_classes, recording.bounds);
+    let (on_roofs, roof_classes) = of(Target::Roof);
+    let spacing = 1.0 / recording.density().sqrt();
+    let roofs =
+        roofs::roofs(&on_roofs, &roof_classes, (1.5 * spacing).clamp(ROOF_CELLS[0], ROOF_CELLS[1]), &terrain);
+    let reach = NEAR_SPREADS * terrain.spread;
+    let is_leaf = foliage::leaf_returns(&recording, |p| (p.z - terrain.height(p.x, p.y)).abs() <= reach);
+    let size = options.voxel.unwrap_or((VOXEL_PER_SPACING * spacing).clamp(VOXEL_SIZES[0], VOXEL_SIZES[1]));
+    let extinctions = foliage::extinctions(&recording, &paths, &is_leaf, size, |x, y| terrain.height(x, y));
+    let instrument = (&paths[..], options.divergence);
+    let by_rest = extinctions.as_ref().map(|[_, rest]| rest);
+    let receiver = receiver::receiver(&recording, instrument, by_rest, &is_leaf, &terrain);
+    let along_canopy = extinctions.as_ref().is_some_and(|[all, _]| all.along_canopy);
+    let prior = extinctions.as_ref().map_or(0.0, |[all, _]| all.prior);
+    let foliage = extinctions.map_or_else(Foliage::default, |[all, _]| {
+        all.foliage(|p| receiver.factor_at(p.z - terrain.height(p.x, p.y)))
+    });
+    if foliage.size > size * 1.001 {
+        observer.note(format!("voxels of {size:.2} m would be too many; they have {:.2} m", foliage.size));
+    }
+    let ranges = recording.lines.iter().zip(&paths).flat_map(|(line, path)| {
+        line.pulses
+            .clone()
+            .map(|p| (path.at(recording.of_pulse(p)[0].time) - recording.of_pulse(p)[0].position).length())
+    });
+    Ok(ReconstructedScene {
+        points: recording.returns.len(),
+        pulses: recording.pulses.len(),
+        noise: recording.noise,
+        density: recording.density(),
+        mean_range: ranges.sum::<f64>() / recording.pulses.len() as f64,
+        paths,
+        terrain,
+        roofs,
+        foliage,
+        prior,
+        along_canopy,
+        receiver,
+        divergence: options.divergence,
+    })
+}
+
+impl ReconstructedScene {
+    /// Writes the scene to a folder: `scene.xml` with its meshes, materials and voxels, `scene.toml` with scene and instrument for
+    /// `vlscan trace --scanner` and `vlscan run`, `trajectory.csv`, `report.json`. Returns the path of `scene.toml`.
+    ///
+    /// # Errors
+    /// [`vlscan_base::Error::Io`]; [`vlscan_base::Error::Input`] for files that exist, unless they may be replaced.
+    pub fn write(&self, folder: &Path, overwrite: bool) -> Result<PathBuf> {
+        write::write(self, folder, overwrite)
+    }
+
+    /// What was estimated, from what and how well; `report.json`.
+    pub fn report(&self) -> serde_json::Value {
+        write::report(self)
+    }
+}

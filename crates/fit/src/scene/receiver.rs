@@ -1,0 +1,410 @@
+//! The receiver and the grain of foliage, by how many returns pulses through foliage have.
+//!
+//! Two returns of a pulse are told apart from a distance on: the least one in the recording. An echo of a part of the beam is a return
+//! from a share of the energy on: the threshold. And how often a beam is divided at all follows from the size of the elements of
+//! foliage (shoots, clusters of leaves): a beam that is narrower than they are is intercepted as a whole. Threshold and
+//! size of the elements are estimated together, and in turn with them factors on the extinctions by height over the ground, since a first
+//! return is the nearest of all that a beam meets and not their mean: recorded beams are sent through the estimated foliage by the very
+//! rules by which `vlscan` simulates them (elements that intercept columns of the footprint at an exponentially distributed optical
+//! depth), with the same random numbers for every trial, until the shares of pulses with one, two, three and more returns, of pulses
+//! whose first return is from foliage, and of those whose last one is, are as recorded, and so are the heights of first returns. The extinctions are those by the other pulses:
+//! foliage that was estimated by a pulse fits that pulse too well.
+
+use super::foliage::{Beam, Extinctions, FOLDS, beam};
+use super::recording::Recording;
+use super::sensor::SensorPath;
+use super::terrain::Terrain;
+use rayon::prelude::*;
+use vlscan_base::rng::{Purpose, Stream};
+use vlscan_geom::DVec3;
+
+/// Pulses that are simulated.
+const MAX_SAMPLES: usize = 6000;
+/// Least pulses through foliage by which anything is estimated.
+const MIN_SAMPLES: usize = 200;
+/// Optical depth from which on a beam counts as one through foliage.
+const MIN_DEPTH: f64 = 0.05;
+/// Rays of a beam.
+const SUBRAYS: usize = 40;
+/// Shares that are compared: pulses with one, two, three, more returns; first return from foliage, last return from foliage.
+const SHARES: usize = 6;
+/// Layers of heights over the ground, each with as many first returns.
+const LAYERS: usize = 10;
+/// Rounds in which the receiver and the layers are estimated in turn, and steps of the latter in each.
+const ROUNDS: usize = 3;
+const LAYER_STEPS: usize = 6;
+/// Bounds of the factor of a layer.
+const FACTORS: [f64; 2] = [0.2, 5.0];
+/// Quantile of the distances between consecutive returns that counts as the least one.
+const LEAST_DISTANCE_QUANTILE: f64 = 0.02;
+/// Least pairs of returns by which that distance is known.
+const MIN_PAIRS: usize = 100;
+/// Distance at which returns are told apart where the recording does not say it, m: that of pulses of 4 ns.
+const USUAL_RESOLUTION: f64 = 0.6;
+
+/// What was found of the receiver and of foliage.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Receiver {
+    /// Distance from which on two returns are told apart, m.
+    pub resolution: f64,
+    /// Pairs of returns by which it is known; 0: it is assumed.
+    pub pairs: usize,
+    /// Least share of the beam's energy that is a return.
+    pub threshold: f64,
+    /// Size of the elements of foliage, m.
+    pub element_size: f64,
+    /// Factors on the extinctions by height over the ground; the last one holds above, too.
+    pub layers: Vec<Layer>,
+    /// Most returns of a pulse.
+    pub max_returns: u8,
+    /// Pulses through foliage by which threshold, size and factor were estimated; 0: they are assumed.
+    pub samples: usize,
+    /// Of these the share with one, two, three, more returns, with a first return from foliage, with a last one from foliage.
+    pub recorded: [f64; SHARES],
+    /// The same as simulated.
+    pub simulated: [f64; SHARES],
+}
+
+/// The factor on extinctions of a layer of foliage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Layer {
+    /// Where it ends, m over the ground.
+    pub top: f64,
+    /// The factor.
+    pub factor: f64,
+}
+
+impl Receiver {
+    /// The factor on extinctions at a height over the ground, m.
+    pub fn factor_at(&self, height: f64) -> f64 {
+        let layer = self.layers.iter().find(|layer| height < layer.top).or(self.layers.last());
+        layer.map_or(1.0, |layer| layer.factor)
+    }
+}
+
+/// A part of a beam within a voxel of foliage.
+struct Segment {
+    /// Entry and exit, m.
+    from: f64,
+    to: f64,
+    /// Extinction, 1/m.
+    sigma: f64,
+    /// Height of its middle over the ground, m.
+    height: f64,
+    layer: usize,
+}
+
+/// A recorded pulse through foliage.
+struct Sample {
+    segments: Vec<Segment>,
+    /// Layer of the recorded first return, if that is known and from foliage.
+    first_layer: Option<usize>,
+    first_height: f64,
+    /// Distance to the surface, m.
+    surface: f64,
+    /// Radius of the footprint at 1/e² of the intensity, m.
+    radius: f64,
+    number: u64,
+    returns: u8,
+    first_is_leaf: Option<bool>,
+    last_is_leaf: Option<bool>,
+}
+
+/// The receiver and the grain of foliage; beams have the full `divergence` (1/e², rad).
+pub(super) fn receiver(
+    recording: &Recording,
+    (paths, divergence): (&[SensorPath], f64),
+    extinctions: Option<&Extinctions>,
+    is_leaf: &[bool],
+    terrain: &Terrain,
+) -> Receiver {
+    let (resolution, pairs) = resolution(recording);
+    let mut found = Receiver {
+        resolution,
+        pairs,
+        threshold: 0.05,
+        element_size: 0.0,
+        layers: Vec::new(),
+        max_returns: recording.returns.iter().map(|r| r.of).max().unwrap_or(1),
+        samples: 0,
+        recorded: [0.0; SHARES],
+        simulated: [0.0; SHARES],
+    };
+    let Some(extinctions) = extinctions else { return found };
+    let mut samples = samples(recording, (paths, divergence), extinctions, is_leaf, terrain);
+    if samples.len() < MIN_SAMPLES {
+        return found;
+    }
+    let tops = divide_into_layers(&mut samples);
+    let recorded = recorded_shares(&samples);
+    let radius = samples.iter().map(|s| s.radius).sum::<f64>() / samples.len() as f64;
+    // Size of elements over the radius of the footprint, and threshold.
+    let settings = |x: &[f64; 2]| (libm::exp(x[0]) * radius, libm::exp(x[1]));
+    let mut factors = [1.0; LAYERS];
+    let mut best = [0.0; 2];
+    for _ in 0..ROUNDS {
+        let cost = |x: &[f64; 2]| -> f64 {
+            let (shares, _) = simulated_shares(&samples, settings(x), &factors, resolution);
+            shares.iter().zip(recorded).map(|(s, r)| (s - r).powi(2)).sum::<f64>()
+        };
+        best = minimise(cost, [[0.05f64, 6.0], [0.01, 0.5]].map(|range| range.map(libm::log)));
+        for _ in 0..LAYER_STEPS {
+            let (_, simulated) = simulated_shares(&samples, settings(&best), &factors, resolution);
+            let mut counts = [0.0; LAYERS];
+            samples.iter().filter_map(|s| s.first_layer).for_each(|layer| counts[layer] += 1.0);
+            for layer in 0..LAYERS {
+                let ratio: f64 = (counts[layer] + 1.0) / (simulated[layer] + 1.0);
+                factors[layer] = (factors[layer] * ratio.sqrt()).clamp(FACTORS[0], FACTORS[1]);
+            }
+        }
+    }
+    (found.element_size, found.threshold) = settings(&best);
+    found.layers = tops.into_iter().zip(factors).map(|(top, factor)| Layer { top, factor }).collect();
+    let (simulated, _) = simulated_shares(&samples, settings(&best), &factors, resolution);
+    (found.samples, found.recorded, found.simulated) = (samples.len(), recorded, simulated);
+    found
+}
+
+/// Numbers the layers of all segments and first returns; returns where each layer ends, m over the ground.
+fn divide_into_layers(samples: &mut [Sample]) -> Vec<f64> {
+    let is_leaf = |s: &&Sample| s.first_is_leaf == Some(true);
+    let mut heights: Vec<f64> = samples.iter().filter(is_leaf).map(|s| s.first_height).collect();
+    heights.sort_by(f64::total_cmp);
+    let top =
+        |layer: usize| heights.get(heights.len() * (layer + 1) / LAYERS).copied().unwrap_or(f64::INFINITY);
+    let tops: Vec<f64> =
+        (0..LAYERS).map(|layer| if layer + 1 == LAYERS { f64::INFINITY } else { top(layer) }).collect();
+    let layer_of = |height: f64| tops.iter().position(|top| height < *top).unwrap_or(LAYERS - 1);
+    for sample in samples {
+        sample.segments.iter_mut().for_each(|s| s.layer = layer_of(s.height));
+        sample.first_layer = (sample.first_is_leaf == Some(true)).then(|| layer_of(sample.first_height));
+    }
+    // The last one has no end; a report needs a number.
+    let highest = heights.last().copied().unwrap_or(0.0);
+    tops.into_iter().map(|top| if top.is_finite() { top } else { highest }).collect()
+}
+
+/// The least distance between consecutive returns of a pulse, m, and the number of pairs.
+fn resolution(recording: &Recording) -> (f64, usize) {
+    let mut distances: Vec<f64> = Vec::new();
+    for pulse in 0..recording.pulses.len() {
+        let pairs = recording.of_pulse(pulse).windows(2).filter(|pair| pair[1].number == pair[0].number + 1);
+        distances.extend(pairs.map(|pair| (pair[1].position - pair[0].position).length()));
+    }
+    if distances.len() < MIN_PAIRS {
+        return (USUAL_RESOLUTION, 0);
+    }
+    let at = (LEAST_DISTANCE_QUANTILE * distances.len() as f64) as usize;
+    (*distances.select_nth_unstable_by(at, f64::total_cmp).1, distances.len())
+}
+
+fn samples(
+    recording: &Recording,
+    (paths, divergence): (&[SensorPath], f64),
+    extinctions: &Extinctions,
+    is_leaf: &[bool],
+    terrain: &Terrain,
+) -> Vec<Sample> {
+    let mut all = Vec::new();
+    for (line, path) in recording.lines.iter().zip(paths) {
+        // By these pulses the extinctions were not estimated.
+        for pulse in line.pulses.clone().filter(|pulse| pulse % FOLDS == 0) {
+            all.push((pulse, beam(recording, pulse, path)));
+        }
+    }
+    let sample = |(pulse, beam): &(usize, Beam)| {
+        let range = recording.pulses[*pulse].clone();
+        let (first, last) = (&recording.returns[range.start], &recording.returns[range.end - 1]);
+        let surface = match is_leaf[range.end - 1] {
+            true => surface_distance(beam, terrain).max(beam.length),
+            false => beam.length,
+        };
+        let over_ground = |p: DVec3| p.z - terrain.height(p.x, p.y);
+        let mut segments = Vec::new();
+        let mut depth = 0.0;
+        extinctions.grid.along(beam.origin, beam.direction, surface, |voxel, from, to| {
+            let sigma = f64::from(extinctions.sigma[voxel]);
+            if sigma > 0.0 {
+                let height = over_ground(beam.origin + beam.direction * (0.5 * (from + to)));
+                segments.push(Segment { from, to, sigma, height, layer: 0 });
+                depth += sigma * (to - from);
+            }
+        });
+        (depth > MIN_DEPTH).then(|| Sample {
+            segments,
+            first_layer: None,
+            first_height: over_ground(first.position),
+            surface,
+            radius: 0.5 * divergence * beam.length,
+            number: *pulse as u64,
+            returns: last.of,
+            first_is_leaf: (first.number == 1).then_some(is_leaf[range.start]),
+            last_is_leaf: (last.number == last.of).then_some(is_leaf[range.end - 1]),
+        })
+    };
+    // Every n-th pulse, so that as many as are needed are left.
+    let mut found: Vec<Sample> = all.par_iter().filter_map(sample).collect();
+    let step = found.len().div_ceil(MAX_SAMPLES).max(1);
+    let mut i = 0;
+    found.retain(|_| {
+        i += 1;
+        (i - 1) % step == 0
+    });
+    found
+}
+
+/// Distance along a beam to the terrain, m.
+fn surface_distance(beam: &Beam, terrain: &Terrain) -> f64 {
+    let mut t = beam.length;
+    for _ in 0..5 {
+        let p = beam.origin + beam.direction * t;
+        t += (terrain.height(p.x, p.y) - p.z) / beam.direction.z.min(-0.2);
+    }
+    t
+}
+
+fn recorded_shares(samples: &[Sample]) -> [f64; SHARES] {
+    let mut counts = [0.0; SHARES];
+    let (mut firsts, mut lasts) = (0.0f64, 0.0f64);
+    for sample in samples {
+        counts[usize::from(sample.returns.clamp(1, 4)) - 1] += 1.0;
+        firsts += f64::from(u8::from(sample.first_is_leaf.is_some()));
+        lasts += f64::from(u8::from(sample.last_is_leaf.is_some()));
+        counts[4] += f64::from(u8::from(sample.first_is_leaf == Some(true)));
+        counts[5] += f64::from(u8::from(sample.last_is_leaf == Some(true)));
+    }
+    let n = samples.len() as f64;
+    [
+        counts[0] / n,
+        counts[1] / n,
+        counts[2] / n,
+        counts[3] / n,
+        counts[4] / firsts.max(1.0),
+        counts[5] / lasts.max(1.0),
+    ]
+}
+
+/// What a simulated pulse returned.
+struct Echoes {
+    count: usize,
+    /// Layer of the first return, if it is from foliage.
+    first_layer: Option<usize>,
+    last_is_leaf: bool,
+}
+
+/// The shares of simulated pulses, and first returns from foliage by layer.
+fn simulated_shares(
+    samples: &[Sample],
+    settings: (f64, f64),
+    factors: &[f64; LAYERS],
+    resolution: f64,
+) -> ([f64; SHARES], [f64; LAYERS]) {
+    let all: Vec<Option<Echoes>> =
+        samples.par_iter().map(|sample| simulate(sample, settings, factors, resolution)).collect();
+    let (mut counts, mut layers) = ([0.0; SHARES], [0.0; LAYERS]);
+    let (mut n, mut firsts, mut lasts) = (0.0f64, 0.0f64, 0.0f64);
+    // A pulse without a return is not in a recording. Only where the recorded pulse tells it, first and last returns count, so that both
+    // are shares of the same pulses.
+    for (echoes, sample) in all.iter().zip(samples).filter_map(|(e, s)| Some((e.as_ref()?, s))) {
+        n += 1.0;
+        counts[echoes.count.clamp(1, 4) - 1] += 1.0;
+        if sample.first_is_leaf.is_some() {
+            firsts += 1.0;
+            if let Some(layer) = echoes.first_layer {
+                counts[4] += 1.0;
+                layers[layer] += 1.0;
+            }
+        }
+        if sample.last_is_leaf.is_some() {
+            lasts += 1.0;
+            counts[5] += f64::from(u8::from(echoes.last_is_leaf));
+        }
+    }
+    let of = [n, n, n, n, firsts, lasts];
+    (std::array::from_fn(|i| counts[i] / of[i].max(1.0)), layers)
+}
+
+/// The returns of a beam through foliage.
+fn simulate(
+    sample: &Sample,
+    (size, threshold): (f64, f64),
+    factors: &[f64; LAYERS],
+    resolution: f64,
+) -> Option<Echoes> {
+    const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
+    let draws = Stream::new(0, Purpose::FreePath);
+    let shift = [0u32, 1].map(|axis| draws.uniform(1, sample.number, axis));
+    let mut ranges: Vec<(f64, Option<usize>)> = (0..SUBRAYS)
+        .map(|i| {
+            // Equal shares of the energy of a Gaussian beam, exp(−2r²/w²).
+            let inner = (i as f64 + 0.5) / SUBRAYS as f64;
+            let r = sample.radius * (-0.5 * libm::log1p(-inner)).sqrt();
+            let (sin, cos) = libm::sincos(i as f64 * GOLDEN_ANGLE);
+            let [u, v] = [r * cos / size + shift[0], r * sin / size + shift[1]].map(|q| q.floor() as i32);
+            let column = (u as u32 & 0x7fff) << 15 | (v as u32 & 0x7fff);
+            let mut depth = -libm::log(draws.uniform(2, sample.number, column));
+            for segment in &sample.segments {
+                let sigma = segment.sigma * factors[segment.layer];
+                let lost = sigma * (segment.to - segment.from);
+                if lost >= depth {
+                    return (segment.from + depth / sigma, Some(segment.layer));
+                }
+                depth -= lost;
+            }
+            (sample.surface, None)
+        })
+        .collect();
+    ranges.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut found = Echoes { count: 0, first_layer: None, last_is_leaf: false };
+    let mut start = 0;
+    for i in 0..SUBRAYS {
+        let is_end = ranges.get(i + 1).is_none_or(|next| next.0 - ranges[i].0 > resolution);
+        if !is_end {
+            continue;
+        }
+        let of = &ranges[start..=i];
+        start = i + 1;
+        if (of.len() as f64) < threshold * SUBRAYS as f64 {
+            continue;
+        }
+        let is_leaf = 2 * of.iter().filter(|r| r.1.is_some()).count() > of.len();
+        if found.count == 0 {
+            found.first_layer = of[of.len() / 2].1.filter(|_| is_leaf);
+        }
+        found.last_is_leaf = is_leaf;
+        found.count += 1;
+    }
+    (found.count > 0).then_some(found)
+}
+
+/// The least value of a function within bounds: a coarse grid, then steps along each axis that shrink.
+fn minimise(cost: impl Fn(&[f64; 2]) -> f64, bounds: [[f64; 2]; 2]) -> [f64; 2] {
+    const COARSE: usize = 9;
+    let at = |axis: usize, i: usize| {
+        let [low, high] = bounds[axis];
+        low + (high - low) * (i as f64 + 0.5) / COARSE as f64
+    };
+    let mut best = ([0.0; 2], f64::INFINITY);
+    for i in 0..COARSE * COARSE {
+        let x = [at(0, i % COARSE), at(1, i / COARSE)];
+        let c = cost(&x);
+        if c < best.1 {
+            best = (x, c);
+        }
+    }
+    let mut step = bounds.map(|[low, high]| 0.5 * (high - low) / COARSE as f64);
+    for _ in 0..6 {
+        for axis in 0..2 {
+            for sign in [-1.0, 1.0] {
+                let mut x = best.0;
+                x[axis] = (x[axis] + sign * step[axis]).clamp(bounds[axis][0], bounds[axis][1]);
+                let c = cost(&x);
+                if c < best.1 {
+                    best = (x, c);
+                }
+            }
+        }
+        step = step.map(|s| s * 0.6);
+    }
+    best.0
+}

@@ -1,0 +1,203 @@
+//! A recorded point cloud as pulses: returns of one time and flight line, in their order.
+
+use std::ops::{ControlFlow, Range};
+use std::path::Path;
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
+use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, read_points};
+use vlscan_geom::{Aabb, DVec3, MAX_COORDINATE};
+
+/// Gap in time that ends a pass of the instrument over the place, s.
+const MIN_PASS_GAP: f64 = 20.0;
+
+/// What a return was reflected by, as far as its class says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Target {
+    /// Ground, water, roads and rails.
+    Ground,
+    /// Buildings and bridges.
+    Roof,
+    /// Anything else: plants, wires, vehicles.
+    Foliage,
+}
+
+impl Target {
+    /// The target of a class of the LAS specification 1.4, table 17; `None` for noise.
+    fn of_class(class: u8) -> Option<Target> {
+        match class {
+            7 | 18 => None,
+            2 | 8 | 9 | 10 | 11 => Some(Target::Ground),
+            6 | 17 => Some(Target::Roof),
+            _ => Some(Target::Foliage),
+        }
+    }
+}
+
+/// A return of a recorded pulse.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Return {
+    /// World position, m.
+    pub position: DVec3,
+    /// Class of the file.
+    pub class: u8,
+    pub target: Target,
+    /// Number of the return, from 1.
+    pub number: u8,
+    /// Returns of its pulse, in the file or not.
+    pub of: u8,
+    /// Time of the pulse, s.
+    pub time: f64,
+    /// Scan angle, degrees.
+    pub scan_angle: f64,
+    source: u16,
+    channel: u16,
+}
+
+/// One pass of the instrument over the place.
+#[derive(Clone, Debug)]
+pub(super) struct Line {
+    /// Point source id of LAS less one, or the number of the leg.
+    pub source: u16,
+    /// Its pulses, as numbers in [`Recording::pulses`].
+    pub pulses: Range<usize>,
+}
+
+/// A recorded point cloud.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Recording {
+    /// Returns by line, time and number.
+    pub returns: Vec<Return>,
+    /// Returns of each pulse.
+    pub pulses: Vec<Range<usize>>,
+    /// In the order of source and time.
+    pub lines: Vec<Line>,
+    pub bounds: Aabb,
+    /// Points of the noise classes 7 and 18, which are left out.
+    pub noise: usize,
+    pub has_scan_angles: bool,
+}
+
+struct Sink {
+    returns: Vec<Return>,
+    attributes: AttributeSet,
+    noise: usize,
+    skipped: usize,
+}
+
+impl PointSink for Sink {
+    fn start(&mut self, attributes: AttributeSet) {
+        self.attributes = attributes;
+    }
+
+    fn point(&mut self, row: &PointRow, _: Option<&str>) -> ControlFlow<()> {
+        let is_placed = row.position.is_finite() && row.position.abs().max_element() <= MAX_COORDINATE;
+        match Target::of_class(row.class) {
+            _ if !is_placed => self.skipped += 1,
+            None => self.noise += 1,
+            Some(target) => {
+                let number = row.return_number.max(1);
+                self.returns.push(Return {
+                    position: row.position,
+                    class: row.class,
+                    target,
+                    number,
+                    of: row.number_of_returns.max(number),
+                    time: row.time,
+                    scan_angle: row.scan_angle,
+                    source: row.leg,
+                    channel: row.channel,
+                });
+            }
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+/// Reads a point cloud; problems that do not prevent that are added to `found`.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Input`] for files that are no point cloud, without classes, or without points of the ground.
+pub(super) fn read(path: &Path, found: &mut Diagnostics) -> Result<Recording> {
+    let attributes = AttributeSet::default();
+    let mut sink = Sink { returns: Vec::new(), attributes, noise: 0, skipped: 0 };
+    read_points(path, &mut sink, found)?;
+    *found = std::mem::take(found).finish(false)?;
+    let name = path.display();
+    let has = |attribute| sink.attributes.has(attribute);
+    if sink.returns.is_empty() {
+        return Err(Error::input(format!("{name} has no points that could be a scene")));
+    }
+    let count = sink.returns.iter().filter(|r| matches!(r.class, 2 | 8)).count();
+    if count < 3 {
+        return Err(Error::input(format!(
+            "{name} has {count} points of class 2 (ground), and at least 3 are needed; classify the ground first, for example: \
+             pdal translate {name} classified.laz smrf"
+        )));
+    }
+    let mut warn = |message: &str| {
+        found.warn(Some(Place::of_file(path)), message);
+    };
+    if sink.skipped > 0 {
+        warn(&format!("{} points without coordinates are left out", sink.skipped));
+    }
+    if !has(Attribute::Time) {
+        warn("it has no times of pulses; every point is taken as a pulse of its own");
+    }
+    if !has(Attribute::NumberOfReturns) || !has(Attribute::ReturnNumber) {
+        warn(
+            "it has no return numbers and numbers of returns; every point is taken as the only return of its pulse",
+        );
+    }
+    let has_times = has(Attribute::Time);
+    let has_scan_angles =
+        has(Attribute::ScanAngle) && sink.returns.iter().any(|r| r.scan_angle != sink.returns[0].scan_angle);
+    let noise = sink.noise;
+    Ok(Recording { has_scan_angles, noise, ..assemble(sink.returns, has_times) })
+}
+
+/// Orders returns into pulses and lines.
+pub(super) fn assemble(mut returns: Vec<Return>, has_times: bool) -> Recording {
+    let key = |r: &Return| (r.source, r.time, r.channel);
+    returns.sort_by(|a, b| {
+        let by_time = a.source.cmp(&b.source).then(a.time.total_cmp(&b.time));
+        by_time.then(a.channel.cmp(&b.channel)).then(a.number.cmp(&b.number))
+    });
+    let mut all = Recording { bounds: Aabb::EMPTY, ..Recording::default() };
+    let mut start = 0;
+    for i in 0..returns.len() {
+        all.bounds = all.bounds.with(returns[i].position);
+        let is_last = returns.get(i + 1).is_none_or(|next| {
+            !has_times || key(next) != key(&returns[i]) || next.number <= returns[i].number
+        });
+        if !is_last {
+            continue;
+        }
+        let first = &returns[start];
+        let pulse = all.pulses.len();
+        let goes_on = pulse > 0 && {
+            let before = &returns[all.pulses[pulse - 1].start];
+            before.source == first.source && (!has_times || first.time - before.time <= MIN_PASS_GAP)
+        };
+        match all.lines.last_mut().filter(|_| goes_on) {
+            Some(line) => line.pulses.end = pulse + 1,
+            None => all.lines.push(Line { source: first.source, pulses: pulse..pulse + 1 }),
+        }
+        all.pulses.push(start..i + 1);
+        start = i + 1;
+    }
+    all.returns = returns;
+    all
+}
+
+impl Recording {
+    /// Returns of a pulse, nearest first.
+    pub fn of_pulse(&self, pulse: usize) -> &[Return] {
+        &self.returns[self.pulses[pulse].clone()]
+    }
+
+    /// Pulses per square metre of the box around the points.
+    pub fn density(&self) -> f64 {
+        let size = self.bounds.max - self.bounds.min;
+        self.pulses.len() as f64 / (size.x * size.y).max(1e-9)
+    }
+}
