@@ -4,8 +4,10 @@
 //! |---|---|
 //! | `flight` | a flight and its scanner from GPS times, positions and scan angles |
 //! | `scene` | a scene from classified points: terrain, roofs, foliage as voxels |
+//! | `spinning` | noise and detection of a spinning sensor from a recorded revolution |
 
 #![deny(unsafe_code)]
 
 pub mod flight;
 pub mod scene;
+pub mod spinning;

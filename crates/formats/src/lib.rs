@@ -71,6 +71,8 @@ pub use ply::{PlyNumbers, is_ply, ply_header};
 pub use point_format::PointFormat;
 pub use record::{Cause, EncodedPoints, Needs, PointBatch, PointRecord, Tally, Wave};
 pub use settings::CloudSettings;
+#[cfg(feature = "parquet")]
+pub use table::read_number_columns;
 pub use table::read_record_batch;
 
 /// The example of the README.

@@ -4,6 +4,8 @@
 mod parquet;
 
 #[cfg(feature = "parquet")]
+pub use parquet::read_number_columns;
+#[cfg(feature = "parquet")]
 pub(crate) use parquet::read_parquet;
 
 use super::{Columns, PointSink, Reading};

@@ -9,8 +9,10 @@ use ::parquet::errors::ParquetError;
 use ::parquet::file::reader::{FileReader, SerializedFileReader};
 use ::parquet::schema::types::ColumnDescriptor;
 use bytes::Bytes;
+use std::path::Path;
 use vlscan_base::damage::catch_decoder_panic;
 use vlscan_base::error::{Error, Result};
+use vlscan_base::store::FileBytes;
 
 /// Rows that are read at a time.
 const READ_ROWS: usize = 65_536;
@@ -55,6 +57,51 @@ fn read_row_groups(file: Bytes, reading: &mut Reading) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// The columns of numbers with these names of a Parquet file, NaN for nulls; `None` for names that it does not have.
+///
+/// # Errors
+/// [`Error::Io`] when the file cannot be read, [`Error::Input`] for files that are not Parquet or are damaged.
+pub fn read_number_columns(path: &Path, names: &[&str]) -> Result<Vec<Option<Vec<f64>>>> {
+    let file = FileBytes::open(path).map_err(|e| Error::open(path, e))?;
+    let read = || number_columns(Bytes::from_owner(file.clone()), names);
+    let failed = |e: ParquetError| {
+        Error::input(format!("{} is not a Parquet file that can be read: {e}", path.display()))
+    };
+    let columns = catch_decoder_panic(read)
+        .unwrap_or_else(|| Err(ParquetError::General("its pages are damaged".into())))
+        .map_err(failed)?;
+    file.check_unchanged().map_err(|e| Error::io("read", path, e))?;
+    Ok(columns)
+}
+
+fn number_columns(
+    file: Bytes,
+    names: &[&str],
+) -> std::result::Result<Vec<Option<Vec<f64>>>, ParquetError> {
+    let reader = SerializedFileReader::new(file)?;
+    let leaves = reader.metadata().file_metadata().schema_descr().columns();
+    let found = |name: &&str| leaves.iter().position(|leaf| is_number(leaf) && leaf.name() == *name);
+    let at: Vec<Option<usize>> = names.iter().map(found).collect();
+    let mut columns: Vec<Option<Vec<f64>>> = at.iter().map(|at| at.map(|_| Vec::new())).collect();
+    for group in 0..reader.num_row_groups() {
+        let group = reader.get_row_group(group)?;
+        let rows = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
+        for (at, column) in at.iter().zip(&mut columns) {
+            let (Some(at), Some(column)) = (at, column) else { continue };
+            let (mut reader, mut left) = (group.get_column_reader(*at)?, rows);
+            while left > 0 {
+                let values = read_numbers(&mut reader, &leaves[*at], left.min(READ_ROWS))?;
+                if values.is_empty() {
+                    return Err(ParquetError::EOF("a column ends before the others".into()));
+                }
+                left = left.saturating_sub(values.len());
+                column.extend(values);
+            }
+        }
+    }
+    Ok(columns)
 }
 
 /// Whether a column holds one number per row; dates, times, decimals and members of nested columns are none.

@@ -1,0 +1,148 @@
+//! A spinning sensor from one recorded revolution: its calibration is known, noise and detection are estimated.
+//!
+//! Planes are found in the image of ranges, in patches of neighbouring pixels, from one half of the columns. The scatter of their
+//! ranges by strength, distance and incidence gives the law of noise, pulses without an echo give threshold, photon statistics and
+//! dropouts. The other half of the columns tells how well the law predicts.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `image` | the recording as an image of ranges |
+//! | `planes` | planes in patches of pixels |
+//! | `noise` | the law of range noise |
+//! | `detection` | threshold, photons, dropouts |
+//! | `report` | figures by class |
+//! | `write` | the pipeline file, and the planes as a scene |
+
+mod detection;
+mod image;
+mod noise;
+mod planes;
+mod report;
+mod write;
+
+pub use image::{Pixel, RangeImage};
+pub use planes::{Patch, Sample};
+pub use report::{ClassFigures, SpinningFigures};
+
+use detection::{Detection, detection};
+use noise::{NoiseLaw, noise_law, white_strength};
+use planes::planes;
+use std::path::Path;
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::{Error, Result};
+use vlscan_survey::{RangeNoise, ReadOptions, Scanner, find_scanner};
+
+/// Fewest planes from which a law is estimated.
+const MIN_PLANES: usize = 50;
+/// Rounds of noise and detection, each with the planes and the threshold of the other.
+const ROUNDS: usize = 3;
+/// Reflectance of the target for which the maximum range is stated.
+const TARGET_REFLECTANCE: f64 = 0.1;
+
+/// Which columns are fitted; the others test the fit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Half {
+    /// Columns 0, 2, 4 …
+    #[default]
+    Even,
+    /// Columns 1, 3, 5 …
+    Odd,
+}
+
+/// What is fitted.
+#[derive(Clone, Debug, Default)]
+pub struct SpinningRequest {
+    /// Columns that are fitted.
+    pub half: Half,
+}
+
+/// What a recording says about a spinning sensor.
+#[derive(Clone, Debug)]
+pub struct SpinningFit {
+    /// The calibrated sensor, with the beam and the receiver of its product line.
+    pub scanner: Scanner,
+    /// The recording.
+    pub image: RangeImage,
+    /// Planes in the recording.
+    pub planes: Vec<Patch>,
+    /// Noise of ranges.
+    pub noise: RangeNoise,
+    /// Range at which a target of a reflectance of 10 % that faces the beam is right at the threshold, m.
+    pub max_range: f64,
+    law: NoiseLaw,
+    detection: Detection,
+    /// Strength of a white target at 1 m.
+    white: f64,
+}
+
+/// Estimates noise and detection of the sensor with the calibration file `calibration` from the recording of one revolution, see
+/// [`RangeImage::read`].
+///
+/// # Errors
+/// Files that cannot be read; [`Error::Input`] for recordings with too few planes.
+pub fn fit_spinning(
+    recording: &Path,
+    calibration: &Path,
+    request: &SpinningRequest,
+    found: &mut Diagnostics,
+) -> Result<SpinningFit> {
+    let (mut scanner, warnings) = find_scanner(&calibration.to_string_lossy(), &ReadOptions::default())?;
+    found.extend(warnings);
+    scanner.devices.iter_mut().for_each(|device| device.beam.take_stated_width());
+    let image = RangeImage::read(recording, &scanner)?;
+    let parity = u32::from(request.half == Half::Odd);
+    let all = planes(&image, |column| column % 2 == parity);
+    let too_few = |count: usize| {
+        Error::input(format!(
+            "{}: {count} planes were found, expected at least {MIN_PLANES}; record walls, floors or roads",
+            recording.display()
+        ))
+    };
+    if all.len() < MIN_PLANES {
+        return Err(too_few(all.len()));
+    }
+    let divergence = scanner.devices[0].beam.divergence;
+    // The threshold only scales the parts of the noise until it is known.
+    let weakest = all.iter().map(|patch| patch.strength).fold(f64::MAX, f64::min);
+    let mut threshold = weakest;
+    let mut estimated = None;
+    for _ in 0..ROUNDS {
+        let law = noise_law(&all, threshold, divergence).ok_or_else(|| too_few(0))?;
+        let chosen = || all.iter().zip(&law.is_plane).filter(|(_, is_plane)| **is_plane).map(|(p, _)| p);
+        if chosen().count() < MIN_PLANES {
+            return Err(too_few(chosen().count()));
+        }
+        let pulses: Vec<(f64, bool)> = chosen()
+            .flat_map(|patch| {
+                let fitted = patch.samples.iter().filter(|sample| sample.is_fitted);
+                fitted.map(|sample| (patch.strength, !sample.residual.is_nan()))
+            })
+            .collect();
+        let detection = detection(&pulses).ok_or_else(|| too_few(chosen().count()))?;
+        threshold = detection.threshold;
+        estimated = Some((law, detection));
+    }
+    let (law, detection) = estimated.ok_or_else(|| too_few(0))?;
+    let planes: Vec<Patch> =
+        all.into_iter().zip(&law.is_plane).filter(|(_, is_plane)| **is_plane).map(|(p, _)| p).collect();
+    let white = match image.has_signal {
+        true => white_strength(planes.iter()),
+        false => 1.0,
+    };
+    if !white.is_finite() {
+        return Err(Error::input(format!(
+            "{}: no plane has a reflectivity from 4 to 100, from which the maximum range follows",
+            recording.display()
+        )));
+    }
+    Ok(SpinningFit {
+        noise: law.range_noise(image.range_step),
+        max_range: libm::sqrt(white * TARGET_REFLECTANCE / detection.threshold),
+        scanner,
+        image,
+        planes,
+        law,
+        detection,
+        white,
+    })
+}

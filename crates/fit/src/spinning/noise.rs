@@ -1,0 +1,181 @@
+//! The law of range noise from the scatter around planes.
+
+use super::planes::{Patch, median};
+use libm::{exp, log, sqrt};
+use vlscan_survey::RangeNoise;
+
+/// Parts of the variance: constant, by photons, by the amplifier, by the footprint.
+pub(super) const PARTS: usize = 4;
+const ROUNDS: usize = 20;
+/// Quantile of the scatters of planes beyond which a surface is not plane.
+const NORMAL_QUANTILE: f64 = 2.326;
+/// Noise of a good echo with which the search begins, m.
+const FIRST_NOISE: f64 = 0.01;
+/// Share of the patches that are planes at least, with which the search begins.
+const FIRST_SHARE: f64 = 0.3;
+
+/// The law of noise, and which patches are planes by it.
+#[derive(Clone, Debug)]
+pub(super) struct NoiseLaw {
+    /// Coefficients of the variance, m² (that of the footprint without unit).
+    pub parts: [f64; PARTS],
+    /// Their standard deviations.
+    pub deviations: [f64; PARTS],
+    /// Whether the scatter of each patch is that of a plane.
+    pub is_plane: Vec<bool>,
+}
+
+/// Weakness of a strength (threshold over strength) and standard deviation of the depths within the footprint of a beam of this
+/// divergence (rad): what the variance is linear in.
+fn terms(patch: &Patch, threshold: f64, divergence: f64) -> [f64; PARTS] {
+    let weakness = (threshold / patch.strength).min(1.0);
+    let tangent = sqrt((1.0 / (patch.cosine * patch.cosine) - 1.0).max(0.0));
+    let depth = patch.range * divergence * 0.25 * tangent;
+    [1.0, weakness, weakness * weakness, depth * depth]
+}
+
+fn dot(a: &[f64; PARTS], b: &[f64; PARTS]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// The law that fits most patches. Patches with more scatter than its noise explains are surfaces that are not plane, and do not
+/// count: least trimmed squares, with the limit by the distribution of χ².
+pub(super) fn noise_law(patches: &[Patch], threshold: f64, divergence: f64) -> Option<NoiseLaw> {
+    let rows: Vec<[f64; PARTS]> = patches.iter().map(|p| terms(p, threshold, divergence)).collect();
+    let mut variances: Vec<f64> = rows.iter().map(|row| FIRST_NOISE * FIRST_NOISE + row[3]).collect();
+    // The quietest share of the patches tells the level at first.
+    let mut ratios: Vec<f64> =
+        patches.iter().zip(&variances).map(|(p, v)| p.scatter * p.scatter / v).collect();
+    ratios.sort_by(f64::total_cmp);
+    let level = *ratios.get((FIRST_SHARE * ratios.len() as f64) as usize)?;
+    variances.iter_mut().for_each(|variance| *variance *= level);
+    let mut law = None;
+    for _ in 0..ROUNDS {
+        let is_plane: Vec<bool> = patches
+            .iter()
+            .zip(&variances)
+            .map(|(p, v)| p.scatter * p.scatter < v * chi_square_limit(p.freedom))
+            .collect();
+        let chosen: Vec<(&[f64; PARTS], f64, f64)> = patches
+            .iter()
+            .zip(&rows)
+            .zip(variances.iter().zip(&is_plane))
+            .filter(|(_, (_, is_plane))| **is_plane)
+            .map(|((p, row), (v, _))| (row, p.scatter * p.scatter, p.freedom / (2.0 * v * v)))
+            .collect();
+        let (parts, deviations) = least_squares_not_negative(&chosen)?;
+        variances = rows.iter().map(|row| dot(row, &parts)).collect();
+        law = Some(NoiseLaw { parts, deviations, is_plane });
+    }
+    law
+}
+
+/// The 99 % quantile of χ² over its degrees of freedom (Wilson & Hilferty 1931).
+fn chi_square_limit(freedom: f64) -> f64 {
+    let part = 2.0 / (9.0 * freedom);
+    let root = 1.0 - part + NORMAL_QUANTILE * sqrt(part);
+    root * root * root
+}
+
+impl NoiseLaw {
+    /// Standard deviation of a range on a patch, m.
+    pub fn sigma(&self, patch: &Patch, threshold: f64, divergence: f64) -> f64 {
+        sqrt(dot(&terms(patch, threshold, divergence), &self.parts))
+    }
+
+    /// The law as a setting of an instrument whose ranges come in steps (m), whose rounding is a part of what was seen.
+    pub fn range_noise(&self, range_step: f64) -> RangeNoise {
+        let [constant, shot, amplifier, footprint] = self.parts;
+        let constant = (constant - range_step * range_step / 12.0).max(0.0);
+        RangeNoise {
+            constant: sqrt(constant),
+            shot: sqrt(shot),
+            amplifier: sqrt(amplifier),
+            footprint: sqrt(footprint),
+        }
+    }
+
+    /// Standard deviations of the roots of the parts.
+    pub fn root_deviations(&self) -> [f64; PARTS] {
+        let root = |i: usize| match self.deviations[i] {
+            0.0 => 0.0,
+            deviation => deviation / (2.0 * sqrt(self.parts[i]).max(sqrt(deviation))),
+        };
+        std::array::from_fn(root)
+    }
+}
+
+/// Weighted least squares without negative coefficients: the best of all choices of coefficients that are 0. Each row has its
+/// terms, value and weight.
+fn least_squares_not_negative(rows: &[(&[f64; PARTS], f64, f64)]) -> Option<([f64; PARTS], [f64; PARTS])> {
+    let (mut matrix, mut right) = ([[0.0; PARTS]; PARTS], [0.0; PARTS]);
+    for (terms, value, weight) in rows {
+        for i in 0..PARTS {
+            right[i] += weight * terms[i] * value;
+            for j in 0..PARTS {
+                matrix[i][j] += weight * terms[i] * terms[j];
+            }
+        }
+    }
+    let mut best: Option<(f64, [f64; PARTS], [f64; PARTS])> = None;
+    for choice in 1u32..1 << PARTS {
+        let chosen: Vec<usize> = (0..PARTS).filter(|i| choice >> i & 1 == 1).collect();
+        let Some(inverse) = inverse(&matrix, &chosen) else { continue };
+        let (mut parts, mut deviations) = ([0.0; PARTS], [0.0; PARTS]);
+        for (i, row) in chosen.iter().zip(&inverse) {
+            parts[*i] = row.iter().zip(&chosen).map(|(a, j)| a * right[*j]).sum();
+        }
+        for (k, i) in chosen.iter().enumerate() {
+            deviations[*i] = sqrt(inverse[k][k].max(0.0));
+        }
+        if parts.iter().any(|part| *part < 0.0 || !part.is_finite()) {
+            continue;
+        }
+        // What the solution takes off the sum of squares.
+        let gain: f64 = parts.iter().zip(&right).map(|(a, b)| a * b).sum();
+        if best.as_ref().is_none_or(|(most, ..)| gain > *most) {
+            best = Some((gain, parts, deviations));
+        }
+    }
+    best.map(|(_, parts, deviations)| (parts, deviations))
+}
+
+/// Inverse of the rows and columns `chosen` of a matrix, by Gauss and Jordan with pivots of the diagonal.
+fn inverse(matrix: &[[f64; PARTS]; PARTS], chosen: &[usize]) -> Option<Vec<Vec<f64>>> {
+    let n = chosen.len();
+    // Scales make terms of different units comparable.
+    let scale: Vec<f64> = chosen.iter().map(|i| 1.0 / sqrt(matrix[*i][*i])).collect();
+    let mut left: Vec<Vec<f64>> = (0..n)
+        .map(|i| (0..n).map(|j| matrix[chosen[i]][chosen[j]] * scale[i] * scale[j]).collect())
+        .collect();
+    let mut right: Vec<Vec<f64>> =
+        (0..n).map(|i| (0..n).map(|j| f64::from(u8::from(i == j))).collect()).collect();
+    for i in 0..n {
+        let pivot = left[i][i];
+        if !(pivot.abs() > 1e-9) {
+            return None;
+        }
+        for j in 0..n {
+            (left[i][j], right[i][j]) = (left[i][j] / pivot, right[i][j] / pivot);
+        }
+        for k in (0..n).filter(|k| *k != i) {
+            let factor = left[k][i];
+            for j in 0..n {
+                left[k][j] -= factor * left[i][j];
+                right[k][j] -= factor * right[i][j];
+            }
+        }
+    }
+    Some((0..n).map(|i| (0..n).map(|j| right[i][j] * scale[i] * scale[j]).collect()).collect())
+}
+
+/// Median of signal times squared range over reflectance: the strength of a white target at 1 m that faces the beam.
+pub(super) fn white_strength<'p>(patches: impl Iterator<Item = &'p Patch>) -> f64 {
+    let logarithms = patches
+        .filter(|p| p.reflectance > MIN_REFLECTANCE)
+        .map(|p| log(p.strength * p.range * p.range / p.reflectance));
+    exp(median(logarithms))
+}
+
+/// Reflectance below which whole per cent are too coarse.
+const MIN_REFLECTANCE: f64 = 0.03;

@@ -1,0 +1,204 @@
+//! Planes in an image of ranges: patches of neighbouring pixels, fitted by one half of the columns.
+
+use super::image::{Pixel, RangeImage};
+use libm::sqrt;
+use vlscan_geom::DVec3;
+
+/// Pixels of a patch: rows and columns.
+pub(super) const PATCH: [usize; 2] = [4, 8];
+/// Fewest echoes of the half that is fitted, and their least share.
+const MIN_ECHOES: usize = 8;
+const MIN_SHARE: f64 = 0.6;
+/// Scatters beyond which a residual does not count (Tukey's biweight).
+const CUT: f64 = 5.0;
+const ITERATIONS: usize = 10;
+/// Least scatter that is told from none, m.
+const MIN_SCATTER: f64 = 1e-4;
+/// Cosine of the angle of incidence below which a plane is not fitted: 80°.
+const MIN_COSINE: f64 = 0.17;
+/// Scatter of normal residuals over the median of their absolute values.
+pub(super) const NORMAL_MEDIAN: f64 = 1.4826;
+
+/// A plane through a patch of pixels: the points p with normal·p = 1.
+#[derive(Clone, Debug)]
+pub struct Patch {
+    /// Normal over the distance of the plane from the sensor, 1/m.
+    pub normal: DVec3,
+    /// Its pixels.
+    pub samples: Vec<Sample>,
+    /// Standard deviation of the ranges around the plane, of the half that was fitted, m.
+    pub scatter: f64,
+    /// Degrees of freedom of the scatter.
+    pub freedom: f64,
+    /// Medians of range (m), cosine of the angle of incidence, strength and reflectance of the half that was fitted.
+    pub range: f64,
+    /// See [`Patch::range`].
+    pub cosine: f64,
+    /// See [`Patch::range`].
+    pub strength: f64,
+    /// See [`Patch::range`]; NaN for retroreflectors.
+    pub reflectance: f64,
+}
+
+/// A pixel of a patch.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// Range of the plane along the beam, m.
+    pub expected: f64,
+    /// Recorded minus expected range, m; NaN without an echo.
+    pub residual: f64,
+    /// Variance of the expected range over that of a range.
+    pub leverage: f64,
+    /// Whether its column is of the half that was fitted.
+    pub is_fitted: bool,
+    /// Point of the plane, m.
+    pub point: DVec3,
+}
+
+/// The patches of an image that are planes in the half of the columns for which `is_fitted` is true.
+pub fn planes(image: &RangeImage, is_fitted: impl Fn(u32) -> bool) -> Vec<Patch> {
+    let [high, wide] = PATCH;
+    let mut patches = Vec::new();
+    for row in (0..image.rows).step_by(high).filter(|row| row + high <= image.rows) {
+        for column in (0..image.columns).step_by(wide).filter(|column| column + wide <= image.columns) {
+            let of_patch = (row..row + high).flat_map(|r| {
+                let first = r * image.columns + column;
+                &image.pixels[first..first + wide]
+            });
+            let pixels: Vec<(Pixel, bool)> = of_patch.map(|p| (*p, is_fitted(p.column))).collect();
+            patches.extend(plane(&pixels));
+        }
+    }
+    patches
+}
+
+fn plane(pixels: &[(Pixel, bool)]) -> Option<Patch> {
+    let fitted = || pixels.iter().filter(|(_, is_fitted)| *is_fitted).map(|(pixel, _)| pixel);
+    let seen: Vec<&Pixel> = fitted().filter(|pixel| pixel.is_seen()).collect();
+    if seen.len() < MIN_ECHOES || (seen.len() as f64) < MIN_SHARE * fitted().count() as f64 {
+        return None;
+    }
+    let middle = median(seen.iter().map(|p| p.range));
+    // The plane n·p = 1 by least squares first, then by ranges, with residuals beyond the cut without weight.
+    let mut normal = {
+        let mut sums = NormalEquations::default();
+        for pixel in &seen {
+            sums.add((pixel.origin + pixel.direction * pixel.range) / middle, 1.0, 1.0);
+        }
+        sums.solution()? / middle
+    };
+    let (mut sums, mut kept, mut squares) = (NormalEquations::default(), 0, 0.0);
+    for _ in 0..ITERATIONS {
+        let residuals: Vec<f64> = seen.iter().map(|p| p.range - expected(p, normal)).collect();
+        let scatter = (NORMAL_MEDIAN * median(residuals.iter().map(|r| r.abs()))).max(MIN_SCATTER);
+        (sums, kept, squares) = (NormalEquations::default(), 0, 0.0);
+        for (pixel, residual) in seen.iter().zip(residuals) {
+            let off = residual / (CUT * scatter);
+            if !(off.abs() < 1.0) {
+                continue;
+            }
+            let weight = (1.0 - off * off) * (1.0 - off * off);
+            sums.add(slope(pixel, normal), residual, weight);
+            (kept, squares) = (kept + 1, squares + residual * residual);
+        }
+        normal += sums.solution()?;
+        if !normal.is_finite() {
+            return None;
+        }
+    }
+    if kept < MIN_ECHOES || (kept as f64) < 0.9 * seen.len() as f64 {
+        return None;
+    }
+    let samples: Vec<Sample> = pixels
+        .iter()
+        .map(|(pixel, is_fitted)| {
+            let (expected, slope) = (expected(pixel, normal), slope(pixel, normal));
+            Sample {
+                expected,
+                residual: pixel.range - expected,
+                leverage: sums.variance(slope),
+                is_fitted: *is_fitted,
+                point: pixel.origin + pixel.direction * expected,
+            }
+        })
+        .collect();
+    let cosine = |pixel: &Pixel| (pixel.direction.dot(normal) / normal.length()).abs();
+    if samples.iter().any(|s| !(s.expected > 0.0) || !s.leverage.is_finite())
+        || pixels.iter().any(|(pixel, _)| cosine(pixel) < MIN_COSINE)
+    {
+        return None;
+    }
+    let freedom = kept as f64 - 3.0;
+    Some(Patch {
+        normal,
+        scatter: sqrt(squares / freedom).max(MIN_SCATTER),
+        freedom,
+        range: median(seen.iter().map(|p| p.range)),
+        cosine: median(seen.iter().map(|p| cosine(p))),
+        strength: median(seen.iter().map(|p| p.strength)),
+        reflectance: median(seen.iter().map(|p| p.reflectance)),
+        samples,
+    })
+}
+
+/// Range at which a beam meets the plane, m.
+fn expected(pixel: &Pixel, normal: DVec3) -> f64 {
+    (1.0 - pixel.origin.dot(normal)) / pixel.direction.dot(normal)
+}
+
+/// Change of that range with the normal.
+fn slope(pixel: &Pixel, normal: DVec3) -> DVec3 {
+    (pixel.origin + pixel.direction * expected(pixel, normal)) * (-1.0 / pixel.direction.dot(normal))
+}
+
+/// The median of the values that are numbers, NaN of none.
+pub(super) fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.filter(|v| !v.is_nan()).collect();
+    values.sort_by(f64::total_cmp);
+    match values.len() {
+        0 => f64::NAN,
+        n if n % 2 == 1 => values[n / 2],
+        n => 0.5 * (values[n / 2 - 1] + values[n / 2]),
+    }
+}
+
+/// Sums of a linear fit of three unknowns.
+#[derive(Clone, Copy, Debug, Default)]
+struct NormalEquations {
+    /// xx, xy, xz, yy, yz, zz.
+    matrix: [f64; 6],
+    right: DVec3,
+}
+
+impl NormalEquations {
+    fn add(&mut self, by: DVec3, value: f64, weight: f64) {
+        let products = [by.x * by.x, by.x * by.y, by.x * by.z, by.y * by.y, by.y * by.z, by.z * by.z];
+        self.matrix.iter_mut().zip(products).for_each(|(sum, product)| *sum += weight * product);
+        self.right += by * (weight * value);
+    }
+
+    /// The inverse of the matrix, by cofactors.
+    fn inverse(&self) -> Option<[f64; 6]> {
+        let [xx, xy, xz, yy, yz, zz] = self.matrix;
+        let (a, b, c) = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy);
+        let determinant = xx * a + xy * b + xz * c;
+        let inverse = [a, b, c, xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy];
+        (determinant > 0.0).then(|| inverse.map(|cofactor| cofactor / determinant))
+    }
+
+    fn solution(&self) -> Option<DVec3> {
+        let [xx, xy, xz, yy, yz, zz] = self.inverse()?;
+        let r = self.right;
+        Some(DVec3::new(
+            xx * r.x + xy * r.y + xz * r.z,
+            xy * r.x + yy * r.y + yz * r.z,
+            xz * r.x + yz * r.y + zz * r.z,
+        ))
+    }
+
+    /// Variance of a value with this derivative, over that of an observation.
+    fn variance(&self, by: DVec3) -> f64 {
+        let whole = NormalEquations { right: by, ..*self };
+        whole.solution().map_or(f64::NAN, |solution| solution.dot(by))
+    }
+}

@@ -1,0 +1,127 @@
+//! The pipeline file of a fitted sensor, and its planes as a scene.
+
+use super::planes::Patch;
+use super::{SpinningFit, TARGET_REFLECTANCE};
+use libm::exp;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use vlscan_base::error::Result;
+use vlscan_base::files::{refuse_existing, write_file};
+use vlscan_geom::DVec3;
+
+/// Pixels by which the rectangle of a plane reaches beyond the middles of the outermost ones.
+const MARGIN: f64 = 0.5;
+/// Reflectances of planes come in so many steps per factor of e.
+const STEPS: f64 = 20.0;
+/// Least reflectance of a plane.
+const MIN_REFLECTANCE: f64 = 1e-4;
+
+impl SpinningFit {
+    /// Writes the pipeline file at `path`, with the scanner and, if `planes` is given, the planes there as the scene of a static
+    /// platform. `calibration` is the sensor's file, `command` the command line that made it.
+    ///
+    /// # Errors
+    /// [`vlscan_base::error::Error::Io`]; a file exists and `force` is not set.
+    pub fn write(
+        &self,
+        path: &Path,
+        planes: Option<&Path>,
+        (calibration, command): (&Path, &str),
+        force: bool,
+    ) -> Result<Vec<PathBuf>> {
+        let materials = planes.map(|planes| planes.with_extension("mtl"));
+        let mut files = vec![path.to_path_buf()];
+        files.extend(planes.map(Path::to_path_buf));
+        files.extend(materials.clone());
+        files.iter().try_for_each(|path| refuse_existing(path, force))?;
+        if let (Some(planes), Some(materials)) = (planes, &materials) {
+            let (mesh, table) = self.scene(materials);
+            write_file(planes, force, mesh.as_bytes())?;
+            write_file(materials, force, table.as_bytes())?;
+        }
+        write_file(path, force, self.pipeline(planes, calibration, command).as_bytes())?;
+        Ok(files)
+    }
+
+    fn pipeline(&self, planes: Option<&Path>, calibration: &Path, command: &str) -> String {
+        let absolute = |path: &Path| {
+            let path = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
+            toml::Value::String(path.to_string_lossy().into_owned())
+        };
+        let (noise, detection) = (&self.noise, &self.detection);
+        let mut text = format!("# {command}\n#\n# Estimated, with standard deviations:\n");
+        // Writing to a string does not fail.
+        self.figures().table().lines().for_each(|line| _ = writeln!(text, "#   {line}"));
+        text.push('\n');
+        if let Some(planes) = planes {
+            let _ = writeln!(text, "scene = {}\n\n[platform]\nkind = \"static\"\n", absolute(planes));
+            text.push_str("[[leg]]\nposition_m = [0, 0, 0]\n\n");
+        }
+        let _ = writeln!(text, "[scanner]\ncatalogue = {}", absolute(calibration));
+        let _ = writeln!(
+            text,
+            "max_range = {{ range_m = {:.2}, reflectance = {TARGET_REFLECTANCE}, pulse_freq_hz = {} }}",
+            self.max_range, self.scanner.pulse_freqs[0]
+        );
+        let _ = writeln!(
+            text,
+            "range_noise = {{ constant_m = {:.5}, shot_m = {:.5}, amplifier_m = {:.5}, footprint = {:.3} }}",
+            noise.constant, noise.shot, noise.amplifier, noise.footprint
+        );
+        let _ = writeln!(
+            text,
+            "threshold_photons = {}\ndropout_rate = {:.5}\nrange_step_m = {}",
+            detection.photons, detection.dropout_rate, self.image.range_step
+        );
+        text
+    }
+
+    /// The planes as a Wavefront mesh of rectangles and its table of materials: each reflects as much as the recording says.
+    fn scene(&self, materials: &Path) -> (String, String) {
+        let name = materials.file_name().unwrap_or_default().to_string_lossy();
+        let (mut mesh, mut table) = (format!("mtllib {name}\n"), String::new());
+        let mut steps: Vec<(i32, &Patch)> = self.planes.iter().map(|p| (self.reflectance_step(p), p)).collect();
+        steps.sort_by_key(|(step, _)| *step);
+        let mut last = None;
+        for (number, (step, patch)) in steps.into_iter().enumerate() {
+            if last.replace(step) != Some(step) {
+                let reflectance = exp(f64::from(step) / STEPS);
+                let _ = writeln!(table, "newmtl plane{}\nhelios_reflectance {reflectance:.6}\n", -step);
+                let _ = writeln!(mesh, "usemtl plane{}", -step);
+            }
+            for corner in rectangle(patch) {
+                let _ = writeln!(mesh, "v {:.5} {:.5} {:.5}", corner.x, corner.y, corner.z);
+            }
+            let first = 4 * number + 1;
+            let _ = writeln!(mesh, "f {first} {} {} {}", first + 1, first + 2, first + 3);
+        }
+        (mesh, table)
+    }
+
+    /// Reflectance of a plane, as the step of a logarithmic scale; 1 at most.
+    fn reflectance_step(&self, patch: &Patch) -> i32 {
+        let facing = patch.strength * patch.range * patch.range / self.white / patch.cosine;
+        libm::rint(libm::log(facing.clamp(MIN_REFLECTANCE, 1.0)) * STEPS) as i32
+    }
+}
+
+/// The corners of the rectangle of a plane that holds its pixels.
+fn rectangle(patch: &Patch) -> [DVec3; 4] {
+    let points: Vec<DVec3> = patch.samples.iter().map(|sample| sample.point).collect();
+    let [rows, columns] = super::planes::PATCH;
+    let last = points.len() - 1;
+    let along = (points[columns - 1] - points[0] + points[last] - points[last + 1 - columns]).normalize();
+    let normal = patch.normal.normalize();
+    let across = normal.cross(along).normalize();
+    let along = across.cross(normal);
+    let centre = points.iter().copied().sum::<DVec3>() / points.len() as f64;
+    let reach = |axis: DVec3, count: usize| {
+        let of = |point: &DVec3| (*point - centre).dot(axis);
+        let (low, high) =
+            points.iter().map(of).fold((f64::MAX, f64::MIN), |(l, h), value| (l.min(value), h.max(value)));
+        let margin = MARGIN * (high - low) / (count - 1) as f64;
+        [low - margin, high + margin]
+    };
+    let ([left, right], [down, up]) = (reach(along, columns), reach(across, rows));
+    [[left, down], [right, down], [right, up], [left, up]].map(|[a, b]| centre + along * a + across * b)
+}
