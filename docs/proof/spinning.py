@@ -51,30 +51,115 @@ def directions(sensor):
 
 
 def simulate(vlscan, pipeline, sensor, work):
-    """A recording of the pipeline's sensor, in the form of the real one."""
+    """What the pipeline's sensor records: images of range (m, from the axis) and of amplitudes; the largest angle between a point and
+    the beam of its pixel (degrees)."""
     points = work / "points.parquet"
-    run(vlscan, "run", pipeline, "-o", points, "--format", "parquet", "--columns", "x,y,z,device,pulse", "--force", "-q")
+    columns = "X,Y,Z,Intensity,PulseNumber,Device,BeamOriginX,BeamOriginY,BeamOriginZ"
+    run(vlscan, "run", pipeline, "-o", points, "--format", "parquet", "--columns", columns, "--force", "-q")
     table = pq.read_table(points)
+    value = {name: table[name].to_numpy() for name in table.column_names}
     origins, beam_directions = directions(sensor)
-    beam = table["device"].to_numpy().astype(int)
-    column = table["pulse"].to_numpy().astype(int) - 1
-    position = np.stack([table[name].to_numpy() for name in "xyz"], 1)
-    range_m = np.einsum("ij,ij->i", position - origins[beam, column], beam_directions[beam, column])
-    # Off the beam: the pattern of beams and columns is another one.
-    off = np.linalg.norm(position - origins[beam, column] - range_m[:, None] * beam_directions[beam, column], axis=1)
-    ranges = np.zeros(origins.shape[:2])
-    ranges[beam, column] = np.rint((range_m + sensor[2]) * 1000)
-    return ranges, float(np.degrees(np.max(off / range_m)))
+    beam, column = value["Device"].astype(int), value["PulseNumber"].astype(int) - 1
+    position = np.stack([value[name] for name in "XYZ"], 1)
+    recorded_origin = np.stack([value["BeamOrigin" + name] for name in "XYZ"], 1)
+    way = position - recorded_origin
+    range_m = np.linalg.norm(way, axis=1)
+    cosine = np.einsum("ij,ij->i", way / range_m[:, None], beam_directions[beam, column])
+    pattern = np.degrees(np.arccos(np.minimum(cosine, 1))).max(), np.abs(recorded_origin - origins[beam, column]).max()
+    ranges, amplitudes = np.zeros(origins.shape[:2]), np.zeros(origins.shape[:2])
+    ranges[beam, column] = range_m + sensor[2]
+    amplitudes[beam, column] = value["Intensity"]
+    return ranges, amplitudes, pattern
 
 
-def record(ranges, real, path):
-    """Writes a simulated recording; reflectivity and signal are those of the real one, as the law of noise was estimated by them."""
-    rows, columns = ranges.shape
-    beam, column = np.divmod(np.arange(rows * columns), columns)
-    names = [name for name in ("reflectivity", "signal") if name in real.column_names]
-    data = {"beam": beam.astype(np.uint16), "column": column.astype(np.uint16), "range_mm": ranges.ravel().astype(np.uint32)}
-    for name in names:
-        image = np.zeros(ranges.shape)
-        image[real["beam"].to_numpy(), real["column"].to_numpy()] = real[name].to_numpy()
-        data[name] = image.ravel()
-    pq.write_table(pa.table(data), path)
+def images(table, shape):
+    """The columns of a recording by beam and column."""
+    found = {}
+    for name in table.column_names:
+        found[name] = np.zeros(shape)
+        found[name][table["beam"].to_numpy(), table["column"].to_numpy()] = table[name].to_numpy()
+    return found
+
+
+def record(ranges, amplitudes, real, sensor, path):
+    """Writes a simulated recording: strengths in the unit of the real ones, which they have in the median."""
+    beam, column = np.indices(ranges.shape)
+    data = {"beam": beam, "column": column, "range_mm": np.rint(ranges * 1000)}
+    both = (ranges > 0) & (real["range_mm"] > 0) & (real["reflectivity"] > 3) & (real["reflectivity"] <= 100)
+    way = np.where(ranges > 0, ranges - sensor[2], np.inf)
+    true_way = real["range_mm"] / 1000 - sensor[2]
+    strength = real["signal"] if "signal" in real else real["reflectivity"] / 100 / np.maximum(true_way, 0.1) ** 2
+    simulated = amplitudes * np.median(strength[both] / amplitudes[both])
+    white = np.median(strength[both] * true_way[both] ** 2 / real["reflectivity"][both]) if "signal" in real else 0.01
+    reflectivity = np.where(ranges > 0, simulated * np.minimum(way, 1e6) ** 2 / white, 0)
+    data["reflectivity"] = np.minimum(np.rint(reflectivity) if "signal" in real else reflectivity, 100)
+    if "signal" in real:
+        data["signal"] = simulated
+    pq.write_table(pa.table({name: np.asarray(column, float).ravel() for name, column in data.items()}), path)
+
+
+def row(real, simulated):
+    """A line of the table: the classes of the real recording, those of the simulated one, chance."""
+    scatter, chance = real["scatter_m"][1], real["scatter_m"][0]
+    mm = lambda value: f"{1000 * value:.1f}"
+    other = simulated["scatter_m"][1] if simulated else float("nan")
+    ratio = other / scatter
+    lost = lambda figures: f"{100 * figures['dropouts'][1]:.2f}" if figures else "–"
+    verdict = "yes" if abs(ratio - 1) <= 0.2 else "no"
+    low, high = real["limits"]
+    return (
+        f"| {real['by']} {low:g}–{high:g} | {real['echoes'][1]} | {mm(scatter)} | {mm(other)} | {ratio - 1:+.0%} | "
+        f"{chance / scatter - 1:+.0%} | {verdict} | {lost(real)} | {lost(simulated)} | {100 * real['dropouts'][0]:.2f} |"
+    )
+
+
+def picture(real, simulated, product, path):
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(1, 2, figsize=(8, 3), dpi=80, layout="constrained")
+    for axis, by, unit in zip(axes, ("distance", "incidence"), ("m", "°")):
+        for figures, half, label, style in (
+            (real, 1, "recorded", "ko-"),
+            (real, 0, "recorded, other half", "k.:"),
+            (simulated, 1, "simulated", "C1s-"),
+        ):
+            classes = [c for c in figures["classes"] if c["by"] == by]
+            middle = [np.mean(c["limits"]) if by == "incidence" else np.sqrt(max(c["limits"][0], 0.5) * c["limits"][1]) for c in classes]
+            axis.plot(middle, [1000 * c["scatter_m"][half] for c in classes], style, label=label, markersize=4)
+        axis.set(xlabel=f"{by}, {unit}", ylabel="scatter of ranges, mm", yscale="log")
+        axis.set_xscale("log" if by == "distance" else "linear")
+        axis.grid(alpha=0.3)
+    axes[0].legend(fontsize=7)
+    figure.suptitle(f"{product}: ranges around planes", fontsize=9)
+    figure.savefig(path)
+
+
+def main():
+    vlscan, recording, calibration, out = (Path(argument) for argument in sys.argv[1:5])
+    out.mkdir(parents=True, exist_ok=True)
+    sensor = beams(calibration)
+    real = fit(vlscan, recording, calibration, out / "sensor.toml", "--planes", out / "planes.obj")
+    shape = directions(sensor)[0].shape[:2]
+    ranges, amplitudes, pattern = simulate(vlscan, out / "sensor.toml", sensor, out)
+    record(ranges, amplitudes, images(pq.read_table(recording), shape), sensor, out / "simulated.parquet")
+    simulated = fit(vlscan, out / "simulated.parquet", calibration, out / "again.toml")
+    of_simulated = {(c["by"], *c["limits"]): c for c in simulated["classes"]}
+    lines = [
+        f"{real['product']}: {real['planes']} planes; directions of beams and columns within {pattern[0]:.1e}°, origins within "
+        f"{1000 * pattern[1]:.1e} mm of the calibration",
+        "",
+        "| class | echoes | scatter, mm | simulated | difference | chance | within 20 % | dropouts, % | simulated | other half |",
+        "|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    lines += [row(c, of_simulated.get((c["by"], *c["limits"]))) for c in real["classes"]]
+    (out / "figures.md").write_text("\n".join(lines) + "\n")
+    (out / "figures.json").write_text(json.dumps({"real": real, "simulated": simulated}, indent=1))
+    picture(real, simulated, real["product"], out / "noise.png")
+    print("\n".join(lines))
+
+
+if __name__ == "__main__":
+    main()

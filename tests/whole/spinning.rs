@@ -63,6 +63,6 @@ fn the_pulses_of_a_frame_are_those_of_the_calibration() {
 
 #[test]
 fn settings_change_the_turn() {
-    let text = format!("{PIPELINE}[settings]\nhead_stop_deg = -714\n");
+    let text = format!("{PIPELINE}[settings]\nhead_stop_deg = -717\n");
     assert_eq!(pulses(&text, &["pulse"]).len(), 2 * 3 * 64);
 }

@@ -116,11 +116,11 @@ impl Calibration<'_> {
             pulse_freqs: vec![(f64::from(frame.columns) * frame.rate).round() as u32],
             devices: altitudes.iter().zip(&azimuths).enumerate().map(beam).collect(),
             multi_channel: true,
-            // The head turns by a step before it fires: this begins with column 0 and ends with the last one.
+            // From column 0 to the last one, whatever the rounding.
             turn: Some(HeadTurn {
                 rate: -TAU * frame.rate,
-                start: step,
-                stop: -(f64::from(frame.columns) - 1.5) * step,
+                start: 0.0,
+                stop: -(f64::from(frame.columns) - 0.5) * step,
             }),
             ..scanner
         })

@@ -121,7 +121,9 @@ impl RangeImage {
     /// The image of a sensor without echoes.
     fn empty(scanner: &Scanner) -> Result<RangeImage> {
         let turn = scanner.turn.ok_or_else(|| {
-            Error::input("the calibration states no revolutions per second; expected the file of a spinning sensor")
+            Error::input(
+                "the calibration states no revolutions per second; expected the file of a spinning sensor",
+            )
         })?;
         let step = turn.rate / f64::from(scanner.pulse_freqs[0]);
         let columns = rint(TAU / step.abs()) as usize;

@@ -88,12 +88,7 @@ impl SpinningFit {
         }
     }
 
-    fn classes(
-        &self,
-        by: &'static str,
-        limits: &[f64],
-        value: impl Fn(&Patch) -> f64,
-    ) -> Vec<ClassFigures> {
+    fn classes(&self, by: &'static str, limits: &[f64], value: impl Fn(&Patch) -> f64) -> Vec<ClassFigures> {
         let class = |pair: &[f64]| {
             let limits = [pair[0], pair[1]];
             let patches: Vec<&Patch> =
@@ -174,7 +169,10 @@ impl SpinningFigures {
             ("range noise: constant", mm(self.constant_m)),
             ("  by photons, at the threshold", mm(self.shot_m)),
             ("  by the amplifier, at the threshold", mm(self.amplifier_m)),
-            ("  over the depth of the footprint", format!("{:.2} ± {:.2}", self.footprint[0], self.footprint[1])),
+            (
+                "  over the depth of the footprint",
+                format!("{:.2} ± {:.2}", self.footprint[0], self.footprint[1]),
+            ),
             ("photoelectrons at the threshold", self.threshold_photons.to_string()),
             (
                 "maximum range",
@@ -202,7 +200,9 @@ impl SpinningFigures {
         );
         for class in &self.classes {
             let name = format!("{} {} to {}", class.by, class.limits[0], class.limits[1]);
-            let pair = |values: [f64; 2], factor: f64| format!("{:.1} {:.1}", factor * values[0], factor * values[1]);
+            let pair = |values: [f64; 2], factor: f64| {
+                format!("{:.1} {:.1}", factor * values[0], factor * values[1])
+            };
             let _ = writeln!(
                 text,
                 "{name:<24} {:>14} {:>20} {:>20} {:>20}",

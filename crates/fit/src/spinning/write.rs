@@ -9,12 +9,13 @@ use vlscan_base::error::Result;
 use vlscan_base::files::{refuse_existing, write_file};
 use vlscan_geom::DVec3;
 
-/// Pixels by which the rectangle of a plane reaches beyond the middles of the outermost ones.
-const MARGIN: f64 = 0.5;
+/// Pixels by which a plane reaches beyond the middles of the outermost ones: half a pixel, and half a column by which beams that look
+/// aside are off.
+const MARGIN: f64 = 0.75;
 /// Reflectances of planes come in so many steps per factor of e.
 const STEPS: f64 = 20.0;
-/// Least reflectance of a plane.
-const MIN_REFLECTANCE: f64 = 1e-4;
+/// Least and largest reflectance of a plane; retroreflectors have more than 1.
+const REFLECTANCES: (f64, f64) = (1e-4, 100.0);
 
 impl SpinningFit {
     /// Writes the pipeline file at `path`, with the scanner and, if `planes` is given, the planes there as the scene of a static
@@ -76,20 +77,21 @@ impl SpinningFit {
         text
     }
 
-    /// The planes as a Wavefront mesh of rectangles and its table of materials: each reflects as much as the recording says.
+    /// The planes as a Wavefront mesh of quadrangles and its table of materials: each reflects as much as the recording says.
     fn scene(&self, materials: &Path) -> (String, String) {
         let name = materials.file_name().unwrap_or_default().to_string_lossy();
         let (mut mesh, mut table) = (format!("mtllib {name}\n"), String::new());
-        let mut steps: Vec<(i32, &Patch)> = self.planes.iter().map(|p| (self.reflectance_step(p), p)).collect();
+        let mut steps: Vec<(i32, &Patch)> =
+            self.planes.iter().map(|p| (self.reflectance_step(p), p)).collect();
         steps.sort_by_key(|(step, _)| *step);
         let mut last = None;
         for (number, (step, patch)) in steps.into_iter().enumerate() {
             if last.replace(step) != Some(step) {
                 let reflectance = exp(f64::from(step) / STEPS);
-                let _ = writeln!(table, "newmtl plane{}\nhelios_reflectance {reflectance:.6}\n", -step);
-                let _ = writeln!(mesh, "usemtl plane{}", -step);
+                let _ = writeln!(table, "newmtl plane{step}\nhelios_reflectance {reflectance:.6}\n");
+                let _ = writeln!(mesh, "usemtl plane{step}");
             }
-            for corner in rectangle(patch) {
+            for corner in corners(patch) {
                 let _ = writeln!(mesh, "v {:.5} {:.5} {:.5}", corner.x, corner.y, corner.z);
             }
             let first = 4 * number + 1;
@@ -98,30 +100,22 @@ impl SpinningFit {
         (mesh, table)
     }
 
-    /// Reflectance of a plane, as the step of a logarithmic scale; 1 at most.
+    /// Reflectance of a plane, as the step of a logarithmic scale.
     fn reflectance_step(&self, patch: &Patch) -> i32 {
         let facing = patch.strength * patch.range * patch.range / self.white / patch.cosine;
-        libm::rint(libm::log(facing.clamp(MIN_REFLECTANCE, 1.0)) * STEPS) as i32
+        libm::rint(libm::log(facing.clamp(REFLECTANCES.0, REFLECTANCES.1)) * STEPS) as i32
     }
 }
 
-/// The corners of the rectangle of a plane that holds its pixels.
-fn rectangle(patch: &Patch) -> [DVec3; 4] {
-    let points: Vec<DVec3> = patch.samples.iter().map(|sample| sample.point).collect();
+/// The corners of the part of a plane that its pixels cover: those of the patch, moved out by the margin.
+fn corners(patch: &Patch) -> [DVec3; 4] {
     let [rows, columns] = super::planes::PATCH;
-    let last = points.len() - 1;
-    let along = (points[columns - 1] - points[0] + points[last] - points[last + 1 - columns]).normalize();
-    let normal = patch.normal.normalize();
-    let across = normal.cross(along).normalize();
-    let along = across.cross(normal);
-    let centre = points.iter().copied().sum::<DVec3>() / points.len() as f64;
-    let reach = |axis: DVec3, count: usize| {
-        let of = |point: &DVec3| (*point - centre).dot(axis);
-        let (low, high) =
-            points.iter().map(of).fold((f64::MAX, f64::MIN), |(l, h), value| (l.min(value), h.max(value)));
-        let margin = MARGIN * (high - low) / (count - 1) as f64;
-        [low - margin, high + margin]
+    let point = |row: usize, column: usize| patch.samples[row * columns + column].point;
+    let corner = |row: usize, column: usize| {
+        let (next_row, next_column) =
+            (if row == 0 { 1 } else { row - 1 }, if column == 0 { 1 } else { column - 1 });
+        let at = point(row, column);
+        at + (at - point(next_row, column)) * MARGIN + (at - point(row, next_column)) * MARGIN
     };
-    let ([left, right], [down, up]) = (reach(along, columns), reach(across, rows));
-    [[left, down], [right, down], [right, up], [left, up]].map(|[a, b]| centre + along * a + across * b)
+    [corner(0, 0), corner(0, columns - 1), corner(rows - 1, columns - 1), corner(rows - 1, 0)]
 }

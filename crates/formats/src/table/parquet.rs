@@ -76,10 +76,7 @@ pub fn read_number_columns(path: &Path, names: &[&str]) -> Result<Vec<Option<Vec
     Ok(columns)
 }
 
-fn number_columns(
-    file: Bytes,
-    names: &[&str],
-) -> std::result::Result<Vec<Option<Vec<f64>>>, ParquetError> {
+fn number_columns(file: Bytes, names: &[&str]) -> std::result::Result<Vec<Option<Vec<f64>>>, ParquetError> {
     let reader = SerializedFileReader::new(file)?;
     let leaves = reader.metadata().file_metadata().schema_descr().columns();
     let found = |name: &&str| leaves.iter().position(|leaf| is_number(leaf) && leaf.name() == *name);

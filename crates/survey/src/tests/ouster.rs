@@ -58,7 +58,8 @@ fn all_versions_of_the_format_are_the_same_instrument() {
         // One frame from column 0 on, clockwise.
         let leg = &survey.legs[0].scanner;
         assert_eq!(leg.pulse_freq, 10240);
-        assert!((leg.head_rate + 20.0 * TAU).abs() < 1e-9 && (leg.head_start - TAU / 512.0).abs() < 1e-12);
+        assert!((leg.head_rate + 20.0 * TAU).abs() < 1e-9 && leg.head_start == 0.0);
+        assert!((leg.head_stop + TAU * 511.5 / 512.0).abs() < 1e-12);
         // Beam and receiver are those of the product line.
         let (model, _) = find_scanner("ouster_os1-128", &ReadOptions::default()).unwrap();
         assert_eq!(scanner.devices[0].receiver, model.devices[0].receiver);
