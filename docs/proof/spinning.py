@@ -54,7 +54,7 @@ def simulate(vlscan, pipeline, sensor, work):
     """What the pipeline's sensor records: images of range (m, from the axis) and of amplitudes; the largest angle between a point and
     the beam of its pixel (degrees)."""
     points = work / "points.parquet"
-    columns = "X,Y,Z,Intensity,PulseNumber,Device,BeamOriginX,BeamOriginY,BeamOriginZ"
+    columns = "X,Y,Z,Amplitude,PulseNumber,Device,BeamOriginX,BeamOriginY,BeamOriginZ"
     run(vlscan, "run", pipeline, "-o", points, "--format", "parquet", "--columns", columns, "--force", "-q")
     table = pq.read_table(points)
     value = {name: table[name].to_numpy() for name in table.column_names}
@@ -68,7 +68,7 @@ def simulate(vlscan, pipeline, sensor, work):
     pattern = np.degrees(np.arccos(np.minimum(cosine, 1))).max(), np.abs(recorded_origin - origins[beam, column]).max()
     ranges, amplitudes = np.zeros(origins.shape[:2]), np.zeros(origins.shape[:2])
     ranges[beam, column] = range_m + sensor[2]
-    amplitudes[beam, column] = value["Intensity"]
+    amplitudes[beam, column] = value["Amplitude"]
     return ranges, amplitudes, pattern
 
 

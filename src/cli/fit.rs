@@ -1,15 +1,20 @@
-//! `vlscan fit`: a flight and its scanner from a recorded point cloud.
+//! `vlscan fit`: a flight and its scanner from a recorded point cloud, a spinning sensor from a revolution.
 
 use super::Console;
-use super::args::FitArgs;
+use super::args::{FitArgs, FittedHalf};
+use std::path::Path;
 use vlscan_base::diag::Diagnostics;
-use vlscan_base::error::Result;
+use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{refuse_existing, write_stdout};
 use vlscan_base::quantity::amount;
 use vlscan_fit::flight::{FlightRequest, fit_flight, json, table};
+use vlscan_fit::spinning::{Half, SpinningRequest, fit_spinning};
 
 pub fn run(args: &FitArgs, console: &Console) -> Result<()> {
     refuse_existing(&args.out, args.force)?;
+    if let Some(calibration) = &args.calibration {
+        return run_spinning(args, calibration, console);
+    }
     let mut found = Diagnostics::default();
     let fit = fit_flight(&args.cloud, &FlightRequest { flight_line: args.flight_line }, &mut found);
     console.warnings(&found.finish(false)?)?;
@@ -26,6 +31,36 @@ pub fn run(args: &FitArgs, console: &Console) -> Result<()> {
         files.pipeline.display(),
         amount(fit.recording.pulses.len() as f64),
         beside.join(", ")
+    ));
+    Ok(())
+}
+
+/// Fits the noise and the detection of a spinning sensor.
+fn run_spinning(args: &FitArgs, calibration: &Path, console: &Console) -> Result<()> {
+    let mut found = Diagnostics::default();
+    let half = match args.half {
+        FittedHalf::Even => Half::Even,
+        FittedHalf::Odd => Half::Odd,
+    };
+    let fit = fit_spinning(&args.cloud, calibration, &SpinningRequest { half }, &mut found);
+    console.warnings(&found.finish(false)?)?;
+    let fit = fit?;
+    let command = format!("vlscan fit {} --calibration {}", args.cloud.display(), calibration.display());
+    let files = fit.write(&args.out, args.planes.as_deref(), (calibration, &command), args.force)?;
+    let figures = fit.figures();
+    match args.json {
+        true => {
+            let text = serde_json::to_string_pretty(&figures).map_err(|e| Error::input(e.to_string()))?;
+            write_stdout(&(text + "\n"))?;
+        }
+        false => write_stdout(&figures.table())?,
+    }
+    let beside: Vec<String> = files.iter().skip(1).map(|path| format!(", {}", path.display())).collect();
+    console.say(format!(
+        "{}: {} planes fitted{}",
+        args.out.display(),
+        amount(figures.planes as f64),
+        beside.concat()
     ));
     Ok(())
 }

@@ -1,8 +1,9 @@
-//! Spinning sensors: the pattern of a calibration file, pulse by pulse.
+//! Spinning sensors: the pattern of a calibration file, pulse by pulse; what is estimated from recordings.
 
-use crate::common::{folder, succeed, text};
+use crate::common::{folder, missing, run, succeed, text};
 use std::f64::consts::TAU;
 use std::fs;
+use std::path::Path;
 
 const SENSOR: &str = r#"{
   "beam_intrinsics": {
@@ -65,4 +66,65 @@ fn the_pulses_of_a_frame_are_those_of_the_calibration() {
 fn settings_change_the_turn() {
     let text = format!("{PIPELINE}[settings]\nhead_stop_deg = -717\n");
     assert_eq!(pulses(&text, &["pulse"]).len(), 2 * 3 * 64);
+}
+
+/// Noise by the recordings, and what a sensor with that noise records again.
+#[test]
+fn real_revolutions_are_fitted() {
+    for (name, beams, classes) in [("os0_128", 128, 5), ("os1_32", 32, 1), ("os2_128", 128, 3)] {
+        let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/real/spinning");
+        if !beside.exists() {
+            return missing("real recordings", "they lie beside the repository");
+        }
+        let [recording, calibration] =
+            ["parquet", "json"].map(|ending| beside.join(format!("{name}.{ending}")).display().to_string());
+        let dir = folder();
+        let fit = [
+            "fit",
+            &recording,
+            "--calibration",
+            &calibration,
+            "-o",
+            "s.toml",
+            "--planes",
+            "p.obj",
+            "--json",
+            "-q",
+        ];
+        let out = succeed(dir.path(), &fit);
+        let figures: serde_json::Value = serde_json::from_str(&text(&out.stdout)).unwrap();
+        let value = |key: &str| figures[key][0].as_f64().unwrap();
+        assert!((0.003..0.015).contains(&value("constant_m")), "{name}: {figures}");
+        assert!((0.4..1.0).contains(&value("footprint")), "{name}: {figures}");
+        // The columns that were not fitted scatter as the law says.
+        let is_met = |class: &&serde_json::Value| {
+            let [law, scatter] = ["law_m", "scatter_m"].map(|key| class[key][1].as_f64().unwrap());
+            class["by"] == "distance" && (law / scatter - 1.0).abs() < 0.2
+        };
+        let met = figures["classes"].as_array().unwrap().iter().filter(is_met).count();
+        assert!(met >= classes, "{name}: {met} classes of distance within 20 %: {figures}");
+        // The pipeline runs over the planes.
+        let points = succeed(dir.path(), &["run", "s.toml", "-o", "-", "--format", "xyz", "-q"]);
+        let points = text(&points.stdout).lines().count();
+        assert!(points > 10 * beams, "{name}: {points} points");
+        let again = run(dir.path(), &fit);
+        assert!(text(&again.stderr).contains("--force"), "{}", text(&again.stderr));
+    }
+}
+
+#[test]
+fn recordings_that_are_none_are_refused() {
+    let dir = folder();
+    fs::write(dir.path().join("sensor.json"), SENSOR).unwrap();
+    fs::write(dir.path().join("text.parquet"), "no Parquet").unwrap();
+    for (args, said) in [
+        (&["fit", "text.parquet", "--calibration", "sensor.json", "-o", "s.toml"][..], "text.parquet"),
+        (&["fit", "none.parquet", "--calibration", "sensor.json", "-o", "s.toml"], "none.parquet"),
+        (&["fit", "text.parquet", "--calibration", "none.json", "-o", "s.toml"], "none.json"),
+        (&["fit", "text.parquet", "--planes", "p.obj", "-o", "s.toml"], "--calibration"),
+    ] {
+        let out = run(dir.path(), args);
+        assert!(!out.status.success() && text(&out.stderr).contains(said), "{said}: {}", text(&out.stderr));
+        assert!(!dir.path().join("s.toml").exists());
+    }
 }

@@ -71,7 +71,10 @@ pub(super) fn change_receiver(fields: &mut Fields, receiver: &mut Receiver) {
 
 /// Noise of ranges by strength; an accuracy that is stated instead replaces that of an inherited scanner.
 fn change_range_noise(fields: &mut Fields, receiver: &mut Receiver) {
-    fields.either(K.accuracy_m, K.range_noise);
+    // In XML the accuracy is for the physics of HELIOS++, beside it.
+    if fields.is_toml() {
+        fields.either(K.accuracy_m, K.range_noise);
+    }
     if fields.has(K.accuracy_m) {
         receiver.range_noise = None;
     }

@@ -1,19 +1,30 @@
 //! The command line of `vlscan fit`.
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
 /// `vlscan fit`.
 #[derive(Debug, Args)]
 pub struct FitArgs {
-    /// The recorded cloud: LAS or LAZ, or another format with GPS times and scan angles; - for stdin.
+    /// The recorded cloud: LAS or LAZ, or another format with GPS times and scan angles; - for stdin. With --calibration the
+    /// recording of one revolution: Parquet with the columns beam, column, range_mm, reflectivity and, if there is one,
+    /// signal.
     pub cloud: PathBuf,
     /// The pipeline file to write; the trajectory gets its name with .trajectory.csv, the mirror's wander
     /// with .wander.txt, pulse times with .pulses.txt.
     #[arg(short, long = "output", value_name = "FILE.toml")]
     pub out: PathBuf,
+    /// Fit noise and detection of the spinning sensor with this calibration file (Ouster, JSON) instead of a flight.
+    #[arg(long, value_name = "SENSOR.json")]
+    pub calibration: Option<PathBuf>,
+    /// Columns of a revolution that are fitted; the others test the fit.
+    #[arg(long, value_name = "HALF", default_value = "even", requires = "calibration")]
+    pub half: FittedHalf,
+    /// Write the planes of the revolution, which the fit is based on, as a mesh and scene of the pipeline.
+    #[arg(long, value_name = "FILE.obj", requires = "calibration")]
+    pub planes: Option<PathBuf>,
     /// Fit the flight line of this point source; the one with the most points if it is not given.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", conflicts_with = "calibration")]
     pub flight_line: Option<u16>,
     /// Write the table of what was estimated as JSON.
     #[arg(long)]
@@ -21,4 +32,13 @@ pub struct FitArgs {
     /// Overwrite files that exist.
     #[arg(long)]
     pub force: bool,
+}
+
+/// Half of the columns of a revolution.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FittedHalf {
+    /// Columns 0, 2, 4 and so on
+    Even,
+    /// Columns 1, 3, 5 and so on
+    Odd,
 }

@@ -23,7 +23,7 @@ mod tools;
 
 pub use campaign::CampaignArgs;
 pub use compare::CompareArgs;
-pub use fit::FitArgs;
+pub use fit::{FitArgs, FittedHalf};
 pub use plan::PlanArgs;
 pub use scenes::{InfoArgs, MakeArgs, PackArgs, ReconstructArgs, SceneArgs, SceneCommand, StandArgs};
 pub use simulate::{
@@ -160,7 +160,7 @@ pub enum Command {
     Unzip(UnzipArgs),
     /// Draw a point cloud: a picture from above and from the side, or a page to turn around.
     Preview(PreviewArgs),
-    /// Estimate a flight and its scanner from a recorded point cloud, and write them as a pipeline file.
+    /// Estimate a flight and its scanner from a recorded point cloud, or a spinning sensor from a revolution, and write them as a pipeline file.
     ///
     /// The cloud needs GPS times and scan angles, as LAS and LAZ have them, and all pulses of a flight line. Cones (Palmer
     /// scanners), polygon mirrors and oscillating mirrors are told apart. Beside the pipeline file are written the trajectory, the

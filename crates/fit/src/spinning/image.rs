@@ -119,7 +119,7 @@ impl RangeImage {
     }
 
     /// The image of a sensor without echoes.
-    fn empty(scanner: &Scanner) -> Result<RangeImage> {
+    pub(super) fn empty(scanner: &Scanner) -> Result<RangeImage> {
         let turn = scanner.turn.ok_or_else(|| {
             Error::input(
                 "the calibration states no revolutions per second; expected the file of a spinning sensor",

@@ -18,6 +18,8 @@ mod image;
 mod noise;
 mod planes;
 mod report;
+#[cfg(test)]
+mod tests;
 mod write;
 
 pub use image::{Pixel, RangeImage};
@@ -90,21 +92,23 @@ pub fn fit_spinning(
     found.extend(warnings);
     scanner.devices.iter_mut().for_each(|device| device.beam.take_stated_width());
     let image = RangeImage::read(recording, &scanner)?;
-    let parity = u32::from(request.half == Half::Odd);
+    estimate(scanner, image, request.half)
+        .map_err(|problem| Error::input(format!("{}: {problem}", recording.display())))
+}
+
+/// Estimates noise and detection from an image; the error says what the recording lacks.
+fn estimate(scanner: Scanner, image: RangeImage, half: Half) -> std::result::Result<SpinningFit, String> {
+    let parity = u32::from(half == Half::Odd);
     let all = planes(&image, |column| column % 2 == parity);
     let too_few = |count: usize| {
-        Error::input(format!(
-            "{}: {count} planes were found, expected at least {MIN_PLANES}; record walls, floors or roads",
-            recording.display()
-        ))
+        format!("{count} planes were found, expected at least {MIN_PLANES}; record walls, floors or roads")
     };
     if all.len() < MIN_PLANES {
         return Err(too_few(all.len()));
     }
     let divergence = scanner.devices[0].beam.divergence;
     // The threshold only scales the parts of the noise until it is known.
-    let weakest = all.iter().map(|patch| patch.strength).fold(f64::MAX, f64::min);
-    let mut threshold = weakest;
+    let mut threshold = all.iter().map(|patch| patch.strength).fold(f64::MAX, f64::min);
     let mut estimated = None;
     for _ in 0..ROUNDS {
         let law = noise_law(&all, threshold, divergence).ok_or_else(|| too_few(0))?;
@@ -130,10 +134,9 @@ pub fn fit_spinning(
         false => 1.0,
     };
     if !white.is_finite() {
-        return Err(Error::input(format!(
-            "{}: no plane has a reflectivity from 4 to 100, from which the maximum range follows",
-            recording.display()
-        )));
+        return Err(
+            "no plane has a reflectivity from 4 to 100, from which the maximum range follows".to_owned()
+        );
     }
     Ok(SpinningFit {
         noise: law.range_noise(image.range_step),

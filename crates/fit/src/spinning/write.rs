@@ -14,8 +14,8 @@ use vlscan_geom::DVec3;
 const MARGIN: f64 = 0.75;
 /// Reflectances of planes come in so many steps per factor of e.
 const STEPS: f64 = 20.0;
-/// Least and largest reflectance of a plane; retroreflectors have more than 1.
-const REFLECTANCES: (f64, f64) = (1e-4, 100.0);
+/// Least and largest reflectance of a plane: those of retroreflectors are above 1, and above 2 they would be taken as per cent.
+const REFLECTANCES: (f64, f64) = (1e-4, 1.95);
 
 impl SpinningFit {
     /// Writes the pipeline file at `path`, with the scanner and, if `planes` is given, the planes there as the scene of a static

@@ -25,7 +25,7 @@ dji-zenmuse-l1-non-repetitive | 40000 0.8 450, 40000 0.1 190 | DJI Zenmuse L1, s
 dji-zenmuse-l2-repetitive dji-zenmuse-l2-non-repetitive | 40000 0.5 450, 40000 0.1 250 | DJI Zenmuse L2, specifications: 450 m at 50 % and 0 klx, 250 m at 10 % and 100 klx; the entry lies between
 velodyne_hdl-64e | 20833 0.8 120, 20833 0.1 50 | Velodyne HDL-64E, data sheet: 120 m for cars and foliage (0.8), 50 m for pavement (0.1)
 vlp16 | 18750 0.8 100 | Velodyne VLP-16, data sheet: up to 100 m, no reflectance stated; the entry's range gate alone
-ouster_os0-128 | 10240 0.1 20, 10240 0.8 55 | Ouster OS0, data sheet of revision 6: 1024 columns at 10 Hz, 100 klx, detection probability above 50 %
+ouster_os0-128 | 10240 0.1 20, 10240 0.8 55 | Ouster OS0, data sheet of revision 6, not at hand to compare: 1024 columns at 10 Hz, 100 klx, detection probability above 50 %
 ouster_os1-128 | 10240 0.1 55, 10240 0.8 120 | Ouster OS1, data sheet of revision 6: as above; the entry lies between
 ouster_os2-128 | 10240 0.1 100, 10240 0.8 240 | Ouster OS2, data sheet of revision 6: as above; the entry lies between
 livox_mid-360 | 200000 0.1 40, 200000 0.8 70 | Livox Mid-360, data sheet: 40 m at 10 %, 70 m at 80 %
@@ -37,6 +37,8 @@ tractorscanner panoscanner | | prototypes without a data sheet; the entries are 
 /// Distance of the farthest wall of that reflectance that the scanner's first device detects at a pulse rate, m.
 fn max_range(scanner: &Scanner, pulse_freq: u32, reflectance: f64) -> f64 {
     let mut survey = survey(vec![scanner.devices[0].clone()]);
+    // Every echo at the threshold, not every other.
+    survey.scanner.devices[0].receiver.threshold_photons = None;
     survey.scanner.pulse_freqs.clone_from(&scanner.pulse_freqs);
     survey.legs[0].scanner.pulse_freq = pulse_freq;
     let is_seen = |range: f64| {
