@@ -187,7 +187,7 @@ mod tests {
         ("tls.xml#hesai_pandar128", &[360.0, 39.5]),
         ("tls.xml#ouster_os0-128", &[360.0, 92.0]),
         ("tls.xml#ouster_os1-128", &[360.0, 43.0]),
-        ("tls.xml#ouster_os2-128", &[360.0, 21.8]),
+        ("tls.xml#ouster_os2-128", &[360.0, 21.9]),
         ("tls.xml#leica_rtc360", &[360.0, 300.0]),
         ("tls.xml#leica_blk360", &[360.0, 300.0]),
         ("tls.xml#livox_mid-40", &[38.4, 38.4]),
