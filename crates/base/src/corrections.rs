@@ -137,6 +137,9 @@ corrections! {
     Pulse threshold_in_watts: true,
     /// A pulse fades out; in the reference it ends with 8 % of its peak power, which makes steps in waveforms.
     Pulse whole_pulse: true,
+    /// A pulse is a raised cosine of its width at half maximum, so that the peak of an echo lies at the mean range of what it
+    /// hit; the reference's lopsided pulse puts sloping ground too low, by centimetres where the footprint is deep.
+    Pulse symmetric_pulse: true,
     /// Pulse lengths of the scanners that ship are full widths at half maximum, as data sheets state them; in the reference the
     /// same numbers make pulses half as wide. Always on where a pipeline file names such a scanner.
     Pulse stated_pulse_widths: true,

@@ -6,7 +6,7 @@ use std::path::Path;
 use vlscan_base::diag::Place;
 
 /// Maximum size of a file, bytes.
-const MAX_FILE_BYTES: u64 = 1 << 27;
+const MAX_FILE_BYTES: u64 = 1 << 24;
 
 /// Passes the rows of the file `name`, searched from `folder`, to `row`, which returns what it expects instead. Problems are
 /// recorded with file and line; `place` is the place of the reference, `columns` and `help` say what a line is.

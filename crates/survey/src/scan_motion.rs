@@ -11,9 +11,6 @@ use vlscan_geom::radians;
 
 const K: InstrumentKeys = InstrumentKeys::KEYS;
 
-/// Maximum number of lines of a file of angles.
-const MAX_ANGLES: usize = 1 << 22;
-
 /// Applies the keys of the deflector's motion, after those of the deflector.
 pub(super) fn change_scan_motion(fields: &mut Fields, device: &mut Device) {
     let motion = &mut device.scan_motion;
@@ -65,9 +62,6 @@ fn read_angles(fields: &Fields, name: &str) -> Option<AngleTable> {
         }
         if !ANGLE.contains(angle) {
             return Err(ANGLE.expected.to_owned());
-        }
-        if table.times.len() == MAX_ANGLES {
-            return Err(format!("at most {MAX_ANGLES} lines"));
         }
         table.times.push(time);
         table.degrees.push(angle);

@@ -210,12 +210,16 @@ mod tests {
             length in prop::sample::select(vec![2.0, 4.0, 5.0, 7.3]),
             threshold in prop::sample::select(vec![1e-5, 1e-3, 0.3]),
             window in 2u64..9,
+            is_symmetric in any::<bool>(),
         ) {
             let mut map = vec![(nearest, 1e-4)];
             map.extend(near.iter().chain(&behind).map(|(by, i)| (nearest + by, *i)));
             map.sort_by(|a, b| a.0.total_cmp(&b.0));
             map.dedup_by(|a, b| a.0 == b.0);
-            let detector = detector(length, threshold, window);
+            let mut detector = detector(length, threshold, window);
+            if is_symmetric {
+                detector.shape = PulseShape::raised_cosine(length, detector.shape.bin);
+            }
             let rule = ClusterRule::new(&detector.shape, &detector.rule).expect("a fast path");
             let (mut found, mut all) = (Vec::new(), Vec::new());
             prop_assert!(ClusterDetector::default().detect(&rule, &ReturnProfile::of(&map), &detector, |_| true, &mut found));

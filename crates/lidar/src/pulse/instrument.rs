@@ -176,7 +176,10 @@ fn pulse_shape(device: &Device, corrections: &Corrections) -> PulseShape {
         Some(pulse) if corrections.receiver => PulseShape::measured(pulse, device.waveform.bin),
         _ => {
             let length = device.beam.length(corrections.stated_pulse_widths);
-            PulseShape::new(length, corrections.whole_pulse, &device.waveform)
+            match corrections.symmetric_pulse {
+                true => PulseShape::raised_cosine(length, device.waveform.bin),
+                false => PulseShape::new(length, corrections.whole_pulse, &device.waveform),
+            }
         }
     }
 }
@@ -368,7 +371,7 @@ fn check(device: &Device, corrections: &Corrections) -> Result<()> {
     let w = &device.waveform;
     let duration = match &device.receiver.pulse_shape {
         Some(pulse) if corrections.receiver => sampled::duration(pulse),
-        _ => shape::duration(device.beam.length(corrections.stated_pulse_widths), corrections.whole_pulse),
+        _ => shape::duration_of(device.beam.length(corrections.stated_pulse_widths), corrections),
     };
     let problem = if !(w.bin > 0.0 && w.bin.is_finite()) {
         format!("binSize_ns is {}, expected a positive number", w.bin)

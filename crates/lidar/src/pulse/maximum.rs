@@ -7,7 +7,8 @@
 //! the parabola alone counts for its height.
 
 use super::sampled;
-use libm::exp;
+use libm::{atan, atan2, exp, sincos};
+use std::f64::consts::TAU;
 use vlscan_survey::PulseSamples;
 
 /// The maximum of an echo.
@@ -101,6 +102,58 @@ pub(super) fn of_gamma([before, top, after]: [f64; 3], x: f64, growth: f64) -> M
 /// Second difference of the pulse over that of the flattest echo whose time is read as that of the pulse.
 const MIN_LIKENESS_INVERTED: f64 = 2.0;
 
+/// The maximum of echoes of pulses a + A·cos ωk, k in bins, of which sums of shifted ones are of the same form.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CosineMaximum {
+    /// rad per bin.
+    pub omega: f64,
+    /// 1/(2(1 − cos ω)), 1/(2 sin ω).
+    inverted: [f64; 2],
+    /// Sine and cosine of ω/2.
+    half: (f64, f64),
+}
+
+/// Bins, rad, up to which the largest sample of an echo has neighbours that lie completely within the pulse: five in a period.
+pub(super) const MAX_OMEGA: f64 = TAU / 5.0;
+
+impl CosineMaximum {
+    /// For pulses of `omega` rad per bin.
+    pub fn new(omega: f64) -> CosineMaximum {
+        let (sin, cos) = sincos(omega);
+        CosineMaximum { omega, inverted: [0.5 / (1.0 - cos), 0.5 / sin], half: sincos(0.5 * omega) }
+    }
+
+    /// The maximum from the samples `[before, top, after]`, `offset` m bins after the largest: the second difference
+    /// 2F₀ − F₊ − F₋ = 2A(1 − cos ω)·cos ωm and F₊ − F₋ = 2A sin ω·sin ωm. In wider bins from the larger neighbour, if it is that
+    /// of a single pulse, a = A: √(F₊/F₀) = cos(ω/2) + sin(ω/2)·tan(ωm/2).
+    #[inline(always)]
+    pub fn read(&self, [before, top, after]: [f64; 3]) -> Maximum {
+        if self.omega > MAX_OMEGA {
+            return self.read_two([before, top, after]);
+        }
+        let (second, first) = ((top - before) + (top - after), after - before);
+        let (cosine, sine) = (second * self.inverted[0], first * self.inverted[1]);
+        let offset = atan2(sine, cosine) / self.omega;
+        // Plateaus, echoes of other shapes, and NaN.
+        if !(second > 0.0 && offset.abs() <= 1.0) {
+            return PulseReading::default().correct(Parabola::through(before / top, after / top), top);
+        }
+        Maximum { offset, amplitude: top + ((cosine * cosine + sine * sine).sqrt() - cosine) }
+    }
+
+    fn read_two(&self, [before, top, after]: [f64; 3]) -> Maximum {
+        let (other, sign) = if after >= before { (after, 1.0) } else { (before, -1.0) };
+        let tangent = ((other.max(0.0) / top).sqrt() - self.half.1) / self.half.0;
+        let (half_angle, cosine) = (atan(tangent), 1.0 / (1.0 + tangent * tangent).sqrt());
+        let offset = 2.0 * half_angle / self.omega;
+        if !(offset.abs() <= 1.0) {
+            return PulseReading::default().correct(Parabola::through(before / top, after / top), top);
+        }
+        // F₀ = 2A·cos²(ωm/2).
+        Maximum { offset: sign * offset, amplitude: top / (cosine * cosine) }
+    }
+}
+
 /// Steps per bin of [`MeasuredMaximum`].
 const STEPS_PER_BIN: usize = 64;
 
@@ -192,6 +245,27 @@ mod tests {
                 let time = k as f64 + found.offset - by;
                 assert!((time * x - 2.0).abs() < 1e-8, "bins of {x} τ, {by} late: {}", time * x);
                 assert!((found.amplitude / (4.0 * exp(-2.0)) - 1.0).abs() < 1e-8, "{x} {by}: {found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_raised_cosine_is_read_exactly_in_bins_up_to_its_width() {
+        // Half a period is the width at half maximum.
+        for bins in [40.0, 16.3, 8.0, 5.0, 4.0, 3.0, 2.5, 2.05, 2.0] {
+            let omega = TAU / bins;
+            for i in 0..200 {
+                let by = f64::from(i) / 200.0;
+                let at = |k: usize| {
+                    let t = k as f64 - by;
+                    if (0.0..bins).contains(&t) { 3.5 * (1.0 - libm::cos(omega * t)) } else { 0.0 }
+                };
+                let samples: Vec<f64> = (0..64).map(at).collect();
+                let k = (0..64).max_by(|a, b| samples[*a].total_cmp(&samples[*b])).unwrap();
+                let found = CosineMaximum::new(omega).read([samples[k - 1], samples[k], samples[k + 1]]);
+                let time = k as f64 + found.offset - by - 0.5 * bins;
+                assert!(time.abs() < 1e-8, "{bins} bins, {by} late: {time}");
+                assert!((found.amplitude / 7.0 - 1.0).abs() < 1e-8, "{bins} {by}: {found:?}");
             }
         }
     }

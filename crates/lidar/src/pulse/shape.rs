@@ -1,13 +1,15 @@
 //! The outgoing pulse, digitised (spec pulse-physics §4.1).
 
 use super::lanes::{Block, LANES};
-use super::maximum::{self, Maximum, MeasuredMaximum};
+use super::maximum::{self, CosineMaximum, Maximum, MeasuredMaximum};
 use super::sampled;
-use libm::exp;
+use libm::{cos, exp, sincos};
+use std::f64::consts::TAU;
+use vlscan_base::corrections::Corrections;
 use vlscan_survey::{PulseSamples, WaveformSettings, pulse_length_of_width, width_of_pulse_length};
 
-/// Samples of the pulse's power over time: a gamma-like curve `(t/τ)²·exp(−t/τ)` with τ = τp/7, cut at t = τp, or a
-/// pulse of measured shape.
+/// Samples of the pulse's power over time: a gamma-like curve `(t/τ)²·exp(−t/τ)` with τ = τp/7, cut at t = τp, a raised
+/// cosine, or a pulse of measured shape.
 #[derive(Clone, Debug)]
 pub(super) struct PulseShape {
     /// One sample per bin, from the start of the pulse.
@@ -28,14 +30,23 @@ pub(super) struct PulseShape {
     pub top_time: f64,
     /// Integral of the power, ns.
     integral: f64,
-    /// Bins per τ, inverted: x = Δ/τ; 0 for a measured shape.
+    /// Bins per τ, inverted: x = Δ/τ; 0 for other shapes.
     decay: f64,
     growth: f64,
     /// Coefficients of late starts, see [`PulseShape::late`]: −2kx²e^(−kx) and x²e^(−kx), 0 in bin 0; see
-    /// [`sampled::digitise`] for a measured shape.
+    /// [`sampled::digitise`] for other shapes.
     pub lateness: [Vec<f64>; 2],
-    /// Readings of the maximum of a measured shape.
-    measured: Option<MeasuredMaximum>,
+    /// Time from the peak within which the pulse is concave on both sides, bins; 0 if that is not known.
+    concave: f64,
+    curve: Curve,
+}
+
+/// The curve of a pulse.
+#[derive(Clone, Debug)]
+enum Curve {
+    Gamma,
+    Cosine(CosineMaximum),
+    Measured(MeasuredMaximum),
 }
 
 /// Maxima that are this close behind a sample, by rounding, count as on it, bins.
@@ -77,10 +88,52 @@ impl PulseShape {
             decay,
             growth: exp(decay),
             lateness,
-            measured: None,
+            // Concave for t from (2 − √2)τ to (2 + √2)τ, around its peak at 2τ.
+            concave: std::f64::consts::SQRT_2 / decay,
+            curve: Curve::Gamma,
         }
     }
 
+    /// A raised cosine, ½ − ½cos(2πt/T) for t from 0 to T, that is as wide at half maximum, T/2, as the gamma-like curve of
+    /// `length` ns. Sums of pulses shifted by less than T are a constant and a cosine again, whose maximum is known exactly:
+    /// the echo of a slope has it at the mean range, as no lopsided pulse has.
+    pub fn raised_cosine(length: f64, bin: f64) -> PulseShape {
+        let duration = 2.0 * width_of_pulse_length(length);
+        let bins = duration / bin;
+        let omega = TAU / bins;
+        // The last sample is within the pulse only if it starts late.
+        let last = bins.ceil() as usize;
+        let mut samples = vec![0.0; last + 1];
+        let mut lateness = [vec![0.0; last + 1], vec![0.0; last + 1]];
+        for k in 1..=last {
+            let (sin, cos) = sincos(k as f64 * omega);
+            samples[k] = 0.5 - 0.5 * cos;
+            (lateness[0][k], lateness[1][k]) = (0.5 * cos, -0.5 * sin);
+        }
+        if last as f64 > bins {
+            let dark = last as f64 - bins;
+            samples[last] = 0.0;
+            [lateness[0][last], lateness[1][last]] = end_of_cosine(omega, dark);
+        }
+        PulseShape {
+            peak: index_of_max(&samples),
+            samples,
+            bin,
+            bins_per_ns: exact_inverse(bin),
+            length,
+            duration,
+            top: 1.0,
+            top_time: 0.5 * duration,
+            integral: 0.5 * duration,
+            decay: 0.0,
+            growth: 1.0,
+            lateness,
+            concave: 0.25 * bins,
+            curve: Curve::Cosine(CosineMaximum::new(omega)),
+        }
+    }
+
+    /// A pulse of measured shape.
     pub fn measured(pulse: &PulseSamples, bin: f64) -> PulseShape {
         let (samples, lateness) = sampled::digitise(pulse, bin);
         let top_time = maximum::time_of_measured(pulse);
@@ -97,10 +150,11 @@ impl PulseShape {
             decay: 0.0,
             growth: 1.0,
             lateness,
-            measured: None,
+            concave: 0.0,
+            curve: Curve::Measured(MeasuredMaximum::default()),
         };
         let late = |k: usize, by: f64| shape.late_sample(k, &shape.late(&[by; LANES]).map(|f| f[0]));
-        shape.measured = Some(MeasuredMaximum::new(top_time / bin, shape.samples.len(), late));
+        shape.curve = Curve::Measured(MeasuredMaximum::new(top_time / bin, shape.samples.len(), late));
         shape
     }
 
@@ -121,10 +175,25 @@ impl PulseShape {
     }
 
     /// Factors of `samples` and of both `lateness` whose sum is the pulse that starts `by` bins (0 to 1) late:
-    /// ((k−φ)x)²e^(−(k−φ)x) = e^(φx)·(k² − 2kφ + φ²)·x²e^(−kx).
+    /// ((k−φ)x)²e^(−(k−φ)x) = e^(φx)·(k² − 2kφ + φ²)·x²e^(−kx), and
+    /// cos(ω(k−φ)) = cos ωk − (1 − cos ωφ)·cos ωk + sin ωφ·sin ωk.
     #[inline(always)]
     pub fn late(&self, by: &Block) -> [Block; 3] {
         let mut late = [[0.0; LANES]; 3];
+        if let Curve::Cosine(curve) = &self.curve {
+            late[0] = [1.0; LANES];
+            if curve.omega < MAX_SERIES_ARGUMENT {
+                for i in 0..LANES {
+                    (late[1][i], late[2][i]) = cosine_series(by[i] * curve.omega);
+                }
+            } else {
+                for i in 0..LANES {
+                    let (sin, cos) = sincos(by[i] * curve.omega);
+                    (late[1][i], late[2][i]) = (1.0 - cos, sin);
+                }
+            }
+            return late;
+        }
         let is_short = self.decay < MAX_SERIES_ARGUMENT;
         for i in 0..LANES {
             late[0][i] = if is_short { exp_series(by[i] * self.decay) } else { 0.0 };
@@ -155,10 +224,9 @@ impl PulseShape {
     }
 
     /// Maximum distance between pulses, bins, with which their sum has a single peak: all of them must be concave
-    /// between the first peak and the last. (t/τ)²·e^(−t/τ) is concave for t from (2 − √2)τ to (2 + √2)τ, around its
-    /// peak at 2τ.
+    /// between the first peak and the last.
     pub fn concave_reach(&self) -> f64 {
-        std::f64::consts::SQRT_2 / self.decay
+        self.concave
     }
 
     /// Bins from the start of a waveform to the maximum of its first pulse, which so lies on a sample, and how many bins that
@@ -172,9 +240,10 @@ impl PulseShape {
     /// The maximum of an echo from its largest sample and the samples before and after it.
     #[inline(always)]
     pub fn maximum(&self, samples: [f64; 3]) -> Maximum {
-        match &self.measured {
-            Some(readings) => readings.read(samples),
-            None => maximum::of_gamma(samples, self.decay, self.growth),
+        match &self.curve {
+            Curve::Gamma => maximum::of_gamma(samples, self.decay, self.growth),
+            Curve::Cosine(curve) => curve.read(samples),
+            Curve::Measured(readings) => readings.read(samples),
         }
     }
 }
@@ -214,6 +283,42 @@ fn exp_series(x: f64) -> f64 {
     low + x4 * (middle + x4 * high)
 }
 
+/// 1 − cos x and sin x for x from 0 to [`MAX_SERIES_ARGUMENT`]: Taylor series whose remainders are below 1e-12.
+#[inline(always)]
+fn cosine_series(x: f64) -> (f64, f64) {
+    const C: [f64; 15] = {
+        let mut c = [1.0; 15];
+        let mut k = 1;
+        while k < 15 {
+            c[k] = c[k - 1] / k as f64;
+            k += 1;
+        }
+        c
+    };
+    let y = x * x;
+    let versine = C[2] - y * (C[4] - y * (C[6] - y * (C[8] - y * (C[10] - y * (C[12] - y * C[14])))));
+    let sine = C[1] - y * (C[3] - y * (C[5] - y * (C[7] - y * (C[9] - y * (C[11] - y * C[13])))));
+    (y * versine, x * sine)
+}
+
+/// Coefficients of 1 − cos ωφ and sin ωφ for the sample that a raised cosine reaches if it starts φ > `dark` bins late. Next to
+/// the peak, where the pulse has few samples, they are right for φ = 1 and halfway there; else for φ = 1, and never negative.
+fn end_of_cosine(omega: f64, dark: f64) -> [f64; 2] {
+    let power = |late: f64| 0.5 - 0.5 * cos(omega * (late - dark));
+    let (sin_1, cos_1) = sincos(omega);
+    if omega <= maximum::MAX_OMEGA {
+        return [power(1.0) / (1.0 - cos_1), 0.0];
+    }
+    let half = 0.5 * (1.0 + dark);
+    let (sin_half, cos_half) = sincos(omega * half);
+    let determinant = (1.0 - cos_1) * sin_half - (1.0 - cos_half) * sin_1;
+    let [one, other] = [power(1.0), power(half)];
+    [
+        (one * sin_half - other * sin_1) / determinant,
+        (other * (1.0 - cos_1) - one * (1.0 - cos_half)) / determinant,
+    ]
+}
+
 /// 1/x if every product with it rounds like the quotient with x: if x is a power of two.
 fn exact_inverse(x: f64) -> Option<f64> {
     let is_power_of_two = x.is_normal() && x.to_bits() & ((1 << (f64::MANTISSA_DIGITS - 1)) - 1) == 0;
@@ -221,8 +326,16 @@ fn exact_inverse(x: f64) -> Option<f64> {
 }
 
 /// Where a gamma-like pulse of `length` ns ends, ns: there or, if `whole`, where 3e-4 of its peak are left.
-pub(super) fn duration(length: f64, whole: bool) -> f64 {
+fn duration(length: f64, whole: bool) -> f64 {
     if whole { 2.0 * length } else { length }
+}
+
+/// Duration of the pulse of `length` ns by these corrections, ns.
+pub(super) fn duration_of(length: f64, corrections: &Corrections) -> f64 {
+    match corrections.symmetric_pulse {
+        true => 2.0 * width_of_pulse_length(length),
+        false => duration(length, corrections.whole_pulse),
+    }
 }
 
 /// Number of samples of a pulse that lasts `duration` ns: the whole bins that fit.
@@ -282,7 +395,12 @@ mod tests {
     }
 
     #[test]
-    fn the_series_of_the_rise_is_exact() {
+    fn the_series_are_exact() {
+        for i in 0..=1000 {
+            let x = f64::from(i) * 1e-3;
+            let (versine, sine) = cosine_series(x);
+            assert!((versine - (1.0 - cos(x))).abs() < 1e-12 && (sine - libm::sin(x)).abs() < 1e-12, "{x}");
+        }
         for i in 0..2000 {
             let x = f64::from(i) * 5e-4;
             assert!((exp_series(x) / exp(x) - 1.0).abs() < if x < 0.5 { 2e-12 } else { 3e-9 }, "{x}");
@@ -305,6 +423,79 @@ mod tests {
         assert!((s.length_of_equal_energy() - 4.0).abs() < 1e-15 && (area * 3.5 - 4.0).abs() < 1e-4);
         let half = |t: f64| (7.0 * t / 4.0).powi(2) * exp(-7.0 * t / 4.0) - 0.5 * s.top;
         assert!(half(0.43499) < 1e-5 && half(0.43499 + s.width()).abs() < 1e-4, "{}", s.width());
+    }
+
+    #[test]
+    fn a_raised_cosine_is_shifted_exactly() {
+        // Bins of all widths, among them one that divides the pulse.
+        for bin in [0.05, 0.25, 3.88 / 16.0, 0.97, 1.9] {
+            let s = PulseShape::raised_cosine(4.0, bin);
+            assert!(
+                (s.width() - shape(4.0, 0.25).width()).abs() < 1e-15
+                    && (s.duration - 2.0 * s.width()).abs() < 1e-12
+            );
+            assert!((s.length_of_equal_energy() - 3.5 * s.width()).abs() < 1e-12);
+            assert!((duration_of(4.0, &Corrections::REFINED) - s.duration).abs() < 1e-12);
+            for by in [0.0, 0.2, 0.5, 0.99] {
+                let late = s.late(&[by; LANES]).map(|factor| factor[0]);
+                for k in 0..s.samples.len() {
+                    let time = (k as f64 - by) * bin;
+                    let power = if (0.0..s.duration).contains(&time) {
+                        0.5 - 0.5 * cos(TAU * time / s.duration)
+                    } else {
+                        0.0
+                    };
+                    // The end of the pulse within a bin is approximate, and next to the peak exact where the maximum needs it.
+                    let tolerance = if k + 1 == s.samples.len() {
+                        0.15 * (1.0 - cos(TAU * bin / s.duration))
+                    } else {
+                        1e-11
+                    };
+                    let found = s.late_sample(k, &late);
+                    assert!((found - power).abs() < tolerance, "{bin} {by} {k}: {found} is not {power}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn echoes_of_slopes_are_read_at_their_mean_range() {
+        // A slope spreads the light of a Gaussian beam normally.
+        let (tau, bin) = (4.0 / 7.0, 0.25);
+        let waveform = WaveformSettings { bin, window: 1.0, quality: 1, max_range: 0.0 };
+        let pulses = [PulseShape::new(4.0, true, &waveform), PulseShape::raised_cosine(4.0, bin)];
+        for depth in [0.1, 0.2, 0.5, 1.0, 2.0] {
+            for phase in [0.0, 0.13, 0.37, 0.5, 0.81] {
+                let bias = |pulse: &PulseShape| {
+                    let mean = 60.0 + phase;
+                    let mut echo = vec![0.0; 200];
+                    for step in -400..=400 {
+                        let by = f64::from(step) * 0.01;
+                        let start = mean + by * depth / bin;
+                        let share = exp(-0.5 * by * by);
+                        let late = pulse.late(&[start.fract(); LANES]).map(|factor| share * factor[0]);
+                        pulse.add_late(&late, &mut echo[start as usize..]);
+                    }
+                    let top = index_of_max(&echo);
+                    let found = pulse.maximum([echo[top - 1], echo[top], echo[top + 1]]);
+                    (top as f64 + found.offset - mean) * bin - pulse.top_time
+                };
+                let [lopsided, symmetric] = [&pulses[0], &pulses[1]].map(bias);
+                // A nanosecond there and back is 150 mm of range.
+                assert!(
+                    symmetric.abs() * 150.0 < 0.1 + 0.1 * depth,
+                    "{depth} {phase}: {} mm",
+                    symmetric * 150.0
+                );
+                // To second order in the depth s a peak moves by −s²p‴/2p″: s²/2τ for (t/τ)²·e^(−t/τ), of which the reading for
+                // the pulse itself takes a part back.
+                if depth == 0.1 {
+                    let moved = lopsided / (depth * depth / (2.0 * tau));
+                    assert!((0.7..1.1).contains(&moved), "{lopsided}");
+                }
+                assert!(lopsided > 0.05 * depth, "{depth}: {lopsided}");
+            }
+        }
     }
 
     #[test]

@@ -247,8 +247,8 @@ keys! {
         pulse_length_ns = "pulseLength_ns" in PULSE_LENGTH_NS, UnlessBeside { key: "pulse_shape", correction: "receiver" };
         /// Full width of the pulse at half maximum, ns, instead of `pulse_length_ns`, of which it is 0.485.
         pulse_fwhm_ns = "pulseFwhm_ns" in PULSE_LENGTH_NS, UnlessBeside { key: "pulse_shape", correction: "receiver" };
-        /// File of the pulse's power over time: two columns, ns and power in any unit; refined physics. Default: a gamma-like
-        /// curve of the pulse length.
+        /// File of the pulse's power over time: two columns, ns and power in any unit; refined physics. Default: a raised
+        /// cosine of the width at half maximum.
         pulse_shape = "pulseShape", With("receiver");
         /// Energy of a pulse, µJ; refined physics. Default: by the average power.
         pulse_energy_uj = "pulseEnergy_uJ" in PULSE_ENERGY_UJ, With("radiometry");
