@@ -94,6 +94,12 @@ impl Session {
         observer(Notice::Warnings(found.finish(settings.strict)?));
         note.into_iter().for_each(|note| observer(Notice::Note(note)));
         let motion = plan_motion(&settings, scene.scene());
+        if motion.is_some() && settings.survey.legs.iter().any(|leg| leg.scanner.pulse_times.is_some()) {
+            return Err(Error::input_with_help(
+                "moving parts of a scene move in steps of a constant pulse rate, and a leg has pulse times of its own",
+                "give the legs pulse_freq_hz in place of pulse_times and pulse_intervals_us, or the scene no moving parts",
+            ));
+        }
         let rate = first_pulse_rate(&settings);
         let found = vlscan_scene::check_time_step(scene.scene(), &settings.survey.scene.path, rate);
         observer(Notice::Warnings(found.finish(settings.strict)?));

@@ -100,6 +100,15 @@ fn cases() -> BTreeMap<&'static str, Case> {
         case.files.insert(0, ("p.txt", content));
         Case { length, ..case }
     };
+    let mut wander = changed("optics=\"oscillating\"", "optics=\"oscillating\" scanWander=\"w.txt\"");
+    wander.files.insert(0, ("w.txt", Vec::new()));
+    wander.length = (1 << 24) + 1;
+    let pipeline =
+        "survey = \"survey.xml\"\n[settings]\npulse_times = \"t.txt\"\n[[output]]\npath = \"o.xyz\"\n";
+    let mut times = case("p.toml", pipeline, &["run", "p.toml"]);
+    times.files.extend(changed("<document>", "<document>").files);
+    times.files.insert(0, ("t.txt", Vec::new()));
+    times.length = (1 << 31) + 1;
     let samples: String = (0..65_537).map(|i| format!("{i} 1\n")).collect();
     let long = |length: usize| "9".repeat(length);
     let leg = "z=\"5\" movePerSec_m=\"10\"/><scannerSettings";
@@ -119,6 +128,8 @@ fn cases() -> BTreeMap<&'static str, Case> {
         "accessors":[{"bufferView":0,"componentType":5126,"count":4194305,"type":"VEC3"}],
         "bufferViews":[{"buffer":0,"byteLength":3}],"buffers":[{"byteLength":3,"uri":"data:;base64,AAAA"}]}"#;
     BTreeMap::from([
+        ("size of a file of a deflector's wander", wander),
+        ("size of a file of pulse times", times),
         ("document", {
             let comment = format!("<document><!-- {} -->", "x".repeat(3_000_000));
             Case { args: [RUN, &["--max-memory", "2M"]].concat(), ..changed("<document>", &comment) }

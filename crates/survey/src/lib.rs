@@ -23,6 +23,7 @@
 //! | `follow` | surveys that follow a stream of poses; scanners and legs with default settings |
 //! | `checks`, `effects` | checks that need the complete survey: limits, legs that never end; settings that are limited or have no effect |
 //! | `instrument`, `device`, `deflector`, `scan_motion`, `receiver`, `pulse_file` | instruments of both formats |
+//! | `pulse_times` | when pulses leave, where that is no constant rate |
 //! | `rows` | text files of a few columns of numbers |
 //! | `ouster` | calibration files of Ouster sensors as instruments |
 //! | `platform_xml` | platforms |
@@ -54,6 +55,7 @@ mod motions;
 mod ouster;
 mod platform_xml;
 mod pulse_file;
+mod pulse_times;
 mod read;
 mod receiver;
 mod rows;

@@ -2,7 +2,7 @@
 
 use super::PulseSamples;
 use super::context::Context;
-use super::rows::read_rows;
+use super::rows::{MAX_FILE_BYTES, read_rows};
 use std::path::Path;
 use std::sync::Arc;
 use vlscan_base::diag::Place;
@@ -21,7 +21,9 @@ pub(super) fn read_pulse_file(
 ) -> Option<Arc<PulseSamples>> {
     let mut samples = PulseSamples { times: Vec::new(), powers: Vec::new() };
     let help = "a line is a time in ns and a power, such as `0.25, 0.7`";
-    read_rows(context, name, folder, &place, (COLUMNS, help), |row| add(&mut samples, row))?;
+    read_rows(context, name, (folder, MAX_FILE_BYTES), &place, (COLUMNS, help), |row| {
+        add(&mut samples, row)
+    })?;
     match normalised(samples) {
         Ok(samples) => Some(Arc::new(samples)),
         Err(message) => {

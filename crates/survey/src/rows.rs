@@ -2,31 +2,38 @@
 
 use super::context::Context;
 use super::text::{decode, line_of_bytes};
+use std::borrow::Cow;
 use std::path::Path;
 use vlscan_base::diag::Place;
 
 /// Maximum size of a file, bytes.
-const MAX_FILE_BYTES: u64 = 1 << 24;
+pub(super) const MAX_FILE_BYTES: u64 = 1 << 24;
+/// Maximum size of a file of a line per pulse, bytes.
+pub(super) const MAX_LONG_FILE_BYTES: u64 = 1 << 31;
 
-/// Passes the rows of the file `name`, searched from `folder`, to `row`, which returns what it expects instead. Problems are
+/// Passes the rows of the file `name` of at most `max_bytes`, searched from `folder`, to `row`, which returns what it expects instead. Problems are
 /// recorded with file and line; `place` is the place of the reference, `columns` and `help` say what a line is.
 pub(super) fn read_rows<const N: usize>(
     context: &Context,
     name: &str,
-    folder: &Path,
+    (folder, max_bytes): (&Path, u64),
     place: &Place,
     (columns, help): (&str, &str),
     row: impl FnMut(&[f64; N]) -> Result<(), String>,
 ) -> Option<()> {
     let path = context.file(name, folder, place.clone())?;
-    let bytes = match context.read(&path, MAX_FILE_BYTES) {
+    let bytes = match context.read(&path, max_bytes) {
         Ok(bytes) => bytes,
         Err(e) => {
             context.error(place.clone(), format!("cannot read {}: {e}", path.display()));
             return None;
         }
     };
-    let text = match decode(&bytes) {
+    let decoded = match std::str::from_utf8(&bytes) {
+        Ok(text) if !text.starts_with('\u{feff}') => Ok(Cow::Borrowed(text)),
+        _ => decode(&bytes).map(Cow::Owned),
+    };
+    let text = match decoded {
         Ok(text) => text,
         Err(e) => {
             let (line, excerpt) = line_of_bytes(&bytes, e.at);

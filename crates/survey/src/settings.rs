@@ -4,9 +4,10 @@
 use super::context::Context;
 use super::fields::Fields;
 use super::keys::{Key, LegKeys, SettingsKeys};
+use super::pulse_times::change_pulse_times;
 use super::trajectories::TrajectoryLayer;
 use super::xml::Element;
-use super::{Deflector, LegTrajectory, PlatformSettings, Scanner, ScannerSettings};
+use super::{Deflector, LegTrajectory, PlatformSettings, PulseTimes, Scanner, ScannerSettings};
 use vlscan_base::quantity::{ANGLE, Bounds, NUMBER, POSITIVE, number};
 use vlscan_geom::{DVec3, degrees, radians};
 
@@ -36,12 +37,19 @@ macro_rules! settings {
             $(pub $field: f64,)*
             /// `beam_divergence` as written, NaN where it is not: here no value is reserved for "not given".
             own_divergence: f64,
+            /// When pulses leave, in place of a constant rate; only pipeline files say so.
+            pulse_times: Option<PulseTimes>,
         }
 
         impl ScannerLayer {
             /// Values without a template; in merging they mean "not given".
             pub const DEFAULT: ScannerLayer =
-                ScannerLayer { active: true, $($field: $default,)* own_divergence: f64::NAN };
+                ScannerLayer {
+                active: true,
+                $($field: $default,)*
+                own_divergence: f64::NAN,
+                pulse_times: None,
+            };
             const ROWS: &'static [Row] = &[$((K.$key, Kind::$kind, |layer| &mut layer.$field)),*];
         }
     };
@@ -92,6 +100,7 @@ impl ScannerLayer {
             head_stop: settings.head_stop,
             beam_divergence: settings.beam_divergence,
             own_divergence: settings.written_divergence.unwrap_or(settings.beam_divergence),
+            pulse_times: settings.pulse_times.clone(),
             trajectory_interval: settings.trajectory_interval,
             max_duration: settings.max_duration.unwrap_or(NO_LIMIT),
             warmup: settings.warmup,
@@ -129,6 +138,9 @@ impl ScannerLayer {
                 }
                 Kind::Number => fields.set(key, value),
             }
+        }
+        if fields.is_toml() {
+            change_pulse_times(fields, &mut self.pulse_times);
         }
         self.read_duration(fields);
         if fields.has(K.beam_divergence_rad) {
@@ -249,9 +261,11 @@ impl ScannerLayer {
     pub fn resolved(&self) -> ScannerSettings {
         let set = |angle: f64| (!angle.is_nan()).then_some(angle);
         let is_other = self.own_divergence != self.beam_divergence && !self.own_divergence.is_nan();
+        let mean = self.pulse_times.as_ref().map(|times| times.mean_rate().round().max(1.0));
         ScannerSettings {
             active: self.active,
-            pulse_freq: self.pulse_freq as u32,
+            pulse_freq: mean.unwrap_or(self.pulse_freq) as u32,
+            pulse_times: self.pulse_times.clone(),
             scan_freq: self.scan_freq,
             scan_angle: self.scan_angle,
             vertical_min: set(self.vertical_min),

@@ -262,7 +262,7 @@ impl Session {
         }
         let mut coarse: Survey = self.survey().clone();
         for leg in &mut coarse.legs {
-            leg.scanner.pulse_freq = COARSE_FREQUENCY;
+            (leg.scanner.pulse_freq, leg.scanner.pulse_times) = (COARSE_FREQUENCY, None);
             leg.scanner.active = false;
         }
         let (scene, options) = (self.scene(), &self.settings().flight);

@@ -45,10 +45,12 @@ impl YieldCheck<'_> {
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) where warnings are errors.
     pub fn run(&self, progress: &Progress) -> Result<()> {
-        if self.is_reported.load(Relaxed) {
+        let (done, aim) = (progress.snapshot(), progress.aim());
+        // Beams that met the scene are not explained by where the flight is.
+        let is_weak = done.echoes == 0 && aim.sum.weak.count > 0;
+        if self.is_reported.load(Relaxed) && !is_weak {
             return Ok(());
         }
-        let (done, aim) = (progress.snapshot(), progress.aim());
         if let Some(finding) = self.find(done.pulses, done.echoes, &aim) {
             self.is_reported.store(true, Relaxed);
             let found = finding.into_warning(flight_place(&self.settings.survey));
@@ -74,7 +76,8 @@ impl YieldCheck<'_> {
             return None;
         }
         let seen_if_stronger = (echoes + aim.weak.count) as f64 / fired;
-        if seen_if_stronger >= MIN_YIELD && seen_if_stronger >= MIN_YIELD_WITHIN * within {
+        let is_weak = echoes == 0 && aim.weak.count > 0;
+        if is_weak || seen_if_stronger >= MIN_YIELD && seen_if_stronger >= MIN_YIELD_WITHIN * within {
             return Some(self.too_weak(pulses, echoes, aim));
         }
         let bounds = scene.bounds.translated(scene.shift);
@@ -146,16 +149,19 @@ impl YieldCheck<'_> {
         };
         let message = format!(
             "{} points for {} pulses: {} beams met the scene and returned less than the detector needs: strongest {:.2e} W, \
-             threshold {:.2e} W{unit}",
+             threshold {:.2e} W{unit}{}; {} met nothing within the scanner's range",
             amount(echoes as f64),
             amount(pulses as f64),
             amount(weak.count as f64),
             weak.strongest * WATTS_PER_NANOWATT,
-            weak.threshold * WATTS_PER_NANOWATT
+            weak.threshold * WATTS_PER_NANOWATT,
+            lacking(weak.threshold / weak.strongest),
+            amount(pulses.saturating_sub(weak.count + echoes) as f64)
         );
         let help = if corrections.radiometry {
-            "`vlscan scene info` lists the reflectances (0 to 1); the power falls with the square of the range; power, aperture and \
-             threshold are those of the scanner"
+            "fly lower (the power falls with the square of the range), or give the scanner more pulse_energy_uj (the energy of a pulse \
+             falls with the pulse rate if only average_power_w is given), more receiver_diameter_m, a lower received_energy_min_w, a \
+             max_range, or more visibility_km for a long way through haze; `vlscan scene info` lists the reflectances (0 to 1)"
         } else {
             "--physics refined computes received power in watts; in --physics helios it falls with the fourth power of the range, so \
              fly lower, or give reflectances (`vlscan scene info` lists them) and threshold in the units that it takes"
@@ -212,6 +218,15 @@ fn in_feet(scene: &Aabb, flight: &Aabb, farthest: f64) -> Option<String> {
     let is_plausible = as_feet > scene.max.z && as_feet - scene.min.z <= farthest.min(boxes::MAX_REACH);
     (above > MIN_SUSPECT_HEIGHT && is_plausible)
         .then(|| format!("if its heights are in feet, {height:.0} ft are {as_feet:.0} m"))
+}
+
+/// How many times more light the detector needs, where that is a number.
+fn lacking(factor: f64) -> String {
+    match factor.is_finite() && factor > 1.0 {
+        true if factor < 1e4 => format!(", {} times as much", (factor * 10.0).round() / 10.0),
+        true => format!(", {factor:.0e} times as much"),
+        false => String::new(),
+    }
 }
 
 fn range(farthest: f64) -> String {
@@ -295,7 +310,11 @@ mod tests {
     fn light_that_is_too_weak_is_the_cause_whatever_the_beams_point_at() {
         for beams in [[100, 100, 0], [10, 10, 0]] {
             let found = find([0.0, 0.0, 50.0], 0, beams, 900).unwrap();
-            for part in ["900 beams met the scene", "strongest 3.00e-9 W, threshold 1.00e-8 W"] {
+            for part in [
+                "900 beams met the scene",
+                "strongest 3.00e-9 W, threshold 1.00e-8 W, 3.3 times as much",
+                "9.10 k met nothing within the scanner's range",
+            ] {
                 assert!(found.message.contains(part), "{}", found.message);
             }
         }

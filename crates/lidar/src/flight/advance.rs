@@ -9,9 +9,12 @@ use super::plan::FlightPlan;
 use super::pulse::{FlightSink, PoseSample, Pulse};
 use super::state::{FlightState, Step};
 use crate::platform::PlatformState;
-use crate::scanner::DevicePlan;
+use crate::scanner::{DevicePlan, DeviceState};
 use vlscan_base::error::Result;
 use vlscan_geom::add_repeatedly;
+
+/// Maximum number of steps at once of which each has a time that is needed.
+const MAX_TIMED_STEPS: u32 = 1 << 14;
 
 /// Steps that were taken without computing what they emit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,11 +74,46 @@ impl FlightState {
         if steps == 0 {
             return (0, 0);
         }
-        let is_active = plan.legs[self.leg].settings.active;
+        let leg = &plan.legs[self.leg];
+        let is_active = leg.settings.active;
         let clock = self.step_clock(plan);
+        if leg.times.is_some() || self.devices.iter().any(DeviceState::is_timed) {
+            return self.advance_to(plan, steps);
+        }
         let streamed = self.platform.advance(&plan.platform, self.leg, steps, |i| clock.after(i));
         let devices = plan.devices.iter().zip(&mut self.devices);
         let pulses = devices.map(|(device, state)| state.advance(device, is_active, steps)).sum();
+        self.advance_clock(plan, steps, streamed);
+        (steps, pulses)
+    }
+
+    /// Takes `steps` steps, as counted by [`steps_without_event`](Self::steps_without_event), of a leg in which something is a function
+    /// of time. Returns their number and that of their pulses.
+    fn advance_to(&mut self, plan: &FlightPlan, steps: u32) -> (u32, u32) {
+        let leg = &plan.legs[self.leg];
+        let steps = steps.min(MAX_TIMED_STEPS);
+        let clock = self.step_clock(plan);
+        let number = self.step_ahead(plan, 0).0;
+        let times: Vec<f64> = (0..steps).map(|i| self.step_ahead(plan, i).1).collect();
+        let mut streamed = None;
+        if leg.times.is_some() && matches!(self.platform, PlatformState::Linear(_)) {
+            let mut last = self.time_of_last_step(plan);
+            for (i, time) in times.iter().enumerate() {
+                let is_first = self.leg_ticks == 0 && i == 0;
+                let share = (time - last) * leg.frequency;
+                self.platform.step_by(&plan.platform, self.leg, 0.0, share, is_first);
+                last = *time;
+            }
+        } else {
+            streamed = self.platform.advance(&plan.platform, self.leg, steps, |i| clock.after(i));
+        }
+        let (is_active, fires) = (leg.settings.active, leg.fires(number));
+        let head_start = leg.times.as_ref().map(|_| leg.settings.head_start);
+        let devices = plan.devices.iter().zip(&mut self.devices);
+        let advance = |(device, state): (&DevicePlan, &mut DeviceState)| {
+            state.advance_to(device, (is_active, fires, head_start), steps, |i| times[i as usize])
+        };
+        let pulses = devices.map(advance).sum();
         self.advance_clock(plan, steps, streamed);
         (steps, pulses)
     }
@@ -118,12 +156,58 @@ impl FlightState {
             }
             left = left.min(leg.sample_interval_ns - elapsed_ns(time, self.last_sample_ns));
         }
+        if leg.times.is_some() {
+            return self.steps_within(plan, left * 1e-9);
+        }
         // The clock rounds to less than 0.1 ns in each step.
         (left / (leg.increment_ns * (1.0 + 1e-6) + 0.1)).floor() - 4.0
     }
 
+    /// Steps of a leg with pulse times before `seconds` have passed since the next one, and before the last of its times.
+    fn steps_within(&self, plan: &FlightPlan, seconds: f64) -> f64 {
+        let Some(times) = &plan.legs[self.leg].times else { return 0.0 };
+        let (number, next) = self.step_ahead(plan, 0);
+        let end = match seconds.is_finite() {
+            true => times.first_from(next + seconds * (1.0 - 1e-6)).saturating_sub(4),
+            false => u64::MAX,
+        };
+        let last = times.count().filter(|count| number < *count).unwrap_or(u64::MAX);
+        end.min(last).saturating_sub(number) as f64
+    }
+
+    /// Time of the last step of a leg with pulse times, s after its start, which is before the first one.
+    fn time_of_last_step(&self, plan: &FlightPlan) -> f64 {
+        let last = plan.legs[self.leg].times.as_ref().zip(self.leg_ticks.checked_sub(1));
+        last.map_or(0.0, |(times, last)| times.at(last))
+    }
+
+    /// Steps of a leg with pulse times before it can be over because head and platform have arrived.
+    fn timed_steps_before_arrival(&self, plan: &FlightPlan) -> f64 {
+        let (leg, clock) = (&plan.legs[self.leg], self.step_clock(plan).after(0));
+        match &self.platform {
+            PlatformState::Static(_) if leg.still => self.steps_within(plan, f64::INFINITY),
+            PlatformState::Static(_) => self.steps_within(plan, self.devices[0].seconds_to_completion()),
+            PlatformState::Interpolated(state) => self.steps_within(plan, state.time_left(clock)),
+            PlatformState::Stream(_) => {
+                let poses = self.platform.steps_before_arrival(&plan.platform, self.leg, clock, 0.0);
+                poses.min(self.steps_within(plan, f64::INFINITY))
+            }
+            // The first step of a leg is taken alone.
+            PlatformState::Linear(_) if self.leg_ticks > 0 => {
+                let speed = plan.platform.legs[self.leg].speed;
+                let way = self.platform.distance_left().unwrap_or(0.0);
+                let since = self.step_ahead(plan, 0).1 - self.time_of_last_step(plan);
+                if speed > 0.0 { self.steps_within(plan, way / speed - since) } else { 0.0 }
+            }
+            _ => 0.0,
+        }
+    }
+
     /// Steps before the leg can be over because head and platform have arrived.
     fn steps_before_arrival(&self, plan: &FlightPlan) -> f64 {
+        if plan.legs[self.leg].times.is_some() {
+            return self.timed_steps_before_arrival(plan);
+        }
         let (clock, frequency) = (self.step_clock(plan).after(0), plan.legs[self.leg].frequency);
         let platform = self.platform.steps_before_arrival(&plan.platform, self.leg, clock, frequency);
         match &self.platform {
@@ -139,7 +223,9 @@ impl FlightState {
         self.leg_ticks += u64::from(steps);
         let increment = plan.legs[self.leg].increment_ns;
         self.time_ns = match streamed {
-            _ if plan.kinematics.exact_clock => self.exact_time_ns(plan),
+            _ if plan.kinematics.exact_clock || plan.legs[self.leg].times.is_some() => {
+                self.exact_time_ns(plan)
+            }
             Some(last) => last + increment,
             None => add_repeatedly(self.time_ns, increment, steps),
         };

@@ -61,7 +61,7 @@ impl FlightState {
             }
         }
         (self.ticks, self.leg_ticks) = (self.ticks + steps, self.leg_ticks + steps);
-        self.time_ns = if plan.kinematics.exact_clock {
+        self.time_ns = if plan.kinematics.exact_clock || plan.legs[self.leg].times.is_some() {
             self.exact_time_ns(plan)
         } else {
             self.time_ns + plan.legs[self.leg].increment_ns * steps as f64

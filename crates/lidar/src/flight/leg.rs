@@ -5,7 +5,7 @@ use crate::platform::{LegCourse, MAX_FLOWN_GAP, Span, TrajectoryTable};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::quantity::{MAX_DURATION, number};
 use vlscan_geom::DVec3;
-use vlscan_survey::{Interpolated, Leg, LegTrajectory, Mount, ScannerSettings, Survey};
+use vlscan_survey::{Interpolated, Leg, LegTrajectory, Mount, PulseTimes, ScannerSettings, Survey};
 
 #[derive(Clone, Debug)]
 pub(super) struct PlannedLeg {
@@ -13,6 +13,8 @@ pub(super) struct PlannedLeg {
     pub number: u32,
     pub place: Option<Place>,
     pub settings: ScannerSettings,
+    /// When the steps are taken, in place of a constant rate.
+    pub times: Option<PulseTimes>,
     /// Mount of the scanner, if it is not that of the platform.
     pub mount: Option<Mount>,
     /// The pulse period is too short for the firing offsets of the channels.
@@ -42,13 +44,22 @@ impl PlannedLeg {
             fires_at_once: false,
             still: false,
             max_duration: settings.max_duration.filter(|d| *d > 0.0).unwrap_or(0.0),
-            frequency: f64::from(settings.pulse_freq),
+            times: settings.pulse_times.clone(),
+            frequency: settings.pulse_rate(),
             increment_ns: 0.0,
             start_ns: None,
             sample_interval_ns: settings.trajectory_interval * 1e9,
-            warmup: (settings.warmup.max(0.0) * f64::from(settings.pulse_freq)).round() as u64,
+            warmup: (settings.warmup.max(0.0) * settings.pulse_rate()).round() as u64,
             settings,
         }
+    }
+}
+
+impl PlannedLeg {
+    /// Whether the scanner fires in step `number` of its pulse times; always without them.
+    #[inline]
+    pub fn fires(&self, number: u64) -> bool {
+        self.times.as_ref().and_then(PulseTimes::count).is_none_or(|count| number < count)
     }
 }
 
@@ -91,7 +102,7 @@ pub(super) fn courses(
         if let (Some((mean, stdev)), Some(seed)) = (survey.leg_offset, noise_seed) {
             position += leg_offset(seed, leg.number, mean, stdev);
         }
-        let frequency = f64::from(leg.scanner.pulse_freq);
+        let frequency = leg.scanner.pulse_rate();
         LegCourse {
             position,
             frequency,
@@ -129,6 +140,7 @@ pub(super) fn trajectory_legs(
             head_stop: 0.0,
             max_duration: None,
             warmup: 0.0,
+            pulse_times: None,
             ..leg.scanner.clone()
         };
         let mut add = |settings: ScannerSettings, time: f64, span: Option<Span>| {

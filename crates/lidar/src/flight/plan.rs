@@ -114,8 +114,9 @@ impl FlightPlan {
                 Motion::Interpolated(table)
             }
             PlatformKind::Stream(s) => {
-                let frequency = survey.legs[0].scanner.pulse_freq;
-                Motion::Stream(StreamPlan { frequency, max_gap: s.max_gap })
+                let scanner = &survey.legs[0].scanner;
+                let times = scanner.pulse_times.clone();
+                Motion::Stream(StreamPlan { frequency: scanner.pulse_freq, times, max_gap: s.max_gap })
             }
         };
         let rotation_spec = match kind {
@@ -125,10 +126,11 @@ impl FlightPlan {
             }
             _ => RotationSpec::Canonical,
         };
-        let first_freq = f64::from(survey.legs[0].scanner.pulse_freq);
+        let first_freq = survey.legs[0].scanner.pulse_rate();
         for leg in &mut legs {
-            let own = f64::from(leg.settings.pulse_freq);
-            leg.frequency = if kinematics.leg_pulse_rate { own } else { first_freq };
+            let own = leg.settings.pulse_rate();
+            let is_own = kinematics.leg_pulse_rate || leg.times.is_some();
+            leg.frequency = if is_own { own } else { first_freq };
             leg.increment_ns = 1e9 * (1.0 / leg.frequency);
         }
         let noise = if options.platform_noise { survey.platform.noise.clone() } else { Default::default() };
@@ -163,6 +165,7 @@ impl FlightPlan {
         }
         for (i, leg) in self.legs.iter().enumerate() {
             settings::check_optics(leg, &self.devices, self.planned_seconds(i), problems);
+            settings::check_pulse_times(leg, &self.platform, self.planned_seconds(i), problems);
             settings::check_reference(leg, &self.devices, &self.kinematics, problems);
             if let Some((reason, help)) =
                 settings::why_endless(i, &self.legs, &self.platform, &self.devices[0])

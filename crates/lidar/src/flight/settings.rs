@@ -8,7 +8,7 @@ use vlscan_base::corrections::Corrections;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::quantity::{COORDINATE, MAX_DURATION, number};
 use vlscan_geom::degrees;
-use vlscan_survey::{Deflector, Leg, PlatformKind, Survey};
+use vlscan_survey::{Deflector, Leg, PlatformKind, PulseTimes, Survey};
 
 /// Limit of steps of a warm-up: a quarter of an hour at 1 MHz.
 const MAX_WARMUP_STEPS: f64 = 1e9;
@@ -102,7 +102,7 @@ fn check_leg_numbers(leg: &Leg, problems: &mut Diagnostics) {
         );
         problems.error(leg.place.clone(), message);
     }
-    if s.warmup * f64::from(s.pulse_freq) > MAX_WARMUP_STEPS {
+    if s.warmup * s.pulse_rate() > MAX_WARMUP_STEPS {
         let message =
             format!("leg {n}: a warm-up of {} s at {} Hz takes too long", number(s.warmup), s.pulse_freq);
         problems.error(leg.place.clone(), message).help("warm-ups take seconds at most");
@@ -158,6 +158,35 @@ pub(super) fn check_optics(
     }
 }
 
+/// Refuses pulse times with platforms that are integrated in equal steps, and warns of times after the end of the leg, which takes
+/// `seconds` if that is known.
+pub(super) fn check_pulse_times(
+    leg: &PlannedLeg,
+    platform: &PlatformPlan,
+    seconds: Option<f64>,
+    problems: &mut Diagnostics,
+) {
+    let Some(times) = &leg.times else { return };
+    if platform.is_physical() {
+        let message =
+            format!("leg {}: vehicles and multicopters move in steps of a constant pulse rate", leg.number);
+        let help = "pulse_times and pulse_intervals_us need a platform that stands, flies straight or follows a trajectory";
+        problems.error(leg.place.clone(), message).help(help);
+    }
+    if let (Some(count), Some(seconds)) = (times.count(), seconds) {
+        let fired = times.first_from(seconds).min(count);
+        if fired < count {
+            let message = format!(
+                "leg {}: it ends after {} s, before the last {} of its {count} pulse times",
+                leg.number,
+                number(seconds),
+                count - fired
+            );
+            problems.warn(leg.place.clone(), message);
+        }
+    }
+}
+
 /// Warns of settings of a leg that the reference replaces by those of the scanner or of the first leg.
 pub(super) fn check_reference(
     leg: &PlannedLeg,
@@ -166,7 +195,7 @@ pub(super) fn check_reference(
     problems: &mut Diagnostics,
 ) {
     let s = &leg.settings;
-    if f64::from(s.pulse_freq) != leg.frequency {
+    if s.pulse_rate() != leg.frequency {
         let message = format!(
             "leg {}: its time passes as if its pulse rate of {} Hz were {} Hz, that of the first leg, as in HELIOS++",
             leg.number,
@@ -205,7 +234,8 @@ pub(super) fn check_reference(
 /// Lets all channels fire at once, with a warning, where the last one would fire in the next pulse period.
 pub(super) fn check_firing(leg: &mut PlannedLeg, devices: &[DevicePlan], problems: &mut Diagnostics) {
     let last = devices.iter().map(|device| device.firing_offset).fold(0.0, f64::max);
-    leg.fires_at_once = last * leg.frequency >= 1.0;
+    let period = leg.times.as_ref().map_or(1.0 / leg.frequency, PulseTimes::shortest_interval);
+    leg.fires_at_once = last * leg.frequency >= 1.0 || last >= period;
     if leg.fires_at_once && leg.settings.active {
         let message = format!(
             "leg {}: all channels fire at once, because the last one fires {:.3} µs after the first, which is not within a \
@@ -247,7 +277,7 @@ fn why_head_never_stops(leg: &PlannedLeg, device: &DevicePlan) -> Option<(String
     if left <= 0.0 {
         return None;
     }
-    let step = rate.abs() / f64::from(s.pulse_freq);
+    let step = rate.abs() / s.pulse_rate();
     let max_angle = s.head_start.abs().max(s.head_stop.abs());
     if left / rate.abs() <= MAX_DURATION && step > max_angle * f64::EPSILON {
         return None;

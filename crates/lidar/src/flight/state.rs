@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use vlscan_base::corrections::Corrections;
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::DVec3;
+use vlscan_survey::PulseTimes;
 
 /// What a step did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,14 +28,16 @@ pub enum Step {
 
 /// The step clock at a step.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum StepClock {
+pub(super) enum StepClock<'p> {
     /// Counts the ticks of the run, of `period` seconds.
     OfRun { ticks: u64, period: f64 },
     /// Counts the ticks of a leg from `base` seconds on.
     OfLeg { base: f64, ticks: u64, frequency: f64 },
+    /// Has times of a leg from `base` seconds on.
+    OfTimes { base: f64, ticks: u64, times: &'p PulseTimes },
 }
 
-impl StepClock {
+impl StepClock<'_> {
     /// Time after `steps` more steps, s.
     #[inline]
     pub fn after(self, steps: u32) -> f64 {
@@ -43,6 +46,7 @@ impl StepClock {
             StepClock::OfLeg { base, ticks, frequency } => {
                 base + (ticks + u64::from(steps)) as f64 / frequency
             }
+            StepClock::OfTimes { base, ticks, times } => base + times.at(ticks + u64::from(steps)),
         }
     }
 }
@@ -118,7 +122,10 @@ impl FlightState {
     /// The step clock. Depending on the corrections, every leg has its own period, and the steps that leg changes take
     /// in the reference do not count.
     #[inline]
-    pub(super) fn step_clock(&self, plan: &FlightPlan) -> StepClock {
+    pub(super) fn step_clock<'p>(&self, plan: &'p FlightPlan) -> StepClock<'p> {
+        if let Some(times) = &plan.legs[self.leg].times {
+            return StepClock::OfTimes { base: self.clock_base, ticks: self.leg_ticks, times };
+        }
         let Corrections { leg_pulse_rate, legs_on_time, .. } = plan.kinematics;
         if leg_pulse_rate || legs_on_time {
             let (base, frequency) = (self.clock_base, plan.legs[self.leg].frequency);
@@ -142,9 +149,33 @@ impl FlightState {
     }
 
     fn add_leg_time(&mut self, plan: &FlightPlan) {
-        self.clock_base = self.clock(plan);
-        self.elapsed_base_ns += self.leg_ticks as f64 * 1e9 / plan.legs[self.leg].frequency;
+        let leg = &plan.legs[self.leg];
+        match &leg.times {
+            None => {
+                self.clock_base = self.clock(plan);
+                self.elapsed_base_ns += self.leg_ticks as f64 * 1e9 / leg.frequency;
+            }
+            // The next leg begins a mean period after the last step, as with a constant rate.
+            Some(times) => {
+                let last = self.leg_ticks.checked_sub(1);
+                let seconds = last.map_or(0.0, |last| times.at(last) + 1.0 / leg.frequency);
+                self.clock_base += seconds;
+                self.elapsed_base_ns += seconds * 1e9;
+            }
+        }
         self.leg_ticks = 0;
+    }
+
+    /// The step that is `ahead` after the next one, before which nothing but steps happens: its number, counted from 0, with pulse times
+    /// that of its time; and its time, s after the start of the leg.
+    pub(super) fn step_ahead(&self, plan: &FlightPlan, ahead: u32) -> (u64, f64) {
+        let leg = &plan.legs[self.leg];
+        let tick = self.leg_ticks + u64::from(ahead);
+        match (self.platform.step_ahead(&plan.platform, ahead), &leg.times) {
+            (Some(step), _) => step,
+            (None, Some(times)) => (tick, times.at(tick)),
+            (None, None) => (tick, tick as f64 / leg.frequency),
+        }
     }
 
     /// Advances time by one step: a running sum, or a product with the exact clock.
@@ -152,25 +183,22 @@ impl FlightState {
     fn tick(&mut self, plan: &FlightPlan) {
         (self.ticks, self.leg_ticks) = (self.ticks + 1, self.leg_ticks + 1);
         let leg = &plan.legs[self.leg];
-        self.time_ns = if plan.kinematics.exact_clock {
-            self.exact_time_ns(plan)
-        } else {
-            self.time_ns + leg.increment_ns
-        };
+        let is_exact = plan.kinematics.exact_clock || leg.times.is_some();
+        self.time_ns = if is_exact { self.exact_time_ns(plan) } else { self.time_ns + leg.increment_ns };
         if self.time_ns > WEEK_NS {
-            self.time_ns = if plan.kinematics.exact_clock {
-                self.time_ns.rem_euclid(WEEK_NS)
-            } else {
-                self.time_ns - WEEK_NS
-            };
+            self.time_ns = if is_exact { self.time_ns.rem_euclid(WEEK_NS) } else { self.time_ns - WEEK_NS };
         }
     }
 
     /// The GPS clock as a product with the number of steps of the leg, ns; not reduced to a week.
     #[inline]
     pub(super) fn exact_time_ns(&self, plan: &FlightPlan) -> f64 {
-        let frequency = plan.legs[self.leg].frequency;
-        plan.start_ns + (self.elapsed_base_ns + self.leg_ticks as f64 * 1e9 / frequency)
+        let leg = &plan.legs[self.leg];
+        let elapsed = match &leg.times {
+            None => self.leg_ticks as f64 * 1e9 / leg.frequency,
+            Some(times) => times.at(self.leg_ticks) * 1e9,
+        };
+        plan.start_ns + (self.elapsed_base_ns + elapsed)
     }
 
     /// Takes one step and passes its pulses and trajectory sample to `sink`.
@@ -195,22 +223,26 @@ impl FlightState {
             return Ok(self.change_leg(plan));
         }
         let clock = self.clock(plan);
-        if !leg.still
-            && self.devices[0].head.is_completed()
-            && self.platform.check_arrival(&plan.platform, self.leg, clock)
-        {
+        if !leg.still && self.devices[0].head.is_completed() && self.is_arrived(plan, leg, clock) {
             return Ok(self.change_leg(plan));
         }
         if self.ticks >= self.guard.next_check {
             self.check_progress(plan)?;
         }
-        self.platform.step(&plan.platform, self.leg, clock);
+        let next = self.step_ahead(plan, 0);
+        match leg.times {
+            None => self.platform.step(&plan.platform, self.leg, clock),
+            Some(_) => {
+                let steps = self.steps_since_last(plan);
+                self.platform.step_by(&plan.platform, self.leg, clock, steps, self.leg_ticks == 0);
+            }
+        }
         if plan.platform.is_physical()
             && let Some(distance) = self.platform.distance_left()
         {
             self.guard.record(distance);
         }
-        self.step_devices(plan, leg, sink)?;
+        self.step_devices(plan, leg, next, sink)?;
         if leg.settings.active && leg.sample_interval_ns != 0.0 {
             self.sample(plan, leg, sink);
         }
@@ -223,23 +255,28 @@ impl FlightState {
         &mut self,
         plan: &FlightPlan,
         leg: &PlannedLeg,
+        (number, seconds): (u64, f64),
         sink: &mut impl FlightSink,
     ) -> Result<()> {
         let since_start = self.since_start();
+        let fires = leg.fires(number);
         let FlightState { platform, devices, time_ns, .. } = self;
         for (index, (device, state)) in plan.devices.iter().zip(devices).enumerate() {
             if leg.settings.active && !state.is_warmed_up {
                 warm_up(device, state, leg.warmup, !plan.kinematics.warmup_of_optics);
             }
-            state.step_head(device);
+            match leg.times {
+                None => state.step_head(device),
+                Some(_) => state.turn_head_to(device, leg.settings.head_start, seconds),
+            }
             if !leg.settings.active {
                 continue;
             }
-            state.step_deflector(device);
+            state.step_deflector_to(device, seconds);
             if device.may_lack_deflection && !state.has_deflection() {
                 return Err(state.formula_error(device));
             }
-            if !state.deflector.is_firing() {
+            if !fires || !state.deflector.is_firing() {
                 continue;
             }
             state.pulses += 1;
@@ -274,6 +311,24 @@ impl FlightState {
                 PoseSample { time_ns, position, roll, pitch, yaw, attitude, flown }
             });
         }
+    }
+
+    /// Whether the platform has reached the end of the leg, before the next step if pulses have times of their own.
+    fn is_arrived(&mut self, plan: &FlightPlan, leg: &PlannedLeg, clock: f64) -> bool {
+        match &self.platform {
+            PlatformState::Linear(_) if leg.times.is_some() => {
+                self.platform.arrives_within(self.steps_since_last(plan))
+            }
+            _ => self.platform.check_arrival(&plan.platform, self.leg, clock),
+        }
+    }
+
+    /// Time from the step before, or the start of the leg, to the next step of a leg with pulse times, in steps of its mean rate.
+    fn steps_since_last(&self, plan: &FlightPlan) -> f64 {
+        let leg = &plan.legs[self.leg];
+        let Some(times) = &leg.times else { return 1.0 };
+        let before = self.leg_ticks.checked_sub(1).map_or(0.0, |last| times.at(last));
+        (times.at(self.leg_ticks) - before) * leg.frequency
     }
 
     /// Starts the timer if it is pending. Returns whether the leg's maximum duration is over (spec kinematics §1.3,
@@ -317,11 +372,20 @@ impl FlightState {
         for (device, state) in plan.devices.iter().zip(&mut self.devices) {
             state.start_leg(device, &planned.settings);
         }
-        self.timer_start_ns = self.time_ns;
+        let is_after_times = leg.checked_sub(1).is_some_and(|before| plan.legs[before].times.is_some());
+        if planned.times.is_some() || is_after_times {
+            // The clock is at the next step, which a leg with pulse times may take later.
+            self.timer_start_ns = (plan.start_ns + self.elapsed_base_ns).rem_euclid(WEEK_NS);
+            self.time_ns = self.exact_time_ns(plan).rem_euclid(WEEK_NS);
+        } else {
+            self.timer_start_ns = self.time_ns;
+        }
         self.pulses_before = self.devices[0].pulses;
-        self.timer_is_pending = planned.max_duration > 0.0 && planned.settings.active;
+        // Times count from the start of the leg, a duration in other legs from their first pulse.
+        self.timer_is_pending =
+            planned.max_duration > 0.0 && planned.settings.active && planned.times.is_none();
         self.last_sample_ns = 0.0;
-        let clock = self.clock(plan);
+        let clock = if planned.times.is_some() { self.clock_base } else { self.clock(plan) };
         self.platform.start_leg(&plan.platform, leg, entry, clock);
         let rested = leg.checked_sub(1).is_some_and(|before| !plan.legs[before].settings.active);
         if rested && planned.settings.active {
@@ -331,7 +395,8 @@ impl FlightState {
                 .zip(&plan.devices)
                 .for_each(|(state, device)| state.restart(device));
         }
-        self.guard = if planned.max_duration > 0.0 {
+        // Pulse times go on for ever, at whatever rate.
+        self.guard = if planned.max_duration > 0.0 || planned.times.is_some() {
             ProgressGuard::disabled()
         } else {
             ProgressGuard::of_leg(&plan.platform, &self.platform, leg, self.ticks)

@@ -62,7 +62,7 @@ impl InterpolatedState {
     }
 
     /// Duration of the leg after `clock`, s.
-    pub(super) fn time_left(&self, clock: f64) -> f64 {
+    pub(crate) fn time_left(&self, clock: f64) -> f64 {
         self.leg_start + self.leg_duration - self.slack - clock
     }
 

@@ -70,6 +70,23 @@ impl LinearPath {
         }
     }
 
+    /// Takes the first or a later step of a leg, which is `steps` steps of the leg's mean rate after the start of the leg or the step
+    /// before it.
+    pub(super) fn step_by(&mut self, leg: &LegCourse, steps: f64, is_first: bool) {
+        if is_first {
+            self.step(leg);
+        }
+        let c = &mut self.course;
+        let way = c.to_target();
+        // Beyond the target it would turn round.
+        let far = (c.velocity * steps).length();
+        c.position = if far < way.length() { c.position + c.velocity * steps } else { c.target };
+        let left = c.to_target();
+        if left.dot(left) > 0.0 && leg.speed > 0.0 {
+            c.velocity = unit(left) * leg.step_length;
+        }
+    }
+
     /// Number of steps, rounded down, after which the target is still farther than a step; 0 or less near it, and 0
     /// unless the velocity is that of this leg.
     pub(super) fn steps_to_target(&self, leg: &LegCourse) -> f64 {

@@ -94,6 +94,31 @@ impl PlatformState {
         }
     }
 
+    /// Takes a step of leg `leg` whose pulses have times of their own: `clock` as for [`step`](Self::step), `steps` the time since
+    /// the start of the leg or the step before, in steps of the mean rate.
+    pub fn step_by(&mut self, plan: &PlatformPlan, leg: usize, clock: f64, steps: f64, is_first: bool) {
+        match self {
+            PlatformState::Linear(s) => s.step_by(&plan.legs[leg], steps, is_first),
+            _ => self.step(plan, leg, clock),
+        }
+    }
+
+    /// Whether a platform with waypoints reaches its next one before `steps` steps of the mean rate have passed.
+    pub fn arrives_within(&self, steps: f64) -> bool {
+        self.course().is_some_and(|course| {
+            let (way, step) = (course.to_target().length(), course.velocity.length());
+            way == 0.0 || way < step * steps
+        })
+    }
+
+    /// Number and time (s after the first pose) of the step that is `ahead` after the next one, of a platform that follows a stream.
+    pub fn step_ahead(&self, plan: &PlatformPlan, ahead: u32) -> Option<(u64, f64)> {
+        match (self, &plan.motion) {
+            (PlatformState::Stream(s), Motion::Stream(plan)) => Some(s.step_ahead(plan, ahead)),
+            _ => None,
+        }
+    }
+
     /// Number of steps, at least, that [`advance`](Self::advance) can take before the end of the leg can be reached, or
     /// before poses have to arrive; 0 for platforms that are stepped one by one. The step clock is at `clock` seconds and
     /// ticks `frequency` times per second, which in the reference is not the leg's own rate.

@@ -3,6 +3,7 @@
 use super::poses::fix::Pose;
 use std::sync::Arc;
 use vlscan_geom::{DVec3, Rotation};
+use vlscan_survey::PulseTimes;
 
 /// Whether the next step's pose is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,10 +17,12 @@ pub enum Readiness {
 }
 
 /// Parameters of following a stream of poses.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct StreamPlan {
     /// Steps per second.
     pub frequency: u32,
+    /// Times of the steps, s after the first pose, in place of equal ones.
+    pub times: Option<PulseTimes>,
     /// Longest interval between two poses in which steps are taken, s.
     pub max_gap: f64,
 }
@@ -43,7 +46,8 @@ pub struct StreamState {
     complete: bool,
 }
 
-/// Number of a step: whole seconds after the first pose, and steps within the second.
+/// Number of a step: whole seconds after the first pose, and steps within the second; with times of their own the number of all steps
+/// before, in place of the seconds.
 #[derive(Clone, Copy, Debug, Default)]
 struct StepNumber {
     seconds: u64,
@@ -52,6 +56,9 @@ struct StepNumber {
 
 impl StepNumber {
     fn first_from(elapsed: f64, plan: &StreamPlan) -> StepNumber {
+        if let Some(times) = &plan.times {
+            return StepNumber { seconds: times.first_from(elapsed), steps: 0 };
+        }
         let seconds = elapsed.floor();
         let steps = ((elapsed - seconds) * f64::from(plan.frequency)).floor() as u32;
         let mut number = StepNumber { seconds: seconds as u64, steps: steps.min(plan.frequency - 1) };
@@ -63,15 +70,32 @@ impl StepNumber {
 
     #[inline]
     fn elapsed(self, plan: &StreamPlan) -> f64 {
-        self.seconds as f64 + f64::from(self.steps) / f64::from(plan.frequency)
+        match &plan.times {
+            None => self.seconds as f64 + f64::from(self.steps) / f64::from(plan.frequency),
+            Some(times) => times.at(self.seconds),
+        }
     }
 
     #[inline]
     fn after(self, plan: &StreamPlan) -> StepNumber {
         match self.steps + 1 {
-            steps if steps >= plan.frequency => StepNumber { seconds: self.seconds + 1, steps: 0 },
+            steps if steps >= plan.frequency || plan.times.is_some() => {
+                StepNumber { seconds: self.seconds + 1, steps: 0 }
+            }
             steps => StepNumber { steps, ..self },
         }
+    }
+}
+
+impl StepNumber {
+    /// The number `steps` steps later.
+    fn ahead(self, plan: &StreamPlan, steps: u32) -> StepNumber {
+        if plan.times.is_some() {
+            return StepNumber { seconds: self.seconds + u64::from(steps), ..self };
+        }
+        let number = u64::from(self.steps) + u64::from(steps);
+        let frequency = u64::from(plan.frequency);
+        StepNumber { seconds: self.seconds + number / frequency, steps: (number % frequency) as u32 }
     }
 }
 
@@ -140,7 +164,10 @@ impl StreamState {
         let week = WEEK_NS * 1e-9;
         let first = if self.first_time < week { self.first_time } else { self.first_time % week };
         let next = self.next_number(plan);
-        let since = next.seconds as f64 * 1e9 + f64::from(next.steps) * 1e9 / f64::from(plan.frequency);
+        let since = match &plan.times {
+            None => next.seconds as f64 * 1e9 + f64::from(next.steps) * 1e9 / f64::from(plan.frequency),
+            Some(times) => times.at(next.seconds) * 1e9,
+        };
         let time = first * 1e9 + since;
         if time > WEEK_NS { time % WEEK_NS } else { time }
     }
@@ -184,16 +211,23 @@ impl StreamState {
         if due < a.elapsed || span > plan.max_gap {
             return 0.0;
         }
-        ((b.elapsed - due) * f64::from(plan.frequency) * (1.0 - 1e-9)).floor() - 1.0
+        match &plan.times {
+            None => ((b.elapsed - due) * f64::from(plan.frequency) * (1.0 - 1e-9)).floor() - 1.0,
+            Some(times) => times.first_from(b.elapsed).saturating_sub(self.next.seconds) as f64 - 1.0,
+        }
+    }
+
+    /// Number, with times of their own, and time (s after the first pose) of the step that is `ahead` after the next one, before
+    /// which there is no gap.
+    pub(super) fn step_ahead(&self, plan: &StreamPlan, ahead: u32) -> (u64, f64) {
+        let step = self.next_number(plan).ahead(plan, ahead);
+        (step.seconds, step.elapsed(plan))
     }
 
     /// Takes `steps` steps, at most [`steps_to_pose`](Self::steps_to_pose) and at least 1. Returns the time of the last
     /// one, ns of the GPS week.
     pub(super) fn advance(&mut self, plan: &StreamPlan, steps: u32) -> f64 {
-        let number = u64::from(self.next.steps) + u64::from(steps - 1);
-        let frequency = u64::from(plan.frequency);
-        let seconds = self.next.seconds + number / frequency;
-        self.next = StepNumber { seconds, steps: (number % frequency) as u32 };
+        self.next = self.next.ahead(plan, steps - 1);
         let time = self.next_time_ns(plan);
         self.step(plan);
         time
@@ -262,7 +296,7 @@ mod tests {
     }
 
     fn at(frequency: u32) -> StreamPlan {
-        StreamPlan { frequency, max_gap: f64::INFINITY }
+        StreamPlan { frequency, times: None, max_gap: f64::INFINITY }
     }
 
     fn yaw(s: &StreamState) -> f64 {
@@ -324,7 +358,7 @@ mod tests {
     #[test]
     fn no_step_is_taken_in_gaps() {
         let poses = [0.0, 0.3, 5.1, 5.5, 9.0, 9.2].map(|time| pose(10.0 + time, time * 10.0, 0.0));
-        let plan = StreamPlan { frequency: 10, max_gap: 2.0 };
+        let plan = StreamPlan { frequency: 10, times: None, max_gap: 2.0 };
         for cut in 1..=6 {
             let steps = fly(&poses, &plan, cut).into_iter().map(|(time, position, _)| {
                 let tenths = (time / 1e9 - 10.0) * 10.0;

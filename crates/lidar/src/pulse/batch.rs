@@ -35,7 +35,7 @@ pub struct Batch {
 pub struct WeakPulses {
     /// Number of these pulses.
     pub count: u64,
-    /// Largest amplitude that one of them had at the detector, nW.
+    /// Largest amplitude that one of them had at the detector, at most its threshold, nW.
     pub strongest: f64,
     /// Detection threshold of that one, nW.
     pub threshold: f64,
@@ -44,10 +44,10 @@ pub struct WeakPulses {
 impl WeakPulses {
     /// Adds the count of `other`, and its strongest amplitude and threshold if higher.
     pub fn add(&mut self, other: &WeakPulses) {
-        self.count += other.count;
-        if other.strongest > self.strongest {
+        if other.count > 0 && (self.count == 0 || other.strongest > self.strongest) {
             (self.strongest, self.threshold) = (other.strongest, other.threshold);
         }
+        self.count += other.count;
     }
 }
 

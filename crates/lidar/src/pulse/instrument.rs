@@ -68,7 +68,8 @@ impl Instrument {
         let ideal = Receiver::default();
         let receiver = if c.receiver { &device.receiver } else { &ideal };
         let shape = pulse_shape(device, &c);
-        let beam = Beam { pulse_length: shape.length_of_equal_energy(), ..device.beam };
+        let average_power = device.beam.average_power * shape.power_factor();
+        let beam = Beam { pulse_length: shape.length_of_equal_energy(), average_power, ..device.beam };
         let state = BeamState {
             beam: &beam,
             rings: device.waveform.quality,

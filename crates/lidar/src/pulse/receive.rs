@@ -153,14 +153,15 @@ impl Detection {
         Ok(())
     }
 
-    /// Counts a pulse without a return whose light, all at once, would stay below the threshold. Others have no return
-    /// because they hit too near.
+    /// Counts a pulse without a return that met something at a range that is measured: its light stays below the threshold, be
+    /// it all at once or because it is spread over time. Others hit too near.
     #[inline(never)]
     fn count_weak(&self, detector: &DetectorSettings, pulse: &Pulse, batch: &mut Batch) {
         let is_measured = |range: &&f64| !is_too_near(**range + pulse.range_error, detector);
-        let strongest = self.reflections.intensities().iter().sum::<f64>() * detector.shape.top;
+        let light = self.reflections.intensities().iter().sum::<f64>() * detector.shape.top;
         let threshold = detector.rule.threshold;
-        if strongest < threshold && self.reflections.ranges().iter().any(|range| is_measured(&range)) {
+        let strongest = light.min(threshold);
+        if self.reflections.ranges().iter().any(|range| is_measured(&range)) {
             batch.weak.add(&WeakPulses { count: 1, strongest, threshold });
         }
     }

@@ -174,6 +174,15 @@ impl PulseShape {
         self.integral * LENGTH_OVER_INTEGRAL
     }
 
+    /// Factor on the average power, of which the energy of pulses follows whose instrument does not state it: the default pulse has the
+    /// peak power of the gamma-like curve of that length.
+    pub fn power_factor(&self) -> f64 {
+        match self.curve {
+            Curve::Cosine(_) => 4.0 * exp(-2.0) * self.length_of_equal_energy() / self.length,
+            Curve::Gamma | Curve::Measured(_) => 1.0,
+        }
+    }
+
     /// Factors of `samples` and of both `lateness` whose sum is the pulse that starts `by` bins (0 to 1) late:
     /// ((k−φ)x)²e^(−(k−φ)x) = e^(φx)·(k² − 2kφ + φ²)·x²e^(−kx), and
     /// cos(ω(k−φ)) = cos ωk − (1 − cos ωφ)·cos ωk + sin ωφ·sin ωk.

@@ -39,15 +39,21 @@ impl DeviceState {
     /// Applies a leg's settings to the head, then to the deflector.
     pub fn start_leg(&mut self, plan: &DevicePlan, settings: &ScannerSettings) {
         self.is_warmed_up = false;
-        let frequency = f64::from(settings.pulse_freq);
+        let frequency = settings.pulse_rate();
         let deflection = self.deflector.exact_angle();
         self.head.start_leg(plan, settings, frequency, deflection);
         let wander = self.timed.map_or(0.0, |timed| timed.wander(plan));
         self.deflector.start_leg(plan, settings, frequency);
-        self.timed = plan.motion.wander.as_ref().and_then(|_| {
-            let (per_step, next) = self.deflector.turns(plan)?;
-            Some(TimedMotion::new(next - wander, per_step, frequency))
-        });
+        let is_timed = plan.motion.wander.is_some() || settings.pulse_times.is_some();
+        self.timed = is_timed
+            .then(|| self.deflector.turns(plan))
+            .flatten()
+            .map(|(per_step, next)| TimedMotion::new(next - wander, per_step, frequency));
+    }
+
+    /// Whether the deflector moves as a function of time.
+    pub fn is_timed(&self) -> bool {
+        self.timed.is_some()
     }
 
     /// Puts the deflector back to its phase (spec kinematics §4.1).
@@ -58,17 +64,72 @@ impl DeviceState {
         }
     }
 
-    /// Moves the deflector by one simulation step.
+    /// Moves the deflector by one simulation step of equal ones.
     #[inline]
     pub fn step_deflector(&mut self, plan: &DevicePlan) {
         match &mut self.timed {
             None => self.deflector.step(plan),
             Some(timed) => {
                 timed.steps += 1;
-                timed.time = timed.steps as f64 / timed.frequency;
-                self.deflector.place(plan, timed.turns(plan), timed.time);
+                let time = timed.steps as f64 / timed.frequency;
+                self.step_deflector_to(plan, time);
             }
         }
+    }
+
+    /// Moves the deflector by one simulation step, `seconds` after the start of the leg.
+    pub fn step_deflector_to(&mut self, plan: &DevicePlan, seconds: f64) {
+        match &mut self.timed {
+            None => self.deflector.step(plan),
+            Some(timed) => {
+                timed.time = seconds;
+                self.deflector.place(plan, timed.turns(plan), seconds);
+            }
+        }
+    }
+
+    /// Turns the head to where it is `seconds` after the start of a leg, at which it is at `start`, rad.
+    pub fn turn_head_to(&mut self, plan: &DevicePlan, start: f64, seconds: f64) {
+        self.head.turn_to(plan, start, seconds, self.deflector.exact_angle());
+    }
+
+    /// Seconds, at least, before the turn of the head is completed.
+    pub fn seconds_to_completion(&self) -> f64 {
+        self.head.seconds_to_completion()
+    }
+
+    /// Takes `steps` steps at the times `time_of`, s after the start of the leg, of a device whose head and deflector have no errors.
+    /// Returns the number of pulses emitted, none unless it `fires`.
+    pub fn advance_to(
+        &mut self,
+        plan: &DevicePlan,
+        (is_active, fires, start): (bool, bool, Option<f64>),
+        steps: u32,
+        time_of: impl Fn(u32) -> f64,
+    ) -> u32 {
+        let last = time_of(steps - 1);
+        match start {
+            Some(start) => self.turn_head_to(plan, start, last),
+            None => self.head.advance(steps),
+        }
+        if !is_active {
+            return 0;
+        }
+        let mut fired = steps;
+        if self.timed.is_none() {
+            fired = self.deflector.advance(plan, steps);
+        } else if self.deflector.depends_on_steps(plan) {
+            fired = 0;
+            for i in 0..steps {
+                self.step_deflector_to(plan, time_of(i));
+                fired += u32::from(self.deflector.is_firing());
+            }
+        } else {
+            self.step_deflector_to(plan, last);
+        }
+        let pulses = if fires { fired } else { 0 };
+        self.pulses += u64::from(pulses);
+        pulses
     }
 
     /// Moves the deflector by `steps` steps before the first pulse of a leg.

@@ -49,6 +49,22 @@ impl HeadState {
         }
     }
 
+    /// Turns to where it is `seconds` after the start of the leg at the angle `start`, rad.
+    pub(super) fn turn_to(&mut self, plan: &DevicePlan, start: f64, seconds: f64, deflection: f64) {
+        if self.rate != 0.0 {
+            self.set(plan, start + self.rate * seconds + self.step, deflection);
+        }
+    }
+
+    /// Seconds, at least, before the leg's turn is completed; infinite for a turn that never is.
+    pub fn seconds_to_completion(&self) -> f64 {
+        match self.is_completed() {
+            true => 0.0,
+            false if self.rate == 0.0 => f64::INFINITY,
+            false => (self.stop - self.angle).abs() / self.rate.abs(),
+        }
+    }
+
     #[inline]
     fn set(&mut self, plan: &DevicePlan, angle: f64, deflection: f64) {
         if angle != self.angle {

@@ -401,6 +401,11 @@ keys! {
     SettingsKeys = "[settings]" {
         /// Pulses per second. Default: the scanner's first frequency.
         pulse_freq_hz = "pulseFreq_hz" in PULSE_FREQ;
+        /// File of the times at which pulses leave, in place of `pulse_freq_hz`: one per line, s from the start of the leg,
+        /// ascending. After the last one the leg goes on without pulses. Platforms that stand, fly straight or follow a trajectory.
+        pulse_times;
+        /// Intervals between pulses in µs that repeat, in place of `pulse_freq_hz`: `[0.54, 0.66, 0.84]`.
+        pulse_intervals_us;
         /// Lines (`rotating`) or periods (`oscillating`) per second. Default: 0.
         scan_freq_hz = "scanFreq_hz" in SCAN_FREQ;
         /// Half opening angle of the swath, degrees. Default: the scanner's maximum.

@@ -7,11 +7,13 @@
 //! | `poses` | recorded trajectories |
 //! | `navigation` | errors of navigation |
 //! | `scan_motion` | sense, phase, tilt and wander of deflectors |
+//! | `pulse_times` | when pulses leave, where that is no constant rate |
 //! | `receiver` | pulse shape, noise and detector of a receiver |
 
 mod mesh;
 mod navigation;
 mod poses;
+mod pulse_times;
 mod receiver;
 mod scan_motion;
 mod scene;
@@ -25,6 +27,7 @@ use vlscan_geom::{DVec3, Rotation};
 pub use mesh::{MaterialChange, MaterialDefinition, Mesh, Replaced};
 pub use navigation::{NavigationErrors, NavigationKeyError, NavigationProblem};
 pub use poses::*;
+pub use pulse_times::PulseTimes;
 pub use receiver::*;
 pub use scan_motion::{AngleTable, ScanMotion, Wander};
 pub use scene::*;
@@ -286,8 +289,10 @@ pub struct LegTrajectory {
 pub struct ScannerSettings {
     /// Whether the scanner fires; inactive legs emit no pulses.
     pub active: bool,
-    /// Pulses per second.
+    /// Pulses per second; with pulse times of their own the mean, rounded.
     pub pulse_freq: u32,
+    /// When pulses leave, in place of the constant rate.
+    pub pulse_times: Option<PulseTimes>,
     /// Lines (rotating) or periods (oscillating) per second.
     pub scan_freq: f64,
     /// Half opening angle, rad; 0 = the device's maximum (rotating, conic, fibres).
@@ -312,6 +317,13 @@ pub struct ScannerSettings {
     pub max_duration: Option<f64>,
     /// Time for which head and deflector move before the first pulse, s.
     pub warmup: f64,
+}
+
+impl ScannerSettings {
+    /// Pulses per second, on average where they have times of their own.
+    pub fn pulse_rate(&self) -> f64 {
+        self.pulse_times.as_ref().map_or(f64::from(self.pulse_freq), PulseTimes::mean_rate)
+    }
 }
 
 /// The instrument: one or more devices on one body.

@@ -30,6 +30,7 @@ pub fn scanner_settings(pulse_freq: u32) -> ScannerSettings {
     ScannerSettings {
         active: true,
         pulse_freq,
+        pulse_times: None,
         scan_freq: 0.0,
         scan_angle: 0.0,
         vertical_min: None,

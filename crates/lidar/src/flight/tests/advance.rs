@@ -155,6 +155,74 @@ fn recorded_flights_advance_as_in_single_steps() {
     }
 }
 
+/// Gives a survey a wander, pulse times that repeat, or recorded ones, of `rate` on average and with a gap.
+fn make_timed(s: &mut Survey, kind: usize, rate: f64) {
+    let intervals = [0.54, 0.66, 0.84, 1.2, 0.3, 2.46].map(|share| share / rate);
+    for device in s.scanner.devices.iter_mut().filter(|_| kind != 1) {
+        device.scan_motion.wander = Some(Wander::Sine { amplitude: 0.3, freq: 5.0, phase: 1.0 });
+    }
+    let recorded = || {
+        let cycle = PulseTimes::of_intervals(&intervals);
+        let late = |k: u64| if k > 700 { 0.2 } else { 0.003 };
+        PulseTimes::Recorded((0..1500).map(|k| cycle.at(k) + late(k)).collect())
+    };
+    for leg in s.legs.iter_mut().filter(|_| kind > 0) {
+        let times = if kind == 1 { PulseTimes::of_intervals(&intervals) } else { recorded() };
+        leg.scanner.pulse_freq = times.mean_rate().round() as u32;
+        leg.scanner.pulse_times = Some(times);
+    }
+}
+
+#[test]
+fn functions_of_time_advance_as_in_single_steps() {
+    for kind in 0..3 {
+        for deflector in 0..6 {
+            for kinematics in [Corrections::NONE, Corrections::MOTION] {
+                let mut flown = along(
+                    PlatformKind::LinearPath,
+                    &[[0.0; 3], [3.0, 4.0, 0.0], [9.0, 4.0, 0.0]],
+                    2000,
+                    deflector,
+                    |l| {
+                        (l.scanner.warmup, l.scanner.trajectory_interval) = (0.01, 0.07);
+                    },
+                );
+                make_timed(&mut flown, kind, 2000.0);
+                let mut still =
+                    along(PlatformKind::Static, &[[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], 2000, deflector, |l| {
+                        turn_head(l, 36.0, 30.0);
+                    });
+                make_timed(&mut still, kind, 2000.0);
+                let legs =
+                    [(100.2, 101.5), (101.0, 102.0)].map(|(start, end)| recorded_leg(start, end, false));
+                let (mut followed, _folder) = recorded(10.0, true, legs.to_vec());
+                for leg in &mut followed.legs {
+                    (leg.scanner.pulse_freq, leg.scanner.trajectory_interval) = (1000, 0.3);
+                }
+                make_timed(&mut followed, kind, 1000.0);
+                for survey in [flown, still, followed] {
+                    let at_once = compare(&planned(&survey, kinematics, START_NS), &[300, 41], |_| ());
+                    assert!(at_once > 0.7, "{kind} {deflector}: {at_once}");
+                }
+                let mut s =
+                    along(PlatformKind::LinearPath, &[[0.0; 3]], 2000, deflector, |l| l.platform.speed = 0.0);
+                s.platform.kind = PlatformKind::Stream(PoseStream { max_gap: 0.4, ..PoseStream::at("-") });
+                make_timed(&mut s, kind, 2000.0);
+                let poses: Vec<Pose> = [0.0, 0.1, 0.3, 0.65, 1.2, 1.3, 1.5]
+                    .map(|t| Pose {
+                        time: 604_799.0 + t,
+                        position: DVec3::X * t,
+                        attitude: Rotation::about_z(t),
+                    })
+                    .to_vec();
+                let plan = planned(&s, kinematics, START_NS);
+                let at_once = compare(&plan, &[200, 31], |state| state.feed(&plan, poses.clone()));
+                assert!(at_once > 0.7, "{kind} {deflector}: {at_once}");
+            }
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
     #[test]

@@ -7,3 +7,4 @@ mod golden;
 mod pattern;
 mod replay;
 mod reported;
+mod times;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use vlscan_survey::{AmplifierNoise, PulseSamples, Ranging, Receiver, ReferenceTarget, ShotNoise};
 
 /// Amplitude of half-white walls at 100 m in clear air, nW: 4/e²·P_t·ρ·D²·η/(4R²) with P_t = 4 W at 100 kHz.
-const AT_100_M: f64 = 2.0 / 3.394_680_67 * 4e9 * 0.5 * 0.15 * 0.15 * 0.99 / 4e4;
+const AT_100_M: f64 = 0.541_341_132_946_45 * 4e9 * 0.5 * 0.15 * 0.15 * 0.99 / 4e4;
 
 /// An instrument of 4 ns, 100 kHz and 1 ring in air without haze.
 fn instrument(change: impl Fn(&mut Device)) -> Survey {

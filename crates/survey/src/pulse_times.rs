@@ -1,0 +1,75 @@
+//! When pulses leave: a file of times, or intervals that repeat.
+
+use super::PulseTimes;
+use super::fields::Fields;
+use super::keys::SettingsKeys;
+use super::rows::{MAX_LONG_FILE_BYTES, read_rows};
+use vlscan_base::quantity::{Bounds, MAX_DURATION, PULSE_FREQ, number};
+
+const K: SettingsKeys = SettingsKeys::KEYS;
+
+/// Interval between two pulses, µs.
+const INTERVAL_US: Bounds = Bounds::new(1e-3, 1e12, "a number from 1e-3 to 1e12 µs");
+/// Maximum number of intervals that repeat.
+const MAX_INTERVALS: usize = 65_536;
+
+/// Applies the keys of pulse times. A pulse frequency beside them has no effect; in a table of its own it replaces them.
+pub(super) fn change_pulse_times(fields: &mut Fields, times: &mut Option<PulseTimes>) {
+    fields.either(K.pulse_times, K.pulse_intervals_us);
+    let given = [K.pulse_times, K.pulse_intervals_us].into_iter().find(|key| fields.has(*key));
+    match given {
+        Some(key) if fields.has(K.pulse_freq_hz) => {
+            fields.warn_of_effect(
+                K.pulse_freq_hz,
+                &format!("beside `{}`, which says when pulses leave", fields.name(key)),
+            );
+        }
+        None if fields.has(K.pulse_freq_hz) => *times = None,
+        _ => {}
+    }
+    if let Some(name) = fields.near_name(K.pulse_times) {
+        *times = read_times(fields, &name).or(times.take());
+    }
+    let expected = "up to 65536 numbers of µs from 1e-3 to 1e12";
+    let are_usable = |list: &[f64]| {
+        (1..=MAX_INTERVALS).contains(&list.len()) && list.iter().all(|us| INTERVAL_US.contains(*us))
+    };
+    if let Some(intervals) = fields.numbers(K.pulse_intervals_us, are_usable, expected) {
+        let seconds: Vec<f64> = intervals.iter().map(|us| us * 1e-6).collect();
+        *times = Some(PulseTimes::of_intervals(&seconds));
+    }
+}
+
+/// Lines of a time, s, from 0 on, each later than the one before.
+fn read_times(fields: &Fields, name: &str) -> Option<PulseTimes> {
+    let mut times: Vec<f64> = Vec::new();
+    let row = |&[time]: &[f64; 1]| {
+        if !(0.0..=MAX_DURATION).contains(&time) {
+            return Err(format!("a time from 0 to {MAX_DURATION} s after the start of the leg"));
+        }
+        if times.last().is_some_and(|last| time <= *last) {
+            return Err("a time later than that of the line before".to_owned());
+        }
+        times.push(time);
+        Ok(())
+    };
+    let place = fields.place(K.pulse_times);
+    let help = "a line is the time of a pulse in s after the start of the leg, such as `0.00000054`";
+    let kind = ("a finite number: the time of a pulse in s", help);
+    read_rows(fields.context, name, (fields.folder(), MAX_LONG_FILE_BYTES), &place, kind, row)?;
+    let (Some(first), Some(last)) = (times.first(), times.last().filter(|_| times.len() > 1)) else {
+        fields.context.error_help(place, format!("`{name}` has less than two times"), help);
+        return None;
+    };
+    let rate = (times.len() - 1) as f64 / (last - first);
+    if rate > PULSE_FREQ.high {
+        let message = format!(
+            "`{name}` has {} pulses per second on average, expected at most {}",
+            number(rate),
+            number(PULSE_FREQ.high)
+        );
+        fields.context.error_help(place, message, "times are in seconds");
+        return None;
+    }
+    Some(PulseTimes::Recorded(times.into()))
+}
