@@ -239,3 +239,43 @@ fn shared_meshes_give_the_bytes_of_stored_ones() {
     assert!(points("always", "2") == stored, "shared");
     assert!(points("always", "1") == stored, "shared, one thread");
 }
+
+#[test]
+fn pulse_times_and_wander_leave_no_trace_of_threads_chunks_and_shards() {
+    let dir = folder();
+    std::fs::write(
+        dir.path().join("plane.obj"),
+        "v -90 -90 0\nv 90 -90 0\nv 90 90 0\nv -90 90 0\nf 1 2 3\nf 1 3 4\n",
+    )
+    .unwrap();
+    let times: String =
+        (0..6000).map(|k| format!("{}\n", f64::from(k * k % 7) * 1e-5 + f64::from(k) * 1e-4)).collect();
+    std::fs::write(dir.path().join("times.txt"), times).unwrap();
+    for when in ["pulse_times = \"times.txt\"", "pulse_intervals_us = [54, 66, 84, 231]"] {
+        let pipeline = format!(
+            "seed = 3\n[[part]]\nfile = \"plane.obj\"\nmaterial = [{{ reflectance = 0.5 }}]\n[platform]\nkind = \"linear_path\"\n\
+             mount = {{ rotate_deg = [{{ x = -90 }}] }}\n[scanner]\noptics = \"conic\"\npulse_freqs_hz = [10000]\n\
+             scan_angle_max_deg = 20\naccuracy_m = 0.02\nscan_reverse = true\nscan_phase_deg = 70\n\
+             scan_axis_tilt_deg = [0.3, -0.2]\nscan_wander = {{ amplitude_deg = 2, freq_hz = 11 }}\n[settings]\n{when}\n\
+             scan_freq_hz = 30\n[[leg]]\nposition_m = [-20, 0, 100]\nspeed_m_per_s = 80\n[[leg]]\nposition_m = [20, 0, 100]\n\
+             active = false\n"
+        );
+        std::fs::write(dir.path().join("p.toml"), pipeline).unwrap();
+        let points = |name: &str, extra: &[&str]| {
+            succeed(dir.path(), &[&["run", "p.toml", "-q", "--force", "-o", name], extra].concat());
+            std::fs::read(dir.path().join(name)).unwrap()
+        };
+        let reference = points("one.csv", &["-j", "1"]);
+        assert!(reference.iter().filter(|byte| **byte == b'\n').count() > 4000, "{when}");
+        for extra in [&["-j", "3", "--chunk-size", "7"], &["-j", "2", "--chunk-size", "4096"]] {
+            assert!(points("other.csv", extra) == reference, "{when} {extra:?}");
+        }
+        for shard in ["0/3", "1/3", "2/3"] {
+            succeed(dir.path(), &["run", "p.toml", "-q", "-o", "shards", "--shard", shard]);
+        }
+        succeed(dir.path(), &["merge", "shards", "-q", "-o", "merged.csv"]);
+        assert!(std::fs::read(dir.path().join("merged.csv")).unwrap() == reference, "{when}: merged shards");
+        std::fs::remove_dir_all(dir.path().join("shards")).unwrap();
+        std::fs::remove_file(dir.path().join("merged.csv")).unwrap();
+    }
+}

@@ -89,6 +89,7 @@ impl LegCheck<'_> {
     fn pulse_freq(&self) {
         let freq = self.leg.scanner.pulse_freq;
         if let Some(place) = self.place(K.pulse_freq_hz)
+            && self.leg.scanner.pulse_times.is_none()
             && !self.survey.scanner.pulse_freqs.contains(&freq)
         {
             let message = format!("the pulse frequency of {freq} Hz is not among those of the scanner");

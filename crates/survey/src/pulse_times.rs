@@ -35,7 +35,7 @@ pub(super) fn change_pulse_times(fields: &mut Fields, times: &mut Option<PulseTi
         (1..=MAX_INTERVALS).contains(&list.len()) && list.iter().all(|us| INTERVAL_US.contains(*us))
     };
     if let Some(intervals) = fields.numbers(K.pulse_intervals_us, are_usable, expected) {
-        let seconds: Vec<f64> = intervals.iter().map(|us| us * 1e-6).collect();
+        let seconds: Vec<f64> = intervals.iter().map(|us| us / 1e6).collect();
         *times = Some(PulseTimes::of_intervals(&seconds));
     }
 }

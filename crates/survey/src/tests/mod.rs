@@ -10,6 +10,7 @@ mod conformance;
 mod hostile;
 mod instruments;
 mod ouster;
+mod pulse_times;
 mod receivers;
 mod scan_motion;
 mod scenes;
