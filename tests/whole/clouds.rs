@@ -153,12 +153,11 @@ fn every_variant_of_every_format_is_read_by_all_commands() {
             ["first", "second"].iter().all(|cloud| number(&format!("/{cloud}/points_in_box")) == 400.0);
         assert!(!is_whole || number("/second_to_first/max_m") <= tolerance, "{name}: {found}");
         match has_intensity {
-            "0" => assert!(found["second"]["intensity_percentiles"].is_null(), "{name}: {found}"),
-            _ if is_whole => assert_eq!(
-                found["second"]["intensity_percentiles"], found["first"]["intensity_percentiles"],
-                "{name}"
-            ),
-            _ => assert!((number("/second/intensity_percentiles/3") - 50.0).abs() < 3.0, "{name}: {found}"),
+            "0" => assert!(found["second"]["intensity_median"].is_null(), "{name}: {found}"),
+            _ if is_whole => {
+                assert_eq!(found["second"]["intensity_median"], found["first"]["intensity_median"], "{name}")
+            }
+            _ => assert!((number("/second/intensity_median") - 50.0).abs() < 3.0, "{name}: {found}"),
         }
         let separator = match name.rsplit_once('.').unwrap() {
             ("german", _) => ";",
@@ -280,7 +279,7 @@ fn what_is_not_used_as_written_is_an_error_with_strict() {
         serde_json::from_slice(&out.stdout).unwrap()
     };
     let found = compared("both.csv");
-    assert!(found["first"]["intensity_percentiles"][3].as_f64().unwrap() >= 7.0, "{found}");
+    assert!(found["first"]["intensity_median"].as_f64().unwrap() >= 7.0, "{found}");
     let found = compared("inch.csv");
     assert!((found["first"]["max"][2].as_f64().unwrap() - 0.0762).abs() < 1e-9, "{found}");
 }
