@@ -9,7 +9,7 @@ use std::path::Path;
 const DENSITY: f64 = 0.8;
 const EDGE: f64 = 0.5;
 
-/// A meadow with a house and a crown of 12 m by 12 m by 5 m of elements of 0.3 m, and a drone that flies over them twice. Returns the leaf
+/// A meadow with a house and a crown of 12 m by 12 m by 5 m of elements of 0.3 m, and an aircraft that flies over them. Returns the leaf
 /// area, m².
 fn write_scene(folder: &Path) -> f64 {
     let material = |name: &str, class: u32, more: &str| {
@@ -44,23 +44,38 @@ fn write_scene(folder: &Path) -> f64 {
             param("matname", "leaves")
         )),
     ];
-    let scene = format!("<document paths=\"beside\"><scene id=\"site\">{}</scene></document>", scene.concat());
+    let scene =
+        format!("<document paths=\"beside\"><scene id=\"site\">{}</scene></document>", scene.concat());
     fs::write(folder.join("site.xml"), scene).unwrap();
     let flight = "scene = \"site.xml\"\n\
         [platform]\nkind = \"linear_path\"\nmount = { rotate_deg = [{ x = -90 }, { z = 90 }] }\n\
         [scanner]\nid = \"known\"\noptics = \"rotating\"\npulse_freqs_hz = [100000]\nscan_angle_max_deg = 6\nscan_freq_min_hz = 1\n\
         scan_freq_max_hz = 500\nbeam_divergence_rad = 0.0005\npulse_fwhm_ns = 3\naccuracy_m = 0.02\nmax_returns = 5\n\
         pulse_energy_uj = 10\nmax_range = { range_m = 500, reflectance = 0.03 }\n\
-        [settings]\npulse_freq_hz = 100000\nscan_freq_hz = 60\n\
+        [settings]\npulse_freq_hz = 100000\nscan_freq_hz = 100\n\
         [waveform]\nquality = 4\n\
-        [[leg]]\nposition_m = [-40, -10, 400]\nspeed_m_per_s = 50\n[[leg]]\nposition_m = [40, -10, 400]\nactive = false\n\
-        [[leg]]\nposition_m = [40, 10, 400]\nspeed_m_per_s = 50\n[[leg]]\nposition_m = [-40, 10, 400]\nactive = false\n";
+        [[leg]]\nposition_m = [-40, 0, 400]\nspeed_m_per_s = 20\n[[leg]]\nposition_m = [40, 0, 400]\nactive = false\n";
     fs::write(folder.join("flight.toml"), flight).unwrap();
     24.0 * 24.0 * 10.0 * EDGE.powi(3) * DENSITY
 }
 
 fn number(report: &serde_json::Value, path: &str) -> f64 {
-    report.pointer(path).and_then(serde_json::Value::as_f64).unwrap_or_else(|| panic!("no {path} in {report}"))
+    report
+        .pointer(path)
+        .and_then(serde_json::Value::as_f64)
+        .unwrap_or_else(|| panic!("no {path} in {report}"))
+}
+
+/// Leaf area of the voxels of a file whose centres lie above a height, m².
+fn leaf_area_above(path: &Path, height: f64) -> f64 {
+    let file = fs::read_to_string(path).unwrap();
+    let numbers =
+        |line: &str| line.split_whitespace().filter_map(|w| w.parse::<f64>().ok()).collect::<Vec<f64>>();
+    let header = |name: &str| numbers(file.lines().find(|l| l.starts_with(name)).unwrap());
+    let (bottom, size) = (header("#min_corner")[2], header("#res")[0]);
+    let voxels = file.lines().filter(|l| l.starts_with(|c: char| c.is_ascii_digit())).map(numbers);
+    let above = voxels.filter(|v| bottom + (v[2] + 0.5) * size > height);
+    above.map(|v| v[3]).sum::<f64>() * size.powi(3)
 }
 
 #[test]
@@ -74,7 +89,14 @@ fn a_known_scene_is_found_again() {
     let report: serde_json::Value =
         serde_json::from_str(&fs::read_to_string(dir.join("found/report.json")).unwrap()).unwrap();
     let found = number(&report, "/foliage/leaf_area_m2");
-    assert!((found / leaf_area - 1.0).abs() < 0.15, "{found} m² of leaves, not {leaf_area}");
+    // Low parts of a dense crown come out too thin: returns count as equal shares of the beam, and several elements that are met close
+    // to each other are one return.
+    assert!((0.65..1.15).contains(&(found / leaf_area)), "{found} m² of leaves, not {leaf_area}");
+    let upper = leaf_area_above(&dir.join("found/foliage_5.vox"), 6.5);
+    assert!(
+        (upper / (0.5 * leaf_area) - 1.0).abs() < 0.15,
+        "{upper} m² of leaves in the upper half of {leaf_area}"
+    );
     let roof = number(&report, "/roofs/area_m2");
     assert!((roof / 144.0 - 1.0).abs() < 0.12, "{roof} m² of roofs, not 144");
     let spread = number(&report, "/terrain/spread_m");
@@ -98,10 +120,17 @@ fn a_known_scene_is_found_again() {
         [single, leaves, ground]
     };
     let columns = ["--columns", "Z,Classification,ReturnNumber,NumberOfReturns", "-q", "-o"];
-    let known = shares(&[&["trace", "--scanner", "flight.toml", "pulses.csv"], &columns[..], &["known.csv"]].concat());
-    let again = shares(&[&["trace", "--scanner", "found/scene.toml", "pulses.csv"], &columns[..], &["again.csv"]].concat());
+    let known = shares(
+        &[&["trace", "--scanner", "flight.toml", "pulses.csv"], &columns[..], &["known.csv"]].concat(),
+    );
+    let again = shares(
+        &[&["trace", "--scanner", "found/scene.toml", "pulses.csv"], &columns[..], &["again.csv"]].concat(),
+    );
     for (known, again) in known.iter().zip(again) {
-        assert!((known - again).abs() < 0.03, "shares of single returns, leaves, ground: {known} and {again}");
+        assert!(
+            (known - again).abs() < 0.01,
+            "shares of single returns, leaves, ground: {known} and {again}"
+        );
     }
     // Nothing is replaced without --force, and the same cloud gives the same bytes.
     let refused = run(dir, &["scene", "reconstruct", "first.laz", "-o", "found"]);
