@@ -289,7 +289,7 @@ def run_campaign(
 ) -> CampaignReport:
     """Compute the cells of a campaign that are left, as ``vlscan campaign`` does. A cell that fails stops no other.
 
-    The campaign's folder is the working directory of the process meanwhile.
+    The campaign's folder is the working directory of the process meanwhile, so that a process computes one campaign at a time.
 
     Parameters
     ----------

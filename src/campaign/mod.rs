@@ -37,7 +37,7 @@ use vlscan_warehouse::Stop;
 /// other has taken. What is complete stays.
 ///
 /// Paths in a campaign's file, also those within options, are relative to its folder. While a campaign is read or computed, that folder
-/// is the working directory of the process.
+/// is the working directory of the process, and another campaign of the process is refused meanwhile.
 #[derive(Clone, Debug)]
 pub struct Campaign {
     file: File,
