@@ -1,8 +1,8 @@
 """Holds a fitted flight line against the arcs that were not used to fit it.
 
-    python flight_line.py RECORDING.laz [--vlscan PROGRAM] [--folder FOLDER] [--forecast]
+    python flight_line.py RECORDING.laz [--vlscan PROGRAM] [--folder FOLDER] [--picture FILE.png]
 
-A third of the scanner's arcs (every third one; with --forecast those of the first third of the time) goes to `vlscan fit` and
+A third of the scanner's arcs, every third one, goes to `vlscan fit` and
 `vlscan scene reconstruct`; the fitted flight is flown over the reconstructed scene, and its points are compared with the other arcs.
 Beside each figure stands what chance gives: the same comparison between the even and the odd arcs that were not used.
 Needs numpy, scipy, laspy with lazrs, matplotlib.
@@ -196,7 +196,6 @@ def main():
     parser.add_argument("recording", type=Path)
     parser.add_argument("--vlscan", default="vlscan")
     parser.add_argument("--folder", type=Path)
-    parser.add_argument("--forecast", action="store_true", help="fit the first third of the time instead of every third arc")
     parser.add_argument("--picture", type=Path)
     args = parser.parse_args()
     folder = args.folder or Path(tempfile.mkdtemp())
@@ -205,7 +204,7 @@ def main():
 
     real = Cloud(args.recording)
     arcs = np.arange(len(real.arcs))
-    fitted = arcs[: len(arcs) // 3] if args.forecast else arcs[::3]
+    fitted = arcs[::3]
     held = np.setdiff1d(arcs, fitted)
     real.write(folder / "fitted.laz", fitted)
     print(run("fit", "fitted.laz", "-o", "flight.toml", "--force").decode())

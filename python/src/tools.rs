@@ -237,7 +237,8 @@ pub fn reconstruct(
     let notices = Notices::default();
     let observer = Observer::new(false, notices.observer());
     let made = py.detach(|| {
-        let options = ReconstructOptions { voxel, divergence, overwrite: force, ..ReconstructOptions::new(cloud) };
+        let options =
+            ReconstructOptions { voxel, divergence, overwrite: force, ..ReconstructOptions::new(cloud) };
         let found = vlscan::fit::scene::reconstruct(&options, &observer)?;
         found.write(&folder, force)?;
         Ok(found.report().to_string())

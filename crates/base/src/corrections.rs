@@ -211,8 +211,8 @@ corrections! {
     /// Kinematics: conic deflectors turn at the leg's scan frequency; in the reference at the highest of the device.
     Motion conic_at_leg_frequency: true,
     /// Kinematics: a pulse leaves where head and deflector are at its time, the first one of a leg at the start angle and the
-    /// phase; in the reference the head and conic, rotating and risley deflectors have turned by a step by then, so that every
-    /// point is a pulse ahead of its time.
+    /// phase; in the reference the head and conic and rotating deflectors have turned by a step by then, so that every point is a
+    /// pulse ahead of its time.
     Motion optics_on_time: true,
     /// Kinematics: oscillating mirrors keep the leg's mean scan frequency, their greatest angle and their phase; in the
     /// reference periods are whole pulses, fast mirrors leave their range, and a leg may begin within a period of another

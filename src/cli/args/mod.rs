@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `simulate` | `run` and its stages: `trajectory`, `pulses`, `trace` |
 //! | `plan` | `plan` |
-//! | `campaign`, `compare` | `campaign`, `compare` |
+//! | `campaign`, `compare`, `fit` | `campaign`, `compare`, `fit` |
 //! | `scenes` | `scene make`, `scene stand`, `scene info`, `scene pack` |
 //! | `tools` | everything else |
 

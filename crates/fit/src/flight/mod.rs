@@ -35,7 +35,7 @@ pub use solve::Solution;
 pub use write::FlightFiles;
 
 use std::path::Path;
-use vlscan_base::diag::Diagnostics;
+use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 
 /// Sections whose attitudes are estimated when the kind of mirror is chosen.
@@ -90,7 +90,7 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
         solution = best_solution(&recording);
         if solution.is_some() {
             let message = "scan angles are positive to the left of the flight, against the LAS specification; they are turned round";
-            found.warn(None, format!("{}: {message}", path.display()));
+            found.warn(Some(Place::of_file(path)), message);
         }
     }
     let name = path.display();
@@ -104,15 +104,16 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
     };
     if solution.residual > DOUBTFUL_RESIDUAL {
         let message = format!(
-            "{name}: the fitted flight misses its points by {:.2} m on the ground; doubt its figures",
+            "the fitted flight misses its points by {:.2} m on the ground; doubt its figures",
             solution.residual
         );
-        found.warn(None, message);
+        found.warn(Some(Place::of_file(path)), message);
     }
     let rate = PulseRate::of(&recording, &solution.model);
     let noise = ground::range_noise(&recording, &solution);
     if noise.is_none() {
-        found.warn(None, format!("{name}: too few points of ground lie together for the noise of ranges"));
+        let message = "too few points of ground lie together for the noise of ranges";
+        found.warn(Some(Place::of_file(path)), message);
     }
     Ok(FlightFit { recording, solution, rate, noise })
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::ops::{ControlFlow, Range};
 use std::path::Path;
-use vlscan_base::diag::Diagnostics;
+use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, read_points};
 use vlscan_geom::{DVec3, degrees, radians};
@@ -130,7 +130,7 @@ impl Recording {
         if flights.len() > 1 {
             let left_out: usize = flights.iter().map(Vec::len).sum::<usize>() - longest.len();
             let warning = found.warn(
-                None,
+                Some(Place::of_file(path)),
                 format!(
                     "{name} holds {} flight lines: the one with the most points is fitted (point source {}, GPS time {:.1} s); {left_out} points of the others are left out",
                     flights.len(),

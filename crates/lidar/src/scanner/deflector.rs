@@ -109,12 +109,8 @@ impl DeflectorState {
                 *next %= *count;
                 *half_angle = scan_angle;
             }
-            (DeflectorState::Risley { time, step, .. }, _) => {
-                let before = std::mem::replace(step, plan.sense() * (1.0 / frequency));
-                if plan.kinematics.optics_on_time {
-                    *time += before - *step;
-                }
-            }
+            // Prisms are at their phase a step before the first pulse, whatever the correction.
+            (DeflectorState::Risley { step, .. }, _) => *step = plan.sense() * (1.0 / frequency),
             (DeflectorState::Custom { steps, step, .. }, _) => (*steps, *step) = (-1.0, 1.0 / frequency),
             _ => {}
         }
@@ -134,7 +130,7 @@ impl DeflectorState {
                 *angle = 0.0;
                 *next = if is_on_time { first_fibre(plan, *count) } else { *next };
             }
-            DeflectorState::Risley { time, step, .. } if is_on_time => *time = start_time(plan) - *step,
+            DeflectorState::Risley { time, .. } if is_on_time => *time = start_time(plan),
             DeflectorState::Risley { .. } | DeflectorState::Custom { .. } => {}
         }
     }

@@ -203,7 +203,7 @@ keys! {
         scan_reverse = "scanReverse";
         /// Place of the deflector in its revolution or period at the first pulse of a leg, where it restarts, degrees from 0 to 360
         /// of a revolution (`conic`), a facet (`rotating`), a period (`oscillating`), a sequence of fibres (`line`) or a turn of the
-        /// first prism (`risley`). Default: 0.
+        /// first prism (`risley`, a step before that pulse). Default: 0.
         scan_phase_deg = "scanPhase_deg" in ANGLE;
         /// Tilt of the deflector's axis, degrees: angles about the emitter's x axis and then about its z axis by which the deflected
         /// beam is turned. Default: `[0, 0]`.
