@@ -1,8 +1,8 @@
 //! `vlscan fit`: flights that this program flew itself, and recordings where they are at hand.
 
-use crate::common::{folder, missing, run, succeed, text};
+use crate::common::{folder, recording, run, succeed, text};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Two seconds of a drone with a cone or a polygon mirror over a rolling field.
 fn pipeline(optics: &str) -> String {
@@ -89,16 +89,6 @@ fn clouds_that_say_nothing_of_a_flight_are_refused() {
     fs::write(dir.path().join("line.txt"), format!("x y z time scan_angle\n{rows}")).unwrap();
     let out = run(dir.path(), &["fit", "line.txt", "-o", "fit.toml", "--flight-line", "9"]);
     assert!(text(&out.stderr).contains("--flight-line 9"), "{}", text(&out.stderr));
-}
-
-/// A recording beside the repository.
-fn recording(name: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/real").join(name);
-    if !path.exists() {
-        missing("real recordings", "they lie beside the repository");
-        return None;
-    }
-    Some(path)
 }
 
 #[test]

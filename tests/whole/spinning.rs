@@ -1,9 +1,8 @@
 //! Spinning sensors: the pattern of a calibration file, pulse by pulse; what is estimated from recordings.
 
-use crate::common::{folder, missing, run, succeed, text};
+use crate::common::{folder, recording, run, succeed, text};
 use std::f64::consts::TAU;
 use std::fs;
-use std::path::Path;
 
 const SENSOR: &str = r#"{
   "beam_intrinsics": {
@@ -72,16 +71,14 @@ fn settings_change_the_turn() {
 #[test]
 fn real_revolutions_are_fitted() {
     for (name, beams, classes) in [("os0_128", 128, 5), ("os1_32", 32, 1), ("os2_128", 128, 3)] {
-        let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/real/spinning");
-        if !beside.exists() {
-            return missing("real recordings", "they lie beside the repository");
-        }
-        let [recording, calibration] =
-            ["parquet", "json"].map(|ending| beside.join(format!("{name}.{ending}")).display().to_string());
+        let [found, calibration] =
+            ["parquet", "json"].map(|ending| recording(&format!("spinning/{name}.{ending}")));
+        let (Some(found), Some(calibration)) = (found, calibration) else { return };
+        let [found, calibration] = [found, calibration].map(|path| path.display().to_string());
         let dir = folder();
         let fit = [
             "fit",
-            &recording,
+            &found,
             "--calibration",
             &calibration,
             "-o",
