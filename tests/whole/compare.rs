@@ -152,7 +152,7 @@ fn write_halves(recording: &Path, halves: [&Path; 2]) {
         let bits = point.gps_time.unwrap().to_bits().wrapping_mul(0x9e37_79b9_7f4a_7c15);
         writers[(bits >> 63) as usize].write_point(point).unwrap();
     }
-    writers.map(|mut writer| writer.close().unwrap());
+    writers.into_iter().for_each(|mut writer| writer.close().unwrap());
 }
 
 #[test]

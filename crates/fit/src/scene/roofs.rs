@@ -209,7 +209,7 @@ mod tests {
         assert_eq!(found.cells, 16 * 12);
         let is_wall = |f: &&([DVec3; 4], u8)| (f.0[0] - f.0[1]).truncate().length() < 1e-9;
         let walls = found.faces.iter().filter(is_wall).count();
-        assert!(walls >= 56 && walls < 80, "around the house: {walls}");
+        assert!((56..80).contains(&walls), "around the house: {walls}");
         for (corners, _) in found.faces.iter().filter(|f| !is_wall(f)) {
             for c in corners {
                 assert!((c.z - roof(c.y)).abs() < 0.25, "{c}");

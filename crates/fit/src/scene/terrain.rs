@@ -162,6 +162,6 @@ mod tests {
             assert!(error.abs() < 0.06, "{x} {y}: {error}");
             (sum, n) = (sum + error, n + 1.0);
         }
-        assert!((sum / n as f64).abs() < 0.002, "no bias: {}", sum / n);
+        assert!((sum / n).abs() < 0.002, "no bias: {}", sum / n);
     }
 }

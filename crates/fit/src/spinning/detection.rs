@@ -32,7 +32,7 @@ pub(super) struct Detection {
 pub(super) fn detection(pulses: &[(f64, bool)]) -> Option<Detection> {
     let strengths = || pulses.iter().map(|(strength, _)| *strength).filter(|s| *s > 0.0);
     let (low, high) = (strengths().fold(f64::MAX, f64::min), strengths().fold(0.0, f64::max));
-    if !(low < high) {
+    if low.is_nan() || high.is_nan() || low >= high {
         return None;
     }
     let width = log(high / low) / (BINS - 1) as f64;

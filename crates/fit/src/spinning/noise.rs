@@ -152,7 +152,7 @@ fn inverse(matrix: &[[f64; PARTS]; PARTS], chosen: &[usize]) -> Option<Vec<Vec<f
         (0..n).map(|i| (0..n).map(|j| f64::from(u8::from(i == j))).collect()).collect();
     for i in 0..n {
         let pivot = left[i][i];
-        if !(pivot.abs() > 1e-9) {
+        if pivot.is_nan() || pivot.abs() <= 1e-9 {
             return None;
         }
         for j in 0..n {

@@ -94,7 +94,7 @@ fn plane(pixels: &[(Pixel, bool)]) -> Option<Patch> {
         (sums, kept, squares) = (NormalEquations::default(), 0, 0.0);
         for (pixel, residual) in seen.iter().zip(residuals) {
             let off = residual / (CUT * scatter);
-            if !(off.abs() < 1.0) {
+            if off.is_nan() || off.abs() >= 1.0 {
                 continue;
             }
             let weight = (1.0 - off * off) * (1.0 - off * off);
@@ -123,7 +123,7 @@ fn plane(pixels: &[(Pixel, bool)]) -> Option<Patch> {
         })
         .collect();
     let cosine = |pixel: &Pixel| (pixel.direction.dot(normal) / normal.length()).abs();
-    if samples.iter().any(|s| !(s.expected > 0.0) || !s.leverage.is_finite())
+    if samples.iter().any(|s| s.expected.is_nan() || s.expected <= 0.0 || !s.leverage.is_finite())
         || pixels.iter().any(|(pixel, _)| cosine(pixel) < MIN_COSINE)
     {
         return None;

@@ -30,11 +30,11 @@ pub enum Step {
 #[derive(Clone, Copy, Debug)]
 pub(super) enum StepClock<'p> {
     /// Counts the ticks of the run, of `period` seconds.
-    OfRun { ticks: u64, period: f64 },
+    Run { ticks: u64, period: f64 },
     /// Counts the ticks of a leg from `base` seconds on.
-    OfLeg { base: f64, ticks: u64, frequency: f64 },
+    Leg { base: f64, ticks: u64, frequency: f64 },
     /// Has times of a leg from `base` seconds on.
-    OfTimes { base: f64, ticks: u64, times: &'p PulseTimes },
+    Times { base: f64, ticks: u64, times: &'p PulseTimes },
 }
 
 impl StepClock<'_> {
@@ -42,11 +42,9 @@ impl StepClock<'_> {
     #[inline]
     pub fn after(self, steps: u32) -> f64 {
         match self {
-            StepClock::OfRun { ticks, period } => (ticks + u64::from(steps)) as f64 * period,
-            StepClock::OfLeg { base, ticks, frequency } => {
-                base + (ticks + u64::from(steps)) as f64 / frequency
-            }
-            StepClock::OfTimes { base, ticks, times } => base + times.at(ticks + u64::from(steps)),
+            StepClock::Run { ticks, period } => (ticks + u64::from(steps)) as f64 * period,
+            StepClock::Leg { base, ticks, frequency } => base + (ticks + u64::from(steps)) as f64 / frequency,
+            StepClock::Times { base, ticks, times } => base + times.at(ticks + u64::from(steps)),
         }
     }
 }
@@ -124,14 +122,14 @@ impl FlightState {
     #[inline]
     pub(super) fn step_clock<'p>(&self, plan: &'p FlightPlan) -> StepClock<'p> {
         if let Some(times) = &plan.legs[self.leg].times {
-            return StepClock::OfTimes { base: self.clock_base, ticks: self.leg_ticks, times };
+            return StepClock::Times { base: self.clock_base, ticks: self.leg_ticks, times };
         }
         let Corrections { leg_pulse_rate, legs_on_time, .. } = plan.kinematics;
         if leg_pulse_rate || legs_on_time {
             let (base, frequency) = (self.clock_base, plan.legs[self.leg].frequency);
-            StepClock::OfLeg { base, ticks: self.leg_ticks, frequency }
+            StepClock::Leg { base, ticks: self.leg_ticks, frequency }
         } else {
-            StepClock::OfRun { ticks: self.ticks, period: plan.clock_step }
+            StepClock::Run { ticks: self.ticks, period: plan.clock_step }
         }
     }
 

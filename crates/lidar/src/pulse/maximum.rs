@@ -146,7 +146,7 @@ impl CosineMaximum {
         let tangent = ((other.max(0.0) / top).sqrt() - self.half.1) / self.half.0;
         let (half_angle, cosine) = (atan(tangent), 1.0 / (1.0 + tangent * tangent).sqrt());
         let offset = 2.0 * half_angle / self.omega;
-        if !(offset.abs() <= 1.0) {
+        if offset.is_nan() || offset.abs() > 1.0 {
             return PulseReading::default().correct(Parabola::through(before / top, after / top), top);
         }
         // F₀ = 2A·cos²(ωm/2).

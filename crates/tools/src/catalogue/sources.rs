@@ -79,11 +79,14 @@ mod tests {
             "pulseLength_ns",
             "rangeMin_m",
             "rangeMax_m",
+            "rangeNoise",
+            "rangeStep_m",
             "scanAngleMax_deg",
             "scanAngleEffectiveMax_deg",
             "scanAngleAlongMax_deg",
             "scanFreqMin_Hz",
             "scanFreqMax_Hz",
+            "thresholdPhotons",
             "wavelength_nm",
         ];
         for (name, scanner) in &known.scanners {

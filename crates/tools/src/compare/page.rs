@@ -134,7 +134,7 @@ fn beyond(c: &Comparison) -> String {
             names.push("distribution");
         }
         if !names.is_empty() {
-            let _ = write!(items, "<li>{}: {}</li>\n", escaped(&quantity.name), escaped(&names.join(", ")));
+            let _ = writeln!(items, "<li>{}: {}</li>", escaped(&quantity.name), escaped(&names.join(", ")));
         }
     }
     if items.is_empty() { items } else { format!("<p>Beyond chance:</p>\n<ul>\n{items}</ul>\n") }
