@@ -47,7 +47,17 @@ _MODULES = {
     "scene": ["Scene"],
     "survey": ["Leg", "Survey", "run", "run_batches", "trace"],
     "tables": ["Points", "Table", "Waveforms"],
-    "tools": ["CampaignReport", "Plan", "compare", "fit_flight", "plan_airborne", "plan_mobile", "plan_terrestrial", "reconstruct", "run_campaign"],
+    "tools": [
+        "CampaignReport",
+        "Plan",
+        "compare",
+        "fit_flight",
+        "plan_airborne",
+        "plan_mobile",
+        "plan_terrestrial",
+        "reconstruct",
+        "run_campaign",
+    ],
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
