@@ -2,7 +2,7 @@
 
     python flight_line.py RECORDING.laz [--vlscan PROGRAM] [--folder FOLDER] [--picture FILE.png]
 
-A third of the scanner's arcs, every third one, goes to `vlscan fit` and
+A third of the scanner's arcs, one of every three at random, goes to `vlscan fit` and
 `vlscan scene reconstruct`; the fitted flight is flown over the reconstructed scene, and its points are compared with the other arcs.
 Beside each figure stands what chance gives: the same comparison between the even and the odd arcs that were not used.
 Needs numpy, scipy, laspy with lazrs, matplotlib.
@@ -197,6 +197,7 @@ def main():
     parser.add_argument("--vlscan", default="vlscan")
     parser.add_argument("--folder", type=Path)
     parser.add_argument("--picture", type=Path)
+    parser.add_argument("--seed", type=int, default=1, help="of the choice of arcs")
     args = parser.parse_args()
     folder = args.folder or Path(tempfile.mkdtemp())
     folder.mkdir(parents=True, exist_ok=True)
@@ -204,14 +205,18 @@ def main():
 
     real = Cloud(args.recording)
     arcs = np.arange(len(real.arcs))
-    fitted = arcs[::3]
+    # At random, since what repeats with a multiple of three arcs would not be seen otherwise.
+    starts = arcs[::3]
+    fitted = np.minimum(starts + np.random.default_rng(args.seed).integers(0, 3, len(starts)), arcs[-1])
     held = np.setdiff1d(arcs, fitted)
     real.write(folder / "fitted.laz", fitted)
     print(run("fit", "fitted.laz", "-o", "flight.toml", "--force").decode())
     run("scene", "reconstruct", "fitted.laz", "-o", "scene", "--force", "-q")
     run("run", "flight.toml", "--scene", "scene/scene.xml", "-o", "simulated.laz", "--force", "-q")
     simulated = Cloud(folder / "simulated.laz", real.arcs)
-    # What lies beside the recording is not compared.
+    # To the resolution of the recording. What lies beside it is not compared.
+    steps = real.las.header.scales
+    simulated.xyz = np.round(simulated.xyz / steps) * steps
     low, high = real.xyz[:, :2].min(0), real.xyz[:, :2].max(0)
     inside = ((simulated.xyz[:, :2] >= low) & (simulated.xyz[:, :2] <= high)).all(1)
     for name in ("time", "xyz", "returns", "number", "ground", "angle", "first", "arc"):
