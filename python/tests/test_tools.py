@@ -5,6 +5,7 @@ import json
 import pytest
 
 import vlscan
+from conftest import FIXTURES
 
 SQUARE = [(-20, -20), (20, -20), (20, 20), (-20, 20)]
 FLAT = "v -50 -50 0\nv 50 -50 0\nv 50 50 0\nv -50 50 0\nf 1 2 3\nf 1 3 4\n"
@@ -68,3 +69,21 @@ plan = "airborne --scanner riegl_vux-1uav --height 50 --density 5"
     (tmp_path / "c.toml").write_text(text + 'run = "--seed 3"\n')
     with pytest.raises(vlscan.InputError, match="--seed is not for campaigns"):
         vlscan.run_campaign(tmp_path / "c.toml")
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_flight_is_fitted_and_a_scene_reconstructed(tmp_path):
+    plan = vlscan.plan_airborne("riegl_vux-1uav", height=60, density=20, scene=FIXTURES / "forest" / "ground.obj")
+    plan.save(tmp_path / "plan.toml")
+    vlscan.run(tmp_path / "plan.toml", to=tmp_path / "line.laz", seed=1)
+    found = vlscan.fit_flight(tmp_path / "line.laz", tmp_path / "fit.toml")
+    value, deviation, unit = found["height above the points"]
+    assert abs(value - 60) < 1 and 0 < deviation < 1 and unit == "m"
+    assert 'optics = "rotating"' in (tmp_path / "fit.toml").read_text()
+    with pytest.raises(vlscan.Error, match="force"):
+        vlscan.fit_flight(tmp_path / "line.laz", tmp_path / "fit.toml")
+    (tmp_path / "plain.xyz").write_text("1 2 3\n4 5 6\n")
+    with pytest.raises(vlscan.InputError, match="GPS times"):
+        vlscan.fit_flight(tmp_path / "plain.xyz", tmp_path / "other.toml")
+    report = vlscan.reconstruct(tmp_path / "line.laz", tmp_path / "place")
+    assert report["pulses"] > 1000 and (tmp_path / "place" / "scene.xml").exists()
