@@ -48,15 +48,20 @@ fn four_channels_in_turn_draw_the_pattern_of_one_at_four_times_the_rate() {
         let quarters = [0.0, 0.0025, 0.005, 0.0075];
         let four = corrected(&in_turn(moving(deflector.clone(), 100), &quarters));
         assert!(four.len() > 500, "{deflector:?}: {}", four.len());
+        // Prisms are at their phase a step before the first pulse, which is four steps at the higher rate.
+        let later = if matches!(deflector, Deflector::Risley { .. }) { 7.5e6 } else { 0.0 };
         let mut compared = 0;
         for pulse in &four {
             let k = ((pulse.time_ns - 1000e9) / 2.5e6).round();
             let Some(here) = fast.iter().find(|p| (p.time_ns - pulse.time_ns).abs() < 1.0) else { continue };
+            let Some(turned) = fast.iter().find(|p| (p.time_ns - pulse.time_ns - later).abs() < 1.0) else {
+                continue;
+            };
             compared += 1;
             assert!((here.origin - pulse.origin).length() < 1e-9, "{deflector:?}, {k}: {}", pulse.origin);
-            let off = (here.attitude.forward() - pulse.attitude.forward()).length();
+            let off = (turned.attitude.forward() - pulse.attitude.forward()).length();
             assert!(off < 1e-9, "{deflector:?}, {k}: off by {off}");
-            assert!((here.scan_angle - pulse.scan_angle).abs() < 1e-9, "{deflector:?}, {k}");
+            assert!((turned.scan_angle - pulse.scan_angle).abs() < 1e-9, "{deflector:?}, {k}");
         }
         assert!(compared > 500, "{deflector:?}: {compared}");
     }
