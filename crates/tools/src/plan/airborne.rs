@@ -26,6 +26,8 @@ const MAX_CUT: f64 = 0.01;
 const MIN_CLEARANCE: f64 = 0.01;
 /// Reach of a swath, per height, beyond which the ground counts as at the horizon: 89.4° from the vertical.
 const HORIZON: f64 = 100.0;
+/// Range, per height, up to which mounts are compared for an instrument that detects no ground at that height.
+const MOUNT_RANGE: f64 = 4.0;
 /// Rounds of choosing speed and scan frequency, on which the strips of oscillating mirrors depend.
 const ROUNDS: u32 = 3;
 
@@ -343,7 +345,8 @@ fn mount(
     }
     let Some((turns, serves)) = best_mount(beams, &carrier.mount, options.height) else {
         // Where a mount would point the beams at the ground the ranges tell why it is not measured.
-        if let Some((turns, _)) = best_mount(&beams.unlimited(), &carrier.mount, options.height) {
+        let near = beams.up_to(MOUNT_RANGE * options.height);
+        if let Some((turns, _)) = best_mount(&near, &carrier.mount, options.height) {
             let down = Mount { rotation: turns.rotation(), ..carrier.mount };
             check_ranges(instrument, options, &beams.over_ground(&down, options.height))?;
         }

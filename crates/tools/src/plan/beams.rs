@@ -15,16 +15,16 @@ const BINS: usize = 256;
 /// Share of the pulses ahead and behind that may be left out of the reach along the flight.
 const TAIL: f64 = 0.005;
 
-/// Directions of a sample of the pulses of one device, in the axes of the mount (x right, y ahead, z up).
+/// Attitudes of the beam for a sample of the pulses of one device, in the axes of the mount (x right, y ahead, z up).
 #[derive(Clone, Debug)]
 struct DeviceBeams {
-    directions: Vec<DVec3>,
+    attitudes: Vec<Rotation>,
     /// Where the beams leave, relative to the mount, m.
     offset: DVec3,
     reach: Reach,
 }
 
-/// Directions of a sample of an instrument's pulses.
+/// A sample of an instrument's pulses.
 #[derive(Clone, Debug)]
 pub(super) struct Beams {
     devices: Vec<DeviceBeams>,
@@ -49,9 +49,9 @@ impl Beams {
         for (index, (device, reach)) in devices.iter().enumerate() {
             // Channels that turn together are sampled at different angles, so that together they meet the edges of a strip.
             let first = ((index as f64 * GOLDEN).fract() * f64::from(stride)) as u32;
-            let directions = directions(device, settings, first, count, stride)?;
-            fired += directions.len() as f64;
-            beams.push(DeviceBeams { directions, offset: device.beam_origin.offset, reach: *reach });
+            let attitudes = attitudes(device, settings, first, count, stride)?;
+            fired += attitudes.len() as f64;
+            beams.push(DeviceBeams { attitudes, offset: device.beam_origin.offset, reach: *reach });
         }
         if fired == 0.0 {
             return Err("the instrument emits no pulse with these settings".to_owned());
@@ -65,15 +65,16 @@ impl Beams {
         let (mut all, mut down, mut lost) = (0.0, 0.0, Lost::default());
         for device in &self.devices {
             let above = height + mount.offset.z + mount.rotation.apply(device.offset).z;
-            all += device.directions.len() as f64;
-            for direction in &device.directions {
-                let beam = mount.rotation.apply(*direction);
+            all += device.attitudes.len() as f64;
+            for attitude in &device.attitudes {
+                let attitude = mount.rotation.after(*attitude);
+                let beam = attitude.forward();
                 if beam.z >= -1e-9 {
                     continue;
                 }
                 down += 1.0;
                 let range = above / -beam.z;
-                match device.reach.of_ground(range, -beam.z) {
+                match device.reach.of_ground(range, &attitude) {
                     Seen::Measured => places.push([beam.x * range, beam.y * range]),
                     Seen::TooNear => lost.too_near += 1.0,
                     Seen::TooFar => lost.too_far += 1.0,
@@ -84,20 +85,20 @@ impl Beams {
         Field::of(&places, all, down, lost)
     }
 
-    /// The same beams of devices that measure ground at any distance.
-    pub fn unlimited(&self) -> Beams {
-        let far = |device: &DeviceBeams| DeviceBeams { reach: Reach::UNLIMITED, ..device.clone() };
+    /// The same beams of devices that measure ground up to a range, m, however weak its echo.
+    pub fn up_to(&self, range: f64) -> Beams {
+        let far = |device: &DeviceBeams| DeviceBeams { reach: Reach::up_to(range), ..device.clone() };
         Beams { devices: self.devices.iter().map(far).collect(), ..*self }
     }
 
     /// Fewer samples of the same beams, about `count`.
     fn thinned(&self, count: usize) -> Beams {
-        let all: usize = self.devices.iter().map(|device| device.directions.len()).sum();
+        let all: usize = self.devices.iter().map(|device| device.attitudes.len()).sum();
         // Odd, as in sampling.
         let stride = all / count / 2 * 2 + 1;
         // Devices that turn together are sampled at different angles.
         let thin = |(i, device): (usize, &DeviceBeams)| DeviceBeams {
-            directions: device.directions.iter().skip(i % stride).step_by(stride).copied().collect(),
+            attitudes: device.attitudes.iter().skip(i % stride).step_by(stride).copied().collect(),
             ..*device
         };
         Beams { devices: self.devices.iter().enumerate().map(thin).collect(), ..*self }
@@ -106,22 +107,21 @@ impl Beams {
     /// The median angle between successive pulses of a device, rad; 0 if there are fewer than two.
     pub fn step_angle(&self) -> f64 {
         let Some(device) = self.devices.first() else { return 0.0 };
-        let pairs = device.directions.windows(2);
-        let mut angles: Vec<f64> =
-            pairs.map(|pair| libm::asin(pair[0].cross(pair[1]).length().min(1.0))).collect();
+        let pairs = device.attitudes.windows(2).map(|pair| [pair[0].forward(), pair[1].forward()]);
+        let mut angles: Vec<f64> = pairs.map(|[a, b]| libm::asin(a.cross(b).length().min(1.0))).collect();
         angles.sort_by(f64::total_cmp);
         angles.get(angles.len() / 2).copied().unwrap_or(0.0) / f64::from(self.stride)
     }
 }
 
-/// Directions of every `stride`-th pulse of a device after the `first` ones, as far as it fires.
-fn directions(
+/// Attitudes of the beam for every `stride`-th pulse of a device after the `first` ones, as far as it fires.
+fn attitudes(
     device: &Device,
     settings: &ScannerSettings,
     first: u32,
     count: u32,
     stride: u32,
-) -> Result<Vec<DVec3>, String> {
+) -> Result<Vec<Rotation>, String> {
     let plan = DevicePlan::new(device, Corrections::MOTION);
     let mut state = DeviceState::at_rest(&plan);
     state.start_leg(&plan, settings);
@@ -141,10 +141,10 @@ fn directions(
         state.step_head(&plan);
         state.step_deflector(&plan);
         if state.deflector.is_firing() {
-            found.push(state.emitter(&plan).after(state.deflector.rotation(&plan)).forward());
+            found.push(state.emitter(&plan).after(state.deflector.rotation(&plan)));
         }
     }
-    match found.iter().all(|direction| direction.is_finite()) {
+    match found.iter().all(|attitude| attitude.forward().is_finite()) {
         true => Ok(found),
         false => Err(state.formula_error(&plan).to_string()),
     }
@@ -338,14 +338,14 @@ mod tests {
     #[test]
     fn a_field_is_that_of_its_beams() {
         // A line of beams across, evenly spaced in angle, 30 degrees to either side.
-        let directions = (0..40_000).map(|i| {
+        let attitudes = (0..40_000).map(|i| {
             let angle = (f64::from(i) / 39_999.0 * 60.0 - 30.0).to_radians();
-            DVec3::new(libm::sin(angle), 0.0, -libm::cos(angle))
+            Rotation::between(DVec3::Y, DVec3::new(libm::sin(angle), 0.0, -libm::cos(angle)))
         });
         let mut device = vlscan_survey::catalogue().unwrap().0.scanners[0].1.devices[0].clone();
         (device.detector.range_min, device.detector.range_max) = (1.0, 113.0);
         let reach = Reach::of(&device, 1.0, 1.0);
-        let device = DeviceBeams { directions: directions.collect(), offset: DVec3::ZERO, reach };
+        let device = DeviceBeams { attitudes: attitudes.collect(), offset: DVec3::ZERO, reach };
         let beams = Beams { devices: vec![device], stride: 1, fired: 1.0 };
         let field = beams.over_ground(&Mount::IDENTITY, 100.0);
         let edge = (113.0f64 * 113.0 - 100.0 * 100.0).sqrt();

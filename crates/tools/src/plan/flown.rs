@@ -164,7 +164,7 @@ impl FlightSink for Strip<'_> {
         let range = (self.ground - pulse.origin.z) / beam.z;
         self.fired += 1.0;
         let Some(reach) = self.reaches.get(pulse.device as usize) else { return };
-        if beam.z >= 0.0 || reach.of_ground(range, -beam.z) != Seen::Measured {
+        if beam.z >= 0.0 || reach.of_ground(range, &pulse.attitude) != Seen::Measured {
             return;
         }
         self.measured += 1.0;
