@@ -28,24 +28,28 @@ impl Rotation {
     }
 
     /// Rotation by `angle` (rad) about x.
+    #[inline]
     pub fn about_x(angle: f64) -> Rotation {
         let (sin, cos) = sincos(angle * 0.5);
         Rotation { w: cos, u: DVec3::new(sin, 0.0, 0.0) }
     }
 
     /// Rotation by `angle` (rad) about y.
+    #[inline]
     pub fn about_y(angle: f64) -> Rotation {
         let (sin, cos) = sincos(angle * 0.5);
         Rotation { w: cos, u: DVec3::new(0.0, sin, 0.0) }
     }
 
     /// Rotation by `angle` (rad) about z.
+    #[inline]
     pub fn about_z(angle: f64) -> Rotation {
         let (sin, cos) = sincos(angle * 0.5);
         Rotation { w: cos, u: DVec3::new(0.0, 0.0, sin) }
     }
 
     /// `self ∘ first`: the rotation that applies `first` and then `self` (Hamilton product).
+    #[inline]
     pub fn after(&self, first: Rotation) -> Rotation {
         let (a, b) = (self, first);
         Rotation {

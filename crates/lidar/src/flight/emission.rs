@@ -29,17 +29,23 @@ impl FlightPlan {
         let since_start = since_start + offset;
         let mount = leg.mount.as_ref().unwrap_or(&self.mount);
         let (device, emitted) = (index as u32, state.pulses - 1);
-        let platform_noise = self.kinematics.attitude_noise_of_platform;
+        let (has_noise, is_of_platform) =
+            (self.noise.has_attitude(), self.kinematics.attitude_noise_of_platform);
         let with_noise = |attitude: Rotation| self.noise.apply_noise(attitude, device, emitted);
-        let noisy_platform = |pointing| if platform_noise { with_noise(pointing) } else { pointing };
+        let noisy_platform =
+            |pointing| if has_noise && is_of_platform { with_noise(pointing) } else { pointing };
         let exact_deflection = state.deflector.exact_rotation(plan);
         let deflection =
             if state.deflector.has_error() { state.deflector.rotation(plan) } else { exact_deflection };
         // Beam attitudes for a platform attitude: with mechanical errors and noise, and without.
         let beam = |pointing: Rotation| {
-            let carrier = noisy_platform(pointing).after(mount.rotation);
+            // A product in each branch: a rotation that is chosen first is copied through memory.
+            let carrier = match has_noise && is_of_platform {
+                true => with_noise(pointing).after(mount.rotation),
+                false => pointing.after(mount.rotation),
+            };
             let clean = carrier.after(state.emitter(plan)).after(deflection);
-            let attitude = if platform_noise { clean } else { with_noise(clean) };
+            let attitude = if has_noise && !is_of_platform { with_noise(clean) } else { clean };
             let exact = if plan.errors.any() {
                 pointing.after(mount.rotation).after(state.exact_emitter(plan)).after(exact_deflection)
             } else {

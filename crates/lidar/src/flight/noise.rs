@@ -37,6 +37,12 @@ impl PoseNoise {
         DVec3::new(along(0), along(1), along(2))
     }
 
+    /// Whether attitudes have noise.
+    #[inline]
+    pub fn has_attitude(&self) -> bool {
+        !matches!(self.attitude, [None, None, None])
+    }
+
     /// `attitude` with noise about x, then y, then z of its own frame; in the reference this is the beam frame.
     pub fn apply_noise(&self, attitude: Rotation, device: u32, pulse: u64) -> Rotation {
         let about: [fn(f64) -> Rotation; 3] = [Rotation::about_x, Rotation::about_y, Rotation::about_z];

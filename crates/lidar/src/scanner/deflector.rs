@@ -323,6 +323,7 @@ impl DeflectorState {
     }
 
     /// The deflection without errors.
+    #[inline]
     pub fn exact_rotation(&self, plan: &DevicePlan) -> Rotation {
         tilted(plan, self.deflection(plan))
     }

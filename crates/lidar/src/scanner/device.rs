@@ -223,8 +223,9 @@ impl DeviceState {
     }
 
     /// The emitter's attitude in the platform's mount frame: head, then emitter.
+    #[inline]
     pub fn emitter(&self, plan: &DevicePlan) -> Rotation {
-        self.head.rotation(plan).after(plan.beam_origin.rotation)
+        self.head.turned(plan, plan.beam_origin.rotation)
     }
 
     /// [`DeviceState::emitter`] without the head's error.

@@ -134,6 +134,15 @@ impl HeadState {
         }
     }
 
+    /// The rotation `first`, then that of the head.
+    #[inline]
+    pub fn turned(&self, plan: &DevicePlan, first: Rotation) -> Rotation {
+        match &self.still {
+            Some([with_error, _]) => with_error.after(first),
+            None => self.rotation(plan).after(first),
+        }
+    }
+
     pub fn rotation(&self, plan: &DevicePlan) -> Rotation {
         match &self.still {
             Some([with_error, _]) => *with_error,
