@@ -113,6 +113,18 @@ impl Model {
         Model { geometry, reach, outline }
     }
 
+    /// Box around the model at a placement, less `shift`, widened for all rounding and by up to an eighth of its size.
+    pub fn box_at(&self, placement: &Placement, shift: DVec3) -> Aabb {
+        let matrix = placement.matrix();
+        let spread = DMat3::from_cols(matrix.x_axis.abs(), matrix.y_axis.abs(), matrix.z_axis.abs());
+        let around = self.outline.iter().fold(Aabb::EMPTY, |all, cell| {
+            let (middle, half) = (placement.place(cell.centre(), shift), spread * (cell.size() * 0.5));
+            all.union(Aabb { min: middle - half, max: middle + half })
+        });
+        let margin = DVec3::splat(ROUNDING * placement.magnitude(shift, self.reach) + f64::MIN_POSITIVE);
+        Aabb { min: around.min - margin, max: around.max + margin }
+    }
+
     /// Boxes that together contain all vertices.
     pub fn outline(&self) -> &[Aabb] {
         &self.outline
@@ -244,15 +256,7 @@ impl Instances {
 
     /// Box around an instance, widened for all rounding.
     pub fn bounds_of(&self, instance: &Instance) -> Aabb {
-        let (p, model) = (&instance.placement, self.model(instance));
-        let matrix = p.matrix();
-        let spread = DMat3::from_cols(matrix.x_axis.abs(), matrix.y_axis.abs(), matrix.z_axis.abs());
-        let around = model.outline.iter().fold(Aabb::EMPTY, |all, cell| {
-            let (middle, half) = (p.place(cell.centre(), self.shift), spread * (cell.size() * 0.5));
-            all.union(Aabb { min: middle - half, max: middle + half })
-        });
-        let margin = DVec3::splat(ROUNDING * p.magnitude(self.shift, model.reach) + f64::MIN_POSITIVE);
-        Aabb { min: around.min - margin, max: around.max + margin }
+        self.model(instance).box_at(&instance.placement, self.shift)
     }
 
     /// Exact box around the placed vertices of an instance; takes time proportional to their number.

@@ -192,10 +192,13 @@ fn load_part(
             }
             continue;
         };
-        let bounds = ground::bounds_of(scene, &body);
+        let bounds = match &body {
+            Body::Instance(i) => instances::outer_bounds(&scene.meshes, *i),
+            Body::Stored(extent) => ground::bounds(&scene.geometry, extent),
+        };
         check_coordinates(scene, &id, bounds, &body, part.place.as_ref());
         frames.add(&id, part.place.as_ref(), bounds);
-        mesh::doubts::check(scene, part, files, &body, bounds);
+        mesh::doubts::check(scene, part, files, &body);
         if let Body::Stored(extent) = &body
             && !part.motions.is_empty()
         {
@@ -340,11 +343,13 @@ fn describe(part: &PartRecipe) -> String {
 }
 
 fn check_coordinates(scene: &mut SceneBuilder, id: &str, bounds: Aabb, body: &Body, place: Option<&Place>) {
-    if matches!(body, Body::Instance(i) if instances::is_near(&scene.meshes, *i)) {
+    let reach = |bounds: Aabb| bounds.min.abs().max(bounds.max.abs()).max_element();
+    let is_far = |reach: f64| reach.is_nan() || reach > MAX_COORDINATE;
+    if !is_far(reach(bounds)) {
         return;
     }
-    let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
-    if reach.is_nan() || reach > MAX_COORDINATE {
+    let reach = reach(ground::bounds_of(scene, body));
+    if is_far(reach) {
         let message = format!(
             "part \"{id}\" reaches {reach:e} m after its transforms; at most {MAX_COORDINATE:e} m can be computed"
         );

@@ -3,7 +3,7 @@
 //! scene states unit or axis.
 
 use crate::builder::SceneBuilder;
-use crate::ground::Body;
+use crate::ground::{Body, bounds_of};
 use std::path::PathBuf;
 use vlscan_base::diag::Place;
 use vlscan_base::quantity::metres;
@@ -19,21 +19,14 @@ const PLAUSIBLE_HEIGHTS: std::ops::RangeInclusive<f64> = 0.2..=150.0;
 /// Width and depth from which a thin sheet is doubted, m.
 const MIN_SHEET: f64 = 100.0;
 
-/// Warns of a part whose mesh is probably in another unit or lies on its side, once for each file. `bounds` is the box of the
-/// part, world frame.
-pub(crate) fn check(
-    scene: &mut SceneBuilder,
-    part: &PartRecipe,
-    files: &[PathBuf],
-    body: &Body,
-    bounds: Aabb,
-) {
+/// Warns of a part whose mesh is probably in another unit or lies on its side, once for each file.
+pub(crate) fn check(scene: &mut SceneBuilder, part: &PartRecipe, files: &[PathBuf], body: &Body) {
     let (Loader::MeshFiles { reading, .. }, [file]) = (&part.loader, files) else { return };
     if reading.unit_m.is_some() && reading.up.is_some() || !scene.doubted.insert(file.clone()) {
         return;
     }
     let place = Some(Place::of_file(file));
-    if let (None, Some(message)) = (reading.unit_m, unit_doubt(bounds.size())) {
+    if let (None, Some(message)) = (reading.unit_m, unit_doubt(bounds_of(scene, body).size())) {
         scene.diagnostics.warn(place.clone(), message).help(
             "`unit` of its loader converts it (unit = \"mm\", <param type=\"string\" key=\"unit\" value=\"mm\"/>); \"m\" confirms metres",
         );
