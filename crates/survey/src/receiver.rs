@@ -56,8 +56,12 @@ pub(super) fn change_receiver(fields: &mut Fields, receiver: &mut Receiver) {
     receiver.saturation = fields.optional(K.saturation_w).or(receiver.saturation);
     fields.set(K.range_walk_m, &mut receiver.range_walk);
     receiver.digitiser_clock = fields.flag(K.digitiser_clock, receiver.digitiser_clock);
-    let detectors =
-        [("peak", Ranging::Peak), ("centroid", Ranging::Centroid), ("gaussian", Ranging::Gaussian)];
+    let detectors = [
+        ("peak", Ranging::Peak),
+        ("centroid", Ranging::Centroid),
+        ("gaussian", Ranging::Gaussian),
+        ("photons", Ranging::Photons),
+    ];
     receiver.ranging = fields.choice(K.detector, &detectors, None).unwrap_or(receiver.ranging);
     change_range_noise(fields, receiver);
     if fields.has(K.threshold_photons) {
@@ -67,6 +71,26 @@ pub(super) fn change_receiver(fields: &mut Fields, receiver: &mut Receiver) {
     fields.set(K.dropout_rate, &mut receiver.dropout_rate);
     fields.set(K.dead_time_ns, &mut receiver.dead_time);
     fields.set(K.range_step_m, &mut receiver.range_step);
+    check_counter(fields, receiver);
+}
+
+/// Checks what a receiver that counts photons needs, and warns of what it has not.
+fn check_counter(fields: &Fields, receiver: &Receiver) {
+    if receiver.ranging != Ranging::Photons {
+        return;
+    }
+    if receiver.threshold_photons.is_none() && fields.has(K.detector) {
+        let needed = fields.name(K.threshold_photons);
+        fields.error(
+            K.detector,
+            &format!("\"photons\" needs `{needed}`, the photoelectrons of an echo at the threshold"),
+        );
+    }
+    for key in [K.nep_w, K.snr, K.bandwidth_hz, K.saturation_w, K.range_walk_m] {
+        if fields.has(key) {
+            fields.warn_of_effect(key, "with detector \"photons\": such a receiver has no amplifier");
+        }
+    }
 }
 
 /// Noise of ranges by strength; an accuracy that is stated instead replaces that of an inherited scanner.

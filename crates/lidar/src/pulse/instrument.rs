@@ -8,6 +8,7 @@ use super::footprint::Footprint;
 use super::noise::{ReceiverNoise, signal_to_noise};
 use super::options::PhysicsOptions;
 use super::peaks::Peaks;
+use super::photon_counter::PhotonCounter;
 use super::receiver::{ReceiverModel, receiver_noise};
 use super::sampled;
 use super::selection::ReturnSelection;
@@ -23,7 +24,9 @@ use vlscan_base::corrections::Corrections;
 use vlscan_base::quantity::number;
 use vlscan_base::{Error, Result};
 use vlscan_geom::LIGHT_SPEED;
-use vlscan_survey::{Beam, Device, Formula, RangeNoise, Receiver, ReferenceTarget, ScannerSettings, Survey};
+use vlscan_survey::{
+    Beam, Device, Formula, RangeNoise, Ranging, Receiver, ReferenceTarget, ScannerSettings, Survey,
+};
 use vlscan_trace::simd::portable::Portable;
 
 /// Maximum number of rings of subrays: 512 rings are 822,000 rays per pulse.
@@ -33,6 +36,8 @@ const MAX_RINGS: u32 = 512;
 const DEFAULT_THRESHOLD: f64 = 1e-4;
 /// Cosine of the angle of incidence below which the depth of a footprint grows no more: 84°.
 const MIN_INCIDENCE_COSINE: f64 = 0.1;
+/// Longest travel time of photons that count, 150,000 km.
+const MAX_WINDOW_NS: f64 = 1e9;
 const MAX_PULSE_BINS: f64 = (1u32 << 20) as f64;
 
 /// A device with one divergence.
@@ -60,6 +65,8 @@ pub(super) struct Instrument {
     pub waveform_noise: WaveformNoise,
     /// The receiver, if it is not ideal.
     pub receiver: Option<ReceiverModel>,
+    /// The receiver, if it counts photons.
+    pub counter: Option<PhotonCounter>,
 }
 
 impl Instrument {
@@ -88,18 +95,28 @@ impl Instrument {
                 Energy::new(BeamState { frequency, ..state }, subrays.len(), context.multi_channel, o);
             energy.of_beam(subrays.len(), target.range) * target.reflectance * shape.top
         };
-        let noise = receiver_noise(receiver, &shape, amplitude_of);
+        let counts_photons = receiver.ranging == Ranging::Photons;
+        let noise = if counts_photons { None } else { receiver_noise(receiver, &shape, amplitude_of) };
         let is_noisy = noise.is_some();
         let rule = peak_rule(device, &c);
         let stated = threshold(device, receiver, noise.as_ref(), &rule, amplitude_of);
         let max_returns = device.detector.max_returns;
-        let selection = ReturnSelection::new(receiver, stated, max_returns, o.seed);
+        let of_returns = match counts_photons {
+            true => Receiver { threshold_photons: None, dead_time: 0.0, ..receiver.clone() },
+            false => receiver.clone(),
+        };
+        let selection = ReturnSelection::new(&of_returns, stated, max_returns, o.seed);
         let lowest = selection.as_ref().map_or(1.0, ReturnSelection::lowest_share);
         // Echoes count until the next pulse.
         let farthest = device.detector.range_max.min(LIGHT_SPEED * 0.5e9 / frequency);
         let gate = (device.detector.range_min / light_speed, farthest / light_speed);
-        let model = ReceiverModel::new(receiver, noise, &shape, stated, gate, o.seed)
-            .map_err(|problem| Error::input(format!("device {}: {problem}", device.id)))?;
+        let named = |problem| Error::input(format!("device {}: {problem}", device.id));
+        let model = ReceiverModel::new(receiver, noise, &shape, stated, gate, o.seed).map_err(named)?;
+        // Instruments that count photons know which pulse they belong to, where their window is stated.
+        let limit = device.detector.range_max / light_speed;
+        let window = (gate.0, if limit < MAX_WINDOW_NS { limit } else { gate.1 }.max(gate.0));
+        let counter =
+            PhotonCounter::new(receiver, &shape, stated, (window, max_returns), o.seed).map_err(named)?;
         let rule =
             PeakRule { threshold: model.as_ref().map_or(stated, ReceiverModel::threshold) * lowest, ..rule };
         let waveform_noise = match (o.waveform_noise, c.receiver) {
@@ -113,6 +130,7 @@ impl Instrument {
             }
         };
         let has_fast_path = model.is_none()
+            && counter.is_none()
             && receiver.pulse_shape.is_none()
             && !receiver.digitiser_clock
             && !o.echo_width
@@ -144,6 +162,7 @@ impl Instrument {
             distance_error: device.detector.distance_error.clone(),
             waveform_noise,
             receiver: model,
+            counter,
         })
     }
 }

@@ -15,6 +15,7 @@
 //! | `single_bin`, `cluster`, `pulse_starts` | returns without a waveform |
 //! | `shape`, `sampled`, `waveform` | the outgoing pulse and the received waveform |
 //! | `receiver`, `noise`, `ranging`, `selection` | receivers that are not ideal: noise, ranging, photon statistics, dead time |
+//! | `photon_counter` | receivers that count single photons |
 //! | `maximum` | time and height of an echo between its samples |
 //! | `detector_settings`, `peak_detection`, `peaks`, `fit`, `recorded` | detection settings; returns of simulated, recorded waveforms |
 //! | `sources`, `range_noise` | true causes of echoes; noise of ranges |
@@ -37,6 +38,7 @@ mod noise;
 mod options;
 mod peak_detection;
 mod peaks;
+mod photon_counter;
 mod physics;
 mod pulse_starts;
 mod range_noise;

@@ -37,7 +37,7 @@ impl RangeReader {
     /// none.
     pub fn new(ranging: Ranging, width: f64, pulse: impl Fn(i64, f64) -> f64) -> Option<RangeReader> {
         let method = match ranging {
-            Ranging::Peak => return None,
+            Ranging::Peak | Ranging::Photons => return None,
             Ranging::Centroid => Method::Centroid,
             Ranging::Gaussian => Method::Gaussian,
         };

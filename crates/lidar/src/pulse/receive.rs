@@ -7,6 +7,7 @@ use super::echo::{Echo, EchoTruth, PulseRecord, WaveformRecord};
 use super::foliage::FreePaths;
 use super::instrument::Instrument;
 use super::peak_detection::{attribute, detect};
+use super::photon_counter::PhotonCounter;
 use super::physics::Physics;
 use super::receiver::ReceiverModel;
 use super::reflect::ReflectScratch;
@@ -88,7 +89,10 @@ impl Detection {
             FreePaths { stream: physics.free_paths, device: pulse.device, pulse: pulse.number, drawn: 0 };
         view.reflect(instrument, (traced, gains), &mut paths, &mut self.scratch, &mut self.reflections);
         let model = instrument.receiver.as_ref();
-        if self.reflections.is_empty() && !model.is_some_and(ReceiverModel::has_false_alarms) {
+        let counter = instrument.counter.as_ref();
+        let is_idle = !model.is_some_and(ReceiverModel::has_false_alarms)
+            && !counter.is_some_and(PhotonCounter::has_background);
+        if self.reflections.is_empty() && is_idle {
             return Ok(());
         }
         self.profile.sort_by_range(simd, &self.reflections, corrections.sum_equal_ranges);
@@ -124,7 +128,10 @@ impl Detection {
                 output = &self.saturated;
             }
             let fitted = options.echo_width.then_some(output);
-            detect(simd, &self.waveform, (detector, model), fitted, is_kept, &mut self.returns);
+            match counter {
+                Some(counter) => counter.count(&self.waveform, detector, draw, is_kept, &mut self.returns),
+                None => detect(simd, &self.waveform, (detector, model), fitted, is_kept, &mut self.returns),
+            }
             if let Some(model) = model {
                 model.add_false_alarms(&self.waveform, detector, draw, &mut self.returns);
             }

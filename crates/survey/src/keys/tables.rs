@@ -298,8 +298,8 @@ keys! {
         /// Samples lie on a grid of bins counted from the emission, instead of beginning with the first return; refined
         /// physics. Default: false.
         digitiser_clock = "digitiserClock", With("receiver");
-        /// How the range of an echo is read from the waveform: `peak` (the default), `centroid` or `gaussian` (fit); refined
-        /// physics.
+        /// How the range of an echo is read from the waveform: `peak` (the default), `centroid` or `gaussian` (fit); or `photons`: every
+        /// photoelectron is a return of its own; refined physics.
         detector = "detector", With("receiver");
         /// Standard deviation of the range by the strength of the echo, instead of `accuracy_m`: `{ constant_m = 0.005, shot_m =
         /// 0.02, amplifier_m = 0.01 }`; refined physics.

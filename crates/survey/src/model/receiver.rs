@@ -42,7 +42,7 @@ pub struct Receiver {
     pub threshold_photons: Option<u32>,
     /// Share of echoes that are lost whatever their strength.
     pub dropout_rate: f64,
-    /// Time after an echo during which no other one is detected, ns.
+    /// Time after an echo, or of [`Ranging::Photons`] after a photon, during which no other one is detected, ns.
     pub dead_time: f64,
     /// Step of the ranges that are reported, m; 0 = any range.
     pub range_step: f64,
@@ -132,6 +132,8 @@ pub enum Ranging {
     Centroid,
     /// The maximum of a Gaussian fitted to the samples around the peak.
     Gaussian,
+    /// None: every photoelectron is a return of its own.
+    Photons,
 }
 
 /// Full width at half maximum of x²e^(−x), whose half-power points are −2W₀(−1/(√2·e)) and −2W₋₁(−1/(√2·e)).

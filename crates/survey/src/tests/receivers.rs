@@ -359,6 +359,24 @@ fn noise_by_strength_photons_dead_time_and_steps() {
 }
 
 #[test]
+fn receivers_that_count_photons() {
+    let expected = Receiver {
+        ranging: Ranging::Photons,
+        threshold_photons: Some(1),
+        dead_time: 3.0,
+        ..Receiver::default()
+    };
+    let keys = "detector = \"photons\"\nthreshold_photons = 1\ndead_time_ns = 3\n";
+    assert_eq!(fine(of_toml(keys))[0].receiver, expected);
+    let attributes = "detector='photons' thresholdPhotons='1' deadTime_ns='3'";
+    assert_eq!(fine(of_xml(attributes, "", ""))[0].receiver, expected);
+    let error = report(&of_toml("detector = \"photons\"\n").unwrap_err());
+    assert!(error.contains("needs `threshold_photons`"), "{error}");
+    let (_, warnings) = of_toml("detector = \"photons\"\nthreshold_photons = 1\nnep_w = 1e-9\n").unwrap();
+    assert!(warnings.render(false).contains("no amplifier"), "{}", warnings.render(false));
+}
+
+#[test]
 fn channels_are_listed_by_the_angles_of_their_beams() {
     let beams = |devices: &[Device]| -> Vec<[f64; 5]> {
         let of = |device: &Device| {

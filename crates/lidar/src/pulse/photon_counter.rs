@@ -1,0 +1,288 @@
+//! Receivers that count single photons: every photoelectron is a return of its own.
+//!
+//! The photoelectrons of a waveform form a Poisson process whose rate follows the light that is received, with a constant rate of
+//! background light under it (Goodman 2015, *Statistical Optics*, §9). After an event the receiver is blind for its dead time, whatever
+//! arrives meanwhile (non-paralysable). The process has no memory, so that events are drawn one after the other: the mean number of
+//! photoelectrons between an event, or the end of its dead time, and the next one has the exponential distribution of mean 1. Pixels
+//! that share the light are channels of the scanner.
+
+use super::detector_settings::{DetectorSettings, Return};
+use super::shape::PulseShape;
+use super::waveform::Waveform;
+use vlscan_base::rng::{self, Purpose, Stream};
+use vlscan_survey::{Ranging, Receiver};
+
+/// Elementary charge, C.
+const ELECTRON: f64 = 1.602_176_634e-19;
+/// Most events per pulse; instruments have buffers of such a size.
+const MAX_EVENTS: u32 = 4096;
+/// Most background photoelectrons per pulse, on average.
+const MAX_BACKGROUND: f64 = 10_000.0;
+
+/// Detection by single photoelectrons.
+#[derive(Clone, Debug)]
+pub(super) struct PhotonCounter {
+    /// Photoelectrons per nanosecond and amplitude.
+    per_light: f64,
+    /// Photoelectrons of background light per nanosecond.
+    background: f64,
+    /// Amplitude of an echo of one photoelectron, on average.
+    amplitude: f64,
+    /// Travel times between which photons count, ns.
+    gate: (f64, f64),
+    dead_time: f64,
+    max_returns: usize,
+    stream: Stream,
+}
+
+/// A time from which on light comes at a constant rate.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    from: f64,
+    /// Photoelectrons of the echo per ns.
+    light: f64,
+    /// Mean number of photoelectrons before it.
+    before: f64,
+}
+
+impl PhotonCounter {
+    /// The counter of a receiver with the detection threshold `threshold`; `None` if it detects echoes. `gate` are the travel times
+    /// between which photons count, ns; 0 `max_returns` are any number.
+    ///
+    /// # Errors
+    /// A message if there is no threshold that tells how many photoelectrons an echo has, or too much background light.
+    pub fn new(
+        receiver: &Receiver,
+        shape: &PulseShape,
+        threshold: f64,
+        (gate, max_returns): ((f64, f64), u32),
+        seed: u64,
+    ) -> Result<Option<PhotonCounter>, String> {
+        if receiver.ranging != Ranging::Photons {
+            return Ok(None);
+        }
+        let photons = f64::from(receiver.threshold_photons.unwrap_or(1));
+        if !(threshold > 0.0 && threshold.is_finite()) {
+            return Err("a receiver that counts photons needs a threshold above 0, which tells how bright an echo of \
+                        `threshold_photons` is; state `max_range`"
+                .to_owned());
+        }
+        // The light of an echo whose peak is at the threshold.
+        let light = threshold * shape.samples.iter().sum::<f64>() * shape.bin / shape.top;
+        let background = receiver.shot.map_or(0.0, |s| s.background * s.responsivity / ELECTRON * 1e-9);
+        let expected = background * (gate.1 - gate.0);
+        if expected > MAX_BACKGROUND {
+            return Err(format!(
+                "background light of {:.1e} photoelectrons a second makes about {expected:.0} returns per pulse, at most \
+                 {MAX_BACKGROUND} are allowed; lower `background_w` or limit the range",
+                background * 1e9
+            ));
+        }
+        Ok(Some(PhotonCounter {
+            per_light: photons / light,
+            background,
+            amplitude: threshold / photons,
+            gate,
+            dead_time: receiver.dead_time,
+            max_returns: if max_returns > 0 { max_returns as usize } else { usize::MAX },
+            stream: Stream::new(seed, Purpose::PhotonCount),
+        }))
+    }
+
+    /// Whether pulses have returns without reflections.
+    pub fn has_background(&self) -> bool {
+        self.background > 0.0
+    }
+
+    /// Appends the photons of a pulse by range, each as a return.
+    pub fn count(
+        &self,
+        waveform: &Waveform,
+        detector: &DetectorSettings,
+        (device, pulse): (u32, u64),
+        is_kept: impl Fn(f64) -> bool,
+        returns: &mut Vec<Return>,
+    ) {
+        let (pieces, total) = self.pieces(waveform, detector.shape.bin);
+        let mut reached = 0.0;
+        for event in 0..MAX_EVENTS {
+            let draw = self.stream.bits(device, pulse, event);
+            reached -= libm::log(rng::open_unit(draw[0], draw[1]));
+            if reached >= total || returns.len() == self.max_returns {
+                break;
+            }
+            let piece = pieces[pieces.partition_point(|piece| piece.before <= reached).saturating_sub(1)];
+            let rate = piece.light + self.background;
+            let time = piece.from + (reached - piece.before) / rate;
+            let is_noise = rng::open_unit(draw[2], draw[3]) * rate > piece.light;
+            let range = detector.light_speed * time;
+            if is_kept(range) {
+                returns.push(Return { range, amplitude: self.amplitude, width: 0.0, is_noise });
+            }
+            if self.dead_time > 0.0 {
+                reached = reached.max(self.mean_before(&pieces, time + self.dead_time));
+            }
+        }
+    }
+
+    /// The rate of photoelectrons within the gate, in pieces, and their mean number.
+    fn pieces(&self, waveform: &Waveform, bin: f64) -> (Vec<Piece>, f64) {
+        let (begin, end) = self.gate;
+        let mut pieces = vec![Piece { from: begin, light: 0.0, before: 0.0 }];
+        let mut add = |from: f64, light: f64| {
+            let from = from.clamp(begin, end);
+            let last = pieces[pieces.len() - 1];
+            let before = last.before + (from - last.from).max(0.0) * (last.light + self.background);
+            pieces.push(Piece { from: from.max(last.from), light, before });
+        };
+        for (first, samples) in waveform.segments() {
+            // A sample stands for the bin around it.
+            let time = |k: usize| waveform.start + (first as f64 + k as f64 - 0.5) * bin;
+            samples.iter().enumerate().for_each(|(k, sample)| add(time(k), sample.max(0.0) * self.per_light));
+            add(time(samples.len()), 0.0);
+        }
+        add(end, 0.0);
+        let total = pieces[pieces.len() - 1].before;
+        (pieces, total)
+    }
+
+    /// Mean number of photoelectrons before a time.
+    fn mean_before(&self, pieces: &[Piece], time: f64) -> f64 {
+        let piece = pieces[pieces.partition_point(|piece| piece.from <= time).saturating_sub(1)];
+        piece.before + (time - piece.from).max(0.0) * (piece.light + self.background)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pulse::PhysicsOptions;
+    use crate::pulse::instrument::InstrumentTable;
+    use crate::pulse::testkit::{received, survey, tls_device};
+    use vlscan_survey::ShotNoise;
+
+    const LIGHT: f64 = vlscan_geom::LIGHT_SPEED * 0.5;
+
+    /// A detector of refined physics, with a pulse of 4 ns.
+    fn refined() -> DetectorSettings {
+        let table = InstrumentTable::new(&survey(vec![tls_device(4.0)]), &PhysicsOptions::refined()).unwrap();
+        table.instrument(0, 0).unwrap().detector.clone()
+    }
+
+    fn counter(receiver: &Receiver, shape: &PulseShape, gate: (f64, f64)) -> PhotonCounter {
+        let receiver = Receiver { ranging: Ranging::Photons, ..receiver.clone() };
+        PhotonCounter::new(&receiver, shape, 2.0, (gate, 0), 5).unwrap().unwrap()
+    }
+
+    /// Ranges of the photons of `n` pulses from a target at 30 m with `mean` photoelectrons.
+    fn photons(receiver: &Receiver, mean: f64, n: u64) -> Vec<Vec<Return>> {
+        let detector = refined();
+        let counter = counter(receiver, &detector.shape, (20.0 / LIGHT, 40.0 / LIGHT));
+        // One photoelectron at the threshold.
+        let waveform = received(&[(30.0, 2.0 * mean / detector.shape.top)], &detector);
+        let of = |pulse: u64| {
+            let mut found = Vec::new();
+            counter.count(&waveform, &detector, (0, pulse), |_| true, &mut found);
+            found
+        };
+        (0..n).map(of).collect()
+    }
+
+    #[test]
+    fn photons_have_the_number_the_place_and_the_width_of_the_echo() {
+        let n = 20_000;
+        for mean in [0.3, 2.5] {
+            let found = photons(&Receiver::default(), mean, n);
+            let counts: Vec<f64> = found.iter().map(|f| f.len() as f64).collect();
+            let average = counts.iter().sum::<f64>() / n as f64;
+            let variance = counts.iter().map(|c| (c - average).powi(2)).sum::<f64>() / n as f64;
+            let sigma = (mean / n as f64).sqrt();
+            assert!((average - mean).abs() < 4.0 * sigma, "{average}");
+            // Poisson: the variance is the mean; that of the variance is (mean + 2·mean²)/n.
+            assert!(
+                (variance - mean).abs() < 4.0 * ((mean + 2.0 * mean * mean) / n as f64).sqrt(),
+                "{variance}"
+            );
+            let ranges: Vec<f64> = found.iter().flatten().map(|r| r.range - 30.0).collect();
+            let count = ranges.len() as f64;
+            let bias = ranges.iter().sum::<f64>() / count;
+            // A raised cosine of the duration T has the variance T²·(1/12 − 1/(2π²)).
+            let duration = 2.0 * vlscan_survey::width_of_pulse_length(4.0) * LIGHT;
+            let width = duration * (1.0 / 12.0 - 0.5 / std::f64::consts::PI.powi(2)).sqrt();
+            let spread = (ranges.iter().map(|r| (r - bias).powi(2)).sum::<f64>() / count).sqrt();
+            assert!(bias.abs() < 4.0 * width / count.sqrt(), "{bias}");
+            assert!((spread / width - 1.0).abs() < 0.02, "{spread} {width}");
+            assert!(found.iter().flatten().all(|r| !r.is_noise && r.amplitude == 2.0));
+        }
+    }
+
+    #[test]
+    fn the_receiver_is_blind_after_a_photon() {
+        let near = |dead_time: f64| {
+            let found = photons(&Receiver { dead_time, ..Receiver::default() }, 5.0, 4000);
+            let close =
+                |f: &Vec<Return>| f.windows(2).filter(|p| p[1].range - p[0].range < 3.0 * LIGHT).count();
+            found.iter().map(close).sum::<usize>()
+        };
+        assert_eq!(near(3.0), 0);
+        assert!(near(0.0) > 1000);
+    }
+
+    #[test]
+    fn constant_light_is_counted_at_the_non_paralysable_rate() {
+        // Background of rate r with dead time d: r/(1 + r·d) events per time (Müller 1973).
+        let detector = refined();
+        let shot = Some(ShotNoise { background: 1e-9, responsivity: ELECTRON * 1e9 * 0.2 * 1e9 });
+        for (dead_time, expected) in [(0.0, 200.0), (10.0, 200.0 / 3.0)] {
+            let receiver = Receiver { shot, dead_time, ..Receiver::default() };
+            let counter = counter(&receiver, &detector.shape, (100.0, 1100.0));
+            let (dark, mut sum) = (received(&[], &detector), 0.0);
+            for pulse in 0..500 {
+                let mut found = Vec::new();
+                counter.count(&dark, &detector, (1, pulse), |_| true, &mut found);
+                assert!(
+                    found.iter().all(|r| r.is_noise && (100.0 * LIGHT..1100.0 * LIGHT).contains(&r.range))
+                );
+                sum += found.len() as f64;
+            }
+            assert!((sum / 500.0 / expected - 1.0).abs() < 0.02, "{} for {expected}", sum / 500.0);
+        }
+    }
+
+    #[test]
+    fn photons_from_beyond_the_next_pulse_count_within_the_stated_window() {
+        // 490 km away at 10 kHz; without a window, a range beyond the next pulse has no photons.
+        for (range_max, expected) in [(490_020.0, 5.0), (f64::INFINITY, 0.0)] {
+            let mut device = tls_device(4.0);
+            (device.detector.range_min, device.detector.range_max) = (489_980.0, range_max);
+            device.detector.threshold = 1e-9;
+            device.detector.threshold_given = true;
+            device.receiver.ranging = Ranging::Photons;
+            let table = InstrumentTable::new(&survey(vec![device]), &PhysicsOptions::refined()).unwrap();
+            let instrument = table.instrument(0, 0).unwrap();
+            let (counter, detector) = (instrument.counter.as_ref().unwrap(), &instrument.detector);
+            let waveform =
+                received(&[(490_000.0, 5.0 * detector.rule.threshold / detector.shape.top)], detector);
+            let mut sum = 0.0;
+            for pulse in 0..400 {
+                let mut found = Vec::new();
+                counter.count(&waveform, detector, (0, pulse), |_| true, &mut found);
+                sum += found.len() as f64 / 400.0;
+            }
+            assert!((sum - expected).abs() < 0.5, "{sum} for {expected}");
+        }
+    }
+
+    #[test]
+    fn impossible_counters_are_named() {
+        let shape = PulseShape::raised_cosine(4.0, 0.1);
+        let of = |receiver: Receiver, threshold: f64| {
+            PhotonCounter::new(&receiver, &shape, threshold, ((0.0, 1e6), 0), 1)
+        };
+        assert!(of(Receiver::default(), 2.0).unwrap().is_none());
+        let photons = Receiver { ranging: Ranging::Photons, ..Receiver::default() };
+        assert!(of(photons.clone(), 0.0).unwrap_err().contains("max_range"));
+        let shot = Some(ShotNoise { background: 1e-6, responsivity: 0.5 });
+        assert!(of(Receiver { shot, ..photons }, 2.0).unwrap_err().contains("background_w"));
+    }
+}

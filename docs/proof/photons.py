@@ -1,0 +1,206 @@
+"""Holds a simulated photon-counting receiver against recorded photons: python photons.py VLSCAN FOLDER OUT
+
+FOLDER holds *_photons.parquet, *_segments.parquet and *_background.parquet of a beam of ICESat-2 ATL03. The segments (20 m) with even
+numbers are fitted: photons per shot, dead time of a pixel, spread of the surface. The segments with odd numbers are compared with as many
+simulated shots over a rough plane. Chance is the comparison of the even with the odd ones. Writes OUT/figures.md.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+
+LIGHT = 0.299792458  # m/ns
+PIXELS = 4  # of a weak beam; channels 57 to 60 and 117 to 120 are two timers of the same ones
+CHANNELS_PER_TIMER = 60
+FOOTPRINT = 11.0  # diameter at 1/e², m (Magruder et al. 2020)
+SPACING = 0.7  # of shots along the track, m
+NEAR = 1.0  # photons so close to the surface are of its echo, m
+WINDOW = 15.0  # others are counted so far from it, m
+SHOTS = 4000  # that are simulated
+HEIGHT = 490e3  # of the instrument, m
+REFLECTANCE = 0.3  # any: the photons of an echo are fitted
+# Standard deviation of a raised cosine over its full width at half maximum, and quartiles of a normal distribution.
+COSINE = 2 * np.sqrt(1 / 12 - 0.5 / np.pi**2)
+QUARTILES = 1.3489795
+
+
+def table(folder, kind):
+    (path,) = Path(folder).glob(f"*_{kind}.parquet")
+    return {name: np.array(column) for name, column in pq.read_table(path).to_pydict().items()}
+
+
+class Photons:
+    """Heights over the surface (m), pixels and shots of photons, and the number of shots that were fired."""
+
+    def __init__(self, height, pixel, shot, fired):
+        self.height, self.pixel, self.shot, self.fired = height, pixel, shot, fired
+
+    def of_surface(self):
+        near = np.abs(self.height) < NEAR
+        return Photons(self.height[near], self.pixel[near], self.shot[near], self.fired)
+
+    def level(self):
+        """Photons of the surface per shot, and standard deviation of their heights by the quartiles, m."""
+        near = self.of_surface()
+        return len(near.shot) / self.fired, np.subtract(*np.percentile(near.height, [75, 25])) / QUARTILES
+
+    def counts(self):
+        """Share of the shots with 0, 1, 2 … photons of the surface."""
+        _, lit = np.unique(self.of_surface().shot, return_counts=True)
+        counts = np.bincount(lit, minlength=12)[:12].astype(float)
+        counts[0] = self.fired - len(lit)
+        return counts / self.fired
+
+    def pairs(self):
+        """Distances of all pairs of photons of a shot, and whether both are of one pixel."""
+        found = []
+        near = self.of_surface()
+        order = np.argsort(near.shot, kind="stable")
+        for group in np.split(order, np.flatnonzero(np.diff(near.shot[order])) + 1):
+            for i, a in enumerate(group):
+                found += [(abs(near.height[a] - near.height[b]), near.pixel[a] == near.pixel[b]) for b in group[:i]]
+        distance, same = np.array(found).T
+        return distance, same > 0.5
+
+    def figures(self, dead):
+        """Name, value and format of all figures."""
+        near, (distance, same) = self.of_surface(), self.pairs()
+        counts = self.counts()
+        quartiles = np.subtract(*np.percentile(near.height, [75, 25]))
+        rows = [("photons of the surface per shot", len(near.shot) / self.fired, "{:.3f}")]
+        rows.append(("variance of their number", float(np.dot(counts, np.arange(12) ** 2) - np.dot(counts, np.arange(12)) ** 2), "{:.2f}"))
+        rows += [(f"shots with {n} photons, %", 100 * counts[n], "{:.1f}") for n in range(6)]
+        rows.append(("quartiles of heights, m", quartiles, "{:.3f}"))
+        rows.append(("5 % to 95 % of heights, m", np.subtract(*np.percentile(near.height, [95, 5])), "{:.3f}"))
+        rows.append(("pairs of one pixel, % of all", 100 * same.mean(), "{:.1f}"))
+        rows.append((f"of these closer than {dead:.2f} m, %", 100 * (distance[same] < dead).mean(), "{:.1f}"))
+        rows.append((f"pairs of two pixels closer than {dead:.2f} m, %", 100 * (distance[~same] < dead).mean(), "{:.1f}"))
+        rows.append(("median distance of these pairs, m", np.median(distance[~same]), "{:.3f}"))
+        far = (np.abs(self.height) >= NEAR) & (np.abs(self.height) < WINDOW)
+        above, below = (far & (self.height > 0)).sum(), (far & (self.height < 0)).sum()
+        rows.append((f"photons {NEAR:.0f} to {WINDOW:.0f} m above the surface, per 1000 shots", 1000 * above / self.fired, "{:.1f}"))
+        rows.append((f"photons {NEAR:.0f} to {WINDOW:.0f} m below it, per 1000 shots", 1000 * below / self.fired, "{:.1f}"))
+        return rows
+
+
+def recorded(folder):
+    """Photons of the even and the odd segments, mean width of the pulses (ns) and rate of background (Hz)."""
+    photons, segments = table(folder, "photons"), table(folder, "segments")
+    background = table(folder, "background")
+    number = np.zeros(len(photons["h_ph"]), int)
+    for i, (begin, count) in enumerate(zip(segments["ph_index_beg"], segments["segment_ph_cnt"])):
+        first = begin - segments["ph_index_beg"][0]
+        number[first : first + count] = i
+    shot = photons["pce_mframe_cnt"].astype(np.int64) * 1000 + photons["ph_id_pulse"]
+    height = np.zeros(len(number))
+    for i in np.unique(number):
+        own = number == i
+        way, h = photons["dist_ph_along"][own], photons["h_ph"][own]
+        # A line through the surface of the segment, by the photons that are near it.
+        near = np.abs(h - np.median(h)) < 2 * NEAR
+        for _ in range(5):
+            line = np.polyfit(way[near], h[near], 1)
+            residual = h - np.polyval(line, way)
+            near = np.abs(residual) < 3 * max(np.subtract(*np.percentile(residual[near], [75, 25])) / QUARTILES, 0.05)
+        height[own] = residual
+    pixel = photons["ph_id_channel"] % CHANNELS_PER_TIMER
+    halves = []
+    for half in range(2):
+        own = number % 2 == half
+        fired = round(segments["segment_length"][half::2].sum() / SPACING)
+        halves.append(Photons(height[own], pixel[own], shot[own], fired))
+    time = photons["delta_time"]
+    during = (background["delta_time"] >= time.min()) & (background["delta_time"] <= time.max())
+    rate = np.median(background["bckgrd_rate"][during])
+    return halves, segments["tx_pulse_width_lower"].mean() * 1e9, rate
+
+
+def simulated(vlscan, out, mean, dead_ns, roughness, width, background, shots):
+    """Photons of simulated shots over a plane with that standard deviation of heights, m."""
+    random = np.random.default_rng(1)
+    steps = np.arange(-12, 12.01, 0.5)
+    heights = random.normal(0, roughness, (len(steps), len(steps)))
+    lines = ["mtllib ice.mtl", "usemtl ice"]
+    lines += [f"v {x} {y} {heights[i, j]:.4f}" for i, x in enumerate(steps) for j, y in enumerate(steps)]
+    n = len(steps)
+    for i in range(n - 1):
+        for j in range(n - 1):
+            a, b = i * n + j + 1, (i + 1) * n + j + 1
+            lines += [f"f {a} {b} {b + 1}", f"f {a} {b + 1} {a + 1}"]
+    (out / "ice.obj").write_text("\n".join(lines) + "\n")
+    (out / "ice.mtl").write_text(f"newmtl ice\nhelios_reflectance {REFLECTANCE}\n")
+    channels = "\n".join(f'[[scanner.channel]]\nid = "{pixel}"' for pixel in range(PIXELS))
+    (out / "shots.toml").write_text(
+        f"""scene = "ice.obj"
+[platform]
+kind = "static"
+mount = {{ rotate_deg = [{{ x = -90 }}] }}
+[scanner]
+id = "counter"
+optics = "conic"
+pulse_freqs_hz = [10000]
+wavelength_nm = 532
+beam_divergence_rad = {FOOTPRINT / HEIGHT}
+pulse_fwhm_ns = {width}
+pulse_energy_uj = 27
+receiver_diameter_m = 0.8
+visibility_km = 1e6
+range_min_m = {HEIGHT - WINDOW}
+range_max_m = {HEIGHT + WINDOW}
+detector = "photons"
+# {PIXELS} pixels; together an echo of {mean:.3f} photoelectrons, and {background:.0f} of background a second
+threshold_photons = 1
+max_range = {{ range_m = {HEIGHT}, reflectance = {REFLECTANCE * PIXELS / mean} }}
+dead_time_ns = {dead_ns}
+background_w = {background / PIXELS * 1.602176634e-19 / 0.1}
+responsivity_a_per_w = 0.1
+{channels}
+[settings]
+max_duration_s = {shots / 10000}
+[waveform]
+bin_ns = 0.1
+quality = 6
+[[leg]]
+position_m = [0, 0, {HEIGHT}]
+[[output]]
+path = "shots.csv"
+"""
+    )
+    command = [vlscan, "run", "shots.toml", "--force", "-q", "--columns", "PulseNumber,Range,Device"]
+    subprocess.run([str(part) for part in command], check=True, cwd=out)
+    shot, distance, pixel = np.loadtxt(out / "shots.csv", delimiter=",", skiprows=1, ndmin=2).T
+    height = HEIGHT - distance
+    return Photons(height - np.median(height), pixel, shot, shots)
+
+
+def main(vlscan, folder, out):
+    out = Path(out)
+    out.mkdir(parents=True, exist_ok=True)
+    (even, odd), width, background = recorded(folder)
+    distance, same = even.pairs()
+    dead = distance[same].min()
+    wanted, spread = even.level()
+    mean, roughness = wanted, np.sqrt(max(spread**2 - (width * COSINE * LIGHT / 2) ** 2, 0.05**2))
+    # Of the photons of a pixel the first one is seen: fewer than arrive, and closer together.
+    for _ in range(5):
+        model = simulated(vlscan, out, mean, 2 * dead / LIGHT, roughness, width, background, SHOTS)
+        level, seen = model.level()
+        mean *= wanted / level
+        roughness = np.sqrt(max(roughness**2 + spread**2 - seen**2, 0))
+    print(f"even segments: {wanted:.3f} photons per shot of {mean:.3f} that arrive, dead time {2 * dead / LIGHT:.2f} ns, "
+          f"surface {roughness:.3f} m, pulse {width:.2f} ns, background {background:.0f} Hz")
+    rows = zip(odd.figures(dead), model.figures(dead), even.figures(dead))
+    lines = ["| odd segments | recorded | simulated | chance (even segments) |", "|---|---|---|---|"]
+    for (name, value, form), (_, other, _), (_, chance, _) in rows:
+        lines.append(f"| {name} | {form.format(value)} | {form.format(other)} | {form.format(chance)} |")
+    (out / "figures.md").write_text("\n".join(lines) + "\n")
+    print("\n".join(lines))
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 4:
+        sys.exit(__doc__)
+    main(*sys.argv[1:])
