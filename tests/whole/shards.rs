@@ -492,6 +492,27 @@ fn killed_runs_go_on_where_they_were() {
 }
 
 #[test]
+fn killed_runs_with_pulse_times_go_on_where_they_were() {
+    let inputs = folder();
+    let times: String =
+        (0..90_000).map(|k| format!("{}\n", f64::from(k) * 8e-6 + f64::from(k * 5 % 7) * 1e-6)).collect();
+    fs::write(inputs.path().join("times.txt"), times).unwrap();
+    for when in ["pulse_times = \"times.txt\"", "pulse_intervals_us = [5, 11, 7.5]"] {
+        let survey = survey("forest/survey.xml");
+        let pipeline = inputs.path().join("times.toml");
+        fs::write(&pipeline, format!("survey = {survey:?}\nseed = 2\n[settings]\n{when}\n")).unwrap();
+        let pipeline = pipeline.to_str().unwrap();
+        let expected = of_run(pipeline, &[], &["-o", "a.laz"]);
+        let dir = folder();
+        let command = ["run", pipeline, "-q", "--resume=2000", "-j", "2", "-o", "a.laz"];
+        let killed =
+            kill_until_complete(dir.path(), &command, Duration::from_millis(30), Duration::from_millis(40));
+        assert!(killed >= 2, "the run was killed {killed} times only");
+        assert_same(&contents(dir.path()), &expected, when);
+    }
+}
+
+#[test]
 #[ignore = "kills a hundred runs"]
 fn a_hundred_killed_runs_go_on_where_they_were() {
     let survey = survey("forest/survey.xml");

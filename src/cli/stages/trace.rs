@@ -79,6 +79,10 @@ impl Setting {
                 survey.scene = scene;
                 warnings.extend(found);
             }
+            if let Some(leg) = survey.legs.iter().find(|leg| leg.scanner.pulse_times.is_some()) {
+                let message = "`pulse_times` and `pulse_intervals_us` have no effect: pulses leave at the times in their stream";
+                warnings.warn(leg.place.clone(), message);
+            }
             return Ok((Setting { survey, options, known: true }, warnings));
         }
         options.profile.profile.get_or_insert(PhysicsProfile::OF_PIPELINES);
