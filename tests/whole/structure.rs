@@ -1,9 +1,10 @@
 //! The structure within crates: no lower module imports a higher one, no more than two files import each other in a
 //! circle, and the maps in the documentation of modules name the files that exist. Between crates the compiler holds it.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::fs;
 use std::path::Path;
+use vlscan::survey::SURVEY_TABLES;
 
 /// A file of a crate.
 struct Source {
@@ -387,6 +388,28 @@ fn every_correction_is_used_and_described() {
         assert!(sources.iter().any(is_used), "{name} changes nothing");
         assert!(physics.contains(&format!("`{}`", name.replace('_', "-"))), "docs/physics.md lacks {name}");
     }
+}
+
+/// What a pipeline file may say is said in the documentation, not on the manual page alone.
+#[test]
+fn every_key_of_pipeline_files_is_described() {
+    let folder = root().join("docs");
+    let pages: Vec<String> = fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|extension| extension == "md"))
+        .map(|path| fs::read_to_string(path).unwrap())
+        .collect();
+    let is_part = |c: char| c.is_alphanumeric() || c == '_';
+    let words: HashSet<&str> = pages.iter().flat_map(|page| page.split(|c: char| !is_part(c))).collect();
+    let mut count = 0;
+    for table in SURVEY_TABLES {
+        for (key, _) in table.keys {
+            assert!(words.contains(key), "no page of docs/ has the key `{key}` of {}", table.name);
+            count += 1;
+        }
+    }
+    assert!(count > 150, "{count}");
 }
 
 #[test]
