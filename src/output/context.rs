@@ -30,6 +30,9 @@ pub struct OutputContext {
     pub highest_class: i32,
     /// Metres of range per nanosecond of the times of waveforms: of one way, or of the way there and back.
     pub metres_per_ns: f64,
+    /// The time that times of records count from, s, along a trajectory in adjusted standard GPS time; 0 where they are seconds of the
+    /// week.
+    pub time_origin: f64,
     /// Whether the scene is there, whose ground heights count from: not where the facts come from shards.
     #[serde(skip)]
     pub has_ground: bool,
@@ -83,6 +86,7 @@ impl OutputContext {
             parts: scene.parts.iter().map(|part| part.id.clone()).collect(),
             highest_class: scene.materials.iter().map(|m| m.classification).max().unwrap_or(0),
             metres_per_ns: LIGHT_SPEED,
+            time_origin: 0.0,
             has_ground: true,
         }
     }

@@ -119,7 +119,7 @@ impl OutputPlan {
                     self.points(PointFormat::Arrow, slots, source, &echoes, &mut pieces);
                 }
                 (Content::Table(content), _) => {
-                    pieces.push(Piece { slot, points: memory::encode(content, batch, self.settings.origin) });
+                    pieces.push(Piece { slot, points: memory::encode(content, batch, self.frame()) });
                 }
             }
         }
@@ -181,7 +181,8 @@ impl OutputPlan {
                 samples: samples_of(batch, wave),
             })
             .collect();
-        let mut block = [PointRecord { leg, ..PointRecord::default() }; BLOCK_POINTS];
+        let time_origin = self.frame().time;
+        let mut block = [PointRecord { leg, time_origin, ..PointRecord::default() }; BLOCK_POINTS];
         loop {
             let mut count = 0;
             for (record, echo) in block.iter_mut().zip(&mut echoes) {
@@ -241,19 +242,17 @@ impl OutputPlan {
             TrajectoryFormat::Helios => text::push_pose,
             TrajectoryFormat::Csv => text::push_pose_csv,
         };
-        piece_of(slot, &batch.poses, 80, |out, pose| push(out, pose.position + self.settings.origin, pose))
+        piece_of(slot, &batch.poses, 80, |out, pose| push(out, self.frame(), pose))
     }
 
     fn waveforms(&self, slot: u32, batch: &Batch) -> Piece {
         piece_of(slot, &batch.waveforms, 512, |out, wave| {
-            text::push_waveform(out, wave.origin + self.settings.origin, wave, samples_of(batch, wave));
+            text::push_waveform(out, self.frame(), wave, samples_of(batch, wave));
         })
     }
 
     fn pulses(&self, slot: u32, batch: &Batch) -> Piece {
-        piece_of(slot, &batch.pulses, 96, |out, pulse| {
-            text::push_pulse(out, pulse.origin + self.settings.origin, pulse)
-        })
+        piece_of(slot, &batch.pulses, 96, |out, pulse| text::push_pulse(out, self.frame(), pulse))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::layout::Content;
 use super::piece::{OpenOutput, Piece, samples_of};
-use super::plan::OutputPlan;
+use super::plan::{OutputPlan, WorldFrame};
 use super::request::{TableContent, TableRequest, TableSink};
 use super::summary::{FileKind, FileSummary};
 use ::arrow_array::{Array, Float64Array, LargeListArray, RecordBatch};
@@ -14,16 +14,16 @@ use vlscan_base::error::{Error, Result};
 use vlscan_formats::{
     CloudSettings, Column, EncodedPoints, Kind, Offload, Rows, TableColumn, Tally, point_schema, schema_of,
 };
-use vlscan_geom::{DVec3, degrees};
+use vlscan_geom::degrees;
 use vlscan_lidar::flight::PoseSample;
 use vlscan_lidar::pulse::{Batch, PulseRecord, WaveformRecord};
 
-/// A column of records `T`: name, unit, meaning and the value of a record, with the origin of the scene in the world.
+/// A column of records `T`: name, unit, meaning and the value of a record in the world.
 struct RecordColumn<T: 'static>(&'static str, &'static str, &'static str, Value<T>);
 
 /// The value of a record as its column stores it.
 enum Value<T> {
-    F64(fn(&T, DVec3) -> f64),
+    F64(fn(&T, WorldFrame) -> f64),
     U64(fn(&T) -> u64),
     U32(fn(&T) -> u32),
 }
@@ -42,9 +42,9 @@ impl<T> RecordColumn<T> {
     }
 
     /// Appends the values of all records, little-endian.
-    fn push(&self, records: &[T], shift: DVec3, out: &mut Vec<u8>) {
+    fn push(&self, records: &[T], frame: WorldFrame, out: &mut Vec<u8>) {
         match self.3 {
-            F64(value) => records.iter().for_each(|r| out.extend(value(r, shift).to_le_bytes())),
+            F64(value) => records.iter().for_each(|r| out.extend(value(r, frame).to_le_bytes())),
             U64(value) => records.iter().for_each(|r| out.extend(value(r).to_le_bytes())),
             U32(value) => records.iter().for_each(|r| out.extend(value(r).to_le_bytes())),
         }
@@ -53,10 +53,10 @@ impl<T> RecordColumn<T> {
 
 /// Position of the platform, attitude as `--trajectory` reads it, and as HELIOS++ writes it. Adding 0 removes negative zeros.
 const TRAJECTORY: &[RecordColumn<PoseSample>] = &[
-    RecordColumn("time", "s", "Second of the GPS week.", F64(|p, _| p.time_ns / 1e9)),
-    RecordColumn("x", "m", PLATFORM, F64(|p, shift| (p.position + shift).x)),
-    RecordColumn("y", "m", PLATFORM, F64(|p, shift| (p.position + shift).y)),
-    RecordColumn("z", "m", PLATFORM, F64(|p, shift| (p.position + shift).z)),
+    RecordColumn("time", "s", SECOND, F64(|p, frame| frame.seconds(p.time_ns))),
+    RecordColumn("x", "m", PLATFORM, F64(|p, frame| (p.position + frame.origin).x)),
+    RecordColumn("y", "m", PLATFORM, F64(|p, frame| (p.position + frame.origin).y)),
+    RecordColumn("z", "m", PLATFORM, F64(|p, frame| (p.position + frame.origin).z)),
     RecordColumn("roll", "deg", "Right side down; innermost rotation.", F64(|p, _| heading_angle(p, 0))),
     RecordColumn("pitch", "deg", "Nose up.", F64(|p, _| heading_angle(p, 1))),
     RecordColumn("yaw", "deg", "Heading, clockwise from +y.", F64(|p, _| heading_angle(p, 2))),
@@ -65,6 +65,8 @@ const TRAJECTORY: &[RecordColumn<PoseSample>] = &[
     RecordColumn("platform_yaw", "deg", HELIOS, F64(|p, _| degrees(p.yaw))),
 ];
 
+const SECOND: &str =
+    "Second of the GPS week; beyond 604800 adjusted standard GPS time (GPS seconds less 1e9).";
 const PLATFORM: &str = "Position of the platform, world frame.";
 const HELIOS: &str = "In the convention of the platform, as HELIOS++ writes it.";
 
@@ -73,10 +75,10 @@ fn heading_angle(pose: &PoseSample, angle: usize) -> f64 {
 }
 
 const PULSES: &[RecordColumn<PulseRecord>] = &[
-    RecordColumn("time", "s", "Emission, second of the GPS week.", F64(|p, _| p.time_ns / 1e9)),
-    RecordColumn("x", "m", ORIGIN, F64(|p, shift| (p.origin + shift).x)),
-    RecordColumn("y", "m", ORIGIN, F64(|p, shift| (p.origin + shift).y)),
-    RecordColumn("z", "m", ORIGIN, F64(|p, shift| (p.origin + shift).z)),
+    RecordColumn("time", "s", SECOND, F64(|p, frame| frame.seconds(p.time_ns))),
+    RecordColumn("x", "m", ORIGIN, F64(|p, frame| (p.origin + frame.origin).x)),
+    RecordColumn("y", "m", ORIGIN, F64(|p, frame| (p.origin + frame.origin).y)),
+    RecordColumn("z", "m", ORIGIN, F64(|p, frame| (p.origin + frame.origin).z)),
     RecordColumn("dx", "", DIRECTION, F64(|p, _| p.direction.x)),
     RecordColumn("dy", "", DIRECTION, F64(|p, _| p.direction.y)),
     RecordColumn("dz", "", DIRECTION, F64(|p, _| p.direction.z)),
@@ -85,7 +87,7 @@ const PULSES: &[RecordColumn<PulseRecord>] = &[
     RecordColumn(
         "scan_angle",
         "deg",
-        "Deflection of the beam on the scanner.",
+        "Angle of the beam from straight down across the track, negative to the left of the flight; with the physics of HELIOS++ its deflection on the scanner.",
         F64(|p, _| degrees(p.scan_angle)),
     ),
 ];
@@ -97,12 +99,12 @@ const DEVICE: &str = "Index of the device, from 0.";
 
 /// The last column is the number of samples, which follow all columns.
 const WAVEFORMS: &[RecordColumn<WaveformRecord>] = &[
-    RecordColumn("time", "s", "Emission of the pulse, second of the GPS week.", F64(|w, _| w.time_ns / 1e9)),
+    RecordColumn("time", "s", SECOND, F64(|w, frame| frame.seconds(w.time_ns))),
     RecordColumn("pulse", "", NUMBER, U64(|w| w.pulse_number)),
     RecordColumn("device", "", DEVICE, U32(|w| w.device)),
-    RecordColumn("x", "m", ORIGIN, F64(|w, shift| (w.origin + shift).x)),
-    RecordColumn("y", "m", ORIGIN, F64(|w, shift| (w.origin + shift).y)),
-    RecordColumn("z", "m", ORIGIN, F64(|w, shift| (w.origin + shift).z)),
+    RecordColumn("x", "m", ORIGIN, F64(|w, frame| (w.origin + frame.origin).x)),
+    RecordColumn("y", "m", ORIGIN, F64(|w, frame| (w.origin + frame.origin).y)),
+    RecordColumn("z", "m", ORIGIN, F64(|w, frame| (w.origin + frame.origin).z)),
     RecordColumn("dx", "", DIRECTION, F64(|w, _| w.direction.x)),
     RecordColumn("dy", "", DIRECTION, F64(|w, _| w.direction.y)),
     RecordColumn("dz", "", DIRECTION, F64(|w, _| w.direction.z)),
@@ -125,18 +127,18 @@ fn columns(content: TableContent) -> Vec<TableColumn> {
 }
 
 /// Encodes the records of a batch other than points: a block of columns, and behind it the samples of waveforms.
-pub(super) fn encode(content: TableContent, batch: &Batch, shift: DVec3) -> EncodedPoints {
+pub(super) fn encode(content: TableContent, batch: &Batch, frame: WorldFrame) -> EncodedPoints {
     let mut out = EncodedPoints::with_capacity(0);
     match content {
         TableContent::Points => {}
-        TableContent::Trajectory => push_block(&mut out, TRAJECTORY, &batch.poses, shift),
-        TableContent::Pulses => push_block(&mut out, PULSES, &batch.pulses, shift),
+        TableContent::Trajectory => push_block(&mut out, TRAJECTORY, &batch.poses, frame),
+        TableContent::Pulses => push_block(&mut out, PULSES, &batch.pulses, frame),
         TableContent::Waveforms => {
             // As many samples as there are.
             let cut =
                 |wave: &WaveformRecord| WaveformRecord { samples: samples_of(batch, wave).len(), ..*wave };
             let waves: Vec<WaveformRecord> = batch.waveforms.iter().map(cut).collect();
-            push_block(&mut out, WAVEFORMS, &waves, shift);
+            push_block(&mut out, WAVEFORMS, &waves, frame);
             for sample in waves.iter().flat_map(|wave| samples_of(batch, wave)) {
                 out.bytes.extend(sample.to_le_bytes());
             }
@@ -145,9 +147,9 @@ pub(super) fn encode(content: TableContent, batch: &Batch, shift: DVec3) -> Enco
     out
 }
 
-fn push_block<T>(out: &mut EncodedPoints, columns: &[RecordColumn<T>], records: &[T], shift: DVec3) {
+fn push_block<T>(out: &mut EncodedPoints, columns: &[RecordColumn<T>], records: &[T], frame: WorldFrame) {
     out.bytes.extend((records.len() as u32).to_le_bytes());
-    columns.iter().for_each(|column| column.push(records, shift, &mut out.bytes));
+    columns.iter().for_each(|column| column.push(records, frame, &mut out.bytes));
     out.tally.records = records.len() as u64;
 }
 

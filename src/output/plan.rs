@@ -16,6 +16,7 @@ use vlscan_base::files::{FileSet, NewFolder, identity, is_special, reads, remove
 use vlscan_formats::{
     CloudSettings, Column, Destination, Needs, ObjectIds, PacketPlace, PointBatch, PointEncoder, PointFormat,
 };
+use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::Batch;
 
 /// All outputs of a run: files, contents and formats. Immutable and shared by the workers.
@@ -25,6 +26,8 @@ pub struct OutputPlan {
     pub(super) request: OutputRequest,
     /// What the formats know of the points.
     pub(super) settings: CloudSettings,
+    /// The time that times of records count from, s.
+    time_origin: f64,
     /// Number of each leg in records, and duration of its frames, ns.
     legs: Vec<(u16, f64)>,
     /// The formats that points are written in.
@@ -79,6 +82,7 @@ impl OutputPlan {
         Ok(OutputPlan {
             layout,
             legs: context.legs.iter().map(leg).collect(),
+            time_origin: context.time_origin,
             encoders,
             needs: request.needs(),
             divider,
@@ -87,6 +91,11 @@ impl OutputPlan {
             settings,
             request,
         })
+    }
+
+    /// Where positions and times of records count from.
+    pub(super) fn frame(&self) -> WorldFrame {
+        WorldFrame { origin: self.settings.origin, time: self.time_origin }
     }
 
     /// Whether points have their height above the ground.
@@ -112,6 +121,22 @@ impl OutputPlan {
     }
 }
 
+/// Where positions and times of records count from.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct WorldFrame {
+    /// World position, m.
+    pub origin: DVec3,
+    /// s; 0 for times of the week.
+    pub time: f64,
+}
+
+impl WorldFrame {
+    /// The time of a record in files, s.
+    pub fn seconds(self, time_ns: f64) -> f64 {
+        self.time + time_ns / 1e9
+    }
+}
+
 /// What the formats need to know of the points.
 fn cloud_settings(
     request: &OutputRequest,
@@ -124,6 +149,7 @@ fn cloud_settings(
         bounds: context.bounds,
         crs: wkt.map(str::to_owned),
         scanner: context.scanner.clone(),
+        adjusted_times: context.time_origin != 0.0,
         creation: request.creation,
         parts: context.parts.clone(),
         objects,

@@ -6,7 +6,7 @@ use vlscan_base::crs;
 use vlscan_base::diag::Diagnostics;
 use vlscan_geom::{DVec3, UtmZone};
 use vlscan_lidar::flight::FlightPlan;
-use vlscan_lidar::platform::PoseReader;
+use vlscan_lidar::platform::{PoseReader, adjusted_time_origin};
 use vlscan_scene::Scene;
 use vlscan_survey::{Grid, PlatformKind};
 use vlscan_warehouse::Stop;
@@ -80,6 +80,14 @@ pub(super) fn of_flight(flight: &FlightPlan, poses: Option<&mut PoseReader>, sto
         (None, None) => None,
     };
     zone.and_then(crs::wkt_of_zone)
+}
+
+/// Returns the time that times of records count from, s: of a flight whose poses have adjusted standard GPS time; otherwise 0. Waits for the
+/// first pose.
+pub(super) fn time_origin(settings: &Settings, poses: Option<&mut PoseReader>, stop: &Stop) -> f64 {
+    let poses = poses.filter(|_| settings.flight.kinematics.adjusted_times);
+    let first = poses.and_then(|poses| poses.first_time(&|| stop.is_requested()));
+    first.and_then(adjusted_time_origin).unwrap_or(0.0)
 }
 
 /// Describes a lack of a coordinate reference system in formats that have a place for it, over a scene that seems to have

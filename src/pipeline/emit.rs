@@ -39,6 +39,8 @@ pub struct Emitted {
     pub pulses: Vec<(Pulse, u64)>,
     /// Samples of the trajectory.
     pub poses: Vec<PoseSample>,
+    /// The time that their times count from, s; 0 for times of the week.
+    pub time_origin: f64,
     step: u64,
 }
 
@@ -120,6 +122,7 @@ fn replay(flight: &FlightPlan, chunk: &Chunk, emitted: &mut Emitted) -> Result<(
         state.step(flight, emitted)?;
         emitted.step += 1;
     }
+    emitted.time_origin = state.time_origin(flight);
     Ok(())
 }
 

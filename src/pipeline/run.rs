@@ -62,11 +62,15 @@ impl Session {
         }
         let outputs = self.complete(outputs);
         let mut context = self.output_context();
-        if context.crs.is_none() && outputs.sinks.iter().any(|(_, format)| format.holds_crs()) {
+        let has_crs = context.crs.is_none() && outputs.sinks.iter().any(|(_, format)| format.holds_crs());
+        if has_crs || poses.is_some() {
             // Mistakes in the outputs are reported before the first pose is waited for.
             OutputPlan::new(outputs.clone(), &context)?;
+        }
+        if has_crs {
             context.crs = crs::of_flight(&flight, poses.as_mut(), control.stop);
         }
+        context.time_origin = crs::time_origin(self.settings(), poses.as_mut(), control.stop);
         let (output, epochs) = self.plan_outputs(outputs, &context)?;
         let mut state = FlightState::start(&flight);
         self.run_epochs(output, epochs, control, &is_reported, |_, pass, epoch, writer| {

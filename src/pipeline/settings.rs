@@ -81,7 +81,7 @@ impl Settings {
     /// Sets where physics, motions and materials depart from the reference's.
     pub fn set_corrections(&mut self, corrections: Corrections) {
         self.physics.corrections = corrections;
-        self.flight.kinematics = corrections.and(Corrections::MOTION);
+        self.flight.kinematics = corrections.and(Corrections::MOTION.or(Corrections::RECORD));
         self.load.rules = corrections;
     }
 

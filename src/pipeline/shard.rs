@@ -87,13 +87,14 @@ impl Session {
     ) -> Result<ShardRunner<'_>> {
         let Divisible { flight, fingerprint } = run;
         let mut context = self.output_context();
+        let mut poses = match &self.survey().platform.kind {
+            PlatformKind::Stream(stream) => Some(PoseReader::open(stream)?),
+            _ => None,
+        };
         if context.crs.is_none() {
-            let mut poses = match &self.survey().platform.kind {
-                PlatformKind::Stream(stream) => Some(PoseReader::open(stream)?),
-                _ => None,
-            };
             context.crs = crs::of_flight(&flight, poses.as_mut(), stop);
         }
+        context.time_origin = crs::time_origin(self.settings(), poses.as_mut(), stop);
         let made = NewFolder::create_all(folder).map_err(|e| Error::io("create", folder, e))?;
         let stored = match Borders::load(folder, &fingerprint) {
             Err(Error::Input(_)) if force => StoredBorders::Missing,

@@ -37,7 +37,7 @@ columns! {
     AttitudeX "qx" [], Ratio, "See AttitudeW.";
     AttitudeY "qy" [], Ratio, "See AttitudeW.";
     AttitudeZ "qz" [], Ratio, "See AttitudeW.";
-    ScanAngle "scan_angle" ["scanangle"], Angle, "Deflection of the beam: the scan angle of LAS.";
+    ScanAngle "scan_angle" ["scanangle"], Angle, "The scan angle of LAS: of the beam from straight down across the track, negative to the left.";
     LowX "x_low" [], Length, "Rounding error of the world coordinate, which restores the last bits of the scene coordinate.";
     LowY "y_low" [], Length, "See LowX.";
     LowZ "z_low" [], Length, "See LowX.";

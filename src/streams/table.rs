@@ -49,17 +49,18 @@ pub fn pulse_columns(present: ColumnSet) -> Vec<TableColumn> {
 }
 
 /// Time (s), position (m) and roll, pitch, heading (degrees) of a pose in the convention of
-/// [`vlscan_geom::Rotation::of_heading`].
-pub fn pose_values(pose: &PoseSample, shift: DVec3) -> [f64; 7] {
+/// [`vlscan_geom::Rotation::of_heading`]. Times count from `time_origin` s.
+pub fn pose_values(pose: &PoseSample, (shift, time_origin): (DVec3, f64)) -> [f64; 7] {
     let position = pose.position + shift;
     let angles = pose.attitude.heading_angles().map(degrees);
     // Adding 0 removes negative zeros.
-    [pose.time_ns / 1e9, position.x, position.y, position.z, angles[0], angles[1], angles[2]].map(|v| v + 0.0)
+    [time_origin + pose.time_ns / 1e9, position.x, position.y, position.z, angles[0], angles[1], angles[2]]
+        .map(|v| v + 0.0)
 }
 
 /// Appends a pose as a row for [`TableWriter`].
-pub fn push_pose_row(out: &mut Vec<u8>, pose: &PoseSample, shift: DVec3) {
-    pose_values(pose, shift).iter().for_each(|value| out.extend(value.to_le_bytes()));
+pub fn push_pose_row(out: &mut Vec<u8>, pose: &PoseSample, frame: (DVec3, f64)) {
+    pose_values(pose, frame).iter().for_each(|value| out.extend(value.to_le_bytes()));
 }
 
 /// Appends a pulse as a row for [`TableWriter`].

@@ -55,9 +55,10 @@ pub fn push_pulse(out: &mut Vec<u8>, row: &PulseRow, present: ColumnSet, shift: 
     end_line(out);
 }
 
-/// Appends a pose as a line: seconds, metres, degrees (heading, pitch, roll innermost).
-pub fn push_pose(out: &mut Vec<u8>, pose: &PoseSample, shift: DVec3) {
-    for number in pose_values(pose, shift) {
+/// Appends a pose as a line: seconds, metres, degrees (heading, pitch, roll innermost). `frame` is the world position of the scene
+/// frame's origin and the time that times count from, s.
+pub fn push_pose(out: &mut Vec<u8>, pose: &PoseSample, frame: (DVec3, f64)) {
+    for number in pose_values(pose, frame) {
         push_number(out, number);
         out.push(b',');
     }

@@ -67,6 +67,64 @@ fn a_flight_that_was_flown_here_is_found_and_flown_again() {
     }
 }
 
+/// Bit 0 of the global encoding of a LAS file, and the first and the last GPS time of the points in a CSV file.
+fn times(folder: &Path, las: &str, csv: &str) -> (u8, f64, f64) {
+    let points = fs::read_to_string(folder.join(csv)).unwrap();
+    let mut lines = points.lines();
+    let column = lines.next().unwrap().split(',').position(|name| name == "GpsTime").unwrap();
+    let mut times: Vec<f64> =
+        lines.map(|line| line.split(',').nth(column).unwrap().parse().unwrap()).collect();
+    times.sort_by(f64::total_cmp);
+    (fs::read(folder.join(las)).unwrap()[6] & 1, times[0], times[times.len() - 1])
+}
+
+#[test]
+fn a_recording_keeps_the_scale_of_its_times_and_the_sense_of_its_angles() {
+    let dir = folder();
+    succeed(dir.path(), &["scene", "make", "terrain", "-n", "20k", "--pulses", "1k", "-o", "hills", "-q"]);
+    // The mount of the catalogue's aircraft, whose mirrors count to the left.
+    let line =
+        pipeline("optics = \"conic\"\nscan_angle_max_deg = 20\nscan_freq_max_hz = 60\nscan_phase_deg = 40\n");
+    let (head, legs) = line.split_once("[[leg]]").unwrap();
+    let (head, output) = (head.replace("z = -90", "z = 90"), legs.split_once("[[output]]").unwrap().1);
+    let way = "\n[trajectory]\npath = \"way.csv\"\n\n[[output]]\npath = \"line.csv\"\n\n[[output]]";
+    fs::write(dir.path().join("flown.toml"), format!("{head}{way}{output}")).unwrap();
+    // Adjusted standard time in 2024, across the end of a week; and seconds of the week, as SBET has them.
+    for (start, bit) in [(604_800.0 * 664.0 - 1.0, 1), (302_400.0, 0)] {
+        let rows = [0.0, 1.0, 2.0].map(|t| format!("{},{},30,200,0,0,90\n", start + t, 20.0 * t - 20.0));
+        fs::write(dir.path().join("way.csv"), format!("time,x,y,z,roll,pitch,heading\n{}", rows.concat()))
+            .unwrap();
+        succeed(dir.path(), &["run", "flown.toml", "-q", "--force"]);
+        let flown = times(dir.path(), "line.laz", "line.csv");
+        assert!(
+            flown.0 == bit && flown.1 >= start && flown.2 <= start + 2.0 && flown.2 > start + 1.8,
+            "{flown:?}"
+        );
+        let fit = succeed(dir.path(), &["fit", "line.laz", "-o", "fit.toml", "--force"]);
+        assert!(!text(&fit.stderr).contains("against the LAS specification"), "{}", text(&fit.stderr));
+        let again = [
+            "run",
+            "fit.toml",
+            "--scene",
+            "hills/scene.xml",
+            "-o",
+            "again.laz",
+            "-o",
+            "again.csv",
+            "-q",
+            "--force",
+        ];
+        succeed(dir.path(), &again);
+        let again = times(dir.path(), "again.laz", "again.csv");
+        assert_eq!(again.0, bit);
+        assert!((again.1 - flown.1).abs() < 0.02 && (again.2 - flown.2).abs() < 0.02, "{flown:?} {again:?}");
+        // The reference takes whole weeks off.
+        succeed(dir.path(), &["run", "flown.toml", "-q", "--force", "--correct", "no-adjusted-times"]);
+        let reduced = times(dir.path(), "line.laz", "line.csv");
+        assert!(reduced.0 == 0 && (0.0..=604_800.0).contains(&reduced.1), "{reduced:?}");
+    }
+}
+
 #[test]
 fn clouds_that_say_nothing_of_a_flight_are_refused() {
     let dir = folder();

@@ -9,6 +9,8 @@ pub enum Area {
     Material,
     /// The motion of platform and optics.
     Motion,
+    /// What is recorded of a pulse besides its points.
+    Record,
 }
 
 macro_rules! corrections {
@@ -35,6 +37,9 @@ macro_rules! corrections {
 
             /// All corrections of the motion of platform and optics, which are the default in pipeline files.
             pub const MOTION: Corrections = Corrections { $($name: matches!(Area::$area, Area::Motion)),* };
+
+            /// All corrections of what is recorded of a pulse.
+            pub const RECORD: Corrections = Corrections { $($name: matches!(Area::$area, Area::Record)),* };
 
             /// All corrections of materials and leaf angle tables.
             pub const MATERIAL: Corrections = Corrections { $($name: matches!(Area::$area, Area::Material)),* };
@@ -231,6 +236,12 @@ corrections! {
     /// Kinematics: the channels of an instrument fire one after the other where it states when; in the reference all at
     /// once.
     Motion firing_offsets: true,
+    /// Scan angles of points are those of the beam from the vertical across the track, roll included, negative to the left, as
+    /// the LAS specification has them; otherwise deflections on the scanner. The reference's are 0.
+    Record las_scan_angles: true,
+    /// Times of trajectories in adjusted standard GPS time (GPS seconds less 10⁹) stay what they are, in points, too; in the reference
+    /// whole weeks are taken off.
+    Record adjusted_times: true,
 }
 
 impl Corrections {

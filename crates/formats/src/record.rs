@@ -29,10 +29,12 @@ pub struct PointRecord {
     pub echo_width: f64,
     /// Cosine of the angle between beam and surface normal.
     pub incidence_cosine: f64,
-    /// Deflection of the beam on the scanner, rad.
+    /// Angle of the beam from straight down across the track, rad, negative to the left of the flight.
     pub scan_angle: f64,
-    /// Time of emission, ns of the GPS week.
+    /// Time of emission, ns after `time_origin`: without one of the GPS week.
     pub time_ns: f64,
+    /// The time that `time_ns` counts from, s: 0, or one of adjusted standard GPS time.
+    pub time_origin: f64,
     /// Number of the pulse among those of its device, from 1.
     pub pulse_number: u64,
     /// Height above the ground, m; NaN where there is none.
@@ -93,6 +95,7 @@ impl Default for PointRecord {
             incidence_cosine: 1.0,
             scan_angle: 0.0,
             time_ns: 0.0,
+            time_origin: 0.0,
             pulse_number: 0,
             height: f32::NAN,
             return_number: 1,
@@ -115,10 +118,17 @@ impl PointRecord {
         self.number_of_returns == 0
     }
 
-    /// Time of emission, s of the GPS week.
+    /// Time of emission, s: of the GPS week, or adjusted standard GPS time.
     #[inline]
     pub(crate) fn seconds(&self) -> f64 {
-        self.time_ns / 1e9
+        self.time_origin + self.time_ns / 1e9
+    }
+
+    /// Whether its time lies outside of the week.
+    #[inline]
+    pub(crate) fn has_adjusted_time(&self) -> bool {
+        let seconds = self.seconds();
+        !(0.0..=WEEK_S).contains(&seconds) && seconds.is_finite()
     }
 
     /// Angle between beam and surface normal, degrees.
@@ -264,7 +274,7 @@ impl EncodedPoints {
     ) {
         for point in points {
             match encode(&mut self.bytes, point) {
-                Some(stored) => self.tally.count_point(stored, point.return_number),
+                Some(stored) => self.tally.count_point(stored, point),
                 None => self.tally.left_out += 1,
             }
         }
@@ -294,20 +304,27 @@ pub struct Tally {
     pub by_return: [u64; 15],
     /// Box around the coordinates as stored: metres, or integers of LAS.
     pub bounds: Aabb,
+    /// Whether a time lies outside of the week, which times in adjusted standard GPS time do.
+    pub has_adjusted_times: bool,
 }
+
+/// Seconds of a week.
+pub(crate) const WEEK_S: f64 = 604_800.0;
 
 impl Tally {
     /// No records.
-    pub const EMPTY: Tally = Tally { records: 0, left_out: 0, by_return: [0; 15], bounds: Aabb::EMPTY };
+    pub const EMPTY: Tally =
+        Tally { records: 0, left_out: 0, by_return: [0; 15], bounds: Aabb::EMPTY, has_adjusted_times: false };
 
     /// Counts a point with these coordinates as stored.
     #[inline]
-    pub fn count_point(&mut self, stored: DVec3, return_number: u32) {
+    pub fn count_point(&mut self, stored: DVec3, point: &PointRecord) {
         self.records += 1;
         // A missed pulse has return number 0.
-        if let Some(nth) = return_number.min(15).checked_sub(1) {
+        if let Some(nth) = point.return_number.min(15).checked_sub(1) {
             self.by_return[nth as usize] += 1;
         }
+        self.has_adjusted_times |= point.has_adjusted_time();
         self.bounds = self.bounds.with(stored);
     }
 
@@ -319,6 +336,7 @@ impl Tally {
             *mine += theirs;
         }
         self.bounds = self.bounds.union(other.bounds);
+        self.has_adjusted_times |= other.has_adjusted_times;
     }
 }
 

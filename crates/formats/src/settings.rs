@@ -28,6 +28,8 @@ pub struct CloudSettings {
     pub crs: Option<String>,
     /// Display name of the instrument.
     pub scanner: String,
+    /// Whether times are known to be adjusted standard GPS time, for headers that are written before the first point.
+    pub adjusted_times: bool,
     /// Year and day of the year (from 1), for headers.
     pub creation: (u16, u16),
     /// Names of what [`PointRecord::part`](crate::PointRecord::part) refers to.
@@ -61,6 +63,7 @@ impl Default for CloudSettings {
             bounds: Aabb::EMPTY,
             crs: None,
             scanner: String::new(),
+            adjusted_times: false,
             creation: (0, 0),
             parts: Vec::new(),
             objects: ObjectIds::default(),

@@ -67,14 +67,19 @@ impl Rows {
             Rows::Poses => {
                 let push = if as_text { push_pose } else { push_pose_row };
                 for pose in &emitted.poses {
-                    push(out, &if flight.as_flown { pose.as_flown() } else { *pose }, flight.shift);
+                    push(
+                        out,
+                        &if flight.as_flown { pose.as_flown() } else { *pose },
+                        (flight.shift, emitted.time_origin),
+                    );
                 }
             }
             Rows::Pulses => {
                 let push = if as_text { push_pulse } else { push_pulse_row };
                 let divergence = flight.divergences.get(emitted.leg as usize).copied();
                 let (leg, epoch) = (emitted.leg, emitted.epoch);
-                for &(pulse, step) in &emitted.pulses {
+                for &(mut pulse, step) in &emitted.pulses {
+                    pulse.time_ns += emitted.time_origin * 1e9;
                     let row = PulseRow { pulse, leg, step, epoch, divergence };
                     push(out, &row, flight.columns, flight.shift);
                 }

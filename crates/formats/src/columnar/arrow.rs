@@ -48,7 +48,11 @@ pub fn schema_of(
 pub fn point_schema(columns: &[Column], settings: &CloudSettings) -> SchemaRef {
     let mut metadata = BTreeMap::from([
         ("scanner".to_owned(), settings.scanner.clone()),
-        ("gps_time".to_owned(), "seconds of the GPS week".to_owned()),
+        (
+            "gps_time".to_owned(),
+            "seconds of the GPS week; beyond 604800 adjusted standard GPS time (GPS seconds less 1e9)"
+                .to_owned(),
+        ),
     ]);
     if let Some(wkt) = &settings.crs {
         metadata.insert(CRS.to_owned(), wkt.trim_end_matches('\0').to_owned());

@@ -175,9 +175,9 @@ columns! {
     ReturnNumber u8 0 "" |p, _| p.returns()[0], "Number of the return, from 1, at most 255; 0 marks a missed pulse.";
     NumberOfReturns u8 0 "" |p, _| p.returns()[1], "Returns of the pulse, at most 255.";
     Classification u8 0 "" |p, _| u8::try_from(p.class).unwrap_or(0), "Class of the surface; 0 where it is no byte, see SurfaceClass.";
-    ScanAngle f32 4 "deg" |p, _| degrees(p.scan_angle) as f32, "Deflection of the beam on the scanner.";
+    ScanAngle f32 4 "deg" |p, _| degrees(p.scan_angle) as f32, "Angle of the beam from straight down across the track, negative to the left of the flight; with the physics of HELIOS++ its deflection on the scanner.";
     PointSourceId u16 0 "" |p, _| p.source_id(), "Number of the leg plus one.";
-    GpsTime f64 9 "s" |p, _| p.seconds(), "Emission of the pulse, second of the GPS week.";
+    GpsTime f64 9 "s" |p, _| p.seconds(), "Emission of the pulse, second of the GPS week; beyond 604800 adjusted standard GPS time (GPS seconds less 1e9).";
     Amplitude f64 9 "" |p, _| p.amplitude, "Waveform amplitude at the peak.";
     EchoWidth f32 4 "ns" |p, _| p.echo_width as f32, "Width of the fitted Gaussian; 0 when not asked for.";
     Range f64 4 "m" |p, _| p.range, "Measured range, noise and errors included.";
@@ -277,7 +277,7 @@ impl TableEncoder {
 
     /// Counts points with their positions in the world.
     fn count(&self, points: &[PointRecord], out: &mut EncodedPoints) {
-        points.iter().for_each(|p| out.tally.count_point(p.position + self.origin, p.return_number));
+        points.iter().for_each(|p| out.tally.count_point(p.position + self.origin, p));
     }
 
     /// Appends a block: the number of points, all values of the first column, then all values of the second, and so on;

@@ -17,7 +17,7 @@ use vlscan_geom::DVec3;
 /// Points of a message at most; a frame with more becomes several messages.
 const MAX_POINTS: usize = 1 << 22;
 
-/// Bytes before a collected point: start of its frame and time, ns.
+/// Bytes before a collected point: start of its frame, and time after it, ns.
 const TIMES_BYTES: usize = 16;
 
 /// Bytes of a point in a message.
@@ -94,9 +94,11 @@ impl PointEncoder for Mcap {
 
     fn encode(&self, batch: &PointBatch, out: &mut EncodedPoints) {
         out.extend(batch.points, |out, point| {
-            let begin = libm::floor(point.time_ns / batch.frame_ns) * batch.frame_ns;
-            out.extend((begin.max(0.0) as u64).to_le_bytes());
-            out.extend(point.time_ns.to_le_bytes());
+            let begin = (libm::floor(point.time_ns / batch.frame_ns) * batch.frame_ns).max(0.0) as u64;
+            // Whole seconds, which are exact.
+            let origin = (point.time_origin.max(0.0) * 1e9) as u64;
+            out.extend((origin + begin).to_le_bytes());
+            out.extend((point.time_ns - begin as f64).to_le_bytes());
             point.in_scanner.to_array().into_iter().for_each(|c| out.extend((c as f32).to_le_bytes()));
             out.extend((point.amplitude as f32).to_le_bytes());
             out.extend([0; 4]);
@@ -128,14 +130,14 @@ impl FileBody for McapBody {
         for record in collected.chunks_exact(TIMES_BYTES + POINT_BYTES) {
             let (times, point) = record.split_at(TIMES_BYTES);
             let begin = u64::from_le_bytes(std::array::from_fn(|i| times[i]));
-            let time = f64::from_le_bytes(std::array::from_fn(|i| times[8 + i]));
+            let after = f64::from_le_bytes(std::array::from_fn(|i| times[8 + i]));
             if begin != self.begin || self.points.len() >= MAX_POINTS * POINT_BYTES {
                 self.publish(out)?;
                 self.begin = begin;
             }
             let from = self.points.len() + TIME_AT;
             self.points.extend_from_slice(point);
-            let after = ((time - begin as f64) / 1e9) as f32;
+            let after = (after / 1e9) as f32;
             self.points[from..from + 4].copy_from_slice(&after.to_le_bytes());
         }
         Ok(())

@@ -142,7 +142,10 @@ impl FlightState {
     fn steps_before_time_event(&self, plan: &FlightPlan) -> f64 {
         let leg = &plan.legs[self.leg];
         let time = self.platform.next_time_ns(&plan.platform).unwrap_or(self.time_ns);
-        let mut left = WEEK_NS - time;
+        let mut left = match self.platform.time_origin(&plan.platform) {
+            None => WEEK_NS - time,
+            Some(_) => f64::INFINITY,
+        };
         if leg.max_duration > 0.0 {
             if self.timer_is_pending {
                 return 0.0;

@@ -83,10 +83,19 @@ impl FlightPlan {
             reported_attitude,
             scanner_attitude: reported_pointing.after(mount.rotation),
             origin_error,
-            time_ns: if part > 0.0 { within_week(time_ns + offset * 1e9) } else { time_ns },
+            time_ns: match platform.time_origin(&self.platform) {
+                _ if part == 0.0 => time_ns,
+                None => within_week(time_ns + offset * 1e9),
+                Some(_) => time_ns + offset * 1e9,
+            },
             number: state.pulses,
             device,
-            scan_angle: state.deflector.scan_angle(&exact_deflection),
+            scan_angle: match self.kinematics.las_scan_angles {
+                true => {
+                    angle_across(reported_attitude.forward(), platform.direction_of_travel(&self.platform))
+                }
+                false => state.deflector.scan_angle(&exact_deflection),
+            },
             range_error: plan.errors.range.as_ref().map_or(0.0, |e| e.eval(state.deflector.exact_angle())),
         }
     }
@@ -105,6 +114,21 @@ impl PlannedLeg {
     #[inline]
     pub(super) fn part_of_step(&self, device: &DevicePlan) -> f64 {
         if self.fires_at_once { 0.0 } else { device.firing_offset * self.frequency }
+    }
+}
+
+/// The scan angle of LAS (ASPRS LAS 1.4, point formats 6 to 10; the rank of formats 0 to 5 has the same sense), rad: that of the beam from straight down about the direction of
+/// flight `way`, positive to the right; ±π is straight up. Without a direction of flight, which a tripod has not, there is neither left nor
+/// right: it is the angle from straight down.
+fn angle_across(beam: DVec3, way: Option<DVec3>) -> f64 {
+    // Adding 0 removes negative zeros, whose angles are half turns.
+    let down = 0.0 - beam.z;
+    match way {
+        Some(way) => {
+            let to_right = beam.x * way.y - beam.y * way.x + 0.0;
+            libm::atan2(to_right, down * (way.x * way.x + way.y * way.y).sqrt())
+        }
+        None => libm::atan2((beam.x * beam.x + beam.y * beam.y).sqrt(), down),
     }
 }
 

@@ -116,7 +116,12 @@ impl FlightPlan {
             PlatformKind::Stream(s) => {
                 let scanner = &survey.legs[0].scanner;
                 let times = scanner.pulse_times.clone();
-                Motion::Stream(StreamPlan { frequency: scanner.pulse_freq, times, max_gap: s.max_gap })
+                Motion::Stream(StreamPlan {
+                    frequency: scanner.pulse_freq,
+                    times,
+                    max_gap: s.max_gap,
+                    keeps_adjusted_times: kinematics.adjusted_times,
+                })
             }
         };
         let rotation_spec = match kind {

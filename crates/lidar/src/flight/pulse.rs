@@ -27,7 +27,8 @@ pub struct Pulse {
     pub number: u64,
     /// Index of the device.
     pub device: u32,
-    /// Deflection angle of the beam without errors, rad: the scan angle of LAS.
+    /// The scan angle of LAS, rad: that of the reported beam from straight down across the direction of flight, positive to the right;
+    /// without the correction `las_scan_angles` the deflection on the scanner without errors.
     pub scan_angle: f64,
     /// Error that is added to every range of this pulse, m.
     pub range_error: f64,

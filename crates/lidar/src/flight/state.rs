@@ -450,6 +450,12 @@ impl FlightState {
         self.platform.position()
     }
 
+    /// The time that times of pulses and poses count from, s, along a trajectory in adjusted standard GPS time; 0 where they are seconds of
+    /// the week.
+    pub fn time_origin(&self, plan: &FlightPlan) -> f64 {
+        self.platform.time_origin(&plan.platform).unwrap_or(0.0)
+    }
+
     /// GPS time of the next step, ns of the week.
     pub fn time_ns(&self) -> f64 {
         self.time_ns

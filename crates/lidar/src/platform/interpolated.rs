@@ -100,6 +100,12 @@ impl InterpolatedState {
         DVec3::new(self.values[3], self.values[4], self.values[5])
     }
 
+    /// Velocity between the rows around the last step, m/s.
+    pub(super) fn velocity(&self, table: &TrajectoryTable) -> DVec3 {
+        let [.., x, y, z] = table.rows().get(self.row).map_or([0.0; 6], |row| row.slopes);
+        DVec3::new(x, y, z)
+    }
+
     pub(super) fn attitude(&self, spec: RotationSpec) -> Rotation {
         let [roll, pitch, yaw, ..] = self.values;
         composed(spec, roll, pitch, yaw)

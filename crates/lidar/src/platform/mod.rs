@@ -34,6 +34,6 @@ pub use course::{LegCourse, LegEntry, Span};
 pub use plan::{Motion, PlatformPlan};
 pub use poses::{MAX_FLOWN_GAP, PollResult, Pose, PoseEvent, PoseReader};
 pub use state::PlatformState;
-pub use stream::{Readiness, StreamPlan};
+pub use stream::{Readiness, StreamPlan, adjusted_time_origin};
 pub use table::TrajectoryTable;
 pub use trajectory_file::read_trajectories;

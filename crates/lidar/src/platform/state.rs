@@ -1,6 +1,6 @@
 //! State of a platform of any kind: position, attitude and motion.
 
-use super::course::{Course, LegEntry, reported_angles};
+use super::course::{Course, LegEntry, horizontal, reported_angles};
 use super::ground_vehicle::GroundVehicle;
 use super::interpolated::InterpolatedState;
 use super::linear::LinearPath;
@@ -75,6 +75,15 @@ impl PlatformState {
     pub fn next_time_ns(&self, plan: &PlatformPlan) -> Option<f64> {
         match (self, &plan.motion) {
             (PlatformState::Stream(s), Motion::Stream(plan)) => Some(s.next_time_ns(plan)),
+            _ => None,
+        }
+    }
+
+    /// The time that times of pulses count from, s, where these are not seconds of the week; see
+    /// [`adjusted_time_origin`](super::adjusted_time_origin).
+    pub fn time_origin(&self, plan: &PlatformPlan) -> Option<f64> {
+        match (self, &plan.motion) {
+            (PlatformState::Stream(s), Motion::Stream(plan)) => s.time_origin(plan),
             _ => None,
         }
     }
@@ -207,6 +216,24 @@ impl PlatformState {
         }
     }
 
+    /// Direction in which the platform moves over the ground, horizontal and of any length: that of its path, or of its nose where it
+    /// stands. Ground vehicles, which may back up, have the direction of the nose. `None` for static platforms, and where the
+    /// direction is vertical.
+    pub fn direction_of_travel(&self, plan: &PlatformPlan) -> Option<DVec3> {
+        let way = match (self, &plan.motion) {
+            (PlatformState::Static(_), _) => return None,
+            (PlatformState::GroundVehicle(_), _) => DVec3::ZERO,
+            (PlatformState::Interpolated(s), Motion::Interpolated(table)) => {
+                unless_standing(s.velocity(table))
+            }
+            (PlatformState::Stream(s), _) => unless_standing(s.velocity()),
+            _ => self.course().map_or(DVec3::ZERO, |course| course.velocity),
+        };
+        let is_direction = |way: &DVec3| way.x != 0.0 || way.y != 0.0;
+        let nose = || self.mount_attitude(plan).forward();
+        Some(horizontal(way)).filter(is_direction).or_else(|| Some(horizontal(nose())).filter(is_direction))
+    }
+
     /// Position, m, scene frame, and attitude that carries the mount, `seconds` after the last step, which are `part` of a
     /// step. Vehicles and multicopters keep the attitude of the step.
     pub fn pose_within_step(&self, plan: &PlatformPlan, seconds: f64, part: f64) -> (DVec3, Rotation) {
@@ -307,4 +334,12 @@ impl PlatformState {
             _ => None,
         }
     }
+}
+
+/// Speed over the ground below which the direction of recorded positions is that of their noise, m/s.
+const MIN_SPEED: f64 = 0.5;
+
+/// A velocity (m/s), or 0 where it is so slow that its direction is doubtful.
+fn unless_standing(velocity: DVec3) -> DVec3 {
+    if horizontal(velocity).length() < MIN_SPEED { DVec3::ZERO } else { velocity }
 }

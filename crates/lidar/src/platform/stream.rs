@@ -25,6 +25,17 @@ pub struct StreamPlan {
     pub times: Option<PulseTimes>,
     /// Longest interval between two poses in which steps are taken, s.
     pub max_gap: f64,
+    /// Whether times in adjusted standard GPS time stay what they are.
+    pub keeps_adjusted_times: bool,
+}
+
+/// The time (s) that the times of pulses count from along a trajectory that begins at `first` seconds in adjusted standard GPS time (GPS
+/// seconds less 10⁹): that less the seconds since the last multiple of a week, so that times of pulses are small and exact. `None` for
+/// other scales: seconds of the week lie between 0 and 604800, and times beyond ±10⁹ are POSIX or GPS seconds.
+pub fn adjusted_time_origin(first: f64) -> Option<f64> {
+    let week = WEEK_NS * 1e-9;
+    let is_adjusted = (-1e9..1e9).contains(&first) && !(-week..=week).contains(&first);
+    is_adjusted.then(|| (first / week).floor() * week)
 }
 
 const WEEK_NS: f64 = 604_800e9;
@@ -162,14 +173,24 @@ impl StreamState {
     #[inline]
     pub(super) fn next_time_ns(&self, plan: &StreamPlan) -> f64 {
         let week = WEEK_NS * 1e-9;
-        let first = if self.first_time < week { self.first_time } else { self.first_time % week };
+        let origin = self.time_origin(plan);
+        let first = match origin {
+            Some(origin) => self.first_time - origin,
+            None if self.first_time < week => self.first_time,
+            None => self.first_time % week,
+        };
         let next = self.next_number(plan);
         let since = match &plan.times {
             None => next.seconds as f64 * 1e9 + f64::from(next.steps) * 1e9 / f64::from(plan.frequency),
             Some(times) => times.at(next.seconds) * 1e9,
         };
         let time = first * 1e9 + since;
-        if time > WEEK_NS { time % WEEK_NS } else { time }
+        if time > WEEK_NS && origin.is_none() { time % WEEK_NS } else { time }
+    }
+
+    /// The time that [`next_time_ns`](Self::next_time_ns) counts from, s, where it is not that of the week.
+    pub(super) fn time_origin(&self, plan: &StreamPlan) -> Option<f64> {
+        adjusted_time_origin(self.first_time).filter(|_| plan.keeps_adjusted_times)
     }
 
     /// Number of the next step: the due one, or the first one after the gap that contains it. It is a function of the
@@ -255,6 +276,15 @@ impl StreamState {
         self.bracket(0.0).map_or(DVec3::ZERO, |(a, b, u)| a.position + (b.position - a.position) * u)
     }
 
+    /// Velocity between the poses around the current step, m/s; 0 at the first pose, whose next one may not have arrived.
+    pub(super) fn velocity(&self) -> DVec3 {
+        let between = |(a, b, _): (&Knot, &Knot, f64)| match b.elapsed - a.elapsed {
+            span if span > 0.0 => (b.position - a.position) / span,
+            _ => DVec3::ZERO,
+        };
+        self.bracket(0.0).map_or(DVec3::ZERO, between)
+    }
+
     pub(super) fn attitude(&self) -> Rotation {
         self.bracket(0.0).map_or(Rotation::IDENTITY, |(a, b, u)| slerp(a.attitude, b.attitude, b.turn, u))
     }
@@ -296,7 +326,7 @@ mod tests {
     }
 
     fn at(frequency: u32) -> StreamPlan {
-        StreamPlan { frequency, times: None, max_gap: f64::INFINITY }
+        StreamPlan { frequency, times: None, max_gap: f64::INFINITY, keeps_adjusted_times: true }
     }
 
     fn yaw(s: &StreamState) -> f64 {
@@ -358,7 +388,7 @@ mod tests {
     #[test]
     fn no_step_is_taken_in_gaps() {
         let poses = [0.0, 0.3, 5.1, 5.5, 9.0, 9.2].map(|time| pose(10.0 + time, time * 10.0, 0.0));
-        let plan = StreamPlan { frequency: 10, times: None, max_gap: 2.0 };
+        let plan = StreamPlan { max_gap: 2.0, ..at(10) };
         for cut in 1..=6 {
             let steps = fly(&poses, &plan, cut).into_iter().map(|(time, position, _)| {
                 let tenths = (time / 1e9 - 10.0) * 10.0;
@@ -372,12 +402,30 @@ mod tests {
     #[test]
     fn times_beyond_a_week_are_reduced() {
         let mut s = StreamState::default();
-        s.feed(vec![pose(604_800.0 * 3.0 + 5.0, 0.0, 0.0)], DVec3::ZERO);
+        s.feed(vec![pose(604_800.0 * 3000.0 + 5.0, 0.0, 0.0)], DVec3::ZERO);
         assert_eq!(s.next_time_ns(&at(10)), 5e9);
         let mut s = StreamState::default();
         s.feed(vec![pose(604_799.5, 0.0, 0.0)], DVec3::ZERO);
         (0..10).for_each(|_| s.step(&at(10)));
         assert_eq!(s.next_time_ns(&at(10)), 0.5e9);
+    }
+
+    #[test]
+    fn adjusted_standard_times_go_on_beyond_their_week() {
+        // 2024: 645 weeks and 604799.5 s after the adjusted epoch.
+        for weeks in [645.0, -100.0] {
+            let (mut s, plan) = (StreamState::default(), at(10));
+            s.feed(vec![pose(604_800.0 * weeks + 604_799.5, 0.0, 0.0)], DVec3::ZERO);
+            assert_eq!(s.time_origin(&plan), Some(604_800.0 * weeks));
+            assert_eq!(s.next_time_ns(&plan), 604_799.5e9);
+            (0..10).for_each(|_| s.step(&plan));
+            assert_eq!(s.next_time_ns(&plan), 604_800.5e9);
+            let reference = StreamPlan { keeps_adjusted_times: false, ..plan };
+            assert_eq!(s.time_origin(&reference), None);
+        }
+        for first in [0.0, 604_800.0, -5.0, 1.4e9, 1.7e9] {
+            assert_eq!(adjusted_time_origin(first), None, "{first}");
+        }
     }
 
     #[test]

@@ -38,7 +38,7 @@ pub struct Echo {
     pub classification: i32,
     /// Cosine of the incidence angle at the attributed hit.
     pub incidence_cosine: f64,
-    /// Deflection angle of the beam, rad.
+    /// Scan angle of its pulse, rad; see [`Pulse::scan_angle`](crate::flight::Pulse::scan_angle).
     pub scan_angle: f64,
     /// Emission time, ns of the GPS week.
     pub time_ns: f64,

@@ -27,6 +27,7 @@ pub(in crate::las) struct LasFormat {
     pub groups: Groups,
     /// Layout of waveform packets, if requested.
     pub packets: Option<WavePackets>,
+    pub(super) adjusted_times: bool,
     pub(super) creation: (u16, u16),
     pub(super) system: String,
     /// Variable length records, except the one of the compression.
@@ -81,6 +82,7 @@ impl LasFormat {
             offset,
             shift,
             extra: settings.extra,
+            adjusted_times: cloud.adjusted_times,
             creation: cloud.creation,
             groups,
             packets,
@@ -188,5 +190,26 @@ mod tests {
             choose_scale(Some(wrong), &sized(300e3), &mut problems);
         }
         assert_eq!(problems.items().len(), 5);
+    }
+
+    #[test]
+    fn las_1_0_has_seconds_of_the_week_where_las_1_4_has_adjusted_ones() {
+        // 2024-05-26 00:00:05.5 of GPS time, a Sunday: week 2316, less 10⁹ s.
+        let adjusted = 2316.0 * 604_800.0 - 1e9;
+        for (version, at, expected) in [(LasVersion::V14, 22, adjusted + 5.5), (LasVersion::V10, 20, 5.5)] {
+            let las = crate::las::LasSettings { version, ..Default::default() };
+            let format =
+                LasFormat::new(&CloudSettings { las, ..Default::default() }, &mut Diagnostics::default());
+            for (time_origin, time_ns, expected) in
+                [(adjusted, 5.5e9, expected), (0.0, 7.25e9, 7.25), (0.0, 604_800e9, 604_800.0)]
+            {
+                let point = crate::PointRecord { time_origin, time_ns, ..Default::default() };
+                let mut record = Vec::new();
+                format.push(&mut record, &point).unwrap();
+                let seconds = f64::from_le_bytes(std::array::from_fn(|i| record[at + i]));
+                assert_eq!(seconds, expected, "{version:?}");
+                assert_eq!(point.has_adjusted_time(), time_origin != 0.0);
+            }
+        }
     }
 }

@@ -39,7 +39,7 @@ impl LasFormat {
     pub fn stream_head(&self, at_most: u64) -> Vec<u8> {
         let mut by_return = [0; 15];
         by_return[0] = at_most;
-        let tally = Tally { records: at_most, left_out: 0, by_return, bounds: self.reach };
+        let tally = Tally { records: at_most, by_return, bounds: self.reach, ..Tally::EMPTY };
         self.head(None, None, &tally, None, "streamed")
     }
 }
@@ -67,9 +67,11 @@ fn header(
     let world = format.world(&tally.bounds);
     let (min, max) = if world.is_empty() { (DVec3::ZERO, DVec3::ZERO) } else { (world.min, world.max) };
     let (year, day) = format.creation;
+    let is_adjusted = format.adjusted_times || tally.has_adjusted_times;
     let header = raw::Header {
-        // GPS week time; WKT, the only kind of coordinate system allowed for formats 6 and 9; location of the packets.
-        global_encoding: packets | if modern { 0x10 } else { 0 },
+        // Adjusted standard GPS time or that of the week; WKT, the only kind of coordinate system allowed for formats 6 and 9;
+        // location of the packets.
+        global_encoding: packets | if modern { 0x10 | u16::from(is_adjusted) } else { 0 },
         version,
         system_identifier: fixed_text(&format.system),
         generating_software: fixed_text(SOFTWARE),

@@ -11,7 +11,8 @@
 //! * coordinates: rounded to the scale, relative to an offset of integral metres near the scene's centre;
 //! * `PointSourceId`: number of the leg plus one, because 0 means "unknown";
 //! * `ScannerChannel` (format 6): device modulo 4; the extra dimension `device` holds the index itself;
-//! * `ScanAngle`: deflection of the beam relative to the scanner, in 0.006° (format 6) or whole degrees (format 1);
+//! * `ScanAngle`: of the beam from straight down across the track, negative to the left of the flight, in steps of 0.006° up to ±180°
+//!   (format 6), or whole degrees, of which there are ±90 (format 1);
 //! * `Intensity`: see [`PointRecord::digital_intensity`](crate::PointRecord::digital_intensity);
 //! * `Classification`: 0 where the material's class exceeds 255 (31 in format 1) or is negative;
 //! * return numbers above 15 (format 1: 7) are stored as 15 (7), and counted as such in the header.

@@ -158,7 +158,7 @@ impl LasFormat {
             match self.push(bytes, point) {
                 Some(stored) => {
                     bytes.splice(before + FIELD_AT..before + FIELD_AT, field);
-                    tally.count_point(stored, point.return_number);
+                    tally.count_point(stored, point);
                 }
                 None => tally.left_out += 1,
             }

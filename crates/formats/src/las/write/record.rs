@@ -2,12 +2,15 @@
 
 use super::format::{LasFormat, MAX_CLASS_1};
 use crate::las::{ExtraDimensions, LasVersion};
-use crate::record::{PointRecord, round_half_even};
+use crate::record::{PointRecord, WEEK_S, round_half_even};
 use vlscan_geom::{DVec3, degrees};
 
 /// Flag "withheld" of formats 6 and 1, set for missed pulses.
 const WITHHELD_6: u8 = 1 << 2;
 const WITHHELD_1: u8 = 1 << 7;
+
+/// Adjusted standard GPS time is GPS time less this, s.
+const ADJUSTMENT_S: f64 = 1e9;
 
 /// Bytes of a record with all extra bytes.
 pub(super) const MAX_RECORD_BYTES: usize = 116;
@@ -72,8 +75,14 @@ impl LasFormat {
         }
         // Point source ID
         record.put(point.source_id().to_le_bytes());
-        // GPS time
-        record.put(point.seconds().to_le_bytes());
+        // GPS time, of which LAS 1.0 knows that of the week only
+        let seconds = match self.version {
+            LasVersion::V10 if point.has_adjusted_time() => {
+                (point.seconds() + ADJUSTMENT_S).rem_euclid(WEEK_S)
+            }
+            _ => point.seconds(),
+        };
+        record.put(seconds.to_le_bytes());
     }
 
     /// Writes the extra bytes, in the order described by [`super::vlr`].

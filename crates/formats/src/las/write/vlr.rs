@@ -141,8 +141,8 @@ pub(super) fn remarks(settings: &LasSettings) -> Vec<u8> {
     };
     let text = format!(
         "Simulated with {SOFTWARE}.\nIntensity: 10000 + 1000 log10(amplitude), 0 where the amplitude is not positive.\nPointSourceId: number of the leg plus one.\n\
-         ScannerChannel: device modulo 4.\nScanAngle: deflection of the beam on the scanner.\n\
-         GpsTime: seconds of the GPS week.\n{packets}"
+         ScannerChannel: device modulo 4.\nScanAngle: of the beam from straight down across the track, negative to the left; with physics of HELIOS++ the deflection on the scanner.\n\
+         GpsTime: seconds of the GPS week or adjusted standard GPS time, as bit 0 of the global encoding says.\n{packets}"
     );
     let mut data = text.into_bytes();
     data.push(0);

@@ -7,4 +7,5 @@ mod golden;
 mod pattern;
 mod replay;
 mod reported;
+mod scan_angles;
 mod times;

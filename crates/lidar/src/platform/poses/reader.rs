@@ -180,10 +180,21 @@ impl PoseReader {
 
     /// Waits for the first pose, unless `is_stopped`, and returns the UTM zone that it was projected to.
     pub fn first_zone(&mut self, is_stopped: &dyn Fn() -> bool) -> Option<UtmZone> {
+        self.await_first(is_stopped);
+        self.georeference.projected_zone()
+    }
+
+    /// Waits for the first pose, unless `is_stopped`, and returns its time in the trajectory's own scale, s. No pose may have been
+    /// returned before.
+    pub fn first_time(&mut self, is_stopped: &dyn Fn() -> bool) -> Option<f64> {
+        self.await_first(is_stopped);
+        self.pending.front().map(|pose| pose.time)
+    }
+
+    fn await_first(&mut self, is_stopped: &dyn Fn() -> bool) {
         while self.poses == 0 && self.failure.is_none() && !self.ended && !is_stopped() {
             self.receive(STOP_CHECK_INTERVAL);
         }
-        self.georeference.projected_zone()
     }
 
     /// Processes the bytes of one read; returns `false` if none arrived before the timeout.
