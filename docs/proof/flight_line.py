@@ -86,26 +86,27 @@ def circle(cloud):
 
 
 def revolutions(cloud, angle):
-    """Revolutions per second, by the times at which the arcs pass a scan angle."""
-    times, numbers = [], []
+    """Revolutions per second, and the distance between successive arcs: by the times and places at which they pass a scan angle."""
+    times, numbers, places = [], [], []
     for arc in np.unique(cloud.arc):
         of_arc = (cloud.arc == arc) & cloud.first
-        a, t = cloud.angle[of_arc], cloud.time[of_arc]
+        a, t, xy = cloud.angle[of_arc], cloud.time[of_arc], cloud.xyz[of_arc, :2]
         if len(a) > 30 and a.min() < angle < a.max():
-            line = np.polyfit(a - angle, t - t[0], 2)
-            times.append(t[0] + line[2])
+            line = np.polyfit(a - angle, np.c_[t - t[0], xy - xy[0]], 2)[2]
+            times.append(t[0] + line[0])
+            places.append(xy[0] + line[1:])
             numbers.append(arc)
-    times, numbers = np.array(times), np.array(numbers)
+    times, numbers, places = np.array(times), np.array(numbers), np.array(places)
     period = np.median(np.diff(times) / np.diff(numbers))
     turns = np.round((times - times[0]) / period)
-    return 1 / np.polyfit(turns, times - times[0], 1)[0]
+    return 1 / np.polyfit(turns, times - times[0], 1)[0], np.linalg.norm(np.polyfit(turns, places - places[0], 1)[0])
 
 
 def figures(cloud, terrain, angle):
     a, b = pulse_pairs(cloud)
     steps = np.linalg.norm(cloud.xyz[b, :2] - cloud.xyz[a, :2], axis=1)
     _, velocity, radius = circle(cloud)
-    rate = revolutions(cloud, angle)
+    rate, spacing = revolutions(cloud, angle)
     above = cloud.xyz[:, 2] - terrain(cloud.xyz[:, 0], cloud.xyz[:, 1])
     ground = above[cloud.ground & np.isfinite(above)] * 1000
     first = cloud.returns[cloud.first]
@@ -114,7 +115,8 @@ def figures(cloud, terrain, angle):
         "revolutions, 1/s": rate,
         "pulse rate, 1/s": 1 / np.mean(cloud.time[b] - cloud.time[a]),
         "radius of the circle, m": radius,
-        "spacing of arcs, m": np.linalg.norm(velocity) / rate,
+        "spacing of arcs, m": spacing,
+        "spacing of arcs by the moving circle, m": np.linalg.norm(velocity) / rate,
         "spacing along, 10 %, m": np.quantile(steps, 0.1),
         "spacing along, median, m": np.quantile(steps, 0.5),
         "spacing along, 90 %, m": np.quantile(steps, 0.9),

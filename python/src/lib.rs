@@ -43,7 +43,7 @@ mod _vlscan {
     #[pymodule_export]
     use super::table::{Column, Table};
     #[pymodule_export]
-    use super::tools::{compare, fit_flight, plan, reconstruct, run_campaign};
+    use super::tools::{compare, fit_flight, fit_sensor, plan, reconstruct, run_campaign};
     #[pymodule_export]
     use super::version;
 }

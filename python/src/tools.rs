@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan::fit::flight::{self, FlightRequest};
 use vlscan::fit::scene::ReconstructOptions;
+use vlscan::fit::spinning::{Half, SpinningRequest, fit_spinning};
 use vlscan::tools::cloud::{Points, points_of_table, read_points};
 use vlscan::tools::compare::{CompareOptions, compare as compare_clouds, json};
 use vlscan::tools::plan::{
@@ -222,6 +223,32 @@ pub fn fit_flight(
     });
     notices.issue(py)?;
     made.map_err(|error| exception(py, error))
+}
+
+/// Fits noise and detection of a spinning sensor to a revolution and writes the sensor. Returns the figures as JSON.
+#[pyfunction]
+pub fn fit_sensor(
+    py: Python<'_>,
+    revolution: PathBuf,
+    calibration: PathBuf,
+    output: PathBuf,
+    odd: bool,
+    planes: Option<PathBuf>,
+    force: bool,
+) -> PyResult<String> {
+    let notices = Notices::default();
+    let made = py.detach(|| {
+        let mut found = Diagnostics::default();
+        let half = if odd { Half::Odd } else { Half::Even };
+        let fit = fit_spinning(&revolution, &calibration, &SpinningRequest { half }, &mut found);
+        notices.add(Notice::Warnings(found.finish(false)?));
+        let fit = fit?;
+        let command = format!("vlscan.fit_sensor {} {}", revolution.display(), calibration.display());
+        fit.write(&output, planes.as_deref(), (&calibration, &command), force)?;
+        fit.figures().json()
+    });
+    notices.issue(py)?;
+    made.map_err(|error: Error| exception(py, error))
 }
 
 /// Reconstructs a scene from a classified point cloud. Returns what was estimated as JSON.

@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 import vlscan
@@ -87,3 +88,39 @@ def test_a_flight_is_fitted_and_a_scene_reconstructed(tmp_path):
         vlscan.fit_flight(tmp_path / "plain.xyz", tmp_path / "other.toml")
     report = vlscan.reconstruct(tmp_path / "line.laz", tmp_path / "place")
     assert report["pulses"] > 1000 and (tmp_path / "place" / "scene.xml").exists()
+
+
+def test_a_spinning_sensor_is_fitted(tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    import pyarrow
+
+    altitudes, columns = np.linspace(20, -20, 32), 1024
+    calibration = {
+        "product": "OS-1-32",
+        "mode": f"{columns}x10",
+        "columns": columns,
+        "origin_to_beam_mm": 0,
+        "beam_altitude_deg": list(altitudes),
+        "beam_azimuth_deg": [0] * 32,
+    }
+    (tmp_path / "sensor.json").write_text(json.dumps(calibration))
+    # A room of 16 by 16 by 6 m, ranges with a noise of 10 mm, every fiftieth pulse lost.
+    beam, column = np.divmod(np.arange(32 * columns), columns)
+    up, turn = np.radians(altitudes[beam]), 2 * np.pi * column / columns
+    direction = np.c_[np.cos(up) * np.cos(turn), np.cos(up) * np.sin(turn), np.sin(up)]
+    ranges = 1000 * (np.array([8, 8, 3]) / np.maximum(abs(direction), 1e-9)).min(1)
+    random = np.random.default_rng(1)
+    ranges = np.where(random.random(len(ranges)) < 0.02, 0, np.round(ranges + random.normal(0, 10, len(ranges))))
+    fields = {"beam": beam, "column": column, "range_mm": ranges, "reflectivity": np.full(len(beam), 50.0)}
+    parquet.write_table(pyarrow.table(fields), tmp_path / "revolution.parquet")
+    files = (tmp_path / "revolution.parquet", tmp_path / "sensor.json", tmp_path / "fit.toml")
+    found = vlscan.fit_sensor(*files, planes=tmp_path / "planes.obj")
+    assert 50 < found["planes"] and abs(found["dropout_rate"][0] - 0.02) < 0.005, found
+    assert abs(found["classes"][0]["scatter_m"][0] - 0.01) < 0.002, found
+    assert "catalogue" in (tmp_path / "fit.toml").read_text() and (tmp_path / "planes.obj").exists()
+    with pytest.raises(vlscan.Error, match="force"):
+        vlscan.fit_sensor(*files, half="odd")
+    with pytest.raises(ValueError, match="half"):
+        vlscan.fit_sensor(*files, half="both")
+    with pytest.raises(vlscan.Error, match="sensor.json"):
+        vlscan.fit_sensor(tmp_path / "sensor.json", tmp_path / "sensor.json", tmp_path / "other.toml")

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from .scene import Scene
     from .survey import Leg, Survey, run, run_batches, trace
     from .tables import Points, Table, Waveforms
-    from .tools import CampaignReport, Plan, compare, fit_flight, plan_airborne, plan_mobile, plan_terrestrial, reconstruct, run_campaign
+    from .tools import CampaignReport, Plan, compare, fit_flight, fit_sensor, plan_airborne, plan_mobile, plan_terrestrial, reconstruct, run_campaign
 
     __version__: str
 
@@ -52,6 +52,7 @@ _MODULES = {
         "Plan",
         "compare",
         "fit_flight",
+        "fit_sensor",
         "plan_airborne",
         "plan_mobile",
         "plan_terrestrial",
@@ -84,6 +85,7 @@ __all__ = [
     "columns",
     "compare",
     "fit_flight",
+    "fit_sensor",
     "options",
     "plan_airborne",
     "plan_mobile",

@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from . import _vlscan
 from ._typing import PathLike, TableLike
@@ -410,6 +410,61 @@ def fit_flight(
     """
     _, figures = _vlscan.fit_flight(os.fspath(cloud), os.fspath(output), flight_line, force)
     return {figure["name"]: (figure["value"], figure["deviation"], figure["unit"]) for figure in json.loads(figures)}
+
+
+def fit_sensor(
+    revolution: PathLike,
+    calibration: PathLike,
+    output: PathLike,
+    *,
+    half: Literal["even", "odd"] = "even",
+    planes: PathLike | None = None,
+    force: bool = False,
+) -> dict[str, Any]:
+    """Estimate range noise, detection and dropouts of a spinning sensor, and write it as a pipeline file.
+
+    They are estimated from the planes that one revolution shows.
+
+    Parameters
+    ----------
+    revolution : str or path-like
+        The recorded revolution: Parquet with the columns beam, column, range_mm, reflectivity and, if there is one, signal.
+    calibration : str or path-like
+        The calibration file that the Ouster sensor writes of itself, JSON.
+    output : str or path-like
+        The pipeline file to write.
+    half : {"even", "odd"}
+        The columns of the revolution that are fitted; the others test the fit.
+    planes : str or path-like, optional
+        The mesh (OBJ) to write the planes to; it becomes the scene of the pipeline file.
+    force : bool
+        Overwrite files that exist.
+
+    Returns
+    -------
+    dict
+        What was estimated, as ``vlscan fit --json`` writes it.
+
+    Raises
+    ------
+    InputError
+        The recording is not one of this sensor, or has too few planes.
+    FileError
+        A file cannot be read or exists.
+    """
+    if half not in ("even", "odd"):
+        raise ValueError(f'half is {half!r}, expected "even" or "odd"')
+    figures: dict[str, Any] = json.loads(
+        _vlscan.fit_sensor(
+            os.fspath(revolution),
+            os.fspath(calibration),
+            os.fspath(output),
+            half == "odd",
+            None if planes is None else os.fspath(planes),
+            force,
+        )
+    )
+    return figures
 
 
 def reconstruct(

@@ -4,7 +4,7 @@ use super::Console;
 use super::args::{FitArgs, FittedHalf};
 use std::path::Path;
 use vlscan_base::diag::Diagnostics;
-use vlscan_base::error::{Error, Result};
+use vlscan_base::error::Result;
 use vlscan_base::files::{refuse_existing, write_stdout};
 use vlscan_base::quantity::amount;
 use vlscan_fit::flight::{FlightRequest, fit_flight, json, table};
@@ -49,10 +49,7 @@ fn run_spinning(args: &FitArgs, calibration: &Path, console: &Console) -> Result
     let files = fit.write(&args.out, args.planes.as_deref(), (calibration, &command), args.force)?;
     let figures = fit.figures();
     match args.json {
-        true => {
-            let text = serde_json::to_string_pretty(&figures).map_err(|e| Error::input(e.to_string()))?;
-            write_stdout(&(text + "\n"))?;
-        }
+        true => write_stdout(&(figures.json()? + "\n"))?,
         false => write_stdout(&figures.table())?,
     }
     let beside: Vec<String> = files.iter().skip(1).map(|path| format!(", {}", path.display())).collect();

@@ -132,11 +132,22 @@ fn clouds_that_say_nothing_of_a_flight_are_refused() {
     let rows: String =
         (0..2000).map(|k| format!("{k} {} 5 {} 0\n", k * 7 % 13, f64::from(k) * 1e-4)).collect();
     fs::write(dir.path().join("nadir.txt"), format!("x y z time scan_angle\n{rows}")).unwrap();
+    let column = |row: &dyn Fn(u32) -> String| {
+        format!("x y z time scan_angle\n{}", (0..2000).map(row).collect::<String>())
+    };
+    fs::write(dir.path().join("frozen.txt"), column(&|k| format!("{k} {} 5 77 3\n", k % 13))).unwrap();
+    fs::write(dir.path().join("place.txt"), column(&|k| format!("1 2 5 {} 3\n", f64::from(k) * 1e-4)))
+        .unwrap();
+    let double = |k: u32| format!("{k} {} 5 {} 3\n", k % 13, f64::from(k / 2) * 1e-4);
+    fs::write(dir.path().join("double.txt"), column(&double)).unwrap();
     fs::write(dir.path().join("few.txt"), "x y z time scan_angle\n1 2 3 4 5\n").unwrap();
     for (cloud, expected) in [
         ("plain.xyz", "GPS times"),
         ("nadir.txt", "no flight"),
         ("few.txt", "too few"),
+        ("frozen.txt", "have the GPS time 77"),
+        ("place.txt", "lie within 0.000 m"),
+        ("double.txt", "1000 points have the time of another pulse"),
         ("none.laz", "none.laz"),
     ] {
         let out = run(dir.path(), &["fit", cloud, "-o", "fit.toml"]);
@@ -155,6 +166,9 @@ fn real_flight_lines_are_fitted() {
     let lines = [
         ("airborne/flight_line.laz", "revolutions", 149.9986, 1.64e6, 58.9),
         ("airborne/hills.laz", "lines", 77.5455, 3.58e5, 70.0),
+        // Two channels whose lines cross, one after the other in a tile of 50 m.
+        ("airborne/town_b.laz", "lines", 196.938, 1.248e6, 71.4),
+        ("airborne/town_c.laz", "lines", 196.938, 1.248e6, 71.4),
     ];
     for (name, of_mirror, frequency, pulse_rate, speed) in lines {
         let Some(path) = recording(name) else { return };
@@ -167,5 +181,8 @@ fn real_flight_lines_are_fitted() {
         assert!((value("pulse rate") / pulse_rate - 1.0).abs() < 0.01, "{name}: {found:?}");
         assert!((value("speed") - speed).abs() < 1.0, "{name}: {found:?}");
         assert!(value("residual on the ground") < 0.05, "{name}: {found:?}");
+        let yaw = found.get("yaw of channel 1").and_then(|yaw| yaw.as_f64());
+        let has_two = name.contains("town");
+        assert!(has_two == yaw.is_some_and(|yaw| (yaw.abs() - 14.05).abs() < 0.05), "{name}: {found:?}");
     }
 }

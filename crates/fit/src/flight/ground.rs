@@ -1,7 +1,6 @@
 //! Noise of ranges, by the heights of points about the ground around them.
 
-use super::model::Model;
-use super::recording::{Recording, median};
+use super::recording::{Pulse, Recording, median};
 use super::solve::Solution;
 use libm::cos;
 use nalgebra::{Matrix3, Vector3};
@@ -37,16 +36,16 @@ pub fn range_noise(recording: &Recording, solution: &Solution) -> Option<f64> {
     let mut spreads = Vec::new();
     for cell in cells.values().filter(|cell| cell.len() >= MIN_PULSES) {
         if let Some(spread) = plane_spread(recording, cell) {
-            let time = recording.pulses[cell[0]].time;
-            spreads.push(spread * slant(&solution.model, solution, time));
+            spreads.push(spread * slant(&recording.pulses[cell[0]], solution));
         }
     }
     (spreads.len() >= 20).then(|| median(spreads))
 }
 
-/// Cosine of the beam's angle from the vertical: a range that is wrong by 1 m makes a height wrong by this.
-fn slant(model: &Model, solution: &Solution, time: f64) -> f64 {
-    let beam = model.direction(&solution.attitude(time), time);
+/// Range that changes with a height, per m: the reciprocal of the cosine of the beam's angle from the vertical.
+fn slant(pulse: &Pulse, solution: &Solution) -> f64 {
+    let attitude = solution.attitude(pulse.time);
+    let beam = solution.model.direction(&attitude, usize::from(pulse.channel), pulse.time);
     1.0 / (-beam.z).max(cos(1.5))
 }
 

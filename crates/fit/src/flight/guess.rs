@@ -1,30 +1,31 @@
 //! First guesses of a flight and its mirror.
 
+use super::lines;
 use super::mirror::Mirror;
 use super::model::{MAX_PARAMETERS, Model, PLATFORM_PARAMETERS};
 use super::recording::{Pulse, Recording, median};
 use libm::{atan2, cos, hypot, sin, sqrt, tan};
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
+use vlscan_geom::DVec3;
 
 /// Pulses that are used for a guess.
 const GUESS_PULSES: usize = 6000;
 /// Rates are sought by the coherence of phases over at most this many seconds.
 const COHERENT: f64 = 4.0;
-
-/// A pulse as seen from the flight's course.
-struct Seen {
-    time: f64,
-    /// Positive to the right, rad.
-    angle: f64,
-}
+/// Returns of a pulse that lie farther apart in height than this tell the direction of its beam, m.
+const MIN_DEPTH: f64 = 3.0;
+const MIN_DEEP_PULSES: usize = 200;
 
 /// Guesses that the pulses suggest.
 pub fn guesses(recording: &Recording) -> Vec<Model> {
     let cones = [circle(recording), arcs(recording, 1.0), arcs(recording, -1.0)];
     let circles = cones.into_iter().flatten().filter_map(|circle| cone(recording, &circle));
-    let lines =
-        [Mirror::Polygon, Mirror::Oscillating].into_iter().filter_map(|mirror| lines(recording, mirror));
+    let mut lines = vec![(Mirror::Polygon, 1), (Mirror::Oscillating, 1)];
+    if recording.channels > 1 {
+        lines.push((Mirror::Polygon, recording.channels));
+    }
+    let lines = lines.into_iter().filter_map(|(mirror, channels)| lines::guess(recording, mirror, channels));
     circles.chain(lines).collect()
 }
 
@@ -41,7 +42,7 @@ struct Circle {
 }
 
 /// Some pulses, evenly chosen from lines of some length.
-fn chosen(recording: &Recording) -> Vec<usize> {
+pub fn chosen(recording: &Recording) -> Vec<usize> {
     let all: Vec<usize> =
         recording.lines.iter().filter(|line| line.len() >= 8).flat_map(|line| line.clone()).collect();
     let step = all.len().div_ceil(GUESS_PULSES).max(1);
@@ -142,101 +143,15 @@ fn cone(recording: &Recording, circle: &Circle) -> Option<Model> {
     parameters[PLATFORM_PARAMETERS] = libm::atan(circle.radius / (height - mean_height(recording, &chosen)));
     parameters[PLATFORM_PARAMETERS + 1] = rate;
     parameters[PLATFORM_PARAMETERS + 2] = wrapped(phase - course);
-    Some(Model { mirror: Mirror::Cone, parameters })
+    Some(Model::new(Mirror::Cone, parameters))
 }
 
-/// Parallel lines across the flight.
-fn lines(recording: &Recording, mirror: Mirror) -> Option<Model> {
-    let chosen = chosen(recording);
-    // The lines' direction: the main axis of the pulses about the centres of their lines.
-    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
-    for line in recording.lines.iter().filter(|line| line.len() >= 8) {
-        let count = line.len() as f64;
-        let pulses = &recording.pulses[line.clone()];
-        let (mut mx, mut my) = (0.0, 0.0);
-        pulses
-            .iter()
-            .for_each(|pulse| (mx, my) = (mx + pulse.position.x / count, my + pulse.position.y / count));
-        for pulse in pulses {
-            let (x, y) = (pulse.position.x - mx, pulse.position.y - my);
-            (xx, xy, yy) = (xx + x * x, xy + x * y, yy + y * y);
-        }
-    }
-    let axis = 0.5 * atan2(2.0 * xy, xx - yy);
-    // Forward is at right angles to the lines, in the sense in which they advance.
-    let mut forward = (-sin(axis), cos(axis));
-    let along = |i: usize, forward: (f64, f64)| {
-        recording.pulses[i].position.x * forward.0 + recording.pulses[i].position.y * forward.1
-    };
-    let times: Vec<f64> = chosen.iter().map(|i| recording.pulses[*i].time).collect();
-    let places: Vec<f64> = chosen.iter().map(|i| along(*i, forward)).collect();
-    let (mut speed, mut start) = slope(&times, &places);
-    if speed < 0.0 {
-        (forward, speed, start) = ((-forward.0, -forward.1), -speed, -start);
-    }
-    let course = atan2(forward.0, forward.1);
-    let velocity = (speed * forward.0, speed * forward.1);
-    let centre = (start * forward.0, start * forward.1);
-    let (height, across) = height(recording, &chosen, course, centre, velocity)?;
-    // `across` is where the scan angle is 0, to the right of the centre.
-    let right = (forward.1, -forward.0);
-    let centre = (centre.0 + across * right.0, centre.1 + across * right.1);
-    let seen = |i: usize| {
-        let pulse = &recording.pulses[i];
-        let (x, y) = (
-            pulse.position.x - centre.0 - velocity.0 * pulse.time,
-            pulse.position.y - centre.1 - velocity.1 * pulse.time,
-        );
-        Seen { time: pulse.time, angle: atan2(x * right.0 + y * right.1, height - pulse.position.z) }
-    };
-    let (mut rising, mut falling, mut rates) = (Vec::new(), Vec::new(), Vec::new());
-    for line in recording.lines.iter().filter(|line| line.len() >= 12) {
-        let seen: Vec<Seen> = line.clone().map(seen).collect();
-        let times: Vec<f64> = seen.iter().map(|s| s.time - seen[0].time).collect();
-        let angles: Vec<f64> = seen.iter().map(|s| s.angle).collect();
-        let (rate, first) = slope(&times, &angles);
-        if rate == 0.0 || !rate.is_finite() {
-            continue;
-        }
-        // When the line passes the angle 0.
-        let crossing = seen[0].time - first / rate;
-        if rate > 0.0 {
-            rising.push(crossing)
-        } else {
-            falling.push(crossing)
-        }
-        rates.push(rate);
-    }
-    let is_both = rising.len().min(falling.len()) * 5 > rising.len().max(falling.len());
-    let speed_of_angle = median(rates.iter().map(|rate| rate.abs()).collect());
-    let mut parameters = [0.0; MAX_PARAMETERS];
-    (parameters[0], parameters[1]) = centre;
-    (parameters[2], parameters[3]) = velocity;
-    parameters[6] = height;
-    let of_mirror = &mut parameters[PLATFORM_PARAMETERS..];
-    match mirror {
-        Mirror::Polygon if !is_both => {
-            let is_rising = rising.len() > falling.len();
-            let (frequency, offset) = line_rate(if is_rising { &rising } else { &falling })?;
-            of_mirror[0] = speed_of_angle / frequency * if is_rising { 1.0 } else { -1.0 };
-            of_mirror[1] = frequency;
-            // The angle is 0 in the middle of a line.
-            of_mirror[2] = wrapped(0.5 * TAU + offset);
-        }
-        Mirror::Oscillating if is_both => {
-            let (frequency, offset) = line_rate(&rising)?;
-            of_mirror[0] = speed_of_angle / (4.0 * frequency);
-            of_mirror[1] = frequency;
-            of_mirror[2] = wrapped(0.25 * TAU + offset);
-        }
-        _ => return None,
-    }
-    Some(Model { mirror, parameters })
-}
-
-/// Height of the platform, and where across the track the scan angle is 0, by the angles in the file. `None` where they do not
-/// change across the track.
-fn height(
+/// Height of the platform, and where across the track the beam looks straight down. `None` where the angles do not change
+/// across the track.
+///
+/// Angles that are rounded to degrees say little of a small tile: there the beams through the returns of pulses that have several
+/// are taken, if they are many.
+pub fn height(
     recording: &Recording,
     chosen: &[usize],
     course: f64,
@@ -245,26 +160,46 @@ fn height(
 ) -> Option<(f64, f64)> {
     let mean = mean_height(recording, chosen);
     let (right_x, right_y) = (cos(course), -sin(course));
-    let (mut across, mut tangents) = (Vec::new(), Vec::new());
-    for i in chosen {
-        let pulse = &recording.pulses[*i];
-        let x = pulse.position.x - centre.0 - velocity.0 * pulse.time;
-        let y = pulse.position.y - centre.1 - velocity.1 * pulse.time;
-        across.push(x * right_x + y * right_y);
-        tangents.push(tan(pulse.angle));
+    let across = |pulse: &Pulse, place: DVec3| {
+        let x = place.x - centre.0 - velocity.0 * pulse.time;
+        let y = place.y - centre.1 - velocity.1 * pulse.time;
+        x * right_x + y * right_y
+    };
+    let (mut places, mut tangents) = (Vec::new(), Vec::new());
+    if recording.has_whole_angles() {
+        for pulse in &recording.pulses {
+            let Some(last) = pulse.last else { continue };
+            let down = pulse.position.z - last.z;
+            if down > MIN_DEPTH {
+                let (first, last) = (across(pulse, pulse.position), across(pulse, last));
+                places.push(first + (last - first) * (pulse.position.z - mean) / down);
+                tangents.push((last - first) / down);
+            }
+        }
     }
-    let (gradient, at_zero) = slope(&across, &tangents);
+    if places.len() < MIN_DEEP_PULSES {
+        (places, tangents) = chosen
+            .iter()
+            .map(|i| {
+                (
+                    across(&recording.pulses[*i], recording.pulses[*i].position),
+                    tan(recording.pulses[*i].angle),
+                )
+            })
+            .unzip();
+    }
+    let (gradient, at_zero) = slope(&places, &tangents);
     let height = 1.0 / gradient;
     // Also false for NaN.
     (height > 1.0 && height < 1e5).then(|| (mean + height, -at_zero * height))
 }
 
-fn mean_height(recording: &Recording, chosen: &[usize]) -> f64 {
+pub fn mean_height(recording: &Recording, chosen: &[usize]) -> f64 {
     chosen.iter().map(|i| recording.pulses[*i].position.z).sum::<f64>() / chosen.len().max(1) as f64
 }
 
 /// Rate and phase at time 0 of lines that pass the angle 0 at these times.
-fn line_rate(crossings: &[f64]) -> Option<(f64, f64)> {
+pub fn line_rate(crossings: &[f64]) -> Option<(f64, f64)> {
     let mut times = crossings.to_vec();
     times.sort_by(f64::total_cmp);
     let coarse = 1.0 / period(&times)?;
@@ -285,23 +220,19 @@ fn period(times: &[f64]) -> Option<f64> {
 
 /// The rate near `coarse` (within a share of it) at which the phases of samples (time, phase) are most alike, and that phase at
 /// time 0. Samples without a phase of their own have the phase 0: then the result is the phase of the rate at time 0, reversed.
-fn coherent_rate(samples: &[(f64, f64)], coarse: f64, share: f64) -> (f64, f64) {
-    let coherence = |rate: f64, until: f64| {
-        let (mut re, mut im) = (0.0, 0.0);
-        for (time, phase) in samples.iter().filter(|(time, _)| *time <= until) {
-            let angle = phase - TAU * rate * time;
-            (re, im) = (re + cos(angle), im + sin(angle));
-        }
-        (hypot(re, im), atan2(im, re))
-    };
-    let last = samples.iter().map(|(time, _)| *time).fold(0.0, f64::max);
-    let until = last.min(COHERENT);
+pub fn coherent_rate(samples: &[(f64, f64)], coarse: f64, share: f64) -> (f64, f64) {
+    let first = samples.iter().map(|(time, _)| *time).fold(f64::INFINITY, f64::min);
+    let last = samples.iter().map(|(time, _)| *time).fold(f64::NEG_INFINITY, f64::max);
+    let until = (last - first).clamp(0.0, COHERENT);
+    let samples: Vec<(f64, f64)> =
+        samples.iter().filter(|(time, _)| time - first <= until).copied().collect();
+    let coherence = |rate: f64| coherence(&samples, rate);
     let step = 0.2 / until.max(0.1);
     let count = (coarse.abs() * share / step).ceil().min(20_000.0) as i64;
     let mut best = (f64::NEG_INFINITY, coarse);
     for k in -count..=count {
         let rate = coarse + k as f64 * step;
-        let size = coherence(rate, until).0;
+        let size = coherence(rate).0;
         if size > best.0 {
             best = (size, rate);
         }
@@ -310,14 +241,24 @@ fn coherent_rate(samples: &[(f64, f64)], coarse: f64, share: f64) -> (f64, f64) 
     let (mut low, mut high) = (best.1 - step, best.1 + step);
     for _ in 0..40 {
         let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
-        if coherence(a, until).0 < coherence(b, until).0 { low = a } else { high = b }
+        if coherence(a).0 < coherence(b).0 { low = a } else { high = b }
     }
     let rate = 0.5 * (low + high);
-    (rate, coherence(rate, until).1)
+    (rate, coherence(rate).1)
+}
+
+/// How alike the phases of samples (time, phase) are at a rate, and their mean phase at time 0.
+pub fn coherence(samples: &[(f64, f64)], rate: f64) -> (f64, f64) {
+    let (mut re, mut im) = (0.0, 0.0);
+    for (time, phase) in samples {
+        let angle = phase - TAU * rate * time;
+        (re, im) = (re + cos(angle), im + sin(angle));
+    }
+    (hypot(re, im), atan2(im, re))
 }
 
 /// Slope and value at 0 of a straight line through values.
-fn slope(x: &[f64], y: &[f64]) -> (f64, f64) {
+pub fn slope(x: &[f64], y: &[f64]) -> (f64, f64) {
     let count = x.len() as f64;
     let (mx, my) = (x.iter().sum::<f64>() / count, y.iter().sum::<f64>() / count);
     let (mut xx, mut xy) = (0.0, 0.0);
@@ -337,6 +278,6 @@ fn unwrap(phases: &mut [f64]) {
 }
 
 /// An angle from −π to π.
-fn wrapped(angle: f64) -> f64 {
+pub fn wrapped(angle: f64) -> f64 {
     angle - TAU * (angle / TAU).round()
 }

@@ -12,10 +12,11 @@ pub enum Mirror {
     /// A cone about the downward axis (Palmer scanner). Parameters: half angle, turns per second, phase; positive turns go
     /// from ahead to the right.
     Cone,
-    /// Parallel lines in one direction (polygon mirror). Parameters: angle per line, lines per second, phase, yaw; positive
-    /// angles per line go from left to right.
+    /// Parallel lines in one direction (polygon mirror). Parameters: angle per line, lines per second, phase, yaw of the
+    /// scanner; positive angles per line go from left to right.
     Polygon,
-    /// Lines to and fro with constant speed (oscillating mirror). Parameters: half angle, periods per second, phase, yaw.
+    /// Lines to and fro with constant speed (oscillating mirror). Parameters: half angle, periods per second, phase, yaw of
+    /// the scanner.
     Oscillating,
 }
 
@@ -35,6 +36,15 @@ impl Mirror {
         }
     }
 
+    /// What it is called in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Mirror::Cone => "a cone",
+            Mirror::Polygon => "a polygon mirror",
+            Mirror::Oscillating => "an oscillating mirror",
+        }
+    }
+
     /// Number of parameters.
     pub fn count(self) -> usize {
         match self {
@@ -43,35 +53,29 @@ impl Mirror {
         }
     }
 
-    /// Direction of the beam at `time` (s), unit vector. Angles are rad.
-    pub fn direction(self, p: &[f64], time: f64) -> DVec3 {
+    /// Direction of the beam at `time` (s), unit vector, of a mirror with the phase `phase` at time 0. Angles are rad.
+    pub fn direction(self, p: &[f64], phase: f64, time: f64) -> DVec3 {
         match self {
             Mirror::Cone => {
-                let turn = TAU * p[1] * time + p[2];
+                let turn = TAU * p[1] * time + phase;
                 let radius = sin(p[0]);
                 DVec3::new(radius * sin(turn), radius * cos(turn), -cos(p[0]))
             }
             Mirror::Polygon | Mirror::Oscillating => {
-                let angle = self.angle(p, time);
-                let (across, yaw) = (sin(angle), p[3]);
-                DVec3::new(across * cos(yaw), -across * sin(yaw), -cos(angle))
+                let part = self.part(p, phase, time);
+                let angle = match self {
+                    Mirror::Oscillating if part < 0.5 => p[0] * (4.0 * part - 1.0),
+                    Mirror::Oscillating => p[0] * (3.0 - 4.0 * part),
+                    _ => p[0] * (part - 0.5),
+                };
+                DVec3::new(sin(angle), 0.0, -cos(angle))
             }
         }
     }
 
-    /// Scan angle of the mirrors that draw lines, rad.
-    pub fn angle(self, p: &[f64], time: f64) -> f64 {
-        let phase = p[1] * time + p[2] / TAU;
-        let part = phase - phase.floor();
-        match self {
-            Mirror::Oscillating => p[0] * if part < 0.5 { 4.0 * part - 1.0 } else { 3.0 - 4.0 * part },
-            _ => p[0] * (part - 0.5),
-        }
-    }
-
     /// Place within the revolution, line or period at `time`, from 0 to 1.
-    pub fn phase(self, p: &[f64], time: f64) -> f64 {
-        let phase = p[1] * time + p[2] / TAU;
+    pub fn part(self, p: &[f64], phase: f64, time: f64) -> f64 {
+        let phase = p[1] * time + phase / TAU;
         phase - phase.floor()
     }
 }

@@ -7,19 +7,21 @@
 //! | file | what it does |
 //! |---|---|
 //! | `recording` | pulses of one flight line, cut to lines of the scanner |
-//! | `guess` | first guesses for each kind of mirror |
+//! | `guess`, `lines` | first guesses for each kind of mirror |
 //! | `model`, `mirror` | where the beam of a flown scanner meets the ground |
 //! | `solve` | least squares for parameters and attitudes |
-//! | `rate` | when pulses leave |
+//! | `rate`, `repeat` | when pulses leave: by the place of the mirror, and patterns that repeat |
 //! | `ground` | noise of ranges |
 //! | `report`, `write` | figures with uncertainties; pipeline file, trajectory, pulse times |
 
 mod ground;
 mod guess;
+mod lines;
 mod mirror;
 mod model;
 mod rate;
 mod recording;
+mod repeat;
 mod report;
 mod solve;
 #[cfg(test)]
@@ -27,8 +29,8 @@ mod tests;
 mod write;
 
 pub use mirror::Mirror;
-pub use model::{Attitude, Footprint, MAX_PARAMETERS, Model, PLATFORM_PARAMETERS};
-pub use rate::PulseRate;
+pub use model::{Attitude, Channel, Footprint, MAX_PARAMETERS, Model, PLATFORM_PARAMETERS};
+pub use rate::{MAX_LOST_SHARE, PulseRate};
 pub use recording::{Pulse, Recording};
 pub use report::{Figure, json, table};
 pub use solve::Solution;
@@ -37,6 +39,7 @@ pub use write::FlightFiles;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
+use vlscan_geom::degrees;
 
 /// Sections whose attitudes are estimated when the kind of mirror is chosen.
 const TRIAL_SECTIONS: usize = 150;
@@ -53,6 +56,9 @@ const MAX_ANGLE_STEPS: f64 = 0.6;
 const MAX_ANGLE: f64 = 0.02;
 /// Smaller angles of a mirror are no scan, rad.
 const MIN_MIRROR: f64 = 0.01;
+/// Speeds of flights, m/s.
+const MIN_SPEED: f64 = 0.2;
+const MAX_SPEED: f64 = 400.0;
 /// One that misses them by more than this is doubtful.
 const DOUBTFUL_RESIDUAL: f64 = 0.15;
 
@@ -83,25 +89,24 @@ pub struct FlightFit {
 /// neither on the circles of a cone nor on lines across a flight.
 pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics) -> Result<FlightFit> {
     let mut recording = Recording::read(path, request.flight_line, found)?;
-    let mut solution = best_solution(&recording);
-    if solution.is_none() {
+    let mut fitted = best_solution(&recording);
+    if fitted.is_err() {
         // Some files count scan angles to the left.
-        recording.pulses.iter_mut().for_each(|pulse| pulse.angle = -pulse.angle);
-        solution = best_solution(&recording);
-        if solution.is_some() {
+        let mut turned = recording.clone();
+        turned.pulses.iter_mut().for_each(|pulse| pulse.angle = -pulse.angle);
+        if let Ok(solution) = best_solution(&turned) {
             let message = "scan angles are positive to the left of the flight, against the LAS specification; they are turned round";
             found.warn(Some(Place::of_file(path)), message);
+            (recording, fitted) = (turned, Ok(solution));
         }
     }
     let name = path.display();
-    let Some(solution) = solution else {
-        return Err(Error::input_with_help(
-            format!(
-                "{name}: no flight with a cone, a polygon mirror or an oscillating mirror meets these points"
-            ),
-            "a fit needs all pulses of a flight line, not thinned, with scan angles that change across the track",
-        ));
-    };
+    let solution = fitted.map_err(|reason| {
+        Error::input_with_help(
+            format!("{name}: no flight meets these points: {reason}"),
+            "a fit needs all pulses of a flight line, not thinned, from a cone, a polygon mirror or an oscillating mirror, with scan angles that change across the track",
+        )
+    })?;
     if solution.residual > DOUBTFUL_RESIDUAL {
         let message = format!(
             "the fitted flight misses its points by {:.2} m on the ground; doubt its figures",
@@ -109,7 +114,14 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
         );
         found.warn(Some(Place::of_file(path)), message);
     }
-    let rate = PulseRate::of(&recording, &solution.model);
+    let rate = PulseRate::of(&recording, &solution);
+    if rate.lost > MAX_LOST_SHARE {
+        let message = format!(
+            "{:.0} % of the pulses have no point: the cloud is thinned, or its ground reflects little; no dropout_rate is written, and if neighbouring pulses are hardly ever in the cloud the pulse rate is too low",
+            100.0 * rate.lost
+        );
+        found.warn(Some(Place::of_file(path)), message);
+    }
     let noise = ground::range_noise(&recording, &solution);
     if noise.is_none() {
         let message = "too few points of ground lie together for the noise of ranges";
@@ -118,8 +130,8 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
     Ok(FlightFit { recording, solution, rate, noise })
 }
 
-/// The solution that leaves least to chance, over all kinds of mirrors.
-fn best_solution(recording: &Recording) -> Option<Solution> {
+/// The solution that leaves least to chance, over all kinds of mirrors; the error says why there is none.
+fn best_solution(recording: &Recording) -> std::result::Result<Solution, String> {
     let sections_of = |model: &Model, max| {
         let turns = model.of_mirror()[1].abs();
         solve::sections(recording, 1.0 / (SECTIONS_PER_TURN * turns), max)
@@ -130,18 +142,52 @@ fn best_solution(recording: &Recording) -> Option<Solution> {
         let start = solve::solve(recording, &first, &sections, false);
         trials.push(solve::solve(recording, &start.model, &sections, true));
     }
+    let reasons: Vec<String> = trials
+        .iter()
+        .filter_map(|trial| Some((trial, misfit(trial, recording)?)))
+        .map(|(trial, misfit)| {
+            let channels = match trial.model.senses.len() {
+                1 => String::new(),
+                count => format!(" with {count} channels"),
+            };
+            format!("{}{channels} {misfit}", trial.model.mirror.name())
+        })
+        .collect();
     let smallest = trials.iter().map(|trial| trial.residual).fold(f64::INFINITY, f64::min);
     trials.retain(|trial| trial.residual <= RULED_OUT * smallest);
-    let best = trials.into_iter().min_by(|a, b| a.unexplained().total_cmp(&b.unexplained()))?;
+    let best = trials.into_iter().min_by(|a, b| a.unexplained().total_cmp(&b.unexplained()));
+    let best =
+        best.ok_or("neither circles nor lines across the track are found by the times of their pulses")?;
     let best = solve::solve(recording, &best.model, &sections_of(&best.model, MAX_SECTIONS), true);
-    is_credible(&best, recording).then_some(best)
+    match misfit(&best, recording) {
+        None => Ok(best),
+        Some(misfit) if reasons.is_empty() => Err(format!("{} {misfit}", best.model.mirror.name())),
+        Some(_) => Err(reasons.join("; ")),
+    }
 }
 
-/// Whether a solution explains its points by a flight that could have been.
-fn is_credible(solution: &Solution, recording: &Recording) -> bool {
+/// Why a solution does not explain its points by a flight that could have been; `None` if it does.
+fn misfit(solution: &Solution, recording: &Recording) -> Option<String> {
     let max_angle = (MAX_ANGLE_STEPS * recording.angle_step).max(MAX_ANGLE);
-    solution.residual < MAX_RESIDUAL
-        && solution.angle_residual < max_angle
-        && solution.attitude_spread() < MAX_ATTITUDE
-        && solution.model.of_mirror()[0].abs() > MIN_MIRROR
+    let p = &solution.model.parameters;
+    let speed = libm::hypot(p[2], p[3]);
+    // False for NaN.
+    let is_within = |value: f64, low: f64, high: f64| (low..=high).contains(&value);
+    if !is_within(solution.residual, 0.0, MAX_RESIDUAL) {
+        return Some(format!("misses them by {:.2} m on the ground", solution.residual));
+    }
+    if !is_within(solution.angle_residual, 0.0, max_angle) {
+        return Some(format!("misses their scan angles by {:.1}°", degrees(solution.angle_residual)));
+    }
+    if !is_within(solution.attitude_spread(), 0.0, MAX_ATTITUDE) {
+        return Some(format!(
+            "needs a platform that rolls and turns by {:.1}°",
+            degrees(solution.attitude_spread())
+        ));
+    }
+    if !is_within(solution.model.of_mirror()[0].abs(), MIN_MIRROR, f64::MAX) {
+        return Some("needs a mirror that hardly moves".to_owned());
+    }
+    (!is_within(speed, MIN_SPEED, MAX_SPEED))
+        .then(|| format!("needs a platform that flies at {speed:.1} m/s"))
 }

@@ -6,8 +6,14 @@ use vlscan_geom::DVec3;
 
 /// Parameters of the platform, which precede those of the mirror.
 pub const PLATFORM_PARAMETERS: usize = 10;
+/// Maximum number of channels, each with lines of its own.
+pub const MAX_CHANNELS: usize = 4;
+/// Parameters of a channel beyond the first.
+pub const CHANNEL_PARAMETERS: usize = 3;
+/// Index of the first parameter of a channel.
+pub const FIRST_OF_CHANNELS: usize = PLATFORM_PARAMETERS + MIRROR_PARAMETERS;
 /// Maximum number of parameters.
-pub const MAX_PARAMETERS: usize = PLATFORM_PARAMETERS + MIRROR_PARAMETERS;
+pub const MAX_PARAMETERS: usize = FIRST_OF_CHANNELS + CHANNEL_PARAMETERS * (MAX_CHANNELS - 1);
 
 /// A flight with its scanner.
 ///
@@ -16,13 +22,29 @@ pub const MAX_PARAMETERS: usize = PLATFORM_PARAMETERS + MIRROR_PARAMETERS;
 pub struct Model {
     /// What moves the beam.
     pub mirror: Mirror,
-    /// Place at time 0 (x, y: m), velocity (m/s), acceleration (m/s²), height at time 0 (m), climb (m/s), roll, pitch (rad), and
-    /// the parameters of the mirror.
+    /// Place at time 0 (x, y: m), velocity (m/s), acceleration (m/s²), height at time 0 (m), climb (m/s), roll, pitch (rad),
+    /// the parameters of the mirror, and for n channels n − 1 times: phase of channel k + 1, yaw and pitch of channel k. Yaws
+    /// and pitches of the channels have the sum 0: their mean is that of the scanner.
     pub parameters: [f64; MAX_PARAMETERS],
+    /// 1 for each channel whose lines go the way of the first one's, −1 for those that go the other way.
+    pub senses: Vec<f64>,
 }
 
 /// Deviation of the attitude of one line: roll, pitch, yaw, rad. A cone turns by its yaw just as by the phase of its mirror.
 pub type Attitude = [f64; 3];
+
+/// How a channel differs from the scanner, rad.
+#[derive(Clone, Copy, Debug)]
+pub struct Channel {
+    /// Phase of its mirror at time 0.
+    pub phase: f64,
+    /// Turn of its lines about the vertical, to the right.
+    pub yaw: f64,
+    /// Tilt of its lines forward (nose up).
+    pub pitch: f64,
+    /// 1, or −1 for lines that go the other way.
+    pub sense: f64,
+}
 
 /// Where a beam meets the height of a point, and its scan angle.
 #[derive(Clone, Copy, Debug)]
@@ -36,9 +58,17 @@ pub struct Footprint {
 }
 
 impl Model {
+    /// A model with one channel.
+    pub fn new(mirror: Mirror, parameters: [f64; MAX_PARAMETERS]) -> Model {
+        Model { mirror, parameters, senses: vec![1.0] }
+    }
+
     /// Number of parameters.
     pub fn count(&self) -> usize {
-        PLATFORM_PARAMETERS + self.mirror.count()
+        match self.senses.len() {
+            1 => PLATFORM_PARAMETERS + self.mirror.count(),
+            channels => FIRST_OF_CHANNELS + CHANNEL_PARAMETERS * (channels - 1),
+        }
     }
 
     /// Position of the platform at `time`, m.
@@ -55,20 +85,59 @@ impl Model {
 
     /// Parameters of the mirror.
     pub fn of_mirror(&self) -> &[f64] {
-        &self.parameters[PLATFORM_PARAMETERS..]
+        &self.parameters[PLATFORM_PARAMETERS..FIRST_OF_CHANNELS]
     }
 
-    /// Direction of the beam in the axes right, forward, up of the course, unit vector.
-    pub fn direction(&self, attitude: &Attitude, time: f64) -> DVec3 {
-        let beam = self.mirror.direction(self.of_mirror(), time);
-        let roll = self.parameters[8] + attitude[0];
-        let pitch = self.parameters[9] + attitude[1];
-        turned(beam, roll, pitch, attitude[2])
+    /// A channel by its number, the last one for greater numbers: cones and single lines have one channel.
+    pub fn channel(&self, number: usize) -> Channel {
+        let extra = &self.parameters[FIRST_OF_CHANNELS..];
+        let others = self.senses.len() - 1;
+        let number = number.min(others);
+        let angle = |which: usize| match number < others {
+            true => extra[CHANNEL_PARAMETERS * number + which],
+            false => -(0..others).map(|k| extra[CHANNEL_PARAMETERS * k + which]).sum::<f64>(),
+        };
+        let phase = match number {
+            0 => self.of_mirror()[2],
+            _ => extra[CHANNEL_PARAMETERS * (number - 1)],
+        };
+        Channel { phase, yaw: angle(1), pitch: angle(2), sense: self.senses[number] }
     }
 
-    /// Where the beam of `time` meets `height`.
-    pub fn footprint(&self, attitude: &Attitude, time: f64, height: f64) -> Footprint {
-        let beam = self.direction(attitude, time);
+    /// Sets phase, yaw and pitch of a channel; the last one keeps the sums of yaws and pitches at 0.
+    pub fn set_channel(&mut self, number: usize, phase: f64, yaw: f64, pitch: f64) {
+        let others = self.senses.len() - 1;
+        let extra = FIRST_OF_CHANNELS + CHANNEL_PARAMETERS * number;
+        match number {
+            0 => self.parameters[PLATFORM_PARAMETERS + 2] = phase,
+            _ => self.parameters[extra - CHANNEL_PARAMETERS] = phase,
+        }
+        if number < others {
+            (self.parameters[extra + 1], self.parameters[extra + 2]) = (yaw, pitch);
+        }
+    }
+
+    /// Place of a channel's mirror within the revolution, line or period at `time`, from 0 to 1.
+    pub fn part(&self, channel: usize, time: f64) -> f64 {
+        self.mirror.part(self.of_mirror(), self.channel(channel).phase, time)
+    }
+
+    /// Direction of the beam of a channel in the axes right, forward, up of the course, unit vector.
+    pub fn direction(&self, attitude: &Attitude, channel: usize, time: f64) -> DVec3 {
+        let p = &self.parameters;
+        let channel = self.channel(channel);
+        let mut beam = self.mirror.direction(self.of_mirror(), channel.phase, time);
+        beam.x *= channel.sense;
+        if self.senses.len() > 1 {
+            beam = turned(beam, 0.0, channel.pitch, channel.yaw);
+        }
+        let yaw = if self.mirror == Mirror::Cone { 0.0 } else { self.of_mirror()[3] };
+        turned(beam, p[8] + attitude[0], p[9] + attitude[1], yaw + attitude[2])
+    }
+
+    /// Where the beam of a channel at `time` meets `height`.
+    pub fn footprint(&self, attitude: &Attitude, channel: usize, time: f64, height: f64) -> Footprint {
+        let beam = self.direction(attitude, channel, time);
         let place = self.position(time);
         let scale = (place.z - height) / -beam.z;
         let course = self.course();

@@ -1,7 +1,12 @@
-//! When pulses leave: their mean rate, its dependence on the place of the mirror, and its deviations from line to line.
+//! When pulses leave: their mean rate, its dependence on the place of the mirror, its deviations from line to line, and intervals
+//! that repeat.
 
-use super::model::Model;
-use super::recording::Recording;
+use super::recording::{Recording, median};
+use super::repeat::{LinePattern, interval_pattern};
+use super::solve::Solution;
+use libm::{atan2, cos, sin};
+use std::collections::{BTreeMap, BTreeSet};
+use std::f64::consts::TAU;
 
 /// Bins over a revolution of the mirror.
 const BINS: usize = 720;
@@ -9,6 +14,10 @@ const BINS: usize = 720;
 const MIN_INTERVALS: usize = 30;
 /// Intervals longer than the short ones of their line by this factor hold pulses without a return.
 const LOST: f64 = 1.6;
+/// Gaps of more pulses are the edge of what reflects (water, say), not pulses that are lost.
+const MAX_LOST: f64 = 20.0;
+/// More lost pulses are a cloud that was thinned, not an instrument.
+pub const MAX_LOST_SHARE: f64 = 0.2;
 /// A rate that changes less over the revolution, and from line to line, counts as constant.
 const CONSTANT: f64 = 0.003;
 
@@ -23,105 +32,160 @@ pub struct PulseRate {
     pub range: (f64, f64),
     /// Standard deviation of the rates of single lines from that of their place, as a share.
     pub of_lines: f64,
-    /// Share of intervals in which a pulse or more had no return.
+    /// Share of the pulses that have no return.
     pub lost: f64,
+    /// Factors of the intervals of successive pulses, which repeat; empty if they do not.
+    pub dither: Vec<f64>,
+    /// Factors of the intervals of lines by their number, if they repeat.
+    pub pattern: Option<LinePattern>,
     /// Mean interval by place of the mirror, s; `None` where nothing was recorded.
     by_phase: Vec<Option<f64>>,
-    /// Mean time of each line, s, and its intervals as a multiple of those of their place.
-    factors: Vec<(f64, f64)>,
+    /// Factors of the intervals of the recorded lines, by their number.
+    factors: BTreeMap<i64, f64>,
+    /// Place of the mirror in the middle of lines, as a share of the revolution.
+    middle: f64,
+}
+
+/// The bin of a place of the mirror.
+fn bin(part: f64) -> usize {
+    ((part * BINS as f64) as usize).min(BINS - 1)
+}
+
+/// Number of the line at `time`, whose middle has the place `middle`.
+fn number(solution: &Solution, middle: f64, time: f64) -> i64 {
+    let p = solution.model.of_mirror();
+    (p[1] * time + solution.model.channel(0).phase / TAU - middle).round() as i64
 }
 
 impl PulseRate {
     /// Estimates the rate.
-    pub fn of(recording: &Recording, model: &Model) -> PulseRate {
-        let bin = |time: f64| {
-            let phase = model.mirror.phase(model.of_mirror(), time);
-            ((phase * BINS as f64) as usize).min(BINS - 1)
+    pub fn of(recording: &Recording, solution: &Solution) -> PulseRate {
+        let model = &solution.model;
+        let bin_of = |i: usize| {
+            let pulse = &recording.pulses[i];
+            bin(model.part(usize::from(pulse.channel), pulse.time))
         };
-        // Place, interval and line of each pair of neighbouring pulses.
+        // First pulse, interval and line of each pair of neighbouring pulses.
         let mut pairs = Vec::new();
-        let mut lost = 0usize;
-        for (number, line) in recording.lines.iter().enumerate() {
-            let pulses = &recording.pulses[line.clone()];
-            let intervals: Vec<f64> = pulses.windows(2).map(|pair| pair[1].time - pair[0].time).collect();
-            let usual = short(intervals.clone());
-            for (k, interval) in intervals.into_iter().enumerate() {
-                match interval < LOST * usual {
-                    true => pairs.push((bin(pulses[k].time), interval, number)),
-                    false => lost += 1,
+        let mut lost = 0.0;
+        for (line, range) in recording.lines.iter().enumerate() {
+            let intervals: Vec<f64> = range.clone().skip(1).map(|i| recording.interval_before(i)).collect();
+            let usual = usual(&intervals);
+            for (i, interval) in range.clone().zip(intervals) {
+                match (interval / usual).round() - 1.0 {
+                    missing if missing < 1.0 => pairs.push((i, interval, line)),
+                    missing if missing <= MAX_LOST => lost += missing,
+                    _ => {}
                 }
             }
         }
         let count = pairs.len().max(1) as f64;
         let mean = pairs.iter().map(|pair| pair.1).sum::<f64>() / count;
         let mut sums = vec![(0.0, 0usize); BINS];
-        for (bin, interval, _) in &pairs {
-            sums[*bin].0 += interval;
-            sums[*bin].1 += 1;
+        for (i, interval, _) in &pairs {
+            let sum = &mut sums[bin_of(*i)];
+            *sum = (sum.0 + interval, sum.1 + 1);
         }
         let by_phase: Vec<Option<f64>> =
             sums.iter().map(|(sum, count)| (*count >= MIN_INTERVALS).then(|| sum / *count as f64)).collect();
-        let mut of_line = vec![(0.0, 0.0); recording.lines.len()];
-        for (bin, interval, line) in &pairs {
-            if let Some(usual) = by_phase[*bin] {
-                of_line[*line].0 += interval / usual;
-                of_line[*line].1 += 1.0;
+        let mut of_line = vec![(0.0, 0usize); recording.lines.len()];
+        for (i, interval, line) in &pairs {
+            if let Some(usual) = by_phase[bin_of(*i)] {
+                of_line[*line] = (of_line[*line].0 + interval / usual, of_line[*line].1 + 1);
             }
         }
-        let mut factors = Vec::new();
-        for (line, (sum, count)) in recording.lines.iter().zip(of_line) {
-            if count >= MIN_INTERVALS as f64 {
-                let middle = recording.pulses[(line.start + line.end) / 2].time;
-                factors.push((middle, sum / count));
-            }
-        }
-        let spread = |values: &[f64]| {
-            let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
-            (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len().max(1) as f64)
-                .sqrt()
-        };
-        let of_lines = spread(&factors.iter().map(|(_, factor)| *factor).collect::<Vec<_>>());
+        let times = recording.lines.iter().map(|line| recording.pulses[(line.start + line.end) / 2].time);
+        let lines: Vec<(f64, f64)> = times
+            .zip(&of_line)
+            .filter(|(_, (_, count))| *count >= MIN_INTERVALS)
+            .map(|(time, (sum, count))| (time, sum / *count as f64))
+            .collect();
+        let middle = mean_part(lines.iter().map(|(time, _)| model.part(0, *time)));
+        let factors: BTreeMap<i64, f64> =
+            lines.iter().map(|(time, factor)| (number(solution, middle, *time), *factor)).collect();
+        let of_lines = spread(&lines.iter().map(|(_, factor)| *factor).collect::<Vec<_>>());
         let known: Vec<f64> = by_phase.iter().flatten().copied().collect();
         let shortest = known.iter().copied().fold(mean, f64::min);
         let longest = known.iter().copied().fold(mean, f64::max);
-        let deviation = of_lines / (factors.len().max(1) as f64).sqrt() / mean;
-        PulseRate {
+        let mut rate = PulseRate {
             mean: 1.0 / mean,
-            deviation,
+            deviation: of_lines / (lines.len().max(1) as f64).sqrt() / mean,
             range: (1.0 / longest, 1.0 / shortest),
             of_lines,
-            lost: lost as f64 / (count + lost as f64),
+            lost: lost / (count + lost),
+            dither: Vec::new(),
+            // Lines of several channels have numbers of their own.
+            pattern: (model.senses.len() == 1).then(|| LinePattern::of(&factors)).flatten(),
             by_phase,
             factors,
+            middle,
+        };
+        if rate.of_lines < CONSTANT {
+            rate.pattern = None;
         }
+        let (finest, deviations) = rate.deviations(recording, solution);
+        rate.dither = interval_pattern(&deviations);
+        // Deviations smaller than these are nothing, or what is left of the rounding of times.
+        let smallest = CONSTANT.max(0.5 * finest / mean);
+        if rate.dither.iter().all(|factor| (factor - 1.0).abs() < smallest) {
+            rate.dither.clear();
+        }
+        rate
+    }
+
+    /// Relative deviations of intervals from those of their place and line: runs of neighbouring pulses, `None` where a pulse is
+    /// missing; before them the step to which the times they are computed from are rounded, s.
+    fn deviations(&self, recording: &Recording, solution: &Solution) -> (f64, Vec<Vec<Option<f64>>>) {
+        let (finest, times) = finer_times(recording, solution);
+        let mut runs = vec![Vec::new()];
+        for range in &recording.lines {
+            let intervals: Vec<f64> = range.clone().skip(1).map(|i| recording.interval_before(i)).collect();
+            let usual = usual(&intervals);
+            runs.push(Vec::new());
+            for (i, interval) in range.clone().zip(intervals) {
+                let pulse = &recording.pulses[i];
+                let place = self.by_phase[bin(solution.model.part(usize::from(pulse.channel), pulse.time))];
+                let expected = place.map(|interval| interval * self.factor(solution, pulse.time));
+                let pulses = (interval / usual).round().max(1.0);
+                match (runs.last_mut(), expected) {
+                    (Some(run), Some(expected)) if pulses == 1.0 => {
+                        run.push(Some((times[i + 1] - times[i]) / expected - 1.0));
+                    }
+                    (Some(run), _) if pulses <= MAX_LOST => run.extend(vec![None; pulses as usize]),
+                    _ => runs.push(Vec::new()),
+                }
+            }
+        }
+        (finest, runs)
     }
 
     /// Whether the rate depends neither on the place of the mirror nor on the line.
     pub fn is_constant(&self) -> bool {
         let known: Vec<f64> = self.by_phase.iter().flatten().copied().collect();
         let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
-        let spread = known.iter().map(|t| (t / mean - 1.0).powi(2)).sum::<f64>() / known.len().max(1) as f64;
-        spread.sqrt() < CONSTANT && self.of_lines < CONSTANT
+        spread(&known) / mean < CONSTANT && self.of_lines < CONSTANT
     }
 
-    /// Times of pulses from 0 to `duration` in the part of the revolution that was recorded, s; each line has the deviation of
-    /// the recorded line next to it. `None` if there are more than `max`.
-    pub fn times(&self, model: &Model, duration: f64, max: usize) -> Option<Vec<f64>> {
-        let rate = model.of_mirror()[1].abs();
-        let is_backward = model.of_mirror()[1] < 0.0;
+    /// Times of pulses from 0 to `duration` in the part of the revolution that was recorded, s. Lines that were not recorded have
+    /// the level of their place in the pattern of lines, or else that of the recorded line next to them. `None` if there are more
+    /// than `max`.
+    pub fn times(&self, solution: &Solution, duration: f64, max: usize) -> Option<Vec<f64>> {
+        let rate = solution.model.of_mirror()[1].abs();
+        let is_backward = solution.model.of_mirror()[1] < 0.0;
         let mut times = Vec::new();
         let mut time = 0.0;
         while time <= duration {
-            let phase = model.mirror.phase(model.of_mirror(), time);
-            let bin = ((phase * BINS as f64) as usize).min(BINS - 1);
+            let part = solution.model.part(0, time);
+            let bin = bin(part);
             match self.by_phase[bin] {
                 Some(interval) => {
+                    let dither = self.dither.get(times.len() % self.dither.len().max(1)).unwrap_or(&1.0);
                     times.push(time);
-                    time += interval * self.factor(time);
+                    time += interval * self.factor(solution, time) * dither;
                 }
                 None => {
                     // To the next bin.
-                    let place = phase * BINS as f64;
+                    let place = part * BINS as f64;
                     let rest = if is_backward { place - bin as f64 } else { (bin + 1) as f64 - place };
                     time += (rest + 1e-6) / (BINS as f64 * rate);
                 }
@@ -133,18 +197,89 @@ impl PulseRate {
         Some(times)
     }
 
-    /// The factor of the line nearest to `time`.
-    fn factor(&self, time: f64) -> f64 {
-        let after = self.factors.partition_point(|(t, _)| *t < time);
-        let near =
-            [after.checked_sub(1), Some(after)].into_iter().flatten().filter_map(|i| self.factors.get(i));
-        near.min_by(|a, b| (a.0 - time).abs().total_cmp(&(b.0 - time).abs()))
-            .map_or(1.0, |(_, factor)| *factor)
+    /// Factor of the intervals of the line at `time`.
+    fn factor(&self, solution: &Solution, time: f64) -> f64 {
+        let number = number(solution, self.middle, time);
+        if let Some(factor) = self.factors.get(&number) {
+            return *factor;
+        }
+        if let Some(factor) = self.pattern.as_ref().and_then(|pattern| pattern.value(number)) {
+            return factor;
+        }
+        let before = self.factors.range(..number).next_back();
+        let after = self.factors.range(number..).next();
+        let near = before.into_iter().chain(after).min_by_key(|(other, _)| (*other - number).abs());
+        near.map_or(1.0, |(_, factor)| *factor)
     }
 }
 
-/// The interval that a tenth of these is shorter than.
-fn short(mut intervals: Vec<f64>) -> f64 {
-    intervals.sort_by(f64::total_cmp);
-    intervals.get(intervals.len() / 10).copied().unwrap_or(0.0)
+/// Times of pulses as the places of their points tell them, where these are finer than the times in the file: the time at which
+/// the beam of the model passes the point. Only differences between neighbours are of use. Before them the step to which they are
+/// rounded, s.
+fn finer_times(recording: &Recording, solution: &Solution) -> (f64, Vec<f64>) {
+    const STEP: f64 = 1e-7;
+    let by_time: Vec<f64> = recording.pulses.iter().map(|pulse| pulse.time).collect();
+    let by_place: Vec<f64> = recording
+        .pulses
+        .iter()
+        .map(|pulse| {
+            let attitude = solution.attitude(pulse.time);
+            let channel = usize::from(pulse.channel);
+            let at = |time| solution.model.footprint(&attitude, channel, time, pulse.position.z);
+            let (before, after) = (at(pulse.time - STEP), at(pulse.time + STEP));
+            let (x, y) = ((after.x - before.x) / (2.0 * STEP), (after.y - before.y) / (2.0 * STEP));
+            let (off_x, off_y) = (
+                0.5 * (before.x + after.x) - pulse.position.x,
+                0.5 * (before.y + after.y) - pulse.position.y,
+            );
+            pulse.time - (off_x * x + off_y * y) / (x * x + y * y).max(1e-12)
+        })
+        .collect();
+    // Changes of the interval from pulse to pulse: rounding makes them large.
+    let roughness = |times: &[f64]| {
+        let changes = recording.lines.iter().flat_map(|line| line.clone().skip(2)).filter_map(|i| {
+            let is_near = recording.interval_before(i).max(recording.interval_before(i - 1))
+                < LOST * recording.interval;
+            is_near.then(|| (times[i] - 2.0 * times[i - 1] + times[i - 2]).powi(2))
+        });
+        median(changes.collect())
+    };
+    match roughness(&by_place) < roughness(&by_time) {
+        true => (0.0, by_place),
+        false => (time_step(recording), by_time),
+    }
+}
+
+/// The step to which times are rounded, s, by the few values that intervals have then; 0 if they have many.
+fn time_step(recording: &Recording) -> f64 {
+    const MAX_VALUES: usize = 40;
+    // In units of 10 ns: times since 1980 are stored to 60 ns, seconds of the week to 0.1 ns.
+    let near =
+        recording.lines.iter().flat_map(|line| line.clone().skip(1)).map(|i| recording.interval_before(i));
+    let near = near.filter(|interval| *interval < LOST * recording.interval);
+    let values: BTreeSet<i64> = near.map(|interval| (interval * 1e8).round() as i64).collect();
+    let smallest = values.iter().zip(values.iter().skip(1)).map(|(a, b)| b - a).min().unwrap_or(0);
+    if values.len() > MAX_VALUES { 0.0 } else { 1e-8 * smallest as f64 }
+}
+
+/// The usual interval between neighbouring pulses, s, of intervals of which some hold pulses without a return.
+fn usual(intervals: &[f64]) -> f64 {
+    let mut sorted = intervals.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let short = sorted.get(sorted.len() / 10).copied().unwrap_or(0.0);
+    sorted.retain(|interval| *interval < LOST * short);
+    median(sorted)
+}
+
+/// Standard deviation.
+fn spread(values: &[f64]) -> f64 {
+    let count = values.len().max(1) as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    values.iter().fold(0.0, |sum, value| sum + (value - mean).powi(2) / count).sqrt()
+}
+
+/// Mean of places in the revolution, from 0 to 1.
+fn mean_part(parts: impl Iterator<Item = f64>) -> f64 {
+    let (x, y) = parts.fold((0.0, 0.0), |(x, y), part| (x + cos(TAU * part), y + sin(TAU * part)));
+    atan2(y, x) / TAU
 }

@@ -1,5 +1,6 @@
 //! The pulses of one flight line of a recorded cloud.
 
+use super::lines::find_channels;
 use std::collections::BTreeMap;
 use std::ops::{ControlFlow, Range};
 use std::path::Path;
@@ -10,10 +11,12 @@ use vlscan_geom::{DVec3, degrees, radians};
 
 /// A gap of this many median intervals between pulses ends a line.
 const GAP_INTERVALS: f64 = 100.0;
-/// A pause of this many seconds ends a flight line.
-const FLIGHT_PAUSE: f64 = 5.0;
+/// A pause of this many seconds ends a flight line; channels that look ahead and back pass a small place some seconds apart.
+const FLIGHT_PAUSE: f64 = 20.0;
 /// Fewer pulses say nothing of a flight.
 const MIN_PULSES: usize = 500;
+/// Points that lie closer together are no flight line, m.
+const MIN_EXTENT: f64 = 1.0;
 
 /// A pulse with at least one return.
 #[derive(Clone, Copy, Debug)]
@@ -28,6 +31,12 @@ pub struct Pulse {
     pub returns: u8,
     /// Class of its first return.
     pub class: u8,
+    /// Position of its last return, if it has several.
+    pub last: Option<DVec3>,
+    /// Number of its channel in the file.
+    pub file_channel: u16,
+    /// Number of its channel as the directions of lines tell, from 0.
+    pub channel: u8,
 }
 
 /// The pulses of one flight line in the order of time.
@@ -41,8 +50,10 @@ pub struct Recording {
     pub start: f64,
     /// Number of the flight line (point source).
     pub source: u16,
-    /// Pulses; no two have the same time.
+    /// Pulses by channel of the file, then by time; no two of a channel have the same time.
     pub pulses: Vec<Pulse>,
+    /// Channels that the directions of lines tell apart.
+    pub channels: usize,
     /// Runs of pulses without longer gaps: the lines or arcs of the scanner.
     pub lines: Vec<Range<usize>>,
     /// Median interval between pulses, s.
@@ -60,6 +71,7 @@ struct Row {
     number: u8,
     returns: u8,
     class: u8,
+    channel: u16,
 }
 
 #[derive(Default)]
@@ -89,6 +101,7 @@ impl PointSink for Rows {
                 number: row.return_number,
                 returns: row.number_of_returns,
                 class: row.class,
+                channel: row.channel,
             });
         }
         ControlFlow::Continue(())
@@ -143,64 +156,121 @@ impl Recording {
         Ok(recording)
     }
 
-    /// The pulses of the points of a flight line, which are in the order of time and return number.
+    /// The pulses of the points of a flight line.
     fn of(rows: &[Row], path: &Path) -> Result<Recording> {
+        let name = path.display();
         let origin = rows[rows.len() / 2].position.floor();
-        let start = rows[0].time;
+        let start = rows.iter().map(|row| row.time).fold(f64::INFINITY, f64::min);
+        let mut order: Vec<&Row> = rows.iter().collect();
+        order.sort_by(|a, b| {
+            a.channel.cmp(&b.channel).then(a.time.total_cmp(&b.time)).then(a.number.cmp(&b.number))
+        });
         let mut pulses: Vec<Pulse> = Vec::new();
-        for row in rows {
-            let time = row.time - start;
-            if pulses.last().is_none_or(|last| last.time < time) {
-                pulses.push(Pulse {
+        // Returns that are no further ones of the pulse of their time.
+        let mut others = 0;
+        let mut number = 0;
+        for row in order {
+            let (time, position) = (row.time - start, row.position - origin);
+            match pulses.last_mut().filter(|last| last.time == time && last.file_channel == row.channel) {
+                Some(_) if row.number <= number => others += 1,
+                Some(pulse) => pulse.last = Some(position),
+                None => pulses.push(Pulse {
                     time,
-                    position: row.position - origin,
+                    position,
                     angle: radians(row.angle),
                     returns: row.returns.max(1),
                     class: row.class,
-                });
+                    last: None,
+                    file_channel: row.channel,
+                    channel: 0,
+                }),
             }
+            number = row.number;
+        }
+        if pulses.len() == 1 && rows.len() > 1 {
+            return Err(Error::input_with_help(
+                format!("{name}: all points of the flight line have the GPS time {start}"),
+                "a flight is estimated from the time of each pulse, which this file has lost",
+            ));
+        }
+        if others > pulses.len() / 10 {
+            return Err(Error::input_with_help(
+                format!(
+                    "{name}: {others} points have the time of another pulse ({} times in all)",
+                    pulses.len()
+                ),
+                "a fit needs the pulses of one flight line, whose times differ; points that are in the file twice, flight lines with the same point source, and beams that fire together without a number of their channel have to be taken apart before",
+            ));
         }
         let count = pulses.len();
+        let (low, high) = pulses.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), pulse| {
+            (low.min(pulse.position), high.max(pulse.position))
+        });
+        let extent = (high.x - low.x).max(high.y - low.y);
+        if extent < MIN_EXTENT {
+            return Err(Error::input(format!(
+                "{name}: the points of the flight line lie within {extent:.3} m, which is no flight line (or coordinates that are not lengths)"
+            )));
+        }
         let recording = Recording::new(pulses).ok_or_else(|| {
             Error::input(format!(
-                "{}: {count} pulses are too few to estimate a flight, which needs {MIN_PULSES}; points of one pulse have the same GPS time",
-                path.display(),
+                "{name}: {count} pulses are too few to estimate a flight, which needs {MIN_PULSES}; points of one pulse have the same GPS time",
             ))
         })?;
         Ok(Recording { origin, start, source: rows[0].source, ..recording })
     }
 
-    /// A recording of pulses in ascending order of time, at the origin of coordinates and of times; `None` for fewer than 500.
+    /// A recording of pulses in ascending order of channel of the file and time, at the origin of coordinates and of times; `None`
+    /// for fewer than 500.
     pub fn new(pulses: Vec<Pulse>) -> Option<Recording> {
         if pulses.len() < MIN_PULSES {
             return None;
         }
-        let interval = median(pulses.windows(2).map(|pair| pair[1].time - pair[0].time).collect());
-        let is_end = |i: &usize| pulses[*i].time - pulses[i - 1].time > GAP_INTERVALS * interval;
+        let is_same = |pair: &&[Pulse]| pair[0].file_channel == pair[1].file_channel;
+        let steps = pulses.windows(2).filter(is_same).map(|pair| pair[1].time - pair[0].time);
+        let interval = median(steps.collect());
+        let is_end = |i: &usize| {
+            pulses[*i].file_channel != pulses[i - 1].file_channel
+                || pulses[*i].time - pulses[i - 1].time > GAP_INTERVALS * interval
+        };
         let mut borders = vec![0];
         borders.extend((1..pulses.len()).filter(is_end));
         borders.push(pulses.len());
         let lines = borders.windows(2).map(|pair| pair[0]..pair[1]).collect();
+        // Files of LAS 1.4 have steps of 0.006 degrees, also of angles that were rounded before.
         let is_whole = pulses.iter().all(|pulse| {
             let angle = degrees(pulse.angle);
-            (angle - angle.round()).abs() < 1e-9
+            (angle - angle.round()).abs() < 0.005
         });
         let angle_step = radians(if is_whole { 1.0 } else { 0.006 });
-        Some(Recording {
+        let mut recording = Recording {
             origin: DVec3::ZERO,
             wkt: None,
             start: 0.0,
             source: 0,
             pulses,
+            channels: 1,
             lines,
             interval,
             angle_step,
-        })
+        };
+        find_channels(&mut recording);
+        Some(recording)
+    }
+
+    /// Whether the scan angles are rounded to degrees.
+    pub fn has_whole_angles(&self) -> bool {
+        self.angle_step > radians(0.5)
+    }
+
+    /// Time from the pulse before `i` to this one, s.
+    pub fn interval_before(&self, i: usize) -> f64 {
+        self.pulses[i].time - self.pulses[i - 1].time
     }
 
     /// Duration of the flight line, s.
     pub fn duration(&self) -> f64 {
-        self.pulses.last().map_or(0.0, |pulse| pulse.time)
+        self.pulses.iter().map(|pulse| pulse.time).fold(0.0, f64::max)
     }
 }
 

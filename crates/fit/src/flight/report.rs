@@ -2,11 +2,19 @@
 
 use super::FlightFit;
 use super::mirror::Mirror;
-use super::model::PLATFORM_PARAMETERS;
+use super::model::{CHANNEL_PARAMETERS, FIRST_OF_CHANNELS, MAX_CHANNELS, PLATFORM_PARAMETERS};
 use libm::{hypot, tan};
 use serde::Serialize;
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::degrees;
+
+/// Names of the yaws and pitches of channels.
+const OF_CHANNELS: [(&str, &str); MAX_CHANNELS] = [
+    ("yaw of channel 1", "pitch of channel 1"),
+    ("yaw of channel 2", "pitch of channel 2"),
+    ("yaw of channel 3", "pitch of channel 3"),
+    ("yaw of channel 4", "pitch of channel 4"),
+];
 
 /// An estimated quantity.
 #[derive(Clone, Debug, Serialize)]
@@ -60,6 +68,19 @@ impl FlightFit {
                 );
                 add("lines", of_mirror[1], Some(mirror_deviations[1]), "1/s");
                 add("yaw of the lines", degrees(of_mirror[3]), Some(degrees(mirror_deviations[3])), "deg");
+                let channels = solution.model.senses.len();
+                if channels > 1 {
+                    add("channels", channels as f64, None, "");
+                }
+                for (number, (yaw, pitch)) in
+                    OF_CHANNELS.iter().enumerate().take(channels).filter(|_| channels > 1)
+                {
+                    let channel = solution.model.channel(number);
+                    // The last one's follow from the others'.
+                    let of = FIRST_OF_CHANNELS + CHANNEL_PARAMETERS * number.min(channels - 2);
+                    add(yaw, degrees(channel.yaw), Some(degrees(d[of + 1])), "deg");
+                    add(pitch, degrees(channel.pitch), Some(degrees(d[of + 2])), "deg");
+                }
             }
             Mirror::Oscillating => {
                 add("half angle", degrees(of_mirror[0].abs()), Some(degrees(mirror_deviations[0])), "deg");
@@ -73,7 +94,15 @@ impl FlightFit {
             add("highest pulse rate in a revolution", rate.range.1, None, "1/s");
             add("deviation of the rates of lines", 100.0 * rate.of_lines, None, "%");
         }
-        add("intervals with lost pulses", 100.0 * rate.lost, None, "%");
+        if let Some(pattern) = &rate.pattern {
+            add("lines after which their rates repeat", pattern.period as f64, None, "");
+        }
+        if !rate.dither.is_empty() {
+            add("pulses after which intervals repeat", rate.dither.len() as f64, None, "");
+            let shares = rate.dither.iter().map(|factor| 100.0 * (factor - 1.0).abs());
+            add("largest deviation of these intervals", shares.fold(0.0, f64::max), None, "%");
+        }
+        add("pulses without a point", 100.0 * rate.lost, None, "%");
         if let Some(noise) = self.noise {
             add("range noise with roughness", noise, None, "m");
         }
@@ -113,6 +142,6 @@ impl Figure {
             _ => (4.0 - libm::log10(self.value.abs().max(1e-3)).floor()).clamp(0.0, 6.0) as usize,
         };
         let deviation = self.deviation.map_or(String::new(), |deviation| format!(" ± {deviation:.digits$}"));
-        format!("{:.digits$}{deviation} {}", self.value, self.unit)
+        format!("{:.digits$}{deviation} {}", self.value, self.unit).trim_end().to_owned()
     }
 }

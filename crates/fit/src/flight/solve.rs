@@ -4,7 +4,7 @@
 //! what moves the lines and no more. Their part of the normal equations is block tridiagonal and is eliminated (Schur complement):
 //! time and memory grow linearly with the number of lines.
 
-use super::model::{Attitude, MAX_PARAMETERS, Model, PLATFORM_PARAMETERS};
+use super::model::{Attitude, FIRST_OF_CHANNELS, MAX_PARAMETERS, Model, PLATFORM_PARAMETERS};
 use super::recording::{Recording, median};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
 use vlscan_geom::radians;
@@ -69,6 +69,7 @@ pub fn sections(recording: &Recording, max_duration: f64, max_sections: usize) -
             begin = end;
         }
     }
+    found.sort_by(|a, b| a.time.total_cmp(&b.time));
     let step = found.len().div_ceil(max_sections.max(1)).max(1);
     found.into_iter().step_by(step).collect()
 }
@@ -81,6 +82,10 @@ fn priors(model: &Model) -> [f64; MAX_PARAMETERS] {
     (prior[8], prior[9]) = (radians(2.0), radians(2.0));
     if model.mirror.count() == 4 {
         prior[PLATFORM_PARAMETERS + 3] = radians(10.0);
+    }
+    // Pitch of the channels.
+    for k in (FIRST_OF_CHANNELS + 2..MAX_PARAMETERS).step_by(3) {
+        prior[k] = radians(2.0);
     }
     prior
 }
@@ -97,11 +102,25 @@ fn increments(duration: f64) -> [f64; MAX_PARAMETERS] {
     step
 }
 
-/// Residuals of a pulse: on the ground (m) and of the scan angle (rad).
-fn residuals(recording: &Recording, model: &Model, attitude: &Attitude, i: usize) -> [f64; 3] {
+/// Number of residuals of a pulse.
+const RESIDUALS: usize = 5;
+
+/// Residuals of a pulse: on the ground (m), of the scan angle (rad), and at the height of its last return (m), if it has several.
+///
+/// An angle that is rounded to degrees has no residual within the rounding: what is beyond it counts.
+fn residuals(recording: &Recording, model: &Model, attitude: &Attitude, i: usize) -> [f64; RESIDUALS] {
     let pulse = &recording.pulses[i];
-    let at = model.footprint(attitude, pulse.time, pulse.position.z);
-    [at.x - pulse.position.x, at.y - pulse.position.y, at.angle - pulse.angle]
+    let channel = usize::from(pulse.channel);
+    let at = model.footprint(attitude, channel, pulse.time, pulse.position.z);
+    let mut angle = at.angle - pulse.angle;
+    if recording.has_whole_angles() {
+        angle -= angle.clamp(-0.5 * recording.angle_step, 0.5 * recording.angle_step);
+    }
+    let (x, y) = pulse.last.map_or((0.0, 0.0), |last| {
+        let at = model.footprint(attitude, channel, pulse.time, last.z);
+        (at.x - last.x, at.y - last.y)
+    });
+    [at.x - pulse.position.x, at.y - pulse.position.y, angle, x, y]
 }
 
 /// The normal equations, reduced to what is needed of them.
@@ -181,8 +200,8 @@ fn spreads(recording: &Recording, model: &Model, sections: &[Section], attitudes
             angle.push(r[2].abs());
         }
     }
-    // Rounded angles have at least the deviation of their step.
-    let min_angle = (recording.angle_step / 12f64.sqrt()).max(radians(0.01));
+    // Rounded angles have at least the deviation of their step, or of what lies beyond the rounding.
+    let min_angle = radians(if recording.has_whole_angles() { 0.1 } else { 0.01 });
     ((1.4826 * median(ground)).max(0.005), (1.4826 * median(angle)).max(min_angle))
 }
 
@@ -190,6 +209,11 @@ fn spreads(recording: &Recording, model: &Model, sections: &[Section], attitudes
 fn huber(ratio: f64) -> (f64, f64) {
     let size = ratio.abs();
     if size <= HUBER { (1.0, ratio * ratio) } else { (HUBER / size, HUBER * (2.0 * size - HUBER)) }
+}
+
+/// Standard deviations of the residuals of a pulse.
+fn scales(ground: f64, angle: f64) -> [f64; RESIDUALS] {
+    [ground, ground, angle, ground, ground]
 }
 
 fn normal_cost(
@@ -205,8 +229,8 @@ fn normal_cost(
         let share = (SECTION_WEIGHT / section.pulses.len() as f64).min(1.0);
         for i in &section.pulses {
             let r = residuals(recording, model, attitude, *i);
-            let scaled = [r[0] / ground, r[1] / ground, r[2] / angle];
-            cost += share * scaled.into_iter().map(|ratio| huber(ratio).1).sum::<f64>();
+            let scaled = r.iter().zip(scales(ground, angle)).map(|(r, scale)| huber(r / scale).1);
+            cost += share * scaled.sum::<f64>();
         }
     }
     cost
@@ -237,19 +261,20 @@ fn normal_equations(
         right_parameters: DVector::zeros(count),
         cost: 0.0,
     };
-    let scale = [ground, ground, angle];
+    let scale = scales(ground, angle);
     for (k, (section, attitude)) in sections.iter().zip(attitudes).enumerate() {
         let share = (SECTION_WEIGHT / section.pulses.len() as f64).min(1.0);
         for i in &section.pulses {
             let base = residuals(recording, model, attitude, *i);
-            let by_parameter: Vec<[f64; 3]> =
+            let by_parameter: Vec<[f64; RESIDUALS]> =
                 shifted.iter().map(|model| residuals(recording, model, attitude, *i)).collect();
-            let by_attitude: [[f64; 3]; 3] = std::array::from_fn(|axis| {
+            let by_attitude: [[f64; RESIDUALS]; 3] = std::array::from_fn(|axis| {
                 let mut shifted = *attitude;
                 shifted[axis] += 1e-7;
                 residuals(recording, model, &shifted, *i)
             });
-            for j in 0..3 {
+            let count_of = if recording.pulses[*i].last.is_some() { RESIDUALS } else { 3 };
+            for j in 0..count_of {
                 let ratio = base[j] / scale[j];
                 let (weight, cost) = huber(ratio);
                 let weight = weight * share;
@@ -306,7 +331,8 @@ fn add_priors(
     walk: &[f64; 3],
     has_attitudes: bool,
 ) {
-    for (k, deviation) in priors(model).into_iter().enumerate().take(model.count()) {
+    let prior = priors(model);
+    for (k, deviation) in prior.into_iter().enumerate().take(model.count()).filter(|(_, d)| d.is_finite()) {
         let precision = 1.0 / (deviation * deviation);
         normal.parameters[(k, k)] += precision;
         normal.right_parameters[k] -= precision * model.parameters[k];

@@ -7,6 +7,11 @@ use vlscan_geom::{DVec3, degrees, radians};
 /// Pulses of a flight over rolling ground that fall into a square of 200 m; the mirror wanders by 2 mrad, heights have noise of
 /// 2 cm and angles are rounded to 0.006°.
 fn flown(model: &Model, interval: impl Fn(f64) -> f64, duration: f64) -> Vec<Pulse> {
+    flown_by(model, 0, interval, duration)
+}
+
+/// Pulses of one of the channels.
+fn flown_by(model: &Model, channel: usize, interval: impl Fn(f64) -> f64, duration: f64) -> Vec<Pulse> {
     let ground = |x: f64, y: f64| 3.0 * sin(x * 0.02) + 2.0 * cos(y * 0.03);
     let mut pulses = Vec::new();
     let (mut k, mut time) = (0, 0.0);
@@ -15,10 +20,13 @@ fn flown(model: &Model, interval: impl Fn(f64) -> f64, duration: f64) -> Vec<Pul
         time += interval(time);
         let attitude = [1e-4 * sin(40.0 * time), 1e-4 * cos(31.0 * time), 2e-3 * sin(5.0 * time)];
         let mut height = 0.0;
-        let mut at = model.footprint(&attitude, time, height);
+        let mut at = model.footprint(&attitude, channel, time, height);
+        if at.x.abs() > 130.0 || at.y.abs() > 130.0 {
+            continue;
+        }
         for _ in 0..6 {
             height = ground(at.x, at.y);
-            at = model.footprint(&attitude, time, height);
+            at = model.footprint(&attitude, channel, time, height);
         }
         if at.x.abs() < 100.0 && at.y.abs() < 100.0 {
             let noise = 0.02 * noise(k);
@@ -29,6 +37,9 @@ fn flown(model: &Model, interval: impl Fn(f64) -> f64, duration: f64) -> Vec<Pul
                 angle,
                 returns: 1,
                 class: 2,
+                last: None,
+                file_channel: 0,
+                channel: 0,
             });
         }
     }
@@ -51,8 +62,20 @@ fn model(mirror: Mirror, of_mirror: [f64; 4]) -> Model {
     let mut parameters = [0.0; MAX_PARAMETERS];
     (parameters[0], parameters[1], parameters[2], parameters[3]) = (-40.0, 350.0, 60.0, 4.0);
     parameters[6] = 1200.0;
-    parameters[PLATFORM_PARAMETERS..].copy_from_slice(&of_mirror);
-    Model { mirror, parameters }
+    parameters[PLATFORM_PARAMETERS..][..4].copy_from_slice(&of_mirror);
+    Model::new(mirror, parameters)
+}
+
+/// A model that is known, without attitudes.
+fn known(model: &Model) -> Solution {
+    Solution {
+        model: model.clone(),
+        deviations: [0.0; MAX_PARAMETERS],
+        times: Vec::new(),
+        attitudes: Vec::new(),
+        residual: 0.0,
+        angle_residual: 0.0,
+    }
 }
 
 /// Checks what is estimated of a flight, and that it predicts the lines that were left out.
@@ -71,14 +94,19 @@ fn check(truth: &Model, rate: f64) -> Solution {
     let (mut squares, mut count) = (0.0, 0.0);
     for line in recording.lines.iter().enumerate().filter(|(k, _)| k % 3 == 1).map(|(_, line)| line.clone()) {
         for pulse in &recording.pulses[line] {
-            let at = solution.model.footprint(&solution.attitude(pulse.time), pulse.time, pulse.position.z);
+            let at = solution.model.footprint(
+                &solution.attitude(pulse.time),
+                usize::from(pulse.channel),
+                pulse.time,
+                pulse.position.z,
+            );
             squares += (at.x - pulse.position.x).powi(2) + (at.y - pulse.position.y).powi(2);
             count += 1.0;
         }
     }
     let error = f64::sqrt(squares / count);
     assert!(error < 0.06, "lines left out: {error} m");
-    let rate_fitted = PulseRate::of(&recording, &solution.model);
+    let rate_fitted = PulseRate::of(&recording, &solution);
     assert!((rate_fitted.mean / rate - 1.0).abs() < 1e-4 && rate_fitted.is_constant());
     let noise = ground::range_noise(&recording, &solution).unwrap();
     assert!((noise / 0.02 - 1.0).abs() < 0.2, "noise {noise}");
@@ -111,15 +139,69 @@ fn a_mirror_that_swings_is_found() {
 fn a_rate_that_follows_the_mirror_is_told() {
     let truth = model(Mirror::Cone, [radians(20.0), 140.0, 1.0, 0.0]);
     // Longer intervals in a part of the circle, which falls into the square.
-    let is_slow = |time: f64| truth.mirror.phase(truth.of_mirror(), time) < 0.28;
+    let is_slow = |time: f64| truth.part(0, time) < 0.28;
     let pulses = flown(&truth, |time| if is_slow(time) { 3.5e-6 } else { 2.5e-6 }, 3.0);
     let slow = pulses.iter().filter(|pulse| is_slow(pulse.time)).count() as f64 / pulses.len() as f64;
     assert!((0.1..0.9).contains(&slow), "{slow}");
     let recording = Recording::new(pulses).unwrap();
-    let rate = PulseRate::of(&recording, &truth);
+    let known = known(&truth);
+    let rate = PulseRate::of(&recording, &known);
     assert!(!rate.is_constant() && (rate.range.1 / rate.range.0 - 1.4).abs() < 0.05, "{:?}", rate.range);
-    let times = rate.times(&truth, recording.duration(), 1_000_000).unwrap();
+    let times = rate.times(&known, recording.duration(), 1_000_000).unwrap();
     let share = times.len() as f64 / recording.pulses.len() as f64;
     // The whole part of the circle has pulses, of which some fall beside the square.
     assert!(times.windows(2).all(|pair| pair[1] > pair[0]) && (1.0..4.0).contains(&share), "{share}");
+}
+
+#[test]
+fn intervals_that_repeat_are_found_in_times_that_are_rounded() {
+    let truth = model(Mirror::Cone, [radians(20.0), 140.0, 1.0, 0.0]);
+    let dither = [1.05, 1.02, 0.97, 0.94, 0.98, 1.01, 1.03];
+    let count = std::cell::Cell::new(0);
+    let interval = |_| {
+        count.set(count.get() + 1);
+        2.5e-6 * dither[count.get() % dither.len()]
+    };
+    let mut pulses = flown(&truth, interval, 2.0);
+    // Two pulses of a hundred are lost, and times have steps of 240 ns.
+    pulses = pulses.into_iter().enumerate().filter(|(k, _)| k % 50 != 7).map(|(_, pulse)| pulse).collect();
+    pulses.iter_mut().for_each(|pulse| pulse.time = (pulse.time / 2.4e-7).round() * 2.4e-7);
+    let recording = Recording::new(pulses).unwrap();
+    let solution = best_solution(&recording).unwrap();
+    let rate = PulseRate::of(&recording, &solution);
+    assert!((rate.lost - 0.02).abs() < 0.002, "{}", rate.lost);
+    assert_eq!(rate.dither.len(), dither.len(), "{:?}", rate.dither);
+    let differs = |shift: usize| {
+        let pairs =
+            rate.dither.iter().enumerate().map(|(k, factor)| (factor - dither[(k + shift) % 7]).abs());
+        pairs.fold(0.0, f64::max)
+    };
+    let difference = (0..7).map(differs).fold(f64::INFINITY, f64::min);
+    assert!(difference < 0.006, "{difference}: {:?}", rate.dither);
+    // A constant rate has no pattern.
+    let recording = Recording::new(flown(&truth, |_| 2.5e-6, 2.0)).unwrap();
+    assert!(PulseRate::of(&recording, &known(&truth)).dither.is_empty());
+}
+
+/// Levels that repeat after 10 lines are foreseen for lines that were left out.
+#[test]
+fn levels_of_lines_that_repeat_are_foreseen() {
+    let truth = model(Mirror::Cone, [radians(20.0), 140.0, 1.0, 0.0]);
+    let level = |time: f64| 1.0 + 0.02 * noise(((time * 140.0) as u64) % 10);
+    let recording = Recording::new(flown(&truth, |time| 2.5e-6 * level(time), 3.0)).unwrap();
+    let mut fitted = recording.clone();
+    let kept = |k: usize| (k as u64).wrapping_mul(0x9e37_79b9) >> 7 & 3 == 0;
+    fitted.lines =
+        recording.lines.iter().enumerate().filter(|(k, _)| kept(*k)).map(|(_, line)| line.clone()).collect();
+    let solution = known(&truth);
+    let rate = PulseRate::of(&fitted, &solution);
+    assert_eq!(rate.pattern.as_ref().unwrap().period, 10);
+    let all = PulseRate::of(&recording, &solution);
+    let values = |rate: &PulseRate| rate.pattern.as_ref().unwrap().values.clone();
+    for (foreseen, recorded) in values(&rate).into_iter().zip(values(&all)) {
+        assert!((foreseen.unwrap() - recorded.unwrap()).abs() < 0.003, "{foreseen:?} {recorded:?}");
+    }
+    let mut levels: Vec<f64> = values(&all).into_iter().flatten().collect();
+    levels.sort_by(f64::total_cmp);
+    assert!(levels[9] - levels[0] > 0.02, "{levels:?}");
 }

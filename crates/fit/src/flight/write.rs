@@ -1,11 +1,12 @@
 //! The pipeline file of a fitted flight, its trajectory and its pulse times.
 
 use super::mirror::Mirror;
+use super::rate::MAX_LOST_SHARE;
 use super::recording::median;
 use super::{Figure, FlightFit};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use vlscan_base::crs::epsg;
+use vlscan_base::crs::{epsg, short_name, unit_problem};
 use vlscan_base::error::Result;
 use vlscan_base::files::{FileWriter, Patched, refuse_existing};
 use vlscan_geom::degrees;
@@ -45,9 +46,11 @@ impl FlightFit {
     /// # Errors
     /// [`vlscan_base::error::Error::Io`]; a file exists and `force` is not set.
     pub fn write(&self, path: &Path, command: &str, force: bool) -> Result<FlightFiles> {
-        let times = match self.rate.is_constant() {
-            true => None,
-            false => self.rate.times(&self.solution.model, self.recording.duration(), MAX_TIMES),
+        // All channels fire at the times of a file, which are not those of the recorded parts of each channel.
+        let has_times = !self.rate.is_constant() && self.solution.model.senses.len() == 1;
+        let times = match has_times {
+            true => self.rate.times(&self.solution, self.recording.duration(), MAX_TIMES),
+            false => None,
         };
         let files = FlightFiles {
             pipeline: path.to_path_buf(),
@@ -135,34 +138,39 @@ impl FlightFit {
         line("# scene = \"scene.xml\"         # what is scanned; or vlscan run --scene".to_owned());
         if let Some(wkt) = &self.recording.wkt {
             let crs = epsg(wkt).map_or_else(|| wkt.clone(), |(_, code)| format!("EPSG:{code}"));
-            line(format!("crs = {}", quoted(&crs)));
+            match unit_problem(wkt) {
+                None => line(format!("crs = {}", quoted(&crs))),
+                // Readers convert lengths to metres.
+                Some(problem) => {
+                    line(format!("# no crs: that of the cloud is {}, but {problem}", short_name(wkt)))
+                }
+            }
         }
         line(format!("\n[trajectory]\npath = {}", quoted(&name(&files.trajectory))));
         line("\n[platform]\nkind = \"linear_path\"".to_owned());
-        line("# looking down, and across the flight".to_owned());
-        line("mount = { offset_m = [0, 0, 0], rotate_deg = [{ x = -90 }, { z = -90 }] }".to_owned());
-        line(format!("\n[scanner]\nid = \"fitted\"\noptics = \"{}\"", model.mirror.optics()));
-        let (angle, rate, phase, is_reversed) = match model.mirror {
-            // The phase of a cone counts from the right, turned by the mount.
-            Mirror::Cone => (p[0], p[1].abs(), degrees(p[2]) - 90.0, p[1] < 0.0),
-            // The phase of a polygon mirror is 0 in the middle of a line.
-            Mirror::Polygon if p[0] < 0.0 => (-0.5 * p[0], p[1], 180.0 - degrees(p[2]), true),
-            Mirror::Polygon => (0.5 * p[0], p[1], degrees(p[2]) - 180.0, false),
-            Mirror::Oscillating => {
-                (p[0].abs(), p[1], degrees(p[2]) + if p[0] < 0.0 { 180.0 } else { 0.0 }, false)
-            }
+        let (roll, pitch) = (degrees(model.parameters[8]), degrees(model.parameters[9]));
+        let has_channels = model.senses.len() > 1;
+        // Channels have tilts of their own: those of the scanner are in its mount.
+        let of_scanner = match has_channels {
+            true => format!(", {{ y = {roll:.6} }}, {{ x = {pitch:.6} }}"),
+            false => String::new(),
         };
+        line("# looking down, and across the flight".to_owned());
+        line(format!(
+            "mount = {{ offset_m = [0, 0, 0], rotate_deg = [{{ x = -90 }}, {{ z = -90 }}{of_scanner}] }}"
+        ));
+        line(format!("\n[scanner]\nid = \"fitted\"\noptics = \"{}\"", model.mirror.optics()));
+        let rate = p[1].abs();
+        let angle = if model.mirror == Mirror::Polygon { 0.5 * p[0].abs() } else { p[0].abs() };
         line(format!("scan_angle_max_deg = {:.6}", degrees(angle)));
         line(format!("scan_freq_max_hz = {:.6}", rate.max(1.0)));
-        line(format!("scan_phase_deg = {:.5}", phase.rem_euclid(360.0)));
-        // Roll and pitch of the scanner; the attitude of the trajectory is what changes.
-        let tilt = [-degrees(model.parameters[8]), degrees(model.parameters[9])];
-        line(format!("scan_axis_tilt_deg = [{:.6}, {:.6}]", tilt[0], tilt[1]));
+        if !has_channels {
+            self.motion(0).into_iter().for_each(&mut line);
+            // Roll and pitch of the scanner; the attitude of the trajectory is what changes.
+            line(format!("scan_axis_tilt_deg = [{:.6}, {:.6}]", -roll, pitch));
+        }
         if let Some(path) = &files.wander {
             line(format!("scan_wander = {}", quoted(&name(path))));
-        }
-        if is_reversed {
-            line("scan_reverse = true".to_owned());
         }
         line(format!("pulse_freqs_hz = [{:.0}]", self.rate.mean));
         if let Some(noise) = self.noise {
@@ -176,14 +184,59 @@ impl FlightFit {
             ASSUMED_RANGE * farthest
         ));
         line(format!("max_returns = {}", self.recording.pulses.iter().map(|p| p.returns).max().unwrap_or(1)));
+        if self.rate.lost > 0.0 && self.rate.lost < MAX_LOST_SHARE {
+            line(
+                "# pulses without a point, between others; what reflects too little of a scene is not known"
+                    .to_owned(),
+            );
+            line(format!("dropout_rate = {:.5}", self.rate.lost));
+        }
+        for number in (0..model.senses.len()).filter(|_| has_channels) {
+            let channel = model.channel(number);
+            line(format!("\n[[scanner.channel]]\nid = \"channel {}\"", number + 1));
+            line("# forward or back, then about the vertical".to_owned());
+            line(format!(
+                "beam_origin = {{ rotate_deg = [{{ z = {:.6} }}, {{ y = {:.6} }}] }}",
+                degrees(channel.pitch),
+                degrees(channel.yaw)
+            ));
+            self.motion(number).into_iter().for_each(&mut line);
+        }
         line(format!("\n[settings]\nscan_freq_hz = {rate:.6}"));
         line(format!("pulse_freq_hz = {:.0}", self.rate.mean));
         if let Some(path) = &files.pulse_times {
             line("# the rate changes with the place of the mirror, and from line to line; pulses elsewhere are not known".to_owned());
             line(format!("pulse_times = {}", quoted(&name(path))));
+        } else if !self.rate.dither.is_empty() {
+            line("# intervals that repeat".to_owned());
+            let intervals =
+                self.rate.dither.iter().map(|factor| format!("{:.6}", 1e6 * factor / self.rate.mean));
+            line(format!("pulse_intervals_us = [{}]", intervals.collect::<Vec<_>>().join(", ")));
         }
         line(format!("\n[[output]]\npath = {}", quoted(&name(&files.pipeline.with_extension("laz")))));
         out
+    }
+
+    /// Keys of phase and sense of a channel's mirror.
+    fn motion(&self, number: usize) -> Vec<String> {
+        let model = &self.solution.model;
+        let (p, channel) = (model.of_mirror(), model.channel(number));
+        let phase = degrees(channel.phase);
+        let angle = p[0] * channel.sense;
+        let (phase, is_reversed) = match model.mirror {
+            // The phase of a cone counts from the right, turned by the mount.
+            Mirror::Cone => (phase - 90.0, p[1] < 0.0),
+            // The phase of a polygon mirror is 0 in the middle of a line.
+            Mirror::Polygon if angle < 0.0 => (180.0 - phase, true),
+            Mirror::Polygon => (phase - 180.0, false),
+            Mirror::Oscillating if angle < 0.0 => (phase + 180.0, false),
+            Mirror::Oscillating => (phase, false),
+        };
+        let mut keys = vec![format!("scan_phase_deg = {:.5}", phase.rem_euclid(360.0))];
+        if is_reversed {
+            keys.push("scan_reverse = true".to_owned());
+        }
+        keys
     }
 
     /// Distance from the platform to the farthest points, m.

@@ -5,6 +5,7 @@ use super::{SpinningFit, TARGET_REFLECTANCE};
 use libm::{acos, sqrt};
 use serde::Serialize;
 use std::fmt::Write as _;
+use vlscan_base::error::{Error, Result};
 use vlscan_geom::degrees;
 
 /// Limits of the classes of distance, m.
@@ -160,6 +161,14 @@ fn median_of_mixture(sigmas: &[f64]) -> f64 {
 }
 
 impl SpinningFigures {
+    /// The figures as JSON.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for values that JSON cannot hold.
+    pub fn json(&self) -> Result<String> {
+        serde_json::to_string_pretty(self).map_err(|e| Error::input(e.to_string()))
+    }
+
     /// The figures as text.
     pub fn table(&self) -> String {
         let mut text = String::new();

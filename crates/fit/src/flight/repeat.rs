@@ -1,0 +1,141 @@
+//! Patterns that repeat: intervals that recur after some pulses (dither), rates that recur after some lines.
+
+use std::collections::BTreeMap;
+
+/// Longest pattern of intervals that is sought, pulses.
+const MAX_PULSES: usize = 64;
+/// Longest pattern of lines that is sought.
+const MAX_LINES: usize = 200;
+/// Fewer pairs of intervals say nothing.
+const MIN_PAIRS: f64 = 1000.0;
+/// Share of the variance of intervals that a pattern has to explain, and how it has to change sign within itself.
+const MIN_EXPLAINED: f64 = 0.25;
+const MIN_REVERSAL: f64 = 0.3;
+/// A pattern that explains this share of what the best one does is as good; the shortest is taken.
+const AS_GOOD: f64 = 0.85;
+/// A pattern of lines has to leave less than this share of the squares that their mean or their neighbours leave.
+const MAX_LEFT: f64 = 0.6;
+const ROUNDS: usize = 4;
+
+/// Relative deviations of intervals from their mean that recur after some pulses, as factors with the mean 1; empty if they do not
+/// recur.
+///
+/// Each series is a run of intervals between neighbouring pulses of a line, `None` where a pulse is missing. Where in the pattern
+/// a line begins is not known beforehand.
+pub fn interval_pattern(series: &[Vec<Option<f64>>]) -> Vec<f64> {
+    let covariance = |lag: usize| {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for values in series {
+            for (a, b) in values.iter().zip(values.iter().skip(lag)) {
+                if let (Some(a), Some(b)) = (a, b) {
+                    (sum, count) = (sum + a * b, count + 1.0);
+                }
+            }
+        }
+        (sum / f64::max(count, 1.0), count)
+    };
+    let of_lag: Vec<(f64, f64)> = (0..=MAX_PULSES).map(covariance).collect();
+    let largest = of_lag[2..].iter().filter(|lag| lag.1 >= MIN_PAIRS).map(|lag| lag.0).fold(0.0, f64::max);
+    let smallest_before = |lag: usize| of_lag[1..lag].iter().map(|lag| lag.0).fold(f64::INFINITY, f64::min);
+    let is_period = |lag: &usize| {
+        of_lag[*lag].1 >= MIN_PAIRS
+            && of_lag[*lag].0 >= AS_GOOD * largest
+            && smallest_before(*lag) < -MIN_REVERSAL * largest
+    };
+    if largest <= MIN_EXPLAINED * of_lag[0].0 {
+        return Vec::new();
+    }
+    let Some(period) = (2..=MAX_PULSES).find(is_period) else { return Vec::new() };
+    // Sums and counts by place in the pattern.
+    let folded = |values: &[Option<f64>]| {
+        let mut sums = vec![(0.0, 0.0); period];
+        for (k, value) in values.iter().enumerate() {
+            if let Some(value) = value {
+                sums[k % period].0 += value;
+                sums[k % period].1 += 1.0;
+            }
+        }
+        sums
+    };
+    let lines: Vec<Vec<(f64, f64)>> = series.iter().map(|values| folded(values)).collect();
+    let means =
+        |sums: &[(f64, f64)]| -> Vec<f64> { sums.iter().map(|(sum, n)| sum / f64::max(*n, 1.0)).collect() };
+    let Some(first) = series.iter().enumerate().max_by_key(|(_, values)| values.len()) else {
+        return Vec::new();
+    };
+    let mut pattern = means(&lines[first.0]);
+    for _ in 0..ROUNDS {
+        let mut sums = vec![(0.0, 0.0); period];
+        for line in &lines {
+            let agreement =
+                |shift: usize| (0..period).map(|k| line[(k + shift) % period].0 * pattern[k]).sum::<f64>();
+            let shift = (0..period).max_by(|a, b| agreement(*a).total_cmp(&agreement(*b))).unwrap_or(0);
+            for (k, sum) in sums.iter_mut().enumerate() {
+                let (value, count) = line[(k + shift) % period];
+                *sum = (sum.0 + value, sum.1 + count);
+            }
+        }
+        pattern = means(&sums);
+    }
+    let mean = pattern.iter().sum::<f64>() / period as f64;
+    pattern.iter().map(|deviation| 1.0 + deviation - mean).collect()
+}
+
+/// Values of lines by their place in a pattern that repeats after some lines.
+#[derive(Clone, Debug)]
+pub struct LinePattern {
+    /// Lines after which it repeats.
+    pub period: usize,
+    /// Mean value of the lines at each place; `None` where none was recorded.
+    pub values: Vec<Option<f64>>,
+}
+
+impl LinePattern {
+    /// The pattern of the values of lines by their number, if one tells the values of lines that are left out better than their
+    /// mean and their neighbours do.
+    pub fn of(lines: &BTreeMap<i64, f64>) -> Option<LinePattern> {
+        let (first, last) = (*lines.first_key_value()?.0, *lines.last_key_value()?.0);
+        let longest = MAX_LINES.min((last - first) as usize / 4).min(lines.len() / 3);
+        let mean = lines.values().sum::<f64>() / lines.len() as f64;
+        let trials: Vec<(usize, f64)> = (2..=longest)
+            .filter_map(|period| {
+                let folded = fold(lines, period);
+                let (mut left, mut count) = (0.0, 0usize);
+                for (number, value) in lines {
+                    let (sum, of_class) = folded[number.rem_euclid(period as i64) as usize];
+                    if of_class >= 2.0 {
+                        left += (value - (sum - value) / (of_class - 1.0)).powi(2);
+                        count += 1;
+                    }
+                }
+                (count * 2 > lines.len()).then(|| (period, left / count as f64))
+            })
+            .collect();
+        let least = trials.iter().map(|trial| trial.1).fold(f64::INFINITY, f64::min);
+        // Of a period and its multiples the shortest.
+        let (period, left) = trials.into_iter().find(|trial| trial.1 * AS_GOOD <= least)?;
+        let by_mean = lines.values().map(|value| (value - mean).powi(2)).sum::<f64>() / lines.len() as f64;
+        let pairs = lines.values().zip(lines.values().skip(1));
+        let by_neighbour = pairs.map(|(a, b)| (a - b).powi(2)).sum::<f64>() / lines.len() as f64;
+        let folded = fold(lines, period);
+        (left < MAX_LEFT * by_mean.min(by_neighbour)).then(|| LinePattern {
+            period,
+            values: folded.iter().map(|(sum, count)| (*count > 0.0).then(|| sum / count)).collect(),
+        })
+    }
+
+    /// The value of a line by its number.
+    pub fn value(&self, number: i64) -> Option<f64> {
+        self.values[number.rem_euclid(self.period as i64) as usize]
+    }
+}
+
+/// Sums and counts of values by their place in a pattern.
+fn fold(lines: &BTreeMap<i64, f64>, period: usize) -> Vec<(f64, f64)> {
+    let mut sums = vec![(0.0, 0.0); period];
+    for (number, value) in lines {
+        let sum = &mut sums[number.rem_euclid(period as i64) as usize];
+        *sum = (sum.0 + value, sum.1 + 1.0);
+    }
+    sums
+}
