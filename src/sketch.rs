@@ -52,7 +52,7 @@ pub fn survey_points(survey: &Path, assets: &[PathBuf], observer: &Observer, sto
     let mut found = points.doubts(survey);
     let odd = classes.iter().filter(|class| !CLASSES.contains(class)).count();
     if odd > 0 {
-        let message = format!("{odd} points have classes beyond 0 to 255, which count as 0 or 255");
+        let message = format!("{odd} points have classes beyond 0 to 255, which are shown as 0 or 255");
         found.warn(Some(Place::of_file(survey)), message);
     }
     observer.warnings(found)?;

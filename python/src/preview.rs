@@ -51,7 +51,7 @@ pub fn picture<'py>(
 ) -> PyResult<Bound<'py, PyBytes>> {
     let (colour, (_, batches), notices) = (colour_of(colour)?, batches(table)?, Notices::default());
     if !(320..=16384).contains(&width) || !(240..=16384).contains(&height) {
-        return Err(PyValueError::new_err("a picture has 320 to 16384 by 240 to 16384 dots"));
+        return Err(PyValueError::new_err("width must be 320 to 16384 and height 240 to 16384 pixels"));
     }
     let made = py.detach(|| {
         let options = PreviewOptions { colour, width, height, title, ..PreviewOptions::default() };
@@ -74,6 +74,6 @@ fn points(batches: Vec<RecordBatch>, colour: ColourBy, notices: &Notices) -> vls
 pub(super) fn one(mut batches: Vec<RecordBatch>) -> vlscan::Result<RecordBatch> {
     match (batches.pop(), batches.is_empty()) {
         (Some(batch), true) => Ok(batch),
-        _ => Err(Error::input("expected a table in one piece; combine its chunks first")),
+        _ => Err(Error::input("expected a table without chunks; combine its chunks first")),
     }
 }

@@ -64,7 +64,7 @@ impl Table {
     fn lists(&self, name: &str) -> PyResult<(Column, Column)> {
         let column = self.column(name)?.0;
         let list = column.as_list_opt::<i64>();
-        let list = list.ok_or_else(|| PyTypeError::new_err(format!("{name} is no column of lists")))?;
+        let list = list.ok_or_else(|| PyTypeError::new_err(format!("{name} is not a column of lists")))?;
         let offsets = arrow_array::Int64Array::new(list.offsets().inner().clone(), None);
         Ok((Column(list.values().clone()), Column(Arc::new(offsets))))
     }

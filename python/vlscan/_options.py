@@ -13,16 +13,16 @@ class RunOptions(TypedDict, total=False):
     """Options of :meth:`vlscan.Survey.run`: those of the command line with underscores. ``None`` is an option not given."""
 
     format: Literal["xyz", "csv", "bin", "las", "laz", "copc", "ply", "ply-ascii", "raycloud", "pcd", "e57", "mcap", "arrow", "parquet", "geoparquet"] | None
-    """Format of the points, where no extension tells it."""
+    """Format of the points where the extension does not determine it."""
 
     columns: str | Sequence[str] | None
-    """Columns of csv, arrow, parquet and geoparquet, and of xyz, which gets a header then: X,Y,Z,Intensity,GpsTime and so on. An unknown name lists them all."""
+    """Columns of csv, arrow, parquet and geoparquet, and of xyz (which then gets a header), such as X,Y,Z,Intensity,GpsTime. docs/outputs.md lists them all, as does the message for an unknown name."""
 
     frame_s: float | None
     """Duration of the frames of mcap. [default: a revolution of a spinning scanner, 0.1 for others]"""
 
     tile: float | None
-    """Divide the points of a folder (-o DIR) among square tiles of this edge length in metres, tile_X_Y, instead of legs."""
+    """Divide the points of a folder (-o DIR) into square tiles with this edge length in metres, tile_X_Y, instead of legs."""
 
     las_at_most: int | str | None
     """Stream LAS to a pipe without a temporary file, with N as the number of points in its header (250k, 1G). Most readers accept fewer points; more are an error."""
@@ -34,31 +34,31 @@ class RunOptions(TypedDict, total=False):
     """Coordinate reference system of the scene: EPSG:25832, WKT, or a file that holds either."""
 
     las_scale: float | None
-    """Resolution of LAS coordinates in metres. [default: 0.0001, coarser where the scene is too wide for it]"""
+    """Resolution of LAS coordinates in metres. [default: 0.0001, coarser if the scene is too wide for it]"""
 
     las_extra: Literal["all", "helios", "none"] | None
-    """Extra bytes of the points of LAS and LAZ: all, the four of HELIOS++, or none, for programs that refuse them. [default: all]"""
+    """Extra bytes of the points of LAS and LAZ: all, the four of HELIOS++, or none, for programs that reject them. [default: all]"""
 
     force: bool | None
-    """Replace files that exist, once their successors are complete."""
+    """Replace existing files once the new ones are complete."""
 
     labels: bool | None
-    """Write part, primitive and true range into las, laz and ply, too; csv, arrow, parquet and geoparquet have them anyway."""
+    """Also write part, primitive and true range to las, laz and ply; csv, arrow, parquet and geoparquet always have them."""
 
     true_positions: bool | None
-    """Write positions without errors of navigation (TrueX, TrueY, TrueZ) into las and laz, too; the columns of csv, arrow and parquet are chosen with --columns."""
+    """Also write positions without navigation errors (TrueX, TrueY, TrueZ) to las and laz; for csv, arrow and parquet use --columns."""
 
     height_above_ground: bool | None
-    """Write the height above the ground (HeightAboveGround), into las, laz and ply as well. The ground is the surfaces whose material is ground (helios_isGround), or the lowest ones of a scene without such a material."""
+    """Write the height above ground (HeightAboveGround), also to las, laz and ply. Ground is every surface whose material is ground (helios_isGround), or the lowest surfaces if the scene has no such material."""
 
     per_object: bool | None
-    """Divide the points of a folder (-o DIR) among the objects that were hit, object_N, instead of legs."""
+    """Divide the points of a folder (-o DIR) by the object that was hit, object_N, instead of legs."""
 
     subrays: bool | None
-    """Write what each subray met instead of points, at its place on the surface, with the number of the return that it is part of (0 = none): for leaf area and machine learning. The columns Subray, SurfaceX, NormalX, FootprintFraction and their like are chosen with --columns, with and without this."""
+    """Write what each subray hit instead of points, at its position on the surface, with the number of the return that it contributes to (0 = none): for leaf area and machine learning. --columns selects Subray, SurfaceX, NormalX, FootprintFraction and so on, with or without this option."""
 
     misses: bool | None
-    """Write pulses without echoes, too: 0 returns, at the beam's origin, with the beam's direction."""
+    """Also write pulses without echoes: 0 returns, at the beam's origin, with the beam's direction."""
 
     split_by_channel: bool | None
     """One point file per device of a multi-channel scanner."""
@@ -73,16 +73,16 @@ class RunOptions(TypedDict, total=False):
     """Waveforms and pulses as compressed text (.bin); with --output also LAZ instead of LAS, and compressed text instead of text."""
 
     trajectory_format: Literal["text", "helios", "sbet", "terrascan"] | None
-    """Layout of the trajectory. [default: found out from its content]"""
+    """Layout of the trajectory. [default: detected from its content]"""
 
     trajectory_columns: str | Sequence[str] | None
-    """Columns of text: names in their order (time, x, y, z, roll, pitch, yaw, lat, lon; others are passed over) or name=number from 1; a unit may stand behind a name: roll[rad]. [default: the first line, else time,x,y,z,roll,pitch,yaw]"""
+    """Columns of text: names in order (time, x, y, z, roll, pitch, yaw, lat, lon; others are skipped) or name=number, from 1; a name may have a unit: roll[rad]. [default: the first line, else time,x,y,z,roll,pitch,yaw]"""
 
     trajectory_separator: str | None
-    """Character between columns of text. [default: found out from the first line]"""
+    """Character between columns of text. [default: detected from the first line]"""
 
     trajectory_angles: Literal["deg", "rad"] | None
-    """Unit of angles in text behind whose names none stands. [default: deg]"""
+    """Unit of angles in text whose column names have no unit. [default: deg]"""
 
     trajectory_rotation: Literal["heading", "yaw", "ros", "helios", "canonical"] | None
     """Meaning of the angles of text. [default: helios for files as HELIOS++ reads and writes them, else heading]"""
@@ -91,22 +91,22 @@ class RunOptions(TypedDict, total=False):
     """UTM zone to which latitudes and longitudes are projected, such as 32N. [default: that of --crs, else that of the first pose]"""
 
     height_offset: float | None
-    """Added to all heights of the trajectory, in metres: from those above the ellipsoid to those of the scene."""
+    """Added to all heights of the trajectory, in metres, for example to convert ellipsoidal heights to those of the scene."""
 
     lever_arm: str | Vector | None
-    """Lever arm: where the scanner's platform frame is as seen from what was recorded, in metres to the right, forward and up of the recorded body. It turns with the attitude, not with the boresight."""
+    """Lever arm: position of the scanner's platform frame relative to the recorded position, in metres to the right, forward and up of the recorded body. It rotates with the attitude, not with the boresight."""
 
     boresight: str | Vector | None
-    """Boresight: how the scanner's platform frame is turned in the recorded body: roll (right side down), pitch (nose up) and heading (clockwise from above) in degrees, roll innermost. A point is at position + attitude (lever arm + boresight (point as the platform's scanner sees it))."""
+    """Boresight: rotation of the scanner's platform frame in the recorded body: roll (right side down), pitch (nose up) and heading (clockwise from above) in degrees, roll innermost. A point is at position + attitude (lever arm + boresight (point in the frame of the platform's scanner))."""
 
     max_gap: float | None
-    """Fire nothing between poses that are more seconds apart than this."""
+    """Do not fire between poses that are farther apart than this, in seconds."""
 
     latency: float | None
-    """How long, in seconds, points of a live trajectory may wait for others to be computed together. [default: 0.25]"""
+    """How long, in seconds, points of a live trajectory may wait to be computed in larger batches. [default: 0.25]"""
 
     navigation_error: Mapping[str, float | Sequence[float]] | Sequence[Mapping[str, float | Sequence[float]]] | None
-    """Let what is reported of the platform's pose differ from what was flown, so that points move: a key of [navigation_errors] in pipeline files and one number or three, such as position_m=0.02,0.02,0.05, attitude_deg=0.004, boresight_deg=0,0.01,0; may be given more than once."""
+    """Add navigation errors: the reported pose, with which points are georeferenced, differs from the true one. A key of [navigation_errors] of pipeline files with one number or three, such as position_m=0.02,0.02,0.05, attitude_deg=0.004, boresight_deg=0,0.01,0; may be given more than once."""
 
     no_platform_noise: bool | None
     """Ignore the platform's position and attitude noise."""
@@ -130,31 +130,31 @@ class RunOptions(TypedDict, total=False):
     """Start of the GPS clock: \"YYYY-MM-DD hh:mm:ss\" (UTC), POSIX seconds, or \"now\". [default: 2024-01-01 00:00:00]"""
 
     threads: int | None
-    """Threads that compute; 0 or nothing = all. The points are the same for any number."""
+    """Number of threads; 0 = all, the default. Does not change the points."""
 
     chunk_size: int | None
     """Pulses per chunk. [default: 1024]"""
 
     warehouse_factor: int | None
-    """Chunks per worker that may wait. [default: 4]"""
+    """Chunks per worker that may wait in the queue. [default: 4]"""
 
     schedule: Literal["warehouse", "dynamic", "static", "single"] | None
     """How pulses are handed out to the threads; the points are the same. [default: warehouse]"""
 
     idle_threshold: float | None
-    """Dynamic chunks: idle times shorter than this mean nothing, in milliseconds. [default: 0.1]"""
+    """Dynamic chunks: idle times shorter than this are ignored, in milliseconds. [default: 0.1]"""
 
     max_memory: int | str | None
-    """Refuse scenes that need more memory than this, e.g. 4G. [default: the memory of the machine]"""
+    """Reject scenes that need more memory than this, e.g. 4G. [default: the memory of the machine]"""
 
     leg_barrier: bool | None
-    """Begin a leg only when everything of the one before is done, as in the paper; slower."""
+    """Begin a leg only when the previous one is finished, as in the paper; slower."""
 
     physics: Literal["helios", "refined"] | None
-    """Reproduce HELIOS++, or switch its known weaknesses off. [default: helios for XML surveys, refined for pipeline files]"""
+    """Reproduce HELIOS++, or correct its known weaknesses. [default: helios for XML surveys, refined for pipeline files]"""
 
     correct: str | Sequence[str] | None
-    """Switch single corrections on, by name with hyphens, e.g. sum-equal-ranges; a name after no- switches one off. They are listed at the end of --help."""
+    """Switch single corrections on (sum-equal-ranges) or off (no-sum-equal-ranges). They are listed at the end of --help."""
 
     echo_width: bool | None
     """Fit a Gaussian to every echo and report its width; echoes narrower than 0.1 ns are dropped."""
@@ -163,19 +163,19 @@ class RunOptions(TypedDict, total=False):
     """Add noise to the written waveforms."""
 
     fixed_incidence: bool | None
-    """Take every surface as hit at right angles."""
+    """Treat every surface as hit at right angles."""
 
     legacy_energy: bool | None
-    """Echo strengths by the older energy model."""
+    """Compute echo strengths with the older energy model."""
 
     tree: Literal["median", "sah", "axis-sah", "fsah", "bvh"] | None
-    """The tree that traces the rays; the points are the same. [default: bvh]"""
+    """Acceleration structure for tracing; does not change the points. [default: bvh]"""
 
     tree_jobs: int | None
-    """Threads that build the tree; 0 or nothing = as --threads."""
+    """Threads that build the tree; 0 = as --threads, the default."""
 
     instances: Literal["auto", "always", "never"] | None
-    """Whether parts of one mesh file share it; the points are the same. [default: auto]"""
+    """Whether parts of the same mesh file share its triangles; does not change the points. [default: auto]"""
 
     trajectory_out: PathLike | None
     """Write the platform's poses as often as the survey's trajectoryTimeInterval_s asks for (CSV, as --trajectory reads it)."""

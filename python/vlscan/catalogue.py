@@ -60,7 +60,7 @@ def _id(reference: str) -> str:
 
 
 def scanners() -> dict[str, str]:
-    """List the scanners that ship.
+    """List the scanners of the catalogue.
 
     Returns
     -------

@@ -80,7 +80,7 @@ def plan_airborne(
     area : sequence, str or path-like, optional
         Corners of a polygon, a file, or well-known text; the scene by default.
     buffer : float, optional
-        The area is a line, and what is no farther from it than this, m.
+        Make the area a corridor: everything within this distance of the line, m.
     speed, density : float, optional
         Speed, m/s, and mean pulses per m²; one of them is needed.
     overlap : float, optional
@@ -158,7 +158,7 @@ def plan_terrestrial(
     at_centre : bool
         Whether there is one at its centre, too.
     resolution : float
-        Angle from point to point, degrees.
+        Angle between points, degrees.
     platform : str, optional
         Id of the platform; the usual one of the scanner by default.
     scene : str or path-like, optional
@@ -210,7 +210,7 @@ def plan_mobile(
     scan_angle, scan_freq : float, optional
         Half opening angle, degrees, and scan frequency, Hz.
     step : float
-        Most metres between waypoints, at which the vehicle is set on the scene's ground.
+        Maximum distance between waypoints, where the vehicle is placed on the scene's ground, m.
     platform : str, optional
         Id of the platform; the usual one of the scanner by default.
     scene : str or path-like, optional
@@ -394,7 +394,7 @@ def fit_flight(
     flight_line : int, optional
         The point source of the flight line that is fitted; by default the one with the most points.
     force : bool
-        Overwrite files that exist.
+        Replace existing files.
 
     Returns
     -------

@@ -247,7 +247,7 @@ impl<'c> CellRunner<'c> {
         let ResolvedRun { settings, mut output, .. } = job;
         if output.trajectory.is_some() {
             return Err(Error::input(format!(
-                "{}: its [[output]] of the trajectory names one file, which every cell would write; leave it out",
+                "{}: its [[output]] of the trajectory names one file, which all cells would overwrite; leave it out",
                 survey.display()
             )));
         }
@@ -289,7 +289,7 @@ impl<'c> CellRunner<'c> {
 /// The error of a cell during which an input has changed, which may be the cause of its own error.
 fn changed_meanwhile(own: Option<Error>, name: &str) -> Error {
     let text = format!(
-        "{name} was written, touched or removed while the cell was computed; the next start computes the cell again"
+        "{name} changed while the cell was being computed; the next start computes the cell again"
     );
     match own {
         None => Error::input(text),
@@ -314,17 +314,17 @@ fn decided_here(path: &Path) -> Result<Diagnostics> {
     let mut found = Diagnostics::default();
     let place = || Some(Place::in_line(path, 0, "", 0..0));
     if let Some(seed) = options.origin.seed.map(|seed| seed.0).or(survey.seed) {
-        let help = "`seeds` at the top of the campaign's file is what counts";
+        let help = "set `seeds` at the top of the campaign's file";
         found
-            .warn(place(), format!("its seed {seed} is not used: a cell has one of the campaign's"))
+            .warn(place(), format!("its seed {seed} is not used: cells use the campaign's `seeds`"))
             .help(help);
     }
     if !options.outputs.is_empty() {
-        let help = "`format` at the top of the campaign's file names their format";
+        let help = "set `format` at the top of the campaign's file";
         found
             .warn(
                 place(),
-                "its [[output]] is not used: the files of a cell have their names from the campaign",
+                "its [[output]] is not used: the campaign names the files of a cell",
             )
             .help(help);
     }

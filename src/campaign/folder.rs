@@ -20,8 +20,8 @@ impl WorkingFolder {
     pub fn enter(folder: &Path) -> Result<WorkingFolder> {
         if IS_TAKEN.swap(true, Ordering::AcqRel) {
             return Err(Error::input_with_help(
-                "another campaign of this process is at work, whose folder is the working directory",
-                "wait for it, or start a process for each campaign",
+                "another campaign is running in this process, and the working directory is its folder",
+                "wait for it, or run each campaign in its own process",
             ));
         }
         let mut entered = WorkingFolder { before: None };

@@ -99,7 +99,7 @@ impl Lines<'_> {
         let command = command(key);
         let decided = decided(&command, key, &typed);
         for (option, advice) in &decided {
-            let message = format!("{key} = \"…\": {option} is not for campaigns");
+            let message = format!("{key} = \"…\": {option} cannot be used in a campaign");
             self.problems.error(place.clone(), message).help(*advice);
         }
         if !decided.is_empty() {
@@ -120,15 +120,15 @@ impl Lines<'_> {
 }
 
 const OUTPUT: &str =
-    "the files of a cell have their names from the campaign: `out` names the folder, `format` the format";
+    "the campaign names the files of a cell: set `out` for the folder and `format` for the format";
 const FORMAT: &str = "write `format = \"…\"` at the top of the campaign's file";
 const SEED: &str = "the seed of a cell is one of `seeds`, at the top of the campaign's file";
 const SCENE: &str = "the scene of a cell is that of its [[scene]]";
-const SHARED: &str = "it names one file, which every cell would write";
+const SHARED: &str = "it names one file, which all cells would overwrite";
 const PART_TABLE: &str =
-    "it names one file, which every cell would write; objects.csv of each cell has the parts of its scene";
+    "it names one file, which all cells would overwrite; each cell has its parts in objects.csv";
 const SHARDS: &str =
-    "a cell is computed at once; processes share the cells: start the same campaign more than once";
+    "cells are not divided into shards; to use more processes start the same campaign more than once";
 const CAMPAIGN: &str = "give it to vlscan campaign";
 const FORCE: &str =
     "cells are computed again when their options or inputs change; --retry computes failed ones";

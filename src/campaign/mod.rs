@@ -51,21 +51,19 @@ pub struct Campaign {
 /// Which cells of a campaign are computed, and how.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct CampaignOptions {
-    /// Compute every N-th cell only, from cell K on, with K from 0 to N-1: for arrays of tasks, and where processes share a file
-    /// system without locks.
+    /// Compute every N-th cell only, from cell K on, with K from 0 to N-1: for array jobs, and for file systems without locks.
     #[arg(long, value_name = "K/N")]
     pub task: Option<OneOf>,
     /// Compute this cell only; may be given more than once.
     #[arg(long = "cell", value_name = "NAME", conflicts_with = "task")]
     pub cells: Vec<String>,
-    /// Compute cells that have failed once more.
+    /// Compute failed cells again.
     #[arg(long)]
     pub retry: bool,
-    /// Compare the checksums of all files of complete cells, too; at every start only sizes and times are. Cells with damaged files
-    /// are computed again.
+    /// Compare the checksums of all files of complete cells, not only sizes and times. Cells with damaged files are computed again.
     #[arg(long)]
     pub verify: bool,
-    /// Threads of this process; 0 or nothing = all.
+    /// Threads of this process; 0 = all, the default.
     #[arg(short = 'j', long, value_name = "N")]
     pub threads: Option<usize>,
     /// Whether warnings are errors.
@@ -275,7 +273,7 @@ impl Campaign {
         let is_known = |name: &&String| self.cells.iter().any(|cell| cell.name == **name);
         if let Some(unknown) = options.cells.iter().find(|name| !is_known(name)) {
             return Err(Error::input(format!(
-                "the campaign has no cell {unknown}; --list names those that are left"
+                "the campaign has no cell {unknown}; --list shows the remaining ones"
             )));
         }
         let is_chosen = |(index, cell): &(usize, &Cell)| match options.task {

@@ -48,10 +48,10 @@ fn tell(report: &CampaignReport, args: &CampaignArgs, console: &Console) -> Resu
         console.say(format!("{computed} cells in {}", duration(report.seconds)));
     }
     match &report.manifest {
-        None => console.say(format!("{left} of {cells} cells are left; the same command goes on with them")),
+        None => console.say(format!("{left} of {cells} cells are left; run the same command to continue")),
         Some(path) => {
             if report.is_manifest_replaced {
-                console.say(format!("{} was not that of the cells, and is written again", path.display()));
+                console.say(format!("{} did not match the cells and was rewritten", path.display()));
             }
             let points = amount(report.points as f64);
             console.say(format!("{}  {cells} cells, {points} points", path.display()));
@@ -62,7 +62,7 @@ fn tell(report: &CampaignReport, args: &CampaignArgs, console: &Console) -> Resu
         1 => (format!("{} has failed: {}", first.cell, first.error), format!(" --cell {}", first.cell), "it"),
         _ => {
             let text = format!(
-                "{} of {reported} cells have failed, {} among them; the manifest says why{}",
+                "{} of {reported} cells have failed, {} among them; the manifest gives the reasons{}",
                 failed.len(),
                 first.cell,
                 if *left > 0 { " when all cells are computed" } else { "" }

@@ -51,9 +51,9 @@ pub fn run(args: &CatalogueArgs, console: &Console) -> Result<()> {
         let ids = references.filter_map(|reference| Some(reference.split_once('#')?.1));
         let help = match nearest(typed, ids) {
             Some(near) => format!("did you mean `{near}`?"),
-            None => "`vlscan catalogue` lists everything".to_owned(),
+            None => "`vlscan catalogue` lists all entries".to_owned(),
         };
-        return Err(Error::input(format!("nothing in the catalogue has `{typed}` in its name; {help}")));
+        return Err(Error::input(format!("no entry of the catalogue has `{typed}` in its name; {help}")));
     }
     write_stdout(&if args.json { json(&rows)? } else { table(&rows) })
 }

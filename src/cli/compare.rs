@@ -27,7 +27,7 @@ pub fn run(args: &CompareArgs, console: &Console) -> Result<()> {
         write_file(path, args.force, &raster)?;
         let system = match comparison.crs.as_deref().and_then(vlscan_base::crs::projected_epsg) {
             Some(code) => format!("EPSG:{code}"),
-            None => "no coordinate system, since the clouds name none with an EPSG code".to_owned(),
+            None => "no coordinate system: the clouds name none with an EPSG code".to_owned(),
         };
         console.say(format!("{}: {} cells, {system}", path.display(), comparison.change.cells));
     }
@@ -51,7 +51,7 @@ fn check(args: &CompareArgs) -> Result<()> {
         refuse_existing(path, args.force)?;
         reads::refuse_input_of(path, [&args.first, &args.second])?;
         if outputs[..i].contains(path) {
-            return Err(Error::input(format!("{}: two outputs have this name", path.display())));
+            return Err(Error::input(format!("{}: two outputs have the same name", path.display())));
         }
     }
     if let Some(path) = &args.changed

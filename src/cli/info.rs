@@ -66,7 +66,7 @@ pub(super) fn options(recipe: &SceneRecipe, scanning: &Scanning, verify: bool) -
     };
     let Some(path) = &recipe.packed else {
         if verify {
-            return Err(Error::input("--verify is about packed scenes (.vlscene)"));
+            return Err(Error::input("--verify applies to packed scenes (.vlscene) only"));
         }
         return Ok(options);
     };

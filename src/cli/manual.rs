@@ -54,13 +54,13 @@ fn pages() -> impl Iterator<Item = Page> {
 
 /// Exit statuses, common to all subcommands.
 const EXIT_STATUS: &[(&str, &str)] = &[
-    ("0", "Done. Also when the reader of stdout closes it, as head(1) does."),
-    ("1", "The machine failed: a file could not be read or written, the disk is full."),
-    ("2", "The input or the command line is wrong; the message says where and what was expected."),
+    ("0", "Success. Also when the reader of stdout closes it, as head(1) does."),
+    ("1", "A system error: a file could not be read or written, or the disk is full."),
+    ("2", "The input or the command line is wrong; the message says where, and what was expected."),
     ("3", "A scan frequency is outside the scanner's limits."),
     (
         "130",
-        "Interrupted (Ctrl-C, SIGTERM): files and streams are valid, hold what was done until then and say that they are partial.",
+        "Interrupted (Ctrl-C, SIGTERM): files and streams are valid, contain what was done so far, and are marked as partial.",
     ),
 ];
 
@@ -87,7 +87,7 @@ pub fn run(args: &ManArgs, console: &Console) -> Result<()> {
         let text = reads::read_own(&path).unwrap_or_default();
         if !MARKS.iter().any(|mark| String::from_utf8_lossy(&text).contains(mark)) {
             return Err(Error::input(format!(
-                "{} exists and is no page of vlscan; choose another folder",
+                "{} exists and is not a page of vlscan; choose another folder",
                 path.display()
             )));
         }
@@ -181,13 +181,11 @@ fn correction_entries() -> impl Iterator<Item = (String, String)> {
 
 /// How the command line undoes what a pipeline file says.
 const OPPOSITES: &str =
-    "A switch that a pipeline file sets is undone by its opposite: --no-misses, --platform-noise and so on.";
+    "To undo a switch of a pipeline file, give its opposite: --no-misses, --platform-noise and so on.";
 
 /// Formats the corrections for help.
 fn corrections() -> String {
-    let mut text = "Corrections (--correct NAME; a name after no- switches one off; \
-                    --physics refined has them all but those marked; \
-                    those of the kinematics hold in pipeline files without asking):\n"
+    let mut text = "Corrections (--correct NAME switches one on, --correct no-NAME off; --physics refined includes all that are not marked; those of the kinematics are always on in pipeline files):\n"
         .to_owned();
     for (name, help) in correction_entries() {
         text += &format!("  {name}\n{}\n", wrapped(&help, 90));

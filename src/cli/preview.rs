@@ -87,20 +87,20 @@ fn waveform(path: &Path, pulse: u64) -> Result<Wave> {
 fn check(args: &PreviewArgs) -> Result<()> {
     let (points, out) = (&args.points, &args.out);
     if points.is_dir() {
-        return Err(Error::input(format!("{} is a folder; name a file of points in it", points.display())));
+        return Err(Error::input(format!("{} is a folder; name a file of points", points.display())));
     }
     let is_xml = points.extension().is_some_and(|e| e.eq_ignore_ascii_case("xml"));
     if (is_xml && !holds_survey(points)) || (args.pulse.is_some() && holds_survey(points)) {
         let what = if args.pulse.is_some() { "pulses" } else { "points and no survey" };
         return Err(Error::input_with_help(
-            format!("{} holds no {what}", points.display()),
-            "name points, or a survey whose points are to be drawn; a scene by itself is described by `vlscan scene info`",
+            format!("{} contains no {what}", points.display()),
+            "name a file of points, a survey or a pipeline; `vlscan scene info` describes a scene",
         ));
     }
     if is_stdout(out) {
         if std::io::stdout().is_terminal() && !args.force {
             return Err(Error::input(
-                "a picture is not written to a terminal; --force does it, -o NAME.png makes a file",
+                "a picture is not written to a terminal: use -o NAME.png, or insist with --force",
             ));
         }
         return Ok(());

@@ -66,7 +66,7 @@ pub fn warn_of_few_points(console: &Console, report: &Report) -> Result<()> {
         let mut found = Diagnostics::default();
         found
             .warn(None, format!("{} pulses gave only {} points", amount(pulses), amount(points)))
-            .help("a run without shards names the likely cause");
+            .help("run without --shard to see the likely cause");
         console.warnings(&found)?;
     }
     Ok(())
@@ -90,7 +90,7 @@ pub fn show_report(console: &Console, report: &Report, started: Instant) -> Resu
     }
     if summary.left_out > 0 {
         console.say(format!(
-            "  warning: {} points lie far beside all tiles or belong to no part, and were left out",
+            "  warning: {} points lie far outside all tiles or belong to no part, and were left out",
             summary.left_out
         ));
     }
@@ -112,7 +112,7 @@ pub fn show_report(console: &Console, report: &Report, started: Instant) -> Resu
     }
     if !summary.files.is_empty() {
         console
-            .say("the run was interrupted: files named NAME.partial.EXT hold what was measured until then");
+            .say("the run was interrupted: files named NAME.partial.EXT contain what was measured so far");
     }
     Err(Error::Interrupted)
 }

@@ -25,7 +25,7 @@ pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> 
     if path.exists() && !force && !resumes {
         return Err(Error::input_with_help(
             format!("{} exists already", path.display()),
-            "replace it with --force; --resume computes it again only where it is damaged",
+            "replace it with --force; --resume recomputes it only if it is damaged",
         ));
     }
     let ResolvedRun { mut settings, mut output, schedule_log, part_table, progress_lines } =
@@ -34,8 +34,7 @@ pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> 
     settings.physics.record_scanner_axes = true;
     if part_table.is_some() {
         return Err(Error::input(
-            "--parts counts the points of a whole run, and this is a share of one; vlscan scene info --json lists the parts \
-             of the scene",
+            "--parts needs the points of the whole run and cannot be used with --shard; vlscan scene info --json lists the parts of the scene",
         ));
     }
     let mut session = open_without_tree(settings, console)?;
@@ -44,7 +43,7 @@ pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> 
     let legs = session.survey().legs.len();
     let mut shards = session.shards(&folder, output.creation, force, &interrupt::STOP)?;
     if args.shards.part_points.is_some() {
-        console.say("--part-points no longer changes anything: any output can be made of a shard");
+        console.say("--part-points has no effect any more: every output format can be made from a shard");
     }
     if resumes && !force && shards.existing(shard)?.is_some() {
         console.say(format!("{} exists and is complete", path.display()));
@@ -78,7 +77,7 @@ pub fn index(args: &IndexShardsArgs, console: &Console) -> Result<()> {
 pub fn merge(args: &MergeArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
     if args.output.subrays.is_on() {
-        return Err(Error::input("--subrays says what shards hold: give it to vlscan run --shard"));
+        return Err(Error::input("--subrays determines what shards contain: give it to vlscan run --shard"));
     }
     let shards = ShardSet::open(&args.folder)?;
     if args.check {
@@ -122,11 +121,11 @@ fn folder_of_shards(options: &Options) -> Result<(PathBuf, Options)> {
     let named = std::mem::take(&mut options.output.out);
     let refuse = |message: &str| Err(Error::input(message));
     match named.as_slice() {
-        [folder] if folder.as_os_str() == "-" => refuse("shards are files: name a folder with -o"),
+        [folder] if folder.as_os_str() == "-" => refuse("shards are written to a folder: -o DIR"),
         [folder] if folder.exists() && !folder.is_dir() => {
             Err(Error::input(format!("{} is a file, expected a folder for the shards", folder.display())))
         }
         [folder] => Ok((folder.clone(), options)),
-        _ => refuse("expected one folder for the shards: -o DIR; formats are chosen by vlscan merge"),
+        _ => refuse("expected one folder for the shards: -o DIR; choose formats with vlscan merge"),
     }
 }

@@ -144,7 +144,7 @@ fn read_pipeline(source: &Source, typed: Options) -> Result<(Survey, Options, Di
 /// Warns of a fraction of a second in the start of GPS time.
 fn warn_of_fraction(options: &Options, place: Option<Place>, warnings: &mut Diagnostics) {
     if options.origin.gps_start.as_ref().is_some_and(GpsStart::has_fraction) {
-        warnings.warn(place, "the fraction of a second of the GPS start does not count, as in HELIOS++");
+        warnings.warn(place, "the fraction of a second of the GPS start is ignored, as in HELIOS++");
     }
 }
 
@@ -242,7 +242,7 @@ fn check_trajectory_options(typed: TrajectoryOptions, survey: &mut Survey) -> Re
         }
         _ if typed == TrajectoryOptions::default() => Ok(()),
         _ => Err(Error::input(
-            "options under \"Trajectory\" tell how a trajectory is read, and there is none; name it with --trajectory",
+            "options under \"Trajectory\" describe how a trajectory is read: give one with --trajectory",
         )),
     }
 }

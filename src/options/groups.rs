@@ -88,11 +88,11 @@ group! {
 pub struct OutputOptions with opposites {
     /// Where the points go: a file, a folder (one file per leg), or - for stdout.
     ///
-    /// The extension of a file tells its format; all legs and epochs go into one file. May be given more than once.
+    /// The extension of a file determines its format; all legs and epochs go into one file. May be given more than once.
     #[arg(short = 'o', long = "out", value_name = "PATH")]
     #[serde(skip)]
     pub out: Vec<PathBuf>,
-    /// Format of the points, where no extension tells it.
+    /// Format of the points where the extension does not determine it.
     #[arg(long, value_name = "FORMAT", help_heading = FILES)]
     #[serde(skip)]
     pub format: Option<PointFormat>,
@@ -100,7 +100,7 @@ pub struct OutputOptions with opposites {
     #[arg(long, value_name = "DIR", conflicts_with = "out")]
     #[serde(skip)]
     pub output: Option<PathBuf>,
-    /// Replace files that exist, once their successors are complete.
+    /// Replace existing files once the new ones are complete.
     ///
     /// If the run fails or is interrupted, existing files are kept, and partial results go to NAME.partial.EXT. Also write binary
     /// data to a terminal.
@@ -112,36 +112,35 @@ pub struct OutputOptions with opposites {
     /// Write every emitted pulse, beside the first output that is a file or folder.
     #[arg(long, action = SetTrue)]
     pub pulses: Switch,
-    /// Columns of csv, arrow, parquet and geoparquet, and of xyz, which gets a header then: X,Y,Z,Intensity,GpsTime and so on. An
-    /// unknown name lists them all.
+    /// Columns of csv, arrow, parquet and geoparquet, and of xyz (which then gets a header), such as X,Y,Z,Intensity,GpsTime.
+    /// docs/outputs.md lists them all, as does the message for an unknown name.
     #[arg(long, value_name = "NAMES")]
     pub columns: Option<ColumnList>,
-    /// Write part, primitive and true range into las, laz and ply, too; csv, arrow, parquet and geoparquet have them anyway.
+    /// Also write part, primitive and true range to las, laz and ply; csv, arrow, parquet and geoparquet always have them.
     #[arg(long, action = SetTrue, help_heading = FILES)]
     pub labels: Switch,
-    /// Write positions without errors of navigation (TrueX, TrueY, TrueZ) into las and laz, too; the columns of csv, arrow and
-    /// parquet are chosen with --columns.
+    /// Also write positions without navigation errors (TrueX, TrueY, TrueZ) to las and laz; for csv, arrow and parquet use --columns.
     #[arg(long, action = SetTrue)]
     pub true_positions: Switch,
-    /// Write the height above the ground (HeightAboveGround), into las, laz and ply as well. The ground is the surfaces whose
-    /// material is ground (helios_isGround), or the lowest ones of a scene without such a material.
+    /// Write the height above ground (HeightAboveGround), also to las, laz and ply. Ground is every surface whose material is ground
+    /// (helios_isGround), or the lowest surfaces if the scene has no such material.
     #[arg(long, action = SetTrue)]
     pub height_above_ground: Switch,
     /// Duration of the frames of mcap. [default: a revolution of a spinning scanner, 0.1 for others]
     #[arg(long, value_name = "SECONDS", help_heading = FILES)]
     pub frame_s: Option<Positive>,
-    /// Divide the points of a folder (-o DIR) among square tiles of this edge length in metres, tile_X_Y, instead of legs.
+    /// Divide the points of a folder (-o DIR) into square tiles with this edge length in metres, tile_X_Y, instead of legs.
     #[arg(long, value_name = "METRES", conflicts_with = "per_object", help_heading = FILES)]
     pub tile: Option<Positive>,
-    /// Divide the points of a folder (-o DIR) among the objects that were hit, object_N, instead of legs.
+    /// Divide the points of a folder (-o DIR) by the object that was hit, object_N, instead of legs.
     #[arg(long, action = SetTrue, help_heading = FILES)]
     pub per_object: Switch,
-    /// Write what each subray met instead of points, at its place on the surface, with the number of the return that it is part
-    /// of (0 = none): for leaf area and machine learning. The columns Subray, SurfaceX, NormalX, FootprintFraction and their
-    /// like are chosen with --columns, with and without this.
+    /// Write what each subray hit instead of points, at its position on the surface, with the number of the return that it contributes to
+    /// (0 = none): for leaf area and machine learning. --columns selects Subray, SurfaceX, NormalX, FootprintFraction and so on, with or
+    /// without this option.
     #[arg(long, action = SetTrue)]
     pub subrays: Switch,
-    /// Write pulses without echoes, too: 0 returns, at the beam's origin, with the beam's direction.
+    /// Also write pulses without echoes: 0 returns, at the beam's origin, with the beam's direction.
     #[arg(long, action = SetTrue)]
     pub misses: Switch,
     /// Stream LAS to a pipe without a temporary file, with N as the number of points in its header (250k, 1G). Most readers accept
@@ -157,7 +156,8 @@ pub struct OutputOptions with opposites {
     pub split_by_channel: Switch,
     /// Coordinate reference system of the scene: EPSG:25832, WKT, or a file that holds either.
     ///
-    /// It goes into LAS, LAZ, PLY, Arrow, Parquet and GeoParquet. [default: that of the scene's GeoTIFF or .prj files, else the UTM zone of a projected flight]
+    /// It goes into LAS, LAZ, PLY, Arrow, Parquet and GeoParquet. [default: that of the scene's GeoTIFF or .prj files, else the UTM zone of
+    /// a projected flight]
     #[arg(long, value_name = "EPSG:N|WKT|FILE")]
     pub crs: Option<Crs>,
     /// With --output: LAS 1.4 instead of text.
@@ -170,10 +170,10 @@ pub struct OutputOptions with opposites {
     /// text.
     #[arg(long, action = SetTrue, help_heading = FILES)]
     pub zip_output: Switch,
-    /// Resolution of LAS coordinates in metres. [default: 0.0001, coarser where the scene is too wide for it]
+    /// Resolution of LAS coordinates in metres. [default: 0.0001, coarser if the scene is too wide for it]
     #[arg(long, value_name = "METRES", help_heading = FILES)]
     pub las_scale: Option<f64>,
-    /// Extra bytes of the points of LAS and LAZ: all, the four of HELIOS++, or none, for programs that refuse them.
+    /// Extra bytes of the points of LAS and LAZ: all, the four of HELIOS++, or none, for programs that reject them.
     /// [default: all]
     #[arg(long, value_name = "WHICH", help_heading = FILES)]
     pub las_extra: Option<ExtraDimensions>,
@@ -186,7 +186,7 @@ group! {
 #[command(next_help_heading = "Input")]
 #[serde(default)]
 pub struct InputOptions with opposites {
-    /// Replace the scene: a packed one (.vlscene), file.xml#id, or a file of geometry.
+    /// Replace the scene: a packed scene (.vlscene), file.xml#id, or a geometry file.
     #[arg(long, value_name = "SCENE")]
     #[serde(skip)]
     pub scene: Option<String>,
@@ -207,8 +207,8 @@ group! {
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Simulation")]
 pub struct NavigationOptions {
-    /// Let what is reported of the platform's pose differ from what was flown, so that points move: a key of
-    /// [navigation_errors] in pipeline files and one number or three, such as position_m=0.02,0.02,0.05, attitude_deg=0.004,
+    /// Add navigation errors: the reported pose, with which points are georeferenced, differs from the true one. A key of
+    /// [navigation_errors] of pipeline files with one number or three, such as position_m=0.02,0.02,0.05, attitude_deg=0.004,
     /// boresight_deg=0,0.01,0; may be given more than once.
     #[arg(long = "navigation-error", value_name = "KEY=NUMBERS")]
     pub errors: Vec<NavigationError>,
@@ -258,12 +258,11 @@ group! {
 #[command(next_help_heading = "Simulation")]
 #[serde(default)]
 pub struct ProfileOptions {
-    /// Reproduce HELIOS++, or switch its known weaknesses off. [default: helios for XML surveys, refined for pipeline files]
+    /// Reproduce HELIOS++, or correct its known weaknesses. [default: helios for XML surveys, refined for pipeline files]
     #[arg(id = "profile", long = "physics", value_name = "PROFILE")]
     #[serde(alias = "physics")]
     pub profile: Option<PhysicsProfile>,
-    /// Switch single corrections on, by name with hyphens, e.g. sum-equal-ranges; a name after no- switches one off. They
-    /// are listed at the end of --help.
+    /// Switch single corrections on (sum-equal-ranges) or off (no-sum-equal-ranges). They are listed at the end of --help.
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     pub correct: Vec<String>,
 }
@@ -296,10 +295,10 @@ pub struct EchoOptions with opposites {
     /// Add noise to the written waveforms.
     #[arg(long, action = SetTrue)]
     pub waveform_noise: Switch,
-    /// Take every surface as hit at right angles.
+    /// Treat every surface as hit at right angles.
     #[arg(long, action = SetTrue)]
     pub fixed_incidence: Switch,
-    /// Echo strengths by the older energy model.
+    /// Compute echo strengths with the older energy model.
     #[arg(long, action = SetTrue)]
     pub legacy_energy: Switch,
 }
@@ -311,33 +310,33 @@ group! {
 #[command(next_help_heading = "Speed")]
 #[serde(default)]
 pub struct ScheduleOptions with opposites {
-    /// Threads that compute; 0 or nothing = all. The points are the same for any number.
+    /// Number of threads; 0 = all, the default. Does not change the points.
     #[arg(short = 'j', long, value_name = "N")]
     pub threads: Option<usize>,
     /// Pulses per chunk. [default: 1024]
     #[arg(long, value_name = "N")]
     pub chunk_size: Option<ChunkSize>,
-    /// Chunks per worker that may wait. [default: 4]
+    /// Chunks per worker that may wait in the queue. [default: 4]
     #[arg(long, value_name = "N")]
     pub warehouse_factor: Option<usize>,
     /// How pulses are handed out to the threads; the points are the same. [default: warehouse]
     #[arg(id = "policy", long = "schedule", value_name = "SCHEDULE")]
     #[serde(alias = "schedule")]
     pub policy: Option<PolicyKind>,
-    /// Dynamic chunks: idle times shorter than this mean nothing, in milliseconds. [default: 0.1]
+    /// Dynamic chunks: idle times shorter than this are ignored, in milliseconds. [default: 0.1]
     #[arg(id = "idle_threshold_ms", long = "idle-threshold", value_name = "MS")]
     #[serde(rename = "idle_threshold_ms", alias = "idle_threshold")]
     pub idle_threshold: Option<NotNegative>,
-    /// Begin a leg only when everything of the one before is done, as in the paper; slower.
+    /// Begin a leg only when the previous one is finished, as in the paper; slower.
     #[arg(long, action = SetTrue)]
     pub leg_barrier: Switch,
     /// Write what the schedule did as JSON: idle times, queue depths, chunk sizes, leg ends. --force replaces an existing file.
     #[arg(long, value_name = "FILE")]
     pub schedule_log: Option<PathBuf>,
-    /// Refuse scenes that need more memory than this, e.g. 4G. [default: the memory of the machine]
+    /// Reject scenes that need more memory than this, e.g. 4G. [default: the memory of the machine]
     #[arg(long, value_name = "SIZE")]
     pub max_memory: Option<Bytes>,
-    /// Show the progress as plain lines when stderr is no terminal.
+    /// Show progress as plain lines if stderr is not a terminal.
     #[arg(long, action = SetTrue, help_heading = "Messages")]
     #[serde(skip)]
     pub progress: Switch,
@@ -350,13 +349,13 @@ group! {
 #[command(next_help_heading = "Speed")]
 #[serde(default)]
 pub struct TreeOptions {
-    /// The tree that traces the rays; the points are the same. [default: bvh]
+    /// Acceleration structure for tracing; does not change the points. [default: bvh]
     #[arg(long, value_name = "TREE")]
     pub tree: Option<Builder>,
-    /// Threads that build the tree; 0 or nothing = as --threads.
+    /// Threads that build the tree; 0 = as --threads, the default.
     #[arg(long, value_name = "N")]
     pub tree_jobs: Option<usize>,
-    /// Whether parts of one mesh file share it; the points are the same. [default: auto]
+    /// Whether parts of the same mesh file share its triangles; does not change the points. [default: auto]
     #[arg(long, value_name = "WHEN")]
     pub instances: Option<Sharing>,
 }

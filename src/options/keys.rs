@@ -61,20 +61,19 @@ pub fn pipeline_keys() -> Vec<KeyTable> {
     add("[trajectory]", "Poses that are flown along as they arrive.", &KeyTable::add::<TrajectoryOptions>);
     add(
         "[navigation_errors]",
-        "What the navigation system gets wrong: the beam is traced from the true pose, points are georeferenced with the \
-         reported one. Standard deviations belong to first-order Gauss-Markov processes, whose correlation falls by a factor \
+        "Errors of the navigation system: the beam is traced from the true pose, points are georeferenced with the reported one. Standard deviations belong to first-order Gauss-Markov processes, whose correlation falls by a factor \
          e in the correlation time. Every key but the correlation times takes one number for all three components, or three.",
         &|table| {
             let keys = NavigationErrors::KEYS.iter();
             table.keys.extend(keys.map(|(key, help)| ((*key).to_owned(), (*help).to_owned())));
         },
     );
-    add("[physics]", "How echoes are computed. Noise is on where its key is not false.", &|table| {
+    add("[physics]", "How echoes are computed. Noise is on unless its key is false.", &|table| {
         table.add::<ProfileOptions>();
         table.add::<EchoOptions>();
         table.add::<NoiseOptions>();
     });
-    add("[schedule]", "How the work is done; the points are the same.", &|table| {
+    add("[schedule]", "How the work is done; does not change the points.", &|table| {
         table.add::<ScheduleOptions>();
         table.add::<TreeOptions>();
     });

@@ -15,7 +15,7 @@ group! {
 #[command(next_help_heading = "Trajectory")]
 #[serde(default)]
 pub struct TrajectoryOptions {
-    /// Replace the platform by a recorded trajectory, or by one that arrives on stdin (-).
+    /// Replace the platform by a recorded trajectory, or by one from stdin (-).
     ///
     /// Text (time,x,y,z,roll,pitch,yaw), an Arrow stream with such columns, SBET or TerraScan .trj; - or STDIN reads it from
     /// stdin as it arrives.
@@ -25,17 +25,17 @@ pub struct TrajectoryOptions {
     #[arg(skip)]
     #[serde(skip)]
     pub content: Option<Arc<[u8]>>,
-    /// Layout of the trajectory. [default: found out from its content]
+    /// Layout of the trajectory. [default: detected from its content]
     #[arg(id = "trajectory.format", long = "trajectory-format", value_name = "FORMAT")]
     pub format: Option<PoseFormat>,
-    /// Columns of text: names in their order (time, x, y, z, roll, pitch, yaw, lat, lon; others are passed over) or
-    /// name=number from 1; a unit may stand behind a name: roll[rad]. [default: the first line, else time,x,y,z,roll,pitch,yaw]
+    /// Columns of text: names in order (time, x, y, z, roll, pitch, yaw, lat, lon; others are skipped) or name=number, from 1; a name may
+    /// have a unit: roll[rad]. [default: the first line, else time,x,y,z,roll,pitch,yaw]
     #[arg(id = "trajectory.columns", long = "trajectory-columns", value_name = "NAMES", value_delimiter = ',')]
     pub columns: Option<Vec<String>>,
-    /// Character between columns of text. [default: found out from the first line]
+    /// Character between columns of text. [default: detected from the first line]
     #[arg(id = "separator", long = "trajectory-separator", value_name = "CHARACTER")]
     pub separator: Option<char>,
-    /// Unit of angles in text behind whose names none stands. [default: deg]
+    /// Unit of angles in text whose column names have no unit. [default: deg]
     #[arg(id = "angles", long = "trajectory-angles", value_name = "UNIT")]
     pub angles: Option<AngleUnit>,
     /// Whether angles are degrees, an older form of `angles`.
@@ -48,26 +48,26 @@ pub struct TrajectoryOptions {
     /// first pose]
     #[arg(long, value_name = "ZONE")]
     pub utm_zone: Option<Zone>,
-    /// Added to all heights of the trajectory, in metres: from those above the ellipsoid to those of the scene.
+    /// Added to all heights of the trajectory, in metres, for example to convert ellipsoidal heights to those of the scene.
     #[arg(id = "height_offset_m", long = "height-offset", value_name = "METRES", allow_hyphen_values = true)]
     #[serde(rename = "height_offset_m", alias = "height_offset")]
     pub height_offset: Option<Finite>,
-    /// Lever arm: where the scanner's platform frame is as seen from what was recorded, in metres to the right, forward and
-    /// up of the recorded body. It turns with the attitude, not with the boresight.
+    /// Lever arm: position of the scanner's platform frame relative to the recorded position, in metres to the right, forward and up of the
+    /// recorded body. It rotates with the attitude, not with the boresight.
     #[arg(id = "lever_arm_m", long = "lever-arm", value_name = "X,Y,Z", allow_hyphen_values = true)]
     #[serde(rename = "lever_arm_m", alias = "lever_arm")]
     pub lever_arm: Option<Vector>,
-    /// Boresight: how the scanner's platform frame is turned in the recorded body: roll (right side down), pitch (nose up)
+    /// Boresight: rotation of the scanner's platform frame in the recorded body: roll (right side down), pitch (nose up)
     /// and heading (clockwise from above) in degrees, roll innermost. A point is at position + attitude (lever arm +
-    /// boresight (point as the platform's scanner sees it)).
+    /// boresight (point in the frame of the platform's scanner)).
     #[arg(id = "boresight_deg", long = "boresight", value_name = "R,P,H", allow_hyphen_values = true)]
     #[serde(rename = "boresight_deg", alias = "boresight")]
     pub boresight: Option<Vector>,
-    /// Fire nothing between poses that are more seconds apart than this.
+    /// Do not fire between poses that are farther apart than this, in seconds.
     #[arg(id = "max_gap_s", long = "max-gap", value_name = "SECONDS")]
     #[serde(rename = "max_gap_s", alias = "max_gap")]
     pub max_gap: Option<Positive>,
-    /// How long, in seconds, points of a live trajectory may wait for others to be computed together. [default: 0.25]
+    /// How long, in seconds, points of a live trajectory may wait to be computed in larger batches. [default: 0.25]
     #[arg(id = "latency_s", long = "latency", value_name = "SECONDS")]
     #[serde(rename = "latency_s", alias = "latency")]
     pub latency: Option<Latency>,

@@ -268,7 +268,7 @@ impl Crs {
             return Ok(text.trim().to_owned());
         }
         Err(Error::input(format!(
-            "{} holds neither WKT such as PROJCRS[...] nor an EPSG code",
+            "{} contains neither WKT such as PROJCRS[...] nor an EPSG code",
             path.display()
         )))
     }
@@ -288,8 +288,7 @@ impl FromStr for Crs {
             Ok(Crs::File(path.to_path_buf()))
         } else {
             Err(format!(
-                "expected a coordinate reference system as EPSG:25832, as WKT such as PROJCRS[...], or a file that holds either, \
-                 found {text:?}{}",
+                "expected a coordinate reference system as EPSG:25832, as WKT such as PROJCRS[...], or a file with either, found {text:?}{}",
                 hint(text)
             ))
         }
@@ -299,7 +298,7 @@ impl FromStr for Crs {
 /// What to write instead of a form that is not read.
 fn hint(text: &str) -> String {
     if text.contains('+') && !text.contains("+proj") {
-        return "; name a compound system by a code of its own (EPSG:5555) or as WKT".to_owned();
+        return "; name a compound system by its own code (EPSG:5555) or as WKT".to_owned();
     }
     UtmZone::parse(text.trim().trim_start_matches("UTM").trim_start_matches("utm"))
         .map_or_else(String::new, |zone| format!("; UTM zone {zone} on WGS 84 is EPSG:{}", zone.epsg()))

@@ -87,7 +87,7 @@ impl OpenSegment<'_> {
     fn open(path: &Path) -> Result<OpenSegment<'_>> {
         let failed = |e| Error::io("read", path, e);
         let unusable =
-            || Error::input(format!("{} is not a segment that a merge has written", path.display()));
+            || Error::input(format!("{} is not a segment of a merge", path.display()));
         let mut file = reads::open(path).map_err(|e| Error::open(path, e))?;
         let length = file.metadata().map_err(failed)?.len();
         let mut head = vec![0; HEADER_BYTES];
@@ -187,7 +187,8 @@ fn add(head: &mut [u8], other: &[u8]) {
 /// file that is copied, and returns whether to go on.
 ///
 /// # Errors
-/// [`Error::Input`] for files of other contents and for those that do not match their checksums, [`Error::Interrupted`] when `progress` returns false, [`Error::Io`].
+/// [`Error::Input`] for files of other contents and for those that do not match their checksums, [`Error::Interrupted`] when `progress`
+/// returns false, [`Error::Io`].
 pub fn join(
     segments: &[Segment],
     out: &Path,
@@ -199,8 +200,7 @@ pub fn join(
         let segment = OpenSegment::open(path)?;
         if segment.records() != *records {
             return Err(Error::input(format!(
-                "{} holds {} points instead of {records}: where points are left out because they do not fit the \
-                 format, merge without --segment",
+                "{} holds {} points instead of {records}: if points do not fit the format and are left out, merge without --segment",
                 path.display(),
                 segment.records()
             )));
@@ -210,7 +210,7 @@ pub fn join(
             Some((sum, common)) if *common == segment.common() => add(sum, &segment.head),
             Some(_) => {
                 let message =
-                    format!("{} and {} are of different merges", segments[0].path.display(), path.display());
+                    format!("{} and {} belong to different merges", segments[0].path.display(), path.display());
                 return Err(Error::input(message));
             }
         }

@@ -61,8 +61,8 @@ impl OutputPlan {
             && crs::differ(chosen, named)
         {
             let message =
-                format!("--crs says {}, what was measured is in {}", crs::name(chosen), crs::name(named));
-            problems.warn(None, message).help("leave out --crs: nothing is projected");
+                format!("--crs is {}, but the measured points are in {}", crs::name(chosen), crs::name(named));
+            problems.warn(None, message).help("leave out --crs: points are not reprojected");
         }
         let settings = cloud_settings(&request, context, wkt, objects);
         let has_table = request.tables.iter().any(|table| table.content == TableContent::Points);
@@ -200,7 +200,7 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
     for (asked, what) in [(request.waveforms, "waveforms"), (request.pulses, "pulses")] {
         if asked && request.sinks.iter().all(|(target, _)| streams(target)) {
             problems
-                .error(None, format!("{what} are written beside a file of points, and none is written"))
+                .error(None, format!("{what} are written beside a file of points, but no such file is written"))
                 .help("name a file or a directory for the points");
         }
     }
@@ -219,7 +219,7 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
     let has_no_time = request.columns.as_ref().is_some_and(|columns| !columns.contains(&Column::GpsTime));
     for seconds in request.tables.iter().filter_map(|table| table.batch_seconds) {
         if has_no_time {
-            problems.error(None, "batches that end with intervals of time need the column GpsTime");
+            problems.error(None, "batches by interval of time need the column GpsTime");
         }
         if !(seconds.is_finite() && seconds > 0.0) {
             problems.error(None, format!("an interval of time is {seconds} s, expected more than 0"));
@@ -231,7 +231,7 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
         problems
             .error(
                 None,
-                "--columns applies to xyz, csv, arrow, parquet and geoparquet, and none of them is written",
+                "--columns applies to xyz, csv, arrow, parquet and geoparquet, but none of them is written",
             )
             .help("-o points.csv, .xyz, .arrow or .parquet");
     }

@@ -23,9 +23,9 @@ pub(super) fn adopt(settings: &mut Settings, scene: &Scene) -> (Diagnostics, Opt
         && crs::differ(chosen, named)
     {
         let message =
-            format!("--crs says {}, the files of the scene say {}", crs::name(chosen), crs::name(named));
+            format!("--crs is {}, but the files of the scene are in {}", crs::name(chosen), crs::name(named));
         found.warn(None, message).help(
-            "nothing is projected: the points have the coordinates of the scene; leave out --crs, or project the scene first",
+            "--crs does not reproject points: leave it out, or reproject the scene first",
         );
     }
     let is_confirmed = scene.crs.is_some();
@@ -53,7 +53,7 @@ pub(super) fn adopt(settings: &mut Settings, scene: &Scene) -> (Diagnostics, Opt
         && UtmZone::of_wkt(wkt).is_some_and(|of_scene| of_scene != *zone)
     {
         let message =
-            format!("the flight is projected to UTM zone {zone}, the scene is in {}", crs::name(wkt));
+            format!("the flight is projected to UTM zone {zone}, but the scene is in {}", crs::name(wkt));
         found.warn(None, message).help("leave out --utm-zone: the flight follows the scene");
     }
     *grid = grid.of_scene(wkt);
@@ -97,7 +97,7 @@ pub(super) fn lack_of_crs(outputs: &OutputRequest, context: &OutputContext) -> O
     let has_place = outputs.sinks.iter().any(|(_, format)| format.holds_crs());
     let is_lacking = is_projected && has_place && outputs.crs_wkt.is_none() && context.crs.is_none();
     is_lacking.then(|| {
-        "no coordinate reference system is known: the outputs name none; --crs EPSG:25832 (with the scene's code) adds it"
+        "the coordinate reference system is unknown, so the outputs have none; add it with --crs EPSG:25832 (the scene's code)"
             .to_owned()
     })
 }

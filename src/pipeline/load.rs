@@ -81,7 +81,7 @@ pub fn check_raster_memory(
         all = all.saturating_add(need.bytes).saturating_add(tree);
         if need.bytes.saturating_add(tree) >= MIN_REPORTED_BYTES {
             notify(Notice::Note(format!(
-                "{}: {} x {} pixels become {} triangles, which need {}B, and about {}B more for the tree over them",
+                "{}: {} x {} pixels become {} triangles, which need {}B, plus about {}B for their tree",
                 need.path.display(),
                 need.columns,
                 need.rows,

@@ -149,7 +149,7 @@ impl Blocks<'_> {
 /// [`Error::Input`] when they cannot be read.
 pub fn output_context(shards: &ShardSet) -> Result<OutputContext> {
     let context = postcard::from_bytes(&shards.head.context);
-    context.map_err(|e| Error::input(format!("the shards do not say what outputs need to know: {e}")))
+    context.map_err(|e| Error::input(format!("the shards lack data that the outputs need: {e}")))
 }
 
 /// What the outputs of shards do not hold of their points, and a system in which these can hardly be.
@@ -290,7 +290,7 @@ pub(super) fn check_records(shards: &ShardSet, outputs: &OutputRequest) -> Resul
     ];
     for (_, what, option) in needs.into_iter().filter(|(is_missing, ..)| *is_missing) {
         problems
-            .error(None, format!("the shards hold no {what}"))
+            .error(None, format!("the shards do not contain {what}"))
             .help(format!("compute the shards with {option}"));
     }
     problems.finish(false).map(drop)

@@ -32,7 +32,7 @@ impl ResumeOptions {
     /// [`Error::Input`] when all outputs are streams.
     pub fn beside(outputs: &OutputRequest, pulses_per_shard: u64) -> Result<ResumeOptions> {
         let path = outputs.sinks.iter().find_map(|(target, _)| path_of(target)).ok_or_else(|| {
-            Error::input("a run that can be resumed needs an output with a name: -o, a file or a folder")
+            Error::input("--resume needs an output file or folder: -o PATH")
         })?;
         let mut name = path.file_name().unwrap_or_default().to_os_string();
         name.push(".shards");
@@ -62,7 +62,7 @@ impl Session {
         // The caller writes companions after the outputs.
         let needs_no_more = goes_on && outputs.companions.is_empty();
         if needs_no_more && known.as_ref().is_some_and(State::is_complete) {
-            self.notify(Notice::Note("an earlier run has completed the outputs".to_owned()));
+            self.notify(Notice::Note("the outputs are already complete".to_owned()));
             self.remove_shards(ResumeFolder::open(path, known.as_ref())?, path)?;
             return Ok(Report { summary: Summary::default(), pulses: 0, seconds: 0.0, interrupted: false });
         }
@@ -95,7 +95,7 @@ impl Session {
             Ok(seconds) => seconds,
             Err(Error::Interrupted) => {
                 self.notify(Notice::Note(format!(
-                    "complete shards are kept in {}; the same command goes on from there",
+                    "complete shards are kept in {}; run the same command to continue",
                     path.display()
                 )));
                 let pulses = control.progress.snapshot().pulses;
@@ -123,7 +123,7 @@ impl Session {
     fn remove_shards(&self, folder: ResumeFolder, path: &Path) -> Result<()> {
         if let Some(other) = folder.remove()?.first() {
             self.notify(Notice::Note(format!(
-                "{} is kept: it holds what the run has not made, such as {}",
+                "{} is kept: it contains files that the run has not made, such as {}",
                 path.display(),
                 other.display()
             )));

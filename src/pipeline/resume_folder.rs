@@ -92,7 +92,7 @@ impl ResumeFolder {
                 Ok(ResumeFolder { path: path.to_path_buf(), _lock: lock, state })
             }
             _ => Err(Error::input(format!(
-                "another run has worked in {} meanwhile: repeat the command",
+                "another run has changed {} meanwhile: repeat the command",
                 path.display()
             ))),
         }
@@ -112,7 +112,7 @@ impl ResumeFolder {
             Some(Mark { program, state }) if program == PROGRAM => Ok(Some(state)),
             _ if is_unused(path) => Ok(None),
             _ => Err(Error::input(format!(
-                "{} exists and was not made by `{PROGRAM}`, which needs a folder of that name: move it, or choose another \
+                "{} exists and was not made by `{PROGRAM}`, which needs this name for its folder: move it, or choose another \
                  name with -o",
                 path.display()
             ))),
@@ -246,7 +246,7 @@ fn lock(folder: &Path) -> Result<File> {
     let path = folder.join(LOCK);
     if path.symlink_metadata().is_ok() && !is_lock(&path) {
         return Err(Error::input(format!(
-            "{} was not made by `{PROGRAM}`, which needs a file of that name: move it to another folder, then repeat the command",
+            "{} was not made by `{PROGRAM}`, which needs this name for a file: move it to another folder, then repeat the command",
             path.display()
         )));
     }
@@ -255,7 +255,7 @@ fn lock(folder: &Path) -> Result<File> {
     let file = opened.map_err(|e| Error::io("create", &path, e))?;
     match file.try_lock() {
         Err(TryLockError::WouldBlock) => {
-            Err(Error::input(format!("another run is at work in {}", folder.display())))
+            Err(Error::input(format!("another run is using {}", folder.display())))
         }
         // Some file systems have no locks.
         Err(TryLockError::Error(_)) | Ok(()) => Ok(file),

@@ -155,8 +155,7 @@ impl Session {
         let is_joined = |target: &Target| !matches!(target, Target::Helios(_));
         if epochs > 1 && outputs.sinks.iter().any(|(target, _)| is_joined(target)) {
             self.notify(Notice::Note(format!(
-                "the scene's swaps make {epochs} flights, whose points follow each other in the same files, each from the same time on; \
-                 --output DIR writes a folder for each"
+                "the scene's swaps make {epochs} flights; their points are in the same files, with the same times; --output DIR writes one folder per flight"
             )));
         }
         if let Some(lack) = crs::lack_of_crs(&outputs, context) {
@@ -260,9 +259,9 @@ impl Session {
 /// Describes where a partial output is, and that it did not replace the file of an earlier run.
 fn what_is_kept(file: &FileSummary) -> String {
     let path = file.path.as_deref().unwrap_or(Path::new("standard output"));
-    let new = format!("what was measured until then is in {}", path.display());
+    let new = format!("what was measured so far is in {}", path.display());
     match &file.beside {
-        Some(old) => format!("{} is kept as it was; {new}", old.display()),
+        Some(old) => format!("{} is unchanged; {new}", old.display()),
         None => new,
     }
 }

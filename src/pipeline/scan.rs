@@ -208,7 +208,7 @@ impl Scan {
     pub fn survey(&self) -> Result<Survey> {
         if self.waypoints.is_empty() && self.poses.is_none() {
             return Err(Error::input(
-                "the scanner is nowhere: a scan needs a station, a path or a trajectory",
+                "a scan needs a station, a path or a trajectory",
             ));
         }
         let is_moving = self.waypoints.iter().any(|waypoint| waypoint.speed > 0.0);

@@ -105,9 +105,9 @@ impl LoadedScene {
         let differs = |what: &str| Err(Error::input(format!("the scene was loaded for another run: {what}")));
         match self.conditions.check(&settings.load) {
             Err(mismatch) => differs(&mismatch.to_string()),
-            Ok(()) if self.sharing != settings.load.sharing => differs("it shares meshes otherwise"),
+            Ok(()) if self.sharing != settings.load.sharing => differs("it has other --instances"),
             Ok(()) if BuildOptions { jobs, geometry_jobs, ..self.trees.clone() } != settings.tree => {
-                differs("its tree is of another kind")
+                differs("it has another --tree")
             }
             Ok(()) if self.epoch > 0 => differs("it is the scene of a later epoch"),
             Ok(()) => Ok(()),

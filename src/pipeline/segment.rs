@@ -33,8 +33,8 @@ impl<'a> Segments<'a> {
         check_records(shards, request)?;
         let refuse = |what: &str| {
             Err(Error::input_with_help(
-                format!("a merge in segments writes one LAS or LAZ file, {what}"),
-                "merge other outputs without --segment, one process for each if it takes long",
+                format!("--segment and --join write one LAS or LAZ file, {what}"),
+                "merge other outputs without --segment, if necessary each in its own process",
             ))
         };
         let (out, format) = match request.sinks.as_slice() {
@@ -125,7 +125,7 @@ impl<'a> Segments<'a> {
         let folder = self.folder.display();
         let Some((&of, sums)) = found.iter().max_by_key(|(_, sums)| sums.len()) else {
             return Err(Error::input_with_help(
-                format!("{folder} holds no segments of these shards and options"),
+                format!("{folder} contains no segments of these shards and options"),
                 "merge them first: vlscan merge … --segment K/M, with the same options",
             ));
         };

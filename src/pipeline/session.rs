@@ -96,7 +96,7 @@ impl Session {
         let motion = plan_motion(&settings, scene.scene());
         if motion.is_some() && settings.survey.legs.iter().any(|leg| leg.scanner.pulse_times.is_some()) {
             return Err(Error::input_with_help(
-                "moving parts of a scene move in steps of a constant pulse rate, and a leg has pulse times of its own",
+                "moving parts of a scene need a constant pulse rate, but a leg has pulse times",
                 "give the legs pulse_freq_hz in place of pulse_times and pulse_intervals_us, or the scene no moving parts",
             ));
         }
@@ -241,7 +241,7 @@ impl Session {
         let PlatformKind::Stream(stream) = &self.settings.survey.platform.kind else { return Ok(None) };
         if self.epochs() > 1 {
             return Err(Error::input(format!(
-                "the scene's swaps ask for {} flights, and a stream of poses passes only once",
+                "the scene's swaps need {} flights, but a stream of poses can be read only once",
                 self.epochs()
             )));
         }

@@ -102,7 +102,7 @@ impl Session {
         };
         if let StoredBorders::Damaged = stored {
             let path = Borders::path(folder);
-            self.notify(Notice::Note(format!("{} is damaged and made again", path.display())));
+            self.notify(Notice::Note(format!("{} is damaged and is computed again", path.display())));
         }
         let borders = match stored {
             StoredBorders::Found(borders) => borders,
@@ -209,7 +209,7 @@ impl ShardRunner<'_> {
         let what = expected.difference(&file.head);
         Err(Error::input_with_help(
             format!("{} is of another run; they differ in {what}", path.display()),
-            "remove the folder to begin anew, or repeat the command with the same options",
+            "remove the folder to start again, or repeat the command with the same options",
         ))
     }
 
@@ -305,7 +305,7 @@ fn check_platform(survey: &Survey) -> Result<()> {
         return Ok(());
     }
     Err(Error::input_with_help(
-        "poses from standard input or a pipe pass only once, and every shard needs those before it",
+        "every shard needs all poses before it, but poses from standard input or a pipe can be read only once",
         "save them to a file, and name it with --trajectory",
     ))
 }

@@ -63,7 +63,7 @@ impl Check<'_> {
                     // What cannot be flown is refused here.
                     flat.plan_flight()?;
                     warnings.push(format!(
-                        "{} turns and brakes; density and strips are those of straight flight at constant speed",
+                        "{} turns and brakes; density and strips are computed for straight flight at constant speed",
                         self.plan.platform
                     ));
                 }
@@ -244,14 +244,14 @@ fn check_echoes(forecast: &DryRunReport) -> Result<()> {
     let missed = &forecast.missed;
     let towards = 1.0 - missed.beside_scene;
     let why = if towards < 0.01 {
-        "all beams pass beside the scene"
+        "all beams miss the scene"
     } else if missed.out_of_range > 0.9 * towards {
-        "the scene is out of the instrument's ranges"
+        "the scene is outside the instrument's range"
     } else {
-        "what comes back is too weak, or the beams pass between the parts of the scene"
+        "the echoes are too weak, or the beams pass between the parts of the scene"
     };
     Err(Error::input(format!(
-        "the dry run of this plan measures nothing: of {} pulses none has an echo; {why}",
+        "the dry run of this plan gives no points: none of {} pulses has an echo; {why}",
         forecast.sampled_pulses
     )))
 }

@@ -181,8 +181,7 @@ impl Planner<'_> {
         if !site.ground.has_ground() && self.setup.ground.is_none() {
             return Err(Error::input_with_help(
                 format!("--scene {name}: none of its materials is ground"),
-                "give the terrain's material `helios_isGround true` (in its MTL file or materials.csv; `vlscan scene stand \
-                 --terrain` does), or tell the height of level ground with --ground",
+                "give the terrain's material `helios_isGround true` (in its MTL file or materials.csv; `vlscan scene stand --terrain` does), or give the height of level ground with --ground",
             ));
         }
         Ok(self.setup.ground.is_none())
@@ -203,8 +202,7 @@ impl Planner<'_> {
                 first.x,
                 first.y
             ),
-            "keep --area, --around or --along within the terrain whose material has `helios_isGround true`, or tell the height \
-             of level ground with --ground",
+            "keep --area, --around or --along within the terrain whose material has `helios_isGround true`, or give the height of level ground with --ground",
         ))
     }
 

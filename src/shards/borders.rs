@@ -111,10 +111,10 @@ impl Borders {
             bytes => bytes.map_err(|e| Error::io("read", &path, e))?,
         };
         let refuse = |reason: &str| {
-            let help = "choose another folder for these shards, or remove the file: it is made again";
+            let help = "choose another folder for these shards, or remove the file: it will be written again";
             Error::input_with_help(format!("{} {reason}", path.display()), help)
         };
-        let body = bytes.strip_prefix(MAGIC).ok_or_else(|| refuse("is a file of another kind"))?;
+        let body = bytes.strip_prefix(MAGIC).ok_or_else(|| refuse("has another file format"))?;
         let Some((_, body)) =
             body.split_at_checked(8).filter(|(sum, body)| *sum == xxh3_64(body).to_le_bytes())
         else {

@@ -177,7 +177,7 @@ impl ShardFile {
         }
         let start = take(&file, 0, START_BYTES).map_err(read)?;
         if !start.starts_with(MAGIC) {
-            return Err("is a file of another kind".to_owned());
+            return Err("has another file format".to_owned());
         }
         let version = long(&start, 8);
         if version != VERSION {
@@ -187,7 +187,7 @@ impl ShardFile {
         let end = take(&file, end_at, END_BYTES).map_err(read)?;
         let index_at = end_at.checked_sub(long(&end, 0)).filter(|at| *at >= START_BYTES as u64);
         let Some(index_at) = index_at.filter(|_| end.ends_with(MAGIC)) else {
-            return Err("is cut short".to_owned());
+            return Err("is truncated".to_owned());
         };
         let index = take(&file, index_at, (end_at - index_at) as usize).map_err(read)?;
         if xxh3_64(&index) != long(&end, 8) {

@@ -102,12 +102,12 @@ impl ShardSet {
             let counts: Vec<String> =
                 listed.iter().map(|(of, numbers)| format!("{} of {of}", numbers.len())).collect();
             return Err(Error::input_with_help(
-                format!("{} holds shards of different runs: {}", folder.display(), counts.join(", ")),
-                "a run is divided into one number of shards; remove the files of the others",
+                format!("{} contains shards of different runs: {}", folder.display(), counts.join(", ")),
+                "all shards of a run have the same N in --shard K/N; remove the files of the others",
             ));
         }
         let Some((of, present)) = listed.into_iter().next() else {
-            return Err(Error::input(format!("{} holds no shards (shard-…-of-….vlshard)", folder.display())));
+            return Err(Error::input(format!("{} contains no shards (shard-…-of-….vlshard)", folder.display())));
         };
         let mut damaged = BTreeMap::new();
         let mut runs = Runs::default();
@@ -140,7 +140,7 @@ impl ShardSet {
         let head = head.ok_or_else(|| Error::Internal("a folder of shards without shards".to_owned()))?;
         if pulses != head.total {
             return Err(Error::input(format!(
-                "the shards in {} hold {pulses} pulses together instead of {}",
+                "the shards in {} contain {pulses} pulses in total instead of {}",
                 folder.display(),
                 head.total
             )));
@@ -183,7 +183,7 @@ impl ShardSet {
 fn compute_again(folder: &Path, of: u32, numbers: impl IntoIterator<Item = u32> + Clone) -> String {
     let first = numbers.clone().into_iter().next().unwrap_or(0);
     format!(
-        "compute them as before, with --resume, which replaces damaged shards: vlscan run … -o {} --shard {first}/{of} --resume \
+        "compute them again with --resume, which replaces damaged shards: vlscan run … -o {} --shard {first}/{of} --resume \
          (as an array job: --array={}); or repeat the command if it was one vlscan run --resume",
         folder.display(),
         array_list(numbers)
@@ -225,7 +225,7 @@ impl Runs {
                 .error(
                     None,
                     format!(
-                        "shards {} in {} are of another run than the others; they differ in {what}",
+                        "shards {} in {} belong to another run; they differ in {what}",
                         array_list(numbers.iter().copied()),
                         folder.display()
                     ),
@@ -287,7 +287,7 @@ mod tests {
             Error::Input(found) => found.render(false),
             other => other.to_string(),
         };
-        assert!(shown(refused()).contains("holds no shards"));
+        assert!(shown(refused()).contains("contains no shards"));
         let put = |head: &ShardHead| {
             fs::write(shard_path(dir.path(), OneOf { number: head.number, of: head.of }), shard(head))
                 .unwrap()
@@ -317,7 +317,7 @@ mod tests {
         let text = shown(ShardSet::open(dir.path()).unwrap().verify(&Stop::new()).unwrap_err());
         assert!(text.contains("shard-000005-of-000008.vlshard") && text.contains("--array=5"), "{text}");
         fs::write(&path, &bytes[..middle]).unwrap();
-        assert!(shown(refused()).contains("cut short"));
+        assert!(shown(refused()).contains("truncated"));
         put(&head(0, 3));
         assert!(shown(refused()).contains("1 of 3, 8 of 8"));
     }

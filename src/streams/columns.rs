@@ -31,7 +31,7 @@ columns! {
     DirectionZ "dz" ["direction_z", "dir_z"], Ratio, "Direction of the beam; any length when read.";
     Leg "leg" [], Count, "Number of the leg, from 0.";
     Device "device" ["channel"], Count, "Index of the device, from 0.";
-    Pulse "pulse" ["pulse_number", "number"], Count, "Number of the pulse among those of its device, from 1; keys its random numbers.";
+    Pulse "pulse" ["pulse_number", "number"], Count, "Number of the pulse among those of its device, from 1; determines its random numbers.";
     Step "step" [], Count, "Simulation steps since the epoch began, by which parts of the scene move.";
     AttitudeW "qw" [], Ratio, "Quaternion from the beam frame (the beam leaves along +y) to the world: orients the subrays about the beam.";
     AttitudeX "qx" [], Ratio, "See AttitudeW.";

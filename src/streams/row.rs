@@ -229,7 +229,7 @@ fn check_agreement(direction: DVec3, attitude: Rotation) -> Result<Rotation, Row
         return Ok(attitude);
     }
     let message =
-        "direction and quaternion disagree; leave the columns qw, qx, qy, qz out to aim by the direction";
+        "direction and quaternion disagree; leave out the columns qw, qx, qy, qz to use the direction";
     Err((DIRECTION[0], message.to_owned()))
 }
 
@@ -240,7 +240,7 @@ fn attitude_of_direction(direction: DVec3) -> Result<Rotation, RowFault> {
         return Ok(attitude);
     }
     let [x, y, z] = direction.to_array();
-    Err((DIRECTION[0], format!("{x} {y} {z} is no direction")))
+    Err((DIRECTION[0], format!("{x} {y} {z} is not a direction")))
 }
 
 /// `a + b` rounded, and the rounding error (Knuth, The Art of Computer Programming 2, §4.2.2).
@@ -322,7 +322,7 @@ mod tests {
         }
         assert_eq!((r.pulse.number, r.leg, r.pulse.device, r.divergence), (42, 0, 0, None));
         let e = some(&[&base[..], &[(DirectionZ, 0.0)]].concat()).unwrap_err();
-        assert!(e.1.contains("0 0 0 is no direction"), "{}", e.1);
+        assert!(e.1.contains("0 0 0 is not a direction"), "{}", e.1);
     }
 
     #[test]

@@ -175,7 +175,7 @@ fn a_cell_whose_input_is_touched_meanwhile_is_computed_by_the_next_start() {
     });
     let said = text(&out.stderr);
     assert_eq!(out.status.code(), Some(2), "{said}");
-    assert!(said.contains("flat.obj was written, touched or removed while the cell was computed"), "{said}");
+    assert!(said.contains("flat.obj changed while the cell was being computed"), "{said}");
     assert!(said.contains("the next start computes the cell again") && !said.contains("--retry"), "{said}");
     let is_failed = |path: &PathBuf| path.extension().is_some_and(|e| e == "failed");
     assert!(!files(&dir.path().join("set")).iter().any(is_failed), "{said}");
@@ -360,7 +360,7 @@ fn a_file_for_all_cells_is_refused() {
         fs::write(dir.path().join(&name), good.replace("--tile 10", option)).unwrap();
         let out = run(dir.path(), &["campaign", &name, "--cell", "boxes-tiles-1"]);
         assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));
-        assert!(text(&out.stderr).contains("which every cell would write"), "{}", text(&out.stderr));
+        assert!(text(&out.stderr).contains("which all cells would overwrite"), "{}", text(&out.stderr));
     }
     assert!(!dir.path().join("set").exists());
 }

@@ -207,7 +207,7 @@ fn what_is_not_read_is_named() {
         ("a.rdbx", b"RIEGL LMS RDB 2 POINTCLOUD FILE\0\0", "rdbconvert"),
         ("a.xyz.gz", b"\x1f\x8b\x08\0\0\0", "gunzip"),
         ("a.xyz", b"\xff\xfe1\x002\x003\x00", "UTF-16"),
-        ("a.bin", b"\x07\0\0\0\x01\x02", "binary and of no format"),
+        ("a.bin", b"\x07\0\0\0\x01\x02", "binary and in no known format"),
         ("a.obj", b"# mesh\nv 1 2 3\n", "an OBJ mesh"),
         ("SHAPE", b"SOLID box\n  FACET NORMAL 0 0 1\n", "an STL mesh"),
         ("a.csv", b"x;y;z\n1,5;2,5;3,5\n", "decimal comma"),
@@ -239,7 +239,7 @@ fn what_is_not_used_as_written_is_an_error_with_strict() {
     let dir = folder();
     let row = |class: &str| format!("x,y,z,class\n1,2,3,2\n4,5,6,{class}\n");
     let mut cases: Vec<(String, Vec<u8>, &str)> = ["300", "-1", "2.7", "nan"]
-        .map(|class| (format!("class{class}.csv"), row(class).into_bytes(), "no whole number from 0 to 255"))
+        .map(|class| (format!("class{class}.csv"), row(class).into_bytes(), "not a whole number from 0 to 255"))
         .into();
     cases.push(("unit.csv".into(), b"x [furlong],y [m],z [m]\n1,2,3\n".to_vec(), "unit \"furlong\""));
     cases.push(("two.csv".into(), b"x,y,z,class,label\n1,2,3,4,5\n".to_vec(), "both name a point class"));
@@ -253,7 +253,7 @@ fn what_is_not_used_as_written_is_an_error_with_strict() {
     let pcd = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 1\nHEIGHT 1\nDATA ascii\n";
     for (name, head) in [("more.ply", ply), ("more.pcd", pcd)] {
         let content = format!("{head}1 2 3\n4 5 6\n").into_bytes();
-        cases.push((name.into(), content, "more follows the 1 points that its header states"));
+        cases.push((name.into(), content, "the file continues after the 1 points that its header states"));
     }
     for (name, content, expected) in cases {
         fs::write(dir.path().join(&name), content).unwrap();

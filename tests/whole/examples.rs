@@ -420,7 +420,7 @@ const MISTAKES: [(&str, &str); 33] = [
     ),
     (
         "sed 's/^lever_arm_m.*/lever_arm_m = [0, 100, 0]/' site.toml > far.toml; vlscan run far.toml -o wrong.laz --force --dry-run",
-        "usual are",
+        "typical values are",
     ),
     (
         "sed 's/scan_angle_deg = 45/scan_angle_deg = 0.785/' site.toml > narrow.toml; \
@@ -608,8 +608,8 @@ fn errors_say_what_to_do() {
         ("run forest/scene.xml", "it holds a <scene>"),
         ("scene make forest -o forest", "--force"),
         ("scene info forest", "name ./forest/survey.xml"),
-        ("preview forest/scene.xml -o a.png", "holds no points and no survey"),
-        ("preview forest/scene.xml -o a.png", "name points, or a survey"),
+        ("preview forest/scene.xml -o a.png", "contains no points and no survey"),
+        ("preview forest/scene.xml -o a.png", "name a file of points, a survey"),
         ("preview forest -o a.png", "name a file of points"),
         ("preview none.laz -o a.png", "there is no such file"),
         ("run forest/survey.xml --trajectory none.csv -o a.xyz", "none.csv: there is no such file"),

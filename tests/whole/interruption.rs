@@ -207,7 +207,7 @@ fn an_interrupted_run_replaces_no_complete_file() {
     assert_eq!(out.status.code(), Some(130), "{}", text(&out.stderr));
     let said = text(&out.stderr);
     assert!(
-        said.contains("a.laz is kept as it was; what was measured until then is in a.partial.laz"),
+        said.contains("a.laz is kept as it was; what was measured so far is in a.partial.laz"),
         "{said}"
     );
     for (name, old) in names.iter().zip(&old) {
@@ -251,7 +251,7 @@ fn an_error_in_the_middle_replaces_no_complete_file() {
         let out = fly(extra);
         assert_eq!(out.status.code(), Some(2));
         let said = text(&out.stderr);
-        assert!(said.contains(&format!("what was measured until then is in {name}")), "{said}");
+        assert!(said.contains(&format!("what was measured so far is in {name}")), "{said}");
         assert_eq!(&fs::read(dir.path().join(name)).unwrap()[..4], b"LASF");
         assert!(!dir.path().join("a.laz").exists());
     }

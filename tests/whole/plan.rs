@@ -111,7 +111,7 @@ fn lines_follow_the_ground() {
     // Beside the scene there is nothing to measure.
     let area = "POLYGON ((1000 0, 1400 0, 1400 120, 1000 120))";
     let beside = self::refused(dir.path(), &[&flight[..], &["--area", area, "--ground", "35"]].concat());
-    assert!(beside.contains("no ground in the area, which is taken as 35.0 m high"), "{beside}");
+    assert!(beside.contains("no ground in the area; a height of 35.0 m is assumed"), "{beside}");
     assert!(beside.contains("measures nothing") && beside.contains("beside the scene"), "{beside}");
 }
 
@@ -203,7 +203,7 @@ fn planned(
     }
     let said = text(&out.stderr);
     let reasons =
-        ["measures from", "measures up to", "farther away", "detects", "reaches no ground", "a speed of"];
+        ["measures from", "measures up to", "farther away", "detects", "does not reach ground", "the speed would be"];
     let is_reasoned = out.status.code() == Some(2) && reasons.iter().any(|reason| said.contains(reason));
     if is_reasoned { Ok(None) } else { Err(format!("{scanner} at {height} m: {said}")) }
 }
@@ -260,7 +260,7 @@ fn what_an_instrument_cannot_do_is_refused() {
     assert!(plan("riegl_vux-1uav", &["--height", "3000"]).contains("detects"));
     assert!(plan("riegl_vq_780i", &["--height", "100"]).contains("measures from 100 m on"));
     assert!(plan("vlp16", &["--height", "101"]).contains("measures up to 100 m"));
-    assert!(plan("ouster_os1-128", &["--height", "120"]).contains("detects none there that reflects 50 %"));
+    assert!(plan("ouster_os1-128", &["--height", "120"]).contains("does not detect ground that reflects 50 %"));
     assert!(plan("vlp16", &["--height", "30", "--scan-angle", "20"]).contains("cannot be narrowed"));
     let aside = plan("riegl_vux-1uav", &["--height", "80", "--platform", "sr22"]);
     assert!(aside.contains("leave out --platform"), "{aside}");
@@ -272,7 +272,7 @@ fn what_an_instrument_cannot_do_is_refused() {
     let coarse = refused(dir.path(), &[&coarse[..], &["--resolution", "0.3"]].concat());
     assert!(coarse.contains("would draw 125 lines a second") && coarse.contains("to 0.288°"), "{coarse}");
     let missing = refused(dir.path(), &["catalogue", "nosuch"]);
-    assert!(missing.contains("nothing in the catalogue has `nosuch`"), "{missing}");
+    assert!(missing.contains("no entry of the catalogue has `nosuch`"), "{missing}");
 }
 
 /// A tripod in the middle of a closed box, with scanners whose lines come from a mirror and from channels.

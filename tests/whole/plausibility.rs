@@ -288,7 +288,7 @@ fn plausible_numbers() -> Vec<Mistake> {
             ..typed(
                 "another system than that of the raster",
                 "run dem.toml -o a.laz --crs EPSG:25833",
-                "files of the scene say",
+                "files of the scene are in",
             )
         },
         Mistake {
@@ -300,7 +300,7 @@ fn plausible_numbers() -> Vec<Mistake> {
             ..typed(
                 "rasters in two systems",
                 "run dem.toml -o a.laz",
-                "bring all files of a scene into one system",
+                "convert all files of a scene to one system",
             )
         },
         Mistake {
@@ -328,7 +328,7 @@ fn plausible_numbers() -> Vec<Mistake> {
             "a code without its last digit",
             "run utm.toml -o a.laz --crs EPSG:2583",
             poses(UTM, TO_EAST),
-            "a digit of its code missing",
+            "a digit of the code missing",
         ),
         typed(
             "a system for local coordinates",
@@ -533,14 +533,14 @@ fn areas_and_inventories() -> Vec<Mistake> {
             "plot.geojson",
             polygon("\"crs\":null,", &format!("[{ring},[[50,5],[60,5],[60,9],[50,5]]]")),
             PLAN,
-            "the holes of the polygon (1) are not left out",
+            "the holes of the polygon (1) are treated as part of the area",
         ),
         written(
             "metres in GeoJSON that says nothing of its system",
             "plot.geojson",
             polygon("", &format!("[{ring}]")),
             PLAN,
-            "are taken as metres in the scene's coordinates",
+            "are read as metres in the scene's system",
         ),
         written(
             "a road in degrees over a scene without a system",
@@ -606,7 +606,7 @@ fn words_and_files() -> Vec<Mistake> {
         typed(
             "two codes for a CRS",
             "run survey.xml -o a.laz --crs EPSG:25832+7837",
-            "compound system by a code",
+            "compound system by its own code",
         ),
         typed("an unknown correction", "run survey.xml -o a.xyz --correct foo", "no correction is called"),
         typed("a seed that is none", "run survey.xml -o a.xyz --seed tomorrow-ish", "--seed"),
@@ -695,14 +695,14 @@ fn words_and_files() -> Vec<Mistake> {
             "h.glb",
             "glTF\x02\0\0\0",
             "run survey.xml --scene h.glb -o a.xyz",
-            "is it whole?",
+            "is it truncated?",
         ),
         written(
             "STL for a scene",
             "h.stl",
             [0u8; 90],
             "run survey.xml --scene h.stl -o a.xyz",
-            "is it whole",
+            "is it truncated",
         ),
         written(
             "points for a scene",
@@ -734,7 +734,7 @@ fn words_and_files() -> Vec<Mistake> {
                 .unwrap()
                 .replace("helios_reflectance 0.", "helios_reflectance "),
             "run survey.xml -o a.xyz --physics refined",
-            "above 2 and taken as per cent",
+            "above 2 and read as per cent",
         ),
         written(
             "a scanner of two catalogues",

@@ -255,7 +255,7 @@ fn labels_have_a_table_of_what_they_mean() {
     assert_eq!(fs::read_to_string(dir.path().join("b_parts.csv")).unwrap(), table);
     let refused =
         run(dir.path(), &["run", "wood/survey.xml", "--shard", "0/2", "-o", "p", "--parts", "c.csv"]);
-    assert!(!refused.status.success() && text(&refused.stderr).contains("--parts counts"));
+    assert!(!refused.status.success() && text(&refused.stderr).contains("--parts needs"));
 }
 
 /// A survey whose paths are written with backslashes, as on Windows, and the same with slashes.

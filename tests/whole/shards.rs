@@ -549,7 +549,7 @@ fn a_resumed_run_of_other_options_is_refused_unless_it_may_replace() {
     let command = |seed: &'static str| ["run", &survey, "-q", "-o", "a.laz", "--resume=1000", "--seed", seed];
     let mut child = begin(dir.path(), &command("2"), "a.laz.shards");
     let refused = run(dir.path(), &command("2"));
-    assert_eq!(refused.status.code(), Some(2), "another run is at work: {}", text(&refused.stderr));
+    assert_eq!(refused.status.code(), Some(2), "another run is using it: {}", text(&refused.stderr));
     child.kill().unwrap();
     child.wait().unwrap();
     let refused = run(dir.path(), &command("3"));
@@ -727,7 +727,7 @@ fn earlier_names_of_options_and_commands_work_the_same() {
     succeed(dir.path(), &["plan-parts", &survey, "-q", "-o", "shards"]);
     let run = ["run", &survey, "-o", "shards", "--part", "0/1", "--part-points", "las"];
     let said = text(&succeed(dir.path(), &run).stderr);
-    assert!(said.contains("--part-points no longer changes anything"), "{said}");
+    assert!(said.contains("--part-points has no effect any more"), "{said}");
     succeed(dir.path(), &["merge", "shards", "-q", "-o", "a.las", "--part", "0/1"]);
     succeed(dir.path(), &["merge", "shards", "-q", "-o", "a.las", "--join"]);
     let expected = of_run(&survey, &[], &["-o", "a.las"]);

@@ -154,7 +154,7 @@ fn wrong_pulses_are_named_with_their_place() {
         (format!("{head}1,0,0,100,0,0\n"), "<stdin>:3:1"),
         (format!("{head}1,0,0,nan,0,0,-1\n"), "z is NaN"),
         (format!("{head}1,0,x,100,0,0,-1\n"), "<stdin>:3:5"),
-        (format!("{head}1,0,0,100,0,0,0\n"), "0 0 0 is no direction"),
+        (format!("{head}1,0,0,100,0,0,0\n"), "0 0 0 is not a direction"),
         (format!("{head}1,0,0,1e999,0,0,1\n"), "z is inf"),
         (
             format!("device,{}0,0,0,0,100,0,0,-1\n9,0,0,0,100,0,0,-1\n", &head[..20]),
@@ -260,7 +260,7 @@ fn an_arrow_stream_between_the_stages_changes_no_bit() {
         let points = direct.iter().filter(|b| **b == b'\n').count();
         assert!(points >= least, "{name}: only {points} points");
         let pulses = succeed(dir.path(), &["pulses", &s, "-q", "--format", "arrow", "-j", "3"]).stdout;
-        assert_eq!(pulses[..4], [0xff; 4], "{name}: no Arrow stream");
+        assert_eq!(pulses[..4], [0xff; 4], "{name}: invalid Arrow stream");
         for size in ["1000", "7"] {
             let traced = feed(dir.path(), &["trace", "-q", "--scanner", &s, "--chunk-size", size], &pulses);
             assert!(traced.stdout == direct, "{name}, blocks of {size}: {}", text(&traced.stderr));

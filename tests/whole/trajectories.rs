@@ -324,11 +324,11 @@ fn wrong_trajectories_are_refused_with_the_place() {
         ("cut SBET", good[..136 * 3 + 50].to_vec(), &["record 4 (byte 408)", "50 bytes, expected 136"]),
         ("NaN in SBET", with(2, 8, f64::NAN), &["record 3 (byte 272)", "pitch is NaN"]),
         ("infinite latitude", with(1, 1, f64::INFINITY), &["record 2", "latitude is inf"]),
-        ("no latitude", with(1, 1, 1.7), &["record 2", "latitude"]),
+        ("not a valid latitude", with(1, 1, 1.7), &["record 2", "latitude"]),
         ("backward SBET", sbet(&backwards), &["record 5", "goes back"]),
         ("repeated time", terrascan(&twice), &["record 4", "repeats"]),
         ("cut TerraScan", trj[..1376 + 64 * 4].to_vec(), &["record 5", "6 records"]),
-        ("cut header", trj[..700].to_vec(), &["header is cut"]),
+        ("cut header", trj[..700].to_vec(), &["header is truncated"]),
         ("backward text", csv(&backwards).into_bytes(), &["flown:6:1", "goes back"]),
         (
             "NaN in text",

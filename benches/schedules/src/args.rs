@@ -39,7 +39,7 @@ pub struct Args {
     /// Whether a leg begins only when everything of the one before is done, as in the paper.
     #[arg(long, value_name = "WHEN", default_value = "off")]
     pub leg_barrier: Barriers,
-    /// Dynamic chunks: idle times shorter than this mean nothing, in milliseconds.
+    /// Dynamic chunks: idle times shorter than this are ignored, in milliseconds.
     #[arg(long, value_name = "MS", default_value_t = 0.1)]
     pub idle_threshold: f64,
     /// How often everything is measured; the least time counts.
@@ -48,7 +48,7 @@ pub struct Args {
     /// How often everything is run before that.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub warm_up: u32,
-    /// What the points are written as, to a temporary file.
+    /// Format in which points are written, to a temporary file.
     #[arg(long, value_name = "FORMAT", default_value = "las", value_parser = ["none", "xyz", "las", "laz"])]
     pub format: String,
     /// Replay measured task times on machines with so many threads, too.
@@ -82,13 +82,13 @@ pub struct Args {
     /// Draw times, speedups and chunk sizes as SVG.
     #[arg(long, value_name = "FILE")]
     pub svg: Option<PathBuf>,
-    /// Overwrite files that exist.
+    /// Replace existing files.
     #[arg(long)]
     pub force: bool,
     /// Say on stderr what is measured.
     #[arg(short, long)]
     pub verbose: bool,
-    /// Options of vlscan run that change what is simulated, such as --physics refined.
+    /// Options of vlscan run that change the simulation, such as --physics refined.
     #[arg(last = true, value_name = "RUN OPTIONS")]
     pub run: Vec<String>,
 }

@@ -118,7 +118,7 @@ impl Bench {
         let ResolvedRun { settings, output, .. } = job;
         if matches!(settings.survey.platform.kind, PlatformKind::Stream(_)) {
             return Err(Error::input(
-                "a stream of poses passes only once, and a comparison flies many times",
+                "vlscan bench flies the survey many times, but a stream of poses can be read only once",
             ));
         }
         let folder =

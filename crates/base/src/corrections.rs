@@ -145,7 +145,7 @@ corrections! {
     /// A pulse is a raised cosine of its width at half maximum, so that the peak of an echo lies at the mean range of what it
     /// hit; the reference's lopsided pulse puts sloping ground too low, by centimetres where the footprint is deep.
     Pulse symmetric_pulse: true,
-    /// Pulse lengths of the scanners that ship are full widths at half maximum, as data sheets state them; in the reference the
+    /// Pulse lengths of the scanners of the catalogue are full widths at half maximum, as data sheets state them; in the reference the
     /// same numbers make pulses half as wide. Always on where a pipeline file names such a scanner.
     Pulse stated_pulse_widths: true,
     /// Subrays on one slope return one broad echo, as the whole beam does; otherwise each becomes an echo of its own once

@@ -48,7 +48,7 @@ pub fn is_wkt(text: &str) -> bool {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EpsgError {
     /// The code is not known.
-    #[error("EPSG:{0} is not among the systems that are built in; give its WKT instead")]
+    #[error("EPSG:{0} is not built in; give its WKT instead")]
     Unknown(u32),
     /// The system has heights alone, or is geocentric.
     #[error("EPSG:{code} ({name}) has no easting and northing; name a projected or compound system")]
@@ -172,13 +172,13 @@ pub fn length_unit_in(text: &str) -> Option<LengthUnit> {
 pub fn unit_problem(wkt: &str) -> Option<&'static str> {
     let lower = horizontal(wkt).to_ascii_lowercase();
     if keyword(wkt).starts_with("GEOG") {
-        return Some("its coordinates are degrees, those of scene and points are metres");
+        return Some("its coordinates are degrees, but scene and points are in metres");
     }
     let is_feet = ["us survey foot", "\"foot", "foot_us", "unit[\"foot", "international foot"];
     is_feet
         .iter()
         .any(|unit| lower.contains(unit))
-        .then_some("its coordinates are feet, those of scene and points are metres")
+        .then_some("its coordinates are feet, but scene and points are in metres")
 }
 
 #[cfg(test)]

@@ -68,7 +68,7 @@ impl Bounds {
             return None;
         }
         let message =
-            format!("is {} {unit}; usual are {} to {} {unit}", number(value), number(low), number(high));
+            format!("is {} {unit}; typical values are {} to {} {unit}", number(value), number(low), number(high));
         let converted = mistaken.map(|(other, factor)| (other, value * factor));
         let hint = match converted.filter(|(_, v)| (low..=high).contains(&v.abs())) {
             Some((other, v)) => format!("{} {other} are {} {unit}", number(value), number(v)),

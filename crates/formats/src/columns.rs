@@ -98,12 +98,12 @@ impl Attribute {
     /// What a value of the attribute that does not fit is, and what counts instead; for messages.
     pub fn misfit(self) -> String {
         let kind = match self.entry().whole_numbers {
-            None => return format!("{} that is no number; it counts as 0", self.described()),
+            None => return format!("{} that is not a number; it is read as 0", self.described()),
             Some((min, _)) if min < 0.0 => "whole number".to_owned(),
             Some((min, max)) => format!("whole number from {min} to {max}"),
         };
         let noun = self.entry().noun;
-        format!("a {noun} that is no {kind}; it is cut to one, and counts as 0 where it is no number")
+        format!("a {noun} that is not a {kind}; it is truncated, or read as 0 if it is not a number")
     }
 
     /// Description of a value of the attribute, for messages.
@@ -246,8 +246,7 @@ impl Columns {
         let found = listed(&named, MAX_LISTED_NAMES);
         if names.iter().any(are_degrees) {
             return Err(format!(
-                "its coordinates are longitude and latitude ({found}); project them, for example by PDAL's \
-                 filters.reprojection"
+                "its coordinates are longitude and latitude ({found}); project them, for example with PDAL's filters.reprojection"
             ));
         }
         Err(format!("no column {} with numbers; there are {found}", missing.join(" and ")))

@@ -44,7 +44,7 @@ const READ_FORMATS: &str = match (cfg!(feature = "e57"), cfg!(feature = "parquet
 const OTHERS: &[(&[u8], &str)] = &[
     (
         b"\x89MCAP0",
-        "an MCAP log, whose points are relative to the moving scanner; vlscan run -o a.mcap -o a.laz writes those of the world beside it",
+        "an MCAP log, whose points are relative to the moving scanner; vlscan run -o a.mcap -o a.laz also writes them in world coordinates",
     ),
     (b"#ROSBAG", "a ROS bag, whose points are relative to the moving scanner"),
     (b"SQLite format 3", "an SQLite database (GeoPackage, ROS 2 bag)"),
@@ -53,7 +53,7 @@ const OTHERS: &[(&[u8], &str)] = &[
     (b"\x93NUMPY", "a NumPy array"),
     (b"CCB2", "a CloudCompare project"),
     (b"\x89HDF", "an HDF5 file"),
-    (b"\xd0\xcf\x11\xe0", "an OLE compound file (FARO scans are such)"),
+    (b"\xd0\xcf\x11\xe0", "an OLE compound file (such as a FARO scan)"),
     (b"PK\x03\x04", "a ZIP archive; unpack it"),
     (b"\x1f\x8b", "a gzip file; unpack it with gunzip"),
     (b"\x28\xb5\x2f\xfd", "a Zstandard file; unpack it with unzstd"),
@@ -150,7 +150,7 @@ impl CloudFormat {
         // Text has no control characters but blanks and ends of lines.
         if first.iter().any(|b| *b < 0x20 && !matches!(b, b'\t' | b'\n' | b'\r' | 0x0b | 0x0c)) {
             return Err(format!(
-                "is binary and of no format that is known here (it begins with \"{beginning}\"); {CONVERTERS}; \
+                "is binary and in no known format (it begins with \"{beginning}\"); {CONVERTERS}; \
                  {READ_FORMATS} are read"
             ));
         }
@@ -224,7 +224,7 @@ mod tests {
             (b"SOLID\r\n  FACET NORMAL 0 0 1\r\n", "an STL mesh"),
             (b"Solid by a program\0\0\0\x02", "an STL mesh"),
             (b"off\n8 6 12\n", "an OFF mesh"),
-            (b"\x01\x02\x03\x04", "binary and of no format"),
+            (b"\x01\x02\x03\x04", "binary and in no known format"),
             #[cfg(not(feature = "e57"))]
             (b"ASTM-E57\x01", "build vlscan with the feature e57"),
             #[cfg(not(feature = "parquet"))]

@@ -199,7 +199,7 @@ fn is_complete(scan: &Scan, reading: &mut Reading) -> bool {
         ));
     } else if read < count {
         let message =
-            format!("scan {} ends after {read} of {count} points; is the file whole?", scan.number + 1);
+            format!("scan {} ends after {read} of {count} points; is the file truncated?", scan.number + 1);
         reading.found.error(Some(reading.place()), message);
     }
     read >= count

@@ -154,7 +154,7 @@ impl<'a> Reading<'a> {
 
     /// Warns of what follows the points that the header of the file counts.
     fn warn_of_rest(&mut self, points: usize) {
-        self.warn(format!("more follows the {points} points that its header states, which is not read"));
+        self.warn(format!("the file continues after the {points} points that its header states; the rest is not read"));
     }
 
     /// Records why the file cannot be read.

@@ -74,7 +74,7 @@ impl Default for LoadOptions {
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Sharing {
-    /// If it saves much memory: rays traverse stored triangles faster than instances.
+    /// If it saves much memory; rays traverse stored triangles faster than instances.
     #[default]
     Auto,
     /// Whenever a mesh can be shared, even by a single part.
@@ -292,7 +292,7 @@ impl<'a> SceneBuilder<'a> {
         let (vertices, primitives) = (self.geometry.vertices.len(), self.geometry.len());
         if vertices.max(primitives) > MAX_ELEMENTS {
             return Err(Error::input(format!(
-                "the scene has {vertices} vertices and {primitives} primitives; at most {MAX_ELEMENTS} of each can be numbered"
+                "the scene has {vertices} vertices and {primitives} primitives; the maximum is {MAX_ELEMENTS} of each"
             )));
         }
         Ok(())

@@ -39,7 +39,7 @@ pub(super) fn report_needless(scene: &mut SceneBuilder) {
             change.others.iter().take(MAX_NAMES).map(|n| format!("\"{n}\"")).collect();
         let more = if change.others.len() > MAX_NAMES { " and more" } else { "" };
         let message = format!(
-            "no primitive of the part has the material \"{}\", so none is replaced; there are {}{more}",
+            "no primitive of the part has the material \"{}\", so nothing is replaced; its materials are {}{more}",
             printable(&change.name),
             there_are.join(", ")
         );
@@ -168,7 +168,7 @@ mod tests {
         let found = warnings(vec![named("leaf")]);
         assert!(!found.contains("replaced"), "{found}");
         let found = warnings(vec![named("nosuch")]);
-        let expected = "the material \"nosuch\", so none is replaced; there are \"bark\", \"leaf\"\n";
+        let expected = "the material \"nosuch\", so nothing is replaced; its materials are \"bark\", \"leaf\"\n";
         assert!(found.contains(expected) && found.matches("nosuch").count() == 1, "{found}");
     }
 

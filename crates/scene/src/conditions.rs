@@ -37,11 +37,11 @@ pub enum ConditionMismatch {
     #[allow(missing_docs, reason = "the variant says it")]
     Seed { loaded: u64, requested: u64 },
     /// Materials or leaf angle tables that were read by other rules, named by the options that choose these.
-    #[error("its materials or leaf angle tables were read for {loaded}, and this run has {requested}")]
+    #[error("its materials or leaf angle tables were read for {loaded}, but this run has {requested}")]
     #[allow(missing_docs, reason = "the variant says it")]
     Materials { loaded: &'static str, requested: &'static str },
     /// Faces with more than four corners that are skipped, or not.
-    #[error("faces with more than four corners are treated otherwise in it")]
+    #[error("faces with more than four corners were treated differently when it was packed")]
     Polygons,
 }
 

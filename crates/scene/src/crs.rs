@@ -45,7 +45,7 @@ pub(super) fn find_crs(recipe: &SceneRecipe, problems: &mut Diagnostics) -> Opti
                     );
                     problems
                         .warn(part.place.clone(), message)
-                        .help("nothing is projected; bring all files of a scene into one system (gdalwarp, ogr2ogr)");
+                        .help("files are not reprojected; convert all files of a scene to one system first (gdalwarp, ogr2ogr)");
                 }
                 Some(_) => {}
             }

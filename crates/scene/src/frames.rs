@@ -50,7 +50,7 @@ impl PartFrames {
             metres((far - near).length())
         );
         scene.diagnostics.warn(local.place.or(grid.place), message).help(
-            "move the first to its place on the grid with a translate filter (offset = easting;northing;height), or the second \
+            "move the first to its position on the grid with a translate filter (offset = easting;northing;height), or the second \
              to the origin",
         );
     }

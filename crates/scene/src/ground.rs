@@ -33,7 +33,7 @@ pub(super) fn drop_to_ground(scene: &mut SceneBuilder, parts: &[LoadedPart]) {
         let Some(lowest) = min_by_value(corners.iter().copied(), |p| p.z) else { continue };
         let Some(ground) = parts.iter().find(|g| is_ground(scene, &g.body) && covers(scene, &g.body, lowest))
         else {
-            let message = format!("part \"{}\" stays where it is: no ground part lies below it", part.id);
+            let message = format!("part \"{}\" is not moved: no ground part lies below it", part.id);
             scene
                 .diagnostics
                 .warn(part.place.clone(), message)
@@ -43,7 +43,7 @@ pub(super) fn drop_to_ground(scene: &mut SceneBuilder, parts: &[LoadedPart]) {
         let Some(plane) = plane::fit(&corners_of_ground(scene, &ground.body)) else { continue };
         if plane.normal.z.abs() < 1e-9 {
             let message =
-                format!("part \"{}\" stays where it is: ground part \"{}\" is vertical", part.id, ground.id);
+                format!("part \"{}\" is not moved: ground part \"{}\" is vertical", part.id, ground.id);
             scene.diagnostics.warn(part.place.clone(), message);
             continue;
         }

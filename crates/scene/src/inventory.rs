@@ -42,10 +42,10 @@ impl Inventory {
     /// What is wrong with the primitives, a sentence for each defect.
     pub fn faults(&self) -> Vec<String> {
         let faults = [
-            (self.slivers, "triangles are all but a line; rays can hardly hit them"),
+            (self.slivers, "triangles are almost lines; rays can hardly hit them"),
             (self.duplicates, "triangles have the same corners as another one"),
-            (self.duplicate_cubes, "voxels have the place and size of another one"),
-            (self.duplicate_instances, "instances stand where the same mesh stands already"),
+            (self.duplicate_cubes, "voxels have the same position and size as another one"),
+            (self.duplicate_instances, "instances stand where another instance of the same mesh stands"),
         ];
         faults
             .into_iter()

@@ -196,7 +196,7 @@ impl TableKind {
         let is_g = self.is_g && rules.leaf_table_scale;
         let (scale, expected) = if is_g { ("G", 0.5) } else { ("2πG", PI) };
         let half = match self.is_half && rules.leaf_table_mirror {
-            true => ", of one hemisphere, and hold for the opposite directions alike",
+            true => ", in one hemisphere only; they are used for the opposite directions too",
             false => "",
         };
         let mean = self.mean;

@@ -263,7 +263,7 @@ impl Library {
     fn resolve(&mut self, d: &MaterialDefinition, is_last: bool, diagnostics: &mut Diagnostics) -> Material {
         if let (Some(_), Some(spectrum)) = (d.reflectance, &d.spectrum) {
             let message = format!(
-                "material \"{}\" has a reflectance, which counts, and a spectrum, {spectrum}",
+                "material \"{}\" has a reflectance, which is used, and a spectrum, {spectrum}",
                 d.name
             );
             diagnostics.warn(d.place.clone(), message);
@@ -368,7 +368,7 @@ impl Library {
                     let index = same_word()?;
                     let other = &definitions[index].name;
                     let message = format!(
-                        "{} defines no material \"{name}\"; \"{other}\" is taken, whose first word is the same",
+                        "{} defines no material \"{name}\"; \"{other}\" is used, which has the same first word",
                         path.display()
                     );
                     diagnostics.warn(place.cloned(), message);

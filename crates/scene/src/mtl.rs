@@ -54,7 +54,7 @@ fn statement(
         let name = name_of(&line.text[name_at.clone()]);
         if let Some(first) = definitions.iter().find(|d| d.name == name) {
             let first = first.place.as_ref().map_or(0, |place| place.line);
-            let message = format!("material \"{name}\" is already defined in line {first}, which counts");
+            let message = format!("material \"{name}\" is already defined in line {first}, which is used");
             problems.warn(line.number, in_file(name_at.clone()), || message);
         }
         let place = Some(source.place(line.number, in_file(0..line.text.len())));

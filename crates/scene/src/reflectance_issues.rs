@@ -65,11 +65,11 @@ impl ReflectanceIssues {
             let listed = listed(&names, MAX_LISTED);
             let (message, help) = match (issue, names.len()) {
                 (ReflectanceIssue::PerCent, 1) => (
-                    format!("the reflectance of material {listed} is above 2 and taken as per cent"),
+                    format!("the reflectance of material {listed} is above 2 and read as per cent"),
                     "write a number from 0 to 1: 0.5 reflects 50 per cent",
                 ),
                 (ReflectanceIssue::PerCent, n) => (
-                    format!("the reflectances of {n} materials are above 2 and taken as per cent: {listed}"),
+                    format!("the reflectances of {n} materials are above 2 and read as per cent: {listed}"),
                     "write a number from 0 to 1: 0.5 reflects 50 per cent",
                 ),
                 (ReflectanceIssue::Missing, 1) => (

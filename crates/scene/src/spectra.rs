@@ -94,7 +94,7 @@ impl Spectra {
         let others: Vec<String> = different.map(|f| f.display().to_string()).collect();
         if !others.is_empty() {
             let message = format!(
-                "several files are named as the spectrum \"{name}\"; this one counts, not {}",
+                "several files have the name of the spectrum \"{name}\"; this one is used, not {}",
                 others.join(", ")
             );
             diagnostics.warn(Some(Place::of_file(&first)), message).help("rename or remove the others");
@@ -212,8 +212,7 @@ fn warn_of_numbers(rows: &[Row], used: &str, problems: &mut Problems) {
     let negative: Vec<&Row> = rows.iter().filter(|row| row.per_cent < 0.0).collect();
     warn_of_first(&negative, problems, |row, others| {
         format!(
-            "expected a reflectance of 0 per cent or more, found {}{others}; the row is used, and a result below 0 counts as 0: \
-             {used}",
+            "expected a reflectance of 0 per cent or more, found {}{others}; the row is used, and a result below 0 is set to 0: {used}",
             row.per_cent
         )
     });
@@ -238,8 +237,7 @@ fn warn_of_order(rows: &[Row], used: &str, problems: &mut Problems) -> bool {
         rows.windows(2).filter(|pair| is_misplaced(&pair[1], &pair[0])).map(|pair| &pair[1]).collect();
     warn_of_first(&misplaced, problems, |row, others| {
         format!(
-            "expected a wavelength above that of the row before, found {}{others}; the first row that is not below the wavelength \
-             counts: {used}; sort the rows by wavelength",
+            "expected a wavelength above that of the row before, found {}{others}; the first row at or above the wavelength is used: {used}; sort the rows by wavelength",
             row.wavelength
         )
     });
@@ -259,7 +257,7 @@ fn warn_of_range((first, last): (&Row, &Row), wavelength: f32, used: &str, probl
     } else if wavelength > last.wavelength {
         last.warn(problems, || {
             let end = last.wavelength;
-            format!("{is} beyond the table, which ends at {end} µm; its last row counts: {used}")
+            format!("{is} beyond the table, which ends at {end} µm; its last row is used: {used}")
         });
     }
 }
@@ -320,7 +318,7 @@ mod tests {
             ("400 20\n1600 40\n", 0.0532, 27, "wavelengths in nanometres? the file is read in micrometres"),
             ("1600 40\n400 20\n", 0.0266, 27, "wavelengths in nanometres?"),
             ("1.2 20\n1.6 40\n", 17.733, 27, "is below the table, which begins at 1.2 µm"),
-            ("0.4 20\n0.6 40\n", 40.0, 28, "is beyond the table, which ends at 0.6 µm; its last row counts"),
+            ("0.4 20\n0.6 40\n", 40.0, 28, "is beyond the table, which ends at 0.6 µm; its last row is used"),
             ("0.5 10\n", 10.0, 27, "is beyond the table"),
             ("1.6 40\n1.0 30\n0.4 20\n", 26.6, 28, "found 1, and so in 1 more rows; the first row that"),
             ("1 10\n1 20\n2 20\n", 20.0, 28, "expected a wavelength above that of the row before, found 1;"),

@@ -101,7 +101,7 @@ impl Source {
         let found = if matches!(bytes, [0xff, 0xfe, ..] | [0xfe, 0xff, ..]) {
             "UTF-16; save it as UTF-8"
         } else {
-            "bytes that are no text"
+            "bytes that are not text"
         };
         diagnostics.error(Some(self.place(line, at..at + 1)), format!("expected {what}, found {found}"));
         false

@@ -186,7 +186,7 @@ impl Assets {
             return format!("{} is a folder; name {file}", folder.display());
         }
         if Path::new(name).is_absolute() {
-            return "an absolute path is not searched for elsewhere".to_owned();
+            return "absolute paths are not searched for in other folders".to_owned();
         }
         let folders: Vec<String> = self.folders(referring).iter().map(|f| f.display().to_string()).collect();
         format!("searched in: {}", folders.join(", "))
@@ -204,7 +204,7 @@ fn located<T>(name: &str, find: impl Fn(&str) -> Option<T>) -> Option<Located<T>
 }
 
 /// Help for a name with backslashes.
-pub(super) const SPELLING_HELP: &str = "write / between folders, which every system reads";
+pub(super) const SPELLING_HELP: &str = "write / between folders; every system reads it";
 
 /// The warning of a name that is read in another spelling.
 pub(super) fn spelling_message(name: &str, spelling: &str) -> String {

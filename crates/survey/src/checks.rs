@@ -25,7 +25,7 @@ pub(super) fn check_legs(context: &Context, survey: &Survey, places: Places, in_
             context.error_help(
                 check.place(K.pulse_freq_hz),
                 message,
-                "it is the clock of inactive legs, too",
+                "it is the clock of inactive legs as well",
             );
         } else if leg.scanner.active {
             check.scan_freq(&survey.scanner.devices[0]);

@@ -233,7 +233,7 @@ pub(super) fn check_deflector(fields: &Fields, device: &Device) {
             // In TOML the usable angle is the mechanical one by default, so that one warning is enough.
             let count = if fields.is_toml() { 1 } else { 2 };
             for (key, _) in angles.iter().filter(|(_, angle)| *angle == 0.0).take(count) {
-                let message = format!("rotating optics without `{}` emit no pulse", fields.name(*key));
+                let message = format!("rotating optics without `{}` emit no pulses", fields.name(*key));
                 fields.context.warn(fields.place(*key), message);
             }
         }
@@ -242,7 +242,7 @@ pub(super) fn check_deflector(fields: &Fields, device: &Device) {
                 true => ("`prisms`", ""),
                 false => (
                     "`angle1_deg`, `angle2_deg` and their `refrIndex1`, `refrIndex2`",
-                    "files for HELIOS++ 1 leave them out; data/scanners_tls.xml#livox_mid-70 of the catalogue has them",
+                    "files for HELIOS++ 1 do not have them; data/scanners_tls.xml#livox_mid-70 of the catalogue has them",
                 ),
             };
             let message = format!(

@@ -103,7 +103,7 @@ impl Context {
             let Some(id) = element.value("id") else { continue };
             if !ids.insert((element.name().to_owned(), id.to_owned())) {
                 let message =
-                    format!("a second <{}> has the id `{id}`; the first one counts", element.name());
+                    format!("a second <{}> has the id `{id}`; the first one is used", element.name());
                 self.warn(element.value_place("id"), message);
             }
         }
@@ -124,7 +124,7 @@ impl Context {
                 ((!file.is_empty()).then_some(file), Some(id))
             }
             _ => {
-                let message = format!("`{reference}` is no reference: it has more than one `#`");
+                let message = format!("`{reference}` is not a valid reference: it has more than one `#`");
                 self.error_help(place(), message, "write file.xml#id");
                 return None;
             }
@@ -175,7 +175,7 @@ impl Context {
             let is_instrument = matches!(kind, "scanner" | "platform");
             let shipped = || {
                 let near = like_built_in(self, kind, id.filter(|_| is_instrument)?)?;
-                Some(format!("`{near}`, which ships"))
+                Some(format!("`{near}` is in the catalogue"))
             };
             let help = match own.or_else(shipped) {
                 Some(near) => format!("did you mean {near}?"),
@@ -198,7 +198,7 @@ impl Context {
         let beside = folder.join(name);
         if found == Path::new(name) && found.is_relative() && beside.is_file() && !same_file(found, &beside) {
             let message = format!("`{name}` of the working directory is read, not {}", beside.display());
-            self.warn_help(place, message, "rename one of them, or work in another directory");
+            self.warn_help(place, message, "rename one of them, or run vlscan in another directory");
         }
     }
 
@@ -274,8 +274,8 @@ fn built_in(context: &Context, kind: &str, id: &str, place: Option<Place>) -> Op
     }
     if !files.is_empty() {
         let all: Vec<String> = files.iter().map(|file| format!("{}#{id}", file.path)).collect();
-        let message = format!("{} {kind}s that ship have the id `{id}`", all.len());
-        context.error_help(place, message, format!("write the one that is meant: {}", all.join(" or ")));
+        let message = format!("{} {kind}s of the catalogue have the id `{id}`", all.len());
+        context.error_help(place, message, format!("write one of them in full: {}", all.join(" or ")));
         return None;
     }
     let help = match nearest(id, ids.iter().map(|(_, own)| own.as_str())) {
@@ -284,9 +284,9 @@ fn built_in(context: &Context, kind: &str, id: &str, place: Option<Place>) -> Op
             let all: Vec<&str> = ids.iter().map(|(_, own)| own.as_str()).collect();
             format!("there are {}, and file.xml#id", all.join(", "))
         }
-        None => "`vlscan catalogue` lists those that ship; a file of one's own is file.xml#id".to_owned(),
+        None => "`vlscan catalogue` lists the built-in ones; refer to your own file as file.xml#id".to_owned(),
     };
-    context.error_help(place, format!("no {kind} that ships has the id `{id}`"), help);
+    context.error_help(place, format!("the catalogue has no {kind} with the id `{id}`"), help);
     None
 }
 

@@ -73,7 +73,7 @@ impl LegCheck<'_> {
         }
         if matches!(kind, PlatformKind::Multicopter(_)) {
             if p.yaw_at_departure.is_some() && !p.stop_and_turn {
-                self.warn(YAW_AT_DEPARTURE, "has no effect where the platform does not stop");
+                self.warn(YAW_AT_DEPARTURE, "has no effect: the platform does not stop there");
             }
             return;
         }
@@ -130,7 +130,7 @@ impl LegCheck<'_> {
     fn deflection(&self) {
         let s = &self.leg.scanner;
         if s.scan_angle < 0.0 {
-            self.warn(K.scan_angle_deg, "is below 0 and counts as not given: that of the scanner is used");
+            self.warn(K.scan_angle_deg, "is below 0 and ignored: that of the scanner is used");
         }
         let only = |optics: &str| self.devices().iter().all(|d| d.deflector.optics() == optics);
         if s.scan_freq > 0.0 && (only("line") || only("risley")) {

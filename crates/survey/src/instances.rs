@@ -49,7 +49,7 @@ pub(super) fn read_table(context: &Context, path: &Path, base: &Base) -> Option<
     };
     let first_line = || Place::in_line(path, 1, "", 0..0);
     if bytes.contains(&0) {
-        context.error_help(first_line(), "expected a table of instances, found bytes that are no text", HELP);
+        context.error_help(first_line(), "expected a table of instances, found bytes that are not text", HELP);
         return None;
     }
     let text = String::from_utf8_lossy(&bytes);
@@ -81,7 +81,7 @@ pub(super) fn read_table(context: &Context, path: &Path, base: &Base) -> Option<
         };
         let is_last = content.as_ptr() as usize + content.len() == end;
         if is_last && fields.len() < before && fields.len() >= 4 {
-            let message = format!("expected {before} fields as in the line before; is the file whole?");
+            let message = format!("expected {before} fields as in the line before; is the file truncated?");
             context.error_help(place(content), message, HELP);
             continue;
         }

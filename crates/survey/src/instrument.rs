@@ -108,7 +108,7 @@ fn read_channels(
         change_device(&mut fields, &mut device, true)?;
         change_waveform_of(&mut fields, &mut device, MULTI_CHANNEL_PULSE_LENGTH);
         fields.ignore(&[K.name]);
-        let why = "in a <channel>; the scanner's holds for all channels";
+        let why = "in a <channel>; that of the scanner applies to all channels";
         fields.without_effect(&[K.pulse_freqs_hz], why);
         check_deflector(&fields, &device);
         written.extend(fields.written_keys(Some(index)));
@@ -261,7 +261,7 @@ pub(super) fn read_instrument(fields: &mut Fields, inherited: Option<Scanner>) -
     };
     if base.is_none() && !(fields.has(K.optics) && fields.has(K.pulse_freqs_hz)) {
         let message = "[scanner] needs `catalogue`, or both `optics` and `pulse_freqs_hz`";
-        let help = "`vlscan catalogue` lists the scanners that ship";
+        let help = "`vlscan catalogue` lists the scanners";
         fields.context.error_help(fields.own_place(), message, help);
         // What the other keys say is checked all the same.
         let _ = change_device(fields, &mut Device::new(Deflector::Conic), false);

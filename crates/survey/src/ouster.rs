@@ -221,7 +221,7 @@ impl Calibration<'_> {
     fn check_counts(&self, altitudes: &[f64], azimuths: &[f64]) -> Option<()> {
         if altitudes.len() != azimuths.len() {
             let message = format!(
-                "{} altitudes of beams and {} azimuths, expected as many",
+                "{} altitudes of beams and {} azimuths, expected the same number",
                 altitudes.len(),
                 azimuths.len()
             );
@@ -262,7 +262,7 @@ impl Calibration<'_> {
         let entry = PRODUCTS.iter().find(|(line, _)| product.starts_with(line)).map(|(_, entry)| *entry);
         if entry.is_none() {
             let message = format!(
-                "the product `{product}` has no entry in the catalogue; beam and receiver are those of {OTHER_PRODUCT}"
+                "the product `{product}` is not in the catalogue; beam and receiver are those of {OTHER_PRODUCT}"
             );
             let help =
                 "keys of [scanner] replace them: beam_divergence_rad, range_min_m, max_range, range_noise";

@@ -60,13 +60,13 @@ pub(super) fn mount_of_other(
             false => format!("the platform `{id}` is of type {theirs}, that of the survey of type {kind}"),
         };
         let help =
-            "all legs of a survey move in one way; give the leg a mount of its own, or a survey of its own";
+            "all legs of a survey use one kind of platform; give the leg its own mount, or its own survey";
         context.error_help(place, message, help);
         return None;
     }
     if other.noise != platform.noise {
         let message = format!("the noise of the platform `{}` has no effect in a single leg", other.id);
-        context.warn_help(place, message, "the noise of the survey's platform holds for all legs");
+        context.warn_help(place, message, "the noise of the survey's platform applies to all legs");
     }
     Some(other.mount)
 }

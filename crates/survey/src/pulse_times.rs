@@ -58,7 +58,7 @@ fn read_times(fields: &Fields, name: &str) -> Option<PulseTimes> {
     let kind = ("a finite number: the time of a pulse in s", help);
     read_rows(fields.context, name, (fields.folder(), MAX_LONG_FILE_BYTES), &place, kind, row)?;
     let (Some(first), Some(last)) = (times.first(), times.last().filter(|_| times.len() > 1)) else {
-        fields.context.error_help(place, format!("`{name}` has less than two times"), help);
+        fields.context.error_help(place, format!("`{name}` has fewer than two times"), help);
         return None;
     };
     let rate = (times.len() - 1) as f64 / (last - first);

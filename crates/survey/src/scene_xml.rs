@@ -255,7 +255,7 @@ fn read_swaps(context: &Context, part: &Element, on_ground: i64) -> Vec<Swap> {
             context.warn_help(
                 element.name_place("swapIndices"),
                 message,
-                "say how long each lasts with `swapStep`",
+                "state how long each lasts with `swapStep`",
             );
         }
         fields.ignore(&["swapIndices"]);

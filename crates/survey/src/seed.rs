@@ -40,7 +40,7 @@ pub struct SeedError {
 impl std::fmt::Display for SeedError {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         let expected = "a whole number, a decimal number or a time stamp YYYY-MM-DD hh:mm:ss";
-        write!(f, "`{}` is no seed: expected {expected}", self.text)
+        write!(f, "`{}` is not a seed: expected {expected}", self.text)
     }
 }
 

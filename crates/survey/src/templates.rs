@@ -32,7 +32,7 @@ impl<L: Clone> Templates<L> {
                 break;
             }
             if seen.contains(&template.key()) {
-                let message = format!("the template `{reference}` rests on itself");
+                let message = format!("the template `{reference}` refers to itself");
                 context.error(at.value_place("template"), message);
                 return None;
             }

@@ -114,14 +114,14 @@ impl Trajectories {
         let degrees = says.degrees.unwrap_or(true);
         if !self.platform.files.is_empty() && degrees != self.platform.degrees {
             let message =
-                "the legs differ in `toRadians`: one that is false holds for all, whose angles are radians";
+                "the legs differ in `toRadians`: one of them is false, so the angles of all are radians";
             context.warn(place_of(leg, "toRadians"), message);
         }
         self.platform.degrees &= degrees;
         self.platform.sync_gps_time |= says.sync_gps;
         match (self.position_only, says.position_only) {
             (Some(before), Some(now)) if before != now => {
-                let message = "the legs disagree about `interpolationDomain`";
+                let message = "the legs have different `interpolationDomain`s";
                 let help = "give all legs the same domain, or only one of them";
                 context.limit(Some(place_of(leg, "interpolationDomain")), message, help);
             }
@@ -165,7 +165,7 @@ impl Trajectories {
         if other_separator || says.slope_filter != 0.0 && says.slope_filter != file.slope_filter {
             let name = if other_separator { "trajectory_separator" } else { "slopeFilterThreshold" };
             let message =
-                format!("`{name}` has no effect: what an earlier leg says of {} counts", file.path.display());
+                format!("`{name}` has no effect: what an earlier leg says about {} is used", file.path.display());
             context.warn(place_of(leg, name), message);
         }
         match (file.columns, says.columns) {

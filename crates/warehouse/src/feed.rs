@@ -322,5 +322,5 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
 
 /// Returns the error for a thread that has ended.
 pub(super) fn thread_ended(who: &str) -> Error {
-    Error::Internal(format!("{who} stopped unexpectedly; the message above tells where"))
+    Error::Internal(format!("{who} stopped unexpectedly; see the message above"))
 }

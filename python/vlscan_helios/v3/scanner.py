@@ -102,7 +102,7 @@ def scanner_from_name(scanner_name: str) -> Scanner:
 
 
 def list_scanners() -> list[str]:
-    """List the scanners that ship.
+    """List the scanners of the catalogue.
 
     Returns
     -------

@@ -12,7 +12,7 @@ pub struct CampaignArgs {
     /// Which cells, and how.
     #[command(flatten)]
     pub options: CampaignOptions,
-    /// Write the names of the cells that are neither complete nor failed to stdout, and compute nothing.
+    /// List the cells that are neither complete nor failed, and compute nothing.
     #[arg(long)]
     pub list: bool,
 }

@@ -14,19 +14,19 @@ pub struct CompareArgs {
     /// Write the result as JSON instead of a table.
     #[arg(long)]
     pub json: bool,
-    /// Write a page with tables, charts and pictures, too.
+    /// Also write a page with tables, charts and pictures.
     #[arg(long, value_name = "FILE.html")]
     pub page: Option<PathBuf>,
-    /// Write what changed from the first to the second cloud, too: the difference of the ground in each cell, m, as GeoTIFF.
+    /// Also write the change from the first to the second cloud as GeoTIFF: the difference of the ground in each cell, m.
     #[arg(long, value_name = "FILE.tif")]
     pub change: Option<PathBuf>,
-    /// Write the points that are new (class 64) or gone (class 65) in the second cloud, too, for example as LAZ.
+    /// Also write the points that are new (class 64) or gone (class 65) in the second cloud, for example as LAZ.
     #[arg(long, value_name = "FILE")]
     pub changed: Option<PathBuf>,
     /// How the clouds are compared.
     #[command(flatten)]
     pub options: CompareOptions,
-    /// Overwrite files that exist.
+    /// Replace existing files.
     #[arg(long)]
     pub force: bool,
 }

@@ -29,7 +29,7 @@ pub struct FitArgs {
     /// Write the table of what was estimated as JSON.
     #[arg(long)]
     pub json: bool,
-    /// Overwrite files that exist.
+    /// Replace existing files.
     #[arg(long)]
     pub force: bool,
 }

@@ -40,7 +40,7 @@ use clap::{ArgAction, Parser, Subcommand};
 
 /// Virtual laser scanning for Unix pipes.
 ///
-/// Flies a LiDAR instrument over a virtual scene and emits the point cloud that it would have measured. Points go to files
+/// Flies a LiDAR instrument over a virtual scene and writes the point cloud that it would have measured. Points go to files
 /// or stdout, messages and progress to stderr.
 #[derive(Debug, Parser)]
 #[command(name = "vlscan", version, propagate_version = true, max_term_width = 110)]
@@ -48,13 +48,13 @@ pub struct Cli {
     /// What to do.
     #[command(subcommand)]
     pub command: Command,
-    /// Say what each stage does and how long it takes.
+    /// Report what each stage does and how long it takes.
     #[arg(short, long, global = true, action = ArgAction::Count)]
     pub verbose: u8,
     /// Treat every warning about the input as an error.
     #[arg(long, action = ArgAction::SetTrue, global = true)]
     pub strict: Switch,
-    /// Say nothing but errors.
+    /// Report errors only.
     #[arg(short, long, global = true)]
     pub quiet: bool,
     /// Say nothing at all.
@@ -98,80 +98,80 @@ impl Cli {
 pub enum Command {
     /// Fly a HELIOS++ survey (.xml) or a pipeline (.toml) and write its point cloud.
     Run(Box<RunArgs>),
-    /// Plan a survey: flight lines over an area, positions of a tripod, a drive.
+    /// Plan a survey: flight lines over an area, tripod positions, or a drive.
     ///
-    /// The plan is a pipeline file, which tells in comments what it promises: duration, pulses, density, spacing, footprint.
+    /// The plan is a pipeline file whose comments state duration, pulses, density, spacing and footprint.
     Plan(PlanArgs),
-    /// Find where the shards of a run begin, once for all of them.
+    /// Index where the shards of a run begin, once for all shards.
     ///
-    /// The command line is that of vlscan run --shard without --shard; the folder -o gets the file flight.vlindex, which
-    /// serves any number of shards. Without it the first shard that is computed writes that file.
+    /// The command line is that of vlscan run --shard without --shard. It writes the file flight.vlindex to the folder -o, for any number
+    /// of shards. Without it the first shard that is computed writes that file.
     #[command(alias = "plan-parts")]
     IndexShards(Box<IndexShardsArgs>),
-    /// Turn the shards of a run into its outputs.
+    /// Merge the shards of a run into its outputs.
     ///
-    /// The outputs are those of one vlscan run with the same output options, byte for byte: every format, one file per leg,
-    /// HELIOS++'s layout, waveforms and pulses if the shards hold them, trajectories. Neither survey nor scene are needed. Shards
-    /// of another version, survey, scene, seed or options are refused, and missing ones are named as an array job takes them.
+    /// The outputs are byte for byte those of one vlscan run with the same output options: every format, one file per leg, HELIOS++'s
+    /// layout, trajectories, and waveforms and pulses if the shards contain them. Neither survey nor scene is needed. Shards of another
+    /// version, survey, scene, seed or options are rejected, and missing ones are listed in the form that array jobs take.
     Merge(Box<MergeArgs>),
-    /// Make a data set: a run for every scene, variant and seed of a matrix.
+    /// Make a data set: one run for every scene, variant and seed of a matrix.
     ///
-    /// Any number of processes can be started on the same file, on one machine or many that share the folder; each takes
-    /// cells that no other has taken. What is complete stays: the same command goes on where it was ended. A cell that fails
-    /// is kept with its message and stops no other. The data set has the same bytes wherever its cells were computed.
+    /// Any number of processes can work on the same file, on one machine or on many that share the folder; each takes cells that no other
+    /// has taken. Complete cells are kept: run the same command again to continue. A cell that fails is recorded with its message and does
+    /// not stop the others. The bytes of the data set do not depend on where its cells were computed.
     Campaign(CampaignArgs),
-    /// Measure how fast a survey runs on this machine: threads, schedules, chunk sizes and trees compared.
+    /// Measure how fast a survey runs on this machine, comparing threads, schedules, chunk sizes and trees.
     Bench(Box<BenchArgs>),
     /// Fly a survey or pipeline and write the platform's poses to stdout.
     ///
     /// One line per pose after a header: time[s] of the GPS week, x[m],y[m],z[m] of the platform in world
     /// coordinates, roll[deg],pitch[deg],yaw[deg] as in aeronautics (yaw clockwise from +y, right wing down and nose
-    /// up positive, roll innermost), which is what --trajectory reads. Legs whose scanner is switched off have no
-    /// poses.
+    /// up positive, roll innermost), as --trajectory reads them. Legs whose scanner is switched off have no poses.
     ///
-    /// With --format arrow an Arrow IPC stream with columns of these names, which --trajectory reads, too.
+    /// With --format arrow an Arrow IPC stream with columns of the same names, which --trajectory also reads.
     Trajectory(Box<TrajectoryArgs>),
-    /// Fly a survey or pipeline and write every pulse to stdout instead of tracing it.
+    /// Fly a survey or pipeline and write its pulses to stdout instead of tracing them.
     ///
     /// One line per pulse after a header that names the columns and their units: time, origin and direction in world
     /// coordinates, leg, device, number of the pulse, and what `vlscan trace` needs to get the same echoes bit for
-    /// bit: the beam's quaternion, the scan angle, the last bits of the coordinates. With --format arrow an Arrow IPC
-    /// stream with the same columns, which is smaller and quicker. The scene is loaded too, for its frame and for
-    /// legs on the ground.
+    /// bit: the beam's quaternion, the scan angle, the last bits of the coordinates. With --format arrow an Arrow IPC stream with the same
+    /// columns, which is smaller and faster. The scene is loaded as well, for its coordinate frame and for legs on the ground.
     Pulses(Box<PulsesArgs>),
     /// Read pulses, trace them through a scene and write the echoes.
     ///
-    /// The pulses come from `vlscan pulses` or from any program that writes them: comma-separated or
+    /// The pulses come from `vlscan pulses` or any other program: comma-separated or
     /// blank-separated values with a header of names, of which x, y, z and dx, dy, dz are needed; without a header the
-    /// columns are time, x, y, z, dx, dy, dz. Units stand behind the names, as in time[ns] or scan_angle[deg];
+    /// columns are time, x, y, z, dx, dy, dz. Units follow the names, as in time[ns] or scan_angle[deg];
     /// without one they are s, m and rad. An uncompressed Arrow IPC stream or file with columns of these names, whole
     /// or floating-point, is recognised by its first bytes; units are in the names or in the columns' metadata (key
     /// unit).
     ///
     /// With a survey as --scanner the echoes are those of `vlscan run`, bit for bit; seed, legs and strips come from
-    /// it. With the scanner alone they are, too, when --seed and the options of the physics are those of the run: --physics is
-    /// refined then unless it is given, and the run of an XML survey has --physics helios. --physics and --correct are for `vlscan pulses` as well, whose kinematics they change.
+    /// it. With a scanner alone they are as well if --seed and the options of the physics match the run: then --physics defaults to
+    /// refined, whereas runs of XML surveys default to helios. Give --physics and --correct to `vlscan pulses`, too: they change its
+    /// kinematics.
     Trace(Box<TraceArgs>),
-    /// Make scenes, place trees by an inventory, tell what a scene holds, pack it.
+    /// Make scenes, place trees by an inventory, show what a scene contains, pack it.
     Scene(SceneArgs),
-    /// List the scanners and platforms that ship.
+    /// List the built-in scanners and platforms.
     Catalogue(CatalogueArgs),
-    /// Expand compressed text (.bin) to the text that it holds.
+    /// Expand compressed text (.bin) to plain text.
     Unzip(UnzipArgs),
-    /// Draw a point cloud: a picture from above and from the side, or a page to turn around.
+    /// Draw a point cloud: a picture from above and from the side, or an interactive page.
     Preview(PreviewArgs),
-    /// Estimate a flight and its scanner from a recorded point cloud, or a spinning sensor from a revolution, and write them as a pipeline file.
+    /// Estimate a flight and its scanner from a recorded point cloud, or a spinning sensor from one revolution, and write a pipeline file.
     ///
     /// The cloud needs GPS times and scan angles, as LAS and LAZ have them, and all pulses of a flight line. Cones (Palmer
     /// scanners), polygon mirrors and oscillating mirrors are told apart. Beside the pipeline file are written the trajectory, the
-    /// wander of a cone's mirror and, if the pulse rate is not constant, the times of the pulses; stdout gets a table of what was estimated, with standard deviations.
+    /// wander of a cone's mirror and, if the pulse rate is not constant, the times of the pulses; stdout gets a table of what was
+    /// estimated, with standard deviations.
     Fit(FitArgs),
-    /// Compare two point clouds of one place, a measured and a simulated one or two runs.
+    /// Compare two point clouds of one place: measured and simulated, or two runs.
     ///
-    /// Within the box that both share: density, height percentiles, canopy height and intensity histograms, returns, distances
+    /// Within the box that both cover: density, height percentiles, canopy height and intensity histograms, returns, distances
     /// from cloud to cloud, occupied voxels. Heights are above the lowest point of both clouds within squares of 5 m.
     Compare(CompareArgs),
-    /// Write what a shell needs to complete this command line to stdout.
+    /// Write shell completions for this command line to stdout.
     Completions(CompletionsArgs),
     /// Write the manual pages.
     #[command(hide = true)]

@@ -24,30 +24,30 @@ pub enum SceneCommand {
     Make(MakeArgs),
     /// Place tree models on terrain by an inventory.
     ///
-    /// The inventory is a table with a heading: x, y and height are needed; crown (diameter), dbh, species, id and z may be
-    /// there. For each tree one of the three models of its species that are most alike in crown over height and in height is
-    /// drawn, scaled to the tree's height, turned, and set on the terrain, which is ground. The folder gets stand.xml, the table
-    /// of instances and labels.csv: number of the part in the points, id, species, model, place, height, crown, dbh.
+    /// The inventory is a table with a heading: x, y and height are required; crown (diameter), dbh, species, id and z are optional. Each
+    /// tree gets one of the three models of its species that are closest in height and in the ratio of crown to height, drawn at random,
+    /// scaled to the tree's height, rotated, and placed on the terrain, which is ground. The output folder contains stand.xml, the table of
+    /// instances, and labels.csv: number of the part in the points, id, species, model, position, height, crown, dbh.
     ///
-    /// With --epochs each epoch is a scene of its own in stand.xml, stand_0, stand_1 and so on.
+    /// With --epochs stand.xml contains a scene for each epoch: stand_0, stand_1 and so on.
     Stand(StandArgs),
     /// Reconstruct a scene from a classified point cloud: terrain, roofs, foliage as voxels.
     ///
     /// Points of class 2 (ground), 9 (water), 8, 10 and 11 become the terrain, 6 and 17 roofs with walls; 7 and 18 are noise; all
-    /// others become voxels of leaf area density, of the class of their points. Where the instrument was is found by pulses of
-    /// several returns, or by scan angles. The folder gets scene.xml with its files, scene.toml with scene and instrument, the
-    /// trajectory, and report.json with all that was estimated.
+    /// others become voxels of leaf area density, of the class of their points. The position of the instrument is estimated from pulses
+    /// with several returns, or from scan angles. The output folder contains scene.xml with its files, scene.toml with scene and
+    /// instrument, the trajectory, and report.json with all estimates.
     Reconstruct(ReconstructArgs),
-    /// Tell what a scene holds and costs: parts, primitives, bounds, materials, memory, faults.
+    /// Describe a scene: parts, primitives, bounds, materials, memory, faults.
     Info(InfoArgs),
-    /// Compile a scene and its tree to one file that opens without loading meshes and building the tree.
+    /// Compile a scene and its tree to one file that opens without loading meshes or building the tree.
     Pack(PackArgs),
 }
 
 /// `vlscan scene stand`.
 #[derive(Debug, Args)]
 pub struct StandArgs {
-    /// Folder to write to.
+    /// Output folder.
     #[arg(short = 'o', long, value_name = "DIR")]
     pub out: PathBuf,
     /// What the stand is made of.
@@ -58,7 +58,7 @@ pub struct StandArgs {
 /// `vlscan scene reconstruct`.
 #[derive(Debug, Args)]
 pub struct ReconstructArgs {
-    /// Folder to write to.
+    /// Output folder.
     #[arg(short = 'o', long, value_name = "DIR")]
     pub out: PathBuf,
     /// What the scene is reconstructed from.
@@ -69,9 +69,9 @@ pub struct ReconstructArgs {
 /// `vlscan scene pack`.
 #[derive(Debug, Args)]
 pub struct PackArgs {
-    /// A scene (file.xml#id), a survey (.xml) or pipeline (.toml), whose scanner's wavelength counts, or a file of geometry.
+    /// A scene (file.xml#id), a geometry file, or a survey (.xml) or pipeline (.toml), whose scanner's wavelength is used.
     pub scene: String,
-    /// The packed scene. [default: beside the scene's file, .vlscene]
+    /// The packed scene. [default: the scene's file with the extension .vlscene]
     #[arg(short = 'o', long, value_name = "PATH")]
     pub out: Option<PathBuf>,
     /// Folder to look for files in; may be given more than once.
@@ -83,17 +83,17 @@ pub struct PackArgs {
     /// Seed of random materials and voxel places. [default: the survey's, else 0]
     #[arg(long, value_name = "SEED")]
     pub seed: Option<Seed>,
-    /// The physics that it will be scanned with; decides how materials are read. [default: that of the survey or pipeline,
+    /// The physics it will be scanned with; determines how materials are read. [default: that of the survey or pipeline,
     /// refined for a scene by itself]
     #[arg(long, value_name = "PROFILE")]
     pub physics: Option<PhysicsProfile>,
     /// The tree to pack. [default: bvh]
     #[arg(long, value_name = "TREE")]
     pub tree: Option<Builder>,
-    /// Whether parts of one mesh file share it; the points are the same. [default: auto]
+    /// Whether parts of the same mesh file share its triangles; does not change the points. [default: auto]
     #[arg(long, value_name = "WHEN")]
     pub instances: Option<Sharing>,
-    /// Overwrite a file that exists.
+    /// Replace an existing file.
     #[arg(long)]
     pub force: bool,
 }
@@ -104,7 +104,7 @@ pub struct InfoArgs {
     /// A scene (file.xml#id), a survey (.xml), a pipeline (.toml), a mesh (.obj), raster (.tif), voxels (.vox), a table of
     /// instances (.csv), or a packed scene (.vlscene).
     pub scene: String,
-    /// Of a packed scene: check all epochs, and that all numbers name something that is there. Checksums are compared in any case.
+    /// Packed scenes: check all epochs and all indices. Checksums are always compared.
     #[arg(long)]
     pub verify: bool,
     /// Folder to look for files in; may be given more than once.
@@ -118,7 +118,7 @@ pub struct InfoArgs {
 /// `vlscan scene make`.
 #[derive(Debug, Args)]
 pub struct MakeArgs {
-    /// The folder that gets the files.
+    /// Output folder.
     #[arg(short = 'o', long, value_name = "DIR")]
     pub out: PathBuf,
     /// What to make.

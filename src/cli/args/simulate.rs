@@ -64,14 +64,14 @@ pub struct RunArgs {
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Dry run")]
 pub struct DryRunArgs {
-    /// Write no points; tell what the run would cost and give: legs, duration, pulses, points, density, footprint, spacing,
-    /// sizes of the outputs, memory and time on this machine, and what it would miss.
+    /// Write no points; forecast the run: legs, duration, pulses, points, density, footprint, spacing, sizes of the outputs, memory and
+    /// time on this machine, and what the scan would miss.
     ///
     /// Legs and pulses are counted or, of long flights, computed. The rest comes from a sample that is measured and written to
     /// a temporary folder, with twice its standard error as uncertainty.
     #[arg(long, alias = "dryrun", conflicts_with_all = ["shard", "resume"])]
     pub dry_run: bool,
-    /// The forecast as JSON.
+    /// Print the forecast as JSON.
     #[arg(long, requires = "dry_run")]
     pub json: bool,
 }
@@ -81,14 +81,14 @@ pub struct DryRunArgs {
 #[command(next_help_heading = "Shards")]
 pub struct ShardArgs {
     /// Compute shard K of N, with K from 0 to N-1, and write it into the folder -o instead of points; vlscan merge turns all
-    /// shards into the outputs of one run. --waveforms, --pulses, --misses, --subrays and --columns say what shards hold
-    /// beside echoes and poses. With --resume a shard that exists is left as it is.
+    /// shards into the outputs of one run. --waveforms, --pulses, --misses, --subrays and --columns determine what shards contain in
+    /// addition to echoes and poses. With --resume a complete shard is kept.
     #[arg(long, alias = "part", value_name = "K/N")]
     pub shard: Option<OneOf>,
     /// Without effect: any output can be made of a shard.
     #[arg(long, hide = true, value_name = "KIND", value_parser = ["echoes", "las"], requires = "shard")]
     pub part_points: Option<String>,
-    /// Go on where the same command was ended, even by kill -9 or a power cut: shards of so many pulses are kept in OUT.shards
+    /// Continue where the same command was interrupted, even by kill -9 or a power cut: shards of this many pulses are kept in OUT.shards
     /// until the outputs are complete. [default: 1M pulses]
     #[arg(long, value_name = "PULSES", num_args = 0..=1, require_equals = true, default_missing_value = "1M")]
     pub resume: Option<Count<1>>,
@@ -116,20 +116,20 @@ pub struct MergeArgs {
     /// it).
     #[arg(long, value_name = "PATH", help_heading = "Output")]
     pub trajectory_out: Option<PathBuf>,
-    /// Read all shards, compare their checksums, and write nothing.
+    /// Verify the checksums of all shards, and write nothing.
     #[arg(long, conflicts_with_all = ["out", "output", "trajectory_out"])]
     pub check: bool,
-    /// Write segment K of M of the points only, to OUT.segments/: merges of one LAS or LAZ file that many processes share.
-    /// K counts from 0.
+    /// Write only segment K of M of the points, to OUT.segments/, so that many processes can share the merge of one LAS or LAZ file. K
+    /// counts from 0.
     #[arg(long, alias = "part", value_name = "K/M", conflicts_with = "check")]
     pub segment: Option<OneOf>,
-    /// Join the segments that --segment has written, with the same other options.
+    /// Join the segments that --segment has written; other options must be the same.
     #[arg(long, conflicts_with_all = ["check", "segment"])]
     pub join: bool,
-    /// Threads that encode; 0 or nothing = all. The bytes are the same for any number.
+    /// Threads that encode; 0 = all, the default. Does not change the bytes.
     #[arg(short = 'j', long, value_name = "N", help_heading = "Speed")]
     pub threads: Option<usize>,
-    /// Show the progress as plain lines when stderr is no terminal.
+    /// Show progress as plain lines if stderr is not a terminal.
     #[arg(long, help_heading = "Messages")]
     pub progress: bool,
 }
@@ -164,7 +164,7 @@ pub struct TrajectoryArgs {
     /// Seconds from pose to pose. [default: the survey's trajectoryTimeInterval_s, else 0.05]
     #[arg(long, value_name = "SECONDS", help_heading = "Output")]
     pub interval: Option<Positive>,
-    /// Write the poses that were flown, not those that are reported with --navigation-error or [navigation_errors].
+    /// Write true poses, without the errors of --navigation-error or [navigation_errors].
     #[arg(long = "true", help_heading = "Output")]
     pub flown: bool,
     /// How poses are written.
@@ -189,8 +189,8 @@ pub struct TraceArgs {
     /// The pulses; - for stdin.
     #[arg(value_name = "PULSES", default_value = "-")]
     pub stream: PathBuf,
-    /// What receives the echoes: the id of a scanner that ships (see vlscan catalogue), file.xml#id, or a survey (.xml) or
-    /// pipeline (.toml) with everything that it says.
+    /// The receiver: the id of a built-in scanner (see vlscan catalogue), file.xml#id, or a survey (.xml) or pipeline (.toml) with all its
+    /// settings.
     #[arg(long, value_name = "SCANNER")]
     pub scanner: String,
     /// Changes of the instrument.
@@ -249,13 +249,13 @@ impl TraceArgs {
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Instrument")]
 pub struct InstrumentArgs {
-    /// Divergence of the beam in rad, whatever the stream says. [default: the stream's, else the scanner's]
+    /// Divergence of the beam in rad; overrides the stream. [default: the stream's, else the scanner's]
     #[arg(long, value_name = "RAD")]
     pub divergence: Option<Divergence>,
     /// Length of the outgoing pulse in ns.
     #[arg(long, value_name = "NS")]
     pub pulse_length: Option<NotNegative>,
-    /// Pulses per second: moving scenes whose steps are given in seconds go by it. [default: the scanner's first]
+    /// Pulses per second; needed by moving scenes whose time steps are in seconds. [default: the scanner's first]
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(1..))]
     pub pulse_rate: Option<u32>,
     /// Concentric rings of subrays per pulse (beamSampleQuality).
@@ -276,7 +276,7 @@ pub struct InstrumentArgs {
     /// Farthest range in metres.
     #[arg(long, value_name = "METRES")]
     pub range_max: Option<NotNegative>,
-    /// Most returns per pulse; 0 is unlimited.
+    /// Maximum number of returns per pulse; 0 = unlimited.
     #[arg(long, value_name = "N")]
     pub max_returns: Option<u32>,
 }

@@ -27,22 +27,22 @@ pub struct BenchArgs {
     /// Numbers of threads to compare. [default: 1, 2, 4, … to all]
     #[arg(short = 'j', long, value_name = "N,…", value_delimiter = ',')]
     pub threads: Vec<usize>,
-    /// How often everything is measured, after a run that does not count; the least time counts.
+    /// Number of measurements of each setting, after a warm-up run; the shortest time is reported.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     pub repetitions: u32,
-    /// What the points are written as, to a temporary file.
+    /// Format in which points are written, to a temporary file.
     #[arg(long, value_name = "FORMAT", default_value = "las", value_parser = ["none", "xyz", "las", "laz"])]
     pub format: String,
-    /// Write everything as JSON; - for stdout, where the table goes to stderr.
+    /// Write all results as JSON; - for stdout (the table then goes to stderr).
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// Overwrite a file that exists.
+    /// Replace an existing file.
     #[arg(long)]
     pub force: bool,
     /// Folder to look for scenes, scanners, platforms, geometry and spectra in; may be given more than once.
     #[arg(long, value_name = "DIR")]
     pub assets: Vec<PathBuf>,
-    /// Options of vlscan run that change what is simulated, such as --physics refined.
+    /// Options of vlscan run that change the simulation, such as --physics refined.
     #[arg(last = true, value_name = "RUN OPTIONS")]
     pub run: Vec<String>,
 }
@@ -54,7 +54,7 @@ pub struct CatalogueArgs {
     /// What to do instead of listing.
     #[command(subcommand)]
     pub command: Option<CatalogueCommand>,
-    /// Only what has this in its reference or name.
+    /// Show only entries with this text in their reference or name.
     pub filter: Option<String>,
     /// JSON instead of a table.
     #[arg(long)]
@@ -64,7 +64,7 @@ pub struct CatalogueArgs {
 /// Subcommands of `vlscan catalogue`.
 #[derive(Debug, Subcommand)]
 pub enum CatalogueCommand {
-    /// Show the figures of a scanner, and draw its scan pattern.
+    /// Show the specifications of a scanner, and draw its scan pattern.
     Show(ShowArgs),
 }
 
@@ -73,10 +73,10 @@ pub enum CatalogueCommand {
 pub struct ShowArgs {
     /// A scanner: an id of the catalogue, or file.xml#id.
     pub name: String,
-    /// Draw where its beams point, as SVG: a revolution of its head, or 0.1 s of one that does not turn.
+    /// Draw the directions of its beams as SVG: one revolution of the head, or 0.1 s if it does not turn.
     #[arg(long, value_name = "FILE.svg")]
     pub picture: Option<PathBuf>,
-    /// Replace a picture that exists.
+    /// Replace an existing picture.
     #[arg(long)]
     pub force: bool,
     /// JSON instead of lines.
@@ -92,7 +92,7 @@ pub struct UnzipArgs {
     /// The text; - for stdout.
     #[arg(default_value = "-")]
     pub out: PathBuf,
-    /// Overwrite a file that exists.
+    /// Replace an existing file.
     #[arg(long)]
     pub force: bool,
 }
@@ -100,20 +100,20 @@ pub struct UnzipArgs {
 /// `vlscan preview`.
 #[derive(Debug, Args)]
 pub struct PreviewArgs {
-    /// A survey (.xml) or pipeline (.toml), whose scene, flight lines and swaths are drawn; or points: text, LAS, LAZ, PLY, PCD, E57, PTS, Arrow, Parquet, - for stdin; with --pulse
-    /// waveforms (*_fullwave.txt, also .gz or .bin) or LAS and LAZ with waveform packets.
+    /// A survey (.xml) or pipeline (.toml), whose scene, flight lines and swaths are drawn; or points: text, LAS, LAZ, PLY, PCD, E57, PTS,
+    /// Arrow, Parquet, - for stdin; with --pulse waveforms (*_fullwave.txt, also .gz or .bin) or LAS and LAZ with waveform packets.
     pub points: PathBuf,
-    /// A picture (.png), or a page to turn the points around in a browser (.html); - for stdout, which gets the picture.
+    /// A picture (.png), or an interactive page for a browser (.html); - writes the picture to stdout.
     #[arg(short = 'o', long, value_name = "PATH")]
     pub out: PathBuf,
     /// Plot the waveform of this pulse, its echoes marked with their fitted widths; the number is the eighth column of
     /// point files.
     #[arg(long, value_name = "N")]
     pub pulse: Option<u64>,
-    /// What colours the points. [default: height; of a survey the leg that covers them, grey where none does]
+    /// What the colour shows. [default: height; for a survey the leg that covers the point, grey where none does]
     #[arg(long, value_enum)]
     pub colour: Option<ColourBy>,
-    /// Dark on white, for paper, instead of light on black.
+    /// Dark on white, for print, instead of light on black.
     #[arg(long)]
     pub light: bool,
     /// Width of the picture in pixels, 320 to 16384.
@@ -122,13 +122,13 @@ pub struct PreviewArgs {
     /// Height of the picture in pixels, 240 to 16384.
     #[arg(long, value_name = "PIXELS", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(240..=16_384))]
     pub height: u32,
-    /// Points that a page shows at most; of more, an even sample is taken. 500k is understood.
+    /// Maximum number of points in a page, evenly sampled; 500k is understood.
     #[arg(long, value_name = "N", default_value = "5M")]
     pub most_points: Count<1>,
     /// Of a survey: folder to look for files in; may be given more than once.
     #[arg(long, value_name = "DIR")]
     pub assets: Vec<PathBuf>,
-    /// Overwrite a file that exists, and write a picture to a terminal.
+    /// Replace an existing file, and write a picture to a terminal.
     #[arg(long)]
     pub force: bool,
 }

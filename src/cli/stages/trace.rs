@@ -33,7 +33,7 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
     let separate_files = output.sinks.iter().any(has_folder);
     if separate_files && !known {
         return Err(Error::input(
-            "one file per leg needs the legs: name the survey with --scanner, or a single file with -o",
+            "one file per leg needs a survey as --scanner; or name a single file with -o",
         ));
     }
     let streamed_divergence = args.instrument.divergence.is_none();
@@ -53,8 +53,8 @@ fn refuse_shards(args: &TraceArgs) -> Result<()> {
     let options = [("--shard", args.shard.is_some()), ("--resume", args.resume.is_some())];
     let Some((option, _)) = options.iter().find(|(_, is_given)| *is_given) else { return Ok(()) };
     Err(Error::input_with_help(
-        format!("{option}: pulses arrive in a stream, whose length and borders are not known"),
-        "divide the pulses into files, trace each, and merge the points; or run the survey in shards: vlscan run --shard",
+        format!("{option} cannot be used with vlscan trace: the length of a stream of pulses is not known"),
+        "run the survey in shards instead (vlscan run --shard), or divide the pulses into files and trace each",
     ))
 }
 

@@ -242,7 +242,7 @@ fn what_is_missing_is_said() {
     );
     contains(
         &refused(read("scene = 'a.obj'\n[scanner]\ncatalogue = 'data/scanners_tls.xml#vlp16'\n")),
-        &["needs a way to move"],
+        &["needs [trajectory]"],
     );
     contains(
         &refused(read("scene = 'b.obj'\nsurvey = 'survey.xml'\n")),
@@ -458,7 +458,7 @@ fn unusual_values_of_pipelines_are_warned_of() {
     for (scanner, settings, text) in [
         ("beam_divergence_rad = 0.5", "", "0.5 mrad are 0.0005 rad"),
         ("accuracy_m = 5", "", "5 mm are 0.005 m"),
-        ("wavelength_nm = 1", "", "usual are 200 to 20000 nm"),
+        ("wavelength_nm = 1", "", "typical values are 200 to 20000 nm"),
         (
             "",
             "scan_angle_deg = 0.785",

@@ -168,7 +168,7 @@ fn read_track(poses: &mut PoseReader, max_poses: usize, stop: &Stop) -> Result<V
         }
         if track.len() > max_poses {
             return Err(Error::input(format!(
-                "the trajectory has more than {max_poses} poses, the most that a dry run reads"
+                "the trajectory has more than {max_poses} poses, the maximum for a dry run"
             )));
         }
     }

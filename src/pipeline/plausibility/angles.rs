@@ -68,7 +68,7 @@ impl AngleCheck {
             let explained = as_degrees > MAX_DEVIATION && as_radians < MAX_DEVIATION;
             if self.tilt <= MAX_TILT && self.yaw <= TAU + 0.01 && explained {
                 return Some(self.radians_as_degrees(format!(
-                    "; as radians the heading {yaw} is {as_radians:.0}° off the course, as degrees {as_degrees:.0}°"
+                    "; read as radians the heading {yaw} is {as_radians:.0}° off the course, as degrees {as_degrees:.0}°"
                 )));
             }
             return self.check_small();
@@ -94,7 +94,7 @@ impl AngleCheck {
 
     fn radians_as_degrees(&self, why: String) -> Finding {
         let message = format!(
-            "the angles look like radians and are read as degrees: roll and pitch stay within ±{}, yaw within ±{}{why}",
+            "the angles look like radians but are read as degrees: roll and pitch stay within ±{}, yaw within ±{}{why}",
             short(self.tilt),
             short(self.yaw)
         );
@@ -107,7 +107,7 @@ impl AngleCheck {
         }
         self.is_decided = true;
         let message = format!(
-            "the angles look like degrees and are read as radians: roll and pitch reach {}, yaw {}",
+            "the angles look like degrees but are read as radians: roll and pitch reach {}, yaw {}",
             short(self.tilt),
             short(self.yaw)
         );
@@ -116,7 +116,7 @@ impl AngleCheck {
 
     fn remedy(&self, unit: &str) -> String {
         format!(
-            "{} tells their unit; in text a column can, too: roll[{unit}],pitch[{unit}],yaw[{unit}]",
+            "{} sets their unit; in text the heading can, too: roll[{unit}],pitch[{unit}],yaw[{unit}]",
             self.option
         )
     }

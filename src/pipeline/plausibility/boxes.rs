@@ -61,8 +61,8 @@ pub(super) fn away(scene: &Aabb, flight: &Aabb, gap: DVec3) -> String {
         let (grid, local) = if is_grid(s) { ("scene", "flight") } else { ("flight", "scene") };
         let by = s - f;
         return format!(
-            "the {grid} has coordinates of a grid such as UTM and the {local} local ones; give both in one system: move the \
-             {local} by {:.0}, {:.0}, or the {grid} by as much the other way (a translate filter moves a scene)",
+            "the {grid} has coordinates of a grid such as UTM, the {local} has local ones; use one system for both: move the \
+             {local} by {:.0}, {:.0}, or the {grid} by the opposite (a translate filter moves a scene)",
             if grid == "scene" { by.x } else { -by.x },
             if grid == "scene" { by.y } else { -by.y }
         );
@@ -83,30 +83,29 @@ pub(super) fn away(scene: &Aabb, flight: &Aabb, gap: DVec3) -> String {
         );
     }
     if overlaps(scene, &swapped) {
-        return "with x and y exchanged the flight lies over the scene; x is the easting, y the northing"
+        return "with x and y swapped the flight would be over the scene; x is the easting, y the northing"
             .to_owned();
     }
     for (by, unit) in
         [(0.3048, "feet"), (0.001, "millimetres"), (0.01, "centimetres"), (1000.0, "kilometres")]
     {
         if scaled(by) {
-            return format!("taken as {unit} the flight lies over the scene; coordinates are metres");
+            return format!("read as {unit} the flight would be over the scene; coordinates are in metres");
         }
     }
     for (mirrored, axis) in [(DVec3::new(-1.0, 1.0, 1.0), "x"), (DVec3::new(1.0, -1.0, 1.0), "y")] {
         let (a, b) = (flight.min * mirrored, flight.max * mirrored);
         if gap.length() > 0.0 && overlaps(scene, &Aabb { min: a.min(b), max: a.max(b) }) {
-            return format!("with the other sign of {axis} the flight lies over the scene");
+            return format!("with the sign of {axis} reversed the flight would be over the scene");
         }
     }
-    "give the flight in the scene's coordinates; `vlscan scene info` tells where a scene is".to_owned()
+    "give the flight in the scene's coordinates; `vlscan scene info` shows where a scene is".to_owned()
 }
 
 /// Returns the likely cause of a wrong height of a flight, `depth` metres below the ground or the scene.
 pub(super) fn heights(flight: &Aabb, depth: f64) -> String {
     if flight.min.z.abs().max(flight.max.z.abs()) < 1e-6 {
-        return "all heights of the flight are 0: the column of heights is missing or another one; name it with \
-                --trajectory-columns, or give legs a z or onGround"
+        return "all heights of the flight are 0: the column of heights is missing or wrong; name it with --trajectory-columns, or give legs a z or onGround"
             .to_owned();
     }
     if UNDULATION.contains(&depth) {
@@ -116,7 +115,7 @@ pub(super) fn heights(flight: &Aabb, depth: f64) -> String {
             depth.ceil()
         );
     }
-    "heights of flight and scene must count from the same level and in metres; --height-offset adds metres to those of a \
+    "heights of flight and scene must be in metres above the same level; --height-offset adds metres to those of a \
      trajectory, onGround=\"true\" puts a leg on the ground"
         .to_owned()
 }

@@ -46,7 +46,7 @@ pub(super) fn check(who: &str, scene: &Scene, tree: &Tree, places: &[DVec3], mou
         depths.sort_by(f64::total_cmp);
         let depth = depths[depths.len() / 2];
         let where_ = match places.len() {
-            1 => format!("{who} stands {} below the terrain, with nothing beneath it", metres(depth)),
+            1 => format!("{who} is {} below the terrain, with nothing beneath it", metres(depth)),
             n => {
                 format!("{who} is below the terrain at {} of {n} places, by {}", depths.len(), metres(depth))
             }

@@ -28,12 +28,11 @@ pub fn check_wavelengths(survey: &Survey) -> Diagnostics {
     let Some(first) = wavelengths.next() else { return found };
     if let Some(other) = wavelengths.find(|wavelength| *wavelength != first) {
         let message = format!(
-            "the materials of the scene have spectra, which are read at the {first} nm of the first channel, also for the channel \
-             with {other} nm"
+            "the materials of the scene have spectra, which are evaluated at the {first} nm of the first channel, even for the channel with {other} nm"
         );
         found
             .warn(survey_place(survey), message)
-            .help("scan with a scanner of one channel for each wavelength");
+            .help("scan each wavelength with its own single-channel scanner");
     }
     found
 }
@@ -58,7 +57,7 @@ fn check_waveform(device: &Device, corrections: &Corrections, found: &mut Diagno
                 "in bins of {bin} ns (`{bin_key}`) no sample of the pulse's shape is higher than its neighbours: no echo is \
                  detected"
             );
-            (message, format!("a flat top is no peak; change the pulse shape or `{bin_key}`"))
+            (message, format!("a flat top is not a peak; change the pulse shape or `{bin_key}`"))
         } else {
             let message = format!(
                 "bins of {bin} ns (`{bin_key}`) are too wide for pulses of {} ns: no echo is detected",
@@ -79,14 +78,13 @@ fn check_reference(survey: &Survey, corrections: &Corrections, found: &mut Diagn
     let help = "`--physics refined` computes it by the lidar equation";
     if !corrections.waist_at_exit && devices.iter().any(|device| device.detector.range_min == 0.0) {
         let message = "with a minimum range of 0 m the physics of HELIOS++, which focuses the beam there, receives \
-                       nothing; the beam is taken as narrowest at the exit";
+                       nothing; the waist of the beam is placed at the exit";
         found.warn(survey_place(survey), message).help(help);
     }
     let of_scanner = devices.iter().any(|device| device.beam.divergence == 0.0);
     let leg = survey.legs.iter().find(|leg| leg.scanner.active && leg.scanner.beam_divergence == 0.0);
     if of_scanner || leg.is_some() {
-        let message = "with a divergence of 0 rad the amplitudes of the physics of HELIOS++ are no numbers; all energy \
-                       is taken to be on the axis of the beam";
+        let message = "with a divergence of 0 rad the physics of HELIOS++ gives NaN amplitudes; all energy is placed on the axis of the beam";
         let of_leg = leg.filter(|_| !of_scanner).and_then(|leg| leg.place.clone());
         found.warn(of_leg.or_else(|| survey_place(survey)), message).help(help);
     }

@@ -14,7 +14,7 @@ const MIN_LENGTH: f64 = 10.0;
 const MIN_STEP: f64 = 0.5;
 /// Unit of times that are thousandths, for messages.
 const REMEDY: &str =
-    "times are seconds; if these are milliseconds, say so in the heading: time[ms] (us and ns likewise)";
+    "times are in seconds; if these are milliseconds, say so in the heading: time[ms] (us and ns likewise)";
 
 /// Length and duration of a flight.
 #[derive(Clone, Copy, Debug, Default)]

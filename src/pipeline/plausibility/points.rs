@@ -66,7 +66,7 @@ impl YieldCheck<'_> {
         if pulses == 0 {
             let help = "a leg fires when it is active and lasts for at least one pulse period; an oscillating or rotating mirror \
                         fires within its scan angle";
-            return Some(Finding::new("no pulse was fired: no leg was active, or all were too short", help));
+            return Some(Finding::new("no pulse was fired: no leg is active, or all are too short", help));
         }
         let fired = pulses as f64;
         let of_sampled = |count: u64| count as f64 / (aim.sampled as f64).max(1.0);
@@ -113,21 +113,19 @@ impl YieldCheck<'_> {
                 boxes::heights(&flight.translated(DVec3::Z * -mount.offset.z), depth)
             )
         } else if towards < 0.5 && mount.rotation == Rotation::IDENTITY {
-            "no mount turns the scanner towards the scene: name the platform that carries it ([platform] catalogue = \
+            "no mount turns the scanner towards the scene: name the platform it is mounted on ([platform] catalogue = \
              \"data/platforms.xml#sr22\"), or give it a mount of its own"
                 .to_owned()
         } else if of_sampled(aim.upwards) > MIN_SHARE_UPWARDS {
             "all beams point upwards: the scanner's mount, or roll and pitch of the flight, turn it the wrong way"
                 .to_owned()
         } else if towards < 0.5 {
-            "the beams pass the scene by: attitude, mount or scan angle turn them elsewhere, or the flight leads past it; \
-             `vlscan pulses` shows origins and directions"
+            "the beams miss the scene: attitude, mount or scan angle point them elsewhere, or the flight passes beside it; `vlscan pulses` shows origins and directions"
                 .to_owned()
         } else if let Some(advice) = self.limits_missed(log, target.ranges) {
             advice
         } else {
-            "the beams meet the box and find little in it: surfaces fill a small part of it; `vlscan scene info` tells what is in \
-             it"
+            "the beams cross the scene's box but hit little: surfaces fill a small part of it; `vlscan scene info` shows what it contains"
                 .to_owned()
         };
         let help = match in_feet(&bounds, &flight, farthest) {
@@ -164,7 +162,7 @@ impl YieldCheck<'_> {
              max_range, or more visibility_km for a long way through haze; `vlscan scene info` lists the reflectances (0 to 1)"
         } else {
             "--physics refined computes received power in watts; in --physics helios it falls with the fourth power of the range, so \
-             fly lower, or give reflectances (`vlscan scene info` lists them) and threshold in the units that it takes"
+             fly lower, or give reflectances (`vlscan scene info` lists them) and the threshold in its units"
         };
         let shift = self.scene.shift;
         let (bounds, flight) = (self.scene.bounds.translated(shift), aim.origins.translated(shift));
@@ -286,12 +284,12 @@ mod tests {
         );
         for (place, beams, cause) in [
             ([0.0, 0.0, 50.0], [0, 0, 100], "point upwards"),
-            ([0.0, 0.0, 50.0], [0, 0, 0], "pass the scene by"),
+            ([0.0, 0.0, 50.0], [0, 0, 0], "miss the scene"),
             ([0.0, 0.0, 900.0], [100, 0, 0], "farther: fly lower"),
             ([0.0, 0.0, 0.5], [100, 0, 0], "nearer: fly higher"),
             ([0.0, 0.0, -50.0], [0, 0, 0], "below the terrain"),
             ([300.0, 0.0, 50.0], [0, 0, 0], "290 m beside the scene"),
-            ([0.0, 0.0, 50.0], [100, 100, 0], "find little"),
+            ([0.0, 0.0, 50.0], [100, 100, 0], "hit little"),
         ] {
             let help = end(place, 0, beams).expect(cause);
             assert!(help.contains(cause), "{cause}: {help}");

@@ -121,7 +121,7 @@ pub fn misfit(wkt: &str, x: f64, y: f64) -> Option<(String, String)> {
     let longer = with_a_digit_more(code, x, y);
     (!longer.is_empty()).then(|| {
         let message =
-            format!("{} puts x {x:.0}, y {y:.0} at {place}; is a digit of its code missing?", name(wkt));
+            format!("{} puts x {x:.0}, y {y:.0} at {place}; is a digit of the code missing?", name(wkt));
         (message, format!("{}; the WKT of a system, instead of its code, is taken as it is", named(&longer)))
     })
 }
@@ -132,10 +132,10 @@ fn hint(code: u32, x: f64, y: f64) -> String {
         return format!("a digit may be missing: {}", named(&longer));
     }
     if x.abs() < 100_000.0 && y.abs() < 100_000.0 {
-        return "the scene has local coordinates, which are in no system: leave out the code, or move the scene to its place"
+        return "the scene has local coordinates, which belong to no system: leave out the code, or move the scene to its true position"
             .to_owned();
     }
-    "nothing is projected: name the system that the coordinates of the scene are in".to_owned()
+    "--crs does not reproject: name the system that the scene's coordinates are in".to_owned()
 }
 
 /// Codes of UTM zones that are `code` with another digit behind it, and in whose areas the coordinates lie.

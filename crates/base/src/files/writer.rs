@@ -78,7 +78,7 @@ impl FileWriter {
     pub fn create_own(path: &Path) -> Result<FileWriter> {
         let failed = |e| Error::io("create", path, e);
         if path.symlink_metadata().is_ok_and(|about| !about.is_file()) {
-            return Err(Error::input(format!("{} is no regular file: remove it", path.display())));
+            return Err(Error::input(format!("{} is not a regular file: remove it", path.display())));
         }
         let (temporary, file) = TemporaryFile::create(path).map_err(failed)?;
         let target = path.to_path_buf();
@@ -254,7 +254,7 @@ fn appeared(temporary: &mut TemporaryFile, path: &Path) -> io::Error {
         Ok(beside) => io::Error::new(
             io::ErrorKind::AlreadyExists,
             format!(
-                "a file of this name has appeared and is kept; the complete output is {}",
+                "a file of this name has appeared meanwhile and is kept; the complete output is {}",
                 beside.display()
             ),
         ),

@@ -131,7 +131,7 @@ pub fn read_file(path: &Path, max_bytes: u64) -> std::io::Result<Vec<u8>> {
             return Ok(bytes);
         }
     }
-    let message = format!("it has more than {max_bytes} bytes, the most that is read");
+    let message = format!("it has more than {max_bytes} bytes, the maximum");
     Err(std::io::Error::new(ErrorKind::FileTooLarge, message))
 }
 

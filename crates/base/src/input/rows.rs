@@ -118,7 +118,7 @@ impl RowDecoder {
     /// hold the names of the columns.
     ///
     /// # Errors
-    /// [`Error::Input`] for lines that are too long, for bytes that are no text, and for damaged and cut Arrow streams. The rows
+    /// [`Error::Input`] for lines that are too long, for bytes that are not text, and for damaged and cut Arrow streams. The rows
     /// before are returned first.
     pub fn next_block(&mut self, max_rows: usize, ended: bool) -> Result<Option<RowBlock>> {
         if ended && let Format::Unknown(first, named) = &mut self.format {

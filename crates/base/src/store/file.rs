@@ -145,7 +145,7 @@ impl ArrayFile {
         let file = fault::point().and_then(|()| reads::open(path)).map_err(failed)?;
         let length = file.metadata().map_err(failed)?.len();
         if length < HEADER_BYTES as u64 {
-            return Err(refuse(path, "it is too short to be a packed scene"));
+            return Err(refuse(path, "the file is too short to be a packed scene"));
         }
         let mut header = [0; HEADER_BYTES];
         read_exact_at(&file, &mut header, 0).map_err(failed)?;
@@ -180,7 +180,7 @@ impl ArrayFile {
     /// [`Error::Io`] when it cannot be read.
     pub fn array<T: AnyBitPattern + NoUninit>(&self, name: &str) -> Result<Vec<T>> {
         let entry = self.table.iter().find(|entry| entry.name == name);
-        let entry = entry.ok_or_else(|| self.refuse(&format!("it lacks the array {name}")))?;
+        let entry = entry.ok_or_else(|| self.refuse(&format!("the array {name} is missing")))?;
         let (length, element) = (entry.length() as usize, size_of::<T>());
         if entry.element != element as u64 || !length.is_multiple_of(element) {
             return Err(self.refuse(&format!("the array {name} has another layout")));
@@ -229,7 +229,7 @@ impl ArrayFile {
         let at = entry.bytes.start + (i * BLOCK_BYTES) as u64;
         read_exact_at(&self.file, block, at).map_err(|e| match e.kind() {
             io::ErrorKind::UnexpectedEof => {
-                let message = "its end is missing; it was truncated while it was read";
+                let message = "it was truncated while it was being read";
                 Error::io("read", &self.path, io::Error::new(io::ErrorKind::UnexpectedEof, message))
             }
             _ => Error::io("read", &self.path, e),
@@ -269,7 +269,7 @@ fn u64_at(header: &[u8; HEADER_BYTES], at: usize) -> u64 {
 fn read_header(header: &[u8; HEADER_BYTES], length: u64) -> std::result::Result<Range<u64>, String> {
     let u32_at = |at: usize| header[at..at + 4].try_into().map_or(0, u32::from_ne_bytes);
     if !header.starts_with(MAGIC) {
-        return Err("it is a file of another kind".to_owned());
+        return Err("it is not a packed scene".to_owned());
     }
     match u32_at(12) {
         BYTE_ORDER => {}
@@ -287,7 +287,7 @@ fn read_header(header: &[u8; HEADER_BYTES], length: u64) -> std::result::Result<
     }
     let (start, table, stated) = (u64_at(header, 16), u64_at(header, 24), u64_at(header, 40));
     if stated != length {
-        return Err(format!("it has {length} bytes instead of {stated}; is it cut short?"));
+        return Err(format!("it has {length} bytes instead of {stated}; is it truncated?"));
     }
     let end = start.checked_add(table).filter(|end| *end <= length);
     end.map(|end| start..end).ok_or_else(|| damaged("the bytes of its header"))
@@ -349,8 +349,8 @@ mod tests {
         for (change, expected) in [
             (&(|b: &mut Vec<u8>| b[0] = b'X') as &dyn Fn(&mut Vec<u8>), "another kind"),
             (&|b: &mut Vec<u8>| b.truncate(20), "too short"),
-            (&|b: &mut Vec<u8>| b.truncate(b.len() - 1), "cut short"),
-            (&|b: &mut Vec<u8>| b.push(0), "cut short"),
+            (&|b: &mut Vec<u8>| b.truncate(b.len() - 1), "truncated"),
+            (&|b: &mut Vec<u8>| b.push(0), "truncated"),
             (&|b: &mut Vec<u8>| b[12..16].reverse(), "byte order"),
             (&|b: &mut Vec<u8>| (b[8] = 99, seal(b)).1, "version 99"),
             (&|b: &mut Vec<u8>| b[20] ^= 1, "the bytes of its header"),

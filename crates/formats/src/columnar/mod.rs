@@ -254,7 +254,7 @@ impl Column {
                 return Err(format!("no column is called {name:?}{near}; there are {}", all.join(", ")));
             };
             if columns.contains(&column) {
-                return Err(format!("the column {} is there twice", column.name()));
+                return Err(format!("the column {} occurs twice", column.name()));
             }
             columns.push(column);
         }

@@ -191,7 +191,7 @@ impl Nodes {
         let Some((key, points)) = self.pending.pop_front() else {
             return Err(Error::Internal("a chunk without a node".to_owned()));
         };
-        let too_many = || Error::input("COPC: more points in one place than a node holds; write LAZ");
+        let too_many = || Error::input("COPC: too many points at one position for a node; write LAZ");
         for number in [u64::from(key.level), key.at[0], key.at[1], key.at[2]] {
             self.entries.extend((number as i32).to_le_bytes());
         }

@@ -22,7 +22,7 @@ pub enum ExtraDimensions {
     All,
     /// The first four, as HELIOS++.
     Helios,
-    /// No extra bytes: for programs that refuse them.
+    /// No extra bytes, for programs that reject them.
     None,
 }
 

@@ -93,9 +93,9 @@ impl Header {
                 "SIZE" => lists[1] = list(),
                 "TYPE" => lists[2] = list(),
                 "COUNT" => lists[3] = list(),
-                "WIDTH" => width = Some(number().ok_or("its WIDTH is no number")?),
-                "HEIGHT" => height = number().ok_or("its HEIGHT is no number")?,
-                "POINTS" => points = Some(number().ok_or("its POINTS is no number")?),
+                "WIDTH" => width = Some(number().ok_or("its WIDTH is not a number")?),
+                "HEIGHT" => height = number().ok_or("its HEIGHT is not a number")?,
+                "POINTS" => points = Some(number().ok_or("its POINTS is not a number")?),
                 "#" => offset = offset_of_comment(&words).unwrap_or(offset),
                 "DATA" => {
                     let encoding = match words.get(1).copied() {
@@ -237,7 +237,7 @@ fn read_text(data: &[u8], header: &Header, reading: &mut Reading) -> Result<(), 
 
 fn is_whole(held: usize, stated: usize) -> Result<(), String> {
     match held < stated {
-        true => Err(format!("it ends after {held} of {stated} points; is the file whole?")),
+        true => Err(format!("it ends after {held} of {stated} points; is the file truncated?")),
         false => Ok(()),
     }
 }
@@ -250,7 +250,7 @@ fn decompressed(data: &[u8], header: &Header) -> Result<Vec<u8>, String> {
         return is_whole(0, 1).map(|()| Vec::new());
     };
     let packed = data.get(8..).and_then(|data| data.get(..packed));
-    let packed = packed.ok_or("it ends within its compressed points; is the file whole?")?;
+    let packed = packed.ok_or("it ends within its compressed points; is the file truncated?")?;
     let expected = header.record_bytes().checked_mul(header.points);
     if expected != Some(unpacked) || unpacked / MAX_EXPANSION > packed.len() {
         return Err(format!("its {} points are said to take {unpacked} bytes", header.points));

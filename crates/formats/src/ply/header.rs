@@ -39,7 +39,7 @@ pub fn ply_header(bytes: &[u8]) -> Result<PlyHeader, String> {
             Ok(line) => line.split_whitespace().collect(),
             // Comments may be in any encoding.
             Err(_) if rest.trim_ascii_start().starts_with(b"comment") => Vec::new(),
-            Err(_) => return Err("its header is no text".to_owned()),
+            Err(_) => return Err("its header is not text".to_owned()),
         };
         let Some(keyword) = words.first().map(|word| word.to_ascii_lowercase()) else { continue };
         match keyword.as_str() {

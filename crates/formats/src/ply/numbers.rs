@@ -30,7 +30,7 @@ impl<'b> PlyNumbers<'b> {
         let (word, rest) = self.0.split_at(end.min(MAX_WORD_BYTES));
         self.0 = rest;
         if word.is_empty() {
-            return Err("expected a number, found the end of the file; is it whole?".to_owned());
+            return Err("expected a number, found the end of the file; is it truncated?".to_owned());
         }
         float(word).ok_or_else(|| {
             let found = String::from_utf8_lossy(word);

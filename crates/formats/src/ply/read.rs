@@ -93,7 +93,7 @@ impl<'a> PlyReader<'a> {
                     _ => parser.read_little_endian_element(rest, &self.element),
                 };
                 read.map_err(|e| match e.kind() {
-                    ErrorKind::UnexpectedEof => "the file ends; is it whole?".to_owned(),
+                    ErrorKind::UnexpectedEof => "the file ends; is it truncated?".to_owned(),
                     _ => e.to_string().lines().next().unwrap_or_default().to_owned(),
                 })
             }

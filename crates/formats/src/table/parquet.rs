@@ -131,7 +131,7 @@ fn read_numbers(
         }
         ColumnReader::FloatColumnReader(reader) => read_values(reader, leaf, rows, f64::from),
         ColumnReader::DoubleColumnReader(reader) => read_values(reader, leaf, rows, |v| v),
-        _ => Err(ParquetError::General(format!("column {} holds no usual numbers", leaf.name()))),
+        _ => Err(ParquetError::General(format!("column {} has an unsupported kind of numbers", leaf.name()))),
     }
 }
 

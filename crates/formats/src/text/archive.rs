@@ -164,7 +164,7 @@ impl<'n, R: BufRead> Archive<'n, R> {
         let read = self.fill(&mut head)?;
         if read < 40 || head[..8] != 22u64.to_le_bytes() || head[8..30] != NAME[..] {
             return Err(self.wrong(
-                "no compressed text: expected an archive that begins with \"serialization::archive\"",
+                "not a compressed text: expected an archive that begins with \"serialization::archive\"",
             ));
         }
         if head[32..] != NUMBERS {
@@ -232,7 +232,7 @@ impl<'n, R: BufRead> Archive<'n, R> {
                 self.wrong(format!("the file ends too early, after {} bytes of content", self.at))
             }
             io::ErrorKind::InvalidData | io::ErrorKind::InvalidInput => self.wrong(format!(
-                "no zlib stream, or a damaged one, after {} bytes of content: {error}",
+                "no valid zlib stream after {} bytes of content: {error}",
                 self.at
             )),
             _ => Error::io("read", self.name, error),
@@ -338,7 +338,7 @@ mod tests {
         *flipped.last_mut().unwrap() ^= 1;
         for (bytes, reason) in [
             (Vec::new(), "too early"),
-            (b"1 2 3\n".to_vec(), "no zlib stream"),
+            (b"1 2 3\n".to_vec(), "no valid zlib stream"),
             (good[..good.len() - 5].to_vec(), "too early"),
             (flipped, "damaged"),
             ([&good[..], b"x"].concat(), "something follows"),

@@ -42,7 +42,7 @@ impl Layout {
     /// shifts those behind it.
     pub fn missing_values(&self, words: &[Range<usize>]) -> Option<String> {
         let named = self.named.filter(|named| self.separator == Separator::Blanks && words.len() < *named)?;
-        Some(format!("expected {named} values, as many as columns are named, found {}", words.len()))
+        Some(format!("expected {named} values, one for each named column, found {}", words.len()))
     }
 
     /// Whether names tell what the columns hold.

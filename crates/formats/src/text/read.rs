@@ -111,7 +111,7 @@ impl Wrong {
                     reading.found.error(Some(line_place(reading.path, number, line, bad.at)), message);
                 if !hint.is_empty() {
                     problem
-                        .help("`tr , .` replaces the commas of a file whose columns are separated by others");
+                        .help("`tr , .` replaces the commas if the columns are separated by something else");
                 }
             }
         }

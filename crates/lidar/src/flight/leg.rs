@@ -64,8 +64,7 @@ impl PlannedLeg {
 }
 
 /// What to do where legs find no ground.
-const NO_GROUND_HELP: &str = "ground is what has a material with `helios_isGround true` (`vlscan scene info` lists them); give \
-                              the terrain one, or the leg a height of its own instead of on_ground";
+const NO_GROUND_HELP: &str = "ground is every surface whose material has `helios_isGround true` (`vlscan scene info` lists them); give the terrain such a material, or give the leg a height instead of on_ground";
 
 /// Courses of the legs in the scene frame: shifted, dropped to the ground and, given a seed, displaced at random. Where
 /// there is no ground that is an error if the ground is needed, and otherwise the height of the scene's centre counts.
@@ -176,7 +175,7 @@ pub(super) fn check_spans(
         let world = |t: f64| t + table.first_time();
         let (start, end) = (number(world(span.start)), number(world(span.end)));
         if !(span.start.is_finite() && span.end.is_finite()) {
-            let message = format!("leg {}: from {} s to {} s is no stretch of time", leg.number, start, end);
+            let message = format!("leg {}: from {} s to {} s is not a valid interval", leg.number, start, end);
             problems.error(leg.place.clone(), message);
         } else if span.end - span.start > MAX_DURATION {
             let message = format!(
@@ -201,7 +200,7 @@ pub(super) fn check_spans(
             problems.warn(leg.place.clone(), message);
         } else if span.start < 0.0 || span.end > table.duration() {
             let message = format!(
-                "leg {}: {start} s to {end} s leaves the trajectory ({} s to {} s); its ends are prolonged",
+                "leg {}: {start} s to {end} s leaves the trajectory ({} s to {} s); the first and last poses are extrapolated",
                 leg.number,
                 number(world(0.0)),
                 number(world(table.duration()))

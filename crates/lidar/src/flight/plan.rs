@@ -186,8 +186,8 @@ impl FlightPlan {
 
     fn check_waypoints(&self, problems: &mut Diagnostics) {
         if let [leg] = self.legs.as_slice() {
-            let message = "a moving platform with a single leg heads for the centre of the scene";
-            problems.warn(leg.place.clone(), message).help("add a leg where the platform shall go to");
+            let message = "a moving platform with a single leg flies towards the centre of the scene";
+            problems.warn(leg.place.clone(), message).help("add a leg at the platform's destination");
         }
         for (pair, leg) in self.platform.legs.windows(2).zip(&self.legs) {
             let way = pair[1].position - pair[0].position;

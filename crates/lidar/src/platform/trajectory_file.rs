@@ -48,7 +48,7 @@ pub fn read_trajectories(
         }
     }
     if settings.files.is_empty() {
-        problems.error(None, "an interpolated platform needs a trajectory file");
+        problems.error(None, "a platform of type interpolated needs a trajectory file");
         usable = false;
     }
     let table = TrajectoryTable::new(table).filter(|_| usable);
@@ -71,7 +71,7 @@ fn read_file(
         };
         check_count(&file.path, poses.len(), problems)?;
         if file.columns.is_some() || file.separator.is_some() {
-            let message = "tIndex, xIndex … and the separator have no effect: the file is no text";
+            let message = "tIndex, xIndex … and the separator have no effect: the file is not text";
             problems.warn(Some(Place::of_file(&file.path)), message);
         }
         return Some(thin(pose_rows(&poses, settings), threshold));
@@ -296,7 +296,7 @@ fn choose_layout(
     } else if time.is_some() {
         PoseLayout::in_order(wanted, time)
     } else {
-        return Err("nothing says which column holds the time".to_owned());
+        return Err("no column is named as the time".to_owned());
     };
     if position_only {
         ANGLES.iter().for_each(|&angle| layout.columns[angle as usize] = None);
@@ -342,7 +342,7 @@ mod tests {
 
     #[test]
     fn files_without_a_time_column_or_poses_are_refused() {
-        assert!(rows(&file(), "1,2,3,4,5,6,7\n").unwrap_err().contains("which column holds the time"));
+        assert!(rows(&file(), "1,2,3,4,5,6,7\n").unwrap_err().contains("no column is named as the time"));
         assert!(rows(&file(), "#TIME_COLUMN: 0\n1,2,3,4,5,6,7\n").unwrap_err().contains("holds 1 poses"));
         assert!(rows(&file(), "#HEADER: \"t\", \"x\"\n1,2\n").unwrap_err().contains("no column for roll"));
         assert!(rows(&file(), "#TIME_COLUMN: x\n1,2\n").unwrap_err().contains("number of a column"));

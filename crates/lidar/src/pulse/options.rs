@@ -9,7 +9,7 @@ use vlscan_base::corrections::Corrections;
 pub enum PhysicsProfile {
     /// Reproduce HELIOS++.
     Helios,
-    /// Switch on the corrections of its known weaknesses.
+    /// Correct its known weaknesses.
     Refined,
 }
 

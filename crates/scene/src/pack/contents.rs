@@ -88,7 +88,7 @@ pub(super) fn read_scene(file: &ArrayFile, epoch: u32, builder: Builder) -> Resu
     };
     let (primitives, cubes) = (scene.geometry.len(), scene.geometry.cubes.len());
     if scene.surface_ids.len() != primitives || scene.voxels.len() != cubes {
-        return Err(file.refuse("its arrays do not belong together"));
+        return Err(file.refuse("its arrays do not match"));
     }
     let mut tree = read_tree(&name("tree"), file)?;
     if let Some(parts) = instance_parts {
@@ -97,13 +97,13 @@ pub(super) fn read_scene(file: &ArrayFile, epoch: u32, builder: Builder) -> Resu
         let materials = (0..instances.models.len()).map(|i| file.array(&name(&format!("materials {i}"))));
         let materials = materials.collect::<Result<Vec<_>>>()?;
         if parts.len() != instances.all.len() {
-            return Err(file.refuse("its instances do not belong together"));
+            return Err(file.refuse("its instances do not match"));
         }
         tree = read_instance_trees(tree, &prefix(epoch), &instances, file)?;
         scene.instances = Some(InstanceSet { instances, materials, parts });
     }
     if !are_numbers_valid(&scene) {
-        return Err(file.refuse("its parts name something that is not there"));
+        return Err(file.refuse("its parts refer to something that does not exist"));
     }
     scene.packed_tree = Some(PackedTree { builder, tree: Arc::new(tree) });
     Ok(scene)

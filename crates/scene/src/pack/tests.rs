@@ -140,10 +140,10 @@ fn conditions_count_where_they_matter() {
     assert!(refused(|o| o.seed = 5).contains("seed"));
     assert!(
         refused(|o| o.rules.specular_shares = true)
-            .contains("read for --physics helios, and this run has other corrections")
+            .contains("read for --physics helios, but this run has other corrections")
     );
     assert!(
-        refused(|o| o.rules.reflectance_fraction = true).contains("and this run has other corrections"),
+        refused(|o| o.rules.reflectance_fraction = true).contains("but this run has other corrections"),
         "there is a spectrum"
     );
     assert!(refused(|o| o.max_memory = Some(100)).contains("the limit is 100 B"));

@@ -39,7 +39,7 @@ pub fn pack(
 ) -> Result<Packed> {
     let epochs = count_epochs(recipe)?;
     if recipe.packed.is_some() {
-        return Err(Error::input(format!("{} is packed already", recipe.path.display())));
+        return Err(Error::input(format!("{} is already a packed scene", recipe.path.display())));
     }
     if epochs > MAX_EPOCHS {
         let message = format!("the scene has {epochs} epochs; at most {MAX_EPOCHS} can be packed");

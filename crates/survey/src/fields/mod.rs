@@ -97,7 +97,7 @@ impl<'c> Fields<'c> {
             fields.ignore(&["type", "value"]);
             match param.value("type") == Some("rotation") {
                 true => fields.ignore(&["rotations"]),
-                false => fields.without_effect(&["rotations"], "on a parameter that is no rotation"),
+                false => fields.without_effect(&["rotations"], "on a parameter that is not a rotation"),
             }
             fields.done(&["rot"]);
             if keys.insert(key.clone()) {
@@ -106,7 +106,7 @@ impl<'c> Fields<'c> {
                 let key = key.unwrap_or_default();
                 context.warn(
                     param.place(),
-                    format!("the parameter `{key}` is given twice; the first one counts"),
+                    format!("the parameter `{key}` is given twice; the first one is used"),
                 );
             }
         }
@@ -315,7 +315,7 @@ impl<'c> Fields<'c> {
         for name in children.iter().filter(|name| !REPEATED.contains(name)) {
             for second in element.named(name).skip(1).take(MAX_UNKNOWN_CHILDREN) {
                 let message =
-                    format!("a second <{name}> in <{}> is ignored; the first one counts", element.name());
+                    format!("a second <{name}> in <{}> is ignored; the first one is used", element.name());
                 self.context.warn(second.place(), message);
             }
         }

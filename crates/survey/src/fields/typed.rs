@@ -55,7 +55,7 @@ impl<'c> Fields<'c> {
                     return None;
                 }
                 let used = match beginning.unwrap_or(default) {
-                    used if used.is_nan() => "it counts as not given".to_owned(),
+                    used if used.is_nan() => "it is ignored".to_owned(),
                     used => format!("{} is used", number(used)),
                 };
                 self.replaced(key, T::expected(self.reading), &used);

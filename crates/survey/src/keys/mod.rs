@@ -162,7 +162,7 @@ pub fn warn_of_unused_keys(written: &[WrittenKey], is_on: impl Fn(&str) -> bool,
                 (
                     format!("`{name}` has no effect without the correction {flag} of the physics"),
                     format!(
-                        "`--physics refined` makes use of it, as does `--correct {flag}`; or leave it out"
+                        "use `--physics refined` or `--correct {flag}`, or leave it out"
                     ),
                 )
             }
@@ -170,7 +170,7 @@ pub fn warn_of_unused_keys(written: &[WrittenKey], is_on: impl Fn(&str) -> bool,
                 format!(
                     "`{name}` of a channel has no effect: in the physics of HELIOS++ all have the first one's"
                 ),
-                "`--physics refined` makes use of it; or leave it out".to_owned(),
+                "use `--physics refined`, or leave it out".to_owned(),
             ),
             Without(correction) if is_on(correction) => {
                 let flag = correction.replace('_', "-");
@@ -178,7 +178,7 @@ pub fn warn_of_unused_keys(written: &[WrittenKey], is_on: impl Fn(&str) -> bool,
                     format!(
                         "`{name}` has no effect with the correction {flag}, which is part of the refined physics"
                     ),
-                    "leave it out; `--physics helios` makes use of it".to_owned(),
+                    "leave it out, or use `--physics helios`".to_owned(),
                 )
             }
             UnlessBeside { key: other, correction } if is_on(correction) => {

@@ -270,7 +270,7 @@ keys! {
         range_min_m = "rangeMin_m" in MIN_RANGE;
         /// Farthest range, m. Default: unlimited.
         range_max_m = "rangeMax_m" in MAX_RANGE;
-        /// Most returns per pulse; 0 is unlimited, the default.
+        /// Maximum number of returns per pulse; 0 = unlimited, the default.
         max_returns = "maxNOR" in COUNT;
         /// Detection threshold, W. Default: 0.0001.
         received_energy_min_w = "receivedEnergyMin_W" in NOT_NEGATIVE;
@@ -447,8 +447,8 @@ keys! {
         speed_m_per_s = "movePerSec_m" in SPEED;
         /// Whether the scanner fires. Default: true.
         active = "active";
-        /// The id of a platform that ships, or `file.xml#id`, of one that carries the scanner in this leg, with its mount; it has to be of the kind of
-        /// `[platform]`. Default: `[platform]`.
+        /// The id of a platform that ships, or `file.xml#id`, of one that carries the scanner in this leg, with its mount; it has to be of
+        /// the kind of `[platform]`. Default: `[platform]`.
         platform = "platform";
         /// Mount of the scanner in this leg. Default: that of the leg's `platform`, or of `[platform]`.
         mount = "scannerMount";
@@ -482,7 +482,7 @@ keys! {
         range_min_m = "rangeMin_m" in MIN_RANGE;
         /// Farthest range, m.
         range_max_m = "rangeMax_m" in MAX_RANGE;
-        /// Most returns per pulse; 0 is unlimited.
+        /// Maximum number of returns per pulse; 0 = unlimited.
         max_returns = "maxNOR" in COUNT;
         /// Factor on the range noise, a formula of the range t in metres.
         distance_error = "distanceMeasurementError";

@@ -82,7 +82,7 @@ fn keys_change_a_calibrated_sensor() {
 fn what_a_file_lacks_is_said() {
     for (from, to, said) in [
         ("\"lidar_origin_to_beam_origin_mm\": 15.806, ", "", "12.163 mm is used"),
-        ("\"OS-1-32\"", "\"OS-DOME-128\"", "`OS-DOME-128` has no entry"),
+        ("\"OS-1-32\"", "\"OS-DOME-128\"", "`OS-DOME-128` is not in the catalogue"),
         ("[0, 511]", "[100, 300]", "the columns [100,300] alone"),
     ] {
         assert!(FLAT.contains(from), "{from}");

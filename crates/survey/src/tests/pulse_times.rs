@@ -46,7 +46,7 @@ fn times_that_cannot_be_are_named_with_their_line() {
         ("pulse_times = \"back.txt\"", "a time later than that of the line before"),
         ("pulse_times = \"early.txt\"", "a time from 0 to"),
         ("pulse_times = \"two.txt\"", "the time of a pulse in s"),
-        ("pulse_times = \"one.txt\"", "has less than two times"),
+        ("pulse_times = \"one.txt\"", "has fewer than two times"),
         ("pulse_times = \"fast.txt\"", "pulses per second on average"),
         ("pulse_times = \"none.txt\"", "cannot find the file `none.txt`"),
         (

@@ -356,7 +356,7 @@ fn file_expressions() {
     let group = |expression: &str| {
         scene_of(&format!("<part>{}</part>", filter("objloader", &param("string", "efilepath", expression))))
     };
-    contains(&refused(group("b(")), &["is no regular expression"]);
+    contains(&refused(group("b(")), &["is not a valid regular expression"]);
     contains(&refused(group(r"z.*\.obj")), &["no file matches", "searched in"]);
 }
 

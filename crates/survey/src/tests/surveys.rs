@@ -32,7 +32,7 @@ fn settings_merge_by_value() {
     contains(
         &warnings.render(false),
         &[
-            "`pulseFreq_hz` of 0 is a default and counts as not given; 100000 is used",
+            "`pulseFreq_hz` of 0 is a default and treated as not given; 100000 is used",
             "`beamDivergence_rad` of 0.003",
         ],
     );
@@ -174,7 +174,7 @@ fn windows_wider_than_the_mirror_are_refused() {
 fn templates_that_rest_on_themselves() {
     let templates = "<scannerSettings id='a' template='b'/><scannerSettings id='b' template='a'/>";
     let leg = "<leg><platformSettings/><scannerSettings template='a' scanFreq_hz='50'/></leg>";
-    contains(&refused(survey_of(templates, "platform='plane'", leg)), &["rests on itself", "template='a'"]);
+    contains(&refused(survey_of(templates, "platform='plane'", leg)), &["refers to itself", "template='a'"]);
     let missing =
         refused(survey_of("", "platform='plane'", "<leg><platformSettings template='cruse'/></leg>"));
     contains(&missing, &["no <platformSettings> with the id `cruse`", "no <platformSettings> at all"]);

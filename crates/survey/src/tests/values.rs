@@ -390,7 +390,7 @@ fn limits_of_the_instrument_say_what_is_used() {
         &["`scanAngle_deg` of 70 degrees is beyond the scanner's 60"],
     );
     contains(&of(&rotating, "scanAngle_deg='55'"), &["is beyond the 50 within which the scanner fires"]);
-    contains(&of(&rotating, "scanAngle_deg='-5'"), &["is below 0 and counts as not given"]);
+    contains(&of(&rotating, "scanAngle_deg='-5'"), &["is below 0 and ignored"]);
     contains(&of(&rotating, "verticalAngleMax_deg='30'"), &["is beyond the scan angle of 10 degrees"]);
     let fixed = format!("{}>", OPTICS[0]);
     contains(&of(&fixed, "headRotatePerSec_deg='9'"), &["has no effect: the scanner's head does not turn"]);
@@ -408,7 +408,7 @@ fn second_elements_are_warned_of() {
     let text = text.replacen("</leg>", "<platformSettings x='7'/></leg>", 1);
     contains(
         &read(&text).unwrap().1,
-        &["a second <platformSettings> in <leg> is ignored; the first one counts"],
+        &["a second <platformSettings> in <leg> is ignored; the first one is used"],
     );
     let again = survey(
         &format!("{}>", OPTICS[0]),
@@ -417,7 +417,7 @@ fn second_elements_are_warned_of() {
         "",
         &legs("", ""),
     );
-    contains(&read(&again).unwrap().1, &["a second <platform> has the id `tripod`; the first one counts"]);
+    contains(&read(&again).unwrap().1, &["a second <platform> has the id `tripod`; the first one is used"]);
     let twice = "type='linearpath'><scannerMount z='1'/><scannerMount z='2'/>";
     let text = survey(&format!("{}>", OPTICS[0]), twice, "", "", &legs("", ""));
     contains(&read(&text).unwrap().1, &["a second <scannerMount> in <platform>"]);

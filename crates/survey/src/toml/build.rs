@@ -258,7 +258,7 @@ fn set_legs(
     };
     if survey.legs.is_empty() {
         common.iter_mut().for_each(|common| ScannerLayer::DEFAULT.clone().change(common));
-        let message = "a pipeline needs a way to move: [trajectory], [[leg]] tables or a `survey`";
+        let message = "a pipeline needs [trajectory], [[leg]] tables or a `survey`";
         context.error_help(fields.own_place(), message, "path = \"-\" in [trajectory] is standard input");
     }
     for (i, leg) in survey.legs.iter_mut().enumerate() {

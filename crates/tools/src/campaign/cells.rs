@@ -122,7 +122,7 @@ impl Cells {
                 let message = format!(
                     "the split has no group for {name}: its share is {share}, and there are {groups} groups"
                 );
-                let help = "more scenes (or plots) make more groups; by = \"cell\" makes each cell one";
+                let help = "add scenes (or plots) for more groups; by = \"cell\" makes each cell a group";
                 found.warn(file.place(written), message).help(help);
             }
         }

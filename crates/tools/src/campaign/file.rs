@@ -233,11 +233,11 @@ impl File {
             ("seed", self.seeds.len()),
         ] {
             if count == 0 {
-                return Err(format!("a campaign needs a {what} at least"));
+                return Err(format!("a campaign needs at least one {what}"));
             }
         }
         if self.seeds.len() > MAX_SEEDS {
-            return Err(format!("more than {MAX_SEEDS} seeds are more cells than a campaign can have"));
+            return Err(format!("at most {MAX_SEEDS} seeds are possible"));
         }
         for scene in &self.scenes {
             let name = &scene.name;
@@ -246,10 +246,10 @@ impl File {
                 return Err(format!("scene {name}: expected one of `file`, `make` and `stand`"));
             }
             if scene.plots.is_some() && (scene.area.is_none() || scene.stand.is_none()) {
-                return Err(format!("scene {name}: `plots` lie within the `area` of a `stand`"));
+                return Err(format!("scene {name}: `plots` need a `stand` with an `area`"));
             }
             if scene.plot_m.is_some() && scene.plots.is_none() {
-                return Err(format!("scene {name}: `plot_m` is the size of `plots`, and there are none"));
+                return Err(format!("scene {name}: `plot_m` is the size of `plots`, but the scene has no `plots`"));
             }
             if scene.margin_m.is_some() && (scene.stand.is_none() || scene.area.is_none()) {
                 return Err(format!("scene {name}: `margin_m` is for trees of a `stand` around an `area`"));
@@ -272,7 +272,7 @@ impl File {
             let sum: f64 = shares.iter().sum();
             if !(sum > 0.0 && sum.is_finite() && shares.iter().all(|share| *share >= 0.0)) {
                 return Err(
-                    "split: train, validation and test are shares of at least 0, not all 0".to_owned()
+                    "split: train, validation and test must be at least 0, and not all 0".to_owned()
                 );
             }
         }

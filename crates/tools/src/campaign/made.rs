@@ -87,7 +87,7 @@ impl Owned {
         match self.place.symlink_metadata() {
             Err(_) => None,
             Ok(about) if !about.is_dir() => {
-                Some(format!("{} is no folder: {}", self.place.display(), moved(&self.place)))
+                Some(format!("{} is not a folder: {}", self.place.display(), moved(&self.place)))
             }
             Ok(_) => self.foreign_in(&self.place),
         }

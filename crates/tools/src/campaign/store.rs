@@ -100,13 +100,13 @@ impl Store {
     fn check_names(&self) -> Result<()> {
         let foreign = |path: &Path, what: &str| {
             Error::input(format!(
-                "{} {what}, and no campaign has written it: move it, or choose another folder as `out`",
+                "{} {what}, which no campaign has written: move it, or choose another folder as `out`",
                 path.display()
             ))
         };
         for folder in [self.folder.join("cells"), self.folder.join(".campaign")] {
             if folder.symlink_metadata().is_ok() && !folder.is_dir() {
-                return Err(foreign(&folder, "is no folder"));
+                return Err(foreign(&folder, "is not a folder"));
             }
         }
         let hidden = self.folder.join(".campaign");
@@ -123,7 +123,7 @@ impl Store {
             let path = self.folder.join(name);
             match path.symlink_metadata() {
                 Err(_) => {}
-                Ok(about) if !about.is_file() => return Err(foreign(&path, "is no regular file")),
+                Ok(about) if !about.is_file() => return Err(foreign(&path, "is not a regular file")),
                 Ok(_) if !is_replaced && (is_marked || made::is_in(&hidden)) => {}
                 Ok(_) if is_of_cells(&path) => {}
                 Ok(_) => return Err(foreign(&path, "exists")),
@@ -195,10 +195,10 @@ impl Store {
             let shown = || format!("{} of the cell {}", file.path, record.cell);
             match path.symlink_metadata() {
                 Err(_) => return Err(format!("{} is missing", shown())),
-                Ok(about) if !about.is_file() => return Err(format!("{} is no regular file", shown())),
+                Ok(about) if !about.is_file() => return Err(format!("{} is not a regular file", shown())),
                 Ok(about) if about.len() != file.bytes => {
                     return Err(format!(
-                        "{} has {} bytes, not the {} that were written",
+                        "{} has {} bytes, expected {}",
                         shown(),
                         about.len(),
                         file.bytes
@@ -209,7 +209,7 @@ impl Store {
             let is_seen = made::stamp(&path)
                 .is_some_and(|stamp| stamps.is_some_and(|known| known.get(&file.path) == Some(&stamp)));
             if (self.verifies || !is_seen) && inputs.sum(&path).as_ref() != Some(&file.sum) {
-                return Err(format!("{} is not as it was written: its checksum differs", shown()));
+                return Err(format!("{} has changed since it was written: its checksum differs", shown()));
             }
             is_known &= is_seen;
         }
@@ -239,7 +239,7 @@ impl Store {
             [self.failed_path(cell), self.made_path(cell), self.hidden(&format!("{}.lock", cell.name))]
         {
             if path.symlink_metadata().is_ok_and(|about| !about.is_file()) {
-                return Some(format!("{} is no regular file: {}", path.display(), moved(&path)));
+                return Some(format!("{} is not a regular file: {}", path.display(), moved(&path)));
             }
         }
         let work = self.work(cell);
@@ -260,7 +260,7 @@ impl Store {
     pub fn lock(&self, cell: &Cell) -> Result<Option<CellLock>> {
         let path = self.hidden(&format!("{}.lock", cell.name));
         if path.symlink_metadata().is_ok_and(|about| !about.is_file()) {
-            return Err(Error::input(format!("{} is no regular file: {}", path.display(), moved(&path))));
+            return Err(Error::input(format!("{} is not a regular file: {}", path.display(), moved(&path))));
         }
         let lock = OpenOptions::new().write(true).create(true).truncate(false).open(&path);
         let lock = lock.map_err(|e| Error::io("create", &path, e))?;
@@ -283,7 +283,7 @@ impl Store {
             Err(TryLockError::WouldBlock) => Ok(false),
             Err(TryLockError::Error(_)) if self.needs_no_locks => Ok(true),
             Err(TryLockError::Error(error)) => Err(Error::input(format!(
-                "{}: this file system has no locks ({error}); use --task K/N, which gives each process cells of its own",
+                "{}: this file system has no locks ({error}); use --task K/N, which divides the cells among the processes",
                 self.folder.display()
             ))),
         }

@@ -33,7 +33,7 @@ pub fn read_packet(path: &Path, number_wanted: u64) -> Result<Wave> {
     let dimensions = reader.extra_dimensions().map_err(failed)?;
     let dimension = |wanted: &str| dimensions.iter().find(|(name, _)| name == wanted).map(|(_, d)| *d);
     let Some(index) = dimension("fullwaveIndex") else {
-        return Err(failed("it does not tell pulses apart: no dimension fullwaveIndex".to_owned()));
+        return Err(failed("its pulses cannot be told apart: it has no dimension fullwaveIndex".to_owned()));
     };
     let range = dimension("range");
     let (mut near, mut found): (NearestPulses, Option<(Packet, Echo)>) = (NearestPulses::default(), None);
@@ -125,10 +125,10 @@ impl Packet {
         let id = 99 + u16::from(self.descriptor);
         let data = file.variable_record("LASF_Spec", id).map_err(|problem| wrong(&problem))?;
         let data = data.filter(|data| data.len() >= 26);
-        let data = data.ok_or_else(|| wrong("the points refer to a packet descriptor that is not there"))?;
+        let data = data.ok_or_else(|| wrong("the points refer to a missing packet descriptor"))?;
         let bits = usize::from(data[0]);
         if data[1] != 0 || !matches!(bits, 8 | 16 | 32) {
-            return Err(wrong("waveform packets of a kind that is not read (compressed, or of odd bits)"));
+            return Err(wrong("these waveform packets are not supported (compressed, or an odd number of bits)"));
         }
         let spacing = f64::from(u32::from_le_bytes([data[6], data[7], data[8], data[9]]));
         let (gain, zero) = (f64_at(data, 10).unwrap_or(1.0), f64_at(data, 18).unwrap_or(0.0));
@@ -167,7 +167,7 @@ impl Packet {
                     Error::input(format!("{} ends before the waveform packet", path.display()))
                 }
                 std::io::ErrorKind::NotFound => {
-                    Error::input(format!("{} with the waveform packets is not there", path.display()))
+                    Error::input(format!("{} with the waveform packets is missing", path.display()))
                 }
                 _ => Error::io("read", path.clone(), e),
             }

@@ -161,7 +161,7 @@ impl NearestPulses {
             return format!("{} holds no waveforms", path.display());
         }
         format!(
-            "{} has no waveform of pulse {wanted} (only pulses with an echo have one); the nearest: {}",
+            "{} has no waveform of pulse {wanted} (only pulses with an echo have one); nearest: {}",
             path.display(),
             near.join(", ")
         )

@@ -123,7 +123,7 @@ pub fn compare(
     let [a, b] = [first.1, second.1].map(|points| Cut::of(points, low, high));
     let cuts = [&a, &b];
     if cuts.iter().any(|cut| cut.len() == 0) {
-        return Err(Error::input("one of the clouds has no point in the box that both share"));
+        return Err(Error::input("one of the clouds has no points in the common box"));
     }
     let tell = |what: &str| observer.notify(Notice::Detail(format!("compare: {what}")));
     tell("pulses");
@@ -154,7 +154,7 @@ pub fn compare(
     };
     let Findings { quantities, mut missing } = findings(&setting, &tell);
     if options.chance && setting.halves.is_none() {
-        missing.push(format!("chance: the first cloud has {count} blocks, expected at least {MIN_BLOCKS}"));
+        missing.push(format!("--chance: the first cloud has {count} blocks, expected at least {MIN_BLOCKS}"));
     }
     tell("distances, canopy, voxels");
     let occupied = occupied_cells(&setting.grid, cuts);
@@ -235,7 +235,7 @@ pub(super) fn common_box(first: &Points, second: &Points) -> Result<(DVec3, DVec
     if low.x > high.x || low.y > high.y {
         let gap = (low - high).max_element();
         return Err(format!(
-            "the clouds do not overlap: {gap:.1} m lie between their boxes ({:.1} {:.1} and {:.1} {:.1} are their lower corners)",
+            "the clouds do not overlap: their boxes are {gap:.1} m apart ({:.1} {:.1} and {:.1} {:.1} are their lower corners)",
             a.min.x, a.min.y, b.min.x, b.min.y
         ));
     }

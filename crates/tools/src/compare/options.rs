@@ -13,11 +13,11 @@ pub struct CompareOptions {
     /// Side of the voxels whose occupancy is compared, m.
     #[arg(long, value_name = "M", default_value = "0.5", value_parser = args::positive)]
     pub voxel: f64,
-    /// Most points of each cloud whose distance to the other and height above the terrain are measured, evenly chosen.
+    /// Maximum number of points of each cloud, evenly sampled, whose distance to the other cloud and height above the terrain are computed.
     #[arg(long, value_name = "N", default_value = "200k", value_parser = args::number_of_points)]
     pub most_distances: usize,
-    /// Tell what chance alone gives: each figure with the largest difference between random halves of the first cloud's scan lines,
-    /// or of cells where it has none.
+    /// Show what chance alone gives: beside each figure the largest difference between random halves of the first cloud's scan lines, or of
+    /// square cells if it has none.
     #[arg(long)]
     pub chance: bool,
     /// Terrain that heights and residuals refer to: a raster (.tif) or a mesh (.obj, .ply, .stl). [default: the ground points of

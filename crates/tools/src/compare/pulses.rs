@@ -49,7 +49,7 @@ impl Pulses {
     /// Why there are none: no times, too coarse ones.
     pub fn of(cut: &Cut) -> Result<Pulses, String> {
         if cut.points.is_thinned() {
-            return Err("it has more points than are kept in memory; cut it into parts".to_owned());
+            return Err("it has too many points for the memory limit; divide it into parts".to_owned());
         }
         let times: Option<Vec<f64>> = cut.map(|points, i| points.time_of(i)).collect();
         let times = times.ok_or("it has no GPS times")?;

@@ -29,7 +29,7 @@ impl Setting<'_> {
         let points = match has_ground {
             [true, true] => "ground points (class 2)".to_owned(),
             _ => format!(
-                "ground points (class 2), of a cloud without them last returns within {MAX_GROUND_DISTANCE} m,"
+                "ground points (class 2); if a cloud has none, last returns within {MAX_GROUND_DISTANCE} m,"
             ),
         };
         let statistics =

@@ -107,32 +107,32 @@ static TRAITS: [Traits; 3] = [
 pub struct SceneOptions {
     /// What to make.
     pub kind: Kind,
-    /// Number of triangles, met within about one per cent; 250k and 10M are understood.
+    /// Number of triangles, to within about one per cent; 250k and 10M are understood.
     #[arg(short = 'n', long, value_name = "N", default_value = "100k", value_parser = args::count)]
     pub triangles: u64,
-    /// Another seed makes another scene.
+    /// Seed; another seed makes another scene.
     #[arg(long, value_name = "SEED", default_value_t = 1)]
     pub seed: u64,
     /// Edge length of the scene in metres.
     #[arg(long, value_name = "METRES")]
     pub extent: Option<f64>,
-    /// Roughly how many pulses the survey emits.
+    /// Approximate number of pulses of the survey.
     #[arg(long, value_name = "N", value_parser = args::count)]
     pub pulses: Option<u64>,
-    /// Forest: every tree is a part of its own, so that echoes carry the tree's number.
+    /// Forest: make every tree a separate part, so that points have the number of their tree.
     #[arg(long)]
     pub separate_trees: bool,
-    /// Forest: make so many trees and let each stand in --copies places; a forest of a billion triangles is
-    /// -n 1G --models 50 --copies 1000.
+    /// Forest: make this many different trees and place each --copies times; -n 1G --models 50 --copies 1000 is a forest of a billion
+    /// triangles.
     #[arg(long, value_name = "N", conflicts_with = "separate_trees")]
     pub models: Option<u64>,
-    /// Forest: so many opaque voxels of 0.25 m in the crowns, besides the triangles.
+    /// Forest: add this many opaque voxels of 0.25 m to the crowns.
     #[arg(long, value_name = "N", conflicts_with = "models", value_parser = args::count)]
     pub voxels: Option<u64>,
-    /// Forest with --models: places of each tree. [default: 100]
+    /// Forest with --models: copies of each tree. [default: 100]
     #[arg(long, value_name = "N", requires = "models")]
     pub copies: Option<u64>,
-    /// Overwrite files that exist.
+    /// Replace existing files.
     #[arg(id = "force", long = "force")]
     pub overwrite: bool,
 }
@@ -232,7 +232,7 @@ fn check(options: &SceneOptions) -> Result<f64> {
     let (kind, triangles) = (options.kind.name(), options.triangles);
     let min = options.kind.traits().min_triangles;
     if triangles < min {
-        return Err(Error::input(format!("a {kind} of {triangles} triangles: it takes at least {min}")));
+        return Err(Error::input(format!("a {kind} of {triangles} triangles: expected at least {min}")));
     }
     if let Some((models, copies)) = options.instances() {
         let possible = options.kind == Kind::Forest

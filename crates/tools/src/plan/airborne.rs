@@ -47,10 +47,10 @@ pub struct AirborneOptions {
     /// Overlap of neighbouring strips, percent of the swath. [default: 30]
     #[arg(long, value_name = "PERCENT", value_parser = args::overlap)]
     pub overlap: Option<f64>,
-    /// Half opening angle, degrees; not of spinning heads and wedge prisms. [default: 30, or what the scanner reaches]
+    /// Half opening angle, degrees; not for spinning heads and wedge prisms. [default: 30, or the scanner's maximum]
     #[arg(long, value_name = "DEG", value_parser = args::positive)]
     pub scan_angle: Option<f64>,
-    /// Scan frequency; of spinning scanners turns per second. [default: points as far apart along as across; 10]
+    /// Scan frequency in Hz; for spinning scanners revolutions per second. [default: equal spacing along and across; 10]
     #[arg(long, value_name = "HZ", value_parser = args::positive)]
     pub scan_freq: Option<f64>,
     /// Direction of the lines, degrees clockwise from +y. [default: the one with the fewest lines]
@@ -59,8 +59,8 @@ pub struct AirborneOptions {
     /// Cross lines, perpendicular to the others and evenly spread.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=10_000))]
     pub cross_lines: u32,
-    /// Length by which lines begin before the area and end behind it, m. [default: as far as the scanner looks ahead and
-    /// behind, and a scan line]
+    /// Length by which lines begin before the area and end after it, m. [default: as far as the scanner looks ahead and behind, plus a scan
+    /// line]
     #[arg(long, value_name = "M", value_parser = args::positive)]
     pub run_in: Option<f64>,
     /// Fly turns of this radius between lines, m. [default: straight to the next line]
@@ -262,7 +262,7 @@ fn check_clearance(instrument: &Instrument, options: &AirborneOptions, relief: f
         false => (String::new(), ""),
     };
     Err(format!(
-        "the ground is {} m away{why}, and {} measures from {} m on; fly higher than {:.0} m{help}",
+        "the ground is {} m away{why}, but {} measures from {} m; fly higher than {:.0} m{help}",
         number(lowest),
         instrument.name(),
         number(near),
@@ -285,7 +285,7 @@ fn choose(
     options: &AirborneOptions,
 ) -> Result<Choice, String> {
     if options.density.is_some() && options.speed.is_some() && options.overlap.is_some() {
-        return Err("density, speed and overlap determine each other: leave one out".to_owned());
+        return Err("--density, --speed and --overlap determine each other: leave one out".to_owned());
     }
     if options.density.is_none() && options.speed.is_none() {
         return Err("give --speed, or --density to derive the speed from it".to_owned());
@@ -337,7 +337,7 @@ fn mount(
     let [_, far] = instrument.ranges();
     if options.height >= far {
         return Err(format!(
-            "the ground is {} m away, and {} measures up to {} m; fly lower",
+            "the ground is {} m away, but {} measures up to {} m only; fly lower",
             number(options.height),
             instrument.name(),
             number(far)
@@ -351,7 +351,7 @@ fn mount(
             check_ranges(instrument, options, &beams.over_ground(&down, options.height))?;
         }
         return Err(format!(
-            "no mount points the beams of {} at the ground below a flight",
+            "no mount points the beams of {} at the ground",
             instrument.name()
         ));
     };
@@ -360,8 +360,7 @@ fn mount(
     }
     if !carrier.may_turn {
         return Err(format!(
-            "the mount of the platform does not point the beams of {} at the ground below the flight; leave out --platform \
-             for one that does, or turn the mount by {}",
+            "the mount of --platform does not point the beams of {} at the ground; leave out --platform for a mount that does, or turn the mount by {}",
             instrument.name(),
             turns.text()
         ));
@@ -379,22 +378,21 @@ fn check_ranges(instrument: &Instrument, options: &AirborneOptions, field: &Fiel
     let percent = (100.0 * GROUND_REFLECTANCE).round();
     if field.lost.too_near > MAX_CUT {
         return Err(format!(
-            "the ground is {below} m away, and {name} measures from {} m on; fly higher",
+            "the ground is {below} m away, but {name} measures from {} m; fly higher",
             number(near)
         ));
     }
     if field.measured <= 0.0 && field.lost.too_weak > 0.0 {
         return Err(format!(
-            "the ground is {below} m away, and {name} detects none there that reflects {percent} %; fly lower, or lower the pulse rate"
+            "the ground is {below} m away, where {name} does not detect ground that reflects {percent} %; fly lower, or lower the pulse rate"
         ));
     }
     if field.measured <= 0.0 {
-        return Err(format!("{name} reaches no ground {below} m below"));
+        return Err(format!("{name} does not reach ground {below} m below"));
     }
     if is_open && far > MAX_COORDINATE && field.reach() > HORIZON * options.height {
         return Err(format!(
-            "{name} states no range that ends its swath {below} m below: its field cannot be narrowed and reaches the horizon; state \
-             in its <scanner> how far it measures, as rangeMax_m or <maxRange>"
+            "{name} has no maximum range, and its field of view reaches the horizon {below} m above the ground and cannot be narrowed; state rangeMax_m or <maxRange> in its <scanner>"
         ));
     }
     if !is_open && field.lost.too_far > MAX_CUT {
@@ -439,7 +437,7 @@ impl Strip<'_> {
         };
         if !(speed > 1e-3 && speed < 1000.0) {
             return Err(format!(
-                "a speed of {} m/s follows, expected 0.001 to 1000 m/s; change density, pulse rate or height",
+                "the speed would be {} m/s, expected 0.001 to 1000 m/s; change --density, --pulse-rate or --height",
                 number(speed)
             ));
         }
@@ -461,8 +459,7 @@ impl Strip<'_> {
         let spacing = best.1;
         if spacing > self.field.width() * 1.001 {
             return Err(format!(
-                "at {} m/s one strip has {:.2} pulses/m² already, more than {}; fly higher or faster, or lower the pulse \
-                 rate",
+                "at {} m/s one strip has {:.2} pulses/m² already, more than {}; increase --height or --speed, or lower --pulse-rate",
                 number(speed),
                 self.fired_rate * self.field.measured / (speed * self.field.width()),
                 number(density)
@@ -612,7 +609,7 @@ mod tests {
             if ((found / density - 1.0).abs() / MAX_DENSITY_ERROR - 1.0).abs() < 0.02 {
                 continue;
             }
-            let has_warned = plan.warnings.iter().any(|text| text.contains("lines jumps"));
+            let has_warned = plan.warnings.iter().any(|text| text.contains("lines is whole"));
             assert_eq!(has_warned, (found / density - 1.0).abs() > MAX_DENSITY_ERROR, "{density}: {found}");
             warnings += usize::from(has_warned);
         }

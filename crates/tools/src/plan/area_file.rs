@@ -128,17 +128,17 @@ impl<'s> Source<'s> {
         };
         if count > 1 {
             let message = format!("of {count} {many} only the first one is used");
-            self.warn(message, &format!("join them to one {one}, or write each to a file of its own"));
+            self.warn(message, &format!("join them to one {one}, or write each to its own file"));
         }
         if holes > 0 {
-            let message = format!("the holes of the polygon ({holes}) are not left out of the area");
+            let message = format!("the holes of the polygon ({holes}) are treated as part of the area");
             self.warn(message, "remove them, or divide what is around them into polygons without holes");
         }
         if !others.is_empty() {
             let kinds: Vec<String> = others.iter().map(|(kind, count)| format!("{count} {kind}")).collect();
             self.warn(
-                format!("not used, since the first {one} counts: {}", kinds.join(", ")),
-                &format!("remove what is no {one}"),
+                format!("not used, only the first {one} is: {}", kinds.join(", ")),
+                &format!("remove everything that is not a {one}"),
             );
         }
         if self.line.has_heights {
@@ -190,7 +190,7 @@ impl<'s> Source<'s> {
         }
         let Some(scene_crs) = scene_crs else {
             self.note(format!(
-                "its coordinates are in EPSG:{code}, and taken as those of the scene, of which no system is known"
+                "its coordinates are in EPSG:{code}, but the scene's system is unknown; they are used as scene coordinates"
             ));
             return Ok(Coordinates::OfScene);
         };
@@ -224,7 +224,7 @@ impl<'s> Source<'s> {
         if spread < MAX_DEGREES {
             if !is_geojson {
                 self.note(format!(
-                    "its coordinates are taken as longitude and latitude, degrees{OR_METRES_IN_WKT}"
+                    "its coordinates are read as longitude and latitude in degrees{OR_METRES_IN_WKT}"
                 ));
             }
             return Coordinates::Degrees;
@@ -233,7 +233,7 @@ impl<'s> Source<'s> {
             (false, _) => Coordinates::OfScene,
             (true, true) => {
                 let message = format!(
-                    "its coordinates, which extend over {}, are taken as degrees, as GeoJSON without `crs` has them",
+                    "its coordinates, which extend over {}, are read as degrees, as usual for GeoJSON without `crs`",
                     number(spread)
                 );
                 let help = "write \"crs\": null behind the first { if they are metres in the scene's coordinates; \"crs\": {\"type\": \
@@ -242,9 +242,8 @@ impl<'s> Source<'s> {
                 Coordinates::Degrees
             }
             (true, false) => {
-                let message = "its coordinates are taken as metres in the scene's coordinates, though GeoJSON without `crs` \
-                               has degrees: no system of the scene is known to project them to";
-                let help = "write \"crs\": null behind the first { if they are metres; degrees must be projected, for example \
+                let message = "its coordinates are read as metres in the scene's system, although GeoJSON without `crs` is in degrees: the scene's system is unknown, so degrees cannot be projected";
+                let help = "write \"crs\": null after the first { if they are metres; degrees must be projected, for example \
                             with ogr2ogr -t_srs EPSG:25832";
                 self.warn(message.to_owned(), help);
                 Coordinates::OfScene
@@ -262,15 +261,15 @@ impl<'s> Source<'s> {
         }
         let or_metres = match (self.system, self.format) {
             (System::Unstated, Format::GeoJson) => {
-                "; if they are metres, write \"crs\": null behind the first {"
+                "; if they are metres, write \"crs\": null after the first {"
             }
             (System::Unstated, _) => OR_METRES_IN_WKT,
             _ => "",
         };
         let Some(zone) = scene_crs.and_then(UtmZone::of_wkt) else {
             let why = match scene_crs {
-                Some(wkt) => format!("the scene is in {}, which is no UTM zone", crs::name(wkt)),
-                None => "no UTM zone of a scene is known to project them to".to_owned(),
+                Some(wkt) => format!("the scene is in {}, which is not a UTM zone", crs::name(wkt)),
+                None => "the scene's UTM zone is unknown".to_owned(),
             };
             return Err(format!(
                 "its coordinates are degrees, and {why}; expected metres in the scene's coordinates: {REPROJECT}{or_metres}"
@@ -410,7 +409,7 @@ mod tests {
         let (area, told) = read("plot.geojson", &polygon, None, None).unwrap();
         assert!(area == l_shape() && told.contains("warning: its coordinates are taken as metres"), "{told}");
         let (_, told) = read("plot.geojson", &polygon.replace("40", "14"), Some(&utm), None).unwrap();
-        assert!(told.contains("extend over 30, are taken as degrees"), "{told}");
+        assert!(told.contains("extend over 30, are read as degrees"), "{told}");
         let far = polygon.replace("40", "60");
         assert!(
             refused(read("plot.geojson", &far, Some(&utm), None))
@@ -494,7 +493,7 @@ mod tests {
         assert!(
             found
                 .render(false)
-                .contains("note: LINESTRING (9 49, 9.01 49): its coordinates are taken as longitude")
+                .contains("note: LINESTRING (9 49, 9.01 49): its coordinates are read as longitude")
         );
     }
 }

@@ -20,7 +20,7 @@ pub fn corridor(line: &[[f64; 2]], distance: f64) -> Result<Area, String> {
     let step = distance / 10.0;
     if !(distance > 0.0 && 2.0 * length / step <= MAX_POINTS) {
         return Err(format!(
-            "a corridor of {distance} m along a line of {length:.0} m; a wider one is needed"
+            "--buffer {distance} is too narrow for a line of {length:.0} m"
         ));
     }
     let mut edge = Vec::new();

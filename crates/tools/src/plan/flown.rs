@@ -41,7 +41,7 @@ pub struct Flown {
 /// Those of steps of a flight.
 pub fn fly_sample(flight: &FlightPlan, document: &PlannedSurvey, area: &Area, shift: DVec3) -> Result<Flown> {
     let Some(Promise { height, .. }) = document.promise else {
-        return Err(Error::Internal("the plan is no flight".to_owned()));
+        return Err(Error::Internal("the plan is not a flight".to_owned()));
     };
     let legs = measuring_legs(flight, document);
     let all: f64 = legs.iter().flatten().sum();
@@ -187,7 +187,7 @@ impl Flown {
         let off = (self.density - promise.density).abs();
         if off > MAX_DEPARTURE * promise.density + MAX_DEVIATIONS * self.deviation {
             return Err(format!(
-                "the flight of this plan gives {} pulses/m² of flat ground in the area, and the plan promises {}",
+                "the flight of this plan gives {} pulses/m² of flat ground in the area, but {} were planned",
                 number(self.density),
                 number(promise.density)
             ));
@@ -195,7 +195,7 @@ impl Flown {
         let off = self.width - promise.width;
         if off > MAX_DEPARTURE * promise.width || -off > MAX_DEPARTURE * promise.width + MAX_GAPS * self.gap {
             return Err(format!(
-                "the strips of this plan's flight are {} m wide, and the plan promises {} m",
+                "the strips of this plan's flight are {} m wide, but {} m were planned",
                 number(self.width),
                 number(promise.width)
             ));

@@ -137,7 +137,7 @@ pub(super) fn read_geometries(text: &str) -> Result<(Format, Vec<Geometry>), Str
 /// RFC 7946. `system` is that of what holds `json`.
 fn read_geojson(json: &Value, system: System, found: &mut Vec<Geometry>) -> Result<(), String> {
     let system = json.get("crs").map_or(Ok(system), System::of_geojson)?;
-    let kind = json.get("type").and_then(Value::as_str).ok_or("no GeoJSON: an object without `type`")?;
+    let kind = json.get("type").and_then(Value::as_str).ok_or("not GeoJSON: an object without `type`")?;
     let member = |name: &str| list(json.get(name), || format!("the `{name}` of a {kind}"));
     let mut add = |shape| found.push(Geometry { shape, system });
     match kind {
@@ -283,7 +283,7 @@ fn read_wkt(text: &str, depth: u32, found: &mut Vec<Geometry>) -> Result<(), Str
         } else if of("MULTILINESTRING") {
             rings(body)?.into_iter().for_each(|line| add(Shape::Line(line)));
         } else if of("GEOMETRYCOLLECTION") {
-            let depth = depth.checked_sub(1).ok_or("too many collections within each other")?;
+            let depth = depth.checked_sub(1).ok_or("geometry collections are nested too deeply")?;
             let first = found.len();
             read_wkt(body, depth, found)?;
             let parts = found[first..].iter_mut().filter(|part| part.system == System::Unstated);
@@ -444,7 +444,7 @@ mod tests {
             assert!(refused(text).contains(part), "{text}: {}", refused(text));
         }
         let deep = "GEOMETRYCOLLECTION (".repeat(9999) + &")".repeat(9999);
-        assert!(refused(&deep).contains("too many collections"));
+        assert!(refused(&deep).contains("nested too deeply"));
         assert_eq!(read("POLYGON EMPTY")[0].shape, Shape::Polygon(Vec::new()));
     }
 

@@ -20,10 +20,10 @@ pub struct MobileOptions {
     /// Half opening angle, degrees. [default: the scanner's]
     #[arg(long, value_name = "DEG", value_parser = args::positive)]
     pub scan_angle: Option<f64>,
-    /// Scan frequency; of spinning scanners turns per second. [default: points at 10 m as far apart along as on a line; 10]
+    /// Scan frequency in Hz; for spinning scanners revolutions per second. [default: equal spacing along and across at 10 m; 10]
     #[arg(long, value_name = "HZ", value_parser = args::positive)]
     pub scan_freq: Option<f64>,
-    /// Most metres between waypoints, at which the vehicle is set on the scene's ground.
+    /// Maximum distance between waypoints, where the vehicle is placed on the scene's ground, m.
     #[arg(long, value_name = "M", default_value = "20", value_parser = args::positive)]
     pub step: f64,
 }
@@ -61,7 +61,7 @@ pub fn plan_mobile(
         let length = libm::hypot(pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]);
         total += length;
         if total / options.step + places.len() as f64 > MAX_WAYPOINTS {
-            return Err(format!("more than {MAX_WAYPOINTS} waypoints; a larger --step is needed"));
+            return Err(format!("more than {MAX_WAYPOINTS} waypoints; choose a larger --step"));
         }
         let steps = (length / options.step).ceil().max(1.0);
         places.extend((1..=steps as usize).map(|i| {

@@ -67,7 +67,7 @@ impl PlanReport<'_> {
         ];
         if let Some(Turned { turns, .. }) = &self.choice.turned {
             lines.push(format!(
-                "mount      turned by {}, since that of the platform does not point the scanner at the ground",
+                "mount      turned by {}, because the platform's mount does not point the scanner at the ground",
                 turns.text()
             ));
         }
@@ -132,8 +132,7 @@ impl PlanReport<'_> {
             && (density / asked - 1.0).abs() > MAX_DENSITY_ERROR
         {
             warn(format!(
-                "the density over the area is {density:.3} pulses/m² and not {asked}: the number of lines jumps there; at {:.3} m/s \
-                 it would be {asked}",
+                "the density over the area is {density:.3} pulses/m² instead of {asked}, because the number of lines is whole; at {:.3} m/s it would be {asked}",
                 speed * density / asked,
                 asked = number(asked)
             ));
@@ -150,24 +149,23 @@ impl PlanReport<'_> {
         let relief = self.level.high - self.level.low;
         if !options.follow_terrain && relief > 0.1 * self.height {
             warn(format!(
-                "the ground differs by {relief:.0} m within the area, and level lines have other swaths and densities over \
-                 it; --follow-terrain keeps the height above it"
+                "the ground height varies by {relief:.0} m within the area, so swath and density vary along level lines; --follow-terrain keeps the height above ground"
             ));
         }
         if self.level.known == 0.0 {
             warn(format!(
-                "the scene has no ground in the area, which is taken as {:.1} m high; --ground gives another height",
+                "the scene has no ground in the area; a height of {:.1} m is assumed, --ground sets another",
                 self.level.mean
             ));
         } else if self.level.known < 0.99 {
             warn(format!(
-                "{:.0} % of the area have no ground in the scene",
+                "the scene has no ground in {:.0} % of the area",
                 100.0 * (1.0 - self.level.known)
             ));
         }
         let pulses = self.active / speed * fired_rate;
         if pulses > MAX_PULSES {
-            warn(format!("{} pulses are more than most computers compute", amount(pulses)));
+            warn(format!("{} pulses will take very long to compute", amount(pulses)));
         }
         warnings
     }

@@ -9,16 +9,16 @@ use std::path::PathBuf;
 pub enum PlanRequest {
     /// Parallel flight lines over an area.
     ///
-    /// The swath W at that height above the ground and the N pulses per second that reach it are sampled from the instrument's
-    /// own optics. With the speed v, f scan lines per second and the distance S of the lines: overlap 1 − S/W, density N/(v·S),
-    /// spacing v/f along and W·f/N across. Density is the mean number of pulses per m² of flat ground; without --speed the speed
-    /// follows from it, with --speed the distance of the lines. The area is covered to its edges as often as within. Where the
-    /// mount of the default platform does not point the scanner at the ground, the plan turns it. Before it is written, a sample
-    /// of the flight is flown over flat ground and over the scene; what the instrument cannot do is refused.
+    /// The swath W at that height above ground and the N pulses per second that reach it are sampled from the instrument's optics. With the
+    /// speed v, f scan lines per second and the line distance S: overlap 1 − S/W, density N/(v·S), spacing v/f along and W·f/N across.
+    /// Density is the mean number of pulses per m² of flat ground; it determines the speed or, with --speed, the distance of the lines.
+    /// Coverage is uniform up to the edges of the area. If the mount of the default platform does not point the scanner at the ground, the
+    /// plan rotates it. Before the plan is written, a sample of the flight is flown over flat ground and over the scene; plans that the
+    /// instrument cannot fly are rejected.
     Airborne(Box<AirborneRequest>),
-    /// Positions of a tripod on a grid over an area, or around a plot.
+    /// Tripod positions on a grid over an area, or around a plot.
     ///
-    /// The head turns once at each position. Points are resolution × range apart.
+    /// The head makes one revolution at each position. Points are resolution × range apart.
     Terrestrial(Box<TerrestrialRequest>),
     /// A vehicle along a line.
     Mobile(Box<MobileRequest>),
@@ -78,10 +78,10 @@ pub struct PlanSetup {
     /// The platform: an id of `vlscan catalogue`, or file.xml#id.
     #[arg(long, value_name = "PLATFORM")]
     pub platform: Option<String>,
-    /// The scene, which the plan names; it tells the ground and, where no area is given, the area.
+    /// The scene of the plan; it gives the ground height and, without --area, the area.
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<String>,
-    /// Height of the ground where no scene tells it, m; tripods and vehicles stand on it even if a scene does. [default: 0]
+    /// Height of the ground where the scene has none, m; tripods and vehicles stand at this height in any case. [default: 0]
     #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = args::coordinate)]
     pub ground: Option<f64>,
     /// Pulses per second. [default: the scanner's first]
@@ -93,7 +93,7 @@ pub struct PlanSetup {
     /// The pipeline file. [default: stdout]
     #[arg(short = 'o', long, value_name = "PATH")]
     pub out: Option<PathBuf>,
-    /// Overwrite a file that exists.
+    /// Replace an existing file.
     #[arg(id = "force", long = "force")]
     pub overwrite: bool,
 }
@@ -108,11 +108,11 @@ impl PlanSetup {
 /// A flight that is to be planned.
 #[derive(Clone, Debug, clap::Args)]
 pub struct AirborneRequest {
-    /// The area in the scene's coordinates: a file of GeoJSON, KML or well-known text, or "POLYGON ((x y, …))". Longitudes and
+    /// The area in the scene's coordinates: a file (GeoJSON, KML or WKT), or "POLYGON ((x y, …))". Longitudes and
     /// latitudes are projected to the scene's UTM zone. [default: the box of the scene's ground]
     #[arg(long, value_name = "AREA")]
     pub area: Option<AreaSource>,
-    /// The area is a line, and what is no farther from it than this, m.
+    /// Make the area a corridor: everything within this distance of the line, m.
     #[arg(long, value_name = "M", requires = "area", value_parser = args::positive)]
     pub buffer: Option<f64>,
     /// Instrument, scene and output.
@@ -126,7 +126,7 @@ pub struct AirborneRequest {
 /// Positions of a tripod that are to be planned.
 #[derive(Clone, Debug, clap::Args)]
 pub struct TerrestrialRequest {
-    /// The area in the scene's coordinates: a file of GeoJSON, KML or well-known text, or "POLYGON ((x y, …))". [default: the
+    /// The area in the scene's coordinates: a file (GeoJSON, KML or WKT), or "POLYGON ((x y, …))". [default: the
     /// scene's box]
     #[arg(long, value_name = "AREA", conflicts_with = "around")]
     pub area: Option<AreaSource>,
@@ -141,7 +141,7 @@ pub struct TerrestrialRequest {
 /// A drive that is to be planned.
 #[derive(Clone, Debug, clap::Args)]
 pub struct MobileRequest {
-    /// The line in the scene's coordinates: a file of GeoJSON, KML or well-known text, or "LINESTRING (x y, …)".
+    /// The line in the scene's coordinates: a file (GeoJSON, KML or WKT), or "LINESTRING (x y, …)".
     #[arg(long, value_name = "LINE")]
     pub along: String,
     /// Instrument, scene and output.

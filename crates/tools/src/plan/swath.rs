@@ -89,7 +89,7 @@ impl Instrument {
     /// A sentence if there is none.
     pub fn pulse_rate(&self) -> Result<u32, String> {
         let rate = self.wanted_rate.or(self.scanner.pulse_freqs.first().copied()).filter(|rate| *rate > 0);
-        rate.ok_or_else(|| "the instrument has no usual pulse rate: --pulse-rate is needed".to_owned())
+        rate.ok_or_else(|| "the instrument lists no pulse rate: give --pulse-rate".to_owned())
     }
 
     /// Supported pulse rates, Hz.

@@ -20,10 +20,10 @@ pub struct TerrestrialOptions {
     /// Distance of the positions on a square grid over the area, m.
     #[arg(long, value_name = "M", required_unless_present = "around", conflicts_with = "around", value_parser = args::positive)]
     pub spacing: Option<f64>,
-    /// Centre of a plot, around which the positions stand.
+    /// Centre of a plot; the positions are on a circle around it.
     #[arg(long, value_name = "X,Y", requires = "radius", allow_hyphen_values = true, value_parser = args::position)]
     pub around: Option<[f64; 2]>,
-    /// Radius on which the positions stand, m.
+    /// Radius of that circle, m.
     #[arg(long, value_name = "M", requires = "around", value_parser = args::positive)]
     pub radius: Option<f64>,
     /// Positions around the plot. [default: 4]
@@ -32,7 +32,7 @@ pub struct TerrestrialOptions {
     /// One position at the plot's centre as well.
     #[arg(long, requires = "around")]
     pub at_centre: bool,
-    /// Angle from point to point, degrees.
+    /// Angle between points, degrees.
     #[arg(long, value_name = "DEG", default_value = "0.04", value_parser = args::positive)]
     pub resolution: f64,
 }
@@ -54,7 +54,7 @@ pub fn plan_terrestrial(
         ("resolution", Some(options.resolution), POSITIVE),
     ])?;
     if instrument.head_rate() <= 0.0 {
-        return Err(format!("the head of {} does not turn; it is no terrestrial scanner", instrument.name()));
+        return Err(format!("the head of {} does not turn; it is not a terrestrial scanner", instrument.name()));
     }
     let scan = resolved_scan(instrument, options)?;
     let places = positions(area, options)?;
@@ -172,10 +172,10 @@ fn positions(area: Option<&Area>, options: &TerrestrialOptions) -> Result<Vec<[f
             options.at_centre.then_some([x, y]).into_iter().chain(on_circle).collect()
         }
         (None, Some((area, spacing))) => grid(area, spacing)?,
-        _ => return Err("where? --spacing and an area, or --around and --radius, are needed".to_owned()),
+        _ => return Err("give --spacing and an area, or --around and --radius".to_owned()),
     };
     match places.len() {
-        0 => Err("no position is inside the area; a smaller spacing is needed".to_owned()),
+        0 => Err("no position is inside the area; choose a smaller --spacing".to_owned()),
         n if n > MAX_POSITIONS => Err(format!("{n} positions, expected at most {MAX_POSITIONS}")),
         _ => Ok(places),
     }
@@ -221,13 +221,13 @@ fn describe(
     ];
     if !instrument.has_mirror() {
         document.comments.push(format!(
-            "channels   {} of them, whose angles to one another are the instrument's: the resolution is that of the turning head",
+            "channels   {}, at the instrument's fixed angles: the resolution is that of the rotating head",
             instrument.devices()
         ));
     }
     if scan.pulse_rate != instrument.pulse_rate()? {
         document.warnings.push(format!(
-            "the pulse rate is {kilohertz} kHz, since the instrument cannot draw {}° at its first one",
+            "the pulse rate is {kilohertz} kHz, because the instrument cannot reach {}° at its first one",
             number(options.resolution)
         ));
     }

@@ -65,7 +65,7 @@ impl ColourBy {
         };
         let mut found = Diagnostics::default();
         if count > 0 {
-            let message = format!("{count} points have {what} above 255, which are shown as 255");
+            let message = format!("{count} points have {what} above 255, shown as 255");
             found.warn(Some(Place::of_file(path)), message);
         }
         found

@@ -31,7 +31,7 @@ pub struct PreviewOptions {
     pub width: u32,
     /// Height of the picture, dots; 240 to 16384.
     pub height: u32,
-    /// Dark on white, for paper, instead of light on black; a page begins in this style.
+    /// Dark on white, for print, instead of light on black; a page begins in this style.
     pub light: bool,
     /// Heights of the lowest and the highest colour, world coordinates; by default those of the points.
     pub heights: Option<(f64, f64)>,

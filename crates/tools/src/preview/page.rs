@@ -77,7 +77,7 @@ fn facts(points: &Points, page: Page) -> String {
     let mut facts = match page {
         Page { total: 0, .. } => return "no points".to_owned(),
         Page { shown, total } if shown < total => {
-            format!("{} of {} points, evenly chosen", grouped(shown), grouped(total))
+            format!("{} of {} points, evenly sampled", grouped(shown), grouped(total))
         }
         Page { total, .. } => format!("{} points", grouped(total)),
     };

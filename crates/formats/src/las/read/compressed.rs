@@ -39,10 +39,10 @@ impl<'a> Compressed<'a> {
         let record = header.variable_record(file, LazVlr::USER_ID, LazVlr::RECORD_ID)?;
         let record = record.ok_or_else(|| {
             format!(
-                "its points are compressed, and the record of LASzip that tells how is missing; {CONVERT}"
+                "its points are compressed, but the LASzip record that describes how is missing; {CONVERT}"
             )
         })?;
-        let cut = |_| "the record that describes its compression is too short; is the file whole?".to_owned();
+        let cut = |_| "the record that describes its compression is too short; is the file truncated?".to_owned();
         let compressor = Fields(record).u16(0).map_err(cut)?;
         if compressor == UNCOMPRESSED {
             return Ok(None);
@@ -146,10 +146,10 @@ impl<'a> Compressed<'a> {
 fn unread(error: LasZipError) -> String {
     let what = match error {
         LasZipError::IoError(_) => {
-            return "the file ends within its compressed points; is it whole?".to_owned();
+            return "the file ends within its compressed points; is it truncated?".to_owned();
         }
         LasZipError::MissingChunkTable => {
-            return "its table of chunks is missing; is the file whole?".to_owned();
+            return "its table of chunks is missing; is the file truncated?".to_owned();
         }
         LasZipError::UnknownCompressorType(number) => {
             format!("its points are compressed by the LAZ compressor {number}; compressors 0 to 3 are read")
@@ -187,5 +187,5 @@ fn check_chunk_table(file: Fields, data_at: usize, points: u64) -> Result<(), St
 /// Calls `read` and turns a panic of `laz` on damaged data into an error.
 pub(super) fn without_panic<T>(read: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     let done = damage::catch_decoder_panic(read);
-    done.unwrap_or_else(|| Err("its compressed points are damaged; is the file whole?".to_owned()))
+    done.unwrap_or_else(|| Err("its compressed points are damaged; is the file truncated?".to_owned()))
 }

@@ -102,7 +102,7 @@ impl<'a> LasReader<'a> {
 
     fn read_record(&mut self) -> Result<(), String> {
         let (at, count) = (self.at, self.header.count);
-        let ended = |why: &str| format!("{why} after {at} of {count} points; is the file whole?");
+        let ended = |why: &str| format!("{why} after {at} of {count} points; is the file truncated?");
         match &mut self.records {
             Records::Plain(rest) => {
                 let Some((record, more)) = rest.split_at_checked(self.record.len()) else {
@@ -194,7 +194,7 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
         more = reader.read_records(|record, position| {
             if std::mem::take(&mut are_degrees) {
                 if position.x.abs() <= 360.0 && position.y.abs() <= 90.0 {
-                    wrong = Some("its coordinates are longitude and latitude; project them, for example by PDAL's filters.reprojection");
+                    wrong = Some("its coordinates are longitude and latitude; project them, for example with PDAL's filters.reprojection");
                     return ControlFlow::Break(());
                 }
                 reading.warn("its coordinate reference system is in degrees, its coordinates are not; they are taken as metres");

@@ -148,7 +148,7 @@ fn units_of_keys_are_those_of_the_registry() {
             &[[3072, 2263], [4096, 5103]],
             US_FOOT,
             US_FOOT,
-            &["US survey feet", "not named and taken as that of x and y"],
+            &["US survey feet", "not stated; that of x and y is assumed"],
         ),
         (&[[3076, 9096], [4099, 9001]], 0.9144, 1.0, &["yards"]),
         (
@@ -168,9 +168,9 @@ fn units_of_keys_are_those_of_the_registry() {
             &[[4099, 9002]],
             1.0,
             0.3048,
-            &["heights in feet (0.3048 m)", "x and y is not named and taken as metres"],
+            &["heights in feet (0.3048 m)", "x and y is not stated; metres are assumed"],
         ),
-        (&[[3072, 29_999], [4099, 9001]], 1.0, 1.0, &["EPSG:29999 is not among"]),
+        (&[[3072, 29_999], [4099, 9001]], 1.0, 1.0, &["EPSG:29999 is not built in"]),
         (&[[3072, 29_999], [3076, 9001]], 1.0, 1.0, &[]),
     ] {
         let (position, said) = said_of(entries);
@@ -230,16 +230,16 @@ fn compressions_that_are_not_read_are_named() {
     }
     for length in [1, 3, 20, 33, 37] {
         let (_, said) = of(&|record| record.truncate(length));
-        assert!(said[0].contains("too short; is the file whole?"), "{length}: {said:?}");
+        assert!(said[0].contains("too short; is the file truncated?"), "{length}: {said:?}");
     }
     let (_, said) = read(&file(5, true, None, &points));
-    assert!(said[0].contains("record of LASzip") && said[0].contains("pdal translate"), "{said:?}");
+    assert!(said[0].contains("LASzip record") && said[0].contains("pdal translate"), "{said:?}");
     // Chunks of various sizes whose table lies behind the end of the file.
     let mut cut = points.clone();
     cut[..8].copy_from_slice(&100_000u64.to_le_bytes());
     let mut record = description;
     record[12..16].copy_from_slice(&u32::MAX.to_le_bytes());
     let (_, said) = read(&file(5, true, Some((LazVlr::USER_ID, LazVlr::RECORD_ID, record)), &cut));
-    assert!(said[0].contains("ends within its compressed points; is it whole?"), "{said:?}");
+    assert!(said[0].contains("ends within its compressed points; is it truncated?"), "{said:?}");
     assert!(!said[0].contains("IoError") && !said[0].contains("buffer"), "{said:?}");
 }

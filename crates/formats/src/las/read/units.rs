@@ -105,7 +105,7 @@ impl Keys<'_> {
         let unit = |stated: &Option<(u16, Option<LengthUnit>)>| stated.clone().and_then(|(_, unit)| unit);
         let (across, up) = (stated(PROJECTED_UNIT), stated(VERTICAL_UNIT));
         let own = self.double(PROJECTED_UNIT_METRES).filter(|metres| metres.is_finite() && *metres > 0.0);
-        let own = own.map(|metres| LengthUnit::defined("units of its own", metres));
+        let own = own.map(|metres| LengthUnit::defined("custom units", metres));
         let system = self.code(PROJECTED_SYSTEM);
         let wkt = system.and_then(|code| wkt_of_epsg(code.into()).ok());
         let of_system = wkt.as_deref().map(Units::of_wkt).unwrap_or_default();
@@ -129,7 +129,7 @@ impl Keys<'_> {
         }
         if let (Some(code), None, None) = (system, wkt, &horizontal) {
             unknown.push(format!(
-                "its system EPSG:{code} is not among those that are built in, so that its unit is not known; metres are assumed"
+                "its system EPSG:{code} is not built in, so its unit is unknown; metres are assumed"
             ));
         }
         (Units { horizontal, vertical }, unknown)
@@ -149,9 +149,9 @@ impl PositionUnits {
         let metre = LengthUnit::defined("m", 1.0);
         let (x, z) = (across.unwrap_or(&metre), up.or(across).unwrap_or(&metre));
         let assumed = match (across, up) {
-            (None, _) => Some("the unit of its x and y is not named and taken as metres".to_owned()),
+            (None, _) => Some("the unit of x and y is not stated; metres are assumed".to_owned()),
             (_, None) => {
-                Some(format!("the unit of its heights is not named and taken as that of x and y, {}", x.name))
+                Some(format!("the unit of its heights is not stated; that of x and y is assumed: {}", x.name))
             }
             _ => None,
         };
@@ -160,7 +160,7 @@ impl PositionUnits {
             is_angle: false,
             crs: None,
             note: Some(format!(
-                "by its coordinate reference system x and y are in {} ({} m), heights in {} ({} m); all are converted to metres",
+                "according to its coordinate reference system x and y are in {} ({} m), heights in {} ({} m); all are converted to metres",
                 x.name, x.metres, z.name, z.metres
             )),
             warnings: assumed.into_iter().collect(),

@@ -186,7 +186,7 @@ impl FileBody for LasBody {
         let max = self.las.format.max_points();
         match self.max_points {
             MaxPoints::Streamed(at_most) if records > at_most => {
-                Err(Error::input(format!("more points than --las-at-most promises: {at_most}")))
+                Err(Error::input(format!("more points than --las-at-most {at_most}")))
             }
             MaxPoints::Format if records > max => {
                 Err(Error::input(format!("a file of LAS 1.0 holds at most {max} points; write LAS 1.4")))

@@ -78,7 +78,7 @@ impl RecordDecoder {
     pub fn next(&mut self, bytes: &[u8], ended: bool) -> Decoded {
         if self.skip > 0 {
             return match bytes.len().min(self.skip) {
-                0 if ended => self.invalid(RecordError::new("the header is cut")),
+                0 if ended => self.invalid(RecordError::new("the header is truncated")),
                 0 => Decoded::Incomplete,
                 some => {
                     self.skip -= some;
@@ -97,7 +97,7 @@ impl RecordDecoder {
                 return if bytes.is_empty() { Decoded::Incomplete } else { self.skip(bytes.len()) };
             }
             if bytes.is_empty() && ended {
-                let message = format!("the header tells of {} records, and here the file ends", header.count);
+                let message = format!("the header states {} records, but the file ends here", header.count);
                 return self.invalid(RecordError::new(message));
             }
         }
@@ -105,7 +105,7 @@ impl RecordDecoder {
             if !ended || bytes.is_empty() {
                 return Decoded::Incomplete;
             }
-            return self.invalid(RecordError::new(format!("cut: {} bytes, expected {size}", bytes.len())));
+            return self.invalid(RecordError::new(format!("truncated: {} bytes, expected {size}", bytes.len())));
         }
         let fix = match self.format {
             RecordFormat::Sbet => sbet_fix(bytes),
@@ -125,7 +125,7 @@ impl RecordDecoder {
     fn read_header(&mut self, bytes: &[u8], ended: bool) -> Decoded {
         if bytes.len() < HEADER_BYTES {
             return match ended && !bytes.is_empty() {
-                true => self.invalid(RecordError::new("the header is cut")),
+                true => self.invalid(RecordError::new("the header is truncated")),
                 false => Decoded::Incomplete,
             };
         }
@@ -133,12 +133,12 @@ impl RecordDecoder {
         let (header, count, record) = (word(12) as usize, u64::from(word(16)), word(20) as usize);
         if !bytes.starts_with(b"TSCANTRJ") {
             return self.invalid(RecordError::new(
-                "this does not begin with `TSCANTRJ` as TerraScan trajectories do",
+                "a TerraScan trajectory begins with `TSCANTRJ`, this does not",
             ));
         }
         if !(HEADER_SIZES.contains(&header) && RECORD_SIZES.contains(&record)) {
             let message = format!(
-                "the header tells of {header} bytes of header and {record} bytes per record, expected about 1376 and 64"
+                "the header states {header} bytes of header and {record} bytes per record, expected about 1376 and 64"
             );
             return self.invalid(RecordError::new(message));
         }
@@ -314,10 +314,10 @@ mod tests {
         );
         let trj = testing::terrascan(&[[5.0, 1.0, 2.0, 3.0, 90.0, 0.0, 0.0]; 3]);
         let of = |bytes: &[u8]| read_all(RecordDecoder::terrascan(), bytes).1.unwrap();
-        assert!(of(&trj[..1376 + 128]).contains("record 3 (byte 1504): the header tells of 3 records"));
+        assert!(of(&trj[..1376 + 128]).contains("record 3 (byte 1504): the header states 3 records"));
         assert!(of(&trj[..1376 + 100]).contains("record 2 (byte 1440): cut: 36 bytes, expected 64"));
         assert!(
-            of(&trj[..1000]).contains("the header is cut") && of(&trj[..20]).contains("the header is cut")
+            of(&trj[..1000]).contains("the header is truncated") && of(&trj[..20]).contains("the header is truncated")
         );
         let mut odd = trj.clone();
         odd[20] = 1;

@@ -110,7 +110,7 @@ impl PoseDecoder {
             _ if is_named && bytes[..bytes.len().min(DETECTION_BYTES)].contains(&0) => {
                 let place = Place::in_line(&self.path, 1, "", 0..0);
                 let message = "expected a pose as text, found binary data".to_owned();
-                let help = "binary trajectories (SBET, TerraScan) are recognised if no format is named";
+                let help = "binary trajectories (SBET, TerraScan) are recognised without --trajectory-format";
                 return Err(RowError { place, message }.with_help(help));
             }
             _ if is_named => Detection::Text,
@@ -169,7 +169,7 @@ fn detect(bytes: &[u8], ended: bool) -> Detection {
     Detection::Unsupported(if start.starts_with(&[0xff, 0xfe]) || start.starts_with(&[0xfe, 0xff]) {
         "convert UTF-16 first: iconv -f UTF-16 -t UTF-8"
     } else {
-        "say what it is with --trajectory-format"
+        "name the format with --trajectory-format"
     })
 }
 

@@ -97,7 +97,7 @@ impl Georeference {
                 .help("project the trajectory first, or name a zone with --utm-zone"));
             }
             Grid::FirstFix => UtmZone::of(latitude, longitude)
-                .ok_or_else(|| RecordError::new(format!("{lat}° is no latitude")).help(UNIT))?,
+                .ok_or_else(|| RecordError::new(format!("{lat}° is not a valid latitude")).help(UNIT))?,
         };
         let point = zone.project(latitude, longitude).ok_or_else(|| {
             let message = format!("latitude {lat}°, longitude {lon}° do not lie in UTM zone {zone}");
@@ -186,7 +186,7 @@ mod tests {
         let of = |georeference: &mut Georeference, lat: f64| {
             georeference.pose(&fix(FixPlace::Geographic([lat, 0.1, 0.0]), 0.0))
         };
-        assert!(of(&mut georeference, 49.0).unwrap_err().message.contains("is no latitude"));
+        assert!(of(&mut georeference, 49.0).unwrap_err().message.contains("is not a valid latitude"));
         assert!(
             of(&mut Georeference::of_grid(Grid::Foreign), 0.8).unwrap_err().message.contains("no UTM zone")
         );

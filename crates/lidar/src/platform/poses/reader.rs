@@ -289,8 +289,7 @@ impl PoseReader {
         }
         if geographic && self.georeference.height_offset() == 0.0 {
             (self.notify)(Notice::Note(format!(
-                "{path}: heights are taken as they are, the first is {:.1} m; where they count from the ellipsoid and the \
-                 scene's from a geoid, --height-offset brings them together",
+                "{path}: heights are taken as they are, the first is {:.1} m; if they are ellipsoidal and the scene's are above a geoid, --height-offset shifts them",
                 p.z
             )));
         }
@@ -352,7 +351,7 @@ fn radians_as_degrees(fix: &Fix) -> Option<RecordError> {
     let looks_so = fix.unitless_angles.is_some() && lat.abs() <= FRAC_PI_2 && lon.abs() <= PI;
     looks_so.then(|| {
         RecordError::new(format!(
-            "latitude {lat:.6} and longitude {lon:.6} are taken as degrees and look like radians"
+            "latitude {lat:.6} and longitude {lon:.6} are read as degrees but look like radians"
         ))
         .help("name their unit in the heading: lat[rad],lon[rad], or lat[deg],lon[deg] if they are degrees")
     })

@@ -64,11 +64,11 @@ impl SequenceChecks {
             return Ok(Checked::default());
         };
         if *fix == last {
-            let warning = self.limited(|| RecordError::new("the same pose again, passed over"));
+            let warning = self.limited(|| RecordError::new("the same pose again, skipped"));
             return Ok(Checked { is_repeated: true, warning });
         }
         if fix.time <= last.time {
-            let what = if fix.time == last.time { "repeats with another pose" } else { "goes back" };
+            let what = if fix.time == last.time { "occurs again with another pose" } else { "goes back" };
             let message =
                 format!("time {} {what}; the pose before it has {}", number(fix.time), number(last.time));
             return Err(RecordError::new(message).help("the times of a trajectory must ascend"));
@@ -120,8 +120,7 @@ impl SequenceChecks {
         }
         let bearing = |v: DVec3| libm::atan2(v.x, v.y).to_degrees().rem_euclid(360.0);
         Some(format!(
-            "the platform moves towards {:.0}° but heads for {:.0}°, clockwise from north; if that is not meant, \
-             --trajectory-rotation and --trajectory-angles tell what its angles are",
+            "the platform moves towards {:.0}° but heads for {:.0}°, clockwise from north; if that is wrong, --trajectory-rotation and --trajectory-angles state what its angles mean",
             bearing(way),
             bearing(heading)
         ))

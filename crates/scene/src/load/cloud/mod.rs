@@ -192,7 +192,7 @@ impl<'s> Cloud<'s> {
             && let Some((columns, found)) = format.find_truncation(source.bytes(), last)
         {
             problems.error(number, at..at + last.len(), || {
-                format!("expected {columns} columns as in the first line, found {found}; is the file whole?")
+                format!("expected {columns} columns as in the first line, found {found}; is the file truncated?")
             });
         }
         problems.report(source, found);

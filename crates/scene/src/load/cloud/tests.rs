@@ -132,7 +132,7 @@ fn warnings(name: &str, bytes: &[u8], change: impl FnOnce(&mut XyzLoader)) -> St
 fn what_is_not_used_as_written_is_told() {
     let classes = warnings("a.xyz", b"x y z class\n1 2 3 4\n1 2 3 300\n1 2 3 2.5\n1 2 3 nan\n", |_| {});
     for part in
-        ["class \"300\" is no whole number from 0 to 255, 255 counts", "a.xyz:3:7", "\"2.5\"", "\"nan\""]
+        ["class \"300\" is not a whole number from 0 to 255, 255 counts", "a.xyz:3:7", "\"2.5\"", "\"nan\""]
     {
         assert!(classes.contains(part), "{part} is missing from {classes}");
     }

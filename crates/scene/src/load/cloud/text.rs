@@ -151,7 +151,7 @@ impl RowFormat {
         if let Some(at) = column.and_then(|column| words.get(column)).cloned() {
             problems.warn(line.number, line.start + at.start..line.start + at.end, || {
                 let found = shown(line.text[at].trim_ascii());
-                format!("the class \"{found}\" is no whole number from 0 to 255, {} counts", point.class)
+                format!("the class \"{found}\" is not a whole number from 0 to 255, {} counts", point.class)
             });
         }
     }

@@ -82,8 +82,7 @@ fn axis_doubt(bounds: Aabb) -> Option<String> {
     let stands_on_y = (-0.2 * size.y..=0.05 * size.y).contains(&bounds.min.y) && centre.y >= 0.3 * size.y;
     let is_solid = size.x >= 0.1 * size.y && size.z >= 0.2 * size.y;
     if stands_on_y && is_solid && is_centred(centre.x, size.x) && is_centred(centre.z, size.z) {
-        return Some("the mesh lies on its side: it stands on y = 0 and extends equally to both sides in x and z, so that y \
-             is probably up"
+        return Some("the mesh lies on its side: it stands on y = 0 and extends equally to both sides in x and z, so y is probably up"
             .to_owned());
     }
     let smallest = size.x.min(size.z);

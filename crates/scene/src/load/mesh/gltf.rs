@@ -394,7 +394,7 @@ impl Document {
                     .is_some_and(|need| accessor.count == 0 || need <= bytes.len());
                 if !is_enough {
                     return Err(format!(
-                        "an accessor of {} values has {} bytes; is the file whole?",
+                        "an accessor of {} values has {} bytes; is the file truncated?",
                         accessor.count,
                         bytes.len()
                     ));
@@ -410,7 +410,7 @@ impl Document {
                 self.view(sparse.indices.buffer_view, sparse.indices.byte_offset, index_size)?;
             let (replaced, _) = self.view(sparse.values.buffer_view, sparse.values.byte_offset, N * size)?;
             if sparse.count > indices.len() / index_size || sparse.count > replaced.len() / (N * size) {
-                return Err("a sparse accessor has fewer bytes than values; is the file whole?".to_owned());
+                return Err("a sparse accessor has fewer bytes than values; is the file truncated?".to_owned());
             }
             for i in 0..sparse.count {
                 let at = read_index(&indices[i * index_size..(i + 1) * index_size]);
@@ -437,7 +437,7 @@ impl Document {
         match bytes {
             Some(bytes) if stride >= element => Ok((bytes, stride)),
             Some(_) => Err("the elements of a buffer view overlap".to_owned()),
-            None => Err("a buffer view reaches beyond its buffer; is the file whole?".to_owned()),
+            None => Err("a buffer view reaches beyond its buffer; is the file truncated?".to_owned()),
         }
     }
 }

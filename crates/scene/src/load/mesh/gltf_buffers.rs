@@ -43,7 +43,7 @@ pub(super) fn split_chunks(bytes: &[u8]) -> Result<Chunks<'_>, String> {
         let four = bytes.get(at..at + 4)?;
         Some(u32::from_le_bytes([four[0], four[1], four[2], four[3]]) as usize)
     };
-    let cut = || "the GLB file is shorter than it states; is it whole?".to_owned();
+    let cut = || "the GLB file is shorter than it states; is it truncated?".to_owned();
     let version = number(4).ok_or_else(cut)?;
     if version != 2 {
         return Err(format!("expected GLB of version 2, found version {version}"));
@@ -77,7 +77,7 @@ pub(super) fn open_buffer(
             Some(data) => {
                 let text = data.split_once(";base64,").ok_or("a buffer within the file is not base64")?.1;
                 let decoded = base64::engine::general_purpose::STANDARD.decode(text);
-                Buffer::Inline(decoded.map_err(|e| format!("the buffer {index} is no base64: {e}"))?)
+                Buffer::Inline(decoded.map_err(|e| format!("the buffer {index} is not valid base64: {e}"))?)
             }
             None if uri.contains("://") => {
                 return Err(format!(
@@ -105,7 +105,7 @@ pub(super) fn open_buffer(
                     ));
                 }
                 if file.metadata().is_ok_and(|about| !about.is_file()) {
-                    return Err(format!("the buffer {} is no regular file", file.display()));
+                    return Err(format!("the buffer {} is not a regular file", file.display()));
                 }
                 Buffer::File(
                     Source::open(&file)
@@ -121,7 +121,7 @@ pub(super) fn open_buffer(
     };
     if length < buffer.byte_length {
         return Err(format!(
-            "the buffer {index} has {length} of {} bytes; is the file whole?",
+            "the buffer {index} has {length} of {} bytes; is the file truncated?",
             buffer.byte_length
         ));
     }

@@ -136,7 +136,7 @@ fn fields_of(line: &str, separator: Separator, count: usize) -> Result<Vec<(Stri
 fn read_text(path: &Path) -> std::io::Result<String> {
     // Opening a pipe would wait for its writer.
     if !path.metadata()?.is_file() {
-        return Err(std::io::Error::other("it is no regular file"));
+        return Err(std::io::Error::other("it is not a regular file"));
     }
     String::from_utf8(read_file(path, MAX_BYTES)?).map_err(|_| std::io::Error::other("it is not UTF-8"))
 }

@@ -91,7 +91,7 @@ impl ElementReader<'_> {
             }
             ElementReader::Binary(parser, _, rest) => parser.read_little_endian_element(rest, definition),
         };
-        read.map_err(|e| format!("{}; is the file whole?", first_line(&e)))
+        read.map_err(|e| format!("{}; is the file truncated?", first_line(&e)))
     }
 }
 

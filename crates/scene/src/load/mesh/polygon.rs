@@ -38,9 +38,9 @@ impl Crossings {
     /// The warning.
     pub fn message(&self) -> String {
         match self.count {
-            1 => "a face crosses itself, so that its inside is a guess".to_owned(),
+            1 => "a face crosses itself; its interior is a guess".to_owned(),
             count => {
-                format!("{count} faces cross themselves, so that their inside is a guess; this is the first")
+                format!("{count} faces cross themselves; their interior is a guess; this is the first")
             }
         }
     }

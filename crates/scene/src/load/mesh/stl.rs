@@ -53,7 +53,7 @@ pub(super) fn read(source: &Source) -> Result<RawMesh, String> {
             let held = triangles.len() / TRIANGLE_BYTES;
             if count == 0 || count > held {
                 return Err(format!(
-                    "the file states {count} triangles and has bytes for {held}; is it whole, and an STL file?"
+                    "the file states {count} triangles and has bytes for {held}; is it truncated, or not an STL file?"
                 ));
             }
             let (triangles, rest) = triangles.split_at(count * TRIANGLE_BYTES);
@@ -141,7 +141,7 @@ fn read_text(bytes: &[u8], file_name: &str) -> Result<RawMesh, String> {
         }
     }
     if open {
-        return Err("expected endsolid at the end; is the file whole?".to_owned());
+        return Err("expected endsolid at the end; is the file truncated?".to_owned());
     }
     Ok(mesh)
 }

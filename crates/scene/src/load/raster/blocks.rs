@@ -169,7 +169,7 @@ impl Blocks {
         let can_hold = self.compression.max_ratio().max(Compression::Lzw.max_ratio());
         if bytes > held.saturating_mul(can_hold) {
             let (stated, held) = (format_bytes(bytes), format_bytes(held));
-            return Err(format!("its {width} x {height} pixels ({stated}) cannot be in a file of {held}"));
+            return Err(format!("its {width} x {height} pixels ({stated}) do not fit into a file of {held}"));
         }
         let (block_width, block_height) = self.size;
         let block_pixels = (block_width as u64).saturating_mul(block_height as u64);
@@ -180,7 +180,7 @@ impl Blocks {
         }
         let planes = if self.is_planar { self.bands } else { 1 };
         if self.places.len() < self.count().saturating_mul(planes) {
-            return Err("it has fewer strips or tiles than its size asks for".to_owned());
+            return Err("it has fewer strips or tiles than its size requires".to_owned());
         }
         let is_float = self.format == NumberFormat::Float;
         match self.predictor {
@@ -281,7 +281,7 @@ impl Blocks {
         let end = usize::try_from(offset.saturating_add(count)).unwrap_or(usize::MAX);
         let data = usize::try_from(offset).ok().and_then(|start| file.get(start..end));
         let data =
-            data.ok_or_else(|| format!("its block {place} lies beyond the end of the file; is it whole?"))?;
+            data.ok_or_else(|| format!("its block {place} lies beyond the end of the file; is it truncated?"))?;
         let stored = self.stored(block);
         let (_, _, width, height) = self.extent(block);
         let step = self.bands_of_block();
@@ -302,7 +302,7 @@ impl Blocks {
             self.unpack(data, &stored).map_err(|e| format!("its block {place} cannot be unpacked: {e}"))?;
         if raw.len() < stored.bytes {
             return Err(format!(
-                "its block {place} is shorter than its {width} x {height} pixels; is the file whole?"
+                "its block {place} is shorter than its {width} x {height} pixels; is the file truncated?"
             ));
         }
         let bits = self.numbers(&raw, &stored);

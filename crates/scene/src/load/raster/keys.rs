@@ -80,17 +80,15 @@ pub(super) fn horizontal_unit(directory: &mut Directory) -> Result<Option<Length
     match (unit, code, system) {
         (Some(unit), ..) => Ok(Some(unit)),
         (None, Some(_), _) => {
-            Err("the unit of its coordinates is one of its own (key 3076 is 32767), and its length \
-                                   (key 3077) is missing"
+            Err("the unit of its coordinates is user-defined (key 3076 is 32767), but its length (key 3077) is missing"
                 .to_owned())
         }
         (None, None, Some(USER_DEFINED)) => {
-            Err("the unit of its coordinates (key 3076) is missing, and their system is one of its own"
+            Err("the unit of its coordinates (key 3076) is missing, and their system is user-defined"
                 .to_owned())
         }
         (None, None, Some(code)) => Err(format!(
-            "the unit of its coordinates (key 3076) is missing, and their system, EPSG:{code}, is none of easting and \
-             northing that is built in"
+            "the unit of its coordinates (key 3076) is missing, and their system, EPSG:{code}, is not a built-in projected system"
         )),
         (None, None, None) => Ok(None),
     }
@@ -138,7 +136,7 @@ pub(super) fn vertical_unit(
     let unit = system.and_then(LengthUnit::of_heights).or_else(|| in_citation(&citation(directory)?));
     if unit.is_none() && (code.is_some() || system == Some(USER_DEFINED)) {
         return Err(
-            "the unit of its heights (key 4099) is one of its own or missing, and so is their system"
+            "the unit of its heights (key 4099) is user-defined or missing, and so is their system"
                 .to_owned(),
         );
     }

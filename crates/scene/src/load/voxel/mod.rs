@@ -97,7 +97,7 @@ fn check_last_row(source: &Source, body: usize, named: usize, problems: &mut Pro
     let last = columns(text);
     if last >= named && last < first {
         problems.error(number, at..at + text.len(), || {
-            format!("expected {first} columns as in the first row, found {last}; is the file whole?")
+            format!("expected {first} columns as in the first row, found {last}; is the file truncated?")
         });
     }
 }

@@ -10,10 +10,10 @@ pub struct Development {
     /// Growth of the trees from epoch to epoch, percent.
     #[arg(long, value_name = "PERCENT", default_value = "0", value_parser = args::growth, allow_negative_numbers = true)]
     pub growth: f64,
-    /// Trees felled from epoch to epoch, percent, evenly over the stand.
+    /// Trees felled from epoch to epoch, percent, spread evenly over the stand.
     #[arg(long, value_name = "PERCENT", default_value = "0", value_parser = args::share)]
     pub thinning: f64,
-    /// Trees that a storm throws from epoch to epoch, percent, in one gap.
+    /// Trees thrown by a storm from epoch to epoch, percent, in one gap.
     #[arg(long, value_name = "PERCENT", default_value = "0", value_parser = args::share)]
     pub storm: f64,
 }

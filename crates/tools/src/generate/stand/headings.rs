@@ -8,8 +8,7 @@ pub(super) const PROJECT: &str =
     "project them to the terrain's system, in metres: gdaltransform -s_srs EPSG:4326 -t_srs EPSG:25832";
 
 /// The columns of an inventory, for messages.
-const KNOWN: &str = "an inventory has the columns x, y, height (Rechtswert, Hochwert, Höhe), and may have crown, dbh, species, id, \
-                     z; units stand behind the name: dbh_cm";
+const KNOWN: &str = "an inventory has the columns x, y, height (Rechtswert, Hochwert, Höhe), and optionally crown, dbh, species, id, z; units follow the name: dbh_cm";
 
 /// What a column of an inventory holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -129,7 +128,7 @@ impl Headings {
             problems.error(place.cloned(), wrong.clone());
         }
         for (name, earlier) in &self.repeated {
-            let message = format!("column `{name}` is not read: `{earlier}` is taken for the same");
+            let message = format!("column `{name}` is not read: `{earlier}` has the same meaning");
             problems.warn(place.cloned(), message);
         }
         let has = |wanted: Column| self.columns.iter().flatten().any(|h| h.column == wanted);

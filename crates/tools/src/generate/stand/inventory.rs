@@ -137,7 +137,7 @@ impl Table<'_> {
                 format!("line {comma} has numbers with a decimal comma, line {point} with a decimal point");
             self.problems
                 .error(place.clone(), message)
-                .help("write all numbers alike, without thousands separators");
+                .help("use one style for all numbers, without thousands separators");
         }
         if !self.problems.is_fatal(false) {
             self.resolve_stems(headings.has_unit(Column::Stem), place.as_ref());
@@ -165,7 +165,7 @@ impl Table<'_> {
             .help(help);
         } else if is_cm && least < 0.01 * most && least < 1.0 {
             let message =
-                format!("stem diameters from {least} to {most} without a unit are taken as cm, all of them");
+                format!("stem diameters from {least} to {most} without a unit are read as cm");
             self.problems
                 .warn(heading.cloned(), message)
                 .help("name the unit in the heading: dbh_cm or dbh_m");
@@ -182,7 +182,7 @@ impl Table<'_> {
         if let Some((count, [first, second])) = self.repeated(|tree| Some(cell(tree))) {
             let [x, y, _] = self.trees[first].position;
             let message = format!(
-                "{count} trees stand where another one does, the first of them in lines {} and {}: x {x} y {y}; all are planted",
+                "{count} trees have the position of another tree, the first of them in lines {} and {}: x {x} y {y}; all are placed",
                 self.lines[first], self.lines[second]
             );
             self.problems.warn(heading.cloned(), message);
@@ -191,7 +191,7 @@ impl Table<'_> {
         let has_ids = !self.trees.iter().enumerate().all(numbered);
         if let Some((count, [first, second])) = self.repeated(|tree| has_ids.then(|| tree.id.clone())) {
             let message = format!(
-                "{count} trees have the id of another one, the first of them in lines {} and {}: `{}`",
+                "{count} trees have the id of another tree, the first of them in lines {} and {}: `{}`",
                 self.lines[first], self.lines[second], self.trees[first].id
             );
             self.problems.warn(heading.cloned(), message);
@@ -409,7 +409,7 @@ mod tests {
         }
         assert!(refused("x,y,height,dbh\n1,2,10,359\n").contains("is it mm?"));
         assert!(warned("x,y,height,dbh_cm\n1,2,10,359\n").contains("is the column in mm?"));
-        assert!(warned("x,y,height,dbh\n1,2,10,0.2\n5,2,10,38\n").contains("taken as cm"));
+        assert!(warned("x,y,height,dbh\n1,2,10,0.2\n5,2,10,38\n").contains("read as cm"));
         assert_eq!(warned("x,y,height,dbh\n1,2,10,2.5\n5,2,10,38\n"), "");
     }
 
@@ -451,7 +451,7 @@ mod tests {
             ("x,y,height,DHB_cm", "did you mean `dbh` by `DHB_cm`?"),
             ("x,y,height,crwn[m]", "did you mean `crown` by `crwn[m]`?"),
             ("x,y,height,note,specis", "not read: `note`, `specis`"),
-            ("x,y,height,note", "and may have crown, dbh"),
+            ("x,y,height,note", "and optionally crown, dbh"),
             ("x,y,height,lon,lat", "not read: `lon`, `lat`"),
         ] {
             let row = "1,2,10,3,4".split(',').take(headings.split(',').count()).collect::<Vec<_>>().join(",");

@@ -26,24 +26,24 @@ pub struct StandOptions {
     /// Folder of tree models, OBJ files whose names begin with their species: beech_1.obj.
     #[arg(long, value_name = "DIR")]
     pub trees: PathBuf,
-    /// Terrain: a mesh (.obj, .ply, .stl) or a raster (.tif); may be given more than once. Rasters, and meshes without a ground
-    /// material, become soil: class 2, reflectance 0.3, ground. [default: none, z of the inventory]
+    /// Terrain: a mesh (.obj, .ply, .stl) or a raster (.tif); may be given more than once. Rasters, and meshes without a ground material,
+    /// become soil: class 2, reflectance 0.3, ground. [default: none; trees use z of the inventory]
     #[arg(long, value_name = "FILE")]
     pub terrain: Vec<PathBuf>,
-    /// Material of the terrain, rasters and OBJ files: a material file and a name in it that is ground. [default: that of a mesh
-    /// with ground, else soil]
+    /// Material of terrain from rasters and OBJ files: a material file and the name of a ground material in it. [default: the mesh's own if
+    /// it is ground, else soil]
     #[arg(long, value_name = "FILE.mtl#NAME", requires = "terrain")]
     pub terrain_mtl: Option<String>,
-    /// Seed of choice, yaw, thinning and storm.
+    /// Seed of the choice of models, yaw, thinning and storm.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
-    /// Epochs, the first of which is the inventory.
+    /// Number of epochs; the first one is the inventory.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub epochs: u32,
     /// Growth, thinning and storm damage from one epoch to the next.
     #[command(flatten)]
     pub development: Development,
-    /// Overwrite files that exist.
+    /// Replace existing files.
     #[arg(id = "force", long = "force")]
     pub overwrite: bool,
 }
@@ -107,11 +107,11 @@ fn doubts(inventory: &Path, trees: usize, made: &StandMade) -> Diagnostics {
     for (species, count) in &made.unmatched_species {
         let of =
             if species.is_empty() { "without species".to_owned() } else { format!("of species `{species}`") };
-        warnings.warn(place(), format!("{count} trees {of} stand as others: no model's name begins with it"));
+        warnings.warn(place(), format!("{count} trees {of} get models of other species: no model's name begins with it"));
     }
     if made.off_terrain > 0 {
         let message = format!(
-            "{} of {trees} trees are beside the terrain and keep the inventory's z, or 0",
+            "{} of {trees} trees are outside the terrain and keep the inventory's z, or 0",
             made.off_terrain
         );
         warnings.warn(place(), message);
@@ -188,7 +188,7 @@ fn read_terrain(
         // A raster has no material, and what is said about that is not so in the stand.
         warnings = Diagnostics::default();
     } else if !is_own && named.is_none() {
-        let message = "none of its materials is ground, so all of it becomes soil in the stand (class 2, reflectance 0.3, ground)";
+        let message = "none of its materials is ground, so the whole terrain becomes soil in the stand (class 2, reflectance 0.3, ground)";
         warnings.warn(Some(Place::of_file(path)), message).help(
             "--terrain-mtl FILE.mtl#NAME chooses another material; `helios_isGround true` in its own MTL file keeps those",
         );

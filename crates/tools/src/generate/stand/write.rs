@@ -16,7 +16,7 @@ use vlscan_base::markup::escaped;
 
 /// Where a stand is written and what stands on what.
 pub(super) struct StandSite<'o> {
-    /// The folder that gets the files.
+    /// Output folder.
     pub folder: &'o Path,
     /// The terrain files, which become parts of the scene.
     pub terrain: &'o [Terrain],

@@ -64,7 +64,7 @@ pub(crate) fn load(
     let unused = vertices - scene.geometry.vertices.len();
     if let Some((number, at, text)) = source.unended_line().filter(|_| unused > 0) {
         let message =
-            format!("the last line has no end and {unused} vertices belong to no face; is the file whole?");
+            format!("the last line has no end and {unused} vertices belong to no face; is the file truncated?");
         scene.diagnostics.warn(Some(source.place(number, at..at + text.len())), message);
     }
     Ok(())
@@ -79,7 +79,7 @@ fn check_whole(scene: &mut SceneBuilder, source: &Source, mesh: &Mesh) {
         (true, _) => return,
         (false, 0) if mesh.unknown == 0 => return,
         (false, 0) => "expected a mesh (OBJ, PLY, STL, glTF), found no vertex and no face".to_owned(),
-        (false, n) => format!("expected faces of the {n} vertices, found none; is the file whole?"),
+        (false, n) => format!("expected faces of the {n} vertices, found none; is the file truncated?"),
     };
     let end = source.bytes().len();
     scene.diagnostics.error(Some(source.place(mesh.lines.max(1), end.saturating_sub(1)..end)), message);
@@ -205,7 +205,7 @@ fn assign_materials(
                 _ if !reported.insert(current.0.clone()) => {}
                 Known::FirstWord(other) => {
                     let message = format!(
-                        "no material file defines \"{}\"; \"{other}\" is taken, whose first word is the same",
+                        "no material file defines \"{}\"; \"{other}\" is used, which has the same first word",
                         current.0
                     );
                     scene.diagnostics.warn(Some(place()), message);

@@ -194,7 +194,7 @@ fn warnings_about_materials_name_the_file_and_the_row_that_define_them() {
         let json = triangle_json(r#"[{"mesh":0}]"#, "").replace(r#""helios_classification":5"#, extras);
         glb(&json, &triangle_bytes())
     };
-    let both = "material \"roof\" has a reflectance, which counts, and a spectrum, grass";
+    let both = "material \"roof\" has a reflectance, which is used, and a spectrum, grass";
     let none = "material \"wall\" has no reflectance";
     for (mesh, bytes, table, expected) in [
         (
@@ -215,7 +215,7 @@ fn warnings_about_materials_name_the_file_and_the_row_that_define_them() {
             "a.glb",
             &glb(r#""helios_spectra":"moss""#),
             b"name\n",
-            &[("which counts, and a spectrum, moss", "a.glb", 0)],
+            &[("which is used, and a spectrum, moss", "a.glb", 0)],
         ),
     ] {
         let mut f = fixture(mesh, bytes);
@@ -423,7 +423,7 @@ fn buffers_are_regular_files_beside_the_document() {
         (outside.to_str().unwrap(), "only files in its folder are read"),
         ("../buffer.bin", "only files in its folder are read"),
         ("sub/%2e%2e/../buffer.bin", "only files in its folder are read"),
-        ("sub", "is no regular file"),
+        ("sub", "is not a regular file"),
         ("https://example.org/buffer.bin", "is not on this machine"),
     ] {
         let json = triangle_json(r#"[{"mesh":0}]"#, &format!("\"uri\":\"{uri}\","));
@@ -468,9 +468,9 @@ fn damaged_files_are_refused_with_their_name() {
     };
     for (from, to, message) in [
         ("\"2.0\"", "\"1.0\"", "found version 1.0"),
-        ("\"count\":3", "\"count\":4000000000000", "is the file whole?"),
-        ("\"count\":3", "\"count\":18446744073709551615", "is the file whole?"),
-        ("\"byteOffset\":36", "\"byteOffset\":18446744073709551615", "is the file whole?"),
+        ("\"count\":3", "\"count\":4000000000000", "is the file truncated?"),
+        ("\"count\":3", "\"count\":18446744073709551615", "is the file truncated?"),
+        ("\"byteOffset\":36", "\"byteOffset\":18446744073709551615", "is the file truncated?"),
         ("\"bufferView\":0,", "", "VEC3"),
         ("\"mesh\":0", "\"mesh\":7", "no mesh 7"),
         ("{\"mesh\":0}", "{\"mesh\":0,\"children\":[0]}", "two parents"),
