@@ -15,7 +15,7 @@ use vlscan::lidar::pulse::{Batch, Phase, Physics, PulseSimulator};
 use vlscan::output::{NoOffload, OutputContext, OutputPlan};
 use vlscan::scene::Scene;
 use vlscan::survey::Survey;
-use vlscan::tools::generate::{Kind, SceneOptions, write_scene};
+use vlscan::tools::generate::{SceneKind, SceneOptions, write_scene};
 use vlscan::{
     Error, OutputRequest, PointFormat, ReadOptions, Result, Session, Settings, Target, read_survey,
 };
@@ -198,7 +198,7 @@ fn forest() -> Result<PathBuf> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("forest-1m");
     let survey = folder.join("survey.xml");
     if !survey.exists() {
-        let options = SceneOptions::new(Kind::Forest, 1_000_000);
+        let options = SceneOptions::new(SceneKind::Forest, 1_000_000);
         let options = SceneOptions { overwrite: true, ..options };
         write_scene(&options, &folder)?;
     }

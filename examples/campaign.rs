@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use vlscan::tools::generate::{Kind, SceneOptions, write_scene};
+use vlscan::tools::generate::{SceneKind, SceneOptions, write_scene};
 use vlscan::{Campaign, CampaignEvent, CampaignOptions, Stop};
 
 /// Ends the campaign in order; a program sets it when it is interrupted.
@@ -30,7 +30,7 @@ plan = "airborne --scanner riegl_vux-1uav --height 80 --density 5"
 
 fn main() -> vlscan::Result<()> {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let hills = SceneOptions { extent: Some(150.0), ..SceneOptions::new(Kind::Terrain, 2000) };
+    let hills = SceneOptions { extent: Some(150.0), ..SceneOptions::new(SceneKind::Terrain, 2000) };
     write_scene(&hills, &folder.path().join("hills"))?;
 
     let campaign = Campaign::parse(&folder.path().join("campaign.toml"), CAMPAIGN.to_owned())?;

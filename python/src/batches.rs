@@ -1,80 +1,34 @@
-//! Runs whose points are taken while they are measured: the run waits when too many batches wait.
+//! Runs whose points are taken while they are measured.
 
 use crate::errors::{Notices, exception};
 use crate::table::Table;
-use crate::watch::{Interruption, POLL_INTERVAL};
-use arrow_array::RecordBatch;
-use flume::{Receiver, RecvTimeoutError, Sender};
+use crate::watch::POLL_INTERVAL;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
-use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::JoinHandle;
-use vlscan::{Error, Report, TableSink};
-
-/// Passes the batches of a run to another thread.
-#[derive(Debug)]
-pub struct Channel(Sender<RecordBatch>);
-
-impl Channel {
-    /// A channel in which `waiting` batches can wait.
-    pub fn new(waiting: usize) -> (Channel, Receiver<RecordBatch>) {
-        let (sender, receiver) = flume::bounded(waiting.max(1));
-        (Channel(sender), receiver)
-    }
-}
-
-impl TableSink for Channel {
-    fn take(&self, batch: RecordBatch) -> vlscan::Result<()> {
-        self.0.send(batch).map_err(|_| Error::ClosedPipe)
-    }
-}
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use vlscan::Batches;
 
 /// The batches of points of a run. The run ends when the iterator is closed or forgotten.
 #[pyclass(frozen, module = "vlscan")]
 pub struct BatchIterator {
-    state: Mutex<State>,
-    interruption: Arc<Interruption>,
+    batches: Mutex<Option<Batches>>,
     notices: Notices,
 }
 
-#[derive(Default)]
-struct State {
-    batches: Option<Receiver<RecordBatch>>,
-    worker: Option<JoinHandle<vlscan::Result<Report>>>,
-}
-
 impl BatchIterator {
-    /// The iterator over the batches of `worker`.
-    pub fn new(
-        batches: Receiver<RecordBatch>,
-        worker: JoinHandle<vlscan::Result<Report>>,
-        interruption: Arc<Interruption>,
-        notices: Notices,
-    ) -> BatchIterator {
-        let state = State { batches: Some(batches), worker: Some(worker) };
-        BatchIterator { state: Mutex::new(state), interruption, notices }
+    /// The iterator over the batches of a run.
+    pub fn new(batches: Batches, notices: Notices) -> BatchIterator {
+        BatchIterator { batches: Mutex::new(Some(batches)), notices }
     }
 
-    fn state(&self) -> std::sync::MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    fn batches(&self) -> MutexGuard<'_, Option<Batches>> {
+        self.batches.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Ends the run, and waits for the end of one that measures.
-    fn end(&self) {
-        self.interruption.request();
-        let (batches, worker) = {
-            let mut state = self.state();
-            (state.batches.take(), state.worker.take())
-        };
-        drop(batches);
-        if let Some(worker) = worker.filter(|_| self.interruption.is_awaited()) {
-            let _ = worker.join();
-        }
+    /// Ends the run. The interpreter is free meanwhile: the run may wait for it.
+    fn end(&self, py: Python<'_>) {
+        py.detach(|| drop(self.batches().take()));
     }
-}
-
-fn joined(worker: JoinHandle<vlscan::Result<Report>>) -> vlscan::Result<Report> {
-    worker.join().unwrap_or_else(|_| Err(Error::Internal("a thread of the run has failed".to_owned())))
 }
 
 #[pymethods]
@@ -84,43 +38,41 @@ impl BatchIterator {
     }
 
     fn __next__(&self, py: Python<'_>) -> PyResult<Option<Table>> {
-        let Some(batches) = self.state().batches.clone() else { return Ok(None) };
         loop {
-            match py.detach(|| batches.recv_timeout(POLL_INTERVAL)) {
-                Ok(batch) => return Ok(Some(Table(batch))),
-                Err(RecvTimeoutError::Timeout) => {
+            let next =
+                py.detach(|| self.batches().as_mut().map(|batches| batches.next_within(POLL_INTERVAL)));
+            match next {
+                None => return Ok(None),
+                Some(Some(Some(Ok(batch)))) => return Ok(Some(Table(batch))),
+                Some(None) => {
                     if let Err(signal) = py.check_signals() {
-                        drop(batches);
-                        py.detach(|| self.end());
+                        self.end(py);
                         return Err(signal);
                     }
                 }
-                Err(RecvTimeoutError::Disconnected) => break,
+                Some(Some(ended)) => {
+                    let batches = self.batches().take();
+                    self.notices.issue(py)?;
+                    return match (ended, batches.as_ref().and_then(Batches::report)) {
+                        (Some(Err(error)), _) => Err(exception(py, error)),
+                        (_, Some(report)) if report.interrupted => {
+                            Err(PyRuntimeError::new_err("the run was stopped"))
+                        }
+                        _ => Ok(None),
+                    };
+                }
             }
-        }
-        let worker = {
-            let mut state = self.state();
-            state.batches = None;
-            state.worker.take()
-        };
-        let done = py.detach(|| worker.map(joined));
-        self.notices.issue(py)?;
-        match done {
-            Some(Err(error)) => Err(exception(py, error)),
-            Some(Ok(report)) if report.interrupted => Err(PyRuntimeError::new_err("the run was stopped")),
-            _ => Ok(None),
         }
     }
 
     /// Ends the run.
     fn close(&self, py: Python<'_>) {
-        py.detach(|| self.end());
+        self.end(py);
     }
 }
 
 impl Drop for BatchIterator {
     fn drop(&mut self) {
-        // The interpreter must be free while the run ends, which may wait for it.
-        Python::attach(|py| py.detach(|| self.end()));
+        Python::attach(|py| self.end(py));
     }
 }

@@ -1,7 +1,7 @@
 //! Runs: a survey is flown, or pulses are traced, to tables in memory and to files. The interpreter is free meanwhile;
 //! Ctrl-C ends a run, and a function is told the progress.
 
-use crate::batches::{BatchIterator, Channel};
+use crate::batches::BatchIterator;
 use crate::errors::{Notices, exception};
 use crate::scene::Scene;
 use crate::table::{Table, batches};
@@ -14,8 +14,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan::base::input::arrow::encode_stream;
 use vlscan::{
-    LegRule, OutputRequest, Progress, PulseReader, Report, ResolvedRun, RunContext, Session, TableContent,
-    TableRequest, TableSink,
+    Batches, LegRule, OutputRequest, Progress, PulseReader, Report, ResolvedRun, RunContext, Session,
+    TableContent, TableRequest, TableSink,
 };
 
 /// Rows of pulses that are traced together.
@@ -263,20 +263,22 @@ pub fn run_batches(
     seconds: Option<f64>,
     waiting: usize,
 ) -> BatchIterator {
-    let (sink, batches) = Channel::new(waiting);
-    let table = TableRequest {
-        content: TableContent::Points,
-        batch_rows: rows.max(1),
-        batch_per_leg: per_leg,
-        batch_seconds: seconds,
-        sink: Arc::new(sink),
-    };
     let notices = Notices::default();
     let interruption = Arc::new(Interruption::default());
     let (own_notices, own) = (notices.clone(), interruption.clone());
-    let worker = std::thread::spawn(move || {
-        let request = request.get();
-        request.execute(vec![table], &own_notices, &Progress::default(), &own)
+    let end = move || {
+        interruption.request();
+        interruption.is_awaited()
+    };
+    let batches = Batches::spawn(waiting, end, move |sink| {
+        let table = TableRequest {
+            content: TableContent::Points,
+            batch_rows: rows.max(1),
+            batch_per_leg: per_leg,
+            batch_seconds: seconds,
+            sink,
+        };
+        request.get().execute(vec![table], &own_notices, &Progress::default(), &own)
     });
-    BatchIterator::new(batches, worker, interruption, notices)
+    BatchIterator::new(batches, notices)
 }

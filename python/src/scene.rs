@@ -11,8 +11,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use vlscan::geom::{DVec3, Rotation};
 use vlscan::scene::{Pack, pack};
 use vlscan::survey::{
-    Loader, MaterialChange, MaterialChoice, MeshReading, PartRecipe, Replaced, SceneRecipe, Transform,
-    UpAxis, VoxelLoader, VoxelMode, XyzLoader,
+    Loader, MaterialChange, MaterialChanges, MaterialChoice, MeshReading, PartRecipe, Replaced, SceneRecipe,
+    Transform, UpAxis, VoxelLoader, VoxelMode, XyzLoader,
 };
 use vlscan::{LoadedScene, MaterialDefinition, ReadOptions, ResolvedRun, Session, read_scene};
 
@@ -174,14 +174,14 @@ fn choice(fields: &Bound<'_, PyDict>) -> PyResult<MaterialChoice> {
 
 /// Changes of the materials of a part, which its copies share.
 #[pyclass(frozen, module = "vlscan")]
-pub struct Changes(Arc<[MaterialChange]>);
+pub struct Changes(MaterialChanges);
 
 #[pymethods]
 impl Changes {
     /// No changes.
     #[new]
     fn new() -> Changes {
-        Changes(Arc::default())
+        Changes(MaterialChanges::default())
     }
 
     /// These changes and another one: of all primitives, of those whose material has a name, or of those with the indices in

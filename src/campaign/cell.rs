@@ -288,9 +288,8 @@ impl<'c> CellRunner<'c> {
 
 /// The error of a cell during which an input has changed, which may be the cause of its own error.
 fn changed_meanwhile(own: Option<Error>, name: &str) -> Error {
-    let text = format!(
-        "{name} changed while the cell was being computed; the next start computes the cell again"
-    );
+    let text =
+        format!("{name} changed while the cell was being computed; the next start computes the cell again");
     match own {
         None => Error::input(text),
         Some(error) if is_of_machine(&error) => error,
@@ -321,12 +320,7 @@ fn decided_here(path: &Path) -> Result<Diagnostics> {
     }
     if !options.outputs.is_empty() {
         let help = "set `format` at the top of the campaign's file";
-        found
-            .warn(
-                place(),
-                "its [[output]] is not used: the campaign names the files of a cell",
-            )
-            .help(help);
+        found.warn(place(), "its [[output]] is not used: the campaign names the files of a cell").help(help);
     }
     Ok(found)
 }

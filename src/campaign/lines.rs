@@ -70,7 +70,7 @@ impl Requests {
         lines.problems.finish(false)?;
         // The options of a variant beside those of all.
         let with_options = |(survey, run): (SurveySource, String)| {
-            let options = words(&run).map_err(Error::input).and_then(Options::parse);
+            let options = words(&run).map_err(|e| Error::input(e.to_string())).and_then(Options::parse);
             let options = options.map_err(|error| Error::input(format!("run {run}: {error}")));
             options.map(|options| (survey, options))
         };
@@ -91,8 +91,8 @@ impl Lines<'_> {
         let place = self.file.place(line);
         let typed = match words(line.get_ref()) {
             Ok(typed) => typed,
-            Err(message) => {
-                self.problems.error(place, message);
+            Err(unclosed) => {
+                self.problems.error(place, unclosed.to_string());
                 return None;
             }
         };

@@ -71,7 +71,9 @@ pub fn run(args: &BenchArgs, console: &Console) -> Result<()> {
     let (job, warnings) = ResolvedRun::resolve(&args.survey, &options)?;
     console.warnings(&warnings)?;
     if matches!(job.settings.survey.platform.kind, PlatformKind::Stream(_)) {
-        return Err(Error::input("vlscan bench flies the survey many times, but a stream of poses can be read only once"));
+        return Err(Error::input(
+            "vlscan bench flies the survey many times, but a stream of poses can be read only once",
+        ));
     }
     let schedules = schedules(args, &job.settings)?;
     let folder = tempfile::tempdir().map_err(|e| Error::io("create", std::env::temp_dir(), e))?;

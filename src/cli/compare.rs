@@ -55,13 +55,9 @@ fn check(args: &CompareArgs) -> Result<()> {
         }
     }
     if let Some(path) = &args.changed
-        && !matches!(PointFormat::of_file(path), Some(Ok(_)))
+        && let Err(unknown) = PointFormat::required(path)
     {
-        let known = PointFormat::names();
-        return Err(Error::input(format!(
-            "--changed {}: expected the extension of one of {known}",
-            path.display()
-        )));
+        return Err(Error::input(format!("--changed {}: {unknown}", path.display())));
     }
     Ok(())
 }

@@ -111,8 +111,7 @@ pub fn show_report(console: &Console, report: &Report, started: Instant) -> Resu
         return Ok(());
     }
     if !summary.files.is_empty() {
-        console
-            .say("the run was interrupted: files named NAME.partial.EXT contain what was measured so far");
+        console.say("the run was interrupted: files named NAME.partial.EXT contain what was measured so far");
     }
     Err(Error::Interrupted)
 }

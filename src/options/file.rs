@@ -13,8 +13,8 @@ use vlscan_base::input::{is_stdin, read_file};
 use vlscan_base::quantity;
 use vlscan_lidar::pulse::PhysicsProfile;
 use vlscan_survey::{
-    Grid, MAX_DOCUMENT_BYTES, NavigationErrors, PlatformKind, ReadOptions, SceneChoice, Source, Survey,
-    Tables,
+    MAX_DOCUMENT_BYTES, NavigationErrors, PlatformKind, ProjectionGrid, ReadOptions, SceneChoice, Source,
+    Survey, Tables,
 };
 
 /// Reads a survey (.xml) or a pipeline (.toml). The options returned are those typed over those of the file; the last value
@@ -237,7 +237,7 @@ fn check_trajectory_options(typed: TrajectoryOptions, survey: &mut Survey) -> Re
     match &mut survey.platform.kind {
         PlatformKind::Stream(_) => Ok(()),
         PlatformKind::Interpolated(files) if without_zone == TrajectoryOptions::default() => {
-            files.grid = typed.utm_zone.map_or(files.grid, |zone| Grid::Utm(zone.0));
+            files.grid = typed.utm_zone.map_or(files.grid, |zone| ProjectionGrid::Utm(zone.0));
             Ok(())
         }
         _ if typed == TrajectoryOptions::default() => Ok(()),

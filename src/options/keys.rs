@@ -11,7 +11,7 @@ use vlscan_survey::{NavigationErrors, SURVEY_TABLES, field_names};
 
 /// A table of a pipeline file, or the keys at its top.
 #[derive(Clone, Debug, Default)]
-pub struct KeyTable {
+pub struct PipelineTable {
     /// Its header; empty for the top of the file.
     pub name: String,
     /// What it describes.
@@ -20,7 +20,7 @@ pub struct KeyTable {
     pub keys: Vec<(String, String)>,
 }
 
-impl KeyTable {
+impl PipelineTable {
     /// Adds the keys of a group of options, with the help of the command line.
     fn add<'de, T: Args + Deserialize<'de>>(&mut self) {
         let command = T::augment_args(Command::new("options"));
@@ -39,11 +39,11 @@ impl KeyTable {
 }
 
 /// All tables of a pipeline file.
-pub fn pipeline_keys() -> Vec<KeyTable> {
-    let mut tables: Vec<KeyTable> = SURVEY_TABLES
+pub fn pipeline_keys() -> Vec<PipelineTable> {
+    let mut tables: Vec<PipelineTable> = SURVEY_TABLES
         .iter()
         .chain([&OutputKeys::TABLE])
-        .map(|table| KeyTable {
+        .map(|table| PipelineTable {
             name: table.name.to_owned(),
             about: paragraph(table.about),
             keys: table.keys.iter().map(|(key, help)| ((*key).to_owned(), paragraph(help))).collect(),
@@ -53,12 +53,16 @@ pub fn pipeline_keys() -> Vec<KeyTable> {
     top.add::<OriginOptions>();
     top.add::<InputOptions>();
     top.add::<OutputOptions>();
-    let mut add = |name: &str, about: &str, fill: &dyn Fn(&mut KeyTable)| {
-        let mut table = KeyTable { name: name.to_owned(), about: about.to_owned(), keys: Vec::new() };
+    let mut add = |name: &str, about: &str, fill: &dyn Fn(&mut PipelineTable)| {
+        let mut table = PipelineTable { name: name.to_owned(), about: about.to_owned(), keys: Vec::new() };
         fill(&mut table);
         tables.push(table);
     };
-    add("[trajectory]", "Poses that are flown along as they arrive.", &KeyTable::add::<TrajectoryOptions>);
+    add(
+        "[trajectory]",
+        "Poses that are flown along as they arrive.",
+        &PipelineTable::add::<TrajectoryOptions>,
+    );
     add(
         "[navigation_errors]",
         "Errors of the navigation system: the beam is traced from the true pose, points are georeferenced with the reported one. Standard deviations belong to first-order Gauss-Markov processes, whose correlation falls by a factor \

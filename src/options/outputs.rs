@@ -161,13 +161,7 @@ fn sink(path: &Path, asked: Option<PointFormat>, default: PointFormat) -> Result
         (Some(Ok(format)), _) => format,
         (_, Some(asked)) => asked,
         (None, None) => default,
-        (Some(Err(name)), None) => {
-            return Err(Error::input(format!(
-                "{}: no format is called {name:?}; choose {}",
-                path.display(),
-                PointFormat::names()
-            )));
-        }
+        (Some(Err(unknown)), None) => return Err(Error::input(format!("{}: {unknown}", path.display()))),
     };
     Ok((target, format))
 }

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use std::path::PathBuf;
 use std::sync::Arc;
 use vlscan_geom::{DVec3, radians};
-use vlscan_survey::{AngleConvention, AngleUnit, Grid, PoseFormat, PoseStream};
+use vlscan_survey::{AngleConvention, AngleUnit, PoseFormat, PoseStream, ProjectionGrid};
 
 group! {
 /// A recorded trajectory instead of the survey's platform.
@@ -86,7 +86,7 @@ impl TrajectoryOptions {
             degrees: degrees.unwrap_or(default.degrees),
             columns: self.columns.clone(),
             separator: self.separator,
-            grid: self.utm_zone.map_or(default.grid, |zone| Grid::Utm(zone.0)),
+            grid: self.utm_zone.map_or(default.grid, |zone| ProjectionGrid::Utm(zone.0)),
             height_offset: self.height_offset.map_or(default.height_offset, |offset| offset.0),
             lever_arm: self.lever_arm.map_or(default.lever_arm, |arm| DVec3::from(arm.0)),
             boresight: self.boresight.map_or(default.boresight, |angles| angles.0.map(radians)),

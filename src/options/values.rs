@@ -119,7 +119,7 @@ macro_rules! number {
             type Err = String;
 
             fn from_str(text: &str) -> Result<$name, String> {
-                $bounds.parse(text).map($name)
+                $bounds.parse(text).map($name).map_err(|e| e.to_string())
             }
         }
     };
@@ -166,7 +166,7 @@ impl FromStr for ColumnList {
     type Err = String;
 
     fn from_str(text: &str) -> Result<ColumnList, String> {
-        Column::list(text).map(ColumnList)
+        Column::list(text).map(ColumnList).map_err(|e| e.to_string())
     }
 }
 

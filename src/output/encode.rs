@@ -1,6 +1,5 @@
 //! Encoding in the worker threads: a batch becomes the bytes of every file that it contributes to.
 
-use super::ground::{Ground, height_above};
 use super::layout::{Content, Route, Slots};
 use super::memory;
 use super::piece::{Piece, samples_of};
@@ -12,7 +11,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use vlscan_formats::{Cause, EncodedPoints, PointBatch, PointEncoder, PointFormat, PointRecord, Wave};
-use vlscan_geom::{DVec3, is_inside};
+use vlscan_geom::{DVec3, HeightField, is_inside};
 use vlscan_lidar::pulse::{Batch, Echo, WaveformRecord};
 
 /// Points that are converted to records at a time; a block of records fits into the first cache.
@@ -60,7 +59,7 @@ impl Encoded {
 #[derive(Clone, Copy)]
 struct Source<'a> {
     batch: &'a Batch,
-    ground: Option<&'a Arc<dyn Ground>>,
+    ground: Option<&'a Arc<dyn HeightField>>,
 }
 
 /// Waveforms of a batch, found in the order of the echoes.
@@ -87,7 +86,7 @@ impl Waves<'_> {
 impl OutputPlan {
     /// Encodes a batch for every file. Called by the worker threads. Heights of its points count from `ground`, that of the
     /// batch's epoch.
-    pub fn encode(&self, batch: &Batch, ground: Option<&Arc<dyn Ground>>) -> Encoded {
+    pub fn encode(&self, batch: &Batch, ground: Option<&Arc<dyn HeightField>>) -> Encoded {
         let source = Source { batch, ground };
         let mut echoes =
             if self.request.misses { with_misses(batch) } else { Cow::Borrowed(&batch.echoes[..]) };
@@ -228,7 +227,8 @@ impl OutputPlan {
             record.true_position = echo.true_position(truths);
         }
         if self.needs.height {
-            record.height = height_above(source.ground, echo.position);
+            let below = source.ground.and_then(|ground| ground.height(echo.position.x, echo.position.y));
+            record.height = below.map_or(f32::NAN, |z| (echo.position.z - z) as f32);
         }
         if self.needs.cause {
             let truth = echo.truth(truths);

@@ -86,8 +86,7 @@ fn laszip(head: &[u8]) -> Option<LazVlr> {
 impl OpenSegment<'_> {
     fn open(path: &Path) -> Result<OpenSegment<'_>> {
         let failed = |e| Error::io("read", path, e);
-        let unusable =
-            || Error::input(format!("{} is not a segment of a merge", path.display()));
+        let unusable = || Error::input(format!("{} is not a segment of a merge", path.display()));
         let mut file = reads::open(path).map_err(|e| Error::open(path, e))?;
         let length = file.metadata().map_err(failed)?.len();
         let mut head = vec![0; HEADER_BYTES];
@@ -209,8 +208,11 @@ pub fn join(
             None => head = Some((segment.head.clone(), segment.common())),
             Some((sum, common)) if *common == segment.common() => add(sum, &segment.head),
             Some(_) => {
-                let message =
-                    format!("{} and {} belong to different merges", segments[0].path.display(), path.display());
+                let message = format!(
+                    "{} and {} belong to different merges",
+                    segments[0].path.display(),
+                    path.display()
+                );
                 return Err(Error::input(message));
             }
         }

@@ -12,7 +12,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use vlscan_base::error::{Error, Result};
 use vlscan_formats::{
-    CloudSettings, Column, EncodedPoints, Kind, Offload, Rows, TableColumn, Tally, point_schema, schema_of,
+    CloudSettings, Column, ColumnType, EncodedPoints, Offload, Rows, TableColumn, Tally, point_schema,
+    schema_of,
 };
 use vlscan_geom::degrees;
 use vlscan_lidar::flight::PoseSample;
@@ -34,9 +35,9 @@ impl<T> RecordColumn<T> {
     fn about(&self) -> TableColumn {
         let RecordColumn(name, unit, meaning, value) = self;
         let kind = match value {
-            F64(_) => Kind::F64,
-            U64(_) => Kind::U64,
-            U32(_) => Kind::U32,
+            F64(_) => ColumnType::F64,
+            U64(_) => ColumnType::U64,
+            U32(_) => ColumnType::U32,
         };
         (name, kind, unit, meaning)
     }

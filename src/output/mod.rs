@@ -5,14 +5,13 @@
 //!                    │   │
 //!       workers: encode  open: every output, before the first pulse
 //!                    │   │
-//!                Encoded ─► Writer::append, in chunk order ─► finish ─► Summary
+//!                Encoded ─► Writer::append, in chunk order ─► finish ─► OutputSummary
 //! ```
 //!
 //! | file | contents |
 //! |---|---|
 //! | `request`, `context` | the request; the facts about survey and scene that outputs depend on |
 //! | `layout`, `plan`, `division` | the files that follow from both, checks and formats; points divided by tile or object |
-//! | `ground` | heights above the ground |
 //! | `encode` | encoding of batches as bytes for every file, in the worker threads |
 //! | `text` | trajectories, waveforms and pulses as text |
 //! | `memory` | tables in memory for the caller |
@@ -31,7 +30,6 @@ mod encode;
 mod file;
 #[cfg(test)]
 mod format_tests;
-mod ground;
 mod join;
 mod layout;
 mod memory;
@@ -49,13 +47,12 @@ mod writer;
 pub use context::OutputContext;
 pub use division::{Division, Ring};
 pub use encode::Encoded;
-pub use ground::Ground;
 pub use join::{JOINED_POINTS, Segment, join};
 pub use plan::OutputPlan;
 pub use request::{
     OutputRequest, ShardOutput, TableContent, TableRequest, TableSink, Target, TrajectoryFormat,
 };
-pub use summary::{FileKind, FileSummary, Summary};
+pub use summary::{FileKind, FileSummary, OutputSummary};
 pub use vlscan_formats::text::{expand, unzip};
 pub use vlscan_formats::{
     Column, ExtraDimensions, LasSettings, LasVersion, NoOffload, ObjectIds, Offload, PacketPlace, PointFormat,

@@ -60,8 +60,11 @@ impl OutputPlan {
         if let (Some(chosen), Some(named)) = (&request.crs_wkt, &context.crs)
             && crs::differ(chosen, named)
         {
-            let message =
-                format!("--crs is {}, but the measured points are in {}", crs::name(chosen), crs::name(named));
+            let message = format!(
+                "--crs is {}, but the measured points are in {}",
+                crs::name(chosen),
+                crs::name(named)
+            );
             problems.warn(None, message).help("leave out --crs: points are not reprojected");
         }
         let settings = cloud_settings(&request, context, wkt, objects);
@@ -200,7 +203,10 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
     for (asked, what) in [(request.waveforms, "waveforms"), (request.pulses, "pulses")] {
         if asked && request.sinks.iter().all(|(target, _)| streams(target)) {
             problems
-                .error(None, format!("{what} are written beside a file of points, but no such file is written"))
+                .error(
+                    None,
+                    format!("{what} are written beside a file of points, but no such file is written"),
+                )
                 .help("name a file or a directory for the points");
         }
     }

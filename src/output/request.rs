@@ -67,7 +67,7 @@ pub struct TableRequest {
     pub batch_rows: usize,
     /// Whether a batch ends with its leg, too.
     pub batch_per_leg: bool,
-    /// Of points with the column `GpsTime`: whether a batch ends at every multiple of so many seconds, too.
+    /// Of points with the column `GpsTime`: whether a batch ends at every multiple of this many seconds, too.
     pub batch_seconds: Option<f64>,
     /// What takes the batches.
     pub sink: Arc<dyn TableSink>,
@@ -131,7 +131,7 @@ pub struct OutputRequest {
     pub inputs: Vec<PathBuf>,
     /// Files that the caller writes besides the outputs, which are checked with them.
     pub companions: Vec<PathBuf>,
-    /// Whether points are counted by part of the scene, see [`Summary`](super::Summary).
+    /// Whether points are counted by part of the scene, see [`OutputSummary`](super::OutputSummary).
     pub counts_parts: bool,
     /// Coordinate reference system as WKT; the one of the survey if `None`.
     pub crs_wkt: Option<String>,

@@ -6,7 +6,7 @@ use vlscan_geom::Aabb;
 
 /// Summary of the outputs of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Summary {
+pub struct OutputSummary {
     /// Every file, in order of completion.
     pub files: Vec<FileSummary>,
     /// Run directories of [`Target::Helios`](super::Target::Helios), one per epoch.

@@ -1,6 +1,6 @@
 //! Surveys, scenes and batches for the tests of this module.
 
-use super::{NoOffload, OutputContext, OutputPlan, OutputRequest, Summary};
+use super::{NoOffload, OutputContext, OutputPlan, OutputRequest, OutputSummary};
 use std::sync::Arc;
 use vlscan_base::error::Result;
 use vlscan_geom::{Aabb, DVec3, Rotation};
@@ -129,7 +129,7 @@ pub(super) fn batch(leg: u32, first: usize, echoes: usize) -> Batch {
     batch
 }
 
-pub(super) fn write(request: OutputRequest, survey: &Survey, batches: &[Batch]) -> Result<Summary> {
+pub(super) fn write(request: OutputRequest, survey: &Survey, batches: &[Batch]) -> Result<OutputSummary> {
     let scene = scene();
     let plan = Arc::new(OutputPlan::new(request, &OutputContext::new(survey, &scene))?);
     let mut writer = plan.open(Arc::new(NoOffload))?;

@@ -6,7 +6,7 @@ use super::layout::{Content, OutputLocation};
 use super::piece::OpenOutput;
 use super::plan::{OutputPlan, create_run_directory, stamp};
 use super::request::TableContent;
-use super::summary::Summary;
+use super::summary::OutputSummary;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use vlscan_base::error::{Error, Result};
@@ -30,7 +30,7 @@ pub struct Writer {
     failed: bool,
     leg: u32,
     epoch: u32,
-    summary: Summary,
+    summary: OutputSummary,
     /// Run directories of the current epoch. Declared after `files`, as `folders`: a folder can be removed only when
     /// it is empty.
     runs: Vec<PathBuf>,
@@ -65,7 +65,7 @@ impl OutputPlan {
             failed: false,
             leg: 0,
             epoch: 1,
-            summary: Summary::default(),
+            summary: OutputSummary::default(),
             runs: Vec::new(),
             folders: Vec::new(),
         };
@@ -170,7 +170,7 @@ impl Writer {
     ///
     /// # Errors
     /// [`Error::Io`]; files already completed are kept, the others are removed.
-    pub fn finish(mut self) -> Result<Summary> {
+    pub fn finish(mut self) -> Result<OutputSummary> {
         self.epoch = self.plan.request.epochs.max(self.epoch);
         let closed = self.close_while(|_| true);
         self.note_failure(closed)?;
@@ -185,7 +185,7 @@ impl Writer {
     ///
     /// # Errors
     /// As for [`Writer::finish`].
-    pub fn finish_partial(mut self) -> Result<Summary> {
+    pub fn finish_partial(mut self) -> Result<OutputSummary> {
         self.partial = true;
         self.finish()
     }

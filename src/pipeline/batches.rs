@@ -7,8 +7,9 @@ use super::session::Session;
 use crate::output::{OutputRequest, TableContent, TableRequest, TableSink};
 use ::arrow_array::RecordBatch;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
+use std::time::Duration;
 use vlscan_base::error::{Error, Result};
 use vlscan_warehouse::Stop;
 
@@ -17,11 +18,10 @@ const MAX_WAITING: usize = 2;
 
 /// The points of a run on another thread, batch by batch; see [`Session::into_batches`]. The last item is the error of a run that
 /// fails. Dropping the iterator ends the run.
-#[derive(Debug)]
 pub struct Batches {
     batches: Option<Receiver<RecordBatch>>,
     worker: Option<JoinHandle<Result<Report>>>,
-    stop: Arc<Stop>,
+    end: Box<dyn Fn() -> bool + Send + Sync>,
     report: Option<Report>,
 }
 
@@ -39,27 +39,59 @@ impl Session {
     /// Runs the session on another thread and returns the points, `rows` at a time, beside what else `outputs` asks for. The run waits
     /// while its batches wait, so memory stays flat. The columns are [`OutputRequest::columns`].
     pub fn into_batches(mut self, mut outputs: OutputRequest, rows: usize) -> Batches {
-        let (sender, batches) = sync_channel(MAX_WAITING);
-        let sink = Arc::new(Sender(sender));
-        outputs.tables.push(TableRequest {
-            content: TableContent::Points,
-            batch_rows: rows.max(1),
-            batch_per_leg: false,
-            batch_seconds: None,
-            sink,
-        });
         let stop = Arc::new(Stop::new());
-        let own = stop.clone();
-        let worker =
-            std::thread::spawn(move || self.run(outputs, RunContext::new(&Progress::default(), &own)));
-        Batches { batches: Some(batches), worker: Some(worker), stop, report: None }
+        let requested = stop.clone();
+        let end = move || {
+            requested.request();
+            true
+        };
+        Batches::spawn(MAX_WAITING, end, move |sink| {
+            outputs.tables.push(TableRequest {
+                content: TableContent::Points,
+                batch_rows: rows.max(1),
+                batch_per_leg: false,
+                batch_seconds: None,
+                sink,
+            });
+            self.run(outputs, RunContext::new(&Progress::default(), &stop))
+        })
     }
 }
 
 impl Batches {
+    /// The batches that `run` passes to a sink on another thread; it waits while `waiting` of them wait. `end` requests the end of the
+    /// run and tells whether it must be waited for.
+    pub fn spawn(
+        waiting: usize,
+        end: impl Fn() -> bool + Send + Sync + 'static,
+        run: impl FnOnce(Arc<dyn TableSink>) -> Result<Report> + Send + 'static,
+    ) -> Batches {
+        let (sender, batches) = sync_channel(waiting.max(1));
+        let worker = std::thread::spawn(move || run(Arc::new(Sender(sender))));
+        Batches { batches: Some(batches), worker: Some(worker), end: Box::new(end), report: None }
+    }
+
     /// The report of the run, once the last batch has been taken.
     pub fn report(&self) -> Option<&Report> {
         self.report.as_ref()
+    }
+
+    /// The next item if it comes within `timeout`; else `None`.
+    pub fn next_within(&mut self, timeout: Duration) -> Option<Option<Result<RecordBatch>>> {
+        match self.batches.as_ref().map(|batches| batches.recv_timeout(timeout)) {
+            Some(Ok(batch)) => Some(Some(Ok(batch))),
+            Some(Err(RecvTimeoutError::Timeout)) => None,
+            Some(Err(RecvTimeoutError::Disconnected)) | None => Some(self.finish().err().map(Err)),
+        }
+    }
+
+    /// The outcome of the run, whose batches have all been taken.
+    fn finish(&mut self) -> Result<()> {
+        self.batches = None;
+        let Some(worker) = self.worker.take() else { return Ok(()) };
+        let failed = |_| Err(Error::Internal("a thread of the run has failed".to_owned()));
+        self.report = Some(worker.join().unwrap_or_else(failed)?);
+        Ok(())
     }
 }
 
@@ -67,27 +99,19 @@ impl Iterator for Batches {
     type Item = Result<RecordBatch>;
 
     fn next(&mut self) -> Option<Result<RecordBatch>> {
-        if let Some(Ok(batch)) = self.batches.as_ref().map(Receiver::recv) {
-            return Some(Ok(batch));
-        }
-        self.batches = None;
-        let failed = |_| Err(Error::Internal("a thread of the run has failed".to_owned()));
-        match self.worker.take()?.join().unwrap_or_else(failed) {
-            Ok(report) => {
-                self.report = Some(report);
-                None
-            }
-            Err(error) => Some(Err(error)),
+        match self.batches.as_ref().map(Receiver::recv) {
+            Some(Ok(batch)) => Some(Ok(batch)),
+            _ => self.finish().err().map(Err),
         }
     }
 }
 
 impl Drop for Batches {
     fn drop(&mut self) {
-        self.stop.request();
+        let is_awaited = (self.end)();
         // A run whose batches nobody takes ends.
         self.batches = None;
-        if let Some(worker) = self.worker.take() {
+        if let Some(worker) = self.worker.take().filter(|_| is_awaited) {
             let _ = worker.join();
         }
     }

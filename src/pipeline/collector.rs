@@ -3,7 +3,7 @@
 use super::plausibility::YieldCheck;
 use super::progress::Progress;
 use super::worker::{Measured, Pieces};
-use crate::output::{Summary, Writer};
+use crate::output::{OutputSummary, Writer};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_warehouse::Collect;
@@ -29,7 +29,7 @@ pub(super) struct Collector<'a> {
 /// Outcome of a pass over one epoch.
 pub enum Ended {
     /// The last epoch: the outputs are complete and have their names.
-    Complete(Summary),
+    Complete(OutputSummary),
     /// Another epoch follows; the outputs are open.
     NextEpoch(Box<Writer>),
     /// The user stopped the run. The outputs are open and contain everything measured until then.

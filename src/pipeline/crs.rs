@@ -8,7 +8,7 @@ use vlscan_geom::{DVec3, UtmZone};
 use vlscan_lidar::flight::FlightPlan;
 use vlscan_lidar::platform::{PoseReader, adjusted_time_origin};
 use vlscan_scene::Scene;
-use vlscan_survey::{Grid, PlatformKind};
+use vlscan_survey::{PlatformKind, ProjectionGrid};
 use vlscan_warehouse::Stop;
 
 /// Coordinates from which a scene is taken to be on a projected grid, m.
@@ -24,9 +24,9 @@ pub(super) fn adopt(settings: &mut Settings, scene: &Scene) -> (Diagnostics, Opt
     {
         let message =
             format!("--crs is {}, but the files of the scene are in {}", crs::name(chosen), crs::name(named));
-        found.warn(None, message).help(
-            "--crs does not reproject points: leave it out, or reproject the scene first",
-        );
+        found
+            .warn(None, message)
+            .help("--crs does not reproject points: leave it out, or reproject the scene first");
     }
     let is_confirmed = scene.crs.is_some();
     let is_chosen = survey.crs_wkt.is_some();
@@ -49,7 +49,7 @@ pub(super) fn adopt(settings: &mut Settings, scene: &Scene) -> (Diagnostics, Opt
         PlatformKind::Interpolated(files) => &mut files.grid,
         _ => return (found, note),
     };
-    if let (Grid::Utm(zone), Some(wkt)) = (&grid, wkt)
+    if let (ProjectionGrid::Utm(zone), Some(wkt)) = (&grid, wkt)
         && UtmZone::of_wkt(wkt).is_some_and(|of_scene| of_scene != *zone)
     {
         let message =
@@ -90,9 +90,9 @@ pub(super) fn time_origin(settings: &Settings, poses: Option<&mut PoseReader>, s
     first.and_then(adjusted_time_origin).unwrap_or(0.0)
 }
 
-/// Describes a lack of a coordinate reference system in formats that have a place for it, over a scene that seems to have
+/// Describes a missing coordinate reference system in formats that have a place for it, over a scene that seems to have
 /// one.
-pub(super) fn lack_of_crs(outputs: &OutputRequest, context: &OutputContext) -> Option<String> {
+pub(super) fn without_crs(outputs: &OutputRequest, context: &OutputContext) -> Option<String> {
     let is_projected = [context.shift.x, context.shift.y].iter().any(|c| c.abs() >= MIN_PROJECTED_COORDINATE);
     let has_place = outputs.sinks.iter().any(|(_, format)| format.holds_crs());
     let is_lacking = is_projected && has_place && outputs.crs_wkt.is_none() && context.crs.is_none();

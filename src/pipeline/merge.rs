@@ -8,7 +8,7 @@ use super::fly::run_stages;
 use super::pass::RunContext;
 use super::run::Report;
 use super::worker::{Measured, Pieces};
-use crate::output::{OutputContext, OutputPlan, OutputRequest, Summary};
+use crate::output::{OutputContext, OutputPlan, OutputRequest, OutputSummary};
 use crate::shards::{BlockHead, ShardFile, ShardSet};
 use std::ops::Range;
 use std::sync::Arc;
@@ -217,7 +217,7 @@ fn merge_epochs(
     schedule: Schedule,
     control: RunContext<'_>,
     is_damaged: &AtomicBool,
-) -> Result<(Summary, bool)> {
+) -> Result<(OutputSummary, bool)> {
     let mut writer = None;
     for epoch in 0..epochs {
         let end = PassEnd { check: None, is_last: epoch + 1 == epochs, keeps_partial: false };
@@ -237,7 +237,7 @@ fn merge_epochs(
             Ended::Complete(summary) => return Ok((summary, false)),
             Ended::Interrupted(writer) => {
                 writer.discard();
-                return Ok((Summary::default(), true));
+                return Ok((OutputSummary::default(), true));
             }
             Ended::NextEpoch(open) => writer = Some(open),
         }

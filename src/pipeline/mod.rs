@@ -15,7 +15,6 @@
 //! | `session`, `run` | a scene and its survey; the loop over epochs, the report |
 //! | `scan`, `batches` | scans of a scene with an instrument, without files; points as record batches while the run goes |
 //! | `dry_run` | what a run will cost and give, from a measured sample |
-//! | `heights` | the ground that heights of points count from |
 //! | `fly`, `pass` | the stages of a pass over one epoch, and their inputs |
 //! | `load` | scene and tree of an epoch, refused if they exceed the memory limit |
 //! | `chunk` | the producer of a flight: steps become chunks |
@@ -39,7 +38,6 @@ mod crs;
 mod dry_run;
 mod emit;
 mod fly;
-mod heights;
 mod load;
 mod merge;
 mod moving;

@@ -3,8 +3,9 @@
 use super::aim::AimTarget;
 use super::plausibility::YieldCheck;
 use super::progress::Progress;
-use crate::output::{Ground, OutputPlan};
+use crate::output::OutputPlan;
 use std::sync::Arc;
+use vlscan_geom::HeightField;
 use vlscan_lidar::pulse::Physics;
 use vlscan_scene::MotionPlan;
 use vlscan_trace::BuildOptions;
@@ -35,8 +36,8 @@ pub struct Pass<'a> {
     /// Build options of the trees over moving parts.
     pub trees: &'a BuildOptions,
     pub output: Arc<OutputPlan>,
-    /// The ground of this epoch, if points have heights above it.
-    pub ground: Option<Arc<dyn Ground>>,
+    /// The ground of this epoch in the scene frame, if points have heights above it.
+    pub ground: Option<Arc<dyn HeightField>>,
     pub schedule: Schedule,
     pub control: RunContext<'a>,
     pub target: AimTarget,

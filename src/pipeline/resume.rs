@@ -7,7 +7,7 @@ use super::resume_folder::{ResumeFolder, RunId, State};
 use super::run::Report;
 use super::session::Session;
 use super::shard::Divisible;
-use crate::output::{OutputContext, OutputPlan, OutputRequest, Summary, Target};
+use crate::output::{OutputContext, OutputPlan, OutputRequest, OutputSummary, Target};
 use crate::shards::{OneOf, ShardSet};
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::Notice;
@@ -31,9 +31,11 @@ impl ResumeOptions {
     /// # Errors
     /// [`Error::Input`] when all outputs are streams.
     pub fn beside(outputs: &OutputRequest, pulses_per_shard: u64) -> Result<ResumeOptions> {
-        let path = outputs.sinks.iter().find_map(|(target, _)| path_of(target)).ok_or_else(|| {
-            Error::input("--resume needs an output file or folder: -o PATH")
-        })?;
+        let path = outputs
+            .sinks
+            .iter()
+            .find_map(|(target, _)| path_of(target))
+            .ok_or_else(|| Error::input("--resume needs an output file or folder: -o PATH"))?;
         let mut name = path.file_name().unwrap_or_default().to_os_string();
         name.push(".shards");
         Ok(ResumeOptions { folder: path.with_file_name(name), pulses_per_shard })
@@ -64,7 +66,12 @@ impl Session {
         if needs_no_more && known.as_ref().is_some_and(State::is_complete) {
             self.notify(Notice::Note("the outputs are already complete".to_owned()));
             self.remove_shards(ResumeFolder::open(path, known.as_ref())?, path)?;
-            return Ok(Report { summary: Summary::default(), pulses: 0, seconds: 0.0, interrupted: false });
+            return Ok(Report {
+                summary: OutputSummary::default(),
+                pulses: 0,
+                seconds: 0.0,
+                interrupted: false,
+            });
         }
         let request = OutputRequest { goes_on, ..outputs.clone() };
         // Outputs are merged from the shards, without the scene.
@@ -99,7 +106,12 @@ impl Session {
                     path.display()
                 )));
                 let pulses = control.progress.snapshot().pulses;
-                return Ok(Report { summary: Summary::default(), pulses, seconds: 0.0, interrupted: true });
+                return Ok(Report {
+                    summary: OutputSummary::default(),
+                    pulses,
+                    seconds: 0.0,
+                    interrupted: true,
+                });
             }
             Err(error) => return Err(error),
         };

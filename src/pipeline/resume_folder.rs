@@ -3,7 +3,7 @@
 //! mark is the user's. Only what runs have made is removed: the mark, the lock, which is empty, and shards, which are known by their
 //! names and by their first bytes.
 
-use crate::output::{OutputRequest, Summary, Target};
+use crate::output::{OutputRequest, OutputSummary, Target};
 use crate::shards::{Fingerprint, PrivateFolder, is_file_of_shards};
 use serde::{Deserialize, Serialize};
 use std::fs::{self, DirEntry, File, OpenOptions, TryLockError};
@@ -165,7 +165,7 @@ impl ResumeFolder {
 
 impl State {
     /// The state of a run whose outputs are complete.
-    pub fn complete(run: RunId, summary: &Summary) -> State {
+    pub fn complete(run: RunId, summary: &OutputSummary) -> State {
         let paths = summary.files.iter().filter_map(|file| file.path.as_ref()).map(|path| absolute(path));
         State::Complete(run, paths.map(|path| (path.clone(), stamp(&path))).collect())
     }

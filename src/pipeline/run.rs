@@ -8,7 +8,7 @@ use super::plausibility::{self, PoseCheck, YieldCheck};
 use super::session::Session;
 use super::settings::Settings;
 use super::stream::{LegRule, PulseSource, Tracing};
-use crate::output::{FileSummary, Ground, OutputContext, OutputPlan, OutputRequest, Summary, Target, Writer};
+use crate::output::{FileSummary, OutputContext, OutputPlan, OutputRequest, OutputSummary, Target, Writer};
 use crate::streams::PulseReader;
 use std::ops::RangeInclusive;
 use std::path::Path;
@@ -17,6 +17,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 use vlscan_base::diag::Notice;
 use vlscan_base::error::{Error, Result};
+use vlscan_geom::HeightField;
 use vlscan_lidar::flight::{FlightPlan, FlightState};
 use vlscan_lidar::pulse::{Physics, PhysicsOptions};
 use vlscan_scene::Fallback;
@@ -27,7 +28,7 @@ use vlscan_warehouse::Stop;
 #[derive(Clone, Debug)]
 pub struct Report {
     /// Summary of the outputs.
-    pub summary: Summary,
+    pub summary: OutputSummary,
     /// Pulses emitted.
     pub pulses: u64,
     /// Time from the first pulse to the last point written, without the loading of later epochs, s.
@@ -158,8 +159,8 @@ impl Session {
                 "the scene's swaps make {epochs} flights; their points are in the same files, with the same times; --output DIR writes one folder per flight"
             )));
         }
-        if let Some(lack) = crs::lack_of_crs(&outputs, context) {
-            self.notify(Notice::Note(lack));
+        if let Some(missing) = crs::without_crs(&outputs, context) {
+            self.notify(Notice::Note(missing));
         }
         let output = self.plan_output(outputs, context)?;
         Ok((Arc::new(output), Epochs { range: 0..=epochs - 1, options, is_checked: true }))
@@ -199,7 +200,10 @@ impl Session {
         let (summary, interrupted) = loop {
             self.enter_epoch(epoch, control.stop)?;
             let (settings, scene, tree) = (self.settings(), self.scene(), self.tree()?);
-            let ground = || self.ground(Fallback::Lowest).map(|ground| Arc::new(ground) as Arc<dyn Ground>);
+            let ground = || -> Result<Arc<dyn HeightField>> {
+                let model = self.ground(Fallback::Lowest)?;
+                Ok(Arc::new(move |x, y| model.local_height(x, y)))
+            };
             let physics = Physics::new(scene, tree, &settings.survey, options)?;
             let pass = Pass {
                 physics: &physics,

@@ -173,14 +173,9 @@ impl Scan {
     /// [`Error::Input`] for an extension that names none.
     pub fn output(self, path: impl AsRef<Path>) -> Result<Scan> {
         let path = path.as_ref();
-        match PointFormat::of_file(path) {
-            Some(Ok(format)) => Ok(self.sink(Target::File(path.to_path_buf()), format)),
-            _ => Err(Error::input(format!(
-                "{}: its extension names no format; expected one of {}",
-                path.display(),
-                PointFormat::names()
-            ))),
-        }
+        let format = PointFormat::required(path);
+        let format = format.map_err(|unknown| Error::input(format!("{}: {unknown}", path.display())))?;
+        Ok(self.sink(Target::File(path.to_path_buf()), format))
     }
 
     /// Adds an output of points.
@@ -207,9 +202,7 @@ impl Scan {
     /// [`Error::Input`] without a station, a path or a trajectory.
     pub fn survey(&self) -> Result<Survey> {
         if self.waypoints.is_empty() && self.poses.is_none() {
-            return Err(Error::input(
-                "a scan needs a station, a path or a trajectory",
-            ));
+            return Err(Error::input("a scan needs a station, a path or a trajectory"));
         }
         let is_moving = self.waypoints.iter().any(|waypoint| waypoint.speed > 0.0);
         let platform = self.platform.clone().unwrap_or_else(|| Platform {

@@ -4,7 +4,9 @@
 use super::merge::{check_records, merge_echoes};
 use super::pass::RunContext;
 use super::run::Report;
-use crate::output::{JOINED_POINTS, LasVersion, OutputRequest, PointFormat, Segment, Summary, Target, join};
+use crate::output::{
+    JOINED_POINTS, LasVersion, OutputRequest, OutputSummary, PointFormat, Segment, Target, join,
+};
 use crate::shards::{OneOf, PrivateFolder, ShardHead, ShardSet, array_list};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -229,7 +231,7 @@ pub fn join_segments(shards: &ShardSet, outputs: &OutputRequest, control: RunCon
     }
     let file = joined?;
     let points = file.records;
-    let summary = Summary { files: vec![file], points, ..Summary::default() };
+    let summary = OutputSummary { files: vec![file], points, ..OutputSummary::default() };
     let seconds = started.elapsed().as_secs_f64();
     Ok(Report { summary, pulses: shards.head.total, seconds, interrupted: false })
 }

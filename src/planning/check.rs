@@ -113,7 +113,7 @@ impl Check<'_> {
     fn check_flight(&self, flat: &mut Session, area: &Area, promise: &Promise) -> Result<()> {
         let flight = flat.plan_flight()?;
         let flown = fly_sample(&flight, self.plan, area, flat.scene().shift)?;
-        flown.check(promise).map_err(Error::input)?;
+        flown.check(promise)?;
         // Lines that follow the ground are at no one height above a plane; the dry run over the scene counts.
         let z = self.plan.waypoints.iter().map(|waypoint| waypoint.position.z);
         let (low, high) = z.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), z| (l.min(z), h.max(z)));

@@ -19,8 +19,8 @@ use vlscan_lidar::pulse::PhysicsProfile;
 use vlscan_scene::{Fallback, GroundModel, LoadOptions};
 use vlscan_survey::{Platform, ReadOptions, SceneRecipe, catalogue, find_platform, find_scanner};
 use vlscan_tools::plan::{
-    self, AirborneRequest, Area, AreaSource, Carrier, Ground, Instrument, MobileRequest, PlanRequest,
-    PlanSetup, PlannedSurvey, TerrestrialRequest,
+    self, AirborneRequest, Area, AreaSource, Carrier, MobileRequest, PlanGround, PlanRequest, PlanSetup,
+    PlannedSurvey, SwathModel, TerrestrialRequest,
 };
 use vlscan_trace::{BuildOptions, Builder};
 use vlscan_warehouse::Stop;
@@ -70,7 +70,7 @@ pub fn plan_survey(
 struct Planner<'a> {
     setup: &'a PlanSetup,
     observer: &'a Observer,
-    instrument: Instrument,
+    instrument: SwathModel,
     /// Where the survey takes place, if there is a scene.
     site: Option<Site>,
     /// The warnings about the scanner, which have been shown.
@@ -86,7 +86,7 @@ struct Site {
 
 impl Site {
     /// Loads the scene of a request as surveys with this instrument do.
-    fn load(name: &str, setup: &PlanSetup, instrument: &Instrument, observer: &Observer) -> Result<Site> {
+    fn load(name: &str, setup: &PlanSetup, instrument: &SwathModel, observer: &Observer) -> Result<Site> {
         let (recipe, _, warnings) = NamedScene { name, assets: &setup.assets }.recipe()?;
         observer.warnings(warnings)?;
         let options = LoadOptions {
@@ -112,7 +112,7 @@ impl Planner<'_> {
         observer.warnings(told.clone())?;
         let (known, _) = catalogue()?;
         let reference = in_catalogue(&setup.scanner, known.scanners.iter().map(|(name, _)| name));
-        let instrument = Instrument::new(reference, &scanner, setup.pulse_rate);
+        let instrument = SwathModel::new(reference, &scanner, setup.pulse_rate);
         let scene = setup.scene.as_deref();
         let site = scene.map(|name| Site::load(name, setup, &instrument, observer)).transpose()?;
         Ok(Planner { setup, observer, instrument, site, told })
@@ -124,14 +124,12 @@ impl Planner<'_> {
         let default = if options.height < MAX_DRONE_HEIGHT { "copter_linearpath" } else { "sr22" };
         let (reference, platform, told) = self.platform(default)?;
         let level = self.setup.level();
-        let height = |x: f64, y: f64| match &self.site {
-            Some(site) => site.ground.height(x, y),
-            None => Some(level),
-        };
-        let ground = Ground { height: &height, level };
+        let model = self.site.as_ref().map(|site| &site.ground);
+        let height = |x: f64, y: f64| model.map_or(Some(level), |ground| ground.height(x, y));
+        let ground = PlanGround { heights: &height, level };
         let carrier = Carrier { mount: platform.mount, may_turn: self.setup.platform.is_none() };
         let plan = plan::plan_airborne(&area, &self.instrument, &carrier, options, &ground);
-        Ok((PlannedSurvey { platform: reference, ..plan.map_err(Error::input)? }, Some(area), told))
+        Ok((PlannedSurvey { platform: reference, ..plan? }, Some(area), told))
     }
 
     fn terrestrial(&self, request: &TerrestrialRequest) -> Result<Planned> {
@@ -142,8 +140,7 @@ impl Planner<'_> {
         };
         let on_ground = self.is_ground_used()?;
         let (area, level) = (area.as_ref(), self.setup.level());
-        let plan = plan::plan_terrestrial(area, &self.instrument, options, level, on_ground);
-        let plan = plan.map_err(Error::input)?;
+        let plan = plan::plan_terrestrial(area, &self.instrument, options, level, on_ground)?;
         let (platform, _, told) = self.platform("tripod")?;
         Ok((PlannedSurvey { platform, ..plan }, None, told))
     }
@@ -153,8 +150,7 @@ impl Planner<'_> {
         self.observer.warnings(warnings)?;
         let on_ground = self.is_ground_used()?;
         let plan =
-            plan::plan_mobile(&line, &self.instrument, &request.options, self.setup.level(), on_ground);
-        let plan = plan.map_err(Error::input)?;
+            plan::plan_mobile(&line, &self.instrument, &request.options, self.setup.level(), on_ground)?;
         let (platform, _, told) = self.platform("vehicle_linearpath")?;
         Ok((PlannedSurvey { platform, ..plan }, None, told))
     }
@@ -217,7 +213,7 @@ impl Planner<'_> {
             (Some(AreaSource::Given(area)), _) => Ok(area.clone()),
             (None, Some(site)) => {
                 let [low, high] = site.ground.extent();
-                Area::rectangle(low, high).map_err(Error::input)
+                Area::rectangle(low, high).map_err(|e| Error::input(e.to_string()))
             }
             (None, None) => Err(Error::input("give --area, or --scene, whose ground is then the area")),
         }

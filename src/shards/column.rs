@@ -120,7 +120,7 @@ pub(super) fn put_records<R: Words>(out: &mut Vec<u8>, records: &[R]) {
     }
 }
 
-/// Reads columns of so many `rows` into `records` and returns the bytes after them; `None` if the bytes are no such
+/// Reads columns of this many `rows` into `records` and returns the bytes after them; `None` if the bytes are no such
 /// columns.
 pub(super) fn get_records<'b, R: Words>(
     mut bytes: &'b [u8],

@@ -220,7 +220,7 @@ impl ShardFile {
         self.blocks.len()
     }
 
-    /// The head of a block, if there are so many.
+    /// The head of a block, if there are this many.
     pub fn block(&self, number: usize) -> Option<BlockHead> {
         self.blocks.get(number).map(|(_, head)| *head)
     }

@@ -107,7 +107,10 @@ impl ShardSet {
             ));
         }
         let Some((of, present)) = listed.into_iter().next() else {
-            return Err(Error::input(format!("{} contains no shards (shard-…-of-….vlshard)", folder.display())));
+            return Err(Error::input(format!(
+                "{} contains no shards (shard-…-of-….vlshard)",
+                folder.display()
+            )));
         };
         let mut damaged = BTreeMap::new();
         let mut runs = Runs::default();

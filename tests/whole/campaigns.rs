@@ -23,7 +23,7 @@ fn manifest(folder: &Path) -> Vec<serde_json::Value> {
     text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }
 
-/// Two variants of scanning the moving boxes, with so many seeds.
+/// Two variants of scanning the moving boxes, with this many seeds.
 fn boxes(folder: &Path, out: &str, seeds: u32) -> String {
     let moving = fixture("moving");
     let moving = moving.to_str().unwrap();

@@ -352,7 +352,7 @@ fn voxels_let_as_much_through_as_the_law_of_beer_and_lambert_says() {
     let first: Vec<&Point> = points.iter().filter(crosses).collect();
     let through = first.iter().filter(|p| p.position[2] < 1.0).count() as f64 / first.len() as f64;
     let expected = mean(first.iter().map(|p| (-0.5 * 0.5 * 2.0 / -p.direction[2]).exp()));
-    // Four standard deviations of so many draws.
+    // Four standard deviations of this many draws.
     let tolerance = 4.0 * (expected * (1.0 - expected) / first.len() as f64).sqrt();
     assert!(first.len() > 200, "{}", first.len());
     assert_near(through, expected, tolerance, &first.len());

@@ -239,7 +239,9 @@ fn what_is_not_used_as_written_is_an_error_with_strict() {
     let dir = folder();
     let row = |class: &str| format!("x,y,z,class\n1,2,3,2\n4,5,6,{class}\n");
     let mut cases: Vec<(String, Vec<u8>, &str)> = ["300", "-1", "2.7", "nan"]
-        .map(|class| (format!("class{class}.csv"), row(class).into_bytes(), "not a whole number from 0 to 255"))
+        .map(|class| {
+            (format!("class{class}.csv"), row(class).into_bytes(), "not a whole number from 0 to 255")
+        })
         .into();
     cases.push(("unit.csv".into(), b"x [furlong],y [m],z [m]\n1,2,3\n".to_vec(), "unit \"furlong\""));
     cases.push(("two.csv".into(), b"x,y,z,class,label\n1,2,3,4,5\n".to_vec(), "both name a point class"));

@@ -8,13 +8,13 @@ use flight::{FlightOptions, GridPlace, NAMES, flight_sbet, flight_text};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use vlscan::geom::UtmZone;
-use vlscan::tools::generate::{Kind, SceneOptions, write_scene};
+use vlscan::tools::generate::{SceneKind, SceneOptions, write_scene};
 
 fn fixtures() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures")
 }
 
-fn options(kind: Kind) -> SceneOptions {
+fn options(kind: SceneKind) -> SceneOptions {
     let of = |triangles, pulses, extent| SceneOptions {
         pulses: Some(pulses),
         extent,
@@ -22,9 +22,9 @@ fn options(kind: Kind) -> SceneOptions {
         ..SceneOptions::new(kind, triangles)
     };
     match kind {
-        Kind::Forest => of(4000, 60_000, None),
-        Kind::Terrain => of(4000, 40_000, Some(240.0)),
-        Kind::Room => of(1000, 40_000, None),
+        SceneKind::Forest => of(4000, 60_000, None),
+        SceneKind::Terrain => of(4000, 40_000, Some(240.0)),
+        SceneKind::Room => of(1000, 40_000, None),
     }
 }
 
@@ -42,7 +42,7 @@ fn updating() -> bool {
 
 #[test]
 fn scenes_are_what_the_generator_writes() {
-    for kind in Kind::ALL {
+    for kind in SceneKind::ALL {
         let kept = fixtures().join(kind.name());
         if updating() {
             write_scene(&options(kind), &kept).unwrap();

@@ -202,8 +202,14 @@ fn planned(
         return Ok(Some(fs::read_to_string(folder.join("plan.toml")).unwrap()));
     }
     let said = text(&out.stderr);
-    let reasons =
-        ["measures from", "measures up to", "farther away", "detects", "does not reach ground", "the speed would be"];
+    let reasons = [
+        "measures from",
+        "measures up to",
+        "farther away",
+        "detects",
+        "does not reach ground",
+        "the speed would be",
+    ];
     let is_reasoned = out.status.code() == Some(2) && reasons.iter().any(|reason| said.contains(reason));
     if is_reasoned { Ok(None) } else { Err(format!("{scanner} at {height} m: {said}")) }
 }
@@ -260,7 +266,9 @@ fn what_an_instrument_cannot_do_is_refused() {
     assert!(plan("riegl_vux-1uav", &["--height", "3000"]).contains("detects"));
     assert!(plan("riegl_vq_780i", &["--height", "100"]).contains("measures from 100 m on"));
     assert!(plan("vlp16", &["--height", "101"]).contains("measures up to 100 m"));
-    assert!(plan("ouster_os1-128", &["--height", "120"]).contains("does not detect ground that reflects 50 %"));
+    assert!(
+        plan("ouster_os1-128", &["--height", "120"]).contains("does not detect ground that reflects 50 %")
+    );
     assert!(plan("vlp16", &["--height", "30", "--scan-angle", "20"]).contains("cannot be narrowed"));
     let aside = plan("riegl_vux-1uav", &["--height", "80", "--platform", "sr22"]);
     assert!(aside.contains("leave out --platform"), "{aside}");

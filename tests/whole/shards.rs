@@ -162,7 +162,7 @@ fn more_shards_than_pulses_are_mostly_empty() {
     assert_same(&merged(dir.path(), &outputs), &expected, "20 shards");
 }
 
-/// A scene with a survey of about so many pulses, and its path.
+/// A scene with a survey of about this many pulses, and its path.
 fn little(dir: &Path, pulses: u32) -> String {
     let pulses = pulses.to_string();
     succeed(dir, &["scene", "make", "terrain", "-n", "500", "--pulses", &pulses, "-o", "little", "-q"]);

@@ -210,7 +210,7 @@ corrections! {
     /// Kinematics: GPS time is start + k times the period; in the reference a sum whose rounding drifts by microseconds a
     /// second.
     Motion exact_clock: true,
-    /// Kinematics: the GPS clock counts from 1980-01-06 and with leap seconds; in the reference its epoch is 9 s late, and
+    /// Kinematics: the GPS clock counts from 1980-01-06 and with leap seconds; in the reference its origin is 9 s late, and
     /// leap seconds are missing.
     Motion leap_seconds: true,
     /// Kinematics: conic deflectors turn at the leg's scan frequency; in the reference at the highest of the device.
@@ -244,13 +244,18 @@ corrections! {
     Record adjusted_times: true,
 }
 
+/// A name that is not that of a correction.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("no correction is called {0:?}; there are {known}", known = Corrections::NAMES.join(", ").replace('_', "-"))]
+pub struct UnknownCorrection(pub String);
+
 impl Corrections {
     /// Switches one correction on by its name with hyphens or underscores, or off if `no-` precedes the name. A
     /// correction whose own name begins with `no-` is switched on by that name.
     ///
     /// # Errors
-    /// An unknown name, with all known ones.
-    pub fn switch(&mut self, name: &str) -> Result<(), String> {
+    /// An unknown name.
+    pub fn switch(&mut self, name: &str) -> Result<(), UnknownCorrection> {
         let exact = Corrections::NAMES.contains(&name.replace('-', "_").as_str());
         let bare = name.strip_prefix("no-").filter(|_| !exact).unwrap_or(name);
         match self.by_name(&bare.replace('-', "_")) {
@@ -258,10 +263,7 @@ impl Corrections {
                 *correction = bare == name;
                 Ok(())
             }
-            None => {
-                let known = Corrections::NAMES.join(", ").replace('_', "-");
-                Err(format!("no correction is called {bare:?}; there are {known}"))
-            }
+            None => Err(UnknownCorrection(bare.to_owned())),
         }
     }
 

@@ -55,10 +55,10 @@ impl Bounds {
     /// Parses a number within the bounds.
     ///
     /// # Errors
-    /// A sentence with the expected number.
-    pub fn parse(&self, text: &str) -> Result<f64, String> {
+    /// A text that is not such a number.
+    pub fn parse(&self, text: &str) -> Result<f64, NumberError> {
         let value = text.trim().parse::<f64>().ok().filter(|value| self.contains(*value));
-        value.ok_or_else(|| format!("expected {}, found {text}", self.expected))
+        value.ok_or_else(|| NumberError { expected: self.expected, found: text.to_owned() })
     }
 
     /// Describes a number beyond what is usual, with a hint at the unit that it may be in.
@@ -67,8 +67,12 @@ impl Bounds {
         if value == 0.0 || !self.contains(value) || (low..=high).contains(&value.abs()) {
             return None;
         }
-        let message =
-            format!("is {} {unit}; typical values are {} to {} {unit}", number(value), number(low), number(high));
+        let message = format!(
+            "is {} {unit}; typical values are {} to {} {unit}",
+            number(value),
+            number(low),
+            number(high)
+        );
         let converted = mistaken.map(|(other, factor)| (other, value * factor));
         let hint = match converted.filter(|(_, v)| (low..=high).contains(&v.abs())) {
             Some((other, v)) => format!("{} {other} are {} {unit}", number(value), number(v)),
@@ -76,6 +80,16 @@ impl Bounds {
         };
         Some((message, hint))
     }
+}
+
+/// A text that is not a number within its bounds.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected {expected}, found {found}")]
+pub struct NumberError {
+    /// The numbers that are accepted.
+    pub expected: &'static str,
+    /// The text.
+    pub found: String,
 }
 
 /// Any finite number.

@@ -205,6 +205,27 @@ impl Default for Columns {
     }
 }
 
+/// Names of columns among which there are no positions.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PositionsError {
+    /// The coordinates are longitude and latitude.
+    #[error(
+        "its coordinates are longitude and latitude ({found}); project them, for example with PDAL's filters.reprojection"
+    )]
+    Geographic {
+        /// The names.
+        found: String,
+    },
+    /// Some coordinates have no column.
+    #[error("no column {} with numbers; there are {found}", .missing.join(" and "))]
+    Missing {
+        /// The coordinates without a column: x, y, z.
+        missing: Vec<&'static str>,
+        /// The names.
+        found: String,
+    },
+}
+
 impl Columns {
     /// Finds the columns by their names, which are compared ignoring case, blanks, underscores, quotes, units in brackets and
     /// the prefix of CloudCompare's scalar fields. Units in brackets count for coordinates and times.
@@ -226,11 +247,13 @@ impl Columns {
         Columns { columns, metres, seconds: unit(Attribute::Time), degrees: unit(Attribute::ScanAngle) }
     }
 
-    /// Finds the columns of positions and other attributes by their names; the error lists the names when there are no
-    /// coordinates among them, or only some.
-    pub fn find_positions(names: &[&str]) -> Result<Columns, String> {
+    /// Finds the columns of positions and other attributes by their names.
+    ///
+    /// # Errors
+    /// Names without coordinates, with only some of them, or with longitude and latitude.
+    pub fn find_positions(names: &[&str]) -> Result<Columns, PositionsError> {
         let columns = Columns::find(names.iter().copied());
-        let missing: Vec<&str> = Attribute::POSITION
+        let missing: Vec<&'static str> = Attribute::POSITION
             .iter()
             .zip(["x", "y", "z"])
             .filter(|(axis, _)| !columns.has(**axis))
@@ -245,11 +268,9 @@ impl Columns {
         let named: Vec<&str> = names.iter().filter(|name| !name.is_empty()).copied().collect();
         let found = listed(&named, MAX_LISTED_NAMES);
         if names.iter().any(are_degrees) {
-            return Err(format!(
-                "its coordinates are longitude and latitude ({found}); project them, for example with PDAL's filters.reprojection"
-            ));
+            return Err(PositionsError::Geographic { found });
         }
-        Err(format!("no column {} with numbers; there are {found}", missing.join(" and ")))
+        Err(PositionsError::Missing { missing, found })
     }
 
     /// What should be said about the names of a file: names that occur twice or mean the same, units that are not known, and
@@ -477,10 +498,10 @@ mod tests {
             said[0].contains("metres are assumed") && said[1].contains("seconds are assumed"),
             "{said:?}"
         );
-        let missing = Columns::find_positions(&["x", "depth"]).unwrap_err();
+        let missing = Columns::find_positions(&["x", "depth"]).unwrap_err().to_string();
         assert!(missing.contains("no column y and z") && missing.contains("x, depth"), "{missing}");
         for names in [&["lon", "lat", "z"][..], &["x [deg]", "y [deg]", "z"], &["Longitude", "y", "z"]] {
-            let degrees = Columns::find_positions(names).unwrap_err();
+            let degrees = Columns::find_positions(names).unwrap_err().to_string();
             assert!(degrees.contains("longitude and latitude"), "{degrees}");
         }
     }

@@ -86,9 +86,8 @@ impl CloudFormat {
     /// Recognises a format by the beginning of a file, at least [`DETECTED_BYTES`] if it has them.
     ///
     /// # Errors
-    /// What the file is instead, and what to convert it to, or the feature that this build lacks; a sentence that begins with
-    /// "is".
-    pub fn recognise(first: &[u8], path: &Path) -> Result<CloudFormat, String> {
+    /// What the file is instead.
+    pub fn recognise(first: &[u8], path: &Path) -> Result<CloudFormat, UnreadFormat> {
         let format = if first.starts_with(b"LASF") {
             CloudFormat::Las
         } else if super::is_ply(first) {
@@ -108,51 +107,41 @@ impl CloudFormat {
     }
 
     /// The format, unless this build does not read it.
-    fn built(self) -> Result<CloudFormat, String> {
+    fn built(self) -> Result<CloudFormat, UnreadFormat> {
         let (name, feature) = match self {
             CloudFormat::E57 if !cfg!(feature = "e57") => ("E57", "e57"),
             CloudFormat::Parquet if !cfg!(feature = "parquet") => ("Parquet", "parquet"),
             _ => return Ok(self),
         };
-        Err(format!("is {name}, which this build does not read; {}", build_with(feature)))
+        Err(UnreadFormat::NotBuilt { name, feature })
     }
 
-    fn of_text(first: &[u8], path: &Path) -> Result<CloudFormat, String> {
-        const CONVERTERS: &str = "convert it to LAS or LAZ, for example with PDAL or CloudCompare";
+    fn of_text(first: &[u8], path: &Path) -> Result<CloudFormat, UnreadFormat> {
         let text = first.strip_prefix(b"\xef\xbb\xbf").unwrap_or(first).trim_ascii_start();
         if first.starts_with(b"\xff\xfe") || first.starts_with(b"\xfe\xff") {
-            return Err(
-                "is text in UTF-16; save it as UTF-8, for example with `iconv -f UTF-16 -t UTF-8`".to_owned()
-            );
+            return Err(UnreadFormat::Utf16);
         }
         if let Some((_, name)) =
             OTHERS.iter().find(|(magic, _)| first.starts_with(magic) || text.starts_with(magic))
         {
-            let advice = if name.contains(';') { "" } else { CONVERTERS };
-            let advice = if advice.is_empty() { String::new() } else { format!("; {advice}") };
-            return Err(format!("is {name}{advice}; {READ_FORMATS} are read"));
+            return Err(UnreadFormat::Other { name });
         }
         let extension =
             path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
         let beginning = String::from_utf8_lossy(&first[..first.len().min(4)]).escape_debug().to_string();
         if BINARY_EXTENSIONS.contains(&extension.as_str()) {
-            let name = extension.to_uppercase();
+            let expected = extension.to_uppercase();
             return Err(match first.is_empty() {
-                true => format!("is empty, expected {name}"),
-                false => format!(
-                    "is expected to be {name} by its name, found a file that begins with \"{beginning}\""
-                ),
+                true => UnreadFormat::Empty { expected },
+                false => UnreadFormat::Misnamed { expected, beginning },
             });
         }
         if let Some(mesh) = mesh_of_text(text) {
-            return Err(format!("is {mesh}, no point cloud; {READ_FORMATS} are read"));
+            return Err(UnreadFormat::Mesh { name: mesh });
         }
         // Text has no control characters but blanks and ends of lines.
         if first.iter().any(|b| *b < 0x20 && !matches!(b, b'\t' | b'\n' | b'\r' | 0x0b | 0x0c)) {
-            return Err(format!(
-                "is binary and in no known format (it begins with \"{beginning}\"); {CONVERTERS}; \
-                 {READ_FORMATS} are read"
-            ));
+            return Err(UnreadFormat::Binary { beginning });
         }
         Ok(match leica::detect(text) {
             Some(true) => CloudFormat::Ptx,
@@ -160,6 +149,58 @@ impl CloudFormat {
             None => CloudFormat::Text,
         })
     }
+}
+
+const CONVERTERS: &str = "convert it to LAS or LAZ, for example with PDAL or CloudCompare";
+
+/// What a file is that is not read as a point cloud; a sentence without its subject, the file.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum UnreadFormat {
+    /// A format that this build does not read.
+    #[error("is {name}, which this build does not read; {}", build_with(.feature))]
+    NotBuilt {
+        /// The format.
+        name: &'static str,
+        /// The feature of the build that reads it.
+        feature: &'static str,
+    },
+    /// Text in UTF-16.
+    #[error("is text in UTF-16; save it as UTF-8, for example with `iconv -f UTF-16 -t UTF-8`")]
+    Utf16,
+    /// Another known format.
+    #[error("is {name}{}; {READ_FORMATS} are read", if .name.contains(';') { String::new() } else { format!("; {CONVERTERS}") })]
+    Other {
+        /// The format, with advice after a semicolon.
+        name: &'static str,
+    },
+    /// An empty file.
+    #[error("is empty, expected {expected}")]
+    Empty {
+        /// The format of its name.
+        expected: String,
+    },
+    /// A file that is not in the format of its name.
+    #[error("is expected to be {expected} by its name, found a file that begins with \"{beginning}\"")]
+    Misnamed {
+        /// The format of its name.
+        expected: String,
+        /// Its first bytes.
+        beginning: String,
+    },
+    /// A mesh.
+    #[error("is {name}, not a point cloud; {READ_FORMATS} are read")]
+    Mesh {
+        /// The format of the mesh.
+        name: &'static str,
+    },
+    /// Binary data of an unknown format.
+    #[error(
+        "is binary and in no known format (it begins with \"{beginning}\"); {CONVERTERS}; {READ_FORMATS} are read"
+    )]
+    Binary {
+        /// Its first bytes.
+        beginning: String,
+    },
 }
 
 /// The name of a mesh format in text.
@@ -182,7 +223,7 @@ mod tests {
     use super::*;
 
     fn of(name: &str, first: &[u8]) -> Result<CloudFormat, String> {
-        CloudFormat::recognise(first, Path::new(name))
+        CloudFormat::recognise(first, Path::new(name)).map_err(|e| e.to_string())
     }
 
     #[test]

@@ -56,19 +56,19 @@ mod table;
 pub mod text;
 
 pub use cloud_writer::CloudWriter;
-pub use columnar::{Column, Kind, Rows, TableColumn, point_schema, schema_of};
-pub use columns::{Attribute, AttributeSet, Columns, Misfits};
+pub use columnar::{Column, ColumnListError, ColumnType, Rows, TableColumn, point_schema, schema_of};
+pub use columns::{Attribute, AttributeSet, Columns, Misfits, PositionsError};
 pub use encode::{EncodedFile, Ending, FileBody, Plain, PointEncoder};
 pub use file::{PointFile, read_points};
-pub use format::CloudFormat;
+pub use format::{CloudFormat, UnreadFormat};
 pub use las::{
     CHUNK_POINTS, ExtraDimension, ExtraDimensions, Header as LasHeader, LasReader, LasSettings, LasVersion,
     PACKETS_HEADER_BYTES, PacketPlace, Selection, packets_header,
 };
 pub use objects::ObjectIds;
 pub use out::{Destination, Job, NoOffload, Offload, OutputStream};
-pub use ply::{PlyNumbers, is_ply, ply_header};
-pub use point_format::PointFormat;
+pub use ply::{PlyError, PlyNumbers, is_ply, ply_header};
+pub use point_format::{PointFormat, UnknownExtension};
 pub use record::{Cause, EncodedPoints, Needs, PointBatch, PointRecord, Tally, Wave};
 pub use settings::CloudSettings;
 #[cfg(feature = "parquet")]
@@ -154,7 +154,9 @@ impl<'a> Reading<'a> {
 
     /// Warns of what follows the points that the header of the file counts.
     fn warn_of_rest(&mut self, points: usize) {
-        self.warn(format!("the file continues after the {points} points that its header states; the rest is not read"));
+        self.warn(format!(
+            "the file continues after the {points} points that its header states; the rest is not read"
+        ));
     }
 
     /// Records why the file cannot be read.

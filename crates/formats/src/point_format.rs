@@ -151,7 +151,7 @@ impl PointFormat {
     ///
     /// # Errors
     /// The extension, when it denotes no format.
-    pub fn of_file(path: &Path) -> Option<Result<PointFormat, String>> {
+    pub fn of_file(path: &Path) -> Option<Result<PointFormat, UnknownExtension>> {
         // A name that is no Unicode has an extension, too.
         let name = path.file_name()?.to_string_lossy();
         let ends_in = |format: &PointFormat| {
@@ -164,7 +164,15 @@ impl PointFormat {
             return Some(Ok(format));
         }
         let extension = Path::new(&*name).extension()?.to_str()?;
-        Some(PointFormat::of_name(extension).ok_or_else(|| extension.to_owned()))
+        Some(PointFormat::of_name(extension).ok_or_else(|| UnknownExtension(extension.to_owned())))
+    }
+
+    /// [`PointFormat::of_file`] of a name that needs an extension.
+    ///
+    /// # Errors
+    /// An extension that denotes no format, or none.
+    pub fn required(path: &Path) -> Result<PointFormat, UnknownExtension> {
+        PointFormat::of_file(path).unwrap_or_else(|| Err(UnknownExtension(String::new())))
     }
 
     /// Whether a file with the extension of this format may hold the other: the last part of its extension is the same.
@@ -235,6 +243,11 @@ impl PointFormat {
         new(settings, problems)
     }
 }
+
+/// A file name extension that denotes no format.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("no format is called {0:?}; choose {known}", known = PointFormat::names())]
+pub struct UnknownExtension(pub String);
 
 #[cfg(test)]
 mod tests {

@@ -5,6 +5,7 @@
 //! | file | what it does |
 //! |---|---|
 //! | `rotation`, `affine`, `aabb` | rotations, affine maps, boxes |
+//! | `height_field` | surfaces with one height at each position |
 //! | `polygon` | whether a point is inside of a polygon |
 //! | `sums` | sums of many equal terms |
 //! | `utm` | the map projection |
@@ -13,6 +14,7 @@
 
 mod aabb;
 mod affine;
+mod height_field;
 mod polygon;
 mod rotation;
 mod sums;
@@ -21,6 +23,7 @@ mod utm;
 pub use aabb::Aabb;
 pub use affine::Affine;
 pub use glam::DVec3;
+pub use height_field::HeightField;
 pub use polygon::is_inside;
 pub use rotation::Rotation;
 pub use sums::{add_repeatedly, spacing, steps_in_binade};

@@ -17,7 +17,7 @@ use vlscan_base::diag::{Diagnostics, Place, ProblemKind};
 use vlscan_base::error::{Error, Result};
 pub(super) use vlscan_geom::MAX_COORDINATE;
 use vlscan_geom::{Aabb, DVec3};
-use vlscan_survey::UpAxis;
+use vlscan_survey::{Identity, UpAxis};
 use vlscan_trace::{Cube, Geometry, Model, Placement};
 
 /// Maximum number of vertices, and of primitives, of a scene: indices have 32 bits and the largest one means "none".
@@ -86,11 +86,10 @@ pub enum Sharing {
 /// A mesh that several parts can share.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) enum MeshFile {
-    /// Path of a mesh file, its up axis, the bits of its unit, its table of materials, and the address of the changes of its
-    /// materials.
-    File(PathBuf, Option<UpAxis>, Option<u64>, Option<PathBuf>, usize),
-    /// The addresses of a mesh in memory and of the changes of its materials.
-    Memory(usize, usize),
+    /// Path of a mesh file, its up axis, the bits of its unit, its table of materials, and the changes of its materials.
+    File(PathBuf, Option<UpAxis>, Option<u64>, Option<PathBuf>, Option<Identity>),
+    /// A mesh in memory, and the changes of its materials.
+    Memory(Identity, Option<Identity>),
 }
 
 /// Meshes that several parts share, as far as they have been loaded.

@@ -4,15 +4,14 @@ use super::builder::{Extent, PartSource, SceneBuilder};
 use super::library::DefinedBy;
 use super::text::printable;
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
 use vlscan_base::diag::Place;
-use vlscan_survey::{MaterialChange, Replaced};
+use vlscan_survey::{Identity, MaterialChanges, Replaced};
 
 /// The changes of the parts loaded so far: several parts can have the same, as those of one glTF file.
 #[derive(Default)]
 pub(super) struct AppliedChanges {
-    /// Those of materials by their names, by the address of the changes and their number there.
-    named: BTreeMap<(usize, usize), NamedChange>,
+    /// Those of materials by their names, by the identity of the changes and their number there.
+    named: BTreeMap<(Identity, usize), NamedChange>,
 }
 
 struct NamedChange {
@@ -29,12 +28,12 @@ struct NamedChange {
 const MAX_NAMES: usize = 5;
 
 /// Warns of changes that replace nothing in any of their parts.
-pub(super) fn report_needless(scene: &mut SceneBuilder) {
+pub(super) fn report_unused(scene: &mut SceneBuilder) {
     let changes = std::mem::take(&mut scene.changes).named.into_values();
-    let mut needless: Vec<NamedChange> =
+    let mut unused: Vec<NamedChange> =
         changes.filter(|change| !change.has_replaced && !change.others.is_empty()).collect();
-    needless.sort_by_key(|change| change.part);
-    for change in needless {
+    unused.sort_by_key(|change| change.part);
+    for change in unused {
         let there_are: Vec<String> =
             change.others.iter().take(MAX_NAMES).map(|n| format!("\"{n}\"")).collect();
         let more = if change.others.len() > MAX_NAMES { " and more" } else { "" };
@@ -49,18 +48,10 @@ pub(super) fn report_needless(scene: &mut SceneBuilder) {
 
 /// Applies the changes in their order to the primitives of `extent`, which are those of `part`. An index beyond them is an
 /// error.
-pub(super) fn apply(
-    scene: &mut SceneBuilder,
-    part: &PartSource,
-    changes: &Arc<[MaterialChange]>,
-    extent: &Extent,
-) {
-    if changes.is_empty() {
-        return;
-    }
+pub(super) fn apply(scene: &mut SceneBuilder, part: &PartSource, changes: &MaterialChanges, extent: &Extent) {
+    let Some(identity) = changes.identity() else { return };
     let definitions = || changes.iter().map(|change| change.material.clone()).collect();
-    let address = Arc::as_ptr(changes).cast::<u8>() as usize;
-    let materials = scene.library.of(DefinedBy::Memory(address), definitions, &mut scene.diagnostics);
+    let materials = scene.library.of(DefinedBy::Memory(identity), definitions, &mut scene.diagnostics);
     let faces = &mut scene.faces;
     if faces.are_wanted && faces.count == 0 {
         // The triangles of rasters and voxels have no numbers.
@@ -80,7 +71,7 @@ pub(super) fn apply(
             }
             Replaced::Named(name) => {
                 let (surfaces, library) = (&scene.surfaces, &scene.library);
-                let applied = scene.changes.named.entry((address, number)).or_insert_with(|| NamedChange {
+                let applied = scene.changes.named.entry((identity, number)).or_insert_with(|| NamedChange {
                     name: name.clone(),
                     part: part.index,
                     place: part.place.cloned(),
@@ -132,7 +123,7 @@ pub(super) fn apply(
 mod tests {
     use super::*;
     use crate::fixture::Fixture;
-    use vlscan_survey::MaterialDefinition;
+    use vlscan_survey::{MaterialChange, MaterialDefinition};
 
     #[test]
     fn materials_are_replaced_by_name_and_by_primitive() {
@@ -168,7 +159,8 @@ mod tests {
         let found = warnings(vec![named("leaf")]);
         assert!(!found.contains("replaced"), "{found}");
         let found = warnings(vec![named("nosuch")]);
-        let expected = "the material \"nosuch\", so nothing is replaced; its materials are \"bark\", \"leaf\"\n";
+        let expected =
+            "the material \"nosuch\", so nothing is replaced; its materials are \"bark\", \"leaf\"\n";
         assert!(found.contains(expected) && found.matches("nosuch").count() == 1, "{found}");
     }
 
@@ -179,12 +171,13 @@ mod tests {
         part.id = Some("tree".to_owned());
         for (index, expected) in [(0, [0, 0]), (1, [8, 0]), (2, [0, 0]), (3, [0, 8])] {
             let material = MaterialDefinition { classification: 8, ..MaterialDefinition::new("new") };
-            f.parts[0].changes = [MaterialChange { replaced: Replaced::Faces(vec![index]), material }].into();
+            f.parts[0].changes =
+                vec![MaterialChange { replaced: Replaced::Faces(vec![index]), material }].into();
             let (scene, _) = f.load().unwrap();
             assert_eq!([0, 1].map(|i| scene.material_of(i).classification), expected, "{index}");
         }
         let material = MaterialDefinition::new("new");
-        f.parts[0].changes = [MaterialChange { replaced: Replaced::Faces(vec![2, 4]), material }].into();
+        f.parts[0].changes = vec![MaterialChange { replaced: Replaced::Faces(vec![2, 4]), material }].into();
         assert!(f.load().unwrap_err().to_string().contains("face 4, but the part has 4"));
     }
 
@@ -209,7 +202,7 @@ mod tests {
             {
                 let material = MaterialDefinition { classification: 8, ..MaterialDefinition::new("new") };
                 f.parts[0].changes =
-                    [MaterialChange { replaced: Replaced::Faces(vec![index]), material }].into();
+                    vec![MaterialChange { replaced: Replaced::Faces(vec![index]), material }].into();
                 let (scene, _) = f.load().unwrap();
                 let changed = (0..7).filter(|&i| scene.material_of(i).classification == 8);
                 assert_eq!(changed.collect::<Vec<_>>(), expected, "{name} {index}");

@@ -39,10 +39,7 @@ pub(super) fn plan_sharing<'p>(
 
 /// The mesh that a part can share: its only mesh file, or its mesh in memory, if the part does not move.
 fn shared_mesh(part: &PartRecipe) -> Option<MeshFile> {
-    let changes = match part.changes.is_empty() {
-        true => 0,
-        false => Arc::as_ptr(&part.changes).cast::<u8>() as usize,
-    };
+    let changes = part.changes.identity();
     match &part.loader {
         _ if !part.motions.is_empty() => None,
         Loader::MeshFiles { files, reading: r } if files.len() == 1 => Some(MeshFile::File(
@@ -52,7 +49,7 @@ fn shared_mesh(part: &PartRecipe) -> Option<MeshFile> {
             r.materials.clone(),
             changes,
         )),
-        Loader::Mesh(mesh) => Some(MeshFile::Memory(Arc::as_ptr(mesh) as usize, changes)),
+        Loader::Mesh(mesh) => Some(MeshFile::Memory(mesh.identity(), changes)),
         _ => None,
     }
 }

@@ -173,13 +173,13 @@ impl LadTable {
                 }),
             }
         }
-        let is_sound = problems.report(source, diagnostics);
+        let is_valid = problems.report(source, diagnostics);
         let table = LadTable::by_rules(rows, rules);
-        if table.is_none() && is_sound {
+        if table.is_none() && is_valid {
             let message = "the leaf angle table has no rows; a row is x,y,z,G";
             diagnostics.error(Some(source.place(1, 0..0)), message);
         }
-        let (table, kind) = table.filter(|_| is_sound)?;
+        let (table, kind) = table.filter(|_| is_valid)?;
         if rules.leaf_table_scale || rules.leaf_table_mirror {
             kind.report(source, rules, diagnostics);
         }

@@ -13,7 +13,7 @@ use vlscan_base::corrections::Corrections;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::quantity::CLASSES;
 use vlscan_base::rng::{Purpose, Stream};
-use vlscan_survey::{MaterialChoice, MaterialDefinition};
+use vlscan_survey::{Identity, MaterialChoice, MaterialDefinition};
 
 /// Name of the material of faces without one; no file can redefine it.
 pub(super) const DEFAULT: &str = "default";
@@ -55,8 +55,8 @@ struct MtlFile {
 pub(super) enum DefinedBy {
     /// An MTL file.
     MtlFile(PathBuf),
-    /// The address of what is in memory.
-    Memory(usize),
+    /// A mesh, or changes of materials, in memory.
+    Memory(Identity),
     /// A mesh file with the table of materials that it is read with, or such a table.
     MeshFile(PathBuf, Option<PathBuf>),
 }

@@ -116,7 +116,7 @@ fn reflectance_in(path: &Path, wavelength: f32, diagnostics: &mut Diagnostics) -
     }
     let mut problems = Problems::default();
     let rows = table(&source, &mut problems);
-    if problems.is_sound() {
+    if problems.is_valid() {
         warn_of_doubts(&rows, wavelength, &mut problems);
     }
     if !problems.report(&source, diagnostics) {

@@ -335,13 +335,13 @@ impl Problems {
     }
 
     /// Whether there is no error.
-    pub fn is_sound(&self) -> bool {
+    pub fn is_valid(&self) -> bool {
         self.errors.count == 0
     }
 
     /// Adds all problems to `diagnostics` in the order of the file; `false` if there was an error.
     pub fn report(self, source: &Source, diagnostics: &mut Diagnostics) -> bool {
-        let is_sound = self.is_sound();
+        let is_valid = self.is_valid();
         let mut all = Vec::new();
         for (list, is_error) in [(self.errors, true), (self.warnings, false)] {
             let more = list.count - list.shown.len();
@@ -359,7 +359,7 @@ impl Problems {
                 diagnostics.warn(Some(place), message);
             }
         }
-        is_sound
+        is_valid
     }
 }
 

@@ -1,7 +1,7 @@
 //! The state of one run of a reader: options, opened documents, problems.
 
 use super::assets::Assets;
-use super::xml::Document;
+use super::xml::XmlDocument;
 use super::{PoseStream, SceneRecipe};
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -49,7 +49,7 @@ pub(super) struct Context {
     pub(super) problems: RefCell<Diagnostics>,
     limits: RefCell<Diagnostics>,
     pub(super) failure: RefCell<Option<Error>>,
-    pub(super) documents: RefCell<HashMap<PathBuf, Option<Rc<Document>>>>,
+    pub(super) documents: RefCell<HashMap<PathBuf, Option<Rc<XmlDocument>>>>,
 }
 
 impl Context {

@@ -124,7 +124,9 @@ fn change_beam(fields: &mut Fields, beam: &mut Beam, in_channel: bool) {
     ];
     for (key, target) in of_scanner {
         match in_channel && !fields.is_toml() {
-            true => fields.without_effect(&[key], "in a <channel>; that of the scanner applies to all channels"),
+            true => {
+                fields.without_effect(&[key], "in a <channel>; that of the scanner applies to all channels")
+            }
             false => fields.set(key, target),
         }
     }

@@ -5,7 +5,7 @@ use super::context::Context;
 use super::fields::Fields;
 use super::keys::Key;
 use super::shipped::{BuiltIn, FILES};
-use super::xml::{BUILT_IN, Document, Element};
+use super::xml::{BUILT_IN, Element, XmlDocument};
 use super::xml_limits::MAX_DOCUMENT_BYTES;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -62,7 +62,7 @@ impl Context {
             Found::BuiltIn(file) => Path::new(BUILT_IN).join(file.path),
         };
         if let Some(known) = self.documents.borrow().get(&path) {
-            return known.as_ref().map(Document::root);
+            return known.as_ref().map(XmlDocument::root);
         }
         let document = match found {
             Found::BuiltIn(file) => self.parse(&path, file.text.as_bytes()),
@@ -84,8 +84,8 @@ impl Context {
         document.map(|d| d.root())
     }
 
-    fn parse(&self, path: &Path, bytes: &[u8]) -> Option<Rc<Document>> {
-        let document = Document::parse(path, bytes, &mut self.problems.borrow_mut())?;
+    fn parse(&self, path: &Path, bytes: &[u8]) -> Option<Rc<XmlDocument>> {
+        let document = XmlDocument::parse(path, bytes, &mut self.problems.borrow_mut())?;
         let root = document.root();
         if root.name() != "document" {
             let message = format!("the root element is `{}`, expected `document`", root.name());
@@ -284,7 +284,9 @@ fn built_in(context: &Context, kind: &str, id: &str, place: Option<Place>) -> Op
             let all: Vec<&str> = ids.iter().map(|(_, own)| own.as_str()).collect();
             format!("there are {}, and file.xml#id", all.join(", "))
         }
-        None => "`vlscan catalogue` lists the built-in ones; refer to your own file as file.xml#id".to_owned(),
+        None => {
+            "`vlscan catalogue` lists the built-in ones; refer to your own file as file.xml#id".to_owned()
+        }
     };
     context.error_help(place, format!("the catalogue has no {kind} with the id `{id}`"), help);
     None

@@ -25,7 +25,7 @@ impl Survey {
 }
 
 impl Scanner {
-    /// A scanner of one device with this name, which emits so many pulses per second.
+    /// A scanner of one device with this name, which emits this many pulses per second.
     pub fn new(name: impl Into<String>, pulse_freq: u32, device: Device) -> Scanner {
         let name = name.into();
         Scanner {

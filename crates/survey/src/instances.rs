@@ -49,7 +49,11 @@ pub(super) fn read_table(context: &Context, path: &Path, base: &Base) -> Option<
     };
     let first_line = || Place::in_line(path, 1, "", 0..0);
     if bytes.contains(&0) {
-        context.error_help(first_line(), "expected a table of instances, found bytes that are not text", HELP);
+        context.error_help(
+            first_line(),
+            "expected a table of instances, found bytes that are not text",
+            HELP,
+        );
         return None;
     }
     let text = String::from_utf8_lossy(&bytes);

@@ -166,7 +166,11 @@ fn read_files(params: &mut Fields) -> Option<Vec<PathBuf>> {
         }
         Err(NoMatch::Expression(e)) => {
             let reason = e.lines().last().unwrap_or_default().trim().to_owned();
-            context.error_help(place, "the part after the last `/` is not a valid regular expression", reason);
+            context.error_help(
+                place,
+                "the part after the last `/` is not a valid regular expression",
+                reason,
+            );
             None
         }
         Err(NoMatch::Nothing) => {

@@ -104,7 +104,7 @@ impl Trajectories {
             degrees: true,
             sync_gps_time: false,
             files: Vec::new(),
-            grid: super::Grid::FirstFix,
+            grid: super::ProjectionGrid::FirstFix,
         };
         Trajectories { platform, position_only: None }
     }
@@ -164,8 +164,10 @@ impl Trajectories {
         let other_separator = says.separator.is_some() && says.separator != file.separator;
         if other_separator || says.slope_filter != 0.0 && says.slope_filter != file.slope_filter {
             let name = if other_separator { "trajectory_separator" } else { "slopeFilterThreshold" };
-            let message =
-                format!("`{name}` has no effect: what an earlier leg says about {} is used", file.path.display());
+            let message = format!(
+                "`{name}` has no effect: what an earlier leg says about {} is used",
+                file.path.display()
+            );
             context.warn(place_of(leg, name), message);
         }
         match (file.columns, says.columns) {

@@ -13,7 +13,7 @@ pub(super) const BUILT_IN: &str = "<built in>";
 
 /// A parsed document. Elements are stored flat, in document order.
 #[derive(Debug)]
-pub(super) struct Document {
+pub(super) struct XmlDocument {
     path: PathBuf,
     text: String,
     /// Byte offsets of the line starts.
@@ -41,13 +41,13 @@ struct Attribute {
 
 #[derive(Clone, Debug)]
 pub(super) struct Element {
-    document: Rc<Document>,
+    document: Rc<XmlDocument>,
     index: usize,
 }
 
-impl Document {
+impl XmlDocument {
     /// Parses the bytes of `path`; errors are added to `problems`.
-    pub fn parse(path: &Path, bytes: &[u8], problems: &mut Diagnostics) -> Option<Rc<Document>> {
+    pub fn parse(path: &Path, bytes: &[u8], problems: &mut Diagnostics) -> Option<Rc<XmlDocument>> {
         let text = match decode(bytes) {
             Ok(text) => text,
             Err(e) => {
@@ -95,7 +95,7 @@ impl Document {
         };
         let nodes = flatten(&tree);
         let lines = std::iter::once(0).chain(text.match_indices('\n').map(|(i, _)| i + 1)).collect();
-        Some(Rc::new(Document { path: path.to_path_buf(), text, lines, nodes }))
+        Some(Rc::new(XmlDocument { path: path.to_path_buf(), text, lines, nodes }))
     }
 
     pub fn root(self: &Rc<Self>) -> Element {
@@ -259,7 +259,7 @@ mod tests {
 
     fn parse(text: &str) -> Result<Element, String> {
         let mut problems = Diagnostics::default();
-        Document::parse(Path::new("a.xml"), text.as_bytes(), &mut problems)
+        XmlDocument::parse(Path::new("a.xml"), text.as_bytes(), &mut problems)
             .map(|d| d.root())
             .ok_or_else(|| problems.render(false))
     }
@@ -280,7 +280,7 @@ mod tests {
     fn declarations_after_blank_lines_are_skipped_with_a_warning() {
         let text = "\n <?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<document><leg z='abc'/></document>";
         let mut problems = Diagnostics::default();
-        let root = Document::parse(Path::new("a.xml"), text.as_bytes(), &mut problems).unwrap().root();
+        let root = XmlDocument::parse(Path::new("a.xml"), text.as_bytes(), &mut problems).unwrap().root();
         let place = root.child("leg").unwrap().value_place("z");
         assert_eq!((place.line, place.column), (3, 19));
         let report = problems.render(false);

@@ -1,6 +1,6 @@
 //! Values of options: their bounds, which programs may break, and their texts on command lines.
 
-use vlscan_base::quantity::{Bounds, COORDINATE, POSITIVE, number, parse_count};
+use vlscan_base::quantity::{Bounds, COORDINATE, NumberError, POSITIVE, number, parse_count};
 
 /// Directions, degrees.
 pub const HEADING: Bounds = Bounds::new(-360.0, 360.0, "degrees from -360 to 360");
@@ -28,7 +28,7 @@ pub fn check<const N: usize>(values: [(&str, Option<f64>, Bounds); N]) -> Result
 }
 
 /// A finite number above 0.
-pub fn positive(text: &str) -> Result<f64, String> {
+pub fn positive(text: &str) -> Result<f64, NumberError> {
     POSITIVE.parse(text)
 }
 
@@ -46,12 +46,12 @@ pub fn number_of_points(text: &str) -> Result<usize, String> {
 }
 
 /// Growth, percent.
-pub fn growth(text: &str) -> Result<f64, String> {
+pub fn growth(text: &str) -> Result<f64, NumberError> {
     GROWTH.parse(text.trim_end_matches('%'))
 }
 
 /// A share, percent.
-pub fn share(text: &str) -> Result<f64, String> {
+pub fn share(text: &str) -> Result<f64, NumberError> {
     SHARE.parse(text.trim_end_matches('%'))
 }
 

@@ -341,7 +341,7 @@ fn a_trajectory_with_everything() {
         rotation: Some(AngleConvention::Yaw),
         degrees: false,
         columns: Some(vec!["time=1".to_owned()]),
-        grid: Grid::Utm(vlscan_geom::UtmZone::parse("32N").unwrap()),
+        grid: ProjectionGrid::Utm(vlscan_geom::UtmZone::parse("32N").unwrap()),
         height_offset: -48.0,
         lever_arm: DVec3::new(1.0, 2.0, 3.0),
         boresight: [0.0, 0.0, radians(180.0)],

@@ -19,7 +19,7 @@ use super::pass::RunContext;
 use super::run::Epochs;
 use super::session::Session;
 use crate::output::{
-    FileKind, FileSummary, NoOffload, OutputContext, OutputPlan, OutputRequest, Summary, Target,
+    FileKind, FileSummary, NoOffload, OutputContext, OutputPlan, OutputRequest, OutputSummary, Target,
 };
 use sample::{Sample, Stratum};
 use serde::Serialize;
@@ -187,7 +187,7 @@ impl Session {
         outputs: &OutputRequest,
         context: &OutputContext,
         control: RunContext<'_>,
-    ) -> Result<(Timeline, Sample, [Summary; 2])> {
+    ) -> Result<(Timeline, Sample, [OutputSummary; 2])> {
         let timeline = self.timeline(flight, control)?;
         let folder = tempfile::tempdir().map_err(|e| Error::io("create", std::env::temp_dir(), e))?;
         let sinks = outputs.sinks.iter().enumerate().map(|(i, (_, format))| {
@@ -283,7 +283,12 @@ struct Observations<'a> {
 }
 
 impl Observations<'_> {
-    fn forecast(&self, written: &[Summary; 2], loading_s: f64, control: RunContext<'_>) -> DryRunReport {
+    fn forecast(
+        &self,
+        written: &[OutputSummary; 2],
+        loading_s: f64,
+        control: RunContext<'_>,
+    ) -> DryRunReport {
         let Observations { session, timeline, sample, .. } = self;
         let epochs = f64::from(session.epochs());
         let pulses = timeline.pulses() * epochs;
@@ -369,11 +374,12 @@ impl Observations<'_> {
     }
 
     /// The files with their sizes, in proportion to those of the sample.
-    fn files(&self, [empty, written]: &[Summary; 2], scale: f64) -> Vec<FileEstimate> {
+    fn files(&self, [empty, written]: &[OutputSummary; 2], scale: f64) -> Vec<FileEstimate> {
         // A file of the sample, scaled but for what an empty one has already.
         let bytes_of = |is_wanted: &dyn Fn(&FileSummary) -> bool| {
-            let sum =
-                |of: &Summary| of.files.iter().filter(|f| is_wanted(f)).map(|f| f.bytes as f64).sum::<f64>();
+            let sum = |of: &OutputSummary| {
+                of.files.iter().filter(|f| is_wanted(f)).map(|f| f.bytes as f64).sum::<f64>()
+            };
             let (fixed, all) = (sum(empty), sum(written));
             fixed + (all - fixed).max(0.0) * scale
         };

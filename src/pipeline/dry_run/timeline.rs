@@ -156,7 +156,7 @@ fn check(stop: &Stop) -> Result<()> {
     if stop.is_requested() { Err(Error::Interrupted) } else { Ok(()) }
 }
 
-/// Reads at most so many poses of a stream to its end.
+/// Reads at most this many poses of a stream to its end.
 fn read_track(poses: &mut PoseReader, max_poses: usize, stop: &Stop) -> Result<Vec<Pose>> {
     let mut track: Vec<Pose> = Vec::new();
     loop {

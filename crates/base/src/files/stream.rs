@@ -66,7 +66,10 @@ mod unix {
                     Err(e) => return Err(e.into()),
                 }
                 if DEADLINE.get().is_some_and(|deadline| Instant::now() >= *deadline) {
-                    return Err(io::Error::new(io::ErrorKind::BrokenPipe, "the reader accepts no more bytes"));
+                    return Err(io::Error::new(
+                        io::ErrorKind::BrokenPipe,
+                        "the reader accepts no more bytes",
+                    ));
                 }
             }
         }

@@ -342,7 +342,8 @@ impl ArrowDecoder {
     }
 
     fn damaged(&self, what: &str) -> Error {
-        let message = format!("invalid Arrow stream after {} rows in {} batches: {what}", self.rows, self.batches);
+        let message =
+            format!("invalid Arrow stream after {} rows in {} batches: {what}", self.rows, self.batches);
         self.refused(message, "")
     }
 

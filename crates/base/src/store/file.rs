@@ -331,7 +331,7 @@ mod tests {
         assert_eq!(read_all(&path).unwrap(), expected);
         let archive = ArrayFile::open(&path).unwrap();
         assert!(archive.array::<f32>("numbers").unwrap_err().to_string().contains("layout"));
-        assert!(archive.array::<f32>("others").unwrap_err().to_string().contains("lacks"));
+        assert!(archive.array::<f32>("others").unwrap_err().to_string().contains("is missing"));
         assert_eq!((archive.element("numbers"), archive.element("others")), (Some(8), None));
         assert_eq!(archive.bytes_of(|name| name != "letters"), 16);
         archive.verify().unwrap();

@@ -102,9 +102,10 @@ fn map(file: File, version: Version) -> io::Result<FileBytes> {
 fn check(file: &File, version: &Version, is_read: bool) -> io::Result<()> {
     match is_read && Version::of(&file.metadata()?) == *version {
         true => Ok(()),
-        false => {
-            Err(io::Error::new(io::ErrorKind::InvalidData, "another program changed it while it was being read"))
-        }
+        false => Err(io::Error::new(
+            io::ErrorKind::InvalidData,
+            "another program changed it while it was being read",
+        )),
     }
 }
 

@@ -25,7 +25,7 @@ pub(super) const STATE: &str = "state";
 pub(super) const CRS: &str = "crs";
 
 /// Name, kind, unit and meaning of a column.
-pub type TableColumn = (&'static str, super::Kind, &'static str, &'static str);
+pub type TableColumn = (&'static str, super::ColumnType, &'static str, &'static str);
 
 /// Returns a schema: columns with units and meanings, and the metadata of the table besides the program that writes it.
 pub fn schema_of(

@@ -7,7 +7,7 @@ use super::parquet::{
 };
 use super::projjson::projjson;
 use super::rows::Rows;
-use super::{Column, Kind, TableEncoder};
+use super::{Column, ColumnType, TableEncoder};
 use crate::encode::{Ending, FileBody, PointEncoder};
 use crate::out::{Offload, OutputStream};
 use crate::record::{EncodedPoints, PointBatch};
@@ -138,7 +138,7 @@ fn about(crs: &Value, bounds: &Aabb) -> Value {
 }
 
 /// Writes the columns of a row group, the last three as geometry and box.
-fn write_group(group: &mut Group, columns: &[(Kind, MutableBuffer)]) -> Written {
+fn write_group(group: &mut Group, columns: &[(ColumnType, MutableBuffer)]) -> Written {
     let (columns, position) = columns.split_at(columns.len() - 3);
     write_columns(group, columns)?;
     let [x, y, z] = [0, 1, 2].map(|axis| position[axis].1.typed_data::<f64>());

@@ -32,7 +32,7 @@ use vlscan_geom::{DVec3, degrees};
 /// Storage type of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)]
-pub enum Kind {
+pub enum ColumnType {
     U8,
     U16,
     U32,
@@ -42,34 +42,34 @@ pub enum Kind {
     F64,
 }
 
-impl Kind {
+impl ColumnType {
     /// Bytes per value.
     pub fn width(self) -> usize {
         match self {
-            Kind::U8 => 1,
-            Kind::U16 => 2,
-            Kind::U32 | Kind::I32 | Kind::F32 => 4,
-            Kind::U64 | Kind::F64 => 8,
+            ColumnType::U8 => 1,
+            ColumnType::U16 => 2,
+            ColumnType::U32 | ColumnType::I32 | ColumnType::F32 => 4,
+            ColumnType::U64 | ColumnType::F64 => 8,
         }
     }
 
     /// The Arrow type.
     pub fn data_type(self) -> DataType {
         match self {
-            Kind::U8 => DataType::UInt8,
-            Kind::U16 => DataType::UInt16,
-            Kind::U32 => DataType::UInt32,
-            Kind::U64 => DataType::UInt64,
-            Kind::I32 => DataType::Int32,
-            Kind::F32 => DataType::Float32,
-            Kind::F64 => DataType::Float64,
+            ColumnType::U8 => DataType::UInt8,
+            ColumnType::U16 => DataType::UInt16,
+            ColumnType::U32 => DataType::UInt32,
+            ColumnType::U64 => DataType::UInt64,
+            ColumnType::I32 => DataType::Int32,
+            ColumnType::F32 => DataType::Float32,
+            ColumnType::F64 => DataType::Float64,
         }
     }
 }
 
 /// A value of a column.
 trait Value: Copy {
-    const KIND: Kind;
+    const KIND: ColumnType;
 
     fn push_bytes(self, out: &mut Vec<u8>);
 
@@ -79,7 +79,7 @@ trait Value: Copy {
 macro_rules! values {
     ($($of:ident $kind:ident $text:expr;)*) => {
         $(impl Value for $of {
-            const KIND: Kind = Kind::$kind;
+            const KIND: ColumnType = ColumnType::$kind;
 
             #[inline]
             fn push_bytes(self, out: &mut Vec<u8>) {
@@ -133,7 +133,7 @@ macro_rules! columns {
             }
 
             /// Storage type of the values.
-            pub fn kind(self) -> Kind {
+            pub fn kind(self) -> ColumnType {
                 match self { $(Column::$name => <$of as Value>::KIND,)* }
             }
 
@@ -241,20 +241,14 @@ impl Column {
     /// Parses a comma-separated list of column names; case is ignored.
     ///
     /// # Errors
-    /// A message that names the fault and the available columns.
-    pub fn list(names: &str) -> Result<Vec<Column>, String> {
+    /// An unknown name, or one that occurs twice.
+    pub fn list(names: &str) -> Result<Vec<Column>, ColumnListError> {
         let mut columns = Vec::new();
         for name in names.split(',').map(str::trim) {
             let known = Column::ALL.iter().find(|c| c.name().eq_ignore_ascii_case(name));
-            let Some(&column) = known else {
-                let all = Column::ALL.iter().map(|c| c.name());
-                let near =
-                    nearest(name, all.clone()).map_or(String::new(), |n| format!(" (did you mean {n}?)"));
-                let all: Vec<&str> = all.collect();
-                return Err(format!("no column is called {name:?}{near}; there are {}", all.join(", ")));
-            };
+            let Some(&column) = known else { return Err(ColumnListError::Unknown(name.to_owned())) };
             if columns.contains(&column) {
-                return Err(format!("the column {} occurs twice", column.name()));
+                return Err(ColumnListError::Repeated(column));
             }
             columns.push(column);
         }
@@ -312,6 +306,26 @@ impl TableEncoder {
     }
 }
 
+/// A list of column names that cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ColumnListError {
+    /// No column has this name.
+    #[error("no column is called {0:?}{near}; there are {all}", near = near(.0), all = all_names())]
+    Unknown(String),
+    /// A column that occurs twice.
+    #[error("the column {} occurs twice", .0.name())]
+    Repeated(Column),
+}
+
+fn near(name: &str) -> String {
+    let found = nearest(name, Column::ALL.iter().map(|c| c.name()));
+    found.map_or(String::new(), |near| format!(" (did you mean {near}?)"))
+}
+
+fn all_names() -> String {
+    Column::ALL.iter().map(|c| c.name()).collect::<Vec<_>>().join(", ")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -328,9 +342,9 @@ mod tests {
             Column::list("x, gpstime,Primitive").unwrap(),
             [Column::X, Column::GpsTime, Column::Primitive]
         );
-        let unknown = Column::list("X,Intensty").unwrap_err();
+        let unknown = Column::list("X,Intensty").unwrap_err().to_string();
         assert!(unknown.contains("did you mean Intensity") && unknown.contains("GpsTime"), "{unknown}");
-        assert!(Column::list("X,Y,X").unwrap_err().contains("twice"));
+        assert_eq!(Column::list("X,Y,X"), Err(ColumnListError::Repeated(Column::X)));
         assert!(Column::list("").is_err());
     }
 

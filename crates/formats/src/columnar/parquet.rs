@@ -3,7 +3,7 @@
 
 use super::arrow::{CRS, STATE, point_schema};
 use super::rows::{BATCH_ROWS, Rows};
-use super::{Column, Kind, TableEncoder};
+use super::{Column, ColumnType, TableEncoder};
 use crate::encode::{Ending, FileBody, PointEncoder};
 use crate::out::{Offload, OutputStream};
 use crate::record::{EncodedPoints, PointBatch};
@@ -118,7 +118,8 @@ impl ParquetFile {
             .set_key_value_metadata(Some(metadata))
             .set_statistics_enabled(EnabledStatistics::Chunk);
         // Dictionary encoding pays only where values repeat.
-        let are_unique = |column: &&Column| matches!(column.kind(), Kind::F32 | Kind::F64 | Kind::U64);
+        let are_unique =
+            |column: &&Column| matches!(column.kind(), ColumnType::F32 | ColumnType::F64 | ColumnType::U64);
         let plain = Column::ALL.iter().filter(are_unique).map(|column| column.name());
         for name in plain.chain(unique.iter().copied()) {
             let path: Vec<String> = name.split('.').map(str::to_owned).collect();
@@ -134,10 +135,10 @@ impl ParquetFile {
     pub fn write_group(
         &mut self,
         rows: &mut Rows,
-        write: impl FnOnce(&mut Group, &[(Kind, MutableBuffer)]) -> Written,
+        write: impl FnOnce(&mut Group, &[(ColumnType, MutableBuffer)]) -> Written,
         out: &mut OutputStream,
     ) -> Result<()> {
-        let columns: Vec<(Kind, MutableBuffer)> = rows.take().collect();
+        let columns: Vec<(ColumnType, MutableBuffer)> = rows.take().collect();
         if let Some(writer) = &mut self.writer {
             let mut group = writer.next_row_group().map_err(failed)?;
             write(&mut group, &columns).and_then(|()| group.close().map(drop)).map_err(failed)?;
@@ -191,13 +192,13 @@ fn encoded_schema(schema: &Schema) -> String {
 /// The description of a column. Integers of fewer than 32 bits are stored in 32 (Parquet, "Logical types").
 pub(super) fn field(column: Column) -> Result<Arc<Type>> {
     let (physical, bits) = match column.kind() {
-        Kind::U8 => (Physical::INT32, Some(8)),
-        Kind::U16 => (Physical::INT32, Some(16)),
-        Kind::U32 => (Physical::INT32, Some(32)),
-        Kind::U64 => (Physical::INT64, Some(64)),
-        Kind::I32 => (Physical::INT32, None),
-        Kind::F32 => (Physical::FLOAT, None),
-        Kind::F64 => (Physical::DOUBLE, None),
+        ColumnType::U8 => (Physical::INT32, Some(8)),
+        ColumnType::U16 => (Physical::INT32, Some(16)),
+        ColumnType::U32 => (Physical::INT32, Some(32)),
+        ColumnType::U64 => (Physical::INT64, Some(64)),
+        ColumnType::I32 => (Physical::INT32, None),
+        ColumnType::F32 => (Physical::FLOAT, None),
+        ColumnType::F64 => (Physical::DOUBLE, None),
     };
     Type::primitive_type_builder(column.name(), physical)
         .with_repetition(Repetition::REQUIRED)
@@ -208,7 +209,7 @@ pub(super) fn field(column: Column) -> Result<Arc<Type>> {
 }
 
 /// Writes the next columns of a row group.
-pub(super) fn write_columns(group: &mut Group, columns: &[(Kind, MutableBuffer)]) -> Written {
+pub(super) fn write_columns(group: &mut Group, columns: &[(ColumnType, MutableBuffer)]) -> Written {
     for (kind, values) in columns {
         with_column(group, |out| write_column(out, *kind, values))?;
     }
@@ -225,16 +226,16 @@ pub(super) fn with_column(
     column.close()
 }
 
-fn write_column(out: &mut SerializedColumnWriter, kind: Kind, values: &MutableBuffer) -> Written {
+fn write_column(out: &mut SerializedColumnWriter, kind: ColumnType, values: &MutableBuffer) -> Written {
     let widened = |values: Vec<i32>, out: &mut SerializedColumnWriter| write::<Int32Type>(out, &values);
     match kind {
-        Kind::U8 => widened(values.typed_data::<u8>().iter().map(|&v| v.into()).collect(), out),
-        Kind::U16 => widened(values.typed_data::<u16>().iter().map(|&v| v.into()).collect(), out),
+        ColumnType::U8 => widened(values.typed_data::<u8>().iter().map(|&v| v.into()).collect(), out),
+        ColumnType::U16 => widened(values.typed_data::<u16>().iter().map(|&v| v.into()).collect(), out),
         // Unsigned integers of 32 and 64 bits are stored as the signed ones of the same bits.
-        Kind::U32 | Kind::I32 => write::<Int32Type>(out, values.typed_data()),
-        Kind::U64 => write::<Int64Type>(out, values.typed_data()),
-        Kind::F32 => write::<FloatType>(out, values.typed_data()),
-        Kind::F64 => write::<DoubleType>(out, values.typed_data()),
+        ColumnType::U32 | ColumnType::I32 => write::<Int32Type>(out, values.typed_data()),
+        ColumnType::U64 => write::<Int64Type>(out, values.typed_data()),
+        ColumnType::F32 => write::<FloatType>(out, values.typed_data()),
+        ColumnType::F64 => write::<DoubleType>(out, values.typed_data()),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Rows collected column by column into groups of fixed size, so that the bytes of a file do not depend on how its rows
 //! arrived.
 
-use super::Kind;
+use super::ColumnType;
 use ::arrow_array::{ArrayRef, PrimitiveArray, RecordBatch, types::*};
 use ::arrow_buffer::{Buffer, MutableBuffer, ScalarBuffer};
 use ::arrow_schema::SchemaRef;
@@ -14,7 +14,7 @@ pub(super) const BATCH_ROWS: usize = 16_384;
 
 /// The rows of one group, at most `full` of them. A group may hold all rows of a run, so columns grow as vectors do.
 pub struct Rows {
-    kinds: Vec<Kind>,
+    kinds: Vec<ColumnType>,
     values: Vec<MutableBuffer>,
     rows: usize,
     full: usize,
@@ -27,8 +27,12 @@ pub fn block_rows(bytes: &mut &[u8]) -> Option<usize> {
     Some(u32::from_le_bytes(*rows) as usize)
 }
 
-/// Takes the columns of a block with so many rows from the beginning of `bytes`.
-pub fn slices<'b>(kinds: impl Iterator<Item = Kind>, rows: usize, bytes: &mut &'b [u8]) -> Vec<&'b [u8]> {
+/// Takes the columns of a block with this many rows from the beginning of `bytes`.
+pub fn slices<'b>(
+    kinds: impl Iterator<Item = ColumnType>,
+    rows: usize,
+    bytes: &mut &'b [u8],
+) -> Vec<&'b [u8]> {
     kinds
         .map(|kind| {
             let (column, rest) = bytes.split_at((kind.width() * rows).min(bytes.len()));
@@ -40,7 +44,7 @@ pub fn slices<'b>(kinds: impl Iterator<Item = Kind>, rows: usize, bytes: &mut &'
 
 impl Rows {
     /// No rows yet, of columns of these kinds; `full` is the number of rows of a complete group.
-    pub fn new(kinds: Vec<Kind>, full: usize) -> Rows {
+    pub fn new(kinds: Vec<ColumnType>, full: usize) -> Rows {
         let values = kinds.iter().map(|_| MutableBuffer::new(0)).collect();
         Rows { kinds, values, rows: 0, full: full.max(1) }
     }
@@ -96,7 +100,7 @@ impl Rows {
     }
 
     /// Takes the columns with their values in the machine's byte order, and begins a new group.
-    pub(super) fn take(&mut self) -> impl Iterator<Item = (Kind, MutableBuffer)> {
+    pub(super) fn take(&mut self) -> impl Iterator<Item = (ColumnType, MutableBuffer)> {
         self.rows = 0;
         let values = self.values.iter_mut().map(|values| std::mem::replace(values, MutableBuffer::new(0)));
         self.kinds.iter().copied().zip(values)
@@ -114,18 +118,18 @@ impl Rows {
     }
 }
 
-fn array(kind: Kind, values: Buffer, rows: usize) -> ArrayRef {
+fn array(kind: ColumnType, values: Buffer, rows: usize) -> ArrayRef {
     fn typed<T: ArrowPrimitiveType>(values: Buffer, rows: usize) -> ArrayRef {
         Arc::new(PrimitiveArray::<T>::new(ScalarBuffer::new(values, 0, rows), None))
     }
     match kind {
-        Kind::U8 => typed::<UInt8Type>(values, rows),
-        Kind::U16 => typed::<UInt16Type>(values, rows),
-        Kind::U32 => typed::<UInt32Type>(values, rows),
-        Kind::U64 => typed::<UInt64Type>(values, rows),
-        Kind::I32 => typed::<Int32Type>(values, rows),
-        Kind::F32 => typed::<Float32Type>(values, rows),
-        Kind::F64 => typed::<Float64Type>(values, rows),
+        ColumnType::U8 => typed::<UInt8Type>(values, rows),
+        ColumnType::U16 => typed::<UInt16Type>(values, rows),
+        ColumnType::U32 => typed::<UInt32Type>(values, rows),
+        ColumnType::U64 => typed::<UInt64Type>(values, rows),
+        ColumnType::I32 => typed::<Int32Type>(values, rows),
+        ColumnType::F32 => typed::<Float32Type>(values, rows),
+        ColumnType::F64 => typed::<Float64Type>(values, rows),
     }
 }
 
@@ -144,7 +148,7 @@ mod tests {
     }
 
     fn collected(blocks: &[u32], max_rows: usize) -> Vec<RecordBatch> {
-        let kinds = vec![Kind::F64, Kind::U8];
+        let kinds = vec![ColumnType::F64, ColumnType::U8];
         let fields: Vec<Field> = kinds.iter().map(|kind| Field::new("c", kind.data_type(), false)).collect();
         let (schema, mut rows) = (Arc::new(Schema::new(fields)), Rows::new(kinds, max_rows));
         let (mut batches, mut from) = (Vec::new(), 0);

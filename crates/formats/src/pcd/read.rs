@@ -147,7 +147,7 @@ impl Header {
             .zip(&self.fields)
             .map(|(name, field)| if name == "_" || field.count != 1 { "" } else { name.as_str() })
             .collect();
-        self.columns = Columns::find_positions(&names)?;
+        self.columns = Columns::find_positions(&names).map_err(|e| e.to_string())?;
         self.remarks = self.columns.remarks(&names);
         Ok(self)
     }

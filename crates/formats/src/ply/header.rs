@@ -1,6 +1,7 @@
 //! Headers of PLY files in the spelling that the parser knows: single blanks, keywords in small letters, names of letters,
 //! digits and underscores, line feeds.
 
+use super::PlyError;
 use crate::text::last_of_line_ends;
 use std::collections::HashSet;
 
@@ -25,7 +26,7 @@ pub fn is_ply(bytes: &[u8]) -> bool {
 ///
 /// # Errors
 /// A header without an end, or that is no text.
-pub fn ply_header(bytes: &[u8]) -> Result<PlyHeader, String> {
+pub fn ply_header(bytes: &[u8]) -> Result<PlyHeader, PlyError> {
     let start = &bytes[..bytes.len().min(MAX_HEADER_BYTES)];
     let line_end = last_of_line_ends(start);
     let mut header = PlyHeader { text: String::new(), body: 0 };
@@ -39,7 +40,7 @@ pub fn ply_header(bytes: &[u8]) -> Result<PlyHeader, String> {
             Ok(line) => line.split_whitespace().collect(),
             // Comments may be in any encoding.
             Err(_) if rest.trim_ascii_start().starts_with(b"comment") => Vec::new(),
-            Err(_) => return Err("its header is not text".to_owned()),
+            Err(_) => return Err(PlyError::HeaderNotText),
         };
         let Some(keyword) = words.first().map(|word| word.to_ascii_lowercase()) else { continue };
         match keyword.as_str() {
@@ -60,7 +61,7 @@ pub fn ply_header(bytes: &[u8]) -> Result<PlyHeader, String> {
             _ => header.text.push_str(&format!("{}\n", words.join(" ").to_ascii_lowercase())),
         }
     }
-    Err("its header has no end: expected the line end_header".to_owned())
+    Err(PlyError::NoHeaderEnd)
 }
 
 /// A name in the letters of the parser that is not among `names`, to which it is added.
@@ -102,7 +103,7 @@ mod tests {
         for (file, message) in
             [(&b"ply\nformat ascii 1.0\n"[..], "no end"), (b"ply\n\xff\xfe\nend_header\n", "no text")]
         {
-            assert!(ply_header(file).unwrap_err().contains(message));
+            assert!(ply_header(file).unwrap_err().to_string().contains(message));
         }
     }
 }

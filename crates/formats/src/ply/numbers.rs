@@ -1,7 +1,7 @@
 //! The numbers of text PLY files, between blanks and line ends of any kind: a line need not be an element.
 
+use super::PlyError;
 use crate::text::float;
-use vlscan_base::columns::comma_note;
 
 /// Maximum length of a word, bytes.
 const MAX_WORD_BYTES: usize = 1 << 10;
@@ -24,29 +24,26 @@ impl<'b> PlyNumbers<'b> {
     ///
     /// # Errors
     /// A word that is no number, or the end of the file.
-    pub fn number(&mut self) -> Result<f64, String> {
+    pub fn number(&mut self) -> Result<f64, PlyError> {
         self.0 = self.0.trim_ascii_start();
         let end = self.0.iter().position(u8::is_ascii_whitespace).unwrap_or(self.0.len());
         let (word, rest) = self.0.split_at(end.min(MAX_WORD_BYTES));
         self.0 = rest;
         if word.is_empty() {
-            return Err("expected a number, found the end of the file; is it truncated?".to_owned());
+            return Err(PlyError::EndOfFile);
         }
-        float(word).ok_or_else(|| {
-            let found = String::from_utf8_lossy(word);
-            format!("expected a number, found {found:?}{}", comma_note(&found))
-        })
+        float(word).ok_or_else(|| PlyError::NotANumber(String::from_utf8_lossy(word).into_owned()))
     }
 
     /// Reads the number of values of a list, which follow it.
     ///
     /// # Errors
     /// As [`PlyNumbers::number`], and a number that cannot be a length.
-    pub fn length(&mut self) -> Result<usize, String> {
+    pub fn length(&mut self) -> Result<usize, PlyError> {
         let count = self.number()?;
         // A list has no more numbers than the file has bytes.
         if !(0.0..=self.0.len() as f64).contains(&count) || count.fract() != 0.0 {
-            return Err(format!("expected the length of a list, found {count}"));
+            return Err(PlyError::Length(count));
         }
         Ok(count as usize)
     }
@@ -62,9 +59,9 @@ mod tests {
             let mut numbers = PlyNumbers::new(text.as_bytes());
             let read: Vec<f64> = (0..3).map(|_| numbers.number().unwrap()).collect();
             assert_eq!(read, [1.0, 2.5, 3.0], "{text:?}");
-            assert!(numbers.number().unwrap_err().contains("the end of the file"), "{text:?}");
+            assert!((numbers.number() == Err(PlyError::EndOfFile)), "{text:?}");
         }
-        let wrong = |text: &'static str| PlyNumbers::new(text.as_bytes()).number().unwrap_err();
+        let wrong = |text: &'static str| PlyNumbers::new(text.as_bytes()).number().unwrap_err().to_string();
         assert!(wrong("1,5 2").contains("decimal comma") && wrong("a\x1b").contains("a\\u{1b}"));
         assert_eq!(PlyNumbers::new(b"2 1 2").length(), Ok(2));
         for wrong in ["2.5 1 2", "9 1", "-1 1"] {

@@ -231,10 +231,9 @@ impl<'n, R: BufRead> Archive<'n, R> {
             io::ErrorKind::UnexpectedEof => {
                 self.wrong(format!("the file ends too early, after {} bytes of content", self.at))
             }
-            io::ErrorKind::InvalidData | io::ErrorKind::InvalidInput => self.wrong(format!(
-                "no valid zlib stream after {} bytes of content: {error}",
-                self.at
-            )),
+            io::ErrorKind::InvalidData | io::ErrorKind::InvalidInput => {
+                self.wrong(format!("no valid zlib stream after {} bytes of content: {error}", self.at))
+            }
             _ => Error::io("read", self.name, error),
         }
     }

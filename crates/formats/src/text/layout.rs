@@ -153,7 +153,7 @@ impl LayoutFinder {
                     return Layout { separator, columns, named: Some(names.len()), first_line };
                 }
                 Err(problem) if is_known => {
-                    found.error(Some(place), problem);
+                    found.error(Some(place), problem.to_string());
                 }
                 Err(_) => {
                     found.warn(

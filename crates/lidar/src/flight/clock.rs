@@ -4,12 +4,12 @@ use chrono::{DateTime, Datelike, NaiveDateTime, Utc};
 
 pub(super) const WEEK_NS: f64 = 604_800e9;
 const WEEK_S: i64 = 604_800;
-/// POSIX seconds of the GPS epoch that the reference uses, 9 s after the true one.
-const GPS_EPOCH: i64 = 315_964_809;
+/// POSIX seconds of the origin of GPS time that the reference uses, 9 s after the true one.
+const REFERENCE_GPS_ORIGIN: i64 = 315_964_809;
 
 /// POSIX seconds of 1980-01-06 00:00:00 UTC, when GPS time began.
-const TRUE_GPS_EPOCH: i64 = 315_964_800;
-/// POSIX seconds of the first second after each leap second since the GPS epoch (IERS Bulletin C). GPS time is ahead of
+const GPS_ORIGIN: i64 = 315_964_800;
+/// POSIX seconds of the first second after each leap second since the origin of GPS time (IERS Bulletin C). GPS time is ahead of
 /// UTC by the number of leap seconds so far. None has been announced since the last one, and UTC will have none after
 /// 2035 at the latest (CGPM 2022, resolution 4).
 const LEAP_SECONDS: [i64; 18] = [
@@ -45,23 +45,23 @@ pub enum TimeError {
 }
 
 /// GPS time of week, ns, at which a run starts: now if `text` is empty, otherwise a UTC time `YYYY-MM-DD hh:mm:ss` or
-/// POSIX seconds, whose fraction is ignored (spec outputs §2.4). With `leap_seconds` it counts from the true epoch and
+/// POSIX seconds, whose fraction is ignored (spec outputs §2.4). With `leap_seconds` it counts from the true origin and
 /// includes the leap seconds of UTC, which POSIX time does not count (IS-GPS-200, §20.3.3.5.2.4); without, it counts
-/// from the reference's epoch and has none.
+/// from the origin of the reference and has none.
 ///
 /// # Errors
 /// A text that is no time.
 pub fn gps_start(text: &str, leap_seconds: bool) -> Result<f64, TimeError> {
     let posix = posix_seconds(text)?;
-    let since_epoch = if leap_seconds {
+    let since_origin = if leap_seconds {
         // A leap second has the POSIX time of the second after it, but precedes it.
         let counted = posix - i64::from(text.trim().ends_with(":60"));
         let leaps = LEAP_SECONDS.partition_point(|&from| from <= counted) as i64;
-        posix.saturating_sub(TRUE_GPS_EPOCH).saturating_add(leaps)
+        posix.saturating_sub(GPS_ORIGIN).saturating_add(leaps)
     } else {
-        posix.saturating_sub(GPS_EPOCH)
+        posix.saturating_sub(REFERENCE_GPS_ORIGIN)
     };
-    Ok(since_epoch.rem_euclid(WEEK_S) as f64 * 1e9)
+    Ok(since_origin.rem_euclid(WEEK_S) as f64 * 1e9)
 }
 
 /// Year and day of the year (from 1), in UTC, of a time as [`gps_start`] parses it: the creation date of files, which
@@ -127,7 +127,7 @@ mod tests {
         // 2024-01-01 was a Monday, and 18 leap seconds had passed since 1980.
         assert_eq!(gps_start("2024-01-01 00:00:00", true), Ok(86_418e9));
         assert_eq!(gps_start("1704067200", true), Ok(86_418e9));
-        // The epoch, a Sunday, and the second before it.
+        // The origin, a Sunday, and the second before it.
         assert_eq!(gps_start("1980-01-06 00:00:00", true), Ok(0.0));
         assert_eq!(gps_start("1980-01-05 23:59:59", true), Ok(604_799e9));
         // Across the leap second at the end of 2016, a Saturday, GPS time advances by one second each.

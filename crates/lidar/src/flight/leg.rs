@@ -175,7 +175,8 @@ pub(super) fn check_spans(
         let world = |t: f64| t + table.first_time();
         let (start, end) = (number(world(span.start)), number(world(span.end)));
         if !(span.start.is_finite() && span.end.is_finite()) {
-            let message = format!("leg {}: from {} s to {} s is not a valid interval", leg.number, start, end);
+            let message =
+                format!("leg {}: from {} s to {} s is not a valid interval", leg.number, start, end);
             problems.error(leg.place.clone(), message);
         } else if span.end - span.start > MAX_DURATION {
             let message = format!(

@@ -36,7 +36,7 @@ pub struct Pulse {
 
 impl Pulse {
     /// Whether attitude and range error are numbers; formulas can give others.
-    pub(super) fn is_sound(&self) -> bool {
+    pub(super) fn is_valid(&self) -> bool {
         self.attitude.w.is_finite()
             && self.attitude.u.is_finite()
             && quantity::NUMBER.contains(self.range_error)

@@ -73,8 +73,12 @@ fn check_leg_numbers(leg: &Leg, problems: &mut Diagnostics) {
     }
     let p = leg.platform.position;
     if !p.to_array().iter().all(|&coordinate| COORDINATE.contains(coordinate)) {
-        let message =
-            format!("leg {n}: not a position on Earth: x {} y {} z {}", number(p.x), number(p.y), number(p.z));
+        let message = format!(
+            "leg {n}: not a position on Earth: x {} y {} z {}",
+            number(p.x),
+            number(p.y),
+            number(p.z)
+        );
         problems.error(leg.place.clone(), message);
     }
     let numbers = [
@@ -387,7 +391,9 @@ mod tests {
             l.scanner.head_rate = f64::NAN;
             l.platform.position = DVec3::new(1e300, 0.0, 0.0);
         }));
-        for part in ["leg 0: the pulse frequency is 0", "leg 1: the head speed is NaN", "not a position on Earth"] {
+        for part in
+            ["leg 0: the pulse frequency is 0", "leg 1: the head speed is NaN", "not a position on Earth"]
+        {
             assert!(report.contains(part), "{part:?} is missing from\n{report}");
         }
         assert!(refusal(&flight(|l| l.scanner.warmup = 1e9)).contains("warm-up"));

@@ -278,13 +278,13 @@ impl FlightState {
                 continue;
             }
             state.pulses += 1;
-            let mut is_sound = true;
+            let mut is_valid = true;
             sink.pulse(|| {
                 let pulse = plan.pulse(platform, leg, index, state, *time_ns, since_start);
-                is_sound = !device.errors.any() || pulse.is_sound();
+                is_valid = !device.errors.any() || pulse.is_valid();
                 pulse
             });
-            if !is_sound {
+            if !is_valid {
                 return Err(plan.formula_error(leg, index, state));
             }
         }

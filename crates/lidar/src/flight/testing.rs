@@ -62,7 +62,7 @@ pub fn recorded(first_yaw: f64, sync_gps_time: bool, legs: Vec<Leg>) -> (Survey,
         position_only: false,
         degrees: true,
         sync_gps_time,
-        grid: Grid::FirstFix,
+        grid: ProjectionGrid::FirstFix,
         files: vec![TrajectoryFile { path, columns: None, separator: None, slope_filter: 0.0 }],
     });
     (survey(kind, Mount::IDENTITY, Deflector::Fibres { count: 1 }, legs), dir)

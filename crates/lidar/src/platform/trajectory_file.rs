@@ -109,10 +109,10 @@ fn report<T>(error: Error, problems: &mut Diagnostics) -> Option<T> {
 
 /// Checks times and positions.
 fn check_rows(path: &Path, rows: &[(f64, PoseValues)], problems: &mut Diagnostics) -> bool {
-    let is_sound = |(time, [_, _, _, position @ ..]): &&(f64, PoseValues)| {
+    let is_valid = |(time, [_, _, _, position @ ..]): &&(f64, PoseValues)| {
         quantity::TIME.contains(*time) && position.iter().all(|p| quantity::COORDINATE.contains(*p))
     };
-    let Some((time, [_, _, _, x, y, z])) = rows.iter().find(|row| !is_sound(row)) else { return true };
+    let Some((time, [_, _, _, x, y, z])) = rows.iter().find(|row| !is_valid(row)) else { return true };
     let message = format!(
         "{}: a pose at time {}, x {}, y {}, z {}, expected {} and {}",
         path.display(),
@@ -360,7 +360,7 @@ mod tests {
                 degrees,
                 sync_gps_time: false,
                 files: vec![TrajectoryFile { path: path.clone(), ..file() }],
-                grid: vlscan_survey::Grid::FirstFix,
+                grid: vlscan_survey::ProjectionGrid::FirstFix,
             };
             let table = read_trajectories(&settings, &mut Diagnostics::default()).unwrap().unwrap();
             assert!((table.rows()[0].values[0] - wanted).abs() < 1e-12);

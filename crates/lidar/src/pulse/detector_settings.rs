@@ -50,7 +50,7 @@ impl DetectorSettings {
     }
 }
 
-/// A peak that counts as an echo.
+/// A peak of the waveform that is accepted, before its surface is known; [`Echo`](super::Echo) is the record that it becomes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Return {
     /// Range read from the waveform, m, without errors and noise.

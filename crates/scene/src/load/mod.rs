@@ -112,7 +112,7 @@ fn load_sources(
             .error(None, format!("scene \"{}\" of {} is empty", recipe.id, recipe.path.display()));
     }
     if epoch == 0 {
-        change::report_needless(&mut scene);
+        change::report_unused(&mut scene);
     }
     let warnings = std::mem::take(&mut scene.diagnostics).finish(false)?;
     scene.diagnostics = warnings;

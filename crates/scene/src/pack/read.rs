@@ -83,7 +83,9 @@ impl Pack {
         for epoch in 0..self.epochs() {
             let scene = read_scene(&self.file, epoch, self.origin.builder)?;
             if !are_arrays_valid(&scene) {
-                return Err(self.file.refuse("an index in its arrays refers to something that does not exist"));
+                return Err(self
+                    .file
+                    .refuse("an index in its arrays refers to something that does not exist"));
             }
         }
         Ok(())

@@ -161,9 +161,7 @@ pub fn warn_of_unused_keys(written: &[WrittenKey], is_on: impl Fn(&str) -> bool,
                 let flag = correction.replace('_', "-");
                 (
                     format!("`{name}` has no effect without the correction {flag} of the physics"),
-                    format!(
-                        "use `--physics refined` or `--correct {flag}`, or leave it out"
-                    ),
+                    format!("use `--physics refined` or `--correct {flag}`, or leave it out"),
                 )
             }
             InLaterChannelsWith(correction) if channel.is_some_and(|i| i > 0) && !is_on(correction) => (

@@ -176,7 +176,7 @@ keys! {
 }
 
 keys! {
-    /// `[scanner]` and `[[scanner.channel]]`: a catalogue entry, changed by the other keys, or an instrument of one's own. A
+    /// `[scanner]` and `[[scanner.channel]]`: a catalogue entry, changed by the other keys, or a custom instrument. A
     /// channel starts from the scanner and changes what it names.
     InstrumentKeys = "[scanner]" {
         /// The id of a scanner that ships (`vlscan catalogue`), for example `riegl_vz400`, `file.xml#id`, or the calibration file

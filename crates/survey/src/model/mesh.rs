@@ -1,12 +1,14 @@
 //! Meshes and materials in memory.
 
+use super::Identity;
 use vlscan_base::diag::Place;
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::{DVec3, MAX_COORDINATE};
 
 /// A triangle mesh in memory, with materials.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Mesh {
+    identity: Identity,
     vertices: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
     materials: Vec<MaterialDefinition>,
@@ -54,7 +56,19 @@ impl Mesh {
             let (index, count) = (material_of[at], materials.len());
             return Err(Error::input(format!("triangle {at} has material {index}; there are {count}")));
         }
-        Ok(Mesh { vertices, triangles, materials, material_of, name: String::new() })
+        Ok(Mesh {
+            identity: Identity::new(),
+            vertices,
+            triangles,
+            materials,
+            material_of,
+            name: String::new(),
+        })
+    }
+
+    /// Its identity, which its clones share.
+    pub fn identity(&self) -> Identity {
+        self.identity
     }
 
     /// The mesh with a name, which its part reports.

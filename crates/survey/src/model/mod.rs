@@ -10,6 +10,7 @@
 //! | `pulse_times` | when pulses leave, where that is no constant rate |
 //! | `receiver` | pulse shape, noise and detector of a receiver |
 
+mod identity;
 mod mesh;
 mod navigation;
 mod poses;
@@ -24,6 +25,7 @@ use std::sync::Arc;
 use vlscan_base::diag::Place;
 use vlscan_geom::{DVec3, Rotation};
 
+pub use identity::{Identity, MaterialChanges};
 pub use mesh::{MaterialChange, MaterialDefinition, Mesh, Replaced};
 pub use navigation::{NavigationErrors, NavigationKeyError, NavigationProblem};
 pub use poses::*;
@@ -177,7 +179,7 @@ pub struct Interpolated {
     /// The distinct files in the order of their first reference.
     pub files: Vec<TrajectoryFile>,
     /// The grid on which latitudes and longitudes are projected.
-    pub grid: Grid,
+    pub grid: ProjectionGrid,
 }
 
 /// A trajectory file and how to read it.

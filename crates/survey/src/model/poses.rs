@@ -25,7 +25,7 @@ pub struct PoseStream {
     /// Column separator; `None` guesses from the first line.
     pub separator: Option<char>,
     /// The grid on which latitudes and longitudes are projected.
-    pub grid: Grid,
+    pub grid: ProjectionGrid,
     /// Added to all heights, m.
     pub height_offset: f64,
     /// Position of the scanner's platform frame in the frame of the poses (x right, y forward, z up), m.
@@ -47,7 +47,7 @@ impl PoseStream {
             degrees: true,
             columns: None,
             separator: None,
-            grid: Grid::FirstFix,
+            grid: ProjectionGrid::FirstFix,
             height_offset: 0.0,
             lever_arm: DVec3::ZERO,
             boresight: [0.0; 3],
@@ -121,7 +121,7 @@ pub enum AngleUnit {
 
 /// The rectangular grid on which latitudes and longitudes are projected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Grid {
+pub enum ProjectionGrid {
     /// The UTM zone of the first pose.
     FirstFix,
     /// This UTM zone, which was chosen.
@@ -132,11 +132,13 @@ pub enum Grid {
     Foreign,
 }
 
-impl Grid {
+impl ProjectionGrid {
     /// The grid for a scene whose coordinate reference system may be known; a chosen zone takes precedence.
-    pub fn of_scene(self, crs_wkt: Option<&str>) -> Grid {
+    pub fn of_scene(self, crs_wkt: Option<&str>) -> ProjectionGrid {
         match (self, crs_wkt) {
-            (Grid::FirstFix, Some(wkt)) => UtmZone::of_wkt(wkt).map_or(Grid::Foreign, Grid::OfScene),
+            (ProjectionGrid::FirstFix, Some(wkt)) => {
+                UtmZone::of_wkt(wkt).map_or(ProjectionGrid::Foreign, ProjectionGrid::OfScene)
+            }
             _ => self,
         }
     }

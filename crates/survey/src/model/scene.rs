@@ -1,6 +1,6 @@
 //! The scene as its file describes it: the input of the module `scene`.
 
-use super::{MaterialChange, Mesh};
+use super::{MaterialChanges, Mesh};
 use std::path::PathBuf;
 use std::sync::Arc;
 use vlscan_base::crs::LengthUnit;
@@ -59,7 +59,7 @@ pub struct PartRecipe {
     /// Where its geometry comes from.
     pub loader: Loader,
     /// Materials that replace those of its files, in this order.
-    pub changes: Arc<[MaterialChange]>,
+    pub changes: MaterialChanges,
     /// Where it stands.
     pub transform: Transform,
     /// Rigid motions; empty for a part at rest.
@@ -79,7 +79,7 @@ impl PartRecipe {
             id: None,
             number: 0,
             loader,
-            changes: Arc::default(),
+            changes: MaterialChanges::default(),
             transform: Transform::IDENTITY,
             motions: Vec::new(),
             timing: MotionTiming::default(),

@@ -249,7 +249,9 @@ impl File {
                 return Err(format!("scene {name}: `plots` need a `stand` with an `area`"));
             }
             if scene.plot_m.is_some() && scene.plots.is_none() {
-                return Err(format!("scene {name}: `plot_m` is the size of `plots`, but the scene has no `plots`"));
+                return Err(format!(
+                    "scene {name}: `plot_m` is the size of `plots`, but the scene has no `plots`"
+                ));
             }
             if scene.margin_m.is_some() && (scene.stand.is_none() || scene.area.is_none()) {
                 return Err(format!("scene {name}: `margin_m` is for trees of a `stand` around an `area`"));
@@ -271,20 +273,23 @@ impl File {
             let shares = split.get_ref().shares().map(|(_, share)| share);
             let sum: f64 = shares.iter().sum();
             if !(sum > 0.0 && sum.is_finite() && shares.iter().all(|share| *share >= 0.0)) {
-                return Err(
-                    "split: train, validation and test must be at least 0, and not all 0".to_owned()
-                );
+                return Err("split: train, validation and test must be at least 0, and not all 0".to_owned());
             }
         }
         Ok(())
     }
 }
 
+/// A line with a quote that does not end.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("a quote does not end in: {0}")]
+pub struct UnclosedQuote(pub String);
+
 /// The words of a command line; single and double quotes keep blanks.
 ///
 /// # Errors
-/// A sentence about a quote that does not end.
-pub fn words(line: &str) -> Result<Vec<String>, String> {
+/// A quote that does not end.
+pub fn words(line: &str) -> Result<Vec<String>, UnclosedQuote> {
     let mut all = Vec::new();
     let mut word: Option<String> = None;
     let mut quote = None;
@@ -300,7 +305,7 @@ pub fn words(line: &str) -> Result<Vec<String>, String> {
         }
     }
     if quote.is_some() {
-        return Err(format!("a quote does not end in: {line}"));
+        return Err(UnclosedQuote(line.to_owned()));
     }
     all.extend(word);
     Ok(all)
@@ -313,7 +318,7 @@ mod tests {
     #[test]
     fn words_are_those_of_a_shell() {
         assert_eq!(words("a  'b c' d\"e f\"g ''").unwrap(), ["a", "b c", "de fg", ""]);
-        assert!(words("a 'b").unwrap_err().contains("quote"));
+        assert!(words("a 'b").unwrap_err().to_string().contains("quote"));
         assert!(words(" ").unwrap().is_empty());
     }
 

@@ -26,7 +26,7 @@ mod record;
 mod store;
 
 pub use cells::{Cell, Cells};
-pub use file::{File, GroupBy, SceneEntry, Seeds, Split, VariantEntry, text_of, words};
+pub use file::{File, GroupBy, SceneEntry, Seeds, Split, UnclosedQuote, VariantEntry, text_of, words};
 pub use inputs::{Inputs, checksum};
 pub use record::{FileRecord, Record};
 pub use store::{CellLock, Outcome, Store};

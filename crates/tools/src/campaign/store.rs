@@ -197,12 +197,7 @@ impl Store {
                 Err(_) => return Err(format!("{} is missing", shown())),
                 Ok(about) if !about.is_file() => return Err(format!("{} is not a regular file", shown())),
                 Ok(about) if about.len() != file.bytes => {
-                    return Err(format!(
-                        "{} has {} bytes, expected {}",
-                        shown(),
-                        about.len(),
-                        file.bytes
-                    ));
+                    return Err(format!("{} has {} bytes, expected {}", shown(), about.len(), file.bytes));
                 }
                 Ok(_) => {}
             }

@@ -105,7 +105,11 @@ mod tests {
             assert_eq!((points.len(), points.bounds().max), (2, DVec3::new(4.0, 5.0, 6.0)), "{rows:?}");
         }
         for (rows, expected, is_cut) in [
-            ("1 7\n1 2 3\n4 5", "the end of the file; is it truncated? (after 1 of 2 elements \"vertex\")", true),
+            (
+                "1 7\n1 2 3\n4 5",
+                "the end of the file; is it truncated? (after 1 of 2 elements \"vertex\")",
+                true,
+            ),
             ("1 7\n1 2 3\n4 5,5 6", "found \"5,5\", which has a decimal comma", false),
             ("9 7\n1 2 3\n4 5 six", "found \"six\"", false),
         ] {

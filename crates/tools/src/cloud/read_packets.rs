@@ -128,7 +128,9 @@ impl Packet {
         let data = data.ok_or_else(|| wrong("the points refer to a missing packet descriptor"))?;
         let bits = usize::from(data[0]);
         if data[1] != 0 || !matches!(bits, 8 | 16 | 32) {
-            return Err(wrong("these waveform packets are not supported (compressed, or an odd number of bits)"));
+            return Err(wrong(
+                "these waveform packets are not supported (compressed, or an odd number of bits)",
+            ));
         }
         let spacing = f64::from(u32::from_le_bytes([data[6], data[7], data[8], data[9]]));
         let (gain, zero) = (f64_at(data, 10).unwrap_or(1.0), f64_at(data, 18).unwrap_or(0.0));

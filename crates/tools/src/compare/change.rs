@@ -11,7 +11,7 @@
 //! one, the offset of both clouds where nothing changed (Anderson, 2019, Uncertainty in quantitative analyses of topographic
 //! change: error propagation and the role of thresholding).
 
-use super::cut::{Cut, Grid};
+use super::cut::{CellGrid, Cut};
 use super::statistic::{Statistic, quantile};
 use super::terrain::{GROUND, plane};
 use crate::geotiff::{Raster, geotiff};
@@ -112,7 +112,7 @@ struct Surface {
 }
 
 /// The change in the cells of a grid over the common box, whose corner is at `corner`.
-pub(super) fn change(grid: &Grid, cuts: [&Cut; 2], corner: [f64; 2]) -> Change {
+pub(super) fn change(grid: &CellGrid, cuts: [&Cut; 2], corner: [f64; 2]) -> Change {
     let are_classified = cuts.iter().all(|cut| (0..cut.len()).any(|i| cut.class(i) == Some(GROUND)));
     let surfaces = cuts.map(|cut| surfaces(grid, cut, are_classified));
     let cells: Vec<usize> = (0..grid.len()).filter(|i| surfaces.iter().all(|s| s[*i].is_some())).collect();
@@ -220,7 +220,7 @@ fn excess(mut normalised: Vec<f64>) -> f64 {
 }
 
 /// Whether a cell has a sign, and at least two of its eight neighbours the same.
-fn has_like_neighbours(grid: &Grid, signs: &[f64], cell: usize) -> bool {
+fn has_like_neighbours(grid: &CellGrid, signs: &[f64], cell: usize) -> bool {
     const LEAST: usize = 2;
     let (column, row) = (cell % grid.columns, cell / grid.columns);
     let rows = row.saturating_sub(1)..(row + 2).min(grid.rows);
@@ -231,7 +231,7 @@ fn has_like_neighbours(grid: &Grid, signs: &[f64], cell: usize) -> bool {
 }
 
 /// The surface of each cell.
-fn surfaces(grid: &Grid, cut: &Cut, are_classified: bool) -> Vec<Option<Surface>> {
+fn surfaces(grid: &CellGrid, cut: &Cut, are_classified: bool) -> Vec<Option<Surface>> {
     let is_chosen = |i: &usize| !are_classified || cut.class(*i) == Some(GROUND);
     let mut order: Vec<(u32, u32)> =
         (0..cut.len()).filter(is_chosen).map(|i| (grid.cell(&cut.offsets[i]) as u32, i as u32)).collect();

@@ -6,7 +6,7 @@
 //! both have points.
 
 use super::comparison::common_box;
-use super::cut::{Cut, Grid};
+use super::cut::{CellGrid, Cut};
 use super::neighbours::KdTree;
 use crate::cloud::Points;
 use rayon::prelude::*;
@@ -41,7 +41,7 @@ pub struct ChangedPoints {
 /// [`Error::Input`] for clouds that do not overlap, and for cells that are too small.
 pub fn changed_points(clouds: [&Points; 2], cell: f64) -> Result<ChangedPoints> {
     let (low, high) = common_box(clouds[0], clouds[1]).map_err(Error::input)?;
-    let grid = Grid::new(low, high, cell).map_err(Error::input)?;
+    let grid = CellGrid::new(low, high, cell).map_err(Error::input)?;
     let cuts = clouds.map(|points| Cut::of(points, low, high));
     let counts = [&cuts[0], &cuts[1]].map(|cut| grid.counts(cut.offsets.iter()));
     let is_seen = |offset: &[f64; 3]| counts.iter().all(|counts| counts[grid.cell(offset)] > 0.0);
@@ -76,15 +76,8 @@ pub fn write_changed(
     changed: &ChangedPoints,
     observer: &Observer,
 ) -> Result<()> {
-    let format = match PointFormat::of_file(path) {
-        Some(Ok(format)) => format,
-        _ => {
-            let (shown, known) = (path.display(), PointFormat::names());
-            return Err(Error::input(format!(
-                "{shown}: expected the extension of a format of points: {known}"
-            )));
-        }
-    };
+    let format = PointFormat::required(path);
+    let format = format.map_err(|unknown| Error::input(format!("{}: {unknown}", path.display())))?;
     let bounds = clouds[0].bounds().union(clouds[1].bounds());
     let origin = bounds.centre();
     let settings = CloudSettings {

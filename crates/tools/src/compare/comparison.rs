@@ -2,7 +2,7 @@
 
 use super::chance::{BlockKind, Chance, Halves, MIN_BLOCKS, SPLITS};
 use super::change::{Change, change};
-use super::cut::{Cut, Grid};
+use super::cut::{CellGrid, Cut};
 use super::neighbours::{Distances, distances};
 use super::options::CompareOptions;
 use super::pulses::Pulses;
@@ -118,8 +118,8 @@ pub fn compare(
         observer.warnings(found)?;
     }
     let (low, high) = common_box(first.1, second.1).map_err(Error::input)?;
-    let grid = Grid::new(low, high, options.cell).map_err(Error::input)?;
-    let wide_grid = Grid::new(low, high, GROUND_CELL.max(options.cell)).map_err(Error::input)?;
+    let grid = CellGrid::new(low, high, options.cell).map_err(Error::input)?;
+    let wide_grid = CellGrid::new(low, high, GROUND_CELL.max(options.cell)).map_err(Error::input)?;
     let [a, b] = [first.1, second.1].map(|points| Cut::of(points, low, high));
     let cuts = [&a, &b];
     if cuts.iter().any(|cut| cut.len() == 0) {
@@ -255,12 +255,12 @@ fn blocks_of(
     }
     let extent = high - low;
     let side = (extent.x * extent.y / BLOCK_CELLS).sqrt().clamp(1e-3, GROUND_CELL);
-    let grid = Grid::new(low, high, side)?;
+    let grid = CellGrid::new(low, high, side)?;
     let cells = cut.offsets.iter().map(|offset| grid.cell(offset) as u32).collect();
     Ok((BlockKind::Cells { side_m: side }, grid.len() as u32, cells))
 }
 
-fn occupied_cells(grid: &Grid, cuts: [&Cut; 2]) -> usize {
+fn occupied_cells(grid: &CellGrid, cuts: [&Cut; 2]) -> usize {
     let counts = cuts.map(|cut| grid.counts(cut.offsets.iter()));
     counts[0].iter().zip(&counts[1]).filter(|(a, b)| **a + **b > 0.0).count()
 }

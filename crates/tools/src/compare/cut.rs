@@ -69,18 +69,18 @@ impl Cut<'_> {
 
 /// Square cells over the common box.
 #[derive(Clone, Debug)]
-pub(super) struct Grid {
+pub(super) struct CellGrid {
     pub side: f64,
     pub columns: usize,
     pub rows: usize,
 }
 
-impl Grid {
+impl CellGrid {
     /// Cells of a side over a box.
     ///
     /// # Errors
     /// A sentence: too many cells.
-    pub fn new(low: DVec3, high: DVec3, side: f64) -> Result<Grid, String> {
+    pub fn new(low: DVec3, high: DVec3, side: f64) -> Result<CellGrid, String> {
         let count = |extent: f64| (extent / side).floor() + 1.0;
         let (columns, rows) = (count(high.x - low.x), count(high.y - low.y));
         if columns * rows > MAX_CELLS {
@@ -88,7 +88,7 @@ impl Grid {
                 "{columns:.0} by {rows:.0} cells of {side} m, expected at most {MAX_CELLS}; --cell"
             ));
         }
-        Ok(Grid { side, columns: columns as usize, rows: rows as usize })
+        Ok(CellGrid { side, columns: columns as usize, rows: rows as usize })
     }
 
     /// Number of cells.

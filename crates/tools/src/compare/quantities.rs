@@ -56,7 +56,7 @@ impl Setting<'_> {
         };
         found.add("heights", self.of_points(define("height", ""), heights.clone()));
         if has_returns.contains(&false) {
-            found.lack(
+            found.note_missing(
                 "heights of first and last returns",
                 "a cloud has no return numbers and numbers of returns",
             );
@@ -135,13 +135,13 @@ impl Setting<'_> {
         let second = second.into_iter().map(|(count, _)| count).collect();
         match definition.measure(first, second, self.halves.as_ref()) {
             Some(quantity) => found.quantities.push(quantity),
-            None => found.lack(NAME, "a cloud has neither GPS times nor numbers of returns"),
+            None => found.note_missing(NAME, "a cloud has neither GPS times nor numbers of returns"),
         }
     }
 
     pub fn classes(&self, found: &mut Findings) {
         if self.cuts.iter().any(|cut| !cut.points.has(Attribute::Class)) {
-            return found.lack("classes", "a cloud has none");
+            return found.note_missing("classes", "a cloud has none");
         }
         let classes = self.cuts.map(|cut| -> Vec<f64> {
             (0..cut.len()).map(|i| cut.class(i).map_or(f64::NAN, f64::from)).collect()
@@ -169,7 +169,7 @@ impl Setting<'_> {
 
     pub fn intensity(&self, found: &mut Findings) {
         if self.cuts.iter().any(|cut| !cut.points.has(Attribute::Intensity)) {
-            return found.lack("intensities", "a cloud has none");
+            return found.note_missing("intensities", "a cloud has none");
         }
         let scaled = self.cuts.map(|cut| -> Vec<f64> {
             let mut values: Vec<f64> =
@@ -188,14 +188,14 @@ impl Setting<'_> {
         );
         match self.of_points(definition, scaled) {
             Some(quantity) => found.quantities.push(quantity),
-            None => found.lack("intensities", "a cloud has none, or more than half of them are 0"),
+            None => found.note_missing("intensities", "a cloud has none, or more than half of them are 0"),
         }
     }
 
     pub fn pulses(&self, found: &mut Findings) {
         let pulses = match self.both_pulses() {
             Ok(pulses) => pulses,
-            Err(why) => return found.lack("pulses, scan angles and scan lines", &why),
+            Err(why) => return found.note_missing("pulses, scan angles and scan lines", &why),
         };
         let intervals = pulses.map(|pulses| pulses.intervals().map(|(t, line)| (1e6 * t, line)).collect());
         let definition = self.define(
@@ -207,7 +207,7 @@ impl Setting<'_> {
         );
         found.add("time between pulses", self.of_lines(definition, intervals));
         if pulses.iter().any(|pulses| !pulses.has_angles) {
-            return found.lack("scan angles", "a cloud has none, or all are equal");
+            return found.note_missing("scan angles", "a cloud has none, or all are equal");
         }
         let angles = pulses.map(|pulses| {
             let of_pulse = |(pulse, line): (&Pulse, &u32)| (pulse.angle, *line);
@@ -234,7 +234,7 @@ impl Setting<'_> {
         definition.is_error = true;
         match self.of_lines(definition, differences) {
             Some(quantity) => found.quantities.push(quantity),
-            None => found.lack("scan angle at the same time", "the clouds share no GPS times"),
+            None => found.note_missing("scan angle at the same time", "the clouds share no GPS times"),
         }
     }
 
@@ -245,7 +245,7 @@ impl Setting<'_> {
                 let why = format!(
                     "the {cloud} cloud has neither gaps in its GPS times nor turns of the scan angle"
                 );
-                return found.lack("scan lines", &why);
+                return found.note_missing("scan lines", &why);
             }
         }
         let define = |name: &str, of, statistics: &[Statistic], meaning| {

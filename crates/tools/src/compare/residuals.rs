@@ -19,7 +19,7 @@ impl Setting<'_> {
     /// Measures residuals.
     pub fn residuals(&self, found: &mut Findings) {
         let Some(terrain) = &self.terrain else {
-            return found.lack(
+            return found.note_missing(
                 "residuals to a terrain",
                 "the first cloud has no ground points (class 2); --terrain FILE gives a raster or mesh",
             );

@@ -1,7 +1,7 @@
 //! Both clouds, ready to be measured, and what is found.
 
 use super::chance::Halves;
-use super::cut::{Cut, Grid};
+use super::cut::{CellGrid, Cut};
 use super::pulses::Pulses;
 use super::quantity::{Definition, Quantity};
 use super::statistic::Statistic;
@@ -17,9 +17,9 @@ pub(super) struct Setting<'a> {
     /// The block of each point of the first cloud, and its halves.
     pub blocks: Vec<u32>,
     pub halves: Option<Halves>,
-    pub grid: Grid,
+    pub grid: CellGrid,
     /// The lowest points of both clouds in wide cells, which heights refer to without a terrain.
-    pub wide_grid: Grid,
+    pub wide_grid: CellGrid,
     pub lowest: Vec<f64>,
     pub terrain: Option<Terrain>,
     /// Most points of each cloud whose height above the terrain is computed.
@@ -41,7 +41,7 @@ impl Findings {
         }
     }
 
-    pub fn lack(&mut self, what: &str, why: &str) {
+    pub fn note_missing(&mut self, what: &str, why: &str) {
         self.missing.push(format!("{what}: {why}"));
     }
 }

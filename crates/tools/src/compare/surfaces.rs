@@ -1,6 +1,6 @@
 //! What cells and voxels of both clouds have in common: highest and lowest points, occupied voxels.
 
-use super::cut::{Cut, Grid};
+use super::cut::{CellGrid, Cut};
 use serde::Serialize;
 use std::collections::HashSet;
 
@@ -33,7 +33,7 @@ pub struct Voxels {
 }
 
 /// The highest points of both clouds in the cells of `grid`, above the lowest ones in the cells of `wide_grid`.
-pub(super) fn canopy(grid: &Grid, wide_grid: &Grid, lowest: &[f64], cuts: [&Cut; 2]) -> Canopy {
+pub(super) fn canopy(grid: &CellGrid, wide_grid: &CellGrid, lowest: &[f64], cuts: [&Cut; 2]) -> Canopy {
     let tops = cuts.map(|cut| {
         let extremes = grid.extremes(cut.offsets.iter());
         let top = |(cell, [_, high]): (usize, [f64; 2])| {

@@ -40,7 +40,7 @@ pub use stand::{Development, StandMade, StandOptions, make_stand};
 
 /// Kinds of scenes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Kind {
+pub enum SceneKind {
     /// Trees on rolling ground, scanned from an aeroplane.
     Forest,
     /// Hills, scanned from an aeroplane.
@@ -49,9 +49,9 @@ pub enum Kind {
     Room,
 }
 
-impl Kind {
+impl SceneKind {
     /// All kinds.
-    pub const ALL: [Kind; 3] = [Kind::Forest, Kind::Terrain, Kind::Room];
+    pub const ALL: [SceneKind; 3] = [SceneKind::Forest, SceneKind::Terrain, SceneKind::Room];
 
     /// Name on the command line, of the scene and of the survey.
     pub fn name(self) -> &'static str {
@@ -74,7 +74,7 @@ struct Traits {
     write: fn(&SceneOptions, f64, &SceneFolder) -> Result<SceneFiles>,
 }
 
-/// In the order of [`Kind`].
+/// In the order of [`SceneKind`].
 static TRAITS: [Traits; 3] = [
     Traits {
         name: "forest",
@@ -106,7 +106,7 @@ static TRAITS: [Traits; 3] = [
 #[derive(Clone, Debug, PartialEq, clap::Args)]
 pub struct SceneOptions {
     /// What to make.
-    pub kind: Kind,
+    pub kind: SceneKind,
     /// Number of triangles, to within about one per cent; 250k and 10M are understood.
     #[arg(short = 'n', long, value_name = "N", default_value = "100k", value_parser = args::count)]
     pub triangles: u64,
@@ -142,7 +142,7 @@ const DEFAULT_COPIES: u64 = 100;
 
 impl SceneOptions {
     /// A scene of `triangles` triangles with defaults for everything else.
-    pub fn new(kind: Kind, triangles: u64) -> SceneOptions {
+    pub fn new(kind: SceneKind, triangles: u64) -> SceneOptions {
         SceneOptions {
             kind,
             triangles,
@@ -235,7 +235,7 @@ fn check(options: &SceneOptions) -> Result<f64> {
         return Err(Error::input(format!("a {kind} of {triangles} triangles: expected at least {min}")));
     }
     if let Some((models, copies)) = options.instances() {
-        let possible = options.kind == Kind::Forest
+        let possible = options.kind == SceneKind::Forest
             && (1..=10_000).contains(&models)
             && (1..=10_000_000).contains(&copies);
         let share = if possible { triangles / (models * copies) } else { 0 };
@@ -248,7 +248,7 @@ fn check(options: &SceneOptions) -> Result<f64> {
         }
     }
     if let Some(voxels) = options.voxels
-        && (options.kind != Kind::Forest
+        && (options.kind != SceneKind::Forest
             || options.models.is_some()
             || !(1..=1_000_000_000).contains(&voxels))
     {
@@ -262,12 +262,12 @@ fn check(options: &SceneOptions) -> Result<f64> {
         )));
     }
     let extent = options.extent.unwrap_or_else(|| match options.kind {
-        Kind::Forest => match options.instances() {
+        SceneKind::Forest => match options.instances() {
             Some((models, copies)) => forest::extent_of_stand(models * copies),
             None => forest::default_extent(triangles),
         },
-        Kind::Terrain => terrain::default_extent(triangles),
-        Kind::Room => room::DEFAULT_EXTENT,
+        SceneKind::Terrain => terrain::default_extent(triangles),
+        SceneKind::Room => room::DEFAULT_EXTENT,
     });
     let [min, max] = options.kind.traits().extents;
     if !(min..=max).contains(&extent) {
@@ -369,7 +369,7 @@ mod tests {
 
     #[test]
     fn the_triangles_asked_for_are_in_the_files() {
-        for kind in Kind::ALL {
+        for kind in SceneKind::ALL {
             for triangles in [kind.traits().min_triangles, 1000, 4321, 60_000] {
                 let (_folder, summary) = made(&SceneOptions::new(kind, triangles));
                 let found = read_back(&summary);
@@ -382,7 +382,7 @@ mod tests {
 
     #[test]
     fn the_same_options_give_the_same_bytes_and_another_seed_others() {
-        for kind in Kind::ALL {
+        for kind in SceneKind::ALL {
             let options = SceneOptions::new(kind, 3000);
             let bytes = |o: &SceneOptions| {
                 let (_folder, summary) = made(o);
@@ -397,7 +397,7 @@ mod tests {
     #[test]
     fn a_forest_keeps_its_extent_and_stands_on_the_ground() {
         let (_folder, summary) =
-            made(&SceneOptions { extent: Some(60.0), ..SceneOptions::new(Kind::Forest, 20_000) });
+            made(&SceneOptions { extent: Some(60.0), ..SceneOptions::new(SceneKind::Forest, 20_000) });
         let size = summary.bounds.size();
         assert!(size.x >= 60.0 && size.x < 70.0 && size.y >= 60.0 && size.y < 70.0, "{size}");
         assert!(size.z > 15.0 && size.z < 60.0, "{size}");
@@ -405,7 +405,7 @@ mod tests {
 
     #[test]
     fn trees_can_be_parts_of_their_own() {
-        let options = SceneOptions { separate_trees: true, ..SceneOptions::new(Kind::Forest, 6000) };
+        let options = SceneOptions { separate_trees: true, ..SceneOptions::new(SceneKind::Forest, 6000) };
         let (folder, summary) = made(&options);
         assert_eq!(read_back(&summary), summary.triangles);
         let scene = std::fs::read_to_string(folder.path().join("scene.xml")).unwrap();
@@ -416,7 +416,7 @@ mod tests {
 
     #[test]
     fn voxels_are_in_the_crowns_and_in_the_scene() {
-        let options = SceneOptions { voxels: Some(3000), ..SceneOptions::new(Kind::Forest, 6000) };
+        let options = SceneOptions { voxels: Some(3000), ..SceneOptions::new(SceneKind::Forest, 6000) };
         let (folder, summary) = made(&options);
         assert!((2700..=3000).contains(&summary.voxels), "{}", summary.voxels);
         let reading = vlscan_survey::ReadOptions::default();
@@ -428,14 +428,14 @@ mod tests {
         assert!(ground.contains("crowns.vox"));
         let crowded = SceneOptions { voxels: Some(100_000_000), overwrite: true, ..options.clone() };
         assert!(matches!(write_scene(&crowded, folder.path()), Err(Error::Input(_))));
-        let room = SceneOptions { voxels: Some(10), ..SceneOptions::new(Kind::Room, 2000) };
+        let room = SceneOptions { voxels: Some(10), ..SceneOptions::new(SceneKind::Room, 2000) };
         assert!(matches!(write_scene(&room, folder.path()), Err(Error::Input(_))));
     }
 
     #[test]
     fn nothing_is_overwritten_unasked() {
-        let (folder, _) = made(&SceneOptions::new(Kind::Room, 1000));
-        let again = SceneOptions::new(Kind::Room, 1000);
+        let (folder, _) = made(&SceneOptions::new(SceneKind::Room, 1000));
+        let again = SceneOptions::new(SceneKind::Room, 1000);
         assert!(matches!(write_scene(&again, folder.path()), Err(Error::Input(_))));
         write_scene(&SceneOptions { overwrite: true, ..again }, folder.path()).unwrap();
     }
@@ -446,12 +446,12 @@ mod tests {
         let refuse = |options: SceneOptions| {
             assert!(matches!(write_scene(&options, folder.path()), Err(Error::Input(_))), "{options:?}");
         };
-        refuse(SceneOptions::new(Kind::Forest, 10));
-        refuse(SceneOptions::new(Kind::Terrain, u64::MAX));
+        refuse(SceneOptions::new(SceneKind::Forest, 10));
+        refuse(SceneOptions::new(SceneKind::Terrain, u64::MAX));
         for extent in [f64::NAN, f64::INFINITY, -5.0, 0.0, 1e9] {
-            refuse(SceneOptions { extent: Some(extent), ..SceneOptions::new(Kind::Forest, 5000) });
+            refuse(SceneOptions { extent: Some(extent), ..SceneOptions::new(SceneKind::Forest, 5000) });
         }
-        refuse(SceneOptions { pulses: Some(0), ..SceneOptions::new(Kind::Room, 5000) });
+        refuse(SceneOptions { pulses: Some(0), ..SceneOptions::new(SceneKind::Room, 5000) });
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

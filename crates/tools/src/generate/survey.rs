@@ -1,6 +1,6 @@
 //! The texts of `scanners.xml`, `platforms.xml`, `scene.xml` and `survey.xml` of generated scenes.
 
-use super::{Kind, Part, room};
+use super::{Part, SceneKind, room};
 use libm::{atan, tan};
 use std::fmt::Write as _;
 use vlscan_geom::{DVec3, degrees, radians};
@@ -22,7 +22,7 @@ const XML: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
 pub(super) const DOCUMENT: &str = "<document paths=\"beside\">";
 
 /// Text of `scene.xml` with its parts in order; their ids are 0, 1, ….
-pub(super) fn scene_text(kind: Kind, parts: &[Part]) -> String {
+pub(super) fn scene_text(kind: SceneKind, parts: &[Part]) -> String {
     let mut text = format!("{XML}{DOCUMENT}\n  <scene id=\"{0}\" name=\"{0}\">\n", kind.name());
     for (id, part) in parts.iter().enumerate() {
         let file = format!("<param type=\"string\" key=\"filepath\" value=\"{}\"/>", part.file);
@@ -48,11 +48,11 @@ pub(super) fn scene_text(kind: Kind, parts: &[Part]) -> String {
 
 /// The survey of a scene of `extent` metres whose mean ground height is `ground`, m. `pulses` overrides the default
 /// pulse rate or resolution.
-pub(super) fn survey_texts(kind: Kind, extent: f64, ground: f64, pulses: Option<u64>) -> SurveyTexts {
+pub(super) fn survey_texts(kind: SceneKind, extent: f64, ground: f64, pulses: Option<u64>) -> SurveyTexts {
     match kind {
-        Kind::Forest => Airborne::FOREST.texts(kind, extent, ground, pulses),
-        Kind::Terrain => Airborne::TERRAIN.texts(kind, extent, ground, pulses),
-        Kind::Room => room_texts(extent, pulses),
+        SceneKind::Forest => Airborne::FOREST.texts(kind, extent, ground, pulses),
+        SceneKind::Terrain => Airborne::TERRAIN.texts(kind, extent, ground, pulses),
+        SceneKind::Room => room_texts(extent, pulses),
     }
 }
 
@@ -99,7 +99,7 @@ impl Airborne {
                   scanAngleMax_deg=\"25\" scanFreqMin_Hz=\"0\" scanFreqMax_Hz=\"400\" maxNOR=\"4\"",
     };
 
-    fn texts(&self, kind: Kind, extent: f64, ground: f64, pulses: Option<u64>) -> SurveyTexts {
+    fn texts(&self, kind: SceneKind, extent: f64, ground: f64, pulses: Option<u64>) -> SurveyTexts {
         let swath = |angle: f64| 2.0 * self.height * tan(radians(angle));
         // Neighbouring strips overlap by at least an eighth.
         let strips = (extent / (0.87 * swath(self.half_angle))).ceil().max(2.0);
@@ -236,7 +236,7 @@ mod tests {
 
     #[test]
     fn surveys_are_well_formed_and_name_what_is_there() {
-        for kind in Kind::ALL {
+        for kind in SceneKind::ALL {
             let parts = [Part { file: "a.obj".into(), name: "a" }, Part { file: "b.obj".into(), name: "b" }];
             let texts = survey_texts(kind, 200.0, 1.5, None);
             for text in [&scene_text(kind, &parts), &texts.scanners, &texts.platforms, &texts.survey] {
@@ -262,14 +262,15 @@ mod tests {
 
     #[test]
     fn the_forest_of_a_million_triangles_is_flown_at_a_megahertz_and_twenty_degrees() {
-        let texts = survey_texts(Kind::Forest, 200.0, 0.0, None);
+        let texts = survey_texts(SceneKind::Forest, 200.0, 0.0, None);
         assert!(texts.survey.contains("pulseFreq_hz=\"1000000\" scanAngle_deg=\"20\""), "{}", texts.survey);
         assert!((7_000_000..8_000_000).contains(&texts.pulses), "{}", texts.pulses);
     }
 
     #[test]
     fn the_number_of_pulses_can_be_chosen() {
-        for (kind, extent) in [(Kind::Forest, 40.0), (Kind::Terrain, 240.0), (Kind::Room, 8.0)] {
+        for (kind, extent) in [(SceneKind::Forest, 40.0), (SceneKind::Terrain, 240.0), (SceneKind::Room, 8.0)]
+        {
             let n = survey_texts(kind, extent, 0.0, Some(50_000)).pulses;
             assert!((48_000..52_000).contains(&n), "{kind:?}: {n}");
         }

@@ -3,13 +3,14 @@
 use super::area::Area;
 use super::beams::{Beams, Field, best_mount};
 use super::document::{PlannedSurvey, Promise, Turned, Waypoint};
-use super::height::{Ground, Heights, mean_ground};
+use super::height::{Heights, PlanGround, mean_ground};
 use super::line::{Line, turn};
 use super::reach::GROUND_REFLECTANCE;
 use super::report::PlanReport;
-use super::swath::{Instrument, Scan};
+use super::swath::{Scan, SwathModel};
 use crate::args;
 use std::f64::consts::PI;
+use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::{POSITIVE, metres, number};
 use vlscan_geom::{DVec3, MAX_COORDINATE, radians};
 use vlscan_survey::Mount;
@@ -158,17 +159,27 @@ impl Choice {
     }
 }
 
-/// Plans parallel lines over an area, flown to and fro, so that every point of it is covered as often as by an endless
+/// Plans parallel lines over an area, flown in alternating directions, so that every point of it is covered as often as by an endless
 /// row of such lines; then the cross lines.
 ///
 /// # Errors
-/// A sentence: options that contradict each other or exceed the instrument.
+/// [`Error::Input`]: options that contradict each other or exceed the instrument.
 pub fn plan_airborne(
     area: &Area,
-    instrument: &Instrument,
+    instrument: &SwathModel,
     carrier: &Carrier,
     options: &AirborneOptions,
-    ground: &Ground,
+    ground: &PlanGround,
+) -> Result<PlannedSurvey> {
+    plan(area, instrument, carrier, options, ground).map_err(Error::input)
+}
+
+fn plan(
+    area: &Area,
+    instrument: &SwathModel,
+    carrier: &Carrier,
+    options: &AirborneOptions,
+    ground: &PlanGround,
 ) -> Result<PlannedSurvey, String> {
     let height = options.height;
     args::check([
@@ -248,7 +259,7 @@ fn add_waypoints(
 }
 
 /// Refuses ground that is nearer than the instrument measures.
-fn check_clearance(instrument: &Instrument, options: &AirborneOptions, relief: f64) -> Result<(), String> {
+fn check_clearance(instrument: &SwathModel, options: &AirborneOptions, relief: f64) -> Result<(), String> {
     let [near, _] = instrument.ranges();
     let lowest = options.height - relief;
     if lowest > near * (1.0 + MIN_CLEARANCE) {
@@ -272,7 +283,7 @@ fn check_clearance(instrument: &Instrument, options: &AirborneOptions, relief: f
 
 /// The width that lines are laid out for, m: that of the strip, but no more than 45° to either side of instruments whose field
 /// cannot be narrowed and whose strips grow thin towards the horizon.
-fn planned_width(field: &Field, instrument: &Instrument, options: &AirborneOptions) -> f64 {
+fn planned_width(field: &Field, instrument: &SwathModel, options: &AirborneOptions) -> f64 {
     let is_open = instrument.half_angle(None).is_ok_and(|angle| angle.is_none());
     if is_open { field.width().min(2.0 * options.height) } else { field.width() }
 }
@@ -280,7 +291,7 @@ fn planned_width(field: &Field, instrument: &Instrument, options: &AirborneOptio
 fn choose(
     area: &Area,
     frame: &Frame,
-    instrument: &Instrument,
+    instrument: &SwathModel,
     carrier: &Carrier,
     options: &AirborneOptions,
 ) -> Result<Choice, String> {
@@ -329,7 +340,7 @@ fn choose(
 
 /// The mount of the scanner: that of the platform if it serves, else one that the plan turns, if it may.
 fn mount(
-    instrument: &Instrument,
+    instrument: &SwathModel,
     beams: &Beams,
     carrier: &Carrier,
     options: &AirborneOptions,
@@ -350,10 +361,7 @@ fn mount(
             let down = Mount { rotation: turns.rotation(), ..carrier.mount };
             check_ranges(instrument, options, &beams.over_ground(&down, options.height))?;
         }
-        return Err(format!(
-            "no mount points the beams of {} at the ground",
-            instrument.name()
-        ));
+        return Err(format!("no mount points the beams of {} at the ground", instrument.name()));
     };
     if serves {
         return Ok((carrier.mount, None));
@@ -370,7 +378,7 @@ fn mount(
 }
 
 /// Refuses strips that the instrument's reach cuts off.
-fn check_ranges(instrument: &Instrument, options: &AirborneOptions, field: &Field) -> Result<(), String> {
+fn check_ranges(instrument: &SwathModel, options: &AirborneOptions, field: &Field) -> Result<(), String> {
     let name = instrument.name();
     let [near, far] = instrument.ranges();
     let is_open = instrument.half_angle(None)?.is_none();
@@ -557,7 +565,7 @@ mod tests {
     use crate::plan::report::MAX_DENSITY_ERROR;
     use crate::plan::testing;
 
-    fn instrument() -> Instrument {
+    fn instrument() -> SwathModel {
         testing::instrument("riegl_lms-q780")
     }
 
@@ -567,7 +575,7 @@ mod tests {
 
     const CARRIER: Carrier = Carrier { mount: Mount::IDENTITY, may_turn: true };
 
-    const FLAT: Ground = Ground { height: &|_, _| Some(100.0), level: 0.0 };
+    const FLAT: PlanGround = PlanGround { heights: &|_, _| Some(100.0), level: 0.0 };
 
     #[test]
     fn lines_are_along_the_longer_side_and_cover_the_area() {
@@ -632,7 +640,7 @@ mod tests {
     fn lines_follow_the_ground_no_more_steeply_than_allowed() {
         let area = Area::rectangle([0.0, 0.0], [4000.0, 200.0]).unwrap();
         // A step of 200 m.
-        let hill = Ground { height: &|x, _| Some(if x > 2000.0 { 200.0 } else { 0.0 }), level: 0.0 };
+        let hill = PlanGround { heights: &|x, _| Some(if x > 2000.0 { 200.0 } else { 0.0 }), level: 0.0 };
         let follow = AirborneOptions { follow_terrain: true, ..options() };
         let plan = plan_airborne(&area, &instrument(), &CARRIER, &follow, &hill).unwrap();
         let line: Vec<DVec3> = plan.waypoints.iter().map(|w| w.position).take(4).collect();
@@ -642,7 +650,7 @@ mod tests {
             assert!((pair[1].z - pair[0].z).abs() <= 10f64.to_radians().tan() * run * 1.05 + 5.0);
         }
         for p in &line {
-            assert!(p.z >= (hill.height)(p.x, p.y).unwrap() + 495.0, "{p}");
+            assert!(p.z >= hill.heights.height(p.x, p.y).unwrap() + 495.0, "{p}");
         }
     }
 
@@ -657,7 +665,7 @@ mod tests {
             let planned = plan("rangeMax_m='200'").unwrap();
             let lines = planned.settings.iter().find(|(key, _)| *key == "scan_freq_hz").unwrap().1;
             assert!(lines >= 100.0, "{limits}: {lines}");
-            let endless = plan("").unwrap_err();
+            let endless = plan("").unwrap_err().to_string();
             assert!(endless.contains("rangeMax_m"), "{limits}: {endless}");
         }
     }

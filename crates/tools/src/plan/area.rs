@@ -1,5 +1,6 @@
 //! Areas on the ground, in the scene's world coordinates.
 
+use vlscan_base::quantity::COORDINATE;
 use vlscan_geom::is_inside;
 
 /// A polygon without holes: its corners in order, without repeating the first one at the end. Coordinates are m.
@@ -8,27 +9,47 @@ pub struct Area {
     corners: Vec<[f64; 2]>,
 }
 
+/// Corners or positions that make no area or line.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum AreaError {
+    /// Fewer than three corners.
+    #[error("an area of {0} corners, expected at least 3")]
+    Corners(usize),
+    /// Corners on one line.
+    #[error("the corners of the area lie on one line")]
+    NoArea,
+    /// A coordinate that is not a number of metres.
+    #[error("coordinate {0:?}, expected {range}", range = COORDINATE.expected)]
+    Coordinate(f64),
+}
+
+impl From<AreaError> for String {
+    fn from(error: AreaError) -> String {
+        error.to_string()
+    }
+}
+
 impl Area {
     /// # Errors
-    /// A sentence that tells what is wrong: fewer than three corners, no area, a coordinate that is no metre.
-    pub fn new(mut corners: Vec<[f64; 2]>) -> Result<Area, String> {
+    /// Fewer than three corners, corners on one line, a coordinate out of bounds.
+    pub fn new(mut corners: Vec<[f64; 2]>) -> Result<Area, AreaError> {
         corners.dedup();
         if corners.len() > 1 && corners.first() == corners.last() {
             corners.pop();
         }
         check_coordinates(&corners)?;
         if corners.len() < 3 {
-            return Err(format!("an area of {} corners, expected at least 3", corners.len()));
+            return Err(AreaError::Corners(corners.len()));
         }
         let area = Area { corners };
         if area.square_metres() < 1e-6 {
-            return Err("the corners of the area lie on one line".to_owned());
+            return Err(AreaError::NoArea);
         }
         Ok(area)
     }
 
     /// The rectangle between two corners.
-    pub fn rectangle(low: [f64; 2], high: [f64; 2]) -> Result<Area, String> {
+    pub fn rectangle(low: [f64; 2], high: [f64; 2]) -> Result<Area, AreaError> {
         Area::new(vec![low, [high[0], low[1]], high, [low[0], high[1]]])
     }
 
@@ -102,11 +123,9 @@ impl Area {
 
 /// # Errors
 /// A sentence that tells which coordinate is no metre.
-pub(super) fn check_coordinates(points: &[[f64; 2]]) -> Result<(), String> {
-    match points.iter().flatten().find(|v| !vlscan_base::quantity::COORDINATE.contains(**v)) {
-        Some(wrong) => {
-            Err(format!("coordinate {wrong:?}, expected {}", vlscan_base::quantity::COORDINATE.expected))
-        }
+pub(super) fn check_coordinates(points: &[[f64; 2]]) -> Result<(), AreaError> {
+    match points.iter().flatten().find(|v| !COORDINATE.contains(**v)) {
+        Some(wrong) => Err(AreaError::Coordinate(*wrong)),
         None => Ok(()),
     }
 }

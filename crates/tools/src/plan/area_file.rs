@@ -33,7 +33,7 @@ pub fn read_area(source: &str, scene_crs: Option<&str>, buffer: Option<f64>) -> 
         }
         None => {
             let (corners, found) = Source::read(source, Wanted::Polygon)?.positions(scene_crs)?;
-            (Area::new(corners), found)
+            (Area::new(corners).map_err(String::from), found)
         }
     };
     Ok((area.map_err(failed)?, found))
@@ -47,7 +47,7 @@ pub fn read_line(source: &str, scene_crs: Option<&str>) -> Result<(Vec<[f64; 2]>
     let failed = |what: String| Error::input(format!("{source}: {what}"));
     let (mut line, found) = Source::read(source, Wanted::Line)?.positions(scene_crs)?;
     line.dedup();
-    check_coordinates(&line).map_err(failed)?;
+    check_coordinates(&line).map_err(|e| failed(e.to_string()))?;
     match line.len() {
         0 | 1 => Err(failed("a line of one position, expected at least 2".to_owned())),
         _ => Ok((line, found)),

@@ -19,9 +19,7 @@ pub fn corridor(line: &[[f64; 2]], distance: f64) -> Result<Area, String> {
     // Points that are close enough together that those on the inside of a corner can be left out: it is cut by a part of a step.
     let step = distance / 10.0;
     if !(distance > 0.0 && 2.0 * length / step <= MAX_POINTS) {
-        return Err(format!(
-            "--buffer {distance} is too narrow for a line of {length:.0} m"
-        ));
+        return Err(format!("--buffer {distance} is too narrow for a line of {length:.0} m"));
     }
     let mut edge = Vec::new();
     side(line, distance, step, &mut edge);
@@ -29,7 +27,7 @@ pub fn corridor(line: &[[f64; 2]], distance: f64) -> Result<Area, String> {
     side(&back, distance, step, &mut edge);
     // Inside of a corner the edges of both of its legs are too near to one of them.
     edge.retain(|point| distance_to(line, *point) > distance * (1.0 - 1e-9));
-    Area::new(without_straight_points(edge, distance * 1e-6))
+    Ok(Area::new(without_straight_points(edge, distance * 1e-6))?)
 }
 
 /// The edge to the left of a line, from its first position on, and round its end.
@@ -119,6 +117,6 @@ mod tests {
         let straight = corridor(&[[0.0, 0.0], [500.0, 0.0]], 40.0).unwrap();
         assert!((straight.square_metres() / (500.0 * 80.0 + PI * 1600.0) - 1.0).abs() < 0.01);
         assert!(straight.corners().len() < 40);
-        assert!(corridor(&[[0.0, 0.0], [1e6, 0.0]], 0.1).unwrap_err().contains("wider"));
+        assert!(corridor(&[[0.0, 0.0], [1e6, 0.0]], 0.1).unwrap_err().contains("too narrow"));
     }
 }

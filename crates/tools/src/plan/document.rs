@@ -126,7 +126,7 @@ impl PlannedSurvey {
     }
 }
 
-/// A number with at most so many decimals; whole numbers without a point, which suits keys of both types.
+/// A number with at most this many decimals; whole numbers without a point, which suits keys of both types.
 fn number(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     let short = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };

@@ -182,23 +182,23 @@ impl Flown {
     /// Compares what was flown with what was promised.
     ///
     /// # Errors
-    /// A sentence that tells both.
-    pub fn check(&self, promise: &Promise) -> std::result::Result<(), String> {
+    /// [`Error::Input`] with both.
+    pub fn check(&self, promise: &Promise) -> Result<()> {
         let off = (self.density - promise.density).abs();
         if off > MAX_DEPARTURE * promise.density + MAX_DEVIATIONS * self.deviation {
-            return Err(format!(
+            return Err(Error::input(format!(
                 "the flight of this plan gives {} pulses/m² of flat ground in the area, but {} were planned",
                 number(self.density),
                 number(promise.density)
-            ));
+            )));
         }
         let off = self.width - promise.width;
         if off > MAX_DEPARTURE * promise.width || -off > MAX_DEPARTURE * promise.width + MAX_GAPS * self.gap {
-            return Err(format!(
+            return Err(Error::input(format!(
                 "the strips of this plan's flight are {} m wide, but {} m were planned",
                 number(self.width),
                 number(promise.width)
-            ));
+            )));
         }
         Ok(())
     }

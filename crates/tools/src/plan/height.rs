@@ -2,7 +2,7 @@
 
 use super::area::Area;
 use super::line::Line;
-use vlscan_geom::DVec3;
+use vlscan_geom::{DVec3, HeightField};
 
 /// Most waypoints of a line that follows the ground.
 const MAX_STEPS: f64 = 100_000.0;
@@ -10,17 +10,17 @@ const MAX_STEPS: f64 = 100_000.0;
 /// Largest distance of the ground-following line from one with all waypoints, a part of the height above the ground.
 const MAX_DEVIATION: f64 = 0.01;
 
-/// The ground below a flight.
-pub struct Ground<'g> {
-    /// Height at x, y, m; `None` where there is none.
-    pub height: &'g dyn Fn(f64, f64) -> Option<f64>,
+/// The ground below a planned flight.
+pub struct PlanGround<'g> {
+    /// Heights, world coordinates, m.
+    pub heights: &'g dyn HeightField,
     /// Height where there is none in the whole area, m.
     pub level: f64,
 }
 
 /// Mean and range of the ground below an area, m.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Level {
+pub(super) struct GroundLevel {
     pub mean: f64,
     pub low: f64,
     pub high: f64,
@@ -29,7 +29,7 @@ pub(super) struct Level {
 }
 
 /// The ground at positions of a grid within the area.
-pub(super) fn mean_ground(area: &Area, ground: &Ground) -> Level {
+pub(super) fn mean_ground(area: &Area, ground: &PlanGround) -> GroundLevel {
     const STEPS: u32 = 24;
     let (low, high) = area.bounds();
     let at = |i: u32, from: f64, to: f64| from + (to - from) * (f64::from(i) + 0.5) / f64::from(STEPS);
@@ -42,11 +42,11 @@ pub(super) fn mean_ground(area: &Area, ground: &Ground) -> Level {
         // Narrower than the distance of the positions.
         inside = area.corners().to_vec();
     }
-    let heights: Vec<f64> = inside.iter().filter_map(|[x, y]| (ground.height)(*x, *y)).collect();
+    let heights: Vec<f64> = inside.iter().filter_map(|[x, y]| ground.heights.height(*x, *y)).collect();
     if heights.is_empty() {
-        return Level { mean: ground.level, low: ground.level, high: ground.level, known: 0.0 };
+        return GroundLevel { mean: ground.level, low: ground.level, high: ground.level, known: 0.0 };
     }
-    Level {
+    GroundLevel {
         mean: heights.iter().sum::<f64>() / heights.len() as f64,
         low: heights.iter().copied().fold(f64::INFINITY, f64::min),
         high: heights.iter().copied().fold(f64::NEG_INFINITY, f64::max),
@@ -56,7 +56,7 @@ pub(super) fn mean_ground(area: &Area, ground: &Ground) -> Level {
 
 /// Heights of flight lines.
 pub(super) struct Heights<'g> {
-    pub ground: &'g Ground<'g>,
+    pub ground: &'g PlanGround<'g>,
     /// Where the ground is unknown, m.
     pub level: f64,
     /// Height above the ground, m.
@@ -81,7 +81,7 @@ impl Heights<'_> {
         let count = steps as usize + 1;
         let at = |i: usize| line.at(i as f64 / steps);
         let mut z: Vec<f64> = (0..count)
-            .map(|i| (self.ground.height)(at(i)[0], at(i)[1]).unwrap_or(self.level) + self.above)
+            .map(|i| self.ground.heights.height(at(i)[0], at(i)[1]).unwrap_or(self.level) + self.above)
             .collect();
         let rise = climb.tan() * line.length() / steps;
         for i in 1..count {
@@ -124,14 +124,14 @@ mod tests {
         // Two thin wedges between the positions of the grid.
         let area = Area::new(vec![[0.0, 0.0], [500.0, 1.0], [1000.0, 0.0], [500.0, 1.0001]]).unwrap();
         let slope = |x: f64, _: f64| Some(x);
-        let level = mean_ground(&area, &Ground { height: &slope, level: -5.0 });
+        let level = mean_ground(&area, &PlanGround { heights: &slope, level: -5.0 });
         assert_eq!((level.low, level.high, level.known), (0.0, 1000.0, 1.0));
     }
 
     #[test]
     fn areas_without_ground_have_the_level_that_is_given() {
         let area = Area::rectangle([0.0; 2], [10.0; 2]).unwrap();
-        let level = mean_ground(&area, &Ground { height: &|_, _| None, level: 120.0 });
+        let level = mean_ground(&area, &PlanGround { heights: &|_, _| None, level: 120.0 });
         assert_eq!((level.mean, level.high - level.low, level.known), (120.0, 0.0, 0.0));
     }
 }

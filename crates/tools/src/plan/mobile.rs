@@ -1,8 +1,9 @@
 //! Mobile surveys: a vehicle along a line.
 
 use super::document::{PlannedSurvey, Waypoint};
-use super::swath::Instrument;
+use super::swath::SwathModel;
 use crate::args;
+use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::{POSITIVE, amount, duration, metres, number};
 use vlscan_geom::DVec3;
 
@@ -31,10 +32,20 @@ pub struct MobileOptions {
 /// Plans a drive along a line, at the height `level`, m, or on the ground of the scene.
 ///
 /// # Errors
-/// A sentence: options that exceed the instrument, a line that is too long for the step.
+/// [`Error::Input`]: options that exceed the instrument, a line that is too long for the step.
 pub fn plan_mobile(
     line: &[[f64; 2]],
-    instrument: &Instrument,
+    instrument: &SwathModel,
+    options: &MobileOptions,
+    level: f64,
+    on_ground: bool,
+) -> Result<PlannedSurvey> {
+    plan(line, instrument, options, level, on_ground).map_err(Error::input)
+}
+
+fn plan(
+    line: &[[f64; 2]],
+    instrument: &SwathModel,
     options: &MobileOptions,
     level: f64,
     on_ground: bool,

@@ -43,14 +43,14 @@ mod terrestrial;
 mod testing;
 
 pub use airborne::{AirborneOptions, Carrier, plan_airborne};
-pub use area::Area;
+pub use area::{Area, AreaError};
 pub use area_file::{read_area, read_line};
 pub use beams::QuarterTurns;
 pub use document::{PlannedSurvey, Promise, Turned, Waypoint};
 pub use flown::{Flown, fly_sample};
-pub use height::Ground;
+pub use height::PlanGround;
 pub use mobile::{MobileOptions, plan_mobile};
 pub use reach::{Reach, Seen};
 pub use request::{AirborneRequest, AreaSource, MobileRequest, PlanRequest, PlanSetup, TerrestrialRequest};
-pub use swath::{Instrument, Scan};
+pub use swath::{Scan, SwathModel};
 pub use terrestrial::{TerrestrialOptions, plan_terrestrial};

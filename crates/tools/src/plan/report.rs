@@ -3,8 +3,8 @@
 use super::airborne::{AirborneOptions, Choice};
 use super::area::Area;
 use super::document::{PlannedSurvey, Turned};
-use super::height::Level;
-use super::swath::Instrument;
+use super::height::GroundLevel;
+use super::swath::SwathModel;
 use vlscan_base::quantity::{amount, duration, number};
 use vlscan_geom::degrees;
 
@@ -18,7 +18,7 @@ const MAX_PULSES: f64 = 1e11;
 /// What the comments of a plan report.
 pub(super) struct PlanReport<'f> {
     pub area: &'f Area,
-    pub instrument: &'f Instrument,
+    pub instrument: &'f SwathModel,
     pub choice: &'f Choice,
     /// Height above the ground, m.
     pub height: f64,
@@ -30,7 +30,7 @@ pub(super) struct PlanReport<'f> {
     pub parallel: usize,
     /// Length of the lines, m.
     pub active: f64,
-    pub level: Level,
+    pub level: GroundLevel,
 }
 
 impl PlanReport<'_> {
@@ -158,10 +158,7 @@ impl PlanReport<'_> {
                 self.level.mean
             ));
         } else if self.level.known < 0.99 {
-            warn(format!(
-                "the scene has no ground in {:.0} % of the area",
-                100.0 * (1.0 - self.level.known)
-            ));
+            warn(format!("the scene has no ground in {:.0} % of the area", 100.0 * (1.0 - self.level.known)));
         }
         let pulses = self.active / speed * fired_rate;
         if pulses > MAX_PULSES {

@@ -36,7 +36,7 @@ const LINE_SHIFT: f64 = 0.382;
 
 /// A scanner as a plan uses it.
 #[derive(Clone, Debug)]
-pub struct Instrument {
+pub struct SwathModel {
     scanner: Scanner,
     /// Reference of the scanner in pipeline files.
     pub reference: String,
@@ -59,10 +59,10 @@ pub struct Scan {
     pub head_rate: f64,
 }
 
-impl Instrument {
+impl SwathModel {
     /// The instrument `scanner` at a pulse rate, Hz, or its first one; `reference` is how pipeline files refer to it.
-    pub fn new(reference: String, scanner: &Scanner, wanted_rate: Option<u32>) -> Instrument {
-        Instrument { scanner: scanner.clone(), reference, wanted_rate }
+    pub fn new(reference: String, scanner: &Scanner, wanted_rate: Option<u32>) -> SwathModel {
+        SwathModel { scanner: scanner.clone(), reference, wanted_rate }
     }
 
     pub(crate) fn name(&self) -> &str {

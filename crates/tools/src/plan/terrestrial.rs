@@ -2,9 +2,10 @@
 
 use super::area::Area;
 use super::document::{PlannedSurvey, Waypoint};
-use super::swath::{Instrument, Scan, span};
+use super::swath::{Scan, SwathModel, span};
 use crate::args;
 use std::f64::consts::TAU;
+use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::{POSITIVE, amount, duration, number};
 use vlscan_geom::{DVec3, degrees, radians};
 
@@ -40,10 +41,20 @@ pub struct TerrestrialOptions {
 /// Plans full turns of the head at each position, at the height `level`, m, or on the ground of the scene. A grid lies over `area`.
 ///
 /// # Errors
-/// A sentence: no position, too many, an instrument without a turning head, a resolution that it cannot draw.
+/// [`Error::Input`]: no position, too many, an instrument without a turning head, a resolution that it cannot draw.
 pub fn plan_terrestrial(
     area: Option<&Area>,
-    instrument: &Instrument,
+    instrument: &SwathModel,
+    options: &TerrestrialOptions,
+    level: f64,
+    on_ground: bool,
+) -> Result<PlannedSurvey> {
+    plan(area, instrument, options, level, on_ground).map_err(Error::input)
+}
+
+fn plan(
+    area: Option<&Area>,
+    instrument: &SwathModel,
     options: &TerrestrialOptions,
     level: f64,
     on_ground: bool,
@@ -54,7 +65,10 @@ pub fn plan_terrestrial(
         ("resolution", Some(options.resolution), POSITIVE),
     ])?;
     if instrument.head_rate() <= 0.0 {
-        return Err(format!("the head of {} does not turn; it is not a terrestrial scanner", instrument.name()));
+        return Err(format!(
+            "the head of {} does not turn; it is not a terrestrial scanner",
+            instrument.name()
+        ));
     }
     let scan = resolved_scan(instrument, options)?;
     let places = positions(area, options)?;
@@ -81,7 +95,7 @@ pub fn plan_terrestrial(
 
 /// The scan with the requested resolution at the requested pulse rate, else at the first of the instrument's rates that its
 /// mirror and its head can draw it with.
-fn resolved_scan(instrument: &Instrument, options: &TerrestrialOptions) -> Result<Scan, String> {
+fn resolved_scan(instrument: &SwathModel, options: &TerrestrialOptions) -> Result<Scan, String> {
     let first = instrument.pulse_rate()?;
     let others = instrument.pulse_rates().iter().copied().filter(|_| instrument.wanted_rate.is_none());
     let mut refused = None;
@@ -99,7 +113,7 @@ fn resolved_scan(instrument: &Instrument, options: &TerrestrialOptions) -> Resul
 /// The scan with that resolution, degrees, at that pulse rate. Lines of a mirror and steps of the head are that far apart (spec
 /// kinematics §4.2: pulses are counted over the mirror's whole mechanical angle); of a scanner whose channels the head alone
 /// turns the steps of the head.
-fn scan_of(instrument: &Instrument, resolution: f64, pulse_rate: u32) -> Result<Scan, String> {
+fn scan_of(instrument: &SwathModel, resolution: f64, pulse_rate: u32) -> Result<Scan, String> {
     let (rate, most_head) = (f64::from(pulse_rate), instrument.head_rate());
     let step = radians(resolution);
     let asked = || format!("--resolution {} at {} kHz", number(resolution), number(rate / 1e3));
@@ -198,7 +212,7 @@ fn grid(area: &Area, spacing: f64) -> Result<Vec<[f64; 2]>, String> {
 
 fn describe(
     document: &mut PlannedSurvey,
-    instrument: &Instrument,
+    instrument: &SwathModel,
     options: &TerrestrialOptions,
     scan: &Scan,
 ) -> Result<(), String> {

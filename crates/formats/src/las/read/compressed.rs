@@ -42,7 +42,8 @@ impl<'a> Compressed<'a> {
                 "its points are compressed, but the LASzip record that describes how is missing; {CONVERT}"
             )
         })?;
-        let cut = |_| "the record that describes its compression is too short; is the file truncated?".to_owned();
+        let cut =
+            |_| "the record that describes its compression is too short; is the file truncated?".to_owned();
         let compressor = Fields(record).u16(0).map_err(cut)?;
         if compressor == UNCOMPRESSED {
             return Ok(None);

@@ -73,7 +73,7 @@ fn recorded_nadir(roll: f64, heading: f64, speed: f64) -> f64 {
         position_only: false,
         degrees: true,
         sync_gps_time: false,
-        grid: Grid::FirstFix,
+        grid: ProjectionGrid::FirstFix,
         files: vec![TrajectoryFile { path, columns: None, separator: None, slope_filter: 0.0 }],
     });
     let s = survey(kind, looking_down(0.0), straight(), vec![recorded_leg(0.0, 1.0, false)]);

@@ -105,7 +105,8 @@ impl RecordDecoder {
             if !ended || bytes.is_empty() {
                 return Decoded::Incomplete;
             }
-            return self.invalid(RecordError::new(format!("truncated: {} bytes, expected {size}", bytes.len())));
+            return self
+                .invalid(RecordError::new(format!("truncated: {} bytes, expected {size}", bytes.len())));
         }
         let fix = match self.format {
             RecordFormat::Sbet => sbet_fix(bytes),
@@ -132,9 +133,8 @@ impl RecordDecoder {
         let word = |at: usize| u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
         let (header, count, record) = (word(12) as usize, u64::from(word(16)), word(20) as usize);
         if !bytes.starts_with(b"TSCANTRJ") {
-            return self.invalid(RecordError::new(
-                "a TerraScan trajectory begins with `TSCANTRJ`, this does not",
-            ));
+            return self
+                .invalid(RecordError::new("a TerraScan trajectory begins with `TSCANTRJ`, this does not"));
         }
         if !(HEADER_SIZES.contains(&header) && RECORD_SIZES.contains(&record)) {
             let message = format!(
@@ -317,7 +317,8 @@ mod tests {
         assert!(of(&trj[..1376 + 128]).contains("record 3 (byte 1504): the header states 3 records"));
         assert!(of(&trj[..1376 + 100]).contains("record 2 (byte 1440): cut: 36 bytes, expected 64"));
         assert!(
-            of(&trj[..1000]).contains("the header is truncated") && of(&trj[..20]).contains("the header is truncated")
+            of(&trj[..1000]).contains("the header is truncated")
+                && of(&trj[..20]).contains("the header is truncated")
         );
         let mut odd = trj.clone();
         odd[20] = 1;

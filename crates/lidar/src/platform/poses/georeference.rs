@@ -3,11 +3,11 @@
 use super::fix::{Fix, FixPlace, Pose, RecordError};
 use vlscan_base::quantity::{COORDINATE, number};
 use vlscan_geom::{DVec3, Rotation, UtmZone};
-use vlscan_survey::{Grid, PoseStream};
+use vlscan_survey::{PoseStream, ProjectionGrid};
 
 #[derive(Debug)]
 pub struct Georeference {
-    grid: Grid,
+    grid: ProjectionGrid,
     height_offset: f64,
     lever_arm: DVec3,
     boresight: Option<Rotation>,
@@ -27,7 +27,7 @@ impl Georeference {
         }
     }
 
-    pub fn of_grid(grid: Grid) -> Georeference {
+    pub fn of_grid(grid: ProjectionGrid) -> Georeference {
         Georeference {
             grid,
             height_offset: 0.0,
@@ -44,7 +44,7 @@ impl Georeference {
     /// The UTM zone, once known.
     pub fn zone(&self) -> Option<UtmZone> {
         match self.grid {
-            Grid::Utm(zone) | Grid::OfScene(zone) => Some(zone),
+            ProjectionGrid::Utm(zone) | ProjectionGrid::OfScene(zone) => Some(zone),
             _ => None,
         }
     }
@@ -89,21 +89,21 @@ impl Georeference {
     ) -> Result<(DVec3, Rotation), RecordError> {
         let (lat, lon) = (latitude.to_degrees(), longitude.to_degrees());
         let zone = match self.grid {
-            Grid::Utm(zone) | Grid::OfScene(zone) => zone,
-            Grid::Foreign => {
+            ProjectionGrid::Utm(zone) | ProjectionGrid::OfScene(zone) => zone,
+            ProjectionGrid::Foreign => {
                 return Err(RecordError::new(
                     "latitude and longitude cannot be projected: the scene's coordinate reference system is no UTM zone",
                 )
                 .help("project the trajectory first, or name a zone with --utm-zone"));
             }
-            Grid::FirstFix => UtmZone::of(latitude, longitude)
+            ProjectionGrid::FirstFix => UtmZone::of(latitude, longitude)
                 .ok_or_else(|| RecordError::new(format!("{lat}° is not a valid latitude")).help(UNIT))?,
         };
         let point = zone.project(latitude, longitude).ok_or_else(|| {
             let message = format!("latitude {lat}°, longitude {lon}° do not lie in UTM zone {zone}");
             RecordError::new(message).help(UNIT)
         })?;
-        self.grid = Grid::Utm(zone);
+        self.grid = ProjectionGrid::Utm(zone);
         self.has_projected = true;
         let position = DVec3::new(point.easting, point.northing, height);
         Ok((position, Rotation::about_z(point.convergence).after(attitude)))
@@ -166,7 +166,7 @@ mod tests {
 
     #[test]
     fn headings_count_from_the_north_of_the_grid() {
-        let mut georeference = Georeference::of_grid(Grid::FirstFix);
+        let mut georeference = Georeference::of_grid(ProjectionGrid::FirstFix);
         let place = |lat: f64, lon: f64| FixPlace::Geographic([radians(lat), radians(lon), 0.0]);
         let (a, b) = (
             georeference.pose(&fix(place(49.0, 11.0), 0.0)).unwrap(),
@@ -182,15 +182,18 @@ mod tests {
 
     #[test]
     fn invalid_places_are_refused() {
-        let mut georeference = Georeference::of_grid(Grid::FirstFix);
+        let mut georeference = Georeference::of_grid(ProjectionGrid::FirstFix);
         let of = |georeference: &mut Georeference, lat: f64| {
             georeference.pose(&fix(FixPlace::Geographic([lat, 0.1, 0.0]), 0.0))
         };
         assert!(of(&mut georeference, 49.0).unwrap_err().message.contains("is not a valid latitude"));
         assert!(
-            of(&mut Georeference::of_grid(Grid::Foreign), 0.8).unwrap_err().message.contains("no UTM zone")
+            of(&mut Georeference::of_grid(ProjectionGrid::Foreign), 0.8)
+                .unwrap_err()
+                .message
+                .contains("no UTM zone")
         );
-        let zone = Grid::Utm(UtmZone::parse("50N").unwrap());
+        let zone = ProjectionGrid::Utm(UtmZone::parse("50N").unwrap());
         assert!(
             of(&mut Georeference::of_grid(zone), 0.8)
                 .unwrap_err()

@@ -15,7 +15,7 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::input::{InputStream, ReadEvent, is_stdin};
 use vlscan_base::quantity::number;
 use vlscan_geom::UtmZone;
-use vlscan_survey::{Grid, PoseStream};
+use vlscan_survey::{PoseStream, ProjectionGrid};
 
 /// What a reader of poses has when it is asked.
 #[derive(Clone, Debug, PartialEq)]
@@ -112,14 +112,14 @@ impl PoseReader {
             path,
             georeference: Georeference::new(settings),
             checks: SequenceChecks::new(settings.max_gap),
-            zone_is_detected: settings.grid == Grid::FirstFix,
+            zone_is_detected: settings.grid == ProjectionGrid::FirstFix,
             text_options: given(&[
                 (settings.columns.is_some(), "the columns of the trajectory"),
                 (settings.separator.is_some(), "its separator"),
                 (!settings.degrees, "the unit of its angles"),
                 (settings.rotation.is_some(), "the meaning of its angles"),
             ]),
-            geographic_options: given(&[(matches!(settings.grid, Grid::Utm(_)), "the UTM zone")]),
+            geographic_options: given(&[(matches!(settings.grid, ProjectionGrid::Utm(_)), "the UTM zone")]),
             bytes: 0,
             poses: 0,
             pending: VecDeque::new(),

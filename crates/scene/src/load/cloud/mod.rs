@@ -10,7 +10,7 @@ mod text;
 use crate::builder::{MAX_COORDINATE, PartSource, SceneBuilder, memory_of};
 use crate::text::{Problems, Source, cut_into_pieces};
 use crate::voxel::Voxel;
-use cells::{Budget, Cells, Grid, NormalRule, SHARDS};
+use cells::{Budget, Cells, NormalRule, SHARDS, VoxelGrid};
 use rayon::prelude::*;
 use std::ops::{ControlFlow, Range};
 use text::RowFormat;
@@ -58,7 +58,7 @@ pub(crate) fn load(
         report_empty(source, is_text, &mut scene.diagnostics);
         return Ok(());
     }
-    let Some(grid) = Grid::around(extent, settings.voxel_size) else {
+    let Some(grid) = VoxelGrid::around(extent, settings.voxel_size) else {
         let message = format!(
             "voxels of {} m are too small for the {:.3} m of {}",
             settings.voxel_size,
@@ -192,7 +192,9 @@ impl<'s> Cloud<'s> {
             && let Some((columns, found)) = format.find_truncation(source.bytes(), last)
         {
             problems.error(number, at..at + last.len(), || {
-                format!("expected {columns} columns as in the first line, found {found}; is the file truncated?")
+                format!(
+                    "expected {columns} columns as in the first line, found {found}; is the file truncated?"
+                )
             });
         }
         problems.report(source, found);
@@ -272,7 +274,7 @@ impl Settings {
 
 /// Sorts points into cells. Each cell receives its points in the order of the file for any number of threads.
 struct Sorter<'a> {
-    grid: &'a Grid,
+    grid: &'a VoxelGrid,
     settings: &'a Settings,
     shards: [Cells; SHARDS],
     budget: Budget,
@@ -360,7 +362,7 @@ fn append_cubes(
     scene: &mut SceneBuilder,
     part: &PartSource,
     settings: &Settings,
-    grid: &Grid,
+    grid: &VoxelGrid,
     shards: [Cells; SHARDS],
     materials: &[u32],
 ) -> Result<()> {

@@ -2,7 +2,7 @@
 //! with motions, with swaps or with materials for faces by their numbers stays one part, and so does one that is dropped to the
 //! ground as a whole.
 
-use super::gltf::Document;
+use super::gltf::GltfDocument;
 use super::gltf_nodes::{PlacedMesh, similarity};
 use super::materials::MaterialTable;
 use super::{FileFrame, Format, finish, foreign, table_of, warn_of_unknown};
@@ -65,7 +65,7 @@ fn expand(scene: &mut SceneBuilder, part: &PartRecipe) -> Result<Option<Vec<Part
     if is_whole || !part.motions.is_empty() || !part.swaps.is_empty() || !is_gltf(file) {
         return Ok(None);
     }
-    let opened = Document::open(file, scene.free_memory())
+    let opened = GltfDocument::open(file, scene.free_memory())
         .and_then(|document| Ok((document.placed_meshes()?, document)));
     let (placed, document) = match opened {
         Ok(opened) => opened,
@@ -108,7 +108,7 @@ fn is_gltf(path: &Path) -> bool {
 
 /// The meshes of a document that have been read.
 struct Meshes<'f> {
-    document: Document,
+    document: GltfDocument,
     file: &'f Path,
     reading: &'f MeshReading,
     table: Option<MaterialTable>,

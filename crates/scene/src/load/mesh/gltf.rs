@@ -138,7 +138,7 @@ pub(super) struct Instancing {
 }
 
 /// A document with its buffers.
-pub(super) struct Document {
+pub(super) struct GltfDocument {
     source: Source,
     pub json: Json,
     buffers: Vec<Buffer>,
@@ -152,10 +152,10 @@ pub(super) struct Document {
 /// First vertex and number of vertices of the accessors of positions that a mesh has appended.
 type Appended = HashMap<usize, (u32, u32)>;
 
-impl Document {
+impl GltfDocument {
     /// Opens a document and the buffers that it names. Its meshes may take `free_memory` bytes. Errors are sentences about the
     /// file.
-    pub fn open(path: &Path, free_memory: u64) -> Result<Document, String> {
+    pub fn open(path: &Path, free_memory: u64) -> Result<GltfDocument, String> {
         let source = Source::open(path).map_err(|e| e.to_string())?;
         let (text, chunk) = split_chunks(source.bytes())?;
         let json: Json = serde_json::from_slice(text).map_err(|e| format!("expected glTF 2.0: {e}"))?;
@@ -171,7 +171,7 @@ impl Document {
             .map(|(i, b)| open_buffer(path, i, b, &chunk, &mut warnings))
             .collect::<Result<_, _>>()?;
         let materials = definitions(&json.materials)?;
-        Ok(Document { source, json, buffers, materials, free_memory, warnings })
+        Ok(GltfDocument { source, json, buffers, materials, free_memory, warnings })
     }
 
     /// What is left out and changes the shape of meshes, and files in another spelling, in sentences about the file.
@@ -410,7 +410,9 @@ impl Document {
                 self.view(sparse.indices.buffer_view, sparse.indices.byte_offset, index_size)?;
             let (replaced, _) = self.view(sparse.values.buffer_view, sparse.values.byte_offset, N * size)?;
             if sparse.count > indices.len() / index_size || sparse.count > replaced.len() / (N * size) {
-                return Err("a sparse accessor has fewer bytes than values; is the file truncated?".to_owned());
+                return Err(
+                    "a sparse accessor has fewer bytes than values; is the file truncated?".to_owned()
+                );
             }
             for i in 0..sparse.count {
                 let at = read_index(&indices[i * index_size..(i + 1) * index_size]);

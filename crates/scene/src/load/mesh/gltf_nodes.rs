@@ -1,6 +1,6 @@
 //! The nodes of a glTF document: which meshes the scene shows, and where.
 
-use super::gltf::{Document, Instancing, NodeJson};
+use super::gltf::{GltfDocument, Instancing, NodeJson};
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 use vlscan_survey::PartRecipe;
 
@@ -16,7 +16,7 @@ pub(super) struct PlacedMesh {
     pub transform: DAffine3,
 }
 
-impl Document {
+impl GltfDocument {
     /// The meshes of the scene, in the order of its nodes.
     pub fn placed_meshes(&self) -> Result<Vec<PlacedMesh>, String> {
         let json = &self.json;
@@ -67,7 +67,7 @@ impl Document {
         (0..is_child.len()).filter(|&n| !is_child[n]).collect()
     }
 
-    /// Fails if so many meshes cannot be placed.
+    /// Fails if this many meshes cannot be placed.
     fn check_placed(&self, count: usize) -> Result<(), String> {
         if count > MAX_PLACED {
             return Err(format!("the nodes place {count} meshes; at most {MAX_PLACED} are read"));

@@ -13,7 +13,7 @@ pub(crate) fn load(scene: &mut SceneBuilder, part: &PartSource, mesh: &Arc<Mesh>
     let materials: Vec<u32> = match mesh.materials() {
         [] => vec![scene.library.unnamed(DEFAULT)],
         all => {
-            let by = DefinedBy::Memory(Arc::as_ptr(mesh) as usize);
+            let by = DefinedBy::Memory(mesh.identity());
             scene.library.of(by, || all.to_vec(), &mut scene.diagnostics)
         }
     };

@@ -180,7 +180,7 @@ pub(crate) fn load(
         Format::Obj => return load_obj(scene, part, source, reading, names),
         Format::Ply => ply::read(source),
         Format::Stl => stl::read(source),
-        Format::Gltf => gltf::Document::open(source.path(), scene.free_memory()).and_then(|document| {
+        Format::Gltf => gltf::GltfDocument::open(source.path(), scene.free_memory()).and_then(|document| {
             scene.sources.extend(document.files().map(Path::to_path_buf));
             let warnings = document.warnings();
             document.whole(frame).map(|raw| RawMesh { warnings, ..raw })

@@ -280,8 +280,8 @@ impl Blocks {
         }
         let end = usize::try_from(offset.saturating_add(count)).unwrap_or(usize::MAX);
         let data = usize::try_from(offset).ok().and_then(|start| file.get(start..end));
-        let data =
-            data.ok_or_else(|| format!("its block {place} lies beyond the end of the file; is it truncated?"))?;
+        let data = data
+            .ok_or_else(|| format!("its block {place} lies beyond the end of the file; is it truncated?"))?;
         let stored = self.stored(block);
         let (_, _, width, height) = self.extent(block);
         let step = self.bands_of_block();

@@ -135,10 +135,8 @@ pub(super) fn vertical_unit(
     let in_citation = |text: &str| crs::Units::of_wkt(heights_in(text)?).vertical?.length().cloned();
     let unit = system.and_then(LengthUnit::of_heights).or_else(|| in_citation(&citation(directory)?));
     if unit.is_none() && (code.is_some() || system == Some(USER_DEFINED)) {
-        return Err(
-            "the unit of its heights (key 4099) is user-defined or missing, and so is their system"
-                .to_owned(),
-        );
+        return Err("the unit of its heights (key 4099) is user-defined or missing, and so is their system"
+            .to_owned());
     }
     Ok(unit)
 }

@@ -203,14 +203,8 @@ fn units_of_ones_own_without_a_length_are_those_of_the_system_or_warned_of() {
     for (keys_of_file, problem) in [
         (&[(3072, 32767), (3076, 32767)][..], "its length (key 3077) is missing; it is taken as metres"),
         (&[(3076, 32767)], "its length (key 3077) is missing; it is taken as metres"),
-        (
-            &[(3072, 32767)],
-            "(key 3076) is missing, and their system is user-defined; it is taken as metres",
-        ),
-        (
-            &[(3072, 1999)],
-            "EPSG:1999, is not a built-in projected system; it is taken as metres",
-        ),
+        (&[(3072, 32767)], "(key 3076) is missing, and their system is user-defined; it is taken as metres"),
+        (&[(3072, 1999)], "EPSG:1999, is not a built-in projected system; it is taken as metres"),
         (&[(3072, 25832), (4096, 32767)], "the unit of its heights (key 4099) is user-defined or missing"),
         (&[(3072, 25832), (4099, 32767)], "the unit of its heights (key 4099) is user-defined or missing"),
     ] {

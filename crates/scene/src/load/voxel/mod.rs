@@ -57,8 +57,8 @@ pub(crate) fn load(
     }
     let mut problems = Problems::default();
     let header = read_header(source, &mut problems);
-    let is_sound = problems.report(source, &mut scene.diagnostics);
-    let Some(header) = header.filter(|_| is_sound) else { return Ok(None) };
+    let is_valid = problems.report(source, &mut scene.diagnostics);
+    let Some(header) = header.filter(|_| is_valid) else { return Ok(None) };
     let first = scene.geometry.cubes.len();
     let ((body, mut lines), mut rows) = (header.body, 0);
     let text = &source.bytes()[body..];
@@ -82,11 +82,11 @@ pub(crate) fn load(
         let end = source.bytes().len();
         problems.warn(lines.max(1), end.saturating_sub(1)..end, || "the file has no voxels".to_owned());
     }
-    let is_sound = problems.report(source, &mut scene.diagnostics);
+    let is_valid = problems.report(source, &mut scene.diagnostics);
     let cubes = first..scene.geometry.cubes.len();
     scene.assign_materials_in_turn(part.index, materials, cubes.len());
     let largest = header.max_density.unwrap_or_else(|| largest_density(&scene.voxels[cubes.clone()]));
-    Ok(is_sound.then_some(Densities { cubes, largest }))
+    Ok(is_valid.then_some(Densities { cubes, largest }))
 }
 
 /// A last line without a line end is truncated if it has fewer columns than the first row.
@@ -159,7 +159,7 @@ fn read_header(source: &Source, problems: &mut Problems) -> Option<Header> {
     let mut required = |value: Option<Vec<f64>>, name: &str, count: usize| {
         let value = value.filter(|v| v.len() >= count);
         if value.is_none() {
-            problems.error(1, 0..0, || format!("the header lacks \"#{name}\" with {count} numbers"));
+            problems.error(1, 0..0, || format!("the header has no line \"#{name}\" with {count} numbers"));
         }
         value
     };

@@ -12,7 +12,7 @@ const KNOWN: &str = "an inventory has the columns x, y, height (Rechtswert, Hoch
 
 /// What a column of an inventory holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Column {
+pub(super) enum InventoryColumn {
     Id,
     X,
     Y,
@@ -27,34 +27,37 @@ pub(super) enum Column {
 }
 
 /// The columns with their names, in lower case, with blanks between them.
-const NAMES: [(Column, &str); 9] = [
+const NAMES: [(InventoryColumn, &str); 9] = [
     (
-        Column::Id,
+        InventoryColumn::Id,
         "id tree tree_id treeid tree_nr treenr tree_no treeno name label nr no number baum baumnr baum_nr \
          baum_id baumid baumnummer nummer",
     ),
-    (Column::X, "x easting east e rechtswert ostwert rw x_utm utm_x x_coord coord_x"),
-    (Column::Y, "y northing north n hochwert nordwert hw y_utm utm_y y_coord coord_y"),
-    (Column::Z, "z elevation ground geländehöhe gelaendehoehe"),
-    (Column::Height, "height h tree_height total_height höhe hoehe baumhöhe baumhoehe scheitelhöhe"),
+    (InventoryColumn::X, "x easting east e rechtswert ostwert rw x_utm utm_x x_coord coord_x"),
+    (InventoryColumn::Y, "y northing north n hochwert nordwert hw y_utm utm_y y_coord coord_y"),
+    (InventoryColumn::Z, "z elevation ground geländehöhe gelaendehoehe"),
+    (InventoryColumn::Height, "height h tree_height total_height höhe hoehe baumhöhe baumhoehe scheitelhöhe"),
     (
-        Column::Crown,
+        InventoryColumn::Crown,
         "crown crown_diameter crowndiameter crown_width cd krone kronendurchmesser kronenbreite kd",
     ),
-    (Column::Stem, "dbh bhd diameter stem_diameter d13 d1.3 brusthöhendurchmesser durchmesser"),
-    (Column::Species, "species type art baumart holzart"),
-    (Column::Degrees, "lon long lng longitude lat latitude länge laenge breite längengrad breitengrad"),
+    (InventoryColumn::Stem, "dbh bhd diameter stem_diameter d13 d1.3 brusthöhendurchmesser durchmesser"),
+    (InventoryColumn::Species, "species type art baumart holzart"),
+    (
+        InventoryColumn::Degrees,
+        "lon long lng longitude lat latitude länge laenge breite längengrad breitengrad",
+    ),
 ];
 
 fn names_of(names: &'static str) -> impl Iterator<Item = &'static str> {
     names.split(' ')
 }
 
-fn known(name: &str) -> Option<(Column, Dimension)> {
+fn known(name: &str) -> Option<(InventoryColumn, Dimension)> {
     let (column, _) = NAMES.iter().find(|(_, names)| names_of(names).any(|known| known == name))?;
     let dimension = match column {
-        Column::Id | Column::Species => Dimension::Count,
-        Column::Degrees => Dimension::Angle,
+        InventoryColumn::Id | InventoryColumn::Species => Dimension::Count,
+        InventoryColumn::Degrees => Dimension::Angle,
         _ => Dimension::Length,
     };
     Some((*column, dimension))
@@ -63,7 +66,7 @@ fn known(name: &str) -> Option<(Column, Dimension)> {
 /// A column that is read.
 #[derive(Clone, Debug)]
 pub(super) struct Heading {
-    pub column: Column,
+    pub column: InventoryColumn,
     /// As written.
     pub name: String,
     /// Factor to m, if the heading has a unit.
@@ -106,7 +109,7 @@ impl Headings {
                 return None;
             }
         };
-        if found.column == Column::Degrees {
+        if found.column == InventoryColumn::Degrees {
             self.degrees.push(name.to_owned());
             return None;
         }
@@ -114,11 +117,12 @@ impl Headings {
             self.repeated.push((name.to_owned(), earlier.name.clone()));
             return None;
         }
-        let factor = found.factor.filter(|_| !matches!(found.column, Column::Id | Column::Species));
+        let factor =
+            found.factor.filter(|_| !matches!(found.column, InventoryColumn::Id | InventoryColumn::Species));
         Some(Heading { column: found.column, name: name.to_owned(), factor })
     }
 
-    pub fn has_unit(&self, column: Column) -> bool {
+    pub fn has_unit(&self, column: InventoryColumn) -> bool {
         self.columns.iter().flatten().any(|h| h.column == column && h.factor.is_some())
     }
 
@@ -131,8 +135,9 @@ impl Headings {
             let message = format!("column `{name}` is not read: `{earlier}` has the same meaning");
             problems.warn(place.cloned(), message);
         }
-        let has = |wanted: Column| self.columns.iter().flatten().any(|h| h.column == wanted);
-        let needed = [(Column::X, "x"), (Column::Y, "y"), (Column::Height, "height")];
+        let has = |wanted: InventoryColumn| self.columns.iter().flatten().any(|h| h.column == wanted);
+        let needed =
+            [(InventoryColumn::X, "x"), (InventoryColumn::Y, "y"), (InventoryColumn::Height, "height")];
         let missing: Vec<&str> =
             needed.iter().filter(|(column, _)| !has(*column)).map(|(_, name)| *name).collect();
         let quoted = |names: &[String]| names.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");
@@ -161,8 +166,8 @@ impl Headings {
 
     /// The question whether an unknown name means a column that the table does not have yet, if it is like the name of one.
     fn meant(&self, name: &str) -> Option<String> {
-        let is_missing = |column: Column| {
-            column != Column::Degrees && !self.columns.iter().flatten().any(|h| h.column == column)
+        let is_missing = |column: InventoryColumn| {
+            column != InventoryColumn::Degrees && !self.columns.iter().flatten().any(|h| h.column == column)
         };
         let missing =
             NAMES.iter().filter(|(column, _)| is_missing(*column)).flat_map(|(_, names)| names_of(names));

@@ -1,6 +1,6 @@
 //! Inventories of trees: one tree per line, columns found by their headings in English and German.
 
-use super::headings::{Column, Headings, PROJECT};
+use super::headings::{Headings, InventoryColumn, PROJECT};
 use std::collections::HashMap;
 use std::hash::Hash;
 use std::path::Path;
@@ -140,7 +140,7 @@ impl Table<'_> {
                 .help("use one style for all numbers, without thousands separators");
         }
         if !self.problems.is_fatal(false) {
-            self.resolve_stems(headings.has_unit(Column::Stem), place.as_ref());
+            self.resolve_stems(headings.has_unit(InventoryColumn::Stem), place.as_ref());
             self.check_places(place.as_ref());
         }
     }
@@ -164,8 +164,7 @@ impl Table<'_> {
             }
             .help(help);
         } else if is_cm && least < 0.01 * most && least < 1.0 {
-            let message =
-                format!("stem diameters from {least} to {most} without a unit are read as cm");
+            let message = format!("stem diameters from {least} to {most} without a unit are read as cm");
             self.problems
                 .warn(heading.cloned(), message)
                 .help("name the unit in the heading: dbh_cm or dbh_m");
@@ -265,16 +264,16 @@ impl Row<'_> {
                 field.is_empty() || field.eq_ignore_ascii_case("na") || field.eq_ignore_ascii_case("nan");
             let mut value = |bounds: Bounds| self.number(field, &heading.name, heading.factor, bounds);
             match heading.column {
-                Column::Id if !is_missing => tree.id = field.to_owned(),
-                Column::Species if !is_missing => tree.species = Some(field.to_owned()),
-                Column::X => tree.position[0] = value(quantity::COORDINATE).unwrap_or(f64::NAN),
-                Column::Y => tree.position[1] = value(quantity::COORDINATE).unwrap_or(f64::NAN),
-                Column::Z if !is_missing => {
+                InventoryColumn::Id if !is_missing => tree.id = field.to_owned(),
+                InventoryColumn::Species if !is_missing => tree.species = Some(field.to_owned()),
+                InventoryColumn::X => tree.position[0] = value(quantity::COORDINATE).unwrap_or(f64::NAN),
+                InventoryColumn::Y => tree.position[1] = value(quantity::COORDINATE).unwrap_or(f64::NAN),
+                InventoryColumn::Z if !is_missing => {
                     tree.position[2] = value(quantity::COORDINATE).unwrap_or(f64::NAN)
                 }
-                Column::Height => tree.height = value(SIZE).unwrap_or(f64::NAN),
-                Column::Crown if !is_missing => tree.crown = value(SIZE),
-                Column::Stem if !is_missing => {
+                InventoryColumn::Height => tree.height = value(SIZE).unwrap_or(f64::NAN),
+                InventoryColumn::Crown if !is_missing => tree.crown = value(SIZE),
+                InventoryColumn::Stem if !is_missing => {
                     let bounds = if heading.factor.is_some() { STEM } else { STEM_WITHOUT_UNIT };
                     // 0 stands for trees that were not measured.
                     tree.stem = value(bounds).filter(|stem| *stem > 0.0);

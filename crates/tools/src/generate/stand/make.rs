@@ -107,7 +107,10 @@ fn doubts(inventory: &Path, trees: usize, made: &StandMade) -> Diagnostics {
     for (species, count) in &made.unmatched_species {
         let of =
             if species.is_empty() { "without species".to_owned() } else { format!("of species `{species}`") };
-        warnings.warn(place(), format!("{count} trees {of} get models of other species: no model's name begins with it"));
+        warnings.warn(
+            place(),
+            format!("{count} trees {of} get models of other species: no model's name begins with it"),
+        );
     }
     if made.off_terrain > 0 {
         let message = format!(

@@ -63,8 +63,9 @@ pub(crate) fn load(
     scene.finish_mesh(&start)?;
     let unused = vertices - scene.geometry.vertices.len();
     if let Some((number, at, text)) = source.unended_line().filter(|_| unused > 0) {
-        let message =
-            format!("the last line has no end and {unused} vertices belong to no face; is the file truncated?");
+        let message = format!(
+            "the last line has no end and {unused} vertices belong to no face; is the file truncated?"
+        );
         scene.diagnostics.warn(Some(source.place(number, at..at + text.len())), message);
     }
     Ok(())
@@ -320,7 +321,7 @@ fn leave_out_faults(scene: &mut SceneBuilder, source: &Source, reading: Reading,
         match fault {
             Some(Fault::MissingVertex) => {
                 let (line, at) = if problems.is_full() { (0, 0..0) } else { mesh.locate(source, reading, i) };
-                let message = || format!("a face names a vertex that the file's {} lack", vertices.len());
+                let message = || format!("a face has a vertex beyond the {} of the file", vertices.len());
                 problems.error(line, at, message);
             }
             Some(Fault::NoArea) => without_area.push(i),
