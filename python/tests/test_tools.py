@@ -68,7 +68,7 @@ plan = "airborne --scanner riegl_vux-1uav --height 50 --density 5"
     with pytest.raises(vlscan.InputError, match="no cell nothing"):
         vlscan.run_campaign(tmp_path / "c.toml", cells=["nothing"])
     (tmp_path / "c.toml").write_text(text + 'run = "--seed 3"\n')
-    with pytest.raises(vlscan.InputError, match="--seed is not for campaigns"):
+    with pytest.raises(vlscan.InputError, match="--seed cannot be used in a campaign"):
         vlscan.run_campaign(tmp_path / "c.toml")
 
 

@@ -272,7 +272,7 @@ mod tests {
         std::fs::write(&path, &bytes[..12]).unwrap();
         assert!(matches!(load(), StoredBorders::Damaged));
         std::fs::write(&path, "somebody's notes").unwrap();
-        assert!(Borders::load(dir.path(), &fingerprint).unwrap_err().to_string().contains("another kind"));
+        assert!(Borders::load(dir.path(), &fingerprint).unwrap_err().to_string().contains("another file format"));
     }
 
     #[test]

@@ -206,7 +206,7 @@ fn an_interrupted_run_replaces_no_complete_file() {
     let out = interrupted(dir.path(), &forced, "a.csv", 300_000, "-INT");
     assert_eq!(out.status.code(), Some(130), "{}", text(&out.stderr));
     let said = text(&out.stderr);
-    assert!(said.contains("a.laz is kept as it was; what was measured so far is in a.partial.laz"), "{said}");
+    assert!(said.contains("a.laz is unchanged; what was measured so far is in a.partial.laz"), "{said}");
     for (name, old) in names.iter().zip(&old) {
         assert!(fs::read(dir.path().join(name)).unwrap() == *old, "{name} was replaced");
     }

@@ -164,7 +164,7 @@ fn plausible_numbers() -> Vec<Mistake> {
             "neighbouring UTM zones",
         ),
         flown("the southern hemisphere", OVER_UTM, poses([x, y + 1e7, z], TO_EAST), "southern hemisphere"),
-        flown("northing before easting", OVER_UTM, along([y, x, z], [0.0, 0.6, 0.0], TO_EAST), "exchanged"),
+        flown("northing before easting", OVER_UTM, along([y, x, z], [0.0, 0.6, 0.0], TO_EAST), "swapped"),
         flown("feet", OVER_UTM, along([x / 0.3048, y / 0.3048, z], [2.0, 0.0, 0.0], TO_EAST), "as feet"),
         flown(
             "millimetres",
@@ -172,7 +172,7 @@ fn plausible_numbers() -> Vec<Mistake> {
             along([x * 1e3, y * 1e3, z], [600.0, 0.0, 0.0], TO_EAST),
             "as millimetres",
         ),
-        flown("a minus too many", OVER_UTM, poses([x, -y, z], TO_EAST), "other sign of y"),
+        flown("a minus too many", OVER_UTM, poses([x, -y, z], TO_EAST), "sign of y reversed"),
         flown(
             "longitude and latitude without names",
             OVER_UTM,

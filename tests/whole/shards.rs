@@ -224,10 +224,10 @@ fn poses_from_a_pipe_are_refused() {
     let survey = survey("forest/survey.xml");
     let out = run(dir.path(), &["run", &survey, "--trajectory", "-", "--shard", "0/2", "-o", "shards"]);
     assert_eq!(out.status.code(), Some(2));
-    assert!(text(&out.stderr).contains("pass only once"), "{}", text(&out.stderr));
+    assert!(text(&out.stderr).contains("read only once"), "{}", text(&out.stderr));
     let out = run(dir.path(), &["run", &survey, "--trajectory", "-", "--resume", "-o", "a.laz"]);
     assert_eq!(out.status.code(), Some(2));
-    assert!(text(&out.stderr).contains("pass only once"), "{}", text(&out.stderr));
+    assert!(text(&out.stderr).contains("read only once"), "{}", text(&out.stderr));
 }
 
 #[test]
@@ -276,7 +276,7 @@ fn borders_found_before_give_the_same_shards() {
     damage(&plan);
     let shard = ["run", &survey, "-o", "shards", "--shard", "1/2", "--seed", "4", "--resume"];
     let out = succeed(planned.path(), &shard);
-    assert!(text(&out.stderr).contains("flight.vlindex is damaged and made again"), "{}", text(&out.stderr));
+    assert!(text(&out.stderr).contains("flight.vlindex is damaged and is computed again"), "{}", text(&out.stderr));
     assert!(text(&out.stderr).contains("is complete"), "{}", text(&out.stderr));
     assert!(fs::read(&plan).unwrap() == sound);
 }
@@ -364,7 +364,7 @@ fn damaged_shards_of_a_run_that_goes_on_are_computed_again() {
     let said = text(&succeed(dir.path(), &["run", &survey, "-o", out, "--resume", "--seed", "2"]).stderr);
     assert_eq!(said.matches("the shard is computed again").count(), 2, "{said}");
     assert!(said.contains("shard-000000-of-000004.vlshard is damaged"), "{said}");
-    assert!(said.contains("flight.vlindex is damaged and made again"), "{said}");
+    assert!(said.contains("flight.vlindex is damaged and is computed again"), "{said}");
     assert!(fs::read(dir.path().join(out)).unwrap() == *expected, "{out}");
     assert_eq!(files(dir.path()), [Path::new(out)]);
 }

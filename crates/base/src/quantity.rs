@@ -312,7 +312,7 @@ mod tests {
     #[test]
     fn unusual_numbers_are_doubted_with_the_unit_that_they_may_be_in() {
         let (message, hint) = ROTOR_FREQ.doubt(-7294.0).unwrap();
-        assert_eq!(message, "is -7294 Hz; usual are 0.001 to 1000 Hz");
+        assert_eq!(message, "is -7294 Hz; typical values are 0.001 to 1000 Hz");
         assert_eq!(hint, "-7294 per minute are -121.567 Hz");
         assert_eq!(DIVERGENCE.doubt(0.3).unwrap().1, "0.3 mrad are 0.0003 rad");
         assert_eq!(PULSE_LENGTH_NS.doubt(4e-9).unwrap().1, "4e-9 s are 4 ns");

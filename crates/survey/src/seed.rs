@@ -30,7 +30,7 @@ pub fn parse_seed(text: &str) -> Result<u64, SeedError> {
     seed.ok_or_else(|| SeedError { text: text.to_owned() })
 }
 
-/// A text that is no seed.
+/// A text that is not a seed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SeedError {
     /// The text.

@@ -307,7 +307,7 @@ fn wrong_values_are_marked() {
         &wrong("[settings]\nvertical_resolution_deg = 0.1"),
         &["the scanner would stand still", "give `horizontal_resolution_deg` as well"],
     );
-    contains(&wrong("seed = [1]"), &["is no seed"]);
+    contains(&wrong("seed = [1]"), &["is not a seed"]);
     contains(&wrong("crs = 'EPSG:99'"), &["EPSG:99"]);
     contains(&wrong("[schedule]\nmax_memory = '5 bananas'"), &["expected a number of bytes"]);
     let limit = read("survey = 'survey.xml'\n[settings]\nscan_freq_hz = 500");

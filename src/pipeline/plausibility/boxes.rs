@@ -183,7 +183,7 @@ mod tests {
             (utm, around(43_000.0, 5_432_000.0, 300.0, 100.0), "neighbouring UTM zones"),
             (utm, around(476_000.0 - 320_000.0, 5_431_000.0, 300.0, 100.0), "neighbouring UTM zones"),
             (utm, around(476_000.0, 15_429_000.0, 300.0, 100.0), "southern hemisphere"),
-            (utm, around(5_429_000.0, 476_000.0, 300.0, 100.0), "exchanged"),
+            (utm, around(5_429_000.0, 476_000.0, 300.0, 100.0), "swapped"),
             (utm, around(11.2, 49.0, 300.0, 0.01), "longitude and latitude"),
             (
                 around(11.2, 49.0, 300.0, 0.01),
@@ -191,7 +191,7 @@ mod tests {
                 "degrees of longitude",
             ),
             (utm, around(476_000.0 / 0.3048, 5_429_000.0 / 0.3048, 600.0, 100.0), "feet"),
-            (utm, around(476_000.0, -5_429_000.0, 600.0, 100.0), "other sign of y"),
+            (utm, around(476_000.0, -5_429_000.0, 600.0, 100.0), "sign of y reversed"),
             (utm, around(476_000.0, 5_529_000.0, 600.0, 100.0), "vlscan scene info"),
         ] {
             let finding = compare("the flight", &scene, &flight, MAX_REACH).expect(cause);

@@ -347,7 +347,7 @@ mod tests {
             b[48..56].copy_from_slice(&sum.to_ne_bytes());
         };
         for (change, expected) in [
-            (&(|b: &mut Vec<u8>| b[0] = b'X') as &dyn Fn(&mut Vec<u8>), "another kind"),
+            (&(|b: &mut Vec<u8>| b[0] = b'X') as &dyn Fn(&mut Vec<u8>), "not a packed scene"),
             (&|b: &mut Vec<u8>| b.truncate(20), "too short"),
             (&|b: &mut Vec<u8>| b.truncate(b.len() - 1), "truncated"),
             (&|b: &mut Vec<u8>| b.push(0), "truncated"),

@@ -101,7 +101,7 @@ mod tests {
             "ply\nelement v 1\nproperty float a_b\nproperty float a_b_\nproperty int _2nd\nend_header\n";
         assert_eq!((header.text.as_str(), header.body), (expected, file.len()));
         for (file, message) in
-            [(&b"ply\nformat ascii 1.0\n"[..], "no end"), (b"ply\n\xff\xfe\nend_header\n", "no text")]
+            [(&b"ply\nformat ascii 1.0\n"[..], "no end"), (b"ply\n\xff\xfe\nend_header\n", "not text")]
         {
             assert!(ply_header(file).unwrap_err().to_string().contains(message));
         }

@@ -239,7 +239,7 @@ fn all_problems_of_all_files_come_at_once() {
         &[
             "did you mean `riegl_vz400`?",
             "cannot find the file `p.xml`",
-            "`?` is no seed",
+            "`?` is not a seed",
             "a <leg> needs <platformSettings>",
             "cannot find the file `no.obj`",
             "searched in: ., /nowhere, assets, ",

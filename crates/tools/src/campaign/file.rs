@@ -333,11 +333,11 @@ mod tests {
         assert!(wrong(&format!("{scene}{variant}plan = \"p\"")).contains("expected one of `file`"));
         let scene = format!("{scene}file = \"s.obj\"\n");
         assert!(wrong(&format!("{scene}{variant}")).contains("either `plan` or `survey`"));
-        assert!(wrong(&format!("{scene}plots = 3\n{variant}plan = \"p\"")).contains("`plots` lie within"));
+        assert!(wrong(&format!("{scene}plots = 3\n{variant}plan = \"p\"")).contains("`plots` need"));
         assert!(wrong(&format!("{scene}plot_m = 3\n{variant}plan = \"p\"")).contains("`plot_m` is the size"));
         assert!(wrong(&format!("{scene}margin_m = 3\n{variant}plan = \"p\"")).contains("`margin_m` is for"));
         let split = "split = { train = -1 }\n";
-        assert!(wrong(&format!("{split}{scene}{variant}plan = \"p\"")).contains("shares"));
+        assert!(wrong(&format!("{split}{scene}{variant}plan = \"p\"")).contains("at least 0"));
         let file = parse(&format!("seeds = [7, 9]\n{scene}{variant}plan = \"p\"")).unwrap();
         assert_eq!((file.seeds.all(), file.format.as_str()), (vec![7, 9], "laz"));
     }

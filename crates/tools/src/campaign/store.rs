@@ -559,7 +559,7 @@ mod tests {
         open(other.path()).unwrap();
         let manifest = other.path().join("manifest.jsonl");
         fs::write(&manifest, "precious").unwrap();
-        assert!(open(other.path()).unwrap_err().to_string().contains("no campaign has written it"));
+        assert!(open(other.path()).unwrap_err().to_string().contains("no campaign has written"));
         assert_eq!(fs::read(&manifest).unwrap(), b"precious");
     }
 

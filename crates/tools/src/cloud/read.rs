@@ -117,7 +117,7 @@ mod tests {
                 panic!("read {rows:?}")
             };
             let report = report.render(false);
-            assert!(report.contains(expected) && report.contains("whole") == is_cut, "{report}");
+            assert!(report.contains(expected) && report.contains("truncated") == is_cut, "{report}");
         }
     }
 
@@ -127,13 +127,13 @@ mod tests {
                     7,8,9,2.7,1,0,0,5\n7,8,9,nan,400,A,-3,noon\n7,8,9,5,1,1,1,5\n";
         let report = said(text.as_bytes(), "a.csv");
         for part in [
-            "4 points have a class that is no whole number from 0 to 255",
+            "4 points have a class that is not a whole number from 0 to 255",
             "a.csv:2:7",
             "1 point has a return number",
             "a.csv:5:11",
             "1 point has a leg",
             "1 point has a channel",
-            "1 point has a time that is no number",
+            "1 point has a time that is not a number",
         ] {
             assert!(report.contains(part), "{part} is missing from {report}");
         }

@@ -195,7 +195,7 @@ mod tests {
     #[test]
     fn what_is_wrong_is_said() {
         for (text, number, expected) in [
-            (TEXT, 5, "the nearest: 1, 7"),
+            (TEXT, 5, "nearest: 1, 7"),
             ("", 5, "no waveforms"),
             ("5 0 0 300 0 0 -1 955.0 955.75\n", 5, "and then samples"),
             ("x 1 2\n", 5, "the number of a pulse, found \"x\""),
