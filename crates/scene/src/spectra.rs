@@ -320,7 +320,7 @@ mod tests {
             ("1.2 20\n1.6 40\n", 17.733, 27, "is below the table, which begins at 1.2 µm"),
             ("0.4 20\n0.6 40\n", 40.0, 28, "is beyond the table, which ends at 0.6 µm; its last row is used"),
             ("0.5 10\n", 10.0, 27, "is beyond the table"),
-            ("1.6 40\n1.0 30\n0.4 20\n", 26.6, 28, "found 1, and so in 1 more rows; the first row that"),
+            ("1.6 40\n1.0 30\n0.4 20\n", 26.6, 28, "found 1, and so in 1 more rows; the first row at"),
             ("1 10\n1 20\n2 20\n", 20.0, 28, "expected a wavelength above that of the row before, found 1;"),
             ("-0.4 20\n1.6 40\n", 34.64, 27, "expected a wavelength above 0 µm, found -0.4;"),
             ("0 20\n1.6 40\n", 33.3, 27, "expected a wavelength above 0 µm, found 0;"),

@@ -163,7 +163,7 @@ fn a_part_without_ground_below_stays_and_says_so() {
     assert_eq!(z, 52.0);
     let (_, d) = f.load().unwrap();
     let warning = d.items().last().unwrap();
-    assert!(warning.message.contains("\"1\" stays") && warning.place.as_ref().unwrap().line == 11);
+    assert!(warning.message.contains("\"1\" is not moved") && warning.place.as_ref().unwrap().line == 11);
 }
 
 /// The scene loaded once with stored parts and once with all possible meshes shared.

@@ -206,7 +206,7 @@ fn names_with_blanks_are_whole() {
     let found: Vec<(&str, i32)> =
         (0..3).map(|i| scene.material_of(i)).map(|m| (m.name.as_str(), m.classification)).collect();
     assert_eq!(found, [("Oak leaf", 5), ("Oak bark", 4), ("Oak bark", 4)]);
-    let first_word = "no material file defines \"Oak\"; \"Oak bark\" is taken";
+    let first_word = "no material file defines \"Oak\"; \"Oak bark\" is used";
     assert!(d.items()[0].message.contains(first_word), "{}", d.render(false));
     assert_eq!(d.items()[0].place.as_ref().unwrap().line, 9);
 }
