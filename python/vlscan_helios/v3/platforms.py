@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from copy import copy
 from typing import Any
 
 import numpy as np
@@ -11,14 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from vlscan import catalogue
 
-from .scanner import by_attribute, find
+from .scanner import Named, by_attribute, find
 from .settings import find_asset
 
 #: Fields of a trajectory.
 FIELDS = ("t", "roll", "pitch", "yaw", "x", "y", "z")
 
 
-class Platform:
+class Platform(Named):
     """What carries the scanner.
 
     Parameters
@@ -30,7 +29,7 @@ class Platform:
     """
 
     def __init__(self, reference: str, name: str) -> None:
-        self.reference, self.name = reference, name
+        super().__init__(reference, name)
         #: Recorded poses of the fields t (s), roll, pitch, yaw (rad), x, y, z (m).
         self.trajectory: NDArray[np.void] | None = None
         self.rotation_spec, self.sync_gps_time, self.position_only = "ARINC 705", False, False
@@ -51,8 +50,7 @@ class Platform:
         Platform
             The platform.
         """
-        file = find_asset(platform_file)
-        return cls(file if platform_id is None else f"{file}#{platform_id}", platform_id or os.path.basename(file))
+        return cls._of_file(platform_file, platform_id)
 
     @classmethod
     def load_interpolate_platform(
@@ -107,19 +105,6 @@ class Platform:
         platform.rotation_spec = interpolation_method.upper().replace("_", " ")
         platform.sync_gps_time, platform.position_only = sync_gps_time, interpolation_domain == "position"
         return platform
-
-    def clone(self) -> Platform:
-        """Return a copy.
-
-        Returns
-        -------
-        Platform
-            The copy.
-        """
-        return copy(self)
-
-    def __repr__(self) -> str:
-        return f"Platform({self.name!r})"
 
 
 def load_traj_csv(

@@ -7,17 +7,21 @@ import re
 from collections.abc import Callable, Iterable
 from copy import copy
 from difflib import get_close_matches
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from vlscan import catalogue
+from vlscan._typing import PathLike
 
 from .settings import FullWaveformSettings, find_asset
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 _T = TypeVar("_T")
 
 
-class Scanner:
-    """An instrument.
+class Named:
+    """A scanner or a platform.
 
     Parameters
     ----------
@@ -31,7 +35,37 @@ class Scanner:
         self.reference, self.name = reference, name
 
     @classmethod
-    def from_xml(cls, scanner_file: str | os.PathLike[str], scanner_id: str | None = None) -> Scanner:
+    def _of_file(cls, name: PathLike, id: str | None) -> Self:
+        file = find_asset(name)
+        return cls(file if id is None else f"{file}#{id}", id or os.path.basename(file))
+
+    def clone(self) -> Self:
+        """Return a copy.
+
+        Returns
+        -------
+        Scanner or Platform
+            The copy.
+        """
+        return copy(self)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.name!r})"
+
+
+class Scanner(Named):
+    """An instrument.
+
+    Parameters
+    ----------
+    reference : str
+        ``file.xml#id``.
+    name : str
+        Name.
+    """
+
+    @classmethod
+    def from_xml(cls, scanner_file: PathLike, scanner_id: str | None = None) -> Scanner:
         """Return a scanner of a file.
 
         Parameters
@@ -46,21 +80,7 @@ class Scanner:
         Scanner
             The scanner.
         """
-        file = find_asset(scanner_file)
-        return cls(file if scanner_id is None else f"{file}#{scanner_id}", scanner_id or os.path.basename(file))
-
-    def clone(self) -> Scanner:
-        """Return a copy.
-
-        Returns
-        -------
-        Scanner
-            The copy.
-        """
-        return copy(self)
-
-    def __repr__(self) -> str:
-        return f"Scanner({self.name!r})"
+        return cls._of_file(scanner_file, scanner_id)
 
 
 def _plain(name: str) -> str:
