@@ -272,7 +272,9 @@ mod tests {
         std::fs::write(&path, &bytes[..12]).unwrap();
         assert!(matches!(load(), StoredBorders::Damaged));
         std::fs::write(&path, "somebody's notes").unwrap();
-        assert!(Borders::load(dir.path(), &fingerprint).unwrap_err().to_string().contains("another file format"));
+        assert!(
+            Borders::load(dir.path(), &fingerprint).unwrap_err().to_string().contains("another file format")
+        );
     }
 
     #[test]

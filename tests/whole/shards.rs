@@ -276,7 +276,11 @@ fn borders_found_before_give_the_same_shards() {
     damage(&plan);
     let shard = ["run", &survey, "-o", "shards", "--shard", "1/2", "--seed", "4", "--resume"];
     let out = succeed(planned.path(), &shard);
-    assert!(text(&out.stderr).contains("flight.vlindex is damaged and is computed again"), "{}", text(&out.stderr));
+    assert!(
+        text(&out.stderr).contains("flight.vlindex is damaged and is computed again"),
+        "{}",
+        text(&out.stderr)
+    );
     assert!(text(&out.stderr).contains("is complete"), "{}", text(&out.stderr));
     assert!(fs::read(&plan).unwrap() == sound);
 }

@@ -4,6 +4,7 @@
 //! | file | what it does |
 //! |---|---|
 //! | `scene`, `mesh` | parts of a scene: loaders, transforms, motions, swaps; meshes in memory |
+//! | `identity` | identities of values in memory |
 //! | `poses` | recorded trajectories |
 //! | `navigation` | errors of navigation |
 //! | `scan_motion` | sense, phase, tilt and wander of deflectors |

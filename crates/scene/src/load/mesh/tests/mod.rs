@@ -494,7 +494,9 @@ fn damaged_files_are_refused_with_their_name() {
         refused("a.ply", SQUARE_PLY.replace("4 0 1 2 3", "4 0 1 2 9").as_bytes()).contains("there are 4")
     );
     assert!(refused("a.ply", SQUARE_PLY.replace("4 0 1 2 3", "4 0 1 2 -3").as_bytes()).contains("corner -3"));
-    assert!(refused("a.ply", SQUARE_PLY.replace("face 1", "face 99999999999").as_bytes()).contains("truncated?"));
+    assert!(
+        refused("a.ply", SQUARE_PLY.replace("face 1", "face 99999999999").as_bytes()).contains("truncated?")
+    );
     assert!(refused("a.ply", SQUARE_PLY.replace("2 0 1 9", "nan 0 1 9").as_bytes()).contains("a.ply"));
     let points = SQUARE_PLY.split("element face").next().unwrap().to_owned()
         + "end_header\n0 0 1 9\n2 0 1 9\n2 3 1 9\n0 3 1 9\n";
