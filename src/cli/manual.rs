@@ -371,7 +371,7 @@ mod tests {
             let help = command.clone().render_long_help().to_string();
             assert!(help.contains("Examples:\n  "), "{path}:\n{help}");
             assert!(
-                help.contains("Exit status:\n  0    Done") && help.contains("\n  130  "),
+                help.contains("Exit status:\n  0    Success") && help.contains("\n  130  "),
                 "{path}:\n{help}"
             );
         });
