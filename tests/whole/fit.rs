@@ -143,7 +143,7 @@ fn clouds_that_say_nothing_of_a_flight_are_refused() {
     fs::write(dir.path().join("few.txt"), "x y z time scan_angle\n1 2 3 4 5\n").unwrap();
     for (cloud, expected) in [
         ("plain.xyz", "GPS times"),
-        ("nadir.txt", "not a flight"),
+        ("nadir.txt", "no flight"),
         ("few.txt", "too few"),
         ("frozen.txt", "have the GPS time 77"),
         ("place.txt", "lie within 0.000 m"),
