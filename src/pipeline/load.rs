@@ -77,23 +77,30 @@ pub fn check_raster_memory(
 ) -> Result<()> {
     let mut all = 0u64;
     for need in vlscan_scene::raster_needs(recipe) {
-        let tree = Tree::estimate_build_memory(need.triangles, builder);
+        let stored = if need.is_field { 0 } else { need.triangles };
+        let tree = Tree::estimate_build_memory(stored, builder);
         all = all.saturating_add(need.bytes).saturating_add(tree);
         if need.bytes.saturating_add(tree) >= MIN_REPORTED_BYTES {
+            let kept = match need.is_field {
+                true => format!("a height field, which needs {}B", amount(need.bytes as f64)),
+                false => format!(
+                    "{} triangles, which need {}B, plus about {}B for their tree",
+                    amount(need.triangles as f64),
+                    amount(need.bytes as f64),
+                    amount(tree as f64)
+                ),
+            };
             notify(Notice::Note(format!(
-                "{}: {} x {} pixels become {} triangles, which need {}B, plus about {}B for their tree",
+                "{}: {} x {} pixels become {kept}",
                 need.path.display(),
                 need.columns,
-                need.rows,
-                amount(need.triangles as f64),
-                amount(need.bytes as f64),
-                amount(tree as f64)
+                need.rows
             )));
         }
     }
     match limit {
         Some(limit) if all > limit => Err(too_large(format!(
-            "the rasters of the scene and the tree over them need about {}B; the limit is {}B",
+            "the rasters of the scene need about {}B; the limit is {}B",
             amount(all as f64),
             amount(limit as f64)
         ))),

@@ -241,12 +241,12 @@ impl LoadedScene {
         let area = |i: u32| match scene.triangle(i) {
             Some([a, b, c]) => (b - a).cross(c - a).length() / 2.0,
             None => {
-                let cube = (i as usize).checked_sub(scene.geometry.triangles.len());
+                let cube = (i as usize).checked_sub(scene.geometry.triangle_count());
                 let half = cube.and_then(|i| scene.geometry.cubes.get(i)).map_or(0.0, |cube| cube.half);
                 24.0 * half * half
             }
         };
-        let primitives = scene.primitives() as u32;
+        let primitives = scene.numbers() as u32;
         let total: f64 = (0..primitives).map(area).sum();
         let per_area = if total > 0.0 { count as f64 / total } else { 0.0 };
         let stream = Stream::new(0, Purpose::Material);
@@ -257,7 +257,8 @@ impl LoadedScene {
             let mut number = 0;
             while due >= 1.0 {
                 due -= 1.0;
-                let random = |component| stream.uniform(i, number, component);
+                let index = i - scene.geometry.missing_before(i as usize) as u32;
+                let random = |component| stream.uniform(index, number, component);
                 points.push(point_on(self, i, [random(0), random(1), random(2)]) + scene.shift);
                 classes.push(scene.material_of(i).classification);
                 parts.push(scene.part_of(i) as i32);
@@ -283,7 +284,7 @@ fn point_on(loaded: &LoadedScene, i: u32, [u, v, w]: [f64; 3]) -> DVec3 {
         let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
         return a + (b - a) * u + (c - a) * v;
     }
-    let index = (i as usize).saturating_sub(scene.geometry.triangles.len());
+    let index = (i as usize).saturating_sub(scene.geometry.triangle_count());
     let Some(cube) = scene.geometry.cubes.get(index) else { return DVec3::ZERO };
     let side = (w * 6.0) as usize % 6;
     let mut offset = DVec3::new(2.0 * u - 1.0, 2.0 * v - 1.0, 0.0);

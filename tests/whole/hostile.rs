@@ -621,10 +621,10 @@ fn what_needs_more_memory_than_allowed_is_refused_before_it_is_built() {
     all.refused(&scene, &[&scene.whole[..], padding.as_bytes()].concat(), "of 3 MB");
     let line = "mesh.obj,1.25,0.25,0.25,45.5,1.25\n";
     all.refused(&places, &[&places.whole[..], line.repeat(100_000).as_bytes()].concat(), "of 100 000 lines");
-    let (status, messages, _) = outcome(&of("dem.tif"), &raster(400));
+    let (status, messages, _) = outcome(&of("dem.tif"), &raster(1200));
     all.expect(
         status == 2 && messages.contains("raster") && messages.contains("the limit is 20.97 MB"),
-        || format!("a raster of 400 x 400: status {status}\n{messages}"),
+        || format!("a raster of 1200 x 1200: status {status}\n{messages}"),
     );
     all.told();
 }

@@ -29,6 +29,7 @@ mod fixtures;
 mod formats;
 mod formats_alone;
 mod fuzz;
+mod heights;
 mod helios_options;
 mod helios_surveys;
 mod hostile;

@@ -40,6 +40,8 @@ pub struct LoadOptions {
     pub jobs: usize,
     /// When parts share meshes.
     pub sharing: Sharing,
+    /// Whether rasters become triangles that are stored, not height fields. Changes nothing but memory and speed.
+    pub triangulate_rasters: bool,
     /// Ends the loading soon after it is set, with [`Error::Interrupted`].
     pub stop: Option<Arc<AtomicBool>>,
 }
@@ -64,6 +66,7 @@ impl Default for LoadOptions {
             max_memory: None,
             jobs: 0,
             sharing: Sharing::Auto,
+            triangulate_rasters: false,
             stop: None,
         }
     }
@@ -130,8 +133,10 @@ pub(super) struct SceneBuilder<'a> {
     pub geometry: Geometry,
     /// Attributes of the cubes, parallel to `geometry.cubes`.
     pub voxels: Vec<Voxel>,
-    /// Index in `surfaces` of each triangle.
+    /// Index in `surfaces` of each stored triangle.
     pub triangle_surfaces: Vec<u32>,
+    /// Index in `surfaces` of each height field.
+    pub field_surfaces: Vec<u32>,
     /// Index in `surfaces` of each cube.
     pub cube_surfaces: Vec<u32>,
     pub surfaces: Vec<Surface>,
@@ -179,11 +184,22 @@ pub(super) struct Extent {
     pub vertices: Range<usize>,
     pub triangles: Range<usize>,
     pub cubes: Range<usize>,
+    pub fields: Range<usize>,
 }
 
 impl Extent {
+    /// All primitives of a geometry.
+    pub fn of(geometry: &Geometry) -> Extent {
+        Extent {
+            vertices: 0..geometry.vertices.len(),
+            triangles: 0..geometry.triangles.len(),
+            cubes: 0..geometry.cubes.len(),
+            fields: 0..geometry.fields.len(),
+        }
+    }
+
     pub fn is_empty(&self) -> bool {
-        self.triangles.is_empty() && self.cubes.is_empty()
+        self.triangles.is_empty() && self.cubes.is_empty() && self.fields.is_empty()
     }
 }
 
@@ -194,6 +210,7 @@ impl<'a> SceneBuilder<'a> {
             geometry: Geometry::default(),
             voxels: Vec::new(),
             triangle_surfaces: Vec::new(),
+            field_surfaces: Vec::new(),
             cube_surfaces: Vec::new(),
             surfaces: Vec::new(),
             parts: Vec::new(),
@@ -221,9 +238,9 @@ impl<'a> SceneBuilder<'a> {
 
     /// The empty extent after all primitives loaded so far, for [`SceneBuilder::since`].
     pub fn end(&self) -> Extent {
-        let Geometry { vertices, triangles, cubes } = &self.geometry;
-        let (v, t, c) = (vertices.len(), triangles.len(), cubes.len());
-        Extent { vertices: v..v, triangles: t..t, cubes: c..c }
+        let Geometry { vertices, triangles, cubes, fields } = &self.geometry;
+        let (v, t, c, f) = (vertices.len(), triangles.len(), cubes.len(), fields.len());
+        Extent { vertices: v..v, triangles: t..t, cubes: c..c, fields: f..f }
     }
 
     /// The primitives appended since `start` was the end.
@@ -233,6 +250,7 @@ impl<'a> SceneBuilder<'a> {
             vertices: start.vertices.start..end.vertices.end,
             triangles: start.triangles.start..end.triangles.end,
             cubes: start.cubes.start..end.cubes.end,
+            fields: start.fields.start..end.fields.end,
         }
     }
 
@@ -303,8 +321,10 @@ impl<'a> SceneBuilder<'a> {
     }
 
     fn memory(&self) -> u64 {
-        let Geometry { vertices, triangles, cubes } = &self.geometry;
-        memory_of(vertices.len(), triangles.len(), cubes.len()).saturating_add(self.meshes.memory())
+        let Geometry { vertices, triangles, cubes, fields } = &self.geometry;
+        let fields = fields.iter().map(|field| field.memory() as u64).sum::<u64>();
+        let stored = memory_of(vertices.len(), triangles.len(), cubes.len());
+        stored.saturating_add(fields).saturating_add(self.meshes.memory())
     }
 
     /// Makes room for more primitives of `source`.
@@ -315,7 +335,7 @@ impl<'a> SceneBuilder<'a> {
     pub fn reserve(&mut self, vertices: usize, triangles: usize, cubes: usize, source: &Path) -> Result<()> {
         self.options.check_stop()?;
         self.check_memory(memory_of(vertices, triangles, cubes), source)?;
-        let Geometry { vertices: all_vertices, triangles: all_triangles, cubes: all_cubes } =
+        let Geometry { vertices: all_vertices, triangles: all_triangles, cubes: all_cubes, .. } =
             &mut self.geometry;
         let reserved = all_vertices
             .try_reserve(vertices)

@@ -60,13 +60,15 @@ pub(super) fn apply(scene: &mut SceneBuilder, part: &PartSource, changes: &Mater
     }
     for (number, (change, material)) in changes.iter().zip(materials).enumerate() {
         let surface = scene.surface(part.index, material);
-        let (triangle_surfaces, cube_surfaces) = (
+        let (triangle_surfaces, field_surfaces, cube_surfaces) = (
             &mut scene.triangle_surfaces[extent.triangles.clone()],
+            &mut scene.field_surfaces[extent.fields.clone()],
             &mut scene.cube_surfaces[extent.cubes.clone()],
         );
         match &change.replaced {
             Replaced::All => {
                 triangle_surfaces.fill(surface);
+                field_surfaces.fill(surface);
                 cube_surfaces.fill(surface);
             }
             Replaced::Named(name) => {
@@ -79,7 +81,7 @@ pub(super) fn apply(scene: &mut SceneBuilder, part: &PartSource, changes: &Mater
                     others: BTreeSet::new(),
                 });
                 let name_of = |s: u32| &library.materials[surfaces[s as usize].material as usize].name;
-                for own in triangle_surfaces.iter_mut().chain(cube_surfaces) {
+                for own in triangle_surfaces.iter_mut().chain(field_surfaces).chain(cube_surfaces) {
                     let found = name_of(*own);
                     if found == name {
                         *own = surface;

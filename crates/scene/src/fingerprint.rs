@@ -7,7 +7,7 @@ use std::path::Path;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::store::Checksum;
 use vlscan_survey::{Loader, MaterialChoice, SceneRecipe};
-use vlscan_trace::Geometry;
+use vlscan_trace::{Geometry, Heights};
 
 /// Checksum of the scene of the first epoch, `scene`, and of what its parts are swapped for. Neither the names of files nor
 /// the tree count. That of a packed scene follows from the checksums within it, so that it need not be read.
@@ -23,6 +23,7 @@ pub fn fingerprint(scene: &Scene, recipe: &SceneRecipe) -> Result<u64> {
     sum.debug(&(&scene.moving_parts, scene.dyn_step, scene.dyn_time_step));
     add_geometry(&mut sum, &scene.geometry);
     sum.array(&scene.voxels);
+    add_fields(&mut sum, scene);
     match &scene.surface_ids {
         SurfaceIds::Narrow(ids) => sum.array(ids),
         SurfaceIds::Wide(ids) => sum.array(ids),
@@ -46,6 +47,21 @@ fn add_geometry(sum: &mut Checksum, geometry: &Geometry) {
     sum.array(&geometry.vertices);
     sum.array(&geometry.triangles);
     sum.array(&geometry.cubes);
+}
+
+/// Adds the height fields, if there are any.
+fn add_fields(sum: &mut Checksum, scene: &Scene) {
+    for (field, surface) in scene.geometry.fields.iter().zip(&scene.field_surfaces) {
+        sum.debug(&(field.grid(), field.first(), surface));
+        match field.heights() {
+            Heights::Short { base, values } => {
+                sum.debug(base);
+                sum.array(values);
+            }
+            Heights::Single(values) => sum.array(values),
+            Heights::Double(values) => sum.array(values),
+        }
+    }
 }
 
 /// Adds the files and the settings of a loader.

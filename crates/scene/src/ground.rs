@@ -5,7 +5,7 @@ use super::{instances, plane};
 use rayon::prelude::*;
 use vlscan_base::diag::Place;
 use vlscan_geom::{Aabb, DVec3};
-use vlscan_trace::{Cube, Geometry};
+use vlscan_trace::{Cube, Geometry, HeightField};
 
 /// A loaded and transformed part.
 pub(super) struct LoadedPart {
@@ -29,8 +29,8 @@ pub(super) enum Body {
 pub(super) fn drop_to_ground(scene: &mut SceneBuilder, parts: &[LoadedPart]) {
     let mut gaps = Gaps::default();
     for part in parts.iter().filter(|p| p.on_ground != 0) {
-        let corners = corners(scene, &part.body);
-        let Some(lowest) = min_by_value(corners.iter().copied(), |p| p.z) else { continue };
+        let corners = || corners(scene, &part.body);
+        let Some(lowest) = min_by_value(corners(), |p| p.z) else { continue };
         let Some(ground) = parts.iter().find(|g| is_ground(scene, &g.body) && covers(scene, &g.body, lowest))
         else {
             let message = format!("part \"{}\" is not moved: no ground part lies below it", part.id);
@@ -40,7 +40,7 @@ pub(super) fn drop_to_ground(scene: &mut SceneBuilder, parts: &[LoadedPart]) {
                 .help("a part is ground when its first material has helios_isGround true");
             continue;
         };
-        let Some(plane) = plane::fit(&corners_of_ground(scene, &ground.body)) else { continue };
+        let Some(plane) = plane::fit(|| corners_of_ground(scene, &ground.body)) else { continue };
         if plane.normal.z.abs() < 1e-9 {
             let message =
                 format!("part \"{}\" is not moved: ground part \"{}\" is vertical", part.id, ground.id);
@@ -50,8 +50,8 @@ pub(super) fn drop_to_ground(scene: &mut SceneBuilder, parts: &[LoadedPart]) {
         let (o, v) = (plane.centre, plane.normal);
         let height = |q: DVec3| q.z - (v.dot(o) - v.x * q.x - v.y * q.y) / v.z;
         let anchor = match part.on_ground {
-            -1 => min_by_value(corners.iter().copied(), height),
-            k if k > 1 => min_by_value(sampled(&corners, k).copied(), height),
+            -1 => min_by_value(corners(), height),
+            k if k > 1 => min_by_value(sampled(corners, k), height),
             _ => Some(lowest),
         };
         if let Some(q) = anchor {
@@ -108,21 +108,28 @@ impl Gaps {
 /// Height of the highest triangle of the ground above or below a point; `None` where there is none.
 fn ground_below(scene: &SceneBuilder, ground: &Body, p: DVec3) -> Option<f64> {
     let Body::Stored(extent) = ground else { return None };
-    let height = |i: usize| {
-        let [a, b, c] = scene.geometry.triangle(i);
+    let height = |[a, b, c]: [DVec3; 3]| {
         let across = |a: DVec3, b: DVec3| (b.x - a.x) * (p.y - a.y) - (b.y - a.y) * (p.x - a.x);
         let weights = [across(b, c), across(c, a), across(a, b)];
         let area: f64 = weights.iter().sum();
         let is_inside = weights.iter().all(|w| *w >= 0.0) || weights.iter().all(|w| *w <= 0.0);
         (is_inside && area != 0.0).then(|| (weights[0] * a.z + weights[1] * b.z + weights[2] * c.z) / area)
     };
-    extent.triangles.clone().into_par_iter().filter_map(height).reduce_with(f64::max)
+    let geometry = &scene.geometry;
+    let stored = extent.triangles.clone().into_par_iter().map(|i| geometry.stored_triangle(i));
+    let in_field = |field: &HeightField| {
+        let near = field.triangles_near(p.x, p.y).filter_map(|i| field.triangle(i));
+        near.filter_map(height).reduce(f64::max)
+    };
+    let in_fields = geometry.fields[extent.fields.clone()].iter().filter_map(in_field).reduce(f64::max);
+    stored.filter_map(height).reduce_with(f64::max).into_iter().chain(in_fields).reduce(f64::max)
 }
 
 /// Every ⌊n / min(k, n)⌋-th of the first min(k, n) of n corners, the sample of the reference's approximate search.
-fn sampled(corners: &[DVec3], k: i64) -> impl Iterator<Item = &DVec3> {
-    let first = usize::try_from(k).unwrap_or(usize::MAX).min(corners.len());
-    corners[..first].iter().step_by(corners.len().checked_div(first).unwrap_or(1).max(1))
+fn sampled<I: Iterator<Item = DVec3>>(corners: impl Fn() -> I, k: i64) -> impl Iterator<Item = DVec3> {
+    let count = corners().count();
+    let first = usize::try_from(k).unwrap_or(usize::MAX).min(count);
+    corners().take(first).step_by(count.checked_div(first).unwrap_or(1).max(1))
 }
 
 /// The first point with the smallest `value`.
@@ -131,34 +138,43 @@ fn min_by_value(points: impl Iterator<Item = DVec3>, value: impl Fn(DVec3) -> f6
 }
 
 /// The corners of all triangles, in order, and the lower corner of each cube.
-fn corners(scene: &SceneBuilder, body: &Body) -> Vec<DVec3> {
+fn corners<'a>(scene: &'a SceneBuilder, body: &Body) -> impl Iterator<Item = DVec3> + use<'a> {
     points(scene, body, |c| c.centre - DVec3::splat(c.half))
 }
 
 /// The points to which the ground plane is fitted. Cubes contribute their centres, so that the heights of their corners
 /// do not tilt the plane.
-fn corners_of_ground(scene: &SceneBuilder, body: &Body) -> Vec<DVec3> {
+fn corners_of_ground<'a>(scene: &'a SceneBuilder, body: &Body) -> impl Iterator<Item = DVec3> + use<'a> {
     points(scene, body, |c| c.centre)
 }
 
-fn points(scene: &SceneBuilder, body: &Body, of_cube: impl Fn(&Cube) -> DVec3) -> Vec<DVec3> {
+fn points<'a>(
+    scene: &'a SceneBuilder,
+    body: &Body,
+    of_cube: fn(&Cube) -> DVec3,
+) -> impl Iterator<Item = DVec3> + use<'a> {
     let geometry = &scene.geometry;
-    match body {
-        Body::Instance(i) => scene.meshes.corners(*i).collect(),
-        Body::Stored(extent) => {
-            let triangles = extent.triangles.clone().flat_map(|i| geometry.triangle(i));
-            triangles.chain(geometry.cubes[extent.cubes.clone()].iter().map(of_cube)).collect()
-        }
-    }
+    let (instance, extent) = match body {
+        Body::Instance(i) => (Some(*i), scene.end()),
+        Body::Stored(extent) => (None, extent.clone()),
+    };
+    let triangles = extent.triangles.flat_map(|i| geometry.stored_triangle(i));
+    let of_field = |field: &'a HeightField| (0..field.len()).filter_map(|i| field.triangle(i)).flatten();
+    let of_instance = instance.into_iter().flat_map(|i| scene.meshes.corners(i));
+    of_instance
+        .chain(triangles)
+        .chain(geometry.fields[extent.fields].iter().flat_map(of_field))
+        .chain(geometry.cubes[extent.cubes].iter().map(of_cube))
 }
 
 fn is_ground(scene: &SceneBuilder, body: &Body) -> bool {
     let material = match body {
         Body::Instance(i) => scene.meshes.materials[scene.meshes.placements[*i].0 as usize].first().copied(),
         Body::Stored(extent) => {
-            let first = match extent.triangles.is_empty() {
-                false => scene.triangle_surfaces.get(extent.triangles.start),
-                true => scene.cube_surfaces.get(extent.cubes.start),
+            let first = match (extent.triangles.is_empty(), extent.fields.is_empty()) {
+                (false, _) => scene.triangle_surfaces.get(extent.triangles.start),
+                (true, false) => scene.field_surfaces.get(extent.fields.start),
+                (true, true) => scene.cube_surfaces.get(extent.cubes.start),
             };
             first.map(|&s| scene.surfaces[s as usize].material)
         }
@@ -185,7 +201,8 @@ pub(super) fn bounds(geometry: &Geometry, extent: &Extent) -> Aabb {
         .par_iter()
         .map(|c| Aabb { min: c.centre - DVec3::splat(c.half), max: c.centre + DVec3::splat(c.half) })
         .reduce(|| Aabb::EMPTY, Aabb::union);
-    vertices.union(cubes)
+    let fields = geometry.fields[extent.fields.clone()].iter().map(HeightField::bounds);
+    fields.fold(vertices.union(cubes), Aabb::union)
 }
 
 /// Moves a part vertically, m.
@@ -196,6 +213,7 @@ fn raise(scene: &mut SceneBuilder, body: &Body, by: f64) {
             let geometry = &mut scene.geometry;
             geometry.vertices[extent.vertices.clone()].par_iter_mut().for_each(|v| v.z += by);
             geometry.cubes[extent.cubes.clone()].par_iter_mut().for_each(|c| c.centre.z += by);
+            geometry.fields[extent.fields.clone()].iter_mut().for_each(|field| field.raise(by));
         }
     }
 }
@@ -207,10 +225,10 @@ mod tests {
     #[test]
     fn the_approximate_search_looks_at_few_corners() {
         let corners: Vec<DVec3> = (0..10).map(|i| DVec3::X * f64::from(i)).collect();
-        let seen = |k| sampled(&corners, k).map(|p| p.x as i32).collect::<Vec<_>>();
+        let seen = |k| sampled(|| corners.iter().copied(), k).map(|p| p.x as i32).collect::<Vec<_>>();
         assert_eq!(seen(4), [0, 2]);
         assert_eq!(seen(7), [0, 1, 2, 3, 4, 5, 6]);
         assert_eq!(seen(1000), (0..10).collect::<Vec<_>>());
-        assert_eq!(sampled(&[], 5).count(), 0);
+        assert_eq!(sampled(std::iter::empty, 5).count(), 0);
     }
 }

@@ -88,7 +88,7 @@ pub(super) fn add_instance(
     }
     let Transform { rotation, scale, offset, .. } = part.transform;
     let placement = Placement { rotation, scale, offset, ..Placement::IDENTITY };
-    meshes.placements.push((model, scene.geometry.triangles.len() as u32, placement));
+    meshes.placements.push((model, scene.geometry.triangle_count() as u32, placement));
     meshes.parts.push(scene.parts.len() as u32);
     Ok(Some(Some(meshes.placements.len() - 1)))
 }

@@ -56,18 +56,21 @@ impl Inventory {
 
     /// Counts the contents of a scene by visiting every stored primitive.
     pub fn of(scene: &Scene) -> Inventory {
+        let fields = || scene.geometry.fields.iter().zip(&scene.field_surfaces);
+        let in_fields = fields().map(|(field, _)| field.triangles() as u64).sum::<u64>();
         let mut all = Inventory {
-            triangles: scene.geometry.triangles.len() as u64,
+            triangles: scene.geometry.triangles.len() as u64 + in_fields,
             cubes: scene.geometry.cubes.len() as u64,
             bounds: scene.bounds.translated(scene.shift),
             of_part: vec![0; scene.parts.len()],
             of_material: vec![0; scene.materials.len()],
             ..Inventory::default()
         };
-        for surface in scene.surface_ids.iter() {
+        let stored = scene.surface_ids.iter().map(|surface| (surface, 1));
+        for (surface, count) in stored.chain(fields().map(|(field, &s)| (s, field.triangles() as u64))) {
             let Surface { part, material } = scene.surfaces[surface as usize];
-            all.of_part[part as usize] += 1;
-            all.of_material[material as usize] += 1;
+            all.of_part[part as usize] += count;
+            all.of_material[material as usize] += count;
         }
         all.add_faults(&scene.geometry);
         let cubes = scene.geometry.cubes.iter();
@@ -118,10 +121,17 @@ impl Inventory {
     }
 
     fn add_faults(&mut self, geometry: &Geometry) {
-        let count = geometry.triangles.len();
-        let corners = || (0..count).into_par_iter().with_min_len(4096).map(|i| geometry.triangle(i));
-        self.slivers += corners().filter(is_sliver).count() as u64;
-        self.duplicates += repeated(corners().map(fingerprint).collect());
+        let Geometry { triangles, fields, .. } = geometry;
+        let numbers = |count: usize| (0..count).into_par_iter().with_min_len(4096);
+        let stored = || numbers(triangles.len()).map(|i| geometry.stored_triangle(i));
+        let in_fields =
+            || fields.par_iter().flat_map(|field| numbers(field.len()).filter_map(|i| field.triangle(i)));
+        self.slivers += stored().chain(in_fields()).filter(is_sliver).count() as u64;
+        // Those of one field have places of their own.
+        let is_one_field = fields.len() == 1 && triangles.is_empty();
+        if !is_one_field {
+            self.duplicates += repeated(stored().chain(in_fields()).map(fingerprint).collect());
+        }
     }
 }
 

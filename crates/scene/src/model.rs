@@ -12,7 +12,7 @@ use vlscan_base::corrections::Corrections;
 use vlscan_base::store::vec_bytes;
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_survey::{MotionSequence, MotionTiming};
-use vlscan_trace::{BuildOptions, Builder, Geometry, Tree};
+use vlscan_trace::{BuildOptions, Builder, Geometry, HeightField, Tree, TriangleAt};
 
 /// A loaded scene. Its frame is the world frame minus [`Scene::shift`], the centre of the box around all primitives, so
 /// that large world coordinates lose no digits. Immutable once built.
@@ -24,8 +24,10 @@ pub struct Scene {
     pub bounds: Aabb,
     /// Primitives, local frame, m.
     pub geometry: Geometry,
-    /// The index in `surfaces` of each primitive.
+    /// The index in `surfaces` of each stored primitive: of the triangles, then of the cubes.
     pub surface_ids: SurfaceIds,
+    /// The index in `surfaces` of each height field.
+    pub field_surfaces: Vec<u32>,
     /// Distinct (part, material) pairs.
     pub surfaces: Vec<Surface>,
     /// Parts in document order.
@@ -81,7 +83,7 @@ pub struct MovingPart {
     pub part: u32,
     /// Its vertices, which no other part uses.
     pub vertices: Range<usize>,
-    /// Its triangles, as indices in the scene's geometry.
+    /// Its triangles, as indices among the stored ones.
     pub triangles: Range<usize>,
     /// Its cubes, counted from the scene's first cube.
     pub cubes: Range<usize>,
@@ -131,12 +133,20 @@ impl Scene {
         });
         match &self.packed_tree {
             Some(_) => 0,
-            None => Tree::estimate_build_memory(self.geometry.len() as u64, builder).saturating_add(set),
+            None => {
+                let stored = self.geometry.triangles.len() + self.geometry.cubes.len();
+                Tree::estimate_build_memory(stored as u64, builder).saturating_add(set)
+            }
         }
     }
 
     /// Number of primitives, including the triangles of instances.
     pub fn primitives(&self) -> usize {
+        self.numbers() - self.geometry.missing_before(self.geometry.triangle_count())
+    }
+
+    /// How many numbers primitives have: one for each, and for each missing triangle of a height field.
+    pub fn numbers(&self) -> usize {
         self.geometry.len() + self.instances.as_ref().map_or(0, |p| p.instances.triangles() as usize)
     }
 
@@ -145,8 +155,10 @@ impl Scene {
         self.packed_sizes.unwrap_or_else(|| {
             let (b, g) = (self.bounds, &self.geometry);
             let within = |p: DVec3, half: f64| (p - half).cmpge(b.min).all() && (p + half).cmple(b.max).all();
+            let fields = g.fields.iter().map(HeightField::bounds).filter(|of_field| !of_field.is_empty());
             Sizes {
                 are_within_bounds: g.vertices.iter().all(|v| within(*v, 0.0))
+                    && fields.into_iter().all(|f| within(f.min, 0.0) && within(f.max, 0.0))
                     && g.cubes.iter().all(|c| within(c.centre, c.half)),
                 max_cube: g.cubes.iter().fold(0.0, |max, c| f64::max(max, c.half * 2.0)),
             }
@@ -156,10 +168,26 @@ impl Scene {
     /// Part and material of primitive `i`. Panics if the index is out of range.
     #[inline]
     pub fn surface(&self, i: u32) -> Surface {
+        if !self.geometry.fields.is_empty() {
+            return self.surface_beside_fields(i);
+        }
         match self.surface_ids.get(i as usize) {
             Some(surface) => self.surfaces[surface as usize],
             None => self.surface_of_instance(i),
         }
+    }
+
+    /// [`Scene::surface`] in a scene with height fields.
+    fn surface_beside_fields(&self, i: u32) -> Surface {
+        let (g, number) = (&self.geometry, i as usize);
+        let surface = match number.checked_sub(g.triangle_count()) {
+            None => match g.triangle_at(number) {
+                TriangleAt::Stored(index) => self.surface_ids.get(index),
+                TriangleAt::Field(field, ..) => self.field_surfaces.get(field).copied(),
+            },
+            Some(cube) => self.surface_ids.get(g.triangles.len() + cube),
+        };
+        surface.map_or_else(|| self.surface_of_instance(i), |surface| self.surfaces[surface as usize])
     }
 
     #[cold]
@@ -168,20 +196,32 @@ impl Scene {
         surface.unwrap_or_else(|| panic!("primitive {i} of {}", self.primitives()))
     }
 
-    /// The corners of primitive `i` if it is a triangle.
+    /// The corners of primitive `i` if it is a triangle that is there.
     #[inline]
     pub fn triangle(&self, i: u32) -> Option<[DVec3; 3]> {
-        if (i as usize) < self.geometry.triangles.len() {
-            return Some(self.geometry.triangle(i as usize));
+        let (g, number) = (&self.geometry, i as usize);
+        if number < g.triangle_count() {
+            return match g.triangle_at(number) {
+                TriangleAt::Stored(index) => Some(g.stored_triangle(index)),
+                TriangleAt::Field(_, field, i) => field.triangle(i),
+            };
         }
         self.instances.as_ref().and_then(|p| p.instances.triangle(i))
     }
 
-    /// The index of primitive `i` in the same scene without instances, where primitives are in the order of their
-    /// parts, cubes last.
+    /// The index of primitive `i` in the same scene without instances and height fields, where primitives are in the order of
+    /// their parts, cubes last.
     pub fn number_when_stored(&self, i: u32) -> u32 {
-        let own = self.geometry.triangles.len();
-        self.instances.as_ref().map_or(i, |p| p.instances.number_when_stored(i, own))
+        let own = self.geometry.triangle_count();
+        let Some(set) = &self.instances else { return i - self.missing_before(i) };
+        let instance = set.instances.locate(i);
+        let before = instance.map_or(i, |(instance, _)| set.instances.all[instance].before);
+        set.instances.number_when_stored(i, own) - self.missing_before(before)
+    }
+
+    /// How many triangles of height fields before primitive `i` are missing.
+    fn missing_before(&self, i: u32) -> u32 {
+        self.geometry.missing_before(i as usize) as u32
     }
 
     /// The material of primitive `i`.
@@ -196,7 +236,7 @@ impl Scene {
 
     /// The attributes of primitive `i` if it is a cube.
     pub fn voxel(&self, i: u32) -> Option<&Voxel> {
-        self.voxels.get((i as usize).checked_sub(self.geometry.triangles.len())?)
+        self.voxels.get((i as usize).checked_sub(self.geometry.triangle_count())?)
     }
 
     /// Converts a point from the local to the world frame.
@@ -211,9 +251,12 @@ impl Scene {
 
     /// Whether primitive `i` is static.
     pub fn is_still(&self, i: u32) -> bool {
-        let (i, triangles) = (i as usize, self.geometry.triangles.len());
-        !self.moving_parts.iter().any(|m| match i.checked_sub(triangles) {
-            None => m.triangles.contains(&i),
+        let (g, i) = (&self.geometry, i as usize);
+        !self.moving_parts.iter().any(|m| match i.checked_sub(g.triangle_count()) {
+            None => match g.triangle_at(i) {
+                TriangleAt::Stored(index) => m.triangles.contains(&index),
+                TriangleAt::Field(..) => false,
+            },
             Some(cube) => m.cubes.contains(&cube),
         })
     }
@@ -229,6 +272,7 @@ impl Scene {
             + vec_bytes(&self.geometry.triangles)
             + vec_bytes(&self.geometry.cubes)
             + vec_bytes(&self.voxels)
+            + self.geometry.fields.iter().map(HeightField::memory).sum::<usize>()
             + self.surface_ids.memory()
             + self.surfaces.capacity() * size_of::<Surface>()
             + self.parts.capacity() * size_of::<Part>()
@@ -245,8 +289,14 @@ impl Scene {
         let count = self.geometry.triangles.len();
         // For each primitive, the height to compare and the height to return.
         let triangles = (0..count).filter(|&i| ground(i)).filter_map(|i| {
-            let z = height_in_triangle(self.geometry.triangle(i), x, y)?;
+            let z = height_in_triangle(self.geometry.stored_triangle(i), x, y)?;
             Some((z, z))
+        });
+        let fields =
+            self.geometry.fields.iter().zip(&self.field_surfaces).filter(|(_, s)| is_ground[**s as usize]);
+        let in_fields = fields.flat_map(|(field, _)| {
+            let near = field.triangles_near(x, y).filter_map(|i| field.triangle(i));
+            near.filter_map(|corners| height_in_triangle(corners, x, y))
         });
         let cubes =
             self.geometry.cubes.iter().enumerate().filter(|(i, _)| ground(count + i)).filter_map(|(_, c)| {
@@ -254,6 +304,7 @@ impl Scene {
                 within.then_some((c.centre.z - c.half, c.centre.z + c.half))
             });
         triangles
+            .chain(in_fields.map(|z| (z, z)))
             .chain(self.instances_over(&is_ground_material, x, y).map(|z| (z, z)))
             .chain(cubes)
             .reduce(|best, next| if next.0 < best.0 { next } else { best })
@@ -267,7 +318,13 @@ impl Scene {
         let is_ground: Vec<bool> = self.materials.iter().map(|m| m.is_ground).collect();
         let surfaces: Vec<bool> = self.surfaces.iter().map(|s| is_ground[s.material as usize]).collect();
         let own = self.surface_ids.iter().enumerate().filter(|(_, s)| surfaces[*s as usize]);
-        let own = own.map(|(i, _)| self.geometry.bounds_of(i));
+        let g = &self.geometry;
+        let own = own.map(|(i, _)| match i.checked_sub(g.triangles.len()) {
+            None => Aabb::around(g.stored_triangle(i)),
+            Some(cube) => g.bounds_of(g.triangle_count() + cube),
+        });
+        let fields = g.fields.iter().zip(&self.field_surfaces).filter(|(_, s)| surfaces[**s as usize]);
+        let own = own.chain(fields.map(|(field, _)| field.bounds()));
         let instances = self.instances.iter().flat_map(|set| {
             let has_ground: Vec<bool> =
                 set.materials.iter().map(|of| of.iter().any(|&m| is_ground[m as usize])).collect();
@@ -323,6 +380,7 @@ mod tests {
                 vertices: [vertices, lifted, roof].concat(),
                 triangles: vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [8, 9, 10]],
                 cubes: vec![Cube { centre: DVec3::new(6.0, 1.0, 0.0), half: 0.5 }],
+                ..Geometry::default()
             },
             surface_ids: vec![0, 0, 0, 1, 0].into(),
             surfaces: vec![Surface { part: 0, material: 0 }, Surface { part: 0, material: 1 }],

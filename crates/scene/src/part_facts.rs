@@ -36,9 +36,15 @@ impl PartFacts {
             let part = surface.part as usize;
             *counts[part].entry(surface.material).or_default() += 1;
             bounds[part] = match i.checked_sub(triangles) {
-                None => bounds[part].union(Aabb::around(scene.geometry.triangle(i))),
+                None => bounds[part].union(Aabb::around(scene.geometry.stored_triangle(i))),
                 Some(cube) => bounds[part].union(around_cube(&cubes[cube])),
             };
+        }
+        for (field, &surface) in scene.geometry.fields.iter().zip(&scene.field_surfaces) {
+            let surface = scene.surfaces[surface as usize];
+            let part = surface.part as usize;
+            *counts[part].entry(surface.material).or_default() += field.triangles() as u64;
+            bounds[part] = bounds[part].union(field.bounds());
         }
         if let Some(set) = &scene.instances {
             let of_model = |materials: &[u32]| {

@@ -29,11 +29,12 @@ pub(super) fn moments(centred: impl Iterator<Item = DVec3>) -> Moments {
 }
 
 /// The plane through the centre of the box around `points` that minimises the sum of their squared distances; `None`
-/// without points. The centroid would fit better, but the reference uses this plane for `onGround`.
-pub(super) fn fit(points: &[DVec3]) -> Option<Plane> {
-    let centre = Aabb::around(points.iter().copied()).centre();
-    let normal = least_direction(moments(points.iter().map(|&p| p - centre)));
-    (!points.is_empty()).then_some(Plane { centre, normal })
+/// without points. The centroid would fit better, but the reference uses this plane for `onGround`. `points` are listed twice.
+pub(super) fn fit<I: Iterator<Item = DVec3>>(points: impl Fn() -> I) -> Option<Plane> {
+    points().next()?;
+    let centre = Aabb::around(points()).centre();
+    let normal = least_direction(moments(points().map(|p| p - centre)));
+    Some(Plane { centre, normal })
 }
 
 /// Unit eigenvector of the smallest eigenvalue (Jacobi rotations; only +, −, ×, ÷ and square roots, so the result is
@@ -85,10 +86,10 @@ mod tests {
         let origin = DVec3::new(477_000.0, 5_474_500.0, 300.0);
         let points: Vec<DVec3> =
             (0..100).map(|i| origin + u * f64::from(i % 10) + w * f64::from(i / 10) * 2.0).collect();
-        let plane = fit(&points).unwrap();
+        let plane = fit(|| points.iter().copied()).unwrap();
         assert!((plane.normal.dot(normal).abs() - 1.0).abs() < 1e-12);
         assert!((plane.centre - points[0]).dot(normal).abs() < 1e-9);
-        assert!(fit(&[]).is_none());
+        assert!(fit(std::iter::empty).is_none());
     }
 
     #[test]
@@ -96,7 +97,7 @@ mod tests {
         let mut points: Vec<DVec3> =
             (0..100).map(|i| DVec3::new(f64::from(i % 10), f64::from(i / 10), 0.0)).collect();
         points[44].z = 2.0;
-        let plane = fit(&points).unwrap();
+        let plane = fit(|| points.iter().copied()).unwrap();
         assert_eq!(plane.centre, DVec3::new(4.5, 4.5, 1.0));
         assert!(plane.normal.z.abs() > 0.999);
     }
@@ -106,7 +107,7 @@ mod tests {
         for points in
             [vec![DVec3::ONE], vec![DVec3::ONE; 5], vec![DVec3::ZERO, DVec3::X * 1e-200, DVec3::X * 1e9]]
         {
-            assert!((fit(&points).unwrap().normal.length() - 1.0).abs() < 1e-12);
+            assert!((fit(|| points.iter().copied()).unwrap().normal.length() - 1.0).abs() < 1e-12);
         }
     }
 
@@ -120,7 +121,7 @@ mod tests {
             let others = (0..3).filter(|&i| i != least).all(|i| s[i] > 1.01 * s[least]);
             prop_assume!(others);
             let expected = r.apply(unit(axes[least]));
-            prop_assert!(fit(&points).unwrap().normal.dot(expected).abs() > 1.0 - 1e-9);
+            prop_assert!(fit(|| points.iter().copied()).unwrap().normal.dot(expected).abs() > 1.0 - 1e-9);
         }
     }
 }

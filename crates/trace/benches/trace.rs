@@ -1,4 +1,5 @@
-//! Rays per second of every tree over a wavy surface with blades upon it, by packet size, on one thread.
+//! Rays per second of every tree over a wavy surface with blades upon it, by packet size, on one thread; then those over the
+//! bare surface as triangles and as a height field.
 //!
 //! ```text
 //! cargo bench -p vlscan-trace                    half a million triangles
@@ -9,7 +10,10 @@
 
 use std::hint::black_box;
 use std::time::Instant;
-use vlscan_trace::{BuildOptions, Builder, DVec3, Geometry, Hits, RayGroup, TraceScratch, Tree};
+use vlscan_trace::{
+    BuildOptions, Builder, DVec3, Geometry, HeightField, HeightGrid, Heights, Hits, RayGroup, TraceScratch,
+    Tree,
+};
 
 const BUILDERS: [Builder; 5] = [Builder::Bvh, Builder::Fsah, Builder::AxisSah, Builder::Sah, Builder::Median];
 /// Groups of rays that are traced together.
@@ -18,24 +22,33 @@ const ROUNDS: usize = 5;
 
 fn main() {
     let side = std::env::args().skip(1).find_map(|word| word.parse().ok()).unwrap_or(440);
-    let surface = surface(side);
-    println!("{} triangles", surface.triangles.len());
+    let with_blades = surface(side, true);
+    println!("{} triangles", with_blades.triangles.len());
     println!(
         "{:<10}{:>10}{:>12}{:>14}{:>14}{:>14}",
         "tree", "build s", "B/triangle", "1 ray", "7 rays", "19 rays"
     );
     let sets = [1, 7, 19].map(|rays| groups(f64::from(side), rays));
     for builder in BUILDERS {
-        let started = Instant::now();
-        let tree = Tree::build(&surface, &BuildOptions::of(builder));
-        let built = started.elapsed().as_secs_f64();
-        let bytes = tree.memory() as f64 / surface.triangles.len() as f64;
-        print!("{:<10}{built:>10.2}{bytes:>12.0}", builder.name());
-        for set in &sets {
-            print!("{:>10.1} M/s", rays_per_s(&surface, &tree, set) * 1e-6);
-        }
-        println!();
+        measure(builder.name(), &with_blades, builder, &sets);
     }
+    println!("bare");
+    measure("bvh", &surface(side, false), Builder::Bvh, &sets);
+    measure("field", &field(side), Builder::Bvh, &sets);
+}
+
+/// Prints time and memory of a tree, and the rates of its rays.
+fn measure(name: &str, surface: &Geometry, builder: Builder, sets: &[Vec<RayGroup>]) {
+    let started = Instant::now();
+    let tree = Tree::build(surface, &BuildOptions::of(builder));
+    let built = started.elapsed().as_secs_f64();
+    let fields: usize = surface.fields.iter().map(HeightField::memory).sum();
+    let bytes = (tree.memory() + fields) as f64 / surface.triangle_count() as f64;
+    print!("{name:<10}{built:>10.2}{bytes:>12.1}");
+    for set in sets {
+        print!("{:>10.1} M/s", rays_per_s(surface, &tree, set) * 1e-6);
+    }
+    println!();
 }
 
 /// The rate of the quickest of several rounds.
@@ -53,9 +66,24 @@ fn rays_per_s(surface: &Geometry, tree: &Tree, set: &[RayGroup]) -> f64 {
     rays as f64 / (0..ROUNDS).map(round).fold(f64::INFINITY, f64::min)
 }
 
-/// Waves of 2 triangles per cell of 1 m, with an upright blade on every other cell.
-fn surface(side: u32) -> Geometry {
-    let height = |x: f64, y: f64| (x * 0.07).sin() * (y * 0.05).cos() * 5.0;
+fn height(x: f64, y: f64) -> f64 {
+    (x * 0.07).sin() * (y * 0.05).cos() * 5.0
+}
+
+/// The waves as a height field.
+fn field(side: u32) -> Geometry {
+    let count = side as usize;
+    let mut heights = Heights::single(count * count).expect("enough memory");
+    for y in 0..count {
+        let row: Vec<f64> = (0..count).map(|x| f64::from(height(x as f64, y as f64) as f32)).collect();
+        heights.set(y * count, &row).expect("enough memory");
+    }
+    let field = HeightField::new(HeightGrid::new(count, count), heights, 0).expect("few triangles");
+    Geometry { fields: vec![field], ..Geometry::default() }
+}
+
+/// Waves of 2 triangles per cell of 1 m, with an upright blade on every other cell or none.
+fn surface(side: u32, with_blades: bool) -> Geometry {
     let at = |x: u32, y: u32, up: f64| {
         let (x, y) = (f64::from(x), f64::from(y));
         DVec3::new(x, y, height(x, y) + up)
@@ -68,7 +96,7 @@ fn surface(side: u32) -> Geometry {
         let first = y * side + x;
         surface.triangles.push([first, first + 1, first + side]);
         surface.triangles.push([first + 1, first + side + 1, first + side]);
-        if (x + y) % 2 == 0 {
+        if with_blades && (x + y) % 2 == 0 {
             let tip = surface.vertices.len() as u32;
             surface.vertices.push(at(x, y, 0.3 + 0.01 * f64::from((x * 7 + y * 13) % 100)));
             surface.triangles.push([first, first + 1, tip]);

@@ -22,14 +22,15 @@ pub struct Block {
 impl Block {
     /// Creates the block of the primitives `ids`, all of one kind; [`Hits::MISS`] leaves a lane empty.
     pub fn of(geometry: &Geometry, frame: &Frame, ids: &[u32]) -> Block {
-        let triangles = geometry.triangles.len();
+        let triangles = geometry.triangle_count();
         if ids.first().is_some_and(|&id| id as usize >= triangles) {
             return Block::of_boxes(ids, |id| frame.local_box(&geometry.bounds_of(id as usize)));
         }
         let mut block = Block::EMPTY;
         for (lane, &id) in ids.iter().enumerate().filter(|(_, id)| **id != Hits::MISS) {
             block.id[lane] = id;
-            for (corner, vertex) in geometry.triangles[id as usize].into_iter().enumerate() {
+            for (corner, vertex) in geometry.triangles[geometry.index_of(id as usize)].into_iter().enumerate()
+            {
                 let p = frame.local(geometry.vertices[vertex as usize]);
                 block.put(corner, lane, p.to_array().map(|x| x as f32));
                 block.vertex[corner][lane] = vertex;
@@ -52,7 +53,7 @@ impl Block {
         block
     }
 
-    const EMPTY: Block = Block {
+    pub(crate) const EMPTY: Block = Block {
         corner: [[[f32::NAN; BLOCK_SIZE]; 3]; 3],
         id: [Hits::MISS; BLOCK_SIZE],
         vertex: [[0; BLOCK_SIZE]; 3],

@@ -46,7 +46,7 @@ pub(super) enum Nodes {
 }
 
 impl Tree {
-    /// Builds a tree over all primitives of `geometry`. Primitives with a coordinate that is NaN or infinite are left
+    /// Builds a tree over all primitives of `geometry` that are not part of a height field, which rays find without a tree. Primitives with a coordinate that is NaN or infinite are left
     /// out; no ray hits them. The result does not depend on the number of threads.
     pub fn build(geometry: &Geometry, options: &BuildOptions) -> Tree {
         Tree::build_where(geometry, options, |_| true)
@@ -58,7 +58,8 @@ impl Tree {
         options: &BuildOptions,
         keep: impl Fn(u32) -> bool + Send + Sync,
     ) -> Tree {
-        if options.jobs == 0 || geometry.len() <= MIN_SHARED_PRIMITIVES {
+        let stored = geometry.triangles.len() + geometry.cubes.len();
+        if options.jobs == 0 || stored <= MIN_SHARED_PRIMITIVES {
             // The global pool has all threads, or the build is too small to wake others.
             return build(geometry, options, keep);
         }
@@ -158,7 +159,7 @@ fn build(geometry: &Geometry, options: &BuildOptions, keep: impl Fn(u32) -> bool
     });
     let (nodes, slots, statistics) = match options.builder {
         Builder::Bvh => {
-            let (arena, statistics) = build_wide(geometry.triangles.len(), &frame, prims, options);
+            let (arena, statistics) = build_wide(geometry.triangle_count(), &frame, prims, options);
             (Nodes::Wide(arena.nodes), arena.slots, statistics)
         }
         _ => {

@@ -2,7 +2,7 @@
 //!
 //! ## Inside
 //!
-//! A [`Geometry`] holds triangles and cubes, a [`Tree`] is built over it, and [`Tree::nearest_where`] finds the first hit of a
+//! A [`Geometry`] holds triangles, cubes and height fields, a [`Tree`] is built over it, and [`Tree::nearest_where`] finds the first hit of a
 //! ray, [`Tree::trace_group`] those of many ([`RayGroup`], [`Hits`]). [`Instances`] place a model many times.
 //!
 //! | file | contents |
@@ -14,6 +14,7 @@
 //! | `frustum` | the filter: rays with one origin against planes, boxes and blocks of triangles |
 //! | `trace`, `trace_instances` | single rays |
 //! | `instances` | models with several placements |
+//! | `heights` | terrain as a grid of heights, whose triangles are computed when they are tested |
 //! | `parts` | trees as plain arrays and numbers, for files |
 //! | `kernel`, `simd` | packets of pulses; the instruction sets |
 //!
@@ -27,6 +28,7 @@ mod build;
 mod frame;
 mod frustum;
 mod geometry;
+mod heights;
 mod index;
 mod instances;
 mod intersect;
@@ -41,7 +43,8 @@ mod trace_instances;
 
 pub use block::Block;
 pub use frame::Frame;
-pub use geometry::{Cube, Geometry, Hit};
+pub use geometry::{Cube, Geometry, Hit, TriangleAt};
+pub use heights::{HeightField, HeightGrid, Heights};
 pub use index::Tree;
 pub use instances::{Instance, Instances, Model, Placement};
 pub use kernel::TraceScratch;

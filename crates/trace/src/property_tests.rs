@@ -131,7 +131,7 @@ fn geometry() -> impl Strategy<Value = Geometry> {
                 if flat < 3 {
                     vertices.iter_mut().for_each(|v| v[flat] = 0.0);
                 }
-                Geometry { vertices, triangles, cubes }
+                Geometry { vertices, triangles, cubes, ..Geometry::default() }
             })
     })
 }
@@ -264,9 +264,10 @@ fn trees_of_nothing_and_of_one_work() {
     let one = Geometry {
         vertices: vec![DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, -1.0, 0.0), DVec3::new(0.0, 1.0, 0.0)],
         triangles: vec![[0, 1, 2]],
-        cubes: vec![],
+        ..Geometry::default()
     };
-    let point = Geometry { vertices: vec![DVec3::ONE], triangles: vec![[0, 0, 0]; 40], cubes: vec![] };
+    let point =
+        Geometry { vertices: vec![DVec3::ONE], triangles: vec![[0, 0, 0]; 40], ..Geometry::default() };
     let same = Geometry { triangles: vec![[0, 1, 2]; 1000], ..one.clone() };
     let broken = Geometry {
         vertices: vec![DVec3::NAN, DVec3::ONE, DVec3::ZERO, DVec3::INFINITY],
@@ -275,6 +276,7 @@ fn trees_of_nothing_and_of_one_work() {
             Cube { centre: DVec3::NAN, half: 1.0 },
             Cube { centre: DVec3::Z * 4.0, half: f64::INFINITY },
         ],
+        ..Geometry::default()
     };
     for g in [empty, one, point, same, broken] {
         assert_agreement(

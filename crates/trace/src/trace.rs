@@ -41,17 +41,21 @@ impl Tree {
             return None;
         }
         let mut best: Option<Hit> = None;
-        let mut test = |id: u32| {
-            if accept(id)
-                && let Some(t) = intersect_exact(geometry, origin, direction, id)
+        let mut keep_nearest = |id: u32, found: Option<f64>| {
+            if let Some(t) = found
                 && best.is_none_or(|b| t < b.t || (t == b.t && id < b.primitive))
             {
                 best = Some(Hit { t, primitive: id });
             }
             best.map_or(f64::INFINITY, |b| b.t)
         };
-        match Frustum::around(&self.frame, origin, std::iter::once(direction)) {
-            Some(frustum) => self.walk(&frustum, f32::INFINITY, |block, mut mask, limit| {
+        let mut test = |id: u32| {
+            let found = if accept(id) { intersect_exact(geometry, origin, direction, id) } else { None };
+            keep_nearest(id, found)
+        };
+        let frustum = Frustum::around(&self.frame, origin, std::iter::once(direction));
+        match &frustum {
+            Some(frustum) => self.walk(frustum, f32::INFINITY, |block, mut mask, limit| {
                 while mask != 0 {
                     let t = test(block.id[mask.trailing_zeros() as usize]);
                     *limit = frustum.limit(t);
@@ -62,6 +66,20 @@ impl Tree {
             None => self.blocks.iter().flat_map(|b| b.id).filter(|&id| id != Hits::MISS).for_each(|id| {
                 test(id);
             }),
+        }
+        for field in &geometry.fields {
+            match &frustum {
+                Some(frustum) => {
+                    let limit = frustum.limit(keep_nearest(Hits::MISS, None));
+                    field.walk(&self.frame, frustum, limit, |id, corners| {
+                        let found = if accept(id) { triangle(origin, direction, corners) } else { None };
+                        frustum.limit(keep_nearest(id, found))
+                    });
+                }
+                None => field.test_all(origin, direction, |id, t| {
+                    keep_nearest(id, accept(id).then_some(t));
+                }),
+            }
         }
         best
     }
@@ -177,7 +195,7 @@ fn is_met([lo, hi]: [f32; 2], limit: f32) -> bool {
 
 /// Distance at which a ray hits a primitive, by the exact test.
 fn intersect_exact(geometry: &Geometry, origin: DVec3, direction: DVec3, id: u32) -> Option<f64> {
-    let (i, triangles) = (id as usize, geometry.triangles.len());
+    let (i, triangles) = (id as usize, geometry.triangle_count());
     if i < triangles {
         triangle(origin, direction, geometry.triangle(i))
     } else {

@@ -69,7 +69,7 @@ pub(super) fn medium_event(
     if voxel.kind() == VoxelKind::Opaque {
         return MediumEvent::Scatter(0.0);
     }
-    let exit = exit(&scene.geometry.cubes[i as usize - scene.geometry.triangles.len()], from, direction);
+    let exit = exit(&scene.geometry.cubes[i as usize - scene.geometry.triangle_count()], from, direction);
     if exit.is_nan() || exit <= 0.0 {
         return MediumEvent::Lost;
     }
@@ -102,7 +102,7 @@ pub(super) fn leaf_extinction(
 ) -> Option<(f64, f64)> {
     let voxel = scene.voxel(i).filter(|v| v.kind() == VoxelKind::Transmittive)?;
     let sigma = extinction(voxel.density, leaf_angles(scene, i), corrections, direction);
-    let exit = exit(&scene.geometry.cubes[i as usize - scene.geometry.triangles.len()], from, direction);
+    let exit = exit(&scene.geometry.cubes[i as usize - scene.geometry.triangle_count()], from, direction);
     (sigma > 0.0 && exit > 0.0).then_some((exit, sigma))
 }
 
@@ -141,7 +141,7 @@ fn extinction(density: f64, table: Option<&LadTable>, corrections: &Corrections,
 /// Whether a ray that enters voxel `i` at `entry` metres runs through its interior or along a lower face; an upper face
 /// belongs to the neighbour.
 pub(super) fn is_within(scene: &Scene, i: u32, (from, direction): (DVec3, DVec3), entry: f64) -> bool {
-    let cube = (i as usize).checked_sub(scene.geometry.triangles.len());
+    let cube = (i as usize).checked_sub(scene.geometry.triangle_count());
     let Some(cube) = cube.and_then(|c| scene.geometry.cubes.get(c)) else { return true };
     let middle = from + direction * (0.5 * (entry + exit(cube, from, direction)));
     middle.cmpge(cube.centre - cube.half).all() && middle.cmplt(cube.centre + cube.half).all()
@@ -164,7 +164,7 @@ fn exit(cube: &Cube, from: DVec3, direction: DVec3) -> f64 {
 /// The voxels of foliage that contain or touch `point`: rays that start there never enter them. `size` is the edge of
 /// the scene's largest cube.
 pub(super) fn voxels_around(scene: &Scene, tree: &Tree, point: DVec3, size: f64) -> Vec<u32> {
-    let first_cube = scene.geometry.triangles.len();
+    let first_cube = scene.geometry.triangle_count();
     let contains = |i: u32| {
         let cube = (i as usize).checked_sub(first_cube).and_then(|c| scene.geometry.cubes.get(c));
         cube.is_some_and(|c| (point - c.centre).abs().cmple(DVec3::splat(c.half)).all())

@@ -112,7 +112,7 @@ impl<'a> SceneView<'a> {
             scratch.continuum.clear(&instrument.detector);
         }
         let may_be_occluded = !around.is_empty() || self.visible_bounds.is_some();
-        let (triangles, own) = (self.scene.geometry.triangles.len(), self.scene.geometry.len());
+        let (triangles, own) = (self.scene.geometry.triangle_count(), self.scene.geometry.len());
         let is_triangle = |i: u32| (i as usize) < triangles || (i as usize >= own && i != Hits::MISS);
         let mut surface = ShadedSurface::none(self.scene);
         let t = traced.t.as_flattened();
@@ -315,7 +315,7 @@ impl<'a> ShadedSurface<'a> {
             return self.plane_cosine(direction);
         }
         let geometry = &self.scene.geometry;
-        let cube = &geometry.cubes[self.local as usize - geometry.triangles.len()];
+        let cube = &geometry.cubes[self.local as usize - geometry.triangle_count()];
         face_of_cube(at.point(direction) - cube.centre, cube.half).dot(direction).abs().min(1.0)
     }
 

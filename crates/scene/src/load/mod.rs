@@ -276,7 +276,10 @@ fn load_files(
         match &part.loader {
             Loader::MeshFiles { reading, .. } => mesh::load(scene, &target, &source, reading, names)?,
             Loader::Mesh(_) => {}
-            Loader::GeoTiff { .. } => raster::load(scene, &target, &source, materials[0])?,
+            Loader::GeoTiff { .. } => {
+                let keeps_grid = raster::keeps_grid(part) && !scene.options.triangulate_rasters;
+                raster::load(scene, &target, &source, materials[0], keeps_grid)?;
+            }
             Loader::Xyz(loader) => cloud::load(scene, &target, &source, loader, &materials)?,
             Loader::DetailedVoxels(loader) => {
                 densities.extend(voxel::load(scene, &target, &source, loader, &materials)?);
@@ -306,6 +309,9 @@ fn apply_transform(scene: &mut SceneBuilder, loader: &Loader, transform: &Transf
         Loader::DetailedVoxels(_) => Transform { scale: 1.0, ..*transform },
         Loader::MeshFiles { .. } | Loader::GeoTiff { .. } | Loader::Xyz(_) | Loader::Mesh(_) => *transform,
     };
+    scene.geometry.fields[extent.fields.clone()]
+        .iter_mut()
+        .for_each(|field| field.translate(transform.offset));
     scene.geometry.cubes[extent.cubes.clone()].par_iter_mut().for_each(|cube| {
         cube.centre = of_centres.apply(cube.centre);
         cube.half *= transform.scale.abs();
@@ -361,13 +367,13 @@ fn check_coordinates(scene: &mut SceneBuilder, id: &str, bounds: Aabb, body: &Bo
 fn freeze(scene: SceneBuilder, first: Option<SceneFrame>, keep_frame: bool) -> Result<(Scene, Diagnostics)> {
     let SceneBuilder { mut geometry, mut voxels, library, mut sources, .. } = scene;
     let mut instances = instances::freeze(scene.meshes, geometry.len())?;
-    let all =
-        Extent { vertices: 0..geometry.vertices.len(), triangles: 0..0, cubes: 0..geometry.cubes.len() };
+    let all = Extent { triangles: 0..0, ..Extent::of(&geometry) };
     let own = ground::bounds(&geometry, &all);
     let world = instances.as_ref().map_or(own, |set| set.instances.exact_bounds(own));
     let shift = first.map_or_else(|| world.centre(), |first| first.shift);
     geometry.vertices.par_iter_mut().for_each(|v| *v -= shift);
     geometry.cubes.par_iter_mut().for_each(|c| c.centre -= shift);
+    geometry.fields.iter_mut().for_each(|field| field.shift(shift));
     if let Some(instances) = instances.as_mut().and_then(|set| Arc::get_mut(&mut set.instances)) {
         instances.shift = shift;
     }
@@ -387,6 +393,7 @@ fn freeze(scene: SceneBuilder, first: Option<SceneFrame>, keep_frame: bool) -> R
         bounds: first.map_or(found, |first| first.bounds(found, keep_frame)),
         geometry,
         surface_ids: surface_ids.into(),
+        field_surfaces: scene.field_surfaces,
         surfaces: scene.surfaces,
         parts: scene.parts,
         relevant_rules: library.relevant_rules.or(scene.leaf_table_rules),

@@ -32,7 +32,7 @@ pub(super) struct PlannedPart {
     pub centre: DVec3,
     /// The part alone in its initial pose, numbered from 0.
     pub rest: Scene,
-    /// Indices of its triangles in the complete scene.
+    /// Numbers of its triangles in the complete scene.
     pub triangles: Range<usize>,
     /// Indices of its cubes among the scene's cubes.
     pub cubes: Range<usize>,
@@ -75,13 +75,13 @@ impl MotionPlan {
                     refresh_interval,
                     centre: rest.geometry.bounds().centre(),
                     rest,
-                    triangles: part.triangles.clone(),
+                    triangles: numbers_of(scene, &part.triangles),
                     cubes: part.cubes.clone(),
                 }
             })
             .collect();
         let update_interval = period.map_or(u64::from(scene.dyn_step), |t| whole_steps(pulse_rate * t));
-        Some(MotionPlan { update_interval, parts, triangles: scene.geometry.triangles.len() })
+        Some(MotionPlan { update_interval, parts, triangles: scene.geometry.triangle_count() })
     }
 }
 
@@ -146,6 +146,12 @@ fn transform_of(motion: &Motion, shift: DVec3) -> Affine {
     }
 }
 
+/// The numbers of some stored triangles of one part, which follow each other.
+fn numbers_of(scene: &Scene, stored: &Range<usize>) -> Range<usize> {
+    let first = scene.geometry.number_of(stored.start);
+    first..first + stored.len()
+}
+
 /// Copies a moving part into a separate scene.
 fn extract_part(scene: &Scene, moving: &MovingPart) -> Scene {
     let g = &scene.geometry;
@@ -154,6 +160,7 @@ fn extract_part(scene: &Scene, moving: &MovingPart) -> Scene {
         vertices: g.vertices[moving.vertices.clone()].to_vec(),
         triangles: g.triangles[moving.triangles.clone()].iter().map(|t| t.map(|v| v - first)).collect(),
         cubes: g.cubes[moving.cubes.clone()].to_vec(),
+        ..Geometry::default()
     };
     let count = g.triangles.len();
     let cubes = count + moving.cubes.start..count + moving.cubes.end;

@@ -1,8 +1,8 @@
 //! Scenes as arrays and values of a file.
 
 use super::trees::{
-    read_geometry, read_instance_trees, read_instances, read_tree, write_geometry, write_instance_trees,
-    write_instances, write_tree,
+    read_fields, read_geometry, read_instance_trees, read_instances, read_tree, write_fields, write_geometry,
+    write_instance_trees, write_instances, write_tree,
 };
 use crate::{InstanceSet, MovingPart, PackedTree, Scene, Surface, SurfaceIds};
 use std::ops::Range;
@@ -43,9 +43,11 @@ pub(super) fn write(scene: &Scene, tree: &Tree, epoch: u32, out: &mut ArrayFileW
         (scene.shift, scene.bounds, &scene.surfaces, &scene.parts, &scene.materials),
         (scene.dyn_step, scene.dyn_time_step, &scene.crs, &scene.moving_parts, scene.sizes()),
         scene.instances.as_ref().map(|set| &set.parts),
+        &scene.field_surfaces,
     );
     out.value(name("values"), &values)?;
     write_geometry(&scene.geometry, &name("own"), out)?;
+    write_fields(&scene.geometry.fields, &prefix(epoch), out)?;
     out.array(name("voxels"), &scene.voxels)?;
     scene.surface_ids.pack(name("surfaces"), out)?;
     write_tree(tree, &name("tree"), out)?;
@@ -69,6 +71,7 @@ pub(super) fn read_scene(file: &ArrayFile, epoch: u32, builder: Builder) -> Resu
         (shift, bounds, surfaces, parts, materials),
         (dyn_step, dyn_time_step, crs, moving_parts, sizes),
         instance_parts,
+        field_surfaces,
     ) = file.value(&name("values"))?;
     let mut scene = Scene {
         shift,
@@ -81,13 +84,19 @@ pub(super) fn read_scene(file: &ArrayFile, epoch: u32, builder: Builder) -> Resu
         crs,
         moving_parts,
         packed_sizes: Some(sizes),
-        geometry: read_geometry(&name("own"), file)?,
+        geometry: Geometry {
+            fields: read_fields(&prefix(epoch), file)?,
+            ..read_geometry(&name("own"), file)?
+        },
+        field_surfaces,
         voxels: file.array(&name("voxels"))?,
         surface_ids: SurfaceIds::unpack(&name("surfaces"), file)?,
         ..Scene::default()
     };
-    let (primitives, cubes) = (scene.geometry.len(), scene.geometry.cubes.len());
-    if scene.surface_ids.len() != primitives || scene.voxels.len() != cubes {
+    let (g, cubes) = (&scene.geometry, scene.geometry.cubes.len());
+    let stored = g.triangles.len() + cubes;
+    let are_fields = scene.field_surfaces.len() == g.fields.len() && are_numbered(g);
+    if scene.surface_ids.len() != stored || scene.voxels.len() != cubes || !are_fields {
         return Err(file.refuse("its arrays do not match"));
     }
     let mut tree = read_tree(&name("tree"), file)?;
@@ -109,6 +118,18 @@ pub(super) fn read_scene(file: &ArrayFile, epoch: u32, builder: Builder) -> Resu
     Ok(scene)
 }
 
+/// Whether the numbers of height fields are those of no other triangles.
+fn are_numbered(g: &Geometry) -> bool {
+    let mut next = 0;
+    let are_apart = g.fields.iter().all(|field| {
+        let numbers = field.numbers();
+        let is_after = numbers.start >= next;
+        next = numbers.end;
+        is_after
+    });
+    are_apart && next <= g.triangle_count()
+}
+
 /// Whether the numbers in everything but the large arrays are those of existing things.
 fn are_numbers_valid(scene: &Scene) -> bool {
     let (parts, materials, g) = (scene.parts.len(), scene.materials.len(), &scene.geometry);
@@ -128,6 +149,7 @@ fn are_numbers_valid(scene: &Scene) -> bool {
             && set.materials.iter().zip(models).all(|(of, m)| of.len() == m.geometry.triangles.len())
     };
     scene.surfaces.iter().all(is_surface)
+        && scene.field_surfaces.iter().all(|&s| (s as usize) < scene.surfaces.len())
         && scene.moving_parts.iter().all(is_moving)
         && scene.instances.as_ref().is_none_or(are_instances)
 }

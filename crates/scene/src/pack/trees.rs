@@ -4,7 +4,9 @@ use std::sync::Arc;
 use vlscan_base::error::Result;
 use vlscan_base::store::{ArrayFile, ArrayFileWriter};
 use vlscan_geom::{Aabb, DVec3};
-use vlscan_trace::{Geometry, Instances, Model, NodeArray, Placement, Tree, TreeParts};
+use vlscan_trace::{
+    Geometry, HeightField, HeightGrid, Heights, Instances, Model, NodeArray, Placement, Tree, TreeParts,
+};
 
 /// Writes the arrays of a geometry under names that begin with `name`.
 pub(super) fn write_geometry(geometry: &Geometry, name: &str, out: &mut ArrayFileWriter) -> Result<()> {
@@ -22,7 +24,47 @@ pub(super) fn read_geometry(name: &str, file: &ArrayFile) -> Result<Geometry> {
         vertices: file.array(&format!("{name}.vertices"))?,
         triangles: file.array(&format!("{name}.triangles"))?,
         cubes: file.array(&format!("{name}.cubes"))?,
+        ..Geometry::default()
     })
+}
+
+/// Writes the height fields under names that begin with `name`; their pyramids are computed when they are read.
+pub(super) fn write_fields(fields: &[HeightField], name: &str, out: &mut ArrayFileWriter) -> Result<()> {
+    let grids: Vec<_> = fields.iter().map(|field| (field.grid(), field.first())).collect();
+    out.value(format!("{name}fields"), &grids)?;
+    for (i, field) in fields.iter().enumerate() {
+        let name = format!("{name}heights {i}");
+        match field.heights() {
+            Heights::Short { base, values } => {
+                out.value(format!("{name}.least"), base)?;
+                out.array(name, values)?;
+            }
+            Heights::Single(values) => out.array(name, values)?,
+            Heights::Double(values) => out.array(name, values)?,
+        }
+    }
+    Ok(())
+}
+
+/// Reads the height fields of [`write_fields`].
+///
+/// # Errors
+/// As for [`ArrayFile::array`].
+pub(super) fn read_fields(name: &str, file: &ArrayFile) -> Result<Vec<HeightField>> {
+    let grids: Vec<(HeightGrid, u32)> = file.value(&format!("{name}fields"))?;
+    let field = |(i, (grid, first)): (usize, (HeightGrid, u32))| {
+        let name = format!("{name}heights {i}");
+        let heights = match file.element(&name) {
+            Some(2) => {
+                Heights::Short { base: file.value(&format!("{name}.least"))?, values: file.array(&name)? }
+            }
+            Some(8) => Heights::Double(file.array(&name)?),
+            _ => Heights::Single(file.array(&name)?),
+        };
+        HeightField::new(grid, heights, first as usize)
+            .ok_or_else(|| file.refuse("its height fields are not those of its arrays"))
+    };
+    grids.into_iter().enumerate().map(field).collect()
 }
 
 /// Writes a tree without its instances under names that begin with `name`.

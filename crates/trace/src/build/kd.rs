@@ -153,7 +153,7 @@ impl Build<'_> {
             return Sums::ZERO;
         }
         let first = arena.slots.len() / BLOCK_SIZE;
-        let triangles = self.search.geometry.triangles.len();
+        let triangles = self.search.geometry.triangle_count();
         let blocks = append_leaf(&mut arena.slots, triangles, prims.iter().map(|p| p.id));
         arena.nodes[slot] = KdNode::leaf(first, blocks);
         Sums::leaf(cell.area, prims.len(), depth)

@@ -13,12 +13,10 @@ pub(crate) struct Prim {
     pub hi: [f32; 3],
 }
 
-/// Collects the primitives that `keep` accepts and a ray can hit, which excludes those with a NaN or infinite
+/// Collects the stored primitives that `keep` accepts and a ray can hit, which excludes those with a NaN or infinite
 /// coordinate.
 pub(crate) fn collect(geometry: &Geometry, frame: &Frame, keep: impl Fn(u32) -> bool + Sync) -> Vec<Prim> {
-    (0..geometry.len())
-        .into_par_iter()
-        .with_min_len(4096)
+    stored(geometry)
         .filter(|&i| is_solid(geometry, i) && keep(i as u32))
         .map(|i| {
             let (lo, hi) = frame.local_box(&geometry.bounds_of(i));
@@ -27,21 +25,32 @@ pub(crate) fn collect(geometry: &Geometry, frame: &Frame, keep: impl Fn(u32) -> 
         .collect()
 }
 
+/// The numbers of all primitives that are not part of a height field.
+fn stored(geometry: &Geometry) -> impl IndexedParallelIterator<Item = usize> {
+    let (triangles, cubes) = (geometry.triangles.len(), geometry.triangle_count());
+    (0..triangles + geometry.cubes.len()).into_par_iter().with_min_len(4096).map(move |i| {
+        match i.checked_sub(triangles) {
+            None => geometry.number_of(i),
+            Some(cube) => cubes + cube,
+        }
+    })
+}
+
 fn is_solid(geometry: &Geometry, i: usize) -> bool {
-    if i < geometry.triangles.len() {
+    if i < geometry.triangle_count() {
         return geometry.triangle(i).iter().all(|p| p.is_finite());
     }
     let b = geometry.bounds_of(i);
     b.min.is_finite() && b.max.is_finite() && !b.is_empty()
 }
 
-/// Returns the frame around all primitives that can be hit.
+/// Returns the frame around all primitives that can be hit, also those of height fields.
 pub(crate) fn frame_of(geometry: &Geometry) -> Frame {
-    let bounds = (0..geometry.len())
-        .into_par_iter()
-        .with_min_len(4096)
+    let fields =
+        geometry.fields.iter().fold(vlscan_geom::Aabb::EMPTY, |all, field| all.union(field.bounds()));
+    let bounds = stored(geometry)
         .filter(|&i| is_solid(geometry, i))
         .map(|i| geometry.bounds_of(i))
         .reduce(|| vlscan_geom::Aabb::EMPTY, |a, b| a.union(b));
-    Frame::around(&bounds)
+    Frame::around(&bounds.union(fields))
 }

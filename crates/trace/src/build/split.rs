@@ -178,11 +178,11 @@ impl Search<'_> {
 
     fn centroid(&self, id: u32, axis: usize) -> f64 {
         let id = id as usize;
-        if id < self.geometry.triangles.len() {
+        if id < self.geometry.triangle_count() {
             let [a, b, c] = self.geometry.triangle(id).map(|p| self.frame.local(p)[axis]);
             return (a + b + c) / 3.0;
         }
-        self.frame.local(self.geometry.cubes[id - self.geometry.triangles.len()].centre)[axis]
+        self.frame.local(self.geometry.cubes[id - self.geometry.triangle_count()].centre)[axis]
     }
 }
 

@@ -8,9 +8,10 @@ use super::lanes::{PACKET_SIZE, PerPulse};
 use super::packet::PacketFrustum;
 use super::sides::Sides;
 use super::spread::{Deviations, OriginOffsets};
+use crate::RayGroup;
 use crate::block::{BLOCK_SIZE, Block};
 use crate::simd::{Simd, prefetch};
-use crate::{Geometry, RayGroup};
+use vlscan_geom::DVec3;
 
 /// Number of rays processed together.
 pub(super) const SPAN: usize = 32;
@@ -199,9 +200,13 @@ fn all_if(condition: bool) -> u32 {
 
 #[derive(Clone, Copy)]
 pub(super) struct StepInput<'k, S: Simd> {
-    pub blocks: &'k PendingBlocks<'k>,
+    /// The pending blocks.
+    pub blocks: [Option<&'k Block>; MAX_PENDING_BLOCKS],
+    /// The depths of the pending blocks.
+    pub pending: &'k PendingBlocks<'k>,
     pub frustum: &'k PacketFrustum<S>,
-    pub geometry: &'k Geometry,
+    /// The vertices that blocks refer to.
+    pub vertices: &'k [DVec3],
     pub deviations: &'k [Deviations],
     /// Origins of the rays of merged pulses; empty for others.
     pub offsets: &'k [OriginOffsets],
@@ -219,11 +224,11 @@ pub(super) fn find_sides<S: Simd, const MERGED: bool>(
     lists: &mut CandidateLists,
     input: StepInput<S>,
 ) {
-    let StepInput { blocks, frustum, geometry, .. } = input;
+    let StepInput { blocks, frustum, vertices, .. } = input;
     let batches = lists.batches[..lists.batch_count].iter().zip(lists.pairs.as_chunks::<BLOCK_SIZE>().0);
     let (mut partial_count, mut covered_count) = (0, 0);
     for ((first, (batch, pairs)), sides) in (0..).step_by(BLOCK_SIZE).zip(batches).zip(&mut lists.sides) {
-        let Some(block) = blocks.blocks[batch.block as usize % MAX_PENDING_BLOCKS] else { continue };
+        let Some(block) = blocks[batch.block as usize % MAX_PENDING_BLOCKS] else { continue };
         let [any, all] = sides.set::<S, MERGED>(frustum, block, pairs);
         let (partial, covered) = (batch.used & any & !all, batch.used & all);
         if let Some(free) = lists.partial[partial_count..].first_chunk_mut() {
@@ -238,9 +243,9 @@ pub(super) fn find_sides<S: Simd, const MERGED: bool>(
     (lists.partial_count, lists.covered_count) = (partial_count, covered_count);
     for n in lists.covered[..covered_count].iter().chain(&lists.partial[..partial_count]) {
         let pair = lists.pairs[*n as usize % PAIRS_LEN];
-        let Some(block) = blocks.blocks[block_of(pair)] else { continue };
+        let Some(block) = blocks[block_of(pair)] else { continue };
         for corner in &block.vertex {
-            prefetch(geometry.vertices.as_ptr().wrapping_add(corner[lane_of(pair)] as usize));
+            prefetch(vertices.as_ptr().wrapping_add(corner[lane_of(pair)] as usize));
         }
     }
 }
@@ -256,7 +261,7 @@ pub(super) fn find_inside<S: Simd, const MERGED: bool>(
     occlusion: &mut Occlusion,
     valid: u32,
 ) -> (usize, usize) {
-    let StepInput { blocks, frustum, deviations, offsets, wide, span, .. } = input;
+    let StepInput { pending, frustum, deviations, offsets, wide, span, .. } = input;
     let (first, is_single) = (2 * span, wide <= 2);
     let (mut count, mut open_count) = (0, 0);
     let CandidateLists { pairs, sides, covered, covered_count, partial, partial_count, inside, open, .. } =
@@ -264,9 +269,9 @@ pub(super) fn find_inside<S: Simd, const MERGED: bool>(
     // Pulses entirely inside come first, because they occlude most of the others.
     for n in &covered[..*covered_count] {
         let pair = pairs[*n as usize % PAIRS_LEN];
-        let rays = valid & !occlusion.occluded_rays(blocks, pair);
+        let rays = valid & !occlusion.occluded_rays(pending, pair);
         if is_single {
-            occlusion.mark_occluded(blocks, &frustum.start, pair, rays);
+            occlusion.mark_occluded(pending, &frustum.start, pair, rays);
         }
         inside[count % PLANES_LEN] = Inside { pair, strictly: rays, maybe: rays };
         count += usize::from(rays != 0);
@@ -274,7 +279,7 @@ pub(super) fn find_inside<S: Simd, const MERGED: bool>(
     let mut left = 0;
     for n in 0..*partial_count {
         let index = partial[n];
-        let occluded = occlusion.occluded_rays(blocks, pairs[index as usize % PAIRS_LEN]);
+        let occluded = occlusion.occluded_rays(pending, pairs[index as usize % PAIRS_LEN]);
         partial[left] = index;
         left += usize::from(valid & !occluded != 0);
     }
@@ -289,10 +294,10 @@ pub(super) fn find_inside<S: Simd, const MERGED: bool>(
             let (s, m) = sides.inside::<S, MERGED>(simd, lane, &deviations[row + 1], offsets.get(row + 1));
             (strictly, maybe) = (strictly | s << 16, maybe | m << 16);
         }
-        let valid = valid & !occlusion.occluded_rays(blocks, pair);
+        let valid = valid & !occlusion.occluded_rays(pending, pair);
         (strictly, maybe) = (strictly & valid, maybe & valid);
         if is_single {
-            occlusion.mark_occluded(blocks, &frustum.start, pair, strictly);
+            occlusion.mark_occluded(pending, &frustum.start, pair, strictly);
         }
         inside[count % PLANES_LEN] = Inside { pair, strictly, maybe };
         open[open_count % CANDIDATES_LEN] = count as u32;
@@ -310,12 +315,12 @@ pub(super) fn refine_inside<S: Simd, const MERGED: bool>(
     input: StepInput<S>,
     open: usize,
 ) {
-    let StepInput { blocks, frustum, geometry, deviations, offsets, wide, span } = input;
+    let StepInput { blocks, frustum, vertices, deviations, offsets, wide, span, .. } = input;
     for n in &lists.open[..open] {
         let inside = &mut lists.inside[*n as usize % PLANES_LEN];
         let (pair, pulse) = (inside.pair, pulse_of(inside.pair));
-        let Some(block) = blocks.blocks[block_of(pair)] else { continue };
-        let corners = [0, 1, 2].map(|c| geometry.vertices[block.vertex[c][lane_of(pair)] as usize]);
+        let Some(block) = blocks[block_of(pair)] else { continue };
+        let corners = [0, 1, 2].map(|c| vertices[block.vertex[c][lane_of(pair)] as usize]);
         let extent = PulseExtent {
             width: f64::from(frustum.lane_shears.width.0[pulse]),
             reach: f64::from(frustum.lane_shears.reach.0[pulse]),
@@ -346,15 +351,15 @@ pub(super) fn find_planes<S: Simd>(
     count: usize,
     (first, stride): (usize, usize),
 ) -> (usize, u32) {
-    let StepInput { blocks, frustum, geometry, .. } = input;
+    let StepInput { blocks, frustum, vertices, .. } = input;
     let (axis, forward) = (frustum.axes[0], f64::from(frustum.forward));
     let (mut listed, mut touched) = (0, 0);
     let CandidateLists { inside, planes, candidates, .. } = lists;
     for (n, (Inside { pair, strictly, maybe }, plane)) in inside[..count].iter().zip(planes).enumerate() {
         let (pulse, lane) = (pulse_of(*pair), lane_of(*pair));
-        let Some(block) = blocks.blocks[block_of(*pair)] else { continue };
+        let Some(block) = blocks[block_of(*pair)] else { continue };
         let vertex = [block.vertex[0][lane], block.vertex[1][lane], block.vertex[2][lane]];
-        let corners = vertex.map(|v| geometry.vertices[v as usize].as_ref());
+        let corners = vertex.map(|v| vertices[v as usize].as_ref());
         touched |= 1 << pulse;
         (plane.id, plane.vertex, plane.pulse) = (block.id[lane], vertex, pulse as u32);
         let heading = Heading { axis, forward, max_along: frustum.max_along[pulse] };
@@ -422,16 +427,16 @@ pub(super) fn find_merged_distances<S: Simd>(
     (first, count): (usize, usize),
 ) -> (usize, u32) {
     const REGISTERS: usize = RayGroup::MERGED_RAYS / RayGroup::WIDTH;
-    let StepInput { blocks, frustum, geometry, .. } = input;
+    let StepInput { blocks, frustum, vertices, .. } = input;
     let RayRegisters { directions, t, ids } = rays;
     let (axis, forward) = (frustum.axes[0], f64::from(frustum.forward));
     let (mut open_count, mut touched) = (0, 0);
     let CandidateLists { inside, planes, candidates, open, .. } = lists;
     for (n, Inside { pair, strictly, maybe }) in inside[..count].iter().enumerate() {
         let (pulse, lane) = (pulse_of(*pair), lane_of(*pair));
-        let Some(block) = blocks.blocks[block_of(*pair)] else { continue };
+        let Some(block) = blocks[block_of(*pair)] else { continue };
         let vertex = [block.vertex[0][lane], block.vertex[1][lane], block.vertex[2][lane]];
-        let corners = vertex.map(|v| &geometry.vertices[v as usize]);
+        let corners = vertex.map(|v| &vertices[v as usize]);
         touched |= 1 << pulse;
         let heading = Heading { axis, forward, max_along: frustum.max_along[pulse] };
         let plane = &mut planes[n % PLANES_LEN];

@@ -49,7 +49,7 @@ pub(super) fn hit_instance<S: Simd>(
     let mut touched = 0;
     for Inside { pair, strictly, maybe } in &inside[..count] {
         let (pulse, lane) = (pulse_of(*pair), lane_of(*pair));
-        let Some(block) = blocks.blocks[block_of(*pair)] else { continue };
+        let Some(block) = blocks[block_of(*pair)] else { continue };
         touched |= 1 << pulse;
         let origin = frame.origins[pulse];
         let vertex = |c: usize| vertices[block.vertex[c][lane] as usize];

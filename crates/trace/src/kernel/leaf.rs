@@ -31,7 +31,12 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
             self.hit_cubes(block, mask, hi);
             return;
         }
-        self.pair_triangles(block, mask, enter, lo, hi);
+        self.pair_triangles(Some(block), mask, enter, lo, hi);
+    }
+
+    /// Finds the hits of the pending pairs if there are enough of them.
+    #[inline(always)]
+    fn flush_full(&mut self) {
         if self.blocks.count == MAX_PENDING_BLOCKS || self.lists.batch_count * BLOCK_SIZE >= MIN_PENDING_PAIRS
         {
             self.flush_candidates();
@@ -133,12 +138,14 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
     /// Borrows the parts of the traversal that a step needs.
     #[inline(always)]
     fn step(&mut self, span: usize) -> Step<'_, 'a, S> {
+        let [first, second] = &self.leaves.blocks;
         Step {
             lists: &mut *self.lists,
             input: StepInput {
-                blocks: &self.blocks,
+                blocks: if self.is_field { [Some(first), Some(second)] } else { self.blocks.blocks },
+                pending: &self.blocks,
                 frustum: &self.frustum,
-                geometry: self.geometry,
+                vertices: if self.is_field { &self.leaves.vertices } else { &self.geometry.vertices },
                 deviations: self.deviations,
                 offsets: self.offsets,
                 wide: self.wide,
@@ -172,22 +179,24 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         self.limit.0[pulse] = (depth * 1.000_000_4) as f32;
     }
 
-    /// Finds, for each pulse in `mask`, the triangles whose slopes overlap those of the pulse. `enter` is the
+    /// Finds, for each pulse in `mask`, the triangles whose slopes overlap those of the pulse, in a block of a tree, or in the
+    /// next one of [`PacketTraversal::leaves`]. Their hits may be found together with those of a later block. `enter` is the
     /// approximate minimum depth of the block.
     #[inline(always)]
-    fn pair_triangles(
+    pub(super) fn pair_triangles(
         &mut self,
-        block: &'a Block,
+        block: Option<&'a Block>,
         mut mask: u32,
         enter: f32,
         lo: &[f32; PACKET_SIZE],
         hi: &[f32; PACKET_SIZE],
     ) {
         let cover_offsets = enter >= self.frustum.small_offsets_from;
-        let slopes = BlockSlopes::of(&self.frustum, block, cover_offsets);
         let (slot, lists) = (self.blocks.count % MAX_PENDING_BLOCKS, &mut *self.lists);
+        let slopes =
+            BlockSlopes::of(&self.frustum, block.unwrap_or(&self.leaves.blocks[slot]), cover_offsets);
         slopes.store_depths(&mut self.blocks.near[slot], &mut self.blocks.far[slot]);
-        self.blocks.blocks[slot] = Some(block);
+        self.blocks.blocks[slot] = block;
         self.blocks.count += 1;
         let mut count = lists.batch_count * BLOCK_SIZE;
         while mask != 0 {
@@ -205,6 +214,7 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
             lists.batches[lists.batch_count] = Batch { block: slot as u32, used };
             lists.batch_count += 1;
         }
+        self.flush_full();
     }
 
     /// Tests the pulses in `mask` against a block of cubes, or of boxes of instances.
@@ -234,7 +244,7 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
 
     #[inline(always)]
     fn hit_cube(&mut self, pulse: usize, id: u32) {
-        let cube = self.geometry.cubes[id as usize - self.geometry.triangles.len()];
+        let cube = self.geometry.cubes[id as usize - self.geometry.triangle_count()];
         for register in pulse * self.registers..(pulse + 1) * self.registers {
             let (rays, first) = (self.rays, 8 * (register - pulse * self.registers));
             self.rays_of(register).intersect_cube(id, cube, |r| rays.origin_of(pulse, first + r));
@@ -259,7 +269,8 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         let candidates = self.lists.candidates[self.lists.open[n] as usize];
         let plane = &self.lists.planes[candidates.plane()];
         let (id, pulse) = (plane.id, self.first + plane.pulse as usize);
-        let corners = plane.vertex.map(|v| self.geometry.vertices[v as usize]);
+        let vertices = if self.is_field { &self.leaves.vertices[..] } else { &self.geometry.vertices };
+        let corners = plane.vertex.map(|v| vertices[v as usize]);
         let register = candidates.register();
         let (rays, first) = (self.rays, 8 * (register - pulse * self.registers));
         let origin = |r| rays.origin_of(pulse, first + r);

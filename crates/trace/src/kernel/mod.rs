@@ -16,6 +16,7 @@
 //! | `sides`, `edges` | the rays inside a triangle: in single precision, and in double precision where that is
 //! undecided |
 //! | `distance` | distances |
+//! | `heights` | traversal of height fields, whose leaves become blocks when they are visited |
 //! | `instances`, `instance_frame` | the instances that a packet hits, and their triangles in the frame of the model
 //! |
 
@@ -23,6 +24,7 @@ mod candidates;
 mod distance;
 mod edges;
 mod filter;
+mod heights;
 mod instance_frame;
 mod instances;
 mod lanes;
@@ -153,7 +155,11 @@ fn trace_packet<S: Simd>(
     };
     let mut packet = PacketTraversal::of(geometry, rays, pulses.start, hits.registers(), frustum, scratch);
     packet.limit.0[..pulses.len()].fill(f32::INFINITY);
-    packet.walk(tree, (1 << pulses.len()) - 1);
+    let all = (1 << pulses.len()) - 1;
+    packet.walk(tree, all);
+    for field in &geometry.fields {
+        packet.walk_field(field, &tree.frame, all);
+    }
     true
 }
 

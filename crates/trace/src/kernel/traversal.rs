@@ -1,11 +1,13 @@
 //! The state of a packet's traversal of a tree, and the memory that it borrows.
 
 use super::candidates::{CandidateLists, Occlusion, PendingBlocks};
+use super::heights::{FieldLeaves, FieldVisit};
 use super::instance_frame::{InstanceFrame, InstanceVisit};
 use super::lanes::{PACKET_SIZE, PerPulse};
 use super::packet::PacketFrustum;
 use super::spread::{Deviations, OriginOffsets};
 use crate::build::MAX_DEPTH;
+use crate::heights::MAX_FIELD_STACK;
 use crate::node::WideChild;
 use crate::simd::Simd;
 use crate::trace::MAX_WIDE_STACK;
@@ -35,6 +37,9 @@ pub(super) struct PacketTraversal<'a, S: Simd> {
     pub stacks: &'a mut Stacks,
     pub blocks: PendingBlocks<'a>,
     pub lists: &'a mut CandidateLists,
+    /// In a height field: the pending blocks, which are not those of a tree.
+    pub leaves: &'a mut FieldLeaves,
+    pub is_field: bool,
     /// In a tree over instances: the instances hit.
     pub visits: Option<&'a mut Vec<InstanceVisit>>,
     /// In the tree of a model: the instance.
@@ -72,6 +77,8 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
             stacks: &mut scratch.stacks,
             blocks: PendingBlocks::NONE,
             lists: &mut scratch.lists,
+            leaves: &mut scratch.leaves,
+            is_field: false,
             visits: None,
             instance: None,
         }
@@ -106,11 +113,15 @@ impl WideVisit {
 pub(super) struct Stacks {
     pub kd: [KdVisit; MAX_DEPTH as usize + 1],
     pub wide: [WideVisit; MAX_WIDE_STACK],
+    pub field: [FieldVisit; MAX_FIELD_STACK],
 }
 
 impl Stacks {
-    const EMPTY: Stacks =
-        Stacks { kd: [KdVisit::ROOT; MAX_DEPTH as usize + 1], wide: [WideVisit::ROOT; MAX_WIDE_STACK] };
+    const EMPTY: Stacks = Stacks {
+        kd: [KdVisit::ROOT; MAX_DEPTH as usize + 1],
+        wide: [WideVisit::ROOT; MAX_WIDE_STACK],
+        field: [FieldVisit::NONE; MAX_FIELD_STACK],
+    };
 }
 
 /// Memory of the traversal of one tree.
@@ -119,6 +130,7 @@ pub(super) struct PacketScratch {
     pub offsets: Vec<OriginOffsets>,
     pub stacks: Stacks,
     pub lists: CandidateLists,
+    pub leaves: FieldLeaves,
 }
 
 impl Default for PacketScratch {
@@ -128,6 +140,7 @@ impl Default for PacketScratch {
             offsets: Vec::new(),
             stacks: Stacks::EMPTY,
             lists: CandidateLists::EMPTY,
+            leaves: FieldLeaves::EMPTY,
         }
     }
 }

@@ -257,7 +257,7 @@ mod tests {
             for &position in &points {
                 sums.add(DVec3::splat(1000.5), &PointRow { position, ..PointRow::default() }, NormalRule::Plane);
             }
-            let plane = crate::plane::fit(&points).unwrap();
+            let plane = crate::plane::fit(|| points.iter().copied()).unwrap();
             let spread = points.iter().map(|p| (*p - plane.centre).length()).fold(0.0, f64::max);
             prop_assume!(spread > 0.3);
             let ours = sums.normal(NormalRule::Plane).unwrap();

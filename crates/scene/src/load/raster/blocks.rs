@@ -235,6 +235,15 @@ impl Blocks {
         self.format == NumberFormat::Float && self.bits == 32
     }
 
+    /// The least number of an image of whole numbers that 16 bits can hold; `None` for other images.
+    pub fn least_short(&self) -> Option<i32> {
+        match self.format {
+            NumberFormat::Unsigned if self.bits <= 16 => Some(0),
+            NumberFormat::Signed if self.bits <= 16 => Some(i16::MIN.into()),
+            _ => None,
+        }
+    }
+
     /// Number of bands in a block.
     fn bands_of_block(&self) -> usize {
         if self.is_planar { 1 } else { self.bands }

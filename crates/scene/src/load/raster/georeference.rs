@@ -8,6 +8,7 @@ use tiff::tags::Tag;
 use vlscan_base::columns::comma_note;
 use vlscan_base::files::reads;
 use vlscan_geom::DVec3;
+use vlscan_trace::HeightGrid;
 
 /// Maximum pixel size that, in a raster supposedly in metres, indicates degrees: 1 km is 0.009°.
 const MAX_DEGREE_STEP: f64 = 0.01;
@@ -32,14 +33,18 @@ impl Georeference {
 
     /// Position of a pixel's centre at height `z`.
     pub fn centre(&self, column: usize, row: usize, z: f64) -> DVec3 {
-        let (column, row) = (column as f64, row as f64);
-        let at = |origin: f64, of_column: f64, of_row: f64| match of_row == 0.0 {
-            true => origin + column * of_column,
-            false if of_column == 0.0 => origin + row * of_row,
-            false => origin + column * of_column + row * of_row,
-        };
-        let x = at(self.origin.0, self.of_column.0, self.of_row.0);
-        DVec3::new(x, at(self.origin.1, self.of_column.1, self.of_row.1), z)
+        let [x, y] = self.grid(0, 0).place(column, row);
+        DVec3::new(x, y, z)
+    }
+
+    /// The grid of the centres of this many columns and rows of pixels.
+    pub fn grid(&self, columns: usize, rows: usize) -> HeightGrid {
+        HeightGrid {
+            origin: self.origin.into(),
+            of_column: self.of_column.into(),
+            of_row: self.of_row.into(),
+            ..HeightGrid::new(columns, rows)
+        }
     }
 
     /// Whether all pixels of an image of this size have representable coordinates.

@@ -1,5 +1,6 @@
 //! Terrain from a raster (spec input-formats §4.3): one vertex at the centre of each pixel, two triangles between each
-//! four pixels.
+//! four pixels. They are a height field unless the part moves, turns, changes its size or has materials by face; then they are
+//! stored.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -9,6 +10,8 @@
 //! | `validity` | no-data values, masks, alpha bands |
 
 mod blocks;
+#[cfg(test)]
+mod field_tests;
 mod georeference;
 mod keys;
 #[cfg(test)]
@@ -29,17 +32,22 @@ use tiff::tags::Tag;
 use validity::{Doubts, Mask, NoData};
 use vlscan_base::diag::Place;
 use vlscan_base::error::Result;
-use vlscan_geom::DVec3;
-use vlscan_survey::{Loader, SceneRecipe, foreign_format};
+use vlscan_geom::Rotation;
+use vlscan_survey::{Loader, PartRecipe, Replaced, SceneRecipe, Transform, foreign_format};
+use vlscan_trace::{HeightField, HeightGrid, Heights};
 
 /// Blocks or rows per thread that are decoded before they are appended; limits the memory held twice.
 const BLOCKS_PER_THREAD: usize = 8;
 /// The unit of what states none.
 const METRES: &str = "metres";
+/// Memory of the pyramid over a height field, bytes per pixel, rounded up.
+const PYRAMID_BYTES: u64 = 2;
+/// What is wrong with a raster that is too large.
+const TOO_MANY: &str = "it has more pixels than can be numbered";
 /// Photometric interpretation of images whose numbers are those of colours.
 const PALETTE: u64 = 3;
 
-/// The size of a raster and the memory of its triangles without their tree.
+/// The size of a raster and its memory without a tree.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RasterNeed {
     pub path: PathBuf,
@@ -49,7 +57,9 @@ pub struct RasterNeed {
     pub rows: usize,
     /// Number of triangles if no pixel is without data.
     pub triangles: u64,
-    /// Memory of the triangles in the scene, or of decoding if that is more, if no pixel is without data.
+    /// Whether it is a height field: its triangles are not stored, and need no tree.
+    pub is_field: bool,
+    /// Memory in the scene, or of decoding if that is more, if no pixel is without data.
     pub bytes: u64,
 }
 
@@ -57,20 +67,30 @@ pub struct RasterNeed {
 pub fn raster_needs(recipe: &SceneRecipe) -> Vec<RasterNeed> {
     let parts = recipe.parts.iter().filter(|_| recipe.packed.is_none());
     let files = parts.filter_map(|part| match &part.loader {
-        Loader::GeoTiff { file, .. } => Some(file),
+        Loader::GeoTiff { file, .. } => Some((file, keeps_grid(part))),
         _ => None,
     });
-    let need = |path: &PathBuf| {
+    let need = |(path, is_field): (&PathBuf, bool)| {
         let raster = describe(&Source::open(path).ok()?, &mut Vec::new()).ok()?;
         Some(RasterNeed {
             path: path.clone(),
             columns: raster.blocks.columns,
             rows: raster.blocks.rows,
             triangles: raster.triangles() as u64,
-            bytes: raster.memory(),
+            is_field,
+            bytes: raster.memory(is_field),
         })
     };
     files.filter_map(need).collect()
+}
+
+/// Whether a raster can remain a height field: its triangles neither move nor turn nor change their size, and have one
+/// material.
+pub(crate) fn keeps_grid(part: &PartRecipe) -> bool {
+    let Transform { rotation, scale, .. } = part.transform;
+    part.motions.is_empty()
+        && (rotation, scale) == (Rotation::IDENTITY, 1.0)
+        && !part.changes.iter().any(|change| matches!(change.replaced, Replaced::Faces(_)))
 }
 
 /// EPSG code of a raster's projected system, if its keys name one and its coordinates are those of the scene: metres.
@@ -94,12 +114,14 @@ struct Raster {
     offset: f64,
 }
 
-/// Appends a raster's triangles, all with one material. Problems of the file are errors of the part.
+/// Appends a raster with one material: as a height field if it `keeps_grid`, else as triangles, which are the same. Problems of
+/// the file are errors of the part.
 pub(crate) fn load(
     scene: &mut SceneBuilder,
     part: &PartSource,
     source: &Source,
     material: u32,
+    keeps_grid: bool,
 ) -> Result<()> {
     let mut warnings = Vec::new();
     let raster = match describe(source, &mut warnings) {
@@ -116,17 +138,31 @@ pub(crate) fn load(
     };
     warnings.into_iter().for_each(|warning| warn(scene, warning));
     if raster.triangles().max(raster.pixels()) > MAX_ELEMENTS {
-        return refuse(scene, part, source, "it has more pixels than can be numbered");
+        return refuse(scene, part, source, TOO_MANY);
     }
-    scene.check_memory(raster.memory(), source.path())?;
-    let start = scene.end();
-    match append_vertices(scene, source, &raster) {
-        Ok(doubts) => doubts.warnings().into_iter().for_each(|warning| warn(scene, warning)),
-        Err(problem) => {
-            scene.geometry.vertices.truncate(start.vertices.start);
-            return refuse(scene, part, source, &problem);
+    scene.check_memory(raster.memory(keeps_grid), source.path())?;
+    let (heights, doubts) = match read_heights(source, &raster) {
+        Ok(found) => found,
+        Err(problem) => return refuse(scene, part, source, &problem),
+    };
+    doubts.warnings().into_iter().for_each(|warning| warn(scene, warning));
+    let grid = raster.grid();
+    if keeps_grid {
+        let Some(field) = HeightField::new(grid, heights, scene.geometry.triangle_count()) else {
+            return refuse(scene, part, source, TOO_MANY);
+        };
+        if field.triangles() > 0 {
+            let surface = scene.surface(part.index, material);
+            scene.geometry.fields.push(field);
+            scene.field_surfaces.push(surface);
         }
+        return scene.check_counts();
     }
+    let start = scene.end();
+    if let Err(problem) = append_vertices(scene, &grid, &heights) {
+        return refuse(scene, part, source, &problem);
+    }
+    drop(heights);
     append_triangles(scene, &raster, start.vertices.start);
     let surface = scene.surface(part.index, material);
     scene.triangle_surfaces.resize(scene.geometry.triangles.len(), surface);
@@ -151,13 +187,24 @@ impl Raster {
         self.blocks.columns.saturating_mul(self.blocks.rows)
     }
 
-    /// Memory, bytes: of vertices and triangles, or of vertices and the blocks that are decoded at a time, with their
-    /// samples and their heights.
-    fn memory(&self) -> u64 {
+    /// Memory, bytes: of a height field, or of vertices and triangles; or of heights and the blocks that are decoded at a time,
+    /// with their samples and their numbers, if that is more.
+    fn memory(&self, keeps_grid: bool) -> u64 {
         let at_a_time = (BLOCKS_PER_THREAD * rayon::current_num_threads()).min(self.blocks.count()) as u64;
         let decoding = self.blocks.decoding_bytes().saturating_mul(at_a_time);
-        let vertices = memory_of(self.pixels(), 0, 0);
-        memory_of(self.pixels(), self.triangles(), 0).max(vertices.saturating_add(decoding))
+        let each = if self.blocks.least_short().is_some() { size_of::<u16>() } else { size_of::<f32>() };
+        let heights = (self.pixels() as u64).saturating_mul(each as u64);
+        let kept = match keeps_grid {
+            true => heights.saturating_add((self.pixels() as u64).saturating_mul(PYRAMID_BYTES)),
+            false => memory_of(self.pixels(), self.triangles(), 0),
+        };
+        kept.max(heights.saturating_add(decoding))
+    }
+
+    /// Positions of the pixels' centres as vertices.
+    fn grid(&self) -> HeightGrid {
+        let grid = self.georeference.grid(self.blocks.columns, self.blocks.rows);
+        HeightGrid { scale: self.scale, offset: self.offset, ..grid }
     }
 
     fn triangles(&self) -> usize {
@@ -302,32 +349,30 @@ fn warn_of_bands(
     }
 }
 
-/// Appends one vertex per pixel, row by row; the height of a pixel without data is NaN.
-fn append_vertices(scene: &mut SceneBuilder, source: &Source, raster: &Raster) -> Result<Doubts, String> {
-    let first = scene.geometry.vertices.len();
-    let vertices = &mut scene.geometry.vertices;
-    vertices.try_reserve_exact(raster.pixels()).map_err(|e| e.to_string())?;
-    vertices.resize(first + raster.pixels(), DVec3::NAN);
-    let vertices = &mut vertices[first..];
+/// Reads the numbers of all pixels; NaN for a pixel without data.
+fn read_heights(source: &Source, raster: &Raster) -> Result<(Heights, Doubts), String> {
     let columns = raster.blocks.columns;
+    let all = match raster.blocks.least_short() {
+        Some(least) => Heights::short(least, raster.pixels()),
+        None => Heights::single(raster.pixels()),
+    };
+    let mut all = all.map_err(|e| e.to_string())?;
     let bands: Vec<usize> = [Some(0), raster.alpha].into_iter().flatten().collect();
     let mut doubts = Doubts::default();
     for_each_block(
         &raster.blocks,
-        |block| heights(source, raster, &bands, block),
+        |block| numbers(source, raster, &bands, block),
         |block, found| {
-            let Some((heights, doubtful)) = found else { return };
+            let Some((numbers, doubtful)) = found else { return Ok(()) };
             doubts.add(doubtful);
             let (left, top, width, _) = raster.blocks.extent(block);
-            for (row, heights) in (top..).zip(heights.chunks_exact(width)) {
-                let at = row * columns + left;
-                for ((column, vertex), &z) in (left..).zip(&mut vertices[at..at + width]).zip(heights) {
-                    *vertex = raster.georeference.centre(column, row, z);
-                }
-            }
+            let mut rows = (top..).zip(numbers.chunks_exact(width));
+            rows.try_for_each(|(row, numbers)| {
+                all.set(row * columns + left, numbers).map_err(|e| e.to_string())
+            })
         },
     )?;
-    let Some(mask) = &raster.mask else { return Ok(doubts) };
+    let Some(mask) = &raster.mask else { return Ok((all, doubts)) };
     let file = mask.file.as_ref().unwrap_or(source).bytes();
     for_each_block(
         &mask.blocks,
@@ -337,34 +382,35 @@ fn append_vertices(scene: &mut SceneBuilder, source: &Source, raster: &Raster) -
             let has_data = found.map(|mut bands| bands.remove(0));
             for i in 0..width * height {
                 if has_data.as_ref().is_none_or(|values| values[i] == 0.0) {
-                    vertices[(top + i / width) * columns + left + i % width].z = f64::NAN;
+                    all.remove((top + i / width) * columns + left + i % width);
                 }
             }
+            Ok(())
         },
     )?;
-    Ok(doubts)
+    Ok((all, doubts))
 }
 
 /// Decodes the blocks of an image in parallel and passes them on in their order.
 fn for_each_block<T: Send>(
     blocks: &Blocks,
     decode: impl Fn(usize) -> Result<T, String> + Sync,
-    mut each: impl FnMut(usize, T),
+    mut each: impl FnMut(usize, T) -> Result<(), String>,
 ) -> Result<(), String> {
     let all: Vec<usize> = (0..blocks.count()).collect();
     for wave in all.chunks(BLOCKS_PER_THREAD * rayon::current_num_threads()) {
         let decoded: Vec<_> = wave.par_iter().map(|&block| decode(block)).collect();
         for (&block, found) in wave.iter().zip(decoded) {
-            each(block, found?);
+            each(block, found?)?;
         }
     }
     Ok(())
 }
 
-/// Heights of a block, m, row by row, with NaN for pixels without data; `None` for a block that is left out.
-type Heights = Option<(Vec<f64>, Doubts)>;
+/// Numbers of a block, row by row, with NaN for pixels without data; `None` for a block that is left out.
+type Numbers = Option<(Vec<f64>, Doubts)>;
 
-fn heights(source: &Source, raster: &Raster, bands: &[usize], block: usize) -> Result<Heights, String> {
+fn numbers(source: &Source, raster: &Raster, bands: &[usize], block: usize) -> Result<Numbers, String> {
     let Some(mut bands) = raster.blocks.decode(source.bytes(), block, bands)? else { return Ok(None) };
     let alpha = (bands.len() > 1).then(|| bands.remove(1));
     let mut numbers = bands.remove(0);
@@ -373,9 +419,20 @@ fn heights(source: &Source, raster: &Raster, bands: &[usize], block: usize) -> R
         let is_visible = alpha.as_ref().is_none_or(|alpha| alpha[i] != 0.0);
         let height = *number * raster.scale + raster.offset;
         let is_height = is_visible && raster.no_data.is_height(*number, &mut doubts);
-        *number = if is_height && height.abs() <= MAX_COORDINATE { height } else { f64::NAN };
+        if !is_height || height.is_nan() || height.abs() > MAX_COORDINATE {
+            *number = f64::NAN;
+        }
     }
     Ok(Some((numbers, doubts)))
+}
+
+/// Appends one vertex per pixel, row by row.
+fn append_vertices(scene: &mut SceneBuilder, grid: &HeightGrid, heights: &Heights) -> Result<(), String> {
+    let vertices = &mut scene.geometry.vertices;
+    vertices.try_reserve_exact(heights.len()).map_err(|e| e.to_string())?;
+    let vertex = |i: usize| grid.vertex(i % grid.columns, i / grid.columns, heights.get(i));
+    vertices.par_extend((0..heights.len()).into_par_iter().map(vertex));
+    Ok(())
 }
 
 /// Appends two triangles between each four pixels; triangles with a missing corner are omitted. Vertex indices count

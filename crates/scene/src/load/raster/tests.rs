@@ -1,4 +1,4 @@
-//! Tests of complete rasters, written byte by byte.
+//! Tests of complete rasters, written byte by byte and read as stored triangles.
 
 use crate::fixture::{Fixture, report};
 use crate::{Material, Scene};
@@ -9,13 +9,13 @@ use vlscan_geom::{Aabb, DVec3};
 use vlscan_survey::{Loader, MaterialChoice};
 
 /// A little-endian TIFF of one directory: tags with their values, and blocks of pixels.
-struct TiffFile {
+pub(super) struct TiffFile {
     tags: Vec<(u16, Values)>,
-    blocks: Vec<Vec<u8>>,
+    pub blocks: Vec<Vec<u8>>,
     tiled: bool,
 }
 
-enum Values {
+pub(super) enum Values {
     Short(Vec<u16>),
     Long(Vec<u32>),
     Double(Vec<f64>),
@@ -24,7 +24,7 @@ enum Values {
 
 impl TiffFile {
     /// Single-band floats in one strip at (100, 50), pixels of 2 m × 4 m.
-    fn new(width: u32, heights: &[f32]) -> TiffFile {
+    pub fn new(width: u32, heights: &[f32]) -> TiffFile {
         let rows = heights.len() as u32 / width;
         let tags = vec![
             (256, Values::Long(vec![width])),
@@ -41,7 +41,7 @@ impl TiffFile {
         TiffFile { tags, blocks: vec![heights.iter().flat_map(|h| h.to_le_bytes()).collect()], tiled: false }
     }
 
-    fn with(mut self, tag: u16, values: Values) -> TiffFile {
+    pub fn with(mut self, tag: u16, values: Values) -> TiffFile {
         self.tags.retain(|t| t.0 != tag);
         self.tags.push((tag, values));
         self
@@ -52,7 +52,7 @@ impl TiffFile {
         self
     }
 
-    fn bytes(mut self) -> Vec<u8> {
+    pub fn bytes(mut self) -> Vec<u8> {
         let mut out = b"II\x2a\0\0\0\0\0".to_vec();
         let mut offsets = Vec::new();
         for block in &self.blocks {
@@ -93,6 +93,7 @@ impl TiffFile {
 
 fn fixture(bytes: Vec<u8>) -> Fixture {
     let mut f = Fixture::new();
+    f.options.triangulate_rasters = true;
     let file = f.file("dem.tif", bytes);
     f.part(Loader::GeoTiff { file, material: MaterialChoice::default() });
     f
