@@ -4,11 +4,6 @@ use crate::HeightField;
 use bytemuck::{Pod, Zeroable};
 use vlscan_geom::{Aabb, DVec3};
 
-/// Memory that a vector holds, bytes.
-pub(crate) fn vec_bytes<T>(values: &Vec<T>) -> usize {
-    values.capacity() * size_of::<T>()
-}
-
 /// An axis-aligned cube.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]

@@ -7,7 +7,7 @@ use super::frame::Frame;
 use super::geometry::Geometry;
 use super::node::{KdNode, WideNode};
 use super::options::{BuildOptions, Builder, Statistics};
-use crate::geometry::vec_bytes;
+use crate::memory::vec_bytes;
 use rayon::prelude::*;
 use std::sync::Arc;
 use vlscan_geom::Aabb;

@@ -6,7 +6,7 @@
 //! transformed into the model's frame with a margin for all rounding of the transformation.
 
 use super::Geometry;
-use crate::geometry::vec_bytes;
+use crate::memory::vec_bytes;
 use glam::DMat3;
 use rayon::prelude::*;
 use std::sync::Arc;

@@ -17,6 +17,7 @@
 //! | `heights` | terrain as a grid of heights, whose triangles are computed when they are tested |
 //! | `parts` | trees as plain arrays and numbers, for files |
 //! | `kernel`, `simd` | packets of pulses; the instruction sets |
+//! | `memory` | memory of vectors |
 //!
 //! Trees and frustums only choose which exact tests are made, and err on the side of more tests. So every tree, every
 //! traversal and every instruction set reports the same hits, bit for bit, as testing everything.
@@ -33,6 +34,7 @@ mod index;
 mod instances;
 mod intersect;
 mod kernel;
+mod memory;
 mod node;
 mod options;
 mod parts;

@@ -1,5 +1,7 @@
 //! The cells of a leaf as a block of triangles, which is computed when a leaf is visited.
 
+#![expect(clippy::needless_range_loop, reason = "lanes of several arrays are counted together")]
+
 use super::{FieldNode, FieldView, HeightField, LEAF_COLUMNS, LEAF_ROWS};
 use crate::Hits;
 use crate::block::{BLOCK_SIZE, Block};

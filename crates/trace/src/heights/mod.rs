@@ -26,7 +26,7 @@ pub(crate) use leaf::LEAF_VERTICES;
 pub use numbers::Heights;
 pub(crate) use pyramid::{FieldNode, FieldView, MAX_FIELD_STACK};
 
-use crate::geometry::vec_bytes;
+use crate::memory::vec_bytes;
 use pyramid::Pyramid;
 use std::ops::Range;
 use vlscan_geom::{Aabb, DVec3};

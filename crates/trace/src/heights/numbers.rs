@@ -1,6 +1,6 @@
 //! The heights of a field as they are stored.
 
-use crate::geometry::vec_bytes;
+use crate::memory::vec_bytes;
 use std::collections::TryReserveError;
 
 /// The number of a vertex without data among those of 16 bits.

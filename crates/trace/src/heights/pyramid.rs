@@ -1,20 +1,21 @@
 //! The pyramid of least and greatest heights over the cells of a field: nodes with sixteen children, four by four.
 
 use super::{HeightField, HeightGrid, Heights, LEAF_COLUMNS, LEAF_ROWS, RUN};
-use crate::block::BLOCK_SIZE;
 use crate::frame::{Frame, above, below};
-use crate::geometry::vec_bytes;
+use crate::memory::vec_bytes;
 use rayon::prelude::*;
 use vlscan_geom::{Aabb, DVec3};
 
 /// Children of a node along either axis.
 const SIDE: usize = 4;
+/// Children of a node.
+const CHILDREN: usize = SIDE * SIDE;
 
 /// Maximum number of levels: cells are numbered with 32 bits.
 const MAX_LEVELS: usize = 16;
 
 /// Maximum number of pending visits: every level leaves up to fifteen.
-pub(crate) const MAX_FIELD_STACK: usize = MAX_LEVELS * (BLOCK_SIZE - 1) + BLOCK_SIZE;
+pub(crate) const MAX_FIELD_STACK: usize = MAX_LEVELS * (CHILDREN - 1) + CHILDREN;
 
 /// Rounding of the boxes of nodes to single precision in the tree's frame, generously rounded up.
 const SINGLE: f64 = 1.0 / (1u64 << 22) as f64;
@@ -231,7 +232,7 @@ impl<'a> FieldView<'a> {
     /// The boxes of a node's children, lower and upper corners by axis and lane, in the tree's frame; inside out where there is
     /// nothing.
     #[inline(always)]
-    pub fn boxes(&self, node: FieldNode) -> [[[f32; BLOCK_SIZE]; 3]; 2] {
+    pub fn boxes(&self, node: FieldNode) -> [[[f32; CHILDREN]; 3]; 2] {
         let field = self.field;
         let level = &field.pyramid.levels[node.level as usize - 1];
         let (column, row) = (node.column as usize * SIDE, node.row as usize * SIDE);
@@ -245,7 +246,7 @@ impl<'a> FieldView<'a> {
         };
         let columns = ends(column, LEAF_COLUMNS, field.grid.cell_columns());
         let rows = ends(row, LEAF_ROWS, field.grid.cell_rows());
-        let mut boxes = [[[f32::INFINITY; BLOCK_SIZE]; 3], [[f32::NEG_INFINITY; BLOCK_SIZE]; 3]];
+        let mut boxes = [[[f32::INFINITY; CHILDREN]; 3], [[f32::NEG_INFINITY; CHILDREN]; 3]];
         let [lower, upper] = &mut boxes;
         for axis in 0..2 {
             let between = |ends: &[f64; SIDE + 1], step: f64, n: usize| {
