@@ -36,7 +36,7 @@ const LEAF_COLUMNS: usize = 4;
 /// Rows of cells in a leaf.
 const LEAF_ROWS: usize = 2;
 /// Cells in a run for whose first the number of missing triangles before it is known.
-const RUN: usize = 64;
+const RUN: usize = 16;
 
 /// Terrain on a regular grid: two triangles between each four vertices, of which those with a corner without data are missing.
 ///
@@ -125,7 +125,16 @@ impl HeightField {
         let run = column / RUN;
         let known = self.missing_before[row * columns.div_ceil(RUN) + run] as usize;
         let from = 2 * (row * columns + run * RUN);
-        known + (from..count).filter(|&i| self.triangle(i).is_none()).count()
+        known + (from..count).filter(|&i| self.is_missing(i)).count()
+    }
+
+    /// Whether triangle `i`, counted from the field's first, has a corner without data.
+    fn is_missing(&self, i: usize) -> bool {
+        let columns = self.grid.cell_columns();
+        let a = i / 2 / columns * self.grid.columns + i / 2 % columns;
+        let b = a + self.grid.columns;
+        let other = if i.is_multiple_of(2) { a } else { b + 1 };
+        [b, a + 1, other].iter().any(|&v| self.heights.get(v).is_nan())
     }
 
     /// The corners of triangle `i`, counted from the field's first; `None` if it is missing.
