@@ -310,7 +310,7 @@ fn hostile_files_are_refused_with_a_reason() {
     );
     for (text_of_file, reason) in [
         ("out = \"".to_owned(), "TOML"),
-        (format!("out = \"o\"\nseeds = 4294967295\n{scene}"), "cells"),
+        (format!("out = \"o\"\nseeds = 4294967295\n{scene}"), "seeds"),
         (format!("out = \"o\"\nseeds = nan\n{scene}"), "seeds"),
         (format!("out = \"o\"\nsplit = {{ train = nan }}\n{scene}"), "split"),
         (format!("out = \"o\"\nrun = \"'x\"\n{scene}"), "quote"),
@@ -420,7 +420,7 @@ fn damaged_cells_are_noticed_at_every_start_and_computed_again() {
         let said = text(&out.stderr);
         let is_told = said.contains("is computed again: ")
             || what == "a cell"
-            || said.contains("was not that of the cells");
+            || said.contains("did not match the cells");
         assert!(is_told, "{what}: {said}");
         assert!(contents(&set) == whole, "{what}");
     }
@@ -519,7 +519,7 @@ fn files_of_others_are_kept_and_pipes_hang_nothing() {
     };
     for path in ["cells/boxes-plain-1/points.laz", "cells/boxes-plain-1/record.json"] {
         let pipe = pipe(path);
-        failing("no regular file");
+        failing("not a regular file");
         fs::remove_file(pipe).unwrap();
         succeed(dir.path(), &["campaign", &name, "-q"]);
     }
@@ -528,7 +528,7 @@ fn files_of_others_are_kept_and_pipes_hang_nothing() {
     {
         fs::remove_dir_all(set.join("cells/boxes-plain-1")).unwrap();
         let pipe = pipe(path);
-        failing("no regular file");
+        failing("not a regular file");
         fs::remove_file(pipe).unwrap();
         succeed(dir.path(), &["campaign", &name, "-q"]);
     }

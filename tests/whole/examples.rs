@@ -340,12 +340,12 @@ const FLY: &str = r#"fly() {
 
 /// The mistakes of the table in docs/own-data.md: what makes them, and what is said, in the order of the table.
 const MISTAKES: [(&str, &str); 33] = [
-    ("fly '$2 -= 476000; $3 -= 5429000'", "coordinates of a grid such as UTM and the flight local ones"),
+    ("fly '$2 -= 476000; $3 -= 5429000'", "coordinates of a grid such as UTM, the flight has local ones"),
     ("fly '$2 = 8.67176; $3 = 49.0121 + NR / 1e5'", "look like longitude and latitude"),
     ("fly '$2 -= 434000'", "as between neighbouring UTM zones"),
     ("fly '$3 += 10000000'", "the false northing of the southern hemisphere"),
-    ("fly 'swap = $2; $2 = $3; $3 = swap'", "with x and y exchanged"),
-    ("fly 'for (i = 2; i < 5; i++) $i /= 0.3048'", "taken as feet"),
+    ("fly 'swap = $2; $2 = $3; $3 = swap'", "with x and y swapped"),
+    ("fly 'for (i = 2; i < 5; i++) $i /= 0.3048'", "read as feet"),
     (
         "awk -F, -v OFS=, 'NR > 1 { $1 = sprintf(\"%d\", 1000 * $1) } NR < 40' flight.csv > slow.csv; \
          timeout 20 vlscan run site.toml --trajectory slow.csv -o slow.laz",

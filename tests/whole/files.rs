@@ -202,7 +202,7 @@ fn what_was_measured_before_a_bad_pulse_is_kept() {
         let said = text(&out.stderr);
         assert_eq!(out.status.code(), Some(2), "{said}");
         assert!(said.contains(part) && said.contains(":3002:"), "{said}");
-        assert!(said.contains("what was measured until then is in a.partial.xyz"), "{said}");
+        assert!(said.contains("what was measured so far is in a.partial.xyz"), "{said}");
         assert_eq!(names(dir.path()), ["a.partial.xyz", "b.partial.laz", "whole.xyz"]);
         let read = |name: &str| fs::read(dir.path().join(name)).unwrap();
         assert!(read("a.partial.xyz") == read("whole.xyz"), "the pulses before the bad one are missing");

@@ -614,7 +614,7 @@ fn words_and_files() -> Vec<Mistake> {
         typed(
             "trajectory options without a trajectory",
             "run survey.xml -o a.xyz --height-offset -48",
-            "there is none",
+            "give one with --trajectory",
         ),
         typed("a zone that is none", "run survey.xml --trajectory - --utm-zone 77X -o a.xyz", "77X"),
         typed("a file that exists", "run survey.xml -o taken.xyz", "--force"),

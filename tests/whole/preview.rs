@@ -236,5 +236,5 @@ fn a_waveform_is_plotted_with_the_echoes_that_the_run_found() {
     assert!(piped.status.success() && piped.stdout.starts_with(b"\x89PNG"));
     let refused = run(dir.path(), &["preview", &wave, "--pulse", "99999999", "-o", "none.png"]);
     assert_eq!(refused.status.code(), Some(2));
-    assert!(common::text(&refused.stderr).contains("the nearest: "), "{}", common::text(&refused.stderr));
+    assert!(common::text(&refused.stderr).contains("; nearest: "), "{}", common::text(&refused.stderr));
 }

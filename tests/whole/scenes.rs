@@ -62,7 +62,7 @@ fn stale_and_foreign_packs_are_refused_with_the_reason() {
     let again = run(dir.path(), &["scene", "pack", "a.obj", "-q"]);
     assert!(again.status.code() == Some(2) && text(&again.stderr).contains("--force"));
     write(dir.path(), "a.vlscene", &whole[..whole.len() / 2]);
-    refused("cut short");
+    refused("is it truncated?");
     write(
         dir.path(),
         "a.vlscene",

@@ -203,20 +203,21 @@ impl Recording {
             ));
         }
         let count = pulses.len();
-        let (low, high) = pulses.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), pulse| {
-            (low.min(pulse.position), high.max(pulse.position))
-        });
+        let recording = Recording::new(pulses).ok_or_else(|| {
+            Error::input(format!(
+                "{name}: {count} pulses are too few to estimate a flight, which needs {MIN_PULSES}; points of one pulse have the same GPS time",
+            ))
+        })?;
+        let (low, high) =
+            recording.pulses.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), pulse| {
+                (low.min(pulse.position), high.max(pulse.position))
+            });
         let extent = (high.x - low.x).max(high.y - low.y);
         if extent < MIN_EXTENT {
             return Err(Error::input(format!(
                 "{name}: the points of the flight line lie within {extent:.3} m, which is no flight line (or coordinates that are not lengths)"
             )));
         }
-        let recording = Recording::new(pulses).ok_or_else(|| {
-            Error::input(format!(
-                "{name}: {count} pulses are too few to estimate a flight, which needs {MIN_PULSES}; points of one pulse have the same GPS time",
-            ))
-        })?;
         Ok(Recording { origin, start, source: rows[0].source, ..recording })
     }
 
