@@ -305,7 +305,7 @@ fn shards_of_other_runs_are_refused_and_what_is_missing_is_named() {
     );
     let resumed = ["run", &survey, "-o", "shards", "--shard", "3/8", "--seed", "1", "--resume"];
     assert!(text(&succeed(dir.path(), &resumed).stderr).contains("is complete"));
-    refused(&["merge", "shards", "-o", "a.laz", "--waveforms"], &["hold no waveforms", "--waveforms"]);
+    refused(&["merge", "shards", "-o", "a.laz", "--waveforms"], &["do not contain waveforms", "--waveforms"]);
     refused(&["run", &survey, "-o", "shards", "--shard", "8/8"], &["0 to N-1"]);
     refused(&["run", &survey, "--shard", "1/8"], &["-o DIR"]);
     succeed(dir.path(), &["merge", "shards", "--check"]);

@@ -154,7 +154,9 @@ fn mistakes_are_answered() {
     };
     let (status, said) = stand("oak.csv", &["--trees", "models", "--terrain", "slope.obj"]);
     assert!(
-        status == Some(0) && said.contains("1 trees of species `oak`") && said.contains("beside the terrain"),
+        status == Some(0)
+            && said.contains("1 trees of species `oak`")
+            && said.contains("are outside the terrain"),
         "{said}"
     );
     for (inventory, rest, expected) in [

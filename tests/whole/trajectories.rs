@@ -326,7 +326,7 @@ fn wrong_trajectories_are_refused_with_the_place() {
         ("infinite latitude", with(1, 1, f64::INFINITY), &["record 2", "latitude is inf"]),
         ("not a valid latitude", with(1, 1, 1.7), &["record 2", "latitude"]),
         ("backward SBET", sbet(&backwards), &["record 5", "goes back"]),
-        ("repeated time", terrascan(&twice), &["record 4", "repeats"]),
+        ("repeated time", terrascan(&twice), &["record 4", "occurs again"]),
         ("cut TerraScan", trj[..1376 + 64 * 4].to_vec(), &["record 5", "6 records"]),
         ("cut header", trj[..700].to_vec(), &["header is truncated"]),
         ("backward text", csv(&backwards).into_bytes(), &["flown:6:1", "goes back"]),

@@ -89,6 +89,7 @@ pub struct FlightFit {
 /// neither on the circles of a cone nor on lines across a flight.
 pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics) -> Result<FlightFit> {
     let mut recording = Recording::read(path, request.flight_line, found)?;
+    lines::find_channels(&mut recording);
     let mut fitted = best_solution(&recording);
     if fitted.is_err() {
         // Some files count scan angles to the left.

@@ -1,6 +1,5 @@
 //! The pulses of one flight line of a recorded cloud.
 
-use super::lines::find_channels;
 use std::collections::BTreeMap;
 use std::ops::{ControlFlow, Range};
 use std::path::Path;
@@ -244,7 +243,7 @@ impl Recording {
             (angle - angle.round()).abs() < 0.005
         });
         let angle_step = radians(if is_whole { 1.0 } else { 0.006 });
-        let mut recording = Recording {
+        Some(Recording {
             origin: DVec3::ZERO,
             wkt: None,
             start: 0.0,
@@ -254,9 +253,7 @@ impl Recording {
             lines,
             interval,
             angle_step,
-        };
-        find_channels(&mut recording);
-        Some(recording)
+        })
     }
 
     /// Whether the scan angles are rounded to degrees.

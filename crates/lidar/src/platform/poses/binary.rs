@@ -306,7 +306,8 @@ mod tests {
         let sbet = testing::sbet(&[[10.0, 0.8, 0.1, 300.0, 0.0, 0.0, 0.0]; 3]);
         let (fixes, error) = read_all(RecordDecoder::sbet(), &sbet[..SBET_BYTES * 2 + 7]);
         assert!(
-            fixes.len() == 2 && error.unwrap().contains("record 3 (byte 272): cut: 7 bytes, expected 136")
+            fixes.len() == 2
+                && error.unwrap().contains("record 3 (byte 272): truncated: 7 bytes, expected 136")
         );
         let nan = testing::sbet(&[[10.0, f64::NAN, 0.1, 300.0, 0.0, 0.0, 0.0]]);
         assert!(
@@ -315,7 +316,7 @@ mod tests {
         let trj = testing::terrascan(&[[5.0, 1.0, 2.0, 3.0, 90.0, 0.0, 0.0]; 3]);
         let of = |bytes: &[u8]| read_all(RecordDecoder::terrascan(), bytes).1.unwrap();
         assert!(of(&trj[..1376 + 128]).contains("record 3 (byte 1504): the header states 3 records"));
-        assert!(of(&trj[..1376 + 100]).contains("record 2 (byte 1440): cut: 36 bytes, expected 64"));
+        assert!(of(&trj[..1376 + 100]).contains("record 2 (byte 1440): truncated: 36 bytes, expected 64"));
         assert!(
             of(&trj[..1000]).contains("the header is truncated")
                 && of(&trj[..20]).contains("the header is truncated")

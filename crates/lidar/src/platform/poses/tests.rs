@@ -106,7 +106,7 @@ fn invalid_lines_are_located_and_reported_after_the_poses_before_them() {
     let report = next_block(&mut r).unwrap_err();
     assert!(report.contains("<stdin>:3:1") && report.contains("goes back"), "{report}");
     for (text, part) in [
-        ("1,0,0,0,0,0,0\n1,9,0,0,0,0,0\n", "repeats"),
+        ("1,0,0,0,0,0,0\n1,9,0,0,0,0,0\n", "occurs again"),
         ("1,0,0,0,0,0,zero\n", "<stdin>:1:13"),
         ("1,0,0,0\n", "column 5 for roll is missing"),
         ("time,x,y,z\n", "no column for roll, pitch, yaw"),
