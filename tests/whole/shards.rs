@@ -313,7 +313,7 @@ fn shards_of_other_runs_are_refused_and_what_is_missing_is_named() {
     let other = ["--seed", "1", "--physics", "refined", "--force"];
     fs::remove_file(dir.path().join("shards/flight.vlindex")).unwrap();
     compute(dir.path(), &survey, &other, [3, 4], 8);
-    refused(&merge, &["shards 3-4 in shards are of another run", "kinematics"]);
+    refused(&merge, &["shards 3-4 in shards belong to another run", "kinematics"]);
     fs::remove_file(dir.path().join("shards/flight.vlindex")).unwrap();
     compute(dir.path(), &survey, &["--seed", "1", "--force"], [3, 4], 8);
     // Damage within a block is found while merging; all damaged shards are named, and no output remains.
