@@ -106,7 +106,7 @@ impl Owned {
                 Ok(kind) if kind.is_dir() => self.foreign_in(&path),
                 Ok(kind) if kind.is_file() && self.files.contains(&path) => None,
                 Ok(kind) if self.files.contains(&path) => {
-                    let what = if kind.is_symlink() { "a link" } else { "no regular file" };
+                    let what = if kind.is_symlink() { "a link" } else { "not a regular file" };
                     Some(format!(
                         "{} is {what}, which no campaign has written: {}",
                         path.display(),
