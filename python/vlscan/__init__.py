@@ -32,7 +32,18 @@ if TYPE_CHECKING:
     from .scene import Scene
     from .survey import Leg, Survey, run, run_batches, trace
     from .tables import Points, Table, Waveforms
-    from .tools import CampaignReport, Plan, compare, fit_flight, fit_sensor, plan_airborne, plan_mobile, plan_terrestrial, reconstruct, run_campaign
+    from .tools import (
+        CampaignReport,
+        Plan,
+        compare,
+        fit_flight,
+        fit_sensor,
+        plan_airborne,
+        plan_mobile,
+        plan_terrestrial,
+        reconstruct,
+        run_campaign,
+    )
 
     __version__: str
 

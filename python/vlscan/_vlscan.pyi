@@ -68,9 +68,7 @@ def compare(first: tuple[str, object], second: tuple[str, object], fields: dict[
 def fit_flight(cloud: str, output: str, flight_line: int | None, force: bool) -> tuple[list[str], str]:
     """Fit a flight and its scanner to a cloud and write them: the files, and the figures as JSON."""
 
-def fit_sensor(
-    revolution: str, calibration: str, output: str, odd: bool, planes: str | None, force: bool
-) -> str:
+def fit_sensor(revolution: str, calibration: str, output: str, odd: bool, planes: str | None, force: bool) -> str:
     """Fit noise and detection of a spinning sensor to a revolution and write the sensor: the figures as JSON."""
 
 def reconstruct(cloud: str, folder: str, voxel: float | None, divergence: float, force: bool) -> str:
