@@ -16,6 +16,7 @@
 //! | `instances` | models with several placements |
 //! | `heights` | terrain as a grid of heights, whose triangles are computed when they are tested |
 //! | `parts` | trees as plain arrays and numbers, for files |
+//! | `residency` | items that are loaded when rays need them, within a budget of memory |
 //! | `kernel`, `simd` | packets of pulses; the instruction sets |
 //! | `memory` | memory of vectors |
 //!
@@ -39,6 +40,7 @@ mod node;
 mod options;
 mod parts;
 mod rays;
+mod residency;
 pub mod simd;
 mod trace;
 mod trace_instances;
@@ -54,6 +56,7 @@ pub use node::{KdNode, WideNode};
 pub use options::{Accounting, Areas, Axes, BuildOptions, Builder, Statistics};
 pub use parts::{NodeArray, TreeParts};
 pub use rays::{Hits, RayGroup};
+pub use residency::{LoadError, Paged, PinError, Pins, Residency, ResidencyStatistics};
 pub use simd::prefetch;
 pub use vlscan_geom::{Aabb, DVec3, Rotation};
 
