@@ -67,6 +67,47 @@ fn a_flight_that_was_flown_here_is_found_and_flown_again() {
     }
 }
 
+#[test]
+fn two_channels_of_one_mirror_are_found() {
+    let dir = folder();
+    succeed(dir.path(), &["scene", "make", "terrain", "-n", "20k", "--pulses", "1k", "-o", "hills", "-q"]);
+    let fly = |reach: u32, height: u32, speed: u32, pulses: u32, lines: u32| {
+        let flown = format!(
+            "scene = \"hills/scene.xml\"\nseed = 1\n\n[platform]\nkind = \"linear_path\"\n\
+             mount = {{ offset_m = [0, 0, 0], rotate_deg = [{{ x = -90 }}, {{ z = -90 }}] }}\n\n\
+             [scanner]\ncatalogue = \"data/scanners_als.xml#riegl_vq-1560ii\"\n\n\
+             [settings]\npulse_freq_hz = {pulses}\nscan_freq_hz = {lines}\n\n\
+             [[leg]]\nposition_m = [-{reach}, 0, {height}]\nspeed_m_per_s = {speed}\n\n\
+             [[leg]]\nposition_m = [{reach}, 0, {height}]\nactive = false\n\n[[output]]\npath = \"line.laz\"\n"
+        );
+        fs::write(dir.path().join("flown.toml"), flown).unwrap();
+        succeed(dir.path(), &["run", "flown.toml", "-q", "--force"]);
+        let fit = ["fit", "line.laz", "-o", "fit.toml", "--force"];
+        (
+            figures(dir.path(), &[&fit[..], &["--json", "-q"]].concat()),
+            text(&succeed(dir.path(), &fit).stderr),
+        )
+    };
+    let (found, messages) = fly(60, 100, 20, 200_000, 60);
+    let value = |name: &str| found[name].as_f64().unwrap();
+    let mut yaws = [value("yaw of channel 1"), value("yaw of channel 2")];
+    yaws.sort_by(f64::total_cmp);
+    assert!((yaws[0] + 14.0).abs() < 0.01 && (yaws[1] - 14.0).abs() < 0.01, "{yaws:?}");
+    for (name, expected, within) in [
+        ("speed", 20.0, 0.02),
+        ("height of the platform", 100.0, 0.2),
+        ("angle per line", 90.0, 0.2),
+        ("lines", 60.0, 0.001),
+        ("pulse rate", 200_000.0, 20.0),
+    ] {
+        assert!((value(name) - expected).abs() < within, "{name} is {}", value(name));
+    }
+    assert!(!messages.contains("change so little"), "{messages}");
+    // Two degrees of scan angles do not tell the height well.
+    let (_, messages) = fly(600, 2000, 60, 2_000_000, 270);
+    assert!(messages.contains("change so little") && messages.contains("known to 2 % only"), "{messages}");
+}
+
 /// Bit 0 of the global encoding of a LAS file, and the first and the last GPS time of the points in a CSV file.
 fn times(folder: &Path, las: &str, csv: &str) -> (u8, f64, f64) {
     let points = fs::read_to_string(folder.join(csv)).unwrap();

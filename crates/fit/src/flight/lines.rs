@@ -15,8 +15,8 @@ const SAME: f64 = 0.07;
 /// Smaller shares of the lines are no channel.
 const MIN_SHARE: f64 = 0.1;
 
-/// Finds the channels by the directions of their lines (Where two channels record at the same time the file's numbers of channels
-/// tell their pulses apart.), and gives each pulse the number of its channel.
+/// Finds the channels by the directions of their lines and gives each pulse the number of its channel. Two channels that record
+/// at the same time are separate only if the file numbers them.
 pub fn find_channels(recording: &mut Recording) {
     // Middle of each line in time, its direction, and the number of its channel in the file.
     let mut lines = Vec::new();

@@ -61,6 +61,8 @@ const MIN_SPEED: f64 = 0.2;
 const MAX_SPEED: f64 = 400.0;
 /// One that misses them by more than this is doubtful.
 const DOUBTFUL_RESIDUAL: f64 = 0.15;
+/// Larger relative deviations of the height are told.
+const DOUBTFUL_SCALE: f64 = 0.01;
 
 /// What is fitted.
 #[derive(Clone, Debug, Default)]
@@ -114,6 +116,16 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
             solution.residual
         );
         found.warn(Some(Place::of_file(path)), message);
+    }
+    let share = solution.scale_deviation(&recording);
+    if share > DOUBTFUL_SCALE {
+        let rounded = if recording.has_whole_angles() { ", rounded to degrees," } else { "" };
+        let message = format!(
+            "the scan angles{rounded} change so little across these points (standard deviation {:.1}°) that height and angles of the mirror are known to {:.0} % only",
+            degrees(recording.angle_spread()),
+            100.0 * share
+        );
+        found.warn(Some(Place::of_file(path)), message).help("fit a wider part of the swath");
     }
     let rate = PulseRate::of(&recording, &solution);
     if rate.lost > MAX_LOST_SHARE {

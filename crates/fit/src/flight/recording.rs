@@ -256,6 +256,13 @@ impl Recording {
         })
     }
 
+    /// Standard deviation of the scan angles, rad: by how much they change across the track.
+    pub fn angle_spread(&self) -> f64 {
+        let count = self.pulses.len() as f64;
+        let mean = self.pulses.iter().map(|pulse| pulse.angle).sum::<f64>() / count;
+        (self.pulses.iter().map(|pulse| (pulse.angle - mean).powi(2)).sum::<f64>() / count).sqrt()
+    }
+
     /// Whether the scan angles are rounded to degrees.
     pub fn has_whole_angles(&self) -> bool {
         self.angle_step > radians(0.5)

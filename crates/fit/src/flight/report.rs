@@ -42,30 +42,24 @@ impl FlightFit {
         add("speed", hypot(p[2], p[3]), Some(hypot(d[2], d[3])), "m/s");
         let course = degrees(solution.model.course());
         add("course", course.rem_euclid(360.0), Some(degrees(hypot(d[2], d[3]) / hypot(p[2], p[3]))), "deg");
-        add("height of the platform", p[6] + self.recording.origin.z, Some(d[6]), "m");
         let above = p[6] - self.mean_height();
-        add("height above the points", above, Some(d[6]), "m");
+        // What least squares take for independent errors of the angles is in part one error of all.
+        let scale = solution.scale_deviation(&self.recording);
+        let of_height = hypot(d[6], scale * above);
+        let of_angle = degrees(hypot(mirror_deviations[0], scale * of_mirror[0]));
+        add("height of the platform", p[6] + self.recording.origin.z, Some(of_height), "m");
+        add("height above the points", above, Some(of_height), "m");
         add("climb", p[7], Some(d[7]), "m/s");
         add("roll", degrees(p[8]), Some(degrees(d[8])), "deg");
         add("pitch", degrees(p[9]), Some(degrees(d[9])), "deg");
         match solution.model.mirror {
             Mirror::Cone => {
-                add(
-                    "half angle of the cone",
-                    degrees(of_mirror[0]),
-                    Some(degrees(mirror_deviations[0])),
-                    "deg",
-                );
+                add("half angle of the cone", degrees(of_mirror[0]), Some(of_angle), "deg");
                 add("radius on the ground", above * tan(of_mirror[0]), None, "m");
                 add("revolutions", of_mirror[1].abs(), Some(mirror_deviations[1]), "1/s");
             }
             Mirror::Polygon => {
-                add(
-                    "angle per line",
-                    degrees(of_mirror[0].abs()),
-                    Some(degrees(mirror_deviations[0])),
-                    "deg",
-                );
+                add("angle per line", degrees(of_mirror[0].abs()), Some(of_angle), "deg");
                 add("lines", of_mirror[1], Some(mirror_deviations[1]), "1/s");
                 add("yaw of the lines", degrees(of_mirror[3]), Some(degrees(mirror_deviations[3])), "deg");
                 let channels = solution.model.senses.len();
@@ -83,7 +77,7 @@ impl FlightFit {
                 }
             }
             Mirror::Oscillating => {
-                add("half angle", degrees(of_mirror[0].abs()), Some(degrees(mirror_deviations[0])), "deg");
+                add("half angle", degrees(of_mirror[0].abs()), Some(of_angle), "deg");
                 add("periods", of_mirror[1], Some(mirror_deviations[1]), "1/s");
                 add("yaw of the lines", degrees(of_mirror[3]), Some(degrees(mirror_deviations[3])), "deg");
             }

@@ -475,6 +475,13 @@ impl Solution {
         (squares / self.attitudes.len().max(1) as f64).sqrt()
     }
 
+    /// Relative standard deviation of height and mirror angle by an error that all scan angles have in common and that grows
+    /// across the track. It is taken to be as large as their residual, or as the error of angles that are rounded to degrees.
+    pub fn scale_deviation(&self, recording: &Recording) -> f64 {
+        let rounding = if recording.has_whole_angles() { recording.angle_step / 12f64.sqrt() } else { 0.0 };
+        self.angle_residual.max(rounding) / recording.angle_spread()
+    }
+
     /// Attitude at `time`: linear between the sections' means, constant before the first and after the last.
     pub fn attitude(&self, time: f64) -> Attitude {
         let after = self.times.partition_point(|t| *t <= time);
