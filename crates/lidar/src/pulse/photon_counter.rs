@@ -9,15 +9,17 @@
 use super::detector_settings::{DetectorSettings, Return};
 use super::shape::PulseShape;
 use super::waveform::Waveform;
+use vlscan_base::error::{Error, Result};
 use vlscan_base::rng::{self, Purpose, Stream};
 use vlscan_survey::{Ranging, Receiver};
 
 /// Elementary charge, C.
 const ELECTRON: f64 = 1.602_176_634e-19;
-/// Most events per pulse; instruments have buffers of such a size.
+/// Most photons of a pulse that are recorded.
 const MAX_EVENTS: u32 = 4096;
-/// Most background photoelectrons per pulse, on average.
-const MAX_BACKGROUND: f64 = 10_000.0;
+/// Most background photoelectrons per pulse, on average: so few that these alone are never more than are recorded (46
+/// standard deviations of the Poisson distribution).
+const MAX_BACKGROUND: f64 = 2000.0;
 
 /// Detection by single photoelectrons.
 #[derive(Clone, Debug)]
@@ -95,6 +97,9 @@ impl PhotonCounter {
     }
 
     /// Appends the photons of a pulse by range, each as a return.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a pulse of more than 4096 photons.
     pub fn count(
         &self,
         waveform: &Waveform,
@@ -102,14 +107,22 @@ impl PhotonCounter {
         (device, pulse): (u32, u64),
         is_kept: impl Fn(f64) -> bool,
         returns: &mut Vec<Return>,
-    ) {
+    ) -> Result<()> {
         let (pieces, total) = self.pieces(waveform, detector.shape.bin);
         let mut reached = 0.0;
-        for event in 0..MAX_EVENTS {
+        for event in 0.. {
             let draw = self.stream.bits(device, pulse, event);
             reached -= libm::log(rng::open_unit(draw[0], draw[1]));
             if reached >= total || returns.len() == self.max_returns {
                 break;
+            }
+            if event == MAX_EVENTS {
+                return Err(Error::input_with_help(
+                    format!(
+                        "pulse {pulse} of device {device} has more than {MAX_EVENTS} photons, about {total:.0} without dead time"
+                    ),
+                    "no receiver counts so many: state the receiver's `dead_time_ns`, or limit the returns with `max_returns`",
+                ));
             }
             let piece = pieces[pieces.partition_point(|piece| piece.before <= reached).saturating_sub(1)];
             let rate = piece.light + self.background;
@@ -123,6 +136,7 @@ impl PhotonCounter {
                 reached = reached.max(self.mean_before(&pieces, time + self.dead_time));
             }
         }
+        Ok(())
     }
 
     /// The rate of photoelectrons within the gate, in pieces, and their mean number.
@@ -182,7 +196,7 @@ mod tests {
         let waveform = received(&[(30.0, 2.0 * mean / detector.shape.top)], &detector);
         let of = |pulse: u64| {
             let mut found = Vec::new();
-            counter.count(&waveform, &detector, (0, pulse), |_| true, &mut found);
+            counter.count(&waveform, &detector, (0, pulse), |_| true, &mut found).unwrap();
             found
         };
         (0..n).map(of).collect()
@@ -217,6 +231,23 @@ mod tests {
     }
 
     #[test]
+    fn more_photons_than_are_recorded_are_an_error() {
+        let (detector, gate) = (refined(), (20.0 / LIGHT, 40.0 / LIGHT));
+        let waveform = received(&[(30.0, 2.0 * 10_000.0 / detector.shape.top)], &detector);
+        let count = |receiver: &Receiver, max_returns: u32| {
+            let receiver = Receiver { ranging: Ranging::Photons, ..receiver.clone() };
+            let counter =
+                PhotonCounter::new(&receiver, &detector.shape, 2.0, (gate, max_returns), 5).unwrap();
+            let mut found = Vec::new();
+            counter.unwrap().count(&waveform, &detector, (0, 7), |_| true, &mut found).map(|()| found.len())
+        };
+        let error = count(&Receiver::default(), 0).unwrap_err().to_string();
+        assert!(error.contains("pulse 7") && error.contains("4096 photons"), "{error}");
+        assert_eq!(count(&Receiver::default(), 20).unwrap(), 20);
+        assert!(count(&Receiver { dead_time: 3.0, ..Receiver::default() }, 0).unwrap() < 10);
+    }
+
+    #[test]
     fn the_receiver_is_blind_after_a_photon() {
         let near = |dead_time: f64| {
             let found = photons(&Receiver { dead_time, ..Receiver::default() }, 5.0, 4000);
@@ -239,7 +270,7 @@ mod tests {
             let (dark, mut sum) = (received(&[], &detector), 0.0);
             for pulse in 0..500 {
                 let mut found = Vec::new();
-                counter.count(&dark, &detector, (1, pulse), |_| true, &mut found);
+                counter.count(&dark, &detector, (1, pulse), |_| true, &mut found).unwrap();
                 assert!(
                     found.iter().all(|r| r.is_noise && (100.0 * LIGHT..1100.0 * LIGHT).contains(&r.range))
                 );
@@ -266,7 +297,7 @@ mod tests {
             let mut sum = 0.0;
             for pulse in 0..400 {
                 let mut found = Vec::new();
-                counter.count(&waveform, detector, (0, pulse), |_| true, &mut found);
+                counter.count(&waveform, detector, (0, pulse), |_| true, &mut found).unwrap();
                 sum += found.len() as f64 / 400.0;
             }
             assert!((sum - expected).abs() < 0.5, "{sum} for {expected}");

@@ -129,7 +129,7 @@ impl Detection {
             }
             let fitted = options.echo_width.then_some(output);
             match counter {
-                Some(counter) => counter.count(&self.waveform, detector, draw, is_kept, &mut self.returns),
+                Some(counter) => counter.count(&self.waveform, detector, draw, is_kept, &mut self.returns)?,
                 None => detect(simd, &self.waveform, (detector, model), fitted, is_kept, &mut self.returns),
             }
             if let Some(model) = model {
