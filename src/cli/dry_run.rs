@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use std::time::Instant;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::write_stdout;
-use vlscan_base::quantity::{amount, duration, metres};
+use vlscan_base::quantity::{amount, bytes, duration, metres};
 
 /// Legs that are listed as text; `--json` lists all.
 const MAX_LISTED_LEGS: usize = 20;
@@ -49,8 +49,7 @@ fn text(f: &DryRunReport) -> String {
             format!("{points:.1} points and {pulses:.1} pulses per m² of {area} that are covered"),
         );
     }
-    let memory = amount(f.memory_bytes as f64);
-    line("memory", format!("{memory}B"));
+    line("memory", bytes(f.memory_bytes));
     let time = &f.time;
     line(
         "time",
@@ -63,7 +62,7 @@ fn text(f: &DryRunReport) -> String {
         ),
     );
     for file in &f.files {
-        line("writes", format!("{}  {}B of {}", file.name, amount(file.bytes), file.content));
+        line("writes", format!("{}  {} of {}", file.name, bytes(file.bytes as u64), file.content));
     }
     missed(f, &mut line);
     legs(&f.legs, &mut out);

@@ -12,7 +12,7 @@ use vlscan_base::crs;
 use vlscan_base::diag::{Diagnostics, Severity};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::machine;
-use vlscan_base::quantity::amount;
+use vlscan_base::quantity::{amount, bytes};
 use vlscan_scene::{Inventory, LoadOptions, Material, Pack, Part, PartFacts, Scene};
 use vlscan_survey::SceneRecipe;
 use vlscan_trace::{BuildOptions, Tree};
@@ -113,20 +113,16 @@ impl Facts<'_> {
         let crs = self.scene.crs.as_deref().map(crs::name);
         line("coordinates", crs.unwrap_or_else(|| i.coordinates().to_owned()));
         let (scene, tree) = (self.scene.memory(), self.tree.memory());
-        let memory = |bytes: usize, seconds: f64| {
-            format!(
-                "{}B, {:.1} B per primitive, {seconds:.2} s",
-                amount(bytes as f64),
-                self.per_primitive(bytes)
-            )
+        let memory = |size: usize, seconds: f64| {
+            format!("{}, {:.1} B per primitive, {seconds:.2} s", bytes(size as u64), self.per_primitive(size))
         };
         line("scene", memory(scene, self.seconds[0]));
         line("tree", memory(tree, self.seconds[1]));
         line(
             "together",
             format!(
-                "{}B, {:.1} B per primitive",
-                amount((scene + tree) as f64),
+                "{}, {:.1} B per primitive",
+                bytes((scene + tree) as u64),
                 self.per_primitive(scene + tree)
             ),
         );

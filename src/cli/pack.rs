@@ -8,7 +8,7 @@ use std::time::Instant;
 use vlscan_base::error::Result;
 use vlscan_base::files::{is_special, refuse_existing};
 use vlscan_base::machine;
-use vlscan_base::quantity::amount;
+use vlscan_base::quantity::{amount, bytes};
 use vlscan_lidar::pulse::PhysicsProfile;
 use vlscan_scene::LoadOptions;
 use vlscan_trace::BuildOptions;
@@ -44,10 +44,10 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
     };
     let epochs = if packed.epochs > 1 { format!(" in {} epochs", packed.epochs) } else { String::new() };
     console.say(format!(
-        "{}  {} primitives{epochs}, {}B; packed in {loaded:.1} s{opens}",
+        "{}  {} primitives{epochs}, {}; packed in {loaded:.1} s{opens}",
         out.display(),
         amount(packed.primitives as f64),
-        amount(packed.bytes as f64)
+        bytes(packed.bytes)
     ));
     Ok(())
 }

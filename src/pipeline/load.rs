@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 use vlscan_base::diag::{Notice, ProblemKind};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::quantity::amount;
+use vlscan_base::quantity::{amount, bytes};
 use vlscan_scene::{LoadOptions, Scene, SceneFrame};
 use vlscan_survey::SceneRecipe;
 use vlscan_trace::{BuildOptions, Builder, Tree};
@@ -44,10 +44,10 @@ pub(super) fn build_tree(
     let (held, needed) = (scene.memory() as u64, scene.tree_forecast(options.builder));
     if let Some(limit) = max_memory.filter(|limit| held.saturating_add(needed) > *limit) {
         return Err(too_large(format!(
-            "the scene needs {}B and the tree over it about {}B more; the limit is {}B",
-            amount(held as f64),
-            amount(needed as f64),
-            amount(limit as f64)
+            "the scene needs {} and the tree over it about {} more; the limit is {}",
+            bytes(held),
+            bytes(needed),
+            bytes(limit)
         )));
     }
     let started = Instant::now();
@@ -82,12 +82,12 @@ pub fn check_raster_memory(
         all = all.saturating_add(need.bytes).saturating_add(tree);
         if need.bytes.saturating_add(tree) >= MIN_REPORTED_BYTES {
             let kept = match need.is_field {
-                true => format!("a height field, which needs {}B", amount(need.bytes as f64)),
+                true => format!("a height field, which needs {}", bytes(need.bytes)),
                 false => format!(
-                    "{} triangles, which need {}B, plus about {}B for their tree",
+                    "{} triangles, which need {}, plus about {} for their tree",
                     amount(need.triangles as f64),
-                    amount(need.bytes as f64),
-                    amount(tree as f64)
+                    bytes(need.bytes),
+                    bytes(tree)
                 ),
             };
             notify(Notice::Note(format!(
@@ -100,9 +100,9 @@ pub fn check_raster_memory(
     }
     match limit {
         Some(limit) if all > limit => Err(too_large(format!(
-            "the rasters of the scene need about {}B; the limit is {}B",
-            amount(all as f64),
-            amount(limit as f64)
+            "the rasters of the scene need about {}; the limit is {}",
+            bytes(all),
+            bytes(limit)
         ))),
         _ => Ok(()),
     }

@@ -251,12 +251,18 @@ pub fn split_unit(text: &str) -> (&str, &str) {
 
 /// Formats a number with a unit prefix and three digits: 1.23 M.
 pub fn amount(n: f64) -> String {
-    for (limit, unit) in [(1e9, " G"), (1e6, " M"), (1e3, " k")] {
+    for (limit, unit) in [(1e12, " T"), (1e9, " G"), (1e6, " M"), (1e3, " k")] {
         if n >= limit {
             return format!("{:.2}{unit}", n / limit);
         }
     }
     format!("{n:.0}")
+}
+
+/// Formats a number of bytes with a unit prefix and three digits: 1.23 MB.
+pub fn bytes(n: u64) -> String {
+    let separator = if n < 1000 { " " } else { "" };
+    format!("{}{separator}B", amount(n as f64))
 }
 
 /// Formats a duration as h:mm:ss, or as seconds below a minute, with two decimals below ten.
@@ -327,6 +333,7 @@ mod tests {
     #[test]
     fn quantities_are_short() {
         assert_eq!(amount(950.0), "950");
+        assert_eq!([bytes(656), bytes(5_600_000_000)], ["656 B", "5.60 GB"]);
         assert_eq!(amount(1_234_567.0), "1.23 M");
         assert_eq!(
             [0.002_34, 0.1234, 9.994, 9.996, 42.4].map(duration),

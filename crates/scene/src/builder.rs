@@ -15,6 +15,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use vlscan_base::corrections::Corrections;
 use vlscan_base::diag::{Diagnostics, Place, ProblemKind};
 use vlscan_base::error::{Error, Result};
+use vlscan_base::quantity;
 pub(super) use vlscan_geom::MAX_COORDINATE;
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_survey::{Identity, UpAxis};
@@ -354,9 +355,9 @@ impl<'a> SceneBuilder<'a> {
         }
         let message = format!(
             "the scene needs at least {} with {}, without the tree over it; the limit is {}",
-            format_bytes(need),
+            quantity::bytes(need),
             file.display(),
-            format_bytes(limit)
+            quantity::bytes(limit)
         );
         Err(Error::input_of(ProblemKind::TooLarge, message))
     }
@@ -372,18 +373,6 @@ pub(super) fn memory_of(vertices: usize, triangles: usize, cubes: usize) -> u64 
         .saturating_add(bytes(cubes, per_cube))
 }
 
-/// Formats a number of bytes with a decimal prefix.
-pub(super) fn format_bytes(bytes: u64) -> String {
-    const UNITS: [&str; 5] = ["B", "kB", "MB", "GB", "TB"];
-    let mut value = bytes as f64;
-    let mut unit = 0;
-    while value >= 1000.0 && unit + 1 < UNITS.len() {
-        value /= 1000.0;
-        unit += 1;
-    }
-    if unit == 0 { format!("{bytes} B") } else { format!("{value:.1} {}", UNITS[unit]) }
-}
-
 /// The bounding box of the points mapped by `image`.
 pub(super) fn bounds_of_points(points: &[DVec3], image: impl Fn(DVec3) -> DVec3 + Sync) -> Aabb {
     points.par_iter().fold(|| Aabb::EMPTY, |b, &v| b.with(image(v))).reduce(|| Aabb::EMPTY, Aabb::union)
@@ -394,8 +383,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn memory_is_stated_per_primitive_and_readably() {
+    fn memory_is_stated_per_primitive() {
         assert_eq!([memory_of(1, 0, 0), memory_of(0, 1, 0), memory_of(0, 0, 1)], [24, 16, 60]);
-        assert_eq!([format_bytes(999), format_bytes(5_600_000_000)], ["999 B", "5.6 GB"]);
     }
 }

@@ -2,11 +2,12 @@
 
 use super::contents::{are_arrays_valid, is_of_epoch, read_epochs, read_scene};
 use super::origin::Origin;
-use crate::builder::{LoadOptions, format_bytes};
+use crate::builder::LoadOptions;
 use crate::conditions::Conditions;
 use crate::model::Scene;
 use std::path::Path;
 use vlscan_base::error::Result;
+use vlscan_base::quantity;
 use vlscan_base::store::ArrayFile;
 
 /// An open packed scene.
@@ -63,7 +64,7 @@ impl Pack {
         let epoch = epoch.min(self.epochs().saturating_sub(1));
         let needed = self.file.bytes_of(|name| is_of_epoch(name, epoch));
         if let Some(limit) = options.max_memory.filter(|limit| needed > *limit) {
-            let (needed, limit) = (format_bytes(needed), format_bytes(limit));
+            let (needed, limit) = (quantity::bytes(needed), quantity::bytes(limit));
             return Err(self.file.refuse(&format!("its scene needs {needed}; the limit is {limit}")));
         }
         read_scene(&self.file, epoch, self.origin.builder)

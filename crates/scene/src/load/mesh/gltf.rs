@@ -5,7 +5,7 @@ use super::gltf_buffers::{Buffer, BufferJson, open_buffer, split_chunks};
 use super::gltf_extensions::{COMPRESSIONS, compressed, refused};
 use super::gltf_materials::{MaterialJson, definitions};
 use super::{FileFrame, RawMesh};
-use crate::builder::{format_bytes, memory_of};
+use crate::builder::memory_of;
 use crate::text::{Source, printable};
 use glam::DMat3;
 use serde::Deserialize;
@@ -235,7 +235,8 @@ impl GltfDocument {
         if needed <= self.free_memory {
             return Ok(());
         }
-        let (needed, free) = (format_bytes(needed), format_bytes(self.free_memory));
+        let (needed, free) =
+            (vlscan_base::quantity::bytes(needed), vlscan_base::quantity::bytes(self.free_memory));
         Err(format!("the meshes need at least {needed}, the memory limit leaves {free}"))
     }
 

@@ -2,11 +2,11 @@
 //! 3 for floating-point predictors; GDAL and libtiff for ZSTD and LERC).
 
 use super::unpack::{inflate, unlzw, unpack_bits, unzstd};
-use crate::builder::format_bytes;
 use std::io::Cursor;
 use tiff::decoder::{ChunkType, Decoder};
 use tiff::tags::{ByteOrder, Tag};
 use vlscan_base::damage::catch_decoder_panic;
+use vlscan_base::quantity;
 
 /// Maximum number of pixels of a block that is larger than four times its raster.
 const MAX_BLOCK_PIXELS: u64 = 1 << 22;
@@ -168,7 +168,7 @@ impl Blocks {
         let bytes = pixels.saturating_mul(self.pixel_bytes());
         let can_hold = self.compression.max_ratio().max(Compression::Lzw.max_ratio());
         if bytes > held.saturating_mul(can_hold) {
-            let (stated, held) = (format_bytes(bytes), format_bytes(held));
+            let (stated, held) = (quantity::bytes(bytes), quantity::bytes(held));
             return Err(format!("its {width} x {height} pixels ({stated}) do not fit into a file of {held}"));
         }
         let (block_width, block_height) = self.size;

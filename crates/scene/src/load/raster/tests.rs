@@ -441,7 +441,7 @@ fn the_need_of_a_large_raster_is_stated_before_it_is_built() {
     let mut f = fixture(file.bytes());
     f.options.max_memory = Some(4_000_000_000);
     let report = f.error();
-    assert!(report.contains("5.6 GB") && report.contains("4.0 GB"), "{report}");
+    assert!(report.contains("5.60 GB") && report.contains("4.00 GB"), "{report}");
 }
 
 #[test]

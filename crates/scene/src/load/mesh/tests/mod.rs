@@ -402,7 +402,7 @@ fn few_bytes_do_not_become_many_meshes() {
     };
     let primitives = bomb.replace("\"primitives\":[", &primitive(0, 8));
     let found = limited(&primitives, Some(20 << 20)).unwrap_err();
-    assert!(found.contains("need at least 492.1 MB, the memory limit leaves 21.0 MB"), "{found}");
+    assert!(found.contains("need at least 492.13 MB, the memory limit leaves 20.97 MB"), "{found}");
     // Primitives of one accessor share its vertices: 3 · 24 bytes, and 16 for each triangle.
     let shared = json.replace("\"primitives\":[", &primitive(0, 100));
     assert_eq!(limited(&shared, Some(3 * 24 + 100 * 16)), Ok(100));
