@@ -11,7 +11,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use vlscan_formats::{Cause, EncodedPoints, PointBatch, PointEncoder, PointFormat, PointRecord, Wave};
-use vlscan_geom::{DVec3, HeightField, is_inside};
+use vlscan_geom::{DVec3, HeightModel, is_inside};
 use vlscan_lidar::pulse::{Batch, Echo, WaveformRecord};
 
 /// Points that are converted to records at a time; a block of records fits into the first cache.
@@ -59,7 +59,7 @@ impl Encoded {
 #[derive(Clone, Copy)]
 struct Source<'a> {
     batch: &'a Batch,
-    ground: Option<&'a Arc<dyn HeightField>>,
+    ground: Option<&'a Arc<dyn HeightModel>>,
 }
 
 /// Waveforms of a batch, found in the order of the echoes.
@@ -86,7 +86,7 @@ impl Waves<'_> {
 impl OutputPlan {
     /// Encodes a batch for every file. Called by the worker threads. Heights of its points count from `ground`, that of the
     /// batch's epoch.
-    pub fn encode(&self, batch: &Batch, ground: Option<&Arc<dyn HeightField>>) -> Encoded {
+    pub fn encode(&self, batch: &Batch, ground: Option<&Arc<dyn HeightModel>>) -> Encoded {
         let source = Source { batch, ground };
         let mut echoes =
             if self.request.misses { with_misses(batch) } else { Cow::Borrowed(&batch.echoes[..]) };

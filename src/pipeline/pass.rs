@@ -5,7 +5,7 @@ use super::plausibility::YieldCheck;
 use super::progress::Progress;
 use crate::output::OutputPlan;
 use std::sync::Arc;
-use vlscan_geom::HeightField;
+use vlscan_geom::HeightModel;
 use vlscan_lidar::pulse::Physics;
 use vlscan_scene::MotionPlan;
 use vlscan_trace::BuildOptions;
@@ -37,7 +37,7 @@ pub struct Pass<'a> {
     pub trees: &'a BuildOptions,
     pub output: Arc<OutputPlan>,
     /// The ground of this epoch in the scene frame, if points have heights above it.
-    pub ground: Option<Arc<dyn HeightField>>,
+    pub ground: Option<Arc<dyn HeightModel>>,
     pub schedule: Schedule,
     pub control: RunContext<'a>,
     pub target: AimTarget,

@@ -17,7 +17,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 use vlscan_base::diag::Notice;
 use vlscan_base::error::{Error, Result};
-use vlscan_geom::HeightField;
+use vlscan_geom::HeightModel;
 use vlscan_lidar::flight::{FlightPlan, FlightState};
 use vlscan_lidar::pulse::{Physics, PhysicsOptions};
 use vlscan_scene::Fallback;
@@ -200,7 +200,7 @@ impl Session {
         let (summary, interrupted) = loop {
             self.enter_epoch(epoch, control.stop)?;
             let (settings, scene, tree) = (self.settings(), self.scene(), self.tree()?);
-            let ground = || -> Result<Arc<dyn HeightField>> {
+            let ground = || -> Result<Arc<dyn HeightModel>> {
                 let model = self.ground(Fallback::Lowest)?;
                 Ok(Arc::new(move |x, y| model.local_height(x, y)))
             };

@@ -5,7 +5,7 @@
 //! | file | what it does |
 //! |---|---|
 //! | `rotation`, `affine`, `aabb` | rotations, affine maps, boxes |
-//! | `height_field` | surfaces with one height at each position |
+//! | `height_model` | surfaces with one height at each position |
 //! | `polygon` | whether a point is inside of a polygon |
 //! | `sums` | sums of many equal terms |
 //! | `utm` | the map projection |
@@ -14,7 +14,7 @@
 
 mod aabb;
 mod affine;
-mod height_field;
+mod height_model;
 mod polygon;
 mod rotation;
 mod sums;
@@ -23,7 +23,7 @@ mod utm;
 pub use aabb::Aabb;
 pub use affine::Affine;
 pub use glam::DVec3;
-pub use height_field::HeightField;
+pub use height_model::HeightModel;
 pub use polygon::is_inside;
 pub use rotation::Rotation;
 pub use sums::{add_repeatedly, spacing, steps_in_binade};

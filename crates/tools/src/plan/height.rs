@@ -2,7 +2,7 @@
 
 use super::area::Area;
 use super::line::Line;
-use vlscan_geom::{DVec3, HeightField};
+use vlscan_geom::{DVec3, HeightModel};
 
 /// Most waypoints of a line that follows the ground.
 const MAX_STEPS: f64 = 100_000.0;
@@ -13,7 +13,7 @@ const MAX_DEVIATION: f64 = 0.01;
 /// The ground below a planned flight.
 pub struct PlanGround<'g> {
     /// Heights, world coordinates, m.
-    pub heights: &'g dyn HeightField,
+    pub heights: &'g dyn HeightModel,
     /// Height where there is none in the whole area, m.
     pub level: f64,
 }
