@@ -34,12 +34,13 @@ pub(crate) fn parts_in_epoch<'r>(
 ) -> Result<Vec<EpochPart<'r>>> {
     let mut parts = Vec::with_capacity(recipe.parts.len());
     let mut additional = 0;
+    let mut are_gltf = HashMap::new();
     for part in &recipe.parts {
         let Some(present) = part_in_epoch(part, epoch) else {
             parts.push(EpochPart { recipe: Cow::Borrowed(part), is_present: false });
             continue;
         };
-        if let Some(placed) = expand(scene, part)? {
+        if let Some(placed) = expand(scene, part, &mut are_gltf)? {
             let first = part.number + additional;
             additional += (placed.len() as u32).saturating_sub(1);
             let numbered = (first..).zip(placed).map(|(number, p)| PartRecipe { number, ..p });
@@ -55,14 +56,22 @@ pub(crate) fn parts_in_epoch<'r>(
     Ok(parts)
 }
 
-/// The parts of a glTF file; `None` for a part that stays as it is.
-fn expand(scene: &mut SceneBuilder, part: &PartRecipe) -> Result<Option<Vec<PartRecipe>>> {
+/// The parts of a glTF file; `None` for a part that stays as it is. `are_gltf` are the files that have been looked at.
+fn expand<'r>(
+    scene: &mut SceneBuilder,
+    part: &'r PartRecipe,
+    are_gltf: &mut HashMap<&'r Path, bool>,
+) -> Result<Option<Vec<PartRecipe>>> {
     let Loader::MeshFiles { files, reading } = &part.loader else { return Ok(None) };
     let has_id = part.id.as_ref().is_some_and(|id| !id.is_empty());
     let [file] = &files[..] else { return Ok(None) };
     let has_numbers = part.changes.iter().any(|change| matches!(change.replaced, Replaced::Faces(_)));
     let is_whole = has_id || has_numbers || part.transform.on_ground != 0;
-    if is_whole || !part.motions.is_empty() || !part.swaps.is_empty() || !is_gltf(file) {
+    if is_whole || !part.motions.is_empty() || !part.swaps.is_empty() {
+        return Ok(None);
+    }
+    // Many parts may be instances of one file.
+    if !*are_gltf.entry(file).or_insert_with(|| is_gltf(file)) {
         return Ok(None);
     }
     let opened = GltfDocument::open(file, scene.free_memory())
