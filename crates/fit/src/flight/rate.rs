@@ -26,7 +26,7 @@ const CONSTANT: f64 = 0.003;
 pub struct PulseRate {
     /// Pulses per second: the reciprocal of the mean interval between neighbouring pulses.
     pub mean: f64,
-    /// Its standard deviation, 1/s.
+    /// Its standard deviation, 1/s; NaN if no two lines have enough pulses to tell.
     pub deviation: f64,
     /// Largest and smallest rate over the recorded part of the revolution, 1/s.
     pub range: (f64, f64),
@@ -67,15 +67,21 @@ impl PulseRate {
         };
         // First pulse, interval and line of each pair of neighbouring pulses.
         let mut pairs = Vec::new();
-        let mut lost = 0.0;
+        let (mut recorded, mut lost) = (1.0, 0.0);
+        let all = recording.lines.iter().flat_map(|line| line.clone().skip(1));
+        let of_all = usual(&all.map(|i| recording.interval_before(i)).collect::<Vec<_>>());
         for (line, range) in recording.lines.iter().enumerate() {
             let intervals: Vec<f64> = range.clone().skip(1).map(|i| recording.interval_before(i)).collect();
-            let usual = usual(&intervals);
+            // Of thinned lines, few intervals are those of neighbouring pulses.
+            let usual = Some(usual(&intervals)).filter(|usual| *usual < LOST * of_all).unwrap_or(of_all);
             for (i, interval) in range.clone().zip(intervals) {
-                match (interval / usual).round() - 1.0 {
-                    missing if missing < 1.0 => pairs.push((i, interval, line)),
-                    missing if missing <= MAX_LOST => lost += missing,
-                    _ => {}
+                let missing = (interval / usual).round() - 1.0;
+                if missing < 1.0 {
+                    pairs.push((i, interval, line));
+                }
+                if missing <= MAX_LOST {
+                    recorded += 1.0;
+                    lost += missing.max(0.0);
                 }
             }
         }
@@ -109,10 +115,13 @@ impl PulseRate {
         let longest = known.iter().copied().fold(mean, f64::max);
         let mut rate = PulseRate {
             mean: 1.0 / mean,
-            deviation: of_lines / (lines.len().max(1) as f64).sqrt() / mean,
+            deviation: match lines.len() {
+                0 | 1 => f64::NAN,
+                count => of_lines / (count as f64).sqrt() / mean,
+            },
             range: (1.0 / longest, 1.0 / shortest),
             of_lines,
-            lost: lost / (count + lost),
+            lost: lost / (recorded + lost),
             dither: Vec::new(),
             // Lines of several channels have numbers of their own.
             pattern: (model.senses.len() == 1).then(|| LinePattern::of(&factors)).flatten(),
@@ -266,7 +275,7 @@ fn time_step(recording: &Recording) -> f64 {
 fn usual(intervals: &[f64]) -> f64 {
     let mut sorted = intervals.to_vec();
     sorted.sort_by(f64::total_cmp);
-    let short = sorted.get(sorted.len() / 10).copied().unwrap_or(0.0);
+    let short = sorted.get(sorted.len() / 20).copied().unwrap_or(0.0);
     sorted.retain(|interval| *interval < LOST * short);
     median(sorted)
 }

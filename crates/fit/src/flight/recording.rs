@@ -61,6 +61,9 @@ pub struct Recording {
     pub angle_step: f64,
 }
 
+/// ASPRS classes of noise, which is not on the ground.
+const NOISE: [u8; 2] = [7, 18];
+
 /// What is read of a point.
 struct Row {
     time: f64,
@@ -91,6 +94,9 @@ impl PointSink for Rows {
 
     fn point(&mut self, row: &PointRow, _object: Option<&str>) -> ControlFlow<()> {
         if row.position.is_finite() && row.time.is_finite() && row.scan_angle.abs() < 90.0 {
+            if NOISE.contains(&row.class) {
+                return ControlFlow::Continue(());
+            }
             self.rows.push(Row {
                 time: row.time,
                 position: row.position,

@@ -136,6 +136,22 @@ fn a_mirror_that_swings_is_found() {
 }
 
 #[test]
+fn the_rate_of_a_thinned_cloud_is_that_of_the_pulses_that_left() {
+    let truth = model(Mirror::Polygon, [radians(58.0), 90.0, 1.0, 0.0]);
+    let mut pulses = flown(&truth, |_| 5e-6, 3.0);
+    let mut k = 0;
+    pulses.retain(|_| {
+        k += 1;
+        noise(k) > 1.28
+    });
+    let recording = Recording::new(pulses).unwrap();
+    let rate = PulseRate::of(&recording, &known(&truth));
+    // Without gaps of more than 20 pulses.
+    assert!((0.85..0.91).contains(&rate.lost), "{}", rate.lost);
+    assert!((rate.mean / 200_000.0 - 1.0).abs() < 1e-4, "{}", rate.mean);
+}
+
+#[test]
 fn a_rate_that_follows_the_mirror_is_told() {
     let truth = model(Mirror::Cone, [radians(20.0), 140.0, 1.0, 0.0]);
     // Longer intervals in a part of the circle, which falls into the square.
