@@ -23,8 +23,9 @@ def documented() -> Iterator[str]:
             if isinstance(thing, (FunctionType, type)) and not isinstance(thing, EnumMeta):
                 yield f"{package.__name__}.{name}"
             if isinstance(thing, type):
+                # Names that begin with "model_" are those of pydantic.
                 parts = (FunctionType, staticmethod, classmethod, property, cached_property)
-                found = (part for part, value in vars(thing).items() if isinstance(value, parts) and not part.startswith("_"))
+                found = (part for part, value in vars(thing).items() if isinstance(value, parts) and not part.startswith(("_", "model_")))
                 yield from (f"{package.__name__}.{name}.{part}" for part in found)
 
 

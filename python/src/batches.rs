@@ -1,6 +1,7 @@
 //! Runs whose points are taken while they are measured.
 
 use crate::errors::{Notices, exception};
+use crate::run::{CollectedTables, Outcome};
 use crate::table::Table;
 use crate::watch::POLL_INTERVAL;
 use pyo3::exceptions::PyRuntimeError;
@@ -13,12 +14,14 @@ use vlscan::Batches;
 pub struct BatchIterator {
     batches: Mutex<Option<Batches>>,
     notices: Notices,
+    tables: CollectedTables,
+    outcome: Mutex<Option<Py<Outcome>>>,
 }
 
 impl BatchIterator {
-    /// The iterator over the batches of a run.
-    pub fn new(batches: Batches, notices: Notices) -> BatchIterator {
-        BatchIterator { batches: Mutex::new(Some(batches)), notices }
+    /// The iterator over the batches of a run, which leaves `tables`.
+    pub fn new(batches: Batches, notices: Notices, tables: CollectedTables) -> BatchIterator {
+        BatchIterator { batches: Mutex::new(Some(batches)), notices, tables, outcome: Mutex::default() }
     }
 
     fn batches(&self) -> MutexGuard<'_, Option<Batches>> {
@@ -52,17 +55,29 @@ impl BatchIterator {
                 }
                 Some(Some(ended)) => {
                     let batches = self.batches().take();
-                    self.notices.issue(py)?;
+                    let issued = self.notices.issue(py)?.unbind();
                     return match (ended, batches.as_ref().and_then(Batches::report)) {
                         (Some(Err(error)), _) => Err(exception(py, error)),
                         (_, Some(report)) if report.interrupted => {
                             Err(PyRuntimeError::new_err("the run was stopped"))
+                        }
+                        (None, Some(report)) => {
+                            let outcome = Outcome::new(py, report.clone(), issued, &self.tables)?;
+                            let outcome = Py::new(py, outcome)?;
+                            *self.outcome.lock().unwrap_or_else(PoisonError::into_inner) = Some(outcome);
+                            Ok(None)
                         }
                         _ => Ok(None),
                     };
                 }
             }
         }
+    }
+
+    /// The result of the run, once the last batch has been taken.
+    fn outcome(&self, py: Python<'_>) -> Option<Py<Outcome>> {
+        let outcome = self.outcome.lock().unwrap_or_else(PoisonError::into_inner);
+        outcome.as_ref().map(|outcome| outcome.clone_ref(py))
     }
 
     /// Ends the run.

@@ -118,6 +118,24 @@ pub struct Outcome {
     notices: Py<PyList>,
 }
 
+impl Outcome {
+    /// The result of a run whose tables are complete.
+    pub fn new(
+        py: Python<'_>,
+        report: Report,
+        notices: Py<PyList>,
+        tables: &CollectedTables,
+    ) -> PyResult<Outcome> {
+        let mut found = Vec::new();
+        for (name, sink) in tables {
+            let batch = sink.0.lock().unwrap_or_else(PoisonError::into_inner).pop();
+            let batch = batch.ok_or_else(|| PyRuntimeError::new_err(format!("no table of {name}")))?;
+            found.push((name.clone(), Py::new(py, Table(batch))?));
+        }
+        Ok(Outcome { tables: found, report, notices })
+    }
+}
+
 #[pymethods]
 impl Outcome {
     /// A table by name: points, trajectory, pulses, waveforms; none if it was not asked for.
@@ -176,7 +194,7 @@ impl Outcome {
 
 /// Collects the batches of a table.
 #[derive(Debug, Default)]
-struct Collected(Mutex<Vec<RecordBatch>>);
+pub struct Collected(Mutex<Vec<RecordBatch>>);
 
 impl TableSink for Collected {
     fn take(&self, batch: RecordBatch) -> vlscan::Result<()> {
@@ -198,6 +216,27 @@ fn content(name: &str) -> PyResult<TableContent> {
     }
 }
 
+/// Tables by name, which are complete once the run has ended.
+pub type CollectedTables = Vec<(String, Arc<Collected>)>;
+
+/// What collects the tables of these names.
+fn collected(names: Vec<String>) -> PyResult<(Vec<TableRequest>, CollectedTables)> {
+    let mut requests = Vec::new();
+    let mut tables = Vec::new();
+    for name in names {
+        let sink = Arc::new(Collected::default());
+        requests.push(TableRequest {
+            content: content(&name)?,
+            batch_rows: usize::MAX,
+            batch_per_leg: false,
+            batch_seconds: None,
+            sink: sink.clone(),
+        });
+        tables.push((name, sink));
+    }
+    Ok((requests, tables))
+}
+
 /// Runs a request and returns the tables of these names. `progress` is called with pulses, points, leg and the fraction
 /// done.
 #[pyfunction]
@@ -208,19 +247,7 @@ pub fn run(
     tables: Vec<String>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Outcome> {
-    let mut sinks = Vec::new();
-    for name in &tables {
-        let sink = Arc::new(Collected::default());
-        let request = TableRequest {
-            content: content(name)?,
-            batch_rows: usize::MAX,
-            batch_per_leg: false,
-            batch_seconds: None,
-            sink: sink.clone(),
-        };
-        sinks.push((sink, request));
-    }
-    let requests: Vec<TableRequest> = sinks.iter().map(|(_, request)| request.clone()).collect();
+    let (requests, collected) = collected(tables)?;
     let notices = Notices::default();
     let (counters, interruption) = (Arc::new(Progress::default()), Arc::new(Interruption::default()));
     let (own_notices, own_counters, own) = (notices.clone(), counters.clone(), interruption.clone());
@@ -229,13 +256,7 @@ pub fn run(
     let issued = notices.issue(py)?;
     let report = done.map_err(|error| exception(py, error))?;
     tell(py, progress.as_ref(), &counters)?;
-    let mut found = Vec::new();
-    for (name, (sink, _)) in tables.into_iter().zip(sinks) {
-        let batch = sink.0.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        let batch = batch.ok_or_else(|| PyRuntimeError::new_err(format!("no table of {name}")))?;
-        found.push((name, Py::new(py, Table(batch))?));
-    }
-    Ok(Outcome { tables: found, report, notices: issued.unbind() })
+    Outcome::new(py, report, issued.unbind(), &collected)
 }
 
 /// Lets Python handle signals, and tells the progress.
@@ -253,16 +274,19 @@ fn tell(py: Python<'_>, progress: Option<&Py<PyAny>>, counters: &Progress) -> Py
 }
 
 /// Runs a request and returns its points batch by batch; at most `waiting` batches wait for their reader. A batch ends with its
-/// leg, or at a multiple of `seconds`, too.
+/// leg, or at a multiple of `seconds`, too. The tables of these names are in the outcome of the iterator, which exists once the
+/// last batch has been taken.
 #[pyfunction]
-#[pyo3(signature = (request, rows, per_leg, seconds, waiting))]
+#[pyo3(signature = (request, rows, per_leg, seconds, waiting, tables=Vec::new()))]
 pub fn run_batches(
     request: Py<Request>,
     rows: usize,
     per_leg: bool,
     seconds: Option<f64>,
     waiting: usize,
-) -> BatchIterator {
+    tables: Vec<String>,
+) -> PyResult<BatchIterator> {
+    let (mut requests, collected) = collected(tables)?;
     let notices = Notices::default();
     let interruption = Arc::new(Interruption::default());
     let (own_notices, own) = (notices.clone(), interruption.clone());
@@ -271,14 +295,17 @@ pub fn run_batches(
         interruption.is_awaited()
     };
     let batches = Batches::spawn(waiting, end, move |sink| {
-        let table = TableRequest {
-            content: TableContent::Points,
-            batch_rows: rows.max(1),
-            batch_per_leg: per_leg,
-            batch_seconds: seconds,
-            sink,
-        };
-        request.get().execute(vec![table], &own_notices, &Progress::default(), &own)
+        requests.insert(
+            0,
+            TableRequest {
+                content: TableContent::Points,
+                batch_rows: rows.max(1),
+                batch_per_leg: per_leg,
+                batch_seconds: seconds,
+                sink,
+            },
+        );
+        request.get().execute(requests, &own_notices, &Progress::default(), &own)
     });
-    BatchIterator::new(batches, notices)
+    Ok(BatchIterator::new(batches, notices, collected))
 }

@@ -37,7 +37,7 @@ def blocks(page):
     return re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(encoding="utf-8"), re.DOTALL)
 
 
-@pytest.mark.parametrize("page", ["docs/python.md", "README.md"])
+@pytest.mark.parametrize("page", ["docs/migration.md", "docs/python.md", "README.md"])
 def test_examples_run(page, folder):
     pytest.importorskip("polars")
     if page == "docs/python.md":

@@ -3,4 +3,11 @@
 from vlscan_helios.v3 import *  # noqa: F403
 from vlscan_helios.v3 import install
 
-install(__name__)
+install("vlscan.helios")
+
+if __name__ == "__main__":
+    import sys
+
+    from vlscan_helios.v3.__main__ import cli
+
+    sys.exit(cli())

@@ -1,46 +1,69 @@
-"""The names of HELIOS++ 3 over vlscan: ``import vlscan.helios as helios``.
+"""The names of HELIOS++ 3 over vlscan: ``import vlscan.helios as helios``, ``from vlscan.helios.scanner import riegl_vz_400``.
 
-Scripts that also say ``from helios.scanner import ...`` keep their lines after ``vlscan.helios.install()``, which makes this
-package importable as ``helios``.
+Scripts that say ``from helios.scanner import ...`` keep their lines after ``vlscan.helios.install()``, which makes this package
+importable as ``helios``.
 
 Quantities are texts with units (``"10 deg/s"``), quantities of :mod:`pint` (:data:`units`), or plain numbers in SI units: m, s,
-rad, rad/s, Hz; of waveforms in ns. Unknown keywords are ``ValueError``; what vlscan does otherwise is a ``NotImplementedError``
-that says how. Written from the public interface; no code of HELIOS++ is contained.
+rad, rad/s, Hz. Settings are models of :mod:`pydantic`: unknown keywords and invalid values are ``ValueError``, when they are
+given and when they are changed. What vlscan does otherwise is a ``NotImplementedError`` that says how. Written from the public
+interface; no code of HELIOS++ is contained.
 """
 
 from __future__ import annotations
 
 import sys
+from importlib import metadata
 from types import ModuleType
 
-from . import platforms, scanner, scene, settings, survey
-from .materials import Material
-from .platforms import Platform, list_platforms, platform_from_name
-from .scanner import Scanner, list_scanners, scanner_from_name
-from .scene import ScenePart, StaticScene
-from .settings import (
+from vlscan._vlscan import version
+
+from . import callbacks, leg, platforms, scanner, scene, settings, survey, utils, validation
+from .callbacks import HookContext, HookEndOfLegPolicy, HookPayload, HookPoint, SurveyHook
+from .errors import HeliosException
+from .leg import Leg
+from .platforms import (
     DynamicPlatformSettings,
+    Platform,
+    PlatformSettings,
+    StaticPlatformSettings,
+    TrajectorySettings,
+    list_platforms,
+    load_traj_csv,
+    platform_from_name,
+)
+from .scanner import Scanner, ScannerSettings, list_scanners, scanner_from_name
+from .scene import BoundingBox, Material, ScenePart, StaticScene
+from .settings import (
     ExecutionSettings,
+    ForceOnGroundStrategy,
     FullWaveformSettings,
+    KDTreeFactoryType,
     LogVerbosity,
     OutputFormat,
     OutputSettings,
     ParallelizationStrategy,
-    PlatformSettings,
-    ScannerSettings,
-    StaticPlatformSettings,
-    TrajectorySettings,
-    add_asset_directory,
-    combine_parameters,
-    set_rng_seed,
-    units,
+    ProgressBarStrategy,
+    set_execution_settings,
+    set_output_settings,
 )
-from .survey import Leg, Survey, SurveyHook, display_xml
+from .survey import Survey
+from .utils import add_asset_directory, combine_parameters, display_xml, set_rng_seed
+from .validation import units
+
+__version__ = version()
 
 __all__ = [
+    "BoundingBox",
     "DynamicPlatformSettings",
     "ExecutionSettings",
+    "ForceOnGroundStrategy",
     "FullWaveformSettings",
+    "HeliosException",
+    "HookContext",
+    "HookEndOfLegPolicy",
+    "HookPayload",
+    "HookPoint",
+    "KDTreeFactoryType",
     "Leg",
     "LogVerbosity",
     "Material",
@@ -49,6 +72,7 @@ __all__ = [
     "ParallelizationStrategy",
     "Platform",
     "PlatformSettings",
+    "ProgressBarStrategy",
     "Scanner",
     "ScannerSettings",
     "ScenePart",
@@ -58,20 +82,28 @@ __all__ = [
     "SurveyHook",
     "TrajectorySettings",
     "add_asset_directory",
+    "callbacks",
     "combine_parameters",
     "display_xml",
     "install",
+    "leg",
     "list_platforms",
     "list_scanners",
+    "load_traj_csv",
+    "metadata",
     "platform_from_name",
     "platforms",
     "scanner",
     "scanner_from_name",
     "scene",
+    "set_execution_settings",
+    "set_output_settings",
     "set_rng_seed",
     "settings",
     "survey",
     "units",
+    "utils",
+    "validation",
 ]
 
 
@@ -90,6 +122,6 @@ def install(name: str = "helios") -> ModuleType:
     """
     package = sys.modules[__name__]
     sys.modules[name] = package
-    for module in (platforms, scanner, scene, settings, survey):
+    for module in (callbacks, leg, platforms, scanner, scene, settings, survey, utils, validation):
         sys.modules[f"{name}.{module.__name__.rsplit('.', 1)[1]}"] = module
     return package

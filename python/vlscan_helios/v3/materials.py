@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import os
-from copy import copy
-from typing import Any, overload
+from collections.abc import ItemsView, Iterator, KeysView, MutableMapping, ValuesView
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
 
 from vlscan._typing import PathLike
 from vlscan.errors import warn
 from vlscan.parts import Material as EngineMaterial
 
-from .settings import find_asset, three
+from .utils import existing_file
+from .validation import Components, Model, UpdateableMixin
 
 
 class _UncheckedMaterial(EngineMaterial):
@@ -22,7 +27,11 @@ class _UncheckedMaterial(EngineMaterial):
         pass
 
 
-class Material:
+def _none() -> Any:
+    return np.zeros(4)
+
+
+class Material(Model, UpdateableMixin):
     """How a surface reflects.
 
     Parameters
@@ -31,91 +40,69 @@ class Material:
         Name.
     is_ground : bool
         Whether legs, and parts on the ground, stand on it.
-    reflectance : float, optional
-        0 to 1; by default that of ``spectra``, else 50 as in HELIOS++.
-    classification : int
-        Class of points.
-    spectra : str, optional
-        Name of a spectrum.
-    ambient_components, diffuse_components, specular_components : tuple of float
-        Colours.
+    spectra : str
+        Name of a spectrum, whose reflectance at the scanner's wavelength counts.
+    reflectance : float
+        0 to 1; NaN is that of ``spectra``, else 50 as in HELIOS++.
+    specularity : float
+        Share of the specular lobe, 0 to 1, where no colours are given.
     specular_exponent : float
         Exponent of the specular lobe.
-    **unknown : Any
-        Refused.
-
-    Raises
-    ------
-    ValueError
-        Unknown keywords.
+    classification : int
+        Class of points.
+    ambient_components, diffuse_components, specular_components : array_like
+        Colours, four numbers; a diffuse and a specular colour tell the share of the specular lobe.
     """
 
-    def __init__(
-        self,
-        name: str = "default",
-        *,
-        is_ground: bool = False,
-        reflectance: float | None = None,
-        classification: int = 0,
-        spectra: str | None = None,
-        ambient_components: tuple[float, float, float] = (0.0, 0.0, 0.0),
-        diffuse_components: tuple[float, float, float] = (0.0, 0.0, 0.0),
-        specular_components: tuple[float, float, float] = (0.0, 0.0, 0.0),
-        specular_exponent: float = 10.0,
-        **unknown: Any,
-    ) -> None:
-        if unknown:
-            raise ValueError(f"Material has no {', '.join(map(repr, unknown))}")
-        if reflectance is not None and not 0 <= reflectance <= 1:
-            warn(f"reflectance of the material {name!r} is {reflectance}, expected 0 to 1")
-        self.name, self.is_ground, self.reflectance = name, is_ground, reflectance
-        self.classification, self.spectra = classification, spectra
-        self.ambient_components, self.diffuse_components = ambient_components, diffuse_components
-        self.specular_components, self.specular_exponent = specular_components, specular_exponent
+    name: str = ""
+    is_ground: bool = False
+    spectra: str = ""
+    reflectance: float = np.nan
+    specularity: Annotated[float, Field(ge=0, le=1)] = 0
+    specular_exponent: float = 10
+    classification: int = 0
+    ambient_components: Components = Field(default_factory=_none)
+    diffuse_components: Components = Field(default_factory=_none)
+    specular_components: Components = Field(default_factory=_none)
 
-    @overload
+    def model_post_init(self, context: Any, /) -> None:
+        """Warn of a reflectance that no surface has.
+
+        Parameters
+        ----------
+        context : object
+            Without effect.
+        """
+        if not math.isnan(self.reflectance) and not 0 <= self.reflectance <= 1:
+            warn(f"reflectance of the material {self.name!r} is {self.reflectance}, expected 0 to 1")
+
     @classmethod
-    def from_file(cls, material_file: PathLike, material_name: None = None) -> dict[str, Material]: ...
-    @overload
-    @classmethod
-    def from_file(cls, material_file: PathLike, material_name: str) -> Material: ...
-    @classmethod
-    def from_file(cls, material_file: PathLike, material_name: str | None = None) -> Material | dict[str, Material]:
-        """Read materials of a file.
+    def from_file(cls, material_file: PathLike, material_id: str = "") -> Material:
+        """Read a material of a file.
 
         Parameters
         ----------
         material_file : str or path-like
             An MTL file.
-        material_name : str, optional
-            Name of the one that is wanted.
+        material_id : str
+            Name of the material; the alphabetically first by default.
 
         Returns
         -------
-        Material or dict of Material
-            The material of the name, or all materials by name.
+        Material
+            The material.
 
         Raises
         ------
         ValueError
             No material has the name.
+        FileNotFoundError
+            There is no such file.
         """
-        found = read_materials(find_asset(material_file))
-        if material_name is None:
-            return found
-        if material_name not in found:
-            raise ValueError(f"{os.fspath(material_file)} has no material {material_name!r}; there are {', '.join(found)}")
-        return found[material_name]
-
-    def clone(self) -> Material:
-        """Return a copy.
-
-        Returns
-        -------
-        Material
-            The copy.
-        """
-        return copy(self)
+        found = read_materials(os.fspath(existing_file(material_file)))
+        if not found or material_id and material_id not in found:
+            raise ValueError(f"{os.fspath(material_file)} has no material {material_id!r}; there are {', '.join(found) or 'none'}")
+        return found[material_id or min(found)]
 
     def engine(self) -> EngineMaterial:
         """Return the material for the engine.
@@ -125,24 +112,84 @@ class Material:
         vlscan.Material
             The material.
         """
+        diffuse, specular = self.diffuse_components[:3], self.specular_components[:3]
+        if self.specularity > 0 and not diffuse.any() and not specular.any():
+            diffuse, specular = np.full(3, 1 - self.specularity), np.full(3, self.specularity)
         return _UncheckedMaterial(
-            self.name,
-            reflectance=self.reflectance,
-            classification=int(self.classification),
-            spectrum=self.spectra,
-            is_ground=bool(self.is_ground),
-            diffuse=three(self.diffuse_components),
-            specular=three(self.specular_components),
-            specular_exponent=float(self.specular_exponent),
+            self.name or "default",
+            reflectance=None if math.isnan(self.reflectance) else self.reflectance,
+            classification=self.classification,
+            spectrum=self.spectra or None,
+            is_ground=self.is_ground,
+            diffuse=tuple(diffuse.tolist()),
+            specular=tuple(specular.tolist()),
+            specular_exponent=self.specular_exponent,
         )
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Material) and vars(self) == vars(other)
 
-    __hash__ = None  # type: ignore[assignment]
+class MaterialDict(MutableMapping[str, Material]):
+    """Materials by name.
+
+    Parameters
+    ----------
+    materials : dict, optional
+        The materials.
+    """
+
+    def __init__(self, materials: dict[str, Material] | None = None) -> None:
+        self._materials = dict(materials or {})
+
+    def __getitem__(self, name: str) -> Material:
+        if name not in self._materials:
+            raise KeyError(f"there is no material {name!r}; there are {', '.join(self._materials) or 'none'}")
+        return self._materials[name]
+
+    def __setitem__(self, name: str, material: Material) -> None:
+        if not isinstance(material, Material):
+            raise ValueError(f"expected a Material, found {type(material).__name__}")
+        self._materials[name] = material
+
+    def __delitem__(self, name: str) -> None:
+        del self._materials[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._materials)
+
+    def __len__(self) -> int:
+        return len(self._materials)
+
+    def items(self) -> ItemsView[str, Material]:
+        """Return names and materials.
+
+        Returns
+        -------
+        ItemsView
+            Names and materials.
+        """
+        return self._materials.items()
+
+    def keys(self) -> KeysView[str]:
+        """Return the names.
+
+        Returns
+        -------
+        KeysView
+            The names.
+        """
+        return self._materials.keys()
+
+    def values(self) -> ValuesView[Material]:
+        """Return the materials.
+
+        Returns
+        -------
+        ValuesView
+            The materials.
+        """
+        return self._materials.values()
 
     def __repr__(self) -> str:
-        return f"Material({self.name!r}, reflectance={self.reflectance}, classification={self.classification})"
+        return f"MaterialDict({self._materials!r})"
 
 
 def read_materials(path: str) -> dict[str, Material]:
@@ -154,7 +201,7 @@ def read_materials(path: str) -> dict[str, Material]:
             keyword, *words = line.split("#")[0].split() or [""]
             if keyword == "newmtl" and words:
                 name = " ".join(words)
-                current = found.setdefault(name, Material(name))
+                current = found.setdefault(name, Material(name=name))
             elif current is not None and words:
                 try:
                     _set(current, keyword, words)
@@ -166,9 +213,9 @@ def read_materials(path: str) -> dict[str, Material]:
 def _set(material: Material, keyword: str, words: list[str]) -> None:
     if keyword in ("Ka", "Kd", "Ks"):
         numbers = [float(word) for word in words[:3]]
-        colour = tuple(numbers if len(numbers) == 3 else numbers[:1] * 3)
+        colour = numbers if len(numbers) == 3 else numbers[:1] * 3
         name = {"Ka": "ambient", "Kd": "diffuse", "Ks": "specular"}[keyword]
-        setattr(material, f"{name}_components", colour)
+        setattr(material, f"{name}_components", [*colour, 0.0])
     elif keyword == "Ns":
         material.specular_exponent = float(words[0])
     elif keyword == "helios_reflectance":

@@ -1,184 +1,133 @@
-"""Settings: values with units, defaults, and enumerations."""
+"""Settings of runs: execution, output, waveforms; and those that hold for all later runs."""
 
 from __future__ import annotations
 
-import contextlib
 import enum
-import inspect
-import os
-from collections.abc import Iterable, Iterator, Mapping
-from copy import copy
-from difflib import get_close_matches
-from itertools import islice
-from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, TypeVar
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
 
-try:
-    import pint
-except ImportError as failure:  # pragma: no cover
-    raise ImportError("vlscan.helios needs pint: pip install 'vlscan[helios]'") from failure
+from pydantic import PositiveInt
 
-#: The units of all quantities.
-units: pint.UnitRegistry[float] = pint.get_application_registry()  # type: ignore[no-untyped-call]
+from vlscan.errors import VlscanWarning
 
-_T = TypeVar("_T")
-
-#: A text with a unit, a quantity of pint, or a number in SI units.
-Quantity: TypeAlias = "str | float | pint.Quantity[float]"
-
-_asset_directories: list[str] = []
-_seed: list[int | str] = []
+from .validation import CreatedDirectory, Length, Model, ThreadCount, TimeInterval, UpdateableMixin, distribute
 
 
-def three(values: Iterable[_T]) -> tuple[_T, _T, _T]:
-    """Return the first three values."""
-    x, y, z = islice(values, 3)
-    return x, y, z
+class StrEnum(str, enum.Enum):
+    """An enumeration of texts, as ``enum.StrEnum`` of Python 3.11."""
+
+    __str__ = str.__str__
 
 
-def number(value: Quantity, unit: str) -> float:
-    """Return a quantity as a number in ``unit``; plain numbers are in ``unit`` already."""
-    if isinstance(value, str):
-        value = units.parse_expression(value)
-    if isinstance(value, pint.Quantity):
-        return float(value.magnitude if value.dimensionless and unit == "" else value.to(unit).magnitude)
-    return float(value)
+class ParallelizationStrategy(enum.IntEnum):
+    """How pulses are handed out to threads; the points are the same."""
+
+    CHUNK = 0
+    WAREHOUSE = 1
 
 
-_S = TypeVar("_S", bound="Settings")
+class LogVerbosity(enum.IntEnum):
+    """What a run reports. Runs print nothing: their warnings are Python warnings."""
+
+    SILENT = 0
+    QUIET = 32
+    TIME = 40
+    DEFAULT = 56
+    VERBOSE = 60
+    VERY_VERBOSE = 63
+
+    def apply(self) -> None:
+        """Hide the warnings of all later runs (``SILENT``, ``QUIET``), or show them (all others)."""
+        warnings.filterwarnings("ignore" if self <= LogVerbosity.QUIET else "default", category=VlscanWarning)
 
 
-class Settings:
-    """Values by keyword. Unknown keywords are ``ValueError``."""
+class KDTreeFactoryType(enum.IntEnum):
+    """How the tree of a scene is built; the points are the same."""
 
-    #: Unit and default of each keyword; the unit is ``None`` for what is no quantity.
-    FIELDS: ClassVar[dict[str, tuple[str | None, Any]]] = {}
-    __signature__: ClassVar[inspect.Signature]
+    SIMPLE = 1
+    SAH = 2
+    SAH_BEST_AXIS = 3
+    SAH_APPROXIMATION = 4
 
-    def __init_subclass__(cls) -> None:
-        # The signature and the parameters in the documentation follow from the fields.
-        fields = cls.FIELDS.items()
-        keywords = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default) for name, (_, default) in fields]
-        cls.__signature__ = inspect.Signature(keywords)
-        rows = [f"{name} : {unit or type(default).__name__}\n    Default: {default}." for name, (unit, default) in fields]
-        cls.__doc__ = "\n".join([f"{cls.__doc__}\n\nParameters\n----------", *rows])
 
-    def __init__(self, **values: Any) -> None:
-        for name in values:
-            self._check(name)
-        for name, (_, default) in self.FIELDS.items():
-            setattr(self, name, values.get(name, default))
+class OutputFormat(StrEnum):
+    """What a run returns (``NPY``, ``LASPY``) or writes."""
 
-    @classmethod
-    def _check(cls, name: str) -> None:
-        if name not in cls.FIELDS:
-            close = get_close_matches(name, cls.FIELDS, 1)
-            hint = f"did you mean {close[0]!r}?" if close else f"there are {', '.join(cls.FIELDS)}"
-            raise ValueError(f"{cls.__name__} has no {name!r}; {hint}")
+    LAS = "las"
+    LAZ = "laz"
+    XYZ = "xyz"
+    NPY = "npy"
+    LASPY = "laspy"
 
-    if TYPE_CHECKING:
 
-        def __getattr__(self, name: str) -> Any: ...
+class ProgressBarStrategy(StrEnum):
+    """What progress bars show."""
 
-    def __setattr__(self, name: str, value: Any) -> None:
-        self._check(name)
-        unit = self.FIELDS[name][0]
-        if unit is not None and value is not None:
-            value = number(value, unit)
-        object.__setattr__(self, name, value)
+    NONE = "none"
+    LEGS = "legs"
+    TIME = "time"
+    LEGS_TIME = "legs+time"
+    PER_LEG_TIME = "per_leg_time"
 
-    def changed(self) -> dict[str, Any]:
-        """Return the values that differ from their defaults.
 
-        Returns
-        -------
-        dict
-            Values by keyword.
+class ForceOnGroundStrategy(enum.IntEnum):
+    """How a part is lowered to the ground: a number above 1 is that of the corners that are looked at."""
+
+    NONE = 0
+    LEAST_COMPLEX = 1
+    MOST_COMPLEX = -1
+
+
+class ExecutionSettings(Model, UpdateableMixin):
+    """Threads, log files, progress; none of them changes the points.
+
+    What is not given is left to the engine, whose own defaults suit it: chunks of 1024 pulses and a tree of boxes.
+    """
+
+    parallelization: ParallelizationStrategy = ParallelizationStrategy.CHUNK
+    num_threads: ThreadCount = None
+    chunk_size: PositiveInt = 32
+    warehouse_factor: PositiveInt = 4
+    log_file: bool = False
+    log_file_only: bool = False
+    verbosity: LogVerbosity = LogVerbosity.SILENT
+    factory_type: KDTreeFactoryType = KDTreeFactoryType.SAH_APPROXIMATION
+    kdt_num_threads: ThreadCount = None
+    kdt_geom_num_threads: ThreadCount = None
+    sah_nodes: PositiveInt = 32
+    discard_shutdown: bool = True
+    progressbar: ProgressBarStrategy = ProgressBarStrategy.PER_LEG_TIME
+
+
+class OutputSettings(Model, UpdateableMixin):
+    """What a run returns or writes."""
+
+    format: OutputFormat = OutputFormat.NPY
+    split_by_channel: bool = False
+    output_dir: CreatedDirectory = Path("output")
+    write_waveform: bool = False
+    write_pulse: bool = False
+    las_scale: Length = 0.0001
+
+
+class FullWaveformSettings(Model):
+    """Digitisation of waveforms. ``win_size`` is at least two bins: ``ValueError`` otherwise."""
+
+    bin_size: TimeInterval = 0.25e-9
+    beam_sample_quality: PositiveInt = 3
+    win_size: TimeInterval = 1e-9
+    max_fullwave_range: TimeInterval = 0.0
+
+    def model_post_init(self, context: Any, /) -> None:
+        """Check the window.
+
+        Parameters
+        ----------
+        context : object
+            Without effect.
         """
-        mine = {name: getattr(self, name) for name in self.FIELDS}
-        return {name: value for name, value in mine.items() if value != self.FIELDS[name][1]}
-
-    def clone(self: _S) -> _S:
-        """Return a copy.
-
-        Returns
-        -------
-        Settings
-            The copy.
-        """
-        return copy(self)
-
-    def __repr__(self) -> str:
-        return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in self.changed().items())})"
-
-    def __eq__(self, other: object) -> bool:
-        return type(self) is type(other) and vars(self) == vars(other)
-
-    __hash__ = None  # type: ignore[assignment]
-
-
-class ScannerSettings(Settings):
-    """What the scanner does on a leg; ``None`` is the scanner's own value."""
-
-    FIELDS: ClassVar = {
-        "is_active": (None, True),
-        "head_rotation": ("rad/s", None),
-        "rotation_start_angle": ("rad", None),
-        "rotation_stop_angle": ("rad", None),
-        "pulse_frequency": ("Hz", None),
-        "scan_angle": ("rad", None),
-        "min_vertical_angle": ("rad", None),
-        "max_vertical_angle": ("rad", None),
-        "scan_frequency": ("Hz", None),
-        "beam_divergence_angle": ("rad", None),
-        "vertical_resolution": ("rad", None),
-        "horizontal_resolution": ("rad", None),
-        "trajectory_time_interval": ("s", 0.01),
-        "max_duration": ("s", None),
-    }
-
-
-class PlatformSettings(Settings):
-    """Where a leg begins."""
-
-    FIELDS: ClassVar = {
-        "x": ("m", 0.0),
-        "y": ("m", 0.0),
-        "z": ("m", 0.0),
-        "speed_m_s": ("m/s", 70.0),
-        "force_on_ground": (None, False),
-    }
-
-
-class StaticPlatformSettings(PlatformSettings):
-    """Where a platform stands."""
-
-    FIELDS: ClassVar = {name: field for name, field in PlatformSettings.FIELDS.items() if name != "speed_m_s"}
-
-
-class DynamicPlatformSettings(PlatformSettings):
-    """Where a leg begins, and how fast the platform moves to the next one."""
-
-    FIELDS: ClassVar = dict(PlatformSettings.FIELDS)
-
-
-class TrajectorySettings(Settings):
-    """The part of a trajectory that a leg flies, on the trajectory's own time."""
-
-    FIELDS: ClassVar = {"start_time": ("s", None), "end_time": ("s", None), "teleport_to_start": (None, False)}
-
-
-class FullWaveformSettings(Settings):
-    """Digitisation of waveforms. ``win_size`` is at least two bins, as in HELIOS++ 3: ``ValueError`` otherwise."""
-
-    FIELDS: ClassVar = {
-        "bin_size": ("ns", 0.25),
-        "beam_sample_quality": (None, 3),
-        "win_size": ("ns", 1.0),
-        "max_fullwave_range": ("ns", 0.0),
-    }
-
-    def __init__(self, **values: Any) -> None:
-        super().__init__(**values)
         self.check()
 
     def check(self) -> None:
@@ -190,165 +139,118 @@ class FullWaveformSettings(Settings):
             The window is shorter than two bins, so that every bin would count as an echo.
         """
         if self.win_size < 2 * self.bin_size * (1 - 1e-9):
-            raise ValueError(f"win_size is {self.win_size} ns, expected at least two bins of bin_size {self.bin_size} ns")
+            raise ValueError(f"win_size is {self.win_size:g} s, expected at least two bins of bin_size {self.bin_size:g} s")
 
 
-class OutputFormat(str, enum.Enum):
-    """What a run returns or writes."""
+_execution = ExecutionSettings()
+_output = OutputSettings()
 
-    NPY = "npy"
-    LASPY = "laspy"
-    LAS = "las"
-    LAZ = "laz"
-    XYZ = "xyz"
+_S = TypeVar("_S", ExecutionSettings, OutputSettings)
 
 
-class LogVerbosity(enum.IntEnum):
-    """What a run reports. vlscan prints nothing: its warnings are Python warnings."""
-
-    SILENT = 0
-    QUIET = 1
-    TIME = 2
-    DEFAULT = 3
-    VERBOSE = 4
-    VERY_VERBOSE = 5
+def _composed(base: _S, local: _S | None, parameters: Mapping[str, Any]) -> _S:
+    settings = base.clone()
+    if local is not None:
+        settings.update_from_object(local)
+    distribute(parameters, type(base).model_fields)
+    settings.update_from_dict(parameters)
+    return settings
 
 
-class ParallelizationStrategy(enum.IntEnum):
-    """How pulses are handed out to threads; the points are the same."""
-
-    CHUNK = 0
-    WAREHOUSE = 1
-
-
-class ExecutionSettings(Settings):
-    """Threads and chunks; the points are the same."""
-
-    FIELDS: ClassVar = {
-        "parallelization": (None, ParallelizationStrategy.WAREHOUSE),
-        "num_threads": (None, 0),
-        "chunk_size": (None, None),
-        "warehouse_factor": (None, None),
-        "verbosity": (None, LogVerbosity.DEFAULT),
-    }
-
-
-class OutputSettings(Settings):
-    """What a run returns or writes."""
-
-    FIELDS: ClassVar = {
-        "format": (None, OutputFormat.NPY),
-        "output_dir": (None, "output"),
-        "las_scale": ("m", None),
-        "split_by_channel": (None, False),
-        "write_waveform": (None, False),
-        "write_pulse": (None, False),
-    }
-
-
-class _AssetDirectory(contextlib.AbstractContextManager[object]):
-    def __init__(self, path: str) -> None:
-        self._path = path
-
-    def __exit__(self, *_: object) -> None:
-        # Of this call only: the same folder may have been added before.
-        if self._path in _asset_directories:
-            _asset_directories.remove(self._path)
-
-
-def add_asset_directory(path: str | os.PathLike[str]) -> contextlib.AbstractContextManager[object]:
-    """Add a folder in which files are searched.
+def compose_execution_settings(
+    local_settings: ExecutionSettings | None = None, parameters: Mapping[str, Any] | None = None
+) -> ExecutionSettings:
+    """Return the settings of a run: those for all runs, replaced by those that are given.
 
     Parameters
     ----------
-    path : str or path-like
-        The folder.
-
-    Returns
-    -------
-    contextlib.AbstractContextManager
-        As a context manager the folder is searched within its block only.
-    """
-    name = os.fspath(path)
-    _asset_directories.append(name)
-    return _AssetDirectory(name)
-
-
-def asset_directories() -> list[str]:
-    """Return the folders in which files are searched."""
-    return list(dict.fromkeys(_asset_directories))
-
-
-def find_asset(path: str | os.PathLike[str]) -> str:
-    """Return a file: as named, else in the folders of :func:`add_asset_directory`."""
-    name = os.fspath(path)
-    for folder in ["", *_asset_directories, "assets"]:
-        if os.path.exists(os.path.join(folder, name)):
-            return os.path.join(folder, name)
-    return name
-
-
-def set_rng_seed(seed: int | str) -> None:
-    """Set the seed of all random draws of later runs.
-
-    Parameters
-    ----------
-    seed : int or str
-        The seed.
-    """
-    _seed[:] = [seed]
-
-
-def rng_seed() -> int | str | None:
-    """Return the seed that was set."""
-    return _seed[0] if _seed else None
-
-
-def combine_parameters(*settings: _S, **values: Any) -> _S:
-    """Join settings of one kind.
-
-    Parameters
-    ----------
-    *settings : Settings
-        Values of later ones that differ from their defaults replace those of earlier ones.
-    **values : Any
+    local_settings : ExecutionSettings, optional
+        Settings of the run; of these what was given counts.
+    parameters : mapping, optional
         Values by keyword, which replace all.
 
     Returns
     -------
-    Settings
-        The joined settings.
+    ExecutionSettings
+        The settings.
 
     Raises
     ------
     ValueError
-        No settings, of several kinds, or unknown keywords.
+        Unknown keywords, or invalid values.
     """
-    if not settings:
-        raise ValueError("combine_parameters() needs settings")
-    if len({type(each) for each in settings}) > 1:
-        raise ValueError("combine_parameters() needs settings of one kind")
-    merged = settings[0].clone()
-    for name, value in _all_changes(settings[1:], values):
-        setattr(merged, name, value)
-    return merged
+    return _composed(_execution, local_settings, parameters or {})
 
 
-def _all_changes(settings: Iterable[Settings], values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    for each in settings:
-        yield from each.changed().items()
-    yield from values.items()
+def compose_output_settings(local_settings: OutputSettings | None = None, parameters: Mapping[str, Any] | None = None) -> OutputSettings:
+    """Return the settings of a run: those for all runs, replaced by those that are given.
+
+    Parameters
+    ----------
+    local_settings : OutputSettings, optional
+        Settings of the run; of these what was given counts.
+    parameters : mapping, optional
+        Values by keyword, which replace all.
+
+    Returns
+    -------
+    OutputSettings
+        The settings.
+
+    Raises
+    ------
+    ValueError
+        Unknown keywords, or invalid values.
+    """
+    return _composed(_output, local_settings, parameters or {})
 
 
-def split(values: Mapping[str, Any], *kinds: type[Settings]) -> list[dict[str, Any]]:
-    """Keywords by the kind of settings that has them; ``ValueError`` for those that none has."""
-    shares: list[dict[str, Any]] = [{} for _ in kinds]
-    for name, value in values.items():
-        homes = [share for share, kind in zip(shares, kinds, strict=True) if name in kind.FIELDS]
-        if not homes:
-            known = [field for kind in kinds for field in kind.FIELDS]
-            close = get_close_matches(name, known, 1)
-            hint = f"did you mean {close[0]!r}?" if close else f"there are {', '.join(known)}"
-            raise ValueError(f"unknown keyword {name!r}; {hint}")
-        homes[0][name] = value
-    return shares
+def set_execution_settings(execution_settings: ExecutionSettings | None = None, **parameters: Any) -> None:
+    """Set what all later runs do unless they are told otherwise; without arguments the defaults are restored.
+
+    Parameters
+    ----------
+    execution_settings : ExecutionSettings, optional
+        The settings.
+    **parameters : Any
+        Values by keyword, which replace these.
+
+    Raises
+    ------
+    ValueError
+        Unknown keywords, or invalid values.
+    """
+    global _execution
+    base = _execution if parameters and execution_settings is None else ExecutionSettings()
+    _execution = _composed(base, execution_settings, parameters)
+
+
+def set_output_settings(output_settings: OutputSettings | None = None, **parameters: Any) -> None:
+    """Set what all later runs return or write unless they are told otherwise; without arguments the defaults are restored.
+
+    Parameters
+    ----------
+    output_settings : OutputSettings, optional
+        The settings.
+    **parameters : Any
+        Values by keyword, which replace these.
+
+    Raises
+    ------
+    ValueError
+        Unknown keywords, or invalid values.
+    """
+    global _output
+    base = _output if parameters and output_settings is None else OutputSettings()
+    _output = _composed(base, output_settings, parameters)
+
+
+def apply_log_writing(execution_settings: ExecutionSettings) -> None:
+    """Let all later runs write a log file, or not, as these settings say.
+
+    Parameters
+    ----------
+    execution_settings : ExecutionSettings
+        Settings whose ``log_file`` and ``log_file_only`` count.
+    """
+    set_execution_settings(log_file=execution_settings.log_file, log_file_only=execution_settings.log_file_only)

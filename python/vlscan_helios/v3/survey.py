@@ -1,28 +1,32 @@
-"""Surveys: legs, runs, records."""
+"""Surveys: a scanner, what carries it, what is scanned, legs; and their runs."""
 
 from __future__ import annotations
 
 import os
 import tempfile
 import warnings
-from collections.abc import Mapping
-from copy import copy
-from datetime import datetime
+from collections.abc import Sequence
+from datetime import datetime, timezone
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
-from xml.sax.saxutils import quoteattr
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator, Field, PrivateAttr
 
 from vlscan import Survey as EngineSurvey
 from vlscan import _vlscan
 from vlscan._words import switch, words_of
-from vlscan.errors import warn
+from vlscan.errors import Error, warn
 from vlscan.tables import Points, Table
 
-from .platforms import FIELDS, Platform
-from .scanner import Scanner
+from . import survey_xml, xml_files
+from .callbacks import HookDispatcher, HookPayload, SurveyHook, build_progressbar_callbacks
+from .errors import engine_errors
+from .leg import Leg, make_leg
+from .platforms import Platform, PlatformSettingsBase, TrajectorySettings
+from .records import COLUMNS, laspy_data, point_records, pose_records
+from .scanner import Scanner, ScannerSettingsBase
 from .scene import StaticScene
 from .settings import (
     ExecutionSettings,
@@ -31,180 +35,81 @@ from .settings import (
     OutputFormat,
     OutputSettings,
     ParallelizationStrategy,
-    PlatformSettings,
-    ScannerSettings,
-    Settings,
-    TrajectorySettings,
-    asset_directories,
-    find_asset,
-    rng_seed,
-    split,
+    compose_execution_settings,
+    compose_output_settings,
 )
+from .utils import classonlymethod, get_asset_directories, rng_seed
+from .validation import Model, distribute
+from .xml_files import Document
 
 if TYPE_CHECKING:
     from vlscan import RunOptions
 
-#: A point, packed.
-POINT = np.dtype(
-    [
-        ("channel_id", "<u8"),
-        ("hit_object_id", "<i4"),
-        ("position", "<f8", (3,)),
-        ("beam_direction", "<f8", (3,)),
-        ("beam_origin", "<f8", (3,)),
-        ("distance", "<f8"),
-        ("intensity", "<f8"),
-        ("echo_width", "<f8"),
-        ("return_number", "<i4"),
-        ("number_of_returns", "<i4"),
-        ("fullwave_index", "<i4"),
-        ("classification", "<i4"),
-        ("gps_time", "<f8"),
-        ("point_source_id", "<u2"),
-    ]
-)
+# Trees by the number of the factory.
+_TREES = {1: "median", 2: "sah", 3: "axis-sah", 4: "fsah"}
 
-#: A pose: time (s), position (m), angles (rad).
-POSE = np.dtype([("gps_time", "<f8"), ("position", "<f8", (3,)), ("roll", "<f8"), ("pitch", "<f8"), ("yaw", "<f8")])
+# Points of a batch that hooks are given.
+_BATCH_ROWS = 200_000
 
-# Fields of a point and the columns of the engine that they hold.
-_COLUMNS = {
-    "channel_id": "Device",
-    "hit_object_id": "ObjectId",
-    "position": ("X", "Y", "Z"),
-    "beam_direction": ("BeamDirectionX", "BeamDirectionY", "BeamDirectionZ"),
-    "beam_origin": ("BeamOriginX", "BeamOriginY", "BeamOriginZ"),
-    "distance": "Range",
-    "intensity": "Amplitude",
-    "echo_width": "EchoWidth",
-    "return_number": "ReturnNumber",
-    "number_of_returns": "NumberOfReturns",
-    "fullwave_index": "PulseNumber",
-    "classification": "SurfaceClass",
-    "gps_time": "GpsTime",
-    "point_source_id": "PointSourceId",
-}
+# Zero of the clock of GPS, s after that of POSIX, as HELIOS++ counts.
+_GPS_EPOCH, _WEEK = 315_964_809, 604_800
 
 
-class SurveyHook:
-    """Not possible: see the message of :meth:`Survey.run`."""
+def _zoned(time: datetime) -> datetime:
+    """Return a time with a zone: UTC where it has none."""
+    return time if time.tzinfo is not None else time.replace(tzinfo=timezone.utc)
 
 
-class Leg:
-    """A leg: where it begins, and what the scanner does.
+class _AsRead(NamedTuple):
+    """A survey as it was read from its file."""
+
+    name: str
+    scanner: Scanner
+    platform: Platform
+    scene: StaticScene
+    legs: tuple[Leg, ...]
+    full_waveform_settings: FullWaveformSettings
+
+
+class Survey(Model):
+    """A scanner that legs or a trajectory carry through a scene.
 
     Parameters
     ----------
-    platform_settings : PlatformSettings, optional
-        Where it begins.
-    scanner_settings : ScannerSettings, optional
-        What the scanner does.
-    trajectory_settings : TrajectorySettings, optional
-        The part of a trajectory that is flown.
-    **values : Any
-        Keywords of these settings.
-
-    Raises
-    ------
-    ValueError
-        Unknown keywords.
-    """
-
-    def __init__(
-        self,
-        platform_settings: PlatformSettings | None = None,
-        scanner_settings: ScannerSettings | None = None,
-        trajectory_settings: TrajectorySettings | None = None,
-        **values: Any,
-    ) -> None:
-        platform, scanner, trajectory = split(values, PlatformSettings, ScannerSettings, TrajectorySettings)
-        self.platform_settings = _with(platform_settings or PlatformSettings(), platform)
-        self.scanner_settings = _with(scanner_settings or ScannerSettings(), scanner)
-        self.trajectory_settings = _with(trajectory_settings or TrajectorySettings(), trajectory)
-
-    def clone(self) -> Leg:
-        """Return a copy.
-
-        Returns
-        -------
-        Leg
-            The copy.
-        """
-        return Leg(self.platform_settings, self.scanner_settings, self.trajectory_settings)
-
-    def __repr__(self) -> str:
-        return f"Leg({self.platform_settings!r}, {self.scanner_settings!r})"
-
-
-_S = TypeVar("_S", bound=Settings)
-
-
-def _with(settings: _S, values: dict[str, Any]) -> _S:
-    changed = settings.clone()
-    for name, value in values.items():
-        setattr(changed, name, value)
-    return changed
-
-
-class Survey:
-    """A scanner on a platform, a scene, and legs.
-
-    Parameters
-    ----------
-    scanner : Scanner, optional
+    scanner : Scanner
         The scanner.
-    platform : Platform, optional
-        The platform.
-    scene : StaticScene, optional
-        The scene.
-    legs : list of Leg, optional
+    platform : Platform
+        What carries it.
+    scene : StaticScene
+        What is scanned.
+    legs : tuple of Leg
         The legs.
-    full_waveform_settings : FullWaveformSettings, optional
-        Digitisation of waveforms.
     name : str
-        Name.
-    gps_time : datetime, str or float, optional
-        Start of the clock: a datetime, a text or POSIX seconds; 2024-01-01 by default.
-    **unknown : Any
-        Refused.
-
-    Raises
-    ------
-    ValueError
-        Unknown keywords.
+        Name, also of the folder of results.
+    gps_time : datetime
+        Start of the clock, UTC without a zone; 2024-01-01 by default, so that runs can be repeated.
+    full_waveform_settings : FullWaveformSettings
+        Digitisation of waveforms.
     """
 
-    def __init__(
-        self,
-        scanner: Scanner | None = None,
-        platform: Platform | None = None,
-        scene: StaticScene | None = None,
-        legs: list[Leg] | None = None,
-        full_waveform_settings: FullWaveformSettings | None = None,
-        name: str = "",
-        gps_time: datetime | str | float | None = None,
-        **unknown: Any,
-    ) -> None:
-        if unknown:
-            raise ValueError(f"Survey has no {', '.join(map(repr, unknown))}")
-        self.scanner, self.platform, self.scene = scanner, platform, scene
-        self.legs: list[Leg] = list(legs or [])
-        self.full_waveform_settings = full_waveform_settings
-        self.name = name
-        #: Start of the clock: a datetime, a text or POSIX seconds; 2024-01-01 by default.
-        self.gps_time = gps_time
-        self._file: str | None = None
+    scanner: Scanner
+    platform: Platform
+    scene: StaticScene
+    legs: tuple[Leg, ...] = ()
+    name: str = ""
+    gps_time: Annotated[datetime, AfterValidator(_zoned)] = datetime(2024, 1, 1, tzinfo=timezone.utc)
+    full_waveform_settings: FullWaveformSettings = Field(default_factory=FullWaveformSettings)
+    _document: Document | None = PrivateAttr(None)
+    _as_read: _AsRead | None = PrivateAttr(None)
 
-    @classmethod
-    def from_xml(cls, survey_file: str | os.PathLike[str], **unknown: Any) -> Survey:
-        """Return the survey of a file, which is run as it is.
+    @classonlymethod
+    def from_xml(cls, survey_file: str | os.PathLike[str]) -> Survey:
+        """Return the survey of a file, which can be changed; unchanged it is run as it stands.
 
         Parameters
         ----------
         survey_file : str or path-like
             The file.
-        **unknown : Any
-            ``scene``, ``full_waveform_settings`` and ``gps_time`` can be replaced.
 
         Returns
         -------
@@ -213,51 +118,36 @@ class Survey:
 
         Raises
         ------
-        NotImplementedError
-            Other arguments of the survey.
+        ValueError
+            The file is no survey, or a value of its legs is invalid.
+        FileNotFoundError
+            There is no such file, or not that of its scene.
         """
-        survey = cls(**unknown)
-        survey._file = find_asset(survey_file)
-        for name in ("scanner", "platform", "legs", "name", "full_waveform_settings"):
-            if not getattr(survey, name):
-                delattr(survey, name)
-        survey._check_file()
+        document = xml_files.read(survey_file)
+        element = document.asset("survey")
+        platform = survey_xml.read_platform(document)
+        survey = cls(
+            scanner=survey_xml.read_scanner(document),
+            platform=platform,
+            scene=StaticScene.from_xml(document.reference(element.get("scene", ""))),
+            legs=survey_xml.read_legs(document, platform),
+            name=element.get("name") or document.path.stem,
+            full_waveform_settings=survey_xml.read_waveform(document),
+        )
+        survey.__pydantic_fields_set__.discard("full_waveform_settings")
+        survey._document = document
+        legs = tuple(leg.clone() for leg in survey.legs)
+        waveform = survey.full_waveform_settings.clone()
+        survey._as_read = _AsRead(survey.name, survey.scanner.clone(), platform.clone(), survey.scene, legs, waveform)
         return survey
-
-    def _check_file(self) -> None:
-        for name in ("scanner", "platform", "legs", "name"):
-            if name in vars(self):
-                raise NotImplementedError(
-                    f"{name} of the survey of a file cannot be replaced; change the file, or build a Survey of its scene with "
-                    "StaticScene.from_xml()"
-                )
-
-    def __getattr__(self, name: str) -> Any:
-        # Only the survey of a file lacks attributes.
-        if name in ("scanner", "platform", "legs", "name", "full_waveform_settings"):
-            raise NotImplementedError(f"{name} of the survey of a file is not read from it; display_xml() shows the file")
-        raise AttributeError(f"a Survey has no {name!r}")
-
-    def clone(self) -> Survey:
-        """Return a copy, which shares scanner, platform and scene.
-
-        Returns
-        -------
-        Survey
-            The copy.
-        """
-        twin = copy(self)
-        if self._file is None:
-            twin.legs = [leg.clone() for leg in self.legs]
-        return twin
 
     def add_leg(
         self,
         leg: Leg | None = None,
-        platform_settings: PlatformSettings | None = None,
-        scanner_settings: ScannerSettings | None = None,
+        platform_settings: PlatformSettingsBase | None = None,
+        scanner_settings: ScannerSettingsBase | None = None,
         trajectory_settings: TrajectorySettings | None = None,
-        **values: Any,
+        **parameters: Any,
     ) -> None:
         """Add a leg.
 
@@ -271,43 +161,36 @@ class Survey:
             Instead of those of the leg.
         trajectory_settings : TrajectorySettings, optional
             Instead of those of the leg.
-        **values : Any
-            Keywords of settings.
+        **parameters : Any
+            Keywords of settings, which replace values of these.
 
         Raises
         ------
         ValueError
-            Unknown keywords.
-        NotImplementedError
-            The survey is that of a file.
+            Unknown keywords, or invalid values.
         """
-        if self._file is not None:
-            raise NotImplementedError("legs cannot be added to the survey of a file; change the file, or build a Survey of its scene")
-        if leg is not None:
-            platform_settings = platform_settings or leg.platform_settings
-            scanner_settings = scanner_settings or leg.scanner_settings
-            trajectory_settings = trajectory_settings or leg.trajectory_settings
-        self.legs.append(Leg(platform_settings, scanner_settings, trajectory_settings, **values))
+        made = make_leg(self.platform, leg, platform_settings, scanner_settings, trajectory_settings, parameters)
+        self.legs = (*self.legs, made)
 
     def run(
         self,
         execution_settings: ExecutionSettings | None = None,
         output_settings: OutputSettings | None = None,
-        callbacks: object | None = None,
-        **values: Any,
+        callbacks: Sequence[SurveyHook] | None = None,
+        **parameters: Any,
     ) -> Any:
         """Run the survey.
 
         Parameters
         ----------
         execution_settings : ExecutionSettings, optional
-            Threads.
+            Threads, over those of :func:`set_execution_settings`.
         output_settings : OutputSettings, optional
-            What is returned or written.
-        callbacks : object, optional
-            Refused.
-        **values : Any
-            Keywords of these settings.
+            What is returned or written, over those of :func:`set_output_settings`.
+        callbacks : sequence of SurveyHook, optional
+            What is called while it runs.
+        **parameters : Any
+            Keywords of these settings, which replace values of these.
 
         Returns
         -------
@@ -317,88 +200,51 @@ class Survey:
         Raises
         ------
         ValueError
-            Unknown keywords, or the survey has no scanner, platform or scene.
+            Unknown keywords, or legs that do not fit the platform.
+        HeliosException
+            Input of the engine is invalid, or a file cannot be read or written.
         NotImplementedError
-            Callbacks, or what a format has no place for; the message says what to do.
+            What a format has no place for; the message says what to do.
         """
-        if callbacks is not None:
-            raise NotImplementedError(
-                "points are not passed to callbacks: take them while they are measured, leg by leg with "
-                "vlscan.Survey.run_batches(per_leg=True), or every n seconds with run_batches(seconds=n)"
-            )
-        execution_values, output_values = split(values, ExecutionSettings, OutputSettings)
-        execution = _with(execution_settings or ExecutionSettings(), execution_values)
-        output = _with(output_settings or OutputSettings(), output_values)
-        form = OutputFormat(getattr(output.format, "value", output.format))
-        is_folder = form in (OutputFormat.LAS, OutputFormat.LAZ, OutputFormat.XYZ)
-        for name in ("write_waveform", "write_pulse"):
-            if getattr(output, name) and not is_folder:
-                raise NotImplementedError(
-                    f"{name} needs a format of files: LAS, LAZ or XYZ; vlscan.Survey.run(waveforms=True, pulses=True) has them in memory"
-                )
-        has_effect = {"las_scale"} if form == OutputFormat.LASPY else set()
-        for name in ("output_dir", "split_by_channel", "las_scale"):
-            if name in output.changed() and not is_folder and name not in has_effect:
-                warn(f"{name} has no effect on the format {form.name}")
-        verbosity = LogVerbosity(execution.verbosity)
-        options = self._options(execution)
-        with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
-            if verbosity == LogVerbosity.SILENT:
-                warnings.simplefilter("ignore")
-            survey = self._engine(Path(folder))
-            if is_folder:
-                options["las_output"], options["zip_output"] = form != OutputFormat.XYZ, form == OutputFormat.LAZ
-                return self._run_to_folder(survey, output, options)
-            columns = [name for names in _COLUMNS.values() for name in ([names] if isinstance(names, str) else names)]
-            options["columns"] = [*columns, "Intensity", "ScanAngle"]
-            result = survey.run(**options)
-        points, poses = point_records(result.points), pose_records(result.trajectory)
-        if form == OutputFormat.LASPY:
-            return _laspy(points, result.points, output.las_scale), poses
-        return points, poses
+        for_execution, for_output = distribute(parameters, ExecutionSettings.model_fields, OutputSettings.model_fields)
+        execution = compose_execution_settings(execution_settings, for_execution)
+        output = compose_output_settings(output_settings, for_output)
+        hooks = [SurveyHook.model_validate(hook) for hook in callbacks or ()]
+        _check_output(output)
+        self.check_legs()
+        bar_hooks, bars = build_progressbar_callbacks(execution.progressbar, len(self.legs))
+        is_silent = "verbosity" in execution.model_fields_set and execution.verbosity <= LogVerbosity.QUIET
+        try:
+            with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(), engine_errors():
+                if is_silent:
+                    warnings.simplefilter("ignore")
+                run = _Run(self, self._engine(Path(folder)), self._words(execution, output), output)
+                return run.with_hooks([*hooks, *bar_hooks]) if hooks or bar_hooks else run.plain()
+        finally:
+            if bars is not None:
+                bars.close()
 
-    def _run_to_folder(self, survey: EngineSurvey, output: OutputSettings, options: RunOptions) -> Path:
-        options["las_scale"], options["split_by_channel"] = output.las_scale, output.split_by_channel
-        words = words_of(options)
-        words += [switch("waveforms", output.write_waveform), switch("pulses", output.write_pulse)]
-        outcome = _vlscan.run(survey._request([*words, f"--output={os.fspath(output.output_dir)}"]), [], None)
-        return Path(outcome.directories[0])
+    def check_legs(self) -> None:
+        """Check that the legs fit the platform.
 
-    def _options(self, execution: ExecutionSettings) -> RunOptions:
-        is_chunked = ParallelizationStrategy(execution.parallelization) == ParallelizationStrategy.CHUNK
-        return {
-            "threads": int(execution.num_threads) or None,
-            "chunk_size": execution.chunk_size,
-            "warehouse_factor": execution.warehouse_factor,
-            "schedule": "dynamic" if is_chunked else "warehouse",
-            "seed": rng_seed(),
-            "gps_start": self.gps_time,
-            "assets": asset_directories(),
-        }
-
-    def _engine(self, folder: Path) -> EngineSurvey:
-        """Return the survey for the engine: its file, or one that is written to ``folder``."""
-        scene = None if self.scene is None else self.scene.engine()
-        if self._file is not None:
-            self._check_file()
-            return EngineSurvey.open(self._file, scene, waveform=self._waveform())
-        missing = [name for name in ("scanner", "platform", "scene") if getattr(self, name) is None]
-        if missing:
-            raise ValueError(f"the survey has no {' and no '.join(missing)}")
-        file = folder / "survey.xml"
-        file.write_text(self.to_xml(folder), encoding="utf-8")
-        return EngineSurvey.open(file, scene)
-
-    def _waveform(self) -> dict[str, object] | None:
-        fwf = vars(self).get("full_waveform_settings")
-        if fwf is None:
-            return None
-        fwf.check()
-        keys = {"bin_ns": fwf.bin_size, "window_ns": fwf.win_size, "quality": int(fwf.beam_sample_quality)}
-        return {**keys, "max_range_ns": fwf.max_fullwave_range}
+        Raises
+        ------
+        ValueError
+            There are no legs, or one has a part of a trajectory and the platform has no trajectory.
+        """
+        if not self.legs:
+            raise ValueError("the survey has no legs; add_leg() adds them")
+        if self.platform.trajectory is not None or self.platform._follows_file:
+            return
+        for leg in self.legs:
+            part = leg.trajectory_settings
+            changed = [] if part is None else [name for name in part.model_fields_set if getattr(part, name)]
+            if changed:
+                names = ", ".join(sorted(changed))
+                raise ValueError(f"a leg has {names}, but the platform has no trajectory; Platform.load_interpolate_platform() makes one")
 
     def to_xml(self, folder: Path | None = None) -> str:
-        """Return the survey as XML, that of its file if it has one.
+        """Return the survey as XML, that of its file if it was not changed.
 
         Parameters
         ----------
@@ -409,160 +255,179 @@ class Survey:
         -------
         str
             The text.
-
-        Raises
-        ------
-        ValueError
-            The survey has no scanner or no platform, or a leg has a part of a trajectory and the platform has none.
         """
-        if self._file is not None:
-            return Path(self._file).read_text(encoding="utf-8")
-        platform, scanner = self.platform, self.scanner
-        if platform is None or scanner is None:
-            raise ValueError("the survey has no scanner or no platform")
-        poses = platform.trajectory
-        for leg in self.legs if poses is None else []:
-            if changed := leg.trajectory_settings.changed():
-                raise ValueError(f"a leg has {', '.join(changed)}, but the platform has no trajectory")
-        about: dict[str, object] = {"name": self.name or "survey", "scene": "in memory", "scanner": scanner.reference}
-        if poses is not None:
-            about |= {"platform": "interpolated", "basePlatform": platform.reference or None}
-            about["rotationSpec"] = platform.rotation_spec
-        else:
-            about["platform"] = platform.reference
-        lines = ['<?xml version="1.0" encoding="UTF-8"?>', "<document>", f"  {_tag('survey', about)}>"]
-        if self.full_waveform_settings is not None:
-            fwf = self.full_waveform_settings
-            fwf.check()
-            values = {
-                "binSize_ns": fwf.bin_size,
-                "beamSampleQuality": int(fwf.beam_sample_quality),
-                "winSize_ns": fwf.win_size,
-                "maxFullwaveRange_ns": fwf.max_fullwave_range,
-            }
-            lines.append(f"    {_tag('FWFSettings', values)}/>")
-        for leg in self.legs:
-            place = _where(leg.platform_settings) if poses is None else _place(platform, poses, leg.trajectory_settings, folder)
-            lines += ["    <leg>", f"      {_tag('platformSettings', place)}/>"]
-            lines += [f"      {_tag('scannerSettings', _scanning(leg.scanner_settings))}/>", "    </leg>"]
-        return "\n".join([*lines, "  </survey>", "</document>", ""])
+        if self._document is not None and self._is_as_read():
+            return self._document.path.read_text(encoding="utf-8", errors="replace")
+        return survey_xml.text_of(survey_xml.write(self, folder))
+
+    @property
+    def is_of_file(self) -> bool:
+        """Whether it was read from a file."""
+        return self._document is not None
+
+    @property
+    def is_loaded(self) -> bool:
+        """Whether its scene is loaded."""
+        return self.scene.is_loaded
+
+    def _is_as_read(self) -> bool:
+        old = self._as_read
+        if old is None or self.legs != old.legs or any(leg._source is None for leg in self.legs):
+            return False
+        same = (self.name, self.scanner, self.platform, self.full_waveform_settings)
+        return same == (old.name, old.scanner, old.platform, old.full_waveform_settings) and not self._has_own_waveform()
+
+    def _has_own_waveform(self) -> bool:
+        return "full_waveform_settings" in self.model_fields_set
+
+    def _engine(self, folder: Path) -> EngineSurvey:
+        """Return the survey for the engine: its file, or one that is written to ``folder``."""
+        is_scene_of_file = self._as_read is not None and self.scene._file == self._as_read.scene._file and self.scene.is_as_read
+        if self._document is not None and self._is_as_read():
+            return EngineSurvey.open(self._document.path, None if is_scene_of_file else self.scene.engine())
+        file = folder / "survey.xml"
+        file.write_text(self.to_xml(folder), encoding="utf-8")
+        return EngineSurvey.open(file, None if is_scene_of_file else self.scene.engine())
+
+    def _words(self, execution: ExecutionSettings, output: OutputSettings) -> RunOptions:
+        given = execution.model_fields_set
+        is_chunked = execution.parallelization == ParallelizationStrategy.CHUNK
+        folders = [*get_asset_directories(), *([] if self._document is None else [Path("assets"), self._document.path.parent])]
+        options: dict[str, Any] = {
+            "threads": execution.num_threads,
+            "chunk_size": execution.chunk_size if "chunk_size" in given else None,
+            "warehouse_factor": execution.warehouse_factor if "warehouse_factor" in given else None,
+            "schedule": ("dynamic" if is_chunked else "warehouse") if "parallelization" in given else None,
+            "tree": _TREES[execution.factory_type] if "factory_type" in given else None,
+            "tree_jobs": execution.kdt_num_threads,
+            "log_file": True if execution.log_file or execution.log_file_only else None,
+            "seed": rng_seed(),
+            "gps_start": self.gps_time if "gps_time" in self.model_fields_set else None,
+            "assets": folders,
+        }
+        options = {name: value for name, value in options.items() if value is not None}
+        if _is_folder(output):
+            options["las_output"], options["zip_output"] = output.format != OutputFormat.XYZ, output.format == OutputFormat.LAZ
+            options["las_scale"] = output.las_scale if "las_scale" in output.model_fields_set else None
+            options["split_by_channel"] = output.split_by_channel
+        made: RunOptions = options  # type: ignore[assignment]
+        return made
+
+    def _gps_start(self) -> float:
+        """Return the time of points at the beginning of the run, s of the week of GPS."""
+        return (self.gps_time.timestamp() - _GPS_EPOCH) % _WEEK
+
+    def _identity(self) -> object:
+        return None if self._document is None else self._document.path
+
+    def __copy__(self) -> Survey:
+        return self.clone()
+
+    def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Survey:
+        values = {name: getattr(self, name) for name in type(self).model_fields if name != "legs"}
+        copies: dict[str, Any] = {name: value if isinstance(value, (str, datetime)) else value.clone() for name, value in values.items()}
+        twin = type(self)(legs=tuple(leg.clone() for leg in self.legs), **copies)
+        object.__setattr__(twin, "__pydantic_fields_set__", set(self.model_fields_set))
+        twin._document, twin._as_read = self._document, self._as_read
+        return twin
 
     def __repr__(self) -> str:
-        return f"<Survey {self._file}>" if self._file is not None else f"<Survey {self.name}: {len(self.legs)} legs>"
+        return f"<Survey {self.name!r}: {len(self.legs)} legs>"
+
+    __str__ = __repr__
 
 
-def _place(platform: Platform, poses: NDArray[np.void], part: TrajectorySettings, folder: Path | None) -> dict[str, object]:
-    path = (folder or Path(".")) / "trajectory.csv"
-    if folder is not None and not path.exists():
-        columns = [np.degrees(poses[name]) if name in ("roll", "pitch", "yaw") else poses[name] for name in FIELDS]
-        np.savetxt(path, np.column_stack(columns), delimiter=",", fmt="%.17g")
-    indices = {f"{name}Index": index for index, name in enumerate(FIELDS)}
-    return {
-        "trajectory": str(path),
-        **indices,
-        "tStart": part.start_time,
-        "tEnd": part.end_time,
-        "teleportToStart": bool(part.teleport_to_start) or None,
-        "syncGPSTime": platform.sync_gps_time or None,
-        "interpolationDomain": "position" if platform.position_only else None,
-    }
+def _is_folder(output: OutputSettings) -> bool:
+    return output.format in (OutputFormat.LAS, OutputFormat.LAZ, OutputFormat.XYZ)
 
 
-def _where(settings: PlatformSettings) -> dict[str, object]:
-    return {
-        "x": settings.x,
-        "y": settings.y,
-        "z": settings.z,
-        "onGround": True if settings.force_on_ground else None,
-        "movePerSec_m": getattr(settings, "speed_m_s", None),
-    }
+def _check_output(output: OutputSettings) -> None:
+    """Refuse or warn of what the format of a run has no place for."""
+    if _is_folder(output):
+        return
+    for name in ("write_waveform", "write_pulse"):
+        if getattr(output, name):
+            raise NotImplementedError(
+                f"{name} needs a format of files: LAS, LAZ or XYZ; vlscan.Survey.run(waveforms=True, pulses=True) has them in memory"
+            )
+    has_effect = {"las_scale"} if output.format == OutputFormat.LASPY else set()
+    for name in ("output_dir", "split_by_channel", "las_scale"):
+        if name in output.model_fields_set - has_effect:
+            warn(f"{name} has no effect on the format {output.format.name}")
 
 
-def _scanning(settings: ScannerSettings) -> dict[str, object]:
-    degrees = {
-        "headRotatePerSec_deg": settings.head_rotation,
-        "headRotateStart_deg": settings.rotation_start_angle,
-        "headRotateStop_deg": settings.rotation_stop_angle,
-        "scanAngle_deg": settings.scan_angle,
-        "verticalAngleMin_deg": settings.min_vertical_angle,
-        "verticalAngleMax_deg": settings.max_vertical_angle,
-        "verticalResolution_deg": settings.vertical_resolution,
-        "horizontalResolution_deg": settings.horizontal_resolution,
-    }
-    return {
-        "active": None if settings.is_active else False,
-        "pulseFreq_hz": None if settings.pulse_frequency is None else round(settings.pulse_frequency),
-        "scanFreq_hz": settings.scan_frequency,
-        **{name: None if value is None else round(float(np.degrees(value)), 12) for name, value in degrees.items()},
-        "beamDivergence_rad": settings.beam_divergence_angle,
-        "trajectoryTimeInterval_s": settings.trajectory_time_interval,
-        "maxDuration_s": settings.max_duration,
-    }
+class _Run:
+    """A run of a survey to one output."""
+
+    def __init__(self, survey: Survey, engine: EngineSurvey, options: RunOptions, output: OutputSettings) -> None:
+        self._survey, self._engine, self._options, self._output = survey, engine, options, output
+        self._is_folder = _is_folder(output)
+
+    def _request(self, has_batches: bool) -> _vlscan.Request:
+        options, output = dict(self._options), self._output
+        if not self._is_folder or has_batches and output.format != OutputFormat.XYZ:
+            # Columns of text are those of HELIOS++.
+            options["columns"] = COLUMNS
+        words = words_of(options)
+        if self._is_folder:
+            words += [switch("waveforms", output.write_waveform), switch("pulses", output.write_pulse)]
+            words.append(f"--output={os.fspath(output.output_dir)}")
+        return self._engine._request(words)
+
+    def plain(self) -> Any:
+        """Run, and return the results."""
+        tables = [] if self._is_folder else ["points", "trajectory"]
+        outcome = _vlscan.run(self._request(False), tables, None)
+        if self._is_folder:
+            return Path(outcome.directories[0])
+        points = Points(_found(outcome, "points"))
+        return self._result(point_records(points), outcome, points["Intensity"], points["ScanAngle"])
+
+    def with_hooks(self, hooks: list[SurveyHook]) -> Any:
+        """Run, call hooks, and return the results."""
+        dispatcher = HookDispatcher(hooks, len(self._survey.legs))
+        needs_points = not self._is_folder or any(hook.payload != HookPayload.METADATA_ONLY for hook in hooks)
+        dispatcher.keeps_points = needs_points
+        tables = [] if self._is_folder else ["trajectory"]
+        batches = _vlscan.run_batches(self._request(True), _BATCH_ROWS, True, None, 2, tables)
+        columns: list[tuple[NDArray[Any], NDArray[Any]]] = []
+        start, last = None, 0.0
+        try:
+            for points in map(Points, batches):
+                gps_times = np.asarray(points["GpsTime"])
+                if start is None:
+                    start = self._start(gps_times)
+                times = np.maximum.accumulate(gps_times - start)
+                dispatcher.feed(point_records(points), times)
+                last = float(times[-1]) if len(times) else last
+                if self._output.format == OutputFormat.LASPY:
+                    columns.append((np.array(points["Intensity"]), np.array(points["ScanAngle"])))
+        finally:
+            # A hook may have failed, which ends the run.
+            outcome = batches.outcome()
+            batches.close()
+        if outcome is None:
+            raise Error("the run has ended without a result")
+        dispatcher.finish(last)
+        if self._is_folder:
+            return Path(outcome.directories[0])
+        intensity, angle = (np.concatenate(parts) for parts in zip(*columns, strict=True)) if columns else (np.empty(0), np.empty(0))
+        return self._result(dispatcher.collected(), outcome, intensity, angle)
+
+    def _start(self, times: NDArray[np.float64]) -> float:
+        """Return the time of points at the beginning of the run."""
+        start = self._survey._gps_start()
+        is_of_run = len(times) and not self._survey.platform.sync_gps_time and 0 <= times[0] - start < _WEEK
+        return start if is_of_run else float(times[0]) if len(times) else 0.0
+
+    def _result(self, records: NDArray[np.void], outcome: _vlscan.Outcome, intensity: NDArray[Any], angle: NDArray[Any]) -> Any:
+        poses = pose_records(Table(_found(outcome, "trajectory")))
+        if self._output.format == OutputFormat.LASPY:
+            return laspy_data(records, intensity, angle, self._output.las_scale or 0.0001), poses
+        return records, poses
 
 
-def _tag(name: str, values: Mapping[str, object]) -> str:
-    def text(value: object) -> str:
-        return str(value).lower() if isinstance(value, bool) else str(value)
-
-    given = [f"{key}={quoteattr(text(value))}" for key, value in values.items() if value is not None]
-    return " ".join([f"<{name}", *given])
-
-
-def point_records(points: Points) -> NDArray[np.void]:
-    """Points as records of :data:`POINT`."""
-    records = np.empty(len(points), dtype=POINT)
-    for field, columns in _COLUMNS.items():
-        if isinstance(columns, str):
-            records[field] = points[columns]
-        else:
-            for axis, column in enumerate(columns):
-                records[field][:, axis] = points[column]
-    return records
-
-
-def pose_records(poses: Table) -> NDArray[np.void]:
-    """Poses as records of :data:`POSE`."""
-    records = np.empty(len(poses), dtype=POSE)
-    records["gps_time"] = poses["time"]
-    for axis, column in enumerate("xyz"):
-        records["position"][:, axis] = poses[column]
-    for angle in ("roll", "pitch", "yaw"):
-        records[angle] = np.radians(poses[f"platform_{angle}"])
-    return records
-
-
-def _laspy(points: NDArray[np.void], columns: Points, scale: float | None) -> Any:
-    try:
-        import laspy
-    except ImportError as failure:
-        raise ImportError("OutputFormat.LASPY needs laspy: pip install laspy") from failure
-    header = laspy.LasHeader(version="1.4", point_format=6)
-    extra = {"echo_width": "f8", "fullwaveIndex": "i4", "hitObjectId": "i4", "heliosAmplitude": "f8"}
-    header.add_extra_dims([laspy.ExtraBytesParams(name, kind) for name, kind in extra.items()])
-    header.scales = np.full(3, scale or 0.0001)
-    header.offsets = points["position"].min(axis=0) if len(points) else np.zeros(3)
-    las = laspy.LasData(header)
-    las.x, las.y, las.z = points["position"].T
-    las.return_number, las.number_of_returns = points["return_number"], points["number_of_returns"]
-    las.classification = points["classification"].astype("u1")
-    las.gps_time, las.point_source_id = points["gps_time"], points["point_source_id"]
-    las.intensity, las.scan_angle = columns["Intensity"], np.rint(np.clip(columns["ScanAngle"] / 0.006, -30_000, 30_000))
-    las["echo_width"], las["heliosAmplitude"] = points["echo_width"], points["intensity"]
-    las["fullwaveIndex"], las["hitObjectId"] = points["fullwave_index"], points["hit_object_id"]
-    return las
-
-
-def display_xml(survey: Survey) -> str:
-    """Return the survey as XML.
-
-    Parameters
-    ----------
-    survey : Survey
-        The survey.
-
-    Returns
-    -------
-    str
-        The text.
-    """
-    return survey.to_xml()
+def _found(outcome: _vlscan.Outcome, name: str) -> _vlscan.Table:
+    table = outcome.table(name)
+    assert table is not None
+    return table

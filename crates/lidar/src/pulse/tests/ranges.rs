@@ -19,7 +19,7 @@ riegl_minivux-3uav | 100000 0.8 330 | RIEGL miniVUX-3UAV, data sheet: 330 m at 1
 riegl_vux-1ha22 | 300000 0.8 475 | RIEGL VUX-1HA22, data sheet
 optech_3100 | 33000 0.2 3500 | Optech ALTM 3100, data sheet: operating altitude 80 to 3500 m, taken for 33 kHz and 20 %
 optech_galaxy | 35000 0.2 4700 | Teledyne Optech Galaxy, data sheet: operating altitude 150 to 4700 m, taken for 35 kHz and 20 %
-livox_mid-40 livox_mid-70 livox-mid-100 livox_mid-100 | 100000 0.1 90, 100000 0.2 130, 100000 0.8 260 | Livox Mid-40, Mid-70 and Mid-100, user manuals: 100 klx
+livox_mid-40 livox_mid-70 livox-mid-100 livox-mid-100a livox-mid-100b livox-mid-100c livox_mid-100 | 100000 0.1 90, 100000 0.2 130, 100000 0.8 260 | Livox Mid-40, Mid-70 and Mid-100, user manuals: 100 klx
 livox-avia-non-repetitive | 40000 0.1 190, 40000 0.2 260, 40000 0.8 450 | Livox Avia, user manual: 0 klx
 dji-zenmuse-l1-non-repetitive | 40000 0.8 450, 40000 0.1 190 | DJI Zenmuse L1, specifications: 450 m at 80 % and 0 klx, 190 m at 10 % and 100 klx
 dji-zenmuse-l2-repetitive dji-zenmuse-l2-non-repetitive | 40000 0.5 450, 40000 0.1 250 | DJI Zenmuse L2, specifications: 450 m at 50 % and 0 klx, 250 m at 10 % and 100 klx; the entry lies between

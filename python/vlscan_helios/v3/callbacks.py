@@ -1,0 +1,373 @@
+"""Hooks: functions that are called while a survey runs; and progress bars."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .settings import ProgressBarStrategy, StrEnum
+from .utils import meas_dtype
+from .validation import Model, TimeInterval
+
+
+class HookPoint(StrEnum):
+    """When a hook is called."""
+
+    LEG_START = "leg_start"
+    LEG_END = "leg_end"
+    SIM_TIME_ONCE = "sim_time_once"
+    SIM_TIME_PERIODIC = "sim_time_periodic"
+
+
+class HookPayload(StrEnum):
+    """Which points a hook gets: none, those since its last call, or all so far."""
+
+    METADATA_ONLY = "metadata_only"
+    SINCE_LAST = "since_last"
+    ALL_POINTS = "all_points"
+
+
+class HookEndOfLegPolicy(StrEnum):
+    """What a periodic hook does at the end of a leg: nothing, a call, or a call and a new period."""
+
+    NONE = "none"
+    FLUSH = "flush"
+    FLUSH_AND_RESET = "flush_and_reset"
+
+
+@dataclass(frozen=True)
+class HookContext:
+    """What a hook is told.
+
+    Parameters
+    ----------
+    point : HookPoint
+        Why it is called.
+    leg_index, num_legs : int
+        Number of the leg, from 0, and number of legs.
+    sim_time : float
+        Simulated time since the beginning of the run, s.
+    num_points : int
+        Number of points so far.
+    measurements : numpy.ndarray or None
+        The points that the hook's payload asks for, as records of a run; ``None`` for metadata only.
+    """
+
+    point: HookPoint
+    leg_index: int
+    num_legs: int
+    sim_time: float
+    num_points: int
+    measurements: NDArray[np.void] | None = None
+
+
+class SurveyHook(Model):
+    """A function that is called while a survey runs.
+
+    Calls are made in the order of simulated time, each with all points up to its time, on the thread that runs the survey; the
+    engine continues meanwhile, but not farther than a few batches. An exception of the function ends the run.
+
+    Parameters
+    ----------
+    point : HookPoint
+        When it is called.
+    callback : callable
+        The function; it is called with a :class:`HookContext`.
+    barrier : bool
+        Without effect: points up to the call are always complete.
+    payload : HookPayload
+        Which points it gets.
+    end_of_leg_policy : HookEndOfLegPolicy, optional
+        What a periodic hook does at the end of a leg; nothing by default.
+    sim_time : quantity, optional
+        Simulated time of ``SIM_TIME_ONCE``.
+    period : quantity, optional
+        Period of ``SIM_TIME_PERIODIC``, above 0.
+    """
+
+    point: HookPoint
+    callback: Callable[..., Any]
+    barrier: bool = False
+    payload: HookPayload = HookPayload.METADATA_ONLY
+    end_of_leg_policy: HookEndOfLegPolicy | None = None
+    sim_time: TimeInterval | None = None
+    period: TimeInterval | None = None
+
+    def model_post_init(self, context: Any, /) -> None:
+        """Check that the hook has the time that its point needs.
+
+        Parameters
+        ----------
+        context : object
+            Without effect.
+        """
+        for name, point in (("sim_time", HookPoint.SIM_TIME_ONCE), ("period", HookPoint.SIM_TIME_PERIODIC)):
+            if (getattr(self, name) is None) == (self.point == point):
+                needs = "needs" if self.point == point else "has no use for"
+                raise ValueError(f"a hook of {self.point.name} {needs} {name}")
+        if self.period == 0:
+            raise ValueError("period is 0 s, expected more")
+        if self.end_of_leg_policy is not None and self.point != HookPoint.SIM_TIME_PERIODIC:
+            raise ValueError(f"a hook of {self.point.name} has no use for end_of_leg_policy")
+
+
+class _Timer:
+    """A hook, the time of its next call, and how many points it has got."""
+
+    def __init__(self, hook: SurveyHook) -> None:
+        self.hook, self.seen = hook, 0
+        self.due = {HookPoint.SIM_TIME_ONCE: hook.sim_time, HookPoint.SIM_TIME_PERIODIC: hook.period}.get(hook.point)
+
+    def advance(self, now: float) -> None:
+        """Set the time of the next call after one at ``now``."""
+        self.due = None if self.hook.period is None else now + self.hook.period
+
+
+class HookDispatcher:
+    """Calls hooks as points of a run come in.
+
+    Parameters
+    ----------
+    hooks : sequence of SurveyHook
+        The hooks.
+    num_legs : int
+        Number of legs.
+    """
+
+    def __init__(self, hooks: Sequence[SurveyHook], num_legs: int) -> None:
+        self._timers = [_Timer(hook) for hook in hooks]
+        self._num_legs = num_legs
+        self._leg, self._now = -1, 0.0
+        self._points: list[NDArray[np.void]] = []
+        self._count = 0
+        #: Whether points are kept, for hooks that ask for them and for :meth:`collected`.
+        self.keeps_points = True
+
+    def feed(self, points: NDArray[np.void], times: NDArray[np.float64]) -> None:
+        """Take points in the order of their emission.
+
+        Parameters
+        ----------
+        points : numpy.ndarray
+            Records of points.
+        times : numpy.ndarray
+            Their simulated times, s.
+        """
+        legs = points["point_source_id"].astype(np.int64) - 1
+        cuts = np.flatnonzero(np.diff(legs)) + 1
+        for rows, row_times in zip(np.split(points, cuts), np.split(times, cuts), strict=True):
+            if len(rows):
+                self._enter(int(rows["point_source_id"][0]) - 1)
+                self._measure(rows, row_times)
+
+    def finish(self, end: float) -> None:
+        """End the last leg, and begin and end those without points.
+
+        Parameters
+        ----------
+        end : float
+            Simulated time of the end, s.
+        """
+        self._pass_time(max(end, self._now))
+        self._enter(self._num_legs - 1)
+        self._end_leg()
+
+    def collected(self) -> NDArray[np.void]:
+        """Return all points.
+
+        Returns
+        -------
+        numpy.ndarray
+            Records of points.
+        """
+        return np.concatenate(self._points) if self._points else np.empty(0, meas_dtype)
+
+    def _enter(self, leg: int) -> None:
+        while self._leg < leg:
+            self._end_leg()
+            self._leg += 1
+            self._call(HookPoint.LEG_START)
+
+    def _end_leg(self) -> None:
+        if self._leg < 0:
+            return
+        for timer in self._timers:
+            policy = timer.hook.end_of_leg_policy or HookEndOfLegPolicy.NONE
+            if policy != HookEndOfLegPolicy.NONE:
+                self._deliver(timer)
+            if policy == HookEndOfLegPolicy.FLUSH_AND_RESET:
+                timer.advance(self._now)
+        self._call(HookPoint.LEG_END)
+
+    def _measure(self, points: NDArray[np.void], times: NDArray[np.float64]) -> None:
+        first = 0
+        while (due := self._next_due()) is not None and due <= times[-1]:
+            index = int(np.searchsorted(times, due))
+            self._keep(points[first:index])
+            first = index
+            self._pass_time(due)
+        self._keep(points[first:])
+        self._now = max(self._now, float(times[-1]))
+
+    def _keep(self, points: NDArray[np.void]) -> None:
+        self._count += len(points)
+        if len(points) and self.keeps_points:
+            self._points.append(points)
+
+    def _next_due(self) -> float | None:
+        return min((timer.due for timer in self._timers if timer.due is not None), default=None)
+
+    def _pass_time(self, until: float) -> None:
+        while (due := self._next_due()) is not None and due <= until:
+            self._now = max(self._now, due)
+            for timer in self._timers:
+                if timer.due is not None and timer.due <= due:
+                    self._deliver(timer)
+                    timer.advance(due)
+        self._now = max(self._now, until)
+
+    def _call(self, point: HookPoint) -> None:
+        for timer in self._timers:
+            if timer.hook.point == point:
+                self._deliver(timer)
+
+    def _deliver(self, timer: _Timer) -> None:
+        hook, measurements = timer.hook, None
+        if hook.payload != HookPayload.METADATA_ONLY:
+            first = timer.seen if hook.payload == HookPayload.SINCE_LAST else 0
+            measurements = np.concatenate([np.empty(0, meas_dtype), *self._since(first)])
+        timer.seen = self._count
+        hook.callback(HookContext(hook.point, self._leg, self._num_legs, self._now, self._count, measurements))
+
+    def _since(self, first: int) -> Iterator[NDArray[np.void]]:
+        for points in self._points:
+            if first < len(points):
+                yield points[max(first, 0) :]
+            first -= len(points)
+
+
+class _ProgressBarCallbacks:
+    """Progress bars of tqdm.
+
+    Parameters
+    ----------
+    strategy : ProgressBarStrategy
+        What they show.
+    num_legs : int
+        Number of legs.
+    tqdm : callable
+        Makes a bar.
+    """
+
+    def __init__(self, strategy: ProgressBarStrategy, num_legs: int, tqdm: Callable[..., Any]) -> None:
+        self._strategy = strategy
+        has_legs = strategy in (ProgressBarStrategy.LEGS, ProgressBarStrategy.LEGS_TIME)
+        self._legs = tqdm(total=num_legs, desc="legs", unit="leg") if has_legs else None
+        time_bar = partial(tqdm, unit="s", bar_format="{desc}: {n:.1f} s simulated [{elapsed}]")
+        self._make_time_bar: Callable[..., Any] | None = None if strategy == ProgressBarStrategy.LEGS else time_bar
+        self._time: Any = None
+        self._begin = 0.0
+
+    def leg_start(self, context: HookContext) -> None:
+        """Begin a leg.
+
+        Parameters
+        ----------
+        context : HookContext
+            The leg.
+        """
+        if self._make_time_bar is None:
+            return
+        if self._strategy == ProgressBarStrategy.PER_LEG_TIME:
+            self._close_time()
+            self._time = self._make_time_bar(desc=f"leg {context.leg_index + 1} of {context.num_legs}")
+            self._begin = context.sim_time
+        elif self._time is None:
+            self._time = self._make_time_bar(desc="time")
+
+    def time(self, context: HookContext) -> None:
+        """Show the simulated time.
+
+        Parameters
+        ----------
+        context : HookContext
+            The time.
+        """
+        if self._time is not None:
+            self._time.update(context.sim_time - self._begin - self._time.n)
+
+    def leg_end(self, context: HookContext) -> None:
+        """End a leg.
+
+        Parameters
+        ----------
+        context : HookContext
+            The leg.
+        """
+        self.time(context)
+        if self._legs is not None:
+            self._legs.update(1)
+
+    def close(self) -> None:
+        """Leave the bars as they are."""
+        self._close_time()
+        if self._legs is not None:
+            self._legs.close()
+
+    def _close_time(self) -> None:
+        if self._time is not None:
+            self._time.close()
+            self._time = None
+
+
+def build_progressbar_callbacks(
+    strategy: ProgressBarStrategy, num_legs: int
+) -> tuple[tuple[SurveyHook, ...], _ProgressBarCallbacks | None]:
+    """Return hooks that show progress bars: on a terminal or in a notebook, where tqdm is installed.
+
+    Parameters
+    ----------
+    strategy : ProgressBarStrategy
+        What they show.
+    num_legs : int
+        Number of legs.
+
+    Returns
+    -------
+    hooks : tuple of SurveyHook
+        The hooks; none without bars.
+    bars : object or None
+        What the hooks draw on, to be closed after the run.
+    """
+    strategy = ProgressBarStrategy(strategy)
+    tqdm = None if strategy == ProgressBarStrategy.NONE else _tqdm()
+    if tqdm is None:
+        return (), None
+    bars = _ProgressBarCallbacks(strategy, num_legs, tqdm)
+    hooks = (
+        SurveyHook(point=HookPoint.LEG_START, callback=bars.leg_start),
+        SurveyHook(point=HookPoint.SIM_TIME_PERIODIC, callback=bars.time, period=0.1),
+        SurveyHook(point=HookPoint.LEG_END, callback=bars.leg_end),
+    )
+    return hooks, bars
+
+
+def _tqdm() -> Callable[..., Any] | None:
+    """Return what makes a bar: none without tqdm, and none where nobody looks."""
+    try:
+        if "ipykernel" in sys.modules:
+            from tqdm.autonotebook import tqdm
+        elif sys.stderr is not None and sys.stderr.isatty():
+            from tqdm import tqdm
+        else:
+            return None
+    except ImportError:
+        return None
+    made: Callable[..., Any] = tqdm
+    return made
