@@ -53,7 +53,9 @@ class StaticScene(Model):
 
         file, _, id = os.fspath(scene_file).partition("#")
         path = existing_file(file)
-        scene = cls(scene_parts=tuple(part for _, part in parts_of(scene_file)))
+        # A survey can name a packed scene or a mesh, too, whose parts are not listed.
+        is_xml = path.suffix.lower() == ".xml"
+        scene = cls(scene_parts=tuple(part for _, part in parts_of(scene_file)) if is_xml else ())
         scene._file = f"{path}#{id}" if id else os.fspath(path)
         scene._as_read = [part.state() for part in scene.scene_parts]
         return scene

@@ -746,14 +746,18 @@ def default_material() -> dict[str, Material]:
 def materials_of_obj(path: str) -> dict[str, Material]:
     """Return the materials of the libraries that an OBJ file names."""
     found: dict[str, Material] = {}
+    used: dict[str, None] = {}
     with open(path, "rb") as file:
         for line in file:
-            if line.startswith(b"mtllib"):
-                for name in line.decode(errors="replace").split()[1:]:
+            keyword, *rest = line.split(None, 1)[:2] or [b""]
+            if keyword == b"usemtl" and rest:
+                used[rest[0].decode(errors="replace").strip()] = None
+            elif keyword == b"mtllib" and rest:
+                for name in rest[0].decode(errors="replace").split():
                     library = os.path.join(os.path.dirname(path), name)
                     if os.path.exists(library):
                         found = {**read_materials(library), **found}
-    return found
+    return {name: found[name] for name in used if name in found} or default_material()
 
 
 def _between(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, ...]:

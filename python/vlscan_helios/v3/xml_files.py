@@ -46,7 +46,7 @@ class Document(NamedTuple):
     def reference(self, reference: str) -> str:
         """Return ``file.xml#id`` of a reference within the document."""
         file, mark, id = reference.partition("#")
-        if not mark and not file.lower().endswith(".xml"):
+        if not mark and not file.lower().endswith(".xml") and not Path(self.locate(file)).is_file():
             file, id = "", reference
         located = Path(self.locate(file)).as_posix() if file else self.path.resolve().as_posix()
         return f"{located}#{id}" if id else located
