@@ -121,7 +121,6 @@ def install(name: str = "helios") -> ModuleType:
         The package.
     """
     package = sys.modules[__name__]
-    sys.modules[name] = package
-    for module in (callbacks, leg, platforms, scanner, scene, settings, survey, utils, validation):
-        sys.modules[f"{name}.{module.__name__.rsplit('.', 1)[1]}"] = module
+    own = {key: module for key, module in sys.modules.items() if f"{key}.".startswith(f"{__name__}.")}
+    sys.modules.update({name + key.removeprefix(__name__): module for key, module in own.items()})
     return package
