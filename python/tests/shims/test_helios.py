@@ -329,6 +329,13 @@ def test_recorded_trajectories(tmp_path):
         assert np.isclose(trajectory["position"][0, 1], -20, atol=1) and np.isclose(trajectory["position"][-1, 1], 0, atol=1)
         positions.append(points["position"])
     assert np.array_equal(*positions)
+    part = helios.TrajectorySettings(start_time=1.0, end_time=2.0, teleport_to_start=True)
+    survey.legs = [
+        helios.Leg(
+            scanner_settings=survey.legs[0].scanner_settings, platform_settings=helios.DynamicPlatformSettings(trajectory_settings=part)
+        )
+    ]
+    assert survey.run()[0]["position"].tobytes() == positions[0].tobytes()
     again = helios.Platform.load_interpolate_platform(trajectory, "data/platforms.xml", "sr22")
     assert again.trajectory.dtype == helios.platforms.traj_csv_dtype and not again.is_static
     degrees = helios.Platform.load_interpolate_platform(table + 1, "data/platforms.xml", "sr22", is_roll_pitch_yaw_in_radians=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -362,7 +363,10 @@ def _tqdm() -> Callable[..., Any] | None:
     """Return what makes a bar: none without tqdm, and none where nobody looks."""
     try:
         if "ipykernel" in sys.modules:
-            from tqdm.autonotebook import tqdm
+            with warnings.catch_warnings():
+                # Of notebooks without widgets, which get bars of text.
+                warnings.simplefilter("ignore")
+                from tqdm.auto import tqdm
         elif sys.stderr is not None and sys.stderr.isatty():
             from tqdm import tqdm
         else:

@@ -49,6 +49,23 @@ class Leg(Model):
     _source: LegSource | None = PrivateAttr(None)
 
 
+def flown_part(leg: Leg) -> TrajectorySettings | None:
+    """Return the part of a trajectory that a leg flies: its own, else that of its platform settings; ``None`` for none.
+
+    Parameters
+    ----------
+    leg : Leg
+        The leg.
+
+    Returns
+    -------
+    TrajectorySettings or None
+        The part.
+    """
+    of_platform = getattr(leg.platform_settings, "trajectory_settings", None)
+    return leg.trajectory_settings or (None if of_platform == TrajectorySettings() else of_platform)
+
+
 def make_leg(
     platform: Platform,
     leg: Leg | None,

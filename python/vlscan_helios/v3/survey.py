@@ -23,7 +23,7 @@ from vlscan.tables import Points, Table
 from . import survey_xml, xml_files
 from .callbacks import HookDispatcher, HookPayload, SurveyHook, build_progressbar_callbacks
 from .errors import engine_errors
-from .leg import Leg, make_leg
+from .leg import Leg, flown_part, make_leg
 from .platforms import Platform, PlatformSettingsBase, TrajectorySettings
 from .records import COLUMNS, laspy_data, point_records, pose_records
 from .scanner import Scanner, ScannerSettingsBase
@@ -237,7 +237,7 @@ class Survey(Model):
         if self.platform.trajectory is not None or self.platform._follows_file:
             return
         for leg in self.legs:
-            part = leg.trajectory_settings
+            part = flown_part(leg)
             changed = [] if part is None else [name for name in part.model_fields_set if getattr(part, name)]
             if changed:
                 names = ", ".join(sorted(changed))

@@ -15,7 +15,7 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent, tost
 
 import numpy as np
 
-from .leg import Leg, LegSource
+from .leg import Leg, LegSource, flown_part
 from .platforms import DynamicPlatformSettings, Platform, StaticPlatformSettings, TrajectorySettings, traj_csv_dtype
 from .scanner import Scanner, ScannerSettings
 from .settings import FullWaveformSettings
@@ -283,7 +283,7 @@ def _write_leg(element: Element, leg: Leg, as_read: Leg | None, has_prisms: bool
     for target, table, settings, old in (
         (place, _PLACE, leg.platform_settings, as_read and as_read.platform_settings),
         (scanning, written, leg.scanner_settings, as_read and as_read.scanner_settings),
-        (place, _TRAJECTORY, leg.trajectory_settings, as_read and as_read.trajectory_settings),
+        (place, _TRAJECTORY, flown_part(leg), as_read and flown_part(as_read)),
     ):
         if settings is not None:
             _write_settings(target, table, settings, old)
