@@ -149,6 +149,14 @@ def test_the_survey_of_a_file_is_run_as_changed(tmp_path):
     assert from_file.run()[0].tobytes() == fine.tobytes() != plain.tobytes()
 
 
+@pytest.mark.parametrize("folder", ["forest", "moving", "street", "terrain"])
+def test_what_is_not_changed_stays_as_it_is(folder):
+    survey = helios.Survey.from_xml(FIXTURES / folder / "survey.xml")
+    plain, _ = survey.run()
+    survey.name = "written anew"
+    assert len(plain) > 100 and survey.run()[0].tobytes() == plain.tobytes()
+
+
 def test_the_flight_of_a_file_can_be_read_and_changed():
     survey = helios.Survey.from_xml(FIXTURES / "forest/survey.xml")
     assert [leg.scanner_settings.is_active for leg in survey.legs] == [True, False, True, False]

@@ -6,7 +6,6 @@ import math
 import os
 import re
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -16,6 +15,7 @@ from vlscan.parts import Part
 
 from .materials import Material, read_materials
 from .scene_part import ScenePart, default_material, materials_of_obj
+from .utils import search_folders
 from .xml_files import Document, float_of, read, truth_of
 
 
@@ -39,22 +39,27 @@ def parts_of(scene: str | os.PathLike[str]) -> list[tuple[str, ScenePart]]:
     """
     file, _, id = os.fspath(scene).partition("#")
     document = read(file)
-    found = []
-    for index, element in enumerate(document.asset("scene", id).findall("part")):
-        name = element.get("id", str(index))
+    found: list[tuple[str, ScenePart]] = []
+    number = 0
+    for element in document.asset("scene", id).findall("part"):
+        name = element.get("id") or ""
         try:
-            parts = _parts(document, element, name)
+            parts = _parts(document, element)
         except (NotImplementedError, ValueError, OSError) as obstacle:
             part = ScenePart()
-            part._obstacle = f"part {name} of {file}: {obstacle}"
+            part._obstacle = f"part {name or number} of {file}: {obstacle}"
             parts = [part]
-        for part in parts:
+        for index, part in enumerate(parts):
+            # A part without an id is numbered, and is one for each of its files.
+            own = name or str(number + index)
             part._is_of_file = True
-            found.append((name, part))
+            part._part = part._part and part._part.named(own)
+            found.append((own, part))
+        number += 1 if name else max(len(parts), 1)
     return found
 
 
-def _parts(document: Document, element: Element, name: str) -> list[ScenePart]:
+def _parts(document: Document, element: Element) -> list[ScenePart]:
     for kind in ("swap", "dmotion"):
         if element.find(kind) is not None:
             raise NotImplementedError(f"a part with <{kind}> belongs to its scene")
@@ -78,8 +83,7 @@ def _parts(document: Document, element: Element, name: str) -> list[ScenePart]:
     made = []
     for path in _files(document, loader[1]):
         part = _loaded(document, *loader, path)
-        known = part._known_part().turn(quaternion).scale(scale).translate(*offset)
-        part._part = known.named(name) if "id" in element.attrib else known
+        part._part = part._known_part().turn(quaternion).scale(scale).translate(*offset)
         if on_ground:
             part.force_on_ground = on_ground
         made.append(part)
@@ -94,9 +98,13 @@ def _files(document: Document, params: Mapping[str, Element]) -> list[str]:
     expression = _text(params, "efilepath")
     if not expression:
         return [document.locate(_text(params, "filepath"))]
-    folder, _, pattern = expression.replace("\\", "/").rpartition("/")
-    place = Path(document.locate(folder or "."))
-    return [os.fspath(path) for path in sorted(place.iterdir()) if re.fullmatch(pattern, path.name)]
+    folder, _, pattern = expression.rpartition("/")
+    found: dict[str, str] = {}
+    for base in [*search_folders(), document.path.parent]:
+        if (base / folder).is_dir():
+            names = sorted(name for name in os.listdir(base / folder) if re.fullmatch(pattern, name))
+            found = {**{name: os.fspath(base / folder / name) for name in names}, **found}
+    return [found[name] for name in sorted(found)]
 
 
 def _loaded(document: Document, kind: str, params: Mapping[str, Element], path: str) -> ScenePart:

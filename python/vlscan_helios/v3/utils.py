@@ -107,7 +107,8 @@ def get_asset_directories() -> list[Path]:
     return list(dict.fromkeys(_asset_directories))
 
 
-def _folders() -> list[Path]:
+def search_folders() -> list[Path]:
+    """Return the folders in which files are searched, in their order."""
     return [Path(), *get_asset_directories(), Path("assets")]
 
 
@@ -132,14 +133,14 @@ def find_file(filename: str | os.PathLike[str], fatal: bool = True) -> Path | No
         There is no such file.
     """
     path = Path(filename)
-    for folder in _folders():
+    for folder in search_folders():
         if (folder / path).exists():
             return folder / path
     if path.as_posix() in _shipped_files():
         return path
     if not fatal:
         return None
-    searched = ", ".join(str(folder) for folder in _folders())
+    searched = ", ".join(str(folder) for folder in search_folders())
     raise FileNotFoundError(f"{path} is not in {searched}; add_asset_directory() adds a folder to search in")
 
 
@@ -174,13 +175,13 @@ def find_files(filename: str | os.PathLike[str], fatal: bool = True) -> list[Pat
     if not has_magic(pattern):
         found = find_file(filename, fatal)
         return [] if found is None else [found]
-    for folder in _folders():
+    for folder in search_folders():
         names = sorted(glob(os.path.join(folder, pattern), recursive=True))
         if names:
             return [Path(name) for name in names]
     if not fatal:
         return []
-    raise FileNotFoundError(f"no file matches {pattern} in {', '.join(str(folder) for folder in _folders())}")
+    raise FileNotFoundError(f"no file matches {pattern} in {', '.join(str(folder) for folder in search_folders())}")
 
 
 def _shipped_files() -> set[str]:
