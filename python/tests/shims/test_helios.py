@@ -150,7 +150,8 @@ def test_the_survey_of_a_file_is_run_as_changed(tmp_path):
 
 
 @pytest.mark.parametrize("folder", ["forest", "moving", "street", "terrain"])
-def test_what_is_not_changed_stays_as_it_is(folder):
+def test_what_is_not_changed_stays_as_it_is(folder, monkeypatch):
+    monkeypatch.setattr(helios.utils, "_asset_directories", [])
     survey = helios.Survey.from_xml(FIXTURES / folder / "survey.xml")
     plain, _ = survey.run()
     survey.name = "written anew"
