@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
 from copy import copy
 from pathlib import Path
@@ -85,7 +86,11 @@ class StaticScene(Model):
             # The engine knows packed scenes by this extension.
             folder = tempfile.TemporaryDirectory(prefix="vlscan-")
             scene._kept, link = folder, Path(folder.name) / f"scene{_PACKED}"
-            link.symlink_to(path.resolve())
+            try:
+                link.symlink_to(path.resolve())
+            except OSError:
+                # Windows allows links to some users only.
+                shutil.copy(path, link)
             path = link
         scene._file = os.fspath(path)
         return scene

@@ -310,7 +310,7 @@ def display_xml(path: str | os.PathLike[str] | Survey, item: str | None = None) 
         return XmlText(path.to_xml())
     found = existing_file(path)
     if not found.exists():
-        raise FileNotFoundError(f"{os.fspath(path)} is part of the program; `vlscan catalogue ID` shows its entries")
+        raise FileNotFoundError(f"{os.fspath(path)} is part of the program; `vlscan catalogue show ID` shows an entry")
     text = found.read_text(encoding="utf-8", errors="replace")
     if item is None:
         return XmlText(text)
