@@ -180,6 +180,16 @@ def test_a_window_below_two_bins_is_an_error():
         survey.run()
 
 
+def test_a_window_of_a_file_is_as_it_is(tmp_path):
+    own = '<FWFSettings binSize_ns="1" winSize_ns="1"/><leg>'
+    (tmp_path / "own.xml").write_text((FIXTURES / "room/survey.xml").read_text().replace("<leg>", own, 1))
+    survey = helios.Survey.from_xml(tmp_path / "own.xml")
+    assert survey.full_waveform_settings.win_size == survey.full_waveform_settings.bin_size == pytest.approx(1e-9)
+    plain, _ = survey.run()
+    survey.name = "written anew"
+    assert survey.run()[0].tobytes() == plain.tobytes()
+
+
 def test_keywords_without_effect_are_refused():
     for form in (helios.OutputFormat.NPY, "laspy"):
         for name in ("write_waveform", "write_pulse"):
@@ -210,6 +220,21 @@ def test_errors_of_the_engine_are_helios_exceptions():
     assert isinstance(caught.value, vlscan.InputError) and any(problem.severity == "error" for problem in caught.value.problems)
     with pytest.raises(FileNotFoundError, match="add_asset_directory"):
         helios.Survey.from_xml("missing.xml")
+
+
+@pytest.mark.parametrize(
+    "text", ["", "<document>", "<document/>", "<document><survey/></document>", "\xff<a/>", "<document><survey scene='s.xml'/>"]
+)
+def test_files_that_are_no_surveys_are_errors(text, tmp_path):
+    (tmp_path / "survey.xml").write_text(text, encoding="latin-1")
+    with pytest.raises((ValueError, FileNotFoundError)):
+        helios.Survey.from_xml(tmp_path / "survey.xml")
+
+
+def test_files_of_other_encodings_are_read(tmp_path):
+    text = (FIXTURES / "room/survey.xml").read_text().replace('name="room"', 'name="R\u00e4ume"')
+    (tmp_path / "survey.xml").write_bytes(b"\n" + text.encode("latin-1"))
+    assert helios.Survey.from_xml(tmp_path / "survey.xml").name == "R\u00e4ume"
 
 
 def test_the_clock_starts_at_a_time_of_any_zone():

@@ -124,7 +124,11 @@ def read_waveform(document: Document) -> FullWaveformSettings:
     if "win_size" not in values and "bin_size" in values:
         # The window follows from the pulse; at least two bins.
         values["win_size"] = max(1e-9, 2 * values["bin_size"])
-    return FullWaveformSettings(**values)  # type: ignore[arg-type]
+    settings = FullWaveformSettings()
+    for name, value in values.items():
+        # The window is not checked: the file is run as it stands.
+        setattr(settings, name, value)
+    return settings
 
 
 def read_legs(document: Document, platform: Platform) -> tuple[Leg, ...]:
@@ -250,10 +254,10 @@ def _write_platform(element: Element, platform: Platform) -> None:
 
 def _write_waveform(element: Element, survey: Survey) -> None:
     settings = survey.full_waveform_settings
-    settings.check()
     as_read = survey._as_read
     if settings == (as_read.full_waveform_settings if as_read else FullWaveformSettings()) and not survey._has_own_waveform():
         return
+    settings.check()
     for old in element.findall("FWFSettings"):
         element.remove(old)
     values = {key: _text(getattr(settings, name) * unit) for name, (key, unit) in _WAVEFORM.items()}

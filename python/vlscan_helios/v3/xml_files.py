@@ -77,15 +77,24 @@ def read(name: str | os.PathLike[str]) -> Document:
         raise FileNotFoundError(f"{os.fspath(name)} is part of the program, and not on disk")
     data = path.read_bytes().lstrip(b"\xef\xbb\xbf \t\r\n")
     try:
-        return Document(path, ElementTree.fromstring(data))
-    except ElementTree.ParseError as problem:
         try:
-            data.decode("utf-8")
-        except UnicodeDecodeError:
+            return Document(path, ElementTree.fromstring(data))
+        except ElementTree.ParseError:
+            if _is_utf8(data):
+                raise
             # Latin-1 that does not say so, as the engine reads it.
             text = data.decode("latin-1")
             return Document(path, ElementTree.fromstring(text.partition("?>")[2] if text.startswith("<?xml") else text))
+    except ElementTree.ParseError as problem:
         raise ValueError(f"{path}: {problem}") from None
+
+
+def _is_utf8(data: bytes) -> bool:
+    try:
+        data.decode("utf-8")
+    except UnicodeDecodeError:
+        return False
+    return True
 
 
 def float_of(text: str | None, default: float) -> float:
