@@ -6,13 +6,13 @@ use crate::watch::{Interruption, watched};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan::geom::{DVec3, Rotation};
 use vlscan::scene::{Pack, pack};
 use vlscan::survey::{
-    Loader, MaterialChange, MaterialChanges, MaterialChoice, MeshReading, PartRecipe, Replaced, SceneRecipe,
-    Transform, UpAxis, VoxelLoader, VoxelMode, XyzLoader,
+    Loader, MaterialChange, MaterialChanges, MaterialChoice, MeshReading, PartRecipe, RasterFiles, Replaced,
+    SceneRecipe, Transform, UpAxis, VoxelLoader, VoxelMode, XyzLoader, find_raster,
 };
 use vlscan::{LoadedScene, MaterialDefinition, ReadOptions, ResolvedRun, Session, read_scene};
 
@@ -98,10 +98,28 @@ impl Part {
         part(Loader::MeshFiles { files: vec![path], reading }, place)
     }
 
-    /// A part of a terrain raster.
+    /// A part of a terrain raster: a file, a virtual raster, a folder or a pattern of tiles, or several files as tiles.
     #[staticmethod]
-    fn of_raster(path: PathBuf, material: &Bound<'_, PyDict>, place: &Bound<'_, PyDict>) -> PyResult<Part> {
-        part(Loader::GeoTiff { file: path, material: choice(material)? }, place)
+    fn of_raster(
+        py: Python<'_>,
+        paths: Vec<PathBuf>,
+        material: &Bound<'_, PyDict>,
+        place: &Bound<'_, PyDict>,
+    ) -> PyResult<Part> {
+        let files = match &paths[..] {
+            // Single rasters are looked for when the scene is loaded.
+            [path] if has_tiles(path) => {
+                let found = find_raster(&path.to_string_lossy(), &ReadOptions::default());
+                let (files, warnings) = found.map_err(|error| exception(py, error))?;
+                let notices = Notices::default();
+                notices.add(vlscan::Notice::Warnings(warnings));
+                notices.issue(py)?;
+                files
+            }
+            [] => return Err(PyValueError::new_err("there is no raster, expected at least one file")),
+            _ => RasterFiles::Tiles(paths),
+        };
+        part(Loader::GeoTiff { files, material: choice(material)? }, place)
     }
 
     /// A part of a point cloud as text, which becomes voxels.
@@ -157,6 +175,12 @@ impl Part {
         };
         part(Loader::DetailedVoxels(Box::new(loader)), place)
     }
+}
+
+/// Whether a path is that of a virtual raster or a folder, or a pattern.
+fn has_tiles(path: &Path) -> bool {
+    let is_virtual = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("vrt"));
+    is_virtual || path.is_dir() || path.to_string_lossy().contains(['*', '?'])
 }
 
 fn item<'py>(fields: &Bound<'py, PyDict>, key: &str) -> PyResult<Bound<'py, PyAny>> {

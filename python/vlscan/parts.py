@@ -310,13 +310,19 @@ class Part:
         return Part("of_mesh_file", (os.fspath(path), up, None if unit is None else str(unit), table), _Place(id=id))
 
     @staticmethod
-    def raster(path: PathLike, material_file: PathLike | None = None, material: str | None = None, id: str | None = None) -> Part:
-        """Make a part of a terrain raster (GeoTIFF).
+    def raster(
+        path: PathLike | Iterable[PathLike],
+        material_file: PathLike | None = None,
+        material: str | None = None,
+        id: str | None = None,
+    ) -> Part:
+        """Make a part of a terrain raster (GeoTIFF), or of many that are tiles of one grid.
 
         Parameters
         ----------
-        path : str or path-like
-            The file.
+        path : str or path-like, or an iterable of them
+            The file; a virtual raster of GDAL (``.vrt``); a folder of tiles, or a pattern such as ``dem/*.tif``; or the tiles. Where
+            tiles overlap, later ones count where they have data.
         material_file : str or path-like, optional
             An MTL file.
         material : str, optional
@@ -329,7 +335,8 @@ class Part:
         Part
             The part, which is read when its scene is loaded.
         """
-        return Part("of_raster", (os.fspath(path), _choice(material_file, material)), _Place(id=id))
+        paths = [path] if isinstance(path, (str, os.PathLike)) else list(path)
+        return Part("of_raster", ([os.fspath(p) for p in paths], _choice(material_file, material)), _Place(id=id))
 
     @staticmethod
     def points(
@@ -444,7 +451,8 @@ class Part:
         Parameters
         ----------
         path : str or path-like
-            A file that ends in ``.obj``, ``.ply``, ``.stl``, ``.gltf``, ``.glb``, ``.tif`` or ``.vox``.
+            A file that ends in ``.obj``, ``.ply``, ``.stl``, ``.gltf``, ``.glb``, ``.tif``, ``.vrt`` or ``.vox``; or a folder of tiles
+            of a raster.
         id : str, optional
             What the column ``ObjectId`` reports.
         **settings : Any
@@ -468,7 +476,9 @@ class Part:
         extension = os.path.splitext(os.fspath(path))[1].lower()
         meshes = (".obj", ".ply", ".stl", ".gltf", ".glb")
         makers: dict[str, Callable[..., Part]] = dict.fromkeys(meshes, Part.mesh_file)
-        makers |= {".tif": Part.raster, ".tiff": Part.raster, ".vox": Part.voxels}
+        makers |= {".tif": Part.raster, ".tiff": Part.raster, ".vrt": Part.raster, ".vox": Part.voxels}
+        if extension not in makers and os.path.isdir(path):
+            return Part.raster(path, id=id, **settings)
         if extension not in makers:
             raise ValueError(f"{os.fspath(path)}: expected a file that ends in {', '.join(makers)}")
         return makers[extension](path, id=id, **settings)

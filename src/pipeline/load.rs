@@ -90,8 +90,12 @@ pub fn check_raster_memory(
                     bytes(tree)
                 ),
             };
+            let others = match need.files {
+                1 => String::new(),
+                files => format!(" and others ({files} files)"),
+            };
             notify(Notice::Note(format!(
-                "{}: {} x {} pixels become {kept}",
+                "{}{others}: {} x {} pixels become {kept}",
                 need.path.display(),
                 need.columns,
                 need.rows

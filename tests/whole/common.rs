@@ -56,11 +56,18 @@ pub fn feed(folder: &Path, args: &[&str], input: &[u8]) -> Output {
 /// A GeoTIFF of 8 x 8 heights, 32-bit floats, whose first pixel is at `origin` and whose pixels are `step` wide; `epsg` is
 /// the code of its projected system.
 pub fn raster(origin: [f64; 2], step: f64, epsg: Option<u16>) -> Vec<u8> {
+    let heights: Vec<f32> = (0..64).map(|i| 300.0 + i as f32).collect();
+    raster_of(8, &heights, origin, step, epsg)
+}
+
+/// As [`raster`], with these heights in so many columns.
+pub fn raster_of(columns: usize, heights: &[f32], origin: [f64; 2], step: f64, epsg: Option<u16>) -> Vec<u8> {
     let entries = if epsg.is_some() { 13u16 } else { 12 };
     let scale_at = 8 + 2 + 12 * u32::from(entries) + 4;
     let tie_at = scale_at + 24;
     let keys_at = tie_at + 48;
     let data = keys_at + 24;
+    let (columns, rows) = (columns as u32, (heights.len() / columns) as u32);
     let mut tiff = b"II*\0\x08\0\0\0".to_vec();
     tiff.extend(entries.to_le_bytes());
     let mut entry = |tag: u16, kind: u16, count: u32, value: u32| {
@@ -70,15 +77,15 @@ pub fn raster(origin: [f64; 2], step: f64, epsg: Option<u16>) -> Vec<u8> {
         tiff.extend(value.to_le_bytes());
     };
     for (tag, kind, value) in [
-        (256, 4, 8),
-        (257, 4, 8),
+        (256, 4, columns),
+        (257, 4, rows),
         (258, 3, 32),
         (259, 3, 1),
         (262, 3, 1),
         (273, 4, data),
         (277, 3, 1),
-        (278, 4, 8),
-        (279, 4, 256),
+        (278, 4, rows),
+        (279, 4, 4 * columns * rows),
         (339, 3, 3),
     ] {
         entry(tag, kind, 1, value);
@@ -95,7 +102,7 @@ pub fn raster(origin: [f64; 2], step: f64, epsg: Option<u16>) -> Vec<u8> {
     // Version 1.1.0 with two keys: projected coordinates, their system.
     let keys = [1, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, epsg.unwrap_or(0)];
     keys.iter().for_each(|key| tiff.extend(key.to_le_bytes()));
-    (0..64).for_each(|i| tiff.extend((300.0 + i as f32).to_le_bytes()));
+    heights.iter().for_each(|height| tiff.extend(height.to_le_bytes()));
     tiff
 }
 

@@ -39,6 +39,7 @@ mod limits;
 mod manual;
 mod mcap;
 mod meshes;
+mod mosaics;
 mod navigation;
 mod noise;
 mod pipes;

@@ -1,6 +1,5 @@
 //! Coordinate reference system of a scene: from the keys of its rasters and from `.prj` files beside its geometry.
 
-use super::text::Source;
 use crate::load::raster;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -27,7 +26,9 @@ pub(super) fn find_crs(recipe: &SceneRecipe, problems: &mut Diagnostics) -> Opti
     let mut seen = HashSet::new();
     let mut is_reported = false;
     for part in recipe.parts.iter().filter(|part| keeps_coordinates(&part.transform)) {
-        for file in part.loader.files() {
+        // Tiles of a raster are in one system.
+        let count = if matches!(part.loader, Loader::GeoTiff { .. }) { 1 } else { usize::MAX };
+        for file in part.loader.files().iter().take(count) {
             if !seen.insert(file) {
                 continue;
             }
@@ -60,11 +61,10 @@ fn keeps_coordinates(transform: &Transform) -> bool {
 }
 
 fn crs_of_file(file: &Path, part: &PartRecipe, problems: &mut Diagnostics) -> Option<Named> {
-    if matches!(part.loader, Loader::GeoTiff { .. })
-        && let Some(code) = Source::open(file).ok().and_then(|source| raster::projected_epsg(&source))
+    if let Loader::GeoTiff { files, .. } = &part.loader
+        && let Some((wkt, file)) = raster::crs_of(files)
     {
-        // Codes that are not built in are as good as none.
-        return crs::wkt_of_epsg(code.into()).ok().map(|wkt| Named { wkt, file: file.to_path_buf() });
+        return Some(Named { wkt, file });
     }
     let prj = file.with_extension("prj");
     if !reads::is_file(&prj) {

@@ -80,8 +80,8 @@ fn add_loader(sum: &mut Checksum, loader: &Loader) -> Result<()> {
             sum.debug(&(mesh.vertices(), mesh.triangles(), mesh.materials(), mesh.material_of()));
             Ok(())
         }
-        Loader::GeoTiff { file: raster, material: choice } => {
-            file(sum, raster)?;
+        Loader::GeoTiff { files, material: choice } => {
+            files.all().iter().try_for_each(|path| file(sum, path))?;
             material(sum, choice)
         }
         Loader::Xyz(xyz) => {

@@ -103,6 +103,16 @@ impl Assets {
         folders.map(|f| f.join(name)).find(|p| reads::is_file(p) || reads::is_pipe(p))
     }
 
+    /// The first existing folder of that name in the search path.
+    pub fn folder(&self, name: &str, referring: &Path) -> Option<PathBuf> {
+        let is_named = |name: &str| !name.is_empty();
+        let first = self.is_beside_first(referring).then_some(referring);
+        let folders =
+            || first.into_iter().chain(self.folders.iter().map(PathBuf::as_path)).chain([referring]);
+        let find = |name: &str| folders().map(|f| f.join(name)).find(|p| is_named(name) && p.is_dir());
+        located(name, find).map(|located| located.found)
+    }
+
     /// The first existing file of that name in the search path, else the built-in file of that name.
     pub fn document(&self, name: &str, referring: &Path) -> Option<Located<Found>> {
         located(name, |name| {

@@ -35,7 +35,7 @@ const fn format(
     Format { name, starts, endings, help }
 }
 
-const FORMATS: [Format; 27] = [
+const FORMATS: [Format; 28] = [
     format("FBX", &[b"Kaydara FBX", b"; FBX"], &["fbx"], CONVERT),
     format("COLLADA", &[b"<COLLADA"], &["dae"], CONVERT),
     format("OFF", &[b"OFF\n", b"OFF\r", b"OFF ", b"COFF", b"NOFF"], &["off"], CONVERT),
@@ -69,10 +69,11 @@ const FORMATS: [Format; 27] = [
     format("HDF or NetCDF", &[b"\x89HDF", b"CDF\x01", b"CDF\x02"], &["nc", "h5", "bag"], RASTER),
     format(
         "a raster in a format of GDAL",
-        &[b"\x89PNG", b"\xff\xd8\xff", b"\0\0\0\x0cjP", b"<VRTDataset"],
-        &["hgt", "jp2", "vrt", "dem", "ecw"],
+        &[b"\x89PNG", b"\xff\xd8\xff", b"\0\0\0\x0cjP"],
+        &["hgt", "jp2", "dem", "ecw"],
         RASTER,
     ),
+    format("a virtual raster of GDAL", &[b"<VRTDataset"], &["vrt"], TIFF),
     format(
         "a compressed archive",
         &[b"PK\x03\x04", b"\x1f\x8b", b"7z\xbc\xaf"],

@@ -28,6 +28,7 @@
 //! | `ouster` | calibration files of Ouster sensors as instruments |
 //! | `platform_xml` | platforms |
 //! | `scene_xml`, `loaders`, `instances`, `motions` | the parts of a scene |
+//! | `rasters`, `vrt` | files of terrain rasters: tiles in folders, virtual rasters of GDAL |
 //! | `foreign` | endings of mesh files, and mesh formats that are not read |
 //! | `formula`, `seed` | formulas of calibration errors; the formats of a seed |
 
@@ -56,6 +57,7 @@ mod ouster;
 mod platform_xml;
 mod pulse_file;
 mod pulse_times;
+mod rasters;
 mod read;
 mod receiver;
 mod rows;
@@ -74,6 +76,7 @@ mod tests;
 mod text;
 mod toml;
 mod trajectories;
+mod vrt;
 mod xml;
 mod xml_limits;
 
@@ -87,6 +90,7 @@ pub use keys::{
 };
 pub use model::*;
 pub use motions::rounded_steps;
+pub use rasters::{find_raster, names_raster};
 pub use read::{find_platform, find_scanner, read_scene, read_survey};
 pub use seed::{SeedError, parse_seed};
 pub use text::{NotText, decode_table};

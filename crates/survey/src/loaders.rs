@@ -1,8 +1,7 @@
 //! Parameters of the geometry loaders (spec input-formats §3.5, §4). Files are resolved here, not read.
 
-use super::assets::{Located, NoMatch};
 use super::fields::{Fields, Reading};
-use super::{Loader, MaterialChoice, MeshReading, UpAxis, VoxelLoader, VoxelMode, XyzLoader};
+use super::{Loader, MaterialChoice, MeshReading, RasterFiles, UpAxis, VoxelLoader, VoxelMode, XyzLoader};
 use std::path::PathBuf;
 use vlscan_geom::{DVec3, direction};
 
@@ -23,7 +22,7 @@ pub(super) fn read_loader(kind: &str, mut params: Fields) -> Option<Loader> {
 }
 
 impl Loader {
-    /// Splits the loader into one for each of its files.
+    /// Splits the loader into one for each of its files, but for rasters, whose files are tiles of one grid.
     pub(super) fn per_file(self) -> Vec<Loader> {
         let one = |file: &PathBuf| {
             let mut loader = self.clone();
@@ -35,7 +34,11 @@ impl Loader {
             }
             loader
         };
-        if matches!(self, Loader::Mesh(_)) { vec![self] } else { self.files().iter().map(one).collect() }
+        if matches!(self, Loader::Mesh(_) | Loader::GeoTiff { .. }) {
+            vec![self]
+        } else {
+            self.files().iter().map(one).collect()
+        }
     }
 }
 
@@ -54,12 +57,16 @@ fn read_meshes(params: &mut Fields) -> Option<Loader> {
 }
 
 fn read_geotiff(params: &mut Fields) -> Option<Loader> {
-    let file = params.file("filepath");
-    if !params.has("filepath") {
-        params.missing("filepath");
-    }
+    let files = match params.text("efilepath") {
+        Some(expression) => matching_files(params, &expression).map(RasterFiles::Tiles),
+        None if params.has("filepath") => params.raster("filepath"),
+        None => {
+            params.missing("filepath");
+            None
+        }
+    };
     let material = read_material(params, false);
-    Some(Loader::GeoTiff { file: file?, material })
+    Some(Loader::GeoTiff { files: files?, material })
 }
 
 fn read_xyz(params: &mut Fields) -> Option<Loader> {
@@ -157,28 +164,14 @@ fn read_files(params: &mut Fields) -> Option<Vec<PathBuf>> {
         }
         return params.file("filepath").map(|f| vec![f]);
     };
+    matching_files(params, &expression)
+}
+
+/// The files that match the expression of `efilepath`.
+fn matching_files(params: &mut Fields, expression: &str) -> Option<Vec<PathBuf>> {
     params.ignore(&["filepath"]);
-    let (context, place) = (params.context, params.place("efilepath"));
-    match context.assets.matching(&expression, params.folder()) {
-        Ok(Located { found, respelled }) => {
-            context.warn_of_spelling(&expression, respelled.as_deref(), Some(place));
-            Some(found)
-        }
-        Err(NoMatch::Expression(e)) => {
-            let reason = e.lines().last().unwrap_or_default().trim().to_owned();
-            context.error_help(
-                place,
-                "the part after the last `/` is not a valid regular expression",
-                reason,
-            );
-            None
-        }
-        Err(NoMatch::Nothing) => {
-            let help = context.assets.searched(&expression, params.folder());
-            context.error_help(place, format!("no file matches `{expression}`"), help);
-            None
-        }
-    }
+    let place = params.place("efilepath");
+    params.context.files_matching(expression, expression, params.folder(), Some(place))
 }
 
 fn read_material(params: &mut Fields, variants: bool) -> MaterialChoice {

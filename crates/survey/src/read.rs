@@ -7,10 +7,12 @@ use super::foreign::{MESH_ENDINGS, is_foreign_ending};
 use super::instances::{Base, Row, read_table};
 use super::instrument::scanner_named;
 use super::platform_xml::read_platform;
+use super::rasters::is_raster;
 use super::scene_xml::read_scene_element;
 use super::survey_xml::read_survey_document;
 use super::{
-    Loader, MaterialChoice, MeshReading, PartRecipe, Platform, Scanner, SceneRecipe, Survey, Transform,
+    Loader, MaterialChoice, MeshReading, PartRecipe, Platform, RasterFiles, Scanner, SceneRecipe, Survey,
+    Transform,
 };
 use super::{VoxelLoader, VoxelMode};
 use std::path::{Path, PathBuf};
@@ -34,8 +36,8 @@ pub fn read_survey(path: &Path, options: &ReadOptions) -> Result<(Survey, Diagno
     context.finish(survey)
 }
 
-/// Reads a scene: `file.xml#id`, `file.xml` for its first scene, a geometry file (.obj, .tif, .vox) as a scene of one
-/// part, a table of instances (.csv), or a packed scene (.vlscene).
+/// Reads a scene: `file.xml#id`, `file.xml` for its first scene, a geometry file (.obj, .tif, .vrt, .vox) or a folder of tiles of a
+/// raster as a scene of one part, a table of instances (.csv), or a packed scene (.vlscene).
 ///
 /// # Errors
 /// The errors of [`read_survey`].
@@ -83,7 +85,7 @@ pub(super) fn find_scene(
     folder: &Path,
     place: Option<Place>,
 ) -> Option<SceneRecipe> {
-    if is_geometry(reference) {
+    if is_geometry(reference) || context.is_folder(reference, folder) {
         return scene_of_file(context, reference, folder, place);
     }
     let (file, id) = match reference.split_once('#') {
@@ -107,15 +109,25 @@ fn is_packed(name: &str) -> bool {
 pub(super) fn is_geometry(reference: &str) -> bool {
     let ending = extension(reference);
     is_packed(reference)
-        || matches!(ending.as_str(), "tif" | "tiff" | "vox" | "csv")
+        || is_raster(reference)
+        || matches!(ending.as_str(), "vox" | "csv")
         || MESH_ENDINGS.contains(&ending.as_str())
         || is_foreign_ending(&ending)
 }
 
 fn scene_of_file(context: &Context, name: &str, folder: &Path, place: Option<Place>) -> Option<SceneRecipe> {
-    let path = context.file(name, folder, place)?;
+    let rasters = match is_raster(name) || context.is_folder(name, folder) {
+        true => Some(context.raster(name, folder, place.clone())?),
+        false => None,
+    };
+    let path = match &rasters {
+        Some(files) => files.all()[0].clone(),
+        None => context.file(name, folder, place)?,
+    };
     let asset_folders = context.assets.folders(path.parent().unwrap_or(Path::new("")));
-    let parts = if is_packed(name) {
+    let parts = if let Some(files) = rasters {
+        vec![PartRecipe { place: Some(Place::of_file(&path)), ..PartRecipe::new(raster_loader(files)) }]
+    } else if is_packed(name) {
         Vec::new()
     } else if extension(name) == "csv" {
         let base = Base { file: None, reading: MeshReading::default(), transform: Transform::IDENTITY };
@@ -136,13 +148,14 @@ fn scene_of_file(context: &Context, name: &str, folder: &Path, place: Option<Pla
     Some(SceneRecipe { id, path, parts, dyn_step: 1, dyn_time_step: None, packed, asset_folders })
 }
 
-/// The loader of a mesh, raster or voxels, by the extension of the file.
+/// The loader of a raster without a material.
+pub(super) fn raster_loader(files: RasterFiles) -> Loader {
+    Loader::GeoTiff { files, material: MaterialChoice { random_range: 1.0, ..Default::default() } }
+}
+
+/// The loader of a mesh or voxels, by the extension of the file.
 pub(super) fn loader_of_file(path: PathBuf) -> Loader {
     match extension(&path.to_string_lossy()).as_str() {
-        "tif" | "tiff" => Loader::GeoTiff {
-            file: path,
-            material: MaterialChoice { random_range: 1.0, ..Default::default() },
-        },
         "vox" => Loader::DetailedVoxels(Box::new(VoxelLoader {
             files: vec![path],
             mode: VoxelMode::Transmittive,

@@ -101,7 +101,8 @@ pub struct PackArgs {
 /// `vlscan scene info`.
 #[derive(Debug, Args)]
 pub struct InfoArgs {
-    /// A scene (file.xml#id), a survey (.xml), a pipeline (.toml), a mesh (.obj), raster (.tif), voxels (.vox), a table of
+    /// A scene (file.xml#id), a survey (.xml), a pipeline (.toml), a mesh (.obj), raster (.tif, .vrt, a folder of
+    /// tiles), voxels (.vox), a table of
     /// instances (.csv), or a packed scene (.vlscene).
     pub scene: String,
     /// Packed scenes: check all epochs and all indices. Checksums are always compared.

@@ -143,7 +143,8 @@ impl Ids {
 
     /// The ids of the parts created from a recipe, each with its files.
     fn with_files<'a>(&mut self, part: &PartRecipe, files: &'a [PathBuf]) -> Vec<(String, &'a [PathBuf])> {
-        let is_one = files.is_empty() || !part.swaps.is_empty();
+        let are_tiles = matches!(part.loader, Loader::GeoTiff { .. });
+        let is_one = are_tiles || files.is_empty() || !part.swaps.is_empty();
         if is_one || part.id.as_ref().is_some_and(|id| !id.is_empty()) {
             return vec![(self.single(part), files)];
         }
@@ -268,18 +269,20 @@ fn load_files(
     let are_wanted = part.changes.iter().any(|change| matches!(change.replaced, Replaced::Faces(_)));
     scene.faces = FaceNumbers { are_wanted, ..FaceNumbers::default() };
     let mut densities = Vec::new();
-    if let Loader::Mesh(triangles) = &part.loader {
-        mesh::memory::load(scene, &target, triangles)?;
+    match &part.loader {
+        Loader::Mesh(triangles) => mesh::memory::load(scene, &target, triangles)?,
+        Loader::GeoTiff { files, .. } => {
+            let keeps_grid = raster::keeps_grid(part) && !scene.options.triangulate_rasters;
+            raster::load(scene, &target, files, materials[0], keeps_grid)?;
+        }
+        _ => {}
     }
+    let files = if matches!(part.loader, Loader::GeoTiff { .. }) { &[] } else { files };
     for file in files {
         let Some(source) = open(scene, part, file)? else { continue };
         match &part.loader {
             Loader::MeshFiles { reading, .. } => mesh::load(scene, &target, &source, reading, names)?,
-            Loader::Mesh(_) => {}
-            Loader::GeoTiff { .. } => {
-                let keeps_grid = raster::keeps_grid(part) && !scene.options.triangulate_rasters;
-                raster::load(scene, &target, &source, materials[0], keeps_grid)?;
-            }
+            Loader::Mesh(_) | Loader::GeoTiff { .. } => {}
             Loader::Xyz(loader) => cloud::load(scene, &target, &source, loader, &materials)?,
             Loader::DetailedVoxels(loader) => {
                 densities.extend(voxel::load(scene, &target, &source, loader, &materials)?);

@@ -2,10 +2,10 @@
 
 use super::values::{Number, Reading, Value};
 use super::{Fields, Origin, meant};
-use crate::Formula;
 use crate::keys::{Key, KeyTable, PoseKeys};
 use crate::toml::source::{Source, near};
 use crate::toml::words;
+use crate::{Formula, RasterFiles};
 use std::ops::Range;
 use std::path::PathBuf;
 use toml::Spanned;
@@ -308,6 +308,24 @@ impl<'c> Fields<'c> {
         let key = key.into();
         let name = self.near_name(key)?;
         self.context.file(&name, self.folder(), self.place(key))
+    }
+
+    /// The files of the raster that a key names.
+    pub fn raster(&mut self, key: impl Into<Key>) -> Option<RasterFiles> {
+        let key = key.into();
+        let name = self.near_scene(key)?;
+        self.context.raster(&name, self.folder(), Some(self.place(key)))
+    }
+
+    /// As [`Fields::near_name`] for a scene, which can be a folder of rasters or a pattern of names.
+    pub fn near_scene(&mut self, key: impl Into<Key>) -> Option<String> {
+        let key = key.into();
+        if let Origin::Table(source, ..) = self.origin {
+            let name = self.text(key)?;
+            let beside = source.folder().join(&name).to_string_lossy().into_owned();
+            return Some(if self.context.are_tiles(&beside) { beside } else { near(source, &name) });
+        }
+        self.near_name(key)
     }
 
     /// The fields of a child element.

@@ -65,8 +65,8 @@ keys! {
     SurveyKeys = "" {
         /// Survey XML file to start from.
         survey;
-        /// What is scanned: `file.xml#id`, `file.xml` (its first scene), a geometry file (.obj, .tif, .vox), a table of
-        /// instances (.csv) or a packed scene (.vlscene).
+        /// What is scanned: `file.xml#id`, `file.xml` (its first scene), a geometry file (.obj, .tif, .vrt, .vox), a folder of
+        /// tiles of a raster, a table of instances (.csv) or a packed scene (.vlscene).
         scene;
         /// Parts of the scene, instead of `scene`.
         part;
@@ -91,7 +91,8 @@ keys! {
     /// `[[part]]`: a geometry file and where it stands. A point goes to `scale` times the rotated point plus `position_m`. Parts
     /// that name the same mesh share it.
     PartKeys = "[[part]]" {
-        /// Geometry file: a mesh (.obj, .ply, .stl, .gltf, .glb), a terrain raster (.tif) or vegetation voxels (.vox).
+        /// Geometry file: a mesh (.obj, .ply, .stl, .gltf, .glb), a terrain raster (.tif, .vrt) or vegetation voxels (.vox); or a
+        /// folder or a pattern (`dem/*.tif`) of tiles of a raster.
         file;
         /// What points report as the id of the object. Default: the number of the part, from 0.
         id;

@@ -3,7 +3,7 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `scene`, `mesh` | parts of a scene: loaders, transforms, motions, swaps; meshes in memory |
+//! | `scene`, `mesh`, `raster` | parts of a scene: loaders, transforms, motions, swaps; meshes in memory; files of rasters |
 //! | `identity` | identities of values in memory |
 //! | `poses` | recorded trajectories |
 //! | `navigation` | errors of navigation |
@@ -16,6 +16,7 @@ mod mesh;
 mod navigation;
 mod poses;
 mod pulse_times;
+mod raster;
 mod receiver;
 mod scan_motion;
 mod scene;
@@ -31,6 +32,7 @@ pub use mesh::{MaterialChange, MaterialDefinition, Mesh, Replaced};
 pub use navigation::{NavigationErrors, NavigationKeyError, NavigationProblem};
 pub use poses::*;
 pub use pulse_times::PulseTimes;
+pub use raster::{PixelType, RasterFiles, VirtualRaster, VirtualSource};
 pub use receiver::*;
 pub use scan_motion::{AngleTable, ScanMotion, Wander};
 pub use scene::*;

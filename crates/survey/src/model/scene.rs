@@ -1,6 +1,6 @@
 //! The scene as its file describes it: the input of the module `scene`.
 
-use super::{MaterialChanges, Mesh};
+use super::{MaterialChanges, Mesh, RasterFiles};
 use std::path::PathBuf;
 use std::sync::Arc;
 use vlscan_base::crs::LengthUnit;
@@ -185,8 +185,8 @@ pub enum Loader {
     },
     /// Terrain raster.
     GeoTiff {
-        /// The raster.
-        file: PathBuf,
+        /// The raster, or the tiles that make it up.
+        files: RasterFiles,
         /// Its material.
         material: MaterialChoice,
     },
@@ -203,7 +203,7 @@ impl Loader {
     pub fn files(&self) -> &[PathBuf] {
         match self {
             Loader::MeshFiles { files, .. } => files,
-            Loader::GeoTiff { file, .. } => std::slice::from_ref(file),
+            Loader::GeoTiff { files, .. } => files.all(),
             Loader::Xyz(xyz) => &xyz.files,
             Loader::DetailedVoxels(voxels) => &voxels.files,
             Loader::Mesh(_) => &[],

@@ -114,7 +114,7 @@ fn read_scene(
     base: Option<&Survey>,
 ) -> Option<SceneRecipe> {
     let parts = fields.children(K.part, &PartKeys::TABLE);
-    let (context, name) = (fields.context, fields.near_name(K.scene));
+    let (context, name) = (fields.context, fields.near_scene(K.scene));
     match (&options.scene, name, base) {
         (Some(scene), ..) => {
             check_parts(parts);

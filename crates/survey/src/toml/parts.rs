@@ -3,7 +3,8 @@
 use super::super::fields::Fields;
 use super::super::foreign::MESH_ENDINGS;
 use super::super::keys::{MaterialKeys, PartKeys};
-use super::super::read::loader_of_file;
+use super::super::rasters::is_raster;
+use super::super::read::{loader_of_file, raster_loader};
 use super::super::{
     Loader, MaterialChange, MaterialDefinition, MeshReading, PartRecipe, Replaced, SceneRecipe, Transform,
     UpAxis,
@@ -12,9 +13,6 @@ use super::source::Source;
 use std::path::Path;
 use vlscan_base::quantity::{CLASSES, COUNT};
 use vlscan_geom::{DVec3, radians};
-
-/// Extensions of the files that can be parts beside those of meshes.
-const OTHER_EXTENSIONS: [&str; 3] = ["tif", "tiff", "vox"];
 
 /// The scene of these parts. Problems are recorded; parts that cannot be read are left out.
 pub(super) fn read_parts(fields: &Fields, source: &Source, tables: Vec<Fields>) -> SceneRecipe {
@@ -78,8 +76,11 @@ fn read_loader(fields: &mut Fields) -> Option<Loader> {
     };
     let extension = Path::new(&name).extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let is_mesh = MESH_ENDINGS.contains(&extension.as_str());
-    if !is_mesh && !OTHER_EXTENSIONS.contains(&extension.as_str()) {
-        fields.refuse(keys.file, "a file that ends in .obj, .ply, .stl, .gltf, .glb, .tif or .vox");
+    let is_raster = is_raster(&name) || fields.context.is_folder(&name, fields.folder());
+    if !is_mesh && !is_raster && extension != "vox" {
+        let expected =
+            "a file that ends in .obj, .ply, .stl, .gltf, .glb, .tif, .vrt or .vox, or a folder of rasters";
+        fields.refuse(keys.file, expected);
         fields.ignore(&of_meshes);
         return None;
     }
@@ -96,6 +97,9 @@ fn read_loader(fields: &mut Fields) -> Option<Loader> {
             fields.error(*key, "has no meaning here: it is for meshes");
         }
         fields.ignore(&of_meshes);
+    }
+    if is_raster {
+        return fields.raster(keys.file).map(raster_loader);
     }
     match loader_of_file(fields.file(keys.file)?) {
         Loader::MeshFiles { files, .. } => Some(Loader::MeshFiles { files, reading }),

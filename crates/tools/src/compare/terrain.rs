@@ -8,7 +8,7 @@ use vlscan_base::{Observer, machine};
 use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::Corrections;
 use vlscan_scene::{GroundModel, LoadOptions};
-use vlscan_survey::{ReadOptions, read_scene};
+use vlscan_survey::{ReadOptions, names_raster, read_scene};
 
 /// Class of ground points in LAS.
 pub(super) const GROUND: u8 = 2;
@@ -26,17 +26,19 @@ pub(super) enum Terrain {
 }
 
 impl Terrain {
-    /// Loads a raster (.tif) or mesh (.obj, .ply, .stl).
+    /// Loads a raster (.tif, .vrt, a folder of tiles) or mesh (.obj, .ply, .stl).
     ///
     /// # Errors
     /// Those of reading it.
     pub fn load(path: &Path, corner: DVec3, observer: &Observer) -> Result<Terrain> {
-        let is_known = path.extension().is_some_and(|extension| {
-            ["tif", "tiff", "obj", "ply", "stl"].iter().any(|known| extension.eq_ignore_ascii_case(known))
+        let is_mesh = path.extension().is_some_and(|extension| {
+            ["obj", "ply", "stl"].iter().any(|known| extension.eq_ignore_ascii_case(known))
         });
-        let name = path.to_str().filter(|_| is_known).ok_or_else(|| {
+        let name = path.to_str().filter(|_| is_mesh || names_raster(path)).ok_or_else(|| {
             let shown = path.display();
-            Error::input(format!("--terrain {shown}: expected a raster (.tif) or a mesh (.obj, .ply, .stl)"))
+            Error::input(format!(
+                "--terrain {shown}: expected a raster (.tif, .vrt, a folder of tiles) or a mesh (.obj, .ply, .stl)"
+            ))
         })?;
         let (recipe, found) = read_scene(name, &ReadOptions::default())?;
         observer.warnings(found)?;

@@ -1,12 +1,13 @@
 //! The strips and tiles of a TIFF image: where they are, how they are compressed, and the numbers in them (TIFF 6.0; supplement
 //! 3 for floating-point predictors; GDAL and libtiff for ZSTD and LERC).
 
+use super::file::{Directory, OpenFile};
 use super::unpack::{inflate, unlzw, unpack_bits, unzstd};
-use std::io::Cursor;
-use tiff::decoder::{ChunkType, Decoder};
+use tiff::decoder::ChunkType;
 use tiff::tags::{ByteOrder, Tag};
 use vlscan_base::damage::catch_decoder_panic;
 use vlscan_base::quantity;
+use vlscan_survey::PixelType;
 
 /// Maximum number of pixels of a block that is larger than four times its raster.
 const MAX_BLOCK_PIXELS: u64 = 1 << 22;
@@ -15,8 +16,34 @@ const LERC_PARAMETERS_TAG: Tag = Tag::Unknown(50674);
 /// Bytes that LERC may need beyond those of the numbers that it holds.
 const MAX_LERC_OVERHEAD: usize = 1 << 16;
 
-/// The decoder of a file's directories.
-pub(super) type Directory<'a> = Decoder<Cursor<&'a [u8]>>;
+/// A rectangle of pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Window {
+    /// First column and row.
+    pub left: usize,
+    pub top: usize,
+    /// Number of columns and rows.
+    pub width: usize,
+    pub height: usize,
+}
+
+impl Window {
+    /// Number of pixels.
+    pub fn pixels(&self) -> usize {
+        self.width.saturating_mul(self.height)
+    }
+
+    /// The pixels that are in both.
+    pub fn intersection(&self, other: &Window) -> Option<Window> {
+        let common = |start: usize, count: usize, other: usize, others: usize| {
+            let (from, to) = (start.max(other), (start + count).min(other + others));
+            (from < to).then(|| (from, to - from))
+        };
+        let (left, width) = common(self.left, self.width, other.left, other.width)?;
+        let (top, height) = common(self.top, self.height, other.top, other.height)?;
+        Some(Window { left, top, width, height })
+    }
+}
 
 /// How blocks are compressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -100,7 +127,7 @@ pub(super) struct Blocks {
 
 impl Blocks {
     /// Reads the description of the current image of a file of `held` bytes, and checks it.
-    pub fn read(directory: &mut Directory, held: usize) -> Result<Blocks, String> {
+    pub fn read(directory: &mut Directory, held: u64) -> Result<Blocks, String> {
         let (width, height) = directory.dimensions().map_err(readable)?;
         let (columns, rows) = (width as usize, height as usize);
         let small = |directory: &mut Directory, tag: Tag, default: u64| -> Result<u64, String> {
@@ -158,7 +185,7 @@ impl Blocks {
             has_reversed_bits: small(directory, Tag::FillOrder, 1)? == 2,
             places: offsets.into_iter().zip(counts).collect(),
         };
-        blocks.check(held as u64)?;
+        blocks.check(held)?;
         Ok(blocks)
     }
 
@@ -223,16 +250,31 @@ impl Blocks {
         self.columns.div_ceil(self.size.0).saturating_mul(self.rows.div_ceil(self.size.1))
     }
 
-    /// The pixels of the image that a block covers: first column and row, number of columns and of rows.
-    pub fn extent(&self, block: usize) -> (usize, usize, usize, usize) {
+    /// The pixels of the image that a block covers.
+    pub fn extent(&self, block: usize) -> Window {
         let across = self.columns.div_ceil(self.size.0);
         let (left, top) = (block % across * self.size.0, block / across * self.size.1);
-        (left, top, self.size.0.min(self.columns - left), self.size.1.min(self.rows - top))
+        let (width, height) = (self.size.0.min(self.columns - left), self.size.1.min(self.rows - top));
+        Window { left, top, width, height }
     }
 
-    /// Whether numbers are floats of 32 bits.
-    pub fn are_single_precision(&self) -> bool {
-        self.format == NumberFormat::Float && self.bits == 32
+    /// The blocks of a band that have pixels in a window, which must be within the image.
+    pub fn within(&self, window: Window) -> impl Iterator<Item = usize> + use<> {
+        let across = self.columns.div_ceil(self.size.0);
+        let of = |start: usize, count: usize, size: usize| start / size..(start + count).div_ceil(size);
+        let columns = of(window.left, window.width, self.size.0);
+        of(window.top, window.height, self.size.1)
+            .flat_map(move |row| columns.clone().map(move |column| row * across + column))
+    }
+
+    /// Type of the numbers.
+    pub fn pixels(&self) -> PixelType {
+        let bits = self.bits as u32;
+        match self.format {
+            NumberFormat::Unsigned => PixelType::Unsigned(bits),
+            NumberFormat::Signed => PixelType::Signed(bits),
+            NumberFormat::Float => PixelType::Float(bits),
+        }
     }
 
     /// The least number of an image of whole numbers that 16 bits can hold; `None` for other images.
@@ -250,7 +292,7 @@ impl Blocks {
     }
 
     fn stored(&self, block: usize) -> Stored {
-        let height = if self.is_tiled { self.size.1 } else { self.extent(block).3 };
+        let height = if self.is_tiled { self.size.1 } else { self.extent(block).height };
         let numbers = self.size.0.saturating_mul(self.bands_of_block());
         let row_bytes = numbers.saturating_mul(self.bits).div_ceil(8);
         Stored { height, numbers, row_bytes, bytes: row_bytes.saturating_mul(height) }
@@ -259,7 +301,7 @@ impl Blocks {
     /// The numbers of some bands of a block, row by row, cut to the image; `None` for a block that is left out.
     pub fn decode(
         &self,
-        file: &[u8],
+        file: &OpenFile,
         block: usize,
         bands: &[usize],
     ) -> Result<Option<Vec<Vec<f64>>>, String> {
@@ -278,7 +320,7 @@ impl Blocks {
 
     fn decode_place(
         &self,
-        file: &[u8],
+        file: &OpenFile,
         block: usize,
         place: usize,
         bands: &[usize],
@@ -287,12 +329,13 @@ impl Blocks {
         if count == 0 {
             return Ok(None);
         }
-        let end = usize::try_from(offset.saturating_add(count)).unwrap_or(usize::MAX);
-        let data = usize::try_from(offset).ok().and_then(|start| file.get(start..end));
-        let data = data
-            .ok_or_else(|| format!("its block {place} lies beyond the end of the file; is it truncated?"))?;
+        if offset.saturating_add(count) > file.length() {
+            return Err(format!("its block {place} lies beyond the end of the file; is it truncated?"));
+        }
+        let data = file.bytes(offset, count as usize);
+        let data = &*data.map_err(|e| format!("its block {place} cannot be read: {e}"))?;
         let stored = self.stored(block);
-        let (_, _, width, height) = self.extent(block);
+        let Window { width, height, .. } = self.extent(block);
         let step = self.bands_of_block();
         let cut = |number: &dyn Fn(usize) -> f64| -> Vec<Vec<f64>> {
             let band = |&band: &usize| {

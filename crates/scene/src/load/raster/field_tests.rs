@@ -55,7 +55,7 @@ fn add(f: &mut Fixture, name: &str, bytes: Vec<u8>) -> usize {
     let file = f.file(name, bytes);
     let material = f.file("g.mtl", GROUND);
     f.part(Loader::GeoTiff {
-        file,
+        files: file.into(),
         material: MaterialChoice { file: Some(material), ..MaterialChoice::default() },
     });
     f.parts.len() - 1

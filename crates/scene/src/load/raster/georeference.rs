@@ -1,6 +1,6 @@
 //! Position of the pixels of a raster (OGC GeoTIFF 1.1, §7.1 and annex B.6; world files of ESRI).
 
-use super::blocks::Directory;
+use super::file::Directory;
 use super::keys;
 use crate::builder::MAX_COORDINATE;
 use std::path::{Path, PathBuf};
@@ -56,6 +56,25 @@ impl Georeference {
         })
     }
 
+    /// x and y of a place between the pixels' centres.
+    pub fn at(&self, column: f64, row: f64) -> (f64, f64) {
+        let ((x, y), (a, c), (b, d)) = (self.origin, self.of_column, self.of_row);
+        (x + column * a + row * b, y + column * c + row * d)
+    }
+
+    /// Column and row of a place, between the pixels' centres.
+    pub fn index_of(&self, (x, y): (f64, f64)) -> [f64; 2] {
+        let ((a, c), (b, d)) = (self.of_column, self.of_row);
+        let (x, y) = (x - self.origin.0, y - self.origin.1);
+        let determinant = a * d - b * c;
+        [(x * d - y * b) / determinant, (y * a - x * c) / determinant]
+    }
+
+    /// Whether x depends on the column only and y on the row only.
+    pub fn is_upright(&self) -> bool {
+        self.of_column.1 == 0.0 && self.of_row.0 == 0.0
+    }
+
     /// The georeference in another unit.
     pub fn scaled(&self, unit: f64) -> Georeference {
         let scale = |(x, y): (f64, f64)| (x * unit, y * unit);
@@ -68,7 +87,7 @@ impl Georeference {
 
     /// Converts the coefficients x = c₀ + c₁·column + c₂·row, y = c₃ + c₄·column + c₅·row, where (column, row) is the
     /// corner of a pixel, or its centre if `is_point`.
-    fn from_affine(c: [f64; 6], is_point: bool) -> Result<Georeference, String> {
+    pub fn from_affine(c: [f64; 6], is_point: bool) -> Result<Georeference, String> {
         if c.iter().any(|v| !v.is_finite()) || c[1] * c[5] == c[2] * c[4] {
             return Err(format!("expected a pixel size other than 0, found {} by {}", c[1], c[5]));
         }

@@ -1,15 +1,20 @@
 //! The keys of GeoTIFF files (OGC GeoTIFF 1.1): what coordinates are, and in which unit; GDAL's metadata of the first band.
 
-use super::blocks::{Directory, readable};
+use super::blocks::readable;
+use super::file::Directory;
 use super::georeference::doubles;
+use std::path::Path;
 use tiff::tags::Tag;
 use vlscan_base::crs;
 pub(super) use vlscan_base::crs::LengthUnit;
+use vlscan_base::files::reads;
+use vlscan_base::input::read_file;
 
 const MODEL_TYPE_KEY: u16 = 1024;
 const MODEL_IS_GEOGRAPHIC: u16 = 2;
 const RASTER_TYPE_KEY: u16 = 1025;
 const PIXEL_IS_POINT: u16 = 2;
+const GEOGRAPHIC_SYSTEM_KEY: u16 = 2048;
 const PROJECTED_SYSTEM_KEY: u16 = 3072;
 const PROJECTED_UNIT_KEY: u16 = 3076;
 const PROJECTED_UNIT_SIZE_KEY: u16 = 3077;
@@ -26,6 +31,8 @@ const DEPTHS: &[u16] = &[
     10_370, 10_371, 10_372, 10_373, 10_374, 10_375, 10_376, 10_377, 10_378, 10_379, 10_547, 10_548, 10_549,
     10_550, 10_551, 10_552, 10_649, 10_650, 10_678,
 ];
+/// Maximum size of a `.prj` file, bytes.
+const MAX_PRJ_BYTES: u64 = 1 << 16;
 const GDAL_METADATA_TAG: Tag = Tag::Unknown(42_112);
 
 /// The value of a GeoKey that is a number in the directory itself.
@@ -45,6 +52,55 @@ fn find(directory: &mut Directory, key: u16) -> Result<Option<[u16; 4]>, String>
 
 pub(super) fn is_point(directory: &mut Directory) -> Result<bool, String> {
     Ok(key(directory, RASTER_TYPE_KEY)? == Some(PIXEL_IS_POINT))
+}
+
+/// What a raster says of the system of its coordinates.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum System {
+    /// Nothing.
+    Unknown,
+    /// A code of EPSG.
+    Epsg(u16),
+    /// A definition, in the text and numbers of its keys or as WKT.
+    Defined(String, Vec<f64>),
+}
+
+impl System {
+    /// The system that the keys of a raster name, or the `.prj` file beside it.
+    pub fn of(directory: &mut Directory, path: &Path) -> Result<System, String> {
+        let code = epsg(directory, PROJECTED_SYSTEM_KEY).or_else(|| epsg(directory, GEOGRAPHIC_SYSTEM_KEY));
+        if let Some(code) = code {
+            return Ok(System::Epsg(code));
+        }
+        if key(directory, MODEL_TYPE_KEY)?.is_some() {
+            let numbers = doubles(directory, Tag::GeoDoubleParamsTag)?.unwrap_or_default();
+            return Ok(System::Defined(citation(directory).unwrap_or_default(), numbers));
+        }
+        let prj = path.with_extension("prj");
+        let text = reads::is_file(&prj).then(|| read_file(&prj, MAX_PRJ_BYTES).ok()).flatten();
+        Ok(text.map_or(System::Unknown, |text| System::of_wkt(&String::from_utf8_lossy(&text))))
+    }
+
+    /// The system of a text: WKT or a code such as `EPSG:25832`.
+    pub fn of_wkt(text: &str) -> System {
+        let code = match crs::is_wkt(text) {
+            true => crs::projected_epsg(text).or_else(|| crs::epsg(text).map(|(_, code)| code)),
+            false => crs::parse_epsg(text).and_then(|code| u16::try_from(code).ok()),
+        };
+        code.map_or_else(|| System::Defined(text.trim().to_owned(), Vec::new()), System::Epsg)
+    }
+
+    /// Its name in messages.
+    pub fn name(&self) -> String {
+        match self {
+            System::Unknown => "no system that it names".to_owned(),
+            System::Epsg(code) => format!("EPSG:{code}"),
+            System::Defined(text, _) if crs::is_wkt(text) => crs::name(text),
+            System::Defined(text, _) => {
+                format!("a system of its own ({})", text.trim_end_matches(['|', '\0']))
+            }
+        }
+    }
 }
 
 /// Whether the system is one of longitude and latitude; `None` if the keys do not tell.

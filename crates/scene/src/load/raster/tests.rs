@@ -95,7 +95,7 @@ fn fixture(bytes: Vec<u8>) -> Fixture {
     let mut f = Fixture::new();
     f.options.triangulate_rasters = true;
     let file = f.file("dem.tif", bytes);
-    f.part(Loader::GeoTiff { file, material: MaterialChoice::default() });
+    f.part(Loader::GeoTiff { files: file.into(), material: MaterialChoice::default() });
     f
 }
 
@@ -419,7 +419,7 @@ fn the_material_comes_from_its_file() {
     let mtl = f.file("dem.mtl", "newmtl b\nnewmtl meadow\nhelios_isGround 1\nhelios_reflectance 40\n");
     let material =
         MaterialChoice { file: Some(mtl), name: Some("meadow".to_owned()), ..MaterialChoice::default() };
-    f.part(Loader::GeoTiff { file, material });
+    f.part(Loader::GeoTiff { files: file.into(), material });
     let scene = f.scene();
     assert!(scene.material_of(3).is_ground);
     assert_eq!(scene.ground_height(0.0, 0.0), Some(0.0));

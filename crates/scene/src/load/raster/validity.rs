@@ -1,14 +1,14 @@
 //! Which pixels of a raster have data: no-data values, masks within the file or beside it, alpha bands.
 
-use super::blocks::{Blocks, Directory, readable};
+use super::blocks::{Blocks, readable};
+use super::file::{Directory, RasterFile};
 use crate::builder::MAX_COORDINATE;
-use crate::text::Source;
 use std::ffi::OsString;
-use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use tiff::decoder::Decoder;
 use tiff::tags::Tag;
 use vlscan_base::files::reads;
+use vlscan_survey::PixelType;
 
 /// No-data value of rasters that state none (spec input-formats §4.3).
 const DEFAULT_NO_DATA: f64 = -1e10;
@@ -22,10 +22,11 @@ const TRANSPARENCY_MASK: u64 = 4;
 const MAX_IMAGES: usize = 64;
 
 /// The mask of a raster: pixels where it is 0 have no data.
+#[derive(Debug)]
 pub(super) struct Mask {
     pub blocks: Blocks,
     /// The file beside the raster, if the mask is not within it.
-    pub file: Option<Source>,
+    pub file: Option<RasterFile>,
 }
 
 impl Mask {
@@ -33,7 +34,7 @@ impl Mask {
     pub fn find(
         directory: &mut Directory,
         path: &Path,
-        held: usize,
+        held: u64,
         of: &Blocks,
     ) -> Result<Option<Mask>, String> {
         for _ in 0..MAX_IMAGES {
@@ -58,16 +59,16 @@ impl Mask {
             return Ok(None);
         }
         let wrong = |e: String| format!("its mask {}: {e}", file.display());
-        let source = Source::open(&file).map_err(|e| wrong(e.to_string()))?;
-        let mut directory = Decoder::new(Cursor::new(source.bytes())).map_err(|e| wrong(e.to_string()))?;
-        let blocks = Blocks::read(&mut directory, source.bytes().len()).map_err(wrong)?;
+        let (found, open) = RasterFile::find(&file).map_err(|e| wrong(e.to_string()))?;
+        let mut directory = Decoder::new(open.reader()).map_err(|e| wrong(e.to_string()))?;
+        let blocks = Blocks::read(&mut directory, open.length()).map_err(wrong)?;
         if (blocks.columns, blocks.rows) != (of.columns, of.rows) {
             return Err(wrong(format!(
                 "it has {} x {} pixels, the raster {} x {}",
                 blocks.columns, blocks.rows, of.columns, of.rows
             )));
         }
-        Ok(Some(Mask { blocks, file: Some(source) }))
+        Ok(Some(Mask { blocks, file: Some(found) }))
     }
 }
 
@@ -86,9 +87,9 @@ pub(super) fn alpha_band(directory: &mut Directory, bands: usize) -> Option<usiz
 }
 
 /// Which numbers are heights.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct NoData {
-    value: f64,
+    values: Vec<f64>,
     is_stated: bool,
 }
 
@@ -102,16 +103,23 @@ pub(super) struct Doubts {
 }
 
 impl NoData {
-    /// The value that a file states; the tag is decimal text and denotes the nearest value that a pixel can have.
-    pub fn new(stated: Option<f64>, are_single_precision: bool) -> NoData {
-        let value = stated.unwrap_or(DEFAULT_NO_DATA);
-        let value = if are_single_precision { f64::from(value as f32) } else { value };
-        NoData { value, is_stated: stated.is_some() }
+    /// The values that files state; they are decimal text and denote the nearest value that a pixel can have.
+    pub fn new(stated: impl IntoIterator<Item = f64>, pixels: PixelType) -> NoData {
+        let mut values: Vec<f64> = stated.into_iter().collect();
+        let is_stated = !values.is_empty();
+        if !is_stated {
+            values.push(DEFAULT_NO_DATA);
+        }
+        if pixels == PixelType::Float(32) {
+            values.iter_mut().for_each(|value| *value = f64::from(*value as f32));
+        }
+        values.dedup();
+        NoData { values, is_stated }
     }
 
     /// Whether a number is a height, before it is scaled. Doubtful ones are counted.
     pub fn is_height(&self, number: f64, doubts: &mut Doubts) -> bool {
-        if number.is_nan() || (number - self.value).abs() < 1e-7 {
+        if number.is_nan() || self.values.iter().any(|value| (number - value).abs() < 1e-7) {
             return false;
         }
         if number.abs() > MAX_COORDINATE {

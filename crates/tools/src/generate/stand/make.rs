@@ -13,7 +13,7 @@ use vlscan_base::quantity::Bounds;
 use vlscan_base::{Observer, machine};
 use vlscan_lidar::pulse::Corrections;
 use vlscan_scene::{GroundModel, LoadOptions, read_materials};
-use vlscan_survey::{ReadOptions, read_scene};
+use vlscan_survey::{ReadOptions, names_raster, read_scene};
 
 /// Numbers of epochs.
 const EPOCHS: Bounds = Bounds::new(1.0, 1000.0, "1 to 1000");
@@ -26,7 +26,7 @@ pub struct StandOptions {
     /// Folder of tree models, OBJ files whose names begin with their species: beech_1.obj.
     #[arg(long, value_name = "DIR")]
     pub trees: PathBuf,
-    /// Terrain: a mesh (.obj, .ply, .stl) or a raster (.tif); may be given more than once. Rasters, and meshes without a ground material,
+    /// Terrain: a mesh (.obj, .ply, .stl) or a raster (.tif, .vrt, a folder of tiles); may be given more than once. Rasters, and meshes without a ground material,
     /// become soil: class 2, reflectance 0.3, ground. [default: none; trees use z of the inventory]
     #[arg(long, value_name = "FILE")]
     pub terrain: Vec<PathBuf>,
@@ -166,11 +166,11 @@ fn read_terrain(
     let is_one_of = |endings: &[&str]| {
         path.extension().is_some_and(|e| endings.iter().any(|known| e.eq_ignore_ascii_case(known)))
     };
-    let (is_raster, is_obj) = (is_one_of(&["tif", "tiff"]), is_one_of(&["obj"]));
+    let (is_raster, is_obj) = (names_raster(path), is_one_of(&["obj"]));
     let is_known = is_raster || is_obj || is_one_of(&["ply", "stl"]);
     let name = path.to_str().filter(|_| is_known).ok_or_else(|| {
         Error::input(format!(
-            "{}: expected a mesh (.obj, .ply, .stl) or a raster (.tif) of the terrain",
+            "{}: expected a mesh (.obj, .ply, .stl) or a raster (.tif, .vrt, a folder of tiles) of the terrain",
             path.display()
         ))
     })?;
