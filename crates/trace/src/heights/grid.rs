@@ -13,7 +13,10 @@ pub struct HeightGrid {
     pub columns: usize,
     /// Number of rows.
     pub rows: usize,
-    /// x and y of the first vertex, m.
+    /// Column and row of the first vertex in the grid that this one is a part of; `origin` is that of the complete grid.
+    #[cfg_attr(feature = "serde", serde(skip))]
+    pub first: [usize; 2],
+    /// x and y of the first vertex of the complete grid, m.
     pub origin: [f64; 2],
     /// x and y from a vertex to the next one of its row, m.
     pub of_column: [f64; 2],
@@ -37,6 +40,7 @@ impl HeightGrid {
         HeightGrid {
             columns,
             rows,
+            first: [0; 2],
             origin: [0.0; 2],
             of_column: [1.0, 0.0],
             of_row: [0.0, 1.0],
@@ -51,7 +55,7 @@ impl HeightGrid {
     /// x and y of a vertex before it is translated, m.
     #[inline(always)]
     pub fn place(&self, column: usize, row: usize) -> [f64; 2] {
-        let (column, row) = (column as f64, row as f64);
+        let (column, row) = ((self.first[0] + column) as f64, (self.first[1] + row) as f64);
         let at = |axis: usize| {
             let (origin, of_column, of_row) = (self.origin[axis], self.of_column[axis], self.of_row[axis]);
             match of_row == 0.0 {
@@ -102,7 +106,7 @@ impl HeightGrid {
 
     /// Bound of the numbers that occur when a vertex is computed whose height is at most `height` before it is moved.
     pub(super) fn magnitude(&self, height: f64) -> f64 {
-        let (columns, rows) = (self.columns as f64, self.rows as f64);
+        let (columns, rows) = ((self.first[0] + self.columns) as f64, (self.first[1] + self.rows) as f64);
         let side =
             |a: usize| self.origin[a].abs() + columns * self.of_column[a].abs() + rows * self.of_row[a].abs();
         let moved = self.translation.unwrap_or(DVec3::ZERO).abs().max_element()

@@ -166,7 +166,8 @@ impl HeightField {
     /// The numbers, counted from the field's first, of all triangles above or below a place, and of some beside it.
     pub fn triangles_near(&self, x: f64, y: f64) -> impl Iterator<Item = usize> {
         let (columns, rows) = (self.grid.cell_columns(), self.grid.cell_rows());
-        let HeightGrid { origin, of_column: [a, c], of_row: [b, d], .. } = self.grid;
+        let (origin, HeightGrid { of_column: [a, c], of_row: [b, d], .. }) =
+            (self.grid.place(0, 0), self.grid);
         let moved = self.grid.movement();
         let (x, y) = (x - moved.x - origin[0], y - moved.y - origin[1]);
         let determinant = a * d - b * c;

@@ -209,7 +209,7 @@ impl<'a> FieldView<'a> {
     #[inline(always)]
     pub fn new(field: &'a HeightField, frame: &'a Frame) -> FieldView<'a> {
         let (grid, scale) = (&field.grid, frame.scale);
-        let [x, y] = grid.origin;
+        let [x, y] = grid.place(0, 0);
         let height = field.bounds.min.z.abs().max(field.bounds.max.z.abs());
         let magnitude = grid.magnitude(height) + frame.origin.abs().max_element();
         FieldView {

@@ -1,6 +1,7 @@
 //! Fields have the hits of the mesh over their vertices, bit for bit.
 
 use super::*;
+use crate::intersect::triangle;
 use crate::simd::Level;
 use crate::{BuildOptions, Builder, Cube, Geometry, Hit, Hits, RayGroup, TraceScratch, Tree, TriangleAt};
 use proptest::prelude::*;
@@ -204,6 +205,28 @@ fn group(pulses: &[(DVec3, Vec<DVec3>)], rays: usize) -> RayGroup {
     group
 }
 
+/// The first hit of a ray, by the exact test of every primitive.
+fn nearest_of_all(geometry: &Geometry, origin: DVec3, direction: DVec3) -> Option<Hit> {
+    let mut best: Option<Hit> = None;
+    let mut add = |primitive: usize, t: Option<f64>| {
+        let hit = t.map(|t| Hit { t, primitive: primitive as u32 });
+        let order = |hit: &Hit| (hit.t, hit.primitive);
+        if let Some(hit) = hit.filter(|hit| best.is_none_or(|best| order(hit) < order(&best))) {
+            best = Some(hit);
+        }
+    };
+    for field in &geometry.fields {
+        field.test_all(origin, direction, |number, t| add(number as usize, Some(t)));
+    }
+    for index in 0..geometry.triangles.len() {
+        add(geometry.number_of(index), triangle(origin, direction, geometry.stored_triangle(index)));
+    }
+    for (index, cube) in geometry.cubes.iter().enumerate() {
+        add(geometry.triangle_count() + index, crate::intersect::cube(origin, direction, *cube));
+    }
+    best
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
@@ -235,6 +258,13 @@ proptest! {
                     prop_assert_eq!(found, wanted, "{:?}: {:?}", level, pulse);
                 }
             }
+        }
+        // Against all triangles, without a pyramid.
+        for (p, (origin, directions)) in pulses.iter().enumerate().step_by(3) {
+            let nearest = nearest_of_all(&own, *origin, directions[0]);
+            let at = p * group.stride();
+            let wanted = nearest.map_or((f64::INFINITY, Hits::MISS), |hit| (hit.t, hit.primitive));
+            prop_assert_eq!((hits.t[at], hits.primitive[at]), wanted, "{:?}", (origin, directions[0]));
         }
         for (origin, directions) in pulses.iter().step_by(2) {
             let found = tree.nearest_where(&own, *origin, directions[0], |_| true);

@@ -25,13 +25,14 @@ mod tile;
 mod unpack;
 mod validity;
 
-use crate::builder::{PartSource, SceneBuilder, memory_of};
+use crate::builder::{LoadOptions, PartSource, SceneBuilder, memory_of};
+use blocks::Window;
 use keys::System;
 use mosaic::{Mosaic, Tile, named};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use validity::Doubts;
 use vlscan_base::crs;
 use vlscan_base::diag::Place;
@@ -157,31 +158,16 @@ pub(crate) fn load(
     material: u32,
     keeps_grid: bool,
 ) -> Result<()> {
-    let mut warnings = Vec::new();
-    scene.sources.extend_from_slice(files.all());
-    let mosaic = match Mosaic::find(files, &mut warnings) {
-        Ok(mosaic) => mosaic,
-        Err((place, refusal)) => return refusal.report(scene, part, place.map(|place| *place)),
-    };
-    for raster in &mosaic.rasters {
-        let masks = raster.mask.iter().filter_map(|mask| Some(mask.file.as_ref()?.path().to_path_buf()));
-        scene.sources.extend(masks);
-        scene.sources.extend(georeference::world_file_of(raster.file.path()));
-    }
-    warn_of_files(scene, part, &mosaic);
+    let Some(mosaic) = find(scene, part, files)? else { return Ok(()) };
     let path = named(files);
-    let warn = |scene: &mut SceneBuilder, warning: String| {
-        let place = part.place.cloned().unwrap_or_else(|| Place::of_file(path));
-        scene.diagnostics.warn(Some(place), format!("{}: {warning}", path.display()));
-    };
-    warnings.into_iter().for_each(|warning| warn(scene, warning));
     scene.check_memory(mosaic.memory(keeps_grid), path)?;
     let unusable = |problem: String| Refusal::Unusable(path.clone(), problem, "");
-    let (heights, doubts) = match read_heights(scene, &mosaic)? {
+    let whole = mosaic.extent();
+    let (heights, doubts) = match read_window(scene.options, &mosaic, whole, whole)? {
         Ok(found) => found,
         Err(refusal) => return refusal.report(scene, part, None),
     };
-    doubts.warnings().into_iter().for_each(|warning| warn(scene, warning));
+    warn_of(scene, part, path, doubts.warnings());
     let grid = mosaic.grid();
     if keeps_grid {
         let Some(field) = HeightField::new(grid, heights, scene.geometry.triangle_count()) else {
@@ -203,6 +189,36 @@ pub(crate) fn load(
     let surface = scene.surface(part.index, material);
     scene.triangle_surfaces.resize(scene.geometry.triangles.len(), surface);
     scene.finish_mesh(&start)
+}
+
+/// Finds the grid of a raster, and reports what is read otherwise than one might expect. `None` if its files cannot be used,
+/// which is an error of the part.
+fn find(scene: &mut SceneBuilder, part: &PartSource, files: &RasterFiles) -> Result<Option<Mosaic>> {
+    let mut warnings = Vec::new();
+    scene.sources.extend_from_slice(files.all());
+    let mosaic = match Mosaic::find(files, &mut warnings) {
+        Ok(mosaic) => mosaic,
+        Err((place, refusal)) => {
+            refusal.report(scene, part, place.map(|place| *place))?;
+            return Ok(None);
+        }
+    };
+    for raster in &mosaic.rasters {
+        let masks = raster.mask.iter().filter_map(|mask| Some(mask.file.as_ref()?.path().to_path_buf()));
+        scene.sources.extend(masks);
+        scene.sources.extend(georeference::world_file_of(raster.file.path()));
+    }
+    warn_of_files(scene, part, &mosaic);
+    warn_of(scene, part, named(files), warnings);
+    Ok(Some(mosaic))
+}
+
+/// Reports warnings about a raster.
+fn warn_of(scene: &mut SceneBuilder, part: &PartSource, path: &Path, warnings: Vec<String>) {
+    for warning in warnings {
+        let place = part.place.cloned().unwrap_or_else(|| Place::of_file(path));
+        scene.diagnostics.warn(Some(place), format!("{}: {warning}", path.display()));
+    }
 }
 
 /// Reports the warnings about single files, of each kind the first one.
@@ -251,29 +267,39 @@ impl Mosaic {
     }
 }
 
-/// Reads the numbers of all pixels; NaN for a pixel without data.
-fn read_heights(
-    scene: &SceneBuilder,
+/// Reads the numbers of a window of the grid; NaN for a pixel without data. Doubts about pixels beyond `own` are not counted.
+fn read_window(
+    options: &LoadOptions,
     mosaic: &Mosaic,
+    window: Window,
+    own: Window,
 ) -> Result<std::result::Result<(Heights, Doubts), Refusal>> {
-    let mut heights = match mosaic.heights(mosaic.pixels()) {
+    let unusable = |problem| Refusal::Unusable(mosaic.path(), problem, "");
+    let mut heights = match mosaic.heights(window.pixels()) {
         Ok(heights) => heights,
-        Err(problem) => return Ok(Err(Refusal::Unusable(mosaic.path(), problem, ""))),
+        Err(problem) => return Ok(Err(unusable(problem))),
     };
     let mut doubts = Doubts::default();
+    let (columns, rows) = (window.width - own.width, window.height - own.height);
+    let right = Window { left: own.left + own.width, width: columns, ..window };
+    let below = Window { top: own.top + own.height, height: rows, ..own };
     for tile in &mosaic.tiles {
-        scene.options.check_stop()?;
-        let parts = mosaic.raster_of(tile).parts(tile.window);
-        for wave in parts.chunks(PARTS_PER_THREAD * rayon::current_num_threads()) {
-            let read: Vec<_> = wave.par_iter().map(|part| mosaic.read(tile, *part)).collect();
-            for (part, found) in wave.iter().zip(read) {
-                let put = found.and_then(|(numbers, doubtful)| {
-                    doubts.add(doubtful);
-                    let put = mosaic.put(tile, *part, &numbers, &mut heights, (mosaic.columns, [0, 0]));
-                    put.map_err(|problem| Refusal::Unusable(mosaic.path(), problem, ""))
-                });
-                if let Err(refusal) = put {
-                    return Ok(Err(refusal));
+        options.check_stop()?;
+        for (area, is_own) in [(own, true), (right, false), (below, false)] {
+            let Some(common) = area.intersection(&tile.target()) else { continue };
+            let parts = mosaic.raster_of(tile).parts(tile.pixels_at(common));
+            for wave in parts.chunks(PARTS_PER_THREAD * rayon::current_num_threads()) {
+                let read: Vec<_> = wave.par_iter().map(|part| mosaic.read(tile, *part)).collect();
+                for (part, found) in wave.iter().zip(read) {
+                    let put = found.and_then(|(numbers, doubtful)| {
+                        if is_own {
+                            doubts.add(doubtful);
+                        }
+                        mosaic.put(tile, *part, &numbers, &mut heights, &window).map_err(unusable)
+                    });
+                    if let Err(refusal) = put {
+                        return Ok(Err(refusal));
+                    }
                 }
             }
         }

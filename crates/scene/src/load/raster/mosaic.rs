@@ -57,6 +57,13 @@ impl Tile {
     pub fn target(&self) -> Window {
         Window { left: self.at[0], top: self.at[1], ..self.window }
     }
+
+    /// The pixels of its raster at a window of the grid, which must be within its own.
+    pub fn pixels_at(&self, of_grid: Window) -> Window {
+        let left = of_grid.left - self.at[0] + self.window.left;
+        let top = of_grid.top - self.at[1] + self.window.top;
+        Window { left, top, ..of_grid }
+    }
 }
 
 /// Why there is no grid, and where a virtual raster names the cause.
@@ -302,6 +309,11 @@ impl Mosaic {
         self.rasters[0].file.path().to_path_buf()
     }
 
+    /// All pixels.
+    pub fn extent(&self) -> Window {
+        Window { left: 0, top: 0, width: self.columns, height: self.rows }
+    }
+
     pub fn pixels(&self) -> usize {
         self.columns.saturating_mul(self.rows)
     }
@@ -346,20 +358,19 @@ impl Mosaic {
         })
     }
 
-    /// Puts the numbers of a part of a tile into `heights`, which hold a window of the grid of this many columns that begins at
-    /// `origin`. The part must be within the window.
+    /// Puts the numbers of a part of a tile into `heights`, which hold a window of the grid that encloses the part.
     pub fn put(
         &self,
         tile: &Tile,
         part: Window,
         numbers: &[f64],
         heights: &mut Heights,
-        (columns, origin): (usize, [usize; 2]),
+        window: &Window,
     ) -> Result<(), String> {
-        let left = tile.at[0] + part.left - tile.window.left - origin[0];
-        let top = tile.at[1] + part.top - tile.window.top - origin[1];
+        let left = tile.at[0] + part.left - tile.window.left - window.left;
+        let top = tile.at[1] + part.top - tile.window.top - window.top;
         for (row, numbers) in (top..).zip(numbers.chunks_exact(part.width)) {
-            let mut at = row * columns + left;
+            let mut at = row * window.width + left;
             // A tile without data leaves that of earlier ones.
             for run in numbers.chunk_by(|a, b| !tile.overlaps || a.is_nan() == b.is_nan()) {
                 if !(tile.overlaps && run[0].is_nan()) {
