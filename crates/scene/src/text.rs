@@ -149,6 +149,12 @@ impl Source {
     }
 }
 
+/// Whether an error is due to the file's name and thus a mistake in the scene's description.
+pub(super) fn is_wrong_name(e: &std::io::Error) -> bool {
+    use std::io::ErrorKind::{InvalidInput, IsADirectory, NotADirectory, NotFound, PermissionDenied};
+    matches!(e.kind(), NotFound | PermissionDenied | IsADirectory | NotADirectory | InvalidInput)
+}
+
 /// Makes bytes printable in a terminal.
 pub(super) fn shown(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes)

@@ -23,7 +23,7 @@ use crate::library::{Library, Names};
 use crate::model::{MovingPart, Part, Scene};
 use crate::pack::Pack;
 use crate::spectra::Spectra;
-use crate::text::{Source, printable};
+use crate::text::{Source, is_wrong_name, printable};
 use crate::{change, instances};
 use mesh::EpochPart;
 pub use raster::raster_needs;
@@ -339,12 +339,6 @@ fn open(scene: &mut SceneBuilder, part: &PartRecipe, file: &Path) -> Result<Opti
         }
         Err(e) => Err(Error::io("read", file, e)),
     }
-}
-
-/// Whether an error is due to the file's name and thus a mistake in the scene's description.
-fn is_wrong_name(e: &std::io::Error) -> bool {
-    use std::io::ErrorKind::{InvalidInput, IsADirectory, NotADirectory, NotFound, PermissionDenied};
-    matches!(e.kind(), NotFound | PermissionDenied | IsADirectory | NotADirectory | InvalidInput)
 }
 
 fn describe(part: &PartRecipe) -> String {

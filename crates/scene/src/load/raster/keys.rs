@@ -10,6 +10,8 @@ pub(super) use vlscan_base::crs::LengthUnit;
 use vlscan_base::files::reads;
 use vlscan_base::input::read_file;
 
+/// The unit of what states none.
+pub(super) const METRES: &str = "metres";
 const MODEL_TYPE_KEY: u16 = 1024;
 const MODEL_IS_GEOGRAPHIC: u16 = 2;
 const RASTER_TYPE_KEY: u16 = 1025;

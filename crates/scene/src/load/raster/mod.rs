@@ -11,6 +11,7 @@
 //! | `georeference` | where the pixels are, from tags or a world file |
 //! | `keys` | GeoKeys and GDAL's metadata: systems, units, scales |
 //! | `validity` | no-data values, masks, alpha bands |
+//! | `refusal` | why a raster cannot be used |
 
 mod blocks;
 #[cfg(test)]
@@ -19,6 +20,7 @@ mod file;
 mod georeference;
 mod keys;
 mod mosaic;
+mod refusal;
 #[cfg(test)]
 mod tests;
 mod tile;
@@ -30,25 +32,21 @@ use blocks::Window;
 use keys::System;
 use mosaic::{Mosaic, Tile, named};
 use rayon::prelude::*;
+use refusal::{Refusal, TOO_MANY};
 use std::collections::BTreeMap;
-use std::io;
 use std::path::{Path, PathBuf};
 use validity::Doubts;
 use vlscan_base::crs;
 use vlscan_base::diag::Place;
-use vlscan_base::error::{Error, Result};
+use vlscan_base::error::Result;
 use vlscan_geom::Rotation;
 use vlscan_survey::{Loader, PartRecipe, RasterFiles, Replaced, SceneRecipe, Transform};
 use vlscan_trace::{HeightField, HeightGrid, Heights};
 
 /// Parts or rows per thread that are read before they are appended; limits the memory held twice.
 const PARTS_PER_THREAD: usize = 8;
-/// The unit of what states none.
-const METRES: &str = "metres";
 /// Memory of the pyramid over a height field, bytes per pixel, rounded up.
 const PYRAMID_BYTES: u64 = 2;
-/// What is wrong with a raster that is too large.
-const TOO_MANY: &str = "it has more pixels than can be numbered";
 
 /// The size of a raster, or of the grid of several, and its memory without a tree.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -116,37 +114,6 @@ pub(crate) fn crs_of(files: &RasterFiles) -> Option<(String, PathBuf)> {
     let first = files.all().get(usize::from(matches!(files, RasterFiles::Virtual(_))))?;
     let code = tile::projected_epsg(first)?;
     Some((crs::wkt_of_epsg(code.into()).ok()?, first.clone()))
-}
-
-/// Why a raster cannot be used.
-enum Refusal {
-    /// The file cannot be opened.
-    Unread(PathBuf, io::Error),
-    /// What is wrong with a file, and what to do about it.
-    Unusable(PathBuf, String, &'static str),
-    /// How two files do not go together, and what to do about it.
-    Apart(String, &'static str),
-}
-
-impl Refusal {
-    /// Reports it as an error of the part, at `place` if it has one of its own.
-    fn report(self, scene: &mut SceneBuilder, part: &PartSource, place: Option<Place>) -> Result<()> {
-        let (message, help) = match self {
-            Refusal::Unread(path, e) if super::is_wrong_name(&e) => {
-                (format!("cannot read {}: {e}", path.display()), "")
-            }
-            Refusal::Unread(path, e) => return Err(Error::io("read", &path, e)),
-            Refusal::Unusable(path, problem, help) => {
-                (format!("cannot read the raster {}: {problem}", path.display()), help)
-            }
-            Refusal::Apart(message, help) => (message, help),
-        };
-        let error = scene.diagnostics.error(place.or_else(|| part.place.cloned()), message);
-        if !help.is_empty() {
-            error.help(help);
-        }
-        Ok(())
-    }
 }
 
 /// Appends a raster with one material: as a height field if it `keeps_grid`, else as triangles, which are the same. Problems of

@@ -6,10 +6,10 @@
 
 use super::blocks::Window;
 use super::georeference::Georeference;
-use super::keys::{LengthUnit, System};
+use super::keys::{LengthUnit, METRES, System};
+use super::refusal::{Refusal, TOO_MANY};
 use super::tile::Raster;
 use super::validity::{Doubts, NoData};
-use super::{METRES, Refusal};
 use crate::builder::{MAX_COORDINATE, MAX_ELEMENTS};
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::Place;
@@ -276,7 +276,7 @@ impl Mosaic {
             return Err(Refusal::Unusable(path, problem, ""));
         }
         if self.triangles().max(self.pixels()) > MAX_ELEMENTS {
-            let problem = format!("{}: {} x {}", super::TOO_MANY, self.columns, self.rows);
+            let problem = format!("{}: {} x {}", TOO_MANY, self.columns, self.rows);
             return Err(Refusal::Unusable(path, problem, ""));
         }
         if self.tiles.len() > MAX_COMPARED_TILES {

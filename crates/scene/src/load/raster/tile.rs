@@ -3,9 +3,9 @@
 use super::blocks::{Blocks, Window, readable};
 use super::file::{Directory, OpenFile, RasterFile};
 use super::georeference::{self, Georeference};
-use super::keys::{self, BandMetadata, LengthUnit, System};
+use super::keys::{self, BandMetadata, LengthUnit, METRES, System};
+use super::refusal::Refusal;
 use super::validity::{self, Doubts, Mask, NoData};
-use super::{METRES, Refusal};
 use crate::builder::MAX_COORDINATE;
 use std::path::Path;
 use tiff::decoder::{Decoder, Limits};

@@ -1,0 +1,42 @@
+//! Why a raster cannot be used.
+
+use crate::builder::{PartSource, SceneBuilder};
+use crate::text::is_wrong_name;
+use std::io;
+use std::path::PathBuf;
+use vlscan_base::diag::Place;
+use vlscan_base::error::{Error, Result};
+
+/// What is wrong with a raster that is too large.
+pub(super) const TOO_MANY: &str = "it has more pixels than can be numbered";
+
+/// Why a raster cannot be used.
+pub(super) enum Refusal {
+    /// The file cannot be opened.
+    Unread(PathBuf, io::Error),
+    /// What is wrong with a file, and what to do about it.
+    Unusable(PathBuf, String, &'static str),
+    /// How two files do not go together, and what to do about it.
+    Apart(String, &'static str),
+}
+
+impl Refusal {
+    /// Reports it as an error of the part, at `place` if it has one of its own.
+    pub fn report(self, scene: &mut SceneBuilder, part: &PartSource, place: Option<Place>) -> Result<()> {
+        let (message, help) = match self {
+            Refusal::Unread(path, e) if is_wrong_name(&e) => {
+                (format!("cannot read {}: {e}", path.display()), "")
+            }
+            Refusal::Unread(path, e) => return Err(Error::io("read", &path, e)),
+            Refusal::Unusable(path, problem, help) => {
+                (format!("cannot read the raster {}: {problem}", path.display()), help)
+            }
+            Refusal::Apart(message, help) => (message, help),
+        };
+        let error = scene.diagnostics.error(place.or_else(|| part.place.cloned()), message);
+        if !help.is_empty() {
+            error.help(help);
+        }
+        Ok(())
+    }
+}
