@@ -12,7 +12,7 @@ use vlscan_base::crs;
 use vlscan_base::diag::{Diagnostics, Severity};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::machine;
-use vlscan_base::quantity::{amount, bytes};
+use vlscan_base::quantity::bytes;
 use vlscan_scene::{Inventory, LoadOptions, Material, Pack, Part, PartFacts, Scene};
 use vlscan_survey::SceneRecipe;
 use vlscan_trace::{BuildOptions, Tree};
