@@ -15,11 +15,11 @@ pub struct InstanceSet {
 }
 
 impl InstanceSet {
-    /// Part and material of triangle `i`; `None` if it does not belong to an instance.
-    pub fn surface(&self, i: u32) -> Option<Surface> {
-        let (instance, triangle) = self.instances.locate(i)?;
+    /// Part and material of a triangle of an instance, which has this number in the instance's model.
+    #[inline]
+    pub fn surface(&self, instance: usize, triangle: usize) -> Surface {
         let model = self.instances.all[instance].model as usize;
-        Some(Surface { part: self.parts[instance], material: self.materials[model][triangle] })
+        Surface { part: self.parts[instance], material: self.materials[model][triangle] }
     }
 
     pub(crate) fn memory(&self) -> usize {

@@ -22,7 +22,7 @@
 //! | `ground`, `plane` | drop parts to the ground; planes fitted to points |
 //! | `ground_model` | the ground of a loaded scene |
 //! | `instances`, `instance_set` | parts that share a mesh |
-//! | `model`, `surfaces`, `material`, `voxel`, `lad` | the loaded scene and its components |
+//! | `model`, `triangle`, `surfaces`, `material`, `voxel`, `lad` | the loaded scene and its components |
 //! | `motion` | moving parts |
 //! | `epoch` | swapped parts |
 //! | `conditions` | the settings that a scene depends on |
@@ -65,6 +65,7 @@ mod surfaces;
 #[cfg(test)]
 mod tests;
 mod text;
+mod triangle;
 mod voxel;
 
 pub use builder::{LoadOptions, Sharing};
@@ -83,4 +84,5 @@ pub use mtl::read_materials;
 pub use pack::{Pack, pack};
 pub use part_facts::PartFacts;
 pub use surfaces::{Surface, SurfaceIds};
+pub use triangle::SceneTriangle;
 pub use voxel::{Voxel, VoxelKind};

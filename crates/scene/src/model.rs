@@ -168,45 +168,18 @@ impl Scene {
     /// Part and material of primitive `i`. Panics if the index is out of range.
     #[inline]
     pub fn surface(&self, i: u32) -> Surface {
-        if !self.geometry.fields.is_empty() {
-            return self.surface_beside_fields(i);
+        if let Some(triangle) = self.find_triangle(i) {
+            return triangle.surface();
         }
-        match self.surface_ids.get(i as usize) {
-            Some(surface) => self.surfaces[surface as usize],
-            None => self.surface_of_instance(i),
-        }
-    }
-
-    /// [`Scene::surface`] in a scene with height fields.
-    fn surface_beside_fields(&self, i: u32) -> Surface {
-        let (g, number) = (&self.geometry, i as usize);
-        let surface = match number.checked_sub(g.triangle_count()) {
-            None => match g.triangle_at(number) {
-                TriangleAt::Stored(index) => self.surface_ids.get(index),
-                TriangleAt::Field(field, ..) => self.field_surfaces.get(field).copied(),
-            },
-            Some(cube) => self.surface_ids.get(g.triangles.len() + cube),
-        };
-        surface.map_or_else(|| self.surface_of_instance(i), |surface| self.surfaces[surface as usize])
-    }
-
-    #[cold]
-    fn surface_of_instance(&self, i: u32) -> Surface {
-        let surface = self.instances.as_ref().and_then(|p| p.surface(i));
-        surface.unwrap_or_else(|| panic!("primitive {i} of {}", self.primitives()))
+        let cube = i as usize - self.geometry.triangle_count();
+        let surface = self.surface_ids.get(self.geometry.triangles.len() + cube);
+        self.surfaces[surface.unwrap_or_else(|| panic!("primitive {i} of {}", self.primitives())) as usize]
     }
 
     /// The corners of primitive `i` if it is a triangle that is there.
     #[inline]
     pub fn triangle(&self, i: u32) -> Option<[DVec3; 3]> {
-        let (g, number) = (&self.geometry, i as usize);
-        if number < g.triangle_count() {
-            return match g.triangle_at(number) {
-                TriangleAt::Stored(index) => Some(g.stored_triangle(index)),
-                TriangleAt::Field(_, field, i) => field.triangle(i),
-            };
-        }
-        self.instances.as_ref().and_then(|p| p.instances.triangle(i))
+        self.find_triangle(i)?.corners()
     }
 
     /// The index of primitive `i` in the same scene without instances and height fields, where primitives are in the order of
@@ -214,9 +187,8 @@ impl Scene {
     pub fn number_when_stored(&self, i: u32) -> u32 {
         let own = self.geometry.triangle_count();
         let Some(set) = &self.instances else { return i - self.missing_before(i) };
-        let instance = set.instances.locate(i);
-        let before = instance.map_or(i, |(instance, _)| set.instances.all[instance].before);
-        set.instances.number_when_stored(i, own) - self.missing_before(before)
+        let (number, before) = set.instances.number_when_stored(i, own);
+        number - self.missing_before(before)
     }
 
     /// How many triangles of height fields before primitive `i` are missing.

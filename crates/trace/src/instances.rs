@@ -170,6 +170,41 @@ pub struct Instances {
     pub(super) first: u32,
     /// Number of triangles of all instances.
     triangles: u32,
+    index: InstanceIndex,
+}
+
+/// Finds the instance of a triangle without a search through all of them: the instances of equally long ranges of
+/// triangle numbers.
+#[derive(Clone, Debug, Default)]
+struct InstanceIndex {
+    /// Logarithm of the length of a range.
+    shift: u32,
+    /// The last instance that begins before each range or with it; one entry more than there are ranges.
+    instances: Vec<u32>,
+}
+
+impl InstanceIndex {
+    /// The index of instances whose triangles, `triangles` in all, begin at number `first`.
+    fn new(all: &[Instance], first: u32, triangles: u32) -> InstanceIndex {
+        // About two ranges per instance.
+        let shift = (triangles as usize / (2 * all.len() + 1)).checked_ilog2().unwrap_or(0);
+        let mut at = 0;
+        let instance_at = |range: u64| {
+            let number = u64::from(first) + (range << shift);
+            at += all[at..].partition_point(|p| u64::from(p.first) <= number);
+            at = at.saturating_sub(1);
+            at as u32
+        };
+        InstanceIndex { shift, instances: (0..u64::from(triangles >> shift) + 2).map(instance_at).collect() }
+    }
+
+    /// The instances among which is that of the `n`-th triangle of all instances.
+    #[inline(always)]
+    fn around(&self, n: u32) -> Option<std::ops::Range<usize>> {
+        let range = (n >> self.shift) as usize;
+        let [from, to] = self.instances.get(range..range + 2)? else { return None };
+        Some(*from as usize..*to as usize + 1)
+    }
 }
 
 impl Instances {
@@ -189,7 +224,8 @@ impl Instances {
             let count = u32::try_from(models.get(model as usize)?.geometry.triangles.len()).ok()?;
             next = next.checked_add(count).filter(|n| *n < u32::MAX)?;
         }
-        Some(Instances { models, all, shift: DVec3::ZERO, first, triangles: next - first })
+        let index = InstanceIndex::new(&all, first, next - first);
+        Some(Instances { models, all, shift: DVec3::ZERO, first, triangles: next - first, index })
     }
 
     /// Number of the first triangle of any instance, equal to the number of primitives of the geometry itself.
@@ -210,10 +246,12 @@ impl Instances {
 
     /// Returns the instance that triangle number `i` belongs to, and the number of the triangle in its model. `None`
     /// for a primitive of the geometry itself.
+    #[inline]
     pub fn locate(&self, i: u32) -> Option<(usize, usize)> {
-        let own = i < self.first || i - self.first >= self.triangles;
-        let at = self.all.partition_point(|p| p.first <= i);
-        (!own && at > 0).then(|| (at - 1, (i - self.all[at - 1].first) as usize))
+        let n = i.checked_sub(self.first).filter(|n| *n < self.triangles)?;
+        let some = self.index.around(n)?;
+        let at = some.start + self.all[some.start + 1..some.end].partition_point(|p| p.first <= i);
+        Some((at, (i - self.all[at].first) as usize))
     }
 
     /// Returns the corners of triangle number `i`; `None` for a primitive of the geometry itself.
@@ -230,16 +268,17 @@ impl Instances {
     }
 
     /// Returns the number that primitive `i` would have if all instances were stored: in the order of parts, cubes
-    /// last.
-    pub fn number_when_stored(&self, i: u32, own_triangles: usize) -> u32 {
+    /// last; and that of the first triangle of its model, or `i` itself, among the geometry's own.
+    pub fn number_when_stored(&self, i: u32, own_triangles: usize) -> (u32, u32) {
         if let Some((instance, _)) = self.locate(i) {
-            return i - self.first + self.all[instance].before;
+            let before = self.all[instance].before;
+            return (i - self.first + before, before);
         }
         if i as usize >= own_triangles {
-            return i + self.triangles;
+            return (i + self.triangles, i);
         }
         let at = self.all.partition_point(|p| p.before <= i);
-        i + self.all.get(at).map_or(self.triangles, |p| p.first - self.first)
+        (i + self.all.get(at).map_or(self.triangles, |p| p.first - self.first), i)
     }
 
     /// Whether triangle `new` of an instance, preceded by `before` own triangles, wins against `old` at the same
@@ -305,6 +344,7 @@ impl Instances {
     pub fn memory(&self) -> usize {
         self.models.iter().map(|m| m.memory()).sum::<usize>()
             + self.all.capacity() * size_of::<Instance>()
+            + vec_bytes(&self.index.instances)
             + size_of::<Instances>()
     }
 }

@@ -321,7 +321,7 @@ mod tests {
             flat_tree.trace_group(&flat, &group, &mut expected, &mut scratch);
             let number = |id: u32| match id {
                 Hits::MISS => Hits::MISS,
-                id => all.number_when_stored(id, own.triangles.len()),
+                id => all.number_when_stored(id, own.triangles.len()).0,
             };
             for level in Level::available() {
                 tree.trace_group_on(level, own, &group, &mut hits, &mut scratch);
@@ -358,7 +358,7 @@ mod tests {
             let own = &parts.0;
             let mut seen = vec![false; flat.len()];
             for i in 0..(own.len() as u32 + all.triangles()) {
-                let number = all.number_when_stored(i, own.triangles.len()) as usize;
+                let number = all.number_when_stored(i, own.triangles.len()).0 as usize;
                 prop_assert!(!std::mem::replace(&mut seen[number], true));
                 match all.triangle(i) {
                     Some(corners) => prop_assert_eq!(corners, flat.triangle(number)),

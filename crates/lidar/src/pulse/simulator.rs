@@ -15,7 +15,7 @@ use std::ops::Range;
 use vlscan_base::quantity::number;
 use vlscan_base::rng;
 use vlscan_base::{Error, Result};
-use vlscan_scene::{DynamicObject, DynamicScene, ObjectUpdate};
+use vlscan_scene::{DynamicObject, DynamicScene, ObjectUpdate, SceneTriangle};
 use vlscan_trace::TraceScratch;
 use vlscan_trace::simd::{Level, Simd, dispatch};
 
@@ -40,6 +40,8 @@ pub struct PulseSimulator<'p> {
     /// Index of each pulse in the batch of its device; `None` if it is culled.
     slots: Vec<Option<usize>>,
     gain_buffer: GainBuffer,
+    /// Triangles that some pulses hit and that are not cached.
+    missing: Vec<SceneTriangle<'p>>,
     detection: Detection,
     trace_scratch: TraceScratch,
     /// The instruction set of ray generation and detection.
@@ -67,6 +69,7 @@ impl<'p> PulseSimulator<'p> {
             dynamic_batch: RayBatch::default(),
             slots: Vec::new(),
             gain_buffer: GainBuffer::default(),
+            missing: Vec::new(),
             detection: Detection::default(),
             trace_scratch: TraceScratch::default(),
             level: Level::best(),
@@ -234,15 +237,18 @@ impl<'p> PulseSimulator<'p> {
         let first_echo = batch.echoes.len();
         for (pulses, slots) in pulses.chunks(GAIN_BATCH).zip(slots.chunks(GAIN_BATCH)) {
             self.gain_buffer.clear();
+            self.missing.clear();
             for (pulse, slot) in pulses.iter().zip(slots) {
                 if let Some(slot) = *slot {
                     let traced = &self.batches[pulse.device as usize];
                     let instrument = self.instruments.instrument(leg, pulse.device)?;
                     let traced = TracedPulse::of(traced, slot);
-                    traced.prefetch_surfaces(view.scene);
+                    let triangles = &self.detection.scratch.triangles;
+                    triangles.prefetch(physics.view.scene, traced.primitives, &mut self.missing);
                     self.gain_buffer.push(instrument, &traced);
                 }
             }
+            self.missing.iter().for_each(SceneTriangle::prefetch_corners);
             let mut first_block = 0;
             for (pulse, slot) in pulses.iter().zip(slots) {
                 if physics.options.record_pulses {

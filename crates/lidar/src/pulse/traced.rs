@@ -4,8 +4,6 @@ use super::instrument::Instrument;
 use super::lanes::{Block, LANES};
 use super::ray_batch::RayBatch;
 use vlscan_geom::DVec3;
-use vlscan_scene::Scene;
-use vlscan_trace::prefetch;
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TracedPulse<'a> {
@@ -35,18 +33,6 @@ impl<'a> TracedPulse<'a> {
             t: hits.t[row..row + group.stride()].as_chunks().0,
             primitives: &hits.primitive[row..row + group.rays()],
             primitive_blocks: hits.primitive[row..row + group.stride()].as_chunks().0,
-        }
-    }
-
-    /// Prefetches the triangles and surfaces of some of the hits, most of which neighbouring subrays share.
-    #[inline(always)]
-    pub fn prefetch_surfaces(&self, scene: &Scene) {
-        for primitive in self.primitives.iter().step_by(4) {
-            let primitive = *primitive as usize;
-            if let Some(triangle) = scene.geometry.triangles.get(primitive) {
-                prefetch(triangle);
-                scene.surface_ids.prefetch(primitive);
-            }
         }
     }
 

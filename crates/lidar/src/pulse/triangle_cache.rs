@@ -3,7 +3,7 @@
 use super::lanes::{Block, LANES};
 use super::view::SceneView;
 use vlscan_geom::{DVec3, unit};
-use vlscan_scene::{Material, Reflection};
+use vlscan_scene::{Material, Reflection, Scene, SceneTriangle};
 use vlscan_trace::Hits;
 
 /// Shading data of a triangle.
@@ -41,9 +41,13 @@ impl CachedTriangle {
 
     /// Triangle `primitive` in its current position, or `None` if it is no triangle.
     fn of(view: &SceneView, primitive: u32) -> Option<CachedTriangle> {
-        let (scene, local) = view.locate(primitive);
-        let [a, b, c] = scene.triangle(local)?;
-        let surface = view.scene.surface(primitive);
+        let found = view.scene.find_triangle(primitive)?;
+        let corners = match view.locate_moving(primitive) {
+            Some((scene, local)) => scene.triangle(local),
+            None => found.corners(),
+        };
+        let [a, b, c] = corners?;
+        let surface = found.surface();
         let material = &view.scene.materials[surface.material as usize];
         let law = match material.reflection {
             Reflection::Uniform => Law::Uniform,
@@ -139,6 +143,27 @@ impl TriangleCache {
     pub fn forget_moving(&mut self) {
         for entry in self.moving.drain(..) {
             self.entries[entry] = CachedTriangle::NONE;
+        }
+    }
+
+    /// Prefetches where the corners and surfaces of triangles among `primitives` are. In scenes with instances, where pulses hit
+    /// more triangles than elsewhere and each takes longer to find, these are all that are not in the cache, and they are
+    /// appended to `missing`.
+    #[inline(always)]
+    pub fn prefetch<'s>(&self, scene: &'s Scene, primitives: &[u32], missing: &mut Vec<SceneTriangle<'s>>) {
+        if scene.instances.is_none() {
+            // Neighbouring subrays share most triangles.
+            let some = primitives.iter().step_by(4).filter_map(|primitive| scene.find_triangle(*primitive));
+            return some.for_each(|triangle| triangle.prefetch());
+        }
+        let mut last = Hits::MISS;
+        for primitive in primitives {
+            if *primitive != last && self.entries[*primitive as usize % CACHE_SIZE].primitive != *primitive {
+                let found = scene.find_triangle(*primitive);
+                found.iter().for_each(SceneTriangle::prefetch);
+                missing.extend(found);
+            }
+            last = *primitive;
         }
     }
 

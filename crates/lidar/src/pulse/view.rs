@@ -58,8 +58,13 @@ impl<'a> SceneView<'a> {
     /// The scene that holds primitive `i` in its current position, and its index there.
     #[inline]
     pub fn locate(&self, i: u32) -> (&'a Scene, u32) {
-        let moving = self.moving.iter().find_map(|o| Some((&o.scene, o.to_object_index(i)?)));
-        moving.unwrap_or((self.scene, i))
+        self.locate_moving(i).unwrap_or((self.scene, i))
+    }
+
+    /// The moving object that holds primitive `i`, if any, and its index there.
+    #[inline]
+    pub fn locate_moving(&self, i: u32) -> Option<(&'a Scene, u32)> {
+        self.moving.iter().find_map(|o| Some((&o.scene, o.to_object_index(i)?)))
     }
 
     pub fn is_moving(&self, i: u32) -> bool {
