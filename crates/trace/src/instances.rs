@@ -71,13 +71,22 @@ pub(super) struct WorldToInstance {
 impl WorldToInstance {
     /// Returns the image of a point, and the bound of its error on any axis.
     pub fn point(&self, p: DVec3) -> (DVec3, f64) {
-        let error = ROUNDING * (self.magnitude + p.abs().max_element()) * self.stretch;
-        (self.matrix * (p - self.anchor), error)
+        (self.matrix * (p - self.anchor), self.error_at(p.abs().max_element()))
+    }
+
+    /// Bound of the error of the image of a point with coordinates within `reach`, on any axis.
+    pub fn error_at(&self, reach: f64) -> f64 {
+        ROUNDING * (self.magnitude + reach) * self.stretch
     }
 
     /// The matrix of directions; `t` along the image of a direction equals `t` along the direction.
     pub fn matrix(&self) -> DMat3 {
         self.matrix
+    }
+
+    /// The point whose image is the model's origin.
+    pub fn anchor(&self) -> DVec3 {
+        self.anchor
     }
 }
 

@@ -1,6 +1,5 @@
 //! Rays by pulse, and their hits.
 
-use glam::DMat3;
 use std::ops::Range;
 use vlscan_geom::DVec3;
 
@@ -82,31 +81,6 @@ impl RayGroup {
         self.x.extend_from_slice(&other.x[rows.clone()]);
         self.y.extend_from_slice(&other.y[rows.clone()]);
         self.z.extend_from_slice(&other.z[rows]);
-    }
-
-    /// Replaces the pulses by the `pulses` of another group, transformed into another frame: their origins by
-    /// `origin`, their directions by `matrix`.
-    #[inline(always)]
-    pub(super) fn transform_from(
-        &mut self,
-        other: &RayGroup,
-        pulses: Range<usize>,
-        matrix: DMat3,
-        mut origin: impl FnMut(DVec3) -> DVec3,
-    ) {
-        self.rays = other.rays;
-        let rows = pulses.start * other.stride()..pulses.end * other.stride();
-        self.origins.clear();
-        self.origins.extend(other.origins[pulses].iter().map(|o| origin(*o)));
-        let [x, y, z] = [&other.x[rows.clone()], &other.y[rows.clone()], &other.z[rows]];
-        let [a, b, c] = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(|c| c.to_array());
-        for (axis, to) in [&mut self.x, &mut self.y, &mut self.z].into_iter().enumerate() {
-            to.resize(x.len(), 0.0);
-            let (a, b, c) = (a[axis], b[axis], c[axis]);
-            for (((to, x), y), z) in to.iter_mut().zip(x).zip(y).zip(z) {
-                *to = a * x + b * y + c * z;
-            }
-        }
     }
 
     /// Maximum rays of a pulse that is worth merging.

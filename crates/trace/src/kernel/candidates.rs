@@ -84,6 +84,8 @@ pub(super) struct CandidateLists {
 pub(super) struct Batch {
     pub block: u32,
     pub used: u32,
+    /// The edges are computed, and the pairs listed.
+    pub has_sides: bool,
 }
 
 #[derive(Clone, Copy)]
@@ -129,7 +131,7 @@ impl Candidates {
 impl CandidateLists {
     pub const EMPTY: CandidateLists = CandidateLists {
         pairs: [0; PAIRS_LEN],
-        batches: [Batch { block: 0, used: 0 }; MAX_PAIRS / BLOCK_SIZE + 1],
+        batches: [Batch { block: 0, used: 0, has_sides: false }; MAX_PAIRS / BLOCK_SIZE + 1],
         batch_count: 0,
         sides: [Sides::ZERO; SIDES_LEN],
         covered: [0; PAIRS_LEN],
@@ -141,6 +143,54 @@ impl CandidateLists {
         candidates: [Candidates(0); CANDIDATES_LEN],
         open: [0; CANDIDATES_LEN],
     };
+}
+
+impl CandidateLists {
+    pub fn clear(&mut self) {
+        (self.batch_count, self.partial_count, self.covered_count) = (0, 0, 0);
+    }
+
+    /// Computes the edges of all triangles of a block, the pending one of this number, for one pulse, and lists those of the
+    /// triangles `within` its depths that it may hit. Returns false if there are none. For one pulse this takes less time
+    /// than the test of slopes and the edges of the triangles that pass it.
+    #[inline(always)]
+    pub fn pair_pulse<S: Simd>(
+        &mut self,
+        frustum: &PacketFrustum<S>,
+        block: &Block,
+        (slot, p): (usize, usize),
+        within: u32,
+    ) -> bool {
+        let (simd, batch) = (frustum.simd, self.batch_count);
+        let [any, all] = self.sides[batch % SIDES_LEN].set_pulse(frustum, block, p);
+        let met = any & within;
+        if met == 0 {
+            return false;
+        }
+        let first = batch * BLOCK_SIZE;
+        if let Some(pairs) = self.pairs[first..].first_chunk_mut() {
+            simd.write_lanes(0xffff, (slot * MAX_BLOCK_PAIRS + p * BLOCK_SIZE) as u32, pairs);
+        }
+        let (partial, covered) = (met & !all, met & all);
+        if let Some(free) = self.partial[self.partial_count..].first_chunk_mut() {
+            simd.write_lanes(partial, first as u32, free);
+        }
+        if let Some(free) = self.covered[self.covered_count..].first_chunk_mut() {
+            simd.write_lanes(covered, first as u32, free);
+        }
+        self.partial_count += partial.count_ones() as usize;
+        self.covered_count += covered.count_ones() as usize;
+        self.batches[batch] = Batch { block: slot as u32, used: met, has_sides: true };
+        self.batch_count += 1;
+        true
+    }
+
+    /// Mask of the pulses of the pairs that have some rays inside, and perhaps not all.
+    #[inline(always)]
+    pub fn partial_pulses(&self) -> u32 {
+        let pulse = |n: &u32| 1 << pulse_of(self.pairs[*n as usize % PAIRS_LEN]);
+        self.partial[..self.partial_count].iter().fold(0, |all, n| all | pulse(n))
+    }
 }
 
 /// Returns the block of a pair, by its index among the pending blocks.
@@ -216,7 +266,7 @@ pub(super) struct StepInput<'k, S: Simd> {
     pub span: usize,
 }
 
-/// Computes the edges of all pairs, keeps the pairs whose pulse does not pass entirely beside the triangle, and
+/// Computes the edges of all pairs that have none yet, keeps the pairs whose pulse does not pass entirely beside the triangle, and
 /// prefetches the corners of these triangles.
 #[inline(always)]
 pub(super) fn find_sides<S: Simd, const MERGED: bool>(
@@ -226,8 +276,11 @@ pub(super) fn find_sides<S: Simd, const MERGED: bool>(
 ) {
     let StepInput { blocks, frustum, vertices, .. } = input;
     let batches = lists.batches[..lists.batch_count].iter().zip(lists.pairs.as_chunks::<BLOCK_SIZE>().0);
-    let (mut partial_count, mut covered_count) = (0, 0);
+    let (mut partial_count, mut covered_count) = (lists.partial_count, lists.covered_count);
     for ((first, (batch, pairs)), sides) in (0..).step_by(BLOCK_SIZE).zip(batches).zip(&mut lists.sides) {
+        if batch.has_sides {
+            continue;
+        }
         let Some(block) = blocks[batch.block as usize % MAX_PENDING_BLOCKS] else { continue };
         let [any, all] = sides.set::<S, MERGED>(frustum, block, pairs);
         let (partial, covered) = (batch.used & any & !all, batch.used & all);

@@ -85,16 +85,51 @@ fn greatest<F: F32Ops>(v: [F; 3]) -> F {
     v[0].max(v[1]).max(v[2])
 }
 
+/// The depths of the corners of a block's triangles.
+#[inline(always)]
+fn depths<S: Simd>(frustum: &PacketFrustum<S>, block: &Block) -> [S::F32x16; 3] {
+    let simd = frustum.simd;
+    let k = frustum.axes[0];
+    let (apex, sign) = (simd.splat(frustum.apex[k]), simd.splat(frustum.forward));
+    each_of!([0, 1, 2], v => (simd.load(&block.corner[v][k]) - apex) * sign)
+}
+
+/// Minimum and maximum depths of the triangles of a block, both rounded to the safe side.
+pub(super) struct DepthRange<S: Simd> {
+    pub near: S::F32x16,
+    pub far: S::F32x16,
+}
+
+impl<S: Simd> DepthRange<S> {
+    #[inline(always)]
+    pub fn of(frustum: &PacketFrustum<S>, block: &Block) -> DepthRange<S> {
+        DepthRange::around(frustum, depths(frustum, block))
+    }
+
+    #[inline(always)]
+    fn around(frustum: &PacketFrustum<S>, depths: [S::F32x16; 3]) -> DepthRange<S> {
+        let simd = frustum.simd;
+        let four = simd.splat(4.0 * frustum.slack);
+        DepthRange {
+            near: least(depths) * simd.splat(2.0 - DEPTH_MARGIN) - four,
+            far: greatest(depths) * simd.splat(DEPTH_MARGIN) + four,
+        }
+    }
+
+    /// The triangles that reach into depths within `[lo, hi]`.
+    #[inline(always)]
+    pub fn overlaps(&self, simd: S, [lo, hi]: [f32; 2]) -> S::Mask16 {
+        self.near.le(simd.splat(hi)) & simd.splat(lo).le(self.far)
+    }
+}
+
 /// The triangles of a block relative to the packet's apex; a lane is a triangle.
 pub(super) struct BlockSlopes<S: Simd> {
     /// Slopes `[side axis][low, high]`, widened.
     slope: [[S::F32x16; 2]; 2],
     /// The centre of the interval of reciprocals of the corners' depths.
     inverse: S::F32x16,
-    /// Minimum depth, widened.
-    near: S::F32x16,
-    /// Maximum depth, widened.
-    far: S::F32x16,
+    pub range: DepthRange<S>,
     /// Triangles beside or behind the apex, whose slopes are meaningless.
     is_beside: S::Mask16,
     /// Whether the slopes are widened by the offsets of all pulses, so that the offsets need no further test.
@@ -107,15 +142,15 @@ impl<S: Simd> BlockSlopes<S> {
     #[inline(always)]
     pub fn of(frustum: &PacketFrustum<S>, block: &Block, cover_offsets: bool) -> BlockSlopes<S> {
         let simd = frustum.simd;
-        let [k, i, j] = frustum.axes;
-        let r = [simd.splat(frustum.apex[k]), simd.splat(frustum.apex[i]), simd.splat(frustum.apex[j])];
+        let [_, i, j] = frustum.axes;
+        let r = [i, j].map(|a| simd.splat(frustum.apex[a]));
         let c = &block.corner;
-        let (sign, one, half) = (simd.splat(frustum.forward), simd.splat(1.0), simd.splat(0.5));
-        let s = each_of!([0, 1, 2], v => (simd.load(&c[v][k]) - r[0]) * sign);
+        let (one, half) = (simd.splat(1.0), simd.splat(0.5));
+        let s = depths(frustum, block);
         let inverse = each_of!([0, 1, 2], v => one / s[v]);
-        let x = each_of!([0, 1, 2], v => (simd.load(&c[v][i]) - r[1]) * inverse[v]);
-        let y = each_of!([0, 1, 2], v => (simd.load(&c[v][j]) - r[2]) * inverse[v]);
-        let (near, far, four) = (least(s), greatest(s), simd.splat(4.0 * frustum.slack));
+        let x = each_of!([0, 1, 2], v => (simd.load(&c[v][i]) - r[0]) * inverse[v]);
+        let y = each_of!([0, 1, 2], v => (simd.load(&c[v][j]) - r[1]) * inverse[v]);
+        let near = least(s);
         // Where slopes are used all depths are positive, and the nearest corner has the greatest reciprocal.
         let (inverse_near, inverse_far) = (greatest(inverse), least(inverse));
         // Remaining error from the pulses' offsets: all of it, or its change from the nearest corner to the farthest.
@@ -126,25 +161,17 @@ impl<S: Simd> BlockSlopes<S> {
         BlockSlopes {
             slope: [[least(x) - pad, greatest(x) + pad], [least(y) - pad, greatest(y) + pad]],
             inverse: (inverse_near + inverse_far) * half,
-            near: near * simd.splat(2.0 - DEPTH_MARGIN) - four,
-            far: far * simd.splat(DEPTH_MARGIN) + four,
+            range: DepthRange::around(frustum, s),
             is_beside: near.le(simd.splat(frustum.slopes_from)),
             cover_offsets,
         }
-    }
-
-    /// Writes the minimum and the maximum depths of the triangles, both rounded to the safe side.
-    #[inline(always)]
-    pub fn store_depths(&self, near: &mut [f32; BLOCK_SIZE], far: &mut [f32; BLOCK_SIZE]) {
-        self.near.store(near);
-        self.far.store(far);
     }
 
     /// Returns the triangles that a ray of pulse `p` might hit at depths within `[lo, hi]`, as a mask.
     #[inline(always)]
     pub fn overlapping(&self, frustum: &PacketFrustum<S>, p: usize, [lo, hi]: [f32; 2]) -> u32 {
         let simd = frustum.simd;
-        let overlap = self.near.le(simd.splat(hi)) & simd.splat(lo).le(self.far);
+        let overlap = self.range.overlaps(simd, [lo, hi]);
         let ends = each_of!([0, 1], side => each_of!([0, 1], end => {
             let slope = simd.splat(frustum.slope[side][end].0[p]);
             if self.cover_offsets {

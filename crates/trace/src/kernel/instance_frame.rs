@@ -3,9 +3,11 @@
 use super::candidates::{CandidateLists, Inside, RayRegisters, SPAN, StepInput, block_of, lane_of, pulse_of};
 use super::distance::{Heading, Rays};
 use super::lanes::PACKET_SIZE;
+use super::spread::OriginLanes;
 use crate::block::{BLOCK_SIZE, Block};
 use crate::instances::Instance;
 use crate::simd::{F32Ops, Simd};
+use glam::DMat3;
 use vlscan_geom::DVec3;
 
 /// An instance whose box is hit by pulses of a packet, and the minimum depth of entry.
@@ -16,22 +18,25 @@ pub(super) struct InstanceVisit {
     pub instance: u32,
 }
 
-/// An instance whose model a packet traverses, and the rays in the scene's frame. Pulses are those of the traversal.
+/// An instance whose model a packet traverses, and what is known of the rays in the scene's frame.
 pub(super) struct InstanceFrame<'a> {
     pub instance: &'a Instance,
     pub vertices: &'a [DVec3],
     /// Subtracted from every placed point, m.
     pub shift: DVec3,
-    pub directions: [&'a [[f64; 8]]; 3],
-    pub registers: usize,
-    /// Dominant axis of the rays.
+    /// The matrix of directions into the model's frame.
+    pub matrix: DMat3,
+    /// The pulses whose deviations are known in the model's frame.
+    pub spread: u32,
+    /// Dominant axis of the rays in the scene.
     pub axis: usize,
     pub forward: f64,
-    pub origins: [DVec3; PACKET_SIZE],
-    pub max_along: [f64; PACKET_SIZE],
+    pub origins: &'a OriginLanes,
+    pub max_along: &'a [f64; PACKET_SIZE],
 }
 
-/// Computes the distances of the first `count` pairs in `inside`. Returns a mask of the pulses among them.
+/// Computes the distances of the first `count` pairs in `inside`. `first` is the first register of eight rays of the
+/// first pulse's span, `stride` the number of registers per pulse. Returns a mask of the pulses among the pairs.
 #[inline(always)]
 pub(super) fn hit_instance<S: Simd>(
     simd: S,
@@ -40,10 +45,11 @@ pub(super) fn hit_instance<S: Simd>(
     frame: Option<&InstanceFrame>,
     rays: RayRegisters,
     count: usize,
+    (first, stride): (usize, usize),
 ) -> u32 {
     let Some(frame) = frame else { return 0 };
-    let InstanceFrame { instance, vertices, shift, axis, forward, registers, .. } = *frame;
-    let (blocks, span, RayRegisters { t, ids, .. }) = (input.blocks, input.span, rays);
+    let InstanceFrame { instance, vertices, shift, axis, forward, .. } = *frame;
+    let (blocks, RayRegisters { directions, t, ids }) = (input.blocks, rays);
     let CandidateLists { inside, planes, .. } = lists;
     let plane = &mut planes[0];
     let mut touched = 0;
@@ -51,7 +57,7 @@ pub(super) fn hit_instance<S: Simd>(
         let (pulse, lane) = (pulse_of(*pair), lane_of(*pair));
         let Some(block) = blocks[block_of(*pair)] else { continue };
         touched |= 1 << pulse;
-        let origin = frame.origins[pulse];
+        let origin = frame.origins.get(pulse);
         let vertex = |c: usize| vertices[block.vertex[c][lane] as usize];
         let corners = [vertex(0), vertex(1), vertex(2)].map(|v| instance.placement.place(v, shift));
         let [a, b, c] = &corners;
@@ -60,11 +66,11 @@ pub(super) fn hit_instance<S: Simd>(
         plane.set(simd, [a.as_ref(), b.as_ref(), c.as_ref()], origin.as_ref(), heading);
         for n in 0..SPAN / 8 {
             let [sure, any] = [strictly, maybe].map(|m| m >> (8 * n) & 255);
-            let register = pulse * registers + span * (SPAN / 8) + n;
+            let register = first + pulse * stride + n;
             if any == 0 || register >= t.len() {
                 continue;
             }
-            let directions = frame.directions.map(|d| &d[register]);
+            let directions = directions.map(|d| &d[register]);
             let (t, id) = (&mut t[register], &mut ids[register]);
             let sound = plane.hit(simd, sure, directions, directions[axis], (t, id));
             let open = any & !sound;

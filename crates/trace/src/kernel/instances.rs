@@ -6,13 +6,13 @@
 use super::instance_frame::{InstanceFrame, InstanceVisit};
 use super::lanes::PACKET_SIZE;
 use super::packet::{PacketFrustum, count_neighbours};
+use super::spread::OriginLanes;
 use super::traversal::{PacketScratch, PacketTraversal};
 use crate::index::InstanceTree;
-use crate::instances::{Instance, WorldToInstance};
+use crate::instances::Instance;
 use crate::simd::{Level, Simd, dispatch};
 use crate::{Geometry, Hits, RayGroup};
 use std::ops::Range;
-use vlscan_geom::DVec3;
 
 /// Memory of traversals of both levels, for one thread.
 #[derive(Default)]
@@ -20,8 +20,6 @@ pub struct InstanceScratch {
     top: PacketScratch,
     model: PacketScratch,
     visits: Vec<InstanceVisit>,
-    /// Rays in the frame of a model.
-    local: RayGroup,
     /// Hits of a group on the geometry itself.
     own_hits: Hits,
 }
@@ -98,12 +96,14 @@ fn trace_packet<S: Simd>(
     hits: &mut Hits,
     scratch: &mut InstanceScratch,
 ) -> bool {
-    let InstanceScratch { top, model, visits, local, .. } = scratch;
+    let InstanceScratch { top, model, visits, .. } = scratch;
     let out = (&mut top.deviations[..], &mut [][..]);
     let frame = &tree.top.frame;
     let Some(frustum) = PacketFrustum::around(simd, frame, rays, pulses.clone(), out, 0.0) else {
         return false;
     };
+    let mut origins = OriginLanes([[0.0; PACKET_SIZE]; 3]);
+    pulses.clone().enumerate().for_each(|(lane, pulse)| origins.set(lane, rays.origin(pulse)));
     visits.clear();
     let all = (1u32 << pulses.len()) - 1;
     let mut packet = PacketTraversal::of(geometry, rays, pulses.start, hits.registers(), frustum, top);
@@ -115,7 +115,7 @@ fn trace_packet<S: Simd>(
     for InstanceVisit { enter, pulses, instance } in visits.iter() {
         let pulses = pulses & packet.within_limit(*enter);
         if pulses != 0 {
-            packet.visit_instance(tree, *instance, pulses, model, local);
+            packet.visit_instance(tree, *instance, pulses, &origins, model);
             packet.lower_limits(pulses);
         }
     }
@@ -130,83 +130,57 @@ impl<S: Simd> PacketTraversal<'_, S> {
         tree: &InstanceTree,
         number: u32,
         pulses: u32,
+        origins: &OriginLanes,
         scratch: &mut PacketScratch,
-        local: &mut RayGroup,
     ) {
         let instance = &tree.instances.all[number as usize];
-        let below = pulses.trailing_zeros() as usize;
-        let span = below..PACKET_SIZE.min(32 - pulses.leading_zeros() as usize);
-        let pulses = pulses >> below;
-        let entered = self.walk_model(tree, instance, span.clone(), pulses, scratch, local);
-        let mut rest = if entered { 0 } else { pulses };
+        if self.walk_model(tree, instance, pulses, origins, scratch) {
+            return;
+        }
+        let mut rest = pulses;
         while rest != 0 {
-            let pulse = self.first + span.start + rest.trailing_zeros() as usize;
+            let lane = rest.trailing_zeros() as usize;
+            rest &= rest - 1;
+            // A pulse alone may have a dominant axis.
+            if self.walk_model(tree, instance, 1 << lane, origins, scratch) {
+                continue;
+            }
+            let pulse = self.first + lane;
             let row = pulse * self.registers..(pulse + 1) * self.registers;
             let (t, ids) = (self.t[row.clone()].as_flattened_mut(), self.ids[row].as_flattened_mut());
             tree.visit_pulse(instance, self.rays, pulse, t, ids);
-            rest &= rest - 1;
         }
     }
 
-    /// Traverses the model's tree with the pulses of `span` that are in `pulses`. Returns false if they cannot form a
-    /// packet in its frame.
+    /// Traverses the model's tree with the `pulses`. Returns false if they cannot form a packet in its frame.
     #[inline(always)]
     fn walk_model(
         &mut self,
         tree: &InstanceTree,
         instance: &Instance,
-        span: Range<usize>,
         pulses: u32,
+        origins: &OriginLanes,
         scratch: &mut PacketScratch,
-        local: &mut RayGroup,
     ) -> bool {
         let Some(way) = tree.instances.world_to_instance(instance) else { return false };
         let model = &tree.models[instance.model as usize];
-        let (simd, rays) = (self.simd, self.rays);
-        let (first, count) = (self.first + span.start, span.len());
-        let error = simd.outlined(
-            #[inline(always)]
-            || to_instance(local, rays, first..first + count, &way),
-        );
-        let out = (&mut scratch.deviations[..], &mut [][..]);
-        let error = error * model.frame.scale;
-        let Some(frustum) = PacketFrustum::around(simd, &model.frame, local, 0..count, out, error) else {
-            return false;
-        };
-        let (mut origins, mut max_along) = ([DVec3::ZERO; PACKET_SIZE], [0.0; PACKET_SIZE]);
-        for p in 0..count {
-            (origins[p], max_along[p]) = (rays.origin(first + p), self.frustum.max_along[span.start + p]);
-        }
-        let registers = self.registers;
-        let rows = first * registers..(first + count) * registers;
-        let hits = (&mut self.t[rows.clone()], &mut self.ids[rows.clone()]);
+        let Some(frustum) = self.frustum.in_model(&model.frame, &way, origins, pulses) else { return false };
         let geometry = &tree.instances.model(instance).geometry;
-        let mut packet = PacketTraversal::of(geometry, local, 0, hits, frustum, scratch);
+        let hits = (&mut *self.t, &mut *self.ids);
+        let mut packet = PacketTraversal::of(geometry, self.rays, self.first, hits, frustum, scratch);
         packet.instance = Some(InstanceFrame {
             instance,
             vertices: &geometry.vertices,
             shift: tree.instances.shift,
-            directions: self.directions.map(|d| &d[rows.clone()]),
-            registers,
+            matrix: way.matrix(),
+            spread: 0,
             axis: self.frustum.axes[0],
             forward: f64::from(self.frustum.forward),
             origins,
-            max_along,
+            max_along: &self.frustum.max_along,
         });
         packet.lower_limits(pulses);
         packet.walk(model, pulses);
         true
     }
-}
-
-/// Transforms rays into a model's frame. Returns the bound of their error in it.
-#[inline(always)]
-fn to_instance(local: &mut RayGroup, rays: &RayGroup, pulses: Range<usize>, way: &WorldToInstance) -> f64 {
-    let mut max_error = 0.0;
-    local.transform_from(rays, pulses, way.matrix(), |origin| {
-        let (origin, error) = way.point(origin);
-        max_error = f64::max(max_error, error);
-        origin
-    });
-    max_error
 }

@@ -6,13 +6,13 @@ use super::candidates::{
     refine_inside,
 };
 use super::distance::Rays;
-use super::filter::{BlockSlopes, boxes_in_frustum};
+use super::filter::{BlockSlopes, DepthRange, boxes_in_frustum};
 use super::instance_frame::{InstanceFrame, hit_instance, record_instances};
 use super::lanes::PACKET_SIZE;
-use super::packet::PlaneDepth;
+use super::model_frame::set_deviations;
 use super::traversal::PacketTraversal;
 use crate::block::{BLOCK_SIZE, Block};
-use crate::simd::{F64Ops, Simd};
+use crate::simd::{F32Ops, F64Ops, MaskOps, Simd};
 
 impl<'a, S: Simd> PacketTraversal<'a, S> {
     /// Tests the pulses in `mask`, each within its range of depths, against a block. Its hits may be found together
@@ -50,7 +50,8 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         }
         let touched = if self.offsets.is_empty() { self.flush_pulses() } else { self.flush_merged() };
         self.lower_limits(touched);
-        (self.blocks.count, self.lists.batch_count) = (0, 0);
+        self.blocks.count = 0;
+        self.lists.clear();
     }
 
     /// Finds the hits of all pending pairs, span by span. Returns a mask of the pulses that may have hit something.
@@ -62,19 +63,20 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
             #[inline(always)]
             move || find_sides::<S, false>(simd, lists, input),
         );
+        self.spread_pulses();
         let mut touched = 0;
         for span in 0..self.spans {
             let count = self.find_inside::<false>(span);
+            let stride = self.registers;
+            let first = self.first * stride + span * SPAN / 8;
             if self.instance.is_some() {
                 let Step { lists, input, instance, rays, .. } = self.step(span);
                 touched |= simd.outlined(
                     #[inline(always)]
-                    move || hit_instance(simd, lists, input, instance, rays, count),
+                    move || hit_instance(simd, lists, input, instance, rays, count, (first, stride)),
                 );
                 continue;
             }
-            let stride = self.registers;
-            let first = self.first * stride + span * SPAN / 8;
             let Step { lists, input, .. } = self.step(span);
             let (count, pulses) = simd.outlined(
                 #[inline(always)]
@@ -90,6 +92,24 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
             (0..open).for_each(|n| self.intersect_open(n));
         }
         touched
+    }
+
+    /// In the tree of a model, computes the deviations of the rays of all pulses that are partly inside a triangle.
+    #[inline(always)]
+    fn spread_pulses(&mut self) {
+        let Some(frame) = &mut self.instance else { return };
+        let mut new = self.lists.partial_pulses() & !frame.spread;
+        frame.spread |= new;
+        let (simd, frustum) = (self.simd, &self.frustum);
+        while new != 0 {
+            let lane = new.trailing_zeros() as usize % PACKET_SIZE;
+            new &= new - 1;
+            let row = (self.first + lane) * self.registers..(self.first + lane + 1) * self.registers;
+            let directions = self.directions.map(|d| &d[row.clone()]);
+            let slope = frustum.lane_shears.slope.map(|side| side.0[lane]);
+            let deviations = &mut self.deviations[lane * self.wide..(lane + 1) * self.wide];
+            set_deviations(simd, directions, &frame.matrix, frustum.axes, slope, deviations);
+        }
     }
 
     /// Finds the hits of all pending pairs of merged pulses, which have one span. Returns a mask of the pulses that
@@ -146,7 +166,7 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
                 pending: &self.blocks,
                 frustum: &self.frustum,
                 vertices: if self.is_field { &self.leaves.vertices } else { &self.geometry.vertices },
-                deviations: self.deviations,
+                deviations: &*self.deviations,
                 offsets: self.offsets,
                 wide: self.wide,
                 span,
@@ -191,27 +211,43 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         lo: &[f32; PACKET_SIZE],
         hi: &[f32; PACKET_SIZE],
     ) {
-        let cover_offsets = enter >= self.frustum.small_offsets_from;
+        let simd = self.simd;
         let (slot, lists) = (self.blocks.count % MAX_PENDING_BLOCKS, &mut *self.lists);
-        let slopes =
-            BlockSlopes::of(&self.frustum, block.unwrap_or(&self.leaves.blocks[slot]), cover_offsets);
-        slopes.store_depths(&mut self.blocks.near[slot], &mut self.blocks.far[slot]);
+        let of_block = block.unwrap_or(&self.leaves.blocks[slot]);
+        let mut count = lists.batch_count * BLOCK_SIZE;
+        let range = if mask.is_power_of_two() && self.offsets.is_empty() {
+            let p = mask.trailing_zeros() as usize % PACKET_SIZE;
+            let range = DepthRange::of(&self.frustum, of_block);
+            let within = range.overlaps(simd, [lo[p], hi[p]]).bits();
+            if !lists.pair_pulse(&self.frustum, of_block, (slot, p), within) {
+                return;
+            }
+            range
+        } else {
+            let cover_offsets = enter >= self.frustum.small_offsets_from;
+            let slopes = BlockSlopes::of(&self.frustum, of_block, cover_offsets);
+            while mask != 0 {
+                let p = mask.trailing_zeros() as usize % PACKET_SIZE;
+                let met = slopes.overlapping(&self.frustum, p, [lo[p], hi[p]]);
+                if let Some(free) = lists.pairs[count..].first_chunk_mut() {
+                    simd.write_lanes(met, (slot * MAX_BLOCK_PAIRS + p * BLOCK_SIZE) as u32, free);
+                }
+                count += met.count_ones() as usize;
+                mask &= mask - 1;
+            }
+            if count == lists.batch_count * BLOCK_SIZE {
+                return;
+            }
+            slopes.range
+        };
+        range.near.store(&mut self.blocks.near[slot]);
+        range.far.store(&mut self.blocks.far[slot]);
         self.blocks.blocks[slot] = block;
         self.blocks.count += 1;
-        let mut count = lists.batch_count * BLOCK_SIZE;
-        while mask != 0 {
-            let p = mask.trailing_zeros() as usize % PACKET_SIZE;
-            let met = slopes.overlapping(&self.frustum, p, [lo[p], hi[p]]);
-            if let Some(free) = lists.pairs[count..].first_chunk_mut() {
-                self.simd.write_lanes(met, (slot * MAX_BLOCK_PAIRS + p * BLOCK_SIZE) as u32, free);
-            }
-            count += met.count_ones() as usize;
-            mask &= mask - 1;
-        }
         while lists.batch_count * BLOCK_SIZE < count {
             let used = count - lists.batch_count * BLOCK_SIZE;
             let used = if used < BLOCK_SIZE { (1u32 << used) - 1 } else { 0xffff };
-            lists.batches[lists.batch_count] = Batch { block: slot as u32, used };
+            lists.batches[lists.batch_count] = Batch { block: slot as u32, used, has_sides: false };
             lists.batch_count += 1;
         }
         self.flush_full();
@@ -223,11 +259,9 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         let (mut rest, mut touched) = (mask, 0);
         while rest != 0 {
             let p = rest.trailing_zeros() as usize % PACKET_SIZE;
-            let planes = self.frustum.planes.each_ref().map(|planes| {
-                planes.each_ref().map(|s| PlaneDepth { from: s.from.0[p], inverse: s.inverse.0[p] })
-            });
+            let planes = &self.frustum.pulse_planes(p);
             let (mut met, enter) =
-                boxes_in_frustum(self.simd, &planes, &block.corner[0], &block.corner[1], hi[p]);
+                boxes_in_frustum(self.simd, planes, &block.corner[0], &block.corner[1], hi[p]);
             if let Some(visits) = &mut self.visits {
                 record_instances(visits, block, p, met, enter);
                 met = 0;

@@ -17,8 +17,8 @@
 //! undecided |
 //! | `distance` | distances |
 //! | `heights` | traversal of height fields, whose leaves become blocks when they are visited |
-//! | `instances`, `instance_frame` | the instances that a packet hits, and their triangles in the frame of the model
-//! |
+//! | `instances`, `model_frame` | the instances that a packet hits; the packet in the frame of a model |
+//! | `instance_frame` | triangles of an instance in the scene |
 
 mod candidates;
 mod distance;
@@ -29,6 +29,7 @@ mod instance_frame;
 mod instances;
 mod lanes;
 mod leaf;
+mod model_frame;
 mod packet;
 mod sides;
 mod spread;

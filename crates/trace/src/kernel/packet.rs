@@ -9,7 +9,7 @@ use super::spread::{Deviations, OriginOffsets, Origins, Spread};
 use crate::frame::Frame;
 use crate::intersect::axes_by_dominance;
 use crate::rays::RayGroup;
-use crate::simd::{F32Ops, Simd};
+use crate::simd::{F32Ops, Simd, each_of};
 use std::ops::Range;
 use vlscan_geom::DVec3;
 
@@ -82,11 +82,11 @@ pub(crate) struct PacketFrustum<S: Simd> {
 #[derive(Clone, Copy)]
 pub(crate) struct LaneShears {
     pub from: [PerPulse; 3],
-    /// Slopes of the first ray, exactly those of [`Shear`].
+    /// Slopes of the shear; of the first ray, exactly those of [`Shear`], or of the middle of the rays.
     pub slope: [PerPulse; 2],
     /// Maximum magnitude of these slopes.
     pub max_slope: PerPulse,
-    /// Maximum deviation of another ray from these slopes.
+    /// Maximum deviation of a ray from these slopes.
     pub width: PerPulse,
     /// Maximum sideways distance between the origins of a merged pulse's rays and the first.
     pub reach: PerPulse,
@@ -124,13 +124,36 @@ impl<S: Simd> PacketFrustum<S> {
         let out = (deviations, offsets);
         let spread = Spread::of(simd, frame.scale, rays, pulses.clone(), axes, forward, out);
         let slope = spread.slopes()?;
+        let mut max_along = [0.0; PACKET_SIZE];
+        for l in 0..PACKET_SIZE {
+            max_along[l] = f64::from(spread.along[1].0[l]) * 1.000_000_2;
+        }
+        let mut shears = [Shear::ZERO; PACKET_SIZE];
+        for (l, pulse) in pulses.enumerate() {
+            let slope = [spread.first[0][l], spread.first[1][l]];
+            shears[l] = Shear { origin: rays.origin(pulse).to_array(), slope };
+        }
+        let lane_shears = LaneShears::of(&origins, &spread, forward as f32);
+        let cones = PulseCones { origins, slope, start: spread.start, max_along, shears, lane_shears };
+        Some(PacketFrustum::of(simd, frame.scale, (axes, forward as f32), &cones))
+    }
+
+    /// The frustums of pulses that run `forward` along the first of `axes`.
+    #[inline(always)]
+    pub fn of(
+        simd: S,
+        scale: f64,
+        (axes, forward): ([usize; 3], f32),
+        cones: &PulseCones,
+    ) -> PacketFrustum<S> {
+        let PulseCones { origins, slope, start, max_along, shears, lane_shears } = cones;
         let mut offset = [[PerPulse::ZERO; 2]; 2];
         for side in 0..2 {
             for end in 0..2 {
                 for l in 0..PACKET_SIZE {
                     // The higher slope makes the lower offset.
                     let back = slope[side][1 - end].0[l] * origins.depth.0[l];
-                    offset[side][end].0[l] = origins.offset[side].0[l] + spread.start[side][end].0[l] - back;
+                    offset[side][end].0[l] = origins.offset[side].0[l] + start[side][end].0[l] - back;
                 }
             }
         }
@@ -141,49 +164,63 @@ impl<S: Simd> PacketFrustum<S> {
             }
         }
         let max_offset = simd.load(&sizes).max_lane();
-        let (mut depth_per_t, mut max_along) = ([0.0; PACKET_SIZE], [0.0; PACKET_SIZE]);
+        let mut depth_per_t = [0.0; PACKET_SIZE];
         for l in 0..PACKET_SIZE {
-            max_along[l] = f64::from(spread.along[1].0[l]) * 1.000_000_2;
-            depth_per_t[l] = max_along[l] * frame.scale;
+            depth_per_t[l] = max_along[l] * scale;
         }
-        let mut shears = [Shear::ZERO; PACKET_SIZE];
-        for (l, pulse) in pulses.enumerate() {
-            let slope = [spread.first[0][l], spread.first[1][l]];
-            shears[l] = Shear { origin: rays.origin(pulse).to_array(), slope };
-        }
-        let lane_shears = LaneShears::of(&origins, &spread, forward as f32);
         let narrowest = -(simd.splat(0.0) - simd.load(&lane_shears.width.0)).max_lane();
         let are_small = max_offset <= 8.0 * origins.slack;
         let small_offsets_from = if are_small { f32::NEG_INFINITY } else { 4.0 * max_offset / narrowest };
-        let planes = planes(simd, axes, forward as f32, &origins, &slope, &offset);
-        let hull = hull(axes, forward as f32, &origins, &slope, &offset);
-        Some(PacketFrustum {
+        PacketFrustum {
             simd,
             axes,
-            forward: forward as f32,
+            forward,
             apex: origins.apex,
             slack: origins.slack,
-            scale: frame.scale,
+            scale,
             origin_spread: origins.spread,
             slopes_from: origins.slopes_from,
-            slope,
-            offset,
+            slope: *slope,
             max_offset,
             small_offsets_from,
             start: origins.foremost,
             depth_per_t,
-            max_along,
-            planes,
-            hull,
-            shears,
-            lane_shears,
-        })
+            max_along: *max_along,
+            planes: planes(simd, axes, forward, origins, slope, &offset),
+            hull: hull(simd, axes, forward, origins, slope, &offset),
+            offset,
+            shears: *shears,
+            lane_shears: *lane_shears,
+        }
     }
 }
 
-impl LaneShears {
+impl<S: Simd> PacketFrustum<S> {
+    /// The planes of one pulse, like those of the hull.
     #[inline(always)]
-    fn of(origins: &Origins, spread: &Spread, forward: f32) -> LaneShears {
+    pub fn pulse_planes(&self, p: usize) -> [[PlaneDepth; 2]; 3] {
+        let of_pulse = |s: &PlaneDepths<S>| PlaneDepth { from: s.from.0[p], inverse: s.inverse.0[p] };
+        each_of!([0, 1, 2], a => each_of!([0, 1], n => of_pulse(&self.planes[a][n])))
+    }
+}
+
+/// Origins and directions of the pulses of a packet, from which its frustums follow.
+pub(super) struct PulseCones {
+    pub origins: Origins,
+    /// Slopes, `[side axis][low, high]`.
+    pub slope: [[PerPulse; 2]; 2],
+    /// Origins of merged pulses' rays relative to the first, `[side axis][low, high]`, in the tree's frame.
+    pub start: [[PerPulse; 2]; 2],
+    /// Maximum magnitude of the directions' component along the dominant axis.
+    pub max_along: [f64; PACKET_SIZE],
+    pub shears: [Shear; PACKET_SIZE],
+    pub lane_shears: LaneShears,
+}
+
+impl LaneShears {
+    /// Coordinates around these origins that are not sheared.
+    #[inline(always)]
+    pub fn at(origins: &Origins, forward: f32) -> LaneShears {
         let mut shears = LaneShears {
             from: [origins.depth, origins.offset[0], origins.offset[1]],
             slope: [PerPulse::ZERO; 2],
@@ -191,12 +228,20 @@ impl LaneShears {
             width: PerPulse::ZERO,
             reach: PerPulse::ZERO,
         };
+        for l in 0..PACKET_SIZE {
+            shears.from[0].0[l] *= forward;
+        }
+        shears
+    }
+
+    #[inline(always)]
+    fn of(origins: &Origins, spread: &Spread, forward: f32) -> LaneShears {
+        let mut shears = LaneShears::at(origins, forward);
         let largest = |[i, j]: &[[PerPulse; 2]; 2], l: usize| {
             let ends = [i[0].0[l].abs(), i[1].0[l].abs(), j[0].0[l].abs(), j[1].0[l].abs()];
             raised(greater(greater(ends[0], ends[1]), greater(ends[2], ends[3])))
         };
         for l in 0..PACKET_SIZE {
-            shears.from[0].0[l] *= forward;
             let [i, j] = [0, 1].map(|n| spread.first[n][l] as f32);
             (shears.slope[0].0[l], shears.slope[1].0[l]) = (i, j);
             shears.max_slope.0[l] = greater(i.abs(), j.abs());
@@ -252,15 +297,16 @@ fn planes<S: Simd>(
 }
 
 #[inline(always)]
-fn hull(
+fn hull<S: Simd>(
+    simd: S,
     [k, i, j]: [usize; 3],
     forward: f32,
     origins: &Origins,
     slope: &[[PerPulse; 2]; 2],
     offset: &[[PerPulse; 2]; 2],
 ) -> [[PlaneDepth; 2]; 3] {
-    let least = |x: &PerPulse| x.0.iter().fold(f32::INFINITY, |m, &x| if x < m { x } else { m });
-    let greatest = |x: &PerPulse| x.0.iter().fold(f32::NEG_INFINITY, |m, &x| greater(x, m));
+    let greatest = |x: &PerPulse| simd.load(&x.0).max_lane();
+    let least = |x: &PerPulse| -(simd.splat(0.0) - simd.load(&x.0)).max_lane();
     let (r, slack) = (origins.apex, origins.slack);
     let mut hull = [[
         PlaneDepth { from: lowered(r[k] - slack), inverse: forward },

@@ -14,6 +14,7 @@
 //! which adds `e_x·u_j − e_y·u_i + e_z·(u_i·δ_j − u_j·δ_i)` to the edge function, `e` being the edge, and twice the greatest
 //! `|u|` to `q`; the rounding of `u` counts like that of corners.
 
+use super::lanes::PerPulse;
 use super::packet::PacketFrustum;
 use super::spread::{Deviations, OriginOffsets};
 use crate::block::{BLOCK_SIZE, Block};
@@ -28,6 +29,15 @@ const ROUNDINGS: f32 = 5.05 * 0.5 * f32::EPSILON;
 
 /// Error of where a ray of a merged pulse starts, relative to the greatest distance of that from the first.
 const START: f32 = 2.0 * f32::EPSILON;
+
+/// The sheared coordinates of the pulses of sixteen pairs, see [`super::packet::LaneShears`].
+struct PulseShear<S: Simd> {
+    from: [S::F32x16; 3],
+    slope: [S::F32x16; 2],
+    max_slope: S::F32x16,
+    width: S::F32x16,
+    reach: S::F32x16,
+}
 
 /// The edge functions of sixteen pairs.
 #[derive(Clone, Copy)]
@@ -59,28 +69,65 @@ impl Sides {
     ) -> [u32; 2] {
         let simd = frustum.simd;
         let [triangle, pulse] = simd.indices(pairs);
-        let [k, i, j] = frustum.axes;
-        let apex = each_of!([0, 1, 2], n => simd.splat(frustum.apex[[k, i, j][n]]));
         let shears = &frustum.lane_shears;
-        let from = each_of!([0, 1, 2], n => simd.look_up(&shears.from[n].0, pulse));
-        let slope = each_of!([0, 1], n => simd.look_up(&shears.slope[n].0, pulse));
-        let width = simd.look_up(&shears.width.0, pulse);
+        let of = |lanes: &PerPulse| simd.look_up(&lanes.0, pulse);
+        let pulses = PulseShear {
+            from: each_of!([0, 1, 2], n => of(&shears.from[n])),
+            slope: each_of!([0, 1], n => of(&shears.slope[n])),
+            max_slope: of(&shears.max_slope),
+            width: of(&shears.width),
+            reach: if MERGED { of(&shears.reach) } else { simd.splat(0.0) },
+        };
+        let axes = frustum.axes;
+        let corners = each_of!([0, 1, 2], v => {
+            each_of!([0, 1, 2], n => simd.look_up(&block.corner[v][axes[n]], triangle))
+        });
+        self.set_lanes::<S, MERGED>(frustum, corners, pulses)
+    }
+
+    /// [`Sides::set`] for the pairs of all triangles of a block with pulse `p`, which is not merged.
+    #[inline(always)]
+    pub fn set_pulse<S: Simd>(&mut self, frustum: &PacketFrustum<S>, block: &Block, p: usize) -> [u32; 2] {
+        let simd = frustum.simd;
+        let shears = &frustum.lane_shears;
+        let of = |lanes: &PerPulse| simd.splat(lanes.0[p]);
+        let pulse = PulseShear {
+            from: each_of!([0, 1, 2], n => of(&shears.from[n])),
+            slope: each_of!([0, 1], n => of(&shears.slope[n])),
+            max_slope: of(&shears.max_slope),
+            width: of(&shears.width),
+            reach: simd.splat(0.0),
+        };
+        let axes = frustum.axes;
+        let corners =
+            each_of!([0, 1, 2], v => each_of!([0, 1, 2], n => simd.load(&block.corner[v][axes[n]])));
+        self.set_lanes::<S, false>(frustum, corners, pulse)
+    }
+
+    /// Computes the edges of sixteen pairs from the corners by dominant axis and side axes, and the pulses.
+    #[inline(always)]
+    fn set_lanes<S: Simd, const MERGED: bool>(
+        &mut self,
+        frustum: &PacketFrustum<S>,
+        corners: [[S::F32x16; 3]; 3],
+        pulses: PulseShear<S>,
+    ) -> [u32; 2] {
+        let simd = frustum.simd;
+        let PulseShear { from, slope, max_slope, width, reach } = pulses;
+        let apex = each_of!([0, 1, 2], n => simd.splat(frustum.apex[frustum.axes[n]]));
         let (zero, twice) = (simd.splat(0.0), width + width);
         let corner = each_of!([0, 1, 2], v => {
-            let at = each_of!([0, 1, 2], n => {
-                simd.look_up(&block.corner[v][[k, i, j][n]], triangle) - apex[n] - from[n]
-            });
+            let at = each_of!([0, 1, 2], n => corners[v][n] - apex[n] - from[n]);
             [at[1] - slope[0] * at[0], at[2] - slope[1] * at[0], at[0]]
         });
         let depth = each_of!([0, 1, 2], v => corner[v][2].abs());
         let size = each_of!([0, 1, 2], v => corner[v][0].abs() + corner[v][1].abs() + twice * depth[v]);
         let size = size[0].max(size[1]).max(size[2]);
         let depth = depth[0].max(depth[1]).max(depth[2]);
-        let aside = size + simd.look_up(&shears.max_slope.0, pulse) * depth;
+        let aside = size + max_slope * depth;
         let corner_error = simd.splat(frustum.slack) + simd.splat(ROUNDINGS) * aside;
-        let (mut reach, mut size, mut corner_error) = (zero, size, corner_error);
+        let (mut size, mut corner_error) = (size, corner_error);
         if MERGED {
-            reach = simd.look_up(&shears.reach.0, pulse);
             size = size + (reach + reach);
             corner_error = corner_error + simd.splat(START) * reach;
         }

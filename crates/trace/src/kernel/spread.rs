@@ -43,36 +43,50 @@ impl Origins {
         forward: f64,
         error: f64,
     ) -> Option<Origins> {
-        let mut origins = [DVec3::ZERO; PACKET_SIZE];
-        let origins = &mut origins[..pulses.len()];
-        for (o, p) in origins.iter_mut().zip(pulses.clone()) {
-            *o = frame.local(rays.origin(p));
+        let mut origins = OriginLanes([[0.0; PACKET_SIZE]; 3]);
+        for l in 0..PACKET_SIZE {
+            let pulse = if l < pulses.len() { pulses.start + l } else { pulses.start };
+            origins.set(l, frame.local(rays.origin(pulse)));
         }
-        let [k, i, j] = axes;
-        let rearmost = origins.iter().fold(f64::INFINITY, |m, o| m.min(o[k] * forward));
-        let mut merged = MergedOrigins { rearmost, reach: 0.0, spread: 0.0, forward: [0.0; PACKET_SIZE] };
-        if rays.is_merged() {
-            merged.add(frame, rays, pulses, k, forward);
+        let merged = rays.is_merged().then(|| MergedOrigins::of(frame, rays, pulses, axes[0], forward));
+        Origins::of_lanes(&origins, merged, axes, forward, error)
+    }
+
+    /// [`Origins::of`] from the origins of all lanes in the tree's frame.
+    #[inline(always)]
+    pub fn of_lanes(
+        OriginLanes(origins): &OriginLanes,
+        merged: Option<MergedOrigins>,
+        [k, i, j]: [usize; 3],
+        forward: f64,
+        error: f64,
+    ) -> Option<Origins> {
+        let mut rearmost = f64::INFINITY;
+        let mut reach = 0.0;
+        for l in 0..PACKET_SIZE {
+            rearmost = lesser(origins[k][l] * forward, rearmost);
+            for axis in origins {
+                reach = larger(axis[l].abs(), reach);
+            }
         }
-        let mut apex = origins[0].to_array().map(|x| x as f32);
-        apex[k] = ((merged.rearmost as f32).next_down() * forward as f32).clamp(f32::MIN, f32::MAX);
+        let merged = merged.unwrap_or(MergedOrigins::NONE);
+        let (rearmost, reach) = (rearmost.min(merged.rearmost), reach.max(merged.reach));
+        let mut apex = [origins[0][0] as f32, origins[1][0] as f32, origins[2][0] as f32];
+        apex[k] = ((rearmost as f32).next_down() * forward as f32).clamp(f32::MIN, f32::MAX);
         let (mut offset, mut depth, mut foremost) = ([PerPulse::ZERO; 2], PerPulse::ZERO, PerPulse::ZERO);
-        let (mut reach, mut spread) = (merged.reach, 0.0f64);
-        for (l, o) in origins.iter().enumerate() {
-            let from = [o[k] - f64::from(apex[k]), o[i] - f64::from(apex[i]), o[j] - f64::from(apex[j])];
+        let mut spread = 0.0;
+        let [from_k, from_i, from_j] = [k, i, j].map(|a| f64::from(apex[a]));
+        for l in 0..PACKET_SIZE {
+            let from = [origins[k][l] - from_k, origins[i][l] - from_i, origins[j][l] - from_j];
             depth.0[l] = (from[0] * forward) as f32;
             foremost.0[l] = raised((from[0] * forward + merged.forward[l]) as f32);
             offset[0].0[l] = from[1] as f32;
             offset[1].0[l] = from[2] as f32;
-            reach = reach.max(o.abs().max_element());
-            spread = spread.max(from.iter().fold(0.0, |m, x| m.max(x.abs())));
+            spread = larger(larger(from[0].abs(), larger(from[1].abs(), from[2].abs())), spread);
         }
         // Rays start within the merged spread of the first, and at up to twice that sideways when extrapolated to its
         // depth.
         spread += 2.0 * merged.spread;
-        for lanes in [&mut depth, &mut foremost].into_iter().chain(&mut offset) {
-            lanes.repeat_first(origins.len());
-        }
         let slack = above(2.0 * Frame::ROUNDING + 1e-14 * (1.0 + reach) + 5e-7 * spread + error);
         // At depths less than the offsets, an error of the depth is amplified in offset / depth.
         let slopes_from = 16.0 * slack + above(spread);
@@ -81,8 +95,39 @@ impl Origins {
     }
 }
 
+/// Minimum of both; `b` when `a` is NaN.
+#[inline(always)]
+fn lesser(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
+/// Maximum of both; `b` when `a` is NaN.
+#[inline(always)]
+fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+/// The origins of sixteen pulses by axis.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+pub(super) struct OriginLanes(pub [[f64; PACKET_SIZE]; 3]);
+
+impl OriginLanes {
+    #[inline(always)]
+    pub fn get(&self, lane: usize) -> DVec3 {
+        DVec3::from(self.0.map(|axis| axis[lane]))
+    }
+
+    #[inline(always)]
+    pub fn set(&mut self, lane: usize, origin: DVec3) {
+        for (axis, x) in self.0.iter_mut().zip(origin.to_array()) {
+            axis[lane] = x;
+        }
+    }
+}
+
 /// The origins of merged pulses' rays relative to the first of each pulse, in the tree's frame.
-struct MergedOrigins {
+pub(super) struct MergedOrigins {
     /// Minimum depth of all rays.
     rearmost: f64,
     /// Maximum coordinate of all rays.
@@ -94,17 +139,22 @@ struct MergedOrigins {
 }
 
 impl MergedOrigins {
-    fn add(&mut self, frame: &Frame, rays: &RayGroup, pulses: Range<usize>, k: usize, forward: f64) {
+    const NONE: MergedOrigins =
+        MergedOrigins { rearmost: f64::INFINITY, reach: 0.0, spread: 0.0, forward: [0.0; PACKET_SIZE] };
+
+    fn of(frame: &Frame, rays: &RayGroup, pulses: Range<usize>, k: usize, forward: f64) -> MergedOrigins {
+        let mut all = MergedOrigins::NONE;
         for (l, p) in pulses.enumerate() {
             let first = frame.local(rays.origin(p));
             for r in 0..rays.rays() {
                 let o = frame.local(rays.origin_of(p, r));
-                self.rearmost = self.rearmost.min(o[k] * forward);
-                self.reach = self.reach.max(o.abs().max_element());
-                self.spread = self.spread.max((o - first).abs().max_element());
-                self.forward[l] = self.forward[l].max((o[k] - first[k]) * forward);
+                all.rearmost = all.rearmost.min(o[k] * forward);
+                all.reach = all.reach.max(o.abs().max_element());
+                all.spread = all.spread.max((o - first).abs().max_element());
+                all.forward[l] = all.forward[l].max((o[k] - first[k]) * forward);
             }
         }
+        all
     }
 }
 

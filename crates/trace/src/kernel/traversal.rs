@@ -28,7 +28,8 @@ pub(super) struct PacketTraversal<'a, S: Simd> {
     pub spans: usize,
     pub first: usize,
     pub frustum: PacketFrustum<S>,
-    pub deviations: &'a [Deviations],
+    /// In the tree of a model they are computed when a pulse comes upon a triangle.
+    pub deviations: &'a mut [Deviations],
     /// Origins of the rays of merged pulses; empty for others.
     pub offsets: &'a [OriginOffsets],
     /// Depth beyond which nothing can be nearer than the hits of each pulse.
@@ -70,7 +71,7 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
             spans: rays.stride().div_ceil(32),
             first,
             frustum,
-            deviations: &scratch.deviations,
+            deviations: &mut scratch.deviations,
             offsets: &scratch.offsets,
             limit: PerPulse([f32::NEG_INFINITY; PACKET_SIZE]),
             occlusion: Occlusion::NONE,

@@ -10,6 +10,9 @@ use crate::index::Nodes;
 use crate::node::{KdNode, WideNode};
 use crate::simd::{F32Ops, MaskOps, Simd, each_of, prefetch};
 
+/// Maximum number of blocks that wait for their memory.
+const MAX_AHEAD: usize = 4;
+
 impl<'a, S: Simd> PacketTraversal<'a, S> {
     /// Traverses the tree with the pulses in a mask, front to back.
     #[inline(always)]
@@ -89,13 +92,14 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
     #[inline(always)]
     fn walk_wide(&mut self, tree: &'a Tree, nodes: &[WideNode], pulses: u32) {
         self.stacks.wide[0] = WideVisit { pulses, ..WideVisit::ROOT };
-        let (is_single, mut height) = (pulses == 1, 1);
-        // The next block is prefetched until another one has been found.
-        let mut waiting: Option<(&'a Block, f32)> = None;
-        let mut waiting_pulses = 0;
+        let mut height = 1;
+        // Blocks are prefetched until some others have been found. Few pulses meet each block of a model, which is seldom in the
+        // cache.
+        let ahead = if self.instance.is_some() { MAX_AHEAD } else { 1 };
+        let mut waiting: [Option<(&'a Block, f32, u32)>; MAX_AHEAD] = [None; MAX_AHEAD];
+        let (mut first, mut count) = (0, 0);
         loop {
             let mut found = None;
-            let mut found_pulses = 0;
             if height > 0 {
                 height -= 1;
                 let WideVisit { child, enter, pulses } = self.stacks.wide[height];
@@ -105,20 +109,31 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
                 }
                 match child.number() {
                     Ok(number) => {
-                        height = self.push_children(tree, nodes, number, pulses, is_single, height);
+                        height = self.push_children(tree, nodes, number, pulses, height);
                         continue;
                     }
-                    Err(number) => (found, found_pulses) = (Some((&tree.blocks[number], enter)), pulses),
+                    Err(number) => found = Some((&tree.blocks[number], enter, pulses)),
                 }
-            } else if waiting.is_none() {
+            } else if count == 0 {
                 break;
             }
-            if let Some((block, enter)) = waiting {
-                let limit = self.limit.0;
-                let pulses = waiting_pulses & self.within_limit(enter);
-                self.visit_block(block, pulses, enter, &[0.0; PACKET_SIZE], &limit);
+            if count == ahead || found.is_none() {
+                if let Some((block, enter, pulses)) = waiting[first % MAX_AHEAD] {
+                    let limit = self.limit.0;
+                    let pulses = pulses & self.within_limit(enter);
+                    if pulses != 0 {
+                        self.visit_block(block, pulses, enter, &[0.0; PACKET_SIZE], &limit);
+                    }
+                }
+                (first, count) = (first + 1, count - 1);
             }
-            (waiting, waiting_pulses) = (found, found_pulses);
+            if let Some((block, ..)) = found {
+                if self.instance.is_some() {
+                    prefetch(&block.corner);
+                }
+                waiting[(first + count) % MAX_AHEAD] = found;
+                count += 1;
+            }
         }
     }
 
@@ -138,30 +153,35 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         nodes: &[WideNode],
         number: usize,
         pulses: u32,
-        is_single: bool,
         floor: usize,
     ) -> usize {
         let node = &nodes[number];
         let (mut depths, mut height) = ([0.0; PACKET_SIZE], floor);
-        let limit = self.simd.load(&self.limit.0).max_lane();
-        let (mut met, enter) =
-            boxes_in_frustum(self.simd, &self.frustum.hull, &node.lower, &node.upper, limit);
+        let is_single = pulses.is_power_of_two();
+        let (planes, limit) = if is_single {
+            let p = pulses.trailing_zeros() as usize % PACKET_SIZE;
+            (&self.frustum.pulse_planes(p), self.limit.0[p])
+        } else {
+            (&self.frustum.hull, self.simd.load(&self.limit.0).max_lane())
+        };
+        let (mut met, enter) = boxes_in_frustum(self.simd, planes, &node.lower, &node.upper, limit);
         enter.store(&mut depths);
         while met != 0 {
             let lane = met.trailing_zeros() as usize;
             met &= met - 1;
-            let lower = [node.lower[0][lane], node.lower[1][lane], node.lower[2][lane]];
-            let upper = [node.upper[0][lane], node.upper[1][lane], node.upper[2][lane]];
-            let meeting = box_in_pulses(&self.frustum, lower, upper, &self.limit);
-            // The hull of a single pulse is that pulse.
-            let meeting = if is_single { !0 } else { meeting };
-            let pulses = pulses & meeting;
-            if pulses == 0 {
-                continue;
+            let mut pulses = pulses;
+            if !is_single {
+                let lower = [node.lower[0][lane], node.lower[1][lane], node.lower[2][lane]];
+                let upper = [node.upper[0][lane], node.upper[1][lane], node.upper[2][lane]];
+                pulses &= box_in_pulses(&self.frustum, lower, upper, &self.limit);
+                if pulses == 0 {
+                    continue;
+                }
             }
             match node.child[lane].number() {
                 Ok(number) => prefetch(&nodes[number]),
-                Err(number) => prefetch(&tree.blocks[number]),
+                Err(number) if self.instance.is_none() => prefetch(&tree.blocks[number]),
+                Err(_) => {}
             }
             let stack = &mut self.stacks.wide;
             let mut at = height;
