@@ -241,8 +241,7 @@ impl LoadedScene {
         let area = |i: u32| match scene.triangle(i) {
             Some([a, b, c]) => (b - a).cross(c - a).length() / 2.0,
             None => {
-                let cube = (i as usize).checked_sub(scene.geometry.triangle_count());
-                let half = cube.and_then(|i| scene.geometry.cubes.get(i)).map_or(0.0, |cube| cube.half);
+                let half = scene.geometry.cube_of(i).map_or(0.0, |cube| cube.half);
                 24.0 * half * half
             }
         };
@@ -284,8 +283,7 @@ fn point_on(loaded: &LoadedScene, i: u32, [u, v, w]: [f64; 3]) -> DVec3 {
         let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
         return a + (b - a) * u + (c - a) * v;
     }
-    let index = (i as usize).saturating_sub(scene.geometry.triangle_count());
-    let Some(cube) = scene.geometry.cubes.get(index) else { return DVec3::ZERO };
+    let Some(cube) = scene.geometry.cube_of(i) else { return DVec3::ZERO };
     let side = (w * 6.0) as usize % 6;
     let mut offset = DVec3::new(2.0 * u - 1.0, 2.0 * v - 1.0, 0.0);
     offset[2] = if side.is_multiple_of(2) { 1.0 } else { -1.0 };

@@ -57,6 +57,7 @@ mod stages;
 mod stand;
 mod structure;
 mod trajectories;
+mod voxels;
 
 /// Counts what is allocated, for runs that must leave nothing behind.
 #[global_allocator]

@@ -1,6 +1,7 @@
 //! A scene under construction, to which the loaders append.
 
 use super::change::AppliedChanges;
+use super::grid_voxels::{GridSurfaces, GridVoxels};
 use super::library::Library;
 use super::model::{MovingPart, Part};
 use super::surfaces::Surface;
@@ -19,7 +20,7 @@ use vlscan_base::quantity;
 pub(super) use vlscan_geom::MAX_COORDINATE;
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_survey::{Identity, UpAxis};
-use vlscan_trace::{Cube, Geometry, Model, Placement};
+use vlscan_trace::{Cube, Geometry, Model, Placement, VoxelGrid};
 
 /// Maximum number of vertices, and of primitives, of a scene: indices have 32 bits and the largest one means "none".
 pub(super) const MAX_ELEMENTS: usize = u32::MAX as usize - 1;
@@ -43,6 +44,8 @@ pub struct LoadOptions {
     pub sharing: Sharing,
     /// Whether rasters become triangles that are stored, not height fields. Changes nothing but memory and speed.
     pub triangulate_rasters: bool,
+    /// Minimum number of voxels of a file that become a grid, not stored cubes. Changes nothing but memory and speed.
+    pub min_grid_voxels: usize,
     /// Ends the loading soon after it is set, with [`Error::Interrupted`].
     pub stop: Option<Arc<AtomicBool>>,
 }
@@ -68,6 +71,7 @@ impl Default for LoadOptions {
             jobs: 0,
             sharing: Sharing::Auto,
             triangulate_rasters: false,
+            min_grid_voxels: 1024,
             stop: None,
         }
     }
@@ -132,13 +136,15 @@ pub(super) struct SceneBuilder<'a> {
     pub options: &'a LoadOptions,
     /// Primitives, world frame.
     pub geometry: Geometry,
-    /// Attributes of the cubes, parallel to `geometry.cubes`.
+    /// Attributes of the stored cubes, parallel to `geometry.cubes`.
     pub voxels: Vec<Voxel>,
+    /// Attributes and surfaces of the voxels of grids, parallel to `geometry.grids`.
+    pub grid_voxels: Vec<GridVoxels>,
     /// Index in `surfaces` of each stored triangle.
     pub triangle_surfaces: Vec<u32>,
     /// Index in `surfaces` of each height field.
     pub field_surfaces: Vec<u32>,
-    /// Index in `surfaces` of each cube.
+    /// Index in `surfaces` of each stored cube.
     pub cube_surfaces: Vec<u32>,
     pub surfaces: Vec<Surface>,
     /// Parts with at least one primitive.
@@ -186,6 +192,7 @@ pub(super) struct Extent {
     pub triangles: Range<usize>,
     pub cubes: Range<usize>,
     pub fields: Range<usize>,
+    pub grids: Range<usize>,
 }
 
 impl Extent {
@@ -196,11 +203,12 @@ impl Extent {
             triangles: 0..geometry.triangles.len(),
             cubes: 0..geometry.cubes.len(),
             fields: 0..geometry.fields.len(),
+            grids: 0..geometry.grids.len(),
         }
     }
 
     pub fn is_empty(&self) -> bool {
-        self.triangles.is_empty() && self.cubes.is_empty() && self.fields.is_empty()
+        self.triangles.is_empty() && self.cubes.is_empty() && self.fields.is_empty() && self.grids.is_empty()
     }
 }
 
@@ -210,6 +218,7 @@ impl<'a> SceneBuilder<'a> {
             options,
             geometry: Geometry::default(),
             voxels: Vec::new(),
+            grid_voxels: Vec::new(),
             triangle_surfaces: Vec::new(),
             field_surfaces: Vec::new(),
             cube_surfaces: Vec::new(),
@@ -239,9 +248,9 @@ impl<'a> SceneBuilder<'a> {
 
     /// The empty extent after all primitives loaded so far, for [`SceneBuilder::since`].
     pub fn end(&self) -> Extent {
-        let Geometry { vertices, triangles, cubes, fields } = &self.geometry;
-        let (v, t, c, f) = (vertices.len(), triangles.len(), cubes.len(), fields.len());
-        Extent { vertices: v..v, triangles: t..t, cubes: c..c, fields: f..f }
+        let Extent { vertices, triangles, cubes, fields, grids } = Extent::of(&self.geometry);
+        let (v, t, c, f, g) = (vertices.end, triangles.end, cubes.end, fields.end, grids.end);
+        Extent { vertices: v..v, triangles: t..t, cubes: c..c, fields: f..f, grids: g..g }
     }
 
     /// The primitives appended since `start` was the end.
@@ -252,13 +261,13 @@ impl<'a> SceneBuilder<'a> {
             triangles: start.triangles.start..end.triangles.end,
             cubes: start.cubes.start..end.cubes.end,
             fields: start.fields.start..end.fields.end,
+            grids: start.grids.start..end.grids.end,
         }
     }
 
-    /// Assigns the materials cyclically to the last `count` cubes.
-    pub fn assign_materials_in_turn(&mut self, part: u32, materials: &[u32], count: usize) {
-        let surfaces: Vec<u32> = materials.iter().map(|&m| self.surface(part, m)).collect();
-        self.cube_surfaces.extend(surfaces.iter().cycle().take(count));
+    /// The surfaces of a part whose voxels have the materials in turn.
+    pub fn surfaces_in_turn(&mut self, part: u32, materials: &[u32]) -> GridSurfaces {
+        GridSurfaces::InTurn(materials.iter().map(|&m| self.surface(part, m)).collect())
     }
 
     /// Removes the cubes from index `first` on for which `keep` is false.
@@ -322,10 +331,15 @@ impl<'a> SceneBuilder<'a> {
     }
 
     fn memory(&self) -> u64 {
-        let Geometry { vertices, triangles, cubes, fields } = &self.geometry;
+        let Geometry { vertices, triangles, cubes, fields, grids } = &self.geometry;
+        let grids =
+            grids.iter().map(VoxelGrid::memory).chain(self.grid_voxels.iter().map(GridVoxels::memory));
         let fields = fields.iter().map(|field| field.memory() as u64).sum::<u64>();
         let stored = memory_of(vertices.len(), triangles.len(), cubes.len());
-        stored.saturating_add(fields).saturating_add(self.meshes.memory())
+        stored
+            .saturating_add(fields)
+            .saturating_add(self.meshes.memory())
+            .saturating_add(grids.sum::<usize>() as u64)
     }
 
     /// Makes room for more primitives of `source`.

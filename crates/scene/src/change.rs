@@ -1,6 +1,7 @@
 //! Replaces materials of a part after its files are loaded, and finds changes that replace nothing.
 
 use super::builder::{Extent, PartSource, SceneBuilder};
+use super::grid_voxels::GridSurfaces;
 use super::library::DefinedBy;
 use super::text::printable;
 use std::collections::{BTreeMap, BTreeSet};
@@ -60,16 +61,18 @@ pub(super) fn apply(scene: &mut SceneBuilder, part: &PartSource, changes: &Mater
     }
     for (number, (change, material)) in changes.iter().zip(materials).enumerate() {
         let surface = scene.surface(part.index, material);
-        let (triangle_surfaces, field_surfaces, cube_surfaces) = (
+        let (triangle_surfaces, field_surfaces, cube_surfaces, grids) = (
             &mut scene.triangle_surfaces[extent.triangles.clone()],
             &mut scene.field_surfaces[extent.fields.clone()],
             &mut scene.cube_surfaces[extent.cubes.clone()],
+            &mut scene.grid_voxels[extent.grids.clone()],
         );
         match &change.replaced {
             Replaced::All => {
                 triangle_surfaces.fill(surface);
                 field_surfaces.fill(surface);
                 cube_surfaces.fill(surface);
+                grids.iter_mut().for_each(|voxels| voxels.surfaces = GridSurfaces::InTurn(vec![surface]));
             }
             Replaced::Named(name) => {
                 let (surfaces, library) = (&scene.surfaces, &scene.library);
@@ -81,15 +84,20 @@ pub(super) fn apply(scene: &mut SceneBuilder, part: &PartSource, changes: &Mater
                     others: BTreeSet::new(),
                 });
                 let name_of = |s: u32| &library.materials[surfaces[s as usize].material as usize].name;
-                for own in triangle_surfaces.iter_mut().chain(field_surfaces).chain(cube_surfaces) {
-                    let found = name_of(*own);
+                let mut replaced = |own: u32| {
+                    let found = name_of(own);
                     if found == name {
-                        *own = surface;
                         applied.has_replaced = true;
-                    } else if applied.others.len() <= MAX_NAMES && !applied.others.contains(found) {
+                        return surface;
+                    }
+                    if applied.others.len() <= MAX_NAMES && !applied.others.contains(found) {
                         applied.others.insert(found.clone());
                     }
-                }
+                    own
+                };
+                let stored = triangle_surfaces.iter_mut().chain(field_surfaces).chain(cube_surfaces);
+                stored.for_each(|own| *own = replaced(*own));
+                grids.iter_mut().for_each(|voxels| voxels.surfaces.replace(&mut replaced));
             }
             Replaced::Faces(indices) => {
                 let (faces, count) = (scene.faces.count, scene.faces.count + cube_surfaces.len());

@@ -24,6 +24,7 @@ pub fn fingerprint(scene: &Scene, recipe: &SceneRecipe) -> Result<u64> {
     add_geometry(&mut sum, &scene.geometry);
     sum.array(&scene.voxels);
     add_fields(&mut sum, scene);
+    add_grids(&mut sum, scene);
     match &scene.surface_ids {
         SurfaceIds::Narrow(ids) => sum.array(ids),
         SurfaceIds::Wide(ids) => sum.array(ids),
@@ -61,6 +62,17 @@ fn add_fields(sum: &mut Checksum, scene: &Scene) {
             Heights::Single(values) => sum.array(values),
             Heights::Double(values) => sum.array(values),
         }
+    }
+}
+
+/// Adds the grids of voxels, if there are any.
+fn add_grids(sum: &mut Checksum, scene: &Scene) {
+    for (grid, voxels) in scene.geometry.grids.iter().zip(&scene.grid_voxels) {
+        let (values, starts, along) = grid.cells().arrays();
+        sum.debug(&(grid.place(), grid.first(), values));
+        sum.array(starts);
+        sum.array(along);
+        voxels.add_to(sum);
     }
 }
 

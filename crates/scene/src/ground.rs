@@ -5,7 +5,7 @@ use super::{instances, plane};
 use rayon::prelude::*;
 use vlscan_base::diag::Place;
 use vlscan_geom::{Aabb, DVec3};
-use vlscan_trace::{Cube, Geometry, HeightField};
+use vlscan_trace::{Cube, Geometry, HeightField, VoxelGrid};
 
 /// A loaded and transformed part.
 pub(super) struct LoadedPart {
@@ -139,7 +139,7 @@ fn min_by_value(points: impl Iterator<Item = DVec3>, value: impl Fn(DVec3) -> f6
 
 /// The corners of all triangles, in order, and the lower corner of each cube.
 fn corners<'a>(scene: &'a SceneBuilder, body: &Body) -> impl Iterator<Item = DVec3> + use<'a> {
-    points(scene, body, |c| c.centre - DVec3::splat(c.half))
+    points(scene, body, |c| c.bounds().min)
 }
 
 /// The points to which the ground plane is fitted. Cubes contribute their centres, so that the heights of their corners
@@ -164,7 +164,7 @@ fn points<'a>(
     of_instance
         .chain(triangles)
         .chain(geometry.fields[extent.fields].iter().flat_map(of_field))
-        .chain(geometry.cubes[extent.cubes].iter().map(of_cube))
+        .chain(geometry.cubes_in(extent.cubes, extent.grids).map(move |cube| of_cube(&cube)))
 }
 
 fn is_ground(scene: &SceneBuilder, body: &Body) -> bool {
@@ -174,12 +174,24 @@ fn is_ground(scene: &SceneBuilder, body: &Body) -> bool {
             let first = match (extent.triangles.is_empty(), extent.fields.is_empty()) {
                 (false, _) => scene.triangle_surfaces.get(extent.triangles.start),
                 (true, false) => scene.field_surfaces.get(extent.fields.start),
-                (true, true) => scene.cube_surfaces.get(extent.cubes.start),
+                (true, true) => None,
             };
-            first.map(|&s| scene.surfaces[s as usize].material)
+            let first = first.copied().or_else(|| first_surface_of_cubes(scene, extent));
+            first.map(|s| scene.surfaces[s as usize].material)
         }
     };
     material.is_some_and(|m| scene.library.materials[m as usize].is_ground)
+}
+
+/// The surface of the first cube of a part.
+fn first_surface_of_cubes(scene: &SceneBuilder, extent: &Extent) -> Option<u32> {
+    let geometry = &scene.geometry;
+    let stored = (!extent.cubes.is_empty()).then(|| geometry.index_of_stored_cube(extent.cubes.start));
+    let in_grid = (!extent.grids.is_empty()).then(|| geometry.grids[extent.grids.start].first() as usize);
+    match [stored, in_grid].into_iter().flatten().min() {
+        first if first == in_grid => scene.grid_voxels.get(extent.grids.start)?.surfaces.get(0),
+        _ => scene.cube_surfaces.get(extent.cubes.start).copied(),
+    }
 }
 
 fn covers(scene: &SceneBuilder, body: &Body, p: DVec3) -> bool {
@@ -197,12 +209,11 @@ pub(super) fn bounds_of(scene: &SceneBuilder, body: &Body) -> Aabb {
 /// The bounding box of an extent whose vertices are all in use.
 pub(super) fn bounds(geometry: &Geometry, extent: &Extent) -> Aabb {
     let vertices = bounds_of_points(&geometry.vertices[extent.vertices.clone()], |v| v);
-    let cubes = geometry.cubes[extent.cubes.clone()]
-        .par_iter()
-        .map(|c| Aabb { min: c.centre - DVec3::splat(c.half), max: c.centre + DVec3::splat(c.half) })
-        .reduce(|| Aabb::EMPTY, Aabb::union);
+    let cubes =
+        geometry.cubes[extent.cubes.clone()].par_iter().map(Cube::bounds).reduce(|| Aabb::EMPTY, Aabb::union);
     let fields = geometry.fields[extent.fields.clone()].iter().map(HeightField::bounds);
-    fields.fold(vertices.union(cubes), Aabb::union)
+    let grids = geometry.grids[extent.grids.clone()].iter().map(VoxelGrid::bounds);
+    fields.chain(grids).fold(vertices.union(cubes), Aabb::union)
 }
 
 /// Moves a part vertically, m.
@@ -214,6 +225,7 @@ fn raise(scene: &mut SceneBuilder, body: &Body, by: f64) {
             geometry.vertices[extent.vertices.clone()].par_iter_mut().for_each(|v| v.z += by);
             geometry.cubes[extent.cubes.clone()].par_iter_mut().for_each(|c| c.centre.z += by);
             geometry.fields[extent.fields.clone()].iter_mut().for_each(|field| field.raise(by));
+            geometry.grids[extent.grids.clone()].iter_mut().for_each(|grid| grid.place_mut().raise = by);
         }
     }
 }

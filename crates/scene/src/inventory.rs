@@ -16,7 +16,7 @@ pub struct Inventory {
     pub triangles: u64,
     /// Triangles of all instances, each shared mesh counted once per instance.
     pub instanced_triangles: u64,
-    /// Stored cubes: voxels and cubes of point clouds.
+    /// Cubes: voxels and cubes of point clouds.
     pub cubes: u64,
     /// Number of instances.
     pub instances: u64,
@@ -60,22 +60,29 @@ impl Inventory {
         let in_fields = fields().map(|(field, _)| field.triangles() as u64).sum::<u64>();
         let mut all = Inventory {
             triangles: scene.geometry.triangles.len() as u64 + in_fields,
-            cubes: scene.geometry.cubes.len() as u64,
+            cubes: scene.geometry.cube_count() as u64,
             bounds: scene.bounds.translated(scene.shift),
             of_part: vec![0; scene.parts.len()],
             of_material: vec![0; scene.materials.len()],
             ..Inventory::default()
         };
         let stored = scene.surface_ids.iter().map(|surface| (surface, 1));
-        for (surface, count) in stored.chain(fields().map(|(field, &s)| (s, field.triangles() as u64))) {
+        let grids = scene.geometry.grids.iter().zip(&scene.grid_voxels);
+        let in_grids = grids.flat_map(|(grid, voxels)| voxels.surfaces.counts(grid.len()));
+        let in_fields = fields().map(|(field, &s)| (s, field.triangles() as u64));
+        for (surface, count) in stored.chain(in_fields).chain(in_grids) {
             let Surface { part, material } = scene.surfaces[surface as usize];
             all.of_part[part as usize] += count;
             all.of_material[material as usize] += count;
         }
         all.add_faults(&scene.geometry);
-        let cubes = scene.geometry.cubes.iter();
-        all.duplicate_cubes =
-            repeated(cubes.map(|c| bits(&[c.centre.x, c.centre.y, c.centre.z, c.half])).collect());
+        let Geometry { cubes, grids, .. } = &scene.geometry;
+        // The voxels of one grid have places of their own.
+        if !(grids.len() == 1 && cubes.is_empty()) {
+            let cubes = scene.geometry.cubes_in(0..cubes.len(), 0..grids.len());
+            all.duplicate_cubes =
+                repeated(cubes.map(|c| bits(&[c.centre.x, c.centre.y, c.centre.z, c.half])).collect());
+        }
         let Some(set) = &scene.instances else { return all };
         all.instanced_triangles = u64::from(set.instances.triangles());
         all.instances = set.instances.all.len() as u64;

@@ -22,7 +22,7 @@
 //! | `ground`, `plane` | drop parts to the ground; planes fitted to points |
 //! | `ground_model` | the ground of a loaded scene |
 //! | `instances`, `instance_set` | parts that share a mesh |
-//! | `model`, `triangle`, `surfaces`, `material`, `voxel`, `lad` | the loaded scene and its components |
+//! | `model`, `triangle`, `surfaces`, `material`, `voxel`, `grid_voxels`, `lad` | the loaded scene and its components |
 //! | `motion` | moving parts |
 //! | `epoch` | swapped parts |
 //! | `conditions` | the settings that a scene depends on |
@@ -42,6 +42,7 @@ mod fingerprint;
 #[cfg(test)]
 mod fixture;
 mod frames;
+mod grid_voxels;
 mod ground;
 mod ground_model;
 mod instance_set;
@@ -72,6 +73,7 @@ pub use builder::{LoadOptions, Sharing};
 pub use conditions::{ConditionMismatch, Conditions};
 pub use epoch::{SceneFrame, count_epochs};
 pub use fingerprint::fingerprint;
+pub use grid_voxels::{GridSurfaces, GridVoxels};
 pub use ground_model::{Fallback, GroundModel};
 pub use instance_set::InstanceSet;
 pub use inventory::Inventory;

@@ -1,5 +1,6 @@
 //! The loaded scene, which workers share.
 
+use super::grid_voxels::{GridSurfaces, GridVoxels};
 use super::instance_set::InstanceSet;
 use super::lad::LadTable;
 use super::material::Material;
@@ -12,7 +13,7 @@ use vlscan_base::corrections::Corrections;
 use vlscan_base::store::vec_bytes;
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_survey::{MotionSequence, MotionTiming};
-use vlscan_trace::{BuildOptions, Builder, Geometry, HeightField, Tree, TriangleAt};
+use vlscan_trace::{BuildOptions, Builder, Cube, CubeAt, Geometry, HeightField, Tree, TriangleAt, VoxelGrid};
 
 /// A loaded scene. Its frame is the world frame minus [`Scene::shift`], the centre of the box around all primitives, so
 /// that large world coordinates lose no digits. Immutable once built.
@@ -24,7 +25,7 @@ pub struct Scene {
     pub bounds: Aabb,
     /// Primitives, local frame, m.
     pub geometry: Geometry,
-    /// The index in `surfaces` of each stored primitive: of the triangles, then of the cubes.
+    /// The index in `surfaces` of each stored primitive: of the triangles, then of the stored cubes.
     pub surface_ids: SurfaceIds,
     /// The index in `surfaces` of each height field.
     pub field_surfaces: Vec<u32>,
@@ -34,8 +35,10 @@ pub struct Scene {
     pub parts: Vec<Part>,
     /// Materials of all parts.
     pub materials: Vec<Material>,
-    /// Attributes of the cubes, parallel to `geometry.cubes`.
+    /// Attributes of the stored cubes, parallel to `geometry.cubes`.
     pub voxels: Vec<Voxel>,
+    /// Attributes and surfaces of the voxels of grids, parallel to `geometry.grids`.
+    pub grid_voxels: Vec<GridVoxels>,
     /// Moving parts in document order; their primitives in the fields above are in the initial pose.
     pub moving_parts: Vec<MovingPart>,
     /// Instances of shared meshes, if any; their triangle indices continue after the primitives of `geometry`. Moving
@@ -85,7 +88,7 @@ pub struct MovingPart {
     pub vertices: Range<usize>,
     /// Its triangles, as indices among the stored ones.
     pub triangles: Range<usize>,
-    /// Its cubes, counted from the scene's first cube.
+    /// Its cubes, as indices among the stored ones.
     pub cubes: Range<usize>,
     /// The sequences of motions that it performs.
     pub motions: Vec<MotionSequence>,
@@ -134,7 +137,8 @@ impl Scene {
         match &self.packed_tree {
             Some(_) => 0,
             None => {
-                let stored = self.geometry.triangles.len() + self.geometry.cubes.len();
+                let g = &self.geometry;
+                let stored = g.triangles.len() + g.cubes.len() + g.grids.len();
                 Tree::estimate_build_memory(stored as u64, builder).saturating_add(set)
             }
         }
@@ -159,8 +163,17 @@ impl Scene {
             Sizes {
                 are_within_bounds: g.vertices.iter().all(|v| within(*v, 0.0))
                     && fields.into_iter().all(|f| within(f.min, 0.0) && within(f.max, 0.0))
+                    && g.grids
+                        .iter()
+                        .map(VoxelGrid::bounds)
+                        .all(|of| within(of.min, 0.0) && within(of.max, 0.0))
                     && g.cubes.iter().all(|c| within(c.centre, c.half)),
-                max_cube: g.cubes.iter().fold(0.0, |max, c| f64::max(max, c.half * 2.0)),
+                max_cube: g
+                    .cubes
+                    .iter()
+                    .map(|cube| cube.half)
+                    .chain(g.grids.iter().map(|grid| grid.place().half))
+                    .fold(0.0, |max, half| f64::max(max, half * 2.0)),
             }
         })
     }
@@ -171,8 +184,11 @@ impl Scene {
         if let Some(triangle) = self.find_triangle(i) {
             return triangle.surface();
         }
-        let cube = i as usize - self.geometry.triangle_count();
-        let surface = self.surface_ids.get(self.geometry.triangles.len() + cube);
+        let g = &self.geometry;
+        let surface = match g.cube_at(i as usize - g.triangle_count()) {
+            CubeAt::Stored(cube) => self.surface_ids.get(g.triangles.len() + cube),
+            CubeAt::Grid(grid, _, voxel) => self.grid_voxels[grid].surfaces.get(voxel),
+        };
         self.surfaces[surface.unwrap_or_else(|| panic!("primitive {i} of {}", self.primitives())) as usize]
     }
 
@@ -207,8 +223,21 @@ impl Scene {
     }
 
     /// The attributes of primitive `i` if it is a cube.
-    pub fn voxel(&self, i: u32) -> Option<&Voxel> {
-        self.voxels.get((i as usize).checked_sub(self.geometry.triangle_count())?)
+    pub fn voxel(&self, i: u32) -> Option<Voxel> {
+        match self.geometry.cube_at((i as usize).checked_sub(self.geometry.triangle_count())?) {
+            CubeAt::Stored(cube) => self.voxels.get(cube).copied(),
+            CubeAt::Grid(grid, _, i) => Some(self.grid_voxels[grid].get(i)),
+        }
+    }
+
+    /// The attributes of primitive `i` and the cube, if it is one.
+    #[inline]
+    pub fn voxel_and_cube(&self, i: u32) -> Option<(Voxel, Cube)> {
+        let g = &self.geometry;
+        match g.cube_at((i as usize).checked_sub(g.triangle_count())?) {
+            CubeAt::Stored(cube) => Some((*self.voxels.get(cube)?, *g.cubes.get(cube)?)),
+            CubeAt::Grid(grid, cells, i) => Some((self.grid_voxels[grid].get(i), cells.cube(i))),
+        }
     }
 
     /// Converts a point from the local to the world frame.
@@ -229,7 +258,7 @@ impl Scene {
                 TriangleAt::Stored(index) => m.triangles.contains(&index),
                 TriangleAt::Field(..) => false,
             },
-            Some(cube) => m.cubes.contains(&cube),
+            Some(cube) => matches!(g.cube_at(cube), CubeAt::Stored(cube) if m.cubes.contains(&cube)),
         })
     }
 
@@ -244,6 +273,8 @@ impl Scene {
             + vec_bytes(&self.geometry.triangles)
             + vec_bytes(&self.geometry.cubes)
             + vec_bytes(&self.voxels)
+            + self.geometry.grids.iter().map(VoxelGrid::memory).sum::<usize>()
+            + self.grid_voxels.iter().map(GridVoxels::memory).sum::<usize>()
             + self.geometry.fields.iter().map(HeightField::memory).sum::<usize>()
             + self.surface_ids.memory()
             + self.surfaces.capacity() * size_of::<Surface>()
@@ -270,11 +301,17 @@ impl Scene {
             let near = field.triangles_near(x, y).filter_map(|i| field.triangle(i));
             near.filter_map(|corners| height_in_triangle(corners, x, y))
         });
-        let cubes =
-            self.geometry.cubes.iter().enumerate().filter(|(i, _)| ground(count + i)).filter_map(|(_, c)| {
-                let within = (c.centre.x - x).abs() <= c.half && (c.centre.y - y).abs() <= c.half;
-                within.then_some((c.centre.z - c.half, c.centre.z + c.half))
-            });
+        let g = &self.geometry;
+        let is_ground_cube = |index: &usize| match g.cube_at(*index) {
+            CubeAt::Stored(cube) => ground(count + cube),
+            CubeAt::Grid(grid, _, i) => {
+                self.grid_voxels[grid].surfaces.get(i).is_some_and(|s| is_ground[s as usize])
+            }
+        };
+        let cubes = g.cubes_in(0..g.cubes.len(), 0..g.grids.len()).enumerate().filter_map(|(index, c)| {
+            let within = (c.centre.x - x).abs() <= c.half && (c.centre.y - y).abs() <= c.half;
+            (within && is_ground_cube(&index)).then_some((c.centre.z - c.half, c.centre.z + c.half))
+        });
         triangles
             .chain(in_fields.map(|z| (z, z)))
             .chain(self.instances_over(&is_ground_material, x, y).map(|z| (z, z)))
@@ -293,10 +330,22 @@ impl Scene {
         let g = &self.geometry;
         let own = own.map(|(i, _)| match i.checked_sub(g.triangles.len()) {
             None => Aabb::around(g.stored_triangle(i)),
-            Some(cube) => g.bounds_of(g.triangle_count() + cube),
+            Some(cube) => g.cubes[cube].bounds(),
         });
         let fields = g.fields.iter().zip(&self.field_surfaces).filter(|(_, s)| surfaces[**s as usize]);
         let own = own.chain(fields.map(|(field, _)| field.bounds()));
+        let grids = g.grids.iter().zip(&self.grid_voxels).map(|(grid, voxels)| {
+            let is_ground = |i: usize| voxels.surfaces.get(i).is_some_and(|s| surfaces[s as usize]);
+            match &voxels.surfaces {
+                GridSurfaces::InTurn(all) if all.iter().all(|s| surfaces[*s as usize]) => grid.bounds(),
+                GridSurfaces::InTurn(all) if !all.iter().any(|s| surfaces[*s as usize]) => Aabb::EMPTY,
+                _ => {
+                    let own = grid.cubes().enumerate().filter(|(i, _)| is_ground(*i));
+                    own.fold(Aabb::EMPTY, |all, (_, cube)| all.union(cube.bounds()))
+                }
+            }
+        });
+        let own = own.chain(grids.filter(|bounds| !bounds.is_empty()));
         let instances = self.instances.iter().flat_map(|set| {
             let has_ground: Vec<bool> =
                 set.materials.iter().map(|of| of.iter().any(|&m| is_ground[m as usize])).collect();
@@ -340,7 +389,7 @@ fn height_in_triangle(corners: [DVec3; 3], x: f64, y: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use vlscan_trace::{Cube, Geometry};
+    use vlscan_trace::Geometry;
 
     fn scene() -> Scene {
         let vertices =

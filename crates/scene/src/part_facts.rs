@@ -2,8 +2,7 @@
 
 use super::Scene;
 use std::collections::BTreeMap;
-use vlscan_geom::{Aabb, DVec3};
-use vlscan_trace::Cube;
+use vlscan_geom::Aabb;
 
 /// Facts about one part.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,7 +36,7 @@ impl PartFacts {
             *counts[part].entry(surface.material).or_default() += 1;
             bounds[part] = match i.checked_sub(triangles) {
                 None => bounds[part].union(Aabb::around(scene.geometry.stored_triangle(i))),
-                Some(cube) => bounds[part].union(around_cube(&cubes[cube])),
+                Some(cube) => bounds[part].union(cubes[cube].bounds()),
             };
         }
         for (field, &surface) in scene.geometry.fields.iter().zip(&scene.field_surfaces) {
@@ -45,6 +44,15 @@ impl PartFacts {
             let part = surface.part as usize;
             *counts[part].entry(surface.material).or_default() += field.triangles() as u64;
             bounds[part] = bounds[part].union(field.bounds());
+        }
+        for (grid, voxels) in scene.geometry.grids.iter().zip(&scene.grid_voxels) {
+            for (surface, count) in voxels.surfaces.counts(grid.len()) {
+                let surface = scene.surfaces[surface as usize];
+                let part = surface.part as usize;
+                *counts[part].entry(surface.material).or_default() += count;
+                // All voxels of a grid belong to one part.
+                bounds[part] = bounds[part].union(grid.bounds());
+            }
         }
         if let Some(set) = &scene.instances {
             let of_model = |materials: &[u32]| {
@@ -89,16 +97,12 @@ impl PartFacts {
     }
 }
 
-fn around_cube(cube: &Cube) -> Aabb {
-    let half = DVec3::splat(cube.half);
-    Aabb { min: cube.centre - half, max: cube.centre + half }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::Sharing;
     use crate::fixture::Fixture;
+    use vlscan_geom::DVec3;
 
     const MESH: &str =
         "usemtl leaf\nv 0 0 0\nv 1 0 0\nv 0 1 2\nv 1 1 0\nf 1 2 3\nf 2 4 3\nusemtl bark\nf 1 2 4\n";

@@ -15,6 +15,9 @@ pub(super) const MAX_SHOWN_PROBLEMS: usize = 20;
 /// Maximum length of a line, bytes.
 const MAX_LINE_BYTES: usize = 1 << 20;
 
+/// Bytes of a mapped file that are looked at before their memory is released.
+const RELEASED_BYTES: usize = 1 << 26;
+
 /// Maximum length of the excerpt of a line in a message, bytes.
 const MAX_SHOWN_BYTES: usize = 160;
 
@@ -84,6 +87,11 @@ impl Source {
         &self.data[self.begin..]
     }
 
+    /// Releases the memory of a part of a mapped file, whose bytes are read again when they are used again.
+    pub fn release(&self, part: Range<usize>) {
+        self.data.release(self.begin + part.start..self.begin + part.end);
+    }
+
     /// Whether the file is text; otherwise reports an error at the first line that is not.
     pub fn is_text(&self, what: &str, diagnostics: &mut Diagnostics) -> bool {
         let bytes = self.bytes();
@@ -96,7 +104,7 @@ impl Source {
         if memchr(0, start).is_none() && !self.has_short_lines(what, diagnostics) {
             return false;
         }
-        let Some(at) = memchr(0, bytes) else { return true };
+        let Some(at) = self.find_zero() else { return true };
         let line = memchr::memchr_iter(b'\n', &bytes[..at]).count() + 1;
         let found = if matches!(bytes, [0xff, 0xfe, ..] | [0xfe, 0xff, ..]) {
             "UTF-16; save it as UTF-8"
@@ -105,6 +113,17 @@ impl Source {
         };
         diagnostics.error(Some(self.place(line, at..at + 1)), format!("expected {what}, found {found}"));
         false
+    }
+
+    /// The first byte that is zero.
+    fn find_zero(&self) -> Option<usize> {
+        let bytes = self.bytes();
+        (0..bytes.len()).step_by(RELEASED_BYTES).find_map(|start| {
+            let part = start..bytes.len().min(start + RELEASED_BYTES);
+            let found = memchr(0, &bytes[part.clone()]);
+            self.release(part);
+            found.map(|at| start + at)
+        })
     }
 
     /// Whether no line is too long; otherwise reports an error at the first one.
@@ -119,6 +138,9 @@ impl Source {
                 return false;
             };
             start += end + 1;
+            if start / RELEASED_BYTES != (start - end - 1) / RELEASED_BYTES {
+                self.release(start.saturating_sub(2 * RELEASED_BYTES)..start);
+            }
         }
         true
     }

@@ -16,6 +16,19 @@ pub enum VoxelKind {
     Transparent,
 }
 
+impl VoxelKind {
+    /// The kind with this number; opaque for any other.
+    pub(super) fn of_number(number: u32) -> VoxelKind {
+        const TRANSMITTIVE: u32 = VoxelKind::Transmittive as u32;
+        const TRANSPARENT: u32 = VoxelKind::Transparent as u32;
+        match number {
+            TRANSMITTIVE => VoxelKind::Transmittive,
+            TRANSPARENT => VoxelKind::Transparent,
+            _ => VoxelKind::Opaque,
+        }
+    }
+}
+
 /// Attributes of a cube; 24 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
@@ -42,16 +55,19 @@ impl Voxel {
         Voxel { density, normal: [0.0; 3], kind: kind as u32 }
     }
 
+    pub(super) fn new(density: f64, normal: [f32; 3], kind: VoxelKind) -> Voxel {
+        Voxel { density, normal, kind: kind as u32 }
+    }
+
+    /// The normal as it is stored; (0, 0, 0) without one.
+    pub(super) fn stored_normal(&self) -> [f32; 3] {
+        self.normal
+    }
+
     /// How the cube interacts with rays.
     #[inline]
     pub fn kind(&self) -> VoxelKind {
-        const TRANSMITTIVE: u32 = VoxelKind::Transmittive as u32;
-        const TRANSPARENT: u32 = VoxelKind::Transparent as u32;
-        match self.kind {
-            TRANSMITTIVE => VoxelKind::Transmittive,
-            TRANSPARENT => VoxelKind::Transparent,
-            _ => VoxelKind::Opaque,
-        }
+        VoxelKind::of_number(self.kind)
     }
 
     pub(super) fn rotate(&mut self, rotation: &Rotation) {

@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 
 pub(crate) const BLOCK_SIZE: usize = 16;
 
-/// Sixteen triangles, or sixteen cubes. Coordinates are in the tree's frame, rounded to nearest for triangles,
+/// Sixteen triangles, or sixteen cubes, among which boxes of grids of voxels count. Coordinates are in the tree's frame, rounded to nearest for triangles,
 /// outward for cubes. Unused lanes hold NaN, which no comparison accepts, or an inside-out cube, and [`Hits::MISS`].
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C, align(64))]
@@ -24,7 +24,7 @@ impl Block {
     pub fn of(geometry: &Geometry, frame: &Frame, ids: &[u32]) -> Block {
         let triangles = geometry.triangle_count();
         if ids.first().is_some_and(|&id| id as usize >= triangles) {
-            return Block::of_boxes(ids, |id| frame.local_box(&geometry.bounds_of(id as usize)));
+            return Block::of_boxes(ids, |id| frame.local_box(&geometry.outer_bounds_of(id as usize)));
         }
         let mut block = Block::EMPTY;
         for (lane, &id) in ids.iter().enumerate().filter(|(_, id)| **id != Hits::MISS) {

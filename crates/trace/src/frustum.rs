@@ -15,6 +15,7 @@
 use super::block::{BLOCK_SIZE, Block};
 use super::frame::{Frame, above, below};
 use super::intersect::{MIN_DIRECTION, axes_by_dominance};
+use super::simd::{F32Ops, MaskOps, Simd};
 use vlscan_geom::DVec3;
 
 /// Factor that covers the relative error of both sides of a comparison of depths.
@@ -199,6 +200,34 @@ impl Frustum {
         }
         let mask = (0..BLOCK_SIZE).fold(0, |m, l| m | u32::from(enter[l] <= leave[l] * DEPTH_MARGIN) << l);
         (mask, enter)
+    }
+}
+
+impl Frustum {
+    /// [`Frustum::boxes`] on an instruction set.
+    #[inline(always)]
+    pub fn boxes_on<S: Simd>(
+        &self,
+        simd: S,
+        lower: &[[f32; BLOCK_SIZE]; 3],
+        upper: &[[f32; BLOCK_SIZE]; 3],
+        hi: f32,
+    ) -> (u32, [f32; BLOCK_SIZE]) {
+        let (mut enter, mut leave) = (simd.splat(0.0), simd.splat(hi));
+        for a in 0..3 {
+            let ([f0, f1], [v0, v1]) = (self.from[a], self.inverse[a]);
+            let under = (simd.load(&upper[a]) - simd.splat(f0)) * simd.splat(v0);
+            let over = (simd.load(&lower[a]) - simd.splat(f1)) * simd.splat(v1);
+            if v0 > 0.0 {
+                leave = under.min(leave)
+            } else {
+                enter = under.max(enter)
+            }
+            if v1 > 0.0 { enter = over.max(enter) } else { leave = over.min(leave) }
+        }
+        let mut depths = [0.0; BLOCK_SIZE];
+        enter.store(&mut depths);
+        (enter.le(leave * simd.splat(DEPTH_MARGIN)).bits(), depths)
     }
 }
 

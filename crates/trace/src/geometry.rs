@@ -1,7 +1,8 @@
 //! Primitives, and the hit of a ray.
 
-use crate::HeightField;
+use crate::{HeightField, VoxelGrid};
 use bytemuck::{Pod, Zeroable};
+use std::ops::Range;
 use vlscan_geom::{Aabb, DVec3};
 
 /// An axis-aligned cube.
@@ -14,18 +15,27 @@ pub struct Cube {
     pub half: f64,
 }
 
+impl Cube {
+    /// The box between its faces.
+    pub fn bounds(&self) -> Aabb {
+        Aabb { min: self.centre - DVec3::splat(self.half), max: self.centre + DVec3::splat(self.half) }
+    }
+}
+
 /// The primitives of a scene, numbered: triangles first, then cubes. The triangles of a height field are numbered among the
-/// stored ones, as if they were stored.
+/// stored ones, as if they were stored, and so are the voxels of a grid among the stored cubes.
 #[derive(Clone, Debug, Default)]
 pub struct Geometry {
     /// Vertices in the frame of the rays, m.
     pub vertices: Vec<DVec3>,
     /// Vertex numbers of each stored triangle.
     pub triangles: Vec<[u32; 3]>,
-    /// Cubes; cube `i` is primitive number [`Geometry::triangle_count`] `+ i`.
+    /// Stored cubes. Cube `i` of all is primitive number [`Geometry::triangle_count`] `+ i`.
     pub cubes: Vec<Cube>,
     /// Height fields, in the order of their triangles' numbers.
     pub fields: Vec<HeightField>,
+    /// Grids of voxels, in the order of their cubes' numbers.
+    pub grids: Vec<VoxelGrid>,
 }
 
 /// Where a triangle is.
@@ -37,16 +47,89 @@ pub enum TriangleAt<'a> {
     Field(usize, &'a HeightField, usize),
 }
 
+/// Where a cube is.
+#[derive(Clone, Copy, Debug)]
+pub enum CubeAt<'a> {
+    /// Index among the stored cubes.
+    Stored(usize),
+    /// Index of its grid, the grid, and the voxel's number there.
+    Grid(usize, &'a VoxelGrid, usize),
+}
+
 impl Geometry {
     /// Number of primitives, with the missing triangles of height fields.
     pub fn len(&self) -> usize {
-        self.triangle_count() + self.cubes.len()
+        self.triangle_count() + self.cube_count()
     }
 
     /// Number of triangles, with the missing ones of height fields; the number of the first cube.
     #[inline(always)]
     pub fn triangle_count(&self) -> usize {
         self.fields.iter().fold(self.triangles.len(), |sum, field| sum + field.len())
+    }
+
+    /// Number of cubes, with the voxels of grids.
+    #[inline(always)]
+    pub fn cube_count(&self) -> usize {
+        self.grids.iter().fold(self.cubes.len(), |sum, grid| sum + grid.len())
+    }
+
+    /// Where the cube with this index among all cubes is.
+    #[inline(always)]
+    pub fn cube_at(&self, index: usize) -> CubeAt<'_> {
+        let mut stored = index;
+        for (i, grid) in self.grids.iter().enumerate() {
+            let indices = grid.indices();
+            if index < indices.start {
+                break;
+            }
+            if index < indices.end {
+                return CubeAt::Grid(i, grid, index - indices.start);
+            }
+            stored -= grid.len();
+        }
+        CubeAt::Stored(stored)
+    }
+
+    /// The cube with this index among all cubes, if there is one.
+    #[inline(always)]
+    pub fn cube(&self, index: usize) -> Option<Cube> {
+        match self.cube_at(index) {
+            CubeAt::Stored(index) => self.cubes.get(index).copied(),
+            CubeAt::Grid(_, grid, i) => Some(grid.cube(i)),
+        }
+    }
+
+    /// Primitive `number` if it is a cube.
+    #[inline(always)]
+    pub fn cube_of(&self, number: u32) -> Option<Cube> {
+        self.cube((number as usize).checked_sub(self.triangle_count())?)
+    }
+
+    /// The stored cubes and the voxels of the grids in these ranges, in the order of their numbers.
+    pub fn cubes_in(&self, stored: Range<usize>, grids: Range<usize>) -> impl Iterator<Item = Cube> {
+        let mut in_grids = self.grids[..grids.start].iter().map(VoxelGrid::len).sum::<usize>();
+        let (mut at, mut pieces) = (stored.start, Vec::with_capacity(grids.len() + 1));
+        for grid in &self.grids[grids] {
+            let before = (grid.first() as usize - in_grids).clamp(at, stored.end);
+            pieces.push((at..before, Some(grid)));
+            in_grids += grid.len();
+            at = before;
+        }
+        pieces.push((at..stored.end, None));
+        pieces.into_iter().flat_map(|(stored, grid)| {
+            self.cubes[stored].iter().copied().chain(grid.into_iter().flat_map(VoxelGrid::cubes))
+        })
+    }
+
+    /// The index among all cubes of the stored cube at `index`.
+    #[inline(always)]
+    pub fn index_of_stored_cube(&self, index: usize) -> usize {
+        let after = |index: usize, grid: &VoxelGrid| match index >= grid.first() as usize {
+            true => index + grid.len(),
+            false => index,
+        };
+        self.grids.iter().fold(index, after)
     }
 
     /// How many triangles of height fields with numbers below `number` are missing.
@@ -120,17 +203,25 @@ impl Geometry {
         }
     }
 
+    /// The box around primitive `i`, or for a voxel of a grid that around all of its grid.
+    pub(crate) fn outer_bounds_of(&self, i: usize) -> Aabb {
+        match i.checked_sub(self.triangle_count()).map(|cube| self.cube_at(cube)) {
+            Some(CubeAt::Grid(_, grid, _)) => grid.bounds(),
+            _ => self.bounds_of(i),
+        }
+    }
+
     fn bounds_of_cube(&self, index: usize) -> Aabb {
-        let c = self.cubes[index];
-        Aabb { min: c.centre - DVec3::splat(c.half), max: c.centre + DVec3::splat(c.half) }
+        self.cube(index).map_or(Aabb::EMPTY, |cube| cube.bounds())
     }
 
     /// The box around all primitives.
     pub fn bounds(&self) -> Aabb {
         let fields = self.fields.iter().map(HeightField::bounds);
         let triangles = (0..self.triangles.len()).map(|i| Aabb::around(self.stored_triangle(i)));
-        let cubes = (0..self.cubes.len()).map(|i| self.bounds_of_cube(i));
-        fields.chain(triangles).chain(cubes).fold(Aabb::EMPTY, Aabb::union)
+        let cubes = self.cubes.iter().map(Cube::bounds);
+        let grids = self.grids.iter().map(VoxelGrid::bounds);
+        fields.chain(triangles).chain(cubes).chain(grids).fold(Aabb::EMPTY, Aabb::union)
     }
 }
 

@@ -46,8 +46,8 @@ pub(super) enum Nodes {
 }
 
 impl Tree {
-    /// Builds a tree over all primitives of `geometry` that are not part of a height field, which rays find without a tree. Primitives with a coordinate that is NaN or infinite are left
-    /// out; no ray hits them. The result does not depend on the number of threads.
+    /// Builds a tree over all primitives of `geometry` that are part of no height field, which rays find without a tree, and over the
+    /// boxes of grids of voxels. Primitives with a coordinate that is NaN or infinite are left out; no ray hits them. The result does not depend on the number of threads.
     pub fn build(geometry: &Geometry, options: &BuildOptions) -> Tree {
         Tree::build_where(geometry, options, |_| true)
     }
@@ -58,7 +58,7 @@ impl Tree {
         options: &BuildOptions,
         keep: impl Fn(u32) -> bool + Send + Sync,
     ) -> Tree {
-        let stored = geometry.triangles.len() + geometry.cubes.len();
+        let stored = geometry.triangles.len() + geometry.cubes.len() + geometry.grids.len();
         if options.jobs == 0 || stored <= MIN_SHARED_PRIMITIVES {
             // The global pool has all threads, or the build is too small to wake others.
             return build(geometry, options, keep);

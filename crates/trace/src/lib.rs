@@ -2,7 +2,7 @@
 //!
 //! ## Inside
 //!
-//! A [`Geometry`] holds triangles, cubes and height fields, a [`Tree`] is built over it, and [`Tree::nearest_where`] finds the first hit of a
+//! A [`Geometry`] holds triangles, cubes, height fields and grids of voxels, a [`Tree`] is built over it, and [`Tree::nearest_where`] finds the first hit of a
 //! ray, [`Tree::trace_group`] those of many ([`RayGroup`], [`Hits`]). [`Instances`] place a model many times.
 //!
 //! | file | contents |
@@ -15,6 +15,7 @@
 //! | `trace`, `trace_instances` | single rays |
 //! | `instances` | models with several placements |
 //! | `heights` | terrain as a grid of heights, whose triangles are computed when they are tested |
+//! | `voxels` | cubes on a regular grid, which are computed when they are tested |
 //! | `parts` | trees as plain arrays and numbers, for files |
 //! | `residency` | items that are loaded when rays need them, within a budget of memory |
 //! | `kernel`, `simd` | packets of pulses; the instruction sets |
@@ -44,10 +45,11 @@ mod residency;
 pub mod simd;
 mod trace;
 mod trace_instances;
+mod voxels;
 
 pub use block::Block;
 pub use frame::Frame;
-pub use geometry::{Cube, Geometry, Hit, TriangleAt};
+pub use geometry::{Cube, CubeAt, Geometry, Hit, TriangleAt};
 pub use heights::{HeightField, HeightGrid, Heights};
 pub use index::Tree;
 pub use instances::{Instance, Instances, Model, Placement};
@@ -59,6 +61,7 @@ pub use rays::{Hits, RayGroup};
 pub use residency::{LoadError, Paged, PinError, Pins, Residency, ResidencyStatistics};
 pub use simd::prefetch;
 pub use vlscan_geom::{Aabb, DVec3, Rotation};
+pub use voxels::{GridPlace, VoxelCells, VoxelGrid};
 
 #[cfg(test)]
 mod golden_tests;

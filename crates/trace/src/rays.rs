@@ -137,6 +137,7 @@ impl RayGroup {
         !self.ray_origins[0].is_empty()
     }
 
+    #[inline(always)]
     pub(super) fn origin_of(&self, pulse: usize, ray: usize) -> DVec3 {
         if !self.is_merged() {
             return self.origins[pulse];

@@ -6,7 +6,7 @@ use super::frustum::{DEPTH_MARGIN, Frustum};
 use super::index::Nodes;
 use super::intersect::{cube, triangle};
 use super::node::{KdNode, WideChild, WideNode};
-use super::{Geometry, Hit, Hits, Tree};
+use super::{CubeAt, Geometry, Hit, Hits, Tree};
 use vlscan_geom::DVec3;
 
 impl Tree {
@@ -49,7 +49,18 @@ impl Tree {
             }
             best.map_or(f64::INFINITY, |b| b.t)
         };
+        let first_cube = geometry.triangle_count();
+        let mut grids: Vec<usize> = Vec::new();
         let mut test = |id: u32| {
+            if !geometry.grids.is_empty()
+                && let Some(index) = (id as usize).checked_sub(first_cube)
+                && let CubeAt::Grid(grid, ..) = geometry.cube_at(index)
+            {
+                if !grids.contains(&grid) {
+                    grids.push(grid);
+                }
+                return keep_nearest(Hits::MISS, None);
+            }
             let found = if accept(id) { intersect_exact(geometry, origin, direction, id) } else { None };
             keep_nearest(id, found)
         };
@@ -78,6 +89,22 @@ impl Tree {
                 }
                 None => field.test_all(origin, direction, |id, t| {
                     keep_nearest(id, accept(id).then_some(t));
+                }),
+            }
+        }
+        let first_cube = first_cube as u32;
+        for grid in grids.into_iter().map(|grid| &geometry.grids[grid]) {
+            match &frustum {
+                Some(frustum) => {
+                    let limit = frustum.limit(keep_nearest(Hits::MISS, None));
+                    grid.walk(&self.frame, frustum, limit, |index, own| {
+                        let id = first_cube + index;
+                        let found = if accept(id) { cube(origin, direction, own) } else { None };
+                        frustum.limit(keep_nearest(id, found))
+                    });
+                }
+                None => grid.test_all(origin, direction, |index, t| {
+                    keep_nearest(first_cube + index, accept(first_cube + index).then_some(t));
                 }),
             }
         }
@@ -193,12 +220,12 @@ fn is_met([lo, hi]: [f32; 2], limit: f32) -> bool {
     lo <= hi.min(limit) * DEPTH_MARGIN
 }
 
-/// Distance at which a ray hits a primitive, by the exact test.
+/// Distance at which a ray hits a stored primitive, by the exact test.
 fn intersect_exact(geometry: &Geometry, origin: DVec3, direction: DVec3, id: u32) -> Option<f64> {
     let (i, triangles) = (id as usize, geometry.triangle_count());
     if i < triangles {
         triangle(origin, direction, geometry.triangle(i))
     } else {
-        cube(origin, direction, geometry.cubes[i - triangles])
+        cube(origin, direction, geometry.cube(i - triangles)?)
     }
 }

@@ -10,7 +10,7 @@ use crate::machine;
 use memmap2::Mmap;
 use std::fs::{File, Metadata};
 use std::io::{self, Read};
-use std::ops::Deref;
+use std::ops::{Deref, Range};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::SystemTime;
@@ -80,6 +80,14 @@ impl FileBytes {
         Ok(FileBytes::from(bytes))
     }
 
+    /// Releases the memory of a part of a mapped file; its bytes are read from the file again when they are used again.
+    pub fn release(&self, part: Range<usize>) {
+        if let Content::Mapped { map, .. } = &*self.0 {
+            let part = part.start.min(map.len())..part.end.min(map.len());
+            release(map, part);
+        }
+    }
+
     /// Fails if the file has changed since it was opened, so that what was read may be a mixture of two versions.
     ///
     /// # Errors
@@ -97,6 +105,16 @@ fn map(file: File, version: Version) -> io::Result<FileBytes> {
     // SAFETY: the mapping is only read, as bytes, for which every value is valid. Other programs can change it, see above.
     let map = unsafe { Mmap::map(&file)? };
     Ok(FileBytes(Arc::new(Content::Mapped { map, file, version })))
+}
+
+#[allow(unsafe_code, reason = "releasing the memory of a mapped file")]
+fn release(map: &Mmap, part: Range<usize>) {
+    // That it fails on some system means only that the memory is not released.
+    #[cfg(unix)]
+    // SAFETY: the mapping is shared with the file and only read, so that pages that are dropped come back with the same bytes.
+    let _ = unsafe { map.unchecked_advise_range(memmap2::UncheckedAdvice::DontNeed, part.start, part.len()) };
+    #[cfg(not(unix))]
+    let _ = (map, part);
 }
 
 fn check(file: &File, version: &Version, is_read: bool) -> io::Result<()> {

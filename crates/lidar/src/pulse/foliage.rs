@@ -65,11 +65,11 @@ pub(super) fn medium_event(
     entry: f64,
     paths: &mut FreePaths,
 ) -> MediumEvent {
-    let Some(voxel) = scene.voxel(i) else { return MediumEvent::Scatter(0.0) };
+    let Some((voxel, cube)) = scene.voxel_and_cube(i) else { return MediumEvent::Scatter(0.0) };
     if voxel.kind() == VoxelKind::Opaque {
         return MediumEvent::Scatter(0.0);
     }
-    let exit = exit(&scene.geometry.cubes[i as usize - scene.geometry.triangle_count()], from, direction);
+    let exit = exit(&cube, from, direction);
     if exit.is_nan() || exit <= 0.0 {
         return MediumEvent::Lost;
     }
@@ -100,9 +100,9 @@ pub(super) fn leaf_extinction(
     i: u32,
     (from, direction): (DVec3, DVec3),
 ) -> Option<(f64, f64)> {
-    let voxel = scene.voxel(i).filter(|v| v.kind() == VoxelKind::Transmittive)?;
+    let (voxel, cube) = scene.voxel_and_cube(i).filter(|(v, _)| v.kind() == VoxelKind::Transmittive)?;
     let sigma = extinction(voxel.density, leaf_angles(scene, i), corrections, direction);
-    let exit = exit(&scene.geometry.cubes[i as usize - scene.geometry.triangle_count()], from, direction);
+    let exit = exit(&cube, from, direction);
     (sigma > 0.0 && exit > 0.0).then_some((exit, sigma))
 }
 
@@ -141,9 +141,8 @@ fn extinction(density: f64, table: Option<&LadTable>, corrections: &Corrections,
 /// Whether a ray that enters voxel `i` at `entry` metres runs through its interior or along a lower face; an upper face
 /// belongs to the neighbour.
 pub(super) fn is_within(scene: &Scene, i: u32, (from, direction): (DVec3, DVec3), entry: f64) -> bool {
-    let cube = (i as usize).checked_sub(scene.geometry.triangle_count());
-    let Some(cube) = cube.and_then(|c| scene.geometry.cubes.get(c)) else { return true };
-    let middle = from + direction * (0.5 * (entry + exit(cube, from, direction)));
+    let Some(cube) = scene.geometry.cube_of(i) else { return true };
+    let middle = from + direction * (0.5 * (entry + exit(&cube, from, direction)));
     middle.cmpge(cube.centre - cube.half).all() && middle.cmplt(cube.centre + cube.half).all()
 }
 
@@ -164,11 +163,11 @@ fn exit(cube: &Cube, from: DVec3, direction: DVec3) -> f64 {
 /// The voxels of foliage that contain or touch `point`: rays that start there never enter them. `size` is the edge of
 /// the scene's largest cube.
 pub(super) fn voxels_around(scene: &Scene, tree: &Tree, point: DVec3, size: f64) -> Vec<u32> {
-    let first_cube = scene.geometry.triangle_count();
     let contains = |i: u32| {
-        let cube = (i as usize).checked_sub(first_cube).and_then(|c| scene.geometry.cubes.get(c));
-        cube.is_some_and(|c| (point - c.centre).abs().cmple(DVec3::splat(c.half)).all())
-            && scene.voxel(i).is_some_and(|v| v.kind() != VoxelKind::Opaque)
+        scene.voxel_and_cube(i).is_some_and(|(voxel, cube)| {
+            (point - cube.centre).abs().cmple(DVec3::splat(cube.half)).all()
+                && voxel.kind() != VoxelKind::Opaque
+        })
     };
     let before = point - DVec3::Y * (2.0 * size);
     let mut found = Vec::new();

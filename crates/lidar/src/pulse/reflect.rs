@@ -304,7 +304,7 @@ impl<'a> ShadedSurface<'a> {
         let (scene, local) = view.locate(primitive);
         let normal = match scene.triangle(local) {
             Some([a, b, c]) => Some(unit((b - a).cross(c - a))),
-            None => scene.voxel(local).and_then(Voxel::normal),
+            None => scene.voxel(local).as_ref().and_then(Voxel::normal),
         };
         *self = ShadedSurface { primitive, scene, local, material: Some(scene.material_of(local)), normal };
     }
@@ -314,8 +314,7 @@ impl<'a> ShadedSurface<'a> {
         if self.normal.is_some() {
             return self.plane_cosine(direction);
         }
-        let geometry = &self.scene.geometry;
-        let cube = &geometry.cubes[self.local as usize - geometry.triangle_count()];
+        let Some(cube) = self.scene.geometry.cube_of(self.local) else { return 1.0 };
         face_of_cube(at.point(direction) - cube.centre, cube.half).dot(direction).abs().min(1.0)
     }
 

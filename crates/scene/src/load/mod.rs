@@ -7,11 +7,15 @@
 //! | `raster` | terrain from GeoTIFF |
 //! | `cloud` | point clouds as cubes |
 //! | `voxel` | vegetation voxels |
+//! | `voxel_store` | voxels of both as a grid or as cubes |
 
 mod cloud;
 mod mesh;
 pub(crate) mod raster;
 mod voxel;
+mod voxel_store;
+#[cfg(test)]
+mod voxel_store_tests;
 
 use crate::builder::{Extent, FaceNumbers, LoadOptions, MAX_COORDINATE, PartSource, SceneBuilder};
 use crate::crs::find_crs;
@@ -34,8 +38,9 @@ use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::fault;
 use vlscan_base::machine;
-use vlscan_geom::Aabb;
+use vlscan_geom::{Aabb, Rotation};
 use vlscan_survey::{Loader, MaterialChoice, PartRecipe, Replaced, SceneRecipe, Transform, VoxelMode};
+use vlscan_trace::VoxelGrid;
 
 /// Loads a scene in its first epoch and returns it with its warnings. All problems of all files are collected before an
 /// error is returned. The result does not depend on the number of threads. Moving parts are in their initial pose.
@@ -283,9 +288,12 @@ fn load_files(
         match &part.loader {
             Loader::MeshFiles { reading, .. } => mesh::load(scene, &target, &source, reading, names)?,
             Loader::Mesh(_) | Loader::GeoTiff { .. } => {}
-            Loader::Xyz(loader) => cloud::load(scene, &target, &source, loader, &materials)?,
+            Loader::Xyz(loader) => {
+                cloud::load(scene, &target, &source, loader, (&materials, keeps_voxel_grids(part)))?;
+            }
             Loader::DetailedVoxels(loader) => {
-                densities.extend(voxel::load(scene, &target, &source, loader, &materials)?);
+                let materials = (&materials[..], keeps_voxel_grids(part));
+                densities.extend(voxel::load(scene, &target, &source, loader, materials)?);
             }
         }
         source.check_unchanged()?;
@@ -315,11 +323,27 @@ fn apply_transform(scene: &mut SceneBuilder, loader: &Loader, transform: &Transf
     scene.geometry.fields[extent.fields.clone()]
         .iter_mut()
         .for_each(|field| field.translate(transform.offset));
+    for place in scene.geometry.grids[extent.grids.clone()].iter_mut().map(VoxelGrid::place_mut) {
+        place.transform = Some((of_centres.scale, of_centres.offset));
+        place.half *= transform.scale.abs();
+    }
     scene.geometry.cubes[extent.cubes.clone()].par_iter_mut().for_each(|cube| {
         cube.centre = of_centres.apply(cube.centre);
         cube.half *= transform.scale.abs();
     });
     scene.voxels[extent.cubes.clone()].par_iter_mut().for_each(|v| v.rotate(&transform.rotation));
+}
+
+/// Whether the voxels of a part that are on a grid when they are loaded are on one when they are placed, and are alike.
+fn keeps_voxel_grids(part: &PartRecipe) -> bool {
+    let Transform { rotation, scale, .. } = part.transform;
+    let is_scaled = |loader: &Loader| matches!(loader, Loader::DetailedVoxels(voxels) if matches!(voxels.mode, VoxelMode::Scaled(_)));
+    rotation == Rotation::IDENTITY
+        && scale > 0.0
+        && scale.is_finite()
+        && part.motions.is_empty()
+        && !part.changes.iter().any(|change| matches!(change.replaced, Replaced::Faces(_)))
+        && !is_scaled(&part.loader)
 }
 
 fn choose(scene: &mut SceneBuilder, part: &PartSource, choice: &MaterialChoice) -> Option<Vec<u32>> {
@@ -328,7 +352,12 @@ fn choose(scene: &mut SceneBuilder, part: &PartSource, choice: &MaterialChoice) 
 
 /// Opens a file of a part; `None` after an error in its name.
 fn open(scene: &mut SceneBuilder, part: &PartRecipe, file: &Path) -> Result<Option<Source>> {
-    match fault::point().and_then(|()| Source::open_within(file, scene.options.max_memory)) {
+    // Voxels take less memory than their text, so that large texts are mapped and released as they are read.
+    let memory = match &part.loader {
+        Loader::DetailedVoxels(_) => Some(0),
+        _ => scene.options.max_memory,
+    };
+    match fault::point().and_then(|()| Source::open_within(file, memory)) {
         Ok(source) => {
             scene.sources.push(file.to_path_buf());
             Ok(Some(source))
@@ -371,6 +400,7 @@ fn freeze(scene: SceneBuilder, first: Option<SceneFrame>, keep_frame: bool) -> R
     geometry.vertices.par_iter_mut().for_each(|v| *v -= shift);
     geometry.cubes.par_iter_mut().for_each(|c| c.centre -= shift);
     geometry.fields.iter_mut().for_each(|field| field.shift(shift));
+    geometry.grids.iter_mut().for_each(|grid| grid.place_mut().shift = shift);
     if let Some(instances) = instances.as_mut().and_then(|set| Arc::get_mut(&mut set.instances)) {
         instances.shift = shift;
     }
@@ -396,6 +426,7 @@ fn freeze(scene: SceneBuilder, first: Option<SceneFrame>, keep_frame: bool) -> R
         relevant_rules: library.relevant_rules.or(scene.leaf_table_rules),
         materials: library.materials,
         voxels,
+        grid_voxels: scene.grid_voxels,
         moving_parts: scene.moving_parts,
         instances,
         sources,

@@ -34,7 +34,7 @@ pub(super) struct PlannedPart {
     pub rest: Scene,
     /// Numbers of its triangles in the complete scene.
     pub triangles: Range<usize>,
-    /// Indices of its cubes among the scene's cubes.
+    /// Indices of its cubes among all cubes of the scene.
     pub cubes: Range<usize>,
 }
 
@@ -76,7 +76,7 @@ impl MotionPlan {
                     centre: rest.geometry.bounds().centre(),
                     rest,
                     triangles: numbers_of(scene, &part.triangles),
-                    cubes: part.cubes.clone(),
+                    cubes: indices_of(scene, &part.cubes),
                 }
             })
             .collect();
@@ -149,6 +149,12 @@ fn transform_of(motion: &Motion, shift: DVec3) -> Affine {
 /// The numbers of some stored triangles of one part, which follow each other.
 fn numbers_of(scene: &Scene, stored: &Range<usize>) -> Range<usize> {
     let first = scene.geometry.number_of(stored.start);
+    first..first + stored.len()
+}
+
+/// The indices among all cubes of some stored cubes of one part, which follow each other.
+fn indices_of(scene: &Scene, stored: &Range<usize>) -> Range<usize> {
+    let first = scene.geometry.index_of_stored_cube(stored.start);
     first..first + stored.len()
 }
 

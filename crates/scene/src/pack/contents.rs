@@ -1,15 +1,16 @@
 //! Scenes as arrays and values of a file.
 
 use super::trees::{
-    read_fields, read_geometry, read_instance_trees, read_instances, read_tree, write_fields, write_geometry,
-    write_instance_trees, write_instances, write_tree,
+    read_fields, read_geometry, read_grids, read_instance_trees, read_instances, read_tree, write_fields,
+    write_geometry, write_grids, write_instance_trees, write_instances, write_tree,
 };
+use crate::grid_voxels::{GridSurfaces, GridVoxels};
 use crate::{InstanceSet, MovingPart, PackedTree, Scene, Surface, SurfaceIds};
 use std::ops::Range;
 use std::sync::Arc;
 use vlscan_base::error::Result;
 use vlscan_base::store::{ArrayFile, ArrayFileWriter};
-use vlscan_trace::{Builder, Geometry, Tree};
+use vlscan_trace::{Builder, Geometry, HeightField, Tree, VoxelGrid};
 
 /// The name of the number of epochs.
 const EPOCHS: &str = "epochs";
@@ -48,6 +49,10 @@ pub(super) fn write(scene: &Scene, tree: &Tree, epoch: u32, out: &mut ArrayFileW
     out.value(name("values"), &values)?;
     write_geometry(&scene.geometry, &name("own"), out)?;
     write_fields(&scene.geometry.fields, &prefix(epoch), out)?;
+    write_grids(&scene.geometry.grids, &prefix(epoch), out)?;
+    for (i, voxels) in scene.grid_voxels.iter().enumerate() {
+        voxels.pack(&name(&format!("grid {i}")), out)?;
+    }
     out.array(name("voxels"), &scene.voxels)?;
     scene.surface_ids.pack(name("surfaces"), out)?;
     write_tree(tree, &name("tree"), out)?;
@@ -86,6 +91,7 @@ pub(super) fn read_scene(file: &ArrayFile, epoch: u32, builder: Builder) -> Resu
         packed_sizes: Some(sizes),
         geometry: Geometry {
             fields: read_fields(&prefix(epoch), file)?,
+            grids: read_grids(&prefix(epoch), file)?,
             ..read_geometry(&name("own"), file)?
         },
         field_surfaces,
@@ -96,9 +102,13 @@ pub(super) fn read_scene(file: &ArrayFile, epoch: u32, builder: Builder) -> Resu
     let (g, cubes) = (&scene.geometry, scene.geometry.cubes.len());
     let stored = g.triangles.len() + cubes;
     let are_fields = scene.field_surfaces.len() == g.fields.len() && are_numbered(g);
-    if scene.surface_ids.len() != stored || scene.voxels.len() != cubes || !are_fields {
+    let grids = (0..g.grids.len()).map(|i| GridVoxels::unpack(&name(&format!("grid {i}")), file));
+    let grid_voxels = grids.collect::<Result<Vec<_>>>()?;
+    let are_grids = grid_voxels.iter().map(GridVoxels::len).eq(g.grids.iter().map(VoxelGrid::len));
+    if scene.surface_ids.len() != stored || scene.voxels.len() != cubes || !are_fields || !are_grids {
         return Err(file.refuse("its arrays do not match"));
     }
+    scene.grid_voxels = grid_voxels;
     let mut tree = read_tree(&name("tree"), file)?;
     if let Some(parts) = instance_parts {
         let parts: Vec<u32> = parts;
@@ -118,16 +128,14 @@ pub(super) fn read_scene(file: &ArrayFile, epoch: u32, builder: Builder) -> Resu
     Ok(scene)
 }
 
-/// Whether the numbers of height fields are those of no other triangles.
+/// Whether the numbers of height fields are those of no other triangles, and the indices of grids those of no other cubes.
 fn are_numbered(g: &Geometry) -> bool {
-    let mut next = 0;
-    let are_apart = g.fields.iter().all(|field| {
-        let numbers = field.numbers();
-        let is_after = numbers.start >= next;
-        next = numbers.end;
-        is_after
-    });
-    are_apart && next <= g.triangle_count()
+    let are_apart = |mut ranges: Vec<Range<usize>>, end: usize| {
+        ranges.push(end..end);
+        ranges.windows(2).all(|w| w[0].end <= w[1].start)
+    };
+    are_apart(g.fields.iter().map(HeightField::numbers).collect(), g.triangle_count())
+        && are_apart(g.grids.iter().map(VoxelGrid::indices).collect(), g.cube_count())
 }
 
 /// Whether the numbers in everything but the large arrays are those of existing things.
@@ -148,7 +156,12 @@ fn are_numbers_valid(scene: &Scene) -> bool {
             && set.instances.all.iter().all(|i| (i.model as usize) < models.len())
             && set.materials.iter().zip(models).all(|(of, m)| of.len() == m.geometry.triangles.len())
     };
+    let are_in_turn = |voxels: &GridVoxels| match &voxels.surfaces {
+        GridSurfaces::InTurn(all) => all.iter().all(|&s| (s as usize) < scene.surfaces.len()),
+        GridSurfaces::Each(_) => true,
+    };
     scene.surfaces.iter().all(is_surface)
+        && scene.grid_voxels.iter().all(are_in_turn)
         && scene.field_surfaces.iter().all(|&s| (s as usize) < scene.surfaces.len())
         && scene.moving_parts.iter().all(is_moving)
         && scene.instances.as_ref().is_none_or(are_instances)
@@ -159,8 +172,10 @@ pub(super) fn are_arrays_valid(scene: &Scene) -> bool {
     let materials = scene.materials.len();
     let geometries = scene.instances.iter().flat_map(|set| &set.instances.models).map(|m| &m.geometry);
     let of_instances = scene.instances.iter().flat_map(|set| &set.materials).flatten();
+    let of_grids = scene.grid_voxels.iter().map(|voxels| voxels.surfaces.counts(voxels.len()));
     std::iter::once(&scene.geometry).chain(geometries).all(Geometry::is_sound)
         && scene.surface_ids.iter().all(|id| (id as usize) < scene.surfaces.len())
+        && of_grids.flatten().all(|(id, _)| (id as usize) < scene.surfaces.len())
         && of_instances.copied().all(|m| (m as usize) < materials)
         && scene.packed_tree.as_ref().is_none_or(|packed| packed.tree.is_sound(&scene.geometry))
 }

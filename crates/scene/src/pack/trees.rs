@@ -5,7 +5,8 @@ use vlscan_base::error::Result;
 use vlscan_base::store::{ArrayFile, ArrayFileWriter};
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_trace::{
-    Geometry, HeightField, HeightGrid, Heights, Instances, Model, NodeArray, Placement, Tree, TreeParts,
+    Geometry, GridPlace, HeightField, HeightGrid, Heights, Instances, Model, NodeArray, Placement, Tree,
+    TreeParts, VoxelCells, VoxelGrid,
 };
 
 /// Writes the arrays of a geometry under names that begin with `name`.
@@ -65,6 +66,36 @@ pub(super) fn read_fields(name: &str, file: &ArrayFile) -> Result<Vec<HeightFiel
             .ok_or_else(|| file.refuse("its height fields are not those of its arrays"))
     };
     grids.into_iter().enumerate().map(field).collect()
+}
+
+/// Writes the grids of voxels under names that begin with `name`; the hierarchies over their cells are computed when they are read.
+pub(super) fn write_grids(grids: &[VoxelGrid], name: &str, out: &mut ArrayFileWriter) -> Result<()> {
+    let places: Vec<_> =
+        grids.iter().map(|grid| (grid.place(), grid.first(), grid.cells().arrays().0)).collect();
+    out.value(format!("{name}grids"), &places)?;
+    for (i, grid) in grids.iter().enumerate() {
+        let (_, starts, along) = grid.cells().arrays();
+        out.array(format!("{name}grid {i}.rows"), starts)?;
+        out.array(format!("{name}grid {i}.cells"), along)?;
+    }
+    Ok(())
+}
+
+/// Reads the grids of [`write_grids`].
+///
+/// # Errors
+/// As for [`ArrayFile::array`].
+pub(super) fn read_grids(name: &str, file: &ArrayFile) -> Result<Vec<VoxelGrid>> {
+    type Places = Vec<(GridPlace, u32, ([u32; 3], [usize; 3], usize))>;
+    let places: Places = file.value(&format!("{name}grids"))?;
+    let grid = |(i, (place, first, values)): (usize, (GridPlace, u32, _))| {
+        let starts = file.array(&format!("{name}grid {i}.rows"))?;
+        let along = file.array(&format!("{name}grid {i}.cells"))?;
+        VoxelCells::from_arrays(values, starts, along)
+            .and_then(|cells| VoxelGrid::new(place, cells, first as usize))
+            .ok_or_else(|| file.refuse("its grids of voxels are not those of its arrays"))
+    };
+    places.into_iter().enumerate().map(grid).collect()
 }
 
 /// Writes a tree without its instances under names that begin with `name`.

@@ -48,6 +48,7 @@ impl Case {
             triangles: (0..self.stored.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
             cubes: self.cubes.clone(),
             fields: vec![field],
+            ..Geometry::default()
         }
     }
 
@@ -63,7 +64,7 @@ impl Case {
             vertices.extend(corners);
         }
         all.append(&mut triangles);
-        Geometry { vertices, triangles: all, cubes: self.cubes.clone(), fields: Vec::new() }
+        Geometry { vertices, triangles: all, cubes: self.cubes.clone(), ..Geometry::default() }
     }
 }
 

@@ -2,10 +2,12 @@
 //! [`intersect`](mod@crate::intersect), operation by operation, so that the bits are equal. Rays for which that
 //! arithmetic takes one of its rare branches are left to the exact test.
 
+#![expect(clippy::needless_range_loop, reason = "lanes of several arrays are counted together")]
+
 use crate::geometry::Cube;
-use crate::intersect::{self, DEPTH_SLACK, EDGE_ON};
+use crate::intersect::{self, DEPTH_SLACK, EDGE_ON, MIN_DIRECTION};
 use crate::simd::{F64Ops, MaskOps, QuadOps, Simd, VectorOps, each_of};
-use vlscan_geom::DVec3;
+use vlscan_geom::{Aabb, DVec3};
 
 /// Eight rays: directions and the nearest hits so far.
 pub(super) struct Rays<'a> {
@@ -42,10 +44,33 @@ impl Rays<'_> {
         }
     }
 
-    /// Applies the test of a cube to all rays; `origin` returns the origin of each.
+    /// Applies the test of a cube to all rays, operation by operation as [`intersect::cube`]; `origin` returns the origin of each.
+    #[inline(always)]
     pub fn intersect_cube(&mut self, id: u32, cube: Cube, origin: impl Fn(usize) -> DVec3) {
+        let Aabb { min, max } = cube.bounds();
+        let mut origins = [[0.0; 8]; 3];
         for ray in 0..8 {
-            if let Some(t) = intersect::cube(origin(ray), self.direction(ray), cube) {
+            let origin = origin(ray);
+            for axis in 0..3 {
+                origins[axis][ray] = origin[axis];
+            }
+        }
+        let (mut enter, mut leave, mut length) = ([f64::NEG_INFINITY; 8], [f64::INFINITY; 8], [0.0; 8]);
+        for axis in 0..3 {
+            let (min, max) = (min[axis], max[axis]);
+            for ray in 0..8 {
+                let (o, d) = (origins[axis][ray], self.directions[axis][ray]);
+                let (low, high) = ((min - o) / d, (max - o) / d);
+                let is_down = d.is_sign_negative();
+                let (near, far) = (if is_down { high } else { low }, if is_down { low } else { high });
+                enter[ray] = greater(near, enter[ray]);
+                leave[ray] = lesser(far, leave[ray]);
+                length[ray] = greater(d.abs(), length[ray]);
+            }
+        }
+        for ray in 0..8 {
+            let t = enter[ray];
+            if t <= leave[ray] && t > 0.0 && t.is_finite() && length[ray] >= MIN_DIRECTION {
                 self.keep_nearest(ray, t, id);
             }
         }

@@ -12,6 +12,7 @@ use super::lanes::PACKET_SIZE;
 use super::model_frame::set_deviations;
 use super::traversal::PacketTraversal;
 use crate::block::{BLOCK_SIZE, Block};
+use crate::geometry::{Cube, CubeAt};
 use crate::simd::{F32Ops, F64Ops, MaskOps, Simd};
 
 impl<'a, S: Simd> PacketTraversal<'a, S> {
@@ -188,7 +189,7 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
     /// Lowers the depth limit of a pulse: once all of its rays have hit something, objects behind the farthest of
     /// these hits are occluded.
     #[inline(always)]
-    fn lower_limit(&mut self, pulse: usize) {
+    pub(super) fn lower_limit(&mut self, pulse: usize) {
         let first = (self.first + pulse) * self.registers;
         let mut farthest = self.simd.splat_f64(0.0);
         for t in &self.t[first..first + self.registers] {
@@ -257,6 +258,7 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
     #[inline(always)]
     fn hit_cubes(&mut self, block: &Block, mask: u32, hi: &[f32; PACKET_SIZE]) {
         let (mut rest, mut touched) = (mask, 0);
+        let first_cube = self.geometry.triangle_count();
         while rest != 0 {
             let p = rest.trailing_zeros() as usize % PACKET_SIZE;
             let planes = &self.frustum.pulse_planes(p);
@@ -268,7 +270,11 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
             }
             touched |= u32::from(met != 0) << p;
             while met != 0 {
-                self.hit_cube(self.first + p, block.id[met.trailing_zeros() as usize % BLOCK_SIZE]);
+                let id = block.id[met.trailing_zeros() as usize % BLOCK_SIZE];
+                match self.geometry.cube_at(id as usize - first_cube) {
+                    CubeAt::Stored(cube) => self.hit_cube(self.first + p, id, self.geometry.cubes[cube]),
+                    CubeAt::Grid(grid, ..) => self.record_grid(grid, p),
+                }
                 met &= met - 1;
             }
             rest &= rest - 1;
@@ -276,12 +282,17 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         self.lower_limits(touched);
     }
 
+    /// Tests all rays of a pulse, counted from that of the group, against a cube.
     #[inline(always)]
-    fn hit_cube(&mut self, pulse: usize, id: u32) {
-        let cube = self.geometry.cubes[id as usize - self.geometry.triangle_count()];
+    pub(super) fn hit_cube(&mut self, pulse: usize, id: u32, cube: Cube) {
+        let simd = self.simd;
         for register in pulse * self.registers..(pulse + 1) * self.registers {
             let (rays, first) = (self.rays, 8 * (register - pulse * self.registers));
-            self.rays_of(register).intersect_cube(id, cube, |r| rays.origin_of(pulse, first + r));
+            let mut lanes = self.rays_of(register);
+            simd.outlined(
+                #[inline(always)]
+                move || lanes.intersect_cube(id, cube, |r| rays.origin_of(pulse, first + r)),
+            );
         }
     }
 

@@ -19,6 +19,7 @@
 //! | `heights` | traversal of height fields, whose leaves become blocks when they are visited |
 //! | `instances`, `model_frame` | the instances that a packet hits; the packet in the frame of a model |
 //! | `instance_frame` | triangles of an instance in the scene |
+//! | `voxels` | traversal of grids of voxels |
 
 mod candidates;
 mod distance;
@@ -34,6 +35,7 @@ mod packet;
 mod sides;
 mod spread;
 mod traversal;
+mod voxels;
 mod walk;
 
 use super::rays::{Hits, RayGroup};
@@ -161,6 +163,7 @@ fn trace_packet<S: Simd>(
     for field in &geometry.fields {
         packet.walk_field(field, &tree.frame, all);
     }
+    packet.walk_grids(&tree.frame, all == 1);
     true
 }
 

@@ -6,11 +6,13 @@ use super::instance_frame::{InstanceFrame, InstanceVisit};
 use super::lanes::{PACKET_SIZE, PerPulse};
 use super::packet::PacketFrustum;
 use super::spread::{Deviations, OriginOffsets};
+use super::voxels::GridVisit;
 use crate::build::MAX_DEPTH;
 use crate::heights::MAX_FIELD_STACK;
 use crate::node::WideChild;
 use crate::simd::Simd;
 use crate::trace::MAX_WIDE_STACK;
+use crate::voxels::MAX_GRID_STACK;
 use crate::{Geometry, RayGroup};
 
 pub(super) struct PacketTraversal<'a, S: Simd> {
@@ -41,6 +43,8 @@ pub(super) struct PacketTraversal<'a, S: Simd> {
     /// In a height field: the pending blocks, which are not those of a tree.
     pub leaves: &'a mut FieldLeaves,
     pub is_field: bool,
+    /// The grids of voxels that were met, and the pulses that hit their boxes.
+    pub grids: &'a mut Vec<(usize, u32)>,
     /// In a tree over instances: the instances hit.
     pub visits: Option<&'a mut Vec<InstanceVisit>>,
     /// In the tree of a model: the instance.
@@ -80,6 +84,7 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
             lists: &mut scratch.lists,
             leaves: &mut scratch.leaves,
             is_field: false,
+            grids: &mut scratch.grids,
             visits: None,
             instance: None,
         }
@@ -115,6 +120,7 @@ pub(super) struct Stacks {
     pub kd: [KdVisit; MAX_DEPTH as usize + 1],
     pub wide: [WideVisit; MAX_WIDE_STACK],
     pub field: [FieldVisit; MAX_FIELD_STACK],
+    pub grid: [GridVisit; MAX_GRID_STACK],
 }
 
 impl Stacks {
@@ -122,6 +128,7 @@ impl Stacks {
         kd: [KdVisit::ROOT; MAX_DEPTH as usize + 1],
         wide: [WideVisit::ROOT; MAX_WIDE_STACK],
         field: [FieldVisit::NONE; MAX_FIELD_STACK],
+        grid: [GridVisit::NONE; MAX_GRID_STACK],
     };
 }
 
@@ -132,6 +139,7 @@ pub(super) struct PacketScratch {
     pub stacks: Stacks,
     pub lists: CandidateLists,
     pub leaves: FieldLeaves,
+    pub grids: Vec<(usize, u32)>,
 }
 
 impl Default for PacketScratch {
@@ -142,6 +150,7 @@ impl Default for PacketScratch {
             stacks: Stacks::EMPTY,
             lists: CandidateLists::EMPTY,
             leaves: FieldLeaves::EMPTY,
+            grids: Vec::new(),
         }
     }
 }

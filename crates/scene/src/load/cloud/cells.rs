@@ -6,6 +6,7 @@ use std::hash::{BuildHasherDefault, Hasher};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use vlscan_formats::PointRow;
 use vlscan_geom::{Aabb, DVec3, unit};
+use vlscan_trace::GridPlace;
 
 /// Number of independent sets of cells. Constant, so that results do not depend on the number of threads.
 pub(super) const SHARDS: usize = 16;
@@ -15,16 +16,16 @@ pub(super) type Cell = [u32; 3];
 
 /// A grid of cubes (spec input-formats §4.4).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct VoxelGrid {
+pub(super) struct CloudGrid {
     min: DVec3,
     size: f64,
     last: Cell,
 }
 
-impl VoxelGrid {
+impl CloudGrid {
     /// The grid whose lower corner is that of `extent`; along an axis without extent its single layer is centred at the
     /// points. `None` if the cell indices would overflow.
-    pub fn around(extent: Aabb, size: f64) -> Option<VoxelGrid> {
+    pub fn around(extent: Aabb, size: f64) -> Option<CloudGrid> {
         let (mut min, mut last) = (extent.min, [0; 3]);
         for axis in 0..3 {
             let length = extent.max[axis] - extent.min[axis];
@@ -37,7 +38,7 @@ impl VoxelGrid {
             }
             last[axis] = count as u32 - 1;
         }
-        Some(VoxelGrid { min, size, last })
+        Some(CloudGrid { min, size, last })
     }
 
     pub fn cell_of(&self, p: DVec3) -> Cell {
@@ -56,6 +57,16 @@ impl VoxelGrid {
     /// Centre of a cell, m.
     pub fn centre(&self, cell: Cell) -> DVec3 {
         self.min + (DVec3::from(cell.map(f64::from)) + 0.5) * self.size
+    }
+
+    /// Where the cubes of cells are.
+    pub fn place(&self) -> GridPlace {
+        GridPlace::new(self.min, self.size)
+    }
+
+    /// Number of cells along x, y, z.
+    pub fn counts(&self) -> [u32; 3] {
+        self.last.map(|last| last.saturating_add(1))
     }
 
     /// Sort key of a cell: by z, then y, then x.
@@ -175,7 +186,7 @@ pub(super) struct Cells(HashMap<Cell, Sums, BuildHasherDefault<CellHasher>>);
 
 impl Cells {
     /// Adds a point to its cell; `false` if the budget does not allow a larger table.
-    pub fn add(&mut self, grid: &VoxelGrid, point: &PointRow, rule: NormalRule, budget: &Budget) -> bool {
+    pub fn add(&mut self, grid: &CloudGrid, point: &PointRow, rule: NormalRule, budget: &Budget) -> bool {
         let cell = grid.cell_of(point.position);
         if self.0.len() == self.0.capacity() && !self.0.contains_key(&cell) {
             let before = self.0.capacity();
@@ -232,20 +243,20 @@ mod tests {
 
     #[test]
     fn cells_begin_at_the_minimum_and_the_last_holds_the_maximum() {
-        let grid = VoxelGrid::around(extent([1.0, 1.1, 0.3]), 0.5).unwrap();
+        let grid = CloudGrid::around(extent([1.0, 1.1, 0.3]), 0.5).unwrap();
         assert_eq!(grid.last, [1, 2, 0]);
         assert_eq!(grid.cell_of(DVec3::new(1.0, 1.1, 0.3)), [1, 2, 0]);
         assert_eq!(grid.centre([0, 2, 0]), DVec3::new(0.25, 1.25, 0.25));
         let flat =
-            VoxelGrid::around(Aabb { min: DVec3::splat(7.0), max: DVec3::new(9.0, 9.0, 7.0) }, 0.5).unwrap();
+            CloudGrid::around(Aabb { min: DVec3::splat(7.0), max: DVec3::new(9.0, 9.0, 7.0) }, 0.5).unwrap();
         assert_eq!(flat.centre([0, 0, 0]).z, 7.0);
-        assert!(VoxelGrid::around(extent([1e12, 1.0, 1.0]), 1e-3).is_none());
+        assert!(CloudGrid::around(extent([1e12, 1.0, 1.0]), 1e-3).is_none());
     }
 
     proptest! {
         #[test]
         fn every_point_lies_in_its_cell(p in prop::array::uniform3(0.0..1.0f64), size in 0.001..2.0f64) {
-            let grid = VoxelGrid::around(extent([1.0; 3]), size).unwrap();
+            let grid = CloudGrid::around(extent([1.0; 3]), size).unwrap();
             let off = (DVec3::from(p) - grid.centre(grid.cell_of(DVec3::from(p)))).abs().max_element();
             prop_assert!(off <= 0.5 * size * (1.0 + 1e-9));
         }

@@ -8,9 +8,11 @@ mod tests;
 mod text;
 
 use crate::builder::{MAX_COORDINATE, PartSource, SceneBuilder, memory_of};
+use crate::grid_voxels::GridSurfaces;
+use crate::load::voxel_store::VoxelStore;
 use crate::text::{Problems, Source, cut_into_pieces};
 use crate::voxel::Voxel;
-use cells::{Budget, Cells, NormalRule, SHARDS, VoxelGrid};
+use cells::{Budget, Cell, Cells, CloudGrid, NormalRule, SHARDS};
 use rayon::prelude::*;
 use std::ops::{ControlFlow, Range};
 use text::RowFormat;
@@ -19,7 +21,6 @@ use vlscan_base::error::{Error, Result};
 use vlscan_formats::{AttributeSet, CloudFormat, PointFile, PointRow, PointSink, Selection};
 use vlscan_geom::{Aabb, DVec3, direction, rescaled};
 use vlscan_survey::XyzLoader;
-use vlscan_trace::Cube;
 
 /// Bytes of text read by one task.
 const PIECE_BYTES: usize = 1 << 20;
@@ -27,13 +28,13 @@ const PIECE_BYTES: usize = 1 << 20;
 /// Minimum number of points to which a plane is fitted.
 const MIN_PLANE_POINTS: u32 = 3;
 
-/// Appends one cube per occupied cell of a file's grid, ordered by z, y, x.
+/// Appends one voxel per occupied cell of a file's grid, ordered by z, y, x.
 pub(crate) fn load(
     scene: &mut SceneBuilder,
     part: &PartSource,
     source: &Source,
     loader: &XyzLoader,
-    materials: &[u32],
+    (materials, keeps_grid): (&[u32], bool),
 ) -> Result<()> {
     let settings = match Settings::new(loader) {
         Ok(settings) => settings,
@@ -58,7 +59,7 @@ pub(crate) fn load(
         report_empty(source, is_text, &mut scene.diagnostics);
         return Ok(());
     }
-    let Some(grid) = VoxelGrid::around(extent, settings.voxel_size) else {
+    let Some(grid) = CloudGrid::around(extent, settings.voxel_size) else {
         let message = format!(
             "voxels of {} m are too small for the {:.3} m of {}",
             settings.voxel_size,
@@ -80,7 +81,7 @@ pub(crate) fn load(
     let shards = sorter.shards;
     let cells: usize = shards.iter().map(Cells::len).sum();
     scene.check_memory(memory_of(0, 0, cells).max((cells * size_of::<Filled>()) as u64), source.path())?;
-    append_cubes(scene, part, &settings, &grid, shards, materials)
+    append_voxels(scene, part, &settings, (&grid, keeps_grid), shards, materials)
 }
 
 /// A point file in one of the formats, recognised by its first bytes instead of its name.
@@ -274,7 +275,7 @@ impl Settings {
 
 /// Sorts points into cells. Each cell receives its points in the order of the file for any number of threads.
 struct Sorter<'a> {
-    grid: &'a VoxelGrid,
+    grid: &'a CloudGrid,
     settings: &'a Settings,
     shards: [Cells; SHARDS],
     budget: Budget,
@@ -355,14 +356,14 @@ impl Settings {
     }
 }
 
-/// Sort key of a cell, its cube, and the class of its points.
-type Filled = (u128, Cube, Voxel, u8);
+/// Sort key of a cell, the cell, its attributes, and the class of its points.
+type Filled = (u128, Cell, Voxel, u8);
 
-fn append_cubes(
+fn append_voxels(
     scene: &mut SceneBuilder,
     part: &PartSource,
     settings: &Settings,
-    grid: &VoxelGrid,
+    (grid, keeps_grid): (&CloudGrid, bool),
     shards: [Cells; SHARDS],
     materials: &[u32],
 ) -> Result<()> {
@@ -374,21 +375,20 @@ fn append_cubes(
                 NormalRule::Plane if sums.count < MIN_PLANE_POINTS => Some(settings.default_normal?),
                 _ => sums.normal(settings.rule).or(settings.default_normal),
             };
-            let cube = Cube { centre: grid.centre(cell), half: 0.5 * settings.voxel_size };
-            Some((grid.order(cell), cube, Voxel::of_points(normal), sums.class))
+            Some((grid.order(cell), cell, Voxel::of_points(normal), sums.class))
         })
         .collect();
     cells.par_sort_unstable_by_key(|c| c.0);
-    scene.geometry.cubes.extend(cells.iter().map(|c| c.1));
-    scene.voxels.extend(cells.iter().map(|c| c.2));
-    if settings.has_material || cells.iter().all(|c| c.3 == 0) {
-        scene.assign_materials_in_turn(part.index, materials, cells.len());
+    let mut store = VoxelStore::new(grid.place(), grid.counts(), keeps_grid);
+    cells.iter().for_each(|(_, cell, voxel, _)| store.push(scene, *cell, voxel));
+    let surfaces = if settings.has_material || cells.iter().all(|c| c.3 == 0) {
+        scene.surfaces_in_turn(part.index, materials)
     } else {
-        for ((.., class), material) in cells.iter().zip(materials.iter().cycle()) {
+        let surfaces = cells.iter().zip(materials.iter().cycle()).map(|((.., class), material)| {
             let material = scene.library.of_class(*material, *class);
-            let surface = scene.surface(part.index, material);
-            scene.cube_surfaces.push(surface);
-        }
-    }
-    scene.check_counts()
+            scene.surface(part.index, material)
+        });
+        GridSurfaces::Each(surfaces.collect())
+    };
+    store.finish(scene, surfaces)
 }

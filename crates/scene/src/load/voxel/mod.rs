@@ -5,6 +5,7 @@ mod layout;
 mod tests;
 
 use crate::builder::{MAX_COORDINATE, PartSource, SceneBuilder};
+use crate::load::voxel_store::VoxelStore;
 use crate::number::float;
 use crate::text::{Line, Lines, Problems, Source, Words, cut_into_pieces, is_empty_line, shown};
 use crate::voxel::{Voxel, VoxelKind};
@@ -16,7 +17,7 @@ use vlscan_base::error::Result;
 use vlscan_base::rng::{Purpose, Stream};
 use vlscan_geom::DVec3;
 use vlscan_survey::{VoxelLoader, VoxelMode};
-use vlscan_trace::Cube;
+use vlscan_trace::GridPlace;
 
 /// Bytes read by one task.
 const PIECE_BYTES: usize = 1 << 20;
@@ -50,7 +51,7 @@ pub(crate) fn load(
     part: &PartSource,
     source: &Source,
     loader: &VoxelLoader,
-    materials: &[u32],
+    (materials, keeps_grid): (&[u32], bool),
 ) -> Result<Option<Densities>> {
     if !source.is_text("a voxel file", &mut scene.diagnostics) {
         return Ok(None);
@@ -63,19 +64,27 @@ pub(crate) fn load(
     let ((body, mut lines), mut rows) = (header.body, 0);
     let text = &source.bytes()[body..];
     let mut problems = Problems::default();
-    for wave in cut_into_pieces(text, PIECE_BYTES).chunks(4 * rayon::current_num_threads()) {
+    let place = GridPlace::new(header.min_corner, header.resolution);
+    let mut store = VoxelStore::new(place, header.split.map(|count| count as u32), keeps_grid);
+    let mut at = 0;
+    while at < text.len() {
+        let wave = next_pieces(text, at);
         let read: Vec<Slice> =
             wave.par_iter().map(|piece| read_voxels(&text[piece.clone()], &header, loader)).collect();
-        scene.reserve(0, 0, read.iter().map(|s| s.cubes.len()).sum(), source.path())?;
-        for (slice, piece) in read.into_iter().zip(wave) {
+        store.reserve(scene, read.iter().map(|s| s.voxels.len()).sum(), source.path())?;
+        for (slice, piece) in read.into_iter().zip(&wave) {
             problems.append(slice.problems, lines, body + piece.start);
             lines += slice.lines;
             rows += slice.rows;
-            scene.geometry.cubes.extend(slice.cubes);
-            scene.voxels.extend(slice.voxels);
+            slice.voxels.iter().for_each(|(cell, voxel)| store.push(scene, *cell, voxel));
         }
+        let end = wave.last().map_or(text.len(), |piece| piece.end);
+        // What has been read of a mapped file would count as memory.
+        source.release(body + at..body + end);
+        at = end;
     }
-    scene.check_counts()?;
+    let surfaces = scene.surfaces_in_turn(part.index, materials);
+    store.finish(scene, surfaces)?;
     check_last_row(source, body, header.layout.count, &mut problems);
     check_columns(source, &header, loader.mode, &mut problems);
     if rows == 0 {
@@ -84,9 +93,21 @@ pub(crate) fn load(
     }
     let is_valid = problems.report(source, &mut scene.diagnostics);
     let cubes = first..scene.geometry.cubes.len();
-    scene.assign_materials_in_turn(part.index, materials, cubes.len());
+    // Only cubes are scaled.
     let largest = header.max_density.unwrap_or_else(|| largest_density(&scene.voxels[cubes.clone()]));
     Ok(is_valid.then_some(Densities { cubes, largest }))
+}
+
+/// The next pieces of a text from byte `at` on, one or more for each thread.
+fn next_pieces(text: &[u8], at: usize) -> Vec<Range<usize>> {
+    let length = 4 * rayon::current_num_threads() * PIECE_BYTES;
+    let rest = &text[at..];
+    let end = match rest.get(length..).map(|behind| memchr::memchr(b'\n', behind)) {
+        Some(Some(n)) => length + n + 1,
+        _ => rest.len(),
+    };
+    let pieces = cut_into_pieces(&rest[..end], PIECE_BYTES);
+    pieces.into_iter().map(|piece| at + piece.start..at + piece.end).collect()
 }
 
 /// A last line without a line end is truncated if it has fewer columns than the first row.
@@ -215,8 +236,8 @@ impl Fields {
 
 #[derive(Default)]
 struct Slice {
-    cubes: Vec<Cube>,
-    voxels: Vec<Voxel>,
+    /// Cells and attributes.
+    voxels: Vec<([u32; 3], Voxel)>,
     problems: Problems,
     lines: usize,
     rows: usize,
@@ -225,12 +246,13 @@ struct Slice {
 fn read_voxels(bytes: &[u8], header: &Header, loader: &VoxelLoader) -> Slice {
     let mut slice = Slice::default();
     let mut lines = Lines::new(bytes, false);
+    let mut words = Vec::new();
     for line in lines.by_ref() {
         if is_empty_line(&line.text) || line.text.trim_ascii_start()[0] == b'#' {
             continue;
         }
         slice.rows += 1;
-        match read_row(&line, &header.layout) {
+        match read_row(&line, &header.layout, &mut words) {
             Ok(row) if loader.drop_empty && row.density == 0.0 => {}
             Ok(row) => {
                 let index = DVec3::from(row.index.map(f64::from));
@@ -240,9 +262,8 @@ fn read_voxels(bytes: &[u8], header: &Header, loader: &VoxelLoader) -> Slice {
                         format!("the cell lies outside of the header's #split of {:?}", header.split)
                     });
                 }
-                let centre = header.min_corner + (index + 0.5) * header.resolution;
-                slice.cubes.push(Cube { centre, half: 0.5 * header.resolution });
-                slice.voxels.push(Voxel::of_plants(row.density, kind(loader.mode, row.transmittance)));
+                let voxel = Voxel::of_plants(row.density, kind(loader.mode, row.transmittance));
+                slice.voxels.push((row.index, voxel));
             }
             Err((at, message)) => slice.problems.error(line.number, at, || message),
         }
@@ -268,15 +289,22 @@ struct Row {
     transmittance: f64,
 }
 
-fn read_row(line: &Line, layout: &Layout) -> std::result::Result<Row, (Range<usize>, String)> {
-    let words: Vec<(&[u8], Range<usize>)> = Words::new(&line.text, 0).collect();
+/// The voxel of a line; `words` is overwritten with its words.
+fn read_row(
+    line: &Line,
+    layout: &Layout,
+    words: &mut Vec<Range<usize>>,
+) -> std::result::Result<Row, (Range<usize>, String)> {
+    words.clear();
+    words.extend(Words::new(&line.text, 0).map(|(_, at)| at));
     let at = |range: &Range<usize>| line.start + range.start..line.start + range.end;
     if words.len() < layout.count {
         let message = format!("expected at least {} columns, found {}", layout.count, words.len());
         return Err((line.start..line.start + line.text.len(), message));
     }
     let value = |column: usize, name: &str, is_valid: fn(f64) -> bool| {
-        let (word, range) = &words[column];
+        let range = &words[column];
+        let word = &line.text[range.clone()];
         float(word).filter(|v| is_valid(*v)).ok_or_else(|| {
             let (found, number) = (shown(word), column + 1);
             let hint = comma_note(&found);

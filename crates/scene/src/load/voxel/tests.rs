@@ -43,7 +43,7 @@ fn the_example_file_has_one_voxel() {
     let scene = load(&mut f, loader);
     assert_eq!(scene.to_world(scene.geometry.cubes[0].centre), DVec3::new(0.25, 0.25, 1.25));
     assert_eq!(scene.geometry.cubes[0].half, 0.25);
-    assert_eq!(*scene.voxel(0).unwrap(), Voxel::of_plants(1.3, VoxelKind::Transmittive));
+    assert_eq!(scene.voxel(0).unwrap(), Voxel::of_plants(1.3, VoxelKind::Transmittive));
     assert_eq!(*scene.material_of(0), crate::Material::unnamed("default", Default::default()));
 }
 
@@ -118,7 +118,7 @@ fn first_voxel(columns: &str, row: &str) -> (Voxel, usize) {
     let (mut f, loader) = fixture(&format!("{START}{columns}\n{row}\n"), VoxelMode::Fixed);
     f.part(Loader::DetailedVoxels(Box::new(loader)));
     let (scene, warnings) = f.load().unwrap();
-    (*scene.voxel(0).unwrap(), warnings.items().len())
+    (scene.voxel(0).unwrap(), warnings.items().len())
 }
 
 #[test]
