@@ -1,26 +1,8 @@
 //! Primitives, and the hit of a ray.
 
-use crate::{HeightField, VoxelGrid};
-use bytemuck::{Pod, Zeroable};
+use crate::{Cube, HeightField, VoxelGrid};
 use std::ops::Range;
 use vlscan_geom::{Aabb, DVec3};
-
-/// An axis-aligned cube.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub struct Cube {
-    /// Centre, m.
-    pub centre: DVec3,
-    /// Half edge length, m.
-    pub half: f64,
-}
-
-impl Cube {
-    /// The box between its faces.
-    pub fn bounds(&self) -> Aabb {
-        Aabb { min: self.centre - DVec3::splat(self.half), max: self.centre + DVec3::splat(self.half) }
-    }
-}
 
 /// The primitives of a scene, numbered: triangles first, then cubes. The triangles of a height field are numbered among the
 /// stored ones, as if they were stored, and so are the voxels of a grid among the stored cubes.

@@ -7,7 +7,7 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `geometry`, `rays` | primitives; rays by pulse; hits |
+//! | `geometry`, `cube`, `rays` | primitives; rays by pulse; hits |
 //! | `intersect` | the exact test: one ray, one primitive, double precision |
 //! | `options`, `build` | build options; the builders |
 //! | `index`, `frame`, `node`, `block` | the tree and its parts, in single precision around the scene's centre |
@@ -28,6 +28,7 @@
 
 mod block;
 mod build;
+mod cube;
 mod frame;
 mod frustum;
 mod geometry;
@@ -48,8 +49,9 @@ mod trace_instances;
 mod voxels;
 
 pub use block::Block;
+pub use cube::Cube;
 pub use frame::Frame;
-pub use geometry::{Cube, CubeAt, Geometry, Hit, TriangleAt};
+pub use geometry::{CubeAt, Geometry, Hit, TriangleAt};
 pub use heights::{HeightField, HeightGrid, Heights};
 pub use index::Tree;
 pub use instances::{Instance, Instances, Model, Placement};

@@ -4,7 +4,7 @@
 
 #![expect(clippy::needless_range_loop, reason = "lanes of several arrays are counted together")]
 
-use crate::geometry::Cube;
+use crate::Cube;
 use crate::intersect::{self, DEPTH_SLACK, EDGE_ON, MIN_DIRECTION};
 use crate::simd::{F64Ops, MaskOps, QuadOps, Simd, VectorOps, each_of};
 use vlscan_geom::{Aabb, DVec3};

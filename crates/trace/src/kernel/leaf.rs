@@ -12,8 +12,8 @@ use super::lanes::PACKET_SIZE;
 use super::model_frame::set_deviations;
 use super::traversal::PacketTraversal;
 use crate::block::{BLOCK_SIZE, Block};
-use crate::geometry::{Cube, CubeAt};
 use crate::simd::{F32Ops, F64Ops, MaskOps, Simd};
+use crate::{Cube, CubeAt};
 
 impl<'a, S: Simd> PacketTraversal<'a, S> {
     /// Tests the pulses in `mask`, each within its range of depths, against a block. Its hits may be found together

@@ -6,13 +6,12 @@ use super::instance_frame::{InstanceFrame, InstanceVisit};
 use super::lanes::{PACKET_SIZE, PerPulse};
 use super::packet::PacketFrustum;
 use super::spread::{Deviations, OriginOffsets};
-use super::voxels::GridVisit;
 use crate::build::MAX_DEPTH;
 use crate::heights::MAX_FIELD_STACK;
 use crate::node::WideChild;
 use crate::simd::Simd;
 use crate::trace::MAX_WIDE_STACK;
-use crate::voxels::MAX_GRID_STACK;
+use crate::voxels::{GridNode, MAX_GRID_STACK};
 use crate::{Geometry, RayGroup};
 
 pub(super) struct PacketTraversal<'a, S: Simd> {
@@ -114,6 +113,18 @@ pub(super) struct WideVisit {
 
 impl WideVisit {
     pub const ROOT: WideVisit = WideVisit { child: WideChild::ROOT, enter: 0.0, pulses: 0 };
+}
+
+/// A pending node of a grid: the pulses that hit it, and the minimum depth of entry.
+#[derive(Clone, Copy)]
+pub(super) struct GridVisit {
+    pub node: GridNode,
+    pub enter: f32,
+    pub pulses: u32,
+}
+
+impl GridVisit {
+    pub const NONE: GridVisit = GridVisit { node: GridNode::NONE, enter: 0.0, pulses: 0 };
 }
 
 pub(super) struct Stacks {

@@ -3,23 +3,11 @@
 use super::filter::{box_in_pulses, boxes_in_frustum};
 use super::lanes::PACKET_SIZE;
 use super::packet::PlaneDepth;
-use super::traversal::PacketTraversal;
+use super::traversal::{GridVisit, PacketTraversal};
 use crate::frame::Frame;
 use crate::frustum::DEPTH_MARGIN;
 use crate::simd::{F32Ops, Simd};
 use crate::voxels::{GridNode, GridView, VoxelGrid};
-
-/// A pending node of a grid: the pulses that hit it, and the minimum depth of entry.
-#[derive(Clone, Copy)]
-pub(super) struct GridVisit {
-    pub node: GridNode,
-    pub enter: f32,
-    pub pulses: u32,
-}
-
-impl GridVisit {
-    pub const NONE: GridVisit = GridVisit { node: GridNode::NONE, enter: 0.0, pulses: 0 };
-}
 
 impl<S: Simd> PacketTraversal<'_, S> {
     /// Remembers that a pulse hits the box of a grid.

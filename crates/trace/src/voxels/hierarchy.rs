@@ -5,7 +5,7 @@
 //! shorter sides of nodes are doubled four times per level.
 
 use super::VoxelCells;
-use super::view::ROW_CELLS;
+use crate::block::BLOCK_SIZE;
 use crate::memory::vec_bytes;
 use rayon::prelude::*;
 
@@ -14,7 +14,10 @@ const CHILD_BITS: u32 = 4;
 /// Children of a node.
 const CHILDREN: usize = 1 << CHILD_BITS;
 
-/// Binary logarithms of the sides of a brick, of bricks per node along its sides, and of the sides of a node above, in cells.
+/// Cells of a row within a brick.
+pub(super) const ROW_CELLS: usize = BLOCK_SIZE;
+
+/// Binary logarithms of the sides of a brick, and of those of a node above bricks, in cells.
 const BRICK_LOGS: [u32; 3] = [2, 2, ROW_CELLS.ilog2()];
 const CUBE_LOG: u32 = 4;
 /// Cells along the sides of a node above bricks.

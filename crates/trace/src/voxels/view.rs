@@ -2,15 +2,12 @@
 
 #![expect(clippy::needless_range_loop, reason = "lanes of several arrays are counted together")]
 
-use super::hierarchy::Children;
+use super::hierarchy::{Children, ROW_CELLS};
 use super::{GridNode, VoxelGrid};
 use crate::Cube;
 use crate::block::BLOCK_SIZE;
 use crate::frame::Frame;
 use std::ops::Range;
-
-/// Cells of a row within a brick.
-pub(crate) const ROW_CELLS: usize = BLOCK_SIZE;
 
 /// Rounding of boxes in single precision in the tree's frame, where all voxels lie between -1 and 1: of a corner, of its distance from
 /// that of the first child, and of their sum, generously rounded up. Corners beyond are at least a cell away from all voxels.
