@@ -5,7 +5,6 @@
 //! shorter sides of nodes are doubled four times per level.
 
 use super::VoxelCells;
-use crate::block::BLOCK_SIZE;
 use crate::memory::vec_bytes;
 use rayon::prelude::*;
 
@@ -15,7 +14,7 @@ const CHILD_BITS: u32 = 4;
 const CHILDREN: usize = 1 << CHILD_BITS;
 
 /// Cells of a row within a brick.
-pub(super) const ROW_CELLS: usize = BLOCK_SIZE;
+pub(super) const ROW_CELLS: usize = 16;
 
 /// Binary logarithms of the sides of a brick, and of those of a node above bricks, in cells.
 const BRICK_LOGS: [u32; 3] = [2, 2, ROW_CELLS.ilog2()];

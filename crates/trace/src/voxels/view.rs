@@ -9,6 +9,8 @@ use crate::block::BLOCK_SIZE;
 use crate::frame::Frame;
 use std::ops::Range;
 
+const _: () = assert!(ROW_CELLS == BLOCK_SIZE);
+
 /// Rounding of boxes in single precision in the tree's frame, where all voxels lie between -1 and 1: of a corner, of its distance from
 /// that of the first child, and of their sum, generously rounded up. Corners beyond are at least a cell away from all voxels.
 const SINGLE: f64 = 1.0 / (1u64 << 21) as f64;
