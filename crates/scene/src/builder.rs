@@ -71,7 +71,8 @@ impl Default for LoadOptions {
             jobs: 0,
             sharing: Sharing::Auto,
             triangulate_rasters: false,
-            min_grid_voxels: 1024,
+            // Cubes of fewer voxels fit into the memory of any machine; rays traverse them faster.
+            min_grid_voxels: 1 << 22,
             stop: None,
         }
     }

@@ -63,7 +63,7 @@ pub use rays::{Hits, RayGroup};
 pub use residency::{LoadError, Paged, PinError, Pins, Residency, ResidencyStatistics};
 pub use simd::prefetch;
 pub use vlscan_geom::{Aabb, DVec3, Rotation};
-pub use voxels::{GridPlace, VoxelCells, VoxelGrid};
+pub use voxels::{CellLayout, GridPlace, VoxelCells, VoxelGrid};
 
 #[cfg(test)]
 mod golden_tests;

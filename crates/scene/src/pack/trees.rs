@@ -5,8 +5,8 @@ use vlscan_base::error::Result;
 use vlscan_base::store::{ArrayFile, ArrayFileWriter};
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_trace::{
-    Geometry, GridPlace, HeightField, HeightGrid, Heights, Instances, Model, NodeArray, Placement, Tree,
-    TreeParts, VoxelCells, VoxelGrid,
+    CellLayout, Geometry, GridPlace, HeightField, HeightGrid, Heights, Instances, Model, NodeArray,
+    Placement, Tree, TreeParts, VoxelCells, VoxelGrid,
 };
 
 /// Writes the arrays of a geometry under names that begin with `name`.
@@ -86,9 +86,8 @@ pub(super) fn write_grids(grids: &[VoxelGrid], name: &str, out: &mut ArrayFileWr
 /// # Errors
 /// As for [`ArrayFile::array`].
 pub(super) fn read_grids(name: &str, file: &ArrayFile) -> Result<Vec<VoxelGrid>> {
-    type Places = Vec<(GridPlace, u32, ([u32; 3], [usize; 3], usize))>;
-    let places: Places = file.value(&format!("{name}grids"))?;
-    let grid = |(i, (place, first, values)): (usize, (GridPlace, u32, _))| {
+    let places: Vec<(GridPlace, u32, CellLayout)> = file.value(&format!("{name}grids"))?;
+    let grid = |(i, (place, first, values)): (usize, (GridPlace, u32, CellLayout))| {
         let starts = file.array(&format!("{name}grid {i}.rows"))?;
         let along = file.array(&format!("{name}grid {i}.cells"))?;
         VoxelCells::from_arrays(values, starts, along)

@@ -18,6 +18,10 @@ const MAX_ROWS_PER_VOXEL: usize = 16;
 /// The orders of axes in which numbers can advance, from the slowest axis to the fastest.
 const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [2, 1, 0], [1, 0, 2], [0, 2, 1], [1, 2, 0], [2, 0, 1]];
 
+/// Number of cells along x, y, z; the axes from that along which numbers advance most slowly to that of rows; the number of the first
+/// row that has a voxel.
+pub type CellLayout = ([u32; 3], [usize; 3], usize);
+
 /// The occupied cells of a grid. Their numbers advance along one axis, its rows, then along a second one and then along the third.
 #[derive(Clone, Debug)]
 pub struct VoxelCells {
@@ -48,7 +52,7 @@ impl VoxelCells {
     /// The cells whose rows begin at these numbers, and whose positions along the rows are these, as [`VoxelCells::arrays`]
     /// returned them; `None` if they are not in order.
     pub fn from_arrays(
-        (counts, order, first_row): ([u32; 3], [usize; 3], usize),
+        (counts, order, first_row): CellLayout,
         starts: Vec<u32>,
         along: Vec<u16>,
     ) -> Option<VoxelCells> {
@@ -71,7 +75,7 @@ impl VoxelCells {
 
     /// What the cells consist of: their counts along the axes, the order of the axes and the first row; the number of the first
     /// voxel of each row; and the position of each voxel along its row.
-    pub fn arrays(&self) -> (([u32; 3], [usize; 3], usize), &[u32], &[u16]) {
+    pub fn arrays(&self) -> (CellLayout, &[u32], &[u16]) {
         ((self.counts, self.order, self.first_row), &self.starts, &self.along)
     }
 

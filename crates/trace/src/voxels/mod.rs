@@ -20,7 +20,7 @@ mod single;
 mod tests;
 mod view;
 
-pub use cells::VoxelCells;
+pub use cells::{CellLayout, VoxelCells};
 pub(crate) use hierarchy::{GridNode, MAX_GRID_STACK};
 pub use place::GridPlace;
 pub(crate) use view::GridView;

@@ -1,7 +1,5 @@
 //! Boxes of nodes and of cells in the frame of a tree.
 
-#![expect(clippy::needless_range_loop, reason = "lanes of several arrays are counted together")]
-
 use super::hierarchy::{Children, ROW_CELLS};
 use super::{GridNode, VoxelGrid};
 use crate::Cube;
