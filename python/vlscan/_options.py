@@ -147,6 +147,9 @@ class RunOptions(TypedDict, total=False):
     max_memory: int | str | None
     """Reject scenes that need more memory than this, e.g. 4G. [default: the memory of the machine]"""
 
+    scene_memory: int | str | None
+    """Load the parts of the scene when rays come near, and drop them when they need more memory than this together with their trees, e.g. 2G; does not change the points. [default: the scene is loaded whole]"""
+
     leg_barrier: bool | None
     """Begin a leg only when the previous one is finished, as in the paper; slower."""
 

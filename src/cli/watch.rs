@@ -107,11 +107,22 @@ fn line(now: &Snapshot, legs: usize, seconds: f64) -> String {
         amount(now.pulses as f64),
         amount(rate),
         amount(now.echoes as f64)
-    );
+    ) + &tiles(now);
     match time_left(now, seconds) {
         Some(left) => format!("{:5.1} %  {text}  {left} left", 100.0 * now.done),
         None => text,
     }
+}
+
+/// What was loaded of a scene of tiles.
+fn tiles(now: &Snapshot) -> String {
+    let Some(tiles) = &now.tiles else { return String::new() };
+    format!(
+        "  {} tiles loaded, {} in memory, {:.2} % hits",
+        tiles.loaded,
+        tiles.resident.0,
+        100.0 * tiles.hit_rate()
+    )
 }
 
 #[cfg(test)]
@@ -122,7 +133,7 @@ mod tests {
     fn a_bar_fits_into_a_line_of_80_characters() {
         // Spinner, blanks and brackets take five, the bar six.
         for legs in [1, 9999] {
-            let now = Snapshot { pulses: 123_456_789_012, echoes: 0, leg: 8887, done: 0.001 };
+            let now = Snapshot { pulses: 123_456_789_012, echoes: 0, leg: 8887, done: 0.001, tiles: None };
             let text = bar_text(&now, legs, 999.0);
             assert!(5 + 6 + text.chars().count() < 80, "{text}");
         }
@@ -130,7 +141,7 @@ mod tests {
 
     #[test]
     fn a_stream_has_no_percentage() {
-        let now = Snapshot { pulses: 2000, echoes: 10, leg: 0, done: f64::NAN };
+        let now = Snapshot { pulses: 2000, echoes: 10, leg: 0, done: f64::NAN, tiles: None };
         assert_eq!(line(&now, 1, 2.0), "leg 1/1  2.00 k pulses (1.00 k/s)  10 echoes");
     }
 }

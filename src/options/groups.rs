@@ -336,6 +336,10 @@ pub struct ScheduleOptions with opposites {
     /// Reject scenes that need more memory than this, e.g. 4G. [default: the memory of the machine]
     #[arg(long, value_name = "SIZE")]
     pub max_memory: Option<Bytes>,
+    /// Load the parts of the scene when rays come near, and drop them when they need more memory than this together with
+    /// their trees, e.g. 2G; does not change the points. [default: the scene is loaded whole]
+    #[arg(long, value_name = "SIZE")]
+    pub scene_memory: Option<Bytes>,
     /// Show progress as plain lines if stderr is not a terminal.
     #[arg(long, action = SetTrue, help_heading = "Messages")]
     #[serde(skip)]

@@ -7,7 +7,7 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::{amount, bytes};
 use vlscan_scene::{LoadOptions, Scene, SceneFrame};
 use vlscan_survey::SceneRecipe;
-use vlscan_trace::{BuildOptions, Builder, Tree};
+use vlscan_trace::{BuildOptions, Builder, ResidencyStatistics, Tree};
 
 /// Minimum memory of rasters and their tree that is reported.
 const MIN_REPORTED_BYTES: u64 = 500_000_000;
@@ -31,7 +31,25 @@ pub(super) fn load_scene(
         scene.memory() as f64 / 1e6,
         started.elapsed().as_secs_f64()
     )));
+    if let Some(tiles) = &scene.tiles {
+        notify(Notice::Timing(format!(
+            "tiles: {} of the parts, {} primitives, are loaded when rays come near",
+            tiles.facts().len(),
+            amount(tiles.primitives() as f64)
+        )));
+    }
     Ok(scene)
+}
+
+/// Describes what was loaded and dropped of the tiles of a scene.
+pub(super) fn describe_tiles(statistics: &ResidencyStatistics) -> String {
+    let ResidencyStatistics { loaded, prefetched, dropped, peak, load_time, .. } = statistics;
+    format!(
+        "tiles: {loaded} loaded ({prefetched} ahead), {dropped} dropped, {:.2} % found in memory, at most {} at a time, {:.2} s",
+        100.0 * statistics.hit_rate(),
+        bytes(*peak),
+        load_time.as_secs_f64()
+    )
 }
 
 /// Builds the tree over a scene, unless both together exceed the memory limit.

@@ -17,6 +17,7 @@
 //! | `dry_run` | what a run will cost and give, from a measured sample |
 //! | `fly`, `pass` | the stages of a pass over one epoch, and their inputs |
 //! | `load` | scene and tree of an epoch, refused if they exceed the memory limit |
+//! | `prefetch` | loading of tiles of the scene ahead of the flight |
 //! | `chunk` | the producer of a flight: steps become chunks |
 //! | `stream` | the producer and worker of a stream of pulses |
 //! | `worker`, `moving` | the computing stage, and the moving parts of the scene |
@@ -44,6 +45,7 @@ mod moving;
 mod part_table;
 mod pass;
 mod plausibility;
+mod prefetch;
 mod progress;
 mod resolve;
 mod resume;

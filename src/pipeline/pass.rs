@@ -2,12 +2,13 @@
 
 use super::aim::AimTarget;
 use super::plausibility::YieldCheck;
+use super::prefetch::Prefetcher;
 use super::progress::Progress;
 use crate::output::OutputPlan;
 use std::sync::Arc;
 use vlscan_geom::HeightModel;
 use vlscan_lidar::pulse::Physics;
-use vlscan_scene::MotionPlan;
+use vlscan_scene::{MotionPlan, Tiles};
 use vlscan_trace::BuildOptions;
 use vlscan_warehouse::{Recorder, Schedule, Stop};
 
@@ -33,6 +34,8 @@ impl<'a> RunContext<'a> {
 pub struct Pass<'a> {
     pub physics: &'a Physics<'a>,
     pub motion: Option<&'a MotionPlan>,
+    /// Parts of the scene that are loaded when rays need them.
+    pub tiles: Option<(&'a Tiles, &'a Prefetcher)>,
     /// Build options of the trees over moving parts.
     pub trees: &'a BuildOptions,
     pub output: Arc<OutputPlan>,

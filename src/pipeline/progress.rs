@@ -1,8 +1,10 @@
 //! Progress counters: atomics written by the collector and read by a progress display.
 
 use super::aim::{Aim, AimLog};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex};
+use vlscan_scene::Tiles;
+use vlscan_trace::ResidencyStatistics;
 
 /// Counters of a running flight.
 #[derive(Debug, Default)]
@@ -12,6 +14,8 @@ pub struct Progress {
     leg: AtomicU32,
     done: AtomicU64,
     aim: Mutex<AimLog>,
+    /// The tiles of the scene, if it has any.
+    tiles: Mutex<Option<Arc<Tiles>>>,
 }
 
 /// The counters at one moment.
@@ -25,6 +29,8 @@ pub struct Snapshot {
     pub leg: u32,
     /// Fraction of the survey done, 0–1; NaN when the end is unknown.
     pub done: f64,
+    /// What was loaded and dropped of a scene of tiles.
+    pub tiles: Option<ResidencyStatistics>,
 }
 
 impl Progress {
@@ -48,6 +54,13 @@ impl Progress {
         self.aim.lock().map(|log| log.clone()).unwrap_or_default()
     }
 
+    /// Sets the tiles of the scene that is measured.
+    pub(super) fn set_tiles(&self, tiles: Option<&Arc<Tiles>>) {
+        if let Ok(mut own) = self.tiles.lock() {
+            *own = tiles.cloned();
+        }
+    }
+
     /// Reads the counters.
     pub fn snapshot(&self) -> Snapshot {
         Snapshot {
@@ -55,6 +68,7 @@ impl Progress {
             echoes: self.echoes.load(Relaxed),
             leg: self.leg.load(Relaxed),
             done: f64::from_bits(self.done.load(Relaxed)),
+            tiles: self.tiles.lock().ok().and_then(|tiles| Some(tiles.as_ref()?.statistics())),
         }
     }
 }

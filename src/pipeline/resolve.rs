@@ -8,6 +8,7 @@ use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::machine;
 use vlscan_lidar::pulse::{Corrections, PhysicsProfile};
+use vlscan_scene::TileOptions;
 use vlscan_survey::{NavigationErrors, PlatformKind, Survey};
 use vlscan_trace::BuildOptions;
 use vlscan_warehouse::{Policy, PolicyKind, Schedule};
@@ -79,6 +80,10 @@ impl ResolvedRun {
         settings.load.sharing = options.tree.instances.unwrap_or_default();
         settings.load.drop_polygons = options.input.drop_polygons.is_on();
         settings.tree = tree(options, threads);
+        settings.load.tiles = options.schedule.scene_memory.map(|bytes| TileOptions {
+            memory: bytes.0,
+            trees: BuildOptions { jobs: 0, ..settings.tree.clone() },
+        });
         settings.schedule = schedule(options, threads);
         let gps_start = options.origin.gps_start.clone().unwrap_or_default();
         let (gps_start_ns, day) = gps_start.resolve(settings.flight.kinematics.leap_seconds)?;

@@ -3,8 +3,10 @@
 use super::collector::Ended;
 use super::crs;
 use super::fly::{fly, trace};
+use super::load::describe_tiles;
 use super::pass::{Pass, RunContext};
 use super::plausibility::{self, PoseCheck, YieldCheck};
+use super::prefetch::Prefetcher;
 use super::session::Session;
 use super::settings::Settings;
 use super::stream::{LegRule, PulseSource, Tracing};
@@ -116,6 +118,7 @@ impl Session {
         }
         self.check_instrument()?;
         let found = plausibility::check_flight(self.survey(), self.scene(), self.tree()?, &flight);
+        self.check_tiles()?;
         let found = found.finish(self.settings().strict)?;
         let is_doubted = !found.is_empty();
         self.notify(Notice::Warnings(found));
@@ -205,32 +208,43 @@ impl Session {
                 Ok(Arc::new(move |x, y| model.local_height(x, y)))
             };
             let physics = Physics::new(scene, tree, &settings.survey, options)?;
-            let pass = Pass {
-                physics: &physics,
-                motion: self.motion(),
-                trees: &settings.tree,
-                output: output.clone(),
-                ground: output.has_heights().then(ground).transpose()?,
-                schedule: settings.schedule,
-                control,
-                target: plausibility::target(&settings.survey, scene),
-                check: is_checked.then_some(YieldCheck {
-                    settings,
-                    scene,
-                    tree,
-                    is_reported,
-                    observer: self.observer(),
-                }),
-                epoch,
-                is_last: epoch == *range.end(),
-            };
+            control.progress.set_tiles(scene.tiles.as_ref());
             let started = Instant::now();
-            let ended = pass_over(self, &pass, epoch, writer.take()).and_then(|ended| match ended {
-                Ended::Complete(summary) => Ok(Ok((summary, false))),
-                Ended::Interrupted(writer) => Ok(Ok((writer.finish_partial()?, true))),
-                Ended::NextEpoch(writer) => Ok(Err(writer)),
-            });
+            let mut measure = |prefetcher: Option<&Prefetcher>| {
+                let pass = Pass {
+                    physics: &physics,
+                    motion: self.motion(),
+                    tiles: scene.tiles.as_deref().zip(prefetcher),
+                    trees: &settings.tree,
+                    output: output.clone(),
+                    ground: output.has_heights().then(ground).transpose()?,
+                    schedule: settings.schedule,
+                    control,
+                    target: plausibility::target(&settings.survey, scene),
+                    check: is_checked.then_some(YieldCheck {
+                        settings,
+                        scene,
+                        tree,
+                        is_reported,
+                        observer: self.observer(),
+                    }),
+                    epoch,
+                    is_last: epoch == *range.end(),
+                };
+                pass_over(self, &pass, epoch, writer.take()).and_then(|ended| match ended {
+                    Ended::Complete(summary) => Ok(Ok((summary, false))),
+                    Ended::Interrupted(writer) => Ok(Ok((writer.finish_partial()?, true))),
+                    Ended::NextEpoch(writer) => Ok(Err(writer)),
+                })
+            };
+            let ended = match &scene.tiles {
+                Some(tiles) => Prefetcher::run(tiles, |prefetcher| measure(Some(prefetcher))),
+                None => measure(None),
+            };
             seconds += started.elapsed().as_secs_f64();
+            if let Some(tiles) = &scene.tiles {
+                self.notify(Notice::Timing(describe_tiles(&tiles.statistics())));
+            }
             match ended? {
                 Ok(complete) => break complete,
                 Err(open) => writer = Some(open),

@@ -235,9 +235,14 @@ impl LoadedScene {
     /// columns X, Y, Z (m, world frame), Classification and ObjectId (index of the part).
     ///
     /// # Errors
-    /// [`Error::Internal`] if no table can be made of them.
+    /// [`Error::Input`] for a scene that is not loaded whole; [`Error::Internal`] if no table can be made of them.
     pub fn sample(&self, count: usize) -> Result<RecordBatch> {
         let scene = self.scene();
+        if scene.tiles.is_some() {
+            return Err(Error::input(
+                "points on the surfaces need the scene in memory: leave out --scene-memory",
+            ));
+        }
         let area = |i: u32| match scene.triangle(i) {
             Some([a, b, c]) => (b - a).cross(c - a).length() / 2.0,
             None => {

@@ -180,9 +180,16 @@ impl Session {
     pub fn plan_flight(&self) -> Result<FlightPlan> {
         let (settings, scene) = (&self.settings, self.scene());
         let ground = |x, y| scene.ground_height(x, y);
-        let (flight, found) = FlightPlan::new(&settings.survey, scene.shift, &ground, &settings.flight)?;
+        let planned = FlightPlan::new(&settings.survey, scene.shift, &ground, &settings.flight);
+        self.check_tiles()?;
+        let (flight, found) = planned?;
         (self.observer)(Notice::Warnings(found.finish(settings.strict)?));
         Ok(flight)
+    }
+
+    /// Fails if the height of the ground, or a distance, is not known because a tile of the scene could not be loaded.
+    pub(super) fn check_tiles(&self) -> Result<()> {
+        self.scene().tiles.as_ref().map_or(Ok(()), |tiles| tiles.check())
     }
 
     /// Converts the session to the flight alone, for [`emit`](super::emit()). The scene, whose frame and ground the

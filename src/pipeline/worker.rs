@@ -4,6 +4,7 @@ use super::aim::Aim;
 use super::chunk::Chunk;
 use super::moving::MovingParts;
 use super::pass::Pass;
+use super::prefetch::Sighting;
 use crate::output::Encoded;
 use vlscan_base::error::Result;
 use vlscan_lidar::flight::{FlightPlan, FlightSink, PoseSample, Pulse};
@@ -89,8 +90,15 @@ impl<'a> Worker<'a> {
             None => simulator.simulate(instrument_leg, pulses, batch)?,
         }
         batch.emitted = pulses.len() as u32;
+        let encoded = pass.output.encode(batch, pass.ground.as_ref());
+        if let Some((tiles, prefetcher)) = pass.tiles {
+            // Heights above the ground cannot report it.
+            tiles.check()?;
+            let place = pulses.first().map(|pulse| pulse.origin).zip(simulator.take_area());
+            place.into_iter().for_each(|(position, area)| prefetcher.tell(Sighting { position, area }));
+        }
         Ok(Measured {
-            encoded: pass.output.encode(batch, pass.ground.as_ref()),
+            encoded,
             pulses: pulses.len() as u64,
             echoes: batch.echoes.len() as u64,
             leg,

@@ -154,6 +154,11 @@ fn cases() -> BTreeMap<&'static str, Case> {
             let args = [RUN, &["--max-memory", "20M", "--scene", "r.tif"]].concat();
             case("r.tif", raster(2000), &args)
         }),
+        ("tiles that one footprint meets", {
+            let mut case = case("mesh.obj", MESH, RUN);
+            case.args.extend(["--scene-memory", "100"]);
+            case
+        }),
         ("size of an XML document", sparse("survey.xml", (1 << 27) + 1, RUN)),
         ("elements, texts and comments of a document", document(&"<a/>".repeat(1 << 22))),
         ("depth of elements", document(&"<a>".repeat(200))),

@@ -56,6 +56,7 @@ mod spinning;
 mod stages;
 mod stand;
 mod structure;
+mod tiles;
 mod trajectories;
 mod voxels;
 

@@ -5,6 +5,7 @@ use super::grid_voxels::{GridSurfaces, GridVoxels};
 use super::library::Library;
 use super::model::{MovingPart, Part};
 use super::surfaces::Surface;
+use super::tiles::TileOptions;
 use super::voxel::Voxel;
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
@@ -46,6 +47,9 @@ pub struct LoadOptions {
     pub triangulate_rasters: bool,
     /// Minimum number of voxels of a file that become a grid, not stored cubes. Changes nothing but memory and speed.
     pub min_grid_voxels: usize,
+    /// Whether parts at rest are loaded when rays need them and dropped when they do not, and how; `None`: the scene is
+    /// loaded whole. Does not change the points of a survey.
+    pub tiles: Option<TileOptions>,
     /// Ends the loading soon after it is set, with [`Error::Interrupted`].
     pub stop: Option<Arc<AtomicBool>>,
 }
@@ -73,6 +77,7 @@ impl Default for LoadOptions {
             triangulate_rasters: false,
             // Cubes of fewer voxels fit into the memory of any machine; rays traverse them faster.
             min_grid_voxels: 1 << 22,
+            tiles: None,
             stop: None,
         }
     }
@@ -148,6 +153,8 @@ pub(super) struct SceneBuilder<'a> {
     /// Index in `surfaces` of each stored cube.
     pub cube_surfaces: Vec<u32>,
     pub surfaces: Vec<Surface>,
+    /// Index in the scene of the first of `parts`.
+    pub first_part: u32,
     /// Parts with at least one primitive.
     pub parts: Vec<Part>,
     pub moving_parts: Vec<MovingPart>,
@@ -224,6 +231,7 @@ impl<'a> SceneBuilder<'a> {
             field_surfaces: Vec::new(),
             cube_surfaces: Vec::new(),
             surfaces: Vec::new(),
+            first_part: 0,
             parts: Vec::new(),
             moving_parts: Vec::new(),
             library,
@@ -245,6 +253,26 @@ impl<'a> SceneBuilder<'a> {
             self.surfaces.push(surface);
             self.surfaces.len() as u32 - 1
         })
+    }
+
+    /// Index in the scene of the next part.
+    pub fn next_part(&self) -> u32 {
+        self.first_part + self.parts.len() as u32
+    }
+
+    /// Removes the primitives appended since `start` was the end.
+    pub fn truncate(&mut self, start: &Extent) {
+        let Geometry { vertices, triangles, cubes, fields, grids } = &mut self.geometry;
+        vertices.truncate(start.vertices.start);
+        triangles.truncate(start.triangles.start);
+        cubes.truncate(start.cubes.start);
+        fields.truncate(start.fields.start);
+        grids.truncate(start.grids.start);
+        self.grid_voxels.truncate(start.grids.start);
+        self.voxels.truncate(start.cubes.start);
+        self.triangle_surfaces.truncate(start.triangles.start);
+        self.cube_surfaces.truncate(start.cubes.start);
+        self.field_surfaces.truncate(start.fields.start);
     }
 
     /// The empty extent after all primitives loaded so far, for [`SceneBuilder::since`].

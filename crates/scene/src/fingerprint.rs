@@ -35,6 +35,9 @@ pub fn fingerprint(scene: &Scene, recipe: &SceneRecipe) -> Result<u64> {
         sum.array(&set.parts);
         sum.debug(&set.instances.all);
     }
+    for tile in scene.tiles.iter().flat_map(|tiles| tiles.facts()) {
+        sum.debug(&(tile.checksum, tile.first, tile.part, &tile.materials));
+    }
     for swap in recipe.parts.iter().flat_map(|part| &part.swaps) {
         sum.debug(&(swap.epochs, swap.keep_crs, swap.vanish, swap.scale, swap.offset));
         if let Some(loader) = &swap.loader {

@@ -84,8 +84,8 @@ impl GroundModel {
             true => (DVec3::new(x, y, bounds.max.z + 1.0), -DVec3::Z),
             false => (DVec3::new(x, y, bounds.min.z - 1.0), DVec3::Z),
         };
-        let is_ground = |i: u32| !has_ground || scene.material_of(i).is_ground;
-        let hit = tree.nearest_where(&scene.geometry, from, towards, is_ground)?;
+        let is_ground = |scene: &Scene, i: u32| !has_ground || scene.material_of(i).is_ground;
+        let hit = scene.nearest_where(tree, from, towards, is_ground)?;
         Some((from + towards * hit.t).z)
     }
 }

@@ -22,6 +22,7 @@
 //! | `ground`, `plane` | drop parts to the ground; planes fitted to points |
 //! | `ground_model` | the ground of a loaded scene |
 //! | `instances`, `instance_set` | parts that share a mesh |
+//! | `tiles` | parts that are in memory only while rays need them |
 //! | `model`, `triangle`, `surfaces`, `material`, `voxel`, `grid_voxels`, `lad` | the loaded scene and its components |
 //! | `motion` | moving parts |
 //! | `epoch` | swapped parts |
@@ -66,6 +67,7 @@ mod surfaces;
 #[cfg(test)]
 mod tests;
 mod text;
+mod tiles;
 mod triangle;
 mod voxel;
 
@@ -86,5 +88,6 @@ pub use mtl::read_materials;
 pub use pack::{Pack, pack};
 pub use part_facts::PartFacts;
 pub use surfaces::{Surface, SurfaceIds};
+pub use tiles::{Tile, TileFacts, TileOptions, TileReader, Tiles};
 pub use triangle::SceneTriangle;
 pub use voxel::{Voxel, VoxelKind};

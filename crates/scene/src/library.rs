@@ -22,6 +22,7 @@ pub(super) const DEFAULT: &str = "default";
 const MAX_VARIANTS: u32 = 10_000;
 
 /// The materials of a scene and the files that define them. A material is resolved at its first use by a primitive.
+#[derive(Clone)]
 pub(super) struct Library {
     spectra: Spectra,
     rules: Corrections,
@@ -44,14 +45,15 @@ pub(super) struct Library {
 }
 
 /// Definitions of a file, or of a mesh in memory.
+#[derive(Clone)]
 struct MtlFile {
     /// `None` for definitions that were read elsewhere, and for files that cannot be read.
-    source: Option<Source>,
+    path: Option<PathBuf>,
     definitions: Vec<MaterialDefinition>,
 }
 
 /// Where definitions are from.
-#[derive(PartialEq, Eq, Hash)]
+#[derive(Clone, PartialEq, Eq, Hash)]
 pub(super) enum DefinedBy {
     /// An MTL file.
     MtlFile(PathBuf),
@@ -61,7 +63,7 @@ pub(super) enum DefinedBy {
     MeshFile(PathBuf, Option<PathBuf>),
 }
 
-#[derive(PartialEq, Eq, Hash)]
+#[derive(Clone, PartialEq, Eq, Hash)]
 enum Key {
     Defined(DefinitionId),
     Named(String),
@@ -82,12 +84,27 @@ pub(super) struct Names {
     by_name: HashMap<String, DefinitionId>,
     /// Names by their first word, which is all that the reference reads of a name.
     by_first_word: HashMap<String, String>,
+    /// In the order in which they were added.
+    all: Vec<(String, DefinitionId)>,
 }
 
 impl Names {
+    /// Number of names.
+    pub fn len(&self) -> usize {
+        self.all.len()
+    }
+
+    /// The first `count` names.
+    pub fn first(&self, count: usize) -> Names {
+        let mut names = Names::default();
+        self.all.iter().take(count).for_each(|(name, id)| names.add(name, *id));
+        names
+    }
+
     fn add(&mut self, name: &str, id: DefinitionId) {
         if let Entry::Vacant(free) = self.by_name.entry(name.to_owned()) {
             free.insert(id);
+            self.all.push((name.to_owned(), id));
             self.by_first_word.entry(first_word(name).to_owned()).or_insert_with(|| name.to_owned());
         }
     }
@@ -136,8 +153,8 @@ impl Library {
     }
 
     pub fn files(&self) -> impl Iterator<Item = PathBuf> {
-        let own = self.files.iter().filter_map(|f| f.source.as_ref());
-        own.map(|source| source.path().to_path_buf()).chain(self.spectra.files().cloned())
+        let own = self.files.iter().filter_map(|f| f.path.clone());
+        own.chain(self.spectra.files().cloned())
     }
 
     /// Adds the definitions of an MTL file to `names`; `false` if the file cannot be read.
@@ -154,10 +171,13 @@ impl Library {
     /// Index of an MTL file; `None` if it cannot be read.
     fn open(&mut self, path: &Path, diagnostics: &mut Diagnostics) -> Option<usize> {
         let file = self.file(DefinedBy::MtlFile(path.to_path_buf()), || match Source::open(path) {
-            Ok(source) => MtlFile { definitions: mtl::read(&source, diagnostics), source: Some(source) },
-            Err(_) => MtlFile { source: None, definitions: Vec::new() },
+            Ok(source) => MtlFile {
+                definitions: mtl::read(&source, diagnostics),
+                path: Some(source.path().to_path_buf()),
+            },
+            Err(_) => MtlFile { path: None, definitions: Vec::new() },
         });
-        Some(file).filter(|&file| self.files[file].source.is_some())
+        Some(file).filter(|&file| self.files[file].path.is_some())
     }
 
     /// Index of a file, which is read the first time.
@@ -187,7 +207,7 @@ impl Library {
         definitions: impl FnOnce() -> Vec<MaterialDefinition>,
         diagnostics: &mut Diagnostics,
     ) -> Vec<u32> {
-        let file = self.file(by, || MtlFile { source: None, definitions: definitions() });
+        let file = self.file(by, || MtlFile { path: None, definitions: definitions() });
         let count = self.files[file].definitions.len();
         (0..count).map(|index| self.defined(DefinitionId { file, index }, diagnostics)).collect()
     }
@@ -200,7 +220,7 @@ impl Library {
         names: &mut Names,
     ) {
         let by = DefinedBy::MeshFile(path.to_path_buf(), None);
-        let file = self.file(by, || MtlFile { source: None, definitions: definitions() });
+        let file = self.file(by, || MtlFile { path: None, definitions: definitions() });
         for (index, definition) in self.files[file].definitions.iter().enumerate() {
             names.add(&definition.name, DefinitionId { file, index });
         }
@@ -243,7 +263,7 @@ impl Library {
         }
         let is_last = known.index + 1 == self.files[known.file].definitions.len();
         let definition = self.files[known.file].definitions[known.index].clone();
-        let is_in_memory = self.files[known.file].source.is_none();
+        let is_in_memory = self.files[known.file].path.is_none();
         let placeless = MaterialDefinition { place: None, ..definition.clone() };
         let equal = self.of_memory.get(&definition.name).into_iter().flatten();
         if let Some(&(_, index)) = equal.filter(|_| is_in_memory).find(|(other, _)| *other == placeless) {

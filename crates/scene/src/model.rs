@@ -5,6 +5,7 @@ use super::instance_set::InstanceSet;
 use super::lad::LadTable;
 use super::material::Material;
 use super::surfaces::{Surface, SurfaceIds};
+use super::tiles::Tiles;
 use super::voxel::Voxel;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -13,7 +14,9 @@ use vlscan_base::corrections::Corrections;
 use vlscan_base::store::vec_bytes;
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_survey::{MotionSequence, MotionTiming};
-use vlscan_trace::{BuildOptions, Builder, Cube, CubeAt, Geometry, HeightField, Tree, TriangleAt, VoxelGrid};
+use vlscan_trace::{
+    BuildOptions, Builder, Cube, CubeAt, Geometry, HeightField, Hit, Tree, TriangleAt, VoxelGrid,
+};
 
 /// A loaded scene. Its frame is the world frame minus [`Scene::shift`], the centre of the box around all primitives, so
 /// that large world coordinates lose no digits. Immutable once built.
@@ -44,6 +47,9 @@ pub struct Scene {
     /// Instances of shared meshes, if any; their triangle indices continue after the primitives of `geometry`. Moving
     /// parts are never instances.
     pub instances: Option<InstanceSet>,
+    /// Parts that are in memory only while rays need them, if any; their primitives are numbered after those of
+    /// `geometry` and of instances.
+    pub tiles: Option<Arc<Tiles>>,
     /// Number of simulation steps between updates of the moving parts.
     pub dyn_step: u32,
     /// Time between updates, s; overrides all step counts.
@@ -144,12 +150,14 @@ impl Scene {
         }
     }
 
-    /// Number of primitives, including the triangles of instances.
+    /// Number of primitives, including the triangles of instances and the primitives of tiles.
     pub fn primitives(&self) -> usize {
-        self.numbers() - self.geometry.missing_before(self.geometry.triangle_count())
+        let in_tiles = self.tiles.as_ref().map_or(0, |tiles| tiles.primitives());
+        self.numbers() - self.geometry.missing_before(self.geometry.triangle_count()) + in_tiles
     }
 
-    /// How many numbers primitives have: one for each, and for each missing triangle of a height field.
+    /// How many numbers the primitives that are no part of a tile have: one for each, and for each missing triangle of a
+    /// height field.
     pub fn numbers(&self) -> usize {
         self.geometry.len() + self.instances.as_ref().map_or(0, |p| p.instances.triangles() as usize)
     }
@@ -160,6 +168,8 @@ impl Scene {
             let (b, g) = (self.bounds, &self.geometry);
             let within = |p: DVec3, half: f64| (p - half).cmpge(b.min).all() && (p + half).cmple(b.max).all();
             let fields = g.fields.iter().map(HeightField::bounds).filter(|of_field| !of_field.is_empty());
+            let tiles = self.tiles.iter().flat_map(|tiles| tiles.facts());
+            let in_tiles = tiles.clone().fold(0.0, |max, tile| f64::max(max, tile.max_cube));
             Sizes {
                 are_within_bounds: g.vertices.iter().all(|v| within(*v, 0.0))
                     && fields.into_iter().all(|f| within(f.min, 0.0) && within(f.max, 0.0))
@@ -167,13 +177,14 @@ impl Scene {
                         .iter()
                         .map(VoxelGrid::bounds)
                         .all(|of| within(of.min, 0.0) && within(of.max, 0.0))
+                    && tiles.into_iter().all(|t| within(t.bounds.min, 0.0) && within(t.bounds.max, 0.0))
                     && g.cubes.iter().all(|c| within(c.centre, c.half)),
                 max_cube: g
                     .cubes
                     .iter()
                     .map(|cube| cube.half)
                     .chain(g.grids.iter().map(|grid| grid.place().half))
-                    .fold(0.0, |max, half| f64::max(max, half * 2.0)),
+                    .fold(in_tiles, |max, half| f64::max(max, half * 2.0)),
             }
         })
     }
@@ -198,9 +209,33 @@ impl Scene {
         self.find_triangle(i)?.corners()
     }
 
-    /// The index of primitive `i` in the same scene without instances and height fields, where primitives are in the order of
-    /// their parts, cubes last.
+    /// The first hit of a ray on the scene, with its tiles, among the primitives that `accept` accepts, each as a scene and its
+    /// number there. `tree` is that of [`Scene::tree`]. A tile that cannot be loaded is reported by [`Tiles::check`].
+    pub fn nearest_where(
+        &self,
+        tree: &Tree,
+        origin: DVec3,
+        direction: DVec3,
+        accept: impl Fn(&Scene, u32) -> bool,
+    ) -> Option<Hit> {
+        let hit = tree.nearest_where(&self.geometry, origin, direction, |i| accept(self, i));
+        match &self.tiles {
+            Some(tiles) => tiles.nearest(self, (origin, direction), hit, accept),
+            None => hit,
+        }
+    }
+
+    /// The index of primitive `i` in the same scene without instances, height fields and tiles, where primitives are in the
+    /// order of their parts, cubes last.
+    #[inline]
     pub fn number_when_stored(&self, i: u32) -> u32 {
+        match &self.tiles {
+            Some(tiles) => tiles.number_when_stored(self, i, |i| self.number_without_tiles(i)),
+            None => self.number_without_tiles(i),
+        }
+    }
+
+    fn number_without_tiles(&self, i: u32) -> u32 {
         let own = self.geometry.triangle_count();
         let Some(set) = &self.instances else { return i - self.missing_before(i) };
         let (number, before) = set.instances.number_when_stored(i, own);
@@ -269,6 +304,7 @@ impl Scene {
         size_of::<Scene>()
             + names
             + self.instances.as_ref().map_or(0, InstanceSet::memory)
+            + self.tiles.as_ref().map_or(0, |tiles| tiles.memory())
             + vec_bytes(&self.geometry.vertices)
             + vec_bytes(&self.geometry.triangles)
             + vec_bytes(&self.geometry.cubes)
@@ -285,6 +321,11 @@ impl Scene {
     /// Height of the ground at (x, y), local frame, m: the lowest surface whose material is ground; for a cube its
     /// upper face (spec kinematics §2.7). `None` where there is no ground. Visits every primitive once.
     pub fn ground_height(&self, x: f64, y: f64) -> Option<f64> {
+        self.lowest_ground(x, y).map(|(_, height)| height)
+    }
+
+    /// The height by which the lowest ground is found, and that of the ground.
+    fn lowest_ground(&self, x: f64, y: f64) -> Option<(f64, f64)> {
         let is_ground_material: Vec<bool> = self.materials.iter().map(|m| m.is_ground).collect();
         let is_ground: Vec<bool> =
             self.surfaces.iter().map(|s| is_ground_material[s.material as usize]).collect();
@@ -316,13 +357,26 @@ impl Scene {
             .chain(in_fields.map(|z| (z, z)))
             .chain(self.instances_over(&is_ground_material, x, y).map(|z| (z, z)))
             .chain(cubes)
+            .chain(self.ground_of_tiles(x, y))
             .reduce(|best, next| if next.0 < best.0 { next } else { best })
-            .map(|(_, height)| height)
+    }
+
+    /// For each tile, the height of its lowest ground at (x, y) to compare, and the one to return.
+    fn ground_of_tiles(&self, x: f64, y: f64) -> Vec<(f64, f64)> {
+        let Some(tiles) = &self.tiles else { return Vec::new() };
+        let is_ground = |m: &u32| self.materials[*m as usize].is_ground;
+        let below = tiles.facts().iter().enumerate().filter(|(_, tile)| {
+            let b = &tile.bounds;
+            let is_over = (b.min.x..=b.max.x).contains(&x) && (b.min.y..=b.max.y).contains(&y);
+            is_over && tile.materials.iter().any(is_ground)
+        });
+        // One after the other, so that one tile has to be in memory at a time.
+        below.filter_map(|(i, _)| tiles.read(|reader| reader.get(i)?.scene.lowest_ground(x, y))).collect()
     }
 }
 
 impl Scene {
-    /// The box of all ground, local frame, m; instances with ground count with their whole box. `None` without ground.
+    /// The box of all ground, local frame, m; instances and tiles with ground count with their whole box. `None` without ground.
     pub fn ground_bounds(&self) -> Option<Aabb> {
         let is_ground: Vec<bool> = self.materials.iter().map(|m| m.is_ground).collect();
         let surfaces: Vec<bool> = self.surfaces.iter().map(|s| is_ground[s.material as usize]).collect();
@@ -352,7 +406,9 @@ impl Scene {
             let all = set.instances.all.iter().filter(move |i| has_ground[i.model as usize]);
             all.map(|i| set.instances.exact_bounds_of(i))
         });
-        own.chain(instances).reduce(Aabb::union)
+        let tiles = self.tiles.iter().flat_map(|tiles| tiles.facts());
+        let tiles = tiles.filter(|tile| tile.materials.iter().any(|&m| is_ground[m as usize]));
+        own.chain(instances).chain(tiles.map(|tile| tile.bounds)).reduce(Aabb::union)
     }
 
     /// Heights over (x, y) of the triangles of instances whose material is one of `wanted`.

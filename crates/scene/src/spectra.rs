@@ -38,6 +38,7 @@ impl Row {
 }
 
 /// The spectra of all asset folders, read on first use by a material.
+#[derive(Clone)]
 pub(super) struct Spectra {
     folders: Vec<PathBuf>,
     wavelength_um: f32,

@@ -18,6 +18,9 @@ const ON_SURFACE: f64 = 0.05;
 const RING: usize = 8;
 const MIN_AGREEING: usize = 7;
 
+/// Maximum number of positions that are looked at over a scene of tiles, each of which may have to be loaded.
+const MAX_PLACES_OVER_TILES: usize = 8;
+
 /// Location of a position relative to the surfaces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Side {
@@ -34,7 +37,9 @@ enum Side {
 /// Finds scanner positions (scene frame) below the terrain, and flights on its surface. The scanner is `mount` metres
 /// above its platform.
 pub(super) fn check(who: &str, scene: &Scene, tree: &Tree, places: &[DVec3], mount: f64) -> Option<Finding> {
-    let sides: Vec<Side> = places.iter().map(|&place| side(scene, tree, place)).collect();
+    let step = if scene.tiles.is_some() { places.len().div_ceil(MAX_PLACES_OVER_TILES) } else { 1 };
+    let sides: Vec<Side> =
+        places.iter().step_by(step.max(1)).map(|&place| side(scene, tree, place)).collect();
     let over = sides.iter().filter(|side| **side != Side::Elsewhere).count() as f64;
     let mut depths: Vec<f64> = sides
         .iter()
@@ -47,7 +52,8 @@ pub(super) fn check(who: &str, scene: &Scene, tree: &Tree, places: &[DVec3], mou
         let depth = depths[depths.len() / 2];
         let where_ = match places.len() {
             1 => format!("{who} is {} below the terrain, with nothing beneath it", metres(depth)),
-            n => {
+            _ => {
+                let n = sides.len();
                 format!("{who} is below the terrain at {} of {n} places, by {}", depths.len(), metres(depth))
             }
         };
@@ -74,8 +80,7 @@ fn side(scene: &Scene, tree: &Tree, place: DVec3) -> Side {
     if !within(place) || !place.is_finite() {
         return Side::Elsewhere;
     }
-    let cast =
-        |from: DVec3, way: DVec3| tree.nearest_where(&scene.geometry, from, way, |_| true).map(|hit| hit.t);
+    let cast = |from: DVec3, way: DVec3| scene.nearest_where(tree, from, way, |_, _| true).map(|hit| hit.t);
     if let Some(below) = cast(place + DVec3::Z * 2.0 * ON_SURFACE, -DVec3::Z) {
         return if below < 3.0 * ON_SURFACE { Side::On } else { Side::Above };
     }

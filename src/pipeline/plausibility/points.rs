@@ -173,9 +173,8 @@ impl YieldCheck<'_> {
     /// Advice where most of the surfaces that beams meet are nearer, or most are farther, than the scanner measures.
     fn limits_missed(&self, log: &AimLog, [nearest, farthest]: [f64; 2]) -> Option<String> {
         let cast = |beam: &SampledBeam| {
-            self.tree
-                .nearest_where(&self.scene.geometry, beam.origin, beam.direction, |_| true)
-                .map(|hit| hit.t)
+            let hit = self.scene.nearest_where(self.tree, beam.origin, beam.direction, |_, _| true);
+            hit.map(|hit| hit.t)
         };
         let mut ranges: Vec<f64> = log.beams.iter().filter_map(cast).collect();
         // Surfaces that fill a small part of the box are missed by the sample; then the distance of the box counts.

@@ -10,6 +10,7 @@
 //! | `traced`, `energy`, `lanes` | ranges of the hits and the energy received from there, in blocks of subrays |
 //! | `receive` | from the hits of a pulse to its records |
 //! | `view`, `reflect`, `reflections`, `triangle_cache` | the scene at the time of a pulse, and its reflections |
+//! | `tiles` | tracing through the tiles of a scene, which are loaded when rays need them |
 //! | `foliage`, `medium`, `continuum` | rays through voxels |
 //! | `return_profile`, `slope` | reflected light by range; subrays on one slope |
 //! | `single_bin`, `cluster`, `pulse_starts` | returns without a waveform |
@@ -62,6 +63,7 @@ mod subray;
 mod testkit;
 #[cfg(test)]
 mod tests;
+mod tiles;
 mod traced;
 mod triangle_cache;
 mod view;

@@ -2,7 +2,7 @@
 
 use super::instrument::InstrumentTable;
 use super::options::PhysicsOptions;
-use super::view::SceneView;
+use super::view::StaticView;
 use vlscan_base::Result;
 use vlscan_base::rng::{Purpose, Stream};
 use vlscan_geom::{Aabb, DVec3};
@@ -13,7 +13,7 @@ use vlscan_trace::Tree;
 /// The pulse physics of a survey over a scene: immutable, shared by all workers.
 #[derive(Clone, Debug)]
 pub struct Physics<'a> {
-    pub(super) view: SceneView<'a>,
+    pub(super) view: StaticView<'a>,
     /// Box that the beam's axis must hit for the pulse to be simulated.
     pub(super) bounds_cull: Option<Aabb>,
     pub(super) instruments: InstrumentTable,
@@ -32,10 +32,9 @@ impl<'a> Physics<'a> {
     pub fn new(scene: &'a Scene, tree: &'a Tree, survey: &Survey, o: PhysicsOptions) -> Result<Physics<'a>> {
         let sizes = scene.sizes();
         Ok(Physics {
-            view: SceneView {
+            view: StaticView {
                 scene,
                 tree,
-                moving: &[],
                 visible_bounds: visible_bounds(scene, sizes, &o),
                 fixed_incidence: o.fixed_incidence,
                 max_cube_size: sizes.max_cube,

@@ -28,14 +28,16 @@ impl RayBatch {
             single.push(*exit, |x, y, z| (x[0], y[0], z[0]) = (d.x, d.y, d.z));
         }
         tree.trace_group(geometry, single, hits, scratch);
-        self.hits.t.clear();
-        self.hits.t.resize(rays.len() * stride, f64::INFINITY);
-        self.hits.primitive.clear();
-        self.hits.primitive.resize(rays.len() * stride, Hits::MISS);
+        miss_all(&mut self.hits, rays);
         for i in 0..self.exits.len() {
             let (to, from) = (i / n * stride + i % n, i * single.stride());
             (self.hits.t[to], self.hits.primitive[to]) = (hits.t[from], hits.primitive[from]);
         }
+    }
+
+    /// Sets all hits to misses, as tracing through nothing does.
+    pub fn trace_nothing(&mut self) {
+        miss_all(&mut self.hits, &self.rays);
     }
 
     /// Replaces the rays by those of some pulses of another batch.
@@ -47,4 +49,12 @@ impl RayBatch {
             self.exits.extend_from_slice(&from.exits[pulses.start * n..pulses.end * n]);
         }
     }
+}
+
+fn miss_all(hits: &mut Hits, rays: &RayGroup) {
+    let count = rays.len() * rays.stride();
+    hits.t.clear();
+    hits.t.resize(count, f64::INFINITY);
+    hits.primitive.clear();
+    hits.primitive.resize(count, Hits::MISS);
 }

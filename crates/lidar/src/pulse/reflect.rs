@@ -112,14 +112,12 @@ impl<'a> SceneView<'a> {
             scratch.continuum.clear(&instrument.detector);
         }
         let may_be_occluded = !around.is_empty() || self.visible_bounds.is_some();
-        let (triangles, own) = (self.scene.geometry.triangle_count(), self.scene.geometry.len());
-        let is_triangle = |i: u32| (i as usize) < triangles || (i as usize >= own && i != Hits::MISS);
         let mut surface = ShadedSurface::none(self.scene);
         let t = traced.t.as_flattened();
         let mut frame = None;
         for (i, (ring, range)) in rings.iter().zip(gains.ranges).enumerate() {
             let (primitive, direction) = (traced.primitives[i], traced.direction(i));
-            if !may_be_occluded && is_triangle(primitive) && instrument.detector.is_in_range(*range) {
+            if !may_be_occluded && self.is_triangle(primitive) && instrument.detector.is_in_range(*range) {
                 surface.load(self, primitive);
                 let cosine = if self.fixed_incidence { 1.0 } else { surface.plane_cosine(direction) };
                 out.push((i as u32, *ring), (*range, *range), primitive, cosine, surface.factor(cosine));
@@ -390,6 +388,7 @@ mod tests {
             scene,
             tree: &tree,
             moving: &[],
+            tiles: None,
             visible_bounds: None,
             fixed_incidence: false,
             max_cube_size: 1.0,

@@ -8,13 +8,15 @@ use super::range_noise;
 use super::ray_batch::RayBatch;
 use super::receive::{Detection, pulse_record, traced_axis};
 use super::subray::Subrays;
+use super::tiles::TileTracer;
 use super::traced::{GainBuffer, TracedPulse};
-use super::view::SceneView;
+use super::view::StaticView;
 use crate::flight::Pulse;
 use std::ops::Range;
 use vlscan_base::quantity::number;
 use vlscan_base::rng;
 use vlscan_base::{Error, Result};
+use vlscan_geom::Aabb;
 use vlscan_scene::{DynamicObject, DynamicScene, ObjectUpdate, SceneTriangle};
 use vlscan_trace::TraceScratch;
 use vlscan_trace::simd::{Level, Simd, dispatch};
@@ -44,6 +46,8 @@ pub struct PulseSimulator<'p> {
     missing: Vec<SceneTriangle<'p>>,
     detection: Detection,
     trace_scratch: TraceScratch,
+    /// The tiles of the scene, if there are any.
+    tiles: Option<TileTracer>,
     /// The instruction set of ray generation and detection.
     pub(super) level: Level,
 }
@@ -72,6 +76,7 @@ impl<'p> PulseSimulator<'p> {
             missing: Vec::new(),
             detection: Detection::default(),
             trace_scratch: TraceScratch::default(),
+            tiles: physics.view.scene.tiles.as_ref().map(TileTracer::new),
             level: Level::best(),
         }
     }
@@ -100,15 +105,15 @@ impl<'p> PulseSimulator<'p> {
         batch: &mut Batch,
         mut on_end: impl FnMut(Phase),
     ) -> Result<()> {
-        pulses.chunks(self.batch_pulses()).try_for_each(|pulses| {
-            self.generate_rays(leg, pulses)?;
-            on_end(Phase::RayGeneration);
-            self.trace();
-            on_end(Phase::Traversal);
+        let mut rest = pulses;
+        while !rest.is_empty() {
+            let (pulses, later) = rest.split_at(self.trace_some(leg, rest, &mut on_end)?);
             self.detect(leg, pulses, 0..pulses.len(), &[], batch)?;
+            self.release_tiles()?;
             on_end(Phase::Detection);
-            Ok(())
-        })
+            rest = later;
+        }
+        Ok(())
     }
 
     /// [`PulseSimulator::simulate`] over a dynamic scene that is in the state of the first pulse. `updates` are ordered
@@ -123,9 +128,9 @@ impl<'p> PulseSimulator<'p> {
         batch: &mut Batch,
     ) -> Result<()> {
         let (mut simulated, mut updates) = (0, updates.iter().peekable());
-        for chunk in pulses.chunks(self.batch_pulses()) {
-            self.generate_rays(leg, chunk)?;
-            self.trace();
+        while simulated < pulses.len() {
+            let rest = &pulses[simulated..];
+            let chunk = &rest[..self.trace_some(leg, rest, |_| ())?];
             let mut done = 0;
             while done < chunk.len() {
                 while let Some(update) = updates.next_if(|u| u.first_pulse <= simulated + done) {
@@ -138,9 +143,39 @@ impl<'p> PulseSimulator<'p> {
                 self.detect(leg, chunk, done..end, moving, batch)?;
                 done = end;
             }
+            self.release_tiles()?;
             simulated += chunk.len();
         }
         Ok(())
+    }
+
+    /// Generates the rays of the first of `pulses`, as many as are traced together, and traces them through the static scene.
+    /// Returns their number.
+    fn trace_some(&mut self, leg: u32, pulses: &[Pulse], mut on_end: impl FnMut(Phase)) -> Result<usize> {
+        let mut count = self.batch_pulses().min(pulses.len());
+        loop {
+            self.generate_rays(leg, &pulses[..count])?;
+            on_end(Phase::RayGeneration);
+            self.trace(leg)?;
+            on_end(Phase::Traversal);
+            let is_too_much = self.tiles.as_ref().is_some_and(TileTracer::is_over_budget);
+            if count == 1 || !is_too_much {
+                return Ok(count);
+            }
+            // The tiles under fewer pulses may fit into memory; what was missing is no failure yet.
+            let _ = self.release_tiles();
+            count /= 2;
+        }
+    }
+
+    /// Allows the tiles to be dropped that were needed since the last call; fails if one of them was not available.
+    fn release_tiles(&mut self) -> Result<()> {
+        self.tiles.as_mut().map_or(Ok(()), TileTracer::release)
+    }
+
+    /// Box around what the rays could hit since the last call, scene frame, m; `None` in a scene without tiles.
+    pub fn take_area(&mut self) -> Option<Aabb> {
+        self.tiles.as_mut().map(TileTracer::take_area)
     }
 
     fn batch_pulses(&self) -> usize {
@@ -180,11 +215,21 @@ impl<'p> PulseSimulator<'p> {
     }
 
     /// Traces the rays through the static scene.
-    fn trace(&mut self) {
-        let SceneView { scene, tree, .. } = self.physics.view;
-        for batch in self.batches.iter_mut().filter(|b| !b.rays.is_empty()) {
-            batch.trace(tree, &scene.geometry, &mut self.trace_scratch);
+    fn trace(&mut self, leg: u32) -> Result<()> {
+        let PulseSimulator { physics, instruments, batches, trace_scratch, tiles, .. } = self;
+        let StaticView { scene, tree, .. } = physics.view;
+        let is_all_tiles = tiles.is_some() && scene.numbers() == 0;
+        for (device, batch) in (0..).zip(batches).filter(|(_, b)| !b.rays.is_empty()) {
+            match is_all_tiles {
+                true => batch.trace_nothing(),
+                false => batch.trace(tree, &scene.geometry, trace_scratch),
+            }
+            if let Some(tiles) = tiles {
+                let is_one_pattern = instruments.instrument(leg, device)?.subrays.patterns() == 1;
+                tiles.trace(scene, batch, is_one_pattern, trace_scratch);
+            }
         }
+        Ok(())
     }
 
     /// Replaces the hits of the pulses in `range` where moving objects are nearer than the static scene.
@@ -217,7 +262,12 @@ impl<'p> PulseSimulator<'p> {
     ) -> Result<()> {
         self.detection.scratch.triangles.forget_moving();
         let pulses = &pulses[range.clone()];
-        dispatch!(self.level, simd => self.detect_generic(simd, leg, pulses, range, moving, batch))
+        let detected =
+            dispatch!(self.level, simd => self.detect_generic(simd, leg, pulses, range, moving, batch));
+        detected.inspect_err(|_| {
+            // Other workers may wait for the memory of these tiles.
+            let _ = self.release_tiles();
+        })
     }
 
     /// [`PulseSimulator::detect`] of `pulses` with the slots `range` on one instruction set; all give the same bits.
@@ -232,7 +282,7 @@ impl<'p> PulseSimulator<'p> {
         batch: &mut Batch,
     ) -> Result<()> {
         let physics = self.physics;
-        let view = SceneView { moving, ..physics.view };
+        let view = physics.view.with(moving, self.tiles.as_ref().map(TileTracer::near));
         let slots = &self.slots[range];
         let first_echo = batch.echoes.len();
         for (pulses, slots) in pulses.chunks(GAIN_BATCH).zip(slots.chunks(GAIN_BATCH)) {

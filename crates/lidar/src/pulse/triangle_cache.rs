@@ -41,13 +41,18 @@ impl CachedTriangle {
 
     /// Triangle `primitive` in its current position, or `None` if it is no triangle.
     fn of(view: &SceneView, primitive: u32) -> Option<CachedTriangle> {
-        let found = view.scene.find_triangle(primitive)?;
-        let corners = match view.locate_moving(primitive) {
-            Some((scene, local)) => scene.triangle(local),
-            None => found.corners(),
+        let (corners, surface) = match view.tiles.and_then(|tiles| tiles.locate(primitive)) {
+            Some((_, tile, local)) => (tile.scene.triangle(local), view.surface(primitive)),
+            None => {
+                let found = view.scene.find_triangle(primitive)?;
+                let corners = match view.locate_moving(primitive) {
+                    Some((scene, local)) => scene.triangle(local),
+                    None => found.corners(),
+                };
+                (corners, found.surface())
+            }
         };
         let [a, b, c] = corners?;
-        let surface = found.surface();
         let material = &view.scene.materials[surface.material as usize];
         let law = match material.reflection {
             Reflection::Uniform => Law::Uniform,

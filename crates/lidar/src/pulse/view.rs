@@ -1,14 +1,40 @@
 //! The scene at the time of a pulse, and the interactions of rays with it.
 
 use super::foliage;
+use super::tiles::NearTiles;
 use vlscan_geom::{Aabb, DVec3};
-use vlscan_scene::{DynamicObject, Scene};
+use vlscan_scene::{DynamicObject, Scene, Surface};
 use vlscan_trace::{Hit, Hits, Tree};
 
 /// Distance behind a surface at which a ray continues, m.
 pub(super) const STEP_BEHIND: f64 = 1e-5;
 /// Tolerance of the scene's box, m.
 const BOX_SLACK: f64 = 1e-4;
+
+/// The scene without what depends on the time and on the worker.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StaticView<'a> {
+    pub scene: &'a Scene,
+    /// Tree over the static primitives.
+    pub tree: &'a Tree,
+    /// See [`SceneView::visible_bounds`].
+    pub visible_bounds: Option<Aabb>,
+    /// See [`SceneView::fixed_incidence`].
+    pub fixed_incidence: bool,
+    /// See [`SceneView::max_cube_size`].
+    pub max_cube_size: f64,
+}
+
+impl<'a> StaticView<'a> {
+    /// The scene with moving objects, and with the tiles that the rays of a batch may hit.
+    pub fn with<'b>(&self, moving: &'b [DynamicObject], tiles: Option<NearTiles<'b>>) -> SceneView<'b>
+    where
+        'a: 'b,
+    {
+        let StaticView { scene, tree, visible_bounds, fixed_incidence, max_cube_size } = *self;
+        SceneView { scene, tree, moving, tiles, visible_bounds, fixed_incidence, max_cube_size }
+    }
+}
 
 /// The scene at the time of a pulse.
 #[derive(Clone, Copy, Debug)]
@@ -18,6 +44,8 @@ pub(super) struct SceneView<'a> {
     pub tree: &'a Tree,
     /// The moving objects in their current position.
     pub moving: &'a [DynamicObject],
+    /// The tiles that rays may hit, if the scene has tiles.
+    pub tiles: Option<NearTiles<'a>>,
     /// The scene's box, outside of which nothing is visible; `None` if nothing lies outside or all is visible.
     pub visible_bounds: Option<Aabb>,
     /// All surfaces face the beam.
@@ -58,6 +86,9 @@ impl<'a> SceneView<'a> {
     /// The scene that holds primitive `i` in its current position, and its index there.
     #[inline]
     pub fn locate(&self, i: u32) -> (&'a Scene, u32) {
+        if let Some((_, tile, local)) = self.tiles.and_then(|tiles| tiles.locate(i)) {
+            return (&tile.scene, local);
+        }
         self.locate_moving(i).unwrap_or((self.scene, i))
     }
 
@@ -71,9 +102,31 @@ impl<'a> SceneView<'a> {
         self.moving.iter().any(|o| o.to_object_index(i).is_some())
     }
 
+    /// Part and material of primitive `i` in the complete scene.
+    #[inline]
+    pub fn surface(&self, i: u32) -> Surface {
+        match self.tiles.and_then(|tiles| tiles.locate(i)) {
+            Some((facts, tile, local)) => {
+                let material = tile.scene.surface(local).material as usize;
+                Surface { part: facts.part, material: facts.materials[material] }
+            }
+            None => self.scene.surface(i),
+        }
+    }
+
+    /// Whether primitive `i` is a triangle.
+    #[inline]
+    pub fn is_triangle(&self, i: u32) -> bool {
+        let (triangles, own) = (self.scene.geometry.triangle_count(), self.scene.geometry.len());
+        if (i as usize) < own || i == Hits::MISS {
+            return (i as usize) < triangles;
+        }
+        self.tiles.and_then(|tiles| tiles.locate(i)).is_none_or(|(facts, _, local)| local < facts.triangles)
+    }
+
     /// Part of primitive `i` and class of its material.
     pub fn part_and_class(&self, i: u32) -> (u32, i32) {
-        let surface = self.scene.surface(i);
+        let surface = self.surface(i);
         (surface.part, self.scene.materials[surface.material as usize].classification)
     }
 
@@ -87,6 +140,10 @@ impl<'a> SceneView<'a> {
         for object in self.moving {
             let found = foliage::voxels_around(&object.scene, &object.tree, origin, self.max_cube_size);
             all.extend(found.into_iter().map(|voxel| object.to_scene_index(voxel)));
+        }
+        for (first, tile) in self.tiles.iter().flat_map(|tiles| tiles.around(origin)) {
+            let found = foliage::voxels_around(&tile.scene, &tile.tree, origin, self.max_cube_size);
+            all.extend(found.into_iter().map(|voxel| first + voxel));
         }
         all
     }
@@ -121,10 +178,18 @@ impl<'a> SceneView<'a> {
         accept: impl Fn(u32) -> bool,
     ) -> Interaction {
         let hit = self.tree.nearest_where(&self.scene.geometry, from, direction, &accept);
+        let hit = match self.tiles {
+            Some(NearTiles { reader, near }) => {
+                let accept = |_: &Scene, _, i| accept(i);
+                reader.nearest(self.scene, Some(near), (from, direction), hit, accept)
+            }
+            None => hit,
+        };
         let hit = self.moving.iter().fold(hit, |best, object| {
             let accept = |i| accept(object.to_scene_index(i));
             let hit = object.tree.nearest_where(&object.scene.geometry, from, direction, accept);
-            nearer(best, hit.map(|h| Hit { primitive: object.to_scene_index(h.primitive), ..h }))
+            let order = |hit: Hit| self.scene.number_when_stored(hit.primitive);
+            nearer(best, hit.map(|h| Hit { primitive: object.to_scene_index(h.primitive), ..h }), order)
         });
         let (t, primitive, range) = match hit {
             Some(hit) => (hit.t, hit.primitive, distance((from + direction * hit.t) - origin)),
@@ -134,10 +199,10 @@ impl<'a> SceneView<'a> {
     }
 }
 
-/// The nearer of two hits; of equally near hits the one with the smaller number.
-fn nearer(a: Option<Hit>, b: Option<Hit>) -> Option<Hit> {
+/// The nearer of two hits; of equally near hits the one that comes first in `order`.
+fn nearer(a: Option<Hit>, b: Option<Hit>, order: impl Fn(Hit) -> u32) -> Option<Hit> {
     match (a, b) {
-        (Some(a), Some(b)) if (b.t, b.primitive) < (a.t, a.primitive) => Some(b),
+        (Some(a), Some(b)) if b.t < a.t || (b.t == a.t && order(b) < order(a)) => Some(b),
         (a, b) => a.or(b),
     }
 }

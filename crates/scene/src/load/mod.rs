@@ -7,11 +7,13 @@
 //! | `raster` | terrain from GeoTIFF |
 //! | `cloud` | point clouds as cubes |
 //! | `voxel` | vegetation voxels |
+//! | `tiles` | parts that are loaded when rays need them |
 //! | `voxel_store` | voxels of both as a grid or as cubes |
 
 mod cloud;
 mod mesh;
 pub(crate) mod raster;
+mod tiles;
 mod voxel;
 mod voxel_store;
 #[cfg(test)]
@@ -34,6 +36,7 @@ pub use raster::raster_needs;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use tiles::{TileIndex, is_tile};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::fault;
@@ -100,18 +103,18 @@ fn load_sources(
     let parts = mesh::parts_in_epoch(&mut scene, recipe, epoch)?;
     let present = parts.iter().filter(|part| part.is_present).map(|part| part.recipe.as_ref());
     scene.meshes = instances::plan_sharing(present, options.sharing);
-    let mut loaded = Vec::new();
+    let mut loaded = LoadedParts::default();
     let mut ids = Ids::default();
-    let mut frames = PartFrames::default();
     for EpochPart { recipe: part, is_present } in &parts {
         if *is_present {
-            load_part(&mut scene, part, &mut ids, &mut loaded, &mut frames)?;
+            load_part(&mut scene, part, &mut ids, &mut loaded)?;
         } else {
             let name = name_of(&part.loader, part.loader.files());
             scene.parts.push(Part { id: ids.single(part), name, lad: None });
         }
     }
-    if loaded.is_empty() && epoch == 0 && !scene.diagnostics.is_fatal(false) {
+    let LoadedParts { stored, tiles, frames } = loaded;
+    if stored.is_empty() && tiles.is_empty() && epoch == 0 && !scene.diagnostics.is_fatal(false) {
         scene
             .diagnostics
             .error(None, format!("scene \"{}\" of {} is empty", recipe.id, recipe.path.display()));
@@ -119,18 +122,43 @@ fn load_sources(
     if epoch == 0 {
         change::report_unused(&mut scene);
     }
+    if !tiles.is_empty() {
+        refuse_on_ground(&mut scene, &stored);
+    }
     let warnings = std::mem::take(&mut scene.diagnostics).finish(false)?;
     scene.diagnostics = warnings;
     frames.report(&mut scene);
     scene.library.issues.report(options.rules, &mut scene.diagnostics);
     scene.library.units.report(options.rules.reflectance_fraction, &mut scene.diagnostics);
-    ground::drop_to_ground(&mut scene, &loaded);
+    ground::drop_to_ground(&mut scene, &stored);
     let crs = match epoch {
         0 => find_crs(recipe, &mut scene.diagnostics),
         _ => None,
     };
-    let (scene, warnings) = freeze(scene, first, keeps_frame(recipe))?;
+    let (scene, warnings) = freeze(scene, tiles, first, keeps_frame(recipe))?;
     Ok((Scene { crs, dyn_step: recipe.dyn_step, dyn_time_step: recipe.dyn_time_step, ..scene }, warnings))
+}
+
+/// What has been loaded of a scene.
+#[derive(Default)]
+struct LoadedParts {
+    /// Parts that are in memory.
+    stored: Vec<LoadedPart>,
+    /// Parts that are loaded again when rays need them.
+    tiles: TileIndex,
+    frames: PartFrames,
+}
+
+/// Reports parts that are to be dropped to the ground, all of which would have to be in memory.
+fn refuse_on_ground(scene: &mut SceneBuilder, parts: &[LoadedPart]) {
+    for part in parts.iter().filter(|part| part.on_ground != 0) {
+        let message =
+            format!("part \"{}\" is dropped to the ground, for which --scene-memory keeps no scene", part.id);
+        scene
+            .diagnostics
+            .error(part.place.clone(), message)
+            .help("give the part its height in the offset in place of onGround, or leave out --scene-memory");
+    }
 }
 
 /// Assigns ids: a part without one gets numbers, and each of its files becomes a separate part.
@@ -163,8 +191,7 @@ fn load_part(
     scene: &mut SceneBuilder,
     part: &PartRecipe,
     ids: &mut Ids,
-    loaded: &mut Vec<LoadedPart>,
-    frames: &mut PartFrames,
+    loaded: &mut LoadedParts,
 ) -> Result<()> {
     let files = part.loader.files();
     if files.is_empty() && !matches!(part.loader, Loader::Mesh(_)) {
@@ -175,7 +202,9 @@ fn load_part(
     }
     let lad = leaf_angles(scene, part);
     let mut names = Names::default();
+    let first_tile = loaded.tiles.len();
     for (id, files) in ids.with_files(part, files) {
+        let known_names = names.len();
         let instance = instances::add_instance(scene, part, |scene, part, files| {
             load_files(scene, part, files, &mut Names::default())
         })?;
@@ -203,7 +232,7 @@ fn load_part(
             Body::Stored(extent) => ground::bounds(&scene.geometry, extent),
         };
         check_coordinates(scene, &id, bounds, &body, part.place.as_ref());
-        frames.add(&id, part.place.as_ref(), bounds);
+        loaded.frames.add(&id, part.place.as_ref(), bounds);
         mesh::doubts::check(scene, part, files, &body);
         if let Body::Stored(extent) = &body
             && !part.motions.is_empty()
@@ -217,9 +246,21 @@ fn load_part(
                 timing: part.timing,
             });
         }
-        scene.parts.push(Part { id: id.clone(), name: name_of(&part.loader, files), lad: lad.clone() });
-        loaded.push(LoadedPart { id, body, on_ground: part.transform.on_ground, place: part.place.clone() });
+        let described = Part { id: id.clone(), name: name_of(&part.loader, files), lad: lad.clone() };
+        let is_tile = match &body {
+            Body::Stored(extent) if part.transform.on_ground == 0 && is_tile(scene.options, part) => {
+                loaded.tiles.add(scene, part, (files, described.clone(), known_names), extent)
+            }
+            _ => false,
+        };
+        scene.parts.push(described);
+        if !is_tile {
+            let (on_ground, place) = (part.transform.on_ground, part.place.clone());
+            loaded.stored.push(LoadedPart { id, body, on_ground, place });
+        }
     }
+    let tiles = loaded.tiles.len() - first_tile;
+    loaded.tiles.set_names(tiles, names);
     Ok(())
 }
 
@@ -262,7 +303,7 @@ fn load_files(
     files: &[PathBuf],
     names: &mut Names,
 ) -> Result<()> {
-    let target = PartSource { index: scene.parts.len() as u32, place: part.place.as_ref() };
+    let target = PartSource { index: scene.next_part(), place: part.place.as_ref() };
     let chosen = match &part.loader {
         Loader::MeshFiles { .. } | Loader::Mesh(_) => Some(Vec::new()),
         Loader::GeoTiff { material, .. } => choose(scene, &target, material),
@@ -390,11 +431,17 @@ fn check_coordinates(scene: &mut SceneBuilder, id: &str, bounds: Aabb, body: &Bo
 }
 
 /// Moves the origin to the centre of the scene, or to that of the first epoch, and builds the final scene.
-fn freeze(scene: SceneBuilder, first: Option<SceneFrame>, keep_frame: bool) -> Result<(Scene, Diagnostics)> {
+fn freeze(
+    scene: SceneBuilder,
+    tiles: TileIndex,
+    first: Option<SceneFrame>,
+    keep_frame: bool,
+) -> Result<(Scene, Diagnostics)> {
     let SceneBuilder { mut geometry, mut voxels, library, mut sources, .. } = scene;
     let mut instances = instances::freeze(scene.meshes, geometry.len())?;
     let all = Extent { triangles: 0..0, ..Extent::of(&geometry) };
     let own = ground::bounds(&geometry, &all);
+    let own = own.union(tiles.bounds());
     let world = instances.as_ref().map_or(own, |set| set.instances.exact_bounds(own));
     let shift = first.map_or_else(|| world.centre(), |first| first.shift);
     geometry.vertices.par_iter_mut().for_each(|v| *v -= shift);
@@ -411,7 +458,10 @@ fn freeze(scene: SceneBuilder, first: Option<SceneFrame>, keep_frame: bool) -> R
     let mut surface_ids = scene.triangle_surfaces;
     surface_ids.extend(scene.cube_surfaces);
     let own = ground::bounds(&geometry, &all);
+    let own = own.union(tiles.bounds_from(shift));
     let found = instances.as_ref().map_or(own, |set| set.instances.exact_bounds(own));
+    let numbers = geometry.len() + instances.as_ref().map_or(0, |set| set.instances.triangles() as usize);
+    let tiles = tiles.finish(scene.options, &library, shift, numbers)?;
     sources.extend(library.files());
     sources.sort();
     sources.dedup();
@@ -429,6 +479,7 @@ fn freeze(scene: SceneBuilder, first: Option<SceneFrame>, keep_frame: bool) -> R
         grid_voxels: scene.grid_voxels,
         moving_parts: scene.moving_parts,
         instances,
+        tiles,
         sources,
         ..Scene::default()
     };

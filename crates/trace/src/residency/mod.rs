@@ -58,8 +58,9 @@ struct State {
 }
 
 struct Item {
-    /// Bytes: an estimate until it has been loaded once.
+    /// Bytes: an estimate until it has been loaded once, which `are_bytes_known` tells.
     bytes: u64,
+    are_bytes_known: bool,
     content: Slot,
     /// Number of packets that hold it.
     pins: u32,
@@ -125,7 +126,7 @@ impl Residency {
         self.budget
     }
 
-    /// Registers items of one kind, each with its bytes as far as they are known. `load` loads the item with an index in
+    /// Registers items of one kind, each with its approximate bytes. `load` loads the item with an index in
     /// this kind and tells its bytes; it must return the same item whenever it is called, and must not take items itself.
     pub fn add<T: Send + Sync + 'static>(
         self: &Arc<Self>,
@@ -138,7 +139,9 @@ impl Residency {
             .loaders
             .push(Arc::new(move |index| load(index).map(|(item, bytes)| (Arc::new(item) as Content, bytes))));
         state.items.extend((0..).zip(bytes).map(|(index, bytes)| Item {
-            bytes,
+            // What is larger than the budget is found out when it is loaded.
+            bytes: bytes.min(self.budget),
+            are_bytes_known: false,
             content: Slot::Absent,
             pins: 0,
             last_use: 0,
@@ -201,7 +204,8 @@ impl Residency {
                 state.statistics.peak = state.statistics.peak.max(state.used);
                 let last_use = state.clock;
                 let of = &mut state.items[item];
-                (of.content, of.bytes, of.last_use) = (Slot::Resident(content), bytes, last_use);
+                (of.content, of.last_use) = (Slot::Resident(content), last_use);
+                (of.bytes, of.are_bytes_known) = (bytes, true);
                 if state.used > self.budget {
                     // It is larger than was thought.
                     let mut others = state.unused_before(u64::MAX);

@@ -1,6 +1,6 @@
 //! The items that a thread holds while it traces a packet.
 
-use super::{Content, LoadError, Paged, Residency, Slot};
+use super::{Content, Item, LoadError, Paged, Residency, Slot};
 use std::cell::{OnceCell, RefCell};
 use std::fmt;
 use std::sync::Arc;
@@ -107,8 +107,8 @@ impl Residency {
         }
         let mut is_hit = true;
         loop {
-            let bytes = state.items[item].bytes;
-            if packet.bytes + bytes > self.budget {
+            let Item { bytes, are_bytes_known, .. } = state.items[item];
+            if are_bytes_known && packet.bytes + bytes > self.budget {
                 packet.refused += bytes;
                 return None;
             }

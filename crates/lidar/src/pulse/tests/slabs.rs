@@ -167,7 +167,15 @@ fn overlapping_voxels_add_up() {
 }
 
 fn view<'a>(scene: &'a Scene, tree: &'a vlscan_trace::Tree) -> SceneView<'a> {
-    SceneView { scene, tree, moving: &[], visible_bounds: None, fixed_incidence: false, max_cube_size: EDGE }
+    SceneView {
+        scene,
+        tree,
+        moving: &[],
+        tiles: None,
+        visible_bounds: None,
+        fixed_incidence: false,
+        max_cube_size: EDGE,
+    }
 }
 
 /// Follows a ray through foliage too thin to scatter it; returns the number of voxels for which it drew a free path.

@@ -1,0 +1,299 @@
+//! Parts that become tiles: they are loaded once for what is known of them, and again when rays need them.
+
+use super::load_files;
+use crate::Scene;
+use crate::builder::{Extent, LoadOptions, SceneBuilder, memory_of};
+use crate::library::{Library, Names};
+use crate::material::Material;
+use crate::model::Part;
+use crate::surfaces::Surface;
+use crate::tiles::{Before, Tile, TileFacts, TileOptions, Tiles};
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::machine;
+use vlscan_base::store::Checksum;
+use vlscan_geom::{Aabb, DVec3};
+use vlscan_survey::{Loader, PartRecipe, VoxelMode};
+use vlscan_trace::{LoadError, Residency, Tree};
+
+/// Maximum number of sizes of cubes in a tile: the box around cubes is known exactly in any frame for one size at a time.
+const MAX_CUBE_SIZES: usize = 16;
+
+/// The tiles found so far.
+#[derive(Default)]
+pub(super) struct TileIndex {
+    tiles: Vec<IndexedTile>,
+}
+
+struct IndexedTile {
+    source: TileSource,
+    facts: TileFacts,
+    vertices: usize,
+    /// Box around its vertices, and around the centres of its cubes for each half size, world frame, m.
+    corners: Aabb,
+    centres: Vec<(f64, Aabb)>,
+}
+
+/// What a tile is loaded from.
+struct TileSource {
+    recipe: Arc<PartRecipe>,
+    files: Vec<PathBuf>,
+    part: Part,
+    /// Names of materials that files of the same part have defined before, as the number of the first ones in all names.
+    known_names: usize,
+    names: Arc<Names>,
+}
+
+/// Whether a part can be a tile: its files can be read again, and give what they gave.
+pub(super) fn is_tile(options: &LoadOptions, part: &PartRecipe) -> bool {
+    let is_readable = match &part.loader {
+        Loader::MeshFiles { .. } | Loader::Xyz(_) => true,
+        // Cubes of many sizes, see MAX_CUBE_SIZES.
+        Loader::DetailedVoxels(voxels) => !matches!(voxels.mode, VoxelMode::Scaled(_)),
+        // Height fields come and go by themselves; meshes in memory are there.
+        Loader::GeoTiff { .. } | Loader::Mesh(_) => false,
+    };
+    options.tiles.is_some() && is_readable && part.motions.is_empty() && part.swaps.is_empty()
+}
+
+impl TileIndex {
+    pub fn is_empty(&self) -> bool {
+        self.tiles.is_empty()
+    }
+
+    /// Makes a tile of the primitives of `extent`, the last ones of the scene, and removes them. Returns `false` if they have
+    /// to stay. `names` are the number of names of materials before the part's files were read.
+    pub fn add(
+        &mut self,
+        scene: &mut SceneBuilder,
+        recipe: &PartRecipe,
+        (files, part, known_names): (&[PathBuf], Part, usize),
+        extent: &Extent,
+    ) -> bool {
+        if !extent.fields.is_empty() || !extent.grids.is_empty() {
+            return false;
+        }
+        let Some(centres) = centres_of_cubes(scene, extent) else { return false };
+        let g = &scene.geometry;
+        let facts = TileFacts {
+            part: scene.next_part(),
+            materials: materials_of(scene, extent),
+            triangles: extent.triangles.len() as u32,
+            cubes: extent.cubes.len() as u32,
+            max_cube: centres.iter().fold(0.0, |max, (half, _)| f64::max(max, half * 2.0)),
+            checksum: checksum(scene, extent),
+            before: Before {
+                own_triangles: g.triangle_count() as u32 - extent.triangles.len() as u32,
+                own_cubes: (g.cube_count() - extent.cubes.len()) as u32,
+                instances: scene.meshes.placements.len() as u32,
+                ..Before::default()
+            },
+            ..TileFacts::default()
+        };
+        let corners = Aabb::around(g.vertices[extent.vertices.clone()].iter().copied());
+        // Files of one part share what is known of it.
+        let last = self.tiles.last().map(|tile| &tile.source.recipe);
+        let is_same = |last: &&Arc<PartRecipe>| last.number == recipe.number && last.place == recipe.place;
+        let recipe = last.filter(is_same).cloned().unwrap_or_else(|| Arc::new(recipe.clone()));
+        let files = files.to_vec();
+        let source = TileSource { recipe, files, part, known_names, names: Arc::default() };
+        self.tiles.push(IndexedTile { source, facts, vertices: extent.vertices.len(), corners, centres });
+        scene.truncate(&Extent {
+            vertices: extent.vertices.start..extent.vertices.start,
+            triangles: extent.triangles.start..extent.triangles.start,
+            cubes: extent.cubes.start..extent.cubes.start,
+            fields: extent.fields.start..extent.fields.start,
+            grids: extent.grids.start..extent.grids.start,
+        });
+        true
+    }
+
+    /// Gives the last `count` tiles the names of materials of their part, which are complete now.
+    pub fn set_names(&mut self, count: usize, names: Names) {
+        let names = Arc::new(names);
+        let first = self.tiles.len() - count;
+        self.tiles[first..].iter_mut().for_each(|tile| tile.source.names = names.clone());
+    }
+
+    /// Number of tiles.
+    pub fn len(&self) -> usize {
+        self.tiles.len()
+    }
+
+    /// Box around all tiles, world frame, m.
+    pub fn bounds(&self) -> Aabb {
+        self.tiles.iter().fold(Aabb::EMPTY, |all, tile| all.union(tile.bounds(DVec3::ZERO)))
+    }
+
+    /// Box around all tiles in the frame with its origin at `shift`, m, as if their primitives were stored there.
+    pub fn bounds_from(&self, shift: DVec3) -> Aabb {
+        self.tiles.iter().fold(Aabb::EMPTY, |all, tile| all.union(tile.bounds(shift)))
+    }
+
+    /// The tiles of the complete scene with its origin at `shift`, which has `own` primitives of its own.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if their primitives cannot be numbered.
+    pub fn finish(
+        self,
+        options: &LoadOptions,
+        library: &Library,
+        shift: DVec3,
+        own: usize,
+    ) -> Result<Option<Arc<Tiles>>> {
+        let Some(tile_options) = options.tiles.clone().filter(|_| !self.tiles.is_empty()) else {
+            return Ok(None);
+        };
+        let (mut sources, mut facts, mut bytes) = (Vec::new(), Vec::new(), Vec::new());
+        for tile in self.tiles {
+            let (triangles, cubes) = (tile.facts.triangles as usize, tile.facts.cubes as usize);
+            let tree = Tree::estimate_build_memory((triangles + cubes) as u64, tile_options.trees.builder);
+            bytes.push(memory_of(tile.vertices, triangles, cubes).saturating_add(tree));
+            let bounds = tile.bounds(shift);
+            facts.push(TileFacts { bounds, ..tile.facts });
+            sources.push(tile.source);
+        }
+        let residency = Residency::new(tile_options.memory);
+        let loader = TileLoader {
+            // A run that is to stop finishes the chunks that it has begun, for which it may need tiles.
+            options: LoadOptions { tiles: None, stop: None, ..options.clone() },
+            tile_options,
+            library: library.clone(),
+            shift,
+            facts: facts.clone(),
+            sources,
+        };
+        let items = residency.add(bytes, move |tile| {
+            let loaded = loader.load(tile).map_err(|error| Arc::new(error) as LoadError)?;
+            let bytes = loaded.scene.memory() + loaded.tree.memory();
+            Ok((loaded, bytes as u64))
+        });
+        Tiles::new(facts, items, own).map(|tiles| Some(Arc::new(tiles)))
+    }
+}
+
+impl IndexedTile {
+    /// Box around its primitives in the frame with its origin at `shift`, m.
+    fn bounds(&self, shift: DVec3) -> Aabb {
+        let moved = |b: &Aabb| Aabb { min: b.min - shift, max: b.max - shift };
+        let corners = if self.corners.is_empty() { Aabb::EMPTY } else { moved(&self.corners) };
+        self.centres.iter().fold(corners, |all, (half, centres)| {
+            let b = moved(centres);
+            all.union(Aabb { min: b.min - DVec3::splat(*half), max: b.max + DVec3::splat(*half) })
+        })
+    }
+}
+
+/// Loads tiles again.
+struct TileLoader {
+    options: LoadOptions,
+    tile_options: TileOptions,
+    /// All materials of the scene.
+    library: Library,
+    shift: DVec3,
+    facts: Vec<TileFacts>,
+    sources: Vec<TileSource>,
+}
+
+impl TileLoader {
+    fn load(&self, tile: usize) -> Result<Tile> {
+        machine::with_pool(self.options.jobs, || {
+            let scene = self.load_scene(tile)?;
+            let tree = Tree::build(&scene.geometry, &self.tile_options.trees);
+            Ok(Tile { scene, tree })
+        })?
+    }
+
+    fn load_scene(&self, tile: usize) -> Result<Scene> {
+        let (facts, source) = (&self.facts[tile], &self.sources[tile]);
+        let mut scene = SceneBuilder::new(&self.options, self.library.clone());
+        scene.first_part = facts.part;
+        let start = scene.end();
+        load_files(&mut scene, &source.recipe, &source.files, &mut source.names.first(source.known_names))?;
+        // What there is to warn of was told when the scene was loaded.
+        std::mem::take(&mut scene.diagnostics).finish(false)?;
+        let extent = scene.since(&start);
+        let changed = || {
+            let path = source.files.first().map_or(Path::new("a tile"), PathBuf::as_path);
+            let message = format!("{}: the file has changed since the scene was loaded", path.display());
+            Error::input_with_help(message, "leave the files of a scene as they are while it is scanned")
+        };
+        if checksum(&scene, &extent) != facts.checksum {
+            return Err(changed());
+        }
+        let materials = materials_of(&scene, &extent);
+        if materials.len() != facts.materials.len() {
+            return Err(changed());
+        }
+        let local: HashMap<u32, u32> = materials.into_iter().zip(0..).collect();
+        let local_id = |surface: &u32| local[&scene.surfaces[*surface as usize].material];
+        let ids = scene.triangle_surfaces.iter().chain(&scene.cube_surfaces).map(local_id).collect();
+        let materials: Vec<Material> =
+            facts.materials.iter().map(|m| self.library.materials[*m as usize].clone()).collect();
+        let (mut geometry, mut voxels) = (scene.geometry, scene.voxels);
+        geometry.vertices.iter_mut().for_each(|v| *v -= self.shift);
+        geometry.cubes.iter_mut().for_each(|cube| cube.centre -= self.shift);
+        geometry.vertices.shrink_to_fit();
+        geometry.triangles.shrink_to_fit();
+        geometry.cubes.shrink_to_fit();
+        voxels.shrink_to_fit();
+        Ok(Scene {
+            shift: self.shift,
+            bounds: facts.bounds,
+            geometry,
+            surface_ids: ids,
+            surfaces: (0..materials.len() as u32).map(|material| Surface { part: 0, material }).collect(),
+            parts: vec![source.part.clone()],
+            materials,
+            voxels,
+            ..Scene::default()
+        })
+    }
+}
+
+/// The materials of primitives in the order in which they occur first.
+fn materials_of(scene: &SceneBuilder, extent: &Extent) -> Vec<u32> {
+    let mut found = Vec::new();
+    let mut is_known = vec![false; scene.library.materials.len()];
+    let triangles = &scene.triangle_surfaces[extent.triangles.clone()];
+    let cubes = &scene.cube_surfaces[extent.cubes.clone()];
+    for surface in triangles.iter().chain(cubes) {
+        let material = scene.surfaces[*surface as usize].material;
+        if !std::mem::replace(&mut is_known[material as usize], true) {
+            found.push(material);
+        }
+    }
+    found
+}
+
+/// The half sizes of cubes, and the box around the centres of those of each size; `None` for more sizes than tiles may have.
+fn centres_of_cubes(scene: &SceneBuilder, extent: &Extent) -> Option<Vec<(f64, Aabb)>> {
+    let mut found: Vec<(f64, Aabb)> = Vec::new();
+    for cube in &scene.geometry.cubes[extent.cubes.clone()] {
+        let count = found.len();
+        match found.iter_mut().find(|(half, _)| *half == cube.half) {
+            Some((_, centres)) => *centres = centres.with(cube.centre),
+            None if count == MAX_CUBE_SIZES => return None,
+            None => found.push((cube.half, Aabb::around([cube.centre]))),
+        }
+    }
+    Some(found)
+}
+
+/// Checksum of the primitives of an extent: the same whatever precedes them in the scene.
+fn checksum(scene: &SceneBuilder, extent: &Extent) -> u64 {
+    let (g, first) = (&scene.geometry, extent.vertices.start as u32);
+    let mut sum = Checksum::default();
+    sum.array(&g.vertices[extent.vertices.clone()]);
+    let mut triangles = Vec::with_capacity(1 << 12);
+    for some in g.triangles[extent.triangles.clone()].chunks(1 << 12) {
+        triangles.clear();
+        triangles.extend(some.iter().map(|t| t.map(|v| v - first)));
+        sum.array(&triangles);
+    }
+    sum.array(&g.cubes[extent.cubes.clone()]);
+    sum.array(&scene.voxels[extent.cubes.clone()]);
+    sum.finish()
+}

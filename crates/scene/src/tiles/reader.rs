@@ -1,0 +1,103 @@
+//! A thread's access to the tiles of a scene.
+
+use super::{Tile, TileFacts, Tiles, error_of};
+use crate::Scene;
+use std::sync::Arc;
+use vlscan_base::error::Result;
+use vlscan_geom::DVec3;
+use vlscan_trace::{Hit, Pins};
+
+/// Access of one thread to the tiles of a scene. Tiles that it has asked for stay in memory until they are
+/// [released](TileReader::release).
+#[derive(Debug)]
+pub struct TileReader {
+    tiles: Arc<Tiles>,
+    pub(super) pins: Pins,
+}
+
+impl TileReader {
+    /// Access to these tiles.
+    pub fn new(tiles: &Arc<Tiles>) -> TileReader {
+        TileReader { tiles: tiles.clone(), pins: Pins::new(tiles.items.residency()) }
+    }
+
+    /// What is known of all tiles.
+    pub fn facts(&self) -> &[TileFacts] {
+        &self.tiles.facts
+    }
+
+    /// A tile, which is loaded if it is not in memory. `None` if that fails or if there is no room for it;
+    /// [`TileReader::release`] tells.
+    #[inline]
+    pub fn get(&self, tile: usize) -> Option<&Tile> {
+        self.pins.get(&self.tiles.items, tile)
+    }
+
+    /// The tile that primitive `i` of the complete scene belongs to, and the primitive's number there; `None` for other
+    /// primitives.
+    #[inline]
+    pub fn locate(&self, i: u32) -> Option<(&TileFacts, &Tile, u32)> {
+        let (tile, local) = self.tiles.locate(i)?;
+        Some((&self.tiles.facts[tile], self.get(tile)?, local))
+    }
+
+    /// Whether the tiles asked for since the last release need more memory than there is.
+    pub fn is_over_budget(&self) -> bool {
+        self.pins.is_over_budget()
+    }
+
+    /// Allows the tiles to be dropped.
+    ///
+    /// # Errors
+    /// When one of them could not be loaded, or all together need too much memory: what was traced through them does not
+    /// count.
+    pub fn release(&mut self) -> Result<()> {
+        self.pins.release().map_err(|error| error_of(&error))
+    }
+
+    /// The nearest of `best`, a hit on `scene` without its tiles, and the first hits on the tiles with these indices (all
+    /// without) of primitives that `accept` accepts, by the scene of their tile, their number there and that in `scene`.
+    pub fn nearest(
+        &self,
+        scene: &Scene,
+        among: Option<&[u32]>,
+        (origin, direction): (DVec3, DVec3),
+        best: Option<Hit>,
+        accept: impl Fn(&Scene, u32, u32) -> bool,
+    ) -> Option<Hit> {
+        let all = among.is_none().then_some(0..self.facts().len() as u32).into_iter().flatten();
+        let tiles = all.chain(among.into_iter().flatten().copied());
+        // Rounding moves neither the faces of a box nor those of the primitives within it by more.
+        let slack = 1e-9 * (1.0 + origin.abs().max_element());
+        let mut entered: Vec<(f64, u32)> = tiles
+            .filter_map(|tile| {
+                let mut b = self.facts()[tile as usize].bounds;
+                (b.min, b.max) = (b.min - slack, b.max + slack);
+                let (enter, exit) = b.slabs(origin, direction)?;
+                (exit >= 0.0).then_some((enter, tile))
+            })
+            .collect();
+        entered.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut best = best;
+        for (enter, tile) in entered {
+            if best.is_some_and(|best| best.t < enter - slack) {
+                break;
+            }
+            let (Some(found), first) = (self.get(tile as usize), self.facts()[tile as usize].first) else {
+                continue;
+            };
+            let inner = &found.scene;
+            let hit =
+                found.tree.nearest_where(&inner.geometry, origin, direction, |i| accept(inner, i, first + i));
+            let Some(hit) = hit.map(|hit| Hit { primitive: first + hit.primitive, ..hit }) else { continue };
+            let is_nearer = best.is_none_or(|best| {
+                let order = |hit: Hit| scene.number_when_stored(hit.primitive);
+                hit.t < best.t || (hit.t == best.t && order(hit) < order(best))
+            });
+            if is_nearer {
+                best = Some(hit);
+            }
+        }
+        best
+    }
+}
