@@ -607,7 +607,7 @@ fn errors_say_what_to_do() {
         ("run forest", "forest is a folder; name ./forest/survey.xml"),
         ("run forest/scene.xml", "it holds a <scene>"),
         ("scene make forest -o forest", "--force"),
-        ("scene info forest", "name ./forest/survey.xml"),
+        ("scene info forest", "name forest/survey.xml"),
         ("preview forest/scene.xml -o a.png", "contains no points and no survey"),
         ("preview forest/scene.xml -o a.png", "name a file of points, a survey"),
         ("preview forest -o a.png", "name a file of points"),
