@@ -34,7 +34,7 @@ pub fn run(args: &InfoArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
     let options = options(&recipe, &scanning, args.verify)?;
     let build = BuildOptions::default();
-    check_raster_memory(&recipe, build.builder, options.max_memory, &|_| ())?;
+    check_raster_memory(&recipe, &options, build.builder, &|_| ())?;
     let (scene, found) = vlscan_scene::load(&recipe, &options)?;
     warnings.extend(found);
     let loaded = started.elapsed().as_secs_f64();

@@ -82,19 +82,19 @@ fn too_large(message: String) -> Error {
     Error::input_of(ProblemKind::TooLarge, message)
 }
 
-/// Reports the memory that large rasters and the trees over them will need, and refuses more than `limit` bytes, before
+/// Reports the memory that large rasters and the trees over them will need, and refuses more than the limit, before
 /// any of it is loaded.
 ///
 /// # Errors
 /// [`Error::Input`] for rasters that need more.
 pub fn check_raster_memory(
     recipe: &SceneRecipe,
+    options: &LoadOptions,
     builder: Builder,
-    limit: Option<u64>,
     notify: &dyn Fn(Notice),
 ) -> Result<()> {
     let mut all = 0u64;
-    for need in vlscan_scene::raster_needs(recipe) {
+    for need in vlscan_scene::raster_needs(recipe, options) {
         let stored = if need.is_field { 0 } else { need.triangles };
         let tree = Tree::estimate_build_memory(stored, builder);
         all = all.saturating_add(need.bytes).saturating_add(tree);
@@ -120,7 +120,7 @@ pub fn check_raster_memory(
             )));
         }
     }
-    match limit {
+    match options.max_memory {
         Some(limit) if all > limit => Err(too_large(format!(
             "the rasters of the scene need about {}; the limit is {}",
             bytes(all),

@@ -48,7 +48,7 @@ impl LoadedScene {
         is_strict: bool,
         notify: &dyn Fn(Notice),
     ) -> Result<LoadedScene> {
-        check_raster_memory(recipe, trees.builder, options.max_memory, notify)?;
+        check_raster_memory(recipe, options, trees.builder, notify)?;
         LoadedScene::load_without_tree(recipe, options, trees, is_strict, notify)
     }
 

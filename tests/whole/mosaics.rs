@@ -155,6 +155,27 @@ fn tiles_are_parts_of_surveys_and_pipelines() {
     }
 }
 
+#[test]
+fn pages_of_rasters_come_and_go_without_a_trace() {
+    let dir = folder();
+    terrain(dir.path());
+    for physics in ["helios", "refined"] {
+        let points =
+            |scene: &str, more: &[&str]| points(dir.path(), scene, &[&["--physics", physics], more].concat());
+        let whole = points("single.tif", &["-j", "1"]);
+        for scene in ["single.tif", "tiles", "marked/all.vrt"] {
+            for (memory, threads) in [("25k", "1"), ("25k", "2"), ("500M", "2")] {
+                let found = points(scene, &["--scene-memory", memory, "-j", threads]);
+                assert!(found == whole, "{scene}, {memory}, {physics}, {threads} threads");
+            }
+        }
+    }
+    fs::write(dir.path().join("run.toml"), pipeline("tiles")).unwrap();
+    let small = run(dir.path(), &["run", "run.toml", "--scene-memory", "100", "--force", "-o", "out.xyz"]);
+    let message = text(&small.stderr);
+    assert!(!small.status.success() && message.contains("give --scene-memory more than"), "{message}");
+}
+
 /// Number of triangles of a scene of flat tiles, each with its first column and row, and its height.
 fn flat_tiles(folder: &Path, tiles: &[([usize; 2], [usize; 2], f32)]) {
     let _ = fs::remove_dir_all(folder.join("flat"));

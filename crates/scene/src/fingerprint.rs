@@ -1,5 +1,6 @@
 //! Checksums of scenes.
 
+use super::heights::add_heights;
 use super::model::Scene;
 use super::pack::Pack;
 use super::surfaces::SurfaceIds;
@@ -7,7 +8,7 @@ use std::path::Path;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::store::Checksum;
 use vlscan_survey::{Loader, MaterialChoice, SceneRecipe};
-use vlscan_trace::{Geometry, Heights};
+use vlscan_trace::Geometry;
 
 /// Checksum of the scene of the first epoch, `scene`, and of what its parts are swapped for. Neither the names of files nor
 /// the tree count. That of a packed scene follows from the checksums within it, so that it need not be read.
@@ -57,14 +58,7 @@ fn add_geometry(sum: &mut Checksum, geometry: &Geometry) {
 fn add_fields(sum: &mut Checksum, scene: &Scene) {
     for (field, surface) in scene.geometry.fields.iter().zip(&scene.field_surfaces) {
         sum.debug(&(field.grid(), field.first(), surface));
-        match field.heights() {
-            Heights::Short { base, values } => {
-                sum.debug(base);
-                sum.array(values);
-            }
-            Heights::Single(values) => sum.array(values),
-            Heights::Double(values) => sum.array(values),
-        }
+        add_heights(sum, field.heights());
     }
 }
 

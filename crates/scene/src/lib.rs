@@ -28,7 +28,7 @@
 //! | `epoch` | swapped parts |
 //! | `conditions` | the settings that a scene depends on |
 //! | `pack` | packed scenes |
-//! | `fingerprint` | checksums of scenes |
+//! | `fingerprint`, `heights` | checksums of scenes, and of the heights of their rasters |
 //! | `crs`, `frames` | coordinate reference systems of rasters and meshes; parts in local coordinates beside a grid |
 //! | `inventory`, `part_facts` | count the contents of a scene and of its parts |
 
@@ -46,6 +46,7 @@ mod frames;
 mod grid_voxels;
 mod ground;
 mod ground_model;
+mod heights;
 mod instance_set;
 mod instances;
 mod inventory;
@@ -88,6 +89,6 @@ pub use mtl::read_materials;
 pub use pack::{Pack, pack};
 pub use part_facts::PartFacts;
 pub use surfaces::{Surface, SurfaceIds};
-pub use tiles::{Tile, TileFacts, TileOptions, TileReader, Tiles};
+pub use tiles::{PlaceInRaster, Tile, TileFacts, TileOptions, TileReader, Tiles};
 pub use triangle::SceneTriangle;
 pub use voxel::{Voxel, VoxelKind};

@@ -235,7 +235,7 @@ impl Scene {
         }
     }
 
-    fn number_without_tiles(&self, i: u32) -> u32 {
+    pub(crate) fn number_without_tiles(&self, i: u32) -> u32 {
         let own = self.geometry.triangle_count();
         let Some(set) = &self.instances else { return i - self.missing_before(i) };
         let (number, before) = set.instances.number_when_stored(i, own);

@@ -98,7 +98,8 @@ impl TileTracer {
             std::mem::swap(&mut batch.hits, hits);
             batch.trace(&tile.tree, &tile.scene.geometry, scratch);
             std::mem::swap(&mut batch.hits, hits);
-            batch.hits.take_nearer(0, hits, |i| facts.first + i, |i| scene.number_when_stored(i));
+            let order = |i| reader.number_when_stored(scene, i);
+            batch.hits.take_nearer(0, hits, |i| facts.first + i, order);
         }
         near.extend(ahead.iter().map(|(_, tile)| tile));
         near.sort_unstable();

@@ -114,6 +114,15 @@ impl<'a> SceneView<'a> {
         }
     }
 
+    /// See [`Scene::number_when_stored`].
+    #[inline]
+    pub fn number_when_stored(&self, i: u32) -> u32 {
+        match self.tiles {
+            Some(tiles) => tiles.reader.number_when_stored(self.scene, i),
+            None => self.scene.number_when_stored(i),
+        }
+    }
+
     /// Whether primitive `i` is a triangle.
     #[inline]
     pub fn is_triangle(&self, i: u32) -> bool {
@@ -188,7 +197,7 @@ impl<'a> SceneView<'a> {
         let hit = self.moving.iter().fold(hit, |best, object| {
             let accept = |i| accept(object.to_scene_index(i));
             let hit = object.tree.nearest_where(&object.scene.geometry, from, direction, accept);
-            let order = |hit: Hit| self.scene.number_when_stored(hit.primitive);
+            let order = |hit: Hit| self.number_when_stored(hit.primitive);
             nearer(best, hit.map(|h| Hit { primitive: object.to_scene_index(h.primitive), ..h }), order)
         });
         let (t, primitive, range) = match hit {

@@ -200,6 +200,9 @@ fn load_part(
             .warn(part.place.clone(), format!("part {} names no file and is left out", describe(part)));
         return Ok(());
     }
+    if raster::is_paged(scene.options, part) {
+        return load_pages(scene, part, ids, loaded);
+    }
     let lad = leaf_angles(scene, part);
     let mut names = Names::default();
     let first_tile = loaded.tiles.len();
@@ -261,6 +264,37 @@ fn load_part(
     }
     let tiles = loaded.tiles.len() - first_tile;
     loaded.tiles.set_names(tiles, names);
+    Ok(())
+}
+
+/// Loads a raster for what must be known of its pages while they are not in memory.
+fn load_pages(
+    scene: &mut SceneBuilder,
+    part: &PartRecipe,
+    ids: &mut Ids,
+    loaded: &mut LoadedParts,
+) -> Result<()> {
+    let Loader::GeoTiff { files, material } = &part.loader else { return Ok(()) };
+    let id = ids.single(part);
+    let target = PartSource { index: scene.next_part(), place: part.place.as_ref() };
+    let Some(materials) = choose(scene, &target, material) else { return Ok(()) };
+    let translation = (part.transform != Transform::IDENTITY).then_some(part.transform.offset);
+    let indexed = raster::PagedRaster::index(scene, &target, files, translation)?;
+    let Some((raster, pages)) = indexed.filter(|(_, pages)| !pages.is_empty()) else {
+        // What could not be read is an error already.
+        if !scene.diagnostics.is_fatal(false) {
+            let message = format!("part \"{id}\" holds no primitives and is left out");
+            scene.diagnostics.warn(part.place.clone(), message);
+        }
+        return Ok(());
+    };
+    let material = raster::changed_material(scene, &target, &part.changes, materials[0]);
+    let bounds = pages.iter().fold(Aabb::EMPTY, |all, page| all.union(page.bounds));
+    refuse_far(scene, &id, reach(bounds), part.place.as_ref());
+    loaded.frames.add(&id, part.place.as_ref(), bounds);
+    let described = Part { id, name: name_of(&part.loader, files.all()), lad: None };
+    loaded.tiles.add_raster(scene, &described, material, raster, pages);
+    scene.parts.push(described);
     Ok(())
 }
 
@@ -416,12 +450,23 @@ fn describe(part: &PartRecipe) -> String {
 }
 
 fn check_coordinates(scene: &mut SceneBuilder, id: &str, bounds: Aabb, body: &Body, place: Option<&Place>) {
-    let reach = |bounds: Aabb| bounds.min.abs().max(bounds.max.abs()).max_element();
-    let is_far = |reach: f64| reach.is_nan() || reach > MAX_COORDINATE;
-    if !is_far(reach(bounds)) {
-        return;
+    if is_far(reach(bounds)) {
+        let reach = reach(ground::bounds_of(scene, body));
+        refuse_far(scene, id, reach, place);
     }
-    let reach = reach(ground::bounds_of(scene, body));
+}
+
+/// Largest absolute coordinate of a box.
+fn reach(bounds: Aabb) -> f64 {
+    bounds.min.abs().max(bounds.max.abs()).max_element()
+}
+
+fn is_far(reach: f64) -> bool {
+    reach.is_nan() || reach > MAX_COORDINATE
+}
+
+/// Reports a part that reaches beyond what can be computed.
+fn refuse_far(scene: &mut SceneBuilder, id: &str, reach: f64, place: Option<&Place>) {
     if is_far(reach) {
         let message = format!(
             "part \"{id}\" reaches {reach:e} m after its transforms; at most {MAX_COORDINATE:e} m can be computed"

@@ -1,6 +1,7 @@
 //! Parts that become tiles: they are loaded once for what is known of them, and again when rays need them.
 
 use super::load_files;
+use super::raster::{PageFacts, PagedRaster};
 use crate::Scene;
 use crate::builder::{Extent, LoadOptions, SceneBuilder, memory_of};
 use crate::library::{Library, Names};
@@ -16,7 +17,7 @@ use vlscan_base::machine;
 use vlscan_base::store::Checksum;
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_survey::{Loader, PartRecipe, VoxelMode};
-use vlscan_trace::{LoadError, Residency, Tree};
+use vlscan_trace::{Geometry, LoadError, Residency, Tree};
 
 /// Maximum number of sizes of cubes in a tile: the box around cubes is known exactly in any frame for one size at a time.
 const MAX_CUBE_SIZES: usize = 16;
@@ -37,7 +38,14 @@ struct IndexedTile {
 }
 
 /// What a tile is loaded from.
-struct TileSource {
+enum TileSource {
+    Files(TileFiles),
+    /// A page of a raster, by its index.
+    Page(Arc<PagedRaster>, usize, Part),
+}
+
+/// The files of a tile.
+struct TileFiles {
     recipe: Arc<PartRecipe>,
     files: Vec<PathBuf>,
     part: Part,
@@ -52,7 +60,7 @@ pub(super) fn is_tile(options: &LoadOptions, part: &PartRecipe) -> bool {
         Loader::MeshFiles { .. } | Loader::Xyz(_) => true,
         // Cubes of many sizes, see MAX_CUBE_SIZES.
         Loader::DetailedVoxels(voxels) => !matches!(voxels.mode, VoxelMode::Scaled(_)),
-        // Height fields come and go by themselves; meshes in memory are there.
+        // Rasters are divided into pages; meshes in memory are there.
         Loader::GeoTiff { .. } | Loader::Mesh(_) => false,
     };
     options.tiles.is_some() && is_readable && part.motions.is_empty() && part.swaps.is_empty()
@@ -94,11 +102,15 @@ impl TileIndex {
         };
         let corners = Aabb::around(g.vertices[extent.vertices.clone()].iter().copied());
         // Files of one part share what is known of it.
-        let last = self.tiles.last().map(|tile| &tile.source.recipe);
+        let last = self.tiles.last().and_then(|tile| match &tile.source {
+            TileSource::Files(files) => Some(&files.recipe),
+            TileSource::Page(..) => None,
+        });
         let is_same = |last: &&Arc<PartRecipe>| last.number == recipe.number && last.place == recipe.place;
         let recipe = last.filter(is_same).cloned().unwrap_or_else(|| Arc::new(recipe.clone()));
         let files = files.to_vec();
-        let source = TileSource { recipe, files, part, known_names, names: Arc::default() };
+        let source = TileFiles { recipe, files, part, known_names, names: Arc::default() };
+        let source = TileSource::Files(source);
         self.tiles.push(IndexedTile { source, facts, vertices: extent.vertices.len(), corners, centres });
         scene.truncate(&Extent {
             vertices: extent.vertices.start..extent.vertices.start,
@@ -110,11 +122,47 @@ impl TileIndex {
         true
     }
 
+    /// Makes a tile of every page of a raster, all of one material.
+    pub fn add_raster(
+        &mut self,
+        scene: &SceneBuilder,
+        part: &Part,
+        material: u32,
+        raster: PagedRaster,
+        pages: Vec<PageFacts>,
+    ) {
+        let raster = Arc::new(raster);
+        let before = Before {
+            own_triangles: scene.geometry.triangle_count() as u32,
+            own_cubes: scene.geometry.cube_count() as u32,
+            instances: scene.meshes.placements.len() as u32,
+            ..Before::default()
+        };
+        for (page, facts) in pages.into_iter().enumerate() {
+            let source = TileSource::Page(raster.clone(), page, part.clone());
+            let corners = facts.bounds;
+            let facts = TileFacts {
+                part: scene.next_part(),
+                materials: vec![material],
+                triangles: facts.numbers,
+                checksum: facts.checksum,
+                place: Some(facts.place),
+                before,
+                ..TileFacts::default()
+            };
+            self.tiles.push(IndexedTile { source, facts, vertices: 0, corners, centres: Vec::new() });
+        }
+    }
+
     /// Gives the last `count` tiles the names of materials of their part, which are complete now.
     pub fn set_names(&mut self, count: usize, names: Names) {
         let names = Arc::new(names);
         let first = self.tiles.len() - count;
-        self.tiles[first..].iter_mut().for_each(|tile| tile.source.names = names.clone());
+        for tile in &mut self.tiles[first..] {
+            if let TileSource::Files(files) = &mut tile.source {
+                files.names = names.clone();
+            }
+        }
     }
 
     /// Number of tiles.
@@ -150,7 +198,10 @@ impl TileIndex {
         for tile in self.tiles {
             let (triangles, cubes) = (tile.facts.triangles as usize, tile.facts.cubes as usize);
             let tree = Tree::estimate_build_memory((triangles + cubes) as u64, tile_options.trees.builder);
-            bytes.push(memory_of(tile.vertices, triangles, cubes).saturating_add(tree));
+            bytes.push(match &tile.source {
+                TileSource::Files(_) => memory_of(tile.vertices, triangles, cubes).saturating_add(tree),
+                TileSource::Page(raster, page, _) => raster.bytes(*page),
+            });
             let bounds = tile.bounds(shift);
             facts.push(TileFacts { bounds, ..tile.facts });
             sources.push(tile.source);
@@ -207,7 +258,24 @@ impl TileLoader {
     }
 
     fn load_scene(&self, tile: usize) -> Result<Scene> {
-        let (facts, source) = (&self.facts[tile], &self.sources[tile]);
+        let facts = &self.facts[tile];
+        let source = match &self.sources[tile] {
+            TileSource::Files(files) => files,
+            TileSource::Page(raster, page, part) => {
+                let field = raster.load(&self.options, *page, self.shift)?;
+                let material = self.library.materials[facts.materials[0] as usize].clone();
+                return Ok(Scene {
+                    shift: self.shift,
+                    bounds: facts.bounds,
+                    geometry: Geometry { fields: vec![field], ..Geometry::default() },
+                    field_surfaces: vec![0],
+                    surfaces: vec![Surface { part: 0, material: 0 }],
+                    parts: vec![part.clone()],
+                    materials: vec![material],
+                    ..Scene::default()
+                });
+            }
+        };
         let mut scene = SceneBuilder::new(&self.options, self.library.clone());
         scene.first_part = facts.part;
         let start = scene.end();

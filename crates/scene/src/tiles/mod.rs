@@ -5,10 +5,12 @@
 //! follow those of the scene's own primitives and instances. So a tile's primitives are told apart, ordered at equal
 //! distances and described as if they were stored in the scene, and what is in memory only decides how long a run takes.
 
+mod place;
 mod reader;
 #[cfg(test)]
 mod tests;
 
+pub use place::PlaceInRaster;
 pub use reader::TileReader;
 
 use crate::Scene;
@@ -47,7 +49,7 @@ pub struct TileFacts {
     pub materials: Vec<u32>,
     /// Number of its first primitive in the complete scene.
     pub first: u32,
-    /// Number of its triangles.
+    /// Number of its triangles, with those that a height field lacks.
     pub triangles: u32,
     /// Number of its cubes, which follow its triangles.
     pub cubes: u32,
@@ -55,6 +57,8 @@ pub struct TileFacts {
     pub max_cube: f64,
     /// Checksum of its geometry.
     pub checksum: u64,
+    /// Its place in the raster that it is a part of.
+    pub place: Option<PlaceInRaster>,
     /// What precedes it in the order of parts.
     pub before: Before,
 }
@@ -92,11 +96,20 @@ impl Tiles {
     /// [`Error::Input`] if they cannot be numbered with 32 bits.
     pub(crate) fn new(mut facts: Vec<TileFacts>, items: Paged<Tile>, own: usize) -> Result<Tiles> {
         let (mut next, mut before) = (own as u64, [0u64; 2]);
+        // The raster of the tile before, and the number of triangles before the raster.
+        let mut raster: Option<(Arc<[u32]>, u64)> = None;
         for tile in &mut facts {
             tile.first = next as u32;
-            (tile.before.triangles, tile.before.cubes) = (before[0] as u32, before[1] as u32);
-            before = [before[0] + u64::from(tile.triangles), before[1] + u64::from(tile.cubes)];
-            next = own as u64 + before[0] + before[1];
+            next += u64::from(tile.triangles) + u64::from(tile.cubes);
+            // Triangles of one raster are counted row by row, not tile by tile.
+            let known = raster
+                .take()
+                .filter(|(rows, _)| tile.place.as_ref().is_some_and(|place| Arc::ptr_eq(&place.rows, rows)));
+            let start = known.map_or(before[0], |(_, start)| start);
+            (tile.before.triangles, tile.before.cubes) = (start as u32, before[1] as u32);
+            before[0] = start + u64::from(tile.place.as_ref().map_or(tile.triangles, PlaceInRaster::all));
+            before[1] += u64::from(tile.cubes);
+            raster = tile.place.as_ref().map(|place| (place.rows.clone(), start));
         }
         if next >= u64::from(u32::MAX) {
             return Err(Error::input(format!(
@@ -114,7 +127,8 @@ impl Tiles {
 
     /// Number of primitives of all tiles.
     pub fn primitives(&self) -> usize {
-        (self.numbers[1] - self.numbers[0]) as usize
+        let missing: u32 = self.facts.iter().filter_map(|tile| Some(tile.place.as_ref()?.missing)).sum();
+        (self.numbers[1] - self.numbers[0] - missing) as usize
     }
 
     /// The tile that primitive `i` of the complete scene belongs to, and the primitive's number there; `None` if it belongs
@@ -135,7 +149,11 @@ impl Tiles {
 
     /// Memory of what is known of the tiles, without those that are in memory, bytes.
     pub(crate) fn memory(&self) -> usize {
-        self.facts.iter().map(|tile| size_of::<TileFacts>() + 4 * tile.materials.capacity()).sum()
+        let of_place = |place: &PlaceInRaster| 4 * place.before.capacity();
+        let of_tile = |tile: &TileFacts| {
+            size_of::<TileFacts>() + 4 * tile.materials.capacity() + tile.place.as_ref().map_or(0, of_place)
+        };
+        self.facts.iter().map(of_tile).sum()
     }
 
     /// Loads the tiles that an area meets on its way, the nearest first, as long as there is room for them without what was
@@ -174,14 +192,34 @@ impl Tiles {
 
     /// The number of primitive `i` if all primitives were stored in the order of their parts, cubes last. `own` is that
     /// number without tiles, for primitives of no tile.
-    pub(crate) fn number_when_stored(&self, scene: &Scene, i: u32, own: impl FnOnce(u32) -> u32) -> u32 {
+    pub(crate) fn number_when_stored(
+        self: &Arc<Self>,
+        scene: &Scene,
+        i: u32,
+        own: impl FnOnce(u32) -> u32,
+    ) -> u32 {
+        let place = self.locate(i).and_then(|(tile, _)| self.facts[tile].place.as_ref());
+        match place.is_some_and(|place| place.missing > 0) {
+            true => self.read(|reader| self.number_with(scene, i, own, |tile| reader.get(tile))),
+            false => self.number_with(scene, i, own, |_| None),
+        }
+    }
+
+    /// [`Tiles::number_when_stored`]; `get` returns the tile of the primitive.
+    fn number_with<'t>(
+        &self,
+        scene: &Scene,
+        i: u32,
+        own: impl FnOnce(u32) -> u32,
+        get: impl FnOnce(usize) -> Option<&'t Tile>,
+    ) -> u32 {
         let g = &scene.geometry;
         let set = scene.instances.as_ref().map(|set| &*set.instances);
         let of_instances = set.map_or(0, |all| all.triangles());
-        let end = self
-            .facts
-            .last()
-            .map_or([0, 0], |last| [last.before.triangles + last.triangles, last.before.cubes + last.cubes]);
+        let end = self.facts.last().map_or([0, 0], |last| {
+            let triangles = last.place.as_ref().map_or(last.triangles, PlaceInRaster::all);
+            [last.before.triangles + triangles, last.before.cubes + last.cubes]
+        });
         let stored = |numbers: u32| numbers - g.missing_before(numbers as usize) as u32;
         let Some((tile, local)) = self.locate(i) else {
             // How many primitives of tiles come before one of the scene.
@@ -197,7 +235,7 @@ impl Tiles {
                 };
             return own(i) + added;
         };
-        let TileFacts { triangles, before, .. } = &self.facts[tile];
+        let TileFacts { triangles, before, place, .. } = &self.facts[tile];
         match local.checked_sub(*triangles) {
             None => {
                 let of_earlier = set.map_or(0, |all| {
@@ -205,6 +243,13 @@ impl Tiles {
                         .get(before.instances as usize)
                         .map_or(of_instances, |next| next.first - all.first())
                 });
+                let local = match place {
+                    Some(place) => {
+                        let found = get(tile).filter(|_| place.missing > 0);
+                        place.number(local, found.and_then(|tile| tile.scene.geometry.fields.first()))
+                    }
+                    None => local,
+                };
                 stored(before.own_triangles) + of_earlier + before.triangles + local
             }
             Some(cube) => {

@@ -41,6 +41,12 @@ impl TileReader {
         Some((&self.tiles.facts[tile], self.get(tile)?, local))
     }
 
+    /// As [`Scene::number_when_stored`], for a primitive of `scene` or of one of the tiles that were asked for.
+    #[inline]
+    pub fn number_when_stored(&self, scene: &Scene, i: u32) -> u32 {
+        self.tiles.number_with(scene, i, |i| scene.number_without_tiles(i), |tile| self.get(tile))
+    }
+
     /// Whether the tiles asked for since the last release need more memory than there is.
     pub fn is_over_budget(&self) -> bool {
         self.pins.is_over_budget()
@@ -91,7 +97,7 @@ impl TileReader {
                 found.tree.nearest_where(&inner.geometry, origin, direction, |i| accept(inner, i, first + i));
             let Some(hit) = hit.map(|hit| Hit { primitive: first + hit.primitive, ..hit }) else { continue };
             let is_nearer = best.is_none_or(|best| {
-                let order = |hit: Hit| scene.number_when_stored(hit.primitive);
+                let order = |hit: Hit| self.number_when_stored(scene, hit.primitive);
                 hit.t < best.t || (hit.t == best.t && order(hit) < order(best))
             });
             if is_nearer {

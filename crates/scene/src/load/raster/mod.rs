@@ -5,6 +5,7 @@
 //! | file | what it does |
 //! |---|---|
 //! | `mosaic` | files as tiles of one grid |
+//! | `pages` | rasters that are in memory only where rays need them |
 //! | `tile` | one file: what it says of its pixels, and the numbers in a window |
 //! | `file` | files of which parts are read |
 //! | `blocks`, `unpack` | strips and tiles: predictors and types of numbers; compressions |
@@ -20,6 +21,9 @@ mod file;
 mod georeference;
 mod keys;
 mod mosaic;
+#[cfg(test)]
+mod page_tests;
+mod pages;
 mod refusal;
 #[cfg(test)]
 mod tests;
@@ -28,9 +32,11 @@ mod unpack;
 mod validity;
 
 use crate::builder::{LoadOptions, PartSource, SceneBuilder, memory_of};
+use crate::change;
 use blocks::Window;
 use keys::System;
 use mosaic::{Mosaic, Tile, named};
+pub(crate) use pages::{PageFacts, PagedRaster};
 use rayon::prelude::*;
 use refusal::{Refusal, TOO_MANY};
 use std::collections::BTreeMap;
@@ -40,7 +46,7 @@ use vlscan_base::crs;
 use vlscan_base::diag::Place;
 use vlscan_base::error::Result;
 use vlscan_geom::Rotation;
-use vlscan_survey::{Loader, PartRecipe, RasterFiles, Replaced, SceneRecipe, Transform};
+use vlscan_survey::{Loader, MaterialChanges, PartRecipe, RasterFiles, Replaced, SceneRecipe, Transform};
 use vlscan_trace::{HeightField, HeightGrid, Heights};
 
 /// Parts or rows per thread that are read before they are appended; limits the memory held twice.
@@ -67,9 +73,10 @@ pub struct RasterNeed {
     pub bytes: u64,
 }
 
-/// The sizes of the rasters of a scene, from their headers. Damaged rasters are omitted; the loader reports them.
-pub fn raster_needs(recipe: &SceneRecipe) -> Vec<RasterNeed> {
-    let parts = recipe.parts.iter().filter(|_| recipe.packed.is_none());
+/// The sizes of the rasters of a scene that are in memory as a whole, from their headers. Damaged rasters are omitted; the loader
+/// reports them.
+pub fn raster_needs(recipe: &SceneRecipe, options: &LoadOptions) -> Vec<RasterNeed> {
+    let parts = recipe.parts.iter().filter(|part| recipe.packed.is_none() && !is_paged(options, part));
     let rasters = parts.filter_map(|part| match &part.loader {
         Loader::GeoTiff { files, .. } => Some((files, keeps_grid(part))),
         _ => None,
@@ -96,6 +103,34 @@ pub(crate) fn keeps_grid(part: &PartRecipe) -> bool {
     part.motions.is_empty()
         && (rotation, scale) == (Rotation::IDENTITY, 1.0)
         && !part.changes.iter().any(|change| matches!(change.replaced, Replaced::Faces(_)))
+}
+
+/// Whether a raster is in memory only where rays need it.
+pub(crate) fn is_paged(options: &LoadOptions, part: &PartRecipe) -> bool {
+    let is_raster = matches!(part.loader, Loader::GeoTiff { .. });
+    let can_be_paged = keeps_grid(part) && part.transform.on_ground == 0 && part.swaps.is_empty();
+    is_raster && options.tiles.is_some() && !options.triangulate_rasters && can_be_paged
+}
+
+/// The material of a raster of this one after the changes of its part.
+pub(crate) fn changed_material(
+    scene: &mut SceneBuilder,
+    part: &PartSource,
+    changes: &MaterialChanges,
+    material: u32,
+) -> u32 {
+    // A field in place of all pages.
+    let start = scene.end();
+    let heights = Heights::Single(vec![0.0; 4]);
+    let field = HeightField::new(HeightGrid::new(2, 2), heights, scene.geometry.triangle_count());
+    let surface = scene.surface(part.index, material);
+    scene.geometry.fields.extend(field);
+    scene.field_surfaces.push(surface);
+    let extent = scene.since(&start);
+    change::apply(scene, part, changes, &extent);
+    let changed = scene.field_surfaces.last().map_or(material, |s| scene.surfaces[*s as usize].material);
+    scene.truncate(&start);
+    changed
 }
 
 /// The system of a raster's coordinates as WKT, with the file that names it: if it has a code that is built in, and coordinates
