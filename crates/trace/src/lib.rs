@@ -19,6 +19,7 @@
 //! | `parts` | trees as plain arrays and numbers, for files |
 //! | `residency` | items that are loaded when rays need them, within a budget of memory |
 //! | `kernel`, `simd` | packets of pulses; the instruction sets |
+//! | `stack` | nodes that wait to be visited |
 //! | `memory` | memory of vectors |
 //!
 //! Trees and frustums only choose which exact tests are made, and err on the side of more tests. So every tree, every
@@ -44,6 +45,7 @@ mod parts;
 mod rays;
 mod residency;
 pub mod simd;
+mod stack;
 mod trace;
 mod trace_instances;
 mod voxels;

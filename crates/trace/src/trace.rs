@@ -6,6 +6,7 @@ use super::frustum::{DEPTH_MARGIN, Frustum};
 use super::index::Nodes;
 use super::intersect::{cube, triangle};
 use super::node::{KdNode, WideChild, WideNode};
+use super::stack::insert_by_depth;
 use super::{CubeAt, Geometry, Hit, Hits, Tree};
 use vlscan_geom::DVec3;
 
@@ -189,13 +190,8 @@ impl Tree {
                     let floor = height;
                     while met != 0 {
                         let lane = met.trailing_zeros() as usize;
-                        let mut at = height;
-                        while at > floor && stack[at - 1].1 < depths[lane] {
-                            stack[at] = stack[at - 1];
-                            at -= 1;
-                        }
-                        stack[at] = (node.child[lane], depths[lane]);
-                        height += 1;
+                        let visit = (node.child[lane], depths[lane]);
+                        height = insert_by_depth(&mut stack, (floor, height), visit, |visit| visit.1);
                         met &= met - 1;
                     }
                 }

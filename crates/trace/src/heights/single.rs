@@ -6,6 +6,7 @@ use crate::block::Block;
 use crate::frame::Frame;
 use crate::frustum::{DEPTH_MARGIN, Frustum};
 use crate::intersect::triangle;
+use crate::stack::insert_by_depth;
 use vlscan_geom::DVec3;
 
 impl HeightField {
@@ -48,13 +49,8 @@ impl HeightField {
             let floor = height;
             while met != 0 {
                 let lane = met.trailing_zeros() as usize;
-                let mut at = height;
-                while at > floor && stack[at - 1].1 < depths[lane] {
-                    stack[at] = stack[at - 1];
-                    at -= 1;
-                }
-                stack[at] = (node.child(lane), depths[lane]);
-                height += 1;
+                let visit = (node.child(lane), depths[lane]);
+                height = insert_by_depth(&mut stack, (floor, height), visit, |visit| visit.1);
                 met &= met - 1;
             }
         }

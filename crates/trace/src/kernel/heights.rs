@@ -2,13 +2,12 @@
 //! computed as blocks when they are visited.
 
 use super::candidates::MAX_PENDING_BLOCKS;
-use super::filter::{box_in_pulses, boxes_in_frustum};
 use super::lanes::PACKET_SIZE;
-use super::traversal::PacketTraversal;
+use super::traversal::{PacketTraversal, Visit};
 use crate::block::Block;
 use crate::frame::Frame;
-use crate::heights::{FieldNode, FieldView, HeightField, LEAF_VERTICES};
-use crate::simd::{F32Ops, Simd};
+use crate::heights::{FieldView, HeightField, LEAF_VERTICES};
+use crate::simd::Simd;
 use vlscan_geom::DVec3;
 
 /// Memory of the pending leaves of a field: their triangles and vertices.
@@ -24,18 +23,6 @@ impl FieldLeaves {
     };
 }
 
-/// A pending node of a field: the pulses that hit it, and the minimum depth of entry.
-#[derive(Clone, Copy)]
-pub(super) struct FieldVisit {
-    pub node: FieldNode,
-    pub enter: f32,
-    pub pulses: u32,
-}
-
-impl FieldVisit {
-    pub const NONE: FieldVisit = FieldVisit { node: FieldNode::NONE, enter: 0.0, pulses: 0 };
-}
-
 impl<S: Simd> PacketTraversal<'_, S> {
     /// Traverses a height field with the pulses in a mask, front to back.
     #[inline(always)]
@@ -43,17 +30,23 @@ impl<S: Simd> PacketTraversal<'_, S> {
         let view = FieldView::new(field, frame);
         let Some(node) = view.root() else { return };
         self.is_field = true;
-        self.stacks.field[0] = FieldVisit { node, enter: 0.0, pulses };
-        let (is_single, mut height) = (pulses == 1, 1);
+        self.stacks.field[0] = Visit::root(node, pulses);
+        let mut height = 1;
         while height > 0 {
             height -= 1;
-            let FieldVisit { node, enter, pulses } = self.stacks.field[height];
+            let Visit { node, enter, pulses } = self.stacks.field[height];
             let pulses = pulses & self.within_limit(enter);
             if pulses == 0 {
                 continue;
             }
             if node.level > 0 {
-                height = self.push_field_children(&view, node, pulses, is_single, height);
+                let [lower, upper] = view.boxes(node);
+                height = self.push_children(
+                    |stacks| &mut stacks.field,
+                    (height, pulses),
+                    (&lower, &upper, !0),
+                    |lane| node.child(lane),
+                );
                 continue;
             }
             let slot = self.blocks.count % MAX_PENDING_BLOCKS;
@@ -66,46 +59,5 @@ impl<S: Simd> PacketTraversal<'_, S> {
         }
         self.flush_candidates();
         self.is_field = false;
-    }
-
-    /// Pushes the children of a node that the pulses hit on the stack, the nearest on top. Returns the new height of
-    /// the stack.
-    #[inline(always)]
-    fn push_field_children(
-        &mut self,
-        view: &FieldView,
-        node: FieldNode,
-        pulses: u32,
-        is_single: bool,
-        floor: usize,
-    ) -> usize {
-        let [lower, upper] = view.boxes(node);
-        let (mut depths, mut height) = ([0.0; PACKET_SIZE], floor);
-        let limit = self.simd.load(&self.limit.0).max_lane();
-        let (mut met, enter) = boxes_in_frustum(self.simd, &self.frustum.hull, &lower, &upper, limit);
-        enter.store(&mut depths);
-        while met != 0 {
-            let lane = met.trailing_zeros() as usize;
-            met &= met - 1;
-            let corner =
-                |corners: &[[f32; PACKET_SIZE]; 3]| [corners[0][lane], corners[1][lane], corners[2][lane]];
-            // The hull of a single pulse is that pulse.
-            let meeting = match is_single {
-                true => pulses,
-                false => pulses & box_in_pulses(&self.frustum, corner(&lower), corner(&upper), &self.limit),
-            };
-            if meeting == 0 {
-                continue;
-            }
-            let stack = &mut self.stacks.field;
-            let mut at = height;
-            while at > floor && stack[at - 1].enter < depths[lane] {
-                stack[at] = stack[at - 1];
-                at -= 1;
-            }
-            stack[at] = FieldVisit { node: node.child(lane), enter: depths[lane], pulses: meeting };
-            height += 1;
-        }
-        height
     }
 }

@@ -163,7 +163,7 @@ fn trace_packet<S: Simd>(
     for field in &geometry.fields {
         packet.walk_field(field, &tree.frame, all);
     }
-    packet.walk_grids(&tree.frame, all == 1);
+    packet.walk_grids(&tree.frame);
     true
 }
 

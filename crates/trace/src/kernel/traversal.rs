@@ -1,13 +1,13 @@
 //! The state of a packet's traversal of a tree, and the memory that it borrows.
 
 use super::candidates::{CandidateLists, Occlusion, PendingBlocks};
-use super::heights::{FieldLeaves, FieldVisit};
+use super::heights::FieldLeaves;
 use super::instance_frame::{InstanceFrame, InstanceVisit};
 use super::lanes::{PACKET_SIZE, PerPulse};
 use super::packet::PacketFrustum;
 use super::spread::{Deviations, OriginOffsets};
 use crate::build::MAX_DEPTH;
-use crate::heights::MAX_FIELD_STACK;
+use crate::heights::{FieldNode, MAX_FIELD_STACK};
 use crate::node::WideChild;
 use crate::simd::Simd;
 use crate::trace::MAX_WIDE_STACK;
@@ -103,43 +103,34 @@ impl KdVisit {
     pub const ROOT: KdVisit = KdVisit { node: 0, pulses: 0, lo: PerPulse::ZERO, hi: PerPulse::ZERO };
 }
 
-/// A pending child in the wide tree: the pulses that hit it, and the minimum depth of entry.
+/// A pending node or leaf: the pulses that hit it, and the minimum depth of entry.
 #[derive(Clone, Copy)]
-pub(super) struct WideVisit {
-    pub child: WideChild,
+pub(super) struct Visit<N> {
+    pub node: N,
     pub enter: f32,
     pub pulses: u32,
 }
 
-impl WideVisit {
-    pub const ROOT: WideVisit = WideVisit { child: WideChild::ROOT, enter: 0.0, pulses: 0 };
-}
-
-/// A pending node of a grid: the pulses that hit it, and the minimum depth of entry.
-#[derive(Clone, Copy)]
-pub(super) struct GridVisit {
-    pub node: GridNode,
-    pub enter: f32,
-    pub pulses: u32,
-}
-
-impl GridVisit {
-    pub const NONE: GridVisit = GridVisit { node: GridNode::NONE, enter: 0.0, pulses: 0 };
+impl<N> Visit<N> {
+    /// A root.
+    pub const fn root(node: N, pulses: u32) -> Visit<N> {
+        Visit { node, enter: 0.0, pulses }
+    }
 }
 
 pub(super) struct Stacks {
     pub kd: [KdVisit; MAX_DEPTH as usize + 1],
-    pub wide: [WideVisit; MAX_WIDE_STACK],
-    pub field: [FieldVisit; MAX_FIELD_STACK],
-    pub grid: [GridVisit; MAX_GRID_STACK],
+    pub wide: [Visit<WideChild>; MAX_WIDE_STACK],
+    pub field: [Visit<FieldNode>; MAX_FIELD_STACK],
+    pub grid: [Visit<GridNode>; MAX_GRID_STACK],
 }
 
 impl Stacks {
     const EMPTY: Stacks = Stacks {
         kd: [KdVisit::ROOT; MAX_DEPTH as usize + 1],
-        wide: [WideVisit::ROOT; MAX_WIDE_STACK],
-        field: [FieldVisit::NONE; MAX_FIELD_STACK],
-        grid: [GridVisit::NONE; MAX_GRID_STACK],
+        wide: [Visit::root(WideChild::ROOT, 0); MAX_WIDE_STACK],
+        field: [Visit::root(FieldNode::NONE, 0); MAX_FIELD_STACK],
+        grid: [Visit::root(GridNode::NONE, 0); MAX_GRID_STACK],
     };
 }
 

@@ -1,9 +1,9 @@
 //! Grids of voxels in a packet's traversal: nodes of their hierarchy like those of the wide tree, and rows of cubes like blocks.
 
-use super::filter::{box_in_pulses, boxes_in_frustum};
+use super::filter::boxes_in_frustum;
 use super::lanes::PACKET_SIZE;
 use super::packet::PlaneDepth;
-use super::traversal::{GridVisit, PacketTraversal};
+use super::traversal::{PacketTraversal, Visit};
 use crate::frame::Frame;
 use crate::frustum::DEPTH_MARGIN;
 use crate::simd::{F32Ops, Simd};
@@ -19,75 +19,39 @@ impl<S: Simd> PacketTraversal<'_, S> {
         }
     }
 
-    /// Traverses the grids whose boxes the pulses hit. `is_single` is whether there is only one pulse.
+    /// Traverses the grids whose boxes the pulses hit.
     #[inline(always)]
-    pub(super) fn walk_grids(&mut self, frame: &Frame, is_single: bool) {
+    pub(super) fn walk_grids(&mut self, frame: &Frame) {
         while let Some((grid, pulses)) = self.grids.pop() {
-            self.walk_grid(&self.geometry.grids[grid], frame, pulses, is_single);
+            self.walk_grid(&self.geometry.grids[grid], frame, pulses);
         }
     }
 
     /// Traverses a grid of voxels with the pulses in a mask, front to back.
     #[inline(always)]
-    fn walk_grid(&mut self, grid: &VoxelGrid, frame: &Frame, pulses: u32, is_single: bool) {
+    fn walk_grid(&mut self, grid: &VoxelGrid, frame: &Frame, pulses: u32) {
         let view = GridView::new(grid, frame);
-        self.stacks.grid[0] = GridVisit { node: view.root(), enter: 0.0, pulses };
+        self.stacks.grid[0] = Visit::root(view.root(), pulses);
         let mut height = 1;
         while height > 0 {
             height -= 1;
-            let GridVisit { node, enter, pulses } = self.stacks.grid[height];
+            let Visit { node, enter, pulses } = self.stacks.grid[height];
             let pulses = pulses & self.within_limit(enter);
             if pulses == 0 {
                 continue;
             }
-            match node.level > 0 {
-                true => height = self.push_grid_children(&view, node, pulses, is_single, height),
-                false => self.hit_row(&view, node, pulses),
-            }
-        }
-    }
-
-    /// Pushes the children of a node that the pulses hit on the stack, the nearest on top. Returns the new height of
-    /// the stack.
-    #[inline(always)]
-    fn push_grid_children(
-        &mut self,
-        view: &GridView,
-        node: GridNode,
-        pulses: u32,
-        is_single: bool,
-        floor: usize,
-    ) -> usize {
-        let children = view.children(node);
-        let (lower, upper) = (&children.lower, &children.upper);
-        let (mut depths, mut height) = ([0.0; PACKET_SIZE], floor);
-        let limit = self.simd.load(&self.limit.0).max_lane();
-        let (met, enter) = boxes_in_frustum(self.simd, &self.frustum.hull, lower, upper, limit);
-        let mut met = met & children.mask();
-        enter.store(&mut depths);
-        while met != 0 {
-            let lane = met.trailing_zeros() as usize;
-            met &= met - 1;
-            let corner =
-                |corners: &[[f32; PACKET_SIZE]; 3]| [corners[0][lane], corners[1][lane], corners[2][lane]];
-            // The hull of a single pulse is that pulse.
-            let meeting = match is_single {
-                true => pulses,
-                false => pulses & box_in_pulses(&self.frustum, corner(lower), corner(upper), &self.limit),
-            };
-            if meeting == 0 {
+            if node.level == 0 {
+                self.hit_row(&view, node, pulses);
                 continue;
             }
-            let stack = &mut self.stacks.grid;
-            let mut at = height;
-            while at > floor && stack[at - 1].enter < depths[lane] {
-                stack[at] = stack[at - 1];
-                at -= 1;
-            }
-            stack[at] = GridVisit { node: children.child(lane), enter: depths[lane], pulses: meeting };
-            height += 1;
+            let children = view.children(node);
+            height = self.push_children(
+                |stacks| &mut stacks.grid,
+                (height, pulses),
+                (&children.lower, &children.upper, children.mask()),
+                |lane| children.child(lane),
+            );
         }
-        height
     }
 
     /// Tests the pulses in a mask against the cubes of a row, each up to the cube behind which nothing of it is left.

@@ -2,16 +2,20 @@
 
 use super::filter::{box_in_pulses, boxes_in_frustum, cut};
 use super::lanes::{PACKET_SIZE, PerPulse};
-use super::traversal::{KdVisit, PacketTraversal, WideVisit};
+use super::traversal::{KdVisit, PacketTraversal, Stacks, Visit};
 use crate::Tree;
 use crate::block::Block;
 use crate::frustum::DEPTH_MARGIN;
 use crate::index::Nodes;
-use crate::node::{KdNode, WideNode};
+use crate::node::{KdNode, WideChild, WideNode};
 use crate::simd::{F32Ops, MaskOps, Simd, each_of, prefetch};
+use crate::stack::insert_by_depth;
 
 /// Maximum number of blocks that wait for their memory.
 const MAX_AHEAD: usize = 4;
+
+/// Corners of boxes by axis and lane.
+type BoxCorners = [[f32; PACKET_SIZE]; 3];
 
 impl<'a, S: Simd> PacketTraversal<'a, S> {
     /// Traverses the tree with the pulses in a mask, front to back.
@@ -91,7 +95,7 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
 
     #[inline(always)]
     fn walk_wide(&mut self, tree: &'a Tree, nodes: &[WideNode], pulses: u32) {
-        self.stacks.wide[0] = WideVisit { pulses, ..WideVisit::ROOT };
+        self.stacks.wide[0] = Visit::root(WideChild::ROOT, pulses);
         let mut height = 1;
         // Blocks are prefetched until some others have been found. Few pulses meet each block of a model, which is seldom in the
         // cache.
@@ -102,14 +106,28 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
             let mut found = None;
             if height > 0 {
                 height -= 1;
-                let WideVisit { child, enter, pulses } = self.stacks.wide[height];
+                let Visit { node: child, enter, pulses } = self.stacks.wide[height];
                 let pulses = pulses & self.within_limit(enter);
                 if pulses == 0 {
                     continue;
                 }
                 match child.number() {
                     Ok(number) => {
-                        height = self.push_children(tree, nodes, number, pulses, height);
+                        let (node, is_instance) = (&nodes[number], self.instance.is_some());
+                        let child = |lane: usize| {
+                            match node.child[lane].number() {
+                                Ok(number) => prefetch(&nodes[number]),
+                                Err(number) if !is_instance => prefetch(&tree.blocks[number]),
+                                Err(_) => {}
+                            }
+                            node.child[lane]
+                        };
+                        height = self.push_children(
+                            |stacks| &mut stacks.wide,
+                            (height, pulses),
+                            (&node.lower, &node.upper, !0),
+                            child,
+                        );
                         continue;
                     }
                     Err(number) => found = Some((&tree.blocks[number], enter, pulses)),
@@ -144,18 +162,17 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         simd.splat(enter).le(simd.load(&self.limit.0) * simd.splat(DEPTH_MARGIN)).bits()
     }
 
-    /// Pushes the children of a node that the pulses hit on the stack, the nearest on top. Returns the new height of
-    /// the stack.
+    /// Pushes the children of a node that the pulses hit on a stack of height `floor`, the nearest on top. The children are given
+    /// by the corners of their boxes and the mask of those that exist; `child` is called for those that are pushed. Returns the
+    /// new height.
     #[inline(always)]
-    fn push_children(
+    pub(super) fn push_children<N: Copy>(
         &mut self,
-        tree: &Tree,
-        nodes: &[WideNode],
-        number: usize,
-        pulses: u32,
-        floor: usize,
+        stack: impl Fn(&mut Stacks) -> &mut [Visit<N>],
+        (floor, pulses): (usize, u32),
+        (lower, upper, mask): (&BoxCorners, &BoxCorners, u32),
+        child: impl Fn(usize) -> N,
     ) -> usize {
-        let node = &nodes[number];
         let (mut depths, mut height) = ([0.0; PACKET_SIZE], floor);
         let is_single = pulses.is_power_of_two();
         let (planes, limit) = if is_single {
@@ -164,33 +181,22 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         } else {
             (&self.frustum.hull, self.simd.load(&self.limit.0).max_lane())
         };
-        let (mut met, enter) = boxes_in_frustum(self.simd, planes, &node.lower, &node.upper, limit);
+        let (met, enter) = boxes_in_frustum(self.simd, planes, lower, upper, limit);
+        let mut met = met & mask;
         enter.store(&mut depths);
         while met != 0 {
             let lane = met.trailing_zeros() as usize;
             met &= met - 1;
             let mut pulses = pulses;
             if !is_single {
-                let lower = [node.lower[0][lane], node.lower[1][lane], node.lower[2][lane]];
-                let upper = [node.upper[0][lane], node.upper[1][lane], node.upper[2][lane]];
-                pulses &= box_in_pulses(&self.frustum, lower, upper, &self.limit);
+                let corner = |corners: &BoxCorners| [corners[0][lane], corners[1][lane], corners[2][lane]];
+                pulses &= box_in_pulses(&self.frustum, corner(lower), corner(upper), &self.limit);
                 if pulses == 0 {
                     continue;
                 }
             }
-            match node.child[lane].number() {
-                Ok(number) => prefetch(&nodes[number]),
-                Err(number) if self.instance.is_none() => prefetch(&tree.blocks[number]),
-                Err(_) => {}
-            }
-            let stack = &mut self.stacks.wide;
-            let mut at = height;
-            while at > floor && stack[at - 1].enter < depths[lane] {
-                stack[at] = stack[at - 1];
-                at -= 1;
-            }
-            stack[at] = WideVisit { child: node.child[lane], enter: depths[lane], pulses };
-            height += 1;
+            let visit = Visit { node: child(lane), enter: depths[lane], pulses };
+            height = insert_by_depth(stack(self.stacks), (floor, height), visit, |visit| visit.enter);
         }
         height
     }

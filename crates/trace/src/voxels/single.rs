@@ -7,6 +7,7 @@ use crate::frame::Frame;
 use crate::frustum::{DEPTH_MARGIN, Frustum};
 use crate::intersect::cube;
 use crate::simd::{Level, Simd, dispatch};
+use crate::stack::insert_by_depth;
 use vlscan_geom::DVec3;
 
 impl VoxelGrid {
@@ -72,13 +73,8 @@ impl VoxelGrid {
             let floor = height;
             while met != 0 {
                 let lane = met.trailing_zeros() as usize;
-                let mut at = height;
-                while at > floor && stack[at - 1].1 < depths[lane] {
-                    stack[at] = stack[at - 1];
-                    at -= 1;
-                }
-                stack[at] = (children.child(lane), depths[lane]);
-                height += 1;
+                let visit = (children.child(lane), depths[lane]);
+                height = insert_by_depth(&mut stack, (floor, height), visit, |visit| visit.1);
                 met &= met - 1;
             }
         }
