@@ -22,16 +22,7 @@ else
 fi
 export TILES="${TILES:-10}" CELLS="${CELLS:-3163}" BLOCK="${BLOCK:-512}"
 
-measured() {
-    python3 - "$@" << 'PYTHON'
-import resource, subprocess, sys, time
-start = time.time()
-status = subprocess.call(sys.argv[1:])
-used = resource.getrusage(resource.RUSAGE_CHILDREN)
-print(f"  peak memory {used.ru_maxrss} kB, {time.time() - start:.1f} s, {used.ru_utime:.1f} s of computing", file=sys.stderr)
-sys.exit(status)
-PYTHON
-}
+. "$here/benches/measured.sh"
 
 if [ ! -e "$folder/flight.toml" ]; then
     mkdir -p "$folder/dem"
