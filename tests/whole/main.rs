@@ -55,6 +55,7 @@ mod shards;
 mod spinning;
 mod stages;
 mod stand;
+mod storage;
 mod structure;
 mod tiles;
 mod trajectories;
