@@ -4,6 +4,7 @@
 //! what moves the lines and no more. Their part of the normal equations is block tridiagonal and is eliminated (Schur complement):
 //! time and memory grow linearly with the number of lines.
 
+use super::mirror::Mirror;
 use super::model::{Attitude, FIRST_OF_CHANNELS, MAX_PARAMETERS, Model, PLATFORM_PARAMETERS};
 use super::recording::{Recording, median};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
@@ -16,6 +17,8 @@ const SECTION_WEIGHT: f64 = 20.0;
 /// Residuals beyond this many standard deviations get less weight (Huber).
 const HUBER: f64 = 2.5;
 const MAX_STEPS: usize = 60;
+/// Scan angles are held to the resolution of their file for at most so many steps of those.
+const STRICT_STEPS: usize = 30;
 /// Standard deviation of attitudes of single lines, rad.
 const ATTITUDE: f64 = 0.02;
 
@@ -80,11 +83,18 @@ fn priors(model: &Model) -> [f64; MAX_PARAMETERS] {
     // Acceleration, climb, roll, pitch.
     (prior[4], prior[5], prior[7]) = (0.3, 0.3, 1.0);
     (prior[8], prior[9]) = (radians(2.0), radians(2.0));
-    if model.mirror.count() == 4 {
+    if model.mirror != Mirror::Cone {
         prior[PLATFORM_PARAMETERS + 3] = radians(10.0);
     }
+    if model.facets > 1 {
+        prior[FIRST_OF_CHANNELS..].fill(radians(20.0));
+    }
+    if model.mirror != Mirror::EllipticCone {
+        // Without effect.
+        prior[PLATFORM_PARAMETERS + 4] = 1.0;
+    }
     // Pitch of the channels.
-    for k in (FIRST_OF_CHANNELS + 2..MAX_PARAMETERS).step_by(3) {
+    for k in (FIRST_OF_CHANNELS + 2..MAX_PARAMETERS).step_by(3).filter(|_| model.facets == 1) {
         prior[k] = radians(2.0);
     }
     prior
@@ -146,7 +156,13 @@ pub fn solve(recording: &Recording, first: &Model, sections: &[Section], has_att
     let mut deviations = [f64::INFINITY; MAX_PARAMETERS];
     let mut damping = 1e-3;
     let mut latest = f64::INFINITY;
-    for _ in 0..MAX_STEPS {
+    // A flight that does not meet the angles of the file would explain itself by their errors: its motion is taken for that of the
+    // mirror, or the other way round. Their errors are taken as small until the flight that meets them best is found.
+    let mut is_strict = has_attitudes;
+    if is_strict {
+        angle = min_angle(recording);
+    }
+    for number in 0..MAX_STEPS {
         let mut normal = normal_equations(recording, &model, sections, &attitudes, ground, angle);
         add_priors(&mut normal, &model, &attitudes, sections, &walk, has_attitudes);
         let Some(step) = reduce(&normal, sections, &walk, damping, has_attitudes) else { break };
@@ -173,18 +189,26 @@ pub fn solve(recording: &Recording, first: &Model, sections: &[Section], has_att
         (model, attitudes, deviations) = (next, next_attitudes, step.deviations);
         let change = (latest - after).abs() / after.max(1e-12);
         latest = after;
-        let before = (ground, angle);
-        (ground, angle) = spreads(recording, &model, sections, &attitudes);
+        let before = ground;
+        let of_angle;
+        (ground, of_angle) = spreads(recording, &model, sections, &attitudes);
         if has_attitudes {
             walk = step.walk(&attitudes, sections, &walk);
         }
-        if (ground / before.0 - 1.0).abs() > 0.02 {
-            latest = f64::INFINITY;
-        } else if change < 1e-6 {
+        let is_settled = (ground / before - 1.0).abs() <= 0.02 && change < 1e-6;
+        if is_strict && (is_settled || number + 1 >= STRICT_STEPS) {
+            (is_strict, latest) = (false, f64::INFINITY);
+        } else if is_settled {
             break;
         }
+        if (ground / before - 1.0).abs() > 0.02 {
+            latest = f64::INFINITY;
+        }
+        if !is_strict {
+            angle = of_angle;
+        }
     }
-    let (residual, angle_residual) = (ground, angle);
+    let (residual, angle_residual) = spreads(recording, &model, sections, &attitudes);
     let times = sections.iter().map(|section| section.time).collect();
     Solution { model, deviations, times, attitudes, residual, angle_residual }
 }
@@ -200,9 +224,12 @@ fn spreads(recording: &Recording, model: &Model, sections: &[Section], attitudes
             angle.push(r[2].abs());
         }
     }
-    // Rounded angles have at least the deviation of their step, or of what lies beyond the rounding.
-    let min_angle = radians(if recording.has_whole_angles() { 0.1 } else { 0.01 });
-    ((1.4826 * median(ground)).max(0.005), (1.4826 * median(angle)).max(min_angle))
+    ((1.4826 * median(ground)).max(0.005), (1.4826 * median(angle)).max(min_angle(recording)))
+}
+
+/// Least standard deviation of scan angles: that of their step, or of what lies beyond the rounding to degrees.
+fn min_angle(recording: &Recording) -> f64 {
+    radians(if recording.has_whole_angles() { 0.1 } else { 0.01 })
 }
 
 /// Weight of a residual of `ratio` standard deviations, and its share of the cost.
