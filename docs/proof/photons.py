@@ -14,8 +14,7 @@ import numpy as np
 import pyarrow.parquet as pq
 
 LIGHT = 0.299792458  # m/ns
-PIXELS = 4  # of a weak beam; channels 57 to 60 and 117 to 120 are two timers of the same ones
-CHANNELS_PER_TIMER = 60
+CHANNELS_PER_TIMER = 60  # of a weak beam, channels 57 to 60 and 117 to 120 are two timers of the same four pixels
 FOOTPRINT = 11.0  # diameter at 1/e², m (Magruder et al. 2020)
 SPACING = 0.7  # of shots along the track, m
 NEAR = 1.0  # photons so close to the surface are of its echo, m
@@ -35,14 +34,14 @@ def table(folder, kind):
 
 
 class Photons:
-    """Heights over the surface (m), pixels and shots of photons, and the number of shots that were fired."""
+    """Heights over the surface (m), pixels and shots of photons, number of shots that were fired, and of pixels."""
 
-    def __init__(self, height, pixel, shot, fired):
-        self.height, self.pixel, self.shot, self.fired = height, pixel, shot, fired
+    def __init__(self, height, pixel, shot, fired, pixels):
+        self.height, self.pixel, self.shot, self.fired, self.pixels = height, pixel, shot, fired, pixels
 
     def of_surface(self):
         near = np.abs(self.height) < NEAR
-        return Photons(self.height[near], self.pixel[near], self.shot[near], self.fired)
+        return Photons(self.height[near], self.pixel[near], self.shot[near], self.fired, self.pixels)
 
     def level(self):
         """Photons of the surface per shot, and standard deviation of their heights by the quartiles, m."""
@@ -68,7 +67,7 @@ class Photons:
         near = np.abs(self.height) < NEAR
         key = self.shot.astype(np.int64) * 1000 + self.pixel.astype(np.int64)
         lit = np.unique(key[near])
-        return np.isin(key[far], lit).mean(), len(lit) / (PIXELS * len(np.unique(self.shot)))
+        return np.isin(key[far], lit).mean(), len(lit) / (self.pixels * len(np.unique(self.shot)))
 
     def pairs(self):
         """Distances of all pairs of photons of a shot, and whether both are of one pixel."""
@@ -127,7 +126,7 @@ def recorded(folder):
     for half in range(2):
         own = number % 2 == half
         fired = round(segments["segment_length"][half::2].sum() / SPACING)
-        halves.append(Photons(height[own], pixel[own], shot[own], fired))
+        halves.append(Photons(height[own], pixel[own], shot[own], fired, len(np.unique(pixel))))
     time = photons["delta_time"]
     during = (background["delta_time"] >= time.min()) & (background["delta_time"] <= time.max())
     rate = np.median(background["bckgrd_rate"][during])
@@ -145,7 +144,7 @@ def write_pulse(path, width, share, depth):
     path.write_text("".join(f"{t - time[0]:.1f} {p:.6f}\n" for t, p in zip(np.r_[time, time[-1] + 0.1], np.r_[power, 0])))
 
 
-def simulated(vlscan, out, mean, dead_ns, roughness, width, background, shots, tail=None):
+def simulated(vlscan, out, mean, dead_ns, roughness, width, background, shots, pixels, tail=None):
     """Photons of simulated shots over a plane with that standard deviation of heights, m; `tail`: share and depth (m) of the pulse's."""
     pulse = f"pulse_fwhm_ns = {width}"
     if tail:
@@ -163,7 +162,7 @@ def simulated(vlscan, out, mean, dead_ns, roughness, width, background, shots, t
             lines += [f"f {a} {b} {b + 1}", f"f {a} {b + 1} {a + 1}"]
     (out / "ice.obj").write_text("\n".join(lines) + "\n")
     (out / "ice.mtl").write_text(f"newmtl ice\nhelios_reflectance {REFLECTANCE}\n")
-    channels = "\n".join(f'[[scanner.channel]]\nid = "{pixel}"' for pixel in range(PIXELS))
+    channels = "\n".join(f'[[scanner.channel]]\nid = "{pixel}"' for pixel in range(pixels))
     (out / "shots.toml").write_text(
         f"""scene = "ice.obj"
 [platform]
@@ -182,11 +181,11 @@ visibility_km = 1e6
 range_min_m = {HEIGHT - WINDOW}
 range_max_m = {HEIGHT + WINDOW}
 detector = "photons"
-# {PIXELS} pixels; together an echo of {mean:.3f} photoelectrons, and {background:.0f} of background a second
+# {pixels} pixels; together an echo of {mean:.3f} photoelectrons, and {background:.0f} of background a second
 threshold_photons = 1
-max_range = {{ range_m = {HEIGHT}, reflectance = {REFLECTANCE * PIXELS / mean} }}
+max_range = {{ range_m = {HEIGHT}, reflectance = {REFLECTANCE * pixels / mean} }}
 dead_time_ns = {dead_ns}
-background_w = {background / PIXELS * 1.602176634e-19 / 0.1}
+background_w = {background / pixels * 1.602176634e-19 / 0.1}
 responsivity_a_per_w = 0.1
 {channels}
 [settings]
@@ -204,15 +203,16 @@ path = "shots.csv"
     subprocess.run([str(part) for part in command], check=True, cwd=out)
     shot, distance, pixel = np.loadtxt(out / "shots.csv", delimiter=",", skiprows=1, ndmin=2).T
     height = HEIGHT - distance
-    return Photons(height - np.median(height), pixel, shot, shots)
+    return Photons(height - np.median(height), pixel, shot, shots, pixels)
 
 
-def fitted(vlscan, out, wanted, spread, dead, width, background, tail):
+def fitted(vlscan, out, even, dead, width, background, tail):
     """The simulation that has as many photons of the surface per shot, and their spread: photons that arrive, roughness (m), photons."""
+    wanted, spread = even.level()
     mean, roughness = wanted, np.sqrt(max(spread**2 - (width * COSINE * LIGHT / 2) ** 2, 0.05**2))
     # Of the photons of a pixel the first one is seen: fewer than arrive, and closer together.
     for _ in range(5):
-        model = simulated(vlscan, out, mean, 2 * dead / LIGHT, roughness, width, background, SHOTS, tail)
+        model = simulated(vlscan, out, mean, 2 * dead / LIGHT, roughness, width, background, SHOTS, even.pixels, tail)
         level, seen = model.level()
         mean *= wanted / level
         roughness = np.sqrt(max(roughness**2 + spread**2 - seen**2, 0))
@@ -225,13 +225,13 @@ def main(vlscan, folder, out):
     (even, odd), width, background = recorded(folder)
     distance, same = even.pairs()
     dead = distance[same].min()
-    wanted, spread = even.level()
-    alone = fitted(vlscan, out, wanted, spread, dead, width, background, None)
+    wanted, _ = even.level()
+    alone = fitted(vlscan, out, even, dead, width, background, None)
     # The tail that makes as many photons below the surface as were recorded, as deep.
     (share, depth), found = even.tail(), (0.03, 2.0)
     tail = found
     for _ in range(5):
-        with_tail = fitted(vlscan, out, wanted, spread, dead, width, background, tail)
+        with_tail = fitted(vlscan, out, even, dead, width, background, tail)
         seen, seen_depth = with_tail[2].tail()
         found = tail
         tail = (min(tail[0] * share / seen, 0.9), tail[1] * depth / seen_depth)
