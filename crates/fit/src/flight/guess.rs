@@ -1,10 +1,10 @@
 //! First guesses of a flight and its mirror.
 
-use super::facets;
 use super::lines;
 use super::mirror::Mirror;
 use super::model::{MAX_PARAMETERS, Model, PLATFORM_PARAMETERS};
 use super::recording::{Pulse, Recording, median};
+use super::solution::MIN_DEPTH;
 use libm::{atan2, cos, hypot, sin, sqrt, tan};
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
@@ -14,8 +14,6 @@ use vlscan_geom::DVec3;
 const GUESS_PULSES: usize = 6000;
 /// Rates are sought by the coherence of phases over at most this many seconds.
 const COHERENT: f64 = 4.0;
-/// Returns of a pulse that lie farther apart in height than this tell the direction of its beam, m.
-const MIN_DEPTH: f64 = 3.0;
 const MIN_DEEP_PULSES: usize = 200;
 
 /// Guesses that the pulses suggest.
@@ -27,10 +25,7 @@ pub fn guesses(recording: &Recording) -> Vec<Model> {
         lines.push((Mirror::Polygon, recording.channels));
     }
     let lines = lines.into_iter().filter_map(|(mirror, channels)| lines::guess(recording, mirror, channels));
-    let mut models: Vec<Model> = circles.chain(lines).collect();
-    let facets: Vec<Model> = models.iter().filter_map(|model| facets::guess(recording, model)).collect();
-    models.extend(facets);
-    models
+    circles.chain(lines).collect()
 }
 
 /// Guesses of elliptic cones, which are tried where nothing else meets the points: from circles, by the ratio of their angles.

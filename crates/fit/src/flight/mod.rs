@@ -9,7 +9,7 @@
 //! | `recording` | pulses of one flight line, cut to lines of the scanner |
 //! | `guess`, `lines`, `facets` | first guesses for each kind of mirror |
 //! | `model`, `mirror` | where the beam of a flown scanner meets the ground |
-//! | `solve` | least squares for parameters and attitudes |
+//! | `solve`, `solution` | least squares for parameters and attitudes |
 //! | `rate`, `repeat` | when pulses leave: by the place of the mirror, and patterns that repeat |
 //! | `ground` | noise of ranges |
 //! | `report`, `write` | figures with uncertainties; pipeline file, trajectory, pulse times |
@@ -24,6 +24,7 @@ mod rate;
 mod recording;
 mod repeat;
 mod report;
+mod solution;
 mod solve;
 #[cfg(test)]
 mod tests;
@@ -34,7 +35,7 @@ pub use model::{Attitude, Channel, Footprint, MAX_PARAMETERS, Model, PLATFORM_PA
 pub use rate::{MAX_LOST_SHARE, PulseRate};
 pub use recording::{Pulse, Recording};
 pub use report::{Figure, json, table};
-pub use solve::Solution;
+pub use solution::Solution;
 pub use write::FlightFiles;
 
 use std::path::Path;
@@ -175,7 +176,10 @@ fn best_solution(recording: &Recording) -> std::result::Result<Solution, String>
         let start = start(first, TRIAL_SECTIONS);
         solve::solve(recording, &start.model, &sections_of(first, TRIAL_SECTIONS), true)
     };
-    let mut trials: Vec<Solution> = guess::guesses(recording).iter().map(trial).collect();
+    let mut firsts = guess::guesses(recording);
+    let of_facets: Vec<Model> = firsts.iter().filter_map(|first| facets::guess(recording, first)).collect();
+    firsts.extend(of_facets);
+    let mut trials: Vec<Solution> = firsts.iter().map(trial).collect();
     if trials.iter().all(|trial| misfit(trial, recording).is_some()) {
         let ellipses =
             guess::elliptic_guesses(recording).into_iter().map(|first| start(&first, ELLIPSE_SECTIONS));

@@ -3,7 +3,7 @@
 
 use super::recording::{Recording, median};
 use super::repeat::{LinePattern, interval_pattern};
-use super::solve::Solution;
+use super::solution::Solution;
 use libm::{atan2, cos, sin};
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
@@ -265,9 +265,15 @@ fn finer_times(recording: &Recording, solution: &Solution) -> (f64, Vec<f64>) {
         });
         median(changes.collect())
     };
-    match roughness(&by_place) < roughness(&by_time) {
+    let step = time_step(recording);
+    // Few intervals differ from the most frequent one where the steps are large.
+    let of_times = match step > MAX_TIME_STEP * recording.interval {
+        true => 0.5 * step * step,
+        false => roughness(&by_time),
+    };
+    match roughness(&by_place) < of_times {
         true => (0.0, by_place),
-        false => (time_step(recording), by_time),
+        false => (step, by_time),
     }
 }
 

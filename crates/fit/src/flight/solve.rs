@@ -7,6 +7,7 @@
 use super::mirror::Mirror;
 use super::model::{Attitude, FIRST_OF_CHANNELS, MAX_PARAMETERS, Model, PLATFORM_PARAMETERS};
 use super::recording::{Recording, median};
+use super::solution::Solution;
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
 use vlscan_geom::radians;
 
@@ -29,23 +30,6 @@ pub struct Section {
     pub time: f64,
     /// Indices of pulses that are used.
     pulses: Vec<usize>,
-}
-
-/// A fitted flight.
-#[derive(Clone, Debug)]
-pub struct Solution {
-    /// The model.
-    pub model: Model,
-    /// Standard deviations of its parameters.
-    pub deviations: [f64; MAX_PARAMETERS],
-    /// Mean times of the sections, s.
-    pub times: Vec<f64>,
-    /// Their attitudes.
-    pub attitudes: Vec<Attitude>,
-    /// Robust standard deviation of the residuals on the ground, m.
-    pub residual: f64,
-    /// Robust standard deviation of the residuals of the scan angle, rad.
-    pub angle_residual: f64,
 }
 
 /// Divides lines into sections of at most `max_duration` s. At most `max_sections` are used, evenly chosen.
@@ -484,42 +468,4 @@ fn reduce(
         }
     }
     Some(Step { parameters, attitudes, deviations, change_variances })
-}
-
-impl Solution {
-    /// What the model leaves to chance, m on the ground: residuals, and changes of the attitude from section to section.
-    pub fn unexplained(&self) -> f64 {
-        let height = self.model.parameters[6].abs();
-        let pairs = self.attitudes.windows(2);
-        let changes: f64 =
-            pairs.flat_map(|pair| (0..3).map(move |k| (pair[1][k] - pair[0][k]).powi(2))).sum();
-        self.residual + height * (changes / self.attitudes.len().max(1) as f64).sqrt()
-    }
-
-    /// Root mean square of the attitudes of all sections, rad.
-    pub fn attitude_spread(&self) -> f64 {
-        let squares: f64 = self.attitudes.iter().flatten().map(|angle| angle * angle).sum();
-        (squares / self.attitudes.len().max(1) as f64).sqrt()
-    }
-
-    /// Relative standard deviation of height and mirror angle by an error that all scan angles have in common and that grows
-    /// across the track. It is taken to be as large as their residual, or as the error of angles that are rounded to degrees.
-    pub fn scale_deviation(&self, recording: &Recording) -> f64 {
-        let rounding = if recording.has_whole_angles() { recording.angle_step / 12f64.sqrt() } else { 0.0 };
-        self.angle_residual.max(rounding) / recording.angle_spread()
-    }
-
-    /// Attitude at `time`: linear between the sections' means, constant before the first and after the last.
-    pub fn attitude(&self, time: f64) -> Attitude {
-        let after = self.times.partition_point(|t| *t <= time);
-        match (after.checked_sub(1), self.times.get(after)) {
-            (Some(before), Some(next)) => {
-                let share = (time - self.times[before]) / (next - self.times[before]);
-                let (a, b) = (self.attitudes[before], self.attitudes[after]);
-                std::array::from_fn(|k| a[k] + share * (b[k] - a[k]))
-            }
-            (Some(before), None) => self.attitudes[before],
-            (None, _) => self.attitudes.first().copied().unwrap_or_default(),
-        }
-    }
 }
