@@ -210,12 +210,13 @@ pub fn fit_flight(
     cloud: PathBuf,
     output: PathBuf,
     flight_line: Option<u16>,
+    extend: f64,
     force: bool,
 ) -> PyResult<(Vec<PathBuf>, String)> {
     let notices = Notices::default();
     let made = py.detach(|| {
         let mut found = Diagnostics::default();
-        let fit = flight::fit_flight(&cloud, &FlightRequest { flight_line }, &mut found);
+        let fit = flight::fit_flight(&cloud, &FlightRequest { flight_line, extend }, &mut found);
         notices.add(Notice::Warnings(found.finish(false)?));
         let fit = fit?;
         let files = fit.write(&output, &format!("vlscan.fit_flight {}", cloud.display()), force)?;

@@ -65,7 +65,7 @@ def run_campaign(path: str, fields: dict[str, Any], notify: Callable[[str, str, 
 def compare(first: tuple[str, object], second: tuple[str, object], fields: dict[str, object]) -> str:
     """Compare two clouds, each a table with its name or the file of that name; the comparison as JSON."""
 
-def fit_flight(cloud: str, output: str, flight_line: int | None, force: bool) -> tuple[list[str], str]:
+def fit_flight(cloud: str, output: str, flight_line: int | None, extend: float, force: bool) -> tuple[list[str], str]:
     """Fit a flight and its scanner to a cloud and write them: the files, and the figures as JSON."""
 
 def fit_sensor(revolution: str, calibration: str, output: str, odd: bool, planes: str | None, force: bool) -> str:

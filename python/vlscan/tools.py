@@ -379,7 +379,12 @@ def compare(
 
 
 def fit_flight(
-    cloud: PathLike, output: PathLike, *, flight_line: int | None = None, force: bool = False
+    cloud: PathLike,
+    output: PathLike,
+    *,
+    flight_line: int | None = None,
+    extend: float = 0.0,
+    force: bool = False,
 ) -> dict[str, tuple[float, float | None, str]]:
     """Estimate a flight and its scanner from a recorded point cloud, and write them as a pipeline file.
 
@@ -393,6 +398,9 @@ def fit_flight(
         The pipeline file to write.
     flight_line : int, optional
         The point source of the flight line that is fitted; by default the one with the most points.
+    extend : float
+        Seconds that the written flight goes on after the recording: straight, with the last attitude, and with the pulses
+        that follow from the patterns that were found.
     force : bool
         Replace existing files.
 
@@ -408,7 +416,7 @@ def fit_flight(
     FileError
         A file cannot be read or exists.
     """
-    _, figures = _vlscan.fit_flight(os.fspath(cloud), os.fspath(output), flight_line, force)
+    _, figures = _vlscan.fit_flight(os.fspath(cloud), os.fspath(output), flight_line, extend, force)
     return {figure["name"]: (figure["value"], figure["deviation"], figure["unit"]) for figure in json.loads(figures)}
 
 
