@@ -136,8 +136,10 @@ fn packed_tiles_give_the_same_points() {
         }
     }
     let scene = ["--scene", "row.vlscene", "-j", "2"];
-    for extra in [&[][..], &["--scene-memory", "250k", "--parts", "packed.csv"], &["--scene-memory", "1G"]] {
-        assert!(points(dir.path(), &[&scene, extra].concat()) == all, "{extra:?}");
+    let tiled: [&[&str]; 3] =
+        [&[], &["--scene-memory", "250k", "--parts", "packed.csv"], &["--scene-memory", "1G"]];
+    for extra in tiled {
+        assert!(points(dir.path(), &[&scene[..], extra].concat()) == all, "{extra:?}");
     }
     assert_eq!(table("packed.csv"), table("parts.csv"));
     let command =
@@ -167,6 +169,13 @@ fn every_kind_of_part_gives_the_same_points() {
             fs::read(dir.path().join("out.xyz")).unwrap()
         };
         let all = of(&["--instances", "never"]);
+        for instances in ["never", "always"] {
+            let tiles = ["--scene-memory", "120k", "--instances", instances, "--physics", physics];
+            let pack = ["scene", "pack", "survey.xml", "-o", "all.vlscene", "--force", "-q"];
+            succeed(dir.path(), &[&pack[..], &tiles].concat());
+            let packed = of(&["--scene", "all.vlscene", "--scene-memory", "120k", "-j", "2"]);
+            assert!(packed == all, "packed {physics} {instances}");
+        }
         for instances in ["never", "always"] {
             for memory in ["1G", "120k"] {
                 let tiled = of(&["--instances", instances, "--scene-memory", memory, "-j", "2"]);
