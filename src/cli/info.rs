@@ -13,7 +13,7 @@ use vlscan_base::diag::{Diagnostics, Severity};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::machine;
 use vlscan_base::quantity::bytes;
-use vlscan_scene::{Inventory, LoadOptions, Material, Pack, Part, PartFacts, Scene};
+use vlscan_scene::{Inventory, LoadOptions, Material, Pack, Part, PartFacts, Scene, TileOptions};
 use vlscan_survey::SceneRecipe;
 use vlscan_trace::{BuildOptions, Tree};
 
@@ -53,6 +53,9 @@ pub fn run(args: &InfoArgs, console: &Console) -> Result<()> {
         false => console.warnings(&warnings)?,
     }
     let text = if args.json { facts.json()? } else { facts.text() };
+    if let Some(tiles) = &scene.tiles {
+        tiles.check()?;
+    }
     vlscan_base::files::write_stdout(&text)
 }
 
@@ -74,7 +77,10 @@ pub(super) fn options(recipe: &SceneRecipe, scanning: &Scanning, verify: bool) -
     if verify {
         pack.verify()?;
     }
-    Ok(pack.load_options(options))
+    // A scene can be larger than the memory if its tiles are loaded one after the other.
+    let memory = options.max_memory.map_or(u64::MAX, |limit| limit / 2);
+    let tiles = pack.has_tiles(0).then(|| TileOptions { memory, trees: BuildOptions::default() });
+    Ok(LoadOptions { tiles, ..pack.load_options(options) })
 }
 
 impl Facts<'_> {
@@ -127,6 +133,10 @@ impl Facts<'_> {
             ),
         );
         let s = self.tree.statistics();
+        if let Some(tiles) = &self.scene.tiles {
+            let (count, all) = (tiles.facts().len(), bytes(tiles.bytes()));
+            line("tiles", format!("{count}, {all} if all are in memory"));
+        }
         line("", format!("{} leaves, {} nodes, depth {}", s.leaves, s.interior, s.max_depth));
         let _ = writeln!(
             out,
@@ -196,6 +206,7 @@ impl Facts<'_> {
             "memory_bytes": { "scene": scene, "tree": tree, "per_primitive": self.per_primitive(scene + tree) },
             "seconds": { "load": self.seconds[0], "tree": self.seconds[1] },
             "tree": { "leaves": s.leaves, "nodes": s.interior, "depth": s.max_depth },
+            "tiles": self.scene.tiles.as_ref().map_or(0, |tiles| tiles.facts().len()),
             "slivers": i.slivers,
             "duplicates": i.duplicates,
             "duplicate_voxels": i.duplicate_cubes,

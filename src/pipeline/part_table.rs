@@ -3,6 +3,7 @@
 use crate::output::ObjectIds;
 use std::fmt::Write as _;
 use vlscan_base::columns::quoted;
+use vlscan_base::error::Result;
 use vlscan_scene::{PartFacts, Scene};
 
 /// The facts of a scene's parts, kept while later epochs are loaded.
@@ -21,7 +22,10 @@ const HEADING: &str = "object,part,id,name,class,materials,x,y,z,height,points";
 
 impl PartTable {
     /// The table of a scene.
-    pub fn new(scene: &Scene) -> PartTable {
+    ///
+    /// # Errors
+    /// When a tile of the scene has to be loaded for it, and cannot be.
+    pub fn new(scene: &Scene) -> Result<PartTable> {
         let ids: Vec<String> = scene.parts.iter().map(|part| part.id.clone()).collect();
         let objects = ObjectIds::new(&ids);
         let row = |(index, (part, facts)): (u32, (&vlscan_scene::Part, &PartFacts))| {
@@ -36,7 +40,8 @@ impl PartTable {
             Row { object: objects.of_part(index), facts: text }
         };
         let facts = PartFacts::of_scene(scene);
-        PartTable { rows: (0..).zip(scene.parts.iter().zip(&facts)).map(row).collect() }
+        scene.tiles.as_ref().map_or(Ok(()), |tiles| tiles.check())?;
+        Ok(PartTable { rows: (0..).zip(scene.parts.iter().zip(&facts)).map(row).collect() })
     }
 
     /// The table as CSV with the number of points of each part.

@@ -1,6 +1,6 @@
 //! What the parts of a scene are and where: for tables beside labelled points.
 
-use super::Scene;
+use super::{Scene, TileFacts};
 use std::collections::BTreeMap;
 use vlscan_geom::Aabb;
 
@@ -20,13 +20,26 @@ pub struct PartFacts {
 const MAX_PLACED_VERTICES: u64 = 1 << 30;
 
 impl PartFacts {
-    /// Facts about every part of a scene, in order.
+    /// Facts about every part of a scene, in order. A tile that cannot be loaded is reported by
+    /// [`Tiles::check`](crate::Tiles::check).
     pub fn of_scene(scene: &Scene) -> Vec<PartFacts> {
         PartFacts::placing(scene, MAX_PLACED_VERTICES)
     }
 
     /// Places up to `most` vertices of instances.
     fn placing(scene: &Scene, most: u64) -> Vec<PartFacts> {
+        let facts = |(counts, bounds): (BTreeMap<u32, u64>, Aabb)| {
+            let primitives = counts.values().sum();
+            let mut counts: Vec<(u32, u64)> = counts.into_iter().collect();
+            counts.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
+            let materials = counts.into_iter().map(|(material, _)| material).collect();
+            PartFacts { bounds: bounds.translated(scene.shift), primitives, materials }
+        };
+        PartFacts::count(scene, most).into_iter().map(facts).collect()
+    }
+
+    /// The number of primitives of each material, and the box, scene frame, of each part.
+    fn count(scene: &Scene, most: u64) -> Vec<(BTreeMap<u32, u64>, Aabb)> {
         let mut counts: Vec<BTreeMap<u32, u64>> = vec![BTreeMap::new(); scene.parts.len()];
         let mut bounds = vec![Aabb::EMPTY; scene.parts.len()];
         let (triangles, cubes) = (scene.geometry.triangles.len(), &scene.geometry.cubes);
@@ -74,14 +87,23 @@ impl PartFacts {
                 }
             }
         }
-        let facts = |(counts, bounds): (BTreeMap<u32, u64>, Aabb)| {
-            let primitives = counts.values().sum();
-            let mut counts: Vec<(u32, u64)> = counts.into_iter().collect();
-            counts.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
-            let materials = counts.into_iter().map(|(material, _)| material).collect();
-            PartFacts { bounds: bounds.translated(scene.shift), primitives, materials }
-        };
-        counts.into_iter().zip(bounds).map(facts).collect()
+        if let Some(tiles) = &scene.tiles {
+            for tile in tiles.facts() {
+                let part = tile.part as usize;
+                bounds[part] = bounds[part].union(tile.bounds);
+                if let [material] = tile.materials[..] {
+                    *counts[part].entry(material).or_default() += tile.primitives();
+                }
+            }
+            let has_several = |tile: &TileFacts| tile.materials.len() > 1;
+            tiles.for_each(has_several, |facts, tile| {
+                for (material, count) in PartFacts::count(&tile.scene, most).into_iter().flat_map(|of| of.0) {
+                    let material = facts.materials[material as usize];
+                    *counts[facts.part as usize].entry(material).or_default() += count;
+                }
+            });
+        }
+        counts.into_iter().zip(bounds).collect()
     }
 
     /// Point class of most of its primitives; 0 for a part without primitives.
