@@ -3,7 +3,7 @@
 #[cfg(feature = "e57")]
 use super::e57;
 use super::format::{CloudFormat, DETECTED_BYTES};
-use super::{PointSink, Reading, Selection, las, leica, pcd, ply, table, text};
+use super::{LasFacts, PointSink, Reading, Selection, las, leica, pcd, ply, table, text};
 #[cfg(feature = "parquet")]
 use bytes::Bytes;
 use std::io::{BufRead, BufReader, Cursor, Read};
@@ -12,6 +12,15 @@ use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
 use vlscan_base::store::FileBytes;
+
+/// What a file is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FileFacts {
+    /// Its format.
+    pub format: CloudFormat,
+    /// What the header of LAS states; `None` for other formats.
+    pub las: Option<LasFacts>,
+}
 
 /// Reads all points of a file, or of stdin for `-`. Problems of the content are recorded in `found`; the points before them may
 /// have been passed to the sink.
@@ -31,6 +40,7 @@ pub fn read_points(path: &Path, sink: &mut dyn PointSink, found: &mut Diagnostic
     read.map_err(|e| Error::io("read", &name, e))?;
     let mut reading = Reading::new(&name, Selection::All, sink, found);
     let Some(format) = recognise(&first, &mut reading) else { return Ok(()) };
+    reading.tell(format);
     if format.is_stream() {
         let source = BufReader::with_capacity(1 << 20, Cursor::new(first).chain(source));
         read_stream(source, format, &mut reading)?;
@@ -115,6 +125,7 @@ impl<'a> PointFile<'a> {
         found: &mut Diagnostics,
     ) -> Result<()> {
         let mut reading = Reading::new(self.path, selection, sink, found);
+        reading.tell(self.format);
         match self.format {
             #[cfg(feature = "parquet")]
             CloudFormat::Parquet => {
