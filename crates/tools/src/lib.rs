@@ -6,6 +6,9 @@
 //! | `generate` | procedural scenes with the surveys that scan them; stands from inventories |
 //! | `plan` | survey planning: legs from an area, a plot or a line, by what the instrument's optics see |
 //! | `geotiff` | rasters as GeoTIFF |
+//! | `frames` | frames of a scanner in the layouts of KITTI and nuScenes |
+//! | `raster` | terrain, surface, canopy height and densities from point clouds |
+//! | `neighbours` | the nearest points to a place, and the plane through them |
 //! | `chart` | charts as SVG and as pixels |
 //! | `catalogue` | figures of instruments with their sources, fields of view, scan patterns |
 //! | `cloud` | point clouds in memory, waveforms of single pulses |
@@ -21,7 +24,10 @@ pub mod catalogue;
 pub mod chart;
 pub mod cloud;
 pub mod compare;
+pub mod frames;
 pub mod generate;
 pub mod geotiff;
+pub mod neighbours;
 pub mod plan;
 pub mod preview;
+pub mod raster;
