@@ -242,7 +242,6 @@ samples, data, egos = by_token("sample"), table("sample_data"), by_token("ego_po
 [sensor] = table("sensor")
 [calibrated] = table("calibrated_sensor")
 assert scene["nbr_samples"] == len(samples) == len(data) == len(poses) and calibrated["sensor_token"] == sensor["token"]
-labels = {row["sample_data_token"]: row["filename"] for row in table("lidarseg")}
 names = {row["index"]: row["name"] for row in table("category")}
 assert names == {2: "ground", 6: "building"}
 token, chain = scene["first_sample_token"], []
@@ -261,7 +260,7 @@ for token in chain:
                   [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
                   [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
     found.append(points[:, :3].astype(float) @ r.T + ego["translation"])
-    classes.append(np.fromfile("nuscenes/" + labels[row["token"]], dtype=np.uint8))
+    classes.append(np.fromfile(f"nuscenes/lidarseg/v1.0-vlscan/{row['token']}_lidarseg.bin", dtype=np.uint8))
     assert points[:, 4].max() <= 15 and np.isclose(points[:, 3].max(), 2 * np.fromfile(f"{base}velodyne/{len(found) - 1:06}.bin", dtype=np.float32)[3::4].max())
 assert np.abs(np.concatenate(found) - wanted[:, :3]).max() < 2e-3
 assert (np.concatenate(classes) == wanted[:, 4]).all()

@@ -3,7 +3,7 @@
 #[cfg(feature = "e57")]
 use super::e57;
 use super::format::{CloudFormat, DETECTED_BYTES};
-use super::{LasFacts, PointSink, Reading, Selection, las, leica, pcd, ply, table, text};
+use super::{PointSink, Reading, Selection, las, leica, pcd, ply, table, text};
 #[cfg(feature = "parquet")]
 use bytes::Bytes;
 use std::io::{BufRead, BufReader, Cursor, Read};
@@ -12,15 +12,6 @@ use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
 use vlscan_base::store::FileBytes;
-
-/// What a file is.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FileFacts {
-    /// Its format.
-    pub format: CloudFormat,
-    /// What the header of LAS states; `None` for other formats.
-    pub las: Option<LasFacts>,
-}
 
 /// Reads all points of a file, or of stdin for `-`. Problems of the content are recorded in `found`; the points before them may
 /// have been passed to the sink.

@@ -61,7 +61,7 @@ pub use cloud_writer::CloudWriter;
 pub use columnar::{Column, ColumnListError, ColumnType, Rows, TableColumn, point_schema, schema_of};
 pub use columns::{Attribute, AttributeSet, Columns, Misfits, PositionsError};
 pub use encode::{EncodedFile, Ending, FileBody, Plain, PointEncoder};
-pub use file::{FileFacts, PointFile, read_points};
+pub use file::{PointFile, read_points};
 pub use format::{CloudFormat, UnreadFormat};
 pub use frames::{Frame, FramePoint, FramePose, read_frames};
 pub use las::{
@@ -117,6 +117,15 @@ pub struct PointRow {
     pub time: f64,
     /// Attributes whose values in the file do not fit the types here.
     pub misfits: Misfits,
+}
+
+/// What a file is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FileFacts {
+    /// Its format.
+    pub format: CloudFormat,
+    /// What the header of LAS states; `None` for other formats.
+    pub las: Option<LasFacts>,
 }
 
 /// Takes the points of a file.

@@ -6,12 +6,12 @@
 //! | `generate` | procedural scenes with the surveys that scan them; stands from inventories |
 //! | `plan` | survey planning: legs from an area, a plot or a line, by what the instrument's optics see |
 //! | `geotiff` | rasters as GeoTIFF |
-//! | `frames` | frames of a scanner in the layouts of KITTI and nuScenes |
-//! | `raster` | terrain, surface, canopy height and densities from point clouds |
-//! | `neighbours` | the nearest points to a place, and the plane through them |
 //! | `chart` | charts as SVG and as pixels |
 //! | `catalogue` | figures of instruments with their sources, fields of view, scan patterns |
 //! | `cloud` | point clouds in memory, waveforms of single pulses |
+//! | `neighbours` | the nearest points to a place, and the plane through them |
+//! | `raster` | terrain, surface, canopy height and densities from point clouds |
+//! | `frames` | frames of a scanner in the layouts of KITTI and nuScenes |
 //! | `preview` | draws point clouds as PNG and as pages for a browser, and waveforms |
 //! | `compare` | two point clouds of one place: heights, returns, pulses, residuals, change |
 //! | `campaign` | many runs: scenes × variants × seeds, shared by processes without a server |

@@ -48,15 +48,9 @@ impl Kitti {
     }
 }
 
-/// Axes with x forward from those of the scanner, with y forward.
-fn forward_left_up(v: DVec3) -> [f64; 3] {
-    [v.y, -v.x, v.z]
-}
-
-/// The rows of a pose, whose columns are the images of the axes of a frame (x forward) and its origin.
+/// The rows of a pose, whose columns are the images of the axes of a frame and its origin.
 fn rows(rotation: Rotation, position: DVec3) -> String {
-    let columns =
-        [rotation.apply(DVec3::Y), rotation.apply(DVec3::NEG_X), rotation.apply(DVec3::Z), position];
+    let columns = [rotation.apply(DVec3::X), rotation.apply(DVec3::Y), rotation.apply(DVec3::Z), position];
     let mut text = String::new();
     for axis in 0..3 {
         for column in columns {
@@ -82,7 +76,7 @@ impl FrameWriter for Kitti {
         let mut points = Vec::with_capacity(16 * frame.points.len());
         let mut labels = Vec::with_capacity(4 * frame.points.len());
         for point in &frame.points {
-            for value in forward_left_up(point.position) {
+            for value in point.position.to_array() {
                 points.extend((value as f32).to_le_bytes());
             }
             points.extend(point.intensity.to_le_bytes());
@@ -100,13 +94,10 @@ impl FrameWriter for Kitti {
         let number = format!("{:06}", self.frames);
         write(&self.folder.join("velodyne").join(number.clone() + ".bin"), &points)?;
         write(&self.folder.join("labels").join(number + ".label"), &labels)?;
-        // From the frame to the first one, in axes with x forward.
+        // From the frame to the first one.
         let back = rotation.inverse();
-        let relative = back.after(pose.rotation);
-        let place = forward_left_up(back.apply(pose.position - position));
-        let to_forward = Rotation::about_z(-std::f64::consts::FRAC_PI_2);
-        let turned = to_forward.after(relative);
-        self.poses.append(rows(turned, DVec3::from(place)).as_bytes())?;
+        let relative = rows(back.after(pose.rotation), back.apply(pose.position - position));
+        self.poses.append(relative.as_bytes())?;
         let seconds = (pose.time_ns as f64 - time_ns as f64) / 1e9;
         self.times.append(format!("{seconds:e}\n").as_bytes())?;
         self.frames += 1;

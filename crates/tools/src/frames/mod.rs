@@ -28,12 +28,24 @@ pub enum FrameLayout {
     Nuscenes,
 }
 
+/// An axis of the scanner that points forward.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum ForwardAxis {
+    /// x, with y to the left: the vehicles of the catalogue.
+    X,
+    /// y, with x to the right.
+    Y,
+}
+
 /// How frames are written.
 #[derive(Clone, Debug, PartialEq, clap::Args)]
 pub struct FrameOptions {
     /// The layout of the folder.
     #[arg(long, value_enum)]
     pub layout: FrameLayout,
+    /// The axis of the scanner that points forward.
+    #[arg(long, value_enum, default_value_t = ForwardAxis::X)]
+    pub forward: ForwardAxis,
     /// Number of the sequence of KITTI.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..100))]
     pub sequence: u32,
@@ -77,7 +89,7 @@ pub fn write_frames(
     };
     let mut counts = FrameCounts::default();
     read_frames(source, name, &mut |frame| {
-        let placed = place(&frame, options.intensity_factor).ok_or_else(|| {
+        let placed = place(&frame, options.forward, options.intensity_factor).ok_or_else(|| {
             let message = format!("{}: it has points without poses of their frame (/tf)", name.display());
             Error::input_with_help(message, "write it with vlscan run -o points.mcap, whose poses are on /tf")
         })?;

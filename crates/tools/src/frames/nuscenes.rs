@@ -8,7 +8,8 @@
 //! v1.0-vlscan/*.json                                          the tables
 //! ```
 //!
-//! The tables of annotations (attribute, instance, sample_annotation, visibility) are empty.
+//! The tables of annotations (attribute, instance, sample_annotation, visibility) are empty. There is no table lidarseg: with it the devkit
+//! refuses classes that are not those of nuScenes. The token in the name of labels is that of `sample_data`.
 
 use super::placed::PlacedFrame;
 use super::{FrameWriter, create, refuse_existing, write};
@@ -18,6 +19,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, Patched};
+use vlscan_geom::Rotation;
 use xxhash_rust::xxh3::xxh3_128;
 
 const VERSION: &str = "v1.0-vlscan";
@@ -55,7 +57,6 @@ pub(super) struct Nuscenes {
     poses: Table,
     samples: Table,
     data: Table,
-    labels: Table,
     /// Microseconds of the last frame, whose rows are written when it is known whether one follows.
     waiting: Option<u64>,
 }
@@ -95,7 +96,6 @@ impl Nuscenes {
             poses: table("ego_pose")?,
             samples: table("sample")?,
             data: table("sample_data")?,
-            labels: table("lidarseg")?,
             waiting: None,
         })
     }
@@ -134,8 +134,9 @@ impl FrameWriter for Nuscenes {
         let mut points = Vec::with_capacity(20 * frame.points.len());
         let mut labels = Vec::with_capacity(frame.points.len());
         for point in &frame.points {
-            let [x, y, z] = point.position.to_array().map(|c| c as f32);
-            for value in [x, y, z, point.intensity, point.ring as f32] {
+            // x right, y forward.
+            let [forward, left, up] = point.position.to_array().map(|c| c as f32);
+            for value in [-left, forward, up, point.intensity, point.ring as f32] {
                 points.extend(value.to_le_bytes());
             }
             let class = u8::try_from(point.class).map_err(|_| {
@@ -148,10 +149,9 @@ impl FrameWriter for Nuscenes {
         write(&self.folder.join(points_name(microseconds)), &points)?;
         let data_token = token("sample_data", self.frames);
         let labels_name = format!("lidarseg/{VERSION}/{data_token}_lidarseg.bin");
-        write(&self.folder.join(&labels_name), &labels)?;
-        self.labels
-            .row(&json!({ "token": data_token, "sample_data_token": data_token, "filename": labels_name }))?;
-        let (p, r) = (pose.position, pose.rotation);
+        write(&self.folder.join(labels_name), &labels)?;
+        let p = pose.position;
+        let r = pose.rotation.after(Rotation::about_z(-std::f64::consts::FRAC_PI_2));
         self.poses.row(&json!({
             "token": token("ego_pose", self.frames), "timestamp": microseconds,
             "rotation": [r.w, r.u.x, r.u.y, r.u.z], "translation": [p.x, p.y, p.z],
@@ -208,8 +208,8 @@ impl FrameWriter for Nuscenes {
             self.table(name, &[])?;
         }
         write(&self.folder.join("maps/none.png"), &one_pixel()?)?;
-        let Nuscenes { poses, samples, data, labels, .. } = *self;
-        [poses, samples, data, labels].into_iter().try_for_each(Table::finish)
+        let Nuscenes { poses, samples, data, .. } = *self;
+        [poses, samples, data].into_iter().try_for_each(Table::finish)
     }
 }
 

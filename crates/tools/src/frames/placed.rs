@@ -1,12 +1,13 @@
-//! Frames whose points are relative to the scanner at their first point.
+//! Frames whose points are relative to the scanner at their first point, in axes with x forward, y left and z up.
 
+use super::ForwardAxis;
 use vlscan_formats::{Frame, FramePose};
-use vlscan_geom::DVec3;
+use vlscan_geom::{DVec3, Rotation};
 
 /// A point of a placed frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PlacedPoint {
-    /// In the axes of the scanner at the pose of the frame (x right, y forward, z up), m.
+    /// In the frame, m.
     pub position: DVec3,
     pub intensity: f32,
     pub ring: i64,
@@ -17,12 +18,14 @@ pub(super) struct PlacedPoint {
 /// A frame at one pose.
 #[derive(Clone, Debug)]
 pub(super) struct PlacedFrame {
+    /// From the frame to the world.
     pub pose: FramePose,
     pub points: Vec<PlacedPoint>,
 }
 
-/// Moves the points of a frame to the pose of its first point; `None` without poses.
-pub(super) fn place(frame: &Frame, intensity_factor: f64) -> Option<PlacedFrame> {
+/// Moves the points of a frame to the pose of its first point; `None` without poses. `forward` is the axis of the scanner that points
+/// forward.
+pub(super) fn place(frame: &Frame, forward: ForwardAxis, intensity_factor: f64) -> Option<PlacedFrame> {
     let time = |after_s: f32| frame.time_ns as f64 + f64::from(after_s) * 1e9;
     let first = frame.points.iter().map(|point| point.time_s).fold(f32::INFINITY, f32::min);
     let pose = frame.pose_at(if first.is_finite() { time(first) } else { time(0.0) })?;
@@ -35,23 +38,29 @@ pub(super) fn place(frame: &Frame, intensity_factor: f64) -> Option<PlacedFrame>
             (latest, at) = (point.time_s, frame.pose_at(time(point.time_s))?);
         }
         let own = DVec3::from(point.position.map(f64::from));
-        let position = back.apply(at.rotation.apply(own) + (at.position - pose.position));
+        let in_scanner = back.apply(at.rotation.apply(own) + (at.position - pose.position));
         points.push(PlacedPoint {
-            position,
+            position: match forward {
+                ForwardAxis::X => in_scanner,
+                ForwardAxis::Y => DVec3::new(in_scanner.y, -in_scanner.x, in_scanner.z),
+            },
             intensity: (f64::from(point.intensity) * intensity_factor) as f32,
             ring: point.ring,
             class: point.class,
             instance: point.instance,
         });
     }
-    Some(PlacedFrame { pose, points })
+    let rotation = match forward {
+        ForwardAxis::X => pose.rotation,
+        ForwardAxis::Y => pose.rotation.after(Rotation::about_z(std::f64::consts::FRAC_PI_2)),
+    };
+    Some(PlacedFrame { pose: FramePose { rotation, ..pose }, points })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use vlscan_formats::FramePoint;
-    use vlscan_geom::Rotation;
 
     #[test]
     fn a_wall_is_where_it_is_however_the_scanner_moves() {
@@ -76,12 +85,19 @@ mod tests {
             }
         });
         let frame = Frame { time_ns: 0, points: points.collect(), poses };
-        let placed = place(&frame, 0.5).unwrap();
+        let placed = place(&frame, ForwardAxis::X, 0.5).unwrap();
         assert_eq!(placed.pose.position.y, 0.0);
         for point in &placed.points {
             assert!((point.position - DVec3::new(0.0, 50.0, 0.0)).length() < 1e-4, "{}", point.position);
             assert_eq!(point.intensity, 1.0);
         }
-        assert!(place(&Frame { poses: Vec::new(), ..frame }, 1.0).is_none());
+        let turned = place(&frame, ForwardAxis::Y, 0.5).unwrap();
+        for (point, other) in placed.points.iter().zip(&turned.points) {
+            assert!((other.position - DVec3::new(50.0, 0.0, 0.0)).length() < 1e-4, "{}", other.position);
+            let [a, b] =
+                [(&placed, point), (&turned, other)].map(|(frame, p)| frame.pose.rotation.apply(p.position));
+            assert!((a - b).length() < 1e-9, "{a} {b}");
+        }
+        assert!(place(&Frame { poses: Vec::new(), ..frame }, ForwardAxis::X, 1.0).is_none());
     }
 }
