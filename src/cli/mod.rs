@@ -16,6 +16,7 @@
 //! | `bench` | `vlscan bench` |
 //! | `scene`, `info`, `pack` | `vlscan scene make` and `stand`, `info` and `pack` |
 //! | `preview`, `compare`, `fit`, `unzip`, `catalogue` | the subcommands of these names |
+//! | `cloud_info`, `raster`, `frames` | `vlscan info`, `vlscan raster` and `vlscan frames` |
 //! | `manual` | help, man pages, shell completions |
 //! | `console`, `watch`, `interrupt` | messages, progress, Ctrl-C |
 
@@ -23,11 +24,13 @@ mod args;
 mod bench;
 mod campaign;
 mod catalogue;
+mod cloud_info;
 mod companions;
 mod compare;
 mod console;
 mod dry_run;
 mod fit;
+mod frames;
 mod helios;
 mod info;
 mod interrupt;
@@ -35,6 +38,7 @@ mod manual;
 mod pack;
 mod plan;
 mod preview;
+mod raster;
 mod run;
 mod scene;
 mod shards;
@@ -124,6 +128,9 @@ fn dispatch(command: &Command, console: &Console) -> Result<()> {
         Command::Unzip(args) => unzip::run(args, console),
         Command::Fit(args) => fit::run(args, console),
         Command::Compare(args) => compare::run(args, console),
+        Command::Info(args) => cloud_info::run(args, console),
+        Command::Raster(args) => raster::run(args, console),
+        Command::Frames(args) => frames::run(args, console),
         Command::Preview(args) => preview::run(args, console),
         Command::Completions(args) => manual::completions(args),
         Command::Man(args) => manual::run(args, console),

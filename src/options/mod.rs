@@ -43,5 +43,5 @@ pub use over::Over;
 pub use python::python_module;
 pub use switch::Switch;
 pub use trajectory::TrajectoryOptions;
-pub use values::{Bytes, ChunkSize, Count, Divergence, NotNegative, Positive, Seed};
+pub use values::{Bytes, ChunkSize, Count, Crs, Divergence, NotNegative, Positive, Seed};
 pub use words::OptionName;

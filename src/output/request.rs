@@ -7,7 +7,7 @@ use std::fmt::Debug;
 use std::path::PathBuf;
 use std::sync::Arc;
 use vlscan_base::error::Result;
-use vlscan_formats::{Column, LasSettings, Needs, PointFormat};
+use vlscan_formats::{Column, FrameNames, LasSettings, Needs, PointFormat};
 
 /// Format of a trajectory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -114,6 +114,8 @@ pub struct OutputRequest {
     pub heights: bool,
     /// Duration of the frames of MCAP, s; a revolution of the scanner if `None`.
     pub frame_s: Option<f64>,
+    /// Names of the coordinate frames of MCAP.
+    pub frame_names: FrameNames,
     /// How the points of folders are divided among files, instead of by leg.
     pub division: Option<Division>,
     /// Where points are kept; everywhere if `None`.
@@ -162,6 +164,7 @@ impl Default for OutputRequest {
             true_positions: false,
             heights: false,
             frame_s: None,
+            frame_names: FrameNames::default(),
             division: None,
             clip: None,
             live: false,

@@ -48,6 +48,7 @@ mod plausibility;
 mod point_formats;
 mod preview;
 mod profiles;
+mod raster;
 mod rasters;
 mod reconstruct;
 mod scenes;
