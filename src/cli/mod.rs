@@ -16,6 +16,7 @@
 //! | `bench` | `vlscan bench` |
 //! | `scene`, `info`, `pack` | `vlscan scene make` and `stand`, `info` and `pack` |
 //! | `preview`, `compare`, `fit`, `unzip`, `catalogue` | the subcommands of these names |
+//! | `serve` | `vlscan serve`, which starts vlscan-serve |
 //! | `manual` | help, man pages, shell completions |
 //! | `console`, `watch`, `interrupt` | messages, progress, Ctrl-C |
 
@@ -37,6 +38,7 @@ mod plan;
 mod preview;
 mod run;
 mod scene;
+mod serve;
 mod shards;
 mod stages;
 mod unzip;
@@ -125,6 +127,7 @@ fn dispatch(command: &Command, console: &Console) -> Result<()> {
         Command::Fit(args) => fit::run(args, console),
         Command::Compare(args) => compare::run(args, console),
         Command::Preview(args) => preview::run(args, console),
+        Command::Serve(args) => serve::run(args),
         Command::Completions(args) => manual::completions(args),
         Command::Man(args) => manual::run(args, console),
     }

@@ -31,7 +31,8 @@ pub use simulate::{
     TraceArgs, TrajectoryArgs,
 };
 pub use tools::{
-    BenchArgs, CatalogueArgs, CatalogueCommand, CompletionsArgs, ManArgs, PreviewArgs, ShowArgs, UnzipArgs,
+    BenchArgs, CatalogueArgs, CatalogueCommand, CompletionsArgs, ManArgs, PreviewArgs, ServeArgs, ShowArgs,
+    UnzipArgs,
 };
 
 use super::{LogTo, Verbosity};
@@ -171,6 +172,12 @@ pub enum Command {
     /// Within the box that both cover: density, height percentiles, canopy height and intensity histograms, returns, distances
     /// from cloud to cloud, occupied voxels. Heights are above the lowest point of both clouds within squares of 5 m.
     Compare(CompareArgs),
+    /// Offer runs, plans, comparisons and pictures as a service, with pages for a browser.
+    ///
+    /// The service is a program of its own, vlscan-serve, which this command starts: it is looked for beside vlscan and then in the
+    /// folders of PATH. Without options it listens on the loopback address only. docs/service.md describes pages, interface and limits.
+    #[command(disable_help_flag = true)]
+    Serve(ServeArgs),
     /// Write shell completions for this command line to stdout.
     Completions(CompletionsArgs),
     /// Write the manual pages.

@@ -1,0 +1,15 @@
+//! The service as a program: started on a free port of the loopback address, asked over HTTP.
+//!
+//! | file | what it tests |
+//! |---|---|
+//! | `client` | starting the service; a small HTTP client |
+//! | `interface` | the interface for programs |
+//! | `jobs` | queue, results, interruptions |
+//! | `hostile` | what others may send: files, names, requests |
+//! | `browser` | pages, as a browser without scripts uses them |
+
+mod browser;
+mod client;
+mod hostile;
+mod interface;
+mod jobs;
