@@ -45,7 +45,8 @@ pub fn pipeline_schema() -> Value {
         let is_list = table.name.starts_with("[[");
         let path: Vec<&str> = table.name.trim_matches(['[', ']']).split('.').collect();
         let schema = table_schema(table, &tables);
-        let schema = if is_list { list_of(&schema) } else { schema };
+        let mut schema = if is_list { list_of(&schema) } else { schema };
+        schema["description"] = json!(table.about);
         let mut place = &mut top;
         let (last, parents) = path.split_last().unwrap_or((&"", &[]));
         for name in parents {
@@ -59,7 +60,9 @@ pub fn pipeline_schema() -> Value {
     // A channel has the keys of the instrument.
     let mut channel = top["properties"]["scanner"].clone();
     channel["description"] = json!("A channel, which changes the keys of the instrument that it names.");
-    top["properties"]["scanner"]["properties"]["channel"] = list_of(&channel);
+    let channels = &mut top["properties"]["scanner"]["properties"]["channel"];
+    *channels = list_of(&channel);
+    channels["description"] = channel["description"].clone();
     let settings = top["properties"]["settings"].clone();
     top["properties"]["leg"]["items"]["properties"]["settings"] = settings;
     top

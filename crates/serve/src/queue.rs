@@ -248,7 +248,7 @@ impl Store {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::{Upload, UploadFile};
+    use crate::store::{FileKind, Upload, UploadFile};
 
     fn job(owner: &str, id: &str) -> Job {
         Job {
@@ -334,7 +334,7 @@ mod tests {
             sha256: "x".into(),
             created: 1,
         };
-        let files = [UploadFile { path: "a.obj".into(), bytes: 5 }];
+        let files = [UploadFile { path: "a.obj".into(), bytes: 5, kind: FileKind::Other }];
         std::fs::create_dir_all(store.upload_folder("u")).unwrap();
         assert!(store.add_upload("anna", &upload, &files).unwrap());
         assert!(!store.add_upload("anna", &Upload { id: "v".into(), ..upload.clone() }, &files).unwrap());

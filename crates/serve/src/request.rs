@@ -442,7 +442,9 @@ fn options(inputs: &Map<String, Value>, schema: &Value) -> Result<Vec<String>, R
         }
     }
     operands.sort();
-    words.push("--".to_owned());
+    if !operands.is_empty() {
+        words.push("--".to_owned());
+    }
     words.extend(operands.into_iter().map(|(_, text)| text));
     Ok(words)
 }
@@ -450,7 +452,11 @@ fn options(inputs: &Map<String, Value>, schema: &Value) -> Result<Vec<String>, R
 fn text_of(key: &str, value: &Value) -> Result<String, RequestError> {
     match value {
         Value::String(text) => Ok(text.clone()),
-        Value::Number(number) => Ok(number.to_string()),
+        Value::Number(number) => Ok(match number.as_f64() {
+            // 20.0 is 20 on a command line.
+            Some(decimal) if number.is_f64() => decimal.to_string(),
+            _ => number.to_string(),
+        }),
         Value::Array(list) => {
             let texts: Result<Vec<String>, RequestError> =
                 list.iter().map(|item| text_of(key, item)).collect();
@@ -463,7 +469,7 @@ fn text_of(key: &str, value: &Value) -> Result<String, RequestError> {
 /// The command as a user would type it in a folder that has the uploads as folders.
 fn shown(process: Process, prepared: &Prepared) -> String {
     let is_ours =
-        |word: &&String| *word == "--" || *word == "--assets=." || word.starts_with("--most-points");
+        |word: &&String| *word == "--" || word.starts_with("--assets=") || word.starts_with("--most-points");
     let words = prepared.words.iter().filter(|word| !is_ours(word));
     let words = words.map(|word| {
         let word = word.replace("../in/", "").replace("../out/", "");

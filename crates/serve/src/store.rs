@@ -59,6 +59,39 @@ pub struct UploadFile {
     pub path: String,
     /// Its bytes.
     pub bytes: u64,
+    /// What an XML file holds.
+    pub kind: FileKind,
+}
+
+/// What an XML file holds, as far as pages offer it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FileKind {
+    /// A survey.
+    Survey,
+    /// A scene.
+    Scene,
+    /// Anything else, or a file that is not XML.
+    #[default]
+    Other,
+}
+
+impl FileKind {
+    fn name(self) -> &'static str {
+        match self {
+            FileKind::Survey => "survey",
+            FileKind::Scene => "scene",
+            FileKind::Other => "other",
+        }
+    }
+
+    fn named(name: &str) -> FileKind {
+        match name {
+            "survey" => FileKind::Survey,
+            "scene" => FileKind::Scene,
+            _ => FileKind::Other,
+        }
+    }
 }
 
 /// The state of a job, by the words of OGC API - Processes.
@@ -173,7 +206,8 @@ CREATE TABLE IF NOT EXISTS uploads (
     created INTEGER NOT NULL, UNIQUE (owner, name)
 ) STRICT;
 CREATE TABLE IF NOT EXISTS files (
-    upload TEXT NOT NULL REFERENCES uploads (id) ON DELETE CASCADE, path TEXT NOT NULL, bytes INTEGER NOT NULL, PRIMARY KEY (upload, path)
+    upload TEXT NOT NULL REFERENCES uploads (id) ON DELETE CASCADE, path TEXT NOT NULL, bytes INTEGER NOT NULL, kind TEXT NOT NULL,
+    PRIMARY KEY (upload, path)
 ) STRICT, WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS jobs (
     number INTEGER PRIMARY KEY, id TEXT NOT NULL UNIQUE, owner TEXT NOT NULL, process TEXT NOT NULL, inputs TEXT NOT NULL,
@@ -247,8 +281,8 @@ impl Store {
         }
         for file in files {
             transaction
-                .prepare_cached("INSERT INTO files (upload, path, bytes) VALUES (?, ?, ?)")?
-                .execute(params![upload.id, file.path, file.bytes])?;
+                .prepare_cached("INSERT INTO files (upload, path, bytes, kind) VALUES (?, ?, ?, ?)")?
+                .execute(params![upload.id, file.path, file.bytes, file.kind.name()])?;
         }
         transaction.commit()?;
         Ok(true)
@@ -286,9 +320,11 @@ impl Store {
     pub fn files(&self, upload: &str) -> Result<Vec<UploadFile>> {
         let database = self.database();
         let mut query =
-            database.prepare_cached("SELECT path, bytes FROM files WHERE upload = ? ORDER BY path")?;
-        let rows =
-            query.query_map([upload], |row| Ok(UploadFile { path: row.get(0)?, bytes: row.get(1)? }))?;
+            database.prepare_cached("SELECT path, bytes, kind FROM files WHERE upload = ? ORDER BY path")?;
+        let rows = query.query_map([upload], |row| {
+            let kind = FileKind::named(&row.get::<_, String>(2)?);
+            Ok(UploadFile { path: row.get(0)?, bytes: row.get(1)?, kind })
+        })?;
         Ok(rows.collect::<rusqlite::Result<_>>()?)
     }
 

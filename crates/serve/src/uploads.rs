@@ -4,7 +4,7 @@
 use crate::config::{ConfineArgs, ExpandArgs, ServeArgs};
 use crate::names;
 use crate::program::confined;
-use crate::store::{Store, StoreError, Upload, UploadFile, now};
+use crate::store::{FileKind, Store, StoreError, Upload, UploadFile, now};
 use crate::tokens::{hex, random_name};
 use axum::extract::Multipart;
 use axum::extract::multipart::{Field, MultipartError};
@@ -278,19 +278,42 @@ fn hash_files(root: &Path, limits: &ServeArgs) -> Result<(Vec<UploadFile>, Strin
         return Err(UploadError::TooLarge(format!("an upload has at most {} files", limits.max_files)));
     }
     let mut all = Sha256::new();
+    let mut buffer = vec![0; 256 << 10];
     let mut files = Vec::new();
     for path in paths {
         let text = path.to_str().ok_or_else(|| UploadError::Wrong("a name that is not UTF-8".to_owned()))?;
         let text = text.replace('\\', "/");
         let mut file = fs::File::open(root.join(&path))?;
         let mut hash = Sha256::new();
-        let bytes = io::copy(&mut file, &mut hash)?;
+        let mut bytes = 0;
+        let mut kind = FileKind::Other;
+        loop {
+            let read = file.read(&mut buffer)?;
+            if read == 0 {
+                break;
+            }
+            if bytes == 0 && path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("xml")) {
+                kind = kind_of(&buffer[..read]);
+            }
+            hash.update(&buffer[..read]);
+            bytes += read as u64;
+        }
         file.sync_all()?;
         all.update(format!("{}:{text}:{bytes}:", text.len()));
         all.update(hash.finalize());
-        files.push(UploadFile { path: text, bytes });
+        files.push(UploadFile { path: text, bytes, kind });
     }
     Ok((files, hex(&all.finalize())))
+}
+
+/// What an XML document that begins like this holds.
+fn kind_of(start: &[u8]) -> FileKind {
+    let has = |tag: &[u8]| start.windows(tag.len()).any(|window| window == tag);
+    match (has(b"<survey"), has(b"<scene")) {
+        (true, _) => FileKind::Survey,
+        (_, true) => FileKind::Scene,
+        _ => FileKind::Other,
+    }
 }
 
 #[cfg(unix)]
@@ -315,27 +338,26 @@ pub fn expand(args: &ExpandArgs) -> Result<(), String> {
     let mut files = 0;
     for number in 0..archive.len() {
         let mut entry = archive.by_index(number).map_err(|e| damaged(&e))?;
+        let name = entry.name().map_err(|e| damaged(&e))?.into_owned();
         // What systems add of their own.
-        let is_aside = entry.name().starts_with("__MACOSX/")
-            || entry.name().ends_with("/.DS_Store")
-            || entry.name() == ".DS_Store";
+        let is_aside = name.starts_with("__MACOSX/") || name.rsplit('/').next() == Some(".DS_Store");
         if entry.is_dir() || is_aside {
             continue;
         }
         if !entry.is_file() {
-            return Err(format!("`{}` is no file", entry.name()));
+            return Err(format!("`{name}` is no file"));
         }
         files += 1;
         if files > args.max_files {
             return Err(format!("it has more than {} files", args.max_files));
         }
-        let path = names::relative_path(entry.name())
-            .ok_or_else(|| format!("`{}` cannot be the name of a file here", entry.name()))?;
+        let path = names::relative_path(&name)
+            .ok_or_else(|| format!("`{name}` cannot be the name of a file here"))?;
         let target = args.folder.join(path);
         if let Some(parent) = target.parent() {
             fs::create_dir_all(parent).map_err(|e| e.to_string())?;
         }
-        let mut out = fs::File::create_new(&target).map_err(|e| format!("`{}`: {e}", entry.name()))?;
+        let mut out = fs::File::create_new(&target).map_err(|e| format!("`{name}`: {e}"))?;
         let copied =
             io::copy(&mut (&mut entry).take(left.saturating_add(1)), &mut out).map_err(|e| damaged(&e))?;
         if copied > left {

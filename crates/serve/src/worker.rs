@@ -277,21 +277,18 @@ impl Workshop {
         };
         let Some(file) = files.iter().find(is_drawn) else { return Ok(()) };
         for (name, options) in pictures {
-            let mut words: Vec<OsString> = vec![
-                "preview".into(),
-                "--force".into(),
-                format!("--out=../view/{name}").into(),
-                format!("--most-points={PAGE_POINTS}").into(),
-            ];
+            let mut words: Vec<OsString> = vec!["preview".into(), "--force".into()];
+            words.push(format!("--out=../view/{name}").into());
+            words.push(format!("--most-points={PAGE_POINTS}").into());
             words.extend(options.iter().map(OsString::from));
-            let uploads = prepared.uses.iter().filter_map(|used| {
-                if let Use::Upload { name, .. } = used { Some(name.as_str()) } else { None }
+            let uploads = prepared.uses.iter().filter_map(|used| match used {
+                Use::Upload { name, .. } => Some(name.as_str()),
+                Use::Job { .. } => None,
             });
-            words.extend(
-                std::iter::once(".").chain(uploads).map(|folder| format!("--assets={folder}").into()),
-            );
-            words.extend(["--".into(), format!("../out/{}", file.path).into()]);
-            let within = Prepared { within_inputs: true, ..prepared.clone() };
+            let assets = std::iter::once(".").chain(uploads);
+            words.extend(assets.map(|folder| format!("--assets=../in/{folder}").into()));
+            words.extend(["--".into(), file.path.clone().into()]);
+            let within = Prepared { within_inputs: false, ..prepared.clone() };
             if let End::GivenUp = self.execute(job, holder, folder, &within, &words, None)? {
                 return Ok(());
             }

@@ -1,10 +1,10 @@
 //! Execution of processes.
 
 use super::jobs::{results_document, status_info};
-use crate::answers::Failure;
+use crate::answers::{Failure, encoded};
 use crate::app::{App, Identity, blocking};
 use crate::processes::Process;
-use crate::store::{Job, Status};
+use crate::store::{Job, Status, StoreError};
 use axum::Extension;
 use axum::body::Bytes;
 use axum::extract::{Path, State};
@@ -118,16 +118,13 @@ async fn answer(app: &Arc<App>, job: &Job, form: Form) -> Result<Response, Failu
     if form == Form::Raw {
         if let [file] = files.as_slice() {
             if file.path.ends_with(".json") {
-                let text =
-                    tokio::fs::read(folder.join(&file.path)).await.map_err(crate::store::StoreError::from)?;
+                let text = tokio::fs::read(folder.join(&file.path)).await.map_err(StoreError::from)?;
                 return Ok(([(header::CONTENT_TYPE, "application/json")], text).into_response());
             }
         }
         let links: Vec<String> = files
             .iter()
-            .map(|file| {
-                format!("</jobs/{}/results/{}>; rel=\"item\"", job.id, crate::answers::encoded(&file.path))
-            })
+            .map(|file| format!("</jobs/{}/results/{}>; rel=\"item\"", job.id, encoded(&file.path)))
             .collect();
         return Ok((StatusCode::NO_CONTENT, [(header::LINK, links.join(", "))]).into_response());
     }

@@ -1,9 +1,9 @@
 //! Uploads.
 
-use crate::answers::{Failure, document};
+use crate::answers::{Failure, document, encoded, wants_page};
 use crate::app::{App, Identity, blocking};
 use crate::store::StoreError;
-use crate::uploads::{self, UploadError};
+use crate::uploads;
 use axum::Extension;
 use axum::extract::multipart::MultipartRejection;
 use axum::extract::{Multipart, Path, State};
@@ -63,17 +63,14 @@ pub async fn receive(
     headers: HeaderMap,
     form: Result<Multipart, MultipartRejection>,
 ) -> Result<Response, Failure> {
-    let is_page = crate::answers::wants_page(&headers, None);
-    match received(&app, &identity, form).await? {
-        _ if is_page => Ok(Redirect::to("/").into_response()),
-        upload => {
-            let location = format!("/uploads/{}", crate::answers::encoded(&upload.name));
-            let body = serde_json::to_string(&upload).unwrap_or_default();
-            let fields =
-                [(header::LOCATION, location), (header::CONTENT_TYPE, "application/json".to_owned())];
-            Ok((StatusCode::CREATED, fields, body).into_response())
-        }
+    let upload = received(&app, &identity, form).await?;
+    if wants_page(&headers, None) {
+        return Ok(Redirect::to("/").into_response());
     }
+    let location = format!("/uploads/{}", encoded(&upload.name));
+    let body = serde_json::to_string(&upload).unwrap_or_default();
+    let fields = [(header::LOCATION, location), (header::CONTENT_TYPE, "application/json".to_owned())];
+    Ok((StatusCode::CREATED, fields, body).into_response())
 }
 
 async fn received(
@@ -96,8 +93,5 @@ async fn received(
         if identity.is_ambient && !app.tokens.is_empty() { Some(&is_genuine) } else { None };
     let received = uploads::receive(form, &app.workshop.store, &app.workshop.limits, check).await?;
     let owner = identity.owner.clone();
-    blocking(app, move |workshop| {
-        received.list(&owner, &workshop.store, &workshop.limits).map_err(|e: UploadError| e)
-    })
-    .await
+    blocking(app, move |workshop| received.list(&owner, &workshop.store, &workshop.limits)).await
 }

@@ -208,7 +208,7 @@ fn forecast(report: &Value) -> Markup {
     let rows = [
         ("Flight", amount(&report["duration_s"], " s")),
         ("Pulses", amount(&report["pulses"], "")),
-        ("Points", amount(&report["points"], "")),
+        ("Points", amount(&report["points"]["value"], "")),
         ("Points per m²", amount(&report["points_per_m2"], "")),
         ("Pulses per m²", amount(&report["pulses_per_m2"], "")),
         ("Time of the run", amount(&report["time"]["total_s"], " s")),

@@ -2,7 +2,7 @@
 
 use super::layout::{as_page, form_token, page};
 use crate::app::{App, Identity, blocking};
-use crate::store::{Result as StoreResult, Status, Store};
+use crate::store::{FileKind, Result as StoreResult, Status, Store, UploadFile};
 use axum::Extension;
 use axum::extract::{Query, State};
 use axum::response::{IntoResponse as _, Response};
@@ -12,44 +12,63 @@ use std::sync::Arc;
 
 /// Most files in a list to choose from.
 const MAX_CHOICES: usize = 500;
-/// Endings of files that are scenes, surveys, areas, clouds.
-const SCENES: [&str; 11] =
-    ["xml", "obj", "ply", "stl", "gltf", "glb", "tif", "tiff", "vrt", "vox", "vlscene"];
-const SURVEYS: [&str; 2] = ["xml", "toml"];
+/// Endings of files that are scenes, areas, clouds.
+const SCENES: [&str; 10] = ["obj", "ply", "stl", "gltf", "glb", "tif", "tiff", "vrt", "vox", "vlscene"];
 const AREAS: [&str; 4] = ["geojson", "json", "kml", "wkt"];
 const CLOUDS: [&str; 10] = ["laz", "las", "ply", "pcd", "e57", "pts", "xyz", "csv", "arrow", "parquet"];
 
 /// Files of an owner by the names that requests give them, newest upload first.
 #[derive(Debug, Default)]
-struct Files(Vec<String>);
+struct Files(Vec<(String, FileKind)>);
 
 impl Files {
     fn of(store: &Store, owner: &str) -> StoreResult<Files> {
         let mut files = Vec::new();
         for upload in store.uploads(owner)? {
-            files.extend(
-                store.files(&upload.id)?.into_iter().map(|file| format!("{}/{}", upload.name, file.path)),
-            );
+            let named = |file: UploadFile| (format!("{}/{}", upload.name, file.path), file.kind);
+            files.extend(store.files(&upload.id)?.into_iter().map(named));
         }
         Ok(Files(files))
     }
 
+    /// Files with these endings.
     fn with(&self, endings: &[&str]) -> Vec<&str> {
-        let has = |name: &&String| {
-            name.rsplit_once('.')
-                .is_some_and(|(_, end)| endings.iter().any(|known| end.eq_ignore_ascii_case(known)))
-        };
-        self.0.iter().filter(has).map(String::as_str).take(MAX_CHOICES).collect()
+        self.chosen(|name, _| has_ending(name, endings)).take(MAX_CHOICES).collect()
+    }
+
+    /// Scenes: first XML files that hold one, then geometry.
+    fn scenes(&self) -> Vec<&str> {
+        let described = self.chosen(|_, kind| kind == FileKind::Scene);
+        described.chain(self.chosen(|name, _| has_ending(name, &SCENES))).take(MAX_CHOICES).collect()
+    }
+
+    /// Surveys and pipelines.
+    fn surveys(&self) -> Vec<&str> {
+        let is_survey = |name: &str, kind: FileKind| kind == FileKind::Survey || has_ending(name, &["toml"]);
+        self.chosen(is_survey).take(MAX_CHOICES).collect()
+    }
+
+    fn chosen(&self, is_chosen: impl Fn(&str, FileKind) -> bool) -> impl Iterator<Item = &str> {
+        self.0.iter().filter(move |(name, kind)| is_chosen(name, *kind)).map(|(name, _)| name.as_str())
     }
 }
 
+fn has_ending(name: &str, endings: &[&str]) -> bool {
+    name.rsplit_once('.').is_some_and(|(_, end)| endings.iter().any(|known| end.eq_ignore_ascii_case(known)))
+}
+
+/// A list of files to choose from. `first` stands for no file, where none is needed; the first file that begins with `wanted` is
+/// chosen.
 fn choice(name: &str, label: &str, files: &[&str], first: Option<&str>, wanted: &str) -> Markup {
+    let chosen = files.iter().position(|file| !wanted.is_empty() && file.starts_with(wanted));
     html! {
         label {
             (label)
             select name=(name) required[first.is_none()] {
-                @if let Some(first) = first { option value="" { (first) } }
-                @for file in files { option value=(file) selected[!wanted.is_empty() && file.starts_with(wanted)] { (file) } }
+                option value="" { (first.unwrap_or("choose …")) }
+                @for (at, file) in files.iter().enumerate() {
+                    option value=(file) selected[chosen == Some(at)] { (file) }
+                }
             }
         }
     }
@@ -88,7 +107,7 @@ pub async fn new(
     let asked = |key: &str| query.get(key).map(String::as_str).unwrap_or_default();
     let wanted = if asked("upload").is_empty() { String::new() } else { format!("{}/", asked("upload")) };
     let scanner = asked("scanner");
-    let (scenes, areas) = (files.with(&SCENES), files.with(&AREAS));
+    let (scenes, areas) = (files.scenes(), files.with(&AREAS));
     let start = |action: &str| html! { (form_token(&app, &identity)) input type="hidden" name="kind" value=(action); };
     let content = html! {
         h1 { "New scan" }
@@ -145,7 +164,7 @@ pub async fn new(
             h2 #survey { "A survey or pipeline file" }
             form method="post" action="/forms/run" {
                 (form_token(&app, &identity))
-                (choice("file", "File", &files.with(&SURVEYS), None, &wanted))
+                (choice("file", "File", &files.surveys(), None, &wanted))
                 (super::job::run_fields())
                 div .row {
                     button type="submit" name="action" value="dry-run" { "Forecast" }
@@ -168,10 +187,8 @@ pub async fn compare(
         let files = Files::of(store, &owner)?;
         let mut clouds: Vec<String> = Vec::new();
         for job in store.jobs(&owner, &[Status::Successful], &["run".to_owned()], 0, 50)? {
-            let files = Files(
-                job.result_files().into_iter().map(|file| format!("jobs/{}/{}", job.id, file.path)).collect(),
-            );
-            clouds.extend(files.with(&CLOUDS).into_iter().map(str::to_owned));
+            let own = job.result_files().into_iter().map(|file| format!("jobs/{}/{}", job.id, file.path));
+            clouds.extend(own.filter(|name| has_ending(name, &CLOUDS)));
         }
         clouds.extend(files.with(&CLOUDS).into_iter().map(str::to_owned));
         Ok(clouds)

@@ -13,7 +13,7 @@ fn flight(seed: u64, seconds: u32) -> Value {
         "scanner": { "catalogue": "riegl_vux-1uav" },
         "platform": { "catalogue": "copter_linearpath" },
         "settings": { "pulse_freq_hz": 100_000, "scan_freq_hz": 100 },
-        "leg": [{ "position_m": [-40, 0, 50], "speed_m_s": f64::from(80) / f64::from(seconds) }, { "position_m": [40, 0, 50] }],
+        "leg": [{ "position_m": [-40, 0, 50], "speed_m_per_s": f64::from(80) / f64::from(seconds) }, { "position_m": [40, 0, 50] }],
     })
 }
 
