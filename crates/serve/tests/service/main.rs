@@ -3,6 +3,7 @@
 //! | file | what it tests |
 //! |---|---|
 //! | `client` | starting the service; a small HTTP client |
+//! | `command` | the commands, and the restrictions of processes |
 //! | `interface` | the interface for programs |
 //! | `jobs` | queue, results, interruptions |
 //! | `hostile` | what others may send: files, names, requests |
@@ -10,6 +11,7 @@
 
 mod browser;
 mod client;
+mod command;
 mod hostile;
 mod interface;
 mod jobs;
