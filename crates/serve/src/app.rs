@@ -37,6 +37,8 @@ pub struct App {
     pub streams: Arc<Semaphore>,
     /// Uploads that may be received.
     pub uploads: Arc<Semaphore>,
+    /// Pictures that may be drawn.
+    pub pictures: Arc<Semaphore>,
 }
 
 impl App {

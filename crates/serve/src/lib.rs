@@ -15,6 +15,7 @@
 //! | `uploads` | files that are received, and archives that are expanded |
 //! | `submit` | from a request to a job in the queue |
 //! | `worker` | threads that have jobs computed |
+//! | `view` | pictures of results, drawn when pages ask for them |
 //! | `confine` | restrictions of the processes that compute |
 //! | `answers` | failures, documents, links |
 //! | `app`, `sessions` | what all requests share; who asks |
@@ -22,6 +23,7 @@
 //! | `api` | the interface for programs |
 //! | `pages` | the pages |
 //! | `server` | start and end |
+//! | `main` | the program |
 
 #![deny(unsafe_code)]
 
@@ -43,4 +45,5 @@ pub mod store;
 pub mod submit;
 pub mod tokens;
 pub mod uploads;
+pub mod view;
 pub mod worker;

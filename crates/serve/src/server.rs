@@ -71,6 +71,7 @@ pub fn serve(args: &ServeArgs) -> Result<(), ServeError> {
         hosts: args.host.clone(),
         streams: Arc::new(Semaphore::new(MAX_STREAMS)),
         uploads: Arc::new(Semaphore::new(MAX_UPLOADS)),
+        pictures: Arc::new(Semaphore::new(1)),
     });
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
     let done = runtime.block_on(listen(args, app));

@@ -8,7 +8,7 @@ use crate::config::{ConfineArgs, ServeArgs};
 use crate::processes::Process;
 use crate::program::{Program, confined};
 use crate::queue::{Outcome, Use};
-use crate::request::{PAGE_POINTS, Prepared, name_of};
+use crate::request::{Prepared, name_of};
 use crate::store::{Job, Result, ResultFile, Store, StoreError};
 use crate::tokens::{Owner, random_name};
 use std::ffi::OsString;
@@ -208,7 +208,6 @@ impl Workshop {
                 .charge(job, campaign_pulses(&folder.join("out/dataset/manifest.jsonl")), None)?
                 .unwrap_or_default();
         }
-        self.draw(job, holder, &folder, &prepared, &files, process)?;
         let _ = fs::remove_dir_all(folder.join("tmp"));
         Ok(Some(Outcome::Successful(files)))
     }
@@ -253,47 +252,6 @@ impl Workshop {
             }
             end => Ok(end),
         }
-    }
-
-    /// Makes the pictures that pages show of the results. That they cannot be made is no failure of the job.
-    fn draw(
-        &self,
-        job: &Job,
-        holder: &str,
-        folder: &Path,
-        prepared: &Prepared,
-        files: &[ResultFile],
-        process: Option<Process>,
-    ) -> Result<()> {
-        let pictures: &[(&str, &[&str])] = match process {
-            Some(Process::Run) => &[("view.png", &["--width=1200", "--height=800"]), ("view.html", &[])],
-            Some(Process::Plan) => &[("view.png", &["--width=1200", "--height=800"])],
-            _ => return Ok(()),
-        };
-        let is_drawn = |file: &&ResultFile| {
-            [".laz", ".las", ".ply", ".xyz", ".pcd", ".e57", ".toml"]
-                .iter()
-                .any(|end| file.path.ends_with(end))
-        };
-        let Some(file) = files.iter().find(is_drawn) else { return Ok(()) };
-        for (name, options) in pictures {
-            let mut words: Vec<OsString> = vec!["preview".into(), "--force".into()];
-            words.push(format!("--out=../view/{name}").into());
-            words.push(format!("--most-points={PAGE_POINTS}").into());
-            words.extend(options.iter().map(OsString::from));
-            let uploads = prepared.uses.iter().filter_map(|used| match used {
-                Use::Upload { name, .. } => Some(name.as_str()),
-                Use::Job { .. } => None,
-            });
-            let assets = std::iter::once(".").chain(uploads);
-            words.extend(assets.map(|folder| format!("--assets=../in/{folder}").into()));
-            words.extend(["--".into(), file.path.clone().into()]);
-            let within = Prepared { within_inputs: false, ..prepared.clone() };
-            if let End::GivenUp = self.execute(job, holder, folder, &within, &words, None)? {
-                return Ok(());
-            }
-        }
-        Ok(())
     }
 
     /// Executes vlscan for a job and watches it.
@@ -371,7 +329,8 @@ impl Workshop {
         }
     }
 
-    fn restrictions(&self, folder: &Path, prepared: &Prepared) -> ConfineArgs {
+    /// What the processes of a job may do.
+    pub(crate) fn restrictions(&self, folder: &Path, prepared: &Prepared) -> ConfineArgs {
         let used = prepared.uses.iter().map(|used| match used {
             Use::Upload { id, .. } => self.store.upload_folder(id),
             Use::Job { folder, .. } => self.store.job_folder(folder).join("out"),

@@ -1,8 +1,8 @@
 //! Files of results, in whole or in part.
 
-use super::jobs::{find, find_successful};
+use super::jobs::find_successful;
 use crate::answers::{Failure, media_type};
-use crate::app::{App, Identity};
+use crate::app::{App, Identity, blocking};
 use crate::names::file_within;
 use crate::security::VIEWER_POLICY;
 use crate::store::StoreError;
@@ -34,8 +34,15 @@ pub async fn view(
     Path((id, name)): Path<(String, String)>,
     headers: HeaderMap,
 ) -> Result<Response, Failure> {
-    let job = find(&app, &identity, &id).await?;
+    let job = find_successful(&app, &identity, &id).await?;
     let folder = app.workshop.store.job_folder(&job.folder).join("view");
+    let absent = || Failure::new(StatusCode::NOT_FOUND, "there is no picture of these results");
+    // One is drawn at a time.
+    let permit = Arc::clone(&app.pictures).acquire_owned().await.map_err(|_| absent())?;
+    let wanted = name.clone();
+    let drawn = blocking(&app, move |workshop| workshop.view(&job, &wanted)).await?;
+    drop(permit);
+    drawn.ok_or_else(absent)?;
     send(&folder, &name, &headers).await
 }
 

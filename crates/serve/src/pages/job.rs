@@ -8,6 +8,7 @@ use crate::names::file_within;
 use crate::processes::Process;
 use crate::request::Prepared;
 use crate::store::{Job, Result as StoreResult, ResultFile, Status};
+use crate::view::{PICTURE, POINTS, drawn_file};
 use axum::response::Response;
 use maud::{Markup, html};
 use serde_json::Value;
@@ -44,7 +45,6 @@ pub fn run_fields() -> Markup {
 #[derive(Debug, Default)]
 struct Shown {
     has_picture: bool,
-    has_viewer: bool,
     report: Value,
     document: String,
 }
@@ -57,8 +57,7 @@ impl Shown {
         };
         let prepared: Prepared = serde_json::from_str(&job.prepared).unwrap_or_default();
         Shown {
-            has_picture: folder.join("view/view.png").is_file(),
-            has_viewer: folder.join("view/view.html").is_file(),
+            has_picture: drawn_file(Process::named(&job.process), &job.result_files()).is_some(),
             report: text("report.json").and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default(),
             document: text("plan.toml").or(prepared.document.map(|(_, text)| text)).unwrap_or_default(),
         }
@@ -150,7 +149,7 @@ fn results(app: &App, identity: &Identity, job: &Job, shown: &Shown) -> Markup {
                 }
             }
             _ => {
-                @if shown.has_viewer { (viewer(&format!("{own}/view/view.html"), "The points, to turn around")) }
+                @if shown.has_picture { (viewer(&format!("{own}/view/{POINTS}"), "The points, to turn around")) }
                 @if shown.has_picture { details { summary { "Picture" } (picture(&own, "The points from above and from the side")) } }
             }
         }
@@ -159,7 +158,7 @@ fn results(app: &App, identity: &Identity, job: &Job, shown: &Shown) -> Markup {
 }
 
 fn picture(own: &str, about: &str) -> Markup {
-    html! { img .picture src=(format!("{own}/view/view.png")) alt=(about); }
+    html! { img .picture src=(format!("{own}/view/{PICTURE}")) alt=(about) loading="lazy"; }
 }
 
 fn viewer(address: &str, about: &str) -> Markup {
