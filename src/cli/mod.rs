@@ -17,6 +17,7 @@
 //! | `scene`, `info`, `pack` | `vlscan scene make` and `stand`, `info` and `pack` |
 //! | `preview`, `compare`, `fit`, `unzip`, `catalogue` | the subcommands of these names |
 //! | `cloud_info`, `raster`, `frames` | `vlscan info`, `vlscan raster` and `vlscan frames` |
+//! | `serve` | `vlscan serve`, which starts vlscan-serve |
 //! | `manual` | help, man pages, shell completions |
 //! | `console`, `watch`, `interrupt` | messages, progress, Ctrl-C |
 
@@ -41,6 +42,7 @@ mod preview;
 mod raster;
 mod run;
 mod scene;
+mod serve;
 mod shards;
 mod stages;
 mod unzip;
@@ -132,6 +134,7 @@ fn dispatch(command: &Command, console: &Console) -> Result<()> {
         Command::Raster(args) => raster::run(args, console),
         Command::Frames(args) => frames::run(args, console),
         Command::Preview(args) => preview::run(args, console),
+        Command::Serve(args) => serve::run(args),
         Command::Completions(args) => manual::completions(args),
         Command::Man(args) => manual::run(args, console),
     }

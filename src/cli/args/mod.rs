@@ -34,7 +34,8 @@ pub use simulate::{
     TraceArgs, TrajectoryArgs,
 };
 pub use tools::{
-    BenchArgs, CatalogueArgs, CatalogueCommand, CompletionsArgs, ManArgs, PreviewArgs, ShowArgs, UnzipArgs,
+    BenchArgs, CatalogueArgs, CatalogueCommand, CompletionsArgs, ManArgs, PreviewArgs, ServeArgs, ShowArgs,
+    UnzipArgs,
 };
 
 use super::{LogTo, Verbosity};
@@ -189,6 +190,12 @@ pub enum Command {
     /// A frame is a revolution of a spinning scanner, or as vlscan run --frame-s says. Its points are moved to where the scanner was at its first
     /// point, by the poses on /tf; its pose takes them to the coordinates of the scene.
     Frames(FramesArgs),
+    /// Offer runs, plans, comparisons and pictures as a service, with pages for a browser.
+    ///
+    /// The service is a program of its own, vlscan-serve, which this command starts: it is looked for beside vlscan and then in the
+    /// folders of PATH. Without options it listens on the loopback address only. docs/service.md describes pages, interface and limits.
+    #[command(disable_help_flag = true)]
+    Serve(ServeArgs),
     /// Write shell completions for this command line to stdout.
     Completions(CompletionsArgs),
     /// Write the manual pages.
