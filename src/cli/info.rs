@@ -4,7 +4,7 @@ use super::Console;
 use super::args::InfoArgs;
 use crate::named_scene::{NamedScene, Scanning};
 use crate::output::ObjectIds;
-use crate::pipeline::check_raster_memory;
+use crate::pipeline::{LoadedScene, check_raster_memory};
 use serde_json::json;
 use std::fmt::Write as _;
 use std::time::Instant;
@@ -85,6 +85,16 @@ pub(super) fn options(recipe: &SceneRecipe, scanning: &Scanning, verify: bool) -
     let memory = options.max_memory.map_or(u64::MAX, |limit| limit / 2);
     let tiles = pack.has_tiles(0).then(|| TileOptions { memory, trees: BuildOptions::default() });
     Ok(LoadOptions { tiles, ..pack.load_options(options) })
+}
+
+/// The facts of a loaded scene as `vlscan scene info --json` writes them, without the times of loading.
+///
+/// # Errors
+/// [`Error::Input`] when the tree over the scene would exceed the memory limit.
+pub fn scene_json(loaded: &LoadedScene) -> Result<String> {
+    let (scene, warnings) = (loaded.scene(), Diagnostics::default());
+    let tree = loaded.tree(&|_| ())?;
+    Facts { scene, tree, inventory: Inventory::of(scene), warnings: &warnings, seconds: [0.0; 2] }.json()
 }
 
 impl Facts<'_> {

@@ -50,6 +50,7 @@ mod watch;
 
 pub use args::{Cli, Command};
 pub use console::{Console, LogTo, Verbosity};
+pub use info::scene_json;
 pub use manual::command as command_line;
 
 use clap::FromArgMatches;

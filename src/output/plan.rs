@@ -3,6 +3,7 @@
 use super::context::{OutputContext, OutputLeg};
 use super::division::Divider;
 use super::layout::{Content, FilePlan, OutputLayout, OutputLocation};
+use super::points::CloudFacts;
 use super::request::{OutputRequest, TableContent, Target};
 use super::summary::FileSummary;
 use std::collections::{BTreeMap, BTreeSet};
@@ -100,6 +101,11 @@ impl OutputPlan {
     /// Where positions and times of records count from.
     pub(super) fn frame(&self) -> WorldFrame {
         WorldFrame { origin: self.settings.origin, time: self.time_origin }
+    }
+
+    /// What is known of the points beside their columns.
+    pub(super) fn cloud_facts(&self) -> CloudFacts {
+        CloudFacts::new(self.settings.clone(), self.legs.clone())
     }
 
     /// Whether points have their height above the ground.

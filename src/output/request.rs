@@ -1,6 +1,6 @@
 //! Specification of the outputs of a run.
 
-use super::{Division, Ring};
+use super::{CloudFacts, Division, Ring};
 use crate::shards::Records;
 use ::arrow_array::RecordBatch;
 use std::fmt::Debug;
@@ -75,6 +75,9 @@ pub struct TableRequest {
 
 /// Takes the batches of a table. At least one batch is passed, in the thread that collects the results of a run.
 pub trait TableSink: Debug + Send + Sync {
+    /// Takes what is known of the points of a table beside their columns, before the first batch.
+    fn begin(&self, _facts: CloudFacts) {}
+
     /// Takes the next batch; the run waits meanwhile.
     ///
     /// # Errors
