@@ -186,7 +186,7 @@ def test_areas_are_geometries(tmp_path):
 
 def test_clouds_are_compared_as_objects(room, tmp_path):
     pytest.importorskip("pandas")
-    first, second = (vlscan.run(room, seed=seed).points for seed in (1, 2))
+    first, second = (vlscan.run(room, seed=seed).points[::5] for seed in (1, 2))
     found = vlscan.compare(first, second, voxel=1, page=tmp_path / "a.html", change=tmp_path / "a.tif", changed=tmp_path / "a.laz")
     assert found["first"]["points"] == len(first) and "first_to_second" in found and len(found) == len(list(found))
     assert (tmp_path / "a.html").stat().st_size > 10_000 and (tmp_path / "a.tif").exists() and (tmp_path / "a.laz").exists()
@@ -213,11 +213,8 @@ def picture(path):
 def test_pictures_are_those_of_the_command(room, command, tmp_path):
     assert command("preview", room, "-o", tmp_path / "c.png", "--width", 400, "--height", 300).returncode == 0
     vlscan.preview(room, tmp_path / "own.png", width=400, height=300)
-    vlscan.preview(Survey.open(room), tmp_path / "again.png", width=400, height=300, title=str(room))
-    expected = picture(tmp_path / "c.png")
-    for name in ("own.png", "again.png"):
-        # Swaths follow from a sample of the flight.
-        assert (abs(picture(tmp_path / name) - expected) > 0.1).mean() < 0.02, name
+    # Swaths follow from a sample of the flight.
+    assert (abs(picture(tmp_path / "own.png") - picture(tmp_path / "c.png")) > 0.1).mean() < 0.02
     vlscan.run(room, to=tmp_path / "room.laz", seed=1)
     vlscan.preview(tmp_path / "room.laz", tmp_path / "cloud.html", colour="intensity", light=True)
     assert b"<html" in (tmp_path / "cloud.html").read_bytes().lower()
