@@ -94,7 +94,8 @@ pub(super) fn options(recipe: &SceneRecipe, scanning: &Scanning, verify: bool) -
 pub fn scene_json(loaded: &LoadedScene) -> Result<String> {
     let (scene, warnings) = (loaded.scene(), Diagnostics::default());
     let tree = loaded.tree(&|_| ())?;
-    Facts { scene, tree, inventory: Inventory::of(scene), warnings: &warnings, seconds: [0.0; 2] }.json()
+    let (inventory, parts) = (Inventory::of(scene), PartFacts::of_scene(scene));
+    Facts { scene, tree, inventory, parts, warnings: &warnings, seconds: [0.0; 2] }.json()
 }
 
 impl Facts<'_> {
