@@ -159,7 +159,8 @@ impl PartFacts {
             tiles.for_each(
                 |_| true,
                 |facts, tile| {
-                    for (material, of) in PartFacts::shares(&tile.scene, most).into_iter().flat_map(|of| of.0) {
+                    for (material, of) in PartFacts::shares(&tile.scene, most).into_iter().flat_map(|of| of.0)
+                    {
                         let material = facts.materials[material as usize];
                         let share = shares[facts.part as usize].entry(material).or_default();
                         share.primitives += of.primitives;
