@@ -42,7 +42,7 @@ pub struct LineFacts {
 
 /// Facts about the points of one file or of several.
 #[derive(Clone, Debug, Default)]
-pub struct CloudFacts {
+pub struct CloudSummary {
     /// The files in order, with what they are.
     pub files: Vec<(PathBuf, Option<FileFacts>)>,
     /// Number of points, without those below.
@@ -77,7 +77,7 @@ pub struct CloudFacts {
     objects: HashSet<u64>,
     cover: Occupancy,
     /// The points of return 0 of 0: pulses without a return, unless no point has returns.
-    without_returns: Option<Box<CloudFacts>>,
+    without_returns: Option<Box<CloudSummary>>,
     /// Whether the file that is being read is LAS, and what its points have.
     is_las: bool,
     of_file: AttributeSet,
@@ -88,8 +88,8 @@ pub struct CloudFacts {
 ///
 /// # Errors
 /// [`Error::Io`](vlscan_base::Error::Io); [`Error::Input`](vlscan_base::Error::Input) when a file is of no format that is read or damaged.
-pub fn cloud_facts<P: AsRef<Path>>(paths: &[P]) -> Result<(CloudFacts, Diagnostics)> {
-    let (mut facts, mut all) = (CloudFacts::default(), Diagnostics::default());
+pub fn cloud_facts<P: AsRef<Path>>(paths: &[P]) -> Result<(CloudSummary, Diagnostics)> {
+    let (mut facts, mut all) = (CloudSummary::default(), Diagnostics::default());
     for path in paths {
         let path = path.as_ref();
         let (skipped, mut found) = (facts.skipped, Diagnostics::default());
@@ -116,7 +116,8 @@ pub fn cloud_facts<P: AsRef<Path>>(paths: &[P]) -> Result<(CloudFacts, Diagnosti
     if let Some(without) = facts.without_returns.take() {
         match facts.points {
             0 => {
-                facts = CloudFacts { files: facts.files, crs: facts.crs, skipped: facts.skipped, ..*without }
+                facts =
+                    CloudSummary { files: facts.files, crs: facts.crs, skipped: facts.skipped, ..*without }
             }
             _ => facts.misses = without.points,
         }
@@ -124,7 +125,7 @@ pub fn cloud_facts<P: AsRef<Path>>(paths: &[P]) -> Result<(CloudFacts, Diagnosti
     Ok((facts, all))
 }
 
-impl PointSink for CloudFacts {
+impl PointSink for CloudSummary {
     fn start(&mut self, attributes: AttributeSet) {
         self.of_file = attributes;
     }
@@ -146,7 +147,7 @@ impl PointSink for CloudFacts {
     }
 }
 
-impl CloudFacts {
+impl CloudSummary {
     fn add(&mut self, row: &PointRow, object: Option<&str>) {
         let p = row.position;
         // Also false for NaN.

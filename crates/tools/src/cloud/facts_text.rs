@@ -1,7 +1,7 @@
 //! Facts about a cloud as lines of text and as JSON.
 
 use super::classes::class_name;
-use super::facts::{CloudFacts, Span};
+use super::facts::{CloudSummary, Span};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use vlscan_base::crs;
@@ -17,7 +17,7 @@ const ADJUSTMENT_S: f64 = 1e9;
 const GPS_EPOCH_DAYS: f64 = 3657.0;
 const DAY_S: f64 = 86_400.0;
 
-impl CloudFacts {
+impl CloudSummary {
     /// The facts as lines of text.
     pub fn text(&self) -> String {
         let mut out = String::new();

@@ -24,7 +24,7 @@ mod wave;
 
 pub(crate) use classes::NOISE;
 pub use classes::class_name;
-pub use facts::{CloudFacts, LineFacts, Span, cloud_facts};
+pub use facts::{CloudSummary, LineFacts, Span, cloud_facts};
 pub use points::Points;
 pub use read::{points_of_table, read_points};
 pub use read_packets::read_packet;

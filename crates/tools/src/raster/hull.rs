@@ -68,7 +68,7 @@ mod tests {
         };
         assert_eq!(covers(0), [4]);
         assert_eq!(covers(1), [3, 4]);
-        assert_eq!(covers(2), [2, 3, 4]);
+        assert_eq!(covers(2), [2, 3, 4, 5]);
         assert_eq!(covers(3), [0, 1, 2, 3, 4, 5]);
         assert_eq!(covers(4), [2]);
         assert!(row_spans(&[Some([2, 2])])[0].contains(2.0));
