@@ -1,8 +1,9 @@
 """Holds a simulated photon-counting receiver against recorded photons: python photons.py VLSCAN FOLDER OUT
 
 FOLDER holds *_photons.parquet, *_segments.parquet and *_background.parquet of a beam of ICESat-2 ATL03. The segments (20 m) with even
-numbers are fitted: photons per shot, dead time of a pixel, spread of the surface. The segments with odd numbers are compared with as many
-simulated shots over a rough plane. Chance is the comparison of the even with the odd ones. Writes OUT/figures.md.
+numbers are fitted: photons per shot, dead time of a pixel, spread of the surface, and the tail of the light below it, as a pulse with
+an exponential tail. The segments with odd numbers are compared with simulated shots over a rough plane, of the pulse alone and with its
+tail. Chance is the comparison of the even with the odd ones. Writes OUT/figures.md.
 """
 
 import subprocess
@@ -13,11 +14,11 @@ import numpy as np
 import pyarrow.parquet as pq
 
 LIGHT = 0.299792458  # m/ns
-PIXELS = 4  # of a weak beam; channels 57 to 60 and 117 to 120 are two timers of the same ones
-CHANNELS_PER_TIMER = 60
+CHANNELS_PER_TIMER = 60  # of a weak beam, channels 57 to 60 and 117 to 120 are two timers of the same four pixels
 FOOTPRINT = 11.0  # diameter at 1/e², m (Magruder et al. 2020)
 SPACING = 0.7  # of shots along the track, m
 NEAR = 1.0  # photons so close to the surface are of its echo, m
+TAIL = 0.5  # photons farther below it are of the tail, m
 WINDOW = 15.0  # others are counted so far from it, m
 SHOTS = 4000  # that are simulated
 HEIGHT = 490e3  # of the instrument, m
@@ -33,14 +34,14 @@ def table(folder, kind):
 
 
 class Photons:
-    """Heights over the surface (m), pixels and shots of photons, and the number of shots that were fired."""
+    """Heights over the surface (m), pixels and shots of photons, number of shots that were fired, and of pixels."""
 
-    def __init__(self, height, pixel, shot, fired):
-        self.height, self.pixel, self.shot, self.fired = height, pixel, shot, fired
+    def __init__(self, height, pixel, shot, fired, pixels):
+        self.height, self.pixel, self.shot, self.fired, self.pixels = height, pixel, shot, fired, pixels
 
     def of_surface(self):
         near = np.abs(self.height) < NEAR
-        return Photons(self.height[near], self.pixel[near], self.shot[near], self.fired)
+        return Photons(self.height[near], self.pixel[near], self.shot[near], self.fired, self.pixels)
 
     def level(self):
         """Photons of the surface per shot, and standard deviation of their heights by the quartiles, m."""
@@ -53,6 +54,20 @@ class Photons:
         counts = np.bincount(lit, minlength=12)[:12].astype(float)
         counts[0] = self.fired - len(lit)
         return counts / self.fired
+
+    def tail(self):
+        """Photons below the surface without those of background light, per photon within TAIL of it; their mean depth beyond TAIL, m."""
+        below, above = (sign * self.height[(sign * self.height > TAIL) & (sign * self.height < WINDOW)] - TAIL for sign in (-1, 1))
+        excess = len(below) - len(above)
+        return excess / (np.abs(self.height) < TAIL).sum(), (below.sum() - above.sum()) / max(excess, 1)
+
+    def own_pixel(self):
+        """Of the photons of the tail the share that follow one of the echo in their pixel, and that share of the pixels in shots with photons."""
+        far = (self.height < -NEAR) & (self.height > -WINDOW)
+        near = np.abs(self.height) < NEAR
+        key = self.shot.astype(np.int64) * 1000 + self.pixel.astype(np.int64)
+        lit = np.unique(key[near])
+        return np.isin(key[far], lit).mean(), len(lit) / (self.pixels * len(np.unique(self.shot)))
 
     def pairs(self):
         """Distances of all pairs of photons of a shot, and whether both are of one pixel."""
@@ -111,15 +126,30 @@ def recorded(folder):
     for half in range(2):
         own = number % 2 == half
         fired = round(segments["segment_length"][half::2].sum() / SPACING)
-        halves.append(Photons(height[own], pixel[own], shot[own], fired))
+        halves.append(Photons(height[own], pixel[own], shot[own], fired, len(np.unique(pixel))))
     time = photons["delta_time"]
     during = (background["delta_time"] >= time.min()) & (background["delta_time"] <= time.max())
     rate = np.median(background["bckgrd_rate"][during])
     return halves, segments["tx_pulse_width_lower"].mean() * 1e9, rate
 
 
-def simulated(vlscan, out, mean, dead_ns, roughness, width, background, shots):
-    """Photons of simulated shots over a plane with that standard deviation of heights, m."""
+def write_pulse(path, width, share, depth):
+    """A raised cosine of that full width at half maximum (ns), and a tail of a share of its energy that falls to 1/e over that depth (m)."""
+    time = np.arange(-width, 2 * WINDOW / LIGHT, 0.1)
+    pulse = np.where(np.abs(time) < width, 0.5 + 0.5 * np.cos(np.pi * time / width), 0)
+    decay = 2 * depth / LIGHT
+    # The tail begins with the light: the pulse is convolved with it.
+    tail = np.convolve(pulse, np.exp(-np.arange(0, 10 * decay, 0.1) / decay))[: len(time)] * 0.1 / decay
+    power = pulse * (1 - share) + tail * share
+    path.write_text("".join(f"{t - time[0]:.1f} {p:.6f}\n" for t, p in zip(np.r_[time, time[-1] + 0.1], np.r_[power, 0])))
+
+
+def simulated(vlscan, out, mean, dead_ns, roughness, width, background, shots, pixels, tail=None):
+    """Photons of simulated shots over a plane with that standard deviation of heights, m; `tail`: share and depth (m) of the pulse's."""
+    pulse = f"pulse_fwhm_ns = {width}"
+    if tail:
+        write_pulse(out / "pulse.txt", width, *tail)
+        pulse = 'pulse_shape = "pulse.txt"'
     random = np.random.default_rng(1)
     steps = np.arange(-12, 12.01, 0.5)
     heights = random.normal(0, roughness, (len(steps), len(steps)))
@@ -132,7 +162,7 @@ def simulated(vlscan, out, mean, dead_ns, roughness, width, background, shots):
             lines += [f"f {a} {b} {b + 1}", f"f {a} {b + 1} {a + 1}"]
     (out / "ice.obj").write_text("\n".join(lines) + "\n")
     (out / "ice.mtl").write_text(f"newmtl ice\nhelios_reflectance {REFLECTANCE}\n")
-    channels = "\n".join(f'[[scanner.channel]]\nid = "{pixel}"' for pixel in range(PIXELS))
+    channels = "\n".join(f'[[scanner.channel]]\nid = "{pixel}"' for pixel in range(pixels))
     (out / "shots.toml").write_text(
         f"""scene = "ice.obj"
 [platform]
@@ -144,18 +174,18 @@ optics = "conic"
 pulse_freqs_hz = [10000]
 wavelength_nm = 532
 beam_divergence_rad = {FOOTPRINT / HEIGHT}
-pulse_fwhm_ns = {width}
+{pulse}
 pulse_energy_uj = 27
 receiver_diameter_m = 0.8
 visibility_km = 1e6
 range_min_m = {HEIGHT - WINDOW}
 range_max_m = {HEIGHT + WINDOW}
 detector = "photons"
-# {PIXELS} pixels; together an echo of {mean:.3f} photoelectrons, and {background:.0f} of background a second
+# {pixels} pixels; together an echo of {mean:.3f} photoelectrons, and {background:.0f} of background a second
 threshold_photons = 1
-max_range = {{ range_m = {HEIGHT}, reflectance = {REFLECTANCE * PIXELS / mean} }}
+max_range = {{ range_m = {HEIGHT}, reflectance = {REFLECTANCE * pixels / mean} }}
 dead_time_ns = {dead_ns}
-background_w = {background / PIXELS * 1.602176634e-19 / 0.1}
+background_w = {background / pixels * 1.602176634e-19 / 0.1}
 responsivity_a_per_w = 0.1
 {channels}
 [settings]
@@ -173,7 +203,20 @@ path = "shots.csv"
     subprocess.run([str(part) for part in command], check=True, cwd=out)
     shot, distance, pixel = np.loadtxt(out / "shots.csv", delimiter=",", skiprows=1, ndmin=2).T
     height = HEIGHT - distance
-    return Photons(height - np.median(height), pixel, shot, shots)
+    return Photons(height - np.median(height), pixel, shot, shots, pixels)
+
+
+def fitted(vlscan, out, even, dead, width, background, tail):
+    """The simulation that has as many photons of the surface per shot, and their spread: photons that arrive, roughness (m), photons."""
+    wanted, spread = even.level()
+    mean, roughness = wanted, np.sqrt(max(spread**2 - (width * COSINE * LIGHT / 2) ** 2, 0.05**2))
+    # Of the photons of a pixel the first one is seen: fewer than arrive, and closer together.
+    for _ in range(5):
+        model = simulated(vlscan, out, mean, 2 * dead / LIGHT, roughness, width, background, SHOTS, even.pixels, tail)
+        level, seen = model.level()
+        mean *= wanted / level
+        roughness = np.sqrt(max(roughness**2 + spread**2 - seen**2, 0))
+    return mean, roughness, model
 
 
 def main(vlscan, folder, out):
@@ -182,20 +225,25 @@ def main(vlscan, folder, out):
     (even, odd), width, background = recorded(folder)
     distance, same = even.pairs()
     dead = distance[same].min()
-    wanted, spread = even.level()
-    mean, roughness = wanted, np.sqrt(max(spread**2 - (width * COSINE * LIGHT / 2) ** 2, 0.05**2))
-    # Of the photons of a pixel the first one is seen: fewer than arrive, and closer together.
+    wanted, _ = even.level()
+    alone = fitted(vlscan, out, even, dead, width, background, None)
+    # The tail that makes as many photons below the surface as were recorded, as deep.
+    (share, depth), found = even.tail(), (0.03, 2.0)
+    tail = found
     for _ in range(5):
-        model = simulated(vlscan, out, mean, 2 * dead / LIGHT, roughness, width, background, SHOTS)
-        level, seen = model.level()
-        mean *= wanted / level
-        roughness = np.sqrt(max(roughness**2 + spread**2 - seen**2, 0))
-    print(f"even segments: {wanted:.3f} photons per shot of {mean:.3f} that arrive, dead time {2 * dead / LIGHT:.2f} ns, "
-          f"surface {roughness:.3f} m, pulse {width:.2f} ns, background {background:.0f} Hz")
-    rows = zip(odd.figures(dead), model.figures(dead), even.figures(dead))
-    lines = ["| odd segments | recorded | simulated | chance (even segments) |", "|---|---|---|---|"]
-    for (name, value, form), (_, other, _), (_, chance, _) in rows:
-        lines.append(f"| {name} | {form.format(value)} | {form.format(other)} | {form.format(chance)} |")
+        with_tail = fitted(vlscan, out, even, dead, width, background, tail)
+        seen, seen_depth = with_tail[2].tail()
+        found = tail
+        tail = (min(tail[0] * share / seen, 0.9), tail[1] * depth / seen_depth)
+    for name, (mean, roughness, _) in (("pulse alone", alone), (f"tail of {100 * found[0]:.1f} % with {2 * found[1] / LIGHT:.1f} ns", with_tail)):
+        print(f"even segments, {name}: {wanted:.3f} photons per shot of {mean:.3f} that arrive, dead time {2 * dead / LIGHT:.2f} ns, "
+              f"surface {roughness:.3f} m, pulse {width:.2f} ns, background {background:.0f} Hz")
+    for name, half in (("even", even), ("odd", odd)):
+        print("{} segments: {:.0%} of the photons below the surface follow one of their pixel; {:.0%} of the pixels have one".format(name, *half.own_pixel()))
+    rows = zip(odd.figures(dead), alone[2].figures(dead), with_tail[2].figures(dead), even.figures(dead))
+    lines = ["| odd segments | recorded | pulse alone | with its tail | chance (even segments) |", "|---|---|---|---|---|"]
+    for (name, value, form), (_, other, _), (_, tailed, _), (_, chance, _) in rows:
+        lines.append(f"| {name} | {form.format(value)} | {form.format(other)} | {form.format(tailed)} | {form.format(chance)} |")
     (out / "figures.md").write_text("\n".join(lines) + "\n")
     print("\n".join(lines))
 

@@ -102,13 +102,15 @@ def row(real, simulated):
     """A line of the table: the classes of the real recording, those of the simulated one, chance."""
     scatter, chance = real["scatter_m"][1], real["scatter_m"][0]
     mm = lambda value: f"{1000 * value:.1f}"
-    other = simulated["scatter_m"][1] if simulated else float("nan")
-    ratio = other / scatter
     lost = lambda figures: f"{100 * figures['dropouts'][1]:.2f}" if figures else "–"
-    verdict = "yes" if abs(ratio - 1) <= 0.2 else "no"
+    # A class may have too few simulated echoes.
+    other, difference, verdict = "–", "–", "–"
+    if simulated:
+        ratio = simulated["scatter_m"][1] / scatter
+        other, difference, verdict = mm(ratio * scatter), f"{ratio - 1:+.0%}", "yes" if abs(ratio - 1) <= 0.2 else "no"
     low, high = real["limits"]
     return (
-        f"| {real['by']} {low:g}–{high:g} | {real['echoes'][1]} | {mm(scatter)} | {mm(other)} | {ratio - 1:+.0%} | "
+        f"| {real['by']} {low:g}–{high:g} | {real['echoes'][1]} | {mm(scatter)} | {other} | {difference} | "
         f"{chance / scatter - 1:+.0%} | {verdict} | {lost(real)} | {lost(simulated)} | {100 * real['dropouts'][0]:.2f} |"
     )
 

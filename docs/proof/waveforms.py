@@ -2,8 +2,8 @@
 
 SHOTS are shots of GEDI L1B: beam, delta_time, tx, rx (1 ns), noise_mean, noise_stddev, latitude and longitude, elevations of the first
 and the last bin. Ground echoes with one mode are compared with the transmitted pulse and the slope along the track. The widening of the
-narrowest echoes of the shots with even numbers is taken as that of the receiver; shots with odd numbers over the smoothest ground
-are simulated over a plane of their slope, with the transmitted pulse alone and with the receiver. Writes OUT/figures.md and
+narrowest echoes of the shots with even numbers is taken as that of the receiver; the shots with odd numbers that have the narrowest
+echoes are simulated over a plane of their slope, with the transmitted pulse alone and with the receiver. Writes OUT/figures.md and
 OUT/shot.png.
 """
 
@@ -21,13 +21,14 @@ LIGHT = 0.299792458  # m/ns
 FWHM = np.sqrt(8 * np.log(2))
 FOOTPRINT = 25.0  # diameter at 1/e², m
 HEIGHT = 420e3  # of the instrument, m
+NEAR = 60  # samples on either side of a mode that are fitted
 NARROW = 5  # per cent of the shots whose widening is taken as the receiver's
 
 
 def gaussian_width(wave):
     """Centre and standard deviation of a Gaussian at the largest mode, ns."""
     top = int(np.argmax(gaussian_filter1d(wave, 3)))
-    near = np.arange(max(top - 60, 0), min(top + 60, len(wave)))
+    near = np.arange(max(top - NEAR, 0), min(top + NEAR, len(wave)))
     model = lambda x, height, centre, width: height * np.exp(-0.5 * ((x - centre) / width) ** 2)
     (_, centre, width), _ = curve_fit(model, near, wave[near], [wave[top], top, 8])
     return centre, abs(width)
@@ -36,10 +37,14 @@ def gaussian_width(wave):
 def read(path):
     """Shots with one mode: widths of pulses and echoes (σ, ns), ground height (m), slope along the track."""
     shots = pq.read_table(path).to_pydict()
-    found = []
+    found, empty = [], 0
     for i in range(len(shots["beam"])):
-        rx = np.array(shots["rx"][i]) - shots["noise_mean"][i]
-        tx = np.array(shots["tx"][i])
+        rx = np.array(shots["rx"][i] or [], float) - (shots["noise_mean"][i] or 0)
+        tx = np.array(shots["tx"][i] or [], float)
+        # Shots without an echo, through clouds say, or without a transmitted pulse.
+        if len(rx) < 2 * NEAR or len(tx) < NEAR or not np.isfinite(np.r_[rx, tx]).all() or rx.max() < 4 * (shots["noise_stddev"][i] or np.inf):
+            empty += 1
+            continue
         tx = tx - np.median(np.r_[tx[:20], tx[-20:]])
         noise = shots["noise_stddev"][i]
         smooth = gaussian_filter1d(rx, 4)
@@ -61,6 +66,8 @@ def read(path):
             way = np.linalg.norm(after["place"] - before["place"])
             if way < 150:
                 shot["slope"] = (after["ground"] - before["ground"]) / way
+    if empty:
+        print(f"{empty} of {len(shots['beam'])} shots have no echo or no transmitted pulse; they are left out")
     return [shot for shot in found if shot["modes"] == 1 and np.isfinite(shot["slope"])]
 
 
@@ -176,7 +183,7 @@ def main():
         "",
         f"Receiver (narrowest {NARROW} % of the even shots): {FWHM * receiver:.2f} ns FWHM; of the odd shots {FWHM * chance:.2f} ns. Rank correlation of widening and slope along the track: {correlation:.2f} ({len(shots)} shots).",
         "",
-        "| odd shots over the smoothest ground | received, FWHM, ns | simulated with the transmitted pulse | behind the receiver | difference of shapes, % of the peak: pulse alone | behind the receiver | chance |",
+        "| odd shots with the narrowest echoes | received, FWHM, ns | simulated with the transmitted pulse | behind the receiver | difference of shapes, % of the peak: pulse alone | behind the receiver | chance |",
         "|---|---|---|---|---|---|---|",
     ]
     smooth = sorted(others, key=lambda shot: shot["width"] ** 2 - shot["pulse"] ** 2)[:8]

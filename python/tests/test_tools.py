@@ -77,7 +77,7 @@ def test_a_flight_is_fitted_and_a_scene_reconstructed(tmp_path):
     plan = vlscan.plan_airborne("riegl_vux-1uav", height=60, density=20, scene=FIXTURES / "forest" / "ground.obj")
     plan.save(tmp_path / "plan.toml")
     vlscan.run(tmp_path / "plan.toml", to=tmp_path / "line.laz", seed=1)
-    found = vlscan.fit_flight(tmp_path / "line.laz", tmp_path / "fit.toml")
+    found = vlscan.fit_flight(tmp_path / "line.laz", tmp_path / "fit.toml", extend=2.0)
     value, deviation, unit = found["height above the points"]
     assert abs(value - 60) < 1 and 0 < deviation < 1 and unit == "m"
     assert 'optics = "rotating"' in (tmp_path / "fit.toml").read_text()

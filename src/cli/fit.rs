@@ -16,7 +16,8 @@ pub fn run(args: &FitArgs, console: &Console) -> Result<()> {
         return run_spinning(args, calibration, console);
     }
     let mut found = Diagnostics::default();
-    let fit = fit_flight(&args.cloud, &FlightRequest { flight_line: args.flight_line }, &mut found);
+    let request = FlightRequest { flight_line: args.flight_line, extend: args.extend };
+    let fit = fit_flight(&args.cloud, &request, &mut found);
     console.warnings(&found.finish(false)?)?;
     let fit = fit?;
     let files = fit.write(&args.out, &format!("vlscan fit {}", args.cloud.display()), args.force)?;

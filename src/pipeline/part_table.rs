@@ -18,7 +18,7 @@ struct Row {
     facts: String,
 }
 
-const HEADING: &str = "object,part,id,name,class,materials,x,y,z,height,points";
+const HEADING: &str = "object,part,id,name,class,materials,areas,leaf_area,x,y,z,height,points";
 
 impl PartTable {
     /// The table of a scene.
@@ -31,7 +31,9 @@ impl PartTable {
         let row = |(index, (part, facts)): (u32, (&vlscan_scene::Part, &PartFacts))| {
             let materials = facts.material_names(scene).join(" ");
             let mut text = format!("{index},{},{},", quoted(&part.id), quoted(&part.name));
+            let areas: Vec<String> = facts.areas.iter().map(|area| format!("{:.6}", area.total())).collect();
             let _ = write!(text, "{},{},", facts.class(scene), quoted(&materials));
+            let _ = write!(text, "{},{:.6},", areas.join(" "), facts.leaf_area(scene));
             let (low, centre, size) = (facts.bounds.min, facts.bounds.centre(), facts.bounds.size());
             let _ = match facts.primitives {
                 0 => write!(text, ",,,"),

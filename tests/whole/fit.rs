@@ -4,7 +4,7 @@ use crate::common::{folder, recording, run, succeed, text};
 use std::fs;
 use std::path::Path;
 
-/// Two seconds of a drone with a cone or a polygon mirror over a rolling field.
+/// Two seconds of a drone with a mirror over a rolling field.
 fn pipeline(optics: &str) -> String {
     let mut survey = String::from(
         "scene = \"hills/scene.xml\"\nseed = 1\n\n[platform]\nkind = \"linear_path\"\n\
@@ -12,7 +12,7 @@ fn pipeline(optics: &str) -> String {
     );
     survey += optics;
     survey += "pulse_freqs_hz = [100000]\naccuracy_m = 0.01\nmax_range = { range_m = 900, reflectance = 0.2 }\n\n\
-         [settings]\npulse_freq_hz = 100000\nscan_freq_hz = 60\n\n\
+         [settings]\npulse_freq_hz = 100000\nscan_freq_hz = 60\nscan_angle_deg = 25\n\n\
          [[leg]]\nposition_m = [-20, 30, 200]\nspeed_m_per_s = 20\n\n[[leg]]\nposition_m = [20, 30, 200]\nactive = false\n\n\
          [[output]]\npath = \"line.laz\"\n";
     survey
@@ -30,9 +30,17 @@ fn a_flight_that_was_flown_here_is_found_and_flown_again() {
     let cone = "optics = \"conic\"\nscan_angle_max_deg = 20\nscan_freq_max_hz = 60\nscan_reverse = true\nscan_phase_deg = 40\n";
     let polygon =
         "optics = \"rotating\"\nscan_angle_max_deg = 30\nscan_freq_max_hz = 60\nscan_phase_deg = 70\n";
+    let swinging =
+        "optics = \"oscillating\"\nscan_angle_max_deg = 30\nscan_freq_max_hz = 60\nscan_phase_deg = 70\n";
+    let ellipse = "optics = \"conic\"\nscan_angle_max_deg = 20\nscan_angle_along_max_deg = 14\nscan_freq_max_hz = 60\nscan_reverse = true\nscan_phase_deg = 70\n";
+    let facets = "optics = \"rotating\"\nscan_angle_max_deg = 30\nscan_freq_max_hz = 60\nscan_reverse = true\nscan_phase_deg = 70\nfacet_tilts_deg = [0, 4, -3]\n";
     for (optics, name, angle, rate) in [
         (cone, "conic", ("half angle of the cone", 20.0), "revolutions"),
         (polygon, "rotating", ("angle per line", 60.0), "lines"),
+        // Its turns take 6 % of each sweep.
+        (swinging, "oscillating", ("half angle", 25.0), "periods"),
+        (ellipse, "conic", ("half angle along the flight", 14.0), "revolutions"),
+        (facets, "rotating", ("angle per line", 60.0), "lines"),
     ] {
         let dir = folder();
         succeed(
@@ -55,12 +63,18 @@ fn a_flight_that_was_flown_here_is_found_and_flown_again() {
         }
         let written = fs::read_to_string(dir.path().join("fit.toml")).unwrap();
         assert!(written.contains(&format!("optics = \"{name}\"")), "{written}");
-        // Flown again over the same ground it draws the same lines.
+        // Flown again over the same ground it draws the same lines: so do the times and angles of its pulses.
         succeed(dir.path(), &["run", "fit.toml", "--scene", "hills/scene.xml", "-o", "again.laz", "-q"]);
         let out = succeed(dir.path(), &["compare", "line.laz", "again.laz", "--json"]);
         let compared: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
         let points = |which: &str| compared[which]["points"].as_f64().unwrap();
         assert!((points("second") / points("first") - 1.0).abs() < 0.02, "{compared}");
+        let quantities = compared["quantities"].as_array().unwrap();
+        let angles = quantities.iter().find(|q| q["name"] == "scan angle at the same time").unwrap();
+        let figure =
+            angles["figures"].as_array().unwrap().iter().find(|f| f["name"] == "robust spread").unwrap();
+        let spread = figure["second"].as_f64().unwrap();
+        assert!(spread < 0.02, "{optics}: {angles}");
         // What exists stays.
         let again = run(dir.path(), &["fit", "line.laz", "-o", "fit.toml"]);
         assert!(text(&again.stderr).contains("--force"), "{}", text(&again.stderr));
@@ -184,7 +198,7 @@ fn clouds_that_say_nothing_of_a_flight_are_refused() {
     fs::write(dir.path().join("few.txt"), "x y z time scan_angle\n1 2 3 4 5\n").unwrap();
     for (cloud, expected) in [
         ("plain.xyz", "GPS times"),
-        ("nadir.txt", "no flight"),
+        ("nadir.txt", "all scan angles are 0°"),
         ("few.txt", "too few"),
         ("frozen.txt", "have the GPS time 77"),
         ("place.txt", "lie within 0.000 m"),

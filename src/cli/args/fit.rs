@@ -26,6 +26,16 @@ pub struct FitArgs {
     /// Fit the flight line of this point source; the one with the most points if it is not given.
     #[arg(long, value_name = "N", conflicts_with = "calibration")]
     pub flight_line: Option<u16>,
+    /// Write a flight that goes on for so long after the recording: straight, with the last attitude, and with the pulses that
+    /// follow from the patterns that were found.
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = 0.0,
+        hide_default_value = true,
+        conflicts_with = "calibration"
+    )]
+    pub extend: f64,
     /// Write the table of what was estimated as JSON.
     #[arg(long)]
     pub json: bool,

@@ -1,7 +1,7 @@
 //! Noise of ranges, by the heights of points about the ground around them.
 
 use super::recording::{Pulse, Recording, median};
-use super::solve::Solution;
+use super::solution::Solution;
 use libm::cos;
 use nalgebra::{Matrix3, Vector3};
 use std::collections::HashMap;

@@ -4,6 +4,7 @@ use super::lines;
 use super::mirror::Mirror;
 use super::model::{MAX_PARAMETERS, Model, PLATFORM_PARAMETERS};
 use super::recording::{Pulse, Recording, median};
+use super::solution::MIN_DEPTH;
 use libm::{atan2, cos, hypot, sin, sqrt, tan};
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
@@ -13,8 +14,6 @@ use vlscan_geom::DVec3;
 const GUESS_PULSES: usize = 6000;
 /// Rates are sought by the coherence of phases over at most this many seconds.
 const COHERENT: f64 = 4.0;
-/// Returns of a pulse that lie farther apart in height than this tell the direction of its beam, m.
-const MIN_DEPTH: f64 = 3.0;
 const MIN_DEEP_PULSES: usize = 200;
 
 /// Guesses that the pulses suggest.
@@ -27,6 +26,24 @@ pub fn guesses(recording: &Recording) -> Vec<Model> {
     }
     let lines = lines.into_iter().filter_map(|(mirror, channels)| lines::guess(recording, mirror, channels));
     circles.chain(lines).collect()
+}
+
+/// Guesses of elliptic cones, which are tried where nothing else meets the points: from circles, by the ratio of their angles.
+pub fn elliptic_guesses(recording: &Recording) -> Vec<Model> {
+    const RATIOS: [f64; 4] = [0.6, 0.8, 1.25, 1.7];
+    let cones = [circle(recording), arcs(recording, 1.0), arcs(recording, -1.0)];
+    let cones = cones.into_iter().flatten().filter_map(|circle| cone(recording, &circle));
+    let of_ratio = |cone: &Model, ratio: f64, is_along: bool| {
+        let mut model = Model { mirror: Mirror::EllipticCone, ..cone.clone() };
+        let p = &mut model.parameters[PLATFORM_PARAMETERS..];
+        let other = libm::atan(tan(p[0]) * ratio);
+        (p[0], p[3], p[4]) = if is_along { (p[0], 0.0, other) } else { (other, 0.0, p[0]) };
+        model
+    };
+    cones
+        .flat_map(|cone| RATIOS.map(|ratio| [true, false].map(|is_along| of_ratio(&cone, ratio, is_along))))
+        .flatten()
+        .collect()
 }
 
 /// A circle on the ground whose centre moves.
@@ -50,7 +67,7 @@ pub fn chosen(recording: &Recording) -> Vec<usize> {
 }
 
 /// Least squares; `None` if the columns depend on each other.
-fn least_squares(rows: &[Vec<f64>], right: &[f64]) -> Option<Vec<f64>> {
+pub fn least_squares(rows: &[Vec<f64>], right: &[f64]) -> Option<Vec<f64>> {
     let count = rows.first()?.len();
     let scale: Vec<f64> =
         (0..count).map(|k| sqrt(rows.iter().map(|row| row[k] * row[k]).sum::<f64>()).max(1e-300)).collect();
@@ -198,11 +215,11 @@ pub fn mean_height(recording: &Recording, chosen: &[usize]) -> f64 {
     chosen.iter().map(|i| recording.pulses[*i].position.z).sum::<f64>() / chosen.len().max(1) as f64
 }
 
-/// Rate and phase at time 0 of lines that pass the angle 0 at these times.
-pub fn line_rate(crossings: &[f64]) -> Option<(f64, f64)> {
+/// Rate and phase at time 0 of lines that pass the angle 0 at these times; near the `multiple` of the rate by their intervals.
+pub fn line_rate(crossings: &[f64], multiple: f64) -> Option<(f64, f64)> {
     let mut times = crossings.to_vec();
     times.sort_by(f64::total_cmp);
-    let coarse = 1.0 / period(&times)?;
+    let coarse = multiple / period(&times)?;
     let samples: Vec<(f64, f64)> = times.iter().map(|time| (*time, 0.0)).collect();
     Some(coherent_rate(&samples, coarse, 0.05))
 }

@@ -3,13 +3,13 @@
 use super::guess::{chosen, coherence, height, line_rate, slope, wrapped};
 use super::mirror::Mirror;
 use super::model::{MAX_CHANNELS, MAX_PARAMETERS, Model, PLATFORM_PARAMETERS};
-use super::recording::{Recording, median};
+use super::recording::{Pulse, Recording, median};
 use libm::{atan2, cos, hypot, sin, tan};
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
 /// Lines of fewer pulses have no direction.
-const MIN_PULSES: usize = 12;
+pub const MIN_PULSES: usize = 12;
 /// Lines whose directions differ by less are of one channel, rad.
 const SAME: f64 = 0.07;
 /// Smaller shares of the lines are no channel.
@@ -137,25 +137,12 @@ pub fn guess(recording: &Recording, mirror: Mirror, channels: usize) -> Option<M
     let mut rates = Vec::new();
     for line in recording.lines.iter().filter(|line| line.len() >= MIN_PULSES) {
         let channel = &mut found[number(line.start)];
-        let pulses = &recording.pulses[line.clone()];
-        let (times, angles): (Vec<f64>, Vec<f64>) = pulses
-            .iter()
-            .map(|pulse| {
-                let x = pulse.position.x - centre.0 - velocity.0 * pulse.time;
-                let y = pulse.position.y - centre.1 - velocity.1 * pulse.time;
-                let angle = atan2(x * channel.along.0 + y * channel.along.1, height - pulse.position.z);
-                (pulse.time - pulses[0].time, angle)
-            })
-            .unzip();
-        let (rate, first) = slope(&times, &angles);
-        if rate == 0.0 || !rate.is_finite() {
-            continue;
-        }
-        let crossing = pulses[0].time - first / rate;
+        let found = crossing(recording, line.clone(), centre, velocity, channel.along, height);
+        let Some(Crossing { time, rate }) = found else { continue };
         if rate > 0.0 {
-            channel.rising.push(crossing)
+            channel.rising.push(time)
         } else {
-            channel.falling.push(crossing)
+            channel.falling.push(time)
         }
         rates.push(rate.abs());
     }
@@ -179,7 +166,7 @@ pub fn guess(recording: &Recording, mirror: Mirror, channels: usize) -> Option<M
                 false => channel.falling.clone(),
             };
             let most = found.iter().max_by_key(|channel| channel.rising.len().max(channel.falling.len()))?;
-            let (frequency, _) = line_rate(&crossings(most))?;
+            let (frequency, _) = line_rate(&crossings(most), 1.0)?;
             of_mirror[0] = sense(&found[0]) * speed_of_angle / frequency;
             of_mirror[1] = frequency;
             // What the channels have in common is the scanner's.
@@ -198,7 +185,7 @@ pub fn guess(recording: &Recording, mirror: Mirror, channels: usize) -> Option<M
             }
         }
         Mirror::Oscillating if is_both(&found[0]) => {
-            let (frequency, offset) = line_rate(&found[0].rising)?;
+            let (frequency, offset) = line_rate(&found[0].rising, 1.0)?;
             of_mirror[0] = speed_of_angle / (4.0 * frequency);
             of_mirror[1] = frequency;
             of_mirror[2] = wrapped(0.25 * TAU + offset);
@@ -206,6 +193,33 @@ pub fn guess(recording: &Recording, mirror: Mirror, channels: usize) -> Option<M
         _ => return None,
     }
     Some(model)
+}
+
+/// When a line looks straight down, s, and the speed of its angle, rad/s.
+pub struct Crossing {
+    pub time: f64,
+    pub rate: f64,
+}
+
+/// The crossing of a line in the direction `along` from a platform at `centre` at time 0 and at `height`; `None` if its angle does
+/// not change.
+pub fn crossing(
+    recording: &Recording,
+    line: Range<usize>,
+    centre: (f64, f64),
+    velocity: (f64, f64),
+    along: (f64, f64),
+    height: f64,
+) -> Option<Crossing> {
+    let pulses = &recording.pulses[line];
+    let angle = |pulse: &Pulse| {
+        let x = pulse.position.x - centre.0 - velocity.0 * pulse.time;
+        let y = pulse.position.y - centre.1 - velocity.1 * pulse.time;
+        (pulse.time - pulses[0].time, atan2(x * along.0 + y * along.1, height - pulse.position.z))
+    };
+    let (times, angles): (Vec<f64>, Vec<f64>) = pulses.iter().map(angle).unzip();
+    let (rate, first) = slope(&times, &angles);
+    (rate != 0.0 && rate.is_finite()).then(|| Crossing { time: pulses[0].time - first / rate, rate })
 }
 
 /// Turn of lines in the direction `along` from across the flight, to the right.

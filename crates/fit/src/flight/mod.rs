@@ -7,13 +7,14 @@
 //! | file | what it does |
 //! |---|---|
 //! | `recording` | pulses of one flight line, cut to lines of the scanner |
-//! | `guess`, `lines` | first guesses for each kind of mirror |
+//! | `guess`, `lines`, `facets` | first guesses for each kind of mirror |
 //! | `model`, `mirror` | where the beam of a flown scanner meets the ground |
-//! | `solve` | least squares for parameters and attitudes |
+//! | `solve`, `solution` | least squares for parameters and attitudes |
 //! | `rate`, `repeat` | when pulses leave: by the place of the mirror, and patterns that repeat |
 //! | `ground` | noise of ranges |
 //! | `report`, `write` | figures with uncertainties; pipeline file, trajectory, pulse times |
 
+mod facets;
 mod ground;
 mod guess;
 mod lines;
@@ -23,6 +24,7 @@ mod rate;
 mod recording;
 mod repeat;
 mod report;
+mod solution;
 mod solve;
 #[cfg(test)]
 mod tests;
@@ -33,7 +35,7 @@ pub use model::{Attitude, Channel, Footprint, MAX_PARAMETERS, Model, PLATFORM_PA
 pub use rate::{MAX_LOST_SHARE, PulseRate};
 pub use recording::{Pulse, Recording};
 pub use report::{Figure, json, table};
-pub use solve::Solution;
+pub use solution::Solution;
 pub use write::FlightFiles;
 
 use std::path::Path;
@@ -43,6 +45,8 @@ use vlscan_geom::degrees;
 
 /// Sections whose attitudes are estimated when the kind of mirror is chosen.
 const TRIAL_SECTIONS: usize = 150;
+/// Sections by which one of many guesses of an elliptic cone is chosen.
+const ELLIPSE_SECTIONS: usize = 40;
 const MAX_SECTIONS: usize = 20_000;
 /// Sections per revolution of a mirror, within which the attitude counts as constant.
 const SECTIONS_PER_TURN: f64 = 8.0;
@@ -59,6 +63,8 @@ const MIN_MIRROR: f64 = 0.01;
 /// Speeds of flights, m/s.
 const MIN_SPEED: f64 = 0.2;
 const MAX_SPEED: f64 = 400.0;
+/// Longest time that a flight is written beyond its recording, s.
+const MAX_EXTENSION: f64 = 86_400.0;
 /// One that misses them by more than this is doubtful.
 const DOUBTFUL_RESIDUAL: f64 = 0.15;
 /// Larger relative deviations of the height are told.
@@ -69,6 +75,8 @@ const DOUBTFUL_SCALE: f64 = 0.01;
 pub struct FlightRequest {
     /// Point source of the flight line; the one with the most points if there is none.
     pub flight_line: Option<u16>,
+    /// Time that the written flight goes on after the recording, s.
+    pub extend: f64,
 }
 
 /// A flight with its scanner.
@@ -82,6 +90,8 @@ pub struct FlightFit {
     pub rate: PulseRate,
     /// Standard deviation of ranges, with the roughness of the ground, m.
     pub noise: Option<f64>,
+    /// Time that the written flight goes on after the recording, s: straight, with the last attitude.
+    pub extend: f64,
 }
 
 /// Fits a flight and its scanner to one flight line of a cloud. Warnings are added to `found`.
@@ -90,6 +100,10 @@ pub struct FlightFit {
 /// [`Error::Io`]; [`Error::Input`] for clouds without GPS times or scan angles, with too few pulses, or with pulses that are
 /// neither on the circles of a cone nor on lines across a flight.
 pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics) -> Result<FlightFit> {
+    if !(0.0..=MAX_EXTENSION).contains(&request.extend) {
+        let message = format!("--extend {}: expected seconds from 0 to {MAX_EXTENSION}", request.extend);
+        return Err(Error::input(message));
+    }
     let mut recording = Recording::read(path, request.flight_line, found)?;
     lines::find_channels(&mut recording);
     let mut fitted = best_solution(&recording);
@@ -106,8 +120,8 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
     let name = path.display();
     let solution = fitted.map_err(|reason| {
         Error::input_with_help(
-            format!("{name}: no flight meets these points: {reason}"),
-            "a fit needs all pulses of a flight line, not thinned, from a cone, a polygon mirror or an oscillating mirror, with scan angles that change across the track",
+            format!("{name}: no flight meets these points: {reason}; they are {}", recording.description()),
+            "a fit needs all pulses of a flight line, not thinned, from a cone (also an elliptic one), a polygon mirror (also one whose facets differ by their tilt) or an oscillating mirror, not from prisms or a sensor that spins, with scan angles in degrees that change across the track, and times in seconds",
         )
     })?;
     if solution.residual > DOUBTFUL_RESIDUAL {
@@ -128,6 +142,14 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
         found.warn(Some(Place::of_file(path)), message).help("fit a wider part of the swath");
     }
     let rate = PulseRate::of(&recording, &solution);
+    if let Some(step) = rate.coarse_step {
+        let message = format!(
+            "GPS times have steps of {:.3} µs, which hides the intervals of pulses: doubt the pulse rate of {:.0} per second",
+            1e6 * step,
+            rate.mean
+        );
+        found.warn(Some(Place::of_file(path)), message);
+    }
     if rate.lost > MAX_LOST_SHARE {
         let message = format!(
             "{:.0} % of the pulses have no point: the cloud is thinned, or its ground reflects little; no dropout_rate is written, and if neighbouring pulses are hardly ever in the cloud the pulse rate is too low",
@@ -140,7 +162,7 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
         let message = "too few points of ground lie together for the noise of ranges";
         found.warn(Some(Place::of_file(path)), message);
     }
-    Ok(FlightFit { recording, solution, rate, noise })
+    Ok(FlightFit { recording, solution, rate, noise, extend: request.extend })
 }
 
 /// The solution that leaves least to chance, over all kinds of mirrors; the error says why there is none.
@@ -149,19 +171,29 @@ fn best_solution(recording: &Recording) -> std::result::Result<Solution, String>
         let turns = model.of_mirror()[1].abs();
         solve::sections(recording, 1.0 / (SECTIONS_PER_TURN * turns), max)
     };
-    let mut trials = Vec::new();
-    for first in guess::guesses(recording) {
-        let sections = sections_of(&first, TRIAL_SECTIONS);
-        let start = solve::solve(recording, &first, &sections, false);
-        trials.push(solve::solve(recording, &start.model, &sections, true));
+    let start = |first: &Model, max| solve::solve(recording, first, &sections_of(first, max), false);
+    let trial = |first: &Model| {
+        let start = start(first, TRIAL_SECTIONS);
+        solve::solve(recording, &start.model, &sections_of(first, TRIAL_SECTIONS), true)
+    };
+    let mut firsts = guess::guesses(recording);
+    let of_facets: Vec<Model> = firsts.iter().filter_map(|first| facets::guess(recording, first)).collect();
+    firsts.extend(of_facets);
+    let mut trials: Vec<Solution> = firsts.iter().map(trial).collect();
+    if trials.iter().all(|trial| misfit(trial, recording).is_some()) {
+        let ellipses =
+            guess::elliptic_guesses(recording).into_iter().map(|first| start(&first, ELLIPSE_SECTIONS));
+        let best = ellipses.min_by(|a, b| a.residual.total_cmp(&b.residual));
+        trials.extend(best.map(|best| trial(&best.model)));
     }
     let reasons: Vec<String> = trials
         .iter()
         .filter_map(|trial| Some((trial, misfit(trial, recording)?)))
         .map(|(trial, misfit)| {
-            let channels = match trial.model.senses.len() {
-                1 => String::new(),
-                count => format!(" with {count} channels"),
+            let channels = match (trial.model.senses.len(), trial.model.facets) {
+                (1, 1) => String::new(),
+                (1, facets) => format!(" with {facets} facets of different tilt"),
+                (count, _) => format!(" with {count} channels"),
             };
             format!("{}{channels} {misfit}", trial.model.mirror.name())
         })

@@ -1,7 +1,7 @@
 //! Where the beam of a flown scanner meets the ground.
 
 use super::mirror::{MIRROR_PARAMETERS, Mirror};
-use libm::{atan2, cos, sin};
+use libm::{atan2, cos, hypot, sin};
 use vlscan_geom::DVec3;
 
 /// Parameters of the platform, which precede those of the mirror.
@@ -12,8 +12,10 @@ pub const MAX_CHANNELS: usize = 4;
 pub const CHANNEL_PARAMETERS: usize = 3;
 /// Index of the first parameter of a channel.
 pub const FIRST_OF_CHANNELS: usize = PLATFORM_PARAMETERS + MIRROR_PARAMETERS;
+/// Maximum number of facets that differ.
+pub const MAX_FACETS: usize = CHANNEL_PARAMETERS * (MAX_CHANNELS - 1);
 /// Maximum number of parameters.
-pub const MAX_PARAMETERS: usize = FIRST_OF_CHANNELS + CHANNEL_PARAMETERS * (MAX_CHANNELS - 1);
+pub const MAX_PARAMETERS: usize = FIRST_OF_CHANNELS + MAX_FACETS;
 
 /// A flight with its scanner.
 ///
@@ -24,10 +26,13 @@ pub struct Model {
     pub mirror: Mirror,
     /// Place at time 0 (x, y: m), velocity (m/s), acceleration (m/s²), height at time 0 (m), climb (m/s), roll, pitch (rad),
     /// the parameters of the mirror, and for n channels n − 1 times: phase of channel k + 1, yaw and pitch of channel k. Yaws
-    /// and pitches of the channels have the sum 0: their mean is that of the scanner.
+    /// and pitches of the channels have the sum 0: their mean is that of the scanner. Facets that differ have their tilts in place
+    /// of channels.
     pub parameters: [f64; MAX_PARAMETERS],
     /// 1 for each channel whose lines go the way of the first one's, −1 for those that go the other way.
     pub senses: Vec<f64>,
+    /// Facets of a polygon mirror that draw lines of different tilts in turn; 1 if they are alike.
+    pub facets: usize,
 }
 
 /// Deviation of the attitude of one line: roll, pitch, yaw, rad. A cone turns by its yaw just as by the phase of its mirror.
@@ -60,12 +65,13 @@ pub struct Footprint {
 impl Model {
     /// A model with one channel.
     pub fn new(mirror: Mirror, parameters: [f64; MAX_PARAMETERS]) -> Model {
-        Model { mirror, parameters, senses: vec![1.0] }
+        Model { mirror, parameters, senses: vec![1.0], facets: 1 }
     }
 
     /// Number of parameters.
     pub fn count(&self) -> usize {
         match self.senses.len() {
+            _ if self.facets > 1 => FIRST_OF_CHANNELS + self.facets,
             1 => PLATFORM_PARAMETERS + self.mirror.count(),
             channels => FIRST_OF_CHANNELS + CHANNEL_PARAMETERS * (channels - 1),
         }
@@ -117,6 +123,13 @@ impl Model {
         }
     }
 
+    /// Tilts of the facets of a polygon mirror, in the order of their lines; empty if they are alike. A facet turns the beam by its
+    /// tilt forward, along the axis of the mirror.
+    pub fn facet_tilts(&self) -> &[f64] {
+        let count = if self.facets > 1 { self.facets } else { 0 };
+        &self.parameters[FIRST_OF_CHANNELS..][..count]
+    }
+
     /// Place of a channel's mirror within the revolution, line or period at `time`, from 0 to 1.
     pub fn part(&self, channel: usize, time: f64) -> f64 {
         self.mirror.part(self.of_mirror(), self.channel(channel).phase, time)
@@ -127,6 +140,11 @@ impl Model {
         let p = &self.parameters;
         let channel = self.channel(channel);
         let mut beam = self.mirror.direction(self.of_mirror(), channel.phase, time);
+        if self.facets > 1 {
+            let line = self.mirror.number(self.of_mirror(), channel.phase, time);
+            let tilt = self.facet_tilts()[line.rem_euclid(self.facets as i64) as usize];
+            beam = DVec3::new(beam.x * cos(tilt), sin(tilt), beam.z * cos(tilt));
+        }
         beam.x *= channel.sense;
         if self.senses.len() > 1 {
             beam = turned(beam, 0.0, channel.pitch, channel.yaw);
@@ -142,11 +160,12 @@ impl Model {
         let scale = (place.z - height) / -beam.z;
         let course = self.course();
         let (sin, cos) = (sin(course), cos(course));
-        Footprint {
-            x: place.x + scale * (beam.x * cos + beam.y * sin),
-            y: place.y + scale * (beam.y * cos - beam.x * sin),
-            angle: atan2(beam.x, -beam.z),
-        }
+        let (x, y) = (beam.x * cos + beam.y * sin, beam.y * cos - beam.x * sin);
+        // Scan angles are about the direction of travel at that time.
+        let p = &self.parameters;
+        let (east, north) = (p[2] + p[4] * time, p[3] + p[5] * time);
+        let to_right = (x * north - y * east) / hypot(east, north);
+        Footprint { x: place.x + scale * x, y: place.y + scale * y, angle: atan2(to_right, -beam.z) }
     }
 }
 

@@ -3,7 +3,7 @@
 
 use super::recording::{Recording, median};
 use super::repeat::{LinePattern, interval_pattern};
-use super::solve::Solution;
+use super::solution::Solution;
 use libm::{atan2, cos, sin};
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
@@ -21,6 +21,9 @@ pub const MAX_LOST_SHARE: f64 = 0.2;
 /// A rate that changes less over the revolution, and from line to line, counts as constant.
 const CONSTANT: f64 = 0.003;
 
+/// Times that are rounded to a larger share of the interval between pulses do not tell it.
+const MAX_TIME_STEP: f64 = 0.2;
+
 /// When pulses leave.
 #[derive(Clone, Debug)]
 pub struct PulseRate {
@@ -34,6 +37,8 @@ pub struct PulseRate {
     pub of_lines: f64,
     /// Share of the pulses that have no return.
     pub lost: f64,
+    /// Step of the times, s, if it is too large to tell the intervals of pulses, and if the places of the points do not, either.
+    pub coarse_step: Option<f64>,
     /// Factors of the intervals of successive pulses, which repeat; empty if they do not.
     pub dither: Vec<f64>,
     /// Factors of the intervals of lines by their number, if they repeat.
@@ -65,13 +70,20 @@ impl PulseRate {
             let pulse = &recording.pulses[i];
             bin(model.part(usize::from(pulse.channel), pulse.time))
         };
+        let (finest, fine_times) = finer_times(recording, solution);
+        let step = time_step(recording);
+        let has_coarse_times = step > MAX_TIME_STEP * recording.interval;
+        let interval_before = |i: usize| match has_coarse_times && finest == 0.0 {
+            true => fine_times[i] - fine_times[i - 1],
+            false => recording.interval_before(i),
+        };
         // First pulse, interval and line of each pair of neighbouring pulses.
         let mut pairs = Vec::new();
         let (mut recorded, mut lost) = (1.0, 0.0);
         let all = recording.lines.iter().flat_map(|line| line.clone().skip(1));
-        let of_all = usual(&all.map(|i| recording.interval_before(i)).collect::<Vec<_>>());
+        let of_all = usual(&all.map(interval_before).collect::<Vec<_>>());
         for (line, range) in recording.lines.iter().enumerate() {
-            let intervals: Vec<f64> = range.clone().skip(1).map(|i| recording.interval_before(i)).collect();
+            let intervals: Vec<f64> = range.clone().skip(1).map(interval_before).collect();
             // Of thinned lines, few intervals are those of neighbouring pulses.
             let usual = Some(usual(&intervals)).filter(|usual| *usual < LOST * of_all).unwrap_or(of_all);
             for (i, interval) in range.clone().zip(intervals) {
@@ -122,6 +134,7 @@ impl PulseRate {
             range: (1.0 / longest, 1.0 / shortest),
             of_lines,
             lost: lost / (recorded + lost),
+            coarse_step: (has_coarse_times && finest > 0.0).then_some(step),
             dither: Vec::new(),
             // Lines of several channels have numbers of their own.
             pattern: (model.senses.len() == 1).then(|| LinePattern::of(&factors)).flatten(),
@@ -132,7 +145,7 @@ impl PulseRate {
         if rate.of_lines < CONSTANT {
             rate.pattern = None;
         }
-        let (finest, deviations) = rate.deviations(recording, solution);
+        let deviations = rate.deviations(recording, solution, &fine_times);
         rate.dither = interval_pattern(&deviations);
         // Deviations smaller than these are nothing, or what is left of the rounding of times.
         let smallest = CONSTANT.max(0.5 * finest / mean);
@@ -143,9 +156,8 @@ impl PulseRate {
     }
 
     /// Relative deviations of intervals from those of their place and line: runs of neighbouring pulses, `None` where a pulse is
-    /// missing; before them the step to which the times they are computed from are rounded, s.
-    fn deviations(&self, recording: &Recording, solution: &Solution) -> (f64, Vec<Vec<Option<f64>>>) {
-        let (finest, times) = finer_times(recording, solution);
+    /// missing. `times` are those of the pulses, s.
+    fn deviations(&self, recording: &Recording, solution: &Solution, times: &[f64]) -> Vec<Vec<Option<f64>>> {
         let mut runs = vec![Vec::new()];
         for range in &recording.lines {
             let intervals: Vec<f64> = range.clone().skip(1).map(|i| recording.interval_before(i)).collect();
@@ -165,7 +177,7 @@ impl PulseRate {
                 }
             }
         }
-        (finest, runs)
+        runs
     }
 
     /// Whether the rate depends neither on the place of the mirror nor on the line.
@@ -253,9 +265,15 @@ fn finer_times(recording: &Recording, solution: &Solution) -> (f64, Vec<f64>) {
         });
         median(changes.collect())
     };
-    match roughness(&by_place) < roughness(&by_time) {
+    let step = time_step(recording);
+    // Few intervals differ from the most frequent one where the steps are large.
+    let of_times = match step > MAX_TIME_STEP * recording.interval {
+        true => 0.5 * step * step,
+        false => roughness(&by_time),
+    };
+    match roughness(&by_place) < of_times {
         true => (0.0, by_place),
-        false => (time_step(recording), by_time),
+        false => (step, by_time),
     }
 }
 

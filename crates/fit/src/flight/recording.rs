@@ -12,6 +12,11 @@ use vlscan_geom::{DVec3, degrees, radians};
 const GAP_INTERVALS: f64 = 100.0;
 /// A pause of this many seconds ends a flight line; channels that look ahead and back pass a small place some seconds apart.
 const FLIGHT_PAUSE: f64 = 20.0;
+/// Pulses before and after one whose heights are compared with it.
+const NEIGHBOURS: usize = 12;
+/// Points that lie farther from the median height of their neighbours are noise, m, or so many times as far as 95 % of the points.
+const MIN_OUTLIER: f64 = 50.0;
+const OUTLIER: f64 = 6.0;
 /// Fewer pulses say nothing of a flight.
 const MIN_PULSES: usize = 500;
 /// Points that lie closer together are no flight line, m.
@@ -143,7 +148,7 @@ impl Recording {
         let Some(longest) = flights.iter().max_by_key(|flight| flight.len()) else {
             return Err(Error::input(format!("{name} holds no points with times and scan angles")));
         };
-        let mut recording = Recording::of(longest, path)?;
+        let mut recording = Recording::of(longest, path, found)?;
         recording.wkt = sink.wkt.take();
         if flights.len() > 1 {
             let left_out: usize = flights.iter().map(Vec::len).sum::<usize>() - longest.len();
@@ -162,7 +167,7 @@ impl Recording {
     }
 
     /// The pulses of the points of a flight line.
-    fn of(rows: &[Row], path: &Path) -> Result<Recording> {
+    fn of(rows: &[Row], path: &Path, found: &mut Diagnostics) -> Result<Recording> {
         let name = path.display();
         let origin = rows[rows.len() / 2].position.floor();
         let start = rows.iter().map(|row| row.time).fold(f64::INFINITY, f64::min);
@@ -207,10 +212,17 @@ impl Recording {
                 "a fit needs the pulses of one flight line, whose times differ; points that are in the file twice, flight lines with the same point source, and beams that fire together without a number of their channel have to be taken apart before",
             ));
         }
+        let (outliers, distance) = remove_outliers(&mut pulses);
+        if outliers > 0 {
+            let message = format!(
+                "{outliers} of the points of {name} lie more than {distance:.0} m above or below those that were recorded before and after them; they are left out as noise"
+            );
+            found.warn(Some(Place::of_file(path)), message);
+        }
         let count = pulses.len();
         let recording = Recording::new(pulses).ok_or_else(|| {
             Error::input(format!(
-                "{name}: {count} pulses are too few to estimate a flight, which needs {MIN_PULSES}; points of one pulse have the same GPS time",
+                "{name}: {count} pulses within a flight line are too few to estimate a flight, which needs {MIN_PULSES}; points of one pulse have the same GPS time, and pauses of more than {FLIGHT_PAUSE} s in the GPS times, which are seconds, separate flight lines",
             ))
         })?;
         let (low, high) =
@@ -222,6 +234,15 @@ impl Recording {
             return Err(Error::input(format!(
                 "{name}: the points of the flight line lie within {extent:.3} m, which is no flight line (or coordinates that are not lengths)"
             )));
+        }
+        if recording.angle_spread() == 0.0 {
+            let angle = degrees(recording.pulses[0].angle);
+            return Err(Error::input_with_help(
+                format!(
+                    "{name}: all scan angles are {angle}°, and a flight is estimated from how they change"
+                ),
+                "programs that convert clouds often lose them; fit the cloud as it was delivered",
+            ));
         }
         Ok(Recording { origin, start, source: rows[0].source, ..recording })
     }
@@ -262,6 +283,22 @@ impl Recording {
         })
     }
 
+    /// What there is, in the units that are assumed.
+    pub fn description(&self) -> String {
+        let (low, high) = self
+            .pulses
+            .iter()
+            .map(|pulse| degrees(pulse.angle))
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), angle| (low.min(angle), high.max(angle)));
+        format!(
+            "{} pulses of {:.3} s, {:.0} a second within their {} scan lines, with scan angles from {low:.2}° to {high:.2}°",
+            self.pulses.len(),
+            self.duration(),
+            1.0 / self.interval,
+            self.lines.len()
+        )
+    }
+
     /// Standard deviation of the scan angles, rad: by how much they change across the track.
     pub fn angle_spread(&self) -> f64 {
         let count = self.pulses.len() as f64;
@@ -283,6 +320,42 @@ impl Recording {
     pub fn duration(&self) -> f64 {
         self.pulses.iter().map(|pulse| pulse.time).fold(0.0, f64::max)
     }
+}
+
+/// Removes pulses, and last returns of pulses, far above or below the others around their time. Returns their number, and the
+/// distance that is too far, m.
+fn remove_outliers(pulses: &mut Vec<Pulse>) -> (usize, f64) {
+    let mut near = Vec::with_capacity(2 * NEIGHBOURS + 1);
+    let medians: Vec<f64> = (0..pulses.len())
+        .map(|i| {
+            let around = i.saturating_sub(NEIGHBOURS)..(i + NEIGHBOURS + 1).min(pulses.len());
+            near.clear();
+            near.extend(pulses[around].iter().map(|pulse| pulse.position.z));
+            let middle = near.len() / 2;
+            *near.select_nth_unstable_by(middle, f64::total_cmp).1
+        })
+        .collect();
+    let mut distances: Vec<f64> =
+        pulses.iter().zip(&medians).map(|(pulse, median)| (pulse.position.z - median).abs()).collect();
+    let most = distances.len() * 95 / 100;
+    if distances.is_empty() {
+        return (0, MIN_OUTLIER);
+    }
+    let usual = *distances.select_nth_unstable_by(most, f64::total_cmp).1;
+    let limit = MIN_OUTLIER.max(OUTLIER * usual);
+    let mut removed = 0;
+    let mut medians = medians.into_iter();
+    pulses.retain_mut(|pulse| {
+        let median = medians.next().unwrap_or(pulse.position.z);
+        if pulse.last.is_some_and(|last| (last.z - median).abs() > limit) {
+            pulse.last = None;
+            removed += 1;
+        }
+        let is_near = (pulse.position.z - median).abs() <= limit;
+        removed += usize::from(!is_near);
+        is_near
+    });
+    (removed, limit)
 }
 
 /// The points by flight line, each in the order of time and return number.
@@ -315,4 +388,39 @@ pub fn median(mut values: Vec<f64>) -> f64 {
     }
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_far_from_those_around_them_are_noise() {
+        let pulse = |k: usize| {
+            let position = DVec3::new(k as f64, 0.0, 0.3 * k as f64);
+            let last = (k % 10 == 3).then_some(position);
+            Pulse {
+                time: 1e-5 * k as f64,
+                position,
+                angle: 0.0,
+                returns: 1,
+                class: 1,
+                last,
+                file_channel: 0,
+                channel: 0,
+            }
+        };
+        let mut pulses: Vec<Pulse> = (0..2000).map(pulse).collect();
+        assert_eq!(remove_outliers(&mut pulses).0, 0);
+        for k in (0..2000).step_by(50) {
+            pulses[k].position.z += if k % 100 == 0 { 500.0 } else { -300.0 };
+        }
+        pulses[3].last = Some(DVec3::new(3.0, 0.0, -400.0));
+        let (removed, limit) = remove_outliers(&mut pulses);
+        assert_eq!((removed, pulses.len(), limit), (41, 1960, MIN_OUTLIER));
+        assert!(pulses.iter().all(|pulse| (pulse.position.z - 0.3 * pulse.position.x).abs() < 1e-9));
+        assert!(
+            pulses[2].last.is_none() && pulses.iter().filter(|pulse| pulse.last.is_some()).count() == 199
+        );
+    }
 }

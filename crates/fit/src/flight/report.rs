@@ -2,7 +2,7 @@
 
 use super::FlightFit;
 use super::mirror::Mirror;
-use super::model::{CHANNEL_PARAMETERS, FIRST_OF_CHANNELS, MAX_CHANNELS, PLATFORM_PARAMETERS};
+use super::model::{CHANNEL_PARAMETERS, FIRST_OF_CHANNELS, MAX_CHANNELS, MAX_FACETS, PLATFORM_PARAMETERS};
 use libm::{hypot, tan};
 use serde::Serialize;
 use vlscan_base::error::{Error, Result};
@@ -14,6 +14,19 @@ const OF_CHANNELS: [(&str, &str); MAX_CHANNELS] = [
     ("yaw of channel 2", "pitch of channel 2"),
     ("yaw of channel 3", "pitch of channel 3"),
     ("yaw of channel 4", "pitch of channel 4"),
+];
+
+/// Names of the tilts of facets.
+const OF_FACETS: [&str; MAX_FACETS] = [
+    "tilt of facet 1 forward",
+    "tilt of facet 2 forward",
+    "tilt of facet 3 forward",
+    "tilt of facet 4 forward",
+    "tilt of facet 5 forward",
+    "tilt of facet 6 forward",
+    "tilt of facet 7 forward",
+    "tilt of facet 8 forward",
+    "tilt of facet 9 forward",
 ];
 
 /// An estimated quantity.
@@ -58,10 +71,21 @@ impl FlightFit {
                 add("radius on the ground", above * tan(of_mirror[0]), None, "m");
                 add("revolutions", of_mirror[1].abs(), Some(mirror_deviations[1]), "1/s");
             }
+            Mirror::EllipticCone => {
+                add("half angle across the flight", degrees(of_mirror[0].abs()), Some(of_angle), "deg");
+                let of_along = degrees(hypot(mirror_deviations[4], scale * of_mirror[4]));
+                add("half angle along the flight", degrees(of_mirror[4].abs()), Some(of_along), "deg");
+                add("revolutions", of_mirror[1].abs(), Some(mirror_deviations[1]), "1/s");
+                add("yaw of the ellipse", degrees(of_mirror[3]), Some(degrees(mirror_deviations[3])), "deg");
+            }
             Mirror::Polygon => {
                 add("angle per line", degrees(of_mirror[0].abs()), Some(of_angle), "deg");
                 add("lines", of_mirror[1], Some(mirror_deviations[1]), "1/s");
                 add("yaw of the lines", degrees(of_mirror[3]), Some(degrees(mirror_deviations[3])), "deg");
+                let tilts = solution.model.facet_tilts();
+                for (number, (tilt, name)) in tilts.iter().zip(OF_FACETS).enumerate() {
+                    add(name, degrees(*tilt), Some(degrees(d[FIRST_OF_CHANNELS + number])), "deg");
+                }
                 let channels = solution.model.senses.len();
                 if channels > 1 {
                     add("channels", channels as f64, None, "");
@@ -77,7 +101,7 @@ impl FlightFit {
                 }
             }
             Mirror::Oscillating => {
-                add("half angle", degrees(of_mirror[0].abs()), Some(of_angle), "deg");
+                add("half angle", degrees(self.half_angle()), Some(of_angle), "deg");
                 add("periods", of_mirror[1], Some(mirror_deviations[1]), "1/s");
                 add("yaw of the lines", degrees(of_mirror[3]), Some(degrees(mirror_deviations[3])), "deg");
             }

@@ -4,8 +4,10 @@
 //! what moves the lines and no more. Their part of the normal equations is block tridiagonal and is eliminated (Schur complement):
 //! time and memory grow linearly with the number of lines.
 
+use super::mirror::Mirror;
 use super::model::{Attitude, FIRST_OF_CHANNELS, MAX_PARAMETERS, Model, PLATFORM_PARAMETERS};
 use super::recording::{Recording, median};
+use super::solution::Solution;
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
 use vlscan_geom::radians;
 
@@ -16,6 +18,8 @@ const SECTION_WEIGHT: f64 = 20.0;
 /// Residuals beyond this many standard deviations get less weight (Huber).
 const HUBER: f64 = 2.5;
 const MAX_STEPS: usize = 60;
+/// Scan angles are held to the resolution of their file for at most so many steps of those.
+const STRICT_STEPS: usize = 30;
 /// Standard deviation of attitudes of single lines, rad.
 const ATTITUDE: f64 = 0.02;
 
@@ -26,23 +30,6 @@ pub struct Section {
     pub time: f64,
     /// Indices of pulses that are used.
     pulses: Vec<usize>,
-}
-
-/// A fitted flight.
-#[derive(Clone, Debug)]
-pub struct Solution {
-    /// The model.
-    pub model: Model,
-    /// Standard deviations of its parameters.
-    pub deviations: [f64; MAX_PARAMETERS],
-    /// Mean times of the sections, s.
-    pub times: Vec<f64>,
-    /// Their attitudes.
-    pub attitudes: Vec<Attitude>,
-    /// Robust standard deviation of the residuals on the ground, m.
-    pub residual: f64,
-    /// Robust standard deviation of the residuals of the scan angle, rad.
-    pub angle_residual: f64,
 }
 
 /// Divides lines into sections of at most `max_duration` s. At most `max_sections` are used, evenly chosen.
@@ -80,11 +67,18 @@ fn priors(model: &Model) -> [f64; MAX_PARAMETERS] {
     // Acceleration, climb, roll, pitch.
     (prior[4], prior[5], prior[7]) = (0.3, 0.3, 1.0);
     (prior[8], prior[9]) = (radians(2.0), radians(2.0));
-    if model.mirror.count() == 4 {
+    if model.mirror != Mirror::Cone {
         prior[PLATFORM_PARAMETERS + 3] = radians(10.0);
     }
+    if model.facets > 1 {
+        prior[FIRST_OF_CHANNELS..].fill(radians(20.0));
+    }
+    if model.mirror != Mirror::EllipticCone {
+        // Without effect.
+        prior[PLATFORM_PARAMETERS + 4] = 1.0;
+    }
     // Pitch of the channels.
-    for k in (FIRST_OF_CHANNELS + 2..MAX_PARAMETERS).step_by(3) {
+    for k in (FIRST_OF_CHANNELS + 2..MAX_PARAMETERS).step_by(3).filter(|_| model.facets == 1) {
         prior[k] = radians(2.0);
     }
     prior
@@ -146,7 +140,13 @@ pub fn solve(recording: &Recording, first: &Model, sections: &[Section], has_att
     let mut deviations = [f64::INFINITY; MAX_PARAMETERS];
     let mut damping = 1e-3;
     let mut latest = f64::INFINITY;
-    for _ in 0..MAX_STEPS {
+    // A flight that does not meet the angles of the file would explain itself by their errors: its motion is taken for that of the
+    // mirror, or the other way round. Their errors are taken as small until the flight that meets them best is found.
+    let mut is_strict = has_attitudes;
+    if is_strict {
+        angle = min_angle(recording);
+    }
+    for number in 0..MAX_STEPS {
         let mut normal = normal_equations(recording, &model, sections, &attitudes, ground, angle);
         add_priors(&mut normal, &model, &attitudes, sections, &walk, has_attitudes);
         let Some(step) = reduce(&normal, sections, &walk, damping, has_attitudes) else { break };
@@ -173,18 +173,26 @@ pub fn solve(recording: &Recording, first: &Model, sections: &[Section], has_att
         (model, attitudes, deviations) = (next, next_attitudes, step.deviations);
         let change = (latest - after).abs() / after.max(1e-12);
         latest = after;
-        let before = (ground, angle);
-        (ground, angle) = spreads(recording, &model, sections, &attitudes);
+        let before = ground;
+        let of_angle;
+        (ground, of_angle) = spreads(recording, &model, sections, &attitudes);
         if has_attitudes {
             walk = step.walk(&attitudes, sections, &walk);
         }
-        if (ground / before.0 - 1.0).abs() > 0.02 {
-            latest = f64::INFINITY;
-        } else if change < 1e-6 {
+        let is_settled = (ground / before - 1.0).abs() <= 0.02 && change < 1e-6;
+        if is_strict && (is_settled || number + 1 >= STRICT_STEPS) {
+            (is_strict, latest) = (false, f64::INFINITY);
+        } else if is_settled {
             break;
         }
+        if (ground / before - 1.0).abs() > 0.02 {
+            latest = f64::INFINITY;
+        }
+        if !is_strict {
+            angle = of_angle;
+        }
     }
-    let (residual, angle_residual) = (ground, angle);
+    let (residual, angle_residual) = spreads(recording, &model, sections, &attitudes);
     let times = sections.iter().map(|section| section.time).collect();
     Solution { model, deviations, times, attitudes, residual, angle_residual }
 }
@@ -200,9 +208,12 @@ fn spreads(recording: &Recording, model: &Model, sections: &[Section], attitudes
             angle.push(r[2].abs());
         }
     }
-    // Rounded angles have at least the deviation of their step, or of what lies beyond the rounding.
-    let min_angle = radians(if recording.has_whole_angles() { 0.1 } else { 0.01 });
-    ((1.4826 * median(ground)).max(0.005), (1.4826 * median(angle)).max(min_angle))
+    ((1.4826 * median(ground)).max(0.005), (1.4826 * median(angle)).max(min_angle(recording)))
+}
+
+/// Least standard deviation of scan angles: that of their step, or of what lies beyond the rounding to degrees.
+fn min_angle(recording: &Recording) -> f64 {
+    radians(if recording.has_whole_angles() { 0.1 } else { 0.01 })
 }
 
 /// Weight of a residual of `ratio` standard deviations, and its share of the cost.
@@ -457,42 +468,4 @@ fn reduce(
         }
     }
     Some(Step { parameters, attitudes, deviations, change_variances })
-}
-
-impl Solution {
-    /// What the model leaves to chance, m on the ground: residuals, and changes of the attitude from section to section.
-    pub fn unexplained(&self) -> f64 {
-        let height = self.model.parameters[6].abs();
-        let pairs = self.attitudes.windows(2);
-        let changes: f64 =
-            pairs.flat_map(|pair| (0..3).map(move |k| (pair[1][k] - pair[0][k]).powi(2))).sum();
-        self.residual + height * (changes / self.attitudes.len().max(1) as f64).sqrt()
-    }
-
-    /// Root mean square of the attitudes of all sections, rad.
-    pub fn attitude_spread(&self) -> f64 {
-        let squares: f64 = self.attitudes.iter().flatten().map(|angle| angle * angle).sum();
-        (squares / self.attitudes.len().max(1) as f64).sqrt()
-    }
-
-    /// Relative standard deviation of height and mirror angle by an error that all scan angles have in common and that grows
-    /// across the track. It is taken to be as large as their residual, or as the error of angles that are rounded to degrees.
-    pub fn scale_deviation(&self, recording: &Recording) -> f64 {
-        let rounding = if recording.has_whole_angles() { recording.angle_step / 12f64.sqrt() } else { 0.0 };
-        self.angle_residual.max(rounding) / recording.angle_spread()
-    }
-
-    /// Attitude at `time`: linear between the sections' means, constant before the first and after the last.
-    pub fn attitude(&self, time: f64) -> Attitude {
-        let after = self.times.partition_point(|t| *t <= time);
-        match (after.checked_sub(1), self.times.get(after)) {
-            (Some(before), Some(next)) => {
-                let share = (time - self.times[before]) / (next - self.times[before]);
-                let (a, b) = (self.attitudes[before], self.attitudes[after]);
-                std::array::from_fn(|k| a[k] + share * (b[k] - a[k]))
-            }
-            (Some(before), None) => self.attitudes[before],
-            (None, _) => self.attitudes.first().copied().unwrap_or_default(),
-        }
-    }
 }

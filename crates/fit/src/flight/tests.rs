@@ -221,3 +221,16 @@ fn levels_of_lines_that_repeat_are_foreseen() {
     levels.sort_by(f64::total_cmp);
     assert!(levels[9] - levels[0] > 0.02, "{levels:?}");
 }
+
+/// Times in steps of nearly an interval do not tell the intervals of pulses, but the places of the points do.
+#[test]
+fn places_tell_the_rate_where_times_are_coarse() {
+    let truth = model(Mirror::Polygon, [radians(58.0), 90.0, 1.0, 0.0]);
+    let mut pulses = flown(&truth, |_| 5e-6, 2.0);
+    pulses.iter_mut().for_each(|pulse| pulse.time = (pulse.time / 4e-6).round() * 4e-6);
+    pulses.dedup_by_key(|pulse| pulse.time);
+    let recording = Recording::new(pulses).unwrap();
+    let rate = PulseRate::of(&recording, &known(&truth));
+    assert!((rate.mean / 200_000.0 - 1.0).abs() < 0.003 && rate.lost < 0.02, "{} {}", rate.mean, rate.lost);
+    assert!(rate.coarse_step.is_none());
+}

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use vlscan_base::crs::{epsg, short_name, unit_problem};
 use vlscan_base::error::Result;
 use vlscan_base::files::{FileWriter, Patched, refuse_existing};
-use vlscan_geom::degrees;
+use vlscan_geom::{DVec3, degrees};
 
 /// More pulse times than this are not written: the file would be larger than what it is worth.
 const MAX_TIMES: usize = 20_000_000;
@@ -49,7 +49,7 @@ impl FlightFit {
         // All channels fire at the times of a file, which are not those of the recorded parts of each channel.
         let has_times = !self.rate.is_constant() && self.solution.model.senses.len() == 1;
         let times = match has_times {
-            true => self.rate.times(&self.solution, self.recording.duration(), MAX_TIMES),
+            true => self.rate.times(&self.solution, self.end(), MAX_TIMES),
             false => None,
         };
         let files = FlightFiles {
@@ -73,11 +73,27 @@ impl FlightFit {
         Ok(files)
     }
 
+    /// When the last pulse leaves, s after the first.
+    fn end(&self) -> f64 {
+        self.recording.duration() + self.extend
+    }
+
+    /// Position of the platform, m: after the recording straight on.
+    fn position(&self, time: f64) -> DVec3 {
+        let p = &self.solution.model.parameters;
+        let recorded = self.recording.duration().min(time);
+        let velocity = DVec3::new(p[2] + p[4] * recorded, p[3] + p[5] * recorded, p[7]);
+        self.solution.model.position(recorded) + (time - recorded) * velocity
+    }
+
     /// Deviation of a cone's mirror from even motion: seconds and degrees, a line each.
     fn wander(&self) -> String {
         let mut text = String::new();
         for (time, attitude) in self.solution.times.iter().zip(&self.solution.attitudes) {
             let _ = writeln!(text, "{time:.7} {:.7}", degrees(attitude[2]));
+        }
+        if let Some(last) = self.solution.attitudes.last().filter(|_| self.extend > 0.0) {
+            let _ = writeln!(text, "{:.7} {:.7}", self.end(), degrees(last[2]));
         }
         text
     }
@@ -89,15 +105,15 @@ impl FlightFit {
         let is_cone = model.mirror == Mirror::Cone;
         let mut text = String::from("time,x,y,z,roll,pitch,heading\n");
         let mut times = vec![0.0];
-        for time in self.solution.times.iter().copied().chain([self.recording.duration()]) {
+        for time in self.solution.times.iter().copied().chain([self.recording.duration(), self.end()]) {
             if times.last().is_none_or(|last| time - last >= 1.0 / MAX_POSES_PER_S) {
                 times.push(time);
             }
         }
         // The last pulse leaves before the last pose.
-        times.push(self.recording.duration() + 0.01);
+        times.push(self.end() + 0.01);
         for time in times {
-            let (place, attitude) = (model.position(time) + origin, self.solution.attitude(time));
+            let (place, attitude) = (self.position(time) + origin, self.solution.attitude(time));
             // A cone turns by its mirror, whose wander is a file of its own; lines are turned by the platform.
             let yaw = if is_cone { 0.0 } else { attitude[2] + model.of_mirror()[3] };
             let heading = (course + degrees(yaw)).rem_euclid(360.0);
@@ -161,8 +177,15 @@ impl FlightFit {
         ));
         line(format!("\n[scanner]\nid = \"fitted\"\noptics = \"{}\"", model.mirror.optics()));
         let rate = p[1].abs();
-        let angle = if model.mirror == Mirror::Polygon { 0.5 * p[0].abs() } else { p[0].abs() };
+        let angle = match model.mirror {
+            Mirror::Polygon => 0.5 * p[0].abs(),
+            Mirror::Oscillating => self.half_angle(),
+            Mirror::Cone | Mirror::EllipticCone => p[0].abs(),
+        };
         line(format!("scan_angle_max_deg = {:.6}", degrees(angle)));
+        if model.mirror == Mirror::EllipticCone {
+            line(format!("scan_angle_along_max_deg = {:.6}", degrees(p[4].abs())));
+        }
         line(format!("scan_freq_max_hz = {:.6}", rate.max(1.0)));
         if !has_channels {
             self.motion(0).into_iter().for_each(&mut line);
@@ -178,7 +201,9 @@ impl FlightFit {
             line(format!("accuracy_m = {noise:.4}"));
         }
         let farthest = self.farthest();
-        line("# assumed: a tenth of the light comes back from twice the recorded distance, so that no pulse is lost".to_owned());
+        line(format!(
+            "# assumed: a target of this reflectance is seen from {ASSUMED_RANGE} times the largest recorded distance, so that no pulse is lost"
+        ));
         line(format!(
             "max_range = {{ range_m = {:.0}, reflectance = {ASSUMED_REFLECTANCE} }}",
             ASSUMED_RANGE * farthest
@@ -203,6 +228,9 @@ impl FlightFit {
             self.motion(number).into_iter().for_each(&mut line);
         }
         line(format!("\n[settings]\nscan_freq_hz = {rate:.6}"));
+        if model.mirror == Mirror::Oscillating {
+            line(format!("scan_angle_deg = {:.6}", degrees(angle)));
+        }
         line(format!("pulse_freq_hz = {:.0}", self.rate.mean));
         if let Some(path) = &files.pulse_times {
             line("# the rate changes with the place of the mirror, and from line to line; pulses elsewhere are not known".to_owned());
@@ -224,6 +252,12 @@ impl FlightFit {
         let phase = degrees(channel.phase);
         let angle = p[0] * channel.sense;
         let (phase, is_reversed) = match model.mirror {
+            Mirror::EllipticCone => {
+                // Of negative angles: turned by half a revolution, or the other way.
+                let (across, phase) = if p[4] < 0.0 { (-p[0], phase + 180.0) } else { (p[0], phase) };
+                let is_mirrored = across < 0.0;
+                (if is_mirrored { -phase } else { phase } - 90.0, (p[1] < 0.0) != is_mirrored)
+            }
             // The phase of a cone counts from the right, turned by the mount.
             Mirror::Cone => (phase - 90.0, p[1] < 0.0),
             // The phase of a polygon mirror is 0 in the middle of a line.
@@ -236,7 +270,29 @@ impl FlightFit {
         if is_reversed {
             keys.push("scan_reverse = true".to_owned());
         }
+        let tilts = model.facet_tilts();
+        if !tilts.is_empty() {
+            // The first pulse is of facet 0, whatever its number here.
+            let turns = ((phase.rem_euclid(360.0) - phase) / 360.0).round() as i64;
+            let count = tilts.len() as i64;
+            let of = |facet: i64| if is_reversed { turns - facet } else { facet - turns };
+            // Their tilts count towards the back, by the mount.
+            let tilts = (0..count).map(|facet| {
+                let tilt = -degrees(tilts[of(facet).rem_euclid(count) as usize]);
+                format!("{tilt:.6}")
+            });
+            keys.push(format!("facet_tilts_deg = [{}]", tilts.collect::<Vec<_>>().join(", ")));
+        }
         keys
+    }
+
+    /// Half angle of an oscillating mirror, rad. Between its turns, which take 50 pulses each and at most half of a sweep, it moves as
+    /// evenly as one that turns at once would, but faster than that one with the same angle (docs/physics.md, kinematics).
+    pub(super) fn half_angle(&self) -> f64 {
+        const TURN: f64 = 50.0;
+        let p = self.solution.model.of_mirror();
+        let pulses_of_sweep = self.rate.mean / (2.0 * p[1].abs());
+        p[0].abs() * (1.0 - (TURN / pulses_of_sweep).min(0.5))
     }
 
     /// Distance from the platform to the farthest points, m.

@@ -30,12 +30,14 @@ use detection::{Detection, detection};
 use noise::{NoiseLaw, noise_law, white_strength};
 use planes::planes;
 use std::path::Path;
-use vlscan_base::diag::Diagnostics;
+use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_survey::{RangeNoise, ReadOptions, Scanner, find_scanner};
 
 /// Fewest planes from which a law is estimated.
-const MIN_PLANES: usize = 50;
+const MIN_PLANES: usize = 25;
+/// Laws of fewer planes are told to be uncertain.
+const FEW_PLANES: usize = 100;
 /// Rounds of noise and detection, each with the planes and the threshold of the other.
 const ROUNDS: usize = 3;
 /// Reflectance of the target for which the maximum range is stated.
@@ -92,8 +94,18 @@ pub fn fit_spinning(
     found.extend(warnings);
     scanner.devices.iter_mut().for_each(|device| device.beam.take_stated_width());
     let image = RangeImage::read(recording, &scanner)?;
-    estimate(scanner, image, request.half)
-        .map_err(|problem| Error::input(format!("{}: {problem}", recording.display())))
+    let fit = estimate(scanner, image, request.half)
+        .map_err(|problem| Error::input(format!("{}: {problem}", recording.display())))?;
+    if fit.planes.len() < FEW_PLANES {
+        let message = format!(
+            "{} planes are few for a law of noise, which differs from half to half of the columns then",
+            fit.planes.len()
+        );
+        found
+            .warn(Some(Place::of_file(recording)), message)
+            .help("compare what --half odd finds; walls, floors and roads are planes");
+    }
+    Ok(fit)
 }
 
 /// Estimates noise and detection from an image; the error says what the recording lacks.

@@ -54,10 +54,13 @@ impl SpinningFit {
         // Writing to a string does not fail.
         self.figures().table().lines().for_each(|line| _ = writeln!(text, "#   {line}"));
         text.push('\n');
-        if let Some(planes) = planes {
-            let _ = writeln!(text, "scene = {}\n\n[platform]\nkind = \"static\"\n", absolute(planes));
-            text.push_str("[[leg]]\nposition_m = [0, 0, 0]\n\n");
+        match planes {
+            Some(planes) => _ = writeln!(text, "scene = {}\n", absolute(planes)),
+            None => {
+                text.push_str("# scene = \"scene.xml\"         # what is scanned; or vlscan run --scene\n\n")
+            }
         }
+        text.push_str("[platform]\nkind = \"static\"\n\n[[leg]]\nposition_m = [0, 0, 0]\n\n");
         let _ = writeln!(text, "[scanner]\ncatalogue = {}", absolute(calibration));
         let _ = writeln!(
             text,

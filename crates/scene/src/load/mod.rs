@@ -120,7 +120,7 @@ fn load_sources(
         if *is_present {
             load_part(&mut scene, part, &mut ids, &mut loaded)?;
         } else {
-            let name = name_of(&part.loader, part.loader.files());
+            let name = name_of(part, part.loader.files());
             scene.parts.push(Part { id: ids.single(part), name, lad: None });
         }
     }
@@ -231,7 +231,7 @@ fn load_part(
                 scene.diagnostics.warn(part.place.clone(), message);
             }
             if !part.swaps.is_empty() {
-                scene.parts.push(Part { id, name: name_of(&part.loader, files), lad: None });
+                scene.parts.push(Part { id, name: name_of(part, files), lad: None });
             }
             continue;
         };
@@ -254,7 +254,7 @@ fn load_part(
                 timing: part.timing,
             });
         }
-        let described = Part { id: id.clone(), name: name_of(&part.loader, files), lad: lad.clone() };
+        let described = Part { id: id.clone(), name: name_of(part, files), lad: lad.clone() };
         let is_tile = match &body {
             Body::Stored(extent) if part.transform.on_ground == 0 && is_tile(scene.options, part) => {
                 loaded.tiles.add(scene, part, (files, described.clone(), known_names), extent)
@@ -297,15 +297,18 @@ fn load_pages(
     let bounds = pages.iter().fold(Aabb::EMPTY, |all, page| all.union(page.bounds));
     refuse_far(scene, &id, reach(bounds), part.place.as_ref());
     loaded.frames.add(&id, part.place.as_ref(), bounds);
-    let described = Part { id, name: name_of(&part.loader, files.all()), lad: None };
+    let described = Part { id, name: name_of(part, files.all()), lad: None };
     loaded.tiles.add_raster(scene, &described, material, raster, pages);
     scene.parts.push(described);
     Ok(())
 }
 
 /// The name of a mesh in memory, or of the first of a part's files, without its extension.
-fn name_of(loader: &Loader, files: &[PathBuf]) -> String {
-    if let Loader::Mesh(mesh) = loader {
+fn name_of(part: &PartRecipe, files: &[PathBuf]) -> String {
+    if let Some(name) = &part.name {
+        return printable(name);
+    }
+    if let Loader::Mesh(mesh) = &part.loader {
         return printable(mesh.name());
     }
     printable(&files.first().and_then(|file| file.file_stem()).unwrap_or_default().to_string_lossy())

@@ -1,0 +1,102 @@
+//! A fitted flight, and how well its height is known.
+
+use super::model::{Attitude, MAX_PARAMETERS, Model};
+use super::recording::{Recording, median};
+
+/// Returns of a pulse that lie farther apart in height than this tell the direction of its beam, m.
+pub const MIN_DEPTH: f64 = 3.0;
+/// Places of points are not known better than this, m.
+const MIN_PLACE_ERROR: f64 = 0.01;
+
+/// A fitted flight.
+#[derive(Clone, Debug)]
+pub struct Solution {
+    /// The model.
+    pub model: Model,
+    /// Standard deviations of its parameters.
+    pub deviations: [f64; MAX_PARAMETERS],
+    /// Mean times of the sections, s.
+    pub times: Vec<f64>,
+    /// Their attitudes.
+    pub attitudes: Vec<Attitude>,
+    /// Robust standard deviation of the residuals on the ground, m.
+    pub residual: f64,
+    /// Robust standard deviation of the residuals of the scan angle, rad.
+    pub angle_residual: f64,
+}
+
+impl Solution {
+    /// What the model leaves to chance, m on the ground: residuals, and changes of the attitude from section to section.
+    pub fn unexplained(&self) -> f64 {
+        let height = self.model.parameters[6].abs();
+        let pairs = self.attitudes.windows(2);
+        let changes: f64 =
+            pairs.flat_map(|pair| (0..3).map(move |k| (pair[1][k] - pair[0][k]).powi(2))).sum();
+        self.residual + height * (changes / self.attitudes.len().max(1) as f64).sqrt()
+    }
+
+    /// Root mean square of the attitudes of all sections, rad.
+    pub fn attitude_spread(&self) -> f64 {
+        let squares: f64 = self.attitudes.iter().flatten().map(|angle| angle * angle).sum();
+        (squares / self.attitudes.len().max(1) as f64).sqrt()
+    }
+
+    /// Relative standard deviation of height and mirror angle by an error that all scan angles have in common and that grows
+    /// across the track. It is taken to be as large as their residual, or as the error of angles that are rounded to degrees. Where they are
+    /// rounded, pulses of several returns tell the height, too.
+    pub fn scale_deviation(&self, recording: &Recording) -> f64 {
+        if !recording.has_whole_angles() {
+            return self.angle_residual / recording.angle_spread();
+        }
+        let rounding = recording.angle_step / 12f64.sqrt();
+        let of_angles = self.angle_residual.max(rounding) / recording.angle_spread();
+        1.0 / (1.0 / (of_angles * of_angles) + self.scale_by_returns(recording)).sqrt()
+    }
+
+    /// What pulses of several returns tell of the height: reciprocal of its relative variance.
+    ///
+    /// The way from the first to the last return has the tangent of the beam's angle, which grows across the track with the reciprocal of the
+    /// height. The errors of a line are taken as one error, since its pulses share the attitude.
+    fn scale_by_returns(&self, recording: &Recording) -> f64 {
+        let (mut lines, mut errors) = (Vec::new(), Vec::new());
+        for line in &recording.lines {
+            let (mut tangents, mut depths, mut count) = (0.0, 0.0, 0.0);
+            for pulse in &recording.pulses[line.clone()] {
+                let Some(last) = pulse.last.filter(|last| pulse.position.z - last.z > MIN_DEPTH) else {
+                    continue;
+                };
+                let at = self.model.footprint(
+                    &self.attitude(pulse.time),
+                    usize::from(pulse.channel),
+                    pulse.time,
+                    last.z,
+                );
+                errors.extend([(at.x - last.x).abs(), (at.y - last.y).abs()]);
+                tangents += libm::tan(at.angle);
+                depths += pulse.position.z - last.z;
+                count += 1.0;
+            }
+            if count > 0.0 {
+                lines.push((tangents / count, depths / count));
+            }
+        }
+        let error = (1.4826 * median(errors)).max(MIN_PLACE_ERROR);
+        let middle = lines.iter().map(|line| line.0).sum::<f64>() / lines.len().max(1) as f64;
+        // The error of a tangent is that of both places over the depth.
+        lines.iter().map(|(tangent, depth)| ((tangent - middle) * depth / error).powi(2) / 2.0).sum()
+    }
+
+    /// Attitude at `time`: linear between the sections' means, constant before the first and after the last.
+    pub fn attitude(&self, time: f64) -> Attitude {
+        let after = self.times.partition_point(|t| *t <= time);
+        match (after.checked_sub(1), self.times.get(after)) {
+            (Some(before), Some(next)) => {
+                let share = (time - self.times[before]) / (next - self.times[before]);
+                let (a, b) = (self.attitudes[before], self.attitudes[after]);
+                std::array::from_fn(|k| a[k] + share * (b[k] - a[k]))
+            }
+            (Some(before), None) => self.attitudes[before],
+            (None, _) => self.attitudes.first().copied().unwrap_or_default(),
+        }
+    }
+}
