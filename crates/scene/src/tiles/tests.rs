@@ -1,7 +1,7 @@
 use super::*;
 use crate::builder::{LoadOptions, Sharing};
 use crate::fixture::{Fixture, report};
-use crate::{Inventory, Pack, PartFacts, pack};
+use crate::{Inventory, MaterialArea, Pack, PartFacts, pack};
 use std::fmt::Write as _;
 use vlscan_survey::{Loader, MaterialChoice, MeshReading, MotionSequence, XyzLoader};
 use vlscan_trace::BuildOptions;
@@ -238,7 +238,14 @@ fn tiles_are_counted_as_if_they_were_stored() {
             (whole.primitives(), &whole.of_part, &whole.of_material)
         );
         assert_eq!((all.bounds, all.slivers), (whole.bounds, whole.slivers));
-        assert_eq!(PartFacts::of_scene(&scene), PartFacts::of_scene(&stored));
+        let facts = PartFacts::of_scene(&scene);
+        for (found, expected) in facts.iter().zip(PartFacts::of_scene(&stored)) {
+            let is_near =
+                |(a, b): (&MaterialArea, &MaterialArea)| (a.total() - b.total()).abs() <= 1e-9 * b.total();
+            assert!(found.areas.iter().zip(&expected.areas).all(is_near), "{found:?} {expected:?}");
+            assert_eq!(*found, PartFacts { areas: found.areas.clone(), ..expected });
+        }
+        assert_eq!(facts.len(), stored.parts.len());
     }
 }
 
