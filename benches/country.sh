@@ -57,7 +57,7 @@ for line in range(lines):
     legs += [f"{{ position_m = [{ends[1]}, {y:.1f}, 700], active = false }}"]
 with open(f"{sys.argv[1]}/flight.toml", "w") as file:
     file.write(f"""scene = "dem"
-platform = {{ catalogue = "data/platforms.xml#copter_linearpath" }}
+platform = {{ catalogue = "data/platforms.xml#sr22" }}
 scanner = {{ catalogue = "data/scanners_als.xml#riegl_lms-q780" }}
 settings = {{ pulse_freq_hz = {os.environ.get("PULSES", "100000")}, scan_freq_hz = 80, scan_angle_deg = 30 }}
 leg = [{", ".join(legs)}]

@@ -138,17 +138,21 @@ pub use vlscan_trace as trace;
 pub use vlscan_warehouse as warehouse;
 
 pub use campaign::{Campaign, CampaignEvent, CampaignOptions, CampaignReport, FailedCell};
-pub use cli::{command_line, main};
+pub use cli::{command_line, main, scene_json};
 pub use options::{OneOf, OptionName, Options};
-pub use output::{Column, OutputRequest, PointFormat, TableContent, TableRequest, TableSink, Target};
+pub use output::{
+    CloudFacts, Column, OutputRequest, PointFormat, TableContent, TableRequest, TableSink, Target,
+    write_points,
+};
 pub use pipeline::{
-    Batches, DryRunReport, Emission, Emitted, Estimate, FileEstimate, FlightCoverage, LegEstimate, LegRule,
-    LoadedScene, Missed, Progress, Report, ResolvedRun, ResumeOptions, RunContext, Scan, SceneFacts, Session,
-    Settings, Snapshot, TimeEstimate, emit, merge,
+    Batches, DryRunReport, Emission, Emitted, Estimate, FileEstimate, FlightCoverage, FlightRows,
+    LegEstimate, LegRule, LoadedScene, Missed, Progress, Report, ResolvedRun, ResumeOptions, RunContext,
+    Scan, SceneFacts, Session, Settings, Snapshot, TimeEstimate, emit, flight_table, merge, merge_warnings,
+    schedule_of,
 };
 pub use planning::plan_survey;
-pub use shards::{Records, ShardSet};
-pub use sketch::survey_points;
+pub use shards::{Records, ShardSet, shard_path};
+pub use sketch::{session_points, survey_points};
 pub use streams::{PulseReader, RowBlock};
 pub use vlscan_base::Observer;
 pub use vlscan_base::diag::{Diagnostics, Notice};

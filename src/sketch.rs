@@ -32,6 +32,19 @@ pub fn survey_points(survey: &Path, assets: &[PathBuf], observer: &Observer, sto
     let (job, warnings) = ResolvedRun::resolve(survey, &Options { input, ..Options::default() })?;
     observer.warnings(warnings)?;
     let mut session = Session::open(job.settings, observer.callback())?;
+    session_points(&mut session, survey, observer, stop)
+}
+
+/// The same of the survey of a session, which `name` names in messages.
+///
+/// # Errors
+/// Those of a flight; [`Error::Interrupted`].
+pub fn session_points(
+    session: &mut Session,
+    name: &Path,
+    observer: &Observer,
+    stop: &Stop,
+) -> Result<Points> {
     let progress = Progress::default();
     let sketch = session.sketch(RunContext::new(&progress, stop))?;
     let loaded = session.loaded().ok_or_else(|| Error::Internal("the scene is not loaded".to_owned()))?;
@@ -49,11 +62,11 @@ pub fn survey_points(survey: &Path, assets: &[PathBuf], observer: &Observer, sto
         points.push(&PointRow { position, class, leg: cover.leg(position), ..PointRow::default() }, None);
     }
     draw_tracks(&sketch, &mut points);
-    let mut found = points.doubts(survey);
+    let mut found = points.doubts(name);
     let odd = classes.iter().filter(|class| !CLASSES.contains(class)).count();
     if odd > 0 {
         let message = format!("{odd} points have classes beyond 0 to 255, which are shown as 0 or 255");
-        found.warn(Some(Place::of_file(survey)), message);
+        found.warn(Some(Place::of_file(name)), message);
     }
     observer.warnings(found)?;
     Ok(points)

@@ -46,7 +46,10 @@ impl BatchIterator {
                 py.detach(|| self.batches().as_mut().map(|batches| batches.next_within(POLL_INTERVAL)));
             match next {
                 None => return Ok(None),
-                Some(Some(Some(Ok(batch)))) => return Ok(Some(Table(batch))),
+                Some(Some(Some(Ok(batch)))) => {
+                    let facts = self.batches().as_ref().and_then(|batches| batches.facts().cloned());
+                    return Table::of_points(batch, facts).map(Some);
+                }
                 Some(None) => {
                     if let Err(signal) = py.check_signals() {
                         self.end(py);

@@ -10,17 +10,23 @@
 //! | `batches` | runs whose points are taken while they are measured |
 //! | `catalogue` | lists of instruments, options and columns |
 //! | `preview` | pictures and pages of points |
+//! | `stages` | around a run: what it will cost, its poses and pulses, its shares |
+//! | `clouds` | point clouds of files as tables |
 //! | `tools` | plans, campaigns, comparisons |
+//! | `make` | scenes that are made; the figures of instruments |
 //! | `watch` | work on another thread, which Ctrl-C ends |
 
 use pyo3::prelude::*;
 
 mod batches;
 mod catalogue;
+mod clouds;
 mod errors;
+mod make;
 mod preview;
 mod run;
 mod scene;
+mod stages;
 mod table;
 mod tools;
 mod watch;
@@ -33,17 +39,23 @@ mod _vlscan {
     #[pymodule_export]
     use super::catalogue::{catalogue, columns, options};
     #[pymodule_export]
+    use super::clouds::read_points;
+    #[pymodule_export]
     use super::command;
     #[pymodule_export]
-    use super::preview::{page, picture};
+    use super::make::{figures, make_scene, make_stand, scanner_figures, unzip};
+    #[pymodule_export]
+    use super::preview::{page, picture, preview};
     #[pymodule_export]
     use super::run::{Outcome, Request, run, run_batches};
     #[pymodule_export]
     use super::scene::{Changes, Mesh, Part, Scene};
     #[pymodule_export]
+    use super::stages::{dry_run, fly, merge_shards, run_shard};
+    #[pymodule_export]
     use super::table::{Column, Table};
     #[pymodule_export]
-    use super::tools::{compare, fit_flight, fit_sensor, plan, reconstruct, run_campaign};
+    use super::tools::{campaign_cells, compare, fit_flight, fit_sensor, plan, reconstruct, run_campaign};
     #[pymodule_export]
     use super::version;
 }

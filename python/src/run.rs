@@ -14,8 +14,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan::base::input::arrow::encode_stream;
 use vlscan::{
-    Batches, LegRule, OutputRequest, Progress, PulseReader, Report, ResolvedRun, RunContext, Session,
-    TableContent, TableRequest, TableSink,
+    Batches, CloudFacts, Column, LegRule, OutputRequest, Progress, PulseReader, Report, ResolvedRun,
+    RunContext, Session, TableContent, TableRequest, TableSink,
 };
 
 /// Rows of pulses that are traced together.
@@ -59,7 +59,8 @@ impl Request {
 }
 
 impl Request {
-    fn job(&self, notices: &Notices) -> vlscan::Result<ResolvedRun> {
+    /// What is run, with every choice resolved.
+    pub fn job(&self, notices: &Notices) -> vlscan::Result<ResolvedRun> {
         let mut options = vlscan::Options::parse(self.words.iter().cloned())?;
         let has_file = !options.output.out.is_empty() || options.output.output.is_some();
         options.is_traced = self.pulses.is_some();
@@ -76,12 +77,17 @@ impl Request {
         if !has_file {
             // Points stay in memory.
             job.output.sinks.clear();
+            let has_width = job.settings.physics.echo_width;
+            job.output
+                .columns
+                .get_or_insert_with(|| columns_in_memory(job.output.misses, job.output.heights, has_width));
         }
         notices.add(vlscan::Notice::Warnings(warnings));
         Ok(job)
     }
 
-    fn session(&self, job: ResolvedRun, notices: &Notices) -> vlscan::Result<Session> {
+    /// A session over the scene of the request.
+    pub fn session(&self, job: ResolvedRun, notices: &Notices) -> vlscan::Result<Session> {
         match &self.scene {
             Some(scene) => scene.get().session(job, notices),
             None => Session::open(job.settings, notices.observer()),
@@ -110,11 +116,24 @@ impl Request {
     }
 }
 
+/// The columns of points in memory if no others are chosen: those of files, and those from which files are written again.
+pub fn columns_in_memory(has_misses: bool, has_heights: bool, has_width: bool) -> Vec<Column> {
+    let mut columns = Column::default_columns(has_misses);
+    columns.extend(has_heights.then_some(Column::HeightAboveGround));
+    columns.extend(Column::EXACT.iter().filter(|column| has_width || **column != Column::ExactEchoWidth));
+    columns
+}
+
+/// Files that were written: path, number of records, bytes, whether it is partial.
+type Files = Vec<(String, u64, u64, bool)>;
+
 /// Result of a run.
 #[pyclass(frozen, module = "vlscan")]
 pub struct Outcome {
     tables: Vec<(String, Py<Table>)>,
-    report: Report,
+    counts: (u64, u64, f64, bool),
+    files: Files,
+    directories: Vec<PathBuf>,
     notices: Py<PyList>,
 }
 
@@ -128,16 +147,54 @@ impl Outcome {
     ) -> PyResult<Outcome> {
         let mut found = Vec::new();
         for (name, sink) in tables {
-            let batch = sink.0.lock().unwrap_or_else(PoisonError::into_inner).pop();
+            let mut own = sink.0.lock().unwrap_or_else(PoisonError::into_inner);
+            let batch = own.batches.pop();
             let batch = batch.ok_or_else(|| PyRuntimeError::new_err(format!("no table of {name}")))?;
-            found.push((name.clone(), Py::new(py, Table(batch))?));
+            let table = match own.facts.take() {
+                Some(facts) => Table::of_points(batch, Some(facts))?,
+                None => Table::new(batch),
+            };
+            found.push((name.clone(), Py::new(py, table)?));
         }
-        Ok(Outcome { tables: found, report, notices })
+        let Report { summary, pulses, seconds, interrupted } = report;
+        let files = summary.files.iter().filter_map(|file| {
+            let path = file.path.as_ref()?.display().to_string();
+            Some((path, file.records, file.bytes, file.partial))
+        });
+        Ok(Outcome {
+            tables: found,
+            counts: (pulses, summary.points, seconds, interrupted),
+            files: files.collect(),
+            directories: summary.directories.clone(),
+            notices,
+        })
     }
 }
 
 #[pymethods]
 impl Outcome {
+    /// An outcome of its parts, as [`Outcome::parts`] returns them.
+    #[new]
+    fn of_parts(
+        tables: Vec<(String, Py<Table>)>,
+        counts: (u64, u64, f64, bool),
+        files: Files,
+        directories: Vec<PathBuf>,
+        notices: Py<PyList>,
+    ) -> Outcome {
+        Outcome { tables, counts, files, directories, notices }
+    }
+
+    /// Tables by name, counts, files, directories and notices.
+    #[allow(clippy::type_complexity, reason = "unpacked by the package")]
+    fn parts(
+        &self,
+        py: Python<'_>,
+    ) -> (Vec<(String, Py<Table>)>, (u64, u64, f64, bool), Files, Vec<PathBuf>, Py<PyList>) {
+        let tables = self.tables.iter().map(|(name, table)| (name.clone(), table.clone_ref(py))).collect();
+        (tables, self.counts, self.files.clone(), self.directories.clone(), self.notices.clone_ref(py))
+    }
+
     /// A table by name: points, trajectory, pulses, waveforms; none if it was not asked for.
     fn table(&self, py: Python<'_>, name: &str) -> Option<Py<Table>> {
         self.tables.iter().find(|table| table.0 == name).map(|table| table.1.clone_ref(py))
@@ -146,43 +203,37 @@ impl Outcome {
     /// Number of pulses emitted.
     #[getter]
     fn pulses(&self) -> u64 {
-        self.report.pulses
+        self.counts.0
     }
 
     /// Number of points.
     #[getter]
     fn points(&self) -> u64 {
-        self.report.summary.points
+        self.counts.1
     }
 
     /// Time from the first pulse to the last point, s.
     #[getter]
     fn seconds(&self) -> f64 {
-        self.report.seconds
+        self.counts.2
     }
 
     /// Whether the run was stopped early.
     #[getter]
     fn interrupted(&self) -> bool {
-        self.report.interrupted
+        self.counts.3
     }
 
     /// Files that were written: path, number of records, bytes, whether it is partial.
     #[getter]
-    fn files(&self) -> Vec<(String, u64, u64, bool)> {
-        let files = self.report.summary.files.iter();
-        files
-            .filter_map(|file| {
-                let path = file.path.as_ref()?.display().to_string();
-                Some((path, file.records, file.bytes, file.partial))
-            })
-            .collect()
+    fn files(&self) -> Files {
+        self.files.clone()
     }
 
     /// Run directories in HELIOS++'s layout.
     #[getter]
     fn directories(&self) -> Vec<PathBuf> {
-        self.report.summary.directories.clone()
+        self.directories.clone()
     }
 
     /// Warnings and notes as dictionaries.
@@ -194,11 +245,22 @@ impl Outcome {
 
 /// Collects the batches of a table.
 #[derive(Debug, Default)]
-pub struct Collected(Mutex<Vec<RecordBatch>>);
+pub struct Collected(Mutex<Batched>);
+
+#[derive(Debug, Default)]
+struct Batched {
+    batches: Vec<RecordBatch>,
+    /// Of points: what is known of them beside their columns.
+    facts: Option<CloudFacts>,
+}
 
 impl TableSink for Collected {
+    fn begin(&self, facts: CloudFacts) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).facts = Some(facts);
+    }
+
     fn take(&self, batch: RecordBatch) -> vlscan::Result<()> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(batch);
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).batches.push(batch);
         Ok(())
     }
 }
@@ -220,7 +282,7 @@ fn content(name: &str) -> PyResult<TableContent> {
 pub type CollectedTables = Vec<(String, Arc<Collected>)>;
 
 /// What collects the tables of these names.
-fn collected(names: Vec<String>) -> PyResult<(Vec<TableRequest>, CollectedTables)> {
+pub fn collected(names: Vec<String>) -> PyResult<(Vec<TableRequest>, CollectedTables)> {
     let mut requests = Vec::new();
     let mut tables = Vec::new();
     for name in names {
@@ -260,7 +322,7 @@ pub fn run(
 }
 
 /// Lets Python handle signals, and tells the progress.
-fn tell(py: Python<'_>, progress: Option<&Py<PyAny>>, counters: &Progress) -> PyResult<()> {
+pub fn tell(py: Python<'_>, progress: Option<&Py<PyAny>>, counters: &Progress) -> PyResult<()> {
     py.check_signals()?;
     let Some(progress) = progress else { return Ok(()) };
     let now = counters.snapshot();

@@ -5,7 +5,7 @@ use crate::table::Table;
 use crate::watch::{Interruption, watched};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict, PyList};
+use pyo3::types::{PyBytes, PyDict, PyList, PyString};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan::geom::{DVec3, Rotation};
@@ -40,6 +40,44 @@ impl Mesh {
         let mesh = vlscan::Mesh::new(vertices, triangles, materials, indices(material_of));
         mesh.map(|mesh| Mesh(Arc::new(mesh))).map_err(|error| exception(py, error))
     }
+
+    /// The arguments that make an equal mesh.
+    #[allow(clippy::type_complexity, reason = "unpacked by the package")]
+    fn parts<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<(Bound<'py, PyBytes>, Bound<'py, PyBytes>, Vec<Bound<'py, PyDict>>, Bound<'py, PyBytes>)>
+    {
+        let mesh = &self.0;
+        let vertices = mesh.vertices().iter().flat_map(|v| v.to_array()).flat_map(f64::to_le_bytes);
+        let triangles = mesh.triangles().iter().flatten().flat_map(|index| index.to_le_bytes());
+        let material_of = mesh.material_of().iter().flat_map(|index| index.to_le_bytes());
+        let materials =
+            mesh.materials().iter().map(|material| fields_of(py, material)).collect::<PyResult<_>>()?;
+        Ok((
+            PyBytes::new(py, &vertices.collect::<Vec<u8>>()),
+            PyBytes::new(py, &triangles.collect::<Vec<u8>>()),
+            materials,
+            PyBytes::new(py, &material_of.collect::<Vec<u8>>()),
+        ))
+    }
+}
+
+/// The dictionary of a material.
+fn fields_of<'py>(py: Python<'py>, material: &MaterialDefinition) -> PyResult<Bound<'py, PyDict>> {
+    let fields = PyDict::new(py);
+    fields.set_item("name", &material.name)?;
+    fields.set_item("diffuse", material.kd)?;
+    fields.set_item("specular", material.ks)?;
+    fields.set_item("specular_exponent", material.ns)?;
+    // In radians, which degrees would not give back bit for bit.
+    fields.set_item("roughness", material.roughness)?;
+    fields.set_item("element_size_m", material.element_size)?;
+    fields.set_item("reflectance", material.reflectance)?;
+    fields.set_item("spectrum", material.spectrum.as_deref())?;
+    fields.set_item("classification", material.classification)?;
+    fields.set_item("is_ground", material.is_ground)?;
+    Ok(fields)
 }
 
 /// A material from a dictionary whose keys the class `Material` of the package sets.
@@ -50,7 +88,10 @@ fn material(fields: &Bound<'_, PyDict>) -> PyResult<MaterialDefinition> {
         kd: get("diffuse")?.extract()?,
         ks: get("specular")?.extract()?,
         ns: get("specular_exponent")?.extract()?,
-        roughness: get("roughness_deg")?.extract::<f64>()?.to_radians(),
+        roughness: match fields.get_item("roughness")? {
+            Some(exact) => exact.extract()?,
+            None => get("roughness_deg")?.extract::<f64>()?.to_radians(),
+        },
         element_size: get("element_size_m")?.extract()?,
         reflectance: get("reflectance")?.extract()?,
         spectrum: get("spectrum")?.extract()?,
@@ -221,6 +262,23 @@ impl Changes {
         let last = MaterialChange { replaced, material: material(fields)? };
         Ok(Changes(self.0.iter().cloned().chain([last]).collect()))
     }
+
+    /// The arguments of the calls of [`Changes::then`] that make equal changes.
+    #[allow(clippy::type_complexity, reason = "unpacked by the package")]
+    fn parts<'py>(&self, py: Python<'py>) -> PyResult<Vec<(Bound<'py, PyAny>, Bound<'py, PyDict>)>> {
+        let part = |change: &MaterialChange| {
+            let which = match &change.replaced {
+                Replaced::All => py.None().into_bound(py),
+                Replaced::Named(name) => PyString::new(py, name).into_any(),
+                Replaced::Faces(faces) => {
+                    let bytes: Vec<u8> = faces.iter().flat_map(|index| index.to_le_bytes()).collect();
+                    PyBytes::new(py, &bytes).into_any()
+                }
+            };
+            Ok((which, fields_of(py, &change.material)?))
+        };
+        self.0.iter().map(part).collect()
+    }
 }
 
 /// Unsigned 32-bit integers.
@@ -341,6 +399,12 @@ impl Scene {
         Some((bounds, facts.primitives, facts.parts, facts.materials, facts.memory))
     }
 
+    /// All facts of the loaded scene as JSON, as `vlscan scene info --json` writes them.
+    fn report(&self, py: Python<'_>) -> PyResult<Option<String>> {
+        let Some(loaded) = self.lock().clone() else { return Ok(None) };
+        py.detach(|| vlscan::scene_json(&loaded)).map(Some).map_err(|error| exception(py, error))
+    }
+
     /// World height of the ground of the loaded scene at (x, y), m.
     fn ground_height(&self, py: Python<'_>, x: f64, y: f64) -> Option<f64> {
         let loaded = self.lock().clone()?;
@@ -351,7 +415,7 @@ impl Scene {
     fn sample(&self, py: Python<'_>, count: usize) -> PyResult<Option<Table>> {
         let Some(loaded) = self.lock().clone() else { return Ok(None) };
         let sampled = py.detach(|| loaded.sample(count)).map_err(|error| exception(py, error))?;
-        Ok(Some(Table(sampled)))
+        Ok(Some(Table::new(sampled)))
     }
 }
 

@@ -1,20 +1,32 @@
 //! Tables of a run: columns as NumPy arrays and by the Arrow C data interface, without copies.
 
+use crate::errors::{Notices, exception};
 use arrow_array::cast::AsArray;
 use arrow_array::ffi::{FFI_ArrowArray, FFI_ArrowSchema, to_ffi};
 use arrow_array::ffi_stream::{FFI_ArrowArrayStream, RecordBatchStreamReader};
 use arrow_array::{
-    Array, ArrayRef, Float64Array, RecordBatch, RecordBatchIterator, RecordBatchReader, StructArray,
+    Array, ArrayRef, Float32Array, Float64Array, Int8Array, Int16Array, Int32Array, Int64Array, RecordBatch,
+    RecordBatchIterator, RecordBatchReader, StructArray, UInt8Array, UInt16Array, UInt32Array, UInt64Array,
 };
+use arrow_ipc::reader::StreamReader;
 use arrow_schema::{DataType, Field, Schema, SchemaRef};
+use arrow_select::concat::concat_batches;
+use arrow_select::take::take_record_batch;
 use pyo3::exceptions::{PyKeyError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyCapsule, PyDict};
+use std::path::PathBuf;
 use std::sync::Arc;
+use vlscan::base::input::arrow::encode_stream;
+use vlscan::{CloudFacts, Column as PointColumn};
 
-/// Columns of numbers in memory.
+/// Columns of numbers in memory; of points also what files of them need beside their columns.
 #[pyclass(frozen, module = "vlscan")]
-pub struct Table(pub RecordBatch);
+pub struct Table {
+    pub batch: RecordBatch,
+    exact: Option<RecordBatch>,
+    facts: Option<Arc<CloudFacts>>,
+}
 
 /// A column of a table, which NumPy takes without a copy: `numpy.asarray(column)`.
 #[pyclass(frozen, module = "vlscan")]
@@ -23,13 +35,13 @@ pub struct Column(ArrayRef);
 #[pymethods]
 impl Table {
     fn __len__(&self) -> usize {
-        self.0.num_rows()
+        self.batch.num_rows()
     }
 
     /// Names of the columns.
     #[getter]
     fn names(&self) -> Vec<String> {
-        self.0.schema().fields().iter().map(|field| field.name().clone()).collect()
+        self.batch.schema().fields().iter().map(|field| field.name().clone()).collect()
     }
 
     /// Units of the columns by name; plain numbers have none.
@@ -48,13 +60,13 @@ impl Table {
     #[getter]
     fn metadata<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let metadata = PyDict::new(py);
-        self.0.schema().metadata().iter().try_for_each(|(key, value)| metadata.set_item(key, value))?;
+        self.batch.schema().metadata().iter().try_for_each(|(key, value)| metadata.set_item(key, value))?;
         Ok(metadata)
     }
 
     /// A column by name.
     fn column(&self, name: &str) -> PyResult<Column> {
-        match self.0.column_by_name(name) {
+        match self.batch.column_by_name(name) {
             Some(column) => Ok(Column(column.clone())),
             None => Err(PyKeyError::new_err(name.to_owned())),
         }
@@ -71,9 +83,80 @@ impl Table {
 
     /// Rows from `start` to `stop`, without a copy.
     fn slice(&self, start: usize, stop: usize) -> Table {
-        let start = start.min(self.0.num_rows());
-        let stop = stop.clamp(start, self.0.num_rows());
-        Table(self.0.slice(start, stop - start))
+        let start = start.min(self.batch.num_rows());
+        let stop = stop.clamp(start, self.batch.num_rows());
+        let rows = |batch: &RecordBatch| batch.slice(start, stop - start);
+        let exact = self.exact.as_ref().map(rows);
+        Table { batch: rows(&self.batch), exact, facts: self.facts.clone() }
+    }
+
+    /// The rows with these indices, bytes of unsigned 64-bit integers.
+    fn take(&self, py: Python<'_>, indices: &[u8]) -> PyResult<Table> {
+        let (indices, _) = indices.as_chunks();
+        let indices = UInt64Array::from_iter_values(indices.iter().map(|index| u64::from_le_bytes(*index)));
+        py.detach(|| {
+            let rows = |batch: &RecordBatch| take_record_batch(batch, &indices).map_err(wrong);
+            let exact = self.exact.as_ref().map(rows).transpose()?;
+            Ok(Table { batch: rows(&self.batch)?, exact, facts: self.facts.clone() })
+        })
+    }
+
+    /// The columns as an Arrow stream, those beside them, and what is known of the points: what [`Table::of_bytes`] takes.
+    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Parts<Bound<'py, PyBytes>>> {
+        let stream = |batch: &RecordBatch| {
+            let bytes = py.detach(|| encode_stream(&batch.schema(), std::slice::from_ref(batch)));
+            bytes.map(|bytes| PyBytes::new(py, &bytes)).map_err(|error| exception(py, error))
+        };
+        let facts = self.facts.as_ref().map(|facts| facts.to_bytes().map_err(|error| exception(py, error)));
+        let facts = facts.transpose()?.map(|bytes| PyBytes::new(py, &bytes));
+        Ok((stream(&self.batch)?, self.exact.as_ref().map(stream).transpose()?, facts))
+    }
+
+    /// A table of what [`Table::to_bytes`] returns.
+    #[staticmethod]
+    fn of_bytes(
+        py: Python<'_>,
+        columns: &[u8],
+        exact: Option<&[u8]>,
+        facts: Option<&[u8]>,
+    ) -> PyResult<Table> {
+        let facts = facts.map(|bytes| CloudFacts::from_bytes(bytes).map(Arc::new)).transpose();
+        let facts = facts.map_err(|error| exception(py, error))?;
+        let exact = exact.map(decode_stream).transpose()?;
+        Ok(Table { batch: decode_stream(columns)?, exact, facts })
+    }
+
+    /// A table of the columns of another one; `crs` is the coordinate reference system as WKT, if it is not in the metadata.
+    #[staticmethod]
+    fn of_columns(table: &Bound<'_, PyAny>, crs: Option<String>) -> PyResult<Table> {
+        let (schema, batches) = batches(table)?;
+        let batch = concat_batches(&schema, &batches).map_err(wrong)?;
+        let Some(crs) = crs else { return Ok(Table::new(batch)) };
+        let mut metadata = schema.metadata().clone();
+        metadata.insert("crs".to_owned(), crs);
+        let schema = Arc::new(Schema::new_with_metadata(schema.fields().clone(), metadata));
+        Ok(Table::new(RecordBatch::try_new(schema, batch.columns().to_vec()).map_err(wrong)?))
+    }
+
+    /// Writes points to a file. `words` are options as `vlscan run` takes them. Returns the number of points.
+    fn write(&self, py: Python<'_>, path: PathBuf, words: Vec<String>) -> PyResult<u64> {
+        let written = py.detach(|| {
+            let words = [format!("--out={}", path.display())].into_iter().chain(words);
+            let request = vlscan::Options::parse(words)?.output_request((0, 0))?;
+            let facts = match &self.facts {
+                Some(facts) => facts.clone(),
+                None => {
+                    let crs = self.batch.schema().metadata().get("crs").cloned();
+                    Arc::new(CloudFacts::of_table(&self.batch, crs)?)
+                }
+            };
+            vlscan::write_points(&self.batch, self.exact.as_ref(), &facts, &request)
+        });
+        let (tally, found) = written.map_err(|error| exception(py, error))?;
+        let notices = Notices::default();
+        notices.add(vlscan::Notice::Warnings(found));
+        notices.issue(py)?;
+        Ok(tally.records)
     }
 
     #[pyo3(signature = (requested_schema=None))]
@@ -83,13 +166,13 @@ impl Table {
         requested_schema: Option<Bound<'py, PyAny>>,
     ) -> PyResult<(Bound<'py, PyCapsule>, Bound<'py, PyCapsule>)> {
         let _ = requested_schema;
-        let whole: ArrayRef = Arc::new(StructArray::from(self.0.clone()));
+        let whole: ArrayRef = Arc::new(StructArray::from(self.batch.clone()));
         let (array, _) = to_ffi(&whole.to_data()).map_err(wrong)?;
         Ok((self.__arrow_c_schema__(py)?, PyCapsule::new_with_value(py, ArrayHolder(array), c"arrow_array")?))
     }
 
     fn __arrow_c_schema__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyCapsule>> {
-        let schema = FFI_ArrowSchema::try_from(self.0.schema().as_ref()).map_err(wrong)?;
+        let schema = FFI_ArrowSchema::try_from(self.batch.schema().as_ref()).map_err(wrong)?;
         PyCapsule::new_with_value(py, SchemaHolder(schema), c"arrow_schema")
     }
 
@@ -100,14 +183,32 @@ impl Table {
         requested_schema: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyCapsule>> {
         let _ = requested_schema;
-        stream(py, self.0.schema(), vec![self.0.clone()])
+        stream(py, self.batch.schema(), vec![self.batch.clone()])
     }
 }
 
+/// The columns of a table, those beside them, and what is known of its points, as bytes.
+type Parts<T> = (T, Option<T>, Option<T>);
+
 impl Table {
+    /// A table whose rows are no points of a run.
+    pub fn new(batch: RecordBatch) -> Table {
+        Table { batch, exact: None, facts: None }
+    }
+
+    /// The points of a run, whose last columns may be those that are beside the others.
+    pub fn of_points(batch: RecordBatch, facts: Option<CloudFacts>) -> PyResult<Table> {
+        let is_exact = |name: &str| PointColumn::EXACT.iter().any(|column| column.name() == name);
+        let schema = batch.schema();
+        let (hidden, shown): (Vec<usize>, Vec<usize>) =
+            (0..schema.fields().len()).partition(|index| is_exact(schema.field(*index).name()));
+        let exact = if hidden.is_empty() { None } else { Some(batch.project(&hidden).map_err(wrong)?) };
+        Ok(Table { batch: batch.project(&shown).map_err(wrong)?, exact, facts: facts.map(Arc::new) })
+    }
+
     fn metadata_of<'py>(&self, py: Python<'py>, key: &str) -> PyResult<Bound<'py, PyDict>> {
         let found = PyDict::new(py);
-        for field in self.0.schema().fields() {
+        for field in self.batch.schema().fields() {
             if let Some(value) = field.metadata().get(key) {
                 found.set_item(field.name(), value)?;
             }
@@ -149,6 +250,8 @@ impl Column {
             DataType::UInt16 => "<u2",
             DataType::UInt32 => "<u4",
             DataType::UInt64 => "<u8",
+            DataType::Int8 => "|i1",
+            DataType::Int16 => "<i2",
             DataType::Int32 => "<i4",
             DataType::Int64 => "<i8",
             DataType::Float32 => "<f4",
@@ -168,19 +271,48 @@ impl Column {
     }
 }
 
+/// Numbers as an array of the type that NumPy calls `kind`.
+fn numbers(kind: &str, bytes: &[u8]) -> PyResult<ArrayRef> {
+    macro_rules! array {
+        ($array:ident, $of:ty) => {
+            Arc::new($array::from_iter_values(bytes.chunks_exact(size_of::<$of>()).map(|number| {
+                let mut value = [0; size_of::<$of>()];
+                value.copy_from_slice(number);
+                <$of>::from_le_bytes(value)
+            }))) as ArrayRef
+        };
+    }
+    Ok(match kind {
+        "|u1" => array!(UInt8Array, u8),
+        "<u2" => array!(UInt16Array, u16),
+        "<u4" => array!(UInt32Array, u32),
+        "<u8" => array!(UInt64Array, u64),
+        "|i1" => array!(Int8Array, i8),
+        "<i2" => array!(Int16Array, i16),
+        "<i4" => array!(Int32Array, i32),
+        "<i8" => array!(Int64Array, i64),
+        "<f4" => array!(Float32Array, f32),
+        "<f8" => array!(Float64Array, f64),
+        other => return Err(PyTypeError::new_err(format!("a column is of {other}, expected numbers"))),
+    })
+}
+
 /// The record batches of an object: of anything with `__arrow_c_stream__`, or of a dictionary of columns as bytes of
-/// doubles.
+/// doubles, or as types of NumPy with bytes.
 pub fn batches(object: &Bound<'_, PyAny>) -> PyResult<(SchemaRef, Vec<RecordBatch>)> {
     if let Ok(columns) = object.cast::<PyDict>() {
         let mut fields = Vec::new();
         let mut arrays: Vec<ArrayRef> = Vec::new();
         for (name, values) in columns {
-            let values = values.cast_into::<PyBytes>()?;
-            let (numbers, _) = values.as_bytes().as_chunks();
-            let numbers =
-                Float64Array::from_iter_values(numbers.iter().map(|number| f64::from_le_bytes(*number)));
-            fields.push(Field::new(name.extract::<String>()?, DataType::Float64, false));
-            arrays.push(Arc::new(numbers));
+            let array = match values.cast::<PyBytes>() {
+                Ok(values) => numbers("<f8", values.as_bytes())?,
+                Err(_) => {
+                    let (kind, values): (String, Bound<'_, PyBytes>) = values.extract()?;
+                    numbers(&kind, values.as_bytes())?
+                }
+            };
+            fields.push(Field::new(name.extract::<String>()?, array.data_type().clone(), false));
+            arrays.push(array);
         }
         let schema = Arc::new(Schema::new(fields));
         let batch = RecordBatch::try_new(schema.clone(), arrays).map_err(wrong)?;
@@ -197,6 +329,14 @@ pub fn batches(object: &Bound<'_, PyAny>) -> PyResult<(SchemaRef, Vec<RecordBatc
     Ok((schema, batches.map_err(wrong)?))
 }
 
-fn wrong(error: arrow_schema::ArrowError) -> PyErr {
+/// The rows of an Arrow stream in memory.
+pub fn decode_stream(bytes: &[u8]) -> PyResult<RecordBatch> {
+    let reader = StreamReader::try_new(bytes, None).map_err(wrong)?;
+    let schema = reader.schema();
+    let batches: Result<Vec<RecordBatch>, _> = reader.collect();
+    concat_batches(&schema, &batches.map_err(wrong)?).map_err(wrong)
+}
+
+pub fn wrong(error: arrow_schema::ArrowError) -> PyErr {
     PyValueError::new_err(error.to_string())
 }

@@ -7,14 +7,17 @@ use crate::watch::{Interruption, watched};
 use pyo3::conversion::FromPyObjectOwned;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::{PyBytes, PyDict, PyList};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
+use vlscan::base::files::{refuse_existing, write_file};
 use vlscan::fit::flight::{self, FlightRequest};
 use vlscan::fit::scene::ReconstructOptions;
 use vlscan::fit::spinning::{Half, SpinningRequest, fit_spinning};
 use vlscan::tools::cloud::{Points, points_of_table, read_points};
-use vlscan::tools::compare::{CompareOptions, compare as compare_clouds, json};
+use vlscan::tools::compare::{
+    CompareOptions, changed_points, compare as compare_clouds, json, page, write_changed,
+};
 use vlscan::tools::plan::{
     AirborneOptions, AirborneRequest, Area, AreaSource, MobileOptions, MobileRequest, PlanRequest, PlanSetup,
     TerrestrialOptions, TerrestrialRequest,
@@ -25,7 +28,7 @@ use vlscan::{Campaign, CampaignEvent, CampaignOptions, Diagnostics, Error, Notic
 const COMMAND: &str = "vlscan.plan";
 
 /// A value of a dictionary that the package fills.
-fn get<'py, T: FromPyObjectOwned<'py>>(fields: &Bound<'py, PyDict>, key: &str) -> PyResult<T> {
+pub fn get<'py, T: FromPyObjectOwned<'py>>(fields: &Bound<'py, PyDict>, key: &str) -> PyResult<T> {
     let value = fields.get_item(key)?.ok_or_else(|| PyValueError::new_err(format!("no {key}")))?;
     value.extract::<T>().map_err(|error| {
         let error: PyErr = error.into();
@@ -166,20 +169,44 @@ pub fn run_campaign<'py>(
     Ok(found)
 }
 
+/// The cells of a campaign that are neither complete nor failed.
+#[pyfunction]
+pub fn campaign_cells(py: Python<'_>, path: PathBuf, fields: &Bound<'_, PyDict>) -> PyResult<Vec<String>> {
+    let task = get::<Option<(u32, u32)>>(fields, "task")?.map(|(number, of)| OneOf { number, of });
+    let options = of_fields!(CampaignOptions, fields, [cells, retry, verify, threads, strict], task: task);
+    let notices = Notices::default();
+    let left = py.detach(|| {
+        let campaign = Campaign::read(&path)?;
+        notices.add(Notice::Warnings(campaign.warnings().clone().finish(options.strict)?));
+        Ok(campaign.left(&options)?.into_iter().map(|cell| cell.name.clone()).collect())
+    });
+    notices.issue(py)?;
+    left.map_err(|error: Error| exception(py, error))
+}
+
 /// A cloud to compare: its name, and its points or the file of that name.
 type Named<'py> = (String, Option<Bound<'py, PyAny>>);
 
-/// Compares two clouds. Returns the comparison as JSON.
+/// A map of change: its columns, rows, side of cells (m) and south-western corner, and bytes of the differences, levels of detection
+/// (doubles) and marks of change (bytes) of the cells.
+type Map<'py> = ((usize, usize, f64, [f64; 2]), [Bound<'py, PyBytes>; 3]);
+
+/// Compares two clouds. Returns the comparison as JSON and its map of change.
 #[pyfunction]
-pub fn compare(
-    py: Python<'_>,
+pub fn compare<'py>(
+    py: Python<'py>,
     first: Named<'_>,
     second: Named<'_>,
     fields: &Bound<'_, PyDict>,
-) -> PyResult<String> {
+) -> PyResult<(String, Map<'py>)> {
     let notices = Notices::default();
     let observer = Observer::new(false, notices.observer());
     let options = of_fields!(CompareOptions, fields, [cell, voxel, most_distances, chance, terrain]);
+    let file = |key| get::<Option<PathBuf>>(fields, key);
+    let outputs = (file("page")?, file("change")?, file("changed")?, get::<bool>(fields, "force")?);
+    for path in [&outputs.0, &outputs.1, &outputs.2].into_iter().flatten() {
+        refuse_existing(path, outputs.3).map_err(|error| exception(py, error))?;
+    }
     let tables = [first, second].map(|(name, table)| {
         let table = table.map(|table| batches(&table).map(|(_, batches)| batches)).transpose();
         table.map(|table| (name, table))
@@ -197,10 +224,28 @@ pub fn compare(
         });
         let (first, second) = (first?, second?);
         let clouds = [(first.0.as_str(), &first.1), (second.0.as_str(), &second.1)];
-        json(&compare_clouds(clouds, &options, &observer)?)
+        let comparison = compare_clouds(clouds, &options, &observer)?;
+        let points = [&first.1, &second.1];
+        if let Some(path) = &outputs.0 {
+            write_file(path, outputs.3, page(&comparison, points)?.as_bytes())?;
+        }
+        if let Some(path) = &outputs.1 {
+            write_file(path, outputs.3, &comparison.change.map.geotiff(comparison.crs.as_deref())?)?;
+        }
+        if let Some(path) = &outputs.2 {
+            write_changed(path, outputs.3, points, &changed_points(points, options.cell)?, &observer)?;
+        }
+        Ok((json(&comparison)?, comparison.change.map))
     });
     notices.issue(py)?;
-    made.map_err(|error| exception(py, error))
+    let (text, map) = made.map_err(|error| exception(py, error))?;
+    let numbers = |values: &[f64]| {
+        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        PyBytes::new(py, &bytes)
+    };
+    let marks: Vec<u8> = map.is_changed.iter().map(|is_changed| u8::from(*is_changed)).collect();
+    let cells = [numbers(&map.differences), numbers(&map.detection), PyBytes::new(py, &marks)];
+    Ok((text, ((map.columns, map.rows, map.side_m, map.corner), cells)))
 }
 
 /// Fits a flight and its scanner to a cloud and writes them. Returns the files, and the figures as JSON.

@@ -28,6 +28,9 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("webbrowser.open", lambda address: True)
     shutil.copytree(FIXTURES, tmp_path / "fixtures")
+    for file in ("ground.obj", "forest.mtl"):
+        shutil.copy(FIXTURES / "forest" / file, tmp_path)
+    (tmp_path / "campaign.toml").write_text(CAMPAIGN)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield tmp_path
@@ -44,7 +47,6 @@ def test_examples_run(page, folder):
         # The survey and the meshes that its examples name.
         for file in [*(FIXTURES / "room").iterdir(), *(FIXTURES / "forest").glob("*.obj"), *(FIXTURES / "forest").glob("*.mtl")]:
             shutil.copy(file, folder)
-        (folder / "campaign.toml").write_text(CAMPAIGN)
     size = 50.0
     names = {
         "vertices": np.array([[-size, -size, 0], [size, -size, 0], [size, size, 0], [-size, size, 0]]),

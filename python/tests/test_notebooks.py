@@ -11,7 +11,7 @@ from conftest import ROOT
 NOTEBOOKS = sorted((ROOT / "python/notebooks").glob("*.ipynb"))
 
 #: What notebooks import beside vlscan itself.
-LIBRARIES = ("matplotlib.pyplot", "rasterio", "vlscan.helios")
+LIBRARIES = ("geopandas", "matplotlib.pyplot", "pandas", "rasterio", "shapely", "vlscan.helios")
 
 
 def run_cell(source, names):

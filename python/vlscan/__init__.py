@@ -24,90 +24,106 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from ._options import RunOptions
-    from .catalogue import columns, options, platforms, scanners
+    from .campaigns import CampaignReport, campaign_cells, run_campaign
+    from .catalogue import ScannerFigures, all_scanner_figures, columns, options, platforms, scanner_figures, scanners
+    from .comparisons import ChangeMap, Comparison, compare
     from .errors import Error, FileError, InputError, Problem, VlscanWarning
+    from .fits import Fitted, Reconstruction, fit_flight, fit_sensor, reconstruct
+    from .forecast import DryRun
     from .instruments import Platform, Scanner
+    from .making import MadeScene, Stand, make_scene, make_stand, unzip
     from .parts import Material, Part
+    from .plans import Plan, plan_airborne, plan_mobile, plan_terrestrial
+    from .points import Points
+    from .previews import preview
     from .results import Result
     from .scene import Scene
-    from .survey import Leg, Survey, run, run_batches, trace
-    from .tables import Points, Table, Waveforms
-    from .tools import (
-        CampaignReport,
-        Plan,
-        compare,
-        fit_flight,
-        fit_sensor,
-        plan_airborne,
-        plan_mobile,
-        plan_terrestrial,
-        reconstruct,
-        run_campaign,
-    )
+    from .shards import check_shards, index_shards, merge_shards, run_shard
+    from .survey import Leg, Survey, dry_run, pulses, run, run_batches, trace, trajectory
+    from .tables import Table, Waveforms
 
     __version__: str
 
 # Modules are imported when one of their names is needed first, so that the command starts quickly.
 _MODULES = {
     "_options": ["RunOptions"],
-    "catalogue": ["columns", "options", "platforms", "scanners"],
+    "campaigns": ["CampaignReport", "campaign_cells", "run_campaign"],
+    "catalogue": ["ScannerFigures", "all_scanner_figures", "columns", "options", "platforms", "scanner_figures", "scanners"],
+    "comparisons": ["ChangeMap", "Comparison", "compare"],
     "errors": ["Error", "FileError", "InputError", "Problem", "VlscanWarning"],
+    "fits": ["Fitted", "Reconstruction", "fit_flight", "fit_sensor", "reconstruct"],
+    "forecast": ["DryRun"],
     "instruments": ["Platform", "Scanner"],
+    "making": ["MadeScene", "Stand", "make_scene", "make_stand", "unzip"],
     "parts": ["Material", "Part"],
+    "plans": ["Plan", "plan_airborne", "plan_mobile", "plan_terrestrial"],
+    "points": ["Points"],
+    "previews": ["preview"],
     "results": ["Result"],
     "scene": ["Scene"],
-    "survey": ["Leg", "Survey", "run", "run_batches", "trace"],
-    "tables": ["Points", "Table", "Waveforms"],
-    "tools": [
-        "CampaignReport",
-        "Plan",
-        "compare",
-        "fit_flight",
-        "fit_sensor",
-        "plan_airborne",
-        "plan_mobile",
-        "plan_terrestrial",
-        "reconstruct",
-        "run_campaign",
-    ],
+    "shards": ["check_shards", "index_shards", "merge_shards", "run_shard"],
+    "survey": ["Leg", "Survey", "dry_run", "pulses", "run", "run_batches", "trace", "trajectory"],
+    "tables": ["Table", "Waveforms"],
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
     "CampaignReport",
+    "ChangeMap",
+    "Comparison",
+    "DryRun",
     "Error",
     "FileError",
+    "Fitted",
     "InputError",
     "Leg",
+    "MadeScene",
     "Material",
     "Part",
     "Plan",
     "Platform",
     "Points",
     "Problem",
+    "Reconstruction",
     "Result",
     "RunOptions",
     "Scanner",
+    "ScannerFigures",
     "Scene",
+    "Stand",
     "Survey",
     "Table",
     "VlscanWarning",
     "Waveforms",
+    "all_scanner_figures",
+    "campaign_cells",
+    "check_shards",
     "columns",
     "compare",
+    "dry_run",
     "fit_flight",
     "fit_sensor",
+    "index_shards",
+    "make_scene",
+    "make_stand",
+    "merge_shards",
     "options",
     "plan_airborne",
     "plan_mobile",
     "plan_terrestrial",
     "platforms",
+    "preview",
+    "pulses",
     "reconstruct",
     "run",
     "run_batches",
     "run_campaign",
+    "run_shard",
+    "scanner_figures",
     "scanners",
     "trace",
+    "trajectory",
+    "unzip",
 ]
 
 

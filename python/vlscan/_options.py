@@ -21,6 +21,12 @@ class RunOptions(TypedDict, total=False):
     frame_s: float | None
     """Duration of the frames of mcap. [default: a revolution of a spinning scanner, 0.1 for others]"""
 
+    world_frame: str | None
+    """Coordinate frame of mcap in which the scanner moves. [default: map]"""
+
+    sensor_frame: str | None
+    """Coordinate frame of the scanner in mcap. [default: lidar]"""
+
     tile: float | None
     """Divide the points of a folder (-o DIR) into square tiles with this edge length in metres, tile_X_Y, instead of legs."""
 

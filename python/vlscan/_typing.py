@@ -52,6 +52,13 @@ class MeshWithTriangles(Protocol):
     def triangles(self) -> ArrayLike: ...
 
 
+class Geometry(Protocol):
+    """A geometry of shapely or GeoPandas: one, a column of them, or a table with one."""
+
+    @property
+    def geom_type(self) -> Any: ...
+
+
 class Progress(Protocol):
     """A function that is told the progress of a run: numbers of pulses and points, the leg, and the fraction done (NaN if unknown)."""
 

@@ -16,24 +16,37 @@ __all__ = [
     "Request",
     "Scene",
     "Table",
+    "campaign_cells",
     "catalogue",
     "columns",
     "command",
     "compare",
+    "dry_run",
+    "figures",
     "fit_flight",
     "fit_sensor",
+    "fly",
+    "make_scene",
+    "make_stand",
+    "merge_shards",
     "options",
     "page",
     "picture",
     "plan",
+    "preview",
+    "read_points",
     "reconstruct",
     "run",
     "run_batches",
     "run_campaign",
+    "run_shard",
+    "scanner_figures",
+    "unzip",
     "version",
 ]
 
-_Table: TypeAlias = ArrowStream | dict[str, bytes]
+_Table: TypeAlias = ArrowStream | dict[str, bytes] | dict[str, tuple[str, bytes]]
+_Map: TypeAlias = tuple[tuple[int, int, float, list[float]], list[bytes]]
 
 def version() -> str:
     """Version of the engine."""
@@ -62,8 +75,62 @@ def plan(kind: str, fields: dict[str, Any]) -> tuple[str, list[str], list[str]]:
 def run_campaign(path: str, fields: dict[str, Any], notify: Callable[[str, str, str], object] | None) -> dict[str, Any]:
     """Compute the cells of a campaign and return the state of its data set."""
 
-def compare(first: tuple[str, object], second: tuple[str, object], fields: dict[str, object]) -> str:
-    """Compare two clouds, each a table with its name or the file of that name; the comparison as JSON."""
+def campaign_cells(path: str, fields: dict[str, Any]) -> list[str]:
+    """Return the cells of a campaign that are neither complete nor failed."""
+
+def compare(first: tuple[str, object], second: tuple[str, object], fields: dict[str, object]) -> tuple[str, _Map]:
+    """Compare two clouds, each a table with its name or the file of that name; the comparison as JSON, and its map of change."""
+
+def read_points(path: str) -> Table:
+    """Read the points of a file."""
+
+def preview(
+    kind: str,
+    file: str | None,
+    request: Request | None,
+    pulse: int | None,
+    colour: str,
+    title: str,
+    light: bool,
+    width: int,
+    height: int,
+    max_points: int,
+) -> bytes:
+    """Draw points of a file, the waveform of a pulse, or the survey of a request: a picture (``png``) or a page (``html``)."""
+
+def make_scene(kind: str, folder: str, fields: dict[str, Any]) -> tuple[str, int, int, int]:
+    """Make a scene with a survey: the survey, and the numbers of triangles, voxels and pulses."""
+
+def make_stand(inventory: str, trees: str, folder: str, fields: dict[str, Any]) -> tuple[str, list[int], int]:
+    """Place tree models by an inventory: the scene, and the numbers of trees of each epoch and of models."""
+
+def figures() -> str:
+    """Return the figures of all scanners and platforms that ship as JSON."""
+
+def scanner_figures(reference: str) -> tuple[str, str]:
+    """Return the figures of a scanner with their sources as JSON, and its scan pattern as SVG."""
+
+def unzip(path: str, out: str, force: bool) -> int:
+    """Expand compressed text to a file; the number of lines."""
+
+def dry_run(request: Request) -> str:
+    """Estimate what a run will cost and give; the forecast as JSON."""
+
+def fly(request: Request, rows: str, interval: float | None, as_flown: bool) -> Table:
+    """Fly a survey without tracing and return its poses (``poses``) or pulses (``pulses``)."""
+
+def run_shard(
+    request: Request,
+    folder: str,
+    shard: tuple[int, int] | None,
+    resume: bool,
+    force: bool,
+    progress: Progress | None = None,
+) -> tuple[str, int]:
+    """Compute a shard of a run, or without one the index of all shards: the file or the folder, and the number of pulses."""
+
+def merge_shards(folder: str, words: Sequence[str], tables: Sequence[str], check: bool, progress: Progress | None = None) -> Outcome | None:
+    """Merge shards to files or to tables of these names; or compare their checksums."""
 
 def fit_flight(cloud: str, output: str, flight_line: int | None, extend: float, force: bool) -> tuple[list[str], str]:
     """Fit a flight and its scanner to a cloud and write them: the files, and the figures as JSON."""
@@ -79,6 +146,7 @@ class Mesh:
     """Triangles with materials."""
 
     def __new__(cls, vertices: bytes, triangles: bytes, materials: Sequence[dict[str, Any]], material_of: bytes) -> Mesh: ...
+    def parts(self) -> tuple[bytes, bytes, list[dict[str, Any]], bytes]: ...
 
 @final
 class Changes:
@@ -86,6 +154,7 @@ class Changes:
 
     def __new__(cls) -> Changes: ...
     def then(self, which: str | bytes | None, fields: dict[str, Any]) -> Changes: ...
+    def parts(self) -> list[tuple[str | bytes | None, dict[str, Any]]]: ...
 
 @final
 class Part:
@@ -118,6 +187,7 @@ class Scene:
     def pack(self, path: str, document: str, words: Sequence[str]) -> None: ...
     def unload(self) -> None: ...
     def facts(self) -> SceneFacts | None: ...
+    def report(self) -> str | None: ...
     def ground_height(self, x: float, y: float) -> float | None: ...
     def sample(self, count: int) -> Table | None: ...
 
@@ -145,6 +215,13 @@ class Table:
     def column(self, name: str) -> Column: ...
     def lists(self, name: str) -> tuple[Column, Column]: ...
     def slice(self, start: int, stop: int) -> Table: ...
+    def take(self, indices: bytes) -> Table: ...
+    def to_bytes(self) -> tuple[bytes, bytes | None, bytes | None]: ...
+    @staticmethod
+    def of_bytes(columns: bytes, exact: bytes | None, facts: bytes | None) -> Table: ...
+    @staticmethod
+    def of_columns(table: _Table, crs: str | None) -> Table: ...
+    def write(self, path: str, words: Sequence[str]) -> int: ...
     def __arrow_c_array__(self, requested_schema: object | None = None) -> tuple[object, object]: ...
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...
     def __arrow_c_schema__(self) -> object: ...
@@ -167,6 +244,23 @@ class Request:
 class Outcome:
     """Result of a run."""
 
+    def __new__(
+        cls,
+        tables: Sequence[tuple[str, Table]],
+        counts: tuple[int, int, float, bool],
+        files: Sequence[tuple[str, int, int, bool]],
+        directories: Sequence[str | os.PathLike[str]],
+        notices: list[dict[str, Any]],
+    ) -> Outcome: ...
+    def parts(
+        self,
+    ) -> tuple[
+        list[tuple[str, Table]],
+        tuple[int, int, float, bool],
+        list[tuple[str, int, int, bool]],
+        list[os.PathLike[str]],
+        list[dict[str, Any]],
+    ]: ...
     def table(self, name: str) -> Table | None: ...
     @property
     def pulses(self) -> int: ...

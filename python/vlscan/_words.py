@@ -26,6 +26,9 @@ def words_of(options: Mapping[str, object], *, writes_files: bool = True) -> lis
         word = "--" + name.replace("_", "-")
         if isinstance(value, bool):
             words.append(switch(name, value))
+        elif isinstance(value, Mapping) and name == "columns":
+            # The columns that `vlscan.columns()` lists.
+            words.append(f"{word}={_text(list(value))}")
         elif isinstance(value, Mapping):
             words += [f"{word}={key}={_text(item)}" for key, item in value.items()]
         elif isinstance(value, (list, tuple)) and known[name].is_list:

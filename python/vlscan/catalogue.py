@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import html
+import json
 from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from difflib import get_close_matches
 from functools import cache
 from typing import NamedTuple
@@ -127,6 +130,130 @@ def columns() -> dict[str, Column]:
     'm'
     """
     return {name: Column(unit, text) for name, unit, text in _vlscan.columns()}
+
+
+@dataclass(frozen=True)
+class ScannerFigures:
+    """Figures of a scanner's data sheet; of several channels those of the first.
+
+    Parameters
+    ----------
+    reference : str
+        Reference in surveys and pipelines.
+    name : str
+        Name of the instrument.
+    optics : str
+        Kind of the mechanism that deflects the beam.
+    channels : int
+        Number of channels.
+    divergence_mrad : float
+        Divergence of the beam, full angle at 1/e², mrad.
+    divergence_y_mrad : float or None
+        Of elliptic beams the other one.
+    pulse_rates_hz : list of int
+        Pulse rates, Hz.
+    range_min_m : float
+        Least range, m.
+    range_max_m : float or None
+        Farthest range, m; ``None`` is unlimited.
+    field_of_view_deg : list of float
+        Full angle of the field, or its two extents: all around, and up and down.
+    head_deg_per_s : float
+        Highest rate of the head; 0 without one.
+    wavelength_nm : float
+        Wavelength, nm.
+    pulse_length_ns : float
+        Length of the pulse in the measure of HELIOS++, ns.
+    pulse_fwhm_ns : float
+        Full width of the pulse at half maximum, ns.
+    accuracy_m : float
+        Standard deviation of ranges, m.
+    max_returns : int
+        Most returns of a pulse; 0 is unlimited.
+    """
+
+    reference: str
+    name: str
+    optics: str
+    channels: int
+    divergence_mrad: float
+    divergence_y_mrad: float | None
+    pulse_rates_hz: list[int]
+    range_min_m: float
+    range_max_m: float | None
+    field_of_view_deg: list[float]
+    head_deg_per_s: float
+    wavelength_nm: float
+    pulse_length_ns: float
+    pulse_fwhm_ns: float
+    accuracy_m: float
+    max_returns: int
+
+    @property
+    def sources(self) -> dict[str, str]:
+        """Where the figures come from, by the names of attributes in XML."""
+        text, _ = _vlscan.scanner_figures(self.reference)
+        sources: dict[str, str] = json.loads(text)["sources"]
+        return sources
+
+    @property
+    def pattern_svg(self) -> str:
+        """The directions of the beams as a drawing (SVG): one revolution of the head, or 0.1 s if it does not turn."""
+        return _vlscan.scanner_figures(self.reference)[1]
+
+    def _repr_html_(self) -> str:
+        rows = "".join(f"<tr><td>{name}</td><td>{html.escape(str(value))}</td></tr>" for name, value in asdict(self).items())
+        return f"<table>{rows}</table>{self.pattern_svg}"
+
+
+def scanner_figures(name: str) -> ScannerFigures:
+    """Return the figures of a scanner, as ``vlscan catalogue show`` does.
+
+    Parameters
+    ----------
+    name : str
+        The id of one that ships, or ``file.xml#id``.
+
+    Returns
+    -------
+    ScannerFigures
+        The figures.
+
+    Raises
+    ------
+    InputError
+        No scanner has the name.
+
+    Examples
+    --------
+    >>> figures = vlscan.scanner_figures("riegl_vz400")
+    >>> figures.wavelength_nm, figures.pattern_svg[:4]
+    (1064.0, '<svg')
+    """
+    text, _ = _vlscan.scanner_figures(scanner_reference(name))
+    return ScannerFigures(**json.loads(text)["figures"])
+
+
+def all_scanner_figures(text: str = "") -> list[ScannerFigures]:
+    """Return the figures of all scanners that ship, as ``vlscan catalogue`` does; ``pandas.DataFrame`` makes a table of them.
+
+    Parameters
+    ----------
+    text : str
+        What the reference or the name contains.
+
+    Returns
+    -------
+    list of ScannerFigures
+        The figures.
+
+    Examples
+    --------
+    >>> {figures.name for figures in vlscan.all_scanner_figures("vz-4")}
+    {'RIEGL VZ-400'}
+    """
+    figures = [ScannerFigures(**row) for row in json.loads(_vlscan.figures())["scanners"]]
+    return [row for row in figures if text.lower() in row.reference.lower() or text.lower() in row.name.lower()]
 
 
 def scanner_reference(name: str) -> str:

@@ -6,7 +6,7 @@ import os
 import sys
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 
@@ -67,6 +67,9 @@ class InputError(Error, ValueError):
     def __init__(self, text: str, problems: Sequence[Mapping[str, Any]] | None = None) -> None:
         super().__init__(text)
         self.problems: list[Problem] = [Problem(**fields) for fields in problems or []]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return InputError, (str(self), [asdict(problem) for problem in self.problems])
 
 
 class FileError(Error, OSError):

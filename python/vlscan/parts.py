@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copyreg
 import math
 import operator
 import os
@@ -123,7 +124,8 @@ class Part:
     """A part of a scene: geometry and where it stands.
 
     Parts are made by :meth:`mesh`, :meth:`file` and the other static methods. They do not change: :meth:`translate` and the
-    like return new ones, which share the geometry, so a thousand copies of a tree take the memory of one.
+    like return new ones, which share the geometry, so a thousand copies of a tree take the memory of one. They pickle, and copies
+    that are pickled together share their geometry afterwards, too.
 
     Parameters
     ----------
@@ -707,3 +709,18 @@ def _fields(material: Material) -> dict[str, Any]:
 
 def _choice(file: PathLike | None, name: str | None) -> dict[str, str | None]:
     return dict(file=None if file is None else os.fspath(file), name=name)
+
+
+def _mesh_of(*parts: Any) -> _vlscan.Mesh:
+    return _vlscan.Mesh(*parts)
+
+
+def _changes_of(parts: list[tuple[str | bytes | None, dict[str, Any]]]) -> _vlscan.Changes:
+    changes = _vlscan.Changes()
+    for which, fields in parts:
+        changes = changes.then(which, fields)
+    return changes
+
+
+copyreg.pickle(_vlscan.Mesh, lambda mesh: (_mesh_of, mesh.parts()))
+copyreg.pickle(_vlscan.Changes, lambda changes: (_changes_of, (changes.parts(),)))

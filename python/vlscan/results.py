@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import copyreg
 import html
 import os
 from functools import cached_property
+from typing import Any
 
 from . import _vlscan
 from .errors import Problem
-from .tables import Points, Table, Waveforms
+from .points import Points
+from .tables import Table, Waveforms
 
 
 class Result:
-    """What a run has measured.
+    """What a run has measured. Results pickle.
 
     Parameters
     ----------
@@ -93,6 +96,9 @@ class Result:
         """Warnings and notes of the run, with their places."""
         return [Problem(**fields) for fields in self._outcome.notices]
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Result, (self._outcome,)
+
     def __repr__(self) -> str:
         where = f", {', '.join(self.files)}" if self.files else ""
         return f"<Result: {self.pulse_count:,} pulses, {self.point_count:,} points in {self.seconds:.2f} s{where}>"
@@ -101,3 +107,10 @@ class Result:
         if self._outcome.table("points") is None:
             return f"<div>{html.escape(repr(self))}</div>"
         return self.points._repr_html_()
+
+
+def _outcome_of(*parts: Any) -> _vlscan.Outcome:
+    return _vlscan.Outcome(*parts)
+
+
+copyreg.pickle(_vlscan.Outcome, lambda outcome: (_outcome_of, outcome.parts()))

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import html
+import json
 import os
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _toml, _vlscan
+from ._notebook import picture_html, show_page
 from ._typing import PathLike, SceneFacts
 from ._words import words_of
 from .instruments import Scanner
 from .parts import Part
-from .tables import Points, picture_html, show_page
+from .points import Points
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -32,7 +34,8 @@ _DEFAULT_SCANNER = "data/scanners_tls.xml#riegl_vz400"
 class Scene:
     """What is scanned.
 
-    The scene and the tree over it are loaded by the first run, or by :meth:`load`, and shared by all later ones.
+    The scene and the tree over it are loaded by the first run, or by :meth:`load`, and shared by all later ones. Scenes pickle
+    without what is loaded: a process that gets one loads it again.
 
     Parameters
     ----------
@@ -56,11 +59,14 @@ class Scene:
 
     def __init__(self, source: PathLike | Part | Iterable[Part], assets: Iterable[PathLike] = ()) -> None:
         folders = [os.fspath(folder) for folder in assets]
+        self._assets = folders
         if isinstance(source, (str, os.PathLike)):
             self._name = os.fspath(source)
+            self._source: str | list[Part] = self._name
             self._scene = _vlscan.Scene.read(self._name, folders)
         else:
             parts = [source] if isinstance(source, Part) else list(source)
+            self._source = parts
             self._name = f"{len(parts)} parts"
             self._scene = _vlscan.Scene.of_parts([part._made() for part in parts], [*folders, ".", "assets"])
 
@@ -147,6 +153,28 @@ class Scene:
         """Reflectance and class of the materials, by name. Loads the scene."""
         return {name: (reflectance, kind) for name, reflectance, kind in self._facts()[3]}
 
+    def info(self) -> dict[str, Any]:
+        """Return all facts of the scene, as ``vlscan scene info --json`` writes them. Loads the scene.
+
+        Returns
+        -------
+        dict
+            Primitives, bounds, memory, faults, and lists of the parts (with class, materials, position and height) and of the materials.
+
+        Examples
+        --------
+        >>> facts = vlscan.Scene("fixtures/room/scene.xml").info()
+        >>> facts["triangles"] > 100, {"id", "materials", "height_m"} <= set(facts["parts"][0])
+        (True, True)
+        """
+        self._facts()
+        text = self._scene.report()
+        if text is None:
+            raise RuntimeError("the scene was unloaded by another thread")
+        facts: dict[str, Any] = json.loads(text)
+        del facts["seconds"]
+        return facts
+
     @property
     def memory(self) -> int:
         """Memory of scene and tree, bytes. Loads the scene."""
@@ -210,6 +238,9 @@ class Scene:
             The view, in a notebook.
         """
         return show_page(self.sample(max_points).html(colour, self._name, max_points))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Scene, (self._source, self._assets)
 
     def _repr_html_(self) -> str:
         about = f"{self._name}: {self.primitives:,} primitives, {len(self.parts)} parts"

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, TypeAlias, TypedDict
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _toml, _vlscan
-from ._typing import ArrowStream, PathLike, Progress, TableLike, Vector
+from ._columns import EngineTable, columns_of
+from ._libraries import shown_progress
+from ._typing import PathLike, Progress, TableLike, Vector
 from ._words import switch, words_of
+from .forecast import DryRun
 from .instruments import Platform, Scanner
 from .parts import Part
+from .points import Points
 from .results import Result
 from .scene import Scene
-from .tables import Points
+from .tables import Table
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -25,9 +29,6 @@ if TYPE_CHECKING:
 
 #: Columns of a trajectory as an array.
 TRAJECTORY_COLUMNS = ("time", "x", "y", "z", "roll", "pitch", "yaw")
-
-# A table as the engine takes it: of Arrow, or columns as bytes of doubles.
-_Table: TypeAlias = ArrowStream | dict[str, bytes]
 
 
 class SurveyArguments(TypedDict, total=False):
@@ -153,6 +154,33 @@ class Survey:
         self.detector = dict(detector or {})
         self.name = name
         self._file: str | None = None
+        self._text: str | None = None
+
+    @staticmethod
+    def from_document(text: str, scene: Scene | PathLike | None = None) -> Survey:
+        """Return the survey of a pipeline in memory.
+
+        Parameters
+        ----------
+        text : str
+            The pipeline, TOML, as :meth:`document` and plans have it.
+        scene : Scene, str or path-like, optional
+            Replaces the scene of the pipeline.
+
+        Returns
+        -------
+        Survey
+            The survey.
+
+        Examples
+        --------
+        >>> plan = vlscan.plan_terrestrial("riegl_vz400", around=(0, 0), radius=5, positions=3, resolution=0.2, scene="ground.obj")
+        >>> vlscan.Survey.from_document(plan.text).run(seed=1).point_count > 1000
+        True
+        """
+        survey = Survey(scene)
+        survey._text = text
+        return survey
 
     @staticmethod
     def open(path: PathLike, scene: Scene | PathLike | None = None, **changes: Unpack[SurveyArguments]) -> Survey:
@@ -219,19 +247,23 @@ class Survey:
         scan_freq_hz = 120
         <BLANKLINE>
         """
+        if self._text is not None:
+            return self._text
         keys: dict[str, object] = {}
         if self._file is not None:
             keys["survey"] = os.path.abspath(self._file)
         return _toml.document({**keys, **self._keys()})
 
-    def _request(self, words: list[str], pulses: _Table | None = None) -> _vlscan.Request:
+    def _request(self, words: list[str], pulses: EngineTable | None = None) -> _vlscan.Request:
         """Return what the engine runs; ``words`` are options of the command line."""
-        trajectory: _Table | None = None
+        trajectory: EngineTable | None = None
         if isinstance(self.trajectory, (str, os.PathLike)):
             words = [*words, f"--trajectory={os.fspath(self.trajectory)}"]
         elif self.trajectory is not None:
             trajectory = columns_of(self.trajectory, TRAJECTORY_COLUMNS)
         scene = self.scene._scene if self.scene is not None else None
+        if self._text is not None and self._keys():
+            raise ValueError("a pipeline cannot be changed by attributes; give them as options of the run, or change its text")
         if self._file is not None and not self._keys():
             return _vlscan.Request(words, file=self._file, scene=scene, trajectory=trajectory, pulses=pulses)
         return _vlscan.Request(words, document=self.document(), scene=scene, trajectory=trajectory, pulses=pulses)
@@ -242,7 +274,7 @@ class Survey:
         *,
         waveforms: bool | None = None,
         pulses: bool | None = None,
-        progress: Progress | None = None,
+        progress: Progress | bool | None = None,
         **options: Unpack[RunOptions],
     ) -> Result:
         """Fly and measure the survey.
@@ -254,8 +286,9 @@ class Survey:
             ``.geo.parquet``, ``.arrow``, ``.ply``, ``.csv``, ``.xyz``). Without it the points stay in memory.
         waveforms, pulses : bool, optional
             Whether they are recorded, too.
-        progress : callable, optional
-            Called about twenty times per second with the keywords ``pulses``, ``points``, ``leg`` and ``done`` (0 to 1).
+        progress : callable or bool, optional
+            A function that is called about twenty times per second with the keywords ``pulses``, ``points``, ``leg`` and ``done`` (0
+            to 1); or whether to show a bar of tqdm. By default there is a bar in notebooks where tqdm is installed.
         **options : RunOptions
             Options of the command line with underscores, for example ``seed``, ``threads``, ``columns`` (a list), ``misses``,
             ``physics`` (``"helios"`` or ``"refined"``, by default the former for XML surveys and the latter for others),
@@ -287,8 +320,97 @@ class Survey:
         >>> survey.run(to="room.laz", seed=1, force=True).files
         ['room.laz']
         """
-        words, tables = _recorded(to, waveforms, pulses, options)
-        return Result(_vlscan.run(self._request(words), tables, progress))
+        words, tables = recorded(to, waveforms, pulses, options)
+        with shown_progress(progress) as tell:
+            return Result(_vlscan.run(self._request(words), tables, tell))
+
+    def dry_run(self, to: PathLike | Iterable[PathLike] | None = None, **options: Unpack[RunOptions]) -> DryRun:
+        """Estimate what a run will cost and give: pulses, points, density, spacing, sizes of files, memory, time, what it misses.
+
+        Legs and pulses are counted or, of long flights, computed; the rest comes from a sample that is measured.
+
+        Parameters
+        ----------
+        to : str, path-like or iterable of them, optional
+            Files whose sizes are estimated; none is written.
+        **options : RunOptions
+            As for :meth:`run`.
+
+        Returns
+        -------
+        DryRun
+            The estimates.
+
+        Raises
+        ------
+        InputError
+            Input is invalid.
+
+        Examples
+        --------
+        >>> forecast = vlscan.Survey.open("fixtures/room/survey.xml").dry_run(to="room.laz")
+        >>> len(forecast.legs), forecast.files[0].name
+        (2, 'room.laz')
+        """
+        words, _ = recorded(to, None, None, options)
+        return DryRun.of(_vlscan.dry_run(self._request(words)))
+
+    def fly_trajectory(self, interval: float | None = None, *, true: bool = False, **options: Unpack[RunOptions]) -> Table:
+        """Fly the survey without measuring, and return the poses of the platform.
+
+        Parameters
+        ----------
+        interval : float, optional
+            Time from pose to pose, s; by default that of the survey, else 0.05.
+        true : bool
+            Whether the poses are without errors of navigation.
+        **options : RunOptions
+            As for :meth:`run`.
+
+        Returns
+        -------
+        Table
+            Columns time (s), x, y, z (m), roll, pitch, yaw (degrees), which :class:`Survey` takes as trajectory.
+
+        Raises
+        ------
+        InputError
+            Input is invalid.
+
+        Examples
+        --------
+        >>> poses = vlscan.Survey.open("fixtures/terrain/survey.xml").fly_trajectory(interval=0.5)
+        >>> poses.columns
+        ['time', 'x', 'y', 'z', 'roll', 'pitch', 'yaw']
+        """
+        return Table(_vlscan.fly(self._request(words_of(options, writes_files=False)), "poses", interval, true))
+
+    def fly_pulses(self, **options: Unpack[RunOptions]) -> Table:
+        """Fly the survey without measuring, and return its pulses.
+
+        Parameters
+        ----------
+        **options : RunOptions
+            As for :meth:`run`.
+
+        Returns
+        -------
+        Table
+            The columns of ``vlscan pulses``, which :func:`trace` takes: times (s), origins, directions and others.
+
+        Raises
+        ------
+        InputError
+            Input is invalid.
+
+        Examples
+        --------
+        >>> pulses = vlscan.Survey.open("fixtures/room/survey.xml").fly_pulses(seed=1)
+        >>> traced = vlscan.trace("fixtures/room/scene.xml", pulses=pulses, scanner="riegl_vz400", seed=1)
+        >>> traced.point_count > 1000
+        True
+        """
+        return Table(_vlscan.fly(self._request(words_of(options, writes_files=False)), "pulses", None, False))
 
     def run_batches(
         self, rows: int = 1_000_000, per_leg: bool = False, seconds: float | None = None, **options: Unpack[RunOptions]
@@ -335,7 +457,7 @@ class Survey:
         return _batches(self._request(words), rows, per_leg, seconds)
 
     def __repr__(self) -> str:
-        what = [repr(self._file)] if self._file else []
+        what = [repr(self._file)] if self._file else ["pipeline"] if self._text else []
         what += [f"{key}={value!r}" for key, value in self._keys().items() if key != "leg"]
         return f"Survey({', '.join([*what, f'{len(self.legs)} legs'])})"
 
@@ -346,7 +468,7 @@ def run(
     *,
     waveforms: bool | None = None,
     pulses: bool | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     **options: Unpack[RunOptions],
 ) -> Result:
     """Run a survey.
@@ -371,7 +493,7 @@ def run(
     >>> result.points.units["X"]
     'm'
     """
-    return _opened(survey).run(to, waveforms=waveforms, pulses=pulses, progress=progress, **options)
+    return opened(survey).run(to, waveforms=waveforms, pulses=pulses, progress=progress, **options)
 
 
 def run_batches(
@@ -402,7 +524,82 @@ def run_batches(
     >>> [set(leg["PointSourceId"].tolist()) for leg in vlscan.run_batches("fixtures/room/survey.xml", per_leg=True)]
     [{1}, {2}]
     """
-    return _opened(survey).run_batches(rows, per_leg, seconds, **options)
+    return opened(survey).run_batches(rows, per_leg, seconds, **options)
+
+
+def dry_run(survey: Survey | PathLike, to: PathLike | Iterable[PathLike] | None = None, **options: Unpack[RunOptions]) -> DryRun:
+    """Estimate what a run will cost and give.
+
+    Parameters
+    ----------
+    survey : Survey, str or path-like
+        A survey, or its file.
+    to : object
+        As for :meth:`Survey.dry_run`.
+    **options : RunOptions
+        As for :meth:`Survey.run`.
+
+    Returns
+    -------
+    DryRun
+        The estimates.
+
+    Examples
+    --------
+    >>> forecast = vlscan.dry_run("fixtures/room/survey.xml")
+    >>> abs(forecast.points.value / vlscan.run("fixtures/room/survey.xml").point_count - 1) < 0.1
+    True
+    """
+    return opened(survey).dry_run(to, **options)
+
+
+def trajectory(survey: Survey | PathLike, interval: float | None = None, *, true: bool = False, **options: Unpack[RunOptions]) -> Table:
+    """Fly a survey without measuring, and return the poses of the platform.
+
+    Parameters
+    ----------
+    survey : Survey, str or path-like
+        A survey, or its file.
+    interval, true : object
+        As for :meth:`Survey.fly_trajectory`.
+    **options : RunOptions
+        As for :meth:`Survey.run`.
+
+    Returns
+    -------
+    Table
+        The poses.
+
+    Examples
+    --------
+    >>> poses = vlscan.trajectory("fixtures/terrain/survey.xml", interval=0.25)
+    >>> round(float(poses["time"][1] - poses["time"][0]), 2)
+    0.25
+    """
+    return opened(survey).fly_trajectory(interval, true=true, **options)
+
+
+def pulses(survey: Survey | PathLike, **options: Unpack[RunOptions]) -> Table:
+    """Fly a survey without measuring, and return its pulses.
+
+    Parameters
+    ----------
+    survey : Survey, str or path-like
+        A survey, or its file.
+    **options : RunOptions
+        As for :meth:`Survey.run`.
+
+    Returns
+    -------
+    Table
+        The pulses, which :func:`trace` takes.
+
+    Examples
+    --------
+    >>> vlscan.pulses("fixtures/room/survey.xml").columns[:7]
+    ['time', 'x', 'y', 'z', 'dx', 'dy', 'dz']
+    """
+    return opened(survey).fly_pulses(**options)
 
 
 def trace(
@@ -417,7 +614,7 @@ def trace(
     detector: Mapping[str, object] | None = None,
     to: PathLike | Iterable[PathLike] | None = None,
     waveforms: bool | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     **options: Unpack[RunOptions],
 ) -> Result:
     """Trace pulses of your own pattern through a scene.
@@ -476,15 +673,17 @@ def trace(
         if time is not None:
             columns["time"] = np.broadcast_to(np.asarray(time, float), len(ends))
         pulses = columns
-    words, tables = _recorded(to, waveforms, None, options)
-    return Result(_vlscan.run(survey._request(words, columns_of(pulses, ())), tables, progress))
+    words, tables = recorded(to, waveforms, None, options)
+    with shown_progress(progress) as tell:
+        return Result(_vlscan.run(survey._request(words, columns_of(pulses, ())), tables, tell))
 
 
-def _opened(survey: Survey | PathLike) -> Survey:
+def opened(survey: Survey | PathLike) -> Survey:
+    """Return a survey, or that of a file."""
     return survey if isinstance(survey, Survey) else Survey.open(survey)
 
 
-def _recorded(
+def recorded(
     to: PathLike | Iterable[PathLike] | None, waveforms: bool | None, pulses: bool | None, options: Mapping[str, object]
 ) -> tuple[list[str], list[str]]:
     """Return the words of a run's options, and the tables that it leaves in memory."""
@@ -508,20 +707,3 @@ def _batches(request: _vlscan.Request, rows: int, per_leg: bool, seconds: float 
             yield Points(table)
     finally:
         batches.close()
-
-
-def columns_of(table: TableLike | ArrayLike, names: tuple[str, ...]) -> _Table:
-    """Return a table as the engine takes it; ``names`` are those of the columns of an array without names."""
-    if isinstance(table, ArrowStream):
-        return table
-    if isinstance(table, Mapping):
-        columns = {str(name): np.asarray(values) for name, values in table.items()}
-    else:
-        array = np.asarray(table)
-        if array.dtype.names:
-            columns = {name: array[name] for name in array.dtype.names}
-        elif names and array.ndim == 2 and array.shape[1] == len(names):
-            columns = {name: array[:, index] for index, name in enumerate(names)}
-        else:
-            raise ValueError(f"an array has the shape {array.shape}, expected n by {len(names)}: {', '.join(names)}")
-    return {name: np.asarray(values, dtype="<f8").tobytes() for name, values in columns.items()}

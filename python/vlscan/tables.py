@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-import base64
-import html
-import os
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+import copyreg
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias, overload
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from . import _vlscan
-from ._typing import PathLike
+from ._libraries import needed
 
 if TYPE_CHECKING:
     import pandas
     import polars
     import pyarrow
-    from IPython.display import HTML
+    import xarray
+    from typing_extensions import Self
+
+#: A mask or indices of rows.
+Rows: TypeAlias = Sequence[int] | Sequence[bool] | NDArray[np.bool_] | NDArray[np.integer[Any]]
 
 
 class Table:
@@ -26,7 +28,8 @@ class Table:
 
     ``table["X"]`` is a NumPy array without a copy, which is read-only. Whatever takes Arrow takes the whole table without a
     copy, too: ``polars.DataFrame(table)``, ``pyarrow.table(table)``, ``pandas.DataFrame.from_arrow(table)``,
-    ``duckdb.sql("select * from table")`` (over ``table.to_arrow()``).
+    ``duckdb.sql("select * from table")`` (over ``table.to_arrow()``). ``table[mask]``, ``table[indices]`` and ``table[10:20]`` are
+    tables of some of the rows. Tables pickle.
 
     Parameters
     ----------
@@ -40,6 +43,9 @@ class Table:
     (['X', 'Y', 'Z'], dtype('float64'), True)
     """
 
+    #: Name of the dimension of :meth:`to_xarray`.
+    _ROW = "row"
+
     def __init__(self, table: _vlscan.Table) -> None:
         self._table = table
         self._columns: dict[str, NDArray[Any]] = {}
@@ -47,14 +53,42 @@ class Table:
     def __len__(self) -> int:
         return len(self._table)
 
-    def __getitem__(self, name: str) -> NDArray[Any]:
-        """Return a column by name."""
+    @overload
+    def __getitem__(self, key: str) -> NDArray[Any]: ...
+    @overload
+    def __getitem__(self, key: slice | Rows) -> Self: ...
+    def __getitem__(self, key: str | slice | Rows) -> NDArray[Any] | Self:
+        """Return a column by name, or rows by a slice, a mask or indices."""
+        if isinstance(key, str):
+            return self._column(key)
+        return type(self)(self._rows(key))
+
+    def _column(self, name: str) -> NDArray[Any]:
         if name not in self._columns:
             try:
                 self._columns[name] = np.asarray(self._table.column(name))
             except KeyError:
                 raise KeyError(f"no column is called {name!r}; there are {', '.join(self.columns)}") from None
         return self._columns[name]
+
+    def _rows(self, key: slice | Rows) -> _vlscan.Table:
+        count = len(self)
+        if isinstance(key, slice):
+            start, stop, step = key.indices(count)
+            if step == 1:
+                return self._table.slice(start, max(start, stop))
+            key = np.arange(start, stop, step)
+        chosen = np.asarray(key)
+        if chosen.ndim != 1 or (chosen.size and chosen.dtype.kind not in "biu"):
+            raise IndexError(f"rows are chosen by a slice, a mask or indices, found {chosen.dtype} of the shape {chosen.shape}")
+        if chosen.dtype == bool:
+            if len(chosen) != count:
+                raise IndexError(f"a mask has {len(chosen)} values for {count} rows")
+            chosen = np.flatnonzero(chosen)
+        elif chosen.size and not -count <= chosen.min() <= chosen.max() < count:
+            raise IndexError(f"indices of rows are {chosen.min()} to {chosen.max()}, and there are {count} rows")
+        indices = np.where(chosen < 0, chosen + count, chosen) if chosen.size else np.zeros(0)
+        return self._table.take(indices.astype("<u8").tobytes())
 
     def __contains__(self, name: object) -> bool:
         return name in self.columns
@@ -92,8 +126,16 @@ class Table:
         """Metadata: scanner, coordinate reference system (``crs``, WKT), names of objects (``object_names``, JSON)."""
         return self._table.metadata
 
-    def to_numpy(self) -> NDArray[np.void]:
-        """Return a structured array with a field per column (a copy).
+    def to_numpy(self, columns: str | Sequence[str] | None = None, dtype: DTypeLike | None = None) -> NDArray[Any]:
+        """Return an array of its own, which can be changed.
+
+        Parameters
+        ----------
+        columns : str or sequence of str, optional
+            Names of the columns; all by default.
+        dtype : data-type, optional
+            Type of all values. With it the array is a plain one of rows and columns, or of one dimension for a single name;
+            without it a structured one with a field per column.
 
         Returns
         -------
@@ -105,8 +147,18 @@ class Table:
         >>> points = vlscan.run("fixtures/room/survey.xml", columns=["X", "ReturnNumber"]).points
         >>> points.to_numpy().dtype.names
         ('X', 'ReturnNumber')
+        >>> features = points.to_numpy(["X", "ReturnNumber"], dtype="float32")
+        >>> features.shape == (len(points), 2), features.flags.writeable
+        (True, True)
         """
-        names = [name for name in self.columns if not self._is_list(name)]
+        if isinstance(columns, str):
+            return np.array(self[columns], dtype=dtype)
+        names = [name for name in self.columns if not self._is_list(name)] if columns is None else list(columns)
+        if dtype is not None:
+            plain = np.empty((len(self), len(names)), dtype=dtype)
+            for index, name in enumerate(names):
+                plain[:, index] = self[name]
+            return plain
         rows = np.empty(len(self), dtype=[(name, self[name].dtype) for name in names])
         for name in names:
             rows[name] = self[name]
@@ -120,9 +172,8 @@ class Table:
         pyarrow.Table
             The table.
         """
-        import pyarrow
-
-        return pyarrow.table(self)
+        table: pyarrow.Table = needed("pyarrow", "to_arrow()").table(self)
+        return table
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return the table for pandas.
@@ -132,9 +183,9 @@ class Table:
         pandas.DataFrame
             The table.
         """
-        import pandas
-
-        return pandas.DataFrame({name: self[name] for name in self.columns if not self._is_list(name)}, copy=False)
+        library = needed("pandas", "to_pandas()")
+        frame: pandas.DataFrame = library.DataFrame({name: self[name] for name in self.columns if not self._is_list(name)}, copy=False)
+        return frame
 
     def to_polars(self) -> polars.DataFrame:
         """Return the table for polars, without a copy.
@@ -144,9 +195,38 @@ class Table:
         polars.DataFrame
             The table.
         """
-        import polars
+        frame: polars.DataFrame = needed("polars", "to_polars()").DataFrame(self)
+        return frame
 
-        return polars.DataFrame(self)
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the table for xarray: a variable per column along one dimension, with units and descriptions as attributes.
+
+        Coordinates are X, Y and Z, or x, y and z.
+
+        Returns
+        -------
+        xarray.Dataset
+            The table.
+
+        Raises
+        ------
+        ImportError
+            Xarray is not installed.
+
+        Examples
+        --------
+        >>> data = vlscan.run("fixtures/room/survey.xml", seed=1).points.to_xarray()
+        >>> data["Range"].attrs["units"], list(data.coords)
+        ('m', ['X', 'Y', 'Z'])
+        """
+        library = needed("xarray", "to_xarray()")
+        dimension = type(self)._ROW
+        names = [name for name in self.columns if not self._is_list(name)]
+        about = {name: {"units": self.units.get(name), "description": self.descriptions.get(name)} for name in names}
+        variables = {name: (dimension, self[name], {key: text for key, text in about[name].items() if text is not None}) for name in names}
+        coordinates = {name: variables.pop(name) for name in names if name in ("X", "Y", "Z", "x", "y", "z")}
+        data: xarray.Dataset = library.Dataset(variables, coordinates, dict(self.metadata))
+        return data
 
     def _is_list(self, name: str) -> bool:
         return False
@@ -160,136 +240,11 @@ class Table:
     def __arrow_c_schema__(self) -> object:
         return self._table.__arrow_c_schema__()
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self._table,)
+
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {len(self)} rows of {', '.join(self.columns)}>"
-
-
-class Points(Table):
-    """Points, one per row. :func:`vlscan.columns` lists the columns. Shows itself in a notebook.
-
-    Parameters
-    ----------
-    table : object
-        The table of the engine.
-
-    Examples
-    --------
-    >>> points = vlscan.run("fixtures/room/survey.xml", seed=1).points
-    >>> points.xyz.shape == (len(points), 3)
-    True
-    """
-
-    @property
-    def xyz(self) -> NDArray[np.float64]:
-        """Coordinates as an array of n rows and three columns, world frame, m (a copy)."""
-        return np.column_stack([self["X"], self["Y"], self["Z"]])
-
-    @property
-    def bounds(self) -> NDArray[np.float64]:
-        """Lowest and highest coordinates, m, as an array of two rows."""
-        if not len(self):
-            return np.full((2, 3), np.nan)
-        columns = [self[name] for name in "XYZ"]
-        return np.array([[c.min() for c in columns], [c.max() for c in columns]])
-
-    def png(self, colour: str = "height", title: str = "", width: int = 1600, height: int = 1200) -> bytes:
-        """Draw the points from above and from the side.
-
-        Parameters
-        ----------
-        colour : str
-            ``height``, ``class``, ``intensity``, ``object`` or ``return``.
-        title : str
-            A title.
-        width, height : int
-            Size of the picture, pixels.
-
-        Returns
-        -------
-        bytes
-            A PNG file.
-
-        Raises
-        ------
-        ValueError
-            Another colour, or another size than 320 to 16384 by 240 to 16384.
-        """
-        return _vlscan.picture(self._table, colour, title, width, height)
-
-    def html(self, colour: str = "height", title: str = "", max_points: int = 1_000_000) -> str:
-        """Make a page to turn the points around in a browser, offline.
-
-        Parameters
-        ----------
-        colour : str
-            ``height``, ``class``, ``intensity``, ``object`` or ``return``.
-        title : str
-            A title.
-        max_points : int
-            Of more points evenly chosen ones are shown.
-
-        Returns
-        -------
-        str
-            The page.
-        """
-        return _vlscan.page(self._table, colour, title, max_points)
-
-    def show(self, colour: str = "height", title: str = "", max_points: int = 200_000) -> HTML | None:
-        """Show the points: in a notebook as a view to turn around, otherwise as a page in the browser.
-
-        Parameters
-        ----------
-        colour : str
-            ``height``, ``class``, ``intensity``, ``object`` or ``return``.
-        title : str
-            A title.
-        max_points : int
-            Of more points evenly chosen ones are shown.
-
-        Returns
-        -------
-        IPython.display.HTML or None
-            The view, in a notebook.
-        """
-        return show_page(self.html(colour, title, max_points))
-
-    def save_preview(self, path: PathLike, colour: str = "height", title: str = "") -> None:
-        """Write a picture or a page.
-
-        Parameters
-        ----------
-        path : str or path-like
-            The file, ``.png`` or ``.html``.
-        colour : str
-            ``height``, ``class``, ``intensity``, ``object`` or ``return``.
-        title : str
-            A title.
-
-        Raises
-        ------
-        ValueError
-            Another extension or colour.
-
-        Examples
-        --------
-        >>> vlscan.run("fixtures/room/survey.xml", seed=1).points.save_preview("room.png", "intensity")
-        """
-        name = os.fspath(path)
-        if name.lower().endswith((".html", ".htm")):
-            content = self.html(colour, title).encode()
-        elif name.lower().endswith(".png"):
-            content = self.png(colour, title)
-        else:
-            raise ValueError(f"{name}: expected a name that ends in .png or .html")
-        with open(name, "wb") as file:
-            file.write(content)
-
-    def _repr_html_(self) -> str:
-        about = html.escape(f"{len(self):,} points: {', '.join(self.columns)}")
-        if not len(self) or not {"X", "Y", "Z"} <= set(self.columns):
-            return f"<div>{about}</div>"
-        return picture_html(self.png(width=1000, height=750), about)
 
 
 class Waveforms(Table):
@@ -336,37 +291,18 @@ class Waveforms(Table):
     def _is_list(self, name: str) -> bool:
         return name == "samples"
 
-    def __getitem__(self, name: str) -> NDArray[Any]:
+    def _column(self, name: str) -> NDArray[Any]:
         """Return a column by name; ``samples`` as an array of arrays."""
         if self._is_list(name):
             rows = np.empty(len(self), dtype=object)
             for row in range(len(self)):
                 rows[row] = self.samples(row)
             return rows
-        return super().__getitem__(name)
+        return super()._column(name)
 
 
-def picture_html(png: bytes, about: str) -> str:
-    """Return a picture with a line of text below it, for notebooks."""
-    data = base64.b64encode(png).decode()
-    return f'<img src="data:image/png;base64,{data}" style="max-width:100%"><div>{about}</div>'
+def _table_of(parts: tuple[bytes, bytes | None, bytes | None]) -> _vlscan.Table:
+    return _vlscan.Table.of_bytes(*parts)
 
 
-def show_page(page: str) -> HTML | None:
-    """Show a page in the notebook that runs the program, otherwise in a browser."""
-    try:
-        from IPython import get_ipython
-        from IPython.display import HTML
-    except ImportError:
-        pass
-    else:
-        if hasattr(get_ipython(), "kernel"):
-            frame = html.escape(page, quote=True)
-            return HTML(f'<iframe srcdoc="{frame}" style="width:100%;height:600px;border:0"></iframe>')
-    import tempfile
-    import webbrowser
-
-    with tempfile.NamedTemporaryFile("w", suffix=".html", delete=False, encoding="utf-8") as file:
-        file.write(page)
-    webbrowser.open(f"file://{file.name}")
-    return None
+copyreg.pickle(_vlscan.Table, lambda table: (_table_of, (table.to_bytes(),)))

@@ -13,8 +13,9 @@ from typing import Any
 
 from vlscan import _vlscan
 from vlscan._words import switch, words_of
+from vlscan.points import Points
 from vlscan.results import Result
-from vlscan.tables import Points, Table
+from vlscan.tables import Table
 
 
 class SimulationBuilder:

@@ -271,7 +271,7 @@ impl<'c> CellRunner<'c> {
         if site.is_shared && self.loaded.is_none() {
             self.loaded = session.loaded().map(|loaded| (site.name.clone(), loaded));
         }
-        let table = PartTable::new(session.scene());
+        let table = PartTable::new(session.scene())?;
         let progress = Progress::default();
         let report = session.run(output, RunContext::new(&progress, self.stop))?;
         if report.interrupted {

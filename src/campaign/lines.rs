@@ -137,13 +137,14 @@ const EPOCHS: &str = "a campaign scans one epoch of a stand";
 const MESSAGES: &str = "give -v, -q and others to vlscan campaign";
 
 /// What a campaign decides itself: keys of lines, names of options in them, and what to write instead.
-const DECIDED: [(&[&str], &[&str], &str); 14] = [
+const DECIDED: [(&[&str], &[&str], &str); 15] = [
     (&["run", "plan", "make", "stand"], &["out"], OUTPUT),
     (&["run"], &["output", "trajectory-out"], OUTPUT),
     (&["run"], &["format", "las-output"], FORMAT),
     (&["run", "plan", "make", "stand"], &["force"], FORCE),
     (&["run"], &["parts"], PART_TABLE),
     (&["run"], &["schedule-log"], SHARED),
+    (&["plan"], &["lines"], SHARED),
     (&["run", "plan"], &["scene"], SCENE),
     (&["run", "make", "stand"], &["seed"], SEED),
     (&["run"], &["threads", "progress"], CAMPAIGN),
@@ -249,7 +250,7 @@ mod tests {
     use clap::CommandFactory;
 
     /// Options of outputs that say how is measured and not where it is written.
-    const ALLOWED: [&str; 18] = [
+    const ALLOWED: [&str; 20] = [
         "waveforms",
         "pulses",
         "columns",
@@ -257,6 +258,8 @@ mod tests {
         "true-positions",
         "height-above-ground",
         "frame-s",
+        "world-frame",
+        "sensor-frame",
         "tile",
         "per-object",
         "subrays",

@@ -46,8 +46,12 @@ impl Companions {
     }
 
     /// Keeps the facts of the parts of the first epoch's scene.
-    pub fn describe(&mut self, scene: &Scene) {
-        self.parts = self.part_table.is_some().then(|| PartTable::new(scene));
+    ///
+    /// # Errors
+    /// Those of [`PartTable::new`].
+    pub fn describe(&mut self, scene: &Scene) -> Result<()> {
+        self.parts = self.part_table.is_some().then(|| PartTable::new(scene)).transpose()?;
+        Ok(())
     }
 
     /// Runs `work` while its progress is shown, and writes the files, unless the run was interrupted. The log of its schedule is

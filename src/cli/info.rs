@@ -4,7 +4,7 @@ use super::Console;
 use super::args::InfoArgs;
 use crate::named_scene::{NamedScene, Scanning};
 use crate::output::ObjectIds;
-use crate::pipeline::check_raster_memory;
+use crate::pipeline::{LoadedScene, check_raster_memory};
 use serde_json::json;
 use std::fmt::Write as _;
 use std::time::Instant;
@@ -12,8 +12,10 @@ use vlscan_base::crs;
 use vlscan_base::diag::{Diagnostics, Severity};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::machine;
-use vlscan_base::quantity::bytes;
-use vlscan_scene::{Inventory, LoadOptions, Material, Pack, Part, PartFacts, Scene};
+use vlscan_base::quantity::{bytes, number};
+use vlscan_scene::{
+    Inventory, LoadOptions, Material, MaterialArea, Pack, Part, PartFacts, Scene, TileOptions, material_areas,
+};
 use vlscan_survey::SceneRecipe;
 use vlscan_trace::{BuildOptions, Tree};
 
@@ -24,6 +26,7 @@ struct Facts<'a> {
     scene: &'a Scene,
     tree: &'a Tree,
     inventory: Inventory,
+    parts: Vec<PartFacts>,
     warnings: &'a Diagnostics,
     seconds: [f64; 2],
 }
@@ -44,6 +47,7 @@ pub fn run(args: &InfoArgs, console: &Console) -> Result<()> {
         scene: &scene,
         tree: &tree,
         inventory: Inventory::of(&scene),
+        parts: PartFacts::of_scene(&scene),
         warnings: &warnings,
         seconds: [loaded, started.elapsed().as_secs_f64()],
     };
@@ -53,6 +57,9 @@ pub fn run(args: &InfoArgs, console: &Console) -> Result<()> {
         false => console.warnings(&warnings)?,
     }
     let text = if args.json { facts.json()? } else { facts.text() };
+    if let Some(tiles) = &scene.tiles {
+        tiles.check()?;
+    }
     vlscan_base::files::write_stdout(&text)
 }
 
@@ -74,7 +81,21 @@ pub(super) fn options(recipe: &SceneRecipe, scanning: &Scanning, verify: bool) -
     if verify {
         pack.verify()?;
     }
-    Ok(pack.load_options(options))
+    // A scene can be larger than the memory if its tiles are loaded one after the other.
+    let memory = options.max_memory.map_or(u64::MAX, |limit| limit / 2);
+    let tiles = pack.has_tiles(0).then(|| TileOptions { memory, trees: BuildOptions::default() });
+    Ok(LoadOptions { tiles, ..pack.load_options(options) })
+}
+
+/// The facts of a loaded scene as `vlscan scene info --json` writes them, without the times of loading.
+///
+/// # Errors
+/// [`Error::Input`] when the tree over the scene would exceed the memory limit.
+pub fn scene_json(loaded: &LoadedScene) -> Result<String> {
+    let (scene, warnings) = (loaded.scene(), Diagnostics::default());
+    let tree = loaded.tree(&|_| ())?;
+    let (inventory, parts) = (Inventory::of(scene), PartFacts::of_scene(scene));
+    Facts { scene, tree, inventory, parts, warnings: &warnings, seconds: [0.0; 2] }.json()
 }
 
 impl Facts<'_> {
@@ -127,23 +148,31 @@ impl Facts<'_> {
             ),
         );
         let s = self.tree.statistics();
+        if let Some(tiles) = &self.scene.tiles {
+            let (count, all) = (tiles.facts().len(), bytes(tiles.bytes()));
+            line("tiles", format!("{count}, {all} if all are in memory"));
+        }
         line("", format!("{} leaves, {} nodes, depth {}", s.leaves, s.interior, s.max_depth));
         let _ = writeln!(
             out,
-            "\nmaterials   {:>12}  {:>11}  {:>5}  ground  name",
-            "primitives", "reflectance", "class"
+            "\nmaterials   {:>12}  {:>12}  {:>12}  {:>11}  {:>5}  ground  name",
+            "primitives", "area, m²", "leaves, m²", "reflectance", "class"
         );
-        for (m, count) in self.scene.materials.iter().zip(&i.of_material) {
+        let areas = material_areas(self.scene, &self.parts);
+        for ((m, count), area) in self.scene.materials.iter().zip(&i.of_material).zip(&areas) {
             let ground = if m.is_ground { "yes" } else { "no" };
+            let (all, leaves) = (number(area.total()), number(area.leaves(m)));
             let _ = writeln!(
                 out,
-                "            {count:>12}  {:>11}  {:>5}  {ground:<6}  {}",
+                "            {count:>12}  {all:>12}  {leaves:>12}  {:>11}  {:>5}  {ground:<6}  {}",
                 m.reflectance, m.classification, m.name
             );
         }
-        let _ = writeln!(out, "\nparts       {:>12}  id", "primitives");
-        for (part, count) in self.scene.parts.iter().zip(&i.of_part).take(MAX_LISTED_PARTS) {
-            let _ = writeln!(out, "            {count:>12}  {}", part.id);
+        let _ = writeln!(out, "\nparts       {:>12}  {:>12}  id  name", "primitives", "leaves, m²");
+        let parts = self.scene.parts.iter().zip(&i.of_part).zip(&self.parts);
+        for ((part, count), facts) in parts.take(MAX_LISTED_PARTS) {
+            let leaves = number(facts.leaf_area(self.scene));
+            let _ = writeln!(out, "            {count:>12}  {leaves:>12}  {}  {}", part.id, part.name);
         }
         if let Some(more) = self.scene.parts.len().checked_sub(MAX_LISTED_PARTS).filter(|n| *n > 0) {
             let _ = writeln!(out, "            and {more} more; --json lists all");
@@ -158,24 +187,28 @@ impl Facts<'_> {
         let i = &self.inventory;
         let point = |p: vlscan_geom::DVec3| [p.x, p.y, p.z];
         let ids: Vec<String> = self.scene.parts.iter().map(|part| part.id.clone()).collect();
-        let (objects, facts) = (ObjectIds::new(&ids), PartFacts::of_scene(self.scene));
+        let objects = ObjectIds::new(&ids);
         let part = |(index, (part, facts)): (u32, (&Part, &PartFacts))| {
             let (b, is_empty) = (facts.bounds, facts.primitives == 0);
             json!({
                 "id": part.id, "name": part.name, "object": objects.of_part(index), "primitives": facts.primitives,
                 "class": facts.class(self.scene), "materials": facts.material_names(self.scene),
+                "areas_m2": facts.areas.iter().map(MaterialArea::total).collect::<Vec<_>>(),
+                "leaf_area_m2": facts.leaf_area(self.scene),
                 "position_m": (!is_empty).then(|| [b.centre().x, b.centre().y, b.min.z]),
                 "height_m": (!is_empty).then(|| b.size().z),
             })
         };
-        let parts: Vec<_> = (0..).zip(self.scene.parts.iter().zip(&facts)).map(part).collect();
-        let material = |(m, n): (&Material, &u64)| {
+        let parts: Vec<_> = (0..).zip(self.scene.parts.iter().zip(&self.parts)).map(part).collect();
+        let material = |((m, n), area): ((&Material, &u64), MaterialArea)| {
             json!({
                 "name": m.name, "reflectance": m.reflectance, "class": m.classification, "ground": m.is_ground,
-                "primitives": n,
+                "primitives": n, "area_m2": area.total(), "leaf_area_m2": area.leaves(m),
             })
         };
-        let materials: Vec<_> = self.scene.materials.iter().zip(&i.of_material).map(material).collect();
+        let areas = material_areas(self.scene, &self.parts);
+        let materials: Vec<_> =
+            self.scene.materials.iter().zip(&i.of_material).zip(areas).map(material).collect();
         let told = |severity| {
             let found = self.warnings.items().iter().filter(move |d| d.severity == severity);
             found.map(|d| d.message.clone())
@@ -196,10 +229,12 @@ impl Facts<'_> {
             "memory_bytes": { "scene": scene, "tree": tree, "per_primitive": self.per_primitive(scene + tree) },
             "seconds": { "load": self.seconds[0], "tree": self.seconds[1] },
             "tree": { "leaves": s.leaves, "nodes": s.interior, "depth": s.max_depth },
+            "tiles": self.scene.tiles.as_ref().map_or(0, |tiles| tiles.facts().len()),
             "slivers": i.slivers,
             "duplicates": i.duplicates,
             "duplicate_voxels": i.duplicate_cubes,
             "duplicate_instances": i.duplicate_instances,
+            "leaf_area_m2": self.parts.iter().map(|facts| facts.leaf_area(self.scene)).sum::<f64>(),
             "parts": parts,
             "materials": materials,
             "warnings": warnings,

@@ -7,12 +7,12 @@
 use super::Cli;
 use super::args::{CompletionsArgs, ManArgs};
 use super::console::Console;
-use crate::options::{pipeline_keys, python_module};
+use crate::options::{command_schema, pipeline_keys, pipeline_schema, python_module};
 use clap::{Command, CommandFactory};
 use clap_mangen::Man;
 use clap_mangen::roff::{Roff, bold, roman};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileWriter, NewFolder, Patched, reads, write_file};
+use vlscan_base::files::{FileWriter, NewFolder, Patched, reads, write_file, write_stdout};
 use vlscan_lidar::pulse::Corrections;
 
 /// Introduction below the short help, for new users.
@@ -78,12 +78,13 @@ const MARKS: [&str; 2] = [".TH VLSCAN", "`vlscan man --python`"];
 /// Runs `vlscan man`: writes a page for every subcommand to a directory. Existing pages of this program are replaced, other files are
 /// not.
 pub fn run(args: &ManArgs, console: &Console) -> Result<()> {
-    let folder = NewFolder::create_all(&args.dir).map_err(|e| Error::io("create", &args.dir, e))?;
+    let Some(dir) = &args.dir else { return schemas() };
+    let folder = NewFolder::create_all(dir).map_err(|e| Error::io("create", dir, e))?;
     let pages = match args.python {
         true => vec![("_options.py".to_owned(), python_module()?.into_bytes())],
         false => manual()?,
     };
-    for path in pages.iter().map(|(name, _)| args.dir.join(name)).filter(|path| path.exists()) {
+    for path in pages.iter().map(|(name, _)| dir.join(name)).filter(|path| path.exists()) {
         let text = reads::read_own(&path).unwrap_or_default();
         if !MARKS.iter().any(|mark| String::from_utf8_lossy(&text).contains(mark)) {
             return Err(Error::input(format!(
@@ -93,19 +94,34 @@ pub fn run(args: &ManArgs, console: &Console) -> Result<()> {
         }
     }
     for (name, text) in &pages {
-        write_file(&args.dir.join(name), true, text)?;
+        write_file(&dir.join(name), true, text)?;
     }
     folder.keep();
     if !args.python {
-        let page = args.dir.join("vlscan.1");
-        console.say(format!(
-            "{} pages in {}; look: man -l {}",
-            pages.len(),
-            args.dir.display(),
-            page.display()
-        ));
+        let page = dir.join("vlscan.1");
+        console.say(format!("{} pages in {}; look: man -l {}", pages.len(), dir.display(), page.display()));
     }
     Ok(())
+}
+
+/// Commands whose options `vlscan man --json-schema` describes.
+const DESCRIBED: [&str; 7] =
+    ["run", "plan airborne", "plan terrestrial", "plan mobile", "compare", "preview", "campaign"];
+
+/// Writes to stdout what commands and pipeline files take, as JSON Schema.
+fn schemas() -> Result<()> {
+    let root = Cli::command();
+    let of = |path: &&str| {
+        let command = path.split(' ').try_fold(&root, |command, name| command.find_subcommand(name));
+        ((*path).to_owned(), command.map(command_schema).unwrap_or_default())
+    };
+    let commands: serde_json::Map<_, _> = DESCRIBED.iter().map(of).collect();
+    let schemas = serde_json::json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "commands": commands,
+        "pipeline": pipeline_schema(),
+    });
+    write_stdout(&format!("{schemas:#}\n"))
 }
 
 /// Runs `vlscan completions`: writes the script that completes the command line to stdout.
@@ -299,7 +315,7 @@ fn pipeline_page() -> Vec<u8> {
     for table in pipeline_keys() {
         page.control("SH", [if table.name.is_empty() { "KEYS AT THE TOP" } else { &table.name }]);
         page.text([roman(table.about)]);
-        entries(&mut page, table.keys);
+        entries(&mut page, table.keys.into_iter().map(|key| (key.name, key.help)));
     }
     page.control("SH", ["SEE ALSO"]);
     page.text([roman("vlscan(1), vlscan-run(1)")]);

@@ -16,6 +16,8 @@
 //! | `bench` | `vlscan bench` |
 //! | `scene`, `info`, `pack` | `vlscan scene make` and `stand`, `info` and `pack` |
 //! | `preview`, `compare`, `fit`, `unzip`, `catalogue` | the subcommands of these names |
+//! | `cloud_info`, `raster`, `frames` | `vlscan info`, `vlscan raster` and `vlscan frames` |
+//! | `serve` | `vlscan serve`, which starts vlscan-serve |
 //! | `manual` | help, man pages, shell completions |
 //! | `console`, `watch`, `interrupt` | messages, progress, Ctrl-C |
 
@@ -23,11 +25,13 @@ mod args;
 mod bench;
 mod campaign;
 mod catalogue;
+mod cloud_info;
 mod companions;
 mod compare;
 mod console;
 mod dry_run;
 mod fit;
+mod frames;
 mod helios;
 mod info;
 mod interrupt;
@@ -35,8 +39,10 @@ mod manual;
 mod pack;
 mod plan;
 mod preview;
+mod raster;
 mod run;
 mod scene;
+mod serve;
 mod shards;
 mod stages;
 mod unzip;
@@ -44,6 +50,7 @@ mod watch;
 
 pub use args::{Cli, Command};
 pub use console::{Console, LogTo, Verbosity};
+pub use info::scene_json;
 pub use manual::command as command_line;
 
 use clap::FromArgMatches;
@@ -124,7 +131,11 @@ fn dispatch(command: &Command, console: &Console) -> Result<()> {
         Command::Unzip(args) => unzip::run(args, console),
         Command::Fit(args) => fit::run(args, console),
         Command::Compare(args) => compare::run(args, console),
+        Command::Info(args) => cloud_info::run(args, console),
+        Command::Raster(args) => raster::run(args, console),
+        Command::Frames(args) => frames::run(args, console),
         Command::Preview(args) => preview::run(args, console),
+        Command::Serve(args) => serve::run(args),
         Command::Completions(args) => manual::completions(args),
         Command::Man(args) => manual::run(args, console),
     }

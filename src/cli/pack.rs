@@ -10,7 +10,7 @@ use vlscan_base::files::{is_special, refuse_existing};
 use vlscan_base::machine;
 use vlscan_base::quantity::{amount, bytes};
 use vlscan_lidar::pulse::PhysicsProfile;
-use vlscan_scene::LoadOptions;
+use vlscan_scene::{LoadOptions, TileOptions};
 use vlscan_trace::BuildOptions;
 
 pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
@@ -23,15 +23,17 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
     refuse_existing(&out, args.force)?;
     let seed = args.seed.map(|seed| seed.0).or(found.seed).unwrap_or(0);
     let corrections = args.physics.map_or(found.corrections, PhysicsProfile::corrections);
+    let tree = BuildOptions::of(args.tree.unwrap_or_default());
+    let tiles = args.scene_memory.map(|bytes| TileOptions { memory: bytes.0, trees: tree.clone() });
     let options = LoadOptions {
         wavelength_nm: args.wavelength.unwrap_or(found.wavelength_nm),
         seed,
         rules: corrections,
         sharing: args.instances.unwrap_or_default(),
         max_memory: machine::memory(),
+        tiles,
         ..LoadOptions::default()
     };
-    let tree = BuildOptions::of(args.tree.unwrap_or_default());
     let packed = vlscan_scene::pack(&recipe, &options, &tree, &out, &|found| console.warnings(found))?;
     let loaded = started.elapsed().as_secs_f64();
     let started = Instant::now();

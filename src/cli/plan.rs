@@ -9,6 +9,9 @@ use vlscan_base::files::write_stdout;
 pub fn run(args: &PlanArgs, console: &Console) -> Result<()> {
     let command = command_line();
     let plan = plan_survey(&args.request, &command, &console.listener(), &interrupt::STOP)?;
+    for path in &args.request.common().lines {
+        console.say(format!("{}: lines of the plan", path.display()));
+    }
     let Some(path) = &args.request.common().out else { return write_stdout(&plan.text(&command)) };
     for comment in &plan.comments {
         console.say(comment);

@@ -29,7 +29,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
         Some(_) => open_without_tree(settings, console)?,
         None => Session::open(settings, console.observer())?,
     };
-    companions.describe(session.scene());
+    companions.describe(session.scene())?;
     let is_helios_layout = output.sinks.iter().all(|(target, _)| matches!(target, Target::Helios(_)));
     let legs = session.survey().legs.len();
     let report = companions.run(console, progress_lines, legs, |control| match &resumption {

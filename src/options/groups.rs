@@ -129,6 +129,12 @@ pub struct OutputOptions with opposites {
     /// Duration of the frames of mcap. [default: a revolution of a spinning scanner, 0.1 for others]
     #[arg(long, value_name = "SECONDS", help_heading = FILES)]
     pub frame_s: Option<Positive>,
+    /// Coordinate frame of mcap in which the scanner moves. [default: map]
+    #[arg(long, value_name = "NAME", help_heading = FILES)]
+    pub world_frame: Option<String>,
+    /// Coordinate frame of the scanner in mcap. [default: lidar]
+    #[arg(long, value_name = "NAME", help_heading = FILES)]
+    pub sensor_frame: Option<String>,
     /// Divide the points of a folder (-o DIR) into square tiles with this edge length in metres, tile_X_Y, instead of legs.
     #[arg(long, value_name = "METRES", conflicts_with = "per_object", help_heading = FILES)]
     pub tile: Option<Positive>,

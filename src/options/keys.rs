@@ -4,9 +4,11 @@
 use super::groups::{EchoOptions, InputOptions, NoiseOptions, OriginOptions, OutputOptions};
 use super::groups::{ProfileOptions, ScheduleOptions, TreeOptions};
 use super::outputs::OutputKeys;
+use super::schema::option_types;
 use super::trajectory::TrajectoryOptions;
 use clap::{Args, Command};
 use serde::Deserialize;
+use serde_json::Value;
 use vlscan_survey::{NavigationErrors, SURVEY_TABLES, field_names};
 
 /// A table of a pipeline file, or the keys at its top.
@@ -16,8 +18,25 @@ pub struct PipelineTable {
     pub name: String,
     /// What it describes.
     pub about: String,
-    /// Keys and their meanings.
-    pub keys: Vec<(String, String)>,
+    /// Its keys.
+    pub keys: Vec<PipelineKey>,
+}
+
+/// A key of a table.
+#[derive(Clone, Debug)]
+pub struct PipelineKey {
+    /// Its name.
+    pub name: String,
+    /// What it means.
+    pub help: String,
+    /// The types of its values as JSON Schema, if it is an option.
+    pub types: Option<Value>,
+}
+
+impl PipelineKey {
+    fn new(name: &str, help: &str) -> PipelineKey {
+        PipelineKey { name: name.to_owned(), help: help.to_owned(), types: None }
+    }
 }
 
 impl PipelineTable {
@@ -33,7 +52,8 @@ impl PipelineTable {
             };
             let help = arg.get_long_help().or(arg.get_help()).map(ToString::to_string).unwrap_or_default();
             let option = arg.get_long().map_or(String::new(), |long| format!(" Option: --{long}."));
-            self.keys.push(((*key).to_owned(), help + &option));
+            let types = Some(option_types(arg));
+            self.keys.push(PipelineKey { types, ..PipelineKey::new(key, &(help + &option)) });
         }
     }
 }
@@ -46,7 +66,7 @@ pub fn pipeline_keys() -> Vec<PipelineTable> {
         .map(|table| PipelineTable {
             name: table.name.to_owned(),
             about: paragraph(table.about),
-            keys: table.keys.iter().map(|(key, help)| ((*key).to_owned(), paragraph(help))).collect(),
+            keys: table.keys.iter().map(|(key, help)| PipelineKey::new(key, &paragraph(help))).collect(),
         })
         .collect();
     let top = &mut tables[0];
@@ -69,7 +89,7 @@ pub fn pipeline_keys() -> Vec<PipelineTable> {
          e in the correlation time. Every key but the correlation times takes one number for all three components, or three.",
         &|table| {
             let keys = NavigationErrors::KEYS.iter();
-            table.keys.extend(keys.map(|(key, help)| ((*key).to_owned(), (*help).to_owned())));
+            table.keys.extend(keys.map(|(key, help)| PipelineKey::new(key, help)));
         },
     );
     add("[physics]", "How echoes are computed. Noise is on unless its key is false.", &|table| {
@@ -98,7 +118,7 @@ mod tests {
         let tables = pipeline_keys();
         let has = |table: &str, key: &str| {
             let table = tables.iter().find(|t| t.name == table).unwrap();
-            table.keys.iter().any(|(name, help)| name == key && !help.is_empty())
+            table.keys.iter().any(|known| known.name == key && !known.help.is_empty())
         };
         for (table, key) in [
             ("", "scene"),

@@ -13,6 +13,7 @@
 //! | `words` | options from words, and their list, for programs |
 //! | `python` | options as a type of the Python package |
 //! | `keys` | the documentation of every key of a pipeline file |
+//! | `schema` | options and pipeline files as JSON Schema |
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -25,6 +26,7 @@ mod keys;
 pub mod outputs;
 mod over;
 mod python;
+mod schema;
 mod switch;
 #[cfg(test)]
 mod tests;
@@ -38,10 +40,11 @@ pub use groups::{
     EchoOptions, InputOptions, NavigationOptions, NoiseOptions, Options, OriginOptions, OutputOptions,
     ProfileOptions, ScheduleOptions, TreeOptions,
 };
-pub use keys::pipeline_keys;
+pub use keys::{PipelineKey, PipelineTable, pipeline_keys};
 pub use over::Over;
 pub use python::python_module;
+pub use schema::{command_schema, pipeline_schema};
 pub use switch::Switch;
 pub use trajectory::TrajectoryOptions;
-pub use values::{ChunkSize, Count, Divergence, NotNegative, Positive, Seed};
+pub use values::{Bytes, ChunkSize, Count, Crs, Divergence, NotNegative, Positive, Seed};
 pub use words::OptionName;

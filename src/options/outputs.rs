@@ -9,6 +9,7 @@ use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files;
+use vlscan_formats::FrameNames;
 
 vlscan_survey::key_table! {
 /// An output. Points go to HELIOS++'s layout in the folder `output` when none is named.
@@ -75,6 +76,10 @@ impl Options {
             true_positions: output.true_positions.is_on(),
             heights: output.height_above_ground.is_on(),
             frame_s: output.frame_s.map(|seconds| seconds.0),
+            frame_names: FrameNames {
+                world: output.world_frame.clone().unwrap_or(FrameNames::default().world),
+                sensor: output.sensor_frame.clone().unwrap_or(FrameNames::default().sensor),
+            },
             division: match output.tile {
                 Some(size) => Some(Division::Tiles(size.0)),
                 None => output.per_object.is_on().then_some(Division::Objects),

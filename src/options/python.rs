@@ -5,6 +5,7 @@ use super::values::{Bytes, ChunkSize, ColumnList, Count, Crs, Finite, GpsStart, 
 use super::values::{NavigationError, NotNegative, Positive, Seed, Vector, Zone};
 use super::words::is_list;
 use clap::Arg;
+use clap::builder::ValueParser;
 use std::any::TypeId;
 use std::path::PathBuf;
 use vlscan_base::error::{Error, Result};
@@ -58,31 +59,41 @@ pub(super) fn python_type(option: &Arg) -> Option<String> {
         }
         None => {
             let id = parser.type_id();
-            NAMES.iter().find(|(rust, _)| id == *rust)?.1.to_owned()
+            NAMES.iter().find(|(rust, ..)| id == *rust)?.1.to_owned()
         }
     };
     Some(if is_list(option) { format!("{one} | Sequence[{one}]") } else { one })
 }
 
-/// Types of values, and their names in Python.
-const NAMES: [(TypeId, &str); 19] = [
-    (TypeId::of::<String>(), "str"),
-    (TypeId::of::<char>(), "str"),
-    (TypeId::of::<Zone>(), "str"),
-    (TypeId::of::<PathBuf>(), "PathLike"),
-    (TypeId::of::<usize>(), "int"),
-    (TypeId::of::<ChunkSize>(), "int"),
-    (TypeId::of::<Count<1>>(), "int | str"),
-    (TypeId::of::<Bytes>(), "int | str"),
-    (TypeId::of::<f64>(), "float"),
-    (TypeId::of::<Finite>(), "float"),
-    (TypeId::of::<Positive>(), "float"),
-    (TypeId::of::<NotNegative>(), "float"),
-    (TypeId::of::<Latency>(), "float"),
-    (TypeId::of::<Seed>(), "int | float | str"),
-    (TypeId::of::<GpsStart>(), "float | str | datetime"),
-    (TypeId::of::<Vector>(), "str | Vector"),
-    (TypeId::of::<ColumnList>(), "str | Sequence[str]"),
-    (TypeId::of::<Crs>(), "int | PathLike"),
-    (TypeId::of::<NavigationError>(), "Mapping[str, float | Sequence[float]]"),
+/// The types that values of this type have in JSON. Values of other types are numbers where Rust has them as numbers, else text.
+pub(super) fn value_types(parser: &ValueParser) -> &'static [&'static str] {
+    let id = parser.type_id();
+    match NAMES.iter().find(|(rust, ..)| id == *rust) {
+        Some((.., json)) => json,
+        None if id == TypeId::of::<u32>() || id == TypeId::of::<u64>() => &["integer"],
+        None => &["string"],
+    }
+}
+
+/// Types of values, their names in Python, and their types in JSON.
+const NAMES: [(TypeId, &str, &[&str]); 19] = [
+    (TypeId::of::<String>(), "str", &["string"]),
+    (TypeId::of::<char>(), "str", &["string"]),
+    (TypeId::of::<Zone>(), "str", &["string"]),
+    (TypeId::of::<PathBuf>(), "PathLike", &["string"]),
+    (TypeId::of::<usize>(), "int", &["integer"]),
+    (TypeId::of::<ChunkSize>(), "int", &["integer"]),
+    (TypeId::of::<Count<1>>(), "int | str", &["integer", "string"]),
+    (TypeId::of::<Bytes>(), "int | str", &["integer", "string"]),
+    (TypeId::of::<f64>(), "float", &["number"]),
+    (TypeId::of::<Finite>(), "float", &["number"]),
+    (TypeId::of::<Positive>(), "float", &["number"]),
+    (TypeId::of::<NotNegative>(), "float", &["number"]),
+    (TypeId::of::<Latency>(), "float", &["number"]),
+    (TypeId::of::<Seed>(), "int | float | str", &["integer", "number", "string"]),
+    (TypeId::of::<GpsStart>(), "float | str | datetime", &["number", "string"]),
+    (TypeId::of::<Vector>(), "str | Vector", &["string", "array"]),
+    (TypeId::of::<ColumnList>(), "str | Sequence[str]", &["string", "array"]),
+    (TypeId::of::<Crs>(), "int | PathLike", &["integer", "string"]),
+    (TypeId::of::<NavigationError>(), "Mapping[str, float | Sequence[float]]", &["object"]),
 ];

@@ -222,6 +222,7 @@ impl OutputPlan {
         let truths = &source.batch.truths;
         if self.needs.in_scanner {
             record.in_scanner = echo.position_in_scanner();
+            record.scanner = echo.scanner_attitude();
         }
         if self.needs.true_position {
             record.true_position = echo.true_position(truths);

@@ -4,7 +4,7 @@ use super::layout::{Content, FilePlan, OutputLocation};
 use super::memory::OpenTable;
 use super::piece::{OpenOutput, Piece};
 use super::plan::{OutputPlan, packets_path};
-use super::request::TrajectoryFormat;
+use super::request::{TableContent, TrajectoryFormat};
 use super::summary::{FileKind, FileSummary};
 use super::text::TRAJECTORY_HEADER;
 use crate::shards::BlockTable;
@@ -28,6 +28,9 @@ pub(super) fn open_output(
         OutputLocation::Memory(number) => {
             let request = plan.request.tables.get(*number);
             let request = request.ok_or_else(|| Error::Internal(format!("there is no table {number}")))?;
+            if request.content == TableContent::Points {
+                request.sink.begin(plan.cloud_facts());
+            }
             return Ok(Box::new(OpenTable::new(request, &plan.settings)));
         }
         OutputLocation::Fixed(destination) => destination.clone(),

@@ -15,6 +15,7 @@
 //! | `encode` | encoding of batches as bytes for every file, in the worker threads |
 //! | `text` | trajectories, waveforms and pulses as text |
 //! | `memory` | tables in memory for the caller |
+//! | `points`, `point_table` | files of the points of a table in memory; its rows as records |
 //! | `join` | LAS and LAZ files of consecutive points as one |
 //! | `piece` | what a batch contributes to an output, and what takes it |
 //! | `writer`, `file` | all outputs, and one of them, in the writer thread |
@@ -35,6 +36,8 @@ mod layout;
 mod memory;
 mod piece;
 mod plan;
+mod point_table;
+mod points;
 mod request;
 mod summary;
 #[cfg(test)]
@@ -49,6 +52,7 @@ pub use division::{Division, Ring};
 pub use encode::Encoded;
 pub use join::{JOINED_POINTS, Segment, join};
 pub use plan::OutputPlan;
+pub use points::{CloudFacts, write_points};
 pub use request::{
     OutputRequest, ShardOutput, TableContent, TableRequest, TableSink, Target, TrajectoryFormat,
 };

@@ -3,6 +3,7 @@
 use super::context::{OutputContext, OutputLeg};
 use super::division::Divider;
 use super::layout::{Content, FilePlan, OutputLayout, OutputLocation};
+use super::points::CloudFacts;
 use super::request::{OutputRequest, TableContent, Target};
 use super::summary::FileSummary;
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,7 +15,8 @@ use vlscan_base::diag::{Diagnostics, ProblemKind};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileSet, NewFolder, identity, is_special, reads, remove_litter};
 use vlscan_formats::{
-    CloudSettings, Column, Destination, Needs, ObjectIds, PacketPlace, PointBatch, PointEncoder, PointFormat,
+    CloudSettings, Column, Destination, FrameNames, Needs, ObjectIds, PacketPlace, PointBatch, PointEncoder,
+    PointFormat,
 };
 use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::Batch;
@@ -101,6 +103,11 @@ impl OutputPlan {
         WorldFrame { origin: self.settings.origin, time: self.time_origin }
     }
 
+    /// What is known of the points beside their columns.
+    pub(super) fn cloud_facts(&self) -> CloudFacts {
+        CloudFacts::new(self.settings.clone(), self.legs.clone())
+    }
+
     /// Whether points have their height above the ground.
     pub fn has_heights(&self) -> bool {
         self.needs.height
@@ -162,6 +169,7 @@ fn cloud_settings(
         labels: request.labels,
         true_positions: request.true_positions,
         heights: request.heights,
+        frame_names: request.frame_names.clone(),
         las: request.las.clone(),
         bins_ns: context.devices.iter().map(|device| device.bin).collect(),
         metres_per_ns: context.metres_per_ns,
@@ -244,6 +252,15 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
     let has_frames = request.sinks.iter().any(|(_, format)| format.has_frames());
     if request.frame_s.is_some() && !has_frames && request.shard.is_none() {
         problems.error(None, "--frame-s applies to MCAP output only").help("-o points.mcap");
+    }
+    if request.frame_names != FrameNames::default() && !has_frames && request.shard.is_none() {
+        problems
+            .error(None, "--world-frame and --sensor-frame apply to MCAP output only")
+            .help("-o points.mcap");
+    }
+    if request.frame_names.world == request.frame_names.sensor {
+        let message = format!("--world-frame and --sensor-frame are both \"{}\"", request.frame_names.world);
+        problems.error(None, message);
     }
     if request.split_by_channel
         && context.devices.len() > 1

@@ -1,13 +1,13 @@
 //! Specification of the outputs of a run.
 
-use super::{Division, Ring};
+use super::{CloudFacts, Division, Ring};
 use crate::shards::Records;
 use ::arrow_array::RecordBatch;
 use std::fmt::Debug;
 use std::path::PathBuf;
 use std::sync::Arc;
 use vlscan_base::error::Result;
-use vlscan_formats::{Column, LasSettings, Needs, PointFormat};
+use vlscan_formats::{Column, FrameNames, LasSettings, Needs, PointFormat};
 
 /// Format of a trajectory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -75,6 +75,9 @@ pub struct TableRequest {
 
 /// Takes the batches of a table. At least one batch is passed, in the thread that collects the results of a run.
 pub trait TableSink: Debug + Send + Sync {
+    /// Takes what is known of the points of a table beside their columns, before the first batch.
+    fn begin(&self, _facts: CloudFacts) {}
+
     /// Takes the next batch; the run waits meanwhile.
     ///
     /// # Errors
@@ -114,6 +117,8 @@ pub struct OutputRequest {
     pub heights: bool,
     /// Duration of the frames of MCAP, s; a revolution of the scanner if `None`.
     pub frame_s: Option<f64>,
+    /// Names of the coordinate frames of MCAP.
+    pub frame_names: FrameNames,
     /// How the points of folders are divided among files, instead of by leg.
     pub division: Option<Division>,
     /// Where points are kept; everywhere if `None`.
@@ -162,6 +167,7 @@ impl Default for OutputRequest {
             true_positions: false,
             heights: false,
             frame_s: None,
+            frame_names: FrameNames::default(),
             division: None,
             clip: None,
             live: false,

@@ -12,7 +12,7 @@ use vlscan_survey::{Detector, Device, Leg, ScannerSettings, Survey, testkit};
 /// Returns an echo with plain values, return `number` of `of`.
 pub(super) fn echo(number: u32, of: u32) -> Echo {
     Echo {
-        in_scanner: DVec3::ZERO,
+        scanner: Echo::NO_ATTITUDE,
         position: DVec3::ZERO,
         origin: DVec3::new(0.0, 0.0, 100.0),
         direction: DVec3::NEG_Z,

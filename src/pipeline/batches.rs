@@ -4,10 +4,10 @@ use super::pass::RunContext;
 use super::progress::Progress;
 use super::run::Report;
 use super::session::Session;
-use crate::output::{OutputRequest, TableContent, TableRequest, TableSink};
+use crate::output::{CloudFacts, OutputRequest, TableContent, TableRequest, TableSink};
 use ::arrow_array::RecordBatch;
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::{Arc, OnceLock};
 use std::thread::JoinHandle;
 use std::time::Duration;
 use vlscan_base::error::{Error, Result};
@@ -23,15 +23,24 @@ pub struct Batches {
     worker: Option<JoinHandle<Result<Report>>>,
     end: Box<dyn Fn() -> bool + Send + Sync>,
     report: Option<Report>,
+    facts: Arc<OnceLock<CloudFacts>>,
 }
 
 /// Passes batches to another thread.
 #[derive(Debug)]
-struct Sender(SyncSender<RecordBatch>);
+struct Sender {
+    batches: SyncSender<RecordBatch>,
+    facts: Arc<OnceLock<CloudFacts>>,
+}
 
 impl TableSink for Sender {
+    fn begin(&self, facts: CloudFacts) {
+        // A run of several epochs begins its table once.
+        let _ = self.facts.set(facts);
+    }
+
     fn take(&self, batch: RecordBatch) -> Result<()> {
-        self.0.send(batch).map_err(|_| Error::ClosedPipe)
+        self.batches.send(batch).map_err(|_| Error::ClosedPipe)
     }
 }
 
@@ -67,8 +76,15 @@ impl Batches {
         run: impl FnOnce(Arc<dyn TableSink>) -> Result<Report> + Send + 'static,
     ) -> Batches {
         let (sender, batches) = sync_channel(waiting.max(1));
-        let worker = std::thread::spawn(move || run(Arc::new(Sender(sender))));
-        Batches { batches: Some(batches), worker: Some(worker), end: Box::new(end), report: None }
+        let facts = Arc::<OnceLock<CloudFacts>>::default();
+        let sink = Sender { batches: sender, facts: facts.clone() };
+        let worker = std::thread::spawn(move || run(Arc::new(sink)));
+        Batches { batches: Some(batches), worker: Some(worker), end: Box::new(end), report: None, facts }
+    }
+
+    /// What is known of the points beside their columns, from the first batch on.
+    pub fn facts(&self) -> Option<&CloudFacts> {
+        self.facts.get()
     }
 
     /// The report of the run, once the last batch has been taken.

@@ -26,7 +26,7 @@
 //! | `segment` | merges that many processes share |
 //! | `collector` | the last stage: encoded results to the outputs, in order |
 //! | `part_table` | the parts of the scene as a table beside labelled points |
-//! | `emit` | the flight alone, written as poses or pulses |
+//! | `emit`, `flight_rows` | the flight alone, written as poses or pulses; their rows |
 //! | `plausibility`, `aim` | detection of inputs that are valid but hardly intended |
 //! | `crs` | the coordinate reference system of a run |
 //! | `progress` | counters of the work done |
@@ -38,6 +38,7 @@ mod collector;
 mod crs;
 mod dry_run;
 mod emit;
+mod flight_rows;
 mod fly;
 mod load;
 mod merge;
@@ -63,6 +64,8 @@ mod worker;
 pub use batches::Batches;
 pub use dry_run::{DryRunReport, Estimate, FileEstimate, FlightCoverage, LegEstimate, Missed, TimeEstimate};
 pub use emit::{Emission, Emitted, emit};
+pub(crate) use flight_rows::Flight;
+pub use flight_rows::{FlightRows, flight_table};
 pub use load::check_raster_memory;
 pub use merge::{merge, merge_warnings, output_context};
 pub use part_table::PartTable;

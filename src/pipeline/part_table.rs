@@ -3,6 +3,7 @@
 use crate::output::ObjectIds;
 use std::fmt::Write as _;
 use vlscan_base::columns::quoted;
+use vlscan_base::error::Result;
 use vlscan_scene::{PartFacts, Scene};
 
 /// The facts of a scene's parts, kept while later epochs are loaded.
@@ -17,17 +18,22 @@ struct Row {
     facts: String,
 }
 
-const HEADING: &str = "object,part,id,name,class,materials,x,y,z,height,points";
+const HEADING: &str = "object,part,id,name,class,materials,areas,leaf_area,x,y,z,height,points";
 
 impl PartTable {
     /// The table of a scene.
-    pub fn new(scene: &Scene) -> PartTable {
+    ///
+    /// # Errors
+    /// When a tile of the scene has to be loaded for it, and cannot be.
+    pub fn new(scene: &Scene) -> Result<PartTable> {
         let ids: Vec<String> = scene.parts.iter().map(|part| part.id.clone()).collect();
         let objects = ObjectIds::new(&ids);
         let row = |(index, (part, facts)): (u32, (&vlscan_scene::Part, &PartFacts))| {
             let materials = facts.material_names(scene).join(" ");
             let mut text = format!("{index},{},{},", quoted(&part.id), quoted(&part.name));
+            let areas: Vec<String> = facts.areas.iter().map(|area| format!("{:.6}", area.total())).collect();
             let _ = write!(text, "{},{},", facts.class(scene), quoted(&materials));
+            let _ = write!(text, "{},{:.6},", areas.join(" "), facts.leaf_area(scene));
             let (low, centre, size) = (facts.bounds.min, facts.bounds.centre(), facts.bounds.size());
             let _ = match facts.primitives {
                 0 => write!(text, ",,,"),
@@ -36,7 +42,8 @@ impl PartTable {
             Row { object: objects.of_part(index), facts: text }
         };
         let facts = PartFacts::of_scene(scene);
-        PartTable { rows: (0..).zip(scene.parts.iter().zip(&facts)).map(row).collect() }
+        scene.tiles.as_ref().map_or(Ok(()), |tiles| tiles.check())?;
+        Ok(PartTable { rows: (0..).zip(scene.parts.iter().zip(&facts)).map(row).collect() })
     }
 
     /// The table as CSV with the number of points of each part.

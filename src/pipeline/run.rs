@@ -10,7 +10,9 @@ use super::prefetch::Prefetcher;
 use super::session::Session;
 use super::settings::Settings;
 use super::stream::{LegRule, PulseSource, Tracing};
-use crate::output::{FileSummary, OutputContext, OutputPlan, OutputRequest, OutputSummary, Target, Writer};
+use crate::output::{
+    FileSummary, OutputContext, OutputPlan, OutputRequest, OutputSummary, TableContent, Target, Writer,
+};
 use crate::streams::PulseReader;
 use std::ops::RangeInclusive;
 use std::path::Path;
@@ -65,7 +67,9 @@ impl Session {
         }
         let outputs = self.complete(outputs);
         let mut context = self.output_context();
-        let has_crs = context.crs.is_none() && outputs.sinks.iter().any(|(_, format)| format.holds_crs());
+        let has_table = outputs.tables.iter().any(|table| table.content == TableContent::Points);
+        let has_place = has_table || outputs.sinks.iter().any(|(_, format)| format.holds_crs());
+        let has_crs = context.crs.is_none() && has_place;
         if has_crs || poses.is_some() {
             // Mistakes in the outputs are reported before the first pose is waited for.
             OutputPlan::new(outputs.clone(), &context)?;

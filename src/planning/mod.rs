@@ -7,20 +7,21 @@
 mod check;
 
 use crate::named_scene::NamedScene;
-use crate::options::holds_survey;
+use crate::options::{Crs, holds_survey};
 use crate::pipeline::LoadedScene;
 use std::path::{Path, PathBuf};
+use vlscan_base::crs::{differ, name as name_of_system};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileWriter, Patched};
+use vlscan_base::files::{FileWriter, Patched, refuse_existing, write_file};
 use vlscan_base::{Observer, machine};
 use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::PhysicsProfile;
 use vlscan_scene::{Fallback, GroundModel, LoadOptions};
 use vlscan_survey::{Platform, ReadOptions, SceneRecipe, catalogue, find_platform, find_scanner};
 use vlscan_tools::plan::{
-    self, AirborneRequest, Area, AreaSource, Carrier, MobileRequest, PlanGround, PlanRequest, PlanSetup,
-    PlannedSurvey, SwathModel, TerrestrialRequest,
+    self, AirborneRequest, Area, AreaSource, Carrier, LineFormat, MobileRequest, PlanGround, PlanRequest,
+    PlanSetup, PlannedSurvey, SwathModel, TerrestrialRequest,
 };
 use vlscan_trace::{BuildOptions, Builder};
 use vlscan_warehouse::Stop;
@@ -73,6 +74,8 @@ struct Planner<'a> {
     instrument: SwathModel,
     /// Where the survey takes place, if there is a scene.
     site: Option<Site>,
+    /// The system that the request names, as WKT and as a pipeline file names it.
+    crs: Option<(String, String)>,
     /// The warnings about the scanner, which have been shown.
     told: Diagnostics,
 }
@@ -115,7 +118,17 @@ impl Planner<'_> {
         let instrument = SwathModel::new(reference, &scanner, setup.pulse_rate);
         let scene = setup.scene.as_deref();
         let site = scene.map(|name| Site::load(name, setup, &instrument, observer)).transpose()?;
-        Ok(Planner { setup, observer, instrument, site, told })
+        let crs = setup.crs.as_deref().map(named_system).transpose()?;
+        let of_scene = site.as_ref().and_then(|site| site.ground.crs());
+        if let (Some((wkt, name)), Some(of_scene)) = (&crs, of_scene)
+            && differ(wkt, of_scene)
+        {
+            let of_scene = name_of_system(of_scene);
+            return Err(Error::input(format!(
+                "--crs is {name}, but the files of the scene are in {of_scene}"
+            )));
+        }
+        Ok(Planner { setup, observer, instrument, site, crs, told })
     }
 
     fn airborne(&self, request: &AirborneRequest) -> Result<Planned> {
@@ -166,9 +179,10 @@ impl Planner<'_> {
         Ok((in_catalogue(name, known.platforms.iter().map(|(name, _)| name)), platform, told))
     }
 
-    /// The system of the scene's coordinates as WKT, if its files name one.
+    /// The system of the plan's coordinates as WKT: that of the scene, if its files name one, or of the request.
     fn crs(&self) -> Option<&str> {
-        self.site.as_ref().and_then(|site| site.ground.crs())
+        let of_scene = self.site.as_ref().and_then(|site| site.ground.crs());
+        of_scene.or(self.crs.as_ref().map(|(wkt, _)| wkt.as_str()))
     }
 
     /// Whether waypoints are set on the scene's ground. They are not where the request has its height.
@@ -251,10 +265,12 @@ impl Planner<'_> {
     ) -> Result<PlannedSurvey> {
         let Planner { setup, observer, .. } = *self;
         plan.scene = self.reference()?;
+        plan.crs = self.crs.as_ref().map(|(_, name)| name.clone());
         self.check_ground(&plan)?;
         if let Some(path) = setup.out.as_ref().filter(|path| path.exists() && !setup.overwrite) {
             return Err(Error::input(format!("{} exists; --force overwrites it", path.display())));
         }
+        let lines = self.lines(&plan)?;
         warn(&plan.warnings, observer)?;
         let scene = self.site.as_ref().map(|site| (&site.recipe, &site.loaded));
         let found = check::Check { plan: &plan, area, setup, scene, told, observer, stop }.run()?;
@@ -265,8 +281,38 @@ impl Planner<'_> {
             file.append(plan.text(command).as_bytes())?;
             file.finish()?;
         }
+        for (path, text) in lines {
+            write_file(path, setup.overwrite, text.as_bytes())?;
+        }
         Ok(plan)
     }
+
+    /// The files of lines with their texts.
+    fn lines(&self, plan: &PlannedSurvey) -> Result<Vec<(&Path, String)>> {
+        let setup = self.setup;
+        let height = |x: f64, y: f64| self.site.as_ref().and_then(|site| site.ground.height(x, y));
+        let mut all: Vec<(&Path, String)> = Vec::new();
+        for path in &setup.lines {
+            let format = LineFormat::of(path)?;
+            if all.iter().any(|(other, _)| other == path) || setup.out.as_ref() == Some(path) {
+                return Err(Error::input(format!("{}: two outputs have the same name", path.display())));
+            }
+            refuse_existing(path, setup.overwrite)?;
+            all.push((path, plan::plan_lines(plan, format, self.crs(), &height)?));
+        }
+        Ok(all)
+    }
+}
+
+/// A system as typed: its WKT, and how a pipeline file names it.
+fn named_system(text: &str) -> Result<(String, String)> {
+    let crs: Crs = text.parse().map_err(|problem| Error::input(format!("--crs: {problem}")))?;
+    let wkt = crs.wkt()?;
+    let name = match crs {
+        Crs::Epsg(code) => format!("EPSG:{code}"),
+        Crs::Wkt(_) | Crs::File(_) => wkt.clone(),
+    };
+    Ok((wkt, name))
 }
 
 fn reading(setup: &PlanSetup) -> ReadOptions {

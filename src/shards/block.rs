@@ -23,7 +23,7 @@ const NO_LEG_NUMBER: u32 = u32::MAX;
 
 words! {
     Echo by convert_position {
-        position, origin, direction, in_scanner, range, true_range, intensity, echo_width, return_number,
+        position, origin, direction, scanner, range, true_range, intensity, echo_width, return_number,
         number_of_returns, pulse_number, device, part, primitive, classification, incidence_cosine, scan_angle,
         time_ns, truth_index,
     }

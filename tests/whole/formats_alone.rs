@@ -79,8 +79,8 @@ fn mcap(bytes: &[u8]) -> Vec<[f64; 3]> {
                 assert_eq!(name, 0, "chunks are not compressed");
                 points.extend(mcap(&[b"\x89MCAP0\r\n", &body[40..], &[0; 9]].concat()));
             }
-            // A message: channel, sequence, times, and a PointCloud2 in little-endian CDR.
-            5 => points.extend(point_cloud2(&body[22..])),
+            // A message: channel, sequence, times, and in the first channel a PointCloud2 in little-endian CDR.
+            5 if body[..2] == [1, 0] => points.extend(point_cloud2(&body[22..])),
             _ => {}
         }
         rest = &rest[9 + length..];

@@ -1,15 +1,10 @@
 //! Terrain as height fields gives the bytes of terrain as stored triangles.
 
-use crate::common::{files, folder, succeed};
+use crate::common::folder;
 use crate::scenes::everything;
-use std::collections::BTreeMap;
+use crate::storage::{leaves_no_trace, packs_and_instruction_sets_leave_no_trace};
 use std::fs;
-use std::path::{Path, PathBuf};
-use vlscan::base::corrections::Corrections;
-use vlscan::{
-    OutputRequest, PointFormat, Progress, ReadOptions, RunContext, Session, Settings, Stop, Target,
-    read_survey,
-};
+use std::path::Path;
 
 /// A terrain of 8 by 8 heights in place of the floor of [`everything`], with a hole, and the same raster once more: translated
 /// and dropped to the first.
@@ -44,79 +39,26 @@ fn with_terrain(folder: &Path) {
     fs::write(folder.join("scene.xml"), scene).unwrap();
 }
 
-/// The outputs of a run with terrain stored as triangles or not.
-fn outputs(survey: &Path, triangulate: bool, change: impl Fn(&mut Settings)) -> BTreeMap<PathBuf, Vec<u8>> {
-    let dir = folder();
-    let (survey, _) = read_survey(survey, &ReadOptions::default()).unwrap();
-    let mut settings = Settings::new(survey);
-    change(&mut settings);
-    settings.load.triangulate_rasters = triangulate;
-    let mut session = Session::open(settings, |_| {}).unwrap();
-    let fields = session.scene().geometry.fields.len();
-    assert_eq!(fields, if triangulate { 0 } else { 2 });
-    let formats = [("a.xyz", PointFormat::Xyz), ("a.las", PointFormat::Las), ("a.csv", PointFormat::Csv)];
-    let sinks = formats.map(|(name, format)| (Target::File(dir.path().join(name)), format)).into();
-    let request = OutputRequest {
-        sinks,
-        waveforms: true,
-        pulses: true,
-        labels: true,
-        heights: true,
-        ..Default::default()
-    };
-    let (progress, stop) = (Progress::default(), Stop::new());
-    session.run(request, RunContext::new(&progress, &stop)).unwrap();
-    files(dir.path()).into_iter().map(|f| (f.clone(), fs::read(dir.path().join(&f)).unwrap())).collect()
-}
-
 #[test]
 fn height_fields_leave_no_trace() {
     let dir = folder();
     with_terrain(dir.path());
-    let survey = dir.path().join("survey.xml");
-    for corrections in [Corrections::NONE, Corrections::REFINED] {
-        let run = |triangulate, threads| {
-            outputs(&survey, triangulate, |settings| {
-                settings.set_corrections(corrections);
-                settings.set_threads(threads);
-            })
-        };
-        let reference = run(true, 1);
-        assert!(
-            reference.len() >= 5 && reference.values().all(|bytes| bytes.len() > 10_000),
-            "{:?}",
-            reference.keys()
-        );
-        for threads in [1, 2] {
-            for (file, bytes) in run(false, threads) {
-                assert!(reference[&file] == bytes, "{} differs on {threads} threads", file.display());
-            }
-        }
-    }
+    leaves_no_trace(
+        &dir.path().join("survey.xml"),
+        |settings, is_compact| settings.load.triangulate_rasters = !is_compact,
+        |geometry| geometry.fields.len(),
+        2,
+    );
 }
 
 #[test]
 fn packs_and_instruction_sets_leave_no_trace_in_terrain() {
     let dir = folder();
     with_terrain(dir.path());
-    let points = |extra: &[&str], set: Option<&str>| {
-        let out = dir.path().join("out.xyz");
-        let args = [&["run", "survey.xml", "-q", "--force", "-o", "out.xyz", "--physics", "refined"], extra]
-            .concat();
-        let mut command = crate::common::vlscan(dir.path());
-        if let Some(set) = set {
-            command.env("VLSCAN_SIMD", set);
-        }
-        let done = command.args(args).output().unwrap();
-        assert!(done.status.success(), "{}", crate::common::text(&done.stderr));
-        fs::read(out).unwrap()
-    };
-    let reference = points(&["-j", "1"], None);
-    assert!(reference.len() > 10_000);
-    for set in ["portable", "avx2", "avx512"] {
-        assert!(points(&["-j", "2"], Some(set)) == reference, "{set}");
-    }
-    assert!(points(&["--tree", "fsah", "--chunk-size", "7"], None) == reference);
-    succeed(dir.path(), &["scene", "pack", "survey.xml", "--physics", "refined", "-o", "all.vlscene", "-q"]);
-    assert!(points(&["--scene", "all.vlscene"], None) == reference);
+    packs_and_instruction_sets_leave_no_trace(
+        dir.path(),
+        |settings, is_compact| settings.load.triangulate_rasters = !is_compact,
+        |geometry| geometry.fields.len(),
+        2,
+    );
 }

@@ -123,7 +123,8 @@ far = np.diag((2.0, 2.0, 2.0, 1.0)); far[:3, 3] = (-5, 0, 1)
 scene.add_geometry(ball, node_name="two", geom_name="ball", transform=far)
 scene.graph.update("three", geometry="crate", matrix=np.diag((1.0, 0.5, 3.0, 1.0)))
 scene.export("scene.glb")
-print(json.dumps({"faces": len(ball.faces), "bounds": scene.bounds.tolist(), "all": len(scene.to_geometry().faces)}))
+areas = [m.area for m in (box.copy().apply_transform(turn), ball.copy().apply_transform(far), box.copy().apply_transform(np.diag((1.0, 0.5, 3.0, 1.0))))]
+print(json.dumps({"areas": areas, "faces": len(ball.faces), "bounds": scene.bounds.tolist(), "all": len(scene.to_geometry().faces)}))
 "#;
 
 #[test]
@@ -140,7 +141,16 @@ fn files_of_trimesh_are_read_as_trimesh_reads_them() {
     let found = facts(dir.path(), "scene.glb");
     assert_eq!(found["triangles"], known["all"], "{found}");
     let names: Vec<_> = found["parts"].as_array().unwrap().iter().map(|p| p["name"].clone()).collect();
-    assert_eq!(names, ["crate", "ball", "crate"]);
+    assert_eq!(names, ["one", "two", "three"], "the nodes, which are the objects of the scene");
+    let areas: Vec<f64> =
+        found["parts"].as_array().unwrap().iter().map(|p| p["areas_m2"][0].as_f64().unwrap()).collect();
+    for (area, expected) in areas.iter().zip(known["areas"].as_array().unwrap()) {
+        assert!(
+            (area / expected.as_f64().unwrap() - 1.0).abs() < 1e-5,
+            "{areas:?} is not {}",
+            known["areas"]
+        );
+    }
     assert_eq!(
         found["materials"].as_array().unwrap().len(),
         1,

@@ -1,6 +1,6 @@
 //! Plans keep what they promise: they are flown, and the points are counted.
 
-use crate::common::{fixture, folder, run, succeed, text, vlscan};
+use crate::common::{self, fixture, folder, judge, run, succeed, text, vlscan};
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -500,4 +500,100 @@ fn files_are_read_and_warned_of_once() {
             assert_eq!(said.matches(once).count(), 1, "{once:?}: {said}");
         }
     }
+}
+
+/// Compares lines.geojson, lines.kml and lines.csv with the plan, by pyproj.
+const LINES: &str = r#"
+import csv, json, tomllib
+import xml.etree.ElementTree as ET
+import numpy as np
+from pyproj import Transformer
+
+plan = tomllib.load(open("plan.toml", "rb"))
+assert plan["crs"] == "EPSG:25832"
+legs = plan["leg"]
+strips = {}
+for leg, following in zip(legs, legs[1:]):
+    if leg.get("active", True):
+        strips.setdefault(leg["strip"], [leg["position_m"]]).append(following["position_m"])
+to_wgs84 = Transformer.from_crs(25832, 4326, always_xy=True)
+features = json.load(open("lines.geojson"))["features"]
+assert [f["properties"]["name"] for f in features] == list(strips)
+kml = {"k": "http://www.opengis.net/kml/2.2"}
+placemarks = ET.parse("lines.kml").findall(".//k:Placemark", kml)
+assert [p.find("k:name", kml).text for p in placemarks] == list(strips)
+rows = list(csv.DictReader(open("lines.csv")))
+at = 0
+for feature, placemark, (name, vertices) in zip(features, placemarks, strips.items()):
+    expected = np.array([to_wgs84.transform(x, y) + (z,) for x, y, z in vertices])
+    found = np.array(feature["geometry"]["coordinates"])
+    assert feature["geometry"]["type"] == "LineString" and feature["properties"]["speed_m_per_s"] > 0
+    # A hundred millionth of a degree is a millimetre.
+    assert np.allclose(found, expected, rtol=0, atol=[2e-8, 2e-8, 1e-3]), (found, expected)
+    text = placemark.find("k:LineString/k:coordinates", kml).text
+    assert np.allclose(np.array([c.split(",") for c in text.split()], float), found, rtol=0, atol=1e-8)
+    for vertex in vertices:
+        row = rows[at]
+        assert row["line"] == name and row["crs"] == "EPSG:25832"
+        assert np.allclose([float(row[k]) for k in "xyz"], vertex, atol=1e-3)
+        at += 1
+assert at == len(rows)
+print(len(features))
+"#;
+
+#[test]
+fn lines_are_written_for_maps() {
+    let Some(python) = common::python("pyproj, numpy") else { return };
+    let dir = folder();
+    let area = "POLYGON ((477000 5429000, 478000 5429000, 478000 5430000, 477000 5430000))";
+    let flight = [
+        "plan",
+        "airborne",
+        "--scanner",
+        "riegl_lms-q780",
+        "--height",
+        "500",
+        "--density",
+        "8",
+        "--area",
+        area,
+    ];
+    let files = ["--lines", "lines.geojson", "--lines", "lines.kml", "--lines", "lines.csv"];
+    let crs = ["--crs", "EPSG:25832"];
+    succeed(dir.path(), &[&flight[..], &["-o", "plan.toml", "--cross-lines", "1"], &crs, &files].concat());
+    let count: usize = judge(&python, dir.path(), LINES).trim().parse().unwrap();
+    assert!(count >= 4, "{count}");
+    // Without a system there are no longitudes and latitudes, but a table.
+    let said = refused(dir.path(), &[&flight[..], &["--lines", "a.kml"]].concat());
+    assert!(said.contains("--crs EPSG:25832") && said.contains(".csv"), "{said}");
+    let said = refused(dir.path(), &[&flight[..], &["--lines", "a.shp"]].concat());
+    assert!(said.contains(".geojson, .kml or .csv"), "{said}");
+    let said = refused(dir.path(), &[&flight[..], &crs, &["--lines", "lines.kml"]].concat());
+    assert!(said.contains("--force"), "{said}");
+    // The lines can be planned along again.
+    let drive = ["plan", "mobile", "--scanner", "vlp16", "--along", "line.geojson", "--crs", "EPSG:25832"];
+    let one =
+        ["plan", "mobile", "--scanner", "vlp16", "--along", "LINESTRING (477000 5429000, 477100 5429050)"];
+    succeed(
+        dir.path(),
+        &[&one[..], &crs, &["--lines", "line.geojson", "--lines", "line.csv", "-o", "one.toml"]].concat(),
+    );
+    succeed(dir.path(), &[&drive[..], &["--lines", "again.csv", "-o", "again.toml"]].concat());
+    let [first, again] =
+        ["line.csv", "again.csv"].map(|name| std::fs::read_to_string(dir.path().join(name)).unwrap());
+    let ends = |text: &str| -> Vec<f64> {
+        let row = text.lines().last().unwrap_or_default().split(',').skip(2).take(2);
+        row.map(|v| v.parse().unwrap()).collect()
+    };
+    let apart: f64 = ends(&first).iter().zip(ends(&again)).map(|(a, b)| (a - b).abs()).sum();
+    assert!(apart < 0.005, "{first}{again}");
+    // Positions of a tripod are points.
+    let tripod =
+        ["plan", "terrestrial", "--scanner", "riegl_vz400", "--around", "477000,5429000", "--radius", "12"];
+    succeed(
+        dir.path(),
+        &[&tripod[..], &crs, &["--resolution", "0.2", "--lines", "t.geojson", "-o", "t.toml"]].concat(),
+    );
+    let text = std::fs::read_to_string(dir.path().join("t.geojson")).unwrap();
+    assert!(text.contains("\"Point\"") && !text.contains("LineString"), "{text}");
 }

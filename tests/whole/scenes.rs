@@ -213,6 +213,25 @@ fn packed_voxels_and_instances_give_the_bytes_of_their_sources() {
 }
 
 #[test]
+fn leaf_area_of_voxels_is_density_times_volume() {
+    let vox = fs::read_to_string(fixture("voxels/crown.vox")).unwrap();
+    let densities = vox.lines().skip(6).filter_map(|line| line.split(' ').nth(3)?.parse::<f64>().ok());
+    let expected = densities.sum::<f64>() * 0.5f64.powi(3);
+    let out =
+        succeed(Path::new("."), &["scene", "info", fixture("voxels/scene.xml").to_str().unwrap(), "--json"]);
+    let facts: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+    let area = |value: &serde_json::Value| value["leaf_area_m2"].as_f64().unwrap();
+    let parts: Vec<f64> = facts["parts"].as_array().unwrap().iter().map(area).collect();
+    assert!(expected > 1.0 && parts[0] == 0.0, "{parts:?}");
+    assert!(parts[1..4].iter().all(|found| (found / expected - 1.0).abs() < 1e-9), "{parts:?} {expected}");
+    let of_material = facts["materials"].as_array().unwrap().iter().map(area).sum::<f64>();
+    assert!(
+        (of_material / parts.iter().sum::<f64>() - 1.0).abs() < 1e-9
+            && (area(&facts) / of_material - 1.0).abs() < 1e-9
+    );
+}
+
+#[test]
 fn labels_have_a_table_of_what_they_mean() {
     let dir = folder();
     let make =
@@ -223,7 +242,7 @@ fn labels_have_a_table_of_what_they_mean() {
     succeed(dir.path(), &[&["run", "wood/survey.xml"], &outputs[..], &columns].concat());
     let table = fs::read_to_string(dir.path().join("parts.csv")).unwrap();
     let mut lines = table.lines();
-    assert_eq!(lines.next(), Some("object,part,id,name,class,materials,x,y,z,height,points"));
+    assert_eq!(lines.next(), Some("object,part,id,name,class,materials,areas,leaf_area,x,y,z,height,points"));
     let points = fs::read_to_string(dir.path().join("a.csv")).unwrap();
     let points: Vec<Vec<f64>> =
         points.lines().skip(1).map(|line| line.split(',').map(|w| w.parse().unwrap()).collect()).collect();
@@ -232,15 +251,18 @@ fn labels_have_a_table_of_what_they_mean() {
         let row: Vec<&str> = line.split(',').collect();
         let number = |i: usize| row[i].parse::<f64>().unwrap();
         let own: Vec<&Vec<f64>> = points.iter().filter(|p| p[3] == number(0) && p[4] == number(1)).collect();
-        assert_eq!(own.len() as f64, number(10), "{line}");
+        assert_eq!(own.len() as f64, number(12), "{line}");
         counted += own.len();
-        let (low, high) = (number(8), number(8) + number(9));
+        let (low, high) = (number(10), number(10) + number(11));
         assert!(own.iter().all(|p| (low - 0.2..high + 0.2).contains(&p[2])), "{line}");
         if ["spruce", "beech", "birch"].iter().any(|species| row[3].ends_with(species)) {
             trees += 1;
             let species = row[3].split('_').next_back().unwrap();
-            assert!(row[5].contains(species) && number(9) > 3.0, "{line}");
-            assert!(own.iter().all(|p| (p[0] - number(6)).hypot(p[1] - number(7)) < 10.0), "{line}");
+            assert!(row[5].contains(species) && number(11) > 3.0, "{line}");
+            assert_eq!(row[5].split(' ').count(), row[6].split(' ').count(), "{line}");
+            let area: f64 = row[6].split(' ').map(|area| area.parse::<f64>().unwrap()).sum();
+            assert!(number(7) > 1.0 && number(7) < area, "leaves and bark: {line}");
+            assert!(own.iter().all(|p| (p[0] - number(8)).hypot(p[1] - number(9)) < 10.0), "{line}");
         }
     }
     assert!(trees > 3 && counted == points.len(), "{trees} trees, {counted} of {}", points.len());

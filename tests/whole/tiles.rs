@@ -121,6 +121,44 @@ fn the_points_do_not_depend_on_the_memory() {
 }
 
 #[test]
+fn packed_tiles_give_the_same_points() {
+    let dir = folder();
+    row(dir.path());
+    let all = points(dir.path(), &["-j", "1", "--parts", "parts.csv"]);
+    let table = |name: &str| fs::read_to_string(dir.path().join(name)).unwrap();
+    let pack = ["scene", "pack", "scene.xml", "-o", "row.vlscene", "--scene-memory", "250k", "-q"];
+    succeed(dir.path(), &pack);
+    succeed(dir.path(), &["scene", "pack", "scene.xml", "-o", "whole.vlscene", "-q"]);
+    // The tiles do not need the files that they were made from.
+    for i in 0..TILES {
+        for kind in ["obj", "xyz"] {
+            fs::remove_file(dir.path().join(format!("tiles/t{i:02}.{kind}"))).unwrap();
+        }
+    }
+    let scene = ["--scene", "row.vlscene", "-j", "2"];
+    let tiled: [&[&str]; 3] =
+        [&[], &["--scene-memory", "250k", "--parts", "packed.csv"], &["--scene-memory", "1G"]];
+    for extra in tiled {
+        assert!(points(dir.path(), &[&scene[..], extra].concat()) == all, "{extra:?}");
+    }
+    assert_eq!(table("packed.csv"), table("parts.csv"));
+    let command =
+        ["run", "flight.toml", "--scene", "row.vlscene", "-o", "out.las", "-v", "--scene-memory", "250k"];
+    let said = succeed(dir.path(), &command);
+    let said = text(&said.stderr);
+    assert!(said.contains("tiles: 24 of the parts") && said.contains("found in memory"), "{said}");
+    let whole = ["run", "flight.toml", "--scene", "whole.vlscene", "-o", "whole.las", "--scene-memory", "1G"];
+    let said = text(&succeed(dir.path(), &whole).stderr);
+    assert!(said.contains("packed without --scene-memory"), "{said}");
+    let info = succeed(dir.path(), &["scene", "info", "row.vlscene", "--json", "--verify"]);
+    let info: serde_json::Value = serde_json::from_slice(&info.stdout).unwrap();
+    assert_eq!(
+        (info["tiles"].as_u64(), info["triangles"].as_u64()),
+        (Some(24), Some((2 * TILES * SIDE * SIDE) as u64))
+    );
+}
+
+#[test]
 fn every_kind_of_part_gives_the_same_points() {
     let dir = folder();
     everything(dir.path());
@@ -131,6 +169,13 @@ fn every_kind_of_part_gives_the_same_points() {
             fs::read(dir.path().join("out.xyz")).unwrap()
         };
         let all = of(&["--instances", "never"]);
+        for instances in ["never", "always"] {
+            let tiles = ["--scene-memory", "120k", "--instances", instances, "--physics", physics];
+            let pack = ["scene", "pack", "survey.xml", "-o", "all.vlscene", "--force", "-q"];
+            succeed(dir.path(), &[&pack[..], &tiles].concat());
+            let packed = of(&["--scene", "all.vlscene", "--scene-memory", "120k", "-j", "2"]);
+            assert!(packed == all, "packed {physics} {instances}");
+        }
         for instances in ["never", "always"] {
             for memory in ["1G", "120k"] {
                 let tiled = of(&["--instances", instances, "--scene-memory", memory, "-j", "2"]);

@@ -1,16 +1,11 @@
 //! Voxels on grids give the bytes of voxels as stored cubes.
 
-use crate::common::{files, folder, succeed};
+use crate::common::folder;
 use crate::scenes::everything;
-use std::collections::BTreeMap;
+use crate::storage::{leaves_no_trace, packs_and_instruction_sets_leave_no_trace};
 use std::fmt::Write as _;
 use std::fs;
-use std::path::{Path, PathBuf};
-use vlscan::base::corrections::Corrections;
-use vlscan::{
-    OutputRequest, PointFormat, Progress, ReadOptions, RunContext, Session, Settings, Stop, Target,
-    read_survey,
-};
+use std::path::Path;
 
 /// [`everything`] with opaque and scaled voxels, transmittive ones that touch those with a leaf angle table, a point cloud of cubes
 /// with normals, and moving voxels.
@@ -79,79 +74,26 @@ fn with_voxels(folder: &Path) {
     fs::write(folder.join("scene.xml"), scene.replace("</scene>", &format!("{parts}</scene>"))).unwrap();
 }
 
-/// The outputs of a run with voxels on grids or not.
-fn outputs(survey: &Path, are_grids: bool, change: impl Fn(&mut Settings)) -> BTreeMap<PathBuf, Vec<u8>> {
-    let dir = folder();
-    let (survey, _) = read_survey(survey, &ReadOptions::default()).unwrap();
-    let mut settings = Settings::new(survey);
-    change(&mut settings);
-    settings.load.min_grid_voxels = if are_grids { 1 } else { usize::MAX };
-    let mut session = Session::open(settings, |_| {}).unwrap();
-    let grids = session.scene().geometry.grids.len();
-    assert_eq!(grids, if are_grids { 5 } else { 0 });
-    let formats = [("a.xyz", PointFormat::Xyz), ("a.las", PointFormat::Las), ("a.csv", PointFormat::Csv)];
-    let sinks = formats.map(|(name, format)| (Target::File(dir.path().join(name)), format)).into();
-    let request = OutputRequest {
-        sinks,
-        waveforms: true,
-        pulses: true,
-        labels: true,
-        heights: true,
-        ..Default::default()
-    };
-    let (progress, stop) = (Progress::default(), Stop::new());
-    session.run(request, RunContext::new(&progress, &stop)).unwrap();
-    files(dir.path()).into_iter().map(|f| (f.clone(), fs::read(dir.path().join(&f)).unwrap())).collect()
-}
-
 #[test]
 fn grids_of_voxels_leave_no_trace() {
     let dir = folder();
     with_voxels(dir.path());
-    let survey = dir.path().join("survey.xml");
-    for corrections in [Corrections::NONE, Corrections::REFINED] {
-        let run = |are_grids, threads| {
-            outputs(&survey, are_grids, |settings| {
-                settings.set_corrections(corrections);
-                settings.set_threads(threads);
-            })
-        };
-        let reference = run(false, 1);
-        assert!(
-            reference.len() >= 5 && reference.values().all(|bytes| bytes.len() > 10_000),
-            "{:?}",
-            reference.keys()
-        );
-        for threads in [1, 2] {
-            for (file, bytes) in run(true, threads) {
-                assert!(reference[&file] == bytes, "{} differs on {threads} threads", file.display());
-            }
-        }
-    }
+    leaves_no_trace(
+        &dir.path().join("survey.xml"),
+        |settings, is_compact| settings.load.min_grid_voxels = if is_compact { 1 } else { usize::MAX },
+        |geometry| geometry.grids.len(),
+        5,
+    );
 }
 
 #[test]
 fn packs_and_instruction_sets_leave_no_trace_in_voxels() {
     let dir = folder();
     with_voxels(dir.path());
-    let points = |extra: &[&str], set: Option<&str>| {
-        let out = dir.path().join("out.xyz");
-        let args = [&["run", "survey.xml", "-q", "--force", "-o", "out.xyz", "--physics", "refined"], extra]
-            .concat();
-        let mut command = crate::common::vlscan(dir.path());
-        if let Some(set) = set {
-            command.env("VLSCAN_SIMD", set);
-        }
-        let done = command.args(args).output().unwrap();
-        assert!(done.status.success(), "{}", crate::common::text(&done.stderr));
-        fs::read(out).unwrap()
-    };
-    let reference = points(&["-j", "1"], None);
-    assert!(reference.len() > 10_000);
-    for set in ["portable", "avx2", "avx512"] {
-        assert!(points(&["-j", "2"], Some(set)) == reference, "{set}");
-    }
-    assert!(points(&["--tree", "fsah", "--chunk-size", "7"], None) == reference);
-    succeed(dir.path(), &["scene", "pack", "survey.xml", "--physics", "refined", "-o", "all.vlscene", "-q"]);
-    assert!(points(&["--scene", "all.vlscene"], None) == reference);
+    packs_and_instruction_sets_leave_no_trace(
+        dir.path(),
+        |settings, is_compact| settings.load.min_grid_voxels = if is_compact { 1 } else { usize::MAX },
+        |geometry| geometry.grids.len(),
+        5,
+    );
 }

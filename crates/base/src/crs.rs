@@ -3,7 +3,7 @@
 mod area;
 mod units;
 
-pub use area::{Place, misfit, place_of};
+pub use area::{Place, Wgs84, Wgs84Error, misfit, place_of};
 pub use units::{LengthUnit, Unit, Units};
 
 use vlscan_geom::UtmZone;

@@ -382,6 +382,7 @@ impl Columns {
             scan_angle: fitted(Attribute::ScanAngle) * self.degrees,
             object: fitted(Attribute::Object) as i64,
             leg: fitted(Attribute::Leg) as u16,
+            point_source: 0,
             channel: fitted(Attribute::Channel) as u16,
             time: fitted(Attribute::Time) * self.seconds,
             misfits,

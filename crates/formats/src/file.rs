@@ -31,6 +31,7 @@ pub fn read_points(path: &Path, sink: &mut dyn PointSink, found: &mut Diagnostic
     read.map_err(|e| Error::io("read", &name, e))?;
     let mut reading = Reading::new(&name, Selection::All, sink, found);
     let Some(format) = recognise(&first, &mut reading) else { return Ok(()) };
+    reading.tell(format);
     if format.is_stream() {
         let source = BufReader::with_capacity(1 << 20, Cursor::new(first).chain(source));
         read_stream(source, format, &mut reading)?;
@@ -115,6 +116,7 @@ impl<'a> PointFile<'a> {
         found: &mut Diagnostics,
     ) -> Result<()> {
         let mut reading = Reading::new(self.path, selection, sink, found);
+        reading.tell(self.format);
         match self.format {
             #[cfg(feature = "parquet")]
             CloudFormat::Parquet => {

@@ -78,6 +78,21 @@ const OTHERS: &[(&[u8], &str)] = &[
 const BINARY_EXTENSIONS: &[&str] = &["las", "laz", "ply", "pcd", "e57", "parquet", "arrow"];
 
 impl CloudFormat {
+    /// The name of the format.
+    pub fn name(self) -> &'static str {
+        match self {
+            CloudFormat::Las => "LAS",
+            CloudFormat::Ply => "PLY",
+            CloudFormat::Pcd => "PCD",
+            CloudFormat::E57 => "E57",
+            CloudFormat::Arrow => "Arrow",
+            CloudFormat::Parquet => "Parquet",
+            CloudFormat::Pts => "PTS",
+            CloudFormat::Ptx => "PTX",
+            CloudFormat::Text => "text",
+        }
+    }
+
     /// Whether it is read from its beginning to its end, so that it may come through a pipe without being stored.
     pub(super) fn is_stream(self) -> bool {
         matches!(self, CloudFormat::Text | CloudFormat::Pts | CloudFormat::Ptx | CloudFormat::Arrow)

@@ -19,7 +19,8 @@
 //! |---|---|
 //! | `las` | LAS, LAZ and COPC |
 //! | `ply`, `pcd`, `e57` | PLY and ray clouds, PCD, E57 |
-//! | `mcap` | MCAP with messages of ROS 2, written |
+//! | `mcap` | MCAP with messages of ROS 2, written; its frames, read |
+//! | `frames` | frames of points with the poses of their scanner |
 //! | `leica` | PTS and PTX, read |
 //! | `text` | lines of columns, with or without a line of names |
 //! | `columnar`, `table` | Arrow and Parquet: written; read, as tables in memory are |
@@ -40,6 +41,7 @@ mod e57;
 mod encode;
 mod file;
 mod format;
+mod frames;
 mod las;
 mod leica;
 #[cfg(feature = "mcap")]
@@ -61,16 +63,17 @@ pub use columns::{Attribute, AttributeSet, Columns, Misfits, PositionsError};
 pub use encode::{EncodedFile, Ending, FileBody, Plain, PointEncoder};
 pub use file::{PointFile, read_points};
 pub use format::{CloudFormat, UnreadFormat};
+pub use frames::{Frame, FramePoint, FramePose, read_frames};
 pub use las::{
-    CHUNK_POINTS, ExtraDimension, ExtraDimensions, Header as LasHeader, LasReader, LasSettings, LasVersion,
-    PACKETS_HEADER_BYTES, PacketPlace, Selection, packets_header,
+    CHUNK_POINTS, ExtraDimension, ExtraDimensions, Header as LasHeader, LasFacts, LasReader, LasSettings,
+    LasVersion, PACKETS_HEADER_BYTES, PacketPlace, Selection, packets_header,
 };
 pub use objects::ObjectIds;
 pub use out::{Destination, Job, NoOffload, Offload, OutputStream};
 pub use ply::{PlyError, PlyNumbers, is_ply, ply_header};
 pub use point_format::{PointFormat, UnknownExtension};
 pub use record::{Cause, EncodedPoints, Needs, PointBatch, PointRecord, Tally, Wave};
-pub use settings::CloudSettings;
+pub use settings::{CloudSettings, FrameNames};
 #[cfg(feature = "parquet")]
 pub use table::read_number_columns;
 pub use table::read_record_batch;
@@ -106,6 +109,8 @@ pub struct PointRow {
     pub object: i64,
     /// Number of the leg.
     pub leg: u16,
+    /// Point source id of LAS, by convention the number of the flight line; 0 in other formats.
+    pub point_source: u16,
     /// Number of the scanner's device.
     pub channel: u16,
     /// Time of the pulse, s.
@@ -114,10 +119,22 @@ pub struct PointRow {
     pub misfits: Misfits,
 }
 
+/// What a file is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FileFacts {
+    /// Its format.
+    pub format: CloudFormat,
+    /// What the header of LAS states; `None` for other formats.
+    pub las: Option<LasFacts>,
+}
+
 /// Takes the points of a file.
 pub trait PointSink {
     /// Called once, before the first point, with the attributes that the points have.
     fn start(&mut self, attributes: AttributeSet);
+
+    /// Called once, before the first point, with what the file is.
+    fn file(&mut self, _facts: &FileFacts) {}
 
     /// Called at most once, before the first point, with the system of the coordinates as WKT in files that name one.
     fn crs(&mut self, _wkt: &str) {}
@@ -145,6 +162,13 @@ impl<'a> Reading<'a> {
         found: &'a mut Diagnostics,
     ) -> Reading<'a> {
         Reading { path, selection, sink, found, misfits: Default::default() }
+    }
+
+    /// Tells the sink the format of the file, unless its reader knows more.
+    fn tell(&mut self, format: CloudFormat) {
+        if format != CloudFormat::Las {
+            self.sink.file(&FileFacts { format, las: None });
+        }
     }
 
     /// Records a warning about the whole file.

@@ -1,7 +1,7 @@
 //! Points as they are written, and what precedes their place in a file: records of one format, and their counts.
 
 use crate::PointRow;
-use vlscan_geom::{Aabb, DVec3, degrees, radians};
+use vlscan_geom::{Aabb, DVec3, Rotation, degrees, radians};
 
 /// A point with everything that is known of it; a format writes what it has a place for. Positions are relative to
 /// [`CloudSettings::origin`](crate::CloudSettings::origin), so that large coordinates keep their digits.
@@ -15,6 +15,8 @@ pub struct PointRecord {
     pub direction: DVec3,
     /// Position relative to the origin of the beam in the axes of the scanner's mount, m; NaN if unknown.
     pub in_scanner: DVec3,
+    /// Attitude of the scanner: from the axes of its mount to the world; `None` if unknown.
+    pub scanner: Option<Rotation>,
     /// Position without errors of navigation, m; NaN if unknown.
     pub true_position: DVec3,
     /// What caused the echo.
@@ -86,6 +88,7 @@ impl Default for PointRecord {
             origin: DVec3::ZERO,
             direction: DVec3::ZERO,
             in_scanner: DVec3::NAN,
+            scanner: None,
             true_position: DVec3::NAN,
             cause: Cause::UNKNOWN,
             range: 0.0,
@@ -184,7 +187,7 @@ pub(crate) fn round_half_even(x: f64) -> f64 {
 pub struct Needs {
     /// [`PointRecord::cause`].
     pub cause: bool,
-    /// [`PointRecord::in_scanner`].
+    /// [`PointRecord::in_scanner`] and [`PointRecord::scanner`].
     pub in_scanner: bool,
     /// [`PointRecord::true_position`].
     pub true_position: bool,

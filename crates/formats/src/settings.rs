@@ -16,6 +16,21 @@ pub(crate) fn state(is_partial: bool) -> &'static str {
 /// State of a file whose points ended early.
 pub(crate) const PARTIAL: &str = "partial: the run ended early";
 
+/// Names of the coordinate frames of messages.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FrameNames {
+    /// The frame in which the scanner moves.
+    pub world: String,
+    /// The frame of the scanner.
+    pub sensor: String,
+}
+
+impl Default for FrameNames {
+    fn default() -> FrameNames {
+        FrameNames { world: "map".to_owned(), sensor: "lidar".to_owned() }
+    }
+}
+
 /// Facts about a cloud and the choices for its files.
 #[derive(Clone, Debug)]
 pub struct CloudSettings {
@@ -48,6 +63,8 @@ pub struct CloudSettings {
     pub true_positions: bool,
     /// Whether points have their height above the ground.
     pub heights: bool,
+    /// Names of the coordinate frames of MCAP.
+    pub frame_names: FrameNames,
     /// Settings of LAS, LAZ and COPC.
     pub las: LasSettings,
     /// Width of the bins of waveforms by device, ns.
@@ -73,6 +90,7 @@ impl Default for CloudSettings {
             labels: false,
             true_positions: false,
             heights: false,
+            frame_names: FrameNames::default(),
             las: LasSettings::default(),
             bins_ns: Vec::new(),
             metres_per_ns: LIGHT_SPEED,

@@ -260,6 +260,26 @@ impl<'a> SceneBuilder<'a> {
         self.first_part + self.parts.len() as u32
     }
 
+    /// Whether primitives have each material, those of instances included, and of tiles, whose materials are `of_tiles`.
+    pub fn used_materials(&self, of_tiles: impl Iterator<Item = u32>) -> Vec<bool> {
+        let mut is_used = vec![false; self.surfaces.len()];
+        let stored = self.triangle_surfaces.iter().chain(&self.field_surfaces).chain(&self.cube_surfaces);
+        stored.for_each(|surface| is_used[*surface as usize] = true);
+        for (voxels, grid) in self.grid_voxels.iter().zip(&self.geometry.grids) {
+            voxels
+                .surfaces
+                .counts(grid.len())
+                .iter()
+                .for_each(|(surface, _)| is_used[*surface as usize] = true);
+        }
+        let of_surfaces =
+            self.surfaces.iter().zip(is_used).filter(|(_, used)| *used).map(|(s, _)| s.material);
+        let of_models = self.meshes.materials.iter().flatten().copied();
+        let mut used = vec![false; self.library.materials.len()];
+        of_surfaces.chain(of_models).chain(of_tiles).for_each(|material| used[material as usize] = true);
+        self.library.with_bases(used)
+    }
+
     /// Removes the primitives appended since `start` was the end.
     pub fn truncate(&mut self, start: &Extent) {
         let Geometry { vertices, triangles, cubes, fields, grids } = &mut self.geometry;
@@ -359,16 +379,20 @@ impl<'a> SceneBuilder<'a> {
         self.options.max_memory.map_or(u64::MAX, |limit| limit.saturating_sub(self.memory()))
     }
 
-    fn memory(&self) -> u64 {
-        let Geometry { vertices, triangles, cubes, fields, grids } = &self.geometry;
-        let grids =
-            grids.iter().map(VoxelGrid::memory).chain(self.grid_voxels.iter().map(GridVoxels::memory));
-        let fields = fields.iter().map(|field| field.memory() as u64).sum::<u64>();
-        let stored = memory_of(vertices.len(), triangles.len(), cubes.len());
-        stored
+    /// Memory of everything that is loaded, bytes.
+    pub fn memory(&self) -> u64 {
+        self.memory_within(&Extent::of(&self.geometry)).saturating_add(self.meshes.memory())
+    }
+
+    /// Memory of the primitives of an extent, bytes.
+    pub fn memory_within(&self, extent: &Extent) -> u64 {
+        let Geometry { fields, grids, .. } = &self.geometry;
+        let of_grids = grids[extent.grids.clone()].iter().map(VoxelGrid::memory);
+        let of_voxels = self.grid_voxels[extent.grids.clone()].iter().map(GridVoxels::memory);
+        let fields = fields[extent.fields.clone()].iter().map(|field| field.memory() as u64).sum::<u64>();
+        memory_of(extent.vertices.len(), extent.triangles.len(), extent.cubes.len())
             .saturating_add(fields)
-            .saturating_add(self.meshes.memory())
-            .saturating_add(grids.sum::<usize>() as u64)
+            .saturating_add(of_grids.chain(of_voxels).sum::<usize>() as u64)
     }
 
     /// Makes room for more primitives of `source`.

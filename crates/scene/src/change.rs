@@ -175,6 +175,33 @@ mod tests {
     }
 
     #[test]
+    fn only_materials_in_use_have_units() {
+        let mut f = Fixture::new();
+        f.file("m.mtl", "newmtl bark\nhelios_reflectance 0.4\nnewmtl leaf\nhelios_reflectance 45\n");
+        let mesh = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n";
+        f.obj("a.obj", format!("mtllib m.mtl\n{mesh}usemtl bark\nf 1 2 3\nusemtl leaf\nf 1 2 4\n"));
+        f.obj("b.obj", format!("{mesh}f 1 2 3\nf 1 2 4\n"));
+        let new = MaterialDefinition { reflectance: Some(0.3), ..MaterialDefinition::new("new") };
+        let mut two_units = |of_first, of_second| {
+            let change = |replaced| MaterialChange { replaced, material: new.clone() };
+            f.parts[0].changes = vec![change(of_first)].into();
+            f.parts[1].changes = vec![change(of_second)].into();
+            let said = f.load().unwrap().1.render(false);
+            said.lines().find(|line| line.contains("are in two units")).map(str::to_owned)
+        };
+        let leaf = || Replaced::Named("leaf".to_owned());
+        assert_eq!(two_units(leaf(), Replaced::All), None);
+        assert_eq!(two_units(Replaced::All, Replaced::All), None);
+        let said = two_units(leaf(), Replaced::Faces(vec![0])).expect("the default");
+        assert!(said.contains("\"default\" 50") && !said.contains("leaf"), "{said}");
+        let said = two_units(Replaced::Faces(vec![0]), Replaced::All).expect("leaves");
+        assert!(
+            said.contains("\"leaf\" 45") && !said.contains("default") && !said.contains("bark"),
+            "{said}"
+        );
+    }
+
+    #[test]
     fn indices_count_triangles_that_are_left_out() {
         let mut f = Fixture::new();
         let part = f.obj("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 1 2\nf 1 2 3\nf 1 2 2\nf 1 3 4\n");

@@ -39,6 +39,7 @@ impl Fixture {
         let number = self.parts.len() as u32;
         self.parts.push(PartRecipe {
             id: None,
+            name: None,
             number,
             loader,
             changes: Default::default(),

@@ -30,9 +30,9 @@ pub struct Inventory {
     pub of_material: Vec<u64>,
     /// Triangles degenerate to a line, which rays can hardly hit; those of shared meshes are counted once.
     pub slivers: u64,
-    /// Triangles with the same corners as another triangle of their mesh.
+    /// Triangles with the same corners as another triangle of their mesh, or of their tile.
     pub duplicates: u64,
-    /// Voxels with the position and size of another voxel.
+    /// Voxels with the position and size of another voxel, of their tile if they are in one.
     pub duplicate_cubes: u64,
     /// Instances with the placement of another instance of their mesh.
     pub duplicate_instances: u64,
@@ -54,7 +54,8 @@ impl Inventory {
             .collect()
     }
 
-    /// Counts the contents of a scene by visiting every stored primitive.
+    /// Counts the contents of a scene by visiting every stored primitive. A tile that cannot be loaded is reported by
+    /// [`Tiles::check`](crate::Tiles::check).
     pub fn of(scene: &Scene) -> Inventory {
         let fields = || scene.geometry.fields.iter().zip(&scene.field_surfaces);
         let in_fields = fields().map(|(field, _)| field.triangles() as u64).sum::<u64>();
@@ -82,6 +83,23 @@ impl Inventory {
             let cubes = scene.geometry.cubes_in(0..cubes.len(), 0..grids.len());
             all.duplicate_cubes =
                 repeated(cubes.map(|c| bits(&[c.centre.x, c.centre.y, c.centre.z, c.half])).collect());
+        }
+        if let Some(tiles) = &scene.tiles {
+            tiles.for_each(
+                |_| true,
+                |facts, tile| {
+                    let of_tile = Inventory::of(&tile.scene);
+                    all.triangles += of_tile.triangles;
+                    all.cubes += of_tile.cubes;
+                    all.slivers += of_tile.slivers;
+                    all.duplicates += of_tile.duplicates;
+                    all.duplicate_cubes += of_tile.duplicate_cubes;
+                    all.of_part[facts.part as usize] += of_tile.primitives();
+                    for (material, count) in facts.materials.iter().zip(of_tile.of_material) {
+                        all.of_material[*material as usize] += count;
+                    }
+                },
+            );
         }
         let Some(set) = &scene.instances else { return all };
         all.instanced_triangles = u64::from(set.instances.triangles());

@@ -87,7 +87,7 @@ pub use model::{MovingPart, PackedTree, Part, Scene, Sizes};
 pub use motion::{DynamicObject, DynamicScene, MotionPlan, MotionState, ObjectUpdate, check_time_step};
 pub use mtl::read_materials;
 pub use pack::{Pack, pack};
-pub use part_facts::PartFacts;
+pub use part_facts::{MaterialArea, PartFacts, material_areas};
 pub use surfaces::{Surface, SurfaceIds};
 pub use tiles::{PlaceInRaster, Tile, TileFacts, TileOptions, TileReader, Tiles};
 pub use triangle::SceneTriangle;

@@ -40,6 +40,8 @@ pub(super) struct Library {
     /// them.
     of_memory: HashMap<String, Vec<(MaterialDefinition, u32)>>,
     index_of: HashMap<Key, u32>,
+    /// The material that another one differs from in its class or its colours only.
+    base_of: HashMap<u32, u32>,
     /// In the order of first use.
     pub materials: Vec<Material>,
 }
@@ -148,6 +150,7 @@ impl Library {
             file_of: HashMap::new(),
             of_memory: HashMap::new(),
             index_of: HashMap::new(),
+            base_of: HashMap::new(),
             materials: Vec::new(),
         }
     }
@@ -228,13 +231,18 @@ impl Library {
 
     /// The material for a name that is not defined.
     pub fn unnamed(&mut self, name: &str) -> u32 {
+        self.unnamed_at(name, None)
+    }
+
+    /// As [`Library::unnamed`]; `place` is where a part lacks a material.
+    fn unnamed_at(&mut self, name: &str, place: Option<&Place>) -> u32 {
         let (materials, rules) = (&mut self.materials, self.rules);
         self.relevant_rules.reflectance_fraction = true;
         self.relevant_rules.lambert_default = true;
         let units = &mut self.units;
         *self.index_of.entry(Key::Named(name.to_owned())).or_insert_with(|| {
             if !rules.reflectance_fraction {
-                units.add(name, 50.0, || None);
+                units.add(materials.len() as u32, name, 50.0, || place.cloned());
             }
             materials.push(Material::unnamed(name, rules));
             materials.len() as u32 - 1
@@ -254,7 +262,21 @@ impl Library {
         self.materials.push(classified);
         let index = self.materials.len() as u32 - 1;
         self.index_of.insert(Key::Classified(material, class), index);
+        self.base_of.insert(index, material);
         index
+    }
+
+    /// The materials that primitives have, given those that they have themselves; with each counts the one that it differs from
+    /// in its class or its colours only.
+    pub fn with_bases(&self, mut used: Vec<bool>) -> Vec<bool> {
+        for material in (0..self.materials.len()).filter(|m| used[*m]).collect::<Vec<_>>() {
+            let mut next = self.base_of.get(&(material as u32));
+            while let Some(base) = next {
+                used[*base as usize] = true;
+                next = self.base_of.get(base);
+            }
+        }
+        used
     }
 
     fn defined(&mut self, known: DefinitionId, diagnostics: &mut Diagnostics) -> u32 {
@@ -320,7 +342,7 @@ impl Library {
         };
         // Spectra and the default of 50 are per cent, but fractions in the refined physics.
         if let Some(given) = d.reflectance.or((!is_fraction).then_some(reflectance)) {
-            self.units.add(&d.name, given, || d.place.clone());
+            self.units.add(self.materials.len() as u32, &d.name, given, || d.place.clone());
         }
         if is_fraction && !(0.0..=1.0).contains(&reflectance) {
             self.add_issue(ReflectanceIssue::NoFraction, d);
@@ -368,11 +390,8 @@ impl Library {
         let Some(path) = &choice.file else {
             if let Some(place) = place {
                 self.issues.add(ReflectanceIssue::Missing, DEFAULT, place.clone());
-                if !self.rules.reflectance_fraction {
-                    self.units.add(DEFAULT, 50.0, || Some(place.clone()));
-                }
             }
-            return Some(vec![self.unnamed(DEFAULT)]);
+            return Some(vec![self.unnamed_at(DEFAULT, place)]);
         };
         let Some(file) = self.open(path, diagnostics) else {
             let message =
@@ -417,6 +436,7 @@ impl Library {
         for variant in 0..choice.random_variants {
             let base = self.materials[all[0] as usize].clone();
             all.push(self.materials.len() as u32);
+            self.base_of.insert(self.materials.len() as u32, all[0]);
             self.materials.push(self.varied(base, &definition, choice.random_range, part, variant));
         }
         Some(all)

@@ -66,6 +66,12 @@ impl Material {
         }
     }
 
+    /// Whether triangles of this material are leaves, by its name: it contains leaf, leaves, needle or foliage, in any case.
+    pub fn is_foliage(&self) -> bool {
+        let name = self.name.to_lowercase();
+        ["leaf", "leaves", "needle", "foliage"].iter().any(|word| name.contains(word))
+    }
+
     /// Reflectance factor f(θ) for the cosine of the incidence angle, `0 ≤ cos θ ≤ 1`.
     pub fn factor(&self, cosine: f64) -> f64 {
         match self.reflection {

@@ -1,8 +1,9 @@
 //! What the parts of a scene are and where: for tables beside labelled points.
 
-use super::Scene;
+use super::{Material, Scene, Voxel, VoxelKind};
 use std::collections::BTreeMap;
-use vlscan_geom::Aabb;
+use vlscan_geom::{Aabb, DVec3};
+use vlscan_trace::Model;
 
 /// Facts about one part.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,53 +15,126 @@ pub struct PartFacts {
     pub primitives: u64,
     /// Indices in [`Scene::materials`], that of most primitives first.
     pub materials: Vec<u32>,
+    /// The areas of each of its materials.
+    pub areas: Vec<MaterialArea>,
 }
+
+/// The area of a material in a part.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MaterialArea {
+    /// Area of the triangles, one side of each, m².
+    pub triangles: f64,
+    /// One-sided plant area of the voxels that transmit light, m²: plant area density times volume. Opaque voxels have none: their
+    /// size may stand for their density.
+    pub plants: f64,
+}
+
+impl MaterialArea {
+    /// One-sided leaf area if the material is `material`, m²: that of plants in voxels, and of triangles if they are leaves.
+    pub fn leaves(&self, material: &Material) -> f64 {
+        self.plants + if material.is_foliage() { self.triangles } else { 0.0 }
+    }
+
+    /// The area of both.
+    pub fn total(&self) -> f64 {
+        self.triangles + self.plants
+    }
+
+    fn add(&mut self, other: MaterialArea, factor: f64) {
+        self.triangles += factor * other.triangles;
+        self.plants += factor * other.plants;
+    }
+}
+
+/// What a part has of a material.
+#[derive(Clone, Copy, Debug, Default)]
+struct Share {
+    primitives: u64,
+    area: MaterialArea,
+}
+
+/// Shares by index of the material.
+type Shares = BTreeMap<u32, Share>;
 
 /// Vertices of instances that are placed one by one.
 const MAX_PLACED_VERTICES: u64 = 1 << 30;
 
 impl PartFacts {
-    /// Facts about every part of a scene, in order.
+    /// Facts about every part of a scene, in order. All tiles are loaded once; one that cannot be loaded is reported by
+    /// [`Tiles::check`](crate::Tiles::check).
     pub fn of_scene(scene: &Scene) -> Vec<PartFacts> {
         PartFacts::placing(scene, MAX_PLACED_VERTICES)
     }
 
     /// Places up to `most` vertices of instances.
     fn placing(scene: &Scene, most: u64) -> Vec<PartFacts> {
-        let mut counts: Vec<BTreeMap<u32, u64>> = vec![BTreeMap::new(); scene.parts.len()];
+        let facts = |(shares, bounds): (Shares, Aabb)| {
+            let primitives = shares.values().map(|share| share.primitives).sum();
+            let mut shares: Vec<(u32, Share)> = shares.into_iter().collect();
+            shares.sort_by_key(|(_, share)| std::cmp::Reverse(share.primitives));
+            let (materials, areas) =
+                shares.into_iter().map(|(material, share)| (material, share.area)).unzip();
+            PartFacts { bounds: bounds.translated(scene.shift), primitives, materials, areas }
+        };
+        PartFacts::shares(scene, most).into_iter().map(facts).collect()
+    }
+
+    /// The shares of the materials, and the box, scene frame, of each part.
+    fn shares(scene: &Scene, most: u64) -> Vec<(Shares, Aabb)> {
+        let mut shares: Vec<Shares> = vec![Shares::new(); scene.parts.len()];
         let mut bounds = vec![Aabb::EMPTY; scene.parts.len()];
         let (triangles, cubes) = (scene.geometry.triangles.len(), &scene.geometry.cubes);
         for (i, surface) in scene.surface_ids.iter().enumerate() {
             let surface = scene.surfaces[surface as usize];
             let part = surface.part as usize;
-            *counts[part].entry(surface.material).or_default() += 1;
+            let share = shares[part].entry(surface.material).or_default();
+            share.primitives += 1;
             bounds[part] = match i.checked_sub(triangles) {
-                None => bounds[part].union(Aabb::around(scene.geometry.stored_triangle(i))),
-                Some(cube) => bounds[part].union(cubes[cube].bounds()),
+                None => {
+                    let corners = scene.geometry.stored_triangle(i);
+                    share.area.triangles += area(corners);
+                    bounds[part].union(Aabb::around(corners))
+                }
+                Some(cube) => {
+                    share.area.plants += plant_area(&scene.voxels[cube], cubes[cube].half);
+                    bounds[part].union(cubes[cube].bounds())
+                }
             };
         }
         for (field, &surface) in scene.geometry.fields.iter().zip(&scene.field_surfaces) {
             let surface = scene.surfaces[surface as usize];
             let part = surface.part as usize;
-            *counts[part].entry(surface.material).or_default() += field.triangles() as u64;
+            let share = shares[part].entry(surface.material).or_default();
+            share.primitives += field.triangles() as u64;
+            (0..field.len()).filter_map(|i| field.triangle(i)).for_each(|t| share.area.triangles += area(t));
             bounds[part] = bounds[part].union(field.bounds());
         }
         for (grid, voxels) in scene.geometry.grids.iter().zip(&scene.grid_voxels) {
-            for (surface, count) in voxels.surfaces.counts(grid.len()) {
+            for i in 0..grid.len() {
+                let Some(surface) = voxels.surfaces.get(i) else { continue };
                 let surface = scene.surfaces[surface as usize];
-                let part = surface.part as usize;
-                *counts[part].entry(surface.material).or_default() += count;
+                let share = shares[surface.part as usize].entry(surface.material).or_default();
+                share.primitives += 1;
+                share.area.plants += plant_area(&voxels.get(i), grid.cube(i).half);
+            }
+            if let Some(surface) = voxels.surfaces.get(0) {
                 // All voxels of a grid belong to one part.
+                let part = scene.surfaces[surface as usize].part as usize;
                 bounds[part] = bounds[part].union(grid.bounds());
             }
         }
         if let Some(set) = &scene.instances {
-            let of_model = |materials: &[u32]| {
-                let mut counts: BTreeMap<u32, u64> = BTreeMap::new();
-                materials.iter().for_each(|&material| *counts.entry(material).or_default() += 1);
-                counts
+            let of_model = |model: &Model, materials: &[u32]| {
+                let mut shares = Shares::new();
+                for (i, &material) in materials.iter().enumerate() {
+                    let share = shares.entry(material).or_default();
+                    share.primitives += 1;
+                    share.area.triangles += area(model.geometry.stored_triangle(i));
+                }
+                shares
             };
-            let of_models: Vec<BTreeMap<u32, u64>> = set.materials.iter().map(|of| of_model(of)).collect();
+            let models = set.instances.models.iter().zip(&set.materials);
+            let of_models: Vec<Shares> = models.map(|(model, of)| of_model(model, of)).collect();
             let vertices = |i| set.instances.model(i).geometry.vertices.len() as u64;
             let is_exact = set.instances.all.iter().map(vertices).sum::<u64>() <= most;
             for (instance, &part) in set.instances.all.iter().zip(&set.parts) {
@@ -69,19 +143,33 @@ impl PartFacts {
                     true => set.instances.exact_bounds_of(instance),
                     false => set.instances.bounds_of(instance),
                 });
-                for (&material, count) in &of_models[instance.model as usize] {
-                    *counts[part].entry(material).or_default() += count;
+                let scale = instance.placement.scale;
+                for (&material, of_model) in &of_models[instance.model as usize] {
+                    let share = shares[part].entry(material).or_default();
+                    share.primitives += of_model.primitives;
+                    share.area.add(of_model.area, scale * scale);
                 }
             }
         }
-        let facts = |(counts, bounds): (BTreeMap<u32, u64>, Aabb)| {
-            let primitives = counts.values().sum();
-            let mut counts: Vec<(u32, u64)> = counts.into_iter().collect();
-            counts.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
-            let materials = counts.into_iter().map(|(material, _)| material).collect();
-            PartFacts { bounds: bounds.translated(scene.shift), primitives, materials }
-        };
-        counts.into_iter().zip(bounds).map(facts).collect()
+        if let Some(tiles) = &scene.tiles {
+            tiles.facts().iter().for_each(|tile| {
+                let part = tile.part as usize;
+                bounds[part] = bounds[part].union(tile.bounds);
+            });
+            tiles.for_each(
+                |_| true,
+                |facts, tile| {
+                    for (material, of) in PartFacts::shares(&tile.scene, most).into_iter().flat_map(|of| of.0)
+                    {
+                        let material = facts.materials[material as usize];
+                        let share = shares[facts.part as usize].entry(material).or_default();
+                        share.primitives += of.primitives;
+                        share.area.add(of.area, 1.0);
+                    }
+                },
+            );
+        }
+        shares.into_iter().zip(bounds).collect()
     }
 
     /// Point class of most of its primitives; 0 for a part without primitives.
@@ -95,6 +183,36 @@ impl PartFacts {
         let names = self.materials.iter().filter_map(|&material| scene.materials.get(material as usize));
         names.map(|material| material.name.as_str()).collect()
     }
+
+    /// Its one-sided leaf area, m².
+    pub fn leaf_area(&self, scene: &Scene) -> f64 {
+        let of = |(&material, area): (&u32, &MaterialArea)| {
+            scene.materials.get(material as usize).map_or(0.0, |material| area.leaves(material))
+        };
+        self.materials.iter().zip(&self.areas).map(of).sum()
+    }
+}
+
+/// The areas of all materials of a scene, summed over its parts.
+pub fn material_areas(scene: &Scene, parts: &[PartFacts]) -> Vec<MaterialArea> {
+    let mut areas = vec![MaterialArea::default(); scene.materials.len()];
+    for facts in parts {
+        for (&material, area) in facts.materials.iter().zip(&facts.areas) {
+            areas[material as usize].add(*area, 1.0);
+        }
+    }
+    areas
+}
+
+/// Area of a triangle, m².
+fn area([a, b, c]: [DVec3; 3]) -> f64 {
+    0.5 * (b - a).cross(c - a).length()
+}
+
+/// One-sided plant area of a voxel with half an edge of `half`, m².
+fn plant_area(voxel: &Voxel, half: f64) -> f64 {
+    let counts = voxel.kind() == VoxelKind::Transmittive && voxel.density.is_finite();
+    if counts { voxel.density * (2.0 * half).powi(3) } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -102,8 +220,6 @@ mod tests {
     use super::*;
     use crate::Sharing;
     use crate::fixture::Fixture;
-    use vlscan_geom::DVec3;
-
     const MESH: &str =
         "usemtl leaf\nv 0 0 0\nv 1 0 0\nv 0 1 2\nv 1 1 0\nf 1 2 3\nf 2 4 3\nusemtl bark\nf 1 2 4\n";
 
@@ -120,7 +236,21 @@ mod tests {
             assert_eq!(facts[1].bounds.min, DVec3::new(500_010.0, 5_000_000.0, 90.0));
             assert_eq!(facts[1].bounds.size(), DVec3::new(1.0, 1.0, 2.0));
             assert_eq!(scene.parts[1].name, "oak");
-            assert_eq!(facts[1].material_names(&scene).len(), 2);
+            assert_eq!(facts[1].material_names(&scene), ["leaf", "bark"]);
+            // Two leaves, each half the product of two edges, and bark in the plane.
+            let leaf = 0.5 * (DVec3::X.cross(DVec3::new(0.0, 1.0, 2.0)).length())
+                + 0.5 * (DVec3::new(0.0, 1.0, 0.0).cross(DVec3::new(-1.0, 1.0, 2.0)).length());
+            let of = |part: usize| facts[part].areas.iter().map(|area| area.triangles).collect::<Vec<_>>();
+            for part in [0, 1] {
+                assert!(
+                    (of(part)[0] - leaf).abs() < 1e-9 && (of(part)[1] - 0.5).abs() < 1e-9,
+                    "{:?}",
+                    of(part)
+                );
+                assert_eq!(facts[part].leaf_area(&scene), of(part)[0]);
+            }
+            let all = material_areas(&scene, &facts);
+            assert!((all.iter().map(MaterialArea::total).sum::<f64>() - 2.0 * (leaf + 0.5)).abs() < 1e-9);
             // Without a visit to every vertex the box is around the outline of the mesh.
             let [near, exact] = [0, 6].map(|most| PartFacts::placing(&scene, most)[1].bounds);
             let reach = (near.min - exact.min).abs().max((near.max - exact.max).abs()).max_element();

@@ -9,74 +9,78 @@ pub(super) const MAX_FRACTION: f64 = 2.0;
 /// A reflectance as its file has it, or as it is assumed.
 #[derive(Clone, Debug, PartialEq)]
 struct Given {
-    material: String,
+    material: u32,
+    name: String,
     value: f64,
     place: Option<Place>,
 }
 
-/// The reflectances of a scene.
+/// The reflectances of a scene, in the order of first use.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ReflectanceUnits {
-    fractions: InUnit,
-    per_cent: InUnit,
-}
-
-/// Different reflectances in one unit: all for their number, the first of them for messages.
-#[derive(Clone, Debug, Default)]
-struct InUnit {
-    known: HashSet<(String, u64)>,
-    first: Vec<Given>,
+    fractions: Vec<Given>,
+    per_cent: Vec<Given>,
+    /// Materials whose reflectance is known.
+    known: HashSet<u32>,
 }
 
 /// Maximum number of materials of either unit in a message.
 const MAX_LISTED: usize = 4;
 
 impl ReflectanceUnits {
-    /// Records the reflectance of a material. Values that either unit can have, 0 and those above 1 that are no per cent,
-    /// do not count.
-    pub fn add(&mut self, material: &str, value: f64, place: impl FnOnce() -> Option<Place>) {
+    /// Records the reflectance of a material, by its index and its name. Values that either unit can have, 0 and those above 1
+    /// that are no per cent, do not count.
+    pub fn add(&mut self, material: u32, name: &str, value: f64, place: impl FnOnce() -> Option<Place>) {
         let unit = match value {
             v if v > MAX_FRACTION => &mut self.per_cent,
             v if v > 0.0 && v <= 1.0 => &mut self.fractions,
             _ => return,
         };
-        if unit.known.insert((material.to_owned(), value.to_bits())) && unit.first.len() < MAX_LISTED {
-            unit.first.push(Given { material: material.to_owned(), value, place: place() });
+        if self.known.insert(material) {
+            unit.push(Given { material, name: name.to_owned(), value, place: place() });
         }
     }
 
-    /// Warns of a scene that has both.
-    pub fn report(&self, is_fraction: bool, diagnostics: &mut Diagnostics) {
-        let (Some(first), false) = (self.per_cent.first.first(), self.fractions.known.is_empty()) else {
+    /// Warns of a scene that has both. `used` tells which materials primitives have: others were replaced.
+    pub fn report(&self, is_fraction: bool, used: impl FnOnce() -> Vec<bool>, diagnostics: &mut Diagnostics) {
+        if self.per_cent.is_empty() || self.fractions.is_empty() {
             return;
+        }
+        let used = used();
+        let in_use = |all: &'_ [Given]| {
+            let mut known = HashSet::new();
+            let is_used = |given: &&Given| used.get(given.material as usize).copied().unwrap_or(false);
+            let all = all.iter().filter(is_used).cloned();
+            all.filter(|given| known.insert((given.name.clone(), given.value.to_bits()))).collect::<Vec<_>>()
         };
+        let (per_cent, fractions) = (in_use(&self.per_cent), in_use(&self.fractions));
+        let (Some(first), false) = (per_cent.first(), fractions.is_empty()) else { return };
         let message = format!(
             "the reflectances of this scene are in two units, per cent: {}; and fractions: {}",
-            listed(&self.per_cent),
-            listed(&self.fractions)
+            listed(&per_cent),
+            listed(&fractions)
         );
         let help = if is_fraction {
             "those above 2 are read as per cent, the others as fractions; give all from 0 to 1 (helios_reflectance 0.3)"
         } else {
             "--physics helios uses all as they are, so the former echo 100 times as strongly and the latter can be too weak to detect; give all from 0 to 1 (helios_reflectance 0.3), or use --physics refined"
         };
-        let place =
-            first.place.clone().or_else(|| self.fractions.first.iter().find_map(|given| given.place.clone()));
+        let place = first.place.clone().or_else(|| fractions.iter().find_map(|given| given.place.clone()));
         diagnostics.warn(place, message).help(help);
     }
 }
 
-fn listed(all: &InUnit) -> String {
+fn listed(all: &[Given]) -> String {
     let one = |given: &Given| {
         let place = given.place.as_ref().map(|place| match place.line {
             0 => format!(" ({})", place.path.display()),
             line => format!(" ({}:{line})", place.path.display()),
         });
-        format!("\"{}\" {}{}", given.material, given.value, place.unwrap_or_default())
+        format!("\"{}\" {}{}", given.name, given.value, place.unwrap_or_default())
     };
-    let mut text = all.first.iter().map(one).collect::<Vec<_>>().join(", ");
-    if all.known.len() > MAX_LISTED {
-        text += &format!(" and {} more", all.known.len() - MAX_LISTED);
+    let mut text = all.iter().take(MAX_LISTED).map(one).collect::<Vec<_>>().join(", ");
+    if all.len() > MAX_LISTED {
+        text += &format!(" and {} more", all.len() - MAX_LISTED);
     }
     text
 }
@@ -90,10 +94,10 @@ mod tests {
         let mut units = ReflectanceUnits::default();
         for (line, (name, value)) in (1..).zip(all) {
             let place = || Some(Place::in_line(Path::new("a.mtl"), line, "newmtl m", 0..0));
-            units.add(name, *value, place);
+            units.add(line as u32, name, *value, place);
         }
         let mut d = Diagnostics::default();
-        units.report(is_fraction, &mut d);
+        units.report(is_fraction, || vec![true; all.len() + 1], &mut d);
         d.render(false)
     }
 

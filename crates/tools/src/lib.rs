@@ -9,6 +9,9 @@
 //! | `chart` | charts as SVG and as pixels |
 //! | `catalogue` | figures of instruments with their sources, fields of view, scan patterns |
 //! | `cloud` | point clouds in memory, waveforms of single pulses |
+//! | `neighbours` | the nearest points to a place, and the plane through them |
+//! | `raster` | terrain, surface, canopy height and densities from point clouds |
+//! | `frames` | frames of a scanner in the layouts of KITTI and nuScenes |
 //! | `preview` | draws point clouds as PNG and as pages for a browser, and waveforms |
 //! | `compare` | two point clouds of one place: heights, returns, pulses, residuals, change |
 //! | `campaign` | many runs: scenes × variants × seeds, shared by processes without a server |
@@ -21,7 +24,10 @@ pub mod catalogue;
 pub mod chart;
 pub mod cloud;
 pub mod compare;
+pub mod frames;
 pub mod generate;
 pub mod geotiff;
+pub mod neighbours;
 pub mod plan;
 pub mod preview;
+pub mod raster;

@@ -53,8 +53,17 @@ def test_materials_can_be_changed():
     with pytest.raises(ValueError, match="expected a Material"):
         part.materials[name] = 3
     other = plane().update_material(helios.Material(name="roof", reflectance=0.9, classification=6), indices=[1])
+    assert set(other.materials) == {"default", "roof"} and other.materials["roof"].classification == 6
     points, _ = static_survey(other).run()
     assert set(points["classification"]) <= {0, 6} and 6 in points["classification"]
+    whole = plane().update_material(helios.Material(name="soil", classification=2))
+    assert list(whole.materials) == ["soil"]
+    whole.materials["soil"].classification = 11
+    assert set(static_survey(whole).run()[0]["classification"]) == {11}
+    whole.clone().materials["soil"].classification = 12
+    assert set(static_survey(whole).run()[0]["classification"]) == {11}
+    whole.materials["soil"] = helios.Material(name="soil", classification=13)
+    assert set(static_survey(whole.clone()).run()[0]["classification"]) == {13}
     vertices, quads = [[-9, -9, 0], [0, -9, 0], [9, -9, 0], [9, 9, 0], [0, 9, 0], [-9, 9, 0]], [[0, 1, 4, 5], [1, 2, 3, 4]]
     for chosen in ({"indices": [1]}, {"indices": np.array([False, True])}, {"range_start": 1, "range_stop": 2}):
         field = helios.ScenePart.from_mesh(vertices, quads)

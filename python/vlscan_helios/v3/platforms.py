@@ -249,7 +249,7 @@ def load_traj_csv(
     trajectory_separator: Annotated[str, Field(strict=True, min_length=1, max_length=1)] = ",",
     rpy_in_radians: bool = False,
 ) -> Any:
-    """Read a trajectory of text. Lines that begin with ``#`` are passed over.
+    """Read a trajectory of text. Lines that begin with ``#``, and a first line of names, are passed over.
 
     Parameters
     ----------
@@ -274,7 +274,12 @@ def load_traj_csv(
     FileNotFoundError
         There is no such file.
     """
-    numbers = np.loadtxt(existing_file(csv), delimiter=None if trajectory_separator == " " else trajectory_separator, ndmin=2)
+    separator = None if trajectory_separator == " " else trajectory_separator
+    with open(existing_file(csv), encoding="utf-8-sig") as file:
+        lines = [line for line in file if line.strip() and not line.lstrip().startswith("#")]
+    if lines and not any(map(_is_number, lines[0].split(separator))):
+        del lines[0]
+    numbers = np.loadtxt(lines, delimiter=separator, ndmin=2)
     indices = dict(zip(traj_csv_dtype.names or (), (tIndex, rollIndex, pitchIndex, yawIndex, xIndex, yIndex, zIndex), strict=True))
     if len(set(indices.values())) < len(indices):
         raise ValueError(f"columns of a trajectory are {indices}, expected another one for each")
@@ -285,6 +290,14 @@ def load_traj_csv(
         values = numbers[:, index]
         poses[name] = np.radians(values) if name in _ANGLES and not rpy_in_radians else values
     return poses
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def platform_from_name(platform_name: str) -> Platform:

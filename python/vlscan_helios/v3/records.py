@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vlscan.tables import Points, Table
+from vlscan.points import Points
+from vlscan.tables import Table
 
 from .utils import meas_dtype, traj_dtype
 

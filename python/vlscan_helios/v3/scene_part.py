@@ -6,6 +6,7 @@ import math
 import os
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -126,7 +127,7 @@ class ScenePart(Model):
             There is no such file.
         """
         path = os.fspath(obj_file)
-        return cls.of_part(Part.obj(path, up_axis), lambda: materials_of_obj(path))
+        return cls.of_part(Part.obj(path, up_axis), partial(materials_of_obj, path))
 
     @classonlymethod
     @validate_call
@@ -419,7 +420,7 @@ class ScenePart(Model):
         [2.0, 2.0, 0.0]
         """
         own = (material or Material(name="default")).clone()
-        return cls.of_part(Part.mesh(vertices, faces, own.engine()), lambda: {own.name or "default": own.clone()})
+        return cls.of_part(Part.mesh(vertices, faces, own.engine()), partial(_single, own))
 
     @classonlymethod
     def from_open3d(cls, geometry: Any, **kwargs: Any) -> Self:
@@ -621,8 +622,20 @@ class ScenePart(Model):
             if range_stop is None or indices is not None:
                 raise ValueError("update_material() needs indices, or range_stop with or without range_start")
             indices = np.arange(range_start or 0, range_stop)
-        self._updates.append((material.clone(), None if indices is None else part._face_numbers(indices)))
+        faces = None if indices is None else part._face_numbers(indices)
+        known, name, own = self.materials, material.name or "default", material.clone()
+        if faces is None:
+            known.clear()
+            self._updates.clear()
+        if name not in known:
+            known[name] = own
+        self._updates.append((own, faces))
         return self
+
+    def _current(self, material: Material) -> Material:
+        """Return what an updated material has become: it may have been changed or replaced by its name since."""
+        name = material.name or "default"
+        return material if self._materials is None or name in self._as_read else self._materials.get(name, material)
 
     @property
     def bbox(self) -> BoundingBox:
@@ -651,9 +664,15 @@ class ScenePart(Model):
         tuple
             Values that are equal as long as it is the same.
         """
-        changed = {name: material.clone() for name, material in (self._materials or {}).items() if material != self._as_read.get(name)}
+        changed = {name: material.clone() for name, material in self._changed_materials().items()}
         part = self._part and (self._part._kind, self._part._arguments, self._part._place)
-        return part, changed, [id(material) for material, _ in self._updates], self.force_on_ground
+        updates = [(self._current(own).clone(), None if faces is None else faces.tolist()) for own, faces in self._updates]
+        return part, changed, updates, self.force_on_ground
+
+    def _changed_materials(self) -> dict[str, Material]:
+        """Return the materials of the geometry that are not as they were read."""
+        known: MaterialDict | dict[str, Material] = {} if self._materials is None else self._materials
+        return {name: known[name] for name, old in self._as_read.items() if name in known and known[name] != old}
 
     def engine(self) -> Part:
         """Return the part for the engine.
@@ -669,11 +688,10 @@ class ScenePart(Model):
             A part of a scene file that moves, is swapped, or has random materials.
         """
         part = self._known_part()
-        for name, material in (self._materials or {}).items():
-            if material != self._as_read.get(name):
-                part = part.with_material(material.engine(), of=name)
+        for name, material in self._changed_materials().items():
+            part = part.with_material(material.engine(), of=name)
         for material, indices in self._updates:
-            part = part.with_material(material.engine(), of=indices)
+            part = part.with_material(self._current(material).engine(), of=indices)
         return part._placed(on_ground=int(self.force_on_ground))
 
     def __copy__(self) -> Self:
@@ -736,6 +754,11 @@ def _columns(name: str, columns: Sequence[int] | None, is_default: bool, count: 
         raise ValueError(f"{name} is {list(columns)}, expected three of the columns 0 to {count - 1}")
     x, y, z = columns
     return x, y, z
+
+
+def _single(material: Material) -> dict[str, Material]:
+    """Return a copy of a material by its name."""
+    return {material.name or "default": material.clone()}
 
 
 def default_material() -> dict[str, Material]:

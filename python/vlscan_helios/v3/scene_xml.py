@@ -6,6 +6,7 @@ import math
 import os
 import re
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -107,18 +108,21 @@ def _files(document: Document, params: Mapping[str, Element]) -> list[str]:
     return [found[name] for name in sorted(found)]
 
 
+def _materials(matfile: str | None, matname: str | None) -> dict[str, Material]:
+    """Return the material of a part that has one: that of the name, else the alphabetically first."""
+    found = read_materials(matfile) if matfile else default_material()
+    name = matname or min(found, default="")
+    return {name: found[name]} if name in found else found
+
+
 def _loaded(document: Document, kind: str, params: Mapping[str, Element], path: str) -> ScenePart:
     if kind == "objloader":
-        return ScenePart.of_part(Part.obj(path, _text(params, "up", "z")), lambda: materials_of_obj(path))
+        return ScenePart.of_part(Part.obj(path, _text(params, "up", "z")), partial(materials_of_obj, path))
     if float_of(_text(params, "randomMaterials"), 0) > 0:
         raise NotImplementedError("random materials belong to the loader of a scene file")
     matfile = document.locate(_text(params, "matfile")) if "matfile" in params else None
     matname = _text(params, "matname") or None
-
-    def materials() -> dict[str, Material]:
-        found = read_materials(matfile) if matfile else default_material()
-        name = matname or min(found, default="")
-        return {name: found[name]} if name in found else found
+    materials = partial(_materials, matfile, matname)
 
     if kind == "geotiffloader":
         return ScenePart.of_part(Part.raster(path, matfile, matname), materials)

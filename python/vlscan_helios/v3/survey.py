@@ -18,7 +18,8 @@ from vlscan import Survey as EngineSurvey
 from vlscan import _vlscan
 from vlscan._words import switch, words_of
 from vlscan.errors import Error, warn
-from vlscan.tables import Points, Table
+from vlscan.points import Points
+from vlscan.tables import Table
 
 from . import survey_xml, xml_files
 from .callbacks import HookDispatcher, HookPayload, SurveyHook, build_progressbar_callbacks

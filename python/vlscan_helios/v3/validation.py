@@ -69,8 +69,18 @@ def _quantity(unit: str, lowest: float | None = None) -> BeforeValidator:
     return BeforeValidator(validate)
 
 
+def _magnitudes(value: pint.Quantity[Any], unit: str) -> Any:
+    """Return the numbers of a quantity of several in a unit."""
+    try:
+        return value.to(unit).magnitude
+    except pint.errors.PintError as problem:
+        raise ValueError(f"expected numbers or a quantity in {unit}: {problem}") from None
+
+
 def _numbers(count: int) -> BeforeValidator:
     def validate(value: Any) -> Any:
+        if isinstance(value, pint.Quantity):
+            value = _magnitudes(value, "m")
         found = np.array([number(part, "m") for part in value]) if isinstance(value, (list, tuple)) else np.asarray(value, dtype=float)
         if found.shape != (count,) or not np.isfinite(found).all():
             raise ValueError(f"expected {count} finite numbers, found {value!r}")

@@ -5,6 +5,7 @@
 //! | `simulate` | `run` and its stages: `trajectory`, `pulses`, `trace` |
 //! | `plan` | `plan` |
 //! | `campaign`, `compare`, `fit` | `campaign`, `compare`, `fit` |
+//! | `clouds` | `info`, `raster`, `frames` |
 //! | `scenes` | `scene make`, `scene stand`, `scene info`, `scene pack` |
 //! | `tools` | everything else |
 
@@ -14,6 +15,7 @@
 )]
 
 mod campaign;
+mod clouds;
 mod compare;
 mod fit;
 mod plan;
@@ -22,6 +24,7 @@ mod simulate;
 mod tools;
 
 pub use campaign::CampaignArgs;
+pub use clouds::{CloudInfoArgs, FramesArgs, RasterArgs};
 pub use compare::CompareArgs;
 pub use fit::{FitArgs, FittedHalf};
 pub use plan::PlanArgs;
@@ -31,7 +34,8 @@ pub use simulate::{
     TraceArgs, TrajectoryArgs,
 };
 pub use tools::{
-    BenchArgs, CatalogueArgs, CatalogueCommand, CompletionsArgs, ManArgs, PreviewArgs, ShowArgs, UnzipArgs,
+    BenchArgs, CatalogueArgs, CatalogueCommand, CompletionsArgs, ManArgs, PreviewArgs, ServeArgs, ShowArgs,
+    UnzipArgs,
 };
 
 use super::{LogTo, Verbosity};
@@ -171,6 +175,27 @@ pub enum Command {
     /// Within the box that both cover: density, height percentiles, canopy height and intensity histograms, returns, distances
     /// from cloud to cloud, occupied voxels. Heights are above the lowest point of both clouds within squares of 5 m.
     Compare(CompareArgs),
+    /// Describe a point cloud: count, density, extent, coordinate system, classes, returns, times, flight lines.
+    ///
+    /// Densities are over the area of square cells with points, the smallest that have ten points on average. The time kind, version and
+    /// point format are those of the headers of LAS.
+    Info(CloudInfoArgs),
+    /// Rasterise a point cloud: terrain, surface, canopy height, densities as GeoTIFF.
+    ///
+    /// Cells without a value are NaN, which is also stated as the value for no data. Points of the noise classes 7 and 18 and pulses without
+    /// a return are left out.
+    Raster(RasterArgs),
+    /// Write the frames of an MCAP file in the layout of a data set: KITTI or nuScenes.
+    ///
+    /// A frame is a revolution of a spinning scanner, or as vlscan run --frame-s says. Its points are moved to where the scanner was at its first
+    /// point, by the poses on /tf; its pose takes them to the coordinates of the scene.
+    Frames(FramesArgs),
+    /// Offer runs, plans, comparisons and pictures as a service, with pages for a browser.
+    ///
+    /// The service is a program of its own, vlscan-serve, which this command starts: it is looked for beside vlscan and then in the
+    /// folders of PATH. Without options it listens on the loopback address only. docs/service.md describes pages, interface and limits.
+    #[command(disable_help_flag = true)]
+    Serve(ServeArgs),
     /// Write shell completions for this command line to stdout.
     Completions(CompletionsArgs),
     /// Write the manual pages.

@@ -1,6 +1,6 @@
 //! The command line of `vlscan scene`.
 
-use crate::options::Seed;
+use crate::options::{Bytes, Seed};
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 use vlscan_fit::scene::ReconstructOptions;
@@ -93,6 +93,10 @@ pub struct PackArgs {
     /// Whether parts of the same mesh file share its triangles; does not change the points. [default: auto]
     #[arg(long, value_name = "WHEN")]
     pub instances: Option<Sharing>,
+    /// Divide the scene into tiles, which runs with this option load when rays come near, and pack it with no more memory
+    /// than this for them, e.g. 2G. [default: the scene is packed whole]
+    #[arg(long, value_name = "SIZE")]
+    pub scene_memory: Option<Bytes>,
     /// Replace an existing file.
     #[arg(long)]
     pub force: bool,

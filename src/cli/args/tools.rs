@@ -1,7 +1,8 @@
-//! The command line of `bench`, `catalogue`, `unzip`, `preview`, `completions` and `man`.
+//! The command line of `bench`, `catalogue`, `unzip`, `preview`, `serve`, `completions` and `man`.
 
 use crate::options::{ChunkSize, Count};
 use clap::{Args, Subcommand};
+use std::ffi::OsString;
 use std::path::PathBuf;
 use vlscan_tools::preview::ColourBy;
 use vlscan_trace::Builder;
@@ -144,8 +145,20 @@ pub struct CompletionsArgs {
 #[derive(Debug, Args)]
 pub struct ManArgs {
     /// The folder that gets the pages; pages of the same names are replaced.
-    pub dir: PathBuf,
+    #[arg(required_unless_present = "json_schema")]
+    pub dir: Option<PathBuf>,
     /// Write the options of a run as a module of the Python package instead, _options.py.
     #[arg(long)]
     pub python: bool,
+    /// Write what commands and pipeline files take to stdout instead, as JSON Schema.
+    #[arg(long, conflicts_with_all = ["dir", "python"])]
+    pub json_schema: bool,
+}
+
+/// `vlscan serve`.
+#[derive(Debug, Args)]
+pub struct ServeArgs {
+    /// Options of the service; vlscan serve --help lists them.
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, value_name = "OPTIONS")]
+    pub options: Vec<OsString>,
 }

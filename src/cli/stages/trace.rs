@@ -41,7 +41,7 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
     // Opened before the scene is loaded, so that a wrong name is reported without delay.
     let pulses = PulseReader::open(&args.stream, settings.schedule.policy.size() as usize)?;
     let mut session = Session::open(settings, console.observer())?;
-    companions.describe(session.scene());
+    companions.describe(session.scene())?;
     let leg_count = session.survey().legs.len();
     let report = companions
         .run(console, progress_lines, leg_count, |control| session.trace(pulses, legs, output, control))?;

@@ -406,7 +406,7 @@ fn messages_about_wrong_types_name_no_types_of_the_program() {
     let folder = Folder::new(&[("a.obj", "")]);
     let (mut wrong, mut reports) = (Vec::new(), 0);
     for table in crate::options::pipeline_keys() {
-        for (key, _) in &table.keys {
+        for key in table.keys.iter().map(|key| &key.name) {
             for value in values {
                 folder.write("p.toml", &within(&table.name, &format!("{key} = {value}")));
                 let Err(error) = read_pipeline(&folder.path("p.toml")) else { continue };

@@ -1,9 +1,10 @@
 //! Where on Earth coordinates of a system lie, and the area in which its EPSG code is used.
 
-use super::{epsg, name, unit_problem, wkt_of_epsg};
+use super::{epsg, name, projected_epsg, unit_problem, wkt_of_epsg};
 use crate::quantity::metres;
 use proj4rs::proj::Proj;
 use proj4rs::transform::transform;
+use vlscan_geom::UtmZone;
 
 /// Areas by code; its head describes the format.
 const AREAS: &str = include_str!("areas.txt");
@@ -71,21 +72,73 @@ impl Area {
     }
 }
 
+/// Why coordinates of a system cannot be converted to WGS 84.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Wgs84Error {
+    /// It has no EPSG code and is no UTM zone.
+    #[error(
+        "{0} has no EPSG code and is no UTM zone on WGS 84 or GRS 80, so its longitudes and latitudes are unknown"
+    )]
+    NoCode(String),
+    /// Its projection is not known here.
+    #[error("the projection of {0} is not built in, so its longitudes and latitudes are unknown")]
+    NoProjection(String),
+}
+
+/// Converts easting and northing of a system to longitude and latitude of WGS 84.
+pub struct Wgs84(Conversion);
+
+enum Conversion {
+    Projections(Box<[Proj; 2]>),
+    Utm(UtmZone),
+}
+
+impl Wgs84 {
+    /// The conversion from a system in WKT 1 or 2.
+    ///
+    /// # Errors
+    /// Without an EPSG code with a known projection, and without a UTM zone in its name.
+    pub fn of(wkt: &str) -> Result<Wgs84, Wgs84Error> {
+        let code = projected_epsg(wkt).or_else(|| epsg(wkt).map(|(_, code)| code));
+        match (code.and_then(|code| Wgs84::of_code(u32::from(code))), UtmZone::of_wkt(wkt)) {
+            (Some(found), _) => Ok(found),
+            (None, Some(zone)) => Ok(Wgs84(Conversion::Utm(zone))),
+            (None, None) if code.is_some() => Err(Wgs84Error::NoProjection(name(wkt))),
+            (None, None) => Err(Wgs84Error::NoCode(name(wkt))),
+        }
+    }
+
+    fn of_code(code: u32) -> Option<Wgs84> {
+        let definition = u16::try_from(code).ok().and_then(crs_definitions::from_code)?;
+        let from = Proj::from_proj_string(definition.proj4).ok()?;
+        let to = Proj::from_proj_string("+proj=longlat +datum=WGS84 +no_defs").ok()?;
+        Some(Wgs84(Conversion::Projections(Box::new([from, to]))))
+    }
+
+    /// Where a point is; `None` outside of the projection.
+    pub fn place(&self, x: f64, y: f64) -> Option<Place> {
+        let found = match &self.0 {
+            Conversion::Projections(both) => {
+                let [from, to] = &**both;
+                let mut point = (x, y, 0.0);
+                transform(from, to, &mut point).ok()?;
+                Place { longitude: point.0.to_degrees(), latitude: point.1.to_degrees() }
+            }
+            Conversion::Utm(zone) => {
+                let (latitude, longitude) = zone.unproject(x, y);
+                Place { longitude: longitude.to_degrees(), latitude: latitude.to_degrees() }
+            }
+        };
+        (found.longitude.is_finite() && found.latitude.abs() <= 90.0).then_some(found)
+    }
+}
+
 /// Easting and northing of a system as a place on Earth. `Ok(None)`: its projection is not known here.
 ///
 /// # Errors
 /// Coordinates outside of the projection.
 fn place(code: u32, x: f64, y: f64) -> Result<Option<Place>, ()> {
-    let definition = u16::try_from(code).ok().and_then(crs_definitions::from_code);
-    let known = definition.and_then(|definition| Proj::from_proj_string(definition.proj4).ok());
-    let (Some(from), Ok(to)) = (known, Proj::from_proj_string("+proj=longlat +datum=WGS84 +no_defs")) else {
-        return Ok(None);
-    };
-    let mut point = (x, y, 0.0);
-    transform(&from, &to, &mut point).map_err(drop)?;
-    let found = Place { longitude: point.0.to_degrees(), latitude: point.1.to_degrees() };
-    let is_on_earth = found.longitude.is_finite() && found.latitude.abs() <= 90.0;
-    if is_on_earth { Ok(Some(found)) } else { Err(()) }
+    Wgs84::of_code(code).map(|conversion| conversion.place(x, y).ok_or(())).transpose()
 }
 
 /// Where coordinates of a system with an EPSG code lie.

@@ -17,6 +17,7 @@ use bytemuck::{AnyBitPattern, NoUninit};
 use rayon::prelude::*;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::ops::Range;
@@ -26,7 +27,7 @@ use xxhash_rust::xxh3::xxh3_64;
 const MAGIC: &[u8; 8] = b"VLSCENE\n";
 
 /// Version of the contents; incremented whenever the meaning of any content changes, such as the elements of an array.
-const VERSION: u32 = 10;
+const VERSION: u32 = 11;
 
 /// Written in native byte order; a machine of the opposite order reads a different number.
 const BYTE_ORDER: u32 = 0x0102_0304;
@@ -122,6 +123,8 @@ pub struct ArrayFile {
     file: File,
     length: u64,
     table: Vec<Entry>,
+    /// The entry of each name.
+    entry_of: HashMap<String, usize>,
     /// Checksum of the table, which has those of all blocks.
     table_sum: u64,
 }
@@ -155,7 +158,8 @@ impl ArrayFile {
         let table_sum = xxh3_64(&bytes);
         let table = (table_sum == u64_at(&header, 32)).then(|| read_table(&bytes, place.start)).flatten();
         let table = table.ok_or_else(|| refuse(path, &damaged("its table")))?;
-        Ok(ArrayFile { path: path.to_path_buf(), file, length, table, table_sum })
+        let entry_of = table.iter().zip(0..).map(|(entry, i)| (entry.name.clone(), i)).collect();
+        Ok(ArrayFile { path: path.to_path_buf(), file, length, table, entry_of, table_sum })
     }
 
     /// Length of the file, bytes.
@@ -170,7 +174,11 @@ impl ArrayFile {
 
     /// Bytes of an element of an array; `None` without an array of this name.
     pub fn element(&self, name: &str) -> Option<u64> {
-        self.table.iter().find(|entry| entry.name == name).map(|entry| entry.element)
+        self.entry(name).map(|entry| entry.element)
+    }
+
+    fn entry(&self, name: &str) -> Option<&Entry> {
+        self.entry_of.get(name).map(|i| &self.table[*i])
     }
 
     /// Reads an array and compares its checksums.
@@ -179,8 +187,7 @@ impl ArrayFile {
     /// [`Error::Input`] for an array that is missing, damaged, of other elements or larger than the memory;
     /// [`Error::Io`] when it cannot be read.
     pub fn array<T: AnyBitPattern + NoUninit>(&self, name: &str) -> Result<Vec<T>> {
-        let entry = self.table.iter().find(|entry| entry.name == name);
-        let entry = entry.ok_or_else(|| self.refuse(&format!("the array {name} is missing")))?;
+        let entry = self.entry(name).ok_or_else(|| self.refuse(&format!("the array {name} is missing")))?;
         let (length, element) = (entry.length() as usize, size_of::<T>());
         if entry.element != element as u64 || !length.is_multiple_of(element) {
             return Err(self.refuse(&format!("the array {name} has another layout")));

@@ -9,12 +9,12 @@
 //! is known at one level of smoothing is the prior of the next finer one (a gamma distribution, conjugate to exponential paths). Which surface is followed
 //! and how much the prior counts is decided by the likelihood of a quarter of the pulses by what the other three quarters say.
 
-use super::neighbours::Neighbours;
 use super::recording::{Recording, Target};
 use super::sensor::SensorPath;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use vlscan_geom::DVec3;
+use vlscan_tools::neighbours::Neighbours;
 
 /// Mean projection of leaves that face all directions alike.
 pub(super) const PROJECTION: f64 = 0.5;

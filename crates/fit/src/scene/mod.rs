@@ -11,10 +11,8 @@
 //! | `foliage` | leaf area densities |
 //! | `receiver` | resolution and threshold of the receiver, size of the elements of foliage |
 //! | `write` | the files of the scene |
-//! | `neighbours` | points by their place |
 
 mod foliage;
-mod neighbours;
 mod receiver;
 mod recording;
 mod roofs;

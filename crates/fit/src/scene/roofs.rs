@@ -4,11 +4,11 @@
 //! planes of neighbouring cells meet within a step they share their corners, elsewhere a wall closes the gap: between two roofs, or
 //! down to the terrain.
 
-use super::neighbours::Neighbours;
-use super::terrain::{Terrain, median, plane_at};
+use super::terrain::{Terrain, median};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use vlscan_geom::DVec3;
+use vlscan_tools::neighbours::{Neighbours, plane_at};
 
 /// Difference in height that is a step between two roofs and no slope, m.
 const MIN_STEP: f64 = 0.5;

@@ -114,8 +114,15 @@ macro_rules! columns {
         }
 
         impl Column {
+            /// All columns, and behind them [`Column::EXACT`].
+            const EVERY: &[Column] = &[$(Column::$name),*];
+
             /// All columns in the order in which they are written.
-            pub const ALL: &[Column] = &[$(Column::$name),*];
+            pub const ALL: &[Column] = Column::EVERY.split_at(Column::ExactScanAngle as usize).0;
+
+            /// What the columns lack of the values of a point. Tables in memory have them beside their columns, so that files can be made of
+            /// them; files do not have them.
+            pub const EXACT: &[Column] = Column::EVERY.split_at(Column::ExactScanAngle as usize).1;
 
             /// Name of the column.
             pub fn name(self) -> &'static str {
@@ -210,6 +217,16 @@ columns! {
     ScannerX f64 4 "m" |p, _| p.in_scanner.x, "Position relative to the beam's origin, in the axes of the scanner's mount.";
     ScannerY f64 4 "m" |p, _| p.in_scanner.y, "Position relative to the beam's origin, in the axes of the scanner's mount.";
     ScannerZ f64 4 "m" |p, _| p.in_scanner.z, "Position relative to the beam's origin, in the axes of the scanner's mount.";
+    ExactScanAngle f64 9 "rad" |p, _| p.scan_angle, "ScanAngle with all its digits.";
+    RestX f32 9 "m" |p, o| rest(p.position.x, o.x), "What X, relative to the origin of the scene, has lost in the world frame.";
+    RestY f32 9 "m" |p, o| rest(p.position.y, o.y), "What Y, relative to the origin of the scene, has lost in the world frame.";
+    RestZ f32 9 "m" |p, o| rest(p.position.z, o.z), "What Z, relative to the origin of the scene, has lost in the world frame.";
+    ExactEchoWidth f64 9 "ns" |p, _| p.echo_width, "EchoWidth with all its digits.";
+}
+
+/// What a coordinate relative to an origin loses when it becomes one of the world.
+fn rest(coordinate: f64, origin: f64) -> f32 {
+    (coordinate - ((coordinate + origin) - origin)) as f32
 }
 
 impl Column {

@@ -1,4 +1,4 @@
-//! Records of MCAP: one schema, one channel, a chunk for each message, and the index at the end.
+//! Records of MCAP: schemas with a channel each, a chunk for each message, and the index at the end.
 
 use crate::out::OutputStream;
 use vlscan_base::error::Result;
@@ -27,48 +27,64 @@ const RECORD_HEAD_BYTES: u64 = 9;
 /// Bytes of a message before its data.
 const MESSAGE_HEAD_BYTES: u64 = 22;
 
-/// The only schema and the only channel; 0 means none.
-const ID: u16 = 1;
-
-/// A text with its name and its language.
-pub struct Text<'a> {
-    pub name: &'a str,
-    pub encoding: &'a str,
-    pub text: &'a str,
+/// A channel with its schema, whose numbers are the same, from 1; 0 means none.
+pub struct ChannelPlan<'a> {
+    pub topic: &'a str,
+    /// Type of the messages, and their definition in the interface language of ROS 2.
+    pub message: &'a str,
+    pub definition: &'a str,
 }
 
 /// A file that is being written.
 pub struct Container {
-    schema: Vec<u8>,
-    channel: Vec<u8>,
+    schemas: Vec<u8>,
+    channels: Vec<u8>,
+    /// Number of messages of each channel.
+    counts: Vec<u32>,
     /// Times and places of the chunks.
     chunks: Vec<Chunk>,
 }
 
 /// A chunk with one message.
 struct Chunk {
+    /// Index of the channel.
+    channel: usize,
     time_ns: u64,
     at: u64,
     bytes: u64,
     records_bytes: u64,
 }
 
+/// The number of a channel in records.
+fn id(channel: usize) -> u16 {
+    channel as u16 + 1
+}
+
 impl Container {
-    pub fn begin(library: &str, schema: &Text, topic: &str, out: &mut OutputStream) -> Result<Container> {
+    pub fn begin(library: &str, plans: &[ChannelPlan], out: &mut OutputStream) -> Result<Container> {
         let header = Content::default().string("ros2").string(library);
-        let schema =
-            Content::default().u16(ID).string(schema.name).string(schema.encoding).string(schema.text);
-        let channel = Content::default().u16(ID).u16(ID).string(topic).string("cdr").u32(0);
+        let (mut schemas, mut channels) = (Vec::new(), Vec::new());
+        for (i, plan) in plans.iter().enumerate() {
+            let schema = Content::default().u16(id(i)).string(plan.message).string("ros2msg");
+            schemas.extend(schema.string(plan.definition).record(op::SCHEMA));
+            let channel = Content::default().u16(id(i)).u16(id(i)).string(plan.topic).string("cdr").u32(0);
+            channels.extend(channel.record(op::CHANNEL));
+        }
         out.append(&MAGIC)?;
         out.append(&header.record(op::HEADER))?;
-        let (schema, channel) = (schema.record(op::SCHEMA), channel.record(op::CHANNEL));
-        out.append(&schema)?;
-        out.append(&channel)?;
-        Ok(Container { schema, channel, chunks: Vec::new() })
+        out.append(&schemas)?;
+        out.append(&channels)?;
+        Ok(Container { schemas, channels, counts: vec![0; plans.len()], chunks: Vec::new() })
     }
 
-    /// Appends a message that consists of these pieces.
-    pub fn message(&mut self, time_ns: u64, pieces: &[&[u8]], out: &mut OutputStream) -> Result<()> {
+    /// Appends a message of the channel of this index that consists of these pieces.
+    pub fn message(
+        &mut self,
+        channel: usize,
+        time_ns: u64,
+        pieces: &[&[u8]],
+        out: &mut OutputStream,
+    ) -> Result<()> {
         let data: u64 = pieces.iter().map(|piece| piece.len() as u64).sum();
         let records_bytes = RECORD_HEAD_BYTES + MESSAGE_HEAD_BYTES + data;
         // Times of the first and the last message, size and absent checksum, no compression.
@@ -78,12 +94,13 @@ impl Container {
         out.append(&record_head(op::CHUNK, head.len() as u64 + records_bytes))?;
         out.append(&head)?;
         out.append(&record_head(op::MESSAGE, MESSAGE_HEAD_BYTES + data))?;
-        let sequence = self.chunks.len() as u32;
-        out.append(&Content::default().u16(ID).u32(sequence).u64(time_ns).u64(time_ns).0)?;
+        let sequence = self.counts[channel];
+        self.counts[channel] += 1;
+        out.append(&Content::default().u16(id(channel)).u32(sequence).u64(time_ns).u64(time_ns).0)?;
         pieces.iter().try_for_each(|piece| out.append(piece))?;
-        self.chunks.push(Chunk { time_ns, at, bytes: out.len() - at, records_bytes });
+        self.chunks.push(Chunk { channel, time_ns, at, bytes: out.len() - at, records_bytes });
         // The message is at the beginning of its chunk.
-        let index = Content::default().u16(ID).u32(16).u64(time_ns).u64(0);
+        let index = Content::default().u16(id(channel)).u32(16).u64(time_ns).u64(0);
         out.append(&index.record(op::MESSAGE_INDEX))
     }
 
@@ -96,8 +113,8 @@ impl Container {
         let summary_at = out.len();
         let metadata_index = Content::default().u64(metadata_at).u64(metadata.len() as u64).string("vlscan");
         let groups = [
-            (op::SCHEMA, self.schema.clone()),
-            (op::CHANNEL, self.channel.clone()),
+            (op::SCHEMA, self.schemas.clone()),
+            (op::CHANNEL, self.channels.clone()),
             (op::STATISTICS, self.statistics()),
             (op::CHUNK_INDEX, self.chunks.iter().flat_map(Chunk::index).collect()),
             (op::METADATA_INDEX, metadata_index.record(op::METADATA_INDEX)),
@@ -118,21 +135,25 @@ impl Container {
     fn statistics(&self) -> Vec<u8> {
         let times = || self.chunks.iter().map(|chunk| chunk.time_ns);
         let messages = self.chunks.len() as u64;
-        Content::default()
+        let channels = self.counts.len();
+        let counts =
+            self.counts.iter().enumerate().fold(Content::default(), |list, (channel, count)| {
+                list.u16(id(channel)).u64(u64::from(*count))
+            });
+        let mut content = Content::default()
             .u64(messages)
-            .u16(1)
-            .u32(1)
+            .u16(channels as u16)
+            .u32(channels as u32)
             // Attachments, metadata, chunks.
             .u32(0)
             .u32(1)
             .u32(messages as u32)
             .u64(times().min().unwrap_or(0))
             .u64(times().max().unwrap_or(0))
-            // Messages by channel: a list of ten bytes.
-            .u32(10)
-            .u16(ID)
-            .u64(messages)
-            .record(op::STATISTICS)
+            .u32(counts.0.len() as u32);
+        // Messages by channel.
+        content.0.extend(counts.0);
+        content.record(op::STATISTICS)
     }
 }
 
@@ -142,7 +163,8 @@ impl Chunk {
         // The index of the message follows the chunk.
         let index_bytes = RECORD_HEAD_BYTES + 2 + 4 + 16;
         let content = Content::default().u64(self.time_ns).u64(self.time_ns).u64(self.at).u64(self.bytes);
-        let content = content.u32(10).u16(ID).u64(self.at + self.bytes).u64(index_bytes).string("");
+        let content =
+            content.u32(10).u16(id(self.channel)).u64(self.at + self.bytes).u64(index_bytes).string("");
         content.u64(self.records_bytes).u64(self.records_bytes).record(op::CHUNK_INDEX)
     }
 }

@@ -1,33 +1,48 @@
 //! MCAP (<https://mcap.dev/spec>) for robotics: points as messages `sensor_msgs/msg/PointCloud2` of ROS 2, as the driver of the
 //! instrument would publish them. A message is a frame, a revolution of the instrument or a span of time, with points in the
-//! axes of the scanner, relative to where their beam left it.
+//! axes of the scanner, relative to where their beam left it. The poses of the scanner are transforms and odometry.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `container` | records of MCAP |
+//! | `cdr`, `schemas` | messages as bytes; their definitions |
+//! | `poses` | transforms and odometry |
+//! | `read` | frames with their poses |
 
+mod cdr;
 mod container;
+mod poses;
+mod read;
+mod schemas;
+
+pub(crate) use read::read_frames;
 
 use crate::encode::{Ending, FileBody, PointEncoder};
 use crate::out::{Offload, OutputStream};
 use crate::record::{EncodedPoints, PointBatch};
-use crate::settings::{CloudSettings, SOFTWARE, state};
-use container::{Container, Text};
+use crate::settings::{CloudSettings, FrameNames, SOFTWARE, state};
+use cdr::CdrWriter;
+use container::{ChannelPlan, Container};
+use poses::{POSE_BYTES, Pose, PoseTrack};
 use std::sync::Arc;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::Result;
-use vlscan_geom::DVec3;
+use vlscan_geom::{DVec3, Rotation};
 
 /// Points of a message at most; a frame with more becomes several messages.
 const MAX_POINTS: usize = 1 << 22;
 
-/// Bytes before a collected point: start of its frame, and time after it, ns.
-const TIMES_BYTES: usize = 16;
+/// Bytes before a collected point: start of its frame, time after it, ns, and pose of the scanner.
+const HEAD_BYTES: usize = 16 + POSE_BYTES;
 
 /// Bytes of a point in a message.
-const POINT_BYTES: usize = 28;
+const POINT_BYTES: usize = 32;
 
 /// Place of the time after the start of the frame in a point.
 const TIME_AT: usize = 16;
 
 /// The fields of a point: name, place, datatype of `sensor_msgs/msg/PointField`.
-const FIELDS: [(&str, u32, u8); 9] = [
+const FIELDS: [(&str, u32, u8); 10] = [
     ("x", 0, FLOAT32),
     ("y", 4, FLOAT32),
     ("z", 8, FLOAT32),
@@ -37,59 +52,44 @@ const FIELDS: [(&str, u32, u8); 9] = [
     ("return_number", 22, UINT8),
     ("number_of_returns", 23, UINT8),
     ("label", 24, INT32),
+    ("instance", 28, INT32),
 ];
 const UINT8: u8 = 2;
 const UINT16: u8 = 4;
 const INT32: u8 = 5;
 const FLOAT32: u8 = 7;
 
-/// The coordinate frame of the points.
-const FRAME_ID: &str = "lidar";
-const TOPIC: &str = "/points";
+/// The channels, by their index.
+const CHANNELS: [ChannelPlan; 3] = [
+    ChannelPlan {
+        topic: "/points",
+        message: "sensor_msgs/msg/PointCloud2",
+        definition: schemas::POINT_CLOUD,
+    },
+    ChannelPlan { topic: "/tf", message: "tf2_msgs/msg/TFMessage", definition: schemas::TRANSFORMS },
+    ChannelPlan { topic: "/odom", message: "nav_msgs/msg/Odometry", definition: schemas::ODOMETRY },
+];
+const POINTS: usize = 0;
+const TRANSFORMS: usize = 1;
+const ODOMETRY: usize = 2;
 
-/// The message and the messages inside it, in the interface language of ROS 2.
-const SCHEMA: &str = "\
-std_msgs/Header header
-uint32 height
-uint32 width
-sensor_msgs/PointField[] fields
-bool is_bigendian
-uint32 point_step
-uint32 row_step
-uint8[] data
-bool is_dense
-================================================================================
-MSG: sensor_msgs/PointField
-string name
-uint32 offset
-uint8 datatype
-uint32 count
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-";
-
-/// Encoder of points as collected points. `ring` is the channel of the scanner, `label` the class. Frames begin at the multiples
-/// of their duration.
+/// Encoder of points as collected points. `ring` is the channel of the scanner, `label` the class, `instance` the object. Frames begin at
+/// the multiples of their duration.
 #[derive(Debug)]
 struct Mcap {
     /// World position of the origin of points, m.
     origin: DVec3,
+    names: FrameNames,
 }
 
 /// MCAP files.
 pub(crate) fn mcap(settings: &CloudSettings, _: &mut Diagnostics) -> Result<Arc<dyn PointEncoder>> {
-    Ok(Arc::new(Mcap { origin: settings.origin }))
+    Ok(Arc::new(Mcap { origin: settings.origin, names: settings.frame_names.clone() }))
 }
 
 impl PointEncoder for Mcap {
     fn typical_bytes(&self) -> usize {
-        TIMES_BYTES + POINT_BYTES
+        HEAD_BYTES + POINT_BYTES
     }
 
     fn encode(&self, batch: &PointBatch, out: &mut EncodedPoints) {
@@ -99,26 +99,33 @@ impl PointEncoder for Mcap {
             let origin = (point.time_origin.max(0.0) * 1e9) as u64;
             out.extend((origin + begin).to_le_bytes());
             out.extend((point.time_ns - begin as f64).to_le_bytes());
+            Pose::put(point.origin + self.origin, point.scanner.unwrap_or(UNKNOWN), out);
             point.in_scanner.to_array().into_iter().for_each(|c| out.extend((c as f32).to_le_bytes()));
             out.extend((point.amplitude as f32).to_le_bytes());
             out.extend([0; 4]);
             out.extend(point.device_u16().to_le_bytes());
             out.extend(point.returns());
             out.extend(point.class.to_le_bytes());
+            out.extend(point.object.to_le_bytes());
             Some(point.position + self.origin)
         });
     }
 
     fn begin(self: Arc<Self>, out: &mut OutputStream) -> Result<Box<dyn FileBody>> {
-        let schema = Text { name: "sensor_msgs/msg/PointCloud2", encoding: "ros2msg", text: SCHEMA };
-        let container = Container::begin(SOFTWARE, &schema, TOPIC, out)?;
-        Ok(Box::new(McapBody { container, begin: 0, points: Vec::new() }))
+        let container = Container::begin(SOFTWARE, &CHANNELS, out)?;
+        let (names, track) = (self.names.clone(), PoseTrack::default());
+        Ok(Box::new(McapBody { container, names, track, begin: 0, points: Vec::new() }))
     }
 }
+
+/// The attitude of a scanner of which it is not known; it has no poses.
+const UNKNOWN: Rotation = Rotation { w: 0.0, u: DVec3::ZERO };
 
 /// A file that is being written, with the points of the frame that is not complete.
 struct McapBody {
     container: Container,
+    names: FrameNames,
+    track: PoseTrack,
     /// Start of the frame, ns.
     begin: u64,
     points: Vec<u8>,
@@ -127,13 +134,19 @@ struct McapBody {
 impl FileBody for McapBody {
     /// Appends collected points, in order of emission.
     fn append(&mut self, collected: Vec<u8>, out: &mut OutputStream, _: &dyn Offload) -> Result<()> {
-        for record in collected.chunks_exact(TIMES_BYTES + POINT_BYTES) {
-            let (times, point) = record.split_at(TIMES_BYTES);
-            let begin = u64::from_le_bytes(std::array::from_fn(|i| times[i]));
-            let after = f64::from_le_bytes(std::array::from_fn(|i| times[8 + i]));
+        for record in collected.chunks_exact(HEAD_BYTES + POINT_BYTES) {
+            let (head, point) = record.split_at(HEAD_BYTES);
+            let begin = u64::from_le_bytes(std::array::from_fn(|i| head[i]));
+            let after = f64::from_le_bytes(std::array::from_fn(|i| head[8 + i]));
             if begin != self.begin || self.points.len() >= MAX_POINTS * POINT_BYTES {
                 self.publish(out)?;
                 self.begin = begin;
+            }
+            let pose = Pose::get(begin + after.max(0.0).round() as u64, &head[16..]);
+            if pose.rotation != UNKNOWN
+                && let Some(pose) = self.track.next(pose, self.points.is_empty())
+            {
+                self.publish_pose(pose, out)?;
             }
             let from = self.points.len() + TIME_AT;
             self.points.extend_from_slice(point);
@@ -143,65 +156,64 @@ impl FileBody for McapBody {
         Ok(())
     }
 
-    /// Writes the last message and the index.
+    /// Writes the last messages and the index.
     fn finish(&mut self, end: &Ending, out: &mut OutputStream, _: &dyn Offload) -> Result<()> {
         self.publish(out)?;
+        self.publish_odometry(None, out)?;
         self.container.finish(&[("state", state(end.is_partial))], out)
     }
 }
 
 impl McapBody {
-    /// Writes the message of the frame, if it has points.
+    /// Writes the message of the frame, if it has points, after its last pose.
     fn publish(&mut self, out: &mut OutputStream) -> Result<()> {
         if self.points.is_empty() {
             return Ok(());
         }
-        let head = cloud_head(self.begin, (self.points.len() / POINT_BYTES) as u32);
+        if let Some(pose) = self.track.end_frame() {
+            self.publish_pose(pose, out)?;
+        }
+        let head = cloud_head(self.begin, &self.names.sensor, (self.points.len() / POINT_BYTES) as u32);
         // The last byte says that all points are numbers.
-        self.container.message(self.begin, &[&head, &self.points, &[1]], out)?;
+        self.container.message(POINTS, self.begin, &[&head, &self.points, &[1]], out)?;
         self.points.clear();
         Ok(())
     }
+
+    fn publish_pose(&mut self, pose: Pose, out: &mut OutputStream) -> Result<()> {
+        let transform = poses::transform(&pose, &self.names);
+        self.container.message(TRANSFORMS, pose.time_ns, &[&transform], out)?;
+        self.publish_odometry(Some(pose), out)
+    }
+
+    /// Writes the odometry of the pose before `next`.
+    fn publish_odometry(&mut self, next: Option<Pose>, out: &mut OutputStream) -> Result<()> {
+        let Some((pose, next)) = self.track.odometry(next) else { return Ok(()) };
+        let message = poses::odometry(&pose, next.as_ref(), &self.names);
+        self.container.message(ODOMETRY, pose.time_ns, &[&message], out)
+    }
 }
 
-/// Returns a message with this many points up to their bytes, as CDR: little-endian, aligned to the size of each value.
-fn cloud_head(stamp_ns: u64, points: u32) -> Vec<u8> {
-    let mut cdr = Cdr(vec![0, 1, 0, 0]);
-    cdr.word((stamp_ns / 1_000_000_000) as u32);
-    cdr.word((stamp_ns % 1_000_000_000) as u32);
-    cdr.string(FRAME_ID);
+/// Returns a message with this many points up to their bytes.
+fn cloud_head(stamp_ns: u64, frame: &str, points: u32) -> Vec<u8> {
+    let mut cdr = CdrWriter::new();
+    cdr.header(stamp_ns, frame);
     cdr.word(1);
     cdr.word(points);
     cdr.word(FIELDS.len() as u32);
     for (name, at, datatype) in FIELDS {
         cdr.string(name);
         cdr.word(at);
-        cdr.0.push(datatype);
+        cdr.byte(datatype);
         cdr.word(1);
     }
     // Not big-endian.
-    cdr.0.push(0);
+    cdr.byte(0);
     cdr.word(POINT_BYTES as u32);
     let bytes = points * POINT_BYTES as u32;
     cdr.word(bytes);
     cdr.word(bytes);
     cdr.0
-}
-
-/// Bytes of a message, after the four of its encapsulation.
-struct Cdr(Vec<u8>);
-
-impl Cdr {
-    fn word(&mut self, value: u32) {
-        self.0.resize(self.0.len().next_multiple_of(4), 0);
-        self.0.extend(value.to_le_bytes());
-    }
-
-    fn string(&mut self, text: &str) {
-        self.word(text.len() as u32 + 1);
-        self.0.extend(text.as_bytes());
-        self.0.push(0);
-    }
 }
 
 #[cfg(test)]
@@ -224,12 +236,12 @@ mod tests {
 
     #[test]
     fn values_of_messages_are_aligned() {
-        let head = cloud_head(3_000_000_007, 5);
+        let head = cloud_head(3_000_000_007, "lidar", 5);
         let word = |at: usize| u32::from_le_bytes(head[at..at + 4].try_into().unwrap());
         assert_eq!((word(4), word(8), word(12), &head[16..22]), (3, 7, 6, &b"lidar\0"[..]));
         // Height and width follow the text, aligned.
         assert_eq!((word(24), word(28), word(32)), (1, 5, FIELDS.len() as u32));
         let end = head.len();
-        assert_eq!((word(end - 12), word(end - 8), word(end - 4)), (28, 140, 140));
+        assert_eq!((word(end - 12), word(end - 8), word(end - 4)), (32, 160, 160));
     }
 }

@@ -1,6 +1,6 @@
 //! The records of a pulse.
 
-use vlscan_geom::DVec3;
+use vlscan_geom::{DVec3, Rotation};
 
 /// A return with its position, surface and pulse: what points are written from (spec pulse-physics §7.1). Called echo in code and
 /// return in the documentation; `Return` is its peak in the waveform, before the surface is known. Positions are in the scene frame; writers add the shift.
@@ -12,9 +12,9 @@ pub struct Echo {
     pub origin: DVec3,
     /// Reported beam direction, unit.
     pub direction: DVec3,
-    /// Reported beam direction in the axes of the scanner's mount, unit; zero unless it is recorded
+    /// Reported attitude of the scanner: from the axes of its mount to the scene; [`Echo::NO_ATTITUDE`] unless it is recorded
     /// ([`super::PhysicsOptions::record_scanner_axes`]).
-    pub in_scanner: DVec3,
+    pub scanner: Rotation,
     /// Measured range, m, noise and errors included.
     pub range: f64,
     /// Distance along the subray to the hit, m, without noise, errors or bins.
@@ -75,13 +75,16 @@ impl Echo {
     /// [`Echo::truth_index`] of echoes whose truth is not recorded and whose pulse has no errors of navigation.
     pub const NO_TRUTH: u32 = u32::MAX;
 
+    /// [`Echo::scanner`] of echoes whose scanner's attitude is not recorded.
+    pub const NO_ATTITUDE: Rotation = Rotation { w: 0.0, u: DVec3::ZERO };
+
     /// The record of a pulse without echoes, at the beam's origin: no part, no primitive, return numbers of 0.
     pub fn miss(pulse: &PulseRecord) -> Echo {
         Echo {
             position: pulse.origin,
             origin: pulse.origin,
             direction: pulse.direction,
-            in_scanner: DVec3::ZERO,
+            scanner: Echo::NO_ATTITUDE,
             range: 0.0,
             true_range: 0.0,
             intensity: 0.0,
@@ -109,11 +112,16 @@ impl Echo {
     /// Position relative to the origin of the beam in the scanner's axes, m: the origin itself for a missed pulse; NaN
     /// unless it is recorded.
     pub fn position_in_scanner(&self) -> DVec3 {
-        match self.in_scanner {
+        match self.scanner_attitude() {
             _ if self.is_miss() => DVec3::ZERO,
-            DVec3::ZERO => DVec3::NAN,
-            direction => direction * self.range,
+            None => DVec3::NAN,
+            Some(attitude) => attitude.inverse().apply(self.direction) * self.range,
         }
+    }
+
+    /// Attitude of the scanner, if it is recorded.
+    pub fn scanner_attitude(&self) -> Option<Rotation> {
+        (self.scanner != Echo::NO_ATTITUDE).then_some(self.scanner)
     }
 
     /// True position, m, scene frame; `truths` belong to the echo's batch.

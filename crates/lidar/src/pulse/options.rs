@@ -48,7 +48,7 @@ pub struct PhysicsOptions {
     pub record_pulses: bool,
     /// Append a record to the batch of the true cause of every echo ([`super::EchoTruth`]).
     pub record_truth: bool,
-    /// Give every echo the direction of its beam in the axes of the scanner ([`super::Echo::in_scanner`]).
+    /// Give every echo the attitude of the scanner ([`super::Echo::scanner`]).
     pub record_scanner_axes: bool,
     /// Append the reflections of all subrays to the batch instead of echoes.
     pub record_subrays: bool,

@@ -20,7 +20,7 @@ use super::view::SceneView;
 use super::waveform::{MAX_RECORD_SAMPLES, Waveform};
 use crate::flight::Pulse;
 use vlscan_base::{Error, Result};
-use vlscan_geom::DVec3;
+use vlscan_geom::{DVec3, Rotation};
 use vlscan_trace::simd::Simd;
 
 /// Scratch memory of everything after the traversal.
@@ -36,12 +36,6 @@ pub(super) struct Detection {
     /// The waveform after saturation, where it is needed.
     saturated: Waveform,
     returns: Vec<Return>,
-}
-
-/// Direction in the axes of the scanner's mount.
-#[inline(never)]
-fn in_scanner(pulse: &Pulse, direction: DVec3) -> DVec3 {
-    pulse.scanner_attitude.inverse().apply(direction)
 }
 
 /// Direction of the beam as it is traced; no component is a negative zero.
@@ -150,9 +144,8 @@ impl Detection {
             self.count_weak(detector, pulse, batch);
             return Ok(());
         }
-        let in_scanner =
-            options.record_scanner_axes.then(|| in_scanner(pulse, pulse.reported_attitude.forward()));
-        let recorded = (options.record_truth.then_some(&traced), in_scanner.unwrap_or_default());
+        let scanner = if options.record_scanner_axes { pulse.scanner_attitude } else { Echo::NO_ATTITUDE };
+        let recorded = (options.record_truth.then_some(&traced), scanner);
         self.emit_echoes(view, instrument, recorded, pulse, batch);
         if options.record_waveforms && self.waveform.bins > 0 {
             self.emit_waveform(physics, instrument, pulse, batch)?;
@@ -192,14 +185,14 @@ impl Detection {
     }
 
     /// Appends an echo for each return: its range error and the surface it is attributed to (spec pulse-physics
-    /// §4.7–4.9). `traced` is given if the truth of the echoes is recorded, `in_scanner` is the beam's direction in the
-    /// axes of the scanner.
+    /// §4.7–4.9). `traced` is given if the truth of the echoes is recorded, `scanner` is the attitude
+    /// of the scanner where it is recorded.
     #[inline(always)]
     fn emit_echoes(
         &mut self,
         view: &SceneView,
         instrument: &Instrument,
-        (traced, in_scanner): (Option<&TracedPulse>, DVec3),
+        (traced, scanner): (Option<&TracedPulse>, Rotation),
         pulse: &Pulse,
         batch: &mut Batch,
     ) {
@@ -216,7 +209,7 @@ impl Detection {
                     truth_index = batch.truths.len() as u32;
                     batch.truths.push(EchoTruth::unknown(beam));
                 }
-                batch.echoes.push(Echo { truth_index, in_scanner, ..self.false_alarm(pulse, number, r) });
+                batch.echoes.push(Echo { truth_index, scanner, ..self.false_alarm(pulse, number, r) });
                 continue;
             };
             let primitive = self.reflections.primitives()[source];
@@ -241,7 +234,7 @@ impl Detection {
                 position: origin,
                 origin,
                 direction,
-                in_scanner,
+                scanner,
                 range,
                 true_range: self.reflections.ranges()[source],
                 intensity: r.amplitude,
@@ -287,7 +280,7 @@ impl Detection {
                 position: truth.surface,
                 origin,
                 direction,
-                in_scanner: in_scanner(pulse, direction),
+                scanner: pulse.scanner_attitude,
                 range,
                 true_range: range,
                 intensity: self.reflections.intensities()[i],

@@ -8,11 +8,13 @@
 //! | `cloud` | point clouds as cubes |
 //! | `voxel` | vegetation voxels |
 //! | `tiles` | parts that are loaded when rays need them |
+//! | `stored` | parts that are in memory although others are tiles |
 //! | `voxel_store` | voxels of both as a grid or as cubes |
 
 mod cloud;
 mod mesh;
 pub(crate) mod raster;
+mod stored;
 mod tiles;
 mod voxel;
 mod voxel_store;
@@ -85,8 +87,17 @@ pub fn load_epoch(
     first: Option<SceneFrame>,
 ) -> Result<(Scene, Diagnostics)> {
     if let Some(path) = &recipe.packed {
-        let read = || Pack::open(path)?.scene(options, epoch);
-        return Ok((machine::with_pool(options.jobs, read)??, Diagnostics::default()));
+        let read = || {
+            let pack = Pack::open(path)?;
+            let mut warnings = Diagnostics::default();
+            if options.tiles.is_some() && !pack.has_tiles(epoch) {
+                let message =
+                    "the scene was packed without --scene-memory, so that it is read into memory whole";
+                warnings.warn(Some(Place::of_file(path)), message.to_owned());
+            }
+            Ok((pack.scene(options, epoch)?, warnings))
+        };
+        return machine::with_pool(options.jobs, read)?;
     }
     machine::with_pool(options.jobs, || load_sources(recipe, options, epoch, first))?
 }
@@ -109,7 +120,7 @@ fn load_sources(
         if *is_present {
             load_part(&mut scene, part, &mut ids, &mut loaded)?;
         } else {
-            let name = name_of(&part.loader, part.loader.files());
+            let name = name_of(part, part.loader.files());
             scene.parts.push(Part { id: ids.single(part), name, lad: None });
         }
     }
@@ -123,13 +134,19 @@ fn load_sources(
         change::report_unused(&mut scene);
     }
     if !tiles.is_empty() {
-        refuse_on_ground(&mut scene, &stored);
+        stored::refuse_on_ground(&mut scene, &stored);
+    }
+    if let Some(tiles) = &options.tiles {
+        stored::warn_of_memory(&mut scene, &stored, tiles.memory);
     }
     let warnings = std::mem::take(&mut scene.diagnostics).finish(false)?;
     scene.diagnostics = warnings;
     frames.report(&mut scene);
     scene.library.issues.report(options.rules, &mut scene.diagnostics);
-    scene.library.units.report(options.rules.reflectance_fraction, &mut scene.diagnostics);
+    let mut reported = std::mem::take(&mut scene.diagnostics);
+    let used = || scene.used_materials(tiles.materials());
+    scene.library.units.report(options.rules.reflectance_fraction, used, &mut reported);
+    scene.diagnostics = reported;
     ground::drop_to_ground(&mut scene, &stored);
     let crs = match epoch {
         0 => find_crs(recipe, &mut scene.diagnostics),
@@ -147,18 +164,6 @@ struct LoadedParts {
     /// Parts that are loaded again when rays need them.
     tiles: TileIndex,
     frames: PartFrames,
-}
-
-/// Reports parts that are to be dropped to the ground, all of which would have to be in memory.
-fn refuse_on_ground(scene: &mut SceneBuilder, parts: &[LoadedPart]) {
-    for part in parts.iter().filter(|part| part.on_ground != 0) {
-        let message =
-            format!("part \"{}\" is dropped to the ground, for which --scene-memory keeps no scene", part.id);
-        scene
-            .diagnostics
-            .error(part.place.clone(), message)
-            .help("give the part its height in the offset in place of onGround, or leave out --scene-memory");
-    }
 }
 
 /// Assigns ids: a part without one gets numbers, and each of its files becomes a separate part.
@@ -226,7 +231,7 @@ fn load_part(
                 scene.diagnostics.warn(part.place.clone(), message);
             }
             if !part.swaps.is_empty() {
-                scene.parts.push(Part { id, name: name_of(&part.loader, files), lad: None });
+                scene.parts.push(Part { id, name: name_of(part, files), lad: None });
             }
             continue;
         };
@@ -249,7 +254,7 @@ fn load_part(
                 timing: part.timing,
             });
         }
-        let described = Part { id: id.clone(), name: name_of(&part.loader, files), lad: lad.clone() };
+        let described = Part { id: id.clone(), name: name_of(part, files), lad: lad.clone() };
         let is_tile = match &body {
             Body::Stored(extent) if part.transform.on_ground == 0 && is_tile(scene.options, part) => {
                 loaded.tiles.add(scene, part, (files, described.clone(), known_names), extent)
@@ -292,15 +297,18 @@ fn load_pages(
     let bounds = pages.iter().fold(Aabb::EMPTY, |all, page| all.union(page.bounds));
     refuse_far(scene, &id, reach(bounds), part.place.as_ref());
     loaded.frames.add(&id, part.place.as_ref(), bounds);
-    let described = Part { id, name: name_of(&part.loader, files.all()), lad: None };
+    let described = Part { id, name: name_of(part, files.all()), lad: None };
     loaded.tiles.add_raster(scene, &described, material, raster, pages);
     scene.parts.push(described);
     Ok(())
 }
 
 /// The name of a mesh in memory, or of the first of a part's files, without its extension.
-fn name_of(loader: &Loader, files: &[PathBuf]) -> String {
-    if let Loader::Mesh(mesh) = loader {
+fn name_of(part: &PartRecipe, files: &[PathBuf]) -> String {
+    if let Some(name) = &part.name {
+        return printable(name);
+    }
+    if let Loader::Mesh(mesh) = &part.loader {
         return printable(mesh.name());
     }
     printable(&files.first().and_then(|file| file.file_stem()).unwrap_or_default().to_string_lossy())
@@ -427,9 +435,9 @@ fn choose(scene: &mut SceneBuilder, part: &PartSource, choice: &MaterialChoice) 
 
 /// Opens a file of a part; `None` after an error in its name.
 fn open(scene: &mut SceneBuilder, part: &PartRecipe, file: &Path) -> Result<Option<Source>> {
-    // Voxels take less memory than their text, so that large texts are mapped and released as they are read.
+    // Voxels take less memory than their files, so that large ones are mapped and released as they are read.
     let memory = match &part.loader {
-        Loader::DetailedVoxels(_) => Some(0),
+        Loader::DetailedVoxels(_) | Loader::Xyz(_) => Some(0),
         _ => scene.options.max_memory,
     };
     match fault::point().and_then(|()| Source::open_within(file, memory)) {

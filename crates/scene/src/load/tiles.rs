@@ -165,6 +165,11 @@ impl TileIndex {
         }
     }
 
+    /// The materials of all tiles.
+    pub fn materials(&self) -> impl Iterator<Item = u32> {
+        self.tiles.iter().flat_map(|tile| tile.facts.materials.iter().copied())
+    }
+
     /// Number of tiles.
     pub fn len(&self) -> usize {
         self.tiles.len()
@@ -194,16 +199,16 @@ impl TileIndex {
         let Some(tile_options) = options.tiles.clone().filter(|_| !self.tiles.is_empty()) else {
             return Ok(None);
         };
-        let (mut sources, mut facts, mut bytes) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut sources, mut facts) = (Vec::new(), Vec::new());
         for tile in self.tiles {
             let (triangles, cubes) = (tile.facts.triangles as usize, tile.facts.cubes as usize);
             let tree = Tree::estimate_build_memory((triangles + cubes) as u64, tile_options.trees.builder);
-            bytes.push(match &tile.source {
+            let bytes = match &tile.source {
                 TileSource::Files(_) => memory_of(tile.vertices, triangles, cubes).saturating_add(tree),
                 TileSource::Page(raster, page, _) => raster.bytes(*page),
-            });
+            };
             let bounds = tile.bounds(shift);
-            facts.push(TileFacts { bounds, ..tile.facts });
+            facts.push(TileFacts { bounds, bytes, ..tile.facts });
             sources.push(tile.source);
         }
         let residency = Residency::new(tile_options.memory);
@@ -216,10 +221,11 @@ impl TileIndex {
             facts: facts.clone(),
             sources,
         };
+        let bytes: Vec<u64> = facts.iter().map(|tile| tile.bytes).collect();
         let items = residency.add(bytes, move |tile| {
             let loaded = loader.load(tile).map_err(|error| Arc::new(error) as LoadError)?;
-            let bytes = loaded.scene.memory() + loaded.tree.memory();
-            Ok((loaded, bytes as u64))
+            let bytes = loaded.memory() as u64;
+            Ok((loaded, bytes))
         });
         Tiles::new(facts, items, own).map(|tiles| Some(Arc::new(tiles)))
     }

@@ -1,5 +1,6 @@
 //! Scenes as arrays and values of a file.
 
+use super::tiles::{is_of_tile, write_tiles};
 use super::trees::{
     read_fields, read_geometry, read_grids, read_instance_trees, read_instances, read_tree, write_fields,
     write_geometry, write_grids, write_instance_trees, write_instances, write_tree,
@@ -28,18 +29,27 @@ pub(super) fn read_epochs(file: &ArrayFile) -> Result<u32> {
 }
 
 /// What the names of all arrays of an epoch begin with.
-fn prefix(epoch: u32) -> String {
+pub(super) fn prefix(epoch: u32) -> String {
     format!("epoch {epoch} ")
 }
 
-/// Whether an array is needed for an epoch, by its name.
+/// Whether an array is needed for an epoch, by its name. Tiles are read when they are needed.
 pub(super) fn is_of_epoch(name: &str, epoch: u32) -> bool {
-    name.starts_with(&prefix(epoch)) || !name.starts_with("epoch ")
+    match name.strip_prefix(&prefix(epoch)) {
+        Some(what) => !is_of_tile(what),
+        None => !name.starts_with("epoch "),
+    }
 }
 
-/// Appends the scene of an epoch and its tree.
+/// Appends the scene of an epoch, its tree and its tiles.
 pub(super) fn write(scene: &Scene, tree: &Tree, epoch: u32, out: &mut ArrayFileWriter) -> Result<()> {
-    let name = |what: &str| prefix(epoch) + what;
+    write_scene(scene, tree, &prefix(epoch), out)?;
+    write_tiles(scene, &prefix(epoch), out)
+}
+
+/// Appends a scene without its tiles, and its tree, under names that begin with `prefix`.
+pub(super) fn write_scene(scene: &Scene, tree: &Tree, prefix: &str, out: &mut ArrayFileWriter) -> Result<()> {
+    let name = |what: &str| format!("{prefix}{what}");
     let values = (
         (scene.shift, scene.bounds, &scene.surfaces, &scene.parts, &scene.materials),
         (scene.dyn_step, scene.dyn_time_step, &scene.crs, &scene.moving_parts, scene.sizes()),
@@ -48,8 +58,8 @@ pub(super) fn write(scene: &Scene, tree: &Tree, epoch: u32, out: &mut ArrayFileW
     );
     out.value(name("values"), &values)?;
     write_geometry(&scene.geometry, &name("own"), out)?;
-    write_fields(&scene.geometry.fields, &prefix(epoch), out)?;
-    write_grids(&scene.geometry.grids, &prefix(epoch), out)?;
+    write_fields(&scene.geometry.fields, prefix, out)?;
+    write_grids(&scene.geometry.grids, prefix, out)?;
     for (i, voxels) in scene.grid_voxels.iter().enumerate() {
         voxels.pack(&name(&format!("grid {i}")), out)?;
     }
@@ -57,21 +67,21 @@ pub(super) fn write(scene: &Scene, tree: &Tree, epoch: u32, out: &mut ArrayFileW
     scene.surface_ids.pack(name("surfaces"), out)?;
     write_tree(tree, &name("tree"), out)?;
     if let Some(set) = &scene.instances {
-        write_instances(&set.instances, &prefix(epoch), out)?;
+        write_instances(&set.instances, prefix, out)?;
         for (i, materials) in set.materials.iter().enumerate() {
             out.array(name(&format!("materials {i}")), materials)?;
         }
-        write_instance_trees(tree, &prefix(epoch), out)?;
+        write_instance_trees(tree, prefix, out)?;
     }
     Ok(())
 }
 
-/// Reads the scene of an epoch.
+/// Reads a scene without its tiles, from the arrays whose names begin with `prefix`.
 ///
 /// # Errors
 /// As for [`ArrayFile::array`].
-pub(super) fn read_scene(file: &ArrayFile, epoch: u32, builder: Builder) -> Result<Scene> {
-    let name = |what: &str| prefix(epoch) + what;
+pub(super) fn read_scene(file: &ArrayFile, prefix: &str, builder: Builder) -> Result<Scene> {
+    let name = |what: &str| format!("{prefix}{what}");
     let (
         (shift, bounds, surfaces, parts, materials),
         (dyn_step, dyn_time_step, crs, moving_parts, sizes),
@@ -90,8 +100,8 @@ pub(super) fn read_scene(file: &ArrayFile, epoch: u32, builder: Builder) -> Resu
         moving_parts,
         packed_sizes: Some(sizes),
         geometry: Geometry {
-            fields: read_fields(&prefix(epoch), file)?,
-            grids: read_grids(&prefix(epoch), file)?,
+            fields: read_fields(prefix, file)?,
+            grids: read_grids(prefix, file)?,
             ..read_geometry(&name("own"), file)?
         },
         field_surfaces,
@@ -112,13 +122,13 @@ pub(super) fn read_scene(file: &ArrayFile, epoch: u32, builder: Builder) -> Resu
     let mut tree = read_tree(&name("tree"), file)?;
     if let Some(parts) = instance_parts {
         let parts: Vec<u32> = parts;
-        let instances = Arc::new(read_instances(&prefix(epoch), file)?);
+        let instances = Arc::new(read_instances(prefix, file)?);
         let materials = (0..instances.models.len()).map(|i| file.array(&name(&format!("materials {i}"))));
         let materials = materials.collect::<Result<Vec<_>>>()?;
         if parts.len() != instances.all.len() {
             return Err(file.refuse("its instances do not match"));
         }
-        tree = read_instance_trees(tree, &prefix(epoch), &instances, file)?;
+        tree = read_instance_trees(tree, prefix, &instances, file)?;
         scene.instances = Some(InstanceSet { instances, materials, parts });
     }
     if !are_numbers_valid(&scene) {

@@ -2,7 +2,8 @@
 //!
 //! For every epoch a pack contains the finished scene and its tree, as arrays that are read into memory as they are, and
 //! compared with their checksums. Parts, materials and motions, the settings on which the scene depends (wavelength,
-//! seed, rules) and the files that it was made from are stored beside the arrays. What the numbers in the arrays name is left to
+//! seed, rules) and the files that it was made from are stored beside the arrays. Tiles of a scene have arrays of their own, which
+//! are read when rays need them. What the numbers in the arrays name is left to
 //! [`Pack::verify`].
 //!
 //! | file | what it does |
@@ -10,6 +11,7 @@
 //! | `contents` | scenes as arrays and encoded values |
 //! | `origin` | settings and files that a pack was made from, and whether they have changed |
 //! | `read` | opens packs |
+//! | `tiles` | parts of a scene that are read when rays need them |
 //! | `trees` | trees, geometry and instances as arrays |
 //! | `write` | packs scenes |
 
@@ -18,6 +20,7 @@ mod origin;
 mod read;
 #[cfg(test)]
 mod tests;
+mod tiles;
 mod trees;
 mod write;
 

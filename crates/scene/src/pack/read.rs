@@ -1,18 +1,20 @@
 //! Opens packed scenes.
 
-use super::contents::{are_arrays_valid, is_of_epoch, read_epochs, read_scene};
+use super::contents::{are_arrays_valid, is_of_epoch, prefix, read_epochs, read_scene};
 use super::origin::Origin;
+use super::tiles::{PackedTiles, has_tiles};
 use crate::builder::LoadOptions;
 use crate::conditions::Conditions;
 use crate::model::Scene;
 use std::path::Path;
+use std::sync::Arc;
 use vlscan_base::error::Result;
 use vlscan_base::quantity;
 use vlscan_base::store::ArrayFile;
 
 /// An open packed scene.
 pub struct Pack {
-    file: ArrayFile,
+    file: Arc<ArrayFile>,
     origin: Origin,
     epochs: u32,
 }
@@ -28,7 +30,7 @@ impl Pack {
         let origin = Origin::read(&file)?;
         origin.check_files(path).map_err(|reason| file.refuse(&reason))?;
         let epochs = read_epochs(&file)?;
-        Ok(Pack { file, origin, epochs })
+        Ok(Pack { file: Arc::new(file), origin, epochs })
     }
 
     /// Number of epochs.
@@ -53,7 +55,13 @@ impl Pack {
         }
     }
 
-    /// Reads the scene of an epoch, with its tree. All that it consists of is compared with its checksums.
+    /// Whether parts of the scene of an epoch are tiles, which are read when rays need them.
+    pub fn has_tiles(&self, epoch: u32) -> bool {
+        has_tiles(&self.file, &prefix(epoch))
+    }
+
+    /// Reads the scene of an epoch, with its tree. All that it consists of is compared with its checksums; tiles are when rays
+    /// need them. Without [`LoadOptions::tiles`] they stay in memory.
     ///
     /// # Errors
     /// [`vlscan_base::Error::Input`] when the scene was packed under other conditions that affect it, is damaged, or needs more
@@ -67,7 +75,23 @@ impl Pack {
             let (needed, limit) = (quantity::bytes(needed), quantity::bytes(limit));
             return Err(self.file.refuse(&format!("its scene needs {needed}; the limit is {limit}")));
         }
-        read_scene(&self.file, epoch, self.origin.builder)
+        let mut scene = read_scene(&self.file, &prefix(epoch), self.origin.builder)?;
+        if self.has_tiles(epoch) {
+            let tiles = self.tiles(&scene, epoch)?;
+            let needed = needed.saturating_add(tiles.bytes());
+            let limit = options.max_memory.filter(|limit| options.tiles.is_none() && needed > *limit);
+            if let Some(limit) = limit {
+                let [needed, limit] = [needed, limit].map(quantity::bytes);
+                let reason = format!("its scene needs {needed} with all tiles; the limit is {limit}");
+                return Err(self.file.refuse(&format!("{reason}; give --scene-memory less than that")));
+            }
+            scene.tiles = Some(Arc::new(tiles.finish(options, scene.numbers())?));
+        }
+        Ok(scene)
+    }
+
+    fn tiles(&self, scene: &Scene, epoch: u32) -> Result<PackedTiles> {
+        PackedTiles::read(&self.file, &prefix(epoch), scene, self.origin.builder)
     }
 
     /// Checksum of the contents.
@@ -82,8 +106,15 @@ impl Pack {
     pub fn verify(&self) -> Result<()> {
         self.file.verify()?;
         for epoch in 0..self.epochs() {
-            let scene = read_scene(&self.file, epoch, self.origin.builder)?;
-            if !are_arrays_valid(&scene) {
+            let scene = read_scene(&self.file, &prefix(epoch), self.origin.builder)?;
+            let mut is_valid = are_arrays_valid(&scene);
+            if self.has_tiles(epoch) {
+                let tiles = self.tiles(&scene, epoch)?;
+                for tile in 0..tiles.len() {
+                    is_valid &= are_arrays_valid(&tiles.read_tile(tile)?);
+                }
+            }
+            if !is_valid {
                 return Err(self
                     .file
                     .refuse("an index in its arrays refers to something that does not exist"));

@@ -38,6 +38,13 @@ pub struct Tile {
     pub tree: Tree,
 }
 
+impl Tile {
+    /// Memory, bytes.
+    pub fn memory(&self) -> usize {
+        self.scene.memory() + self.tree.memory()
+    }
+}
+
 /// What is known of a tile whether it is in memory or not.
 #[derive(Clone, Debug, Default)]
 pub struct TileFacts {
@@ -57,10 +64,20 @@ pub struct TileFacts {
     pub max_cube: f64,
     /// Checksum of its geometry.
     pub checksum: u64,
+    /// Memory with its tree, bytes, approximately.
+    pub bytes: u64,
     /// Its place in the raster that it is a part of.
     pub place: Option<PlaceInRaster>,
     /// What precedes it in the order of parts.
     pub before: Before,
+}
+
+impl TileFacts {
+    /// Number of its primitives.
+    pub fn primitives(&self) -> u64 {
+        let missing = self.place.as_ref().map_or(0, |place| place.missing);
+        u64::from(self.triangles - missing) + u64::from(self.cubes)
+    }
 }
 
 /// What precedes a tile in the order of parts: decides between equal distances as if all were stored.
@@ -127,8 +144,7 @@ impl Tiles {
 
     /// Number of primitives of all tiles.
     pub fn primitives(&self) -> usize {
-        let missing: u32 = self.facts.iter().filter_map(|tile| Some(tile.place.as_ref()?.missing)).sum();
-        (self.numbers[1] - self.numbers[0] - missing) as usize
+        self.facts.iter().map(|tile| tile.primitives() as usize).sum()
     }
 
     /// The tile that primitive `i` of the complete scene belongs to, and the primitive's number there; `None` if it belongs
@@ -140,6 +156,11 @@ impl Tiles {
         }
         let tile = self.facts.partition_point(|tile| tile.first <= i) - 1;
         Some((tile, i - self.facts[tile].first))
+    }
+
+    /// Memory of all tiles with their trees, bytes, approximately.
+    pub fn bytes(&self) -> u64 {
+        self.facts.iter().map(|tile| tile.bytes).fold(0, u64::saturating_add)
     }
 
     /// What has been loaded and dropped so far.
@@ -170,6 +191,18 @@ impl Tiles {
             .collect();
         ahead.sort_by(|a, b| a.0.total_cmp(&b.0));
         let _ = ahead.into_iter().all(|(_, tile)| self.items.prefetch(tile));
+    }
+
+    /// Calls `visit` with the tiles that are `wanted`, one after the other, so that one has to be in memory at a time. A tile that
+    /// cannot be loaded is reported by [`Tiles::check`].
+    pub(crate) fn for_each(
+        self: &Arc<Self>,
+        wanted: impl Fn(&TileFacts) -> bool,
+        mut visit: impl FnMut(&TileFacts, &Tile),
+    ) {
+        for (i, facts) in self.facts.iter().enumerate().filter(|(_, facts)| wanted(facts)) {
+            self.read(|reader| reader.get(i).map(|tile| visit(facts, tile)));
+        }
     }
 
     /// Runs `work` with the tiles that it asks for in memory.

@@ -1,6 +1,7 @@
 use super::*;
-use crate::builder::Sharing;
+use crate::builder::{LoadOptions, Sharing};
 use crate::fixture::{Fixture, report};
+use crate::{Inventory, Pack, PartFacts, pack};
 use std::fmt::Write as _;
 use vlscan_survey::{Loader, MaterialChoice, MeshReading, MotionSequence, XyzLoader};
 use vlscan_trace::BuildOptions;
@@ -149,6 +150,98 @@ fn tiles_are_hit_as_if_they_were_stored() {
     }
 }
 
+/// Packs a site as tiles.
+fn packed(f: &Fixture) -> std::path::PathBuf {
+    let path = f.path().join("site.vlscene");
+    pack(&f.recipe(), &f.options, &BuildOptions::default(), &path, &|_| Ok(())).unwrap();
+    path
+}
+
+#[test]
+fn packed_tiles_are_those_of_their_files() {
+    let mut f = site();
+    f.options.tiles = options(1 << 30);
+    for sharing in [Sharing::Never, Sharing::Always] {
+        f.options.sharing = sharing;
+        let scene = f.load().unwrap().0;
+        let pack = Pack::open(&packed(&f)).unwrap();
+        pack.verify().unwrap();
+        assert!(pack.has_tiles(0));
+        let tree = scene.tree(&BuildOptions::default());
+        let facts = |scene: &Scene| {
+            let facts = scene.tiles.as_ref().expect("tiles").facts().iter();
+            format!("{:?}", facts.map(|of| TileFacts { bytes: 0, ..of.clone() }).collect::<Vec<_>>())
+        };
+        let all = pack.scene(&f.options, 0).unwrap().tiles.unwrap().bytes();
+        for tiles in [None, options(1 << 30), options(all * 9 / 10)] {
+            let again = pack.scene(&LoadOptions { tiles, ..f.options.clone() }, 0).unwrap();
+            assert_eq!(facts(&again), facts(&scene));
+            assert_eq!((again.sizes(), again.primitives()), (scene.sizes(), scene.primitives()));
+            let own_tree = again.tree(&BuildOptions::default());
+            for (from, direction) in rays() {
+                let (from, direction) = (scene.to_local(from), direction.normalize());
+                let hit = |scene: &Scene, tree: &Tree| {
+                    let hit = scene.nearest_where(tree, from, direction, |_, _| true);
+                    hit.map(|hit| (hit.t.to_bits(), hit.primitive, scene.number_when_stored(hit.primitive)))
+                };
+                assert_eq!(hit(&again, &own_tree), hit(&scene, &tree));
+            }
+            again.tiles.as_ref().unwrap().check().unwrap();
+        }
+        if sharing == Sharing::Never {
+            let whole = LoadOptions { max_memory: Some(all), tiles: None, ..f.options.clone() };
+            let error = report(&pack.scene(&whole, 0).unwrap_err());
+            assert!(error.contains("with all tiles") && error.contains("--scene-memory"), "{error}");
+        }
+    }
+}
+
+#[test]
+fn a_packed_tile_that_is_damaged_is_told_with_its_file() {
+    let mut f = site();
+    f.options.tiles = options(1 << 30);
+    let path = packed(&f);
+    let scene = Pack::open(&path).unwrap().scene(&f.options, 0).unwrap();
+    // The arrays of tiles are in the middle of the file.
+    let mut bytes = std::fs::read(&path).unwrap();
+    let middle = bytes.len() / 4..bytes.len() / 2;
+    bytes[middle].fill(0x55);
+    std::fs::write(&path, bytes).unwrap();
+    let mut reader = TileReader::new(scene.tiles.as_ref().unwrap());
+    let damaged = (0..reader.facts().len()).filter_map(|tile| {
+        let is_read = reader.get(tile).is_some();
+        let error = reader.release().err().map(|error| report(&error));
+        assert_eq!(is_read, error.is_none());
+        error
+    });
+    let damaged: Vec<String> = damaged.collect();
+    assert!(!damaged.is_empty());
+    for error in damaged {
+        assert!(error.contains("site.vlscene") && error.contains("damaged"), "{error}");
+    }
+    assert!(Pack::open(&path).unwrap().verify().is_err());
+}
+
+#[test]
+fn tiles_are_counted_as_if_they_were_stored() {
+    let mut f = site();
+    let stored = f.load().unwrap().0;
+    for sharing in [Sharing::Never, Sharing::Always] {
+        f.options.sharing = sharing;
+        f.options.tiles = None;
+        let whole = Inventory::of(&f.load().unwrap().0);
+        f.options.tiles = options(1 << 30);
+        let scene = f.load().unwrap().0;
+        let all = Inventory::of(&scene);
+        assert_eq!(
+            (all.primitives(), &all.of_part, &all.of_material),
+            (whole.primitives(), &whole.of_part, &whole.of_material)
+        );
+        assert_eq!((all.bounds, all.slivers), (whole.bounds, whole.slivers));
+        assert_eq!(PartFacts::of_scene(&scene), PartFacts::of_scene(&stored));
+    }
+}
+
 #[test]
 fn numbers_are_those_of_the_stored_scene() {
     let mut f = site();
@@ -193,6 +286,21 @@ fn too_little_memory_for_one_place_is_told_with_what_it_needs() {
     assert!(
         error.contains("--scene-memory is 1.00 kB") && error.contains("give --scene-memory more than"),
         "{error}"
+    );
+}
+
+#[test]
+fn parts_that_stay_in_memory_are_told_where_they_are_large() {
+    let mut f = site();
+    f.options.tiles = options(1 << 30);
+    let told = |f: &Fixture| f.load().unwrap().1.render(false);
+    assert!(!told(&f).contains("--scene-memory"));
+    // The part that moves.
+    f.options.tiles = options(100);
+    let said = told(&f);
+    assert!(
+        said.contains("--scene-memory is 100 B, but parts that cannot be tiles") && said.contains("\"2\""),
+        "{said}"
     );
 }
 

@@ -54,6 +54,8 @@ impl From<Mesh> for SceneRecipe {
 pub struct PartRecipe {
     /// Explicit id, if any; otherwise parts are numbered.
     pub id: Option<String>,
+    /// Name of the object that it is, if its file names it; otherwise that of its geometry.
+    pub name: Option<String>,
     /// Running number of the part element in its scene, from 0 (a skipped part keeps its number).
     pub number: u32,
     /// Where its geometry comes from.
@@ -77,6 +79,7 @@ impl PartRecipe {
     pub fn new(loader: Loader) -> PartRecipe {
         PartRecipe {
             id: None,
+            name: None,
             number: 0,
             loader,
             changes: MaterialChanges::default(),

@@ -1,13 +1,20 @@
 //! Point clouds in memory, and waveforms of single pulses, from files of all formats that are read.
 //!
-//! A point takes at most 46 bytes of memory.
+//! A point takes at most 46 bytes of memory. [`cloud_facts`] describes a cloud without keeping its points.
 //!
 //! | file | what it does |
 //! |---|---|
 //! | `points` | the points |
 //! | `read` | reads files and tables of points |
 //! | `wave`, `read_packets` | waveforms from text and from LAS |
+//! | `facts`, `facts_text` | what a cloud is, in bounded memory; as text and as JSON |
+//! | `occupancy` | the area that points cover |
+//! | `classes` | names of point classes |
 
+mod classes;
+mod facts;
+mod facts_text;
+mod occupancy;
 mod points;
 mod read;
 mod read_packets;
@@ -15,6 +22,9 @@ mod read_packets;
 mod table_tests;
 mod wave;
 
+pub(crate) use classes::NOISE;
+pub use classes::class_name;
+pub use facts::{CloudFacts, LineFacts, Span, cloud_facts};
 pub use points::Points;
 pub use read::{points_of_table, read_points};
 pub use read_packets::read_packet;

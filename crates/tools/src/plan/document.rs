@@ -49,6 +49,8 @@ pub struct PlannedSurvey {
     pub warnings: Vec<String>,
     /// Reference to the scene, if it is known.
     pub scene: Option<String>,
+    /// System of the coordinates, if it is stated besides the scene's: an EPSG code or WKT.
+    pub crs: Option<String>,
     /// Reference to the platform.
     pub platform: String,
     /// The mount of the scanner, if it is not the platform's.
@@ -92,6 +94,9 @@ impl PlannedSurvey {
             None => {
                 line(format_args!("# scene = \"scene.xml\"         # what is scanned; or vlscan run --scene"))
             }
+        }
+        if let Some(crs) = &self.crs {
+            line(format_args!("crs = {}", quoted(crs)));
         }
         line(format_args!("\n[platform]\ncatalogue = {}", quoted(&self.platform)));
         if let Some(Turned { offset, turns }) = &self.turned {

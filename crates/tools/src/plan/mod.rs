@@ -16,6 +16,7 @@
 //! | `terrestrial` | positions of a tripod on a grid or around a plot |
 //! | `mobile` | a vehicle along a line |
 //! | `document` | the pipeline file |
+//! | `lines` | lines and positions as GeoJSON, KML and CSV |
 //! | `request` | what a survey is planned from |
 
 #![allow(
@@ -33,6 +34,7 @@ mod flown;
 mod geometries;
 mod height;
 mod line;
+mod lines;
 mod mobile;
 mod reach;
 mod report;
@@ -49,6 +51,7 @@ pub use beams::QuarterTurns;
 pub use document::{PlannedSurvey, Promise, Turned, Waypoint};
 pub use flown::{Flown, fly_sample};
 pub use height::PlanGround;
+pub use lines::{LineFormat, plan_lines};
 pub use mobile::{MobileOptions, plan_mobile};
 pub use reach::{Reach, Seen};
 pub use request::{AirborneRequest, AreaSource, MobileRequest, PlanRequest, PlanSetup, TerrestrialRequest};

@@ -90,6 +90,13 @@ pub struct PlanSetup {
     /// Folder to look for files in; may be given more than once.
     #[arg(long, value_name = "DIR")]
     pub assets: Vec<PathBuf>,
+    /// Coordinate reference system of the plan's coordinates if no file of its scene names it: EPSG:25832, WKT, or a file with either.
+    #[arg(long, value_name = "CRS")]
+    pub crs: Option<String>,
+    /// Also write the flight lines, the drive or the positions as .geojson, .kml (both in longitude and latitude) or .csv (in the plan's
+    /// coordinates, too); may be given more than once.
+    #[arg(long, value_name = "FILE")]
+    pub lines: Vec<PathBuf>,
     /// The pipeline file. [default: stdout]
     #[arg(short = 'o', long, value_name = "PATH")]
     pub out: Option<PathBuf>,

@@ -353,37 +353,37 @@ fn inner_range(values: impl Iterator<Item = f32> + Clone) -> (f32, f32) {
     (low + below as f32 * step, high - above as f32 * step)
 }
 
-/// Point classes with their names (LAS 1.4) and colours: bare ground like sand, trunks (4) brown, leaves (5) green.
-const CLASSES: [(usize, &str, Rgb); 18] = [
-    (0, "no class", [150, 158, 166]),
-    (1, "unclassified", [150, 158, 166]),
-    (2, "ground", [198, 178, 142]),
-    (3, "low vegetation", [166, 204, 98]),
-    (4, "mid vegetation", [142, 88, 48]),
-    (5, "high vegetation", [66, 160, 84]),
-    (6, "building", [222, 100, 78]),
-    (7, "low noise", [220, 60, 160]),
-    (8, "key point", [214, 196, 120]),
-    (9, "water", [70, 130, 214]),
-    (10, "rail", [132, 126, 140]),
-    (11, "road", [132, 126, 140]),
-    (13, "wire guard", [240, 220, 110]),
-    (14, "conductor", [240, 220, 110]),
-    (15, "tower", [240, 220, 110]),
-    (16, "connector", [240, 220, 110]),
-    (17, "bridge", [180, 150, 190]),
-    (18, "high noise", [220, 60, 160]),
+/// Colours of point classes: bare ground like sand, trunks (4) brown, leaves (5) green.
+const CLASSES: [(usize, Rgb); 18] = [
+    (0, [150, 158, 166]),
+    (1, [150, 158, 166]),
+    (2, [198, 178, 142]),
+    (3, [166, 204, 98]),
+    (4, [142, 88, 48]),
+    (5, [66, 160, 84]),
+    (6, [222, 100, 78]),
+    (7, [220, 60, 160]),
+    (8, [214, 196, 120]),
+    (9, [70, 130, 214]),
+    (10, [132, 126, 140]),
+    (11, [132, 126, 140]),
+    (13, [240, 220, 110]),
+    (14, [240, 220, 110]),
+    (15, [240, 220, 110]),
+    (16, [240, 220, 110]),
+    (17, [180, 150, 190]),
+    (18, [220, 60, 160]),
 ];
 
 fn class_colour(class: usize) -> Rgb {
-    let known = CLASSES.iter().find(|(code, ..)| *code == class);
-    known.map_or_else(|| object_colour(class), |(.., colour)| *colour)
+    let known = CLASSES.iter().find(|(code, _)| *code == class);
+    known.map_or_else(|| object_colour(class), |(_, colour)| *colour)
 }
 
 /// Name of a point class.
 fn class_name(class: usize) -> String {
-    let known = CLASSES.iter().find(|(code, ..)| *code == class);
-    known.map_or_else(|| format!("class {class}"), |(_, name, _)| format!("{class} {name}"))
+    let known = u8::try_from(class).ok().and_then(crate::cloud::class_name);
+    known.map_or_else(|| format!("class {class}"), |name| format!("{class} {name}"))
 }
 
 /// Colour of an object. Distinct colours of equal lightness for any number of objects: hues a golden angle apart in the

@@ -14,7 +14,6 @@ pub struct HeightGrid {
     /// Number of rows.
     pub rows: usize,
     /// Column and row of the first vertex in the grid that this one is a part of; `origin` is that of the complete grid.
-    #[cfg_attr(feature = "serde", serde(skip))]
     pub first: [usize; 2],
     /// x and y of the first vertex of the complete grid, m.
     pub origin: [f64; 2],

@@ -50,6 +50,8 @@ struct Level {
     bits: [u32; 3],
     /// Binary logarithms of the sides of children, in cells.
     logs: [u32; 3],
+    /// The place of the child in each lane along each axis, in sides of children from the first.
+    places: [[f32; CHILDREN]; 3],
     /// The children that have voxels, by node.
     masks: Vec<u16>,
     /// Index of each node's first child in the level below; empty for bricks, whose children are rows.
@@ -81,6 +83,12 @@ impl Children<'_> {
     #[inline(always)]
     pub fn logs(&self, axis: usize) -> (u32, u32) {
         (self.level.logs[axis], self.level.bits[axis])
+    }
+
+    /// The place of the child in each lane along an axis, in sides of children from the first.
+    #[inline(always)]
+    pub fn places(&self, axis: usize) -> &[f32; CHILDREN] {
+        &self.level.places[axis]
     }
 
     /// The child in a lane of the mask.
@@ -122,7 +130,9 @@ impl Hierarchy {
             masks.extend(bricks);
             nodes.extend(above.into_iter().map(|node| Built { first: before + node.first, ..node }));
         }
-        let bricks = Level { bits: [2, 2, 0], logs: [0, 0, BRICK_LOGS[2]], masks, firsts: Vec::new() };
+        let (of_bricks, logs) = ([2, 2, 0], [0, 0, BRICK_LOGS[2]]);
+        let places = places_of(of_bricks);
+        let bricks = Level { bits: of_bricks, logs, places, masks, firsts: Vec::new() };
         let mut levels = vec![bricks];
         let (mut bits, mut logs) = ([2, 2, 0], BRICK_LOGS);
         loop {
@@ -132,6 +142,7 @@ impl Hierarchy {
             levels.push(Level {
                 bits,
                 logs,
+                places: places_of(bits),
                 masks: nodes.iter().map(|node| node.mask).collect(),
                 firsts: nodes.iter().map(|node| node.first).collect(),
             });
@@ -178,6 +189,12 @@ fn parent(node: &Built, bits: [u32; 3]) -> [u32; 3] {
 fn lane(node: &Built, bits: [u32; 3]) -> u32 {
     let within = |axis: usize| node.at[axis] & ((1 << bits[axis]) - 1);
     (within(0) << bits[1] | within(1)) << bits[2] | within(2)
+}
+
+/// The place of the child in each lane along each axis of a node with so many children (binary logarithms).
+fn places_of(bits: [u32; 3]) -> [[f32; CHILDREN]; 3] {
+    let below = [bits[1] + bits[2], bits[2], 0];
+    [0, 1, 2].map(|axis| std::array::from_fn(|lane| (lane >> below[axis] & ((1 << bits[axis]) - 1)) as f32))
 }
 
 /// How often each side of the nodes of a level, with these logarithms, is doubled in the level above: the shortest one four times,

@@ -115,20 +115,17 @@ impl<'a> GridView<'a> {
     pub fn children(&self, node: GridNode) -> BoxedChildren<'a> {
         let children = self.grid.hierarchy.children(node);
         let (mut lower, mut upper) = ([[0.0; BLOCK_SIZE]; 3], [[0.0; BLOCK_SIZE]; 3]);
-        let mut below = 0;
-        for axis in [2, 1, 0] {
-            let (log, bits) = children.logs(axis);
+        for axis in [0, 1, 2] {
+            let (log, _) = children.logs(axis);
             let (cells, base) = (f64::from(1u32 << log), f64::from(node.base[axis]));
             let low = (self.lower[axis] + base * self.step) as f32;
             let high = (self.upper[axis] + (base + (cells - 1.0)) * self.step) as f32;
             let side = (cells * self.step) as f32;
             let [lower, upper] = [&mut lower[self.axes[axis]], &mut upper[self.axes[axis]]];
-            for lane in 0..BLOCK_SIZE {
-                let by = (lane as i32 >> below & ((1 << bits) - 1)) as f32 * side;
-                lower[lane] = low + by;
-                upper[lane] = high + by;
+            for (lane, place) in children.places(axis).iter().enumerate() {
+                lower[lane] = low + place * side;
+                upper[lane] = high + place * side;
             }
-            below += bits;
         }
         BoxedChildren { children, lower, upper }
     }

@@ -28,6 +28,28 @@ pub struct Header {
     raw: raw::Header,
 }
 
+/// What the header of a file states about all its points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LasFacts {
+    /// Major and minor version of LAS.
+    pub version: (u8, u8),
+    /// Point format, 0 to 10.
+    pub point_format: u8,
+    /// Whether points are compressed (LAZ).
+    pub is_compressed: bool,
+    /// Whether chunks are the nodes of an octree (COPC).
+    pub is_copc: bool,
+    /// Whether times are adjusted standard GPS time (seconds since 6 January 1980, less 10⁹); otherwise they are seconds of the GPS
+    /// week.
+    pub has_adjusted_times: bool,
+    /// Steps of the coordinates, in the unit of the file.
+    pub scale: DVec3,
+    /// The system that made the points, as the file names it.
+    pub system: String,
+    /// The program that wrote the file, as the file names it.
+    pub software: String,
+}
+
 /// Little-endian numbers in the bytes of a file.
 #[derive(Clone, Copy)]
 pub(super) struct Fields<'a>(pub &'a [u8]);
@@ -127,6 +149,23 @@ impl Header {
         Ok(found)
     }
 
+    pub(super) fn facts(&self, is_copc: bool) -> LasFacts {
+        let text = |bytes: &[u8]| {
+            let bytes = bytes.split(|b| *b == 0).next().unwrap_or_default();
+            String::from_utf8_lossy(bytes).trim().to_owned()
+        };
+        LasFacts {
+            version: (self.raw.version.major, self.raw.version.minor),
+            point_format: self.format,
+            is_compressed: self.is_compressed,
+            is_copc,
+            has_adjusted_times: self.raw.global_encoding & 1 != 0,
+            scale: self.scale(),
+            system: text(&self.raw.system_identifier),
+            software: text(&self.raw.generating_software),
+        }
+    }
+
     /// Whether the coordinate reference system is stated as WKT, by a bit of the global encoding.
     pub(super) fn states_wkt(&self) -> bool {
         self.raw.global_encoding & 0x10 != 0
@@ -153,10 +192,14 @@ impl Header {
         if self.fields.is_extended { record[16] } else { record[15] & 0x1f }
     }
 
-    /// Point source id: by convention of this program the number of the leg plus one.
-    pub(super) fn source_id(&self, record: &[u8]) -> u16 {
+    pub(super) fn point_source(&self, record: &[u8]) -> u16 {
         let at = if self.fields.is_extended { 20 } else { 18 };
-        u16::from_le_bytes([record[at], record[at + 1]]).saturating_sub(1)
+        u16::from_le_bytes([record[at], record[at + 1]])
+    }
+
+    /// The number of the leg: by convention of this program the point source id less one.
+    pub(super) fn source_id(&self, record: &[u8]) -> u16 {
+        self.point_source(record).saturating_sub(1)
     }
 
     pub(super) fn channel(&self, record: &[u8]) -> u16 {

@@ -15,9 +15,9 @@ mod tests;
 mod units;
 
 pub use extra::ExtraDimension;
-pub use header::Header;
+pub use header::{Header, LasFacts};
 
-use crate::{Attribute, AttributeSet, Columns, Misfits, PointRow, Reading};
+use crate::{Attribute, AttributeSet, CloudFormat, Columns, FileFacts, Misfits, PointRow, Reading};
 use compressed::{Compressed, without_panic};
 use header::Fields;
 use std::io::ErrorKind;
@@ -174,6 +174,9 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
     units.note.iter().for_each(|note| reading.note(note.as_str()));
     units.warnings.iter().for_each(|warning| reading.warn(warning.as_str()));
     reader.check_count(reading);
+    let is_copc = reader.variable_record("copc", 1)?.is_some();
+    let las = Some(reader.header.facts(is_copc));
+    reading.sink.file(&FileFacts { format: CloudFormat::Las, las });
     let format = reader.header.format;
     reading.sink.start(AttributeSet::of(|attribute| match attribute {
         Attribute::NormalX | Attribute::NormalY | Attribute::NormalZ => false,
@@ -217,6 +220,7 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
                 number_of_returns: header.number_of_returns(record),
                 scan_angle: header.scan_angle(record),
                 leg: header.source_id(record),
+                point_source: header.point_source(record),
                 channel: number(Attribute::Channel, shown.device).map_or(header.channel(record), |v| v as u16),
                 time,
                 object: number(Attribute::Object, shown.object).map_or(0, |v| v as i64),

@@ -49,8 +49,13 @@ impl CloudGrid {
 
     /// The set of cells that contains `p`.
     pub fn shard_of(&self, p: DVec3) -> usize {
+        self.shard_of_cell(self.cell_of(p))
+    }
+
+    /// The set of cells that contains a cell.
+    pub fn shard_of_cell(&self, cell: Cell) -> usize {
         let mut hasher = CellHasher::default();
-        std::hash::Hash::hash(&self.cell_of(p), &mut hasher);
+        std::hash::Hash::hash(&cell, &mut hasher);
         (hasher.finish() >> 57) as usize % SHARDS
     }
 
@@ -86,24 +91,72 @@ pub(super) enum NormalRule {
     Plane,
 }
 
-/// Sums over the points of a cell; 136 bytes.
+/// What is kept of the points of a cell.
+pub(super) trait CellSums: Copy + Send + Sync {
+    /// That of no points.
+    const NOTHING: Self;
+
+    /// Adds a point to those of the cell with this centre.
+    fn add(&mut self, centre: DVec3, point: &PointRow, rule: NormalRule);
+
+    /// Number of points.
+    fn count(&self) -> u32;
+
+    /// The class of most points.
+    fn class(&self) -> u8;
+
+    /// The cell's unit normal, if it can be derived from its points.
+    fn normal(&self, rule: NormalRule) -> Option<DVec3>;
+}
+
+/// The class of more than half of the points, if there is one (Boyer and Moore's majority vote), and its lead.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Votes {
+    class: u8,
+    lead: u32,
+}
+
+impl CellSums for Votes {
+    const NOTHING: Votes = Votes { class: 0, lead: 0 };
+
+    fn add(&mut self, _: DVec3, point: &PointRow, _: NormalRule) {
+        match (self.lead, self.class == point.class) {
+            (0, _) => (self.class, self.lead) = (point.class, 1),
+            (_, true) => self.lead = self.lead.saturating_add(1),
+            (_, false) => self.lead -= 1,
+        }
+    }
+
+    /// Not counted: at least one.
+    fn count(&self) -> u32 {
+        1
+    }
+
+    fn class(&self) -> u8 {
+        self.class
+    }
+
+    fn normal(&self, _: NormalRule) -> Option<DVec3> {
+        None
+    }
+}
+
+/// Sums over the points of a cell of a cloud with normals; 136 bytes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sums {
-    pub count: u32,
+    count: u32,
     /// Sum of the points relative to the centre (plane) or of the normals.
     first: DVec3,
     /// Sum of products of coordinates relative to the centre (plane); squared distance of the nearest point.
     second: Moments,
     /// Box around the points relative to the centre (plane).
     extent: Aabb,
-    /// The class of more than half of the points, if there is one (Boyer and Moore's majority vote), and its lead.
-    pub class: u8,
-    lead: u32,
+    votes: Votes,
 }
 
-impl Sums {
+impl CellSums for Sums {
     const NOTHING: Sums =
-        Sums { count: 0, first: DVec3::ZERO, second: [0.0; 6], extent: Aabb::EMPTY, class: 0, lead: 0 };
+        Sums { count: 0, first: DVec3::ZERO, second: [0.0; 6], extent: Aabb::EMPTY, votes: Votes::NOTHING };
 
     fn add(&mut self, centre: DVec3, point: &PointRow, rule: NormalRule) {
         let d = point.position - centre;
@@ -123,23 +176,28 @@ impl Sums {
             }
             (_, None) => {}
         }
-        match (self.lead, self.class == point.class) {
-            (0, _) => (self.class, self.lead) = (point.class, 1),
-            (_, true) => self.lead = self.lead.saturating_add(1),
-            (_, false) => self.lead -= 1,
-        }
+        self.votes.add(centre, point, rule);
         self.count = self.count.saturating_add(1);
     }
 
-    /// The cell's unit normal, if it can be derived from its points.
-    pub fn normal(&self, rule: NormalRule) -> Option<DVec3> {
+    fn count(&self) -> u32 {
+        self.count
+    }
+
+    fn class(&self) -> u8 {
+        self.votes.class
+    }
+
+    fn normal(&self, rule: NormalRule) -> Option<DVec3> {
         let normal = match rule {
             NormalRule::Mean | NormalRule::Nearest => unit(self.first),
             NormalRule::Plane => least_direction(self.moments_about(self.extent.centre())),
         };
         normal.is_finite().then_some(normal)
     }
+}
 
+impl Sums {
     /// Σ(d−m)(d−m)ᵀ from Σd and Σddᵀ.
     fn moments_about(&self, m: DVec3) -> Moments {
         let (n, s) = (f64::from(self.count), self.first);
@@ -150,9 +208,6 @@ impl Sums {
         moments
     }
 }
-
-/// Bytes of a cell in its table.
-const CELL_BYTES: usize = size_of::<(Cell, Sums)>() + 1;
 
 /// The memory that the tables of all sets can have together.
 pub(super) struct Budget {
@@ -181,22 +236,36 @@ impl Budget {
 }
 
 /// One set of occupied cells.
-#[derive(Default)]
-pub(super) struct Cells(HashMap<Cell, Sums, BuildHasherDefault<CellHasher>>);
+pub(super) struct Cells<S>(HashMap<Cell, S, BuildHasherDefault<CellHasher>>);
 
-impl Cells {
-    /// Adds a point to its cell; `false` if the budget does not allow a larger table.
-    pub fn add(&mut self, grid: &CloudGrid, point: &PointRow, rule: NormalRule, budget: &Budget) -> bool {
-        let cell = grid.cell_of(point.position);
+impl<S> Default for Cells<S> {
+    fn default() -> Cells<S> {
+        Cells(HashMap::default())
+    }
+}
+
+impl<S: CellSums> Cells<S> {
+    /// Bytes of a cell in its table.
+    const CELL_BYTES: usize = size_of::<(Cell, S)>() + 1;
+
+    /// Adds a point to a cell with this centre; `false` if the budget does not allow a larger table.
+    pub fn add(
+        &mut self,
+        cell: Cell,
+        centre: DVec3,
+        point: &PointRow,
+        rule: NormalRule,
+        budget: &Budget,
+    ) -> bool {
         if self.0.len() == self.0.capacity() && !self.0.contains_key(&cell) {
             let before = self.0.capacity();
             // The table is copied into one of twice its size.
-            if !budget.take(CELL_BYTES * (2 * before).max(4)) || self.0.try_reserve(1).is_err() {
+            if !budget.take(Self::CELL_BYTES * (2 * before).max(4)) || self.0.try_reserve(1).is_err() {
                 return false;
             }
-            budget.give_back(CELL_BYTES * before);
+            budget.give_back(Self::CELL_BYTES * before);
         }
-        self.0.entry(cell).or_insert(Sums::NOTHING).add(grid.centre(cell), point, rule);
+        self.0.entry(cell).or_insert(S::NOTHING).add(centre, point, rule);
         true
     }
 
@@ -204,9 +273,37 @@ impl Cells {
         self.0.len()
     }
 
+    /// Bytes of the table with up to so many more cells.
+    pub fn bytes_with(&self, more: usize) -> usize {
+        Self::bytes_of((self.0.len() + more).max(self.0.capacity().saturating_sub(1)))
+    }
+
+    /// Bytes of a table of so many cells: with a power of two of places, seven eighths of which are filled.
+    pub fn bytes_of(cells: usize) -> usize {
+        Self::CELL_BYTES * (cells * 8 / 7 + 1).next_power_of_two()
+    }
+
     /// The cells in arbitrary order.
-    pub fn into_iter(self) -> impl Iterator<Item = (Cell, Sums)> {
-        self.0.into_iter()
+    pub fn iter(&self) -> impl Iterator<Item = Cell> {
+        self.0.keys().copied()
+    }
+
+    pub fn get(&self, cell: Cell) -> Option<&S> {
+        self.0.get(&cell)
+    }
+
+    /// Removes the other cells; the table keeps its size.
+    pub fn retain(&mut self, is_kept: impl Fn(Cell) -> bool) {
+        // Places of single cells that are removed would stay taken, and the table would grow for others.
+        let kept = self.0.iter().filter(|(cell, _)| is_kept(**cell)).map(|(cell, sums)| (*cell, *sums));
+        let kept: Vec<(Cell, S)> = kept.collect();
+        self.0.clear();
+        self.0.extend(kept);
+    }
+
+    /// Removes all cells; the table keeps its size.
+    pub fn clear(&mut self) {
+        self.0.clear();
     }
 }
 

@@ -1,8 +1,9 @@
 //! Point clouds as cubes (spec input-formats §4.4), from text and, beyond the reference, from every format of points. The
 //! file is read twice, once for its extent and once into the cells of the grid, so that memory grows with the number of
-//! occupied cells instead of the number of points.
+//! occupied cells instead of the number of points. Very many cells are found in several readings, some at a time.
 
 mod cells;
+mod sorter;
 #[cfg(test)]
 mod tests;
 mod text;
@@ -12,18 +13,19 @@ use crate::grid_voxels::GridSurfaces;
 use crate::load::voxel_store::VoxelStore;
 use crate::text::{Problems, Source, cut_into_pieces};
 use crate::voxel::Voxel;
-use cells::{Budget, Cell, Cells, CloudGrid, NormalRule, SHARDS};
+use cells::{CellSums, CloudGrid, NormalRule, Sums, Votes};
 use rayon::prelude::*;
+use sorter::Sorter;
 use std::ops::{ControlFlow, Range};
 use text::RowFormat;
 use vlscan_base::diag::{Diagnostics, Place};
-use vlscan_base::error::{Error, Result};
+use vlscan_base::error::Result;
 use vlscan_formats::{AttributeSet, CloudFormat, PointFile, PointRow, PointSink, Selection};
 use vlscan_geom::{Aabb, DVec3, direction, rescaled};
 use vlscan_survey::XyzLoader;
 
 /// Bytes of text read by one task.
-const PIECE_BYTES: usize = 1 << 20;
+const PIECE_BYTES: usize = if cfg!(test) { 1 << 10 } else { 1 << 20 };
 
 /// Minimum number of points to which a plane is fitted.
 const MIN_PLANE_POINTS: u32 = 3;
@@ -54,7 +56,8 @@ pub(crate) fn load(
         false => Some(Cloud::File(file)),
     };
     let Some(cloud) = cloud else { return Ok(()) };
-    let Some(extent) = cloud.extent(source, &settings, &mut scene.diagnostics)? else { return Ok(()) };
+    let seen = cloud.look_at(source, &settings, &mut scene.diagnostics)?;
+    let Some((extent, has_normals)) = seen else { return Ok(()) };
     if extent.is_empty() {
         report_empty(source, is_text, &mut scene.diagnostics);
         return Ok(());
@@ -69,19 +72,71 @@ pub(crate) fn load(
         scene.diagnostics.error(part.place.cloned(), message);
         return Ok(());
     };
-    let budget = Budget::new(scene.free_memory().try_into().unwrap_or(usize::MAX));
-    let mut sorter = Sorter { grid: &grid, settings: &settings, shards: Default::default(), budget };
-    let mut failure = Ok(());
-    // What there is to say was said when the extent was looked for.
-    cloud.each_batch(source, &mut Diagnostics::default(), |batches| {
-        failure = sorter.sort(scene, source, batches);
-        failure.is_ok()
-    })?;
-    failure?;
-    let shards = sorter.shards;
-    let cells: usize = shards.iter().map(Cells::len).sum();
-    scene.check_memory(memory_of(0, 0, cells).max((cells * size_of::<Filled>()) as u64), source.path())?;
-    append_voxels(scene, part, &settings, (&grid, keeps_grid), shards, materials)
+    let voxels = Voxels { cloud: &cloud, source, settings: &settings, grid: &grid, keeps_grid, materials };
+    match settings.rule == NormalRule::Plane || has_normals {
+        true => voxels.load::<Sums>(scene, part),
+        false => voxels.load::<Votes>(scene, part),
+    }
+}
+
+/// The voxels of a point file.
+struct Voxels<'a> {
+    cloud: &'a Cloud<'a>,
+    source: &'a Source,
+    settings: &'a Settings,
+    grid: &'a CloudGrid,
+    keeps_grid: bool,
+    materials: &'a [u32],
+}
+
+impl Voxels<'_> {
+    /// Appends them to the scene.
+    fn load<S: CellSums>(&self, scene: &mut SceneBuilder, part: &PartSource) -> Result<()> {
+        let mut store = VoxelStore::new(self.grid.place(), self.grid.counts(), self.keeps_grid);
+        let mut classes = Vec::new();
+        let mut sorter = Sorter::<S>::new(self.grid, self.settings, scene.free_memory());
+        loop {
+            let mut failure = Ok(());
+            // What there is to say was said when the extent was looked for.
+            self.cloud.each_batch(self.source, &mut Diagnostics::default(), |batches| {
+                failure = scene.options.check_stop().and_then(|()| sorter.sort(scene, self.source, batches));
+                failure.is_ok()
+            })?;
+            failure?;
+            let cells = sorter.take_order();
+            store.reserve(scene, cells.len(), self.source.path())?;
+            for cell in cells {
+                let Some(sums) = sorter.get(cell) else { continue };
+                let normal = match self.settings.rule {
+                    NormalRule::Plane if sums.count() < MIN_PLANE_POINTS => {
+                        match self.settings.default_normal {
+                            Some(normal) => Some(normal),
+                            None => continue,
+                        }
+                    }
+                    rule => sums.normal(rule).or(self.settings.default_normal),
+                };
+                store.push(scene, cell, &Voxel::of_points(normal));
+                classes.push(sums.class());
+            }
+            if !sorter.go_on() {
+                break;
+            }
+        }
+        if !self.keeps_grid || classes.len() < scene.options.min_grid_voxels {
+            scene.check_memory(memory_of(0, 0, classes.len()), self.source.path())?;
+        }
+        let surfaces = if self.settings.has_material || classes.iter().all(|class| *class == 0) {
+            scene.surfaces_in_turn(part.index, self.materials)
+        } else {
+            let surfaces = classes.iter().zip(self.materials.iter().cycle()).map(|(class, material)| {
+                let material = scene.library.of_class(*material, *class);
+                scene.surface(part.index, material)
+            });
+            GridSurfaces::Each(surfaces.collect())
+        };
+        store.finish(scene, surfaces)
+    }
 }
 
 /// A point file in one of the formats, recognised by its first bytes instead of its name.
@@ -116,19 +171,22 @@ impl<'s> Cloud<'s> {
         format.filter(|_| !is_wrong).map(|format| Cloud::Text { pieces, format: Box::new(format) })
     }
 
-    /// The box around all points; `None` after an error. Says what there is to say of the points.
-    fn extent(
+    /// The box around all points, and whether any of them has a normal; `None` after an error. Says what there is to say of the
+    /// points.
+    fn look_at(
         &self,
         source: &Source,
         settings: &Settings,
         diagnostics: &mut Diagnostics,
-    ) -> Result<Option<Aabb>> {
+    ) -> Result<Option<(Aabb, bool)>> {
         let (mut extent, mut passed, mut wrong) = (Aabb::EMPTY, 0, None);
-        let mut without_normal = 0;
+        let (mut without_normal, mut has_normals) = (0, false);
         let mut found = Diagnostics::default();
         self.each_batch(source, &mut found, |batches| {
             let seen: Vec<_> = batches.par_iter().map(|batch| settings.look_at(batch)).collect();
-            for ((own, lacking, first_wrong), batch) in seen.into_iter().zip(batches) {
+            for (own, batch) in seen.into_iter().zip(batches) {
+                let Seen { extent: own, without_normal: lacking, has_normals: has, first_wrong } = own;
+                has_normals |= has;
                 extent = extent.union(own);
                 without_normal += lacking;
                 wrong = wrong.or(first_wrong.map(|number| (passed + number, batch[number].position)));
@@ -148,7 +206,7 @@ impl<'s> Cloud<'s> {
         }
         let is_wrong = found.is_fatal(false);
         diagnostics.extend(found);
-        Ok((!is_wrong).then_some(extent))
+        Ok((!is_wrong).then_some((extent, has_normals)))
     }
 
     /// Passes batches of points to `take`, in the order of the file, as long as it returns true. What is wrong with them goes to
@@ -162,6 +220,16 @@ impl<'s> Cloud<'s> {
         let (pieces, format) = match self {
             Cloud::Text { pieces, format } => (pieces, format),
             Cloud::File(file) => {
+                let (all, mut points) = (0..source.bytes().len(), 0);
+                let take = |batches: &[Vec<PointRow>]| {
+                    points += batches.iter().map(Vec::len).sum::<usize>();
+                    if points >= RELEASED_POINTS {
+                        // Where in the file they are is not known.
+                        source.release(all.clone());
+                        points = 0;
+                    }
+                    take(batches)
+                };
                 let mut batches = Batches { take, batches: vec![Vec::new()], is_ended: false };
                 file.read(Selection::PositionAndClass, &mut batches, found)?;
                 if !batches.is_ended {
@@ -184,6 +252,9 @@ impl<'s> Cloud<'s> {
                 problems.append(found, passed, piece.start);
                 passed += lines;
                 batches.push(points);
+            }
+            if let (Some(first), Some(last)) = (wave.first(), wave.last()) {
+                source.release(first.start..last.end);
             }
             if !take(&batches) {
                 return Ok(());
@@ -210,7 +281,10 @@ fn report_empty(source: &Source, is_text: bool, diagnostics: &mut Diagnostics) {
 }
 
 /// Number of points of a batch, which one task sorts.
-const BATCH_POINTS: usize = 1 << 16;
+const BATCH_POINTS: usize = if cfg!(test) { 1 << 8 } else { 1 << 16 };
+
+/// Points after which the memory of a mapped file is released.
+const RELEASED_POINTS: usize = 1 << 21;
 
 /// Collects points to as many batches as there are threads.
 struct Batches<F> {
@@ -273,63 +347,30 @@ impl Settings {
     }
 }
 
-/// Sorts points into cells. Each cell receives its points in the order of the file for any number of threads.
-struct Sorter<'a> {
-    grid: &'a CloudGrid,
-    settings: &'a Settings,
-    shards: [Cells; SHARDS],
-    budget: Budget,
-}
-
-impl Sorter<'_> {
-    fn sort(&mut self, scene: &SceneBuilder, source: &Source, batches: &[Vec<PointRow>]) -> Result<()> {
-        let sorted: Vec<_> = batches
-            .par_iter()
-            .map(|batch| {
-                let mut sorted: [Vec<PointRow>; SHARDS] = Default::default();
-                batch.iter().for_each(|p| self.put(*p, &mut sorted));
-                sorted
-            })
-            .collect();
-        self.add(scene, source, &sorted)
-    }
-
-    fn put(&self, point: PointRow, sorted: &mut [Vec<PointRow>; SHARDS]) {
-        if let Some(point) = self.settings.usable(point) {
-            sorted[self.grid.shard_of(point.position)].push(point);
-        }
-    }
-
-    fn add(
-        &mut self,
-        scene: &SceneBuilder,
-        source: &Source,
-        sorted: &[[Vec<PointRow>; SHARDS]],
-    ) -> Result<()> {
-        let (grid, rule) = (self.grid, self.settings.rule);
-        let budget = &self.budget;
-        let has_room = self.shards.par_iter_mut().enumerate().all(|(shard, cells)| {
-            sorted.iter().flat_map(|batch| &batch[shard]).all(|p| cells.add(grid, p, rule, budget))
-        });
-        if has_room {
-            return Ok(());
-        }
-        scene.check_memory(budget.taken() as u64, source.path())?;
-        Err(Error::io("load", source.path(), std::io::ErrorKind::OutOfMemory.into()))
-    }
+/// What is to be known of some points.
+struct Seen {
+    /// The box around them.
+    extent: Aabb,
+    /// Number of those without a usable normal.
+    without_normal: u64,
+    has_normals: bool,
+    /// Number of the first one that is too far away.
+    first_wrong: Option<usize>,
 }
 
 impl Settings {
-    /// The box around points, the number of those without a usable normal, and the first one that is too far away.
-    fn look_at(&self, points: &[PointRow]) -> (Aabb, u64, Option<usize>) {
-        let (mut extent, mut without_normal) = (Aabb::EMPTY, 0);
+    /// What is to be known of points before they are sorted.
+    fn look_at(&self, points: &[PointRow]) -> Seen {
+        let mut seen = Seen { extent: Aabb::EMPTY, without_normal: 0, has_normals: false, first_wrong: None };
         for point in points {
-            extent = extent.with(point.position);
-            without_normal += u64::from(!self.has_usable_normal(point));
+            seen.extent = seen.extent.with(point.position);
+            seen.without_normal += u64::from(!self.has_usable_normal(point));
+            seen.has_normals |= point.normal.is_some();
         }
         // Also false for NaN.
         let is_near = |p: DVec3| p.is_finite() && p.abs().max_element() <= MAX_COORDINATE;
-        (extent, without_normal, points.iter().position(|point| !is_near(point.position)))
+        seen.first_wrong = points.iter().position(|point| !is_near(point.position));
+        seen
     }
 
     /// Whether a point has no normal, or one of a direction; normals that are not looked at are usable.
@@ -354,41 +395,4 @@ impl Settings {
                 .help("`defaultNormal` of its loader gives such points a normal");
         }
     }
-}
-
-/// Sort key of a cell, the cell, its attributes, and the class of its points.
-type Filled = (u128, Cell, Voxel, u8);
-
-fn append_voxels(
-    scene: &mut SceneBuilder,
-    part: &PartSource,
-    settings: &Settings,
-    (grid, keeps_grid): (&CloudGrid, bool),
-    shards: [Cells; SHARDS],
-    materials: &[u32],
-) -> Result<()> {
-    let mut cells: Vec<Filled> = shards
-        .into_par_iter()
-        .flat_map_iter(|shard| shard.into_iter())
-        .filter_map(|(cell, sums)| {
-            let normal = match settings.rule {
-                NormalRule::Plane if sums.count < MIN_PLANE_POINTS => Some(settings.default_normal?),
-                _ => sums.normal(settings.rule).or(settings.default_normal),
-            };
-            Some((grid.order(cell), cell, Voxel::of_points(normal), sums.class))
-        })
-        .collect();
-    cells.par_sort_unstable_by_key(|c| c.0);
-    let mut store = VoxelStore::new(grid.place(), grid.counts(), keeps_grid);
-    cells.iter().for_each(|(_, cell, voxel, _)| store.push(scene, *cell, voxel));
-    let surfaces = if settings.has_material || cells.iter().all(|c| c.3 == 0) {
-        scene.surfaces_in_turn(part.index, materials)
-    } else {
-        let surfaces = cells.iter().zip(materials.iter().cycle()).map(|((.., class), material)| {
-            let material = scene.library.of_class(*material, *class);
-            scene.surface(part.index, material)
-        });
-        GridSurfaces::Each(surfaces.collect())
-    };
-    store.finish(scene, surfaces)
 }

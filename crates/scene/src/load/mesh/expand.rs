@@ -95,6 +95,7 @@ fn expand<'r>(
         let Some(mesh) = meshes.get(scene, placed.mesh, linear)? else { continue };
         parts.push(PartRecipe {
             loader: Loader::Mesh(mesh),
+            name: placed.name,
             transform: part.transform.after(&transform),
             ..part.clone()
         });

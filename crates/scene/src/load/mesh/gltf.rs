@@ -115,6 +115,8 @@ pub(super) struct SceneJson {
 #[derive(Debug, Deserialize)]
 pub(super) struct NodeJson {
     #[serde(default)]
+    pub name: String,
+    #[serde(default)]
     pub children: Vec<usize>,
     pub mesh: Option<usize>,
     pub skin: Option<usize>,

@@ -8,10 +8,12 @@ use vlscan_survey::PartRecipe;
 const MAX_PLACED: usize = 1 << 22;
 
 /// A mesh that a node places.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct PlacedMesh {
     /// Index of the mesh.
     pub mesh: usize,
+    /// Name of the node, or of the nearest node above it that has one; instances of a node have their number behind it.
+    pub name: Option<String>,
     /// From the frame of the mesh to that of the document.
     pub transform: DAffine3,
 }
@@ -27,32 +29,36 @@ impl GltfDocument {
         };
         let mut placed = Vec::new();
         let mut is_seen = vec![false; json.nodes.len()];
-        let mut open: Vec<(usize, DAffine3)> =
-            roots.into_iter().rev().map(|n| (n, DAffine3::IDENTITY)).collect();
-        while let Some((number, parent)) = open.pop() {
+        let mut open: Vec<(usize, DAffine3, &str)> =
+            roots.into_iter().rev().map(|n| (n, DAffine3::IDENTITY, "")).collect();
+        while let Some((number, parent, name)) = open.pop() {
             let node = json.nodes.get(number).ok_or_else(|| format!("there is no node {number}"))?;
             if std::mem::replace(&mut is_seen[number], true) {
                 return Err(format!("the node {number} has two parents"));
             }
             let transform = parent * local_transform(node);
+            let name = if node.name.is_empty() { name } else { node.name.as_str() };
+            let named = || (!name.is_empty()).then(|| name.to_owned());
             if !transform.is_finite() {
                 return Err(format!("the transform of the node {number} is not finite"));
             }
             if let Some(mesh) = node.mesh {
                 match &node.extensions.instancing {
                     Some(instancing) => {
-                        let instances = self.instances(instancing, placed.len())?;
-                        placed.extend(
-                            instances.into_iter().map(|i| PlacedMesh { mesh, transform: transform * i }),
-                        );
+                        let instances = self.instances(instancing, placed.len(), name.len())?;
+                        placed.extend((0..).zip(instances).map(|(i, instance): (usize, _)| PlacedMesh {
+                            mesh,
+                            name: named().map(|name| format!("{name}_{i}")),
+                            transform: transform * instance,
+                        }));
                     }
                     None => {
-                        self.check_placed(placed.len() + 1)?;
-                        placed.push(PlacedMesh { mesh, transform });
+                        self.check_placed(placed.len() + 1, name.len())?;
+                        placed.push(PlacedMesh { mesh, name: named(), transform });
                     }
                 }
             }
-            open.extend(node.children.iter().rev().map(|&child| (child, transform)));
+            open.extend(node.children.iter().rev().map(|&child| (child, transform, name)));
         }
         Ok(placed)
     }
@@ -67,19 +73,26 @@ impl GltfDocument {
         (0..is_child.len()).filter(|&n| !is_child[n]).collect()
     }
 
-    /// Fails if this many meshes cannot be placed.
-    fn check_placed(&self, count: usize) -> Result<(), String> {
+    /// Fails if this many meshes with names of this length cannot be placed.
+    fn check_placed(&self, count: usize, name_bytes: usize) -> Result<(), String> {
         if count > MAX_PLACED {
             return Err(format!("the nodes place {count} meshes; at most {MAX_PLACED} are read"));
         }
-        self.check_memory((count * (size_of::<PlacedMesh>() + size_of::<PartRecipe>())) as u64)
+        let each = size_of::<PlacedMesh>() + size_of::<PartRecipe>() + 2 * name_bytes;
+        self.check_memory((count as u64).saturating_mul(each as u64))
     }
 
-    /// The transforms of `EXT_mesh_gpu_instancing`, after `before` other placed meshes.
-    fn instances(&self, instancing: &Instancing, before: usize) -> Result<Vec<DAffine3>, String> {
+    /// The transforms of `EXT_mesh_gpu_instancing`, after `before` other placed meshes, for a node with a name of this length.
+    fn instances(
+        &self,
+        instancing: &Instancing,
+        before: usize,
+        name_bytes: usize,
+    ) -> Result<Vec<DAffine3>, String> {
         for (name, &accessor) in &instancing.attributes {
             if ["TRANSLATION", "ROTATION", "SCALE"].contains(&name.as_str()) {
-                self.check_placed(before.saturating_add(self.count_of_instances(accessor)?))?;
+                let count = before.saturating_add(self.count_of_instances(accessor)?);
+                self.check_placed(count, name_bytes)?;
             }
         }
         let attribute = |name: &str| instancing.attributes.get(name).copied();

@@ -529,3 +529,15 @@ fn damaged_files_are_refused_with_their_name() {
     assert!(refused("a.stl", &binary).contains("states 200 triangles"));
     assert!(refused("a.stl", &[0; 10]).contains("fewer bytes"));
 }
+
+#[test]
+fn parts_of_gltf_have_the_names_of_their_nodes() {
+    let nodes = r#"[{"name":"oak","children":[1,2,3]},{"mesh":0},{"name":"twig","mesh":0},
+        {"name":"grass","mesh":0,"extensions":{"EXT_mesh_gpu_instancing":{"attributes":{"TRANSLATION":0}}}}]"#;
+    let named = |nodes: &str| -> Vec<String> {
+        let mut f = fixture("a.glb", &glb(&triangle_json(nodes, ""), &triangle_bytes()));
+        load(&mut f, "a.glb", MeshReading::default()).parts.into_iter().map(|part| part.name).collect()
+    };
+    assert_eq!(named(nodes), ["oak", "twig", "grass_0", "grass_1", "grass_2"]);
+    assert_eq!(named(r#"[{"mesh":0}]"#), ["leaf"], "the mesh, where no node has a name");
+}

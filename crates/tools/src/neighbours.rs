@@ -1,4 +1,4 @@
-//! The points that are nearest to a place, seen from above.
+//! The points that are nearest to a place, seen from above, and the plane through them.
 
 use vlscan_geom::DVec3;
 
@@ -6,7 +6,7 @@ use vlscan_geom::DVec3;
 const POINTS_PER_CELL: f64 = 4.0;
 
 /// Points by square cells of the plane.
-pub(super) struct Neighbours {
+pub struct Neighbours {
     points: Vec<DVec3>,
     min: [f64; 2],
     size: f64,
@@ -17,6 +17,7 @@ pub(super) struct Neighbours {
 }
 
 impl Neighbours {
+    /// Sorts points into cells.
     pub fn of(points: Vec<DVec3>) -> Neighbours {
         let min = points.iter().fold(DVec3::INFINITY, |a, p| a.min(*p));
         let max = points.iter().fold(DVec3::NEG_INFINITY, |a, p| a.max(*p));
@@ -100,6 +101,36 @@ impl Neighbours {
             radius *= 2.0;
         }
     }
+}
+
+/// Height at a place of the plane through points near it (squared distances and numbers, nearest first), weighted by
+/// (1 − (d/h)²)² with h a little beyond the farthest. Where they lie to one side or on a line, their weighted mean.
+pub fn plane_at(points: &[DVec3], near: &[(f64, usize)], [x, y]: [f64; 2]) -> f64 {
+    let reach = near.last().map_or(1.0, |n| n.0) * 1.2 + 1e-12;
+    // Sums relative to the place and the nearest height.
+    let base = near.first().map_or(0.0, |n| points[n.1].z);
+    let (mut s, mut r) = ([0.0; 6], [0.0; 3]);
+    for (square, i) in near {
+        let weight = (1.0 - square / reach).powi(2);
+        let (dx, dy, dz) = (points[*i].x - x, points[*i].y - y, points[*i].z - base);
+        let products = [1.0, dx, dy, dx * dx, dx * dy, dy * dy];
+        s.iter_mut().zip(products).for_each(|(sum, p)| *sum += weight * p);
+        r.iter_mut().zip([dz, dx * dz, dy * dz]).for_each(|(sum, p)| *sum += weight * p);
+    }
+    let [n, sx, sy, sxx, sxy, syy] = s;
+    if n <= 0.0 {
+        return base;
+    }
+    let (mx, my, mz) = (sx / n, sy / n, r[0] / n);
+    let (cxx, cxy, cyy) = (sxx / n - mx * mx, sxy / n - mx * my, syy / n - my * my);
+    let (cxz, cyz) = (r[1] / n - mx * mz, r[2] / n - my * mz);
+    let determinant = cxx * cyy - cxy * cxy;
+    let is_beside = mx * mx + my * my > 1.5 * (cxx + cyy);
+    if is_beside || determinant < 1e-4 * (cxx + cyy).powi(2) {
+        return base + mz;
+    }
+    let (a, b) = ((cxz * cyy - cyz * cxy) / determinant, (cyz * cxx - cxz * cxy) / determinant);
+    base + mz - a * mx - b * my
 }
 
 #[cfg(test)]

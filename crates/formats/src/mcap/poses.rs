@@ -1,0 +1,156 @@
+//! Poses of the scanner as messages `tf2_msgs/msg/TFMessage` and `nav_msgs/msg/Odometry`.
+
+use super::cdr::CdrWriter;
+use crate::settings::FrameNames;
+use vlscan_geom::{DVec3, Rotation};
+
+/// Time between poses at most, while there are points, ns.
+const STEP_NS: u64 = 10_000_000;
+
+/// Where the scanner is at a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// ns.
+    pub time_ns: u64,
+    /// Where the beam leaves, in the world, m.
+    pub position: DVec3,
+    /// From the axes of the scanner to the world.
+    pub rotation: Rotation,
+}
+
+/// Bytes of a pose among collected points, without its time.
+pub const POSE_BYTES: usize = 56;
+
+impl Pose {
+    pub fn put(position: DVec3, rotation: Rotation, out: &mut Vec<u8>) {
+        let values = position.to_array().into_iter().chain(rotation.u.to_array()).chain([rotation.w]);
+        values.for_each(|value| out.extend(value.to_le_bytes()));
+    }
+
+    pub fn get(time_ns: u64, bytes: &[u8]) -> Pose {
+        let value = |i: usize| f64::from_le_bytes(std::array::from_fn(|k| bytes[8 * i + k]));
+        let vector = |i: usize| DVec3::new(value(i), value(i + 1), value(i + 2));
+        Pose { time_ns, position: vector(0), rotation: Rotation { u: vector(3), w: value(6) } }
+    }
+}
+
+/// Chooses the poses that are published: the first and the last one of each frame, and one every 10 ms between them.
+#[derive(Debug, Default)]
+pub struct PoseTrack {
+    published: Option<Pose>,
+    latest: Option<Pose>,
+    /// The pose whose velocity is that to the next one.
+    waiting: Option<Pose>,
+}
+
+impl PoseTrack {
+    /// Notes the pose of a point; returns it if it is to be published.
+    pub fn next(&mut self, pose: Pose, begins_frame: bool) -> Option<Pose> {
+        self.latest = Some(pose);
+        let least = if begins_frame { 1 } else { STEP_NS };
+        let is_due = self.published.is_none_or(|last| {
+            // Devices may fire in another order than time; legs may begin anew.
+            pose.time_ns.saturating_sub(last.time_ns) >= least || last.time_ns > pose.time_ns + 1_000_000_000
+        });
+        is_due.then(|| self.publish(pose))
+    }
+
+    /// The last pose of a frame, unless it is published already.
+    pub fn end_frame(&mut self) -> Option<Pose> {
+        let latest = self.latest?;
+        let is_due = self.published.is_none_or(|last| latest.time_ns > last.time_ns);
+        is_due.then(|| self.publish(latest))
+    }
+
+    fn publish(&mut self, pose: Pose) -> Pose {
+        self.published = Some(pose);
+        pose
+    }
+
+    /// The pose before `next`, with its velocities until then; the last one without `next`, with those of `before`.
+    pub fn odometry(&mut self, next: Option<Pose>) -> Option<(Pose, Option<Pose>)> {
+        let waiting = self.waiting;
+        self.waiting = next;
+        waiting.map(|pose| (pose, next))
+    }
+}
+
+/// A transform as a message.
+pub fn transform(pose: &Pose, names: &FrameNames) -> Vec<u8> {
+    let mut out = CdrWriter::new();
+    out.word(1);
+    out.header(pose.time_ns, &names.world);
+    out.string(&names.sensor);
+    out.vector(pose.position);
+    out.rotation(pose.rotation);
+    out.0
+}
+
+/// Odometry as a message: velocities from a pose to the next one, in the axes of the scanner; 0 without a next one. Covariances are 0: the
+/// poses are those by which points are placed.
+pub fn odometry(pose: &Pose, next: Option<&Pose>, names: &FrameNames) -> Vec<u8> {
+    let [linear, angular] = next.map_or([DVec3::ZERO; 2], |next| velocities(pose, next));
+    let mut out = CdrWriter::new();
+    out.header(pose.time_ns, &names.world);
+    out.string(&names.sensor);
+    out.vector(pose.position);
+    out.rotation(pose.rotation);
+    (0..36).for_each(|_| out.double(0.0));
+    out.vector(linear);
+    out.vector(angular);
+    (0..36).for_each(|_| out.double(0.0));
+    out.0
+}
+
+/// Velocity, m/s, and angular velocity, rad/s, in the axes of the scanner.
+fn velocities(pose: &Pose, next: &Pose) -> [DVec3; 2] {
+    let seconds = next.time_ns.saturating_sub(pose.time_ns) as f64 / 1e9;
+    if seconds <= 0.0 {
+        return [DVec3::ZERO; 2];
+    }
+    let back = pose.rotation.inverse();
+    let (axis, angle) = back.after(next.rotation).axis_angle();
+    [back.apply(next.position - pose.position) / seconds, axis * (angle / seconds)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn velocities_are_in_the_axes_of_the_scanner() {
+        // East at 10 m/s with the forward axis to the east, turning left.
+        let at = |time_ns, x, angle| Pose {
+            time_ns,
+            position: DVec3::new(x, 0.0, 0.0),
+            rotation: Rotation::about_z(angle),
+        };
+        let east = -std::f64::consts::FRAC_PI_2;
+        let [linear, angular] = velocities(&at(0, 5.0, east), &at(100_000_000, 6.0, east + 0.02));
+        assert!((linear - DVec3::new(0.0, 10.0, 0.0)).length() < 1e-12, "{linear}");
+        assert!((angular - DVec3::new(0.0, 0.0, 0.2)).length() < 1e-12, "{angular}");
+        assert_eq!(velocities(&at(5, 0.0, 0.0), &at(5, 1.0, 0.0)), [DVec3::ZERO; 2]);
+    }
+
+    #[test]
+    fn poses_are_published_at_the_ends_of_frames_and_between() {
+        let pose = |time_ns| Pose { time_ns, position: DVec3::ZERO, rotation: Rotation::IDENTITY };
+        let mut track = PoseTrack::default();
+        let published: Vec<u64> = (0..30u64)
+            .filter_map(|ms| track.next(pose(ms * 1_000_000), ms % 15 == 0))
+            .map(|pose| pose.time_ns / 1_000_000)
+            .collect();
+        assert_eq!(published, [0, 10, 15, 25]);
+        assert_eq!(track.end_frame().map(|pose| pose.time_ns), Some(29_000_000));
+        assert_eq!(track.end_frame(), None);
+    }
+
+    #[test]
+    fn poses_keep_their_bits() {
+        let (position, rotation) = (DVec3::new(5e5 + 0.1, 5.4e6, 300.25), Rotation::about(DVec3::ONE, 0.3));
+        let mut bytes = Vec::new();
+        Pose::put(position, rotation, &mut bytes);
+        assert_eq!(bytes.len(), POSE_BYTES);
+        assert_eq!(Pose::get(7, &bytes), Pose { time_ns: 7, position, rotation });
+    }
+}

@@ -1,0 +1,139 @@
+//! Execution of processes.
+
+use super::jobs::{results_document, status_info};
+use crate::answers::{Failure, encoded};
+use crate::app::{App, Identity, blocking};
+use crate::processes::Process;
+use crate::store::{Job, Status, StoreError};
+use axum::Extension;
+use axum::body::Bytes;
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse as _, Response};
+use serde::Deserialize;
+use serde_json::{Map, Value};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// How long a request waits for results before it is answered with the job.
+const MAX_WAIT: Duration = Duration::from_secs(30);
+const POLL: Duration = Duration::from_millis(20);
+
+/// A request, as the standard has it.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Execute {
+    #[serde(default)]
+    inputs: Map<String, Value>,
+    /// Which outputs are wanted; results list all.
+    #[serde(default)]
+    #[serde(rename = "outputs")]
+    _outputs: Map<String, Value>,
+    #[serde(default)]
+    response: Form,
+    #[serde(default)]
+    subscriber: Option<Value>,
+    #[serde(default)]
+    #[serde(rename = "mode")]
+    _mode: Option<String>,
+}
+
+/// The form of results.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Form {
+    #[default]
+    Document,
+    Raw,
+}
+
+pub async fn execute(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    Path(id): Path<String>,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Response, Failure> {
+    let process = Process::named(&id).ok_or_else(|| Failure::no_process(&id))?;
+    let media = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
+    if !media.split(';').next().unwrap_or_default().trim().eq_ignore_ascii_case("application/json") {
+        return Err(Failure::new(
+            StatusCode::UNSUPPORTED_MEDIA_TYPE,
+            "expected a request of the type application/json",
+        ));
+    }
+    let request: Execute = serde_json::from_slice(&body).map_err(|e| {
+        Failure::new(StatusCode::BAD_REQUEST, format!("the request is not as the process takes it: {e}"))
+    })?;
+    if request.subscriber.is_some() {
+        return Err(Failure::new(
+            StatusCode::BAD_REQUEST,
+            "subscriber: the service calls no other address; follow /jobs/JOB/events",
+        ));
+    }
+    let owner = identity.owner.clone();
+    let job = blocking(&app, move |workshop| workshop.submit(&owner, process, &request.inputs)).await?;
+    let prefers = headers.get_all("prefer").iter().filter_map(|value| value.to_str().ok());
+    let prefers_job =
+        prefers.flat_map(|value| value.split(',')).any(|preference| preference.trim() == "respond-async");
+    if prefers_job || !process.is_quick() {
+        let mut response = created(&job);
+        if prefers_job {
+            response.headers_mut().insert("preference-applied", HeaderValue::from_static("respond-async"));
+        }
+        return Ok(response);
+    }
+    let start = Instant::now();
+    let mut job = job;
+    while !job.status.is_final() && start.elapsed() < MAX_WAIT {
+        tokio::time::sleep(POLL).await;
+        let (owner, id) = (identity.owner.clone(), job.id.clone());
+        let found = blocking(&app, move |workshop| workshop.store.job(&owner, &id)).await?;
+        job = found.ok_or_else(|| Failure::no_job(&job.id))?;
+    }
+    match job.status {
+        Status::Successful => answer(&app, &job, request.response).await,
+        Status::Failed => Err(Failure::new(StatusCode::UNPROCESSABLE_ENTITY, job.message)),
+        Status::Dismissed => Err(Failure::new(StatusCode::GONE, "the job was dismissed")),
+        Status::Accepted | Status::Running => Ok(created(&job)),
+    }
+}
+
+/// The answer that names a job.
+fn created(job: &Job) -> Response {
+    let location = format!("/jobs/{}", job.id);
+    let body = status_info(job).to_string();
+    (
+        StatusCode::CREATED,
+        [(header::LOCATION, location), (header::CONTENT_TYPE, "application/json".to_owned())],
+        body,
+    )
+        .into_response()
+}
+
+/// Results as a document, or, raw: a single JSON output as it is, others as links.
+async fn answer(app: &Arc<App>, job: &Job, form: Form) -> Result<Response, Failure> {
+    let folder = app.workshop.store.job_folder(&job.folder).join("out");
+    let files = job.result_files();
+    if form == Form::Raw {
+        if let [file] = files.as_slice() {
+            if file.path.ends_with(".json") {
+                let text = tokio::fs::read(folder.join(&file.path)).await.map_err(StoreError::from)?;
+                return Ok(([(header::CONTENT_TYPE, "application/json")], text).into_response());
+            }
+        }
+        let links: Vec<String> = files
+            .iter()
+            .map(|file| format!("</jobs/{}/results/{}>; rel=\"item\"", job.id, encoded(&file.path)))
+            .collect();
+        return Ok((StatusCode::NO_CONTENT, [(header::LINK, links.join(", "))]).into_response());
+    }
+    let job = job.clone();
+    let document = blocking(app, move |workshop| results_document(&job, &workshop.store)).await?;
+    let location = format!("/jobs/{}", document.0);
+    Ok((
+        [(header::CONTENT_TYPE, "application/json".to_owned()), (header::CONTENT_LOCATION, location)],
+        document.1.to_string(),
+    )
+        .into_response())
+}

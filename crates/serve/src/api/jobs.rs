@@ -1,0 +1,243 @@
+//! Jobs: list, state, results, progress, dismissal.
+
+use crate::answers::{Failure, document, encoded, link, media_type, wants_page};
+use crate::app::{App, Identity, blocking};
+use crate::names::file_within;
+use crate::pages;
+use crate::store::{Job, Result as StoreResult, Status, Store, time_text};
+use axum::Extension;
+use axum::extract::{Path, RawQuery, State};
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::sse::{Event, KeepAlive, Sse};
+use axum::response::{IntoResponse as _, Response};
+use futures_util::stream;
+use serde_json::{Map, Value, json};
+use std::convert::Infallible;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Largest JSON output that results contain as a value, bytes.
+const MAX_VALUE: u64 = 4 << 20;
+const EVENT_PERIOD: Duration = Duration::from_millis(500);
+const MAX_LISTED: u32 = 1000;
+
+/// The state of a job, as the standard has it.
+pub fn status_info(job: &Job) -> Value {
+    let own = format!("/jobs/{}", job.id);
+    let mut links = vec![
+        link(&own, "self", "application/json", "This job"),
+        link(&format!("{own}/events"), "monitor", "text/event-stream", "Progress"),
+    ];
+    if job.status == Status::Successful {
+        links.push(link(
+            &format!("{own}/results"),
+            "http://www.opengis.net/def/rel/ogc/1.0/results",
+            "application/json",
+            "Results",
+        ));
+    }
+    let mut info = json!({
+        "jobID": job.id,
+        "processID": job.process,
+        "type": "process",
+        "status": job.status.name(),
+        "progress": job.progress,
+        "created": time_text(job.created),
+        "updated": time_text(job.updated),
+        "links": links,
+    });
+    if !job.message.is_empty() {
+        info["message"] = json!(job.message);
+    }
+    for (key, time) in [("started", job.started), ("finished", job.finished)] {
+        if let Some(time) = time {
+            info[key] = json!(time_text(time));
+        }
+    }
+    info
+}
+
+/// The results of a job: JSON as values, other files as links. With the job's id.
+///
+/// # Errors
+/// Those of reading.
+pub fn results_document(job: &Job, store: &Store) -> StoreResult<(String, Value)> {
+    let folder = store.job_folder(&job.folder).join("out");
+    let mut results = Map::new();
+    for file in job.result_files() {
+        let value = match file_within(&folder, &file.path) {
+            Some(path) if file.path.ends_with(".json") && file.bytes <= MAX_VALUE => {
+                let value: Option<Value> = serde_json::from_slice(&std::fs::read(path)?).ok();
+                value.map(|value| json!({ "value": value, "mediaType": "application/json" }))
+            }
+            _ => None,
+        };
+        let href = format!("/jobs/{}/results/{}", job.id, encoded(&file.path));
+        let linked = || json!({ "href": href, "rel": "item", "type": media_type(&file.path), "title": format!("{} bytes", file.bytes) });
+        results.insert(file.path.clone(), value.unwrap_or_else(linked));
+    }
+    Ok((job.id.clone(), Value::Object(results)))
+}
+
+/// What a query asks for.
+#[derive(Debug, Default)]
+struct Filter {
+    statuses: Vec<Status>,
+    processes: Vec<String>,
+    limit: u32,
+    offset: u32,
+}
+
+impl Filter {
+    fn of(query: Option<&str>) -> Result<Filter, Failure> {
+        let mut filter = Filter { limit: 100, ..Filter::default() };
+        let wrong = |key: &str, value: &str| {
+            Failure::new(StatusCode::BAD_REQUEST, format!("{key}: `{value}` is not known"))
+        };
+        for pair in query.unwrap_or_default().split('&').filter(|pair| !pair.is_empty()) {
+            let (key, value) = pair.split_once('=').unwrap_or((pair, ""));
+            match key {
+                "status" => {
+                    for name in value.split("%2C").flat_map(|part| part.split(',')) {
+                        filter.statuses.push(Status::named(name).ok_or_else(|| wrong(key, name))?);
+                    }
+                }
+                "processID" => filter.processes.extend(value.split(',').map(str::to_owned)),
+                "limit" => {
+                    filter.limit = value
+                        .parse()
+                        .ok()
+                        .filter(|n| (1..=MAX_LISTED).contains(n))
+                        .ok_or_else(|| wrong(key, value))?
+                }
+                "offset" => filter.offset = value.parse().map_err(|_| wrong(key, value))?,
+                "f" => {}
+                "type" if value == "process" => {}
+                _ => return Err(wrong(key, value)),
+            }
+        }
+        Ok(filter)
+    }
+}
+
+pub async fn list(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    RawQuery(query): RawQuery,
+    headers: HeaderMap,
+) -> Result<Response, Failure> {
+    let is_page = wants_page(&headers, query.as_deref());
+    let filter = Filter::of(query.as_deref())?;
+    let owner = identity.owner.clone();
+    let next = filter.offset.saturating_add(filter.limit);
+    let limit = filter.limit;
+    let jobs = blocking(&app, move |workshop| {
+        workshop.store.jobs(&owner, &filter.statuses, &filter.processes, filter.offset, filter.limit)
+    })
+    .await?;
+    if is_page {
+        return Ok(pages::jobs(&app, &identity, &jobs, next));
+    }
+    let mut links = vec![link("/jobs", "self", "application/json", "This document")];
+    if jobs.len() == limit as usize {
+        links.push(link(
+            &format!("/jobs?limit={limit}&offset={next}"),
+            "next",
+            "application/json",
+            "Older jobs",
+        ));
+    }
+    Ok(document(&json!({ "jobs": jobs.iter().map(status_info).collect::<Vec<_>>(), "links": links })))
+}
+
+/// The job of the one who asks.
+pub async fn find(app: &Arc<App>, identity: &Identity, id: &str) -> Result<Job, Failure> {
+    let (owner, name) = (identity.owner.clone(), id.to_owned());
+    let job = blocking(app, move |workshop| workshop.store.job(&owner, &name)).await?;
+    job.ok_or_else(|| Failure::no_job(id))
+}
+
+/// The job of the one who asks, if it has results.
+pub async fn find_successful(app: &Arc<App>, identity: &Identity, id: &str) -> Result<Job, Failure> {
+    let job = find(app, identity, id).await?;
+    match job.status {
+        Status::Successful => Ok(job),
+        Status::Failed => Err(Failure::new(StatusCode::UNPROCESSABLE_ENTITY, job.message)),
+        Status::Dismissed => Err(Failure::new(StatusCode::GONE, "the job was dismissed")),
+        Status::Accepted | Status::Running => {
+            Err(Failure::not_ready(format!("the job is {}", job.status.name())))
+        }
+    }
+}
+
+pub async fn status(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    Path(id): Path<String>,
+    RawQuery(query): RawQuery,
+    headers: HeaderMap,
+) -> Result<Response, Failure> {
+    let job = find(&app, &identity, &id).await?;
+    match wants_page(&headers, query.as_deref()) {
+        true => pages::job(&app, &identity, &job).await,
+        false => Ok(document(&status_info(&job))),
+    }
+}
+
+pub async fn dismiss(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    Path(id): Path<String>,
+) -> Result<Response, Failure> {
+    let job = find(&app, &identity, &id).await?;
+    if job.status == Status::Dismissed {
+        return Err(Failure::new(StatusCode::GONE, "the job was dismissed"));
+    }
+    let (owner, name) = (identity.owner.clone(), id.clone());
+    blocking(&app, move |workshop| workshop.store.dismiss(&owner, &name)).await?;
+    Ok(document(&status_info(&find(&app, &identity, &id).await?)))
+}
+
+pub async fn results(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    Path(id): Path<String>,
+) -> Result<Response, Failure> {
+    let job = find_successful(&app, &identity, &id).await?;
+    let (_, results) = blocking(&app, move |workshop| results_document(&job, &workshop.store)).await?;
+    Ok(document(&results))
+}
+
+/// The state of a job whenever it changes, until it is final.
+pub async fn events(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    Path(id): Path<String>,
+) -> Result<Response, Failure> {
+    find(&app, &identity, &id).await?;
+    let Ok(permit) = Arc::clone(&app.streams).try_acquire_owned() else {
+        return Err(Failure::new(
+            StatusCode::TOO_MANY_REQUESTS,
+            "too many streams are open; ask for /jobs/JOB now and then instead",
+        ));
+    };
+    // State between events: what was sent last, and whether that was the end.
+    let begin = (app, identity, id, String::new(), false, permit);
+    let events = stream::unfold(begin, |(app, identity, id, mut last, is_over, permit)| async move {
+        if is_over {
+            return None;
+        }
+        loop {
+            let job = find(&app, &identity, &id).await.ok()?;
+            let info = status_info(&job).to_string();
+            if info != last {
+                let event = Event::default().event(job.status.name()).data(&info);
+                last = info;
+                let is_over = job.status.is_final();
+                return Some((Ok::<_, Infallible>(event), (app, identity, id, last, is_over, permit)));
+            }
+            tokio::time::sleep(EVENT_PERIOD).await;
+        }
+    });
+    Ok(Sse::new(events).keep_alive(KeepAlive::default()).into_response())
+}

@@ -1,0 +1,207 @@
+//! The definition of the interface, OpenAPI 3.0.
+
+use crate::answers::{document, wants_page};
+use crate::app::{App, Identity};
+use crate::pages;
+use crate::processes::Process;
+use axum::Extension;
+use axum::extract::{RawQuery, State};
+use axum::http::HeaderMap;
+use axum::response::Response;
+use serde_json::{Map, Value, json};
+use std::sync::Arc;
+
+pub async fn definition(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    RawQuery(query): RawQuery,
+    headers: HeaderMap,
+) -> Response {
+    match wants_page(&headers, query.as_deref()) {
+        true => pages::interface(&app, &identity, &definition_of(&app)),
+        false => document(&definition_of(&app)),
+    }
+}
+
+fn reference(name: &str) -> Value {
+    json!({ "$ref": format!("#/components/schemas/{name}") })
+}
+
+fn answer(about: &str, media: &str, schema: &Value) -> Value {
+    json!({ "description": about, "content": { media: { "schema": schema } } })
+}
+
+fn failure(about: &str) -> Value {
+    answer(about, "application/problem+json", &reference("exception"))
+}
+
+fn in_path(name: &str) -> Value {
+    json!({ "name": name, "in": "path", "required": true, "schema": { "type": "string" } })
+}
+
+fn in_query(name: &str, about: &str, schema: &Value) -> Value {
+    json!({ "name": name, "in": "query", "required": false, "description": about, "schema": schema })
+}
+
+/// An operation: summary, answers by status, and what else it has.
+fn operation(id: &str, summary: &str, answers: &[(&str, Value)], more: Value) -> Value {
+    let mut operation = json!({ "operationId": id, "summary": summary });
+    operation["responses"] = Value::Object(
+        answers.iter().map(|(status, answer)| ((*status).to_owned(), answer.clone())).collect(),
+    );
+    if let Value::Object(more) = more {
+        more.into_iter().for_each(|(key, value)| operation[key] = value);
+    }
+    operation
+}
+
+/// The whole definition.
+pub fn definition_of(app: &App) -> Value {
+    let json_media = "application/json";
+    let as_json = |about: &str, schema: &str| answer(about, json_media, &reference(schema));
+    let bytes = json!({ "type": "string", "format": "binary" });
+    let no_job = ("404", failure("There is no such job"));
+    let mut paths = json!({
+        "/": { "get": operation("getLandingPage", "What the service offers", &[("200", as_json("Landing page", "landingPage"))], Value::Null) },
+        "/conformance": { "get": operation("getConformance", "Conformance classes", &[("200", as_json("Classes", "confClasses"))], Value::Null) },
+        "/api": { "get": operation("getApi", "This definition", &[("200", answer("Definition", "application/vnd.oai.openapi+json;version=3.0", &json!({ "type": "object" })))], Value::Null) },
+        "/processes": { "get": operation("getProcesses", "All processes", &[("200", as_json("Processes", "processList"))], Value::Null) },
+        "/processes/{processID}": { "get": operation(
+            "getProcessDescription", "Inputs and outputs of a process",
+            &[("200", as_json("Description", "process")), ("404", failure("There is no such process"))],
+            json!({ "parameters": [in_path("processID")] }),
+        ) },
+        "/jobs": { "get": operation("getJobs", "Jobs, newest first", &[("200", as_json("Jobs", "jobList"))], json!({ "parameters": [
+            in_query("status", "States, separated by commas", &json!({ "type": "array", "items": reference("statusCode") })),
+            in_query("processID", "Processes, separated by commas", &json!({ "type": "array", "items": { "type": "string" } })),
+            in_query("limit", "Most jobs", &json!({ "type": "integer", "minimum": 1, "maximum": 1000, "default": 100 })),
+            in_query("offset", "Jobs to leave out", &json!({ "type": "integer", "minimum": 0, "default": 0 })),
+        ] })) },
+        "/jobs/{jobId}": {
+            "get": operation("getStatus", "State of a job", &[("200", as_json("State", "statusInfo")), no_job.clone()], json!({ "parameters": [in_path("jobId")] })),
+            "delete": operation(
+                "dismiss", "Give a job up, and remove its results",
+                &[("200", as_json("State", "statusInfo")), no_job.clone(), ("410", failure("It was dismissed already"))],
+                json!({ "parameters": [in_path("jobId")] }),
+            ),
+        },
+        "/jobs/{jobId}/results": { "get": operation(
+            "getResult", "Results of a job: JSON as values, other files as links",
+            &[("200", as_json("Results", "results")), ("404", failure("No such job, or no results yet")), ("422", failure("The job has failed"))],
+            json!({ "parameters": [in_path("jobId")] }),
+        ) },
+        "/jobs/{jobId}/results/{path}": { "get": operation(
+            "getResultFile", "A file of results; ranges of bytes are understood",
+            &[("200", answer("File", "application/octet-stream", &bytes)), ("206", answer("Part", "application/octet-stream", &bytes)), no_job.clone()],
+            json!({ "parameters": [in_path("jobId"), in_path("path")] }),
+        ) },
+        "/jobs/{jobId}/events": { "get": operation(
+            "getEvents", "State of a job whenever it changes, as server-sent events",
+            &[("200", answer("Events named after the state, with the data of statusInfo", "text/event-stream", &json!({ "type": "string" }))), no_job],
+            json!({ "parameters": [in_path("jobId")] }),
+        ) },
+        "/uploads": {
+            "get": operation("getUploads", "Uploads", &[("200", answer("Uploads", json_media, &json!({ "type": "object" })))], Value::Null),
+            "post": operation(
+                "upload", "Upload files under a name; a single zip archive is expanded",
+                &[("201", answer("Upload", json_media, &json!({ "type": "object" }))), ("409", failure("The name is taken")), ("413", failure("Too large"))],
+                json!({ "requestBody": { "required": true, "content": { "multipart/form-data": { "schema": {
+                    "type": "object",
+                    "properties": { "name": { "type": "string" }, "file": { "type": "array", "items": bytes } },
+                } } } } }),
+            ),
+        },
+        "/uploads/{name}": {
+            "get": operation("getUpload", "An upload and its files", &[("200", answer("Upload", json_media, &json!({ "type": "object" }))), ("404", failure("There is none"))], json!({ "parameters": [in_path("name")] })),
+            "delete": operation("removeUpload", "Remove an upload", &[("204", json!({ "description": "Removed" })), ("404", failure("There is none"))], json!({ "parameters": [in_path("name")] })),
+        },
+    });
+    for process in Process::ALL {
+        let path = format!("/processes/{}/execution", process.id());
+        let mut answers = vec![
+            (
+                "201",
+                as_json("The job, where `Prefer: respond-async` is given or results take long", "statusInfo"),
+            ),
+            ("400", failure("The inputs are not as the process takes them")),
+            ("415", failure("The request is not JSON")),
+            ("429", failure("Too many jobs wait")),
+        ];
+        if process.is_quick() {
+            answers.push(("200", as_json("Results", "results")));
+            answers.push(("422", failure("The computation failed")));
+        }
+        let inputs = process.description(&app.workshop.program)["inputs"].clone();
+        let properties: Map<String, Value> = inputs
+            .as_object()
+            .into_iter()
+            .flatten()
+            .map(|(key, input)| (key.clone(), described(input)))
+            .collect();
+        let mut schema = reference("execute");
+        schema = json!({ "allOf": [schema, { "type": "object", "properties": { "inputs": { "type": "object", "properties": properties } } }] });
+        let more =
+            json!({ "requestBody": { "required": true, "content": { json_media: { "schema": schema } } } });
+        paths[path] = json!({ "post": operation(&format!("execute-{}", process.id()), process.title(), &answers, more) });
+    }
+    json!({
+        "openapi": "3.0.3",
+        "info": {
+            "title": "vlscan",
+            "version": app.workshop.program.version,
+            "description": "Virtual laser scanning by OGC API - Processes, Part 1: Core 1.0",
+            "license": { "name": "MIT OR Apache-2.0" },
+        },
+        "servers": [{ "url": "/" }],
+        "security": if app.tokens.is_empty() { json!([]) } else { json!([{ "token": [] }]) },
+        "paths": paths,
+        "components": { "securitySchemes": { "token": { "type": "http", "scheme": "bearer" } }, "schemas": schemas() },
+    })
+}
+
+fn described(input: &Value) -> Value {
+    let mut schema = input["schema"].clone();
+    if schema.get("description").is_none() {
+        schema["description"] = input["description"].clone();
+    }
+    schema
+}
+
+/// The documents of the standard.
+fn schemas() -> Value {
+    let text = json!({ "type": "string" });
+    let time = json!({ "type": "string", "format": "date-time" });
+    let list = |name: &str| json!({ "type": "array", "items": reference(name) });
+    json!({
+        "link": { "type": "object", "required": ["href"], "properties": { "href": text, "rel": text, "type": text, "hreflang": text, "title": text } },
+        "landingPage": { "type": "object", "required": ["links"], "properties": { "title": text, "description": text, "links": list("link") } },
+        "confClasses": { "type": "object", "required": ["conformsTo"], "properties": { "conformsTo": { "type": "array", "items": text } } },
+        "processSummary": { "type": "object", "required": ["id", "version"], "properties": {
+            "id": text, "version": text, "title": text, "description": text,
+            "jobControlOptions": { "type": "array", "items": { "type": "string", "enum": ["sync-execute", "async-execute", "dismiss"] } },
+            "outputTransmission": { "type": "array", "items": { "type": "string", "enum": ["value", "reference"] } },
+            "links": list("link"),
+        } },
+        "processList": { "type": "object", "required": ["processes", "links"], "properties": { "processes": list("processSummary"), "links": list("link") } },
+        "process": { "allOf": [reference("processSummary"), { "type": "object", "properties": {
+            "inputs": { "type": "object", "additionalProperties": { "type": "object", "required": ["schema"] } },
+            "outputs": { "type": "object", "additionalProperties": { "type": "object", "required": ["schema"] } },
+        } }] },
+        "execute": { "type": "object", "properties": {
+            "inputs": { "type": "object" },
+            "outputs": { "type": "object" },
+            "response": { "type": "string", "enum": ["raw", "document"], "default": "document" },
+        } },
+        "statusCode": { "type": "string", "enum": ["accepted", "running", "successful", "failed", "dismissed"] },
+        "statusInfo": { "type": "object", "required": ["jobID", "status", "type"], "properties": {
+            "processID": text, "type": { "type": "string", "enum": ["process"] }, "jobID": text, "status": reference("statusCode"), "message": text,
+            "created": time, "started": time, "finished": time, "updated": time,
+            "progress": { "type": "integer", "minimum": 0, "maximum": 100 }, "links": list("link"),
+        } },
+        "jobList": { "type": "object", "required": ["jobs", "links"], "properties": { "jobs": list("statusInfo"), "links": list("link") } },
+        "results": { "type": "object", "additionalProperties": { "type": "object" } },
+        "exception": { "type": "object", "required": ["type"], "properties": {
+            "type": text, "title": text, "status": { "type": "integer" }, "detail": text, "instance": text,
+        } },
+    })
+}

@@ -1,0 +1,97 @@
+//! Uploads.
+
+use crate::answers::{Failure, document, encoded, wants_page};
+use crate::app::{App, Identity, blocking};
+use crate::store::StoreError;
+use crate::uploads;
+use axum::Extension;
+use axum::extract::multipart::MultipartRejection;
+use axum::extract::{Multipart, Path, State};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse as _, Redirect, Response};
+use serde_json::json;
+use std::sync::Arc;
+
+pub async fn list(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+) -> Result<Response, Failure> {
+    let uploads = blocking(&app, move |workshop| workshop.store.uploads(&identity.owner)).await?;
+    Ok(document(&json!({ "uploads": uploads })))
+}
+
+pub async fn show(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    Path(name): Path<String>,
+) -> Result<Response, Failure> {
+    let wanted = name.clone();
+    let found = blocking(&app, move |workshop| {
+        let Some(upload) = workshop.store.upload(&identity.owner, &wanted)? else { return Ok(None) };
+        let files = workshop.store.files(&upload.id)?;
+        Ok::<_, StoreError>(Some((upload, files)))
+    })
+    .await?;
+    let (upload, files) = found.ok_or_else(|| no_upload(&name))?;
+    let mut about = serde_json::to_value(&upload).unwrap_or_default();
+    about["list"] = json!(files);
+    Ok(document(&about))
+}
+
+pub async fn remove(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    Path(name): Path<String>,
+) -> Result<Response, Failure> {
+    let wanted = name.clone();
+    let removed =
+        blocking(&app, move |workshop| workshop.store.remove_upload(&identity.owner, &wanted)).await?;
+    match removed {
+        true => Ok(StatusCode::NO_CONTENT.into_response()),
+        false => Err(no_upload(&name)),
+    }
+}
+
+fn no_upload(name: &str) -> Failure {
+    Failure::new(StatusCode::NOT_FOUND, format!("there is no upload `{name}`; /uploads lists them"))
+}
+
+/// Receives an upload: from programs, and from the form of a page, which is then shown again.
+pub async fn receive(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    headers: HeaderMap,
+    form: Result<Multipart, MultipartRejection>,
+) -> Result<Response, Failure> {
+    let upload = received(&app, &identity, form).await?;
+    if wants_page(&headers, None) {
+        return Ok(Redirect::to("/").into_response());
+    }
+    let location = format!("/uploads/{}", encoded(&upload.name));
+    let body = serde_json::to_string(&upload).unwrap_or_default();
+    let fields = [(header::LOCATION, location), (header::CONTENT_TYPE, "application/json".to_owned())];
+    Ok((StatusCode::CREATED, fields, body).into_response())
+}
+
+async fn received(
+    app: &Arc<App>,
+    identity: &Identity,
+    form: Result<Multipart, MultipartRejection>,
+) -> Result<crate::store::Upload, Failure> {
+    let form = form.map_err(|_| {
+        Failure::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "expected a form of the type multipart/form-data")
+    })?;
+    let Ok(_permit) = app.uploads.try_acquire() else {
+        return Err(Failure::new(
+            StatusCode::TOO_MANY_REQUESTS,
+            "too many uploads at the same time; try again in a minute",
+        ));
+    };
+    let is_genuine = |token: &str| app.is_genuine(&identity.owner, token);
+    // Programs send no form of a page; a browser says where its forms come from.
+    let check: Option<&(dyn Fn(&str) -> bool + Sync)> =
+        if identity.is_ambient && !app.tokens.is_empty() { Some(&is_genuine) } else { None };
+    let received = uploads::receive(form, &app.workshop.store, &app.workshop.limits, check).await?;
+    let owner = identity.owner.clone();
+    blocking(app, move |workshop| received.list(&owner, &workshop.store, &workshop.limits)).await
+}

@@ -1,0 +1,111 @@
+//! What all requests share, and who asks.
+
+use crate::answers::Failure;
+use crate::sessions::Sessions;
+use crate::tokens::{LOCAL, Tokens, hex};
+use crate::worker::Workshop;
+use axum::http::StatusCode;
+use axum::http::header::{self, HeaderMap};
+use sha2::{Digest as _, Sha256};
+use std::sync::Arc;
+use subtle::ConstantTimeEq as _;
+use tokio::sync::Semaphore;
+
+/// Who asks.
+#[derive(Clone, Debug)]
+pub struct Identity {
+    /// Whose uploads and jobs they are.
+    pub owner: String,
+    /// Whether a browser vouches for it, which sends a cookie or nothing along with requests of other pages, too.
+    pub is_ambient: bool,
+}
+
+/// What all requests share.
+#[derive(Debug)]
+pub struct App {
+    /// Store, program, limits and queue.
+    pub workshop: Arc<Workshop>,
+    /// Who may use the service.
+    pub tokens: Tokens,
+    /// Browsers that are logged in.
+    pub sessions: Sessions,
+    /// What forms are recognised by.
+    pub(crate) secret: String,
+    /// Names of the service.
+    pub(crate) hosts: Vec<String>,
+    /// Streams of progress that may be opened.
+    pub streams: Arc<Semaphore>,
+    /// Uploads that may be received.
+    pub uploads: Arc<Semaphore>,
+    /// Pictures that may be drawn.
+    pub pictures: Arc<Semaphore>,
+}
+
+impl App {
+    /// What the hidden field of forms contains for this owner.
+    pub fn form_token(&self, owner: &str) -> String {
+        let mut hash = Sha256::new();
+        hash.update(self.secret.as_bytes());
+        hash.update(owner.as_bytes());
+        hex(&hash.finalize())
+    }
+
+    /// Whether a form is from a page of the service that was made for this owner.
+    pub fn is_genuine(&self, owner: &str, token: &str) -> bool {
+        self.form_token(owner).as_bytes().ct_eq(token.as_bytes()).into()
+    }
+
+    /// Who asks with these headers.
+    pub fn identity(&self, headers: &HeaderMap) -> Option<Identity> {
+        if self.tokens.is_empty() {
+            return Some(Identity { owner: LOCAL.to_owned(), is_ambient: true });
+        }
+        if let Some(value) = headers.get(header::AUTHORIZATION) {
+            let token = value.to_str().ok().and_then(|value| value.strip_prefix("Bearer "))?;
+            let owner = self.tokens.owner_of(token.trim())?;
+            return Some(Identity { owner: owner.name.clone(), is_ambient: false });
+        }
+        self.sessions.owner(headers).map(|owner| Identity { owner, is_ambient: true })
+    }
+
+    /// Whether the name by which the service was reached is one of its own. A page of another site can have its name lead to the loopback
+    /// address and would then be of the same origin.
+    pub fn is_own_host(&self, headers: &HeaderMap) -> bool {
+        let host = headers.get(header::HOST).and_then(|host| host.to_str().ok()).unwrap_or_default();
+        let name = match host.strip_prefix('[') {
+            Some(rest) => rest.split(']').next().unwrap_or_default(),
+            None => host.split(':').next().unwrap_or_default(),
+        };
+        let is_named = self.hosts.iter().any(|known| known.eq_ignore_ascii_case(name));
+        match self.tokens.is_empty() {
+            true => is_named || matches!(name, "localhost" | "127.0.0.1" | "::1"),
+            false => is_named || self.hosts.is_empty(),
+        }
+    }
+}
+
+/// Does work with the store or files beside the threads that answer.
+///
+/// # Errors
+/// Those of the work.
+pub async fn blocking<T, E>(
+    app: &Arc<App>,
+    work: impl FnOnce(&Workshop) -> Result<T, E> + Send + 'static,
+) -> Result<T, Failure>
+where
+    T: Send + 'static,
+    E: Send + 'static,
+    Failure: From<E>,
+{
+    let workshop = Arc::clone(&app.workshop);
+    match tokio::task::spawn_blocking(move || work(&workshop)).await {
+        Ok(done) => Ok(done?),
+        Err(error) => {
+            eprintln!("vlscan serve: {error}");
+            Err(Failure::new(
+                StatusCode::INTERNAL_SERVER_ERROR,
+                "the service has a fault; its operator finds the reason in its log",
+            ))
+        }
+    }
+}

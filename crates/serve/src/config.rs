@@ -1,0 +1,169 @@
+//! The command line of the service, and what it allows.
+
+use clap::{Args, Parser, Subcommand};
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+/// vlscan as a service: an interface for programs (OGC API - Processes) and pages for a browser.
+///
+/// Listens on the loopback address unless --listen names another one, for which tokens are compulsory. docs/service.md describes the
+/// interface, its limits and what protects it.
+#[derive(Debug, Parser)]
+#[command(name = "vlscan serve", bin_name = "vlscan serve", version, max_term_width = 110)]
+#[command(args_conflicts_with_subcommands = true)]
+pub struct Cli {
+    /// What to do instead of serving.
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    /// How to serve.
+    #[command(flatten)]
+    pub serve: ServeArgs,
+}
+
+/// Subcommands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Make a token: prints it to stderr, once, and the line for the token file to stdout.
+    Token {
+        /// Whose token it is: letters, digits, - and _.
+        owner: String,
+        /// Pulses that the owner may have computed within 24 hours; 10M and 2G are understood. [default: --quota]
+        #[arg(long, value_name = "PULSES", value_parser = amount)]
+        quota: Option<u64>,
+    },
+    /// Restrict this process and execute a program in its place: how the service starts vlscan.
+    Confine(ConfineArgs),
+    /// Expand a zip archive within limits: what the service starts for archives among uploads.
+    #[command(hide = true)]
+    Expand(ExpandArgs),
+}
+
+/// An archive and its limits.
+#[derive(Clone, Debug, Args)]
+pub struct ExpandArgs {
+    /// The archive.
+    pub archive: PathBuf,
+    /// The folder of its files.
+    pub folder: PathBuf,
+    /// Bytes of all files.
+    #[arg(long, value_name = "BYTES")]
+    pub max_bytes: u64,
+    /// Number of files.
+    #[arg(long, value_name = "N")]
+    pub max_files: usize,
+}
+
+/// How to serve.
+#[derive(Clone, Debug, Args)]
+pub struct ServeArgs {
+    /// Folder of uploads, jobs and their database; made if it does not exist.
+    #[arg(long, value_name = "DIR", default_value = "vlscan-service")]
+    pub data: PathBuf,
+    /// Address and port; port 0 is any free one. An address other than the loopback needs tokens.
+    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:8080")]
+    pub listen: SocketAddr,
+    /// File with a line per token, as `vlscan serve token OWNER` prints it. The environment variable VLSCAN_TOKEN is a single token
+    /// instead, that of the owner `admin`.
+    #[arg(long, value_name = "FILE")]
+    pub token_file: Option<PathBuf>,
+    /// Names under which browsers reach the service, if it is behind a proxy or has no tokens; may be given more than once.
+    #[arg(long, value_name = "NAME")]
+    pub host: Vec<String>,
+    /// Jobs that are computed at the same time; 0 only queues them.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub workers: usize,
+    /// Threads of a job; 0 = all.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub threads: usize,
+    /// Address space of a job.
+    #[arg(long, value_name = "BYTES", default_value = "8G", value_parser = amount)]
+    pub max_memory: u64,
+    /// Time of a job, seconds.
+    #[arg(long, value_name = "SECONDS", default_value_t = 3600)]
+    pub max_time: u64,
+    /// Files of a job.
+    #[arg(long, value_name = "BYTES", default_value = "20G", value_parser = amount)]
+    pub max_disk: u64,
+    /// An upload, before and after archives are expanded.
+    #[arg(long, value_name = "BYTES", default_value = "2G", value_parser = amount)]
+    pub max_upload: u64,
+    /// Files of an upload.
+    #[arg(long, value_name = "N", default_value_t = 10_000)]
+    pub max_files: usize,
+    /// All uploads and results of an owner.
+    #[arg(long, value_name = "BYTES", default_value = "100G", value_parser = amount)]
+    pub max_stored: u64,
+    /// Jobs of an owner that wait or run.
+    #[arg(long, value_name = "N", default_value_t = 10_000)]
+    pub max_queued: usize,
+    /// Pulses that an owner may have computed within 24 hours. Runs are priced by a dry run before they start. [default: unlimited]
+    #[arg(long, value_name = "PULSES", value_parser = amount)]
+    pub quota: Option<u64>,
+    /// Run jobs without the sandbox of the system, on the loopback address only: their files can then name any file that this user can
+    /// read.
+    #[arg(long)]
+    pub no_sandbox: bool,
+    /// The program vlscan. [default: beside this one, else in the folders of PATH]
+    #[arg(long, value_name = "PATH", env = "VLSCAN_PROGRAM", hide_env = true)]
+    pub program: Option<PathBuf>,
+}
+
+/// Restrictions of a process, and the program that it then becomes.
+#[derive(Clone, Debug, Default, Args)]
+pub struct ConfineArgs {
+    /// File or folder that may be read; may be given more than once.
+    #[arg(long, value_name = "PATH")]
+    pub read: Vec<PathBuf>,
+    /// Folder that may be read and written; may be given more than once.
+    #[arg(long, value_name = "DIR")]
+    pub write: Vec<PathBuf>,
+    /// Address space.
+    #[arg(long, value_name = "BYTES", value_parser = amount)]
+    pub memory: Option<u64>,
+    /// Processor time of all threads, seconds.
+    #[arg(long, value_name = "SECONDS")]
+    pub time: Option<u64>,
+    /// Size of a file.
+    #[arg(long, value_name = "BYTES", value_parser = amount)]
+    pub file_size: Option<u64>,
+    /// Only the limits, without the sandbox of the system.
+    #[arg(long)]
+    pub no_sandbox: bool,
+    /// The program and its arguments. Without one, prints what this system allows.
+    #[arg(last = true, value_name = "PROGRAM")]
+    pub program: Vec<std::ffi::OsString>,
+}
+
+/// A number, perhaps with k, M, G or T for thousands, millions, billions, trillions.
+///
+/// # Errors
+/// What was expected.
+pub fn amount(text: &str) -> Result<u64, String> {
+    let (digits, factor) = match text.char_indices().last() {
+        Some((at, 'k')) => (&text[..at], 1_000),
+        Some((at, 'M')) => (&text[..at], 1_000_000),
+        Some((at, 'G')) => (&text[..at], 1_000_000_000),
+        Some((at, 'T')) => (&text[..at], 1_000_000_000_000),
+        _ => (text, 1),
+    };
+    let number: Option<u64> = digits.parse().ok();
+    let number = number.and_then(|number| number.checked_mul(factor));
+    number.ok_or_else(|| format!("`{text}`: expected a whole number such as 500k, 10M, 2G or 1T"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory as _;
+
+    #[test]
+    fn the_command_line_holds_together() {
+        Cli::command().debug_assert();
+        assert!(
+            Cli::try_parse_from(["vlscan serve", "--quota", "2G"]).unwrap().serve.quota
+                == Some(2_000_000_000)
+        );
+        assert!(Cli::try_parse_from(["vlscan serve", "--max-disk", "2 GB"]).is_err());
+        assert!(amount("99999999999T").is_err() && amount("").is_err() && amount("k").is_err());
+    }
+}

@@ -1,0 +1,49 @@
+//! vlscan as a service: an interface for programs by OGC API - Processes, and pages for a browser.
+//!
+//! The service computes nothing itself. It receives files and requests, keeps them in a folder, and has each job computed by a process of
+//! `vlscan` that can reach no files but its own. docs/service.md describes use, limits and threats.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `config` | the command line, and the limits it sets |
+//! | `tokens` | who may use the service |
+//! | `names` | names of files that others choose |
+//! | `program` | the program vlscan: its options as JSON Schema, its catalogue, how it is started |
+//! | `processes` | the processes, as they are described to programs |
+//! | `request` | from inputs to a command, the files it reads and the hash of all that determines its result |
+//! | `store`, `queue` | uploads, jobs and leases, in SQLite |
+//! | `uploads` | files that are received, and archives that are expanded |
+//! | `submit` | from a request to a job in the queue |
+//! | `worker` | threads that have jobs computed |
+//! | `view` | pictures of results, drawn when pages ask for them |
+//! | `confine` | restrictions of the processes that compute |
+//! | `answers` | failures, documents, links |
+//! | `app`, `sessions` | what all requests share; who asks |
+//! | `security` | which requests are admitted, headers of answers |
+//! | `api` | the interface for programs |
+//! | `pages` | the pages |
+//! | `server` | start and end |
+//! | `main` | the program |
+
+#![deny(unsafe_code)]
+
+pub mod answers;
+pub mod api;
+pub mod app;
+pub mod config;
+pub mod confine;
+pub mod names;
+pub mod pages;
+pub mod processes;
+pub mod program;
+pub mod queue;
+pub mod request;
+pub mod security;
+pub mod server;
+pub mod sessions;
+pub mod store;
+pub mod submit;
+pub mod tokens;
+pub mod uploads;
+pub mod view;
+pub mod worker;

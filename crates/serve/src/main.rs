@@ -1,0 +1,28 @@
+//! The program vlscan-serve, which `vlscan serve` starts.
+
+use clap::Parser as _;
+use std::process::ExitCode;
+use vlscan_serve::config::{Cli, Command};
+use vlscan_serve::{confine, server, tokens, uploads};
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let done = match &cli.command {
+        None => server::serve(&cli.serve).map_err(|e| e.to_string()),
+        Some(Command::Token { owner, quota }) => {
+            tokens::make(owner, *quota).map_err(|e| e.to_string()).map(|(token, line)| {
+                eprintln!("the token of {owner}, which is shown only now: {token}");
+                println!("{line}");
+            })
+        }
+        Some(Command::Expand(args)) => uploads::expand(args),
+        Some(Command::Confine(args)) => confine::confine(args).map_err(|e| e.to_string()),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("error: {message}");
+            ExitCode::from(2)
+        }
+    }
+}

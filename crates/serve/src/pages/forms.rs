@@ -1,0 +1,200 @@
+//! What forms do: each is checked to come from a page of ours, and leads to another page.
+
+use super::layout::{PageFailure, as_page, bad, page};
+use crate::answers::Failure;
+use crate::app::{App, Identity, blocking};
+use crate::processes::Process;
+use axum::Extension;
+use axum::extract::rejection::FormRejection;
+use axum::extract::{Form, State};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse as _, Redirect, Response};
+use maud::html;
+use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Fields of a form; empty ones count as not given.
+type Fields = BTreeMap<String, String>;
+type FormBody = Result<Form<Fields>, FormRejection>;
+type Answer = Result<Response, PageFailure>;
+
+/// The fields of a form that comes from a page of ours.
+fn genuine(app: &App, identity: &Identity, form: FormBody) -> Result<Fields, PageFailure> {
+    let wrong = as_page(app, identity);
+    let Form(mut fields) = form.map_err(|_| wrong(bad("the form is damaged")))?;
+    let token = fields.remove("csrf").unwrap_or_default();
+    if !app.is_genuine(&identity.owner, &token) {
+        return Err(wrong(Failure::new(
+            StatusCode::FORBIDDEN,
+            "the form is from an older page; load the page again",
+        )));
+    }
+    fields.retain(|_, value| !value.trim().is_empty());
+    Ok(fields)
+}
+
+/// Adds a job and leads to its page.
+async fn submit(app: &Arc<App>, identity: &Identity, process: Process, inputs: Map<String, Value>) -> Answer {
+    let owner = identity.owner.clone();
+    let job = blocking(app, move |workshop| workshop.submit(&owner, process, &inputs)).await;
+    let job = job.map_err(as_page(app, identity))?;
+    Ok(Redirect::to(&format!("/jobs/{}", job.id)).into_response())
+}
+
+pub async fn run(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    form: FormBody,
+) -> Answer {
+    let mut fields = genuine(&app, &identity, form)?;
+    let wrong = as_page(&app, &identity);
+    let file = fields.remove("file").ok_or_else(|| wrong(bad("choose a file")))?;
+    let mut inputs = Map::new();
+    let key = if file.to_ascii_lowercase().ends_with(".toml") { "pipeline" } else { "survey" };
+    inputs.insert(key.to_owned(), json!(file));
+    if let Some(seed) = fields.remove("seed") {
+        let seed: u64 = seed.trim().parse().map_err(|_| wrong(bad("Seed: expected a whole number")))?;
+        inputs.insert("seed".to_owned(), json!(seed));
+    }
+    let process = match fields.remove("action").as_deref() {
+        Some("dry-run") => Process::DryRun,
+        _ => Process::Run,
+    };
+    if let Some(format) = fields.remove("format") {
+        if !super::job::FORMATS.iter().any(|(known, _)| *known == format) {
+            return Err(wrong(bad("choose a format of the list")));
+        }
+        inputs.insert("output".to_owned(), json!([{ "path": format!("points.{format}") }]));
+    }
+    submit(&app, &identity, process, inputs).await
+}
+
+pub async fn plan(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    form: FormBody,
+) -> Answer {
+    let fields = genuine(&app, &identity, form)?;
+    let wrong = as_page(&app, &identity);
+    let mut inputs = Map::new();
+    for (key, value) in fields {
+        let value = value.trim().to_owned();
+        match key.as_str() {
+            // A file is meant if one is chosen.
+            "area_file" => drop(inputs.insert("area".to_owned(), json!(value))),
+            "along_file" => drop(inputs.insert("along".to_owned(), json!(value))),
+            "area" | "along" => drop(inputs.entry(key).or_insert(json!(value))),
+            "follow_terrain" => drop(inputs.insert(key, json!(true))),
+            "kind" | "scene" | "scanner" | "around" => drop(inputs.insert(key, json!(value))),
+            "positions" => {
+                let number: u64 =
+                    value.parse().map_err(|_| wrong(bad("positions: expected a whole number")))?;
+                inputs.insert(key, json!(number));
+            }
+            _ => {
+                let number: f64 = value
+                    .replace(',', ".")
+                    .parse()
+                    .map_err(|_| wrong(bad(&format!("{key}: expected a number"))))?;
+                inputs.insert(key, json!(number));
+            }
+        }
+    }
+    // Files of areas come after texts in the order of names: they replace them. Of three quantities two are given.
+    if inputs.contains_key("speed") && inputs.contains_key("density") {
+        inputs.remove("overlap");
+    }
+    if inputs.contains_key("spacing") {
+        ["around", "radius", "positions"].iter().for_each(|key| drop(inputs.remove(*key)));
+    }
+    submit(&app, &identity, Process::Plan, inputs).await
+}
+
+pub async fn compare(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    form: FormBody,
+) -> Answer {
+    let fields = genuine(&app, &identity, form)?;
+    let mut inputs = Map::new();
+    for key in ["first", "second"] {
+        let name = fields.get(key).ok_or_else(|| as_page(&app, &identity)(bad("choose two clouds")))?;
+        inputs.insert(key.to_owned(), json!(name));
+    }
+    submit(&app, &identity, Process::Compare, inputs).await
+}
+
+pub async fn dismiss(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    form: FormBody,
+) -> Answer {
+    let id = genuine(&app, &identity, form)?.remove("id").unwrap_or_default();
+    let owner = identity.owner.clone();
+    let name = id.clone();
+    let found = blocking(&app, move |workshop| workshop.store.dismiss(&owner, &name))
+        .await
+        .map_err(as_page(&app, &identity))?;
+    match found {
+        true => Ok(Redirect::to("/").into_response()),
+        false => Err(as_page(&app, &identity)(Failure::no_job(&id))),
+    }
+}
+
+pub async fn remove_upload(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    form: FormBody,
+) -> Answer {
+    let name = genuine(&app, &identity, form)?.remove("name").unwrap_or_default();
+    let owner = identity.owner.clone();
+    blocking(&app, move |workshop| workshop.store.remove_upload(&owner, &name))
+        .await
+        .map_err(as_page(&app, &identity))?;
+    Ok(Redirect::to("/").into_response())
+}
+
+pub async fn login_page(State(app): State<Arc<App>>, Extension(identity): Extension<Identity>) -> Response {
+    login_form(&app, &identity, "")
+}
+
+fn login_form(app: &App, identity: &Identity, message: &str) -> Response {
+    let content = html! {
+        h1 { "Log in" }
+        @if !message.is_empty() { p .message role="alert" { (message) } }
+        form .card method="post" action="/login" {
+            label { "Token" input type="password" name="token" required autocomplete="current-password"; }
+            button type="submit" { "Log in" }
+            p { small { "The operator of this service gives you a token." } }
+        }
+    };
+    page(app, identity, "Log in", &content)
+}
+
+pub async fn login(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    headers: HeaderMap,
+    form: FormBody,
+) -> Response {
+    let fields = form.map(|Form(fields)| fields).unwrap_or_default();
+    let Some(owner) = fields.get("token").and_then(|token| app.tokens.owner_of(token.trim())) else {
+        let mut response = login_form(&app, &identity, "This token is not known.");
+        *response.status_mut() = StatusCode::FORBIDDEN;
+        return response;
+    };
+    let is_encrypted = headers.get("x-forwarded-proto").is_some_and(|value| value == "https");
+    let cookie = app.sessions.begin(&owner.name, is_encrypted);
+    ([(header::SET_COOKIE, cookie)], Redirect::to("/")).into_response()
+}
+
+pub async fn logout(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    headers: HeaderMap,
+    form: FormBody,
+) -> Answer {
+    genuine(&app, &identity, form)?;
+    Ok(([(header::SET_COOKIE, app.sessions.end(&headers))], Redirect::to("/login")).into_response())
+}

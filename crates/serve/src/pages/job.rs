@@ -1,0 +1,306 @@
+//! The page of a job: its progress, then its results with pictures, and the command that does the same in a shell.
+
+use super::home::{encoded as in_query, title};
+use super::layout::{bytes_text, form_token, page};
+use crate::answers::{Failure, encoded};
+use crate::app::{App, Identity, blocking};
+use crate::names::file_within;
+use crate::processes::Process;
+use crate::request::Prepared;
+use crate::store::{Job, Result as StoreResult, ResultFile, Status};
+use crate::view::{PICTURE, POINTS, drawn_file};
+use axum::response::Response;
+use maud::{Markup, html};
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Formats that the form of a run offers: ending and name.
+pub const FORMATS: [(&str, &str); 7] = [
+    ("laz", "LAZ"),
+    ("las", "LAS"),
+    ("copc.laz", "COPC"),
+    ("xyz", "text"),
+    ("ply", "PLY"),
+    ("e57", "E57"),
+    ("parquet", "Parquet"),
+];
+/// Largest document that a page shows, bytes.
+const MAX_SHOWN: u64 = 64 << 10;
+/// Most files that a page lists.
+const MAX_LISTED: usize = 200;
+
+/// Seed and format of a run.
+pub fn run_fields() -> Markup {
+    html! {
+        div .row {
+            label { "Format" select name="format" { @for (ending, name) in FORMATS { option value=(ending) { (name) } } } }
+            label { "Seed" input name="seed" inputmode="numeric" size="8" placeholder="0" autocomplete="off"; }
+        }
+    }
+}
+
+/// What the page shows of files.
+#[derive(Debug, Default)]
+struct Shown {
+    has_picture: bool,
+    report: Value,
+    document: String,
+}
+
+impl Shown {
+    fn of(job: &Job, folder: &Path) -> Shown {
+        let text = |name: &str| {
+            let path = file_within(&folder.join("out"), name)?;
+            (fs::metadata(&path).ok()?.len() <= MAX_SHOWN).then(|| fs::read_to_string(path).ok())?
+        };
+        let prepared: Prepared = serde_json::from_str(&job.prepared).unwrap_or_default();
+        Shown {
+            has_picture: drawn_file(Process::named(&job.process), &job.result_files()).is_some(),
+            report: text("report.json").and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default(),
+            document: text("plan.toml").or(prepared.document.map(|(_, text)| text)).unwrap_or_default(),
+        }
+    }
+}
+
+/// The page of a job.
+///
+/// # Errors
+/// Those of the store.
+pub async fn job(app: &Arc<App>, identity: &Identity, job: &Job) -> Result<Response, Failure> {
+    let reads = job.clone();
+    let shown = blocking(app, move |workshop| -> StoreResult<_> {
+        Ok(Shown::of(&reads, &workshop.store.job_folder(&reads.folder)))
+    })
+    .await?;
+    let content = html! {
+        h1 { (title(job)) }
+        (state(job))
+        @if job.status == Status::Successful { (results(app, identity, job, &shown)) }
+        (command(job, &shown))
+        form method="post" action="/forms/dismiss" {
+            (form_token(app, identity))
+            input type="hidden" name="id" value=(job.id);
+            button .quiet type="submit" { @if job.status.is_final() { "Remove this job and its files" } @else { "Give up" } }
+        }
+    };
+    Ok(page(app, identity, &title(job), &content))
+}
+
+fn state(job: &Job) -> Markup {
+    html! {
+        @match job.status {
+            Status::Accepted | Status::Running => {
+                // Without scripts the page is loaded again.
+                noscript { meta http-equiv="refresh" content="2"; }
+                script src="/static/follow.js" defer {}
+                div #follow .card data-job=(job.id) {
+                    p { span .state .(job.status.name()) #state { (job.status.name()) } }
+                    progress #progress max="100" value=(job.progress) aria-label="Progress" {}
+                    p #message role="status" { (job.message) }
+                }
+            }
+            Status::Successful => {}
+            Status::Failed => {
+                p { span .state .failed { "failed" } }
+                pre .message role="alert" { (job.message) }
+            }
+            Status::Dismissed => { p { span .state .dismissed { "given up" } } }
+        }
+    }
+}
+
+fn results(app: &App, identity: &Identity, job: &Job, shown: &Shown) -> Markup {
+    let process = Process::named(&job.process);
+    let files = job.result_files();
+    let own = format!("/jobs/{}", job.id);
+    html! {
+        @match process {
+            Some(Process::Plan) => {
+                @if shown.has_picture { (picture(&own, "Flight lines over the scene, from above and from the side")) }
+                pre .facts { (comments(&shown.document)) }
+                form .card method="post" action="/forms/run" {
+                    (form_token(app, identity))
+                    input type="hidden" name="file" value=(format!("jobs/{}/plan.toml", job.id));
+                    (run_fields())
+                    div .row {
+                        button type="submit" name="action" value="dry-run" { "Forecast density and time" }
+                        button type="submit" name="action" value="run" { "Run" }
+                    }
+                }
+            }
+            Some(Process::DryRun) => {
+                (forecast(&shown.report))
+                @if let Some(file) = run_file(job) {
+                    form .card method="post" action="/forms/run" {
+                        (form_token(app, identity))
+                        input type="hidden" name="file" value=(file);
+                        (run_fields())
+                        button type="submit" name="action" value="run" { "Run it" }
+                    }
+                }
+            }
+            Some(Process::Compare) => { (viewer(&format!("{own}/results/report.html"), "Comparison")) }
+            Some(Process::Preview) => {
+                @for file in &files {
+                    @if file.path.ends_with(".png") { img .picture src=(format!("{own}/results/{}", encoded(&file.path))) alt="The picture"; }
+                    @else { (viewer(&format!("{own}/results/{}", encoded(&file.path)), "Points")) }
+                }
+            }
+            _ => {
+                @if shown.has_picture { (viewer(&format!("{own}/view/{POINTS}"), "The points, to turn around")) }
+                @if shown.has_picture { details { summary { "Picture" } (picture(&own, "The points from above and from the side")) } }
+            }
+        }
+        (downloads(job, &files))
+    }
+}
+
+fn picture(own: &str, about: &str) -> Markup {
+    html! { img .picture src=(format!("{own}/view/{PICTURE}")) alt=(about) loading="lazy"; }
+}
+
+fn viewer(address: &str, about: &str) -> Markup {
+    html! {
+        iframe .viewer src=(address) title=(about) sandbox="allow-scripts allow-downloads" {}
+        p { a href=(address) target="_blank" rel="noopener" { "In a window of its own" } }
+    }
+}
+
+/// The file that a dry run was of.
+fn run_file(job: &Job) -> Option<String> {
+    let inputs: Value = serde_json::from_str(&job.inputs).unwrap_or_default();
+    ["pipeline", "survey"].iter().find_map(|key| inputs[*key].as_str().map(str::to_owned))
+}
+
+fn downloads(job: &Job, files: &[ResultFile]) -> Markup {
+    html! {
+        section aria-labelledby="results" {
+            h2 #results { "Files" }
+            ul .files {
+                @for file in files.iter().take(MAX_LISTED) {
+                    li {
+                        a download href=(format!("/jobs/{}/results/{}", job.id, encoded(&file.path))) { (file.path) }
+                        " " small { (bytes_text(file.bytes)) }
+                        @if [".laz", ".las", ".ply", ".xyz", ".e57"].iter().any(|end| file.path.ends_with(end)) {
+                            " · " a href=(format!("/compare?first={}", in_query(&format!("jobs/{}/{}", job.id, file.path)))) { "compare" }
+                        }
+                    }
+                }
+            }
+            @if files.len() > MAX_LISTED { p { "and " (files.len() - MAX_LISTED) " more, which the results list: " a href=(format!("/jobs/{}/results", job.id)) { "JSON" } } }
+        }
+    }
+}
+
+/// The comments at the start of a plan: duration, pulses, density, spacing.
+fn comments(plan: &str) -> String {
+    let lines = plan.lines().take_while(|line| line.starts_with('#') || line.is_empty());
+    lines.map(|line| line.trim_start_matches('#').trim()).collect::<Vec<_>>().join("\n").trim().to_owned()
+}
+
+/// The figures of a dry run.
+fn forecast(report: &Value) -> Markup {
+    let number = |value: &Value| value.as_f64().filter(|number| number.is_finite());
+    let amount = |value: &Value, unit: &str| number(value).map(|number| format!("{}{unit}", rounded(number)));
+    let rows = [
+        ("Flight", amount(&report["duration_s"], " s")),
+        ("Pulses", amount(&report["pulses"], "")),
+        ("Points", amount(&report["points"]["value"], "")),
+        ("Points per m²", amount(&report["points_per_m2"], "")),
+        ("Pulses per m²", amount(&report["pulses_per_m2"], "")),
+        ("Time of the run", amount(&report["time"]["total_s"], " s")),
+        ("Memory", number(&report["memory_bytes"]).map(|bytes| bytes_text(bytes as u64))),
+        (
+            "Pulses without an echo",
+            number(&report["missed"]["pulses"]).map(|part| format!("{:.0} %", part * 100.0)),
+        ),
+    ];
+    html! {
+        table .figures { tbody {
+            @for (name, value) in rows {
+                @if let Some(value) = value { tr { th scope="row" { (name) } td { (value) } } }
+            }
+            @for file in report["files"].as_array().into_iter().flatten() {
+                tr { th scope="row" { (file["name"].as_str().unwrap_or_default()) } td { (bytes_text(file["bytes"].as_f64().unwrap_or(0.0) as u64)) } }
+            }
+        } }
+    }
+}
+
+/// A number with three digits, in thousands, millions or billions.
+fn rounded(number: f64) -> String {
+    let (scaled, unit) = match number.abs() {
+        size if size >= 1e9 => (number / 1e9, " G"),
+        size if size >= 1e6 => (number / 1e6, " M"),
+        size if size >= 1e4 => (number / 1e3, " k"),
+        _ => (number, ""),
+    };
+    match scaled.abs() {
+        size if size >= 100.0 => format!("{scaled:.0}{unit}"),
+        size if size >= 10.0 => format!("{scaled:.1}{unit}"),
+        _ => format!("{scaled:.2}{unit}"),
+    }
+}
+
+fn command(job: &Job, shown: &Shown) -> Markup {
+    let prepared: Prepared = serde_json::from_str(&job.prepared).unwrap_or_default();
+    html! {
+        details {
+            summary { "Show the command" }
+            p { "In a folder that has the uploads as folders:" }
+            pre { code { (prepared.shown) } }
+            @if let Some((name, _)) = &prepared.document { p { code { (name) } ":" } }
+            @if !shown.document.is_empty() { pre { code { (shown.document) } } }
+            p { "As a request to this service, " code { "POST /processes/" (job.process) "/execution" } ":" }
+            pre { code { "{\"inputs\": " (job.inputs) "}" } }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_three_digits() {
+        for (number, text) in [
+            (0.5, "0.50"),
+            (12.34, "12.3"),
+            (9999.0, "9999"),
+            (12_345.0, "12.3 k"),
+            (3.5e6, "3.50 M"),
+            (2e9, "2.00 G"),
+        ] {
+            assert_eq!(rounded(number), text);
+        }
+        assert_eq!(comments("# a plan\n# 3 lines\n\nscene = 1\n# later"), "a plan\n3 lines");
+    }
+
+    #[test]
+    fn texts_of_others_are_escaped() {
+        let files = [ResultFile { path: "<script>alert(1)</script>\"'.laz".to_owned(), bytes: 1 }];
+        let job = Job {
+            id: "a".into(),
+            owner: "o".into(),
+            process: "run".into(),
+            inputs: "</code><script>".into(),
+            prepared: "{}".into(),
+            fingerprint: String::new(),
+            folder: "a".into(),
+            status: Status::Failed,
+            message: "<img src=x onerror=alert(1)>".into(),
+            progress: 0,
+            results: "[]".into(),
+            created: 0,
+            started: None,
+            finished: None,
+            updated: 0,
+        };
+        let page = html! { (downloads(&job, &files)) (state(&job)) (command(&job, &Shown { document: "<b>".into(), ..Shown::default() })) }.into_string();
+        for unsafe_text in ["<script>", "<img", "<b>"] {
+            assert!(!page.contains(unsafe_text), "{page}");
+        }
+    }
+}

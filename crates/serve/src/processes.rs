@@ -1,0 +1,280 @@
+//! The processes that are offered, and how each is described to programs: by the options of its command or the keys of its file.
+
+use crate::program::Program;
+use serde_json::{Map, Value, json};
+
+/// A process.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Process {
+    /// A pipeline's points.
+    Run,
+    /// A survey from an area, a plot or a line.
+    Plan,
+    /// The forecast of a run.
+    DryRun,
+    /// A data set.
+    Campaign,
+    /// Two clouds.
+    Compare,
+    /// A picture or page of a cloud or survey.
+    Preview,
+}
+
+/// An output of a process.
+#[derive(Clone, Copy, Debug)]
+pub struct Output {
+    /// Its name.
+    pub name: &'static str,
+    /// What it is.
+    pub about: &'static str,
+    /// Its media type, and whether it is given as a value in results.
+    pub media: &'static str,
+}
+
+impl Process {
+    /// All of them.
+    pub const ALL: [Process; 6] =
+        [Process::Run, Process::Plan, Process::DryRun, Process::Campaign, Process::Compare, Process::Preview];
+
+    /// Its id.
+    pub fn id(self) -> &'static str {
+        match self {
+            Process::Run => "run",
+            Process::Plan => "plan",
+            Process::DryRun => "dry-run",
+            Process::Campaign => "campaign",
+            Process::Compare => "compare",
+            Process::Preview => "preview",
+        }
+    }
+
+    /// The process of that id.
+    pub fn named(id: &str) -> Option<Process> {
+        Process::ALL.into_iter().find(|process| process.id() == id)
+    }
+
+    /// A title.
+    pub fn title(self) -> &'static str {
+        match self {
+            Process::Run => "Scan a scene",
+            Process::Plan => "Plan a survey",
+            Process::DryRun => "Forecast a run",
+            Process::Campaign => "Make a data set",
+            Process::Compare => "Compare two clouds",
+            Process::Preview => "Draw a cloud or a survey",
+        }
+    }
+
+    fn about(self) -> &'static str {
+        match self {
+            Process::Run => {
+                "Flies an instrument over a scene and writes the point cloud that it would have measured. Inputs are the keys of a pipeline \
+                 file; `pipeline` names a file whose keys they change. Without outputs, points go to points.laz."
+            }
+            Process::Plan => {
+                "Plans flight lines over an area, tripod positions or a drive (`kind`). Inputs are the options of `vlscan plan`. The result is \
+                 a pipeline file for the process run."
+            }
+            Process::DryRun => {
+                "Forecasts a run without writing points: duration, pulses, points, density, sizes, memory and time. Inputs are those of run."
+            }
+            Process::Campaign => {
+                "One run for every scene, variant and seed. Inputs are the keys of a campaign's file, except `out`."
+            }
+            Process::Compare => {
+                "Compares two point clouds of one place: density, heights, intensities, returns, distances. Inputs are the options of \
+                 `vlscan compare`."
+            }
+            Process::Preview => {
+                "A picture (`format` png) or an interactive page (html) of a cloud or survey."
+            }
+        }
+    }
+
+    /// Whether a request is answered with results if it does not prefer a job.
+    pub fn is_quick(self) -> bool {
+        matches!(self, Process::Plan | Process::DryRun | Process::Compare | Process::Preview)
+    }
+
+    /// What it yields. Runs and campaigns have files of other names, too.
+    pub fn outputs(self) -> &'static [Output] {
+        match self {
+            Process::Run => &[Output {
+                name: "points.laz",
+                about: "The point cloud, or the files of `output`.",
+                media: "application/vnd.laszip",
+            }],
+            Process::Plan => {
+                &[Output { name: "plan.toml", about: "A pipeline file.", media: "application/toml" }]
+            }
+            Process::DryRun => {
+                &[Output { name: "report.json", about: "The forecast.", media: "application/json" }]
+            }
+            Process::Campaign => &[Output {
+                name: "dataset/manifest.jsonl",
+                about: "A line per cell; the files of cells are listed beside it.",
+                media: "application/jsonl",
+            }],
+            Process::Compare => &[
+                Output { name: "report.json", about: "The figures.", media: "application/json" },
+                Output {
+                    name: "report.html",
+                    about: "A page with tables, charts and pictures.",
+                    media: "text/html",
+                },
+            ],
+            Process::Preview => &[
+                Output { name: "preview.png", about: "The picture, for the format png.", media: "image/png" },
+                Output { name: "preview.html", about: "The page, for the format html.", media: "text/html" },
+            ],
+        }
+    }
+
+    /// JSON Schema of its inputs; `x-option` and `x-operand` say what becomes of those that are options.
+    pub fn inputs(self, program: &Program) -> Value {
+        match self {
+            Process::Run | Process::DryRun => pipeline_inputs(program),
+            Process::Plan => plan_inputs(program),
+            Process::Campaign => campaign_inputs(),
+            Process::Compare => {
+                without(&program.commands["compare"], &["json", "page", "change", "changed", "force"])
+            }
+            Process::Preview => {
+                let mut schema =
+                    without(&program.commands["preview"], &["out", "assets", "force", "most_points"]);
+                schema["properties"]["format"] = json!({ "type": "string", "enum": ["png", "html"], "description": "Picture or page. [default: png]" });
+                schema
+            }
+        }
+    }
+
+    /// The entry of the list of processes.
+    pub fn summary(self, program: &Program) -> Value {
+        let control = if self.is_quick() {
+            json!(["sync-execute", "async-execute", "dismiss"])
+        } else {
+            json!(["async-execute", "dismiss"])
+        };
+        json!({
+            "id": self.id(),
+            "version": program.version,
+            "title": self.title(),
+            "description": self.about(),
+            "jobControlOptions": control,
+            "outputTransmission": ["reference", "value"],
+            "links": [{
+                "href": format!("/processes/{}", self.id()), "rel": "self", "type": "application/json", "title": "Description"
+            }],
+        })
+    }
+
+    /// The description of the process.
+    pub fn description(self, program: &Program) -> Value {
+        let schema = self.inputs(program);
+        let required: Vec<&str> =
+            schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+        let mut inputs = Map::new();
+        for (key, schema) in schema["properties"].as_object().into_iter().flatten() {
+            let about = schema["description"].as_str().unwrap_or_default();
+            let title = about.split(['.', ';', '\n']).next().unwrap_or_default();
+            let occurs = u32::from(required.contains(&key.as_str()));
+            let schema = published(schema);
+            inputs.insert(
+                key.clone(),
+                json!({ "title": title, "description": about, "minOccurs": occurs, "maxOccurs": 1, "schema": schema }),
+            );
+        }
+        let mut outputs = Map::new();
+        for output in self.outputs() {
+            let schema = match output.media {
+                "application/json" => json!({ "type": "object", "contentMediaType": output.media }),
+                media => json!({ "type": "string", "format": "binary", "contentMediaType": media }),
+            };
+            outputs.insert(output.name.to_owned(), json!({ "title": output.about, "schema": schema }));
+        }
+        let mut description = self.summary(program);
+        description["inputs"] = Value::Object(inputs);
+        description["outputs"] = Value::Object(outputs);
+        description["links"] = json!([
+            { "href": format!("/processes/{}", self.id()), "rel": "self", "type": "application/json", "title": "This description" },
+            {
+                "href": format!("/processes/{}/execution", self.id()), "rel": "http://www.opengis.net/def/rel/ogc/1.0/execute",
+                "type": "application/json", "title": "Execute"
+            },
+        ]);
+        description
+    }
+}
+
+/// The keys of a pipeline file but for those that concern the machine, and the file to begin with.
+fn pipeline_inputs(program: &Program) -> Value {
+    let mut schema = without(&program.pipeline, &["assets", "force", "schedule"]);
+    schema["properties"]["pipeline"] = json!({
+        "type": "string",
+        "description": "A pipeline file (.toml) among uploads or results, whose keys the other inputs replace."
+    });
+    schema
+}
+
+/// The options of all kinds of plans.
+fn plan_inputs(program: &Program) -> Value {
+    let kinds = ["airborne", "terrestrial", "mobile"];
+    let mut properties = Map::new();
+    for kind in kinds {
+        let options = without(&program.commands[format!("plan {kind}")], &["out", "assets", "force"]);
+        for (key, schema) in options["properties"].as_object().into_iter().flatten() {
+            properties.entry(key).or_insert_with(|| schema.clone());
+        }
+    }
+    properties.insert(
+        "kind".to_owned(),
+        json!({ "type": "string", "enum": kinds, "description": "What kind of survey." }),
+    );
+    json!({ "type": "object", "properties": properties, "required": ["kind", "scanner"], "additionalProperties": false })
+}
+
+/// The keys of a campaign's file.
+fn campaign_inputs() -> Value {
+    let text = |about: &str| json!({ "type": "string", "description": about });
+    json!({
+        "type": "object",
+        "additionalProperties": false,
+        "required": ["scene", "variant"],
+        "properties": {
+            "seeds": {
+                "anyOf": [{ "type": "integer" }, { "type": "array", "items": { "type": "integer" } }],
+                "description": "Seeds: a list, or how many, from 1."
+            },
+            "format": text("Format of the points. [default: laz]"),
+            "run": text("Options of `vlscan run` for all variants."),
+            "split": { "type": "object", "description": "Training, validation and test: by, train, validation, test, seed." },
+            "scene": { "type": "array", "items": { "type": "object" }, "description": "Scenes: name, and one of file, make, stand; area, plots, plot_m, margin_m." },
+            "variant": { "type": "array", "items": { "type": "object" }, "description": "Variants: name, and one of plan, survey; run." },
+        }
+    })
+}
+
+/// A schema without some of its properties.
+fn without(schema: &Value, keys: &[&str]) -> Value {
+    let mut schema = schema.clone();
+    if let Some(properties) = schema["properties"].as_object_mut() {
+        properties.retain(|key, _| !keys.contains(&key.as_str()));
+    }
+    if let Some(required) = schema.get_mut("required").and_then(Value::as_array_mut) {
+        required.retain(|key| !keys.iter().any(|gone| key == gone));
+    }
+    schema
+}
+
+/// A schema as it is published: without the keys of our own.
+fn published(schema: &Value) -> Value {
+    match schema {
+        Value::Object(map) => map
+            .iter()
+            .filter(|(key, _)| !key.starts_with("x-"))
+            .map(|(key, value)| (key.clone(), published(value)))
+            .collect(),
+        Value::Array(list) => list.iter().map(published).collect(),
+        other => other.clone(),
+    }
+}

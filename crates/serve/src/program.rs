@@ -1,0 +1,196 @@
+//! The program vlscan: where it is, what it takes, which instruments it knows. The service asks the program itself, so that descriptions and
+//! results are of the same version.
+
+use crate::config::ConfineArgs;
+use crate::confine::Held;
+use serde_json::Value;
+use std::ffi::{OsStr, OsString};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// Name of the program.
+const NAME: &str = if cfg!(windows) { "vlscan.exe" } else { "vlscan" };
+
+/// Why vlscan cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ProgramError {
+    /// There is none.
+    #[error(
+        "the program vlscan is neither beside vlscan-serve nor in a folder of PATH; name it with --program"
+    )]
+    Absent,
+    /// It cannot be started, or fails.
+    #[error("{program} {words}: {message}")]
+    Failed {
+        /// The program.
+        program: PathBuf,
+        /// Its arguments.
+        words: String,
+        /// What went wrong.
+        message: String,
+    },
+}
+
+/// The program and what it says of itself.
+#[derive(Debug)]
+pub struct Program {
+    /// Where it is.
+    pub path: PathBuf,
+    /// Its version.
+    pub version: String,
+    /// JSON Schema of pipeline files.
+    pub pipeline: Value,
+    /// JSON Schema of the options of commands, by command.
+    pub commands: Value,
+    /// Scanners and platforms, as `vlscan catalogue --json` lists them.
+    pub catalogue: Value,
+}
+
+impl Program {
+    /// Finds the program and asks what it takes.
+    ///
+    /// # Errors
+    /// [`ProgramError`].
+    pub fn find(named: Option<&Path>) -> Result<Program, ProgramError> {
+        let path = match named {
+            Some(path) => path.to_owned(),
+            None => look().ok_or(ProgramError::Absent)?,
+        };
+        let path = path.canonicalize().unwrap_or(path);
+        let schemas = ask(&path, &["man", "--json-schema"])?;
+        let catalogue = ask(&path, &["catalogue", "--json"])?;
+        Ok(Program {
+            version: schemas["version"].as_str().unwrap_or_default().to_owned(),
+            pipeline: schemas["pipeline"].clone(),
+            commands: schemas["commands"].clone(),
+            catalogue,
+            path,
+        })
+    }
+
+    /// The names of scanners or platforms (`kind`) and the catalogue's figures of each.
+    pub fn entries(&self, kind: &str) -> impl Iterator<Item = (&str, &Value)> {
+        let entries = self.catalogue[kind].as_array().into_iter().flatten();
+        entries.filter_map(|entry| Some((entry["reference"].as_str()?, entry)))
+    }
+
+    /// The pattern of a scanner of the catalogue as SVG, made at its first call.
+    ///
+    /// # Errors
+    /// [`ProgramError`].
+    pub fn pattern(&self, reference: &str, folder: &Path) -> Result<Vec<u8>, ProgramError> {
+        let failed = |e: std::io::Error| self.failed("catalogue show", &e.to_string());
+        let name: String =
+            reference.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+        let path = folder.join(format!("{name}-{}.svg", self.version));
+        if let Ok(picture) = std::fs::read(&path) {
+            return Ok(picture);
+        }
+        std::fs::create_dir_all(folder).map_err(failed)?;
+        let scratch = tempfile::tempdir_in(folder).map_err(failed)?;
+        let made = scratch.path().join("pattern.svg");
+        run(
+            &self.path,
+            [
+                OsStr::new("catalogue"),
+                "show".as_ref(),
+                reference.as_ref(),
+                "--picture".as_ref(),
+                made.as_os_str(),
+            ],
+        )?;
+        std::fs::rename(&made, &path).map_err(failed)?;
+        std::fs::read(&path).map_err(failed)
+    }
+
+    fn failed(&self, words: &str, message: &str) -> ProgramError {
+        ProgramError::Failed {
+            program: self.path.clone(),
+            words: words.to_owned(),
+            message: message.to_owned(),
+        }
+    }
+}
+
+/// Beside this program, else in the folders of PATH.
+fn look() -> Option<PathBuf> {
+    let own = std::env::current_exe().ok();
+    let beside = own.as_deref().and_then(Path::parent).map(Path::to_path_buf);
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    beside
+        .into_iter()
+        .chain(std::env::split_paths(&path))
+        .map(|folder| folder.join(NAME))
+        .find(|path| path.is_file())
+}
+
+fn run<W: AsRef<OsStr>>(program: &Path, words: impl IntoIterator<Item = W>) -> Result<Vec<u8>, ProgramError> {
+    let words: Vec<OsString> = words.into_iter().map(|word| word.as_ref().to_owned()).collect();
+    let failed = |message: String| ProgramError::Failed {
+        program: program.to_owned(),
+        words: words.iter().map(|word| word.to_string_lossy()).collect::<Vec<_>>().join(" "),
+        message,
+    };
+    let done = Command::new(program).args(&words).stdin(Stdio::null()).env("NO_COLOR", "1").output();
+    let done = done.map_err(|e| failed(e.to_string()))?;
+    match done.status.success() {
+        true => Ok(done.stdout),
+        false => Err(failed(String::from_utf8_lossy(&done.stderr).trim().to_owned())),
+    }
+}
+
+fn ask(program: &Path, words: &[&str]) -> Result<Value, ProgramError> {
+    let answer = run(program, words)?;
+    serde_json::from_slice(&answer).map_err(|e| ProgramError::Failed {
+        program: program.to_owned(),
+        words: words.join(" "),
+        message: format!("its answer is no JSON ({e}); vlscan and vlscan-serve must be of the same version"),
+    })
+}
+
+/// A command that executes a program under the restrictions of `args`, with an environment of its own.
+///
+/// # Errors
+/// When this program does not know where it is.
+pub fn confined(args: &ConfineArgs, words: &[OsString]) -> std::io::Result<Command> {
+    let mut command = Command::new(own_program()?);
+    command.env_clear().env("NO_COLOR", "1").env("MALLOC_ARENA_MAX", "2").env("LC_ALL", "C.UTF-8");
+    command.env("VLSCAN_PARENT", std::process::id().to_string()).stdin(Stdio::null()).arg("confine");
+    for path in &args.read {
+        command.arg("--read").arg(path);
+    }
+    for path in &args.write {
+        command.arg("--write").arg(path);
+    }
+    for (option, limit) in [("--memory", args.memory), ("--time", args.time), ("--file-size", args.file_size)]
+    {
+        if let Some(limit) = limit {
+            command.arg(option).arg(limit.to_string());
+        }
+    }
+    if args.no_sandbox {
+        command.arg("--no-sandbox");
+    }
+    command.arg("--").args(&args.program).args(words);
+    Ok(command)
+}
+
+/// The program that confines: this one, or the one that tests name.
+///
+/// # Errors
+/// When this program does not know where it is.
+pub fn own_program() -> std::io::Result<PathBuf> {
+    match std::env::var_os("VLSCAN_SERVE_PROGRAM") {
+        Some(path) => Ok(path.into()),
+        None => std::env::current_exe(),
+    }
+}
+
+/// What of the sandbox this system allows.
+///
+/// # Errors
+/// When it cannot be asked.
+pub fn sandbox() -> std::io::Result<Held> {
+    let done = confined(&ConfineArgs::default(), &[])?.output()?;
+    serde_json::from_slice(&done.stdout).map_err(std::io::Error::other)
+}

@@ -1,0 +1,126 @@
+//! Who asks, whether a request that changes something comes from a page of the service, and the headers of answers.
+
+use crate::answers::{Failure, wants_page};
+use crate::app::{App, Identity};
+use crate::pages;
+use axum::extract::{Request, State};
+use axum::http::header::{self, HeaderMap, HeaderName, HeaderValue};
+use axum::http::{Method, StatusCode};
+use axum::middleware::Next;
+use axum::response::{IntoResponse as _, Redirect, Response};
+use std::sync::Arc;
+
+/// What pages may load: only what the service has, and nobody shows them in frames.
+const PAGE_POLICY: &str =
+    "default-src 'self'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'; object-src 'none'";
+/// What pages that vlscan has written may do: run their own scripts, in an origin of their own and without a network, in frames of
+/// ours.
+pub const VIEWER_POLICY: &str = "sandbox allow-scripts allow-downloads; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; \
+                                 img-src data: blob:; frame-ancestors 'self'";
+
+/// Whether the browser says that a request comes from a page of another site.
+fn is_foreign(headers: &HeaderMap) -> bool {
+    let text = |name: HeaderName| headers.get(name).and_then(|value| value.to_str().ok());
+    if let Some(site) = text(HeaderName::from_static("sec-fetch-site")) {
+        return !matches!(site, "same-origin" | "none");
+    }
+    match (text(header::ORIGIN), text(header::HOST)) {
+        (Some(origin), Some(host)) => origin.split_once("://").is_none_or(|(_, from)| from != host),
+        (Some(_), None) => true,
+        (None, _) => false,
+    }
+}
+
+/// Admits requests, and gives all answers their headers.
+pub async fn guard(State(app): State<Arc<App>>, mut request: Request, next: Next) -> Response {
+    let is_page = wants_page(request.headers(), request.uri().query());
+    let response = match admit(&app, &request) {
+        Ok(identity) => {
+            request.extensions_mut().insert(identity.clone());
+            let response = next.run(request).await;
+            match response.extensions().get::<Failure>() {
+                Some(failure) if is_page => pages::failure(&app, &identity, failure),
+                _ => response,
+            }
+        }
+        Err(response) => *response,
+    };
+    with_headers(response)
+}
+
+fn admit(app: &App, request: &Request) -> Result<Identity, Box<Response>> {
+    let refuse = |status: StatusCode, message: &str| {
+        Box::new(Failure::new(status, message.to_owned()).into_response())
+    };
+    let headers = request.headers();
+    if !app.is_own_host(headers) {
+        let message = "the service is not known by this name; its operator can add it with --host NAME";
+        return Err(refuse(StatusCode::MISDIRECTED_REQUEST, message));
+    }
+    let changes = !matches!(*request.method(), Method::GET | Method::HEAD | Method::OPTIONS);
+    let Some(identity) = app.identity(headers) else {
+        let path = request.uri().path();
+        if path == "/login" || path.starts_with("/static/") {
+            if changes && is_foreign(headers) {
+                return Err(refuse(StatusCode::FORBIDDEN, "the request comes from a page of another site"));
+            }
+            return Ok(Identity { owner: String::new(), is_ambient: true });
+        }
+        if !changes && wants_page(headers, request.uri().query()) {
+            return Err(Box::new(Redirect::to("/login").into_response()));
+        }
+        let mut response =
+            refuse(StatusCode::UNAUTHORIZED, "a token is needed: `Authorization: Bearer TOKEN`");
+        response.headers_mut().insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
+        return Err(response);
+    };
+    if changes && identity.is_ambient && is_foreign(headers) {
+        return Err(refuse(StatusCode::FORBIDDEN, "the request comes from a page of another site"));
+    }
+    Ok(identity)
+}
+
+fn with_headers(mut response: Response) -> Response {
+    let headers = response.headers_mut();
+    let is_viewer = headers.get(header::CONTENT_SECURITY_POLICY).is_some();
+    for (name, value) in [
+        (header::CONTENT_SECURITY_POLICY, PAGE_POLICY),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (header::X_FRAME_OPTIONS, if is_viewer { "SAMEORIGIN" } else { "DENY" }),
+        (header::REFERRER_POLICY, "same-origin"),
+        (HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
+        (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
+        (header::CACHE_CONTROL, "no-store"),
+    ] {
+        headers.entry(name).or_insert(HeaderValue::from_static(value));
+    }
+    response
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn headers(pairs: &[(&'static str, &'static str)]) -> HeaderMap {
+        pairs
+            .iter()
+            .map(|(name, value)| (HeaderName::from_static(name), HeaderValue::from_static(value)))
+            .collect()
+    }
+
+    #[test]
+    fn requests_of_other_sites_are_recognised() {
+        for (pairs, foreign) in [
+            (vec![], false),
+            (vec![("sec-fetch-site", "same-origin")], false),
+            (vec![("sec-fetch-site", "none")], false),
+            (vec![("sec-fetch-site", "cross-site")], true),
+            (vec![("sec-fetch-site", "same-site")], true),
+            (vec![("origin", "http://127.0.0.1:8080"), ("host", "127.0.0.1:8080")], false),
+            (vec![("origin", "http://127.0.0.1:9090"), ("host", "127.0.0.1:8080")], true),
+            (vec![("origin", "null"), ("host", "127.0.0.1:8080")], true),
+        ] {
+            assert_eq!(is_foreign(&headers(&pairs)), foreign, "{pairs:?}");
+        }
+    }
+}

@@ -1,0 +1,535 @@
+//! What the service knows, in SQLite, and the folders beside it.
+//!
+//! ```text
+//! DATA/service.db            uploads, jobs, queue (write-ahead log)
+//! DATA/uploads/ID/…          files of an upload; never changed once they are listed
+//! DATA/jobs/ID/in/           what a job reads: links to uploads and results, its pipeline file
+//! DATA/jobs/ID/out/          its results
+//! DATA/jobs/ID/view/         pictures of its results for pages
+//! DATA/jobs/ID/log           messages of vlscan
+//! DATA/incoming/…            uploads that are not complete
+//! ```
+//!
+//! A row is written when its files are complete, and files are removed when no row names them; so whatever is interrupted leaves at most
+//! files without a row, which the next start removes.
+
+use rusqlite::{Connection, OptionalExtension as _, Row, params};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Why the store fails.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// The database.
+    #[error("the database of the service: {0}")]
+    Database(#[from] rusqlite::Error),
+    /// Files.
+    #[error("the files of the service: {0}")]
+    Files(#[from] std::io::Error),
+}
+
+/// A result of the store.
+pub type Result<T> = std::result::Result<T, StoreError>;
+
+/// An upload: files under a name of its owner.
+#[derive(Clone, Debug, Serialize)]
+pub struct Upload {
+    /// The folder of its files.
+    #[serde(skip)]
+    pub id: String,
+    /// What its owner calls it.
+    pub name: String,
+    /// Number of files.
+    pub files: u64,
+    /// Their bytes.
+    pub bytes: u64,
+    /// Hash over the names and contents of all files.
+    pub sha256: String,
+    /// When it was complete, ms since 1970.
+    #[serde(serialize_with = "as_time")]
+    pub created: i64,
+}
+
+/// A file of an upload.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct UploadFile {
+    /// Its path within the upload.
+    pub path: String,
+    /// Its bytes.
+    pub bytes: u64,
+    /// What an XML file holds.
+    pub kind: FileKind,
+}
+
+/// What an XML file holds, as far as pages offer it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FileKind {
+    /// A survey.
+    Survey,
+    /// A scene.
+    Scene,
+    /// Anything else, or a file that is not XML.
+    #[default]
+    Other,
+}
+
+impl FileKind {
+    fn name(self) -> &'static str {
+        match self {
+            FileKind::Survey => "survey",
+            FileKind::Scene => "scene",
+            FileKind::Other => "other",
+        }
+    }
+
+    fn named(name: &str) -> FileKind {
+        match name {
+            "survey" => FileKind::Survey,
+            "scene" => FileKind::Scene,
+            _ => FileKind::Other,
+        }
+    }
+}
+
+/// The state of a job, by the words of OGC API - Processes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Status {
+    /// It waits.
+    Accepted,
+    /// A worker computes it.
+    Running,
+    /// Its results are complete.
+    Successful,
+    /// It ended with a message.
+    Failed,
+    /// Its owner gave it up.
+    Dismissed,
+}
+
+impl Status {
+    /// All states.
+    pub const ALL: [Status; 5] =
+        [Status::Accepted, Status::Running, Status::Successful, Status::Failed, Status::Dismissed];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Status::Accepted => "accepted",
+            Status::Running => "running",
+            Status::Successful => "successful",
+            Status::Failed => "failed",
+            Status::Dismissed => "dismissed",
+        }
+    }
+
+    /// The state of that name.
+    pub fn named(name: &str) -> Option<Status> {
+        Status::ALL.into_iter().find(|status| status.name() == name)
+    }
+
+    /// Whether nothing follows.
+    pub fn is_final(self) -> bool {
+        !matches!(self, Status::Accepted | Status::Running)
+    }
+}
+
+/// A job.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// Its name.
+    pub id: String,
+    /// Whose it is.
+    pub owner: String,
+    /// The process.
+    pub process: String,
+    /// The inputs as requested, JSON.
+    pub inputs: String,
+    /// What is executed: a [`crate::request::Prepared`] as JSON.
+    pub prepared: String,
+    /// Hash of version, process, inputs and the contents of all files; empty if results may not be given again.
+    pub fingerprint: String,
+    /// The folder, that of the job which computed the results.
+    pub folder: String,
+    /// How far it is.
+    pub status: Status,
+    /// What there is to say, mostly about failures.
+    pub message: String,
+    /// Percent.
+    pub progress: u8,
+    /// Files of the results, JSON: a list of [`ResultFile`].
+    pub results: String,
+    /// Times, ms since 1970.
+    pub created: i64,
+    /// Start of the computation.
+    pub started: Option<i64>,
+    /// End.
+    pub finished: Option<i64>,
+    /// Last change.
+    pub updated: i64,
+}
+
+/// A file of a job's results.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, serde::Deserialize)]
+pub struct ResultFile {
+    /// Its path.
+    pub path: String,
+    /// Its bytes.
+    pub bytes: u64,
+}
+
+impl Job {
+    /// The files of the results.
+    pub fn result_files(&self) -> Vec<ResultFile> {
+        serde_json::from_str(&self.results).unwrap_or_default()
+    }
+}
+
+/// Uploads, jobs and their folders.
+#[derive(Debug)]
+pub struct Store {
+    database: Mutex<Connection>,
+    root: PathBuf,
+}
+
+const TABLES: &str = "
+PRAGMA journal_mode = WAL;
+PRAGMA synchronous = FULL;
+PRAGMA busy_timeout = 10000;
+PRAGMA foreign_keys = ON;
+PRAGMA cache_size = -4000;
+CREATE TABLE IF NOT EXISTS uploads (
+    id TEXT PRIMARY KEY, owner TEXT NOT NULL, name TEXT, files INTEGER NOT NULL, bytes INTEGER NOT NULL, sha256 TEXT NOT NULL,
+    created INTEGER NOT NULL, UNIQUE (owner, name)
+) STRICT;
+CREATE TABLE IF NOT EXISTS files (
+    upload TEXT NOT NULL REFERENCES uploads (id) ON DELETE CASCADE, path TEXT NOT NULL, bytes INTEGER NOT NULL, kind TEXT NOT NULL,
+    PRIMARY KEY (upload, path)
+) STRICT, WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS jobs (
+    number INTEGER PRIMARY KEY, id TEXT NOT NULL UNIQUE, owner TEXT NOT NULL, process TEXT NOT NULL, inputs TEXT NOT NULL,
+    prepared TEXT NOT NULL, fingerprint TEXT NOT NULL, folder TEXT NOT NULL, status TEXT NOT NULL, message TEXT NOT NULL DEFAULT '',
+    progress INTEGER NOT NULL DEFAULT 0, pulses INTEGER NOT NULL DEFAULT 0, results TEXT NOT NULL DEFAULT '[]',
+    bytes INTEGER NOT NULL DEFAULT 0, created INTEGER NOT NULL, started INTEGER, finished INTEGER, updated INTEGER NOT NULL,
+    holder TEXT, held_until INTEGER
+) STRICT;
+CREATE INDEX IF NOT EXISTS jobs_of_owner ON jobs (owner, number);
+CREATE INDEX IF NOT EXISTS jobs_in_queue ON jobs (status, number) WHERE status IN ('accepted', 'running');
+CREATE INDEX IF NOT EXISTS jobs_by_fingerprint ON jobs (owner, fingerprint) WHERE status = 'successful';
+CREATE INDEX IF NOT EXISTS jobs_by_folder ON jobs (folder);
+CREATE INDEX IF NOT EXISTS jobs_unfinished ON jobs (owner) WHERE status IN ('accepted', 'running');
+CREATE INDEX IF NOT EXISTS jobs_stored ON jobs (owner, bytes) WHERE folder = id AND bytes > 0;
+CREATE INDEX IF NOT EXISTS jobs_to_remove ON jobs (id) WHERE status = 'dismissed' AND bytes >= 0;
+CREATE INDEX IF NOT EXISTS uploads_to_remove ON uploads (id) WHERE name IS NULL;
+CREATE TABLE IF NOT EXISTS uses (
+    job TEXT NOT NULL REFERENCES jobs (id) ON DELETE CASCADE, kind TEXT NOT NULL, target TEXT NOT NULL, PRIMARY KEY (job, kind, target)
+) STRICT, WITHOUT ROWID;
+CREATE INDEX IF NOT EXISTS uses_of_target ON uses (target);
+";
+
+impl Store {
+    /// Opens or makes the store of a folder.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn open(root: &Path) -> Result<Store> {
+        make_private(root)?;
+        for folder in ["uploads", "jobs", "incoming"] {
+            std::fs::create_dir_all(root.join(folder))?;
+        }
+        let root = root.canonicalize()?;
+        let database = Connection::open(root.join("service.db"))?;
+        database.execute_batch(TABLES)?;
+        database.set_prepared_statement_cache_capacity(64);
+        Ok(Store { database: Mutex::new(database), root })
+    }
+
+    /// The folder of the service.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// The folder of a job.
+    pub fn job_folder(&self, folder: &str) -> PathBuf {
+        self.root.join("jobs").join(folder)
+    }
+
+    /// The folder of an upload's files.
+    pub fn upload_folder(&self, id: &str) -> PathBuf {
+        self.root.join("uploads").join(id)
+    }
+
+    pub(crate) fn database(&self) -> MutexGuard<'_, Connection> {
+        self.database.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Lists an upload whose files are in their folder. Returns `false`, and lists nothing, if its owner has one of that name.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn add_upload(&self, owner: &str, upload: &Upload, files: &[UploadFile]) -> Result<bool> {
+        let mut database = self.database();
+        let transaction = database.transaction()?;
+        let added = transaction.prepare_cached(
+            "INSERT OR IGNORE INTO uploads (id, owner, name, files, bytes, sha256, created) VALUES (?, ?, ?, ?, ?, ?, ?)",
+        )?.execute(params![upload.id, owner, upload.name, upload.files, upload.bytes, upload.sha256, upload.created])?;
+        if added == 0 {
+            return Ok(false);
+        }
+        for file in files {
+            transaction
+                .prepare_cached("INSERT INTO files (upload, path, bytes, kind) VALUES (?, ?, ?, ?)")?
+                .execute(params![upload.id, file.path, file.bytes, file.kind.name()])?;
+        }
+        transaction.commit()?;
+        Ok(true)
+    }
+
+    /// The uploads of an owner, newest first.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn uploads(&self, owner: &str) -> Result<Vec<Upload>> {
+        let database = self.database();
+        let mut query = database.prepare_cached(
+            "SELECT id, name, files, bytes, sha256, created FROM uploads WHERE owner = ? AND name IS NOT NULL ORDER BY created DESC, id",
+        )?;
+        let rows = query.query_map([owner], upload_of)?;
+        Ok(rows.collect::<rusqlite::Result<_>>()?)
+    }
+
+    /// The upload of that name.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn upload(&self, owner: &str, name: &str) -> Result<Option<Upload>> {
+        let database = self.database();
+        let mut query = database.prepare_cached(
+            "SELECT id, name, files, bytes, sha256, created FROM uploads WHERE owner = ? AND name = ?",
+        )?;
+        Ok(query.query_row([owner, name], upload_of).optional()?)
+    }
+
+    /// The files of an upload, by path.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn files(&self, upload: &str) -> Result<Vec<UploadFile>> {
+        let database = self.database();
+        let mut query =
+            database.prepare_cached("SELECT path, bytes, kind FROM files WHERE upload = ? ORDER BY path")?;
+        let rows = query.query_map([upload], |row| {
+            let kind = FileKind::named(&row.get::<_, String>(2)?);
+            Ok(UploadFile { path: row.get(0)?, bytes: row.get(1)?, kind })
+        })?;
+        Ok(rows.collect::<rusqlite::Result<_>>()?)
+    }
+
+    /// Removes an upload from the list; its files stay while jobs use them. Returns whether there was one.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn remove_upload(&self, owner: &str, name: &str) -> Result<bool> {
+        let removed = self
+            .database()
+            .execute("UPDATE uploads SET name = NULL WHERE owner = ? AND name = ?", [owner, name])?;
+        self.remove_unused()?;
+        Ok(removed > 0)
+    }
+
+    /// Bytes of all uploads and results of an owner.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn stored_bytes(&self, owner: &str) -> Result<u64> {
+        let database = self.database();
+        let mut query = database.prepare_cached(
+            "SELECT (SELECT coalesce(sum(bytes), 0) FROM uploads WHERE owner = ?1)
+                  + (SELECT coalesce(sum(bytes), 0) FROM jobs WHERE owner = ?1 AND folder = id AND bytes > 0)",
+        )?;
+        Ok(query.query_row([owner], |row| row.get(0))?)
+    }
+
+    /// A job of an owner.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn job(&self, owner: &str, id: &str) -> Result<Option<Job>> {
+        let database = self.database();
+        let mut query =
+            database.prepare_cached(&format!("SELECT {COLUMNS} FROM jobs WHERE owner = ? AND id = ?"))?;
+        Ok(query.query_row([owner, id], job_of).optional()?)
+    }
+
+    /// The newest jobs of an owner, of these states and processes if any are named, after the first `skip`.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn jobs(
+        &self,
+        owner: &str,
+        statuses: &[Status],
+        processes: &[String],
+        skip: u32,
+        limit: u32,
+    ) -> Result<Vec<Job>> {
+        let statuses: Vec<&str> = statuses.iter().map(|status| status.name()).collect();
+        let database = self.database();
+        let mut query = database.prepare_cached(&format!(
+            "SELECT {COLUMNS} FROM jobs WHERE owner = ?
+             AND (?2 = '[]' OR status IN (SELECT value FROM json_each(?2))) AND (?3 = '[]' OR process IN (SELECT value FROM json_each(?3)))
+             ORDER BY number DESC LIMIT ? OFFSET ?"
+        ))?;
+        let rows = query.query_map(
+            params![
+                owner,
+                serde_json::json!(statuses).to_string(),
+                serde_json::json!(processes).to_string(),
+                limit,
+                skip
+            ],
+            job_of,
+        )?;
+        Ok(rows.collect::<rusqlite::Result<_>>()?)
+    }
+
+    /// Removes the folders of uploads and jobs that nothing names any more.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn remove_unused(&self) -> Result<()> {
+        let (uploads, jobs) = {
+            let mut database = self.database();
+            let transaction = database.transaction()?;
+            // Unfinished jobs hold what they use, and so does everything that is named.
+            let uploads = list(
+                &transaction,
+                "SELECT id FROM uploads WHERE name IS NULL AND id NOT IN (
+                    SELECT target FROM uses JOIN jobs ON jobs.id = uses.job
+                    WHERE kind = 'upload' AND status IN ('accepted', 'running'))",
+            )?;
+            let jobs = list(
+                &transaction,
+                "SELECT id FROM jobs WHERE status = 'dismissed' AND bytes >= 0
+                 AND holder IS NULL AND id NOT IN (SELECT folder FROM jobs WHERE status IN ('successful', 'failed'))
+                 AND id NOT IN (SELECT target FROM uses JOIN jobs ON jobs.id = uses.job
+                    WHERE kind = 'job' AND status IN ('accepted', 'running'))",
+            )?;
+            for id in &uploads {
+                transaction.execute("DELETE FROM uploads WHERE id = ?", [id])?;
+            }
+            for id in &jobs {
+                transaction.execute("UPDATE jobs SET bytes = -1, results = '[]' WHERE id = ?", [id])?;
+            }
+            transaction.commit()?;
+            (uploads, jobs)
+        };
+        let uploads = uploads.iter().map(|id| self.upload_folder(id));
+        for folder in uploads.chain(jobs.iter().map(|id| self.job_folder(id))) {
+            remove_folder(&folder)?;
+        }
+        Ok(())
+    }
+
+    /// Removes what an interrupted service has left: incomplete uploads, and folders without a row. To be called at the start, while
+    /// nothing is received.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn remove_litter(&self) -> Result<()> {
+        remove_folder(&self.root.join("incoming"))?;
+        std::fs::create_dir_all(self.root.join("incoming"))?;
+        for (kind, known) in [
+            ("uploads", "SELECT 1 FROM uploads WHERE id = ?"),
+            ("jobs", "SELECT 1 FROM jobs WHERE folder = ? AND bytes >= 0"),
+        ] {
+            for entry in std::fs::read_dir(self.root.join(kind))? {
+                let entry = entry?;
+                let name = entry.file_name().to_string_lossy().into_owned();
+                let is_known = self.database().query_row(known, [&name], |_| Ok(())).optional()?.is_some();
+                if !is_known {
+                    remove_folder(&entry.path())?;
+                }
+            }
+        }
+        self.remove_unused()
+    }
+}
+
+pub(crate) const COLUMNS: &str = "id, owner, process, inputs, prepared, fingerprint, folder, status, message, progress, results, \
+                                  created, started, finished, updated";
+
+pub(crate) fn job_of(row: &Row<'_>) -> rusqlite::Result<Job> {
+    Ok(Job {
+        id: row.get(0)?,
+        owner: row.get(1)?,
+        process: row.get(2)?,
+        inputs: row.get(3)?,
+        prepared: row.get(4)?,
+        fingerprint: row.get(5)?,
+        folder: row.get(6)?,
+        status: Status::named(&row.get::<_, String>(7)?).unwrap_or(Status::Failed),
+        message: row.get(8)?,
+        progress: row.get(9)?,
+        results: row.get(10)?,
+        created: row.get(11)?,
+        started: row.get(12)?,
+        finished: row.get(13)?,
+        updated: row.get(14)?,
+    })
+}
+
+fn upload_of(row: &Row<'_>) -> rusqlite::Result<Upload> {
+    Ok(Upload {
+        id: row.get(0)?,
+        name: row.get(1)?,
+        files: row.get(2)?,
+        bytes: row.get(3)?,
+        sha256: row.get(4)?,
+        created: row.get(5)?,
+    })
+}
+
+fn list(database: &Connection, query: &str) -> rusqlite::Result<Vec<String>> {
+    let mut query = database.prepare_cached(query)?;
+    let rows = query.query_map([], |row| row.get(0))?;
+    rows.collect()
+}
+
+/// Makes a folder that only its owner can open, if it does not exist.
+fn make_private(folder: &Path) -> std::io::Result<()> {
+    let mut builder = std::fs::DirBuilder::new();
+    builder.recursive(true);
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::DirBuilderExt as _;
+        builder.mode(0o700);
+    }
+    builder.create(folder)
+}
+
+fn remove_folder(folder: &Path) -> std::io::Result<()> {
+    match std::fs::remove_dir_all(folder) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    }
+}
+
+/// Milliseconds since 1970.
+pub fn now() -> i64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    i64::try_from(since.as_millis()).unwrap_or(i64::MAX)
+}
+
+/// A time as RFC 3339 has it.
+pub fn time_text(ms: i64) -> String {
+    let time = chrono::DateTime::from_timestamp_millis(ms).unwrap_or_default();
+    time.to_rfc3339_opts(chrono::SecondsFormat::Millis, true)
+}
+
+fn as_time<S: serde::Serializer>(ms: &i64, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+    serializer.serialize_str(&time_text(*ms))
+}

@@ -1,0 +1,78 @@
+//! From a request to a job in the queue, for programs and pages alike.
+
+use crate::processes::Process;
+use crate::request::{RequestError, check};
+use crate::store::{Job, Status, StoreError, now};
+use crate::tokens::random_name;
+use crate::worker::Workshop;
+use serde_json::{Map, Value};
+
+/// Why a job is not accepted.
+#[derive(Debug, thiserror::Error)]
+pub enum SubmitError {
+    /// Its inputs.
+    #[error(transparent)]
+    Request(#[from] RequestError),
+    /// Too many jobs wait.
+    #[error(
+        "you have {0} jobs that are not finished, the most that this service accepts; wait for some, or dismiss them"
+    )]
+    Full(usize),
+    /// Too much is stored.
+    #[error("your uploads and results have {0} bytes, more than this service keeps; remove some first")]
+    Stored(u64),
+    /// The store.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+impl Workshop {
+    /// Accepts a job. One that was computed before is finished at once, with the results of then.
+    ///
+    /// # Errors
+    /// [`SubmitError`].
+    pub fn submit(
+        &self,
+        owner: &str,
+        process: Process,
+        inputs: &Map<String, Value>,
+    ) -> Result<Job, SubmitError> {
+        let checked = check(process, inputs, owner, &self.store, &self.program)?;
+        let answer = self.store.same_job(owner, &checked.fingerprint)?;
+        if answer.is_none() {
+            let stored = self.store.stored_bytes(owner)?;
+            if stored > self.limits.max_stored {
+                return Err(SubmitError::Stored(stored));
+            }
+        }
+        let text = |value: Result<String, serde_json::Error>| {
+            value.map_err(|e| StoreError::Files(std::io::Error::other(e)))
+        };
+        let id = random_name(16);
+        let now = now();
+        let job = Job {
+            folder: id.clone(),
+            owner: owner.to_owned(),
+            process: process.id().to_owned(),
+            inputs: text(serde_json::to_string(inputs))?,
+            prepared: text(serde_json::to_string(&checked.prepared))?,
+            fingerprint: checked.fingerprint,
+            status: Status::Accepted,
+            message: String::new(),
+            progress: 0,
+            results: String::new(),
+            created: now,
+            started: None,
+            finished: None,
+            updated: now,
+            id,
+        };
+        if !self.store.add_job(&job, &checked.prepared.uses, answer.as_ref(), self.limits.max_queued)? {
+            return Err(SubmitError::Full(self.limits.max_queued));
+        }
+        if answer.is_none() {
+            self.wake();
+        }
+        Ok(self.store.job(owner, &job.id)?.unwrap_or(job))
+    }
+}

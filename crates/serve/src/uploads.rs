@@ -1,0 +1,433 @@
+//! Uploads: files of a form are received into a folder of their own, archives expanded by a confined process, everything hashed, and only
+//! then listed under the name that their owner gives them.
+
+use crate::config::{ConfineArgs, ExpandArgs, ServeArgs};
+use crate::names;
+use crate::program::confined;
+use crate::store::{FileKind, Store, StoreError, Upload, UploadFile, now};
+use crate::tokens::{hex, random_name};
+use axum::extract::Multipart;
+use axum::extract::multipart::{Field, MultipartError};
+use sha2::{Digest as _, Sha256};
+use std::collections::BTreeSet;
+use std::ffi::OsString;
+use std::fs;
+use std::io::{self, Read as _, Write as _};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tokio::io::AsyncWriteExt as _;
+
+/// Longest wait for the next bytes of an upload.
+const MAX_WAIT: Duration = Duration::from_secs(60);
+/// Longest text of a form's field, bytes.
+const MAX_TEXT: usize = 4096;
+/// Memory and processor time of the process that expands an archive.
+const EXPAND_MEMORY: u64 = 1 << 30;
+const EXPAND_SECONDS: u64 = 300;
+/// First bytes of a zip archive.
+const ZIP: &[u8] = b"PK\x03\x04";
+
+/// Why an upload is refused.
+#[derive(Debug, thiserror::Error)]
+pub enum UploadError {
+    /// It is not as it should be.
+    #[error("{0}")]
+    Wrong(String),
+    /// It is larger than allowed.
+    #[error("{0}")]
+    TooLarge(String),
+    /// The owner has an upload of that name.
+    #[error("there is an upload `{0}` already; choose another name, or remove that one first")]
+    Taken(String),
+    /// The form is not from a page of the service.
+    #[error("the form is from an older page; load the page again")]
+    Forged,
+    /// The connection.
+    #[error("the upload ended early: {0}")]
+    Form(#[from] MultipartError),
+    /// The store.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+impl From<io::Error> for UploadError {
+    fn from(error: io::Error) -> UploadError {
+        UploadError::Store(StoreError::Files(error))
+    }
+}
+
+/// Files that were received, in a folder that is removed unless they are listed.
+#[derive(Debug)]
+pub struct Received {
+    folder: tempfile::TempDir,
+    /// The name that the form gives, if any.
+    name: Option<String>,
+    first: String,
+    files: BTreeSet<PathBuf>,
+}
+
+/// Receives the files of a form. `is_genuine` judges the field `csrf`, which forms of pages begin with; `None` where none is needed.
+///
+/// # Errors
+/// [`UploadError`].
+pub async fn receive(
+    mut form: Multipart,
+    store: &Store,
+    limits: &ServeArgs,
+    is_genuine: Option<&(dyn Fn(&str) -> bool + Sync)>,
+) -> Result<Received, UploadError> {
+    let folder = tempfile::tempdir_in(store.root().join("incoming"))?;
+    let mut received = Received { folder, name: None, first: String::new(), files: BTreeSet::new() };
+    let mut bytes = 0;
+    let mut is_admitted = is_genuine.is_none();
+    while let Some(mut field) = form.next_field().await? {
+        let Some(file_name) = field.file_name().map(str::to_owned) else {
+            let key = field.name().unwrap_or_default().to_owned();
+            let text = text_of(&mut field).await?;
+            match key.as_str() {
+                "csrf" => is_admitted = is_admitted || is_genuine.is_some_and(|is_genuine| is_genuine(&text)),
+                "name" if !text.trim().is_empty() => received.name = Some(text.trim().to_owned()),
+                _ => {}
+            }
+            continue;
+        };
+        if !is_admitted {
+            return Err(UploadError::Forged);
+        }
+        // Browsers send an empty file where none was chosen.
+        if file_name.is_empty() {
+            continue;
+        }
+        let Some(path) = names::relative_path(&file_name) else {
+            return Err(UploadError::Wrong(format!(
+                "`{file_name}` cannot be the name of a file here; rename it"
+            )));
+        };
+        if received.first.is_empty() {
+            received.first.clone_from(&file_name);
+        }
+        if received.files.len() >= limits.max_files {
+            return Err(UploadError::TooLarge(format!("an upload has at most {} files", limits.max_files)));
+        }
+        let target = received.folder.path().join(&path);
+        if let Some(parent) = target.parent() {
+            tokio::fs::create_dir_all(parent).await?;
+        }
+        if !received.files.insert(path) {
+            return Err(UploadError::Wrong(format!("the upload has two files `{file_name}`")));
+        }
+        let mut file = tokio::fs::File::create_new(&target).await?;
+        while let Some(chunk) = next_chunk(&mut field).await? {
+            bytes += chunk.len() as u64;
+            if bytes > limits.max_upload {
+                return Err(UploadError::TooLarge(format!(
+                    "an upload has at most {} bytes",
+                    limits.max_upload
+                )));
+            }
+            file.write_all(&chunk).await?;
+        }
+        file.flush().await?;
+    }
+    if !is_admitted {
+        return Err(UploadError::Forged);
+    }
+    match received.files.is_empty() {
+        true => {
+            Err(UploadError::Wrong("the upload has no files; choose some in the field `file`".to_owned()))
+        }
+        false => Ok(received),
+    }
+}
+
+async fn next_chunk(field: &mut Field<'_>) -> Result<Option<axum::body::Bytes>, UploadError> {
+    match tokio::time::timeout(MAX_WAIT, field.chunk()).await {
+        Ok(chunk) => Ok(chunk?),
+        Err(_) => Err(UploadError::Wrong(format!("no bytes came for {} s", MAX_WAIT.as_secs()))),
+    }
+}
+
+async fn text_of(field: &mut Field<'_>) -> Result<String, UploadError> {
+    let mut text = Vec::new();
+    while let Some(chunk) = next_chunk(field).await? {
+        text.extend_from_slice(&chunk);
+        if text.len() > MAX_TEXT {
+            return Err(UploadError::TooLarge(format!("a field of the form has at most {MAX_TEXT} bytes")));
+        }
+    }
+    String::from_utf8(text).map_err(|_| UploadError::Wrong("a field of the form is not UTF-8".to_owned()))
+}
+
+impl Received {
+    /// Expands archives, hashes the files and lists the upload.
+    ///
+    /// # Errors
+    /// [`UploadError`].
+    pub fn list(mut self, owner: &str, store: &Store, limits: &ServeArgs) -> Result<Upload, UploadError> {
+        let name = match &self.name {
+            Some(name) if names::is_upload_name(name) => name.clone(),
+            Some(name) => {
+                return Err(UploadError::Wrong(format!(
+                    "`{name}` cannot be the name of an upload: expected letters, digits, - . _ and +"
+                )));
+            }
+            None => names::upload_name_from(
+                self.first.split_once(['/', '\\']).map_or(self.first.as_str(), |(folder, _)| folder),
+            ),
+        };
+        // The folder that a browser sends a folder's files with is the upload itself.
+        let mut root = self.folder.path().to_owned();
+        if let [path] = self.files.iter().collect::<Vec<_>>().as_slice() {
+            let archive = root.join(path);
+            if is_archive(&archive)? {
+                root = self.expand(&archive, limits)?;
+            }
+        }
+        let root = inner_folder(&root)?;
+        let (files, sha256) = hash_files(&root, limits)?;
+        if store.stored_bytes(owner)? + files.iter().map(|file| file.bytes).sum::<u64>() > limits.max_stored {
+            return Err(UploadError::TooLarge(format!(
+                "your uploads and results would have more than {} bytes; remove some first",
+                limits.max_stored
+            )));
+        }
+        let upload = Upload {
+            id: random_name(16),
+            name: name.clone(),
+            files: files.len() as u64,
+            bytes: files.iter().map(|file| file.bytes).sum(),
+            sha256,
+            created: now(),
+        };
+        let target = store.upload_folder(&upload.id);
+        fs::rename(&root, &target)?;
+        sync_folder(&store.root().join("uploads"))?;
+        if store.add_upload(owner, &upload, &files)? {
+            return Ok(upload);
+        }
+        fs::remove_dir_all(&target)?;
+        Err(UploadError::Taken(name))
+    }
+
+    /// Has a zip archive expanded by a process that can reach nothing else.
+    fn expand(&mut self, archive: &Path, limits: &ServeArgs) -> Result<PathBuf, UploadError> {
+        let expanded = self.folder.path().join("expanded-archive");
+        fs::create_dir(&expanded)?;
+        let args = ConfineArgs {
+            read: vec![archive.to_owned()],
+            write: vec![expanded.clone()],
+            memory: Some(EXPAND_MEMORY),
+            time: Some(EXPAND_SECONDS),
+            file_size: Some(limits.max_upload),
+            no_sandbox: limits.no_sandbox,
+            program: vec![crate::program::own_program()?.into_os_string()],
+        };
+        let mut words: Vec<OsString> = ["expand"].map(OsString::from).to_vec();
+        words.push(format!("--max-bytes={}", limits.max_upload).into());
+        words.push(format!("--max-files={}", limits.max_files).into());
+        words.extend(["--".into(), archive.as_os_str().to_owned(), expanded.as_os_str().to_owned()]);
+        let done = confined(&args, &words)?.output()?;
+        if done.status.success() {
+            return Ok(expanded);
+        }
+        let message = String::from_utf8_lossy(&done.stderr);
+        let message = message.trim().trim_start_matches("error: ");
+        let message = if message.is_empty() { "it takes too much time or memory" } else { message };
+        Err(UploadError::Wrong(format!("the archive cannot be expanded: {message}")))
+    }
+}
+
+fn is_archive(path: &Path) -> io::Result<bool> {
+    let mut start = [0; 4];
+    let is_named = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("zip"));
+    Ok(is_named && fs::File::open(path)?.read_exact(&mut start).is_ok() && start == ZIP)
+}
+
+/// The folder itself, or the only thing in it if that is a folder.
+fn inner_folder(folder: &Path) -> io::Result<PathBuf> {
+    let entries: Vec<_> = fs::read_dir(folder)?.collect::<io::Result<_>>()?;
+    match entries.as_slice() {
+        [only] if only.file_type()?.is_dir() => Ok(only.path()),
+        _ => Ok(folder.to_owned()),
+    }
+}
+
+/// All files of an upload, sorted, and a hash over their names and contents. The files are written to the disk.
+fn hash_files(root: &Path, limits: &ServeArgs) -> Result<(Vec<UploadFile>, String), UploadError> {
+    let mut paths = BTreeSet::new();
+    let mut folders = vec![PathBuf::new()];
+    while let Some(inner) = folders.pop() {
+        for entry in fs::read_dir(root.join(&inner))? {
+            let entry = entry?;
+            let path = inner.join(entry.file_name());
+            let kind = entry.file_type()?;
+            match (kind.is_dir(), kind.is_file()) {
+                (true, _) => folders.push(path),
+                (_, true) => {
+                    paths.insert(path);
+                }
+                _ => return Err(UploadError::Wrong("the upload has something that is no file".to_owned())),
+            }
+        }
+        sync_folder(&root.join(&inner))?;
+    }
+    if paths.is_empty() {
+        return Err(UploadError::Wrong("the archive has no files".to_owned()));
+    }
+    if paths.len() > limits.max_files {
+        return Err(UploadError::TooLarge(format!("an upload has at most {} files", limits.max_files)));
+    }
+    let mut all = Sha256::new();
+    let mut buffer = vec![0; 256 << 10];
+    let mut files = Vec::new();
+    for path in paths {
+        let text = path.to_str().ok_or_else(|| UploadError::Wrong("a name that is not UTF-8".to_owned()))?;
+        let text = text.replace('\\', "/");
+        let mut file = fs::File::open(root.join(&path))?;
+        let mut hash = Sha256::new();
+        let mut bytes = 0;
+        let mut kind = FileKind::Other;
+        loop {
+            let read = file.read(&mut buffer)?;
+            if read == 0 {
+                break;
+            }
+            if bytes == 0 && path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("xml")) {
+                kind = kind_of(&buffer[..read]);
+            }
+            hash.update(&buffer[..read]);
+            bytes += read as u64;
+        }
+        file.sync_all()?;
+        all.update(format!("{}:{text}:{bytes}:", text.len()));
+        all.update(hash.finalize());
+        files.push(UploadFile { path: text, bytes, kind });
+    }
+    Ok((files, hex(&all.finalize())))
+}
+
+/// What an XML document that begins like this holds.
+fn kind_of(start: &[u8]) -> FileKind {
+    let has = |tag: &[u8]| start.windows(tag.len()).any(|window| window == tag);
+    match (has(b"<survey"), has(b"<scene")) {
+        (true, _) => FileKind::Survey,
+        (_, true) => FileKind::Scene,
+        _ => FileKind::Other,
+    }
+}
+
+#[cfg(unix)]
+fn sync_folder(folder: &Path) -> io::Result<()> {
+    fs::File::open(folder)?.sync_all()
+}
+
+#[cfg(not(unix))]
+fn sync_folder(_: &Path) -> io::Result<()> {
+    Ok(())
+}
+
+/// Expands a zip archive within limits of what it really contains, not of what it says of itself: the command of the confined process.
+///
+/// # Errors
+/// A message.
+pub fn expand(args: &ExpandArgs) -> Result<(), String> {
+    let damaged = |e: &dyn std::fmt::Display| format!("the archive is damaged: {e}");
+    let file = fs::File::open(&args.archive).map_err(|e| e.to_string())?;
+    let mut archive = zip::ZipArchive::new(file).map_err(|e| damaged(&e))?;
+    let mut left = args.max_bytes;
+    let mut files = 0;
+    for number in 0..archive.len() {
+        let mut entry = archive.by_index(number).map_err(|e| damaged(&e))?;
+        let name = entry.name().map_err(|e| damaged(&e))?.into_owned();
+        // What systems add of their own.
+        let is_aside = name.starts_with("__MACOSX/") || name.rsplit('/').next() == Some(".DS_Store");
+        if entry.is_dir() || is_aside {
+            continue;
+        }
+        if !entry.is_file() {
+            return Err(format!("`{name}` is no file"));
+        }
+        files += 1;
+        if files > args.max_files {
+            return Err(format!("it has more than {} files", args.max_files));
+        }
+        let path = names::relative_path(&name)
+            .ok_or_else(|| format!("`{name}` cannot be the name of a file here"))?;
+        let target = args.folder.join(path);
+        if let Some(parent) = target.parent() {
+            fs::create_dir_all(parent).map_err(|e| e.to_string())?;
+        }
+        let mut out = fs::File::create_new(&target).map_err(|e| format!("`{name}`: {e}"))?;
+        let copied =
+            io::copy(&mut (&mut entry).take(left.saturating_add(1)), &mut out).map_err(|e| damaged(&e))?;
+        if copied > left {
+            return Err(format!("it has more than {} bytes when it is expanded", args.max_bytes));
+        }
+        left -= copied;
+        out.flush().map_err(|e| e.to_string())?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use zip::write::SimpleFileOptions;
+
+    fn archive(files: &[(&str, &[u8])]) -> tempfile::NamedTempFile {
+        let file = tempfile::Builder::new().suffix(".zip").tempfile().unwrap();
+        let mut zip = zip::ZipWriter::new(file.reopen().unwrap());
+        for (name, content) in files {
+            zip.start_file(*name, SimpleFileOptions::default()).unwrap();
+            zip.write_all(content).unwrap();
+        }
+        zip.finish().unwrap();
+        file
+    }
+
+    fn expanded(files: &[(&str, &[u8])], max_bytes: u64) -> Result<Vec<String>, String> {
+        let (zip, folder) = (archive(files), tempfile::tempdir().unwrap());
+        let args = ExpandArgs {
+            archive: zip.path().to_owned(),
+            folder: folder.path().to_owned(),
+            max_bytes,
+            max_files: 3,
+        };
+        expand(&args)?;
+        let limits = <crate::config::Cli as clap::Parser>::parse_from(["serve"]).serve;
+        Ok(hash_files(folder.path(), &limits).unwrap().0.into_iter().map(|file| file.path).collect())
+    }
+
+    #[test]
+    fn archives_are_expanded_within_their_limits() {
+        let found = expanded(&[("a/b.obj", b"v 0 0 0"), ("c.mtl", b""), ("__MACOSX/x", b"")], 100).unwrap();
+        assert_eq!(found, ["a/b.obj", "c.mtl"]);
+        let bomb = vec![0; 1 << 20];
+        assert!(expanded(&[("a", &bomb)], 1000).unwrap_err().contains("more than 1000 bytes"));
+        assert!(
+            expanded(&[("a", b""), ("b", b""), ("c", b""), ("d", b"")], 100)
+                .unwrap_err()
+                .contains("more than 3 files")
+        );
+        for name in ["../a", "/etc/a", "a/../../b", "C:/a", ".ssh/a"] {
+            assert!(expanded(&[(name, b"x")], 100).unwrap_err().contains("cannot be the name"), "{name}");
+        }
+    }
+
+    #[test]
+    fn the_hash_depends_on_names_and_contents() {
+        let limits = <crate::config::Cli as clap::Parser>::parse_from(["serve"]).serve;
+        let hash = |files: &[(&str, &str)]| {
+            let folder = tempfile::tempdir().unwrap();
+            files.iter().for_each(|(name, text)| fs::write(folder.path().join(name), text).unwrap());
+            hash_files(folder.path(), &limits).unwrap().1
+        };
+        let first = hash(&[("a", "1"), ("b", "2")]);
+        assert_eq!(first, hash(&[("b", "2"), ("a", "1")]));
+        assert!(
+            [hash(&[("a", "2"), ("b", "1")]), hash(&[("a", "12")]), hash(&[("a", "1"), ("c", "2")])]
+                .iter()
+                .all(|other| *other != first)
+        );
+    }
+}

@@ -1,0 +1,17 @@
+//! The service as a program: started on a free port of the loopback address, asked over HTTP.
+//!
+//! | file | what it tests |
+//! |---|---|
+//! | `client` | starting the service; a small HTTP client |
+//! | `command` | the commands, and the restrictions of processes |
+//! | `interface` | the interface for programs |
+//! | `jobs` | queue, results, interruptions |
+//! | `hostile` | what others may send: files, names, requests |
+//! | `browser` | pages, as a browser without scripts uses them |
+
+mod browser;
+mod client;
+mod command;
+mod hostile;
+mod interface;
+mod jobs;

@@ -1,0 +1,274 @@
+//! What a point cloud is: counts, density, extent, system, classes, returns, times, flight lines, in one pass and in memory that does not
+//! grow with the number of points.
+
+use super::occupancy::Occupancy;
+use std::collections::{BTreeMap, HashSet};
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use vlscan_base::crs;
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::Result;
+use vlscan_formats::{Attribute, AttributeSet, FileFacts, PointRow, PointSink, read_points};
+use vlscan_geom::{Aabb, MAX_COORDINATE};
+
+/// Most different objects that are counted.
+const MAX_OBJECTS: usize = 1 << 20;
+
+/// Smallest and largest of some values.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Span {
+    /// The smallest.
+    pub min: f64,
+    /// The largest.
+    pub max: f64,
+}
+
+impl Span {
+    fn with(span: Option<Span>, value: f64) -> Option<Span> {
+        let Some(Span { min, max }) = span else { return Some(Span { min: value, max: value }) };
+        Some(Span { min: min.min(value), max: max.max(value) })
+    }
+}
+
+/// The points of a flight line.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LineFacts {
+    /// Number of points.
+    pub points: u64,
+    /// Their times, s.
+    pub time: Option<Span>,
+}
+
+/// Facts about the points of one file or of several.
+#[derive(Clone, Debug, Default)]
+pub struct CloudFacts {
+    /// The files in order, with what they are.
+    pub files: Vec<(PathBuf, Option<FileFacts>)>,
+    /// Number of points, without those below.
+    pub points: u64,
+    /// Pulses without a return, which some formats mark by return 0 of 0.
+    pub misses: u64,
+    /// Points without coordinates within ±[`MAX_COORDINATE`].
+    pub skipped: u64,
+    /// Box around the points, m.
+    pub bounds: Option<Aabb>,
+    /// System of the coordinates as WKT, of the first file that names one.
+    pub crs: Option<String>,
+    /// The attributes that points of at least one file have.
+    attributes: Vec<Attribute>,
+    /// Number of points by class.
+    pub by_class: BTreeMap<u8, u64>,
+    /// Number of points by return number.
+    pub by_return: BTreeMap<u8, u64>,
+    /// Number of first returns by the number of returns of their pulse.
+    pub pulses_by_returns: BTreeMap<u8, u64>,
+    /// Intensities.
+    pub intensity: Option<Span>,
+    intensities: (u64, f64),
+    /// Scan angles, degrees.
+    pub scan_angle: Option<Span>,
+    /// Times, s.
+    pub time: Option<Span>,
+    /// Flight lines by point source id of LAS, or by leg in other formats.
+    pub lines: BTreeMap<u16, LineFacts>,
+    /// Number of points by channel.
+    pub by_channel: BTreeMap<u16, u64>,
+    objects: HashSet<u64>,
+    cover: Occupancy,
+    /// The points of return 0 of 0: pulses without a return, unless no point has returns.
+    without_returns: Option<Box<CloudFacts>>,
+    /// Whether the file that is being read is LAS, and what its points have.
+    is_las: bool,
+    of_file: AttributeSet,
+}
+
+/// Describes the points of files in any format of [`vlscan_formats`], as if they were one cloud; `-` is stdin. Returns also what there is
+/// to say of the files.
+///
+/// # Errors
+/// [`Error::Io`](vlscan_base::Error::Io); [`Error::Input`](vlscan_base::Error::Input) when a file is of no format that is read or damaged.
+pub fn cloud_facts<P: AsRef<Path>>(paths: &[P]) -> Result<(CloudFacts, Diagnostics)> {
+    let (mut facts, mut all) = (CloudFacts::default(), Diagnostics::default());
+    for path in paths {
+        let path = path.as_ref();
+        let (skipped, mut found) = (facts.skipped, Diagnostics::default());
+        facts.files.push((path.to_path_buf(), None));
+        facts.is_las = false;
+        let named = std::mem::take(&mut facts.crs);
+        read_points(path, &mut facts, &mut found)?;
+        if let (Some(first), Some(this)) = (&named, &facts.crs)
+            && crs::differ(first, this)
+        {
+            let message =
+                format!("its system is {}, that of the files before {}", crs::name(this), crs::name(first));
+            found.warn(Some(Place::of_file(path)), message);
+        }
+        facts.crs = named.or(facts.crs.take());
+        let left_out = facts.skipped - skipped;
+        if left_out > 0 {
+            let message =
+                format!("{left_out} points without coordinates within ±{MAX_COORDINATE:e} m are left out");
+            found.warn(Some(Place::of_file(path)), message);
+        }
+        all.extend(found.finish(false)?);
+    }
+    if let Some(without) = facts.without_returns.take() {
+        match facts.points {
+            0 => {
+                facts = CloudFacts { files: facts.files, crs: facts.crs, skipped: facts.skipped, ..*without }
+            }
+            _ => facts.misses = without.points,
+        }
+    }
+    Ok((facts, all))
+}
+
+impl PointSink for CloudFacts {
+    fn start(&mut self, attributes: AttributeSet) {
+        self.of_file = attributes;
+    }
+
+    fn file(&mut self, facts: &FileFacts) {
+        self.is_las = facts.las.is_some();
+        if let Some((_, file)) = self.files.last_mut() {
+            *file = Some(facts.clone());
+        }
+    }
+
+    fn crs(&mut self, wkt: &str) {
+        self.crs = Some(wkt.to_owned());
+    }
+
+    fn point(&mut self, row: &PointRow, object: Option<&str>) -> ControlFlow<()> {
+        self.add(row, object);
+        ControlFlow::Continue(())
+    }
+}
+
+impl CloudFacts {
+    fn add(&mut self, row: &PointRow, object: Option<&str>) {
+        let p = row.position;
+        // Also false for NaN.
+        if !(p.is_finite() && p.abs().max_element() <= MAX_COORDINATE) {
+            self.skipped += 1;
+            return;
+        }
+        let has_returns =
+            self.of_file.has(Attribute::ReturnNumber) && self.of_file.has(Attribute::NumberOfReturns);
+        if has_returns && row.return_number == 0 && row.number_of_returns == 0 {
+            let (is_las, of_file) = (self.is_las, self.of_file);
+            let without = self.without_returns.get_or_insert_default();
+            (without.is_las, without.of_file) = (is_las, of_file);
+            without.count(row, object);
+            return;
+        }
+        self.count(row, object);
+    }
+
+    fn count(&mut self, row: &PointRow, object: Option<&str>) {
+        let p = row.position;
+        let has = |attribute| self.of_file.has(attribute);
+        self.points += 1;
+        self.bounds = Some(self.bounds.unwrap_or(Aabb::EMPTY).with(p));
+        self.cover.mark(p.x, p.y);
+        if has(Attribute::Class) {
+            *self.by_class.entry(row.class).or_default() += 1;
+        }
+        if has(Attribute::ReturnNumber) {
+            *self.by_return.entry(row.return_number).or_default() += 1;
+            if row.return_number <= 1 && has(Attribute::NumberOfReturns) {
+                *self.pulses_by_returns.entry(row.number_of_returns).or_default() += 1;
+            }
+        }
+        if has(Attribute::Intensity) && !row.intensity.is_nan() {
+            let value = f64::from(row.intensity);
+            self.intensity = Span::with(self.intensity, value);
+            self.intensities = (self.intensities.0 + 1, self.intensities.1 + value);
+        }
+        if has(Attribute::ScanAngle) {
+            self.scan_angle = Span::with(self.scan_angle, row.scan_angle);
+        }
+        let time = has(Attribute::Time).then_some(row.time);
+        if let Some(time) = time {
+            self.time = Span::with(self.time, time);
+        }
+        if has(Attribute::Leg) {
+            let line = self.lines.entry(if self.is_las { row.point_source } else { row.leg }).or_default();
+            line.points += 1;
+            line.time = time.map_or(line.time, |time| Span::with(line.time, time));
+        }
+        if has(Attribute::Channel) {
+            *self.by_channel.entry(row.channel).or_default() += 1;
+        }
+        if has(Attribute::Object) && self.objects.len() < MAX_OBJECTS {
+            self.objects.insert(match object {
+                Some(name) => {
+                    let mut hasher = DefaultHasher::new();
+                    name.hash(&mut hasher);
+                    hasher.finish()
+                }
+                None => row.object as u64,
+            });
+        }
+        self.note_attributes();
+    }
+
+    fn note_attributes(&mut self) {
+        for attribute in [
+            Attribute::Class,
+            Attribute::ReturnNumber,
+            Attribute::NumberOfReturns,
+            Attribute::Intensity,
+            Attribute::ScanAngle,
+            Attribute::Time,
+            Attribute::Leg,
+            Attribute::Channel,
+            Attribute::Object,
+        ] {
+            if self.of_file.has(attribute) && !self.attributes.contains(&attribute) {
+                self.attributes.push(attribute);
+            }
+        }
+    }
+
+    /// Whether points of at least one file have an attribute.
+    pub fn has(&self, attribute: Attribute) -> bool {
+        self.attributes.contains(&attribute)
+    }
+
+    /// Mean of the intensities.
+    pub fn mean_intensity(&self) -> Option<f64> {
+        let (count, sum) = self.intensities;
+        (count > 0).then(|| sum / count as f64)
+    }
+
+    /// Number of pulses with a return: that of first returns; `None` of points without return numbers.
+    pub fn pulses(&self) -> Option<u64> {
+        let firsts = self.by_return.range(..=1).map(|(_, count)| count).sum();
+        self.has(Attribute::ReturnNumber).then_some(firsts)
+    }
+
+    /// The area that the points cover, m², and the side of the cells by which it is measured, m.
+    pub fn area(&self) -> Option<(f64, f64)> {
+        self.cover.area(self.points)
+    }
+
+    /// Number of different objects, and whether there are more, which are not counted.
+    pub fn objects(&self) -> Option<(usize, bool)> {
+        self.has(Attribute::Object).then_some((self.objects.len(), self.objects.len() >= MAX_OBJECTS))
+    }
+
+    /// Whether times are adjusted standard GPS time, by the headers of LAS; `None` of other formats and where files differ.
+    pub fn has_adjusted_times(&self) -> Option<bool> {
+        let mut kinds =
+            self.files.iter().map(|(_, file)| Some(file.as_ref()?.las.as_ref()?.has_adjusted_times));
+        let first = kinds.next()??;
+        kinds.all(|kind| kind == Some(first)).then_some(first)
+    }
+
+    /// Whether flight lines are point source ids of LAS; otherwise they are legs.
+    pub fn lines_are_sources(&self) -> bool {
+        self.files.iter().all(|(_, file)| file.as_ref().is_some_and(|file| file.las.is_some()))
+    }
+}

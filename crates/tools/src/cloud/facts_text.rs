@@ -1,0 +1,230 @@
+//! Facts about a cloud as lines of text and as JSON.
+
+use super::classes::class_name;
+use super::facts::{CloudFacts, Span};
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use vlscan_base::crs;
+use vlscan_base::quantity::number;
+use vlscan_formats::{Attribute, FileFacts};
+
+/// Maximum number of flight lines and of files that are listed as text; JSON has all.
+const MAX_LISTED: usize = 40;
+
+/// Seconds from the epoch of GPS, 6 January 1980, that adjusted standard GPS time leaves out.
+const ADJUSTMENT_S: f64 = 1e9;
+/// Days from 1 January 1970 to the epoch of GPS.
+const GPS_EPOCH_DAYS: f64 = 3657.0;
+const DAY_S: f64 = 86_400.0;
+
+impl CloudFacts {
+    /// The facts as lines of text.
+    pub fn text(&self) -> String {
+        let mut out = String::new();
+        let mut line = |name: &str, text: String| {
+            let _ = writeln!(out, "{name:<15}{text}");
+        };
+        for (path, file) in self.files.iter().take(MAX_LISTED) {
+            line(
+                "file",
+                format!("{}: {}", path.display(), file.as_ref().map_or_else(String::new, described)),
+            );
+        }
+        if let Some(more) = self.files.len().checked_sub(MAX_LISTED).filter(|more| *more > 0) {
+            line("", format!("and {more} more; --json lists all"));
+        }
+        line("points", self.points.to_string());
+        if self.misses > 0 {
+            line("misses", format!("{} pulses without a return", self.misses));
+        }
+        if let Some(b) = self.bounds {
+            let axes = [("x", b.min.x, b.max.x), ("y", b.min.y, b.max.y), ("z", b.min.z, b.max.z)];
+            for (name, low, high) in axes {
+                line(name, format!("{low:.3} to {high:.3} m ({:.3} m)", high - low));
+            }
+        }
+        line("coordinates", self.crs.as_deref().map_or_else(|| "no system named".to_owned(), crs::name));
+        if let Some((area, side)) = self.area() {
+            line("area", format!("{} m² in cells of {} m with points", number(area), number(side)));
+            let density = |count: u64| number(count as f64 / area);
+            let pulses = self.pulses().map(|pulses| format!(", {} pulses/m²", density(pulses)));
+            line("density", format!("{} points/m²{}", density(self.points), pulses.unwrap_or_default()));
+        }
+        let spans = [("intensity", self.intensity, ""), ("scan angle", self.scan_angle, "°")];
+        for (name, span, unit) in spans {
+            let Some(Span { min, max }) = span else { continue };
+            let mean = self.mean_intensity().filter(|_| name == "intensity");
+            let mean = mean.map_or_else(String::new, |mean| format!(", {} on average", number(mean)));
+            line(name, format!("{} to {}{unit}{mean}", number(min), number(max)));
+        }
+        if let Some(span) = self.time {
+            line("time", format!("{:.6} to {:.6} s{}", span.min, span.max, self.described_times(span)));
+        }
+        if let Some((count, is_more)) = self.objects() {
+            line("objects", format!("{count}{}", if is_more { " or more" } else { "" }));
+        }
+        if self.by_channel.len() > 1 {
+            let channels: Vec<String> =
+                self.by_channel.iter().map(|(channel, points)| format!("{channel}: {points}")).collect();
+            line("channels", channels.join(", "));
+        }
+        if self.has(Attribute::Class) {
+            let _ = writeln!(out, "\nclasses         {:>12}  name", "points");
+            for (class, points) in &self.by_class {
+                let name =
+                    class_name(*class).unwrap_or(if *class < 64 { "reserved" } else { "user-defined" });
+                let _ = writeln!(out, "{class:>15} {points:>12}  {name}");
+            }
+        }
+        if self.has(Attribute::ReturnNumber) {
+            let _ = writeln!(out, "\nreturns         {:>12}  {:>12}", "points", "pulses of so many");
+            let numbers: std::collections::BTreeSet<u8> =
+                self.by_return.keys().chain(self.pulses_by_returns.keys()).copied().collect();
+            for of in numbers {
+                let points = self.by_return.get(&of).copied().unwrap_or(0);
+                let pulses = self.pulses_by_returns.get(&of).copied().unwrap_or(0);
+                let _ = writeln!(out, "{of:>15} {points:>12}  {pulses:>12}");
+            }
+        }
+        if self.has(Attribute::Leg) {
+            let heading = if self.lines_are_sources() { "flight lines" } else { "legs" };
+            let _ = writeln!(out, "\n{heading:<15} {:>12}  time, s", "points");
+            for (number, line) in self.lines.iter().take(MAX_LISTED) {
+                let time = line.time.map_or_else(String::new, |t| format!("{:.3} to {:.3}", t.min, t.max));
+                let _ = writeln!(out, "{number:>15} {:>12}  {time}", line.points);
+            }
+            if let Some(more) = self.lines.len().checked_sub(MAX_LISTED).filter(|more| *more > 0) {
+                let _ = writeln!(out, "{:>15} and {more} more; --json lists all", "");
+            }
+        }
+        out
+    }
+
+    /// What kind of time it is, and the dates of adjusted standard GPS time.
+    fn described_times(&self, span: Span) -> String {
+        match self.has_adjusted_times() {
+            Some(true) => format!(
+                " (adjusted standard GPS time: {} to {}, without leap seconds)",
+                date(span.min),
+                date(span.max)
+            ),
+            Some(false) => " (of the GPS week)".to_owned(),
+            None => String::new(),
+        }
+    }
+
+    /// The facts as a JSON object.
+    pub fn json(&self) -> Value {
+        let span = |span: Option<Span>| span.map(|span| json!({ "min": span.min, "max": span.max }));
+        let file = |(path, file): &(std::path::PathBuf, Option<FileFacts>)| {
+            let las = file.as_ref().and_then(|file| file.las.as_ref());
+            json!({
+                "path": path.display().to_string(),
+                "format": file.as_ref().map(format_name),
+                "las_version": las.map(|las| format!("{}.{}", las.version.0, las.version.1)),
+                "point_format": las.map(|las| las.point_format),
+                "scale": las.map(|las| las.scale.to_array()),
+                "system": las.map(|las| las.system.clone()),
+                "software": las.map(|las| las.software.clone()),
+            })
+        };
+        let (area, pulses) = (self.area(), self.pulses());
+        let density = |count: u64| area.map(|(area, _)| count as f64 / area);
+        let kind =
+            self.has_adjusted_times().map(|is| if is { "adjusted standard GPS time" } else { "GPS week" });
+        let dates = self.time.filter(|_| self.has_adjusted_times() == Some(true));
+        let line_key = if self.lines_are_sources() { "point_source_id" } else { "leg" };
+        json!({
+            "files": self.files.iter().map(file).collect::<Vec<_>>(),
+            "points": self.points,
+            "misses": self.misses,
+            "left_out": self.skipped,
+            "bounds_m": self.bounds.map(|b| json!({ "min": b.min.to_array(), "max": b.max.to_array() })),
+            "crs": self.crs,
+            "epsg": self.crs.as_deref().and_then(crs::epsg).map(|(_, code)| code),
+            "area_m2": area.map(|(area, _)| area),
+            "area_cell_m": area.map(|(_, side)| side),
+            "density_per_m2": density(self.points),
+            "pulses": pulses,
+            "pulse_density_per_m2": pulses.and_then(density),
+            "intensity": self.intensity.map(|s| json!({ "min": s.min, "max": s.max, "mean": self.mean_intensity() })),
+            "scan_angle_deg": span(self.scan_angle),
+            "time_s": span(self.time),
+            "time_kind": kind,
+            "dates": dates.map(|span| [date(span.min), date(span.max)]),
+            "objects": self.objects().map(|(count, _)| count),
+            "objects_are_all": self.objects().map(|(_, is_more)| !is_more),
+            "channels": self.by_channel.iter().map(|(channel, points)| json!({ "channel": channel, "points": points })).collect::<Vec<_>>(),
+            "classes": self.by_class.iter().map(|(class, points)| {
+                json!({ "class": class, "name": class_name(*class), "points": points })
+            }).collect::<Vec<_>>(),
+            "returns": self.by_return.iter().map(|(number, points)| json!({ "return": number, "points": points })).collect::<Vec<_>>(),
+            "pulses_by_returns": self.pulses_by_returns.iter().map(|(returns, pulses)| {
+                json!({ "returns": returns, "pulses": pulses })
+            }).collect::<Vec<_>>(),
+            "flight_lines": self.lines.iter().map(|(number, line)| {
+                json!({ line_key: number, "points": line.points, "time_s": span(line.time) })
+            }).collect::<Vec<_>>(),
+        })
+    }
+}
+
+/// The name of a file's format: LAZ and COPC are told from LAS.
+fn format_name(file: &FileFacts) -> &'static str {
+    match &file.las {
+        Some(las) if las.is_copc => "COPC",
+        Some(las) if las.is_compressed => "LAZ",
+        _ => file.format.name(),
+    }
+}
+
+fn described(file: &FileFacts) -> String {
+    let name = format_name(file);
+    let Some(las) = &file.las else { return name.to_owned() };
+    let (major, minor) = las.version;
+    let [x, y, z] = las.scale.to_array().map(number);
+    let steps = if x == y && y == z { x } else { format!("{x}, {y}, {z}") };
+    let mut text = format!("{name} {major}.{minor}, point format {}, steps of {steps}", las.point_format);
+    let by: Vec<&str> =
+        [&las.software, &las.system].into_iter().map(String::as_str).filter(|t| !t.is_empty()).collect();
+    if !by.is_empty() {
+        let _ = write!(text, ", by {}", by.join(", "));
+    }
+    text
+}
+
+/// The date and time of adjusted standard GPS time, as ISO 8601 without a zone: leap seconds are not subtracted. The calendar is
+/// that of Howard Hinnant, chrono-compatible low-level date algorithms (civil_from_days).
+fn date(adjusted_s: f64) -> String {
+    let seconds = adjusted_s + ADJUSTMENT_S + GPS_EPOCH_DAYS * DAY_S;
+    if !(seconds.abs() < 1e13) {
+        return "?".to_owned();
+    }
+    let (days, second) = (seconds.div_euclid(DAY_S) as i64, seconds.rem_euclid(DAY_S) as u64);
+    let z = days + 719_468;
+    let (era, day_of_era) = (z.div_euclid(146_097), z.rem_euclid(146_097));
+    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let month_from_march = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
+    let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
+    let year = year_of_era + era * 400 + i64::from(month <= 2);
+    let (hour, minute) = (second / 3600, second / 60 % 60);
+    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{:02}", second % 60)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn adjusted_times_have_dates() {
+        // 2011-09-14T01:46:40 is 10⁹ seconds after the epoch of GPS.
+        assert_eq!(date(0.0), "2011-09-14T01:46:40");
+        assert_eq!(date(-1e9), "1980-01-06T00:00:00");
+        // 29 February 2020 is 14 664 days after that epoch.
+        assert_eq!(date(14_664.0 * DAY_S - 1e9 + 3661.5), "2020-02-29T01:01:01");
+        assert_eq!(date(f64::NAN), "?");
+        assert_eq!(date(1e300), "?");
+    }
+}

@@ -1,0 +1,119 @@
+//! The area that points cover: square cells with points, in bounded memory.
+
+use std::collections::HashMap;
+
+/// Side of the smallest cells, m.
+const MIN_SIDE: f64 = 0.25;
+/// Cells along the side of a block, whose cells are the bits of one word per row.
+const BLOCK_CELLS: i64 = 64;
+/// Most blocks of 520 bytes that are kept; beyond it cells get twice as large.
+const MAX_BLOCKS: usize = 1 << 17;
+/// Least number of points per occupied cell at which empty cells within the cover are rare: of points that are strewn at random, 1 in
+/// 22 000 cells is empty.
+const MIN_POINTS_PER_CELL: f64 = 10.0;
+
+/// The cells of a place that have points.
+#[derive(Clone, Debug)]
+pub(super) struct Occupancy {
+    side: f64,
+    blocks: HashMap<[i64; 2], Box<[u64; BLOCK_CELLS as usize]>>,
+    max_blocks: usize,
+}
+
+impl Default for Occupancy {
+    fn default() -> Occupancy {
+        Occupancy { side: MIN_SIDE, blocks: HashMap::new(), max_blocks: MAX_BLOCKS }
+    }
+}
+
+impl Occupancy {
+    /// Marks the cell of a place. The cells that are marked in the end do not depend on the order of places.
+    pub fn mark(&mut self, x: f64, y: f64) {
+        let cell = [x, y].map(|v| (v / self.side).floor() as i64);
+        self.mark_cell(cell);
+        while self.blocks.len() > self.max_blocks {
+            *self = self.coarser();
+        }
+    }
+
+    fn mark_cell(&mut self, cell: [i64; 2]) {
+        let block = cell.map(|c| c.div_euclid(BLOCK_CELLS));
+        let [column, row] = cell.map(|c| c.rem_euclid(BLOCK_CELLS));
+        let rows = self.blocks.entry(block).or_insert_with(|| Box::new([0; BLOCK_CELLS as usize]));
+        rows[row as usize] |= 1 << column;
+    }
+
+    /// The same with cells of twice the side.
+    fn coarser(&self) -> Occupancy {
+        let mut coarse =
+            Occupancy { side: 2.0 * self.side, blocks: HashMap::new(), max_blocks: self.max_blocks };
+        for (block, rows) in &self.blocks {
+            for (row, bits) in (0..).zip(rows.iter()) {
+                let mut bits = *bits;
+                while bits != 0 {
+                    let column = i64::from(bits.trailing_zeros());
+                    bits &= bits - 1;
+                    let cell = [block[0] * BLOCK_CELLS + column, block[1] * BLOCK_CELLS + row];
+                    coarse.mark_cell(cell.map(|c| c.div_euclid(2)));
+                }
+            }
+        }
+        coarse
+    }
+
+    fn cells(&self) -> u64 {
+        let ones =
+            |rows: &[u64; BLOCK_CELLS as usize]| rows.iter().map(|r| u64::from(r.count_ones())).sum::<u64>();
+        self.blocks.values().map(|rows| ones(rows)).sum()
+    }
+
+    /// The area of the cells with points, m², and their side, m: that of the smallest cells which have ten points on average. `None`
+    /// without points.
+    pub fn area(&self, points: u64) -> Option<(f64, f64)> {
+        let mut cover = self.clone();
+        loop {
+            let cells = cover.cells();
+            if cells == 0 {
+                return None;
+            }
+            if points as f64 >= MIN_POINTS_PER_CELL * cells as f64 || cells == 1 {
+                return Some((cells as f64 * cover.side * cover.side, cover.side));
+            }
+            cover = cover.coarser();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cover_of_points_is_their_area() {
+        let mut cover = Occupancy::default();
+        // 64 by 32 m around the origin, 25 points per m².
+        let places =
+            || (0..320 * 160).map(|i| [f64::from(i % 320), f64::from(i / 320)].map(|v| 0.2 * v + 0.1));
+        places().for_each(|[x, y]| cover.mark(x - 32.0, y - 16.0));
+        assert_eq!(cover.area(320 * 160), Some((64.0 * 32.0, 1.0)));
+        // Whatever the order of points, cells that are too many get larger.
+        let mut few = [false, true].map(|is_reversed| {
+            let mut few = Occupancy { max_blocks: 4, ..Occupancy::default() };
+            let mut all: Vec<[f64; 2]> = places().collect();
+            if is_reversed {
+                all.reverse();
+            }
+            all.iter().for_each(|[x, y]| few.mark(*x, *y));
+            few
+        });
+        assert_eq!(few[0].side, few[1].side);
+        assert!(few[0].side > MIN_SIDE && few[0].blocks.len() <= 4);
+        let area = few[0].area(320 * 160);
+        assert_eq!(area, few[1].area(320 * 160));
+        assert_eq!(area.map(|(area, _)| area), Some(64.0 * 32.0));
+        few[0] = Occupancy::default();
+        assert_eq!(few[0].area(0), None);
+        few[0].mark(7.0, -1e7);
+        assert!(few[0].area(1).is_some());
+    }
+}

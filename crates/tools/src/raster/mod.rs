@@ -1,0 +1,303 @@
+//! Rasters from point clouds: terrain, surface, canopy height, densities.
+//!
+//! Points are read once and summed in cells, so that memory grows with the number of cells that have points and not with that of points.
+//! Corners of cells are at multiples of their side, so that rasters of neighbouring tiles fit together.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `cells` | sums of points in cells |
+//! | `hull` | the convex hull of cells |
+//! | `options` | which rasters are made, and how |
+
+mod cells;
+mod hull;
+mod options;
+
+pub use options::{RasterFiles, RasterKind, RasterOptions};
+
+use crate::cloud::NOISE;
+use crate::geotiff::{Raster, geotiff};
+use crate::neighbours::{Neighbours, plane_at};
+use cells::Cells;
+use rayon::prelude::*;
+use std::ops::ControlFlow;
+use std::path::Path;
+use vlscan_base::crs;
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
+use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, read_points};
+use vlscan_geom::{DVec3, MAX_COORDINATE};
+
+/// Ground samples through which the plane of a cell goes.
+const SAMPLES_OF_PLANE: usize = 12;
+/// Class of ground points in LAS.
+const GROUND: u8 = 2;
+/// Most cells of a raster.
+const MAX_CELLS: f64 = 1e8;
+
+/// Points in cells, and the rasters that they make.
+#[derive(Clone, Debug)]
+pub struct CloudRasters {
+    cells: Cells,
+    columns: usize,
+    rows: usize,
+    /// Column and row of the south-western cell, counted from the origin of the coordinates.
+    first: [i64; 2],
+    /// System of the coordinates as WKT.
+    crs: Option<String>,
+    /// Number of points that count.
+    pub points: u64,
+    /// Points of the noise classes 7 and 18, which are left out.
+    pub noise: u64,
+    /// Number of ground points.
+    pub ground: u64,
+    fill: f64,
+}
+
+/// Points that are summed.
+struct Part {
+    cells: Cells,
+    points: u64,
+    noise: u64,
+    ground: u64,
+}
+
+struct Sink {
+    /// Points, and those of return 0 of 0: pulses without a return, unless no point has returns.
+    parts: [Part; 2],
+    /// Bytes that cells may take.
+    max_bytes: Option<u64>,
+    attributes: AttributeSet,
+    crs: Option<String>,
+    skipped: u64,
+    has_returns: bool,
+    is_too_large: bool,
+}
+
+impl PointSink for Sink {
+    fn start(&mut self, attributes: AttributeSet) {
+        self.attributes = attributes;
+        self.has_returns |= attributes.has(Attribute::ReturnNumber);
+    }
+
+    fn crs(&mut self, wkt: &str) {
+        self.crs = Some(wkt.to_owned());
+    }
+
+    fn point(&mut self, row: &PointRow, _: Option<&str>) -> ControlFlow<()> {
+        let p = row.position;
+        // Also false for NaN.
+        if !(p.is_finite() && p.abs().max_element() <= MAX_COORDINATE) {
+            self.skipped += 1;
+            return ControlFlow::Continue(());
+        }
+        let has_returns = self.attributes.has(Attribute::ReturnNumber);
+        let is_miss = has_returns
+            && self.attributes.has(Attribute::NumberOfReturns)
+            && row.return_number == 0
+            && row.number_of_returns == 0;
+        let part = &mut self.parts[usize::from(is_miss)];
+        if NOISE.contains(&row.class) {
+            part.noise += 1;
+            return ControlFlow::Continue(());
+        }
+        let is_ground = row.class == GROUND;
+        part.points += 1;
+        part.ground += u64::from(is_ground);
+        let has_grown = part.cells.add(p, !has_returns || row.return_number <= 1, is_ground);
+        self.is_too_large = has_grown && self.max_bytes.is_some_and(|max| part.cells.memory() > max);
+        if self.is_too_large { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
+
+impl CloudRasters {
+    /// Reads point clouds in any format of [`vlscan_formats`] as one, for rasters of some kinds; `-` is stdin. `crs` is the system of clouds that
+    /// name none, as WKT; `memory` the memory of the machine, bytes. Returns also what there is to say of the files.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Input`] for files that are no point cloud, clouds in different systems, no points, too many cells, and without
+    /// ground points if they are needed.
+    pub fn read<P: AsRef<Path>>(
+        paths: &[P],
+        kinds: &[RasterKind],
+        options: &RasterOptions,
+        crs: Option<String>,
+        memory: Option<u64>,
+    ) -> Result<(CloudRasters, Diagnostics)> {
+        options.check()?;
+        let needs_ground = kinds.iter().any(|kind| kind.needs_ground());
+        let part = || Part { cells: Cells::new(options.cell, needs_ground), points: 0, noise: 0, ground: 0 };
+        let mut sink = Sink {
+            parts: [part(), part()],
+            max_bytes: memory.map(|bytes| bytes / 2),
+            attributes: AttributeSet::default(),
+            crs: None,
+            skipped: 0,
+            has_returns: false,
+            is_too_large: false,
+        };
+        let (mut named, mut all): (Option<String>, _) = (None, Diagnostics::default());
+        for path in paths {
+            let path = path.as_ref();
+            let this = read_into(&mut sink, path, options, &mut all)?;
+            for known in [named.as_ref(), crs.as_ref()].into_iter().flatten() {
+                if let Some(this) = this.as_deref().filter(|this| crs::differ(known, this)) {
+                    let (shown, this, known) = (path.display(), crs::name(this), crs::name(known));
+                    let message = format!("{shown} is in {this}, not in {known}; a raster has one system");
+                    return Err(Error::input(message));
+                }
+            }
+            named = named.or(this);
+        }
+        let names: Vec<String> = paths.iter().map(|path| path.as_ref().display().to_string()).collect();
+        let name = names.join(", ");
+        let [with_returns, without] = sink.parts;
+        let Part { cells, points, noise, ground } =
+            if with_returns.points > 0 { with_returns } else { without };
+        if points == 0 {
+            return Err(Error::input(format!("{name}: no points to make a raster of")));
+        }
+        if needs_ground && ground == 0 {
+            return Err(Error::input_with_help(
+                format!("{name}: no points of class 2 (ground), of which terrain and canopy height are made"),
+                format!("classify the ground first, for example: pdal translate {name} classified.laz smrf"),
+            ));
+        }
+        if !sink.has_returns && kinds.contains(&RasterKind::PulseDensity) {
+            return Err(Error::input(format!(
+                "{name}: --pulse-density counts first returns, and the points have no return numbers; use --density"
+            )));
+        }
+        let (first, last) = cells.extent();
+        let [columns, rows] = [0, 1].map(|axis| last[axis] - first[axis] + 1);
+        if columns as f64 * rows as f64 > MAX_CELLS {
+            return Err(Error::input(format!(
+                "{columns} by {rows} cells of {} m, expected at most {MAX_CELLS}; take larger ones: --cell",
+                options.cell
+            )));
+        }
+        let rasters = CloudRasters {
+            cells,
+            columns: columns as usize,
+            rows: rows as usize,
+            first,
+            crs: named.or(crs),
+            points,
+            noise,
+            ground,
+            fill: options.fill,
+        };
+        Ok((rasters, all))
+    }
+
+    /// Side of a cell, m.
+    pub fn side(&self) -> f64 {
+        self.cells.side()
+    }
+
+    /// Number of cells from west to east and from south to north.
+    pub fn size(&self) -> [usize; 2] {
+        [self.columns, self.rows]
+    }
+
+    /// The system of the coordinates as WKT.
+    pub fn crs(&self) -> Option<&str> {
+        self.crs.as_deref()
+    }
+
+    /// World coordinates of the south-western corner, m.
+    pub fn corner(&self) -> [f64; 2] {
+        self.first.map(|cell| cell as f64 * self.cells.side())
+    }
+
+    /// The values of a raster, row by row from the south west; NaN where there is none.
+    pub fn values(&self, kind: RasterKind) -> Vec<f64> {
+        let area = self.cells.side() * self.cells.side();
+        let cell = |i: usize| {
+            self.cells
+                .cell([self.first[0] + (i % self.columns) as i64, self.first[1] + (i / self.columns) as i64])
+        };
+        let of_cells = |value: &(dyn Fn(cells::Cell) -> f64 + Sync)| -> Vec<f64> {
+            let count = self.columns * self.rows;
+            (0..count).into_par_iter().map(|i| cell(i).map_or(f64::NAN, value)).collect()
+        };
+        let densities = |value: &(dyn Fn(cells::Cell) -> u32 + Sync)| -> Vec<f64> {
+            let values = of_cells(&|cell| f64::from(value(cell)) / area);
+            values.into_iter().map(|value| if value.is_nan() { 0.0 } else { value }).collect()
+        };
+        match kind {
+            RasterKind::Density => densities(&|cell| cell.points),
+            RasterKind::PulseDensity => densities(&|cell| cell.pulses),
+            RasterKind::Dsm => of_cells(&|cell| cell.highest),
+            RasterKind::Dtm => self.terrain(),
+            RasterKind::Chm => {
+                let (surface, terrain) = (self.values(RasterKind::Dsm), self.terrain());
+                surface.into_iter().zip(terrain).map(|(surface, terrain)| surface - terrain).collect()
+            }
+        }
+    }
+
+    /// Heights of the ground at the centres of cells: the plane through the nearest mean ground points of cells, within the convex hull
+    /// of the cells with points and not farther from a ground point than is filled.
+    fn terrain(&self) -> Vec<f64> {
+        let side = self.cells.side();
+        let samples: Vec<DVec3> = self.cells.ground().collect();
+        let neighbours = Neighbours::of(samples);
+        let spans = hull::row_spans(&self.cells.row_ends(self.first, self.rows));
+        let height = |i: usize| {
+            let (column, row) = (i % self.columns, i / self.columns);
+            if !spans[row].contains(column as f64) {
+                return f64::NAN;
+            }
+            let [x, y] =
+                [(0, column), (1, row)].map(|(axis, at)| (self.first[axis] as f64 + at as f64 + 0.5) * side);
+            let near = neighbours.nearest(x, y, SAMPLES_OF_PLANE, None);
+            match near.first() {
+                Some((square, _)) if *square <= self.fill * self.fill => {
+                    plane_at(neighbours.points(), &near, [x, y])
+                }
+                _ => f64::NAN,
+            }
+        };
+        (0..self.columns * self.rows).into_par_iter().map(height).collect()
+    }
+
+    /// A raster as the bytes of a GeoTIFF file, NaN where there is no value.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a raster that is too large for the format.
+    pub fn geotiff(&self, kind: RasterKind) -> Result<Vec<u8>> {
+        geotiff(&Raster {
+            columns: self.columns,
+            rows: self.rows,
+            side_m: self.cells.side(),
+            corner: self.corner(),
+            values: &self.values(kind),
+            crs: self.crs(),
+        })
+    }
+}
+
+/// Reads a file into the sums; returns its system.
+fn read_into(
+    sink: &mut Sink,
+    path: &Path,
+    options: &RasterOptions,
+    all: &mut Diagnostics,
+) -> Result<Option<String>> {
+    let (skipped, mut found) = (sink.skipped, Diagnostics::default());
+    read_points(path, sink, &mut found)?;
+    if sink.is_too_large {
+        return Err(Error::input(format!(
+            "cells of {} m over so large a place need more than half of the memory; take larger ones (--cell) or fewer files",
+            options.cell
+        )));
+    }
+    if sink.skipped > skipped {
+        let count = sink.skipped - skipped;
+        let message = format!("{count} points without coordinates within ±{MAX_COORDINATE:e} m are left out");
+        found.warn(Some(Place::of_file(path)), message);
+    }
+    all.extend(found.finish(false)?);
+    Ok(sink.crs.take())
+}

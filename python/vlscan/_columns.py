@@ -1,0 +1,58 @@
+"""Tables and arrays as the engine takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ._typing import ArrowStream, TableLike
+
+#: A table as the engine takes it: of Arrow, or columns as bytes of doubles, or with their types.
+EngineTable: TypeAlias = ArrowStream | dict[str, bytes] | dict[str, tuple[str, bytes]]
+
+
+def columns_of(table: TableLike | ArrayLike, names: tuple[str, ...], keep_types: bool = False) -> EngineTable:
+    """Return a table as the engine takes it.
+
+    Parameters
+    ----------
+    table : mapping, Arrow table or array
+        The table.
+    names : tuple of str
+        Names of the columns of an array without names.
+    keep_types : bool
+        Whether columns keep their types; otherwise they become doubles.
+
+    Returns
+    -------
+    object
+        The table.
+
+    Raises
+    ------
+    ValueError
+        An array of another shape.
+    """
+    if isinstance(table, ArrowStream):
+        return table
+    if isinstance(table, Mapping):
+        columns = {str(name): np.asarray(values) for name, values in table.items()}
+    else:
+        array = np.asarray(table)
+        if array.dtype.names:
+            columns = {name: array[name] for name in array.dtype.names}
+        elif names and array.ndim == 2 and array.shape[1] == len(names):
+            columns = {name: array[:, index] for index, name in enumerate(names)}
+        else:
+            raise ValueError(f"an array has the shape {array.shape}, expected n by {len(names)}: {', '.join(names)}")
+    if keep_types:
+        return {name: _typed(np.asarray(values)) for name, values in columns.items()}
+    return {name: np.asarray(values, dtype="<f8").tobytes() for name, values in columns.items()}
+
+
+def _typed(values: NDArray[Any]) -> tuple[str, bytes]:
+    kind = np.dtype(np.uint8) if values.dtype == bool else values.dtype.newbyteorder("<")
+    return kind.str, values.astype(kind, copy=False).tobytes()

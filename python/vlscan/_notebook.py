@@ -1,0 +1,35 @@
+"""What notebooks show."""
+
+from __future__ import annotations
+
+import base64
+import html
+from typing import TYPE_CHECKING
+
+from ._libraries import is_notebook
+
+if TYPE_CHECKING:
+    from IPython.display import HTML
+
+
+def picture_html(png: bytes, about: str) -> str:
+    """Return a picture with a line of text below it, for notebooks."""
+    data = base64.b64encode(png).decode()
+    return f'<img src="data:image/png;base64,{data}" style="max-width:100%"><div>{about}</div>'
+
+
+def show_page(page: str) -> HTML | None:
+    """Show a page in the notebook that runs the program, otherwise in a browser."""
+    if is_notebook():
+        from IPython.display import HTML
+
+        frame = html.escape(page, quote=True)
+        shown = f'<iframe srcdoc="{frame}" style="width:100%;height:600px;border:0"></iframe>'
+        return HTML(shown)  # type: ignore[no-untyped-call, unused-ignore]
+    import tempfile
+    import webbrowser
+
+    with tempfile.NamedTemporaryFile("w", suffix=".html", delete=False, encoding="utf-8") as file:
+        file.write(page)
+    webbrowser.open(f"file://{file.name}")
+    return None

@@ -1,0 +1,226 @@
+"""Flights, instruments and scenes that are estimated from recorded point clouds."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Literal, NamedTuple
+
+from . import _vlscan
+from ._typing import PathLike, TableLike
+from .points import Points
+from .scene import Scene
+
+
+class Fitted(NamedTuple):
+    """A quantity that was estimated.
+
+    Parameters
+    ----------
+    value : float
+        The value.
+    deviation : float or None
+        Its standard deviation.
+    unit : str
+        The unit.
+    """
+
+    value: float
+    deviation: float | None
+    unit: str
+
+
+def fit_flight(
+    cloud: TableLike | PathLike,
+    output: PathLike,
+    *,
+    flight_line: int | None = None,
+    extend: float = 0.0,
+    force: bool = False,
+) -> dict[str, Fitted]:
+    """Estimate a flight and its scanner from a recorded point cloud, and write them as a pipeline file.
+
+    The trajectory, the wander of a cone's mirror and times of pulses are written beside the pipeline file.
+
+    Parameters
+    ----------
+    cloud : Points, table, str or path-like
+        The recorded cloud, with GPS times and scan angles: points, or a file, LAS or LAZ.
+    output : str or path-like
+        The pipeline file to write.
+    flight_line : int, optional
+        The point source of the flight line that is fitted; by default the one with the most points.
+    extend : float
+        Seconds that the written flight goes on after the recording: straight, with the last attitude, and with the pulses
+        that follow from the patterns that were found.
+    force : bool
+        Replace existing files.
+
+    Returns
+    -------
+    dict of str to Fitted
+        Value, standard deviation (or None) and unit of each estimated quantity, by its name.
+
+    Raises
+    ------
+    InputError
+        The cloud has no times or scan angles, or no flight meets its points.
+    FileError
+        A file cannot be read or exists.
+    """
+    with _file_of(cloud) as name:
+        _, figures = _vlscan.fit_flight(name, os.fspath(output), flight_line, extend, force)
+    return {figure["name"]: Fitted(figure["value"], figure["deviation"], figure["unit"]) for figure in json.loads(figures)}
+
+
+def fit_sensor(
+    revolution: PathLike,
+    calibration: PathLike,
+    output: PathLike,
+    *,
+    half: Literal["even", "odd"] = "even",
+    planes: PathLike | None = None,
+    force: bool = False,
+) -> dict[str, Any]:
+    """Estimate range noise, detection and dropouts of a spinning sensor, and write it as a pipeline file.
+
+    They are estimated from the planes that one revolution shows.
+
+    Parameters
+    ----------
+    revolution : str or path-like
+        The recorded revolution: Parquet with the columns beam, column, range_mm, reflectivity and, if there is one, signal.
+    calibration : str or path-like
+        The calibration file that the Ouster sensor writes of itself, JSON.
+    output : str or path-like
+        The pipeline file to write.
+    half : {"even", "odd"}
+        The columns of the revolution that are fitted; the others test the fit.
+    planes : str or path-like, optional
+        The mesh (OBJ) to write the planes to; it becomes the scene of the pipeline file.
+    force : bool
+        Overwrite files that exist.
+
+    Returns
+    -------
+    dict
+        What was estimated, as ``vlscan fit --json`` writes it.
+
+    Raises
+    ------
+    InputError
+        The recording is not one of this sensor, or has too few planes.
+    FileError
+        A file cannot be read or exists.
+    """
+    if half not in ("even", "odd"):
+        raise ValueError(f'half is {half!r}, expected "even" or "odd"')
+    figures: dict[str, Any] = json.loads(
+        _vlscan.fit_sensor(
+            os.fspath(revolution),
+            os.fspath(calibration),
+            os.fspath(output),
+            half == "odd",
+            None if planes is None else os.fspath(planes),
+            force,
+        )
+    )
+    return figures
+
+
+class Reconstruction(Mapping[str, Any]):
+    """A scene that was estimated from a point cloud: a mapping with the keys of ``report.json``.
+
+    Parameters
+    ----------
+    report : dict
+        What was estimated.
+    folder : Path
+        The folder of the scene.
+
+    Attributes
+    ----------
+    folder : Path
+        The folder.
+    """
+
+    def __init__(self, report: dict[str, Any], folder: Path) -> None:
+        self._report = report
+        self.folder = folder
+
+    @property
+    def scene(self) -> Scene:
+        """The scene."""
+        return Scene(self.folder / "scene.xml")
+
+    @property
+    def pipeline(self) -> Path:
+        """The pipeline with scene and instrument."""
+        return self.folder / "scene.toml"
+
+    @property
+    def trajectory(self) -> Path:
+        """The estimated trajectory."""
+        return self.folder / "trajectory.csv"
+
+    def __getitem__(self, key: str) -> Any:
+        return self._report[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._report)
+
+    def __len__(self) -> int:
+        return len(self._report)
+
+    def __repr__(self) -> str:
+        return f"<Reconstruction in {self.folder}: {', '.join(self)}>"
+
+
+def reconstruct(
+    cloud: TableLike | PathLike, folder: PathLike, *, voxel: float | None = None, divergence: float = 0.00025, force: bool = False
+) -> Reconstruction:
+    """Reconstruct a scene from a classified point cloud: terrain, roofs with walls, foliage as voxels of leaf area.
+
+    Parameters
+    ----------
+    cloud : Points, table, str or path-like
+        The cloud, with classes, return numbers and times: points, or a file, LAS or LAZ.
+    folder : str or path-like
+        The folder that gets ``scene.xml``, ``scene.toml`` with scene and instrument, ``trajectory.csv`` and ``report.json``.
+    voxel : float, optional
+        Edge of the voxels of foliage, m. By default the mean distance between pulses, 0.3 to 0.75.
+    divergence : float
+        Divergence of the beam that recorded the cloud, full angle at 1/e² of the intensity, rad.
+    force : bool
+        Whether files that exist are replaced.
+
+    Returns
+    -------
+    Reconstruction
+        What was estimated, and the scene.
+
+    Raises
+    ------
+    InputError
+        The cloud cannot be read or has no ground.
+    """
+    with _file_of(cloud) as name:
+        report: dict[str, Any] = json.loads(_vlscan.reconstruct(name, os.fspath(folder), voxel, divergence, force))
+    return Reconstruction(report, Path(folder))
+
+
+@contextmanager
+def _file_of(cloud: TableLike | PathLike) -> Iterator[str]:
+    """Yield the name of a file of a cloud."""
+    if isinstance(cloud, (str, os.PathLike)):
+        yield os.fspath(cloud)
+        return
+    points = cloud if isinstance(cloud, Points) else Points.of(cloud)
+    with TemporaryDirectory() as folder:
+        path = os.path.join(folder, "points.laz")
+        points.write(path)
+        yield path

@@ -1,0 +1,364 @@
+"""Surveys that are planned: flight lines over an area, positions of a tripod, drives."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _vlscan
+from ._typing import Geometry, PathLike, Progress
+from .forecast import DryRun
+from .parts import Part
+from .results import Result
+from .scene import Scene
+from .survey import Survey
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from ._options import RunOptions
+
+#: The corners of a polygon, x and y in m; a geometry of shapely or GeoPandas; a file of GeoJSON, KML or well-known text; or
+#: well-known text itself.
+Area: TypeAlias = PathLike | Sequence[Sequence[float]] | NDArray[np.floating[Any]] | Geometry
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A planned survey.
+
+    Parameters
+    ----------
+    text : str
+        The pipeline file, which ``vlscan run`` flies.
+    promises : list of str
+        What the plan promises: duration, pulses, density, spacing, footprint.
+    warnings : list of str
+        What there is to know of it.
+    scene : Scene, optional
+        The scene in memory that it was planned for; the text names one of a file.
+
+    Examples
+    --------
+    >>> square = [(0, 0), (60, 0), (60, 60), (0, 60)]
+    >>> plan = vlscan.plan_airborne("riegl_vux-1uav", height=60, density=5, area=square, scene="ground.obj")
+    >>> plan.run(seed=1).point_count > 1000
+    True
+    """
+
+    text: str
+    promises: list[str]
+    warnings: list[str]
+    scene: Scene | None = field(default=None, repr=False)
+
+    def survey(self) -> Survey:
+        """Return the planned survey.
+
+        Returns
+        -------
+        Survey
+            The survey, over the scene that it was planned for.
+        """
+        return Survey.from_document(self.text, self.scene)
+
+    def run(
+        self, to: PathLike | Iterable[PathLike] | None = None, *, progress: Progress | bool | None = None, **options: Unpack[RunOptions]
+    ) -> Result:
+        """Fly and measure the planned survey.
+
+        Parameters
+        ----------
+        to, progress : object
+            As for :meth:`Survey.run`.
+        **options : RunOptions
+            As for :meth:`Survey.run`.
+
+        Returns
+        -------
+        Result
+            The points, or the names of the files.
+        """
+        return self.survey().run(to, progress=progress, **options)
+
+    def dry_run(self, to: PathLike | Iterable[PathLike] | None = None, **options: Unpack[RunOptions]) -> DryRun:
+        """Estimate what the planned survey will cost and give.
+
+        Parameters
+        ----------
+        to : object
+            As for :meth:`Survey.dry_run`.
+        **options : RunOptions
+            As for :meth:`Survey.run`.
+
+        Returns
+        -------
+        DryRun
+            The estimates.
+        """
+        return self.survey().dry_run(to, **options)
+
+    def save(self, path: PathLike) -> None:
+        """Write the pipeline file.
+
+        Parameters
+        ----------
+        path : str or path-like
+            The file, ``.toml``.
+        """
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(self.text)
+
+
+def plan_airborne(
+    scanner: str,
+    height: float,
+    *,
+    area: Area | None = None,
+    buffer: float | None = None,
+    speed: float | None = None,
+    density: float | None = None,
+    overlap: float | None = None,
+    scan_angle: float | None = None,
+    scan_freq: float | None = None,
+    heading: float | None = None,
+    cross_lines: int = 0,
+    run_in: float | None = None,
+    turn_radius: float | None = None,
+    follow_terrain: bool = False,
+    climb: float | None = None,
+    platform: str | None = None,
+    scene: Scene | Part | PathLike | None = None,
+    ground: float | None = None,
+    pulse_rate: int | None = None,
+    assets: Iterable[PathLike] = (),
+) -> Plan:
+    """Plan parallel flight lines over an area, with the options of ``vlscan plan airborne``.
+
+    Parameters
+    ----------
+    scanner : str
+        Id of the scanner.
+    height : float
+        Height above the ground, m.
+    area : sequence, geometry, str or path-like, optional
+        Corners of a polygon; a polygon of shapely or GeoPandas; a file, or well-known text. The scene by default.
+    buffer : float, optional
+        Make the area a corridor: everything within this distance of the line, m.
+    speed, density : float, optional
+        Speed, m/s, and mean pulses per m²; one of them is needed.
+    overlap : float, optional
+        Overlap of neighbouring strips, percent of the swath.
+    scan_angle, scan_freq : float, optional
+        Half opening angle, degrees, and scan frequency, Hz.
+    heading : float, optional
+        Direction of the lines, degrees clockwise from +y; by default the one with the fewest lines.
+    cross_lines : int
+        Number of cross lines, perpendicular to the others and evenly spread.
+    run_in : float, optional
+        Length by which lines begin before the area and end behind it, m.
+    turn_radius : float, optional
+        Radius of turns between lines, m; by default the flight is straight to the next line.
+    follow_terrain : bool
+        Whether the height is above the scene's ground instead of above its mean.
+    climb : float, optional
+        Steepest climb with ``follow_terrain``, degrees.
+    platform : str, optional
+        Id of the platform; the usual one of the scanner by default.
+    scene : Scene, Part, str or path-like, optional
+        The scene, for the heights of its ground.
+    ground : float, optional
+        Height of the ground where no scene tells it, m; tripods and vehicles stand on it even if a scene does.
+    pulse_rate : int, optional
+        Pulses per second; the scanner's first by default.
+    assets : iterable of str or path-like
+        Folders in which files are searched.
+
+    Returns
+    -------
+    Plan
+        The plan.
+
+    Raises
+    ------
+    InputError
+        The options are missing, invalid, or beyond what the instrument can do.
+    """
+    return _plan("airborne", dict(locals()))
+
+
+def plan_terrestrial(
+    scanner: str,
+    *,
+    area: Area | None = None,
+    spacing: float | None = None,
+    around: tuple[float, float] | None = None,
+    radius: float | None = None,
+    positions: int | None = None,
+    at_centre: bool = False,
+    resolution: float = 0.04,
+    platform: str | None = None,
+    scene: Scene | Part | PathLike | None = None,
+    ground: float | None = None,
+    pulse_rate: int | None = None,
+    assets: Iterable[PathLike] = (),
+) -> Plan:
+    """Plan positions of a tripod over an area or around a plot, with the options of ``vlscan plan terrestrial``.
+
+    Parameters
+    ----------
+    scanner : str
+        Id of the scanner.
+    area : sequence, geometry, str or path-like, optional
+        Corners of a polygon; a polygon of shapely or GeoPandas; a file, or well-known text. The scene by default.
+    spacing : float, optional
+        Distance of the positions on a grid, m.
+    around : tuple of float, optional
+        Centre of a plot, m.
+    radius : float, optional
+        Its radius, m.
+    positions : int, optional
+        Number of positions around it.
+    at_centre : bool
+        Whether there is one at its centre, too.
+    resolution : float
+        Angle between points, degrees.
+    platform : str, optional
+        Id of the platform; the usual one of the scanner by default.
+    scene : Scene, Part, str or path-like, optional
+        The scene, for the heights of its ground.
+    ground : float, optional
+        Height of the ground where no scene tells it, m; tripods and vehicles stand on it even if a scene does.
+    pulse_rate : int, optional
+        Pulses per second; the scanner's first by default.
+    assets : iterable of str or path-like
+        Folders in which files are searched.
+
+    Returns
+    -------
+    Plan
+        The plan.
+
+    Raises
+    ------
+    InputError
+        The options are missing, invalid, or beyond what the instrument can do.
+    """
+    return _plan("terrestrial", dict(locals()))
+
+
+def plan_mobile(
+    scanner: str,
+    along: Area,
+    *,
+    speed: float = 10.0,
+    scan_angle: float | None = None,
+    scan_freq: float | None = None,
+    step: float = 20.0,
+    platform: str | None = None,
+    scene: Scene | Part | PathLike | None = None,
+    ground: float | None = None,
+    pulse_rate: int | None = None,
+    assets: Iterable[PathLike] = (),
+) -> Plan:
+    """Plan a drive along a line, with the options of ``vlscan plan mobile``.
+
+    Parameters
+    ----------
+    scanner : str
+        Id of the scanner.
+    along : sequence, geometry, str or path-like
+        The line: corners, a geometry of shapely or GeoPandas, a file, or well-known text.
+    speed : float
+        Speed, m/s.
+    scan_angle, scan_freq : float, optional
+        Half opening angle, degrees, and scan frequency, Hz.
+    step : float
+        Maximum distance between waypoints, where the vehicle is placed on the scene's ground, m.
+    platform : str, optional
+        Id of the platform; the usual one of the scanner by default.
+    scene : Scene, Part, str or path-like, optional
+        The scene, for the heights of its ground.
+    ground : float, optional
+        Height of the ground where no scene tells it, m; tripods and vehicles stand on it even if a scene does.
+    pulse_rate : int, optional
+        Pulses per second; the scanner's first by default.
+    assets : iterable of str or path-like
+        Folders in which files are searched.
+
+    Returns
+    -------
+    Plan
+        The plan.
+
+    Raises
+    ------
+    InputError
+        The options are missing, invalid, or beyond what the instrument can do.
+    """
+    return _plan("mobile", dict(locals()))
+
+
+def _plan(kind: str, fields: dict[str, Any]) -> Plan:
+    fields["assets"] = [os.fspath(folder) for folder in fields["assets"]]
+    if fields.get("area") is not None:
+        fields["area"] = area_of(fields["area"])
+    if "along" in fields:
+        along = area_of(fields["along"])
+        fields["along"] = along if isinstance(along, str) else f"LINESTRING ({', '.join(f'{x} {y}' for x, y in along)})"
+    scene = fields["scene"]
+    if isinstance(scene, Part):
+        scene = Scene(scene)
+    if not isinstance(scene, Scene):
+        fields["scene"] = None if scene is None else os.fspath(scene)
+        return Plan(*_vlscan.plan(kind, fields))
+    with TemporaryDirectory() as folder:
+        # Planned over a packed copy.
+        fields["scene"] = os.path.join(folder, "scene.vlscene")
+        scene.pack(fields["scene"], fields["scanner"])
+        text, promises, warnings = _vlscan.plan(kind, fields)
+    return Plan(text.replace(fields["scene"], "scene.vlscene"), promises, warnings, scene)
+
+
+def area_of(area: object) -> str | list[list[float]]:
+    """Return an area or a line as the engine takes it.
+
+    Parameters
+    ----------
+    area : sequence, geometry, str or path-like
+        Corners; a geometry of shapely or GeoPandas; a file, or well-known text.
+
+    Returns
+    -------
+    str or list
+        The name of a file, well-known text, or corners.
+
+    Raises
+    ------
+    ValueError
+        Coordinates are degrees.
+    """
+    if isinstance(area, (str, os.PathLike)):
+        return os.fspath(area)
+    system = getattr(area, "crs", None)
+    if getattr(system, "is_geographic", False):
+        raise ValueError(
+            f"the area is in degrees ({getattr(system, 'name', system)}), expected metres; "
+            "project it, for example with area.to_crs(area.estimate_utm_crs())"
+        )
+    if hasattr(area, "union_all") or hasattr(area, "unary_union"):
+        # All geometries of a table or a column.
+        area = area.union_all() if hasattr(area, "union_all") else getattr(area, "unary_union")  # noqa: B009
+    text = getattr(area, "wkt", None)
+    if isinstance(text, str):
+        return text
+    corners = np.asarray(area, float)
+    if corners.ndim != 2 or corners.shape[1] < 2:
+        raise ValueError(f"an area has the shape {corners.shape}, expected corners of x and y")
+    made: list[list[float]] = corners[:, :2].tolist()
+    return made

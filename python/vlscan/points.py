@@ -1,0 +1,416 @@
+"""Points: what a run has measured, and what can be made of it."""
+
+from __future__ import annotations
+
+import html
+import json
+import os
+import tempfile
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+from . import _vlscan
+from ._columns import columns_of
+from ._libraries import needed
+from ._notebook import picture_html, show_page
+from ._typing import PathLike, TableLike, Vector
+from ._words import words_of
+from .errors import warn
+from .tables import Table
+
+if TYPE_CHECKING:
+    import geopandas
+    import laspy
+    import open3d
+    from IPython.display import HTML
+
+# Digits of 32-bit floats: coordinates beyond lose millimetres.
+_LOSSLESS_M = 1e-3 * 2.0**24
+
+
+class Points(Table):
+    """Points, one per row. :func:`vlscan.columns` lists the columns. Shows itself in a notebook.
+
+    ``points[points["Classification"] == 2]`` are some of them, which can be written, drawn and converted as all of them.
+
+    Parameters
+    ----------
+    table : object
+        The table of the engine.
+
+    Examples
+    --------
+    >>> points = vlscan.run("fixtures/room/survey.xml", seed=1).points
+    >>> points.xyz.shape == (len(points), 3)
+    True
+    """
+
+    _ROW = "point"
+
+    @staticmethod
+    def of(table: TableLike | ArrayLike, crs: str | None = None) -> Points:
+        """Return the points of a table of another library.
+
+        Parameters
+        ----------
+        table : mapping, Arrow table, structured array, or array of n by 3
+            The table, with columns named as those of :func:`vlscan.columns`: X, Y, Z and others.
+        crs : str, optional
+            Coordinate reference system as WKT; by default that in the metadata of the table.
+
+        Returns
+        -------
+        Points
+            The points.
+
+        Raises
+        ------
+        ValueError
+            The table has no X, Y or Z.
+
+        Examples
+        --------
+        >>> vlscan.Points.of({"X": [0.0, 1.0], "Y": [0.0, 0.0], "Z": [2.0, 2.0]}).bounds[1].tolist()
+        [1.0, 0.0, 2.0]
+        """
+        points = Points(_vlscan.Table.of_columns(columns_of(table, ("X", "Y", "Z"), keep_types=True), crs))
+        missing = [name for name in "XYZ" if name not in points]
+        if missing:
+            raise ValueError(f"the table has no column {', '.join(missing)}; there are {', '.join(points.columns)}")
+        return points
+
+    @staticmethod
+    def read(path: PathLike) -> Points:
+        """Read a point cloud: LAS, LAZ, PLY, PCD, E57, PTS, text, Arrow or Parquet.
+
+        Parameters
+        ----------
+        path : str or path-like
+            The file.
+
+        Returns
+        -------
+        Points
+            The points, with those of the columns X, Y, Z, Intensity, ReturnNumber, NumberOfReturns, Classification, ScanAngle,
+            PointSourceId, GpsTime, Amplitude and Device that the file has. Intensities with fractions are amplitudes.
+
+        Raises
+        ------
+        InputError
+            The file is no point cloud, or damaged.
+        FileError
+            The file cannot be read.
+
+        Examples
+        --------
+        >>> result = vlscan.run("fixtures/room/survey.xml", to="room.laz", seed=1)
+        >>> len(vlscan.Points.read("room.laz")) == result.point_count
+        True
+        """
+        return Points(_vlscan.read_points(os.fspath(path)))
+
+    def write(
+        self,
+        path: PathLike,
+        *,
+        columns: Iterable[str] | None = None,
+        format: str | None = None,
+        crs: str | None = None,
+        labels: bool | None = None,
+        las10: bool | None = None,
+        las_scale: float | None = None,
+        las_extra: str | None = None,
+        las_at_most: int | None = None,
+        frame_s: float | None = None,
+        force: bool = False,
+    ) -> None:
+        """Write the points to a file, whose extension tells the format: any that a run writes.
+
+        The bytes are those of a file that the run itself had written, in all formats but MCAP, whose times differ by some
+        picoseconds: if the run has the columns that it has by default, or those that the format needs. E57 and ray clouds need
+        BeamOriginX and so on, MCAP ScannerX and so on; a run with ``columns=vlscan.columns()`` has all of them.
+
+        Parameters
+        ----------
+        path : str or path-like
+            The file: ``.las``, ``.laz``, ``.copc.laz``, ``.ply``, ``.raycloud.ply``, ``.pcd``, ``.e57``, ``.mcap``, ``.xyz``, ``.csv``,
+            ``.arrow``, ``.parquet``, ``.geo.parquet``.
+        columns : iterable of str, optional
+            Columns of text, Arrow and Parquet; all by default.
+        format : str, optional
+            Name of the format, if the extension does not tell it.
+        crs : str, optional
+            Coordinate reference system: a code such as ``EPSG:25832``, or WKT.
+        labels : bool, optional
+            Whether LAS and PLY have part, primitive and true range.
+        las10 : bool, optional
+            Whether LAS has version 1.0.
+        las_scale : float, optional
+            Scale of LAS, m.
+        las_extra : str, optional
+            Extra bytes of LAS: ``all``, ``helios`` or ``none``.
+        las_at_most : int, optional
+            Number of points in the header of LAS that is written as a stream.
+        frame_s : float, optional
+            Duration of the frames of MCAP, s.
+        force : bool
+            Whether a file that exists is replaced.
+
+        Raises
+        ------
+        InputError
+            The file exists, its extension is that of no format, or the points lack columns that the format needs.
+        FileError
+            The file cannot be written.
+
+        Examples
+        --------
+        >>> points = vlscan.run("fixtures/room/survey.xml", seed=1).points
+        >>> points.write("room.laz", force=True)
+        >>> points[points["ReturnNumber"] == 1].write("first.ply")
+        """
+        options = dict(
+            columns=None if columns is None else list(columns),
+            format=format,
+            crs=crs,
+            labels=labels,
+            las10=las10,
+            las_scale=las_scale,
+            las_extra=las_extra,
+            las_at_most=las_at_most,
+            frame_s=frame_s,
+            force=force or None,
+        )
+        self._table.write(os.fspath(path), words_of(options))
+
+    @property
+    def crs(self) -> str | None:
+        """Coordinate reference system as WKT, if it is known."""
+        return self.metadata.get("crs")
+
+    @property
+    def object_names(self) -> dict[int, str]:
+        """Names of objects by the numbers in the column ``ObjectId``, of those whose name is not that number."""
+        return {int(number): name for number, name in json.loads(self.metadata.get("object_names", "{}")).items()}
+
+    def coordinates(self, dtype: DTypeLike = np.float64, offset: Vector | None = None) -> NDArray[Any]:
+        """Return the coordinates as an array of its own, n rows and three columns, which can be changed.
+
+        Parameters
+        ----------
+        dtype : data-type
+            Type of the values, for example ``"float32"``.
+        offset : sequence of float, optional
+            x, y, z that are subtracted before, m: large coordinates lose digits as 32-bit floats.
+
+        Returns
+        -------
+        numpy.ndarray
+            The array, m.
+
+        Examples
+        --------
+        >>> points = vlscan.run("fixtures/room/survey.xml", seed=1).points
+        >>> points.coordinates("float32", offset=points.bounds[0]).min(axis=0).tolist()
+        [0.0, 0.0, 0.0]
+        """
+        origin = np.zeros(3) if offset is None else np.asarray(offset, float)
+        if origin.shape != (3,):
+            raise ValueError(f"offset has the shape {origin.shape}, expected x, y, z")
+        values = np.empty((len(self), 3), dtype=dtype)
+        for axis, name in enumerate("XYZ"):
+            values[:, axis] = self[name] - origin[axis] if origin[axis] else self[name]
+        if values.dtype == np.float32 and len(self):
+            reach = max(np.abs(self.bounds - origin).max(), 0.0)
+            if reach > _LOSSLESS_M:
+                warn(
+                    f"32-bit floats resolve {reach * 2.0**-23:.3g} m at coordinates of {reach:.0f} m; "
+                    "give coordinates() an offset, such as offset=points.bounds[0]"
+                )
+        return values
+
+    def to_laspy(self) -> laspy.LasData:
+        """Return the points for laspy, with all dimensions that a LAS file of them has.
+
+        Returns
+        -------
+        laspy.LasData
+            The points.
+
+        Raises
+        ------
+        ImportError
+            Laspy is not installed.
+
+        Examples
+        --------
+        >>> las = vlscan.run("fixtures/room/survey.xml", seed=1).points.to_laspy()
+        >>> int(las.header.point_format.id), "range" in las.point_format.extra_dimension_names
+        (6, True)
+        """
+        library = needed("laspy", "to_laspy()")
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "points.las")
+            self.write(path)
+            read: laspy.LasData = library.read(path)
+        return read
+
+    def to_open3d(self) -> open3d.geometry.PointCloud:
+        """Return the points for Open3D, with normals if there are the columns NormalX, NormalY and NormalZ.
+
+        Returns
+        -------
+        open3d.geometry.PointCloud
+            The points.
+
+        Raises
+        ------
+        ImportError
+            Open3D is not installed.
+        """
+        library = needed("open3d", "to_open3d()")
+        cloud: open3d.geometry.PointCloud = library.geometry.PointCloud(library.utility.Vector3dVector(self.xyz))
+        normals = ["NormalX", "NormalY", "NormalZ"]
+        if all(name in self for name in normals):
+            cloud.normals = library.utility.Vector3dVector(self.to_numpy(normals, dtype=np.float64))
+        return cloud
+
+    def to_geopandas(self) -> geopandas.GeoDataFrame:
+        """Return the points for GeoPandas: a geometry of x, y and z with the coordinate reference system, and the other columns.
+
+        Returns
+        -------
+        geopandas.GeoDataFrame
+            The points.
+
+        Raises
+        ------
+        ImportError
+            GeoPandas is not installed.
+
+        Examples
+        --------
+        >>> frame = vlscan.run("fixtures/room/survey.xml", seed=1, crs="EPSG:25832").points.to_geopandas()
+        >>> frame.crs.to_epsg(), bool(frame.geometry.has_z.all())
+        (25832, True)
+        """
+        library = needed("geopandas", "to_geopandas()")
+        geometry = library.points_from_xy(self["X"], self["Y"], self["Z"])
+        columns = {name: self[name] for name in self.columns if name not in ("X", "Y", "Z")}
+        frame: geopandas.GeoDataFrame = library.GeoDataFrame(columns, geometry=geometry, crs=self.crs)
+        return frame
+
+    @property
+    def xyz(self) -> NDArray[np.float64]:
+        """Coordinates as an array of n rows and three columns, world frame, m (a copy)."""
+        return np.column_stack([self["X"], self["Y"], self["Z"]])
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """Lowest and highest coordinates, m, as an array of two rows."""
+        if not len(self):
+            return np.full((2, 3), np.nan)
+        columns = [self[name] for name in "XYZ"]
+        return np.array([[c.min() for c in columns], [c.max() for c in columns]])
+
+    def png(self, colour: str = "height", title: str = "", width: int = 1600, height: int = 1200) -> bytes:
+        """Draw the points from above and from the side.
+
+        Parameters
+        ----------
+        colour : str
+            ``height``, ``class``, ``intensity``, ``object`` or ``return``.
+        title : str
+            A title.
+        width, height : int
+            Size of the picture, pixels.
+
+        Returns
+        -------
+        bytes
+            A PNG file.
+
+        Raises
+        ------
+        ValueError
+            Another colour, or another size than 320 to 16384 by 240 to 16384.
+        """
+        return _vlscan.picture(self._table, colour, title, width, height)
+
+    def html(self, colour: str = "height", title: str = "", max_points: int = 1_000_000) -> str:
+        """Make a page to turn the points around in a browser, offline.
+
+        Parameters
+        ----------
+        colour : str
+            ``height``, ``class``, ``intensity``, ``object`` or ``return``.
+        title : str
+            A title.
+        max_points : int
+            Of more points evenly chosen ones are shown.
+
+        Returns
+        -------
+        str
+            The page.
+        """
+        return _vlscan.page(self._table, colour, title, max_points)
+
+    def show(self, colour: str = "height", title: str = "", max_points: int = 200_000) -> HTML | None:
+        """Show the points: in a notebook as a view to turn around, otherwise as a page in the browser.
+
+        Parameters
+        ----------
+        colour : str
+            ``height``, ``class``, ``intensity``, ``object`` or ``return``.
+        title : str
+            A title.
+        max_points : int
+            Of more points evenly chosen ones are shown.
+
+        Returns
+        -------
+        IPython.display.HTML or None
+            The view, in a notebook.
+        """
+        return show_page(self.html(colour, title, max_points))
+
+    def save_preview(self, path: PathLike, colour: str = "height", title: str = "") -> None:
+        """Write a picture or a page.
+
+        Parameters
+        ----------
+        path : str or path-like
+            The file, ``.png`` or ``.html``.
+        colour : str
+            ``height``, ``class``, ``intensity``, ``object`` or ``return``.
+        title : str
+            A title.
+
+        Raises
+        ------
+        ValueError
+            Another extension or colour.
+
+        Examples
+        --------
+        >>> vlscan.run("fixtures/room/survey.xml", seed=1).points.save_preview("room.png", "intensity")
+        """
+        name = os.fspath(path)
+        if name.lower().endswith((".html", ".htm")):
+            content = self.html(colour, title).encode()
+        elif name.lower().endswith(".png"):
+            content = self.png(colour, title)
+        else:
+            raise ValueError(f"{name}: expected a name that ends in .png or .html")
+        with open(name, "wb") as file:
+            file.write(content)
+
+    def _repr_html_(self) -> str:
+        about = html.escape(f"{len(self):,} points: {', '.join(self.columns)}")
+        if not len(self) or not {"X", "Y", "Z"} <= set(self.columns):
+            return f"<div>{about}</div>"
+        return picture_html(self.png(width=1000, height=750), about)

@@ -1,0 +1,118 @@
+"""Pictures and pages of files and surveys."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+from . import _vlscan
+from ._notebook import show_page
+from ._typing import PathLike
+from ._words import words_of
+from .points import Points
+from .survey import Survey
+
+if TYPE_CHECKING:
+    from IPython.display import HTML
+
+
+def preview(
+    source: Points | Survey | PathLike,
+    path: PathLike | None = None,
+    *,
+    pulse: int | None = None,
+    colour: str | None = None,
+    title: str | None = None,
+    light: bool = False,
+    width: int = 1600,
+    height: int = 1000,
+    most_points: int = 5_000_000,
+    force: bool = False,
+) -> HTML | None:
+    """Draw points, a survey over its scene, or the waveform of a pulse, as ``vlscan preview`` does.
+
+    Parameters
+    ----------
+    source : Points, Survey, str or path-like
+        Points; a survey, of which scene, flight lines and swaths are drawn; the file of either; or with ``pulse`` a file of waveforms.
+    path : str or path-like, optional
+        The picture (``.png``) or page (``.html``) to write. Without it a page is shown: in a notebook, otherwise in the browser.
+    pulse : int, optional
+        Number of the pulse whose waveform is drawn.
+    colour : str, optional
+        ``height``, ``class``, ``intensity``, ``object``, ``return`` or ``leg``; of points their height, of a survey the leg that covers
+        the ground, by default.
+    title : str, optional
+        A title; the name of the file by default.
+    light : bool
+        Whether it is dark on white, for print.
+    width, height : int
+        Size of a picture, pixels.
+    most_points : int
+        Of more points a page shows evenly chosen ones.
+    force : bool
+        Whether a file that exists is replaced.
+
+    Returns
+    -------
+    IPython.display.HTML or None
+        The view, in a notebook without ``path``.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or the survey cannot be flown.
+    FileExistsError
+        The file exists.
+    ValueError
+        Another extension, colour or size.
+
+    Examples
+    --------
+    >>> vlscan.preview("fixtures/room/survey.xml", "survey.png")
+    >>> vlscan.preview(vlscan.run("fixtures/room/survey.xml", seed=1).points, "room.html")
+    """
+    kind = "html"
+    if path is not None:
+        ending = os.path.splitext(os.fspath(path))[1].lower()
+        if ending not in (".png", ".html", ".htm"):
+            raise ValueError(f"{os.fspath(path)}: expected a name that ends in .png or .html")
+        kind = "png" if ending == ".png" else "html"
+        if os.path.exists(path) and not force:
+            raise FileExistsError(f"{os.fspath(path)} exists already; force=True replaces it")
+    content = _drawn(source, kind, pulse, colour, title, light, width, height, most_points)
+    if path is None:
+        return show_page(content.decode())
+    with open(path, "wb") as file:
+        file.write(content)
+    return None
+
+
+def _drawn(
+    source: Points | Survey | PathLike,
+    kind: str,
+    pulse: int | None,
+    colour: str | None,
+    title: str | None,
+    light: bool,
+    width: int,
+    height: int,
+    most_points: int,
+) -> bytes:
+    if isinstance(source, Points):
+        if pulse is not None:
+            raise ValueError("a waveform is drawn of a file of waveforms, not of points")
+        chosen, name = colour or "height", title or ""
+        page = source.html(chosen, name, most_points) if kind == "html" else ""
+        return page.encode() if page else source.png(chosen, name, width, height)
+    file = None if isinstance(source, Survey) else os.fspath(source)
+    survey = source if isinstance(source, Survey) else Survey.open(source) if file is not None and _holds_survey(file) else None
+    is_survey = survey is not None and pulse is None
+    request = survey._request(words_of({})) if survey is not None and is_survey else None
+    usual = file or (survey.name if survey is not None else None) or ""
+    chosen, name = colour or ("leg" if is_survey else "height"), usual if title is None else title
+    return _vlscan.preview(kind, None if is_survey else file, request, pulse, chosen, name, light, width, height, most_points)
+
+
+def _holds_survey(file: str) -> bool:
+    return file.lower().endswith((".xml", ".toml"))

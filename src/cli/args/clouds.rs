@@ -1,0 +1,51 @@
+//! The command line of `vlscan info`, `vlscan raster` and `vlscan frames`.
+
+use crate::options::Crs;
+use clap::Args;
+use std::path::PathBuf;
+use vlscan_tools::frames::FrameOptions;
+use vlscan_tools::raster::{RasterFiles, RasterOptions};
+
+/// `vlscan info`.
+#[derive(Debug, Args)]
+pub struct CloudInfoArgs {
+    /// Point clouds: LAS, LAZ, COPC, PLY, PCD, E57, PTS, text, Arrow or Parquet, - for stdin. Several are described as one.
+    #[arg(required = true, value_name = "CLOUD")]
+    pub clouds: Vec<PathBuf>,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `vlscan raster`.
+#[derive(Debug, Args)]
+pub struct RasterArgs {
+    /// Point clouds: LAS, LAZ, COPC, PLY, PCD, E57, PTS, text, Arrow or Parquet, - for stdin. Several are rasterised as one.
+    #[arg(required = true, value_name = "CLOUD")]
+    pub clouds: Vec<PathBuf>,
+    /// The rasters.
+    #[command(flatten)]
+    pub files: RasterFiles,
+    /// How they are made.
+    #[command(flatten)]
+    pub options: RasterOptions,
+    /// Coordinate reference system of clouds that name none: EPSG:25832, WKT, or a file with either.
+    #[arg(long, value_name = "CRS")]
+    pub crs: Option<Crs>,
+    /// Replace existing files, and write a raster to a terminal.
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// `vlscan frames`.
+#[derive(Debug, Args)]
+pub struct FramesArgs {
+    /// MCAP that vlscan run has written, - for stdin.
+    pub points: PathBuf,
+    /// The folder of the data set; its sequence or tables must not exist.
+    #[arg(short = 'o', long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// What is written.
+    #[command(flatten)]
+    pub options: FrameOptions,
+}

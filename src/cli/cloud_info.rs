@@ -1,0 +1,36 @@
+//! `vlscan info`: what a point cloud is.
+
+use super::Console;
+use super::args::CloudInfoArgs;
+use std::path::Path;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::write_stdout;
+use vlscan_tools::cloud::cloud_facts;
+
+pub fn run(args: &CloudInfoArgs, console: &Console) -> Result<()> {
+    args.clouds.iter().try_for_each(|cloud| check_cloud(cloud))?;
+    let (facts, found) = cloud_facts(&args.clouds)?;
+    console.warnings(&found)?;
+    if !args.json {
+        return write_stdout(&facts.text());
+    }
+    let text = serde_json::to_string_pretty(&facts.json()).map_err(|e| Error::Internal(e.to_string()))?;
+    write_stdout(&(text + "\n"))
+}
+
+/// Refuses what is no point cloud and has a command of its own.
+pub(super) fn check_cloud(path: &Path) -> Result<()> {
+    if path.is_dir() {
+        return Err(Error::input(format!("{} is a folder; name files of points", path.display())));
+    }
+    let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    if ["xml", "toml", "obj", "gltf", "glb", "stl", "tif", "tiff", "vrt", "vox", "vlscene"]
+        .contains(&&*ending)
+    {
+        return Err(Error::input_with_help(
+            format!("{} is no point cloud", path.display()),
+            format!("describe a scene with: vlscan scene info {}", path.display()),
+        ));
+    }
+    Ok(())
+}

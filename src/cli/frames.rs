@@ -1,0 +1,26 @@
+//! `vlscan frames`: frames of MCAP in the layouts of KITTI and nuScenes.
+
+use super::Console;
+use super::args::FramesArgs;
+use std::io::{BufReader, Read};
+use std::path::Path;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::reads;
+use vlscan_base::quantity::amount;
+use vlscan_tools::frames::write_frames;
+
+pub fn run(args: &FramesArgs, console: &Console) -> Result<()> {
+    let is_stdin = args.points.as_os_str() == "-";
+    let (name, source): (&Path, Box<dyn Read>) = match is_stdin {
+        true => (Path::new("<stdin>"), Box::new(std::io::stdin().lock())),
+        false => {
+            let file = reads::open(&args.points).map_err(|e| Error::open(&args.points, e))?;
+            (&args.points, Box::new(file))
+        }
+    };
+    let mut source = BufReader::with_capacity(1 << 20, source);
+    let counts = write_frames(&mut source, name, &args.out, &args.options)?;
+    let (frames, points) = (counts.frames, amount(counts.points as f64));
+    console.say(format!("{}: {frames} frames, {points} points", args.out.display()));
+    Ok(())
+}

@@ -1,0 +1,84 @@
+//! `vlscan raster`: terrain, surface, canopy height and densities of point clouds as GeoTIFF.
+
+use super::Console;
+use super::args::RasterArgs;
+use super::cloud_info::check_cloud;
+use std::io::IsTerminal as _;
+use std::path::Path;
+use vlscan_base::crs;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{FileWriter, Patched, reads, refuse_existing, write_file};
+use vlscan_base::machine;
+use vlscan_base::quantity::{amount, number};
+use vlscan_tools::raster::{CloudRasters, RasterKind};
+
+pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
+    let wanted = args.files.wanted();
+    check(args, &wanted)?;
+    let crs = args.crs.as_ref().map(crate::options::Crs::wkt).transpose()?;
+    let kinds: Vec<RasterKind> = wanted.iter().map(|(kind, _)| *kind).collect();
+    let (rasters, found) = CloudRasters::read(&args.clouds, &kinds, &args.options, crs, machine::memory())?;
+    console.warnings(&found)?;
+    let [columns, rows] = rasters.size();
+    let system = match rasters.crs().map(|wkt| (wkt, crs::projected_epsg(wkt))) {
+        Some((_, Some(code))) => format!("EPSG:{code}"),
+        Some((wkt, None)) => format!("no coordinate system: {} has no EPSG code", crs::name(wkt)),
+        None => "no coordinate system: the clouds name none; add it with --crs EPSG:25832".to_owned(),
+    };
+    let noise = match rasters.noise {
+        0 => String::new(),
+        count => format!(", without {} points of noise (classes 7 and 18)", amount(count as f64)),
+    };
+    for (kind, path) in &wanted {
+        let bytes = rasters.geotiff(*kind)?;
+        if is_stdout(path) {
+            FileWriter::stdout(Patched::Never)?.append(&bytes)?;
+        } else {
+            write_file(path, args.force, &bytes)?;
+        }
+        console.say(format!(
+            "{}: {} of {} points, {columns} by {rows} cells of {} m, {system}{noise}",
+            if is_stdout(path) { "stdout".to_owned() } else { path.display().to_string() },
+            kind.name(),
+            amount(rasters.points as f64),
+            number(rasters.side()),
+        ));
+    }
+    Ok(())
+}
+
+fn is_stdout(path: &Path) -> bool {
+    path.as_os_str() == "-"
+}
+
+/// Refuses files that would replace others, and what is no point cloud, before anything is read.
+fn check(args: &RasterArgs, wanted: &[(RasterKind, &Path)]) -> Result<()> {
+    if wanted.is_empty() {
+        return Err(Error::input(
+            "no raster is asked for: name at least one of --dtm, --dsm, --chm, --density, --pulse-density",
+        ));
+    }
+    for (i, (kind, path)) in wanted.iter().enumerate() {
+        if let Some((other, _)) = wanted[..i].iter().find(|(_, other)| other == path) {
+            let (one, other, path) = (other.name(), kind.name(), path.display());
+            return Err(Error::input(format!("--{one} and --{other} are both {path}")));
+        }
+        if is_stdout(path) {
+            if std::io::stdout().is_terminal() && !args.force {
+                let name = kind.name();
+                return Err(Error::input(format!(
+                    "a raster is not written to a terminal: use --{name} {name}.tif, or insist with --force"
+                )));
+            }
+            continue;
+        }
+        let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+        if !["tif", "tiff"].contains(&&*ending) {
+            let (name, path) = (kind.name(), path.display());
+            return Err(Error::input(format!("--{name} {path}: expected a name that ends in .tif")));
+        }
+        refuse_existing(path, args.force)?;
+        reads::refuse_input_of(path, &args.clouds)?;
+    }
+    args.clouds.iter().try_for_each(|cloud| check_cloud(cloud))
+}

@@ -1,0 +1,336 @@
+//! Files of the points of a table in memory, with the bytes that the run itself would have written.
+
+use super::point_table::{PointTable, PositionFrame};
+use super::request::{OutputRequest, Target};
+use ::arrow_array::RecordBatch;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::refuse_existing;
+use vlscan_formats::{
+    CloudSettings, Column, Destination, EncodedFile, EncodedPoints, ExtraDimensions, Job, LasSettings,
+    ObjectIds, Offload, OutputStream, PointBatch, PointEncoder, PointFormat, PointRecord, Tally,
+};
+use vlscan_geom::{Aabb, DVec3};
+
+/// Points that a thread encodes at a time.
+const BLOCK_POINTS: usize = 1 << 15;
+
+/// What is known of the points of a table beside their columns.
+#[derive(Clone, Debug)]
+pub struct CloudFacts {
+    settings: CloudSettings,
+    /// Number of each leg in records, and duration of its frames, ns.
+    legs: Vec<(u16, f64)>,
+}
+
+/// The facts as they are stored.
+#[derive(Serialize, Deserialize)]
+struct Stored {
+    origin: DVec3,
+    bounds: Aabb,
+    crs: Option<String>,
+    scanner: String,
+    adjusted_times: bool,
+    creation: (u16, u16),
+    parts: Vec<String>,
+    highest_class: i32,
+    columns: Option<Vec<String>>,
+    misses: bool,
+    labels: bool,
+    true_positions: bool,
+    heights: bool,
+    legs: Vec<(u16, f64)>,
+}
+
+impl CloudFacts {
+    /// The facts that a run knows; only its choice of columns counts, without those that are always beside a table.
+    pub(super) fn new(mut settings: CloudSettings, legs: Vec<(u16, f64)>) -> CloudFacts {
+        let chosen = settings.columns.take().unwrap_or_default();
+        let chosen: Vec<Column> =
+            chosen.into_iter().filter(|column| !Column::EXACT.contains(column)).collect();
+        let is_usual = chosen.is_empty() || chosen == settings.table_columns();
+        settings.columns = (!is_usual).then_some(chosen);
+        CloudFacts { settings, legs }
+    }
+
+    /// What can be told of a table of another program: the box around its points, their highest class, its columns. `crs` is the
+    /// coordinate reference system as WKT.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for columns that are no numbers.
+    pub fn of_table(table: &RecordBatch, crs: Option<String>) -> Result<CloudFacts> {
+        let objects = ObjectIds::default();
+        let rows =
+            PointTable::new([Some(table), None], &objects, DVec3::ZERO, (PositionFrame::World, false))?;
+        let (mut bounds, mut highest_class) = (Aabb::EMPTY, 0);
+        for row in 0..rows.rows() {
+            let PointRecord { position, class, .. } = rows.record(row);
+            if position.is_finite() {
+                bounds = bounds.with(position);
+            }
+            highest_class = highest_class.max(class);
+        }
+        let origin = if bounds.is_empty() { DVec3::ZERO } else { bounds.centre().round() };
+        let bounds = Aabb { min: bounds.min - origin, max: bounds.max - origin };
+        let columns = Column::ALL.iter().copied().filter(|column| rows.has(*column)).collect();
+        let settings = CloudSettings {
+            origin,
+            bounds,
+            crs,
+            highest_class,
+            columns: Some(columns),
+            ..CloudSettings::default()
+        };
+        Ok(CloudFacts { settings, legs: Vec::new() })
+    }
+
+    /// The facts as bytes.
+    ///
+    /// # Errors
+    /// [`Error::Internal`].
+    pub fn to_bytes(&self) -> Result<Vec<u8>> {
+        let CloudFacts { settings, legs } = self.clone();
+        let names = |columns: Vec<Column>| columns.iter().map(|column| column.name().to_owned()).collect();
+        let stored = Stored {
+            origin: settings.origin,
+            bounds: settings.bounds,
+            crs: settings.crs,
+            scanner: settings.scanner,
+            adjusted_times: settings.adjusted_times,
+            creation: settings.creation,
+            parts: settings.parts,
+            highest_class: settings.highest_class,
+            columns: settings.columns.map(names),
+            misses: settings.misses,
+            labels: settings.labels,
+            true_positions: settings.true_positions,
+            heights: settings.heights,
+            legs,
+        };
+        postcard::to_stdvec(&stored).map_err(|e| Error::Internal(format!("facts about points: {e}")))
+    }
+
+    /// The facts that [`CloudFacts::to_bytes`] has made bytes of.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for other bytes.
+    pub fn from_bytes(bytes: &[u8]) -> Result<CloudFacts> {
+        let stored: Stored = postcard::from_bytes(bytes)
+            .map_err(|e| Error::input(format!("the points are of another version of vlscan: {e}")))?;
+        let columns = stored.columns.map(|names| {
+            let known = |name: &String| Column::ALL.iter().copied().find(|column| column.name() == name);
+            names.iter().filter_map(known).collect()
+        });
+        let settings = CloudSettings {
+            origin: stored.origin,
+            bounds: stored.bounds,
+            crs: stored.crs,
+            scanner: stored.scanner,
+            adjusted_times: stored.adjusted_times,
+            creation: stored.creation,
+            objects: ObjectIds::new(&stored.parts),
+            parts: stored.parts,
+            highest_class: stored.highest_class,
+            columns,
+            misses: stored.misses,
+            labels: stored.labels,
+            true_positions: stored.true_positions,
+            heights: stored.heights,
+            ..CloudSettings::default()
+        };
+        Ok(CloudFacts { settings, legs: stored.legs })
+    }
+}
+
+/// Writes the points of a table to the file of a request, which has no other outputs. `exact` are the columns [`Column::EXACT`] of
+/// the same rows, as far as they are known: with them, and if the table has the columns that a run writes by default, the bytes
+/// are those that the run would have written. Returns the counts and what there is to know.
+///
+/// # Errors
+/// [`Error::Input`] for a file that exists unless it is to be replaced, for columns that the format needs and the table lacks, and for
+/// requests of another kind; [`Error::Io`].
+pub fn write_points(
+    table: &RecordBatch,
+    exact: Option<&RecordBatch>,
+    facts: &CloudFacts,
+    request: &OutputRequest,
+) -> Result<(Tally, Diagnostics)> {
+    let [(Target::File(path), format)] = &request.sinks[..] else {
+        return Err(Error::input("points in memory are written to one file"));
+    };
+    if request.division.is_some() || request.split_by_channel || request.waveforms || request.pulses {
+        return Err(Error::input("points in memory are written to one file without waveforms and pulses"));
+    }
+    let mut found = Diagnostics::default();
+    let mut settings = settings_of(facts, request);
+    let frame = match format.has_columns() || matches!(format, PointFormat::E57) {
+        true => PositionFrame::World,
+        false => PositionFrame::Scene,
+    };
+    let objects = std::mem::take(&mut settings.objects);
+    let rows =
+        PointTable::new([Some(table), exact], &objects, settings.origin, (frame, format.has_frames()))?;
+    check_columns(&rows, *format, &mut settings, path, &mut found)?;
+    warn_of_unknown(table, path, &mut found);
+    settings.objects = objects.clone();
+    if frame == PositionFrame::World {
+        settings.bounds = settings.bounds.translated(settings.origin);
+        settings.origin = DVec3::ZERO;
+    }
+    refuse_existing(path, request.force)?;
+    let encoder = format.encoder(&settings, &mut found)?;
+    if found.is_fatal(false) {
+        return Err(Error::Input(Box::new(found)));
+    }
+    let out = OutputStream::open(&Destination::Path(path.clone()), request.force, encoder.patched())?;
+    let mut file = EncodedFile::begin(out, |out| encoder.clone().begin(out))?;
+    let frames = Frames::new(facts, request, format.has_frames());
+    let starts: Vec<usize> = (0..rows.rows()).step_by(BLOCK_POINTS).collect();
+    for group in starts.chunks(4 * rayon::current_num_threads().max(1)) {
+        let encoded: Vec<EncodedPoints> =
+            group.par_iter().map(|start| encode(&rows, *start, &*encoder, &frames)).collect();
+        for block in encoded {
+            file.append(block.bytes, &block.tally, &IdleThreads)?;
+        }
+    }
+    let (out, tally) = file.finish(false, &IdleThreads, |_| Ok(None))?;
+    out.finish(None)?;
+    if tally.left_out > 0 {
+        let message =
+            format!("{} points are left out: the format cannot hold their coordinates", tally.left_out);
+        found.warn(Some(Place::of_file(path)), message);
+    }
+    Ok((tally, found))
+}
+
+/// Encodes the rows of a block.
+fn encode(rows: &PointTable, start: usize, encoder: &dyn PointEncoder, frames: &Frames) -> EncodedPoints {
+    let end = (start + BLOCK_POINTS).min(rows.rows());
+    let records: Vec<PointRecord> = (start..end).map(|row| rows.record(row)).collect();
+    let mut out = EncodedPoints::with_capacity(records.len() * encoder.typical_bytes());
+    for points in frames.batches(&records) {
+        encoder.encode(&PointBatch { points, waves: &[], frame_ns: frames.duration_ns(points) }, &mut out);
+    }
+    out
+}
+
+/// Durations of the frames of legs.
+struct Frames {
+    chosen_ns: Option<f64>,
+    by_leg: BTreeMap<u16, f64>,
+    matter: bool,
+}
+
+impl Frames {
+    fn new(facts: &CloudFacts, request: &OutputRequest, matter: bool) -> Frames {
+        let chosen_ns = request.frame_s.map(|seconds| seconds * 1e9);
+        Frames { chosen_ns, by_leg: facts.legs.iter().copied().collect(), matter }
+    }
+
+    /// Points of the same leg, as far as it matters.
+    fn batches<'p>(&self, points: &'p [PointRecord]) -> impl Iterator<Item = &'p [PointRecord]> {
+        let matter = self.matter;
+        points.chunk_by(move |a, b| !matter || a.leg == b.leg)
+    }
+
+    fn duration_ns(&self, points: &[PointRecord]) -> f64 {
+        let of_leg = points.first().and_then(|point| self.by_leg.get(&point.leg)).copied();
+        self.chosen_ns.or(of_leg).unwrap_or(PointBatch::FRAME_NS)
+    }
+}
+
+/// What the format needs to know.
+fn settings_of(facts: &CloudFacts, request: &OutputRequest) -> CloudSettings {
+    let own = facts.settings.clone();
+    CloudSettings {
+        crs: request.crs_wkt.clone().or(own.crs.clone()),
+        labels: own.labels || request.labels,
+        columns: request.columns.clone().or(own.columns.clone()),
+        las: request.las.clone(),
+        ..own
+    }
+}
+
+/// Warns of columns that no format knows.
+fn warn_of_unknown(table: &RecordBatch, path: &Path, found: &mut Diagnostics) {
+    let schema = table.schema();
+    let names = schema.fields().iter().map(|field| field.name().as_str());
+    let unknown: Vec<&str> =
+        names.filter(|name| Column::ALL.iter().all(|column| column.name() != *name)).collect();
+    if !unknown.is_empty() {
+        let problem = found.warn(
+            Some(Place::of_file(path)),
+            format!("columns that no file of points has are not written: {}", unknown.join(", ")),
+        );
+        problem.help("the columns of points are those that `vlscan.columns()` lists; files of tables, such as Parquet of pandas, hold any");
+    }
+}
+
+/// Refuses formats that need columns which the table lacks, and tells what is written as 0.
+fn check_columns(
+    rows: &PointTable,
+    format: PointFormat,
+    settings: &mut CloudSettings,
+    path: &Path,
+    found: &mut Diagnostics,
+) -> Result<()> {
+    use Column::{
+        Amplitude, BeamOriginX, BeamOriginY, BeamOriginZ, Classification, Device, EchoWidth, GpsTime,
+        IncidenceAngle, Intensity, NumberOfReturns, ObjectId, PointSourceId, PulseNumber, Range,
+        ReturnNumber, ScanAngle, ScannerX, ScannerY, ScannerZ, X, Y, Z,
+    };
+    let origins: &[Column] = &[X, Y, Z, BeamOriginX, BeamOriginY, BeamOriginZ];
+    let needed = match format {
+        PointFormat::E57 | PointFormat::RayCloud => origins,
+        PointFormat::Mcap => &[X, Y, Z, ScannerX, ScannerY, ScannerZ, GpsTime],
+        _ => &[X, Y, Z],
+    };
+    let chosen = if format.has_columns() { settings.columns.as_deref().unwrap_or_default() } else { &[] };
+    let missing = |columns: &[Column]| {
+        let names: Vec<&str> = columns.iter().filter(|c| !rows.has(**c)).map(|c| c.name()).collect();
+        (!names.is_empty()).then(|| names.join(", "))
+    };
+    if let Some(names) = missing(&[needed, chosen].concat()) {
+        let message = format!("{} needs columns that the points lack: {names}", path.display());
+        let help = "add them to the columns of the run; in Python columns=vlscan.columns() has all of them";
+        return Err(Error::input_with_help(message, help));
+    }
+    let extra = [EchoWidth, PulseNumber, ObjectId, Amplitude, Device, Range, IncidenceAngle];
+    if format.is_las() && settings.las.extra == ExtraDimensions::All && missing(&extra).is_some() {
+        settings.las = LasSettings { extra: ExtraDimensions::None, ..settings.las.clone() };
+    }
+    let usual = [ReturnNumber, NumberOfReturns, Classification, ScanAngle, PointSourceId, GpsTime];
+    let mut absent: Vec<&str> = Vec::new();
+    if format.is_las() {
+        absent.extend(usual.iter().filter(|c| !rows.has(**c)).map(|c| c.name()));
+        if !rows.has(Amplitude) && !rows.has(Intensity) {
+            absent.push(Intensity.name());
+        }
+    }
+    if !absent.is_empty() {
+        let message = format!(
+            "the points have no {}: single returns, and 0 for everything else, are written",
+            absent.join(", ")
+        );
+        found.warn(Some(Place::of_file(path)), message);
+    }
+    Ok(())
+}
+
+/// Runs jobs of writers in threads that have nothing else to do.
+struct IdleThreads;
+
+impl Offload for IdleThreads {
+    fn try_run(&self, job: Job) -> std::result::Result<(), Job> {
+        rayon::spawn(job);
+        Ok(())
+    }
+
+    fn threads(&self) -> usize {
+        rayon::current_num_threads()
+    }
+}
