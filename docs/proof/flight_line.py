@@ -1,12 +1,10 @@
 """Holds a fitted flight line against the arcs that were not used to fit it.
 
-    python flight_line.py RECORDING.laz [--vlscan PROGRAM] [--folder FOLDER] [--picture FILE.png] [--forecast]
+    python flight_line.py RECORDING.laz [--vlscan PROGRAM] [--folder FOLDER] [--picture FILE.png]
 
 A third of the scanner's arcs, one of every three at random, goes to `vlscan fit` and
 `vlscan scene reconstruct`; the fitted flight is flown over the reconstructed scene, and its points are compared with the other arcs.
 Beside each figure stands what chance gives: the same comparison between the even and the odd arcs that were not used.
-With --forecast the first two thirds of the arcs are fitted and the flight is written on beyond them (--extend); the last third is compared.
-The scene is that of the whole recording then, since the terrain that comes later is not known: heights and returns are no forecast.
 Needs numpy, scipy, laspy with lazrs, matplotlib.
 """
 
@@ -159,19 +157,6 @@ def by_time(real, simulated):
     return place, angle, near.mean()
 
 
-def show_by_time(real, simulated, count=5):
-    """Prints the errors of a forecast by the time since its beginning."""
-    start, end = real.time.min(), real.time.max()
-    for k in range(count):
-        low, high = (start + (end - start) * part / count for part in (k, k + 1))
-        part = object.__new__(Cloud)
-        for name in ("time", "xyz", "first", "angle"):
-            setattr(part, name, getattr(real, name)[(real.time >= low) & (real.time <= high)])
-        place, angle, _ = by_time(part, simulated)
-        rms = lambda values: np.sqrt(np.mean(values**2))
-        print(f"{low - start:.2f} to {high - start:.2f} s later: {rms(place[:, 0]):.2f} m east, {rms(place[:, 1]):.2f} m north, {rms(angle):.4f} deg")
-
-
 def distance(a, b):
     """Largest distance of two cumulative distributions."""
     values = np.sort(np.r_[a, b])
@@ -215,7 +200,6 @@ def main():
     parser.add_argument("--vlscan", default="vlscan")
     parser.add_argument("--folder", type=Path)
     parser.add_argument("--picture", type=Path)
-    parser.add_argument("--forecast", action="store_true", help="fit the first two thirds, foresee the last one")
     parser.add_argument("--seed", type=int, default=1, help="of the choice of arcs")
     args = parser.parse_args()
     program = shutil.which(args.vlscan) or parser.error(f"--vlscan {args.vlscan}: no such program")
@@ -228,15 +212,10 @@ def main():
     # At random, since what repeats with a multiple of three arcs would not be seen otherwise.
     starts = arcs[::3]
     fitted = np.minimum(starts + np.random.default_rng(args.seed).integers(0, 3, len(starts)), arcs[-1])
-    of_scene, extend = fitted, 0.0
-    if args.forecast:
-        fitted, of_scene = arcs[: 2 * len(arcs) // 3], arcs
-        extend = real.time.max() - real.time[np.isin(real.arc, fitted)].max()
     held = np.setdiff1d(arcs, fitted)
     real.write(folder / "fitted.laz", fitted)
-    print(run("fit", "fitted.laz", "-o", "flight.toml", "--extend", f"{extend:.6f}", "--force").decode())
-    real.write(folder / "scene.laz", of_scene)
-    run("scene", "reconstruct", "scene.laz", "-o", "scene", "--force", "-q")
+    print(run("fit", "fitted.laz", "-o", "flight.toml", "--force").decode())
+    run("scene", "reconstruct", "fitted.laz", "-o", "scene", "--force", "-q")
     run("run", "flight.toml", "--scene", "scene/scene.xml", "-o", "simulated.laz", "--force", "-q")
     simulated = Cloud(folder / "simulated.laz", real.arcs)
     # To the resolution of the recording. What lies beside it is not compared.
@@ -246,7 +225,7 @@ def main():
     inside = ((simulated.xyz[:, :2] >= low) & (simulated.xyz[:, :2] <= high)).all(1)
     for name in ("time", "xyz", "returns", "number", "ground", "angle", "first", "arc"):
         setattr(simulated, name, getattr(simulated, name)[inside])
-    terrain = terrain_of(real.select(of_scene))
+    terrain = terrain_of(real.select(fitted))
     angle = np.quantile(real.angle, 0.9)
     halves = [figures(real.select(held[k::2]), terrain, angle) for k in (0, 1)]
     recorded, predicted = (figures(cloud.select(held), terrain, angle) for cloud in (real, simulated))
@@ -260,8 +239,6 @@ def main():
     over = lambda cloud: (lambda d: d[np.isfinite(d)])(
         cloud.xyz[cloud.ground, 2] - terrain(cloud.xyz[cloud.ground, 0], cloud.xyz[cloud.ground, 1])
     )
-    if args.forecast:
-        show_by_time(real.select(held), simulated.select(held))
     heights = distance(over(real.select(held)), over(simulated.select(held)))
     chance = distance(over(real.select(held[::2])), over(real.select(held[1::2])))
     print(f"largest distance of the distributions of ground over terrain: {heights:.3f}, by chance {chance:.3f}")
