@@ -2,14 +2,15 @@
 //! grow with the number of points.
 
 use super::occupancy::Occupancy;
+use super::source::CloudSource;
 use std::collections::{BTreeMap, HashSet};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use vlscan_base::crs;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
-use vlscan_formats::{Attribute, AttributeSet, FileFacts, PointRow, PointSink, read_points};
+use vlscan_formats::{Attribute, AttributeSet, FileFacts, PointRow, PointSink};
 use vlscan_geom::{Aabb, MAX_COORDINATE};
 
 /// Most different objects that are counted.
@@ -83,20 +84,19 @@ pub struct CloudSummary {
     of_file: AttributeSet,
 }
 
-/// Describes the points of files in any format of [`vlscan_formats`], as if they were one cloud; `-` is stdin. Returns also what there is
-/// to say of the files.
+/// Describes the points of some clouds as if they were one. Returns also what there is to say of the clouds.
 ///
 /// # Errors
 /// [`Error::Io`](vlscan_base::Error::Io); [`Error::Input`](vlscan_base::Error::Input) when a file is of no format that is read or damaged.
-pub fn cloud_facts<P: AsRef<Path>>(paths: &[P]) -> Result<(CloudSummary, Diagnostics)> {
+pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)> {
     let (mut facts, mut all) = (CloudSummary::default(), Diagnostics::default());
-    for path in paths {
-        let path = path.as_ref();
+    for cloud in clouds {
+        let path = cloud.name();
         let (skipped, mut found) = (facts.skipped, Diagnostics::default());
         facts.files.push((path.to_path_buf(), None));
         facts.is_las = false;
         let named = std::mem::take(&mut facts.crs);
-        read_points(path, &mut facts, &mut found)?;
+        cloud.read(&mut facts, &mut found)?;
         if let (Some(first), Some(this)) = (&named, &facts.crs)
             && crs::differ(first, this)
         {
