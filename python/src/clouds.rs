@@ -1,16 +1,27 @@
-//! Point clouds of files as tables.
+//! Point clouds: files as tables, what they are, their rasters and frames.
 
 use crate::errors::{Notices, exception};
-use crate::table::{Table, wrong};
+use crate::preview::one;
+use crate::table::{Table, batches, wrong};
+use crate::tools::{Named, get};
 use arrow_array::{Array, ArrayRef, Float32Array, Float64Array, RecordBatch, UInt8Array, UInt16Array};
 use arrow_schema::{Field, Schema};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
 use std::collections::BTreeMap;
+use std::io::BufReader;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
+use vlscan::base::files::{reads, refuse_existing, write_file};
+use vlscan::base::machine;
 use vlscan::formats::{Attribute, AttributeSet, PointRecord, PointRow, PointSink};
-use vlscan::{Column, Diagnostics, Notice};
+use vlscan::options::Crs;
+use vlscan::tools::cloud::{CloudSource, cloud_facts};
+use vlscan::tools::frames::{ForwardAxis, FrameLayout, FrameOptions};
+use vlscan::tools::raster::{CloudRasters, RasterKind, RasterOptions};
+use vlscan::{Column, Diagnostics, Error, Notice};
 
 /// Collects the points of a file.
 #[derive(Default)]
@@ -130,4 +141,111 @@ pub fn read_points(py: Python<'_>, path: PathBuf) -> PyResult<Table> {
     notices.issue(py)?;
     let columns = read.map_err(|error| exception(py, error))?;
     columns.table().map(Table::new).map_err(wrong)
+}
+
+/// Where clouds come from.
+fn sources(clouds: Vec<Named<'_>>) -> PyResult<Vec<CloudSource>> {
+    let source = |(name, table): Named<'_>| -> PyResult<CloudSource> {
+        let Some(table) = table else { return Ok(CloudSource::File(name.into())) };
+        let (_, batches) = batches(&table)?;
+        let batch = one(batches).map_err(|error| exception(table.py(), error))?;
+        Ok(CloudSource::Table(name.into(), batch))
+    };
+    clouds.into_iter().map(source).collect()
+}
+
+/// Describes clouds as one. Returns the facts as JSON and as text.
+#[pyfunction]
+pub fn cloud_info(py: Python<'_>, clouds: Vec<Named<'_>>) -> PyResult<(String, String)> {
+    let (notices, clouds) = (Notices::default(), sources(clouds)?);
+    let described = py.detach(|| {
+        let (facts, found) = cloud_facts(&clouds)?;
+        notices.add(Notice::Warnings(found));
+        Ok((facts.json().to_string(), facts.text()))
+    });
+    notices.issue(py)?;
+    described.map_err(|error: Error| exception(py, error))
+}
+
+/// A grid: columns, rows, side of cells (m) and south-western corner.
+type Grid = (usize, usize, f64, [f64; 2]);
+
+/// Makes rasters of clouds, by name and with the file of each that is written. Returns the grid, the system as WKT, and bytes of the
+/// values (doubles) of each raster, row by row from the south west.
+#[pyfunction]
+pub fn raster<'py>(
+    py: Python<'py>,
+    clouds: Vec<Named<'py>>,
+    wanted: Vec<(String, Option<PathBuf>)>,
+    fields: &Bound<'py, PyDict>,
+) -> PyResult<(Grid, Option<String>, Vec<Bound<'py, PyBytes>>)> {
+    let (notices, clouds) = (Notices::default(), sources(clouds)?);
+    let options = RasterOptions { cell: get(fields, "cell")?, fill: get(fields, "fill")? };
+    let (crs, force) = (get::<Option<String>>(fields, "crs")?, get::<bool>(fields, "force")?);
+    let kind = |name: &str| RasterKind::ALL.into_iter().find(|kind| kind.name() == name);
+    let kind = |name: &str| kind(name).ok_or_else(|| PyValueError::new_err(format!("no raster {name}")));
+    let kinds = wanted.iter().map(|(name, _)| kind(name)).collect::<PyResult<Vec<RasterKind>>>()?;
+    let made = py.detach(|| {
+        let files = clouds.iter().filter_map(|cloud| match cloud {
+            CloudSource::File(path) => Some(path),
+            CloudSource::Table(..) => None,
+        });
+        let files: Vec<&PathBuf> = files.collect();
+        for path in wanted.iter().filter_map(|(_, path)| path.as_ref()) {
+            refuse_existing(path, force)?;
+            reads::refuse_input_of(path, &files)?;
+        }
+        let crs = crs.map(|text| -> vlscan::Result<String> {
+            let crs: Crs = text.parse().map_err(|problem| Error::input(format!("crs: {problem}")))?;
+            crs.wkt()
+        });
+        let (rasters, found) =
+            CloudRasters::read(&clouds, &kinds, &options, crs.transpose()?, machine::memory())?;
+        notices.add(Notice::Warnings(found));
+        for (kind, (_, path)) in kinds.iter().zip(&wanted) {
+            if let Some(path) = path {
+                write_file(path, force, &rasters.geotiff(*kind)?)?;
+            }
+        }
+        let values: Vec<Vec<f64>> = kinds.iter().map(|kind| rasters.values(*kind)).collect();
+        Ok((rasters, values))
+    });
+    notices.issue(py)?;
+    let (rasters, values) = made.map_err(|error: Error| exception(py, error))?;
+    let bytes = |values: Vec<f64>| {
+        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        PyBytes::new(py, &bytes)
+    };
+    let [columns, rows] = rasters.size();
+    let grid = (columns, rows, rasters.side(), rasters.corner());
+    Ok((grid, rasters.crs().map(str::to_owned), values.into_iter().map(bytes).collect()))
+}
+
+/// Writes the frames of an MCAP file to a folder in a layout. Returns the numbers of frames and points.
+#[pyfunction]
+pub fn write_frames(
+    py: Python<'_>,
+    path: PathBuf,
+    folder: PathBuf,
+    fields: &Bound<'_, PyDict>,
+) -> PyResult<(u64, u64)> {
+    let options = FrameOptions {
+        layout: match get::<String>(fields, "layout")?.as_str() {
+            "kitti" => FrameLayout::Kitti,
+            _ => FrameLayout::Nuscenes,
+        },
+        forward: match get::<String>(fields, "forward")?.as_str() {
+            "x" => ForwardAxis::X,
+            _ => ForwardAxis::Y,
+        },
+        sequence: get(fields, "sequence")?,
+        intensity_factor: get(fields, "intensity_factor")?,
+    };
+    let written = py.detach(|| {
+        let file = reads::open(&path).map_err(|e| Error::open(&path, e))?;
+        let mut source = BufReader::with_capacity(1 << 20, file);
+        vlscan::tools::frames::write_frames(&mut source, &path, &folder, &options)
+    });
+    let counts = written.map_err(|error| exception(py, error))?;
+    Ok((counts.frames, counts.points))
 }

@@ -11,7 +11,7 @@
 //! | `catalogue` | lists of instruments, options and columns |
 //! | `preview` | pictures and pages of points |
 //! | `stages` | around a run: what it will cost, its poses and pulses, its shares |
-//! | `clouds` | point clouds of files as tables |
+//! | `clouds` | point clouds: files as tables, what they are, their rasters and frames |
 //! | `tools` | plans, campaigns, comparisons |
 //! | `make` | scenes that are made; the figures of instruments |
 //! | `watch` | work on another thread, which Ctrl-C ends |
@@ -39,7 +39,7 @@ mod _vlscan {
     #[pymodule_export]
     use super::catalogue::{catalogue, columns, options};
     #[pymodule_export]
-    use super::clouds::read_points;
+    use super::clouds::{cloud_info, raster, read_points, write_frames};
     #[pymodule_export]
     use super::command;
     #[pymodule_export]
@@ -55,7 +55,9 @@ mod _vlscan {
     #[pymodule_export]
     use super::table::{Column, Table};
     #[pymodule_export]
-    use super::tools::{campaign_cells, compare, fit_flight, fit_sensor, plan, reconstruct, run_campaign};
+    use super::tools::{
+        campaign_cells, compare, fit_flight, fit_sensor, plan, reconstruct, run_campaign, write_lines,
+    };
     #[pymodule_export]
     use super::version;
 }

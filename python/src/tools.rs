@@ -19,10 +19,10 @@ use vlscan::tools::compare::{
     CompareOptions, changed_points, compare as compare_clouds, json, page, write_changed,
 };
 use vlscan::tools::plan::{
-    AirborneOptions, AirborneRequest, Area, AreaSource, MobileOptions, MobileRequest, PlanRequest, PlanSetup,
-    TerrestrialOptions, TerrestrialRequest,
+    AirborneOptions, AirborneRequest, Area, AreaSource, LineFormat, MobileOptions, MobileRequest, PlanLine,
+    PlanRequest, PlanSetup, TerrestrialOptions, TerrestrialRequest, plan_lines,
 };
-use vlscan::{Campaign, CampaignEvent, CampaignOptions, Diagnostics, Error, Notice, Observer, OneOf};
+use vlscan::{Campaign, CampaignEvent, CampaignOptions, DVec3, Diagnostics, Error, Notice, Observer, OneOf};
 
 /// The command in the first line of plans.
 const COMMAND: &str = "vlscan.plan";
@@ -49,14 +49,15 @@ fn area(fields: &Bound<'_, PyDict>) -> PyResult<Option<AreaSource>> {
 
 /// A struct whose fields are those of a dictionary, and others.
 macro_rules! of_fields {
-    ($type:ident, $fields:expr, [$($name:ident),*] $(, $other:ident: $value:expr)*) => {
+    ($type:ident, $fields:expr, [$($name:ident),*] $(, $other:ident: $value:expr)* $(,)?) => {
         $type { $($name: get($fields, stringify!($name))?,)* $($other: $value,)* }
     };
 }
 
 fn request(kind: &str, fields: &Bound<'_, PyDict>) -> PyResult<PlanRequest> {
     let common = of_fields!(
-        PlanSetup, fields, [scanner, platform, scene, ground, pulse_rate, assets], out: None, overwrite: false
+        PlanSetup, fields, [scanner, platform, scene, ground, pulse_rate, assets, crs],
+        lines: Vec::new(), out: None, overwrite: false
     );
     Ok(match kind {
         "airborne" => {
@@ -96,13 +97,12 @@ fn request(kind: &str, fields: &Bound<'_, PyDict>) -> PyResult<PlanRequest> {
     })
 }
 
-/// Plans a survey of a kind: airborne, terrestrial or mobile. Returns the pipeline file, what the plan promises and its warnings.
+/// A line of a plan: its name, speed (m/s) and vertices (m).
+type Line = (String, Option<f64>, Vec<[f64; 3]>);
+
+/// Plans a survey of a kind: airborne, terrestrial or mobile. Returns the fields of a plan.
 #[pyfunction]
-pub fn plan(
-    py: Python<'_>,
-    kind: &str,
-    fields: &Bound<'_, PyDict>,
-) -> PyResult<(String, Vec<String>, Vec<String>)> {
+pub fn plan<'py>(py: Python<'py>, kind: &str, fields: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyDict>> {
     let (request, notices) = (request(kind, fields)?, Notices::default());
     let interruption = Arc::new(Interruption::default());
     let (own, observer) = (interruption.clone(), Observer::new(false, notices.observer()));
@@ -110,7 +110,43 @@ pub fn plan(
     let done = watched(py, &interruption, work, || py.check_signals())?;
     notices.issue(py)?;
     let plan = done.map_err(|error| exception(py, error))?;
-    Ok((plan.text(COMMAND), plan.comments, plan.warnings))
+    let found = PyDict::new(py);
+    found.set_item("text", plan.text(COMMAND))?;
+    found.set_item("promises", plan.comments)?;
+    found.set_item("warnings", plan.warnings)?;
+    let line = |line: PlanLine| -> Line {
+        (line.name, line.speed, line.vertices.iter().map(|vertex| vertex.to_array()).collect())
+    };
+    found.set_item("lines", plan.lines.into_iter().map(line).collect::<Vec<Line>>())?;
+    found.set_item("crs", plan.wkt)?;
+    found.set_item("platform", plan.platform)?;
+    found.set_item("scanner", plan.scanner)?;
+    Ok(found)
+}
+
+/// Writes the lines of a plan to a file whose extension is that of a format; `carriers` are the references to platform and scanner.
+#[pyfunction]
+pub fn write_lines(
+    py: Python<'_>,
+    path: PathBuf,
+    lines: Vec<Line>,
+    carriers: (String, String),
+    crs: Option<String>,
+    force: bool,
+) -> PyResult<()> {
+    let line = |(name, speed, vertices): Line| PlanLine {
+        name,
+        speed,
+        vertices: vertices.into_iter().map(DVec3::from).collect(),
+    };
+    let lines: Vec<PlanLine> = lines.into_iter().map(line).collect();
+    let written = py.detach(|| {
+        let format = LineFormat::of(&path)?;
+        refuse_existing(&path, force)?;
+        let text = plan_lines(&lines, [&carriers.0, &carriers.1], format, crs.as_deref())?;
+        write_file(&path, force, text.as_bytes())
+    });
+    written.map_err(|error: Error| exception(py, error))
 }
 
 /// Computes the cells of a campaign. `notify` is called with the kind of an event, the name of a cell and a text. Returns the state
@@ -184,8 +220,8 @@ pub fn campaign_cells(py: Python<'_>, path: PathBuf, fields: &Bound<'_, PyDict>)
     left.map_err(|error: Error| exception(py, error))
 }
 
-/// A cloud to compare: its name, and its points or the file of that name.
-type Named<'py> = (String, Option<Bound<'py, PyAny>>);
+/// A cloud: its name, and its points or the file of that name.
+pub type Named<'py> = (String, Option<Bound<'py, PyAny>>);
 
 /// A map of change: its columns, rows, side of cells (m) and south-western corner, and bytes of the differences, levels of detection
 /// (doubles) and marks of change (bytes) of the cells.

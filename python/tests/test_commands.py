@@ -21,11 +21,12 @@ def flat():
 
 
 def test_forecasts_are_those_of_the_command(room, command, tmp_path):
-    done = command("run", room, "--dry-run", "--json", "-o", tmp_path / "room.laz")
+    done = command("run", room, "--dry-run", "--json", "--seed", 1, "-o", tmp_path / "room.laz")
     expected = json.loads(done.stdout)
-    found = vlscan.dry_run(room, to=tmp_path / "room.laz")
+    found = vlscan.dry_run(room, to=tmp_path / "room.laz", seed=1)
     assert [leg.pulses for leg in found.legs] == [leg["pulses"] for leg in expected["legs"]]
     assert found.points.value == expected["points"]["value"] and float(found.points) == found.points.value
+    assert found.files[0].bytes == expected["files"][0]["bytes"]
     assert found.files[0].content == "points" and found.files[0].bytes > 1000 and not (tmp_path / "room.laz").exists()
     assert vlscan.dry_run(room).files == [] and "2 legs" in repr(found) and len(found.to_pandas()) == 2
     survey = Survey(flat(), "vlp16", [vlscan.Leg((0, 0, 5), head_rate_deg_per_s=3600, head_stop_deg=3600)])
@@ -185,7 +186,7 @@ def test_areas_are_geometries(tmp_path):
 
 def test_clouds_are_compared_as_objects(room, tmp_path):
     pytest.importorskip("pandas")
-    first, second = (vlscan.run(room, seed=seed).points for seed in (1, 2))
+    first, second = (vlscan.run(room, seed=seed).points[::5] for seed in (1, 2))
     found = vlscan.compare(first, second, voxel=1, page=tmp_path / "a.html", change=tmp_path / "a.tif", changed=tmp_path / "a.laz")
     assert found["first"]["points"] == len(first) and "first_to_second" in found and len(found) == len(list(found))
     assert (tmp_path / "a.html").stat().st_size > 10_000 and (tmp_path / "a.tif").exists() and (tmp_path / "a.laz").exists()
@@ -208,8 +209,6 @@ def test_pictures_are_those_of_the_command(room, command, tmp_path):
     assert command("preview", room, "-o", tmp_path / "c.png", "--width", 400, "--height", 300).returncode == 0
     vlscan.preview(room, tmp_path / "own.png", width=400, height=300)
     assert (tmp_path / "own.png").read_bytes() == (tmp_path / "c.png").read_bytes()
-    vlscan.preview(Survey.open(room), tmp_path / "again.png", width=400, height=300, title=str(room))
-    assert (tmp_path / "again.png").read_bytes() == (tmp_path / "c.png").read_bytes()
     vlscan.run(room, to=tmp_path / "room.laz", seed=1)
     vlscan.preview(tmp_path / "room.laz", tmp_path / "cloud.html", colour="intensity", light=True)
     assert b"<html" in (tmp_path / "cloud.html").read_bytes().lower()

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from ._options import RunOptions
     from .campaigns import CampaignReport, campaign_cells, run_campaign
     from .catalogue import ScannerFigures, all_scanner_figures, columns, options, platforms, scanner_figures, scanners
+    from .clouds import CloudInfo, FrameCounts, Rasters, cloud_info, raster, write_frames
     from .comparisons import ChangeMap, Comparison, compare
     from .errors import Error, FileError, InputError, Problem, VlscanWarning
     from .fits import Fitted, Reconstruction, fit_flight, fit_sensor, reconstruct
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from .instruments import Platform, Scanner
     from .making import MadeScene, Stand, make_scene, make_stand, unzip
     from .parts import Material, Part
-    from .plans import Plan, plan_airborne, plan_mobile, plan_terrestrial
+    from .plans import Plan, PlanLine, plan_airborne, plan_mobile, plan_terrestrial
     from .points import Points
     from .previews import preview
     from .results import Result
@@ -49,6 +50,7 @@ _MODULES = {
     "_options": ["RunOptions"],
     "campaigns": ["CampaignReport", "campaign_cells", "run_campaign"],
     "catalogue": ["ScannerFigures", "all_scanner_figures", "columns", "options", "platforms", "scanner_figures", "scanners"],
+    "clouds": ["CloudInfo", "FrameCounts", "Rasters", "cloud_info", "raster", "write_frames"],
     "comparisons": ["ChangeMap", "Comparison", "compare"],
     "errors": ["Error", "FileError", "InputError", "Problem", "VlscanWarning"],
     "fits": ["Fitted", "Reconstruction", "fit_flight", "fit_sensor", "reconstruct"],
@@ -56,7 +58,7 @@ _MODULES = {
     "instruments": ["Platform", "Scanner"],
     "making": ["MadeScene", "Stand", "make_scene", "make_stand", "unzip"],
     "parts": ["Material", "Part"],
-    "plans": ["Plan", "plan_airborne", "plan_mobile", "plan_terrestrial"],
+    "plans": ["Plan", "PlanLine", "plan_airborne", "plan_mobile", "plan_terrestrial"],
     "points": ["Points"],
     "previews": ["preview"],
     "results": ["Result"],
@@ -70,20 +72,24 @@ _HOME = {name: module for module, names in _MODULES.items() for name in names}
 __all__ = [
     "CampaignReport",
     "ChangeMap",
+    "CloudInfo",
     "Comparison",
     "DryRun",
     "Error",
     "FileError",
     "Fitted",
+    "FrameCounts",
     "InputError",
     "Leg",
     "MadeScene",
     "Material",
     "Part",
     "Plan",
+    "PlanLine",
     "Platform",
     "Points",
     "Problem",
+    "Rasters",
     "Reconstruction",
     "Result",
     "RunOptions",
@@ -98,6 +104,7 @@ __all__ = [
     "all_scanner_figures",
     "campaign_cells",
     "check_shards",
+    "cloud_info",
     "columns",
     "compare",
     "dry_run",
@@ -114,6 +121,7 @@ __all__ = [
     "platforms",
     "preview",
     "pulses",
+    "raster",
     "reconstruct",
     "run",
     "run_batches",
@@ -124,6 +132,7 @@ __all__ = [
     "trace",
     "trajectory",
     "unzip",
+    "write_frames",
 ]
 
 

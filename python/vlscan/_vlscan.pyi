@@ -18,6 +18,7 @@ __all__ = [
     "Table",
     "campaign_cells",
     "catalogue",
+    "cloud_info",
     "columns",
     "command",
     "compare",
@@ -34,6 +35,7 @@ __all__ = [
     "picture",
     "plan",
     "preview",
+    "raster",
     "read_points",
     "reconstruct",
     "run",
@@ -43,6 +45,8 @@ __all__ = [
     "scanner_figures",
     "unzip",
     "version",
+    "write_frames",
+    "write_lines",
 ]
 
 _Table: TypeAlias = ArrowStream | dict[str, bytes] | dict[str, tuple[str, bytes]]
@@ -69,8 +73,17 @@ def page(table: _Table, colour: str, title: str, max_points: int) -> str:
 def picture(table: _Table, colour: str, title: str, width: int, height: int) -> bytes:
     """Return a PNG picture of points, from above and from the side."""
 
-def plan(kind: str, fields: dict[str, Any]) -> tuple[str, list[str], list[str]]:
-    """Plan a survey: the pipeline file, what the plan promises, and its warnings."""
+def plan(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
+    """Plan a survey: text, promises, warnings, lines, crs, platform, scanner."""
+
+def write_lines(
+    path: str,
+    lines: Sequence[tuple[str, float | None, Sequence[Sequence[float]]]],
+    carriers: tuple[str, str],
+    crs: str | None,
+    force: bool,
+) -> None:
+    """Write the lines of a plan to a file of GeoJSON, KML or CSV; ``carriers`` are the references to platform and scanner."""
 
 def run_campaign(path: str, fields: dict[str, Any], notify: Callable[[str, str, str], object] | None) -> dict[str, Any]:
     """Compute the cells of a campaign and return the state of its data set."""
@@ -80,6 +93,17 @@ def campaign_cells(path: str, fields: dict[str, Any]) -> list[str]:
 
 def compare(first: tuple[str, object], second: tuple[str, object], fields: dict[str, object]) -> tuple[str, _Map]:
     """Compare two clouds, each a table with its name or the file of that name; the comparison as JSON, and its map of change."""
+
+def cloud_info(clouds: Sequence[tuple[str, object]]) -> tuple[str, str]:
+    """Describe clouds, each a table with its name or the file of that name, as one: the facts as JSON and as text."""
+
+def raster(
+    clouds: Sequence[tuple[str, object]], wanted: Sequence[tuple[str, str | None]], fields: dict[str, Any]
+) -> tuple[tuple[int, int, float, list[float]], str | None, list[bytes]]:
+    """Make rasters of clouds, by name and file: the grid, the system as WKT, the values of each."""
+
+def write_frames(path: str, folder: str, fields: dict[str, Any]) -> tuple[int, int]:
+    """Write the frames of an MCAP file to a folder: the numbers of frames and points."""
 
 def read_points(path: str) -> Table:
     """Read the points of a file."""

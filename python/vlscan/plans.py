@@ -6,12 +6,13 @@ import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _vlscan
+from ._libraries import needed
 from ._typing import Geometry, PathLike, Progress
 from .forecast import DryRun
 from .parts import Part
@@ -20,6 +21,7 @@ from .scene import Scene
 from .survey import Survey
 
 if TYPE_CHECKING:
+    import geopandas
     from typing_extensions import Unpack
 
     from ._options import RunOptions
@@ -27,6 +29,24 @@ if TYPE_CHECKING:
 #: The corners of a polygon, x and y in m; a geometry of shapely or GeoPandas; a file of GeoJSON, KML or well-known text; or
 #: well-known text itself.
 Area: TypeAlias = PathLike | Sequence[Sequence[float]] | NDArray[np.floating[Any]] | Geometry
+
+
+class PlanLine(NamedTuple):
+    """A line of a plan along which the scanner fires, or a position of a tripod.
+
+    Parameters
+    ----------
+    name : str
+        The name of its strip.
+    speed_m_per_s : float or None
+        The speed, m/s.
+    vertices : list of list of float
+        Its vertices, x, y and z, m; one of a position.
+    """
+
+    name: str
+    speed_m_per_s: float | None
+    vertices: list[list[float]]
 
 
 @dataclass(frozen=True)
@@ -43,6 +63,12 @@ class Plan:
         What there is to know of it.
     scene : Scene, optional
         The scene in memory that it was planned for; the text names one of a file.
+    lines : list of PlanLine
+        The flight lines, the drive, or the positions.
+    crs : str, optional
+        Coordinate reference system of the plan as WKT.
+    platform, scanner : str
+        References to platform and scanner.
 
     Examples
     --------
@@ -50,12 +76,19 @@ class Plan:
     >>> plan = vlscan.plan_airborne("riegl_vux-1uav", height=60, density=5, area=square, scene="ground.obj")
     >>> plan.run(seed=1).point_count > 1000
     True
+    >>> plan.write_lines("lines.csv")
+    >>> plan.lines[0].speed_m_per_s > 1
+    True
     """
 
     text: str
     promises: list[str]
     warnings: list[str]
     scene: Scene | None = field(default=None, repr=False)
+    lines: list[PlanLine] = field(default_factory=list, repr=False)
+    crs: str | None = field(default=None, repr=False)
+    platform: str = ""
+    scanner: str = ""
 
     def survey(self) -> Survey:
         """Return the planned survey.
@@ -114,6 +147,44 @@ class Plan:
         with open(path, "w", encoding="utf-8") as file:
             file.write(self.text)
 
+    def write_lines(self, path: PathLike, *, force: bool = False) -> None:
+        """Write the flight lines, the drive or the positions, as ``vlscan plan --lines`` does.
+
+        Parameters
+        ----------
+        path : str or path-like
+            The file: ``.geojson`` or ``.kml`` in longitude and latitude, ``.csv`` in the coordinates of the plan, too.
+        force : bool
+            Whether a file that exists is replaced.
+
+        Raises
+        ------
+        InputError
+            The coordinate reference system is unknown, which GeoJSON and KML need, or another extension.
+        FileError
+            The file cannot be written.
+        """
+        _vlscan.write_lines(os.fspath(path), self.lines, (self.platform, self.scanner), self.crs, force)
+
+    def to_geopandas(self) -> geopandas.GeoDataFrame:
+        """Return the flight lines, the drive or the positions as a table of geometries.
+
+        Returns
+        -------
+        geopandas.GeoDataFrame
+            A row for each line, with name, speed and length; points for positions.
+        """
+        shapely, library = needed("shapely", "to_geopandas()"), needed("geopandas", "to_geopandas()")
+        shapes = [shapely.Point(v[0]) if len(v) == 1 else shapely.LineString(v) for v in (line.vertices for line in self.lines)]
+        steps = [np.diff(np.array(line.vertices), axis=0) for line in self.lines]
+        columns = {
+            "name": [line.name for line in self.lines],
+            "speed_m_per_s": [line.speed_m_per_s for line in self.lines],
+            "length_m": [float(np.linalg.norm(step, axis=1).sum()) for step in steps],
+        }
+        frame: geopandas.GeoDataFrame = library.GeoDataFrame(columns, geometry=shapes, crs=self.crs)
+        return frame
+
 
 def plan_airborne(
     scanner: str,
@@ -137,6 +208,7 @@ def plan_airborne(
     ground: float | None = None,
     pulse_rate: int | None = None,
     assets: Iterable[PathLike] = (),
+    crs: str | None = None,
 ) -> Plan:
     """Plan parallel flight lines over an area, with the options of ``vlscan plan airborne``.
 
@@ -178,6 +250,8 @@ def plan_airborne(
         Pulses per second; the scanner's first by default.
     assets : iterable of str or path-like
         Folders in which files are searched.
+    crs : str, optional
+        Coordinate reference system of the plan if no file of its scene names it: ``EPSG:25832``, WKT, or a file with either.
 
     Returns
     -------
@@ -207,6 +281,7 @@ def plan_terrestrial(
     ground: float | None = None,
     pulse_rate: int | None = None,
     assets: Iterable[PathLike] = (),
+    crs: str | None = None,
 ) -> Plan:
     """Plan positions of a tripod over an area or around a plot, with the options of ``vlscan plan terrestrial``.
 
@@ -238,6 +313,8 @@ def plan_terrestrial(
         Pulses per second; the scanner's first by default.
     assets : iterable of str or path-like
         Folders in which files are searched.
+    crs : str, optional
+        Coordinate reference system of the plan if no file of its scene names it: ``EPSG:25832``, WKT, or a file with either.
 
     Returns
     -------
@@ -265,6 +342,7 @@ def plan_mobile(
     ground: float | None = None,
     pulse_rate: int | None = None,
     assets: Iterable[PathLike] = (),
+    crs: str | None = None,
 ) -> Plan:
     """Plan a drive along a line, with the options of ``vlscan plan mobile``.
 
@@ -290,6 +368,8 @@ def plan_mobile(
         Pulses per second; the scanner's first by default.
     assets : iterable of str or path-like
         Folders in which files are searched.
+    crs : str, optional
+        Coordinate reference system of the plan if no file of its scene names it: ``EPSG:25832``, WKT, or a file with either.
 
     Returns
     -------
@@ -316,13 +396,19 @@ def _plan(kind: str, fields: dict[str, Any]) -> Plan:
         scene = Scene(scene)
     if not isinstance(scene, Scene):
         fields["scene"] = None if scene is None else os.fspath(scene)
-        return Plan(*_vlscan.plan(kind, fields))
+        return _made(_vlscan.plan(kind, fields), None)
     with TemporaryDirectory() as folder:
         # Planned over a packed copy.
         fields["scene"] = os.path.join(folder, "scene.vlscene")
         scene.pack(fields["scene"], fields["scanner"])
-        text, promises, warnings = _vlscan.plan(kind, fields)
-    return Plan(text.replace(fields["scene"], "scene.vlscene"), promises, warnings, scene)
+        found = _vlscan.plan(kind, fields)
+    found["text"] = found["text"].replace(fields["scene"], "scene.vlscene")
+    return _made(found, scene)
+
+
+def _made(found: dict[str, Any], scene: Scene | None) -> Plan:
+    lines = [PlanLine(*line) for line in found.pop("lines")]
+    return Plan(**found, scene=scene, lines=lines)
 
 
 def area_of(area: object) -> str | list[list[float]]:

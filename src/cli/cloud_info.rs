@@ -5,11 +5,11 @@ use super::args::CloudInfoArgs;
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::write_stdout;
-use vlscan_tools::cloud::cloud_facts;
+use vlscan_tools::cloud::{CloudSource, cloud_facts};
 
 pub fn run(args: &CloudInfoArgs, console: &Console) -> Result<()> {
     args.clouds.iter().try_for_each(|cloud| check_cloud(cloud))?;
-    let (facts, found) = cloud_facts(&args.clouds)?;
+    let (facts, found) = cloud_facts(&CloudSource::files(&args.clouds))?;
     console.warnings(&found)?;
     if !args.json {
         return write_stdout(&facts.text());

@@ -10,6 +10,7 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, Patched, reads, refuse_existing, write_file};
 use vlscan_base::machine;
 use vlscan_base::quantity::{amount, number};
+use vlscan_tools::cloud::CloudSource;
 use vlscan_tools::raster::{CloudRasters, RasterKind};
 
 pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
@@ -17,7 +18,8 @@ pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
     check(args, &wanted)?;
     let crs = args.crs.as_ref().map(crate::options::Crs::wkt).transpose()?;
     let kinds: Vec<RasterKind> = wanted.iter().map(|(kind, _)| *kind).collect();
-    let (rasters, found) = CloudRasters::read(&args.clouds, &kinds, &args.options, crs, machine::memory())?;
+    let clouds = CloudSource::files(&args.clouds);
+    let (rasters, found) = CloudRasters::read(&clouds, &kinds, &args.options, crs, machine::memory())?;
     console.warnings(&found)?;
     let [columns, rows] = rasters.size();
     let system = match rasters.crs().map(|wkt| (wkt, crs::projected_epsg(wkt))) {

@@ -180,6 +180,7 @@ impl<'t> PointTable<'t> {
             origin: self.placed(self.vector([BeamOriginX, BeamOriginY, BeamOriginZ], row, f64::NAN)),
             direction: self.vector([BeamDirectionX, BeamDirectionY, BeamDirectionZ], row, 0.0),
             in_scanner: self.vector([ScannerX, ScannerY, ScannerZ], row, f64::NAN),
+            // Tables have no attitudes: MCAP that is written from them has no poses.
             scanner: None,
             true_position: self.placed(self.vector([TrueX, TrueY, TrueZ], row, f64::NAN)),
             cause: Cause {

@@ -251,6 +251,7 @@ fn settings_of(facts: &CloudFacts, request: &OutputRequest) -> CloudSettings {
         labels: own.labels || request.labels,
         columns: request.columns.clone().or(own.columns.clone()),
         las: request.las.clone(),
+        frame_names: request.frame_names.clone(),
         ..own
     }
 }

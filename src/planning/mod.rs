@@ -270,6 +270,9 @@ impl Planner<'_> {
         if let Some(path) = setup.out.as_ref().filter(|path| path.exists() && !setup.overwrite) {
             return Err(Error::input(format!("{} exists; --force overwrites it", path.display())));
         }
+        let height = |x: f64, y: f64| self.site.as_ref().and_then(|site| site.ground.height(x, y));
+        plan.lines = plan::lines_of(&plan.waypoints, &height);
+        plan.wkt = self.crs().map(str::to_owned);
         let lines = self.lines(&plan)?;
         warn(&plan.warnings, observer)?;
         let scene = self.site.as_ref().map(|site| (&site.recipe, &site.loaded));
@@ -290,7 +293,7 @@ impl Planner<'_> {
     /// The files of lines with their texts.
     fn lines(&self, plan: &PlannedSurvey) -> Result<Vec<(&Path, String)>> {
         let setup = self.setup;
-        let height = |x: f64, y: f64| self.site.as_ref().and_then(|site| site.ground.height(x, y));
+        let carriers = [plan.platform.as_str(), plan.scanner.as_str()];
         let mut all: Vec<(&Path, String)> = Vec::new();
         for path in &setup.lines {
             let format = LineFormat::of(path)?;
@@ -298,7 +301,7 @@ impl Planner<'_> {
                 return Err(Error::input(format!("{}: two outputs have the same name", path.display())));
             }
             refuse_existing(path, setup.overwrite)?;
-            all.push((path, plan::plan_lines(plan, format, self.crs(), &height)?));
+            all.push((path, plan::plan_lines(&plan.lines, carriers, format, self.crs())?));
         }
         Ok(all)
     }

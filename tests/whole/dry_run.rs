@@ -34,6 +34,35 @@ fn points_and_files_are_those_of_the_run() {
     }
 }
 
+#[test]
+fn forecasts_and_previews_are_the_same_for_any_number_of_threads() {
+    let dir = folder();
+    // The second is a flight on which parts of the scene move, the third is not counted.
+    flat(dir.path());
+    let area = "POLYGON ((-300 -300, 300 -300, 300 300, -300 300))";
+    let plan = ["plan", "airborne", "--scanner", "riegl_vux-1uav", "--platform", "quadcopter"];
+    let size = ["--scene", "flat.obj", "--area", area, "--height", "80", "--density", "30", "-q"];
+    succeed(dir.path(), &[&plan[..], &size, &["-o", "plan.toml"]].concat());
+    for survey in [fixture("forest/survey.xml"), fixture("moving/survey.xml"), "plan.toml".into()] {
+        let survey = survey.to_str().unwrap();
+        let forecasts = ["1", "2", "2"].map(|threads| {
+            let mut found = forecast(dir.path(), &[survey, "-o", "p.laz", "--seed", "3", "--threads", threads]);
+            // What the machine needs.
+            for key in ["time", "memory_bytes"] {
+                assert!(found.as_object_mut().unwrap().remove(key).is_some(), "no {key} in {found}");
+            }
+            found
+        });
+        assert_eq!(forecasts[0], forecasts[1], "{survey}");
+        assert_eq!(forecasts[1], forecasts[2], "{survey}");
+        let pictures = ["a.png", "b.png"].map(|name| {
+            succeed(dir.path(), &["preview", survey, "-o", name, "--force", "-q"]);
+            fs::read(dir.path().join(name)).unwrap()
+        });
+        assert!(pictures[0] == pictures[1], "{survey}");
+    }
+}
+
 /// A flat square of 4 km around the origin.
 fn flat(folder: &Path) {
     let corners = ["-2000 -2000", "2000 -2000", "2000 2000", "-2000 2000"].map(|c| format!("v {c} 0\n"));

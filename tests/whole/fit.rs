@@ -47,7 +47,13 @@ fn a_flight_that_was_flown_here_is_found_and_flown_again() {
             dir.path(),
             &["scene", "make", "terrain", "-n", "20k", "--pulses", "1k", "-o", "hills", "-q"],
         );
-        fs::write(dir.path().join("flown.toml"), pipeline(optics)).unwrap();
+        let mut flown = pipeline(optics);
+        let mut height = 200.0;
+        if optics == ellipse {
+            // Arcs of an ellipse do not tell it: all of it is on the field.
+            (flown, height) = (flown.replace("30, 200]", "0, 80]"), 80.0);
+        }
+        fs::write(dir.path().join("flown.toml"), flown).unwrap();
         succeed(dir.path(), &["run", "flown.toml", "-q"]);
         let found = figures(dir.path(), &["fit", "line.laz", "-o", "fit.toml", "--json", "-q"]);
         for (name, expected, within) in [
@@ -56,7 +62,7 @@ fn a_flight_that_was_flown_here_is_found_and_flown_again() {
             (angle.0, angle.1, 0.01 * angle.1),
             (rate, 60.0, 0.006),
             ("pulse rate", 100_000.0, 100.0),
-            ("height of the platform", 200.0, 2.0),
+            ("height of the platform", height, 2.0),
         ] {
             let value = found[name].as_f64().unwrap();
             assert!((value - expected).abs() < within, "{optics}: {name} is {value}");

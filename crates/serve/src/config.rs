@@ -1,5 +1,10 @@
 //! The command line of the service, and what it allows.
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments are shown as help, where defaults stand in brackets"
+)]
+
 use clap::{Args, Parser, Subcommand};
 use std::net::SocketAddr;
 use std::path::PathBuf;

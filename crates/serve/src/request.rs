@@ -183,11 +183,11 @@ fn check_type(key: &str, value: &Value, schema: &Value) -> Result<(), RequestErr
     if kinds.len() == alternatives.len() && !kinds.iter().any(|kind| is(kind)) {
         return Err(wrong(key, format!("expected {}", kinds.join(" or "))));
     }
-    if let (Some(names), Some(text)) = (schema["enum"].as_array(), value.as_str()) {
-        if !names.iter().any(|name| name == text) {
-            let names: Vec<&str> = names.iter().filter_map(Value::as_str).collect();
-            return Err(wrong(key, format!("`{text}`: expected one of {}", names.join(", "))));
-        }
+    if let (Some(names), Some(text)) = (schema["enum"].as_array(), value.as_str())
+        && !names.iter().any(|name| name == text)
+    {
+        let names: Vec<&str> = names.iter().filter_map(Value::as_str).collect();
+        return Err(wrong(key, format!("`{text}`: expected one of {}", names.join(", "))));
     }
     Ok(())
 }

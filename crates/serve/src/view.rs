@@ -21,7 +21,7 @@ const MAX_TIME: Duration = Duration::from_secs(120);
 const POLL: Duration = Duration::from_millis(10);
 
 /// The result that a picture is made of, if there is one.
-pub fn drawn_file<'f>(process: Option<Process>, files: &'f [ResultFile]) -> Option<&'f ResultFile> {
+pub fn drawn_file(process: Option<Process>, files: &[ResultFile]) -> Option<&ResultFile> {
     let endings: &[&str] = match process {
         Some(Process::Run) => &[".laz", ".las", ".ply", ".xyz", ".pcd", ".e57", ".parquet"],
         Some(Process::Plan) => &[".toml"],

@@ -176,14 +176,13 @@ impl Workshop {
                 ))));
             }
         }
-        if quota.is_some() && process == Some(Process::Campaign) {
-            if let Err(spent) = self.store.charge(job, 1, quota)? {
-                let message = format!(
-                    "the quota of {} pulses within 24 hours is used up ({spent})",
-                    quota.unwrap_or(0)
-                );
-                return Ok(Some(Outcome::Failed(message)));
-            }
+        if quota.is_some()
+            && process == Some(Process::Campaign)
+            && let Err(spent) = self.store.charge(job, 1, quota)?
+        {
+            let message =
+                format!("the quota of {} pulses within 24 hours is used up ({spent})", quota.unwrap_or(0));
+            return Ok(Some(Outcome::Failed(message)));
         }
         // Results that are complete are not computed again when an earlier worker was ended after it had them.
         let mark = folder.join("complete");

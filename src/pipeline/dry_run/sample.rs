@@ -8,7 +8,7 @@ use super::super::worker::{FlightWorker, Pieces};
 use super::timeline::{MAX_STRATUM_PULSES, Timeline};
 use std::collections::BTreeMap;
 use std::sync::Mutex;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::DVec3;
 use vlscan_lidar::flight::{FlightPlan, Pulse};
@@ -16,8 +16,12 @@ use vlscan_lidar::pulse::Echo;
 use vlscan_scene::MotionState;
 use vlscan_warehouse::Tasks;
 
-/// Time after which no further stratum is begun.
-const MAX_SAMPLING: Duration = Duration::from_millis(400);
+/// Work after which no further stratum is begun, as a number of rays. Not a time, so that samples are always the same.
+const MAX_RAYS: u64 = 3_000_000;
+/// What a stratum costs in scenes whose tiles are loaded for it, as a number of rays.
+const RAYS_PER_TILED_STRATUM: u64 = MAX_RAYS / 16;
+/// Steps of a moving scene that take as long as a ray.
+const MOTION_STEPS_PER_RAY: u64 = 32;
 const PULSES_PER_CHUNK: u32 = 1024;
 /// Steps of a moving scene up to which its state is computed.
 const MAX_MOTION_STEPS: u64 = 5_000_000;
@@ -67,6 +71,8 @@ pub struct Sample {
 
 struct SampleChunk {
     stratum: usize,
+    /// Its place among the chunks of the stratum.
+    place: u32,
     chunk: Chunk,
 }
 
@@ -76,11 +82,11 @@ impl Tasks for SampleChunk {
     }
 }
 
-/// Measures strata in an order in which those so far are always evenly spread, until all are done or the time is up.
+/// Measures strata in an order in which those so far are always evenly spread, until all are done or [`MAX_RAYS`] are traced.
 pub fn measure(pass: &Pass<'_>, flight: &FlightPlan, timeline: &Timeline) -> Result<(Ended, Sample)> {
     let started = Instant::now();
     let begun = Mutex::new(None);
-    let log: Mutex<BTreeMap<(usize, u32), Stratum>> = Mutex::default();
+    let log: Mutex<BTreeMap<(usize, u32), Option<Stratum>>> = Mutex::default();
     let poisoned = || Error::Internal("a worker has panicked".to_owned());
     let make_worker = || {
         let mut worker = FlightWorker::new(pass, flight);
@@ -93,19 +99,24 @@ pub fn measure(pass: &Pass<'_>, flight: &FlightPlan, timeline: &Timeline) -> Res
             let seconds = now.elapsed().as_secs_f64();
             let (pulses, echoes) = worker.measured();
             let mut log = log.lock().map_err(|_| poisoned())?;
-            log.entry((work.stratum, leg)).or_default().add(leg, pulses, echoes, seconds);
+            log.insert((work.stratum, work.place), Stratum::of(leg, pulses, echoes, seconds));
             Ok(pieces)
         }
     };
     let end = PassEnd { check: None, is_last: true, keeps_partial: false };
     let ended = run_stages(pass.schedule, pass.control, &pass.output, None, end, make_worker, |feed| {
-        for (count, stratum) in spread(timeline.starts.len()).enumerate() {
-            if count > 0 && (started.elapsed() > MAX_SAMPLING || pass.control.stop.is_requested()) {
+        let rays_per_pulse = pass.physics.max_rays() as u64;
+        let mut rays = 0;
+        for stratum in spread(timeline.starts.len()) {
+            if rays > 0 && (rays >= MAX_RAYS || pass.control.stop.is_requested()) {
                 break;
             }
+            rays += if pass.tiles.is_some() { RAYS_PER_TILED_STRATUM } else { 1 };
             let mut state = timeline.starts[stratum].clone();
             let steps = state.steps().min(MAX_MOTION_STEPS);
             let mut moving = pass.motion.map(|motion| MotionState::after_steps(motion, steps));
+            rays += if pass.motion.is_some() { steps / MOTION_STEPS_PER_RAY } else { 0 };
+            let mut place = 0;
             let mut left = timeline.interval.clamp(1.0, MAX_STRATUM_PULSES as f64) as u32;
             while left > 0 {
                 let size = left.min(PULSES_PER_CHUNK);
@@ -115,15 +126,30 @@ pub fn measure(pass: &Pass<'_>, flight: &FlightPlan, timeline: &Timeline) -> Res
                 if let (Some(state), Some(motion)) = (&mut moving, pass.motion) {
                     (0..chunk.steps).for_each(|_| state.step(motion, |_, _| ()));
                 }
-                feed.put(SampleChunk { stratum, chunk })?;
+                rays += u64::from(chunk.pulses) * rays_per_pulse;
+                feed.put(SampleChunk { stratum, place, chunk })?;
+                place += 1;
             }
         }
         feed.end_leg()
     })?;
     let first = begun.into_inner().map_err(|_| poisoned())?.unwrap_or_else(Instant::now);
     let seconds = [first.duration_since(started).as_secs_f64(), first.elapsed().as_secs_f64()];
-    let strata = log.into_inner().map_err(|_| poisoned())?.into_values().collect();
-    Ok((ended, Sample { strata, seconds }))
+    let log = log.into_inner().map_err(|_| poisoned())?;
+    let parts = log.into_iter().filter_map(|((stratum, _), part)| Some((stratum, part?)));
+    Ok((ended, Sample { strata: joined(parts), seconds }))
+}
+
+/// The strata of parts in the order of the flight, one for each leg, in sums that do not depend on the threads.
+fn joined(parts: impl Iterator<Item = (usize, Stratum)>) -> Vec<Stratum> {
+    let mut strata: Vec<(usize, Stratum)> = Vec::new();
+    for (number, part) in parts {
+        match strata.last_mut().filter(|(last, all)| *last == number && all.leg == part.leg) {
+            Some((_, all)) => all.join(&part),
+            None => strata.push((number, part)),
+        }
+    }
+    strata.into_iter().map(|(_, stratum)| stratum).collect()
 }
 
 /// The numbers from 0 to `count` - 1 with reversed bits.
@@ -135,33 +161,72 @@ fn spread(count: usize) -> impl Iterator<Item = usize> {
 }
 
 impl Stratum {
-    fn add(&mut self, leg: u32, pulses: &[Pulse], echoes: &[Echo], seconds: f64) {
-        let (Some(first), Some(last)) = (pulses.first(), pulses.last()) else { return };
-        self.leg = leg;
-        self.pulses += pulses.len() as f64;
-        self.points += echoes.len() as f64;
-        self.seconds += seconds;
-        if self.beam_angle == 0.0 {
-            self.beam_angle = beam_angle(pulses);
-        }
+    /// What consecutive pulses of a leg have measured; `None` without pulses.
+    fn of(leg: u32, pulses: &[Pulse], echoes: &[Echo], seconds: f64) -> Option<Stratum> {
+        let (first, last) = (pulses.first()?, pulses.last()?);
         let way = last.origin - first.origin;
-        self.way += way.x.hypot(way.y);
-        self.flown_s += ((last.time_ns - first.time_ns) * 1e-9).max(0.0);
-        let way = DVec3::new(way.x, way.y, 0.0).normalize_or_zero();
-        if self.view.right == DVec3::ZERO {
-            (self.view.origin, self.view.right) = (first.origin, DVec3::new(way.y, -way.x, 0.0));
-        }
-        let View { origin, right, across, farthest } = &mut self.view;
-        let distance = |p: DVec3| (p.x - origin.x).hypot(p.y - origin.y);
+        let along = DVec3::new(way.x, way.y, 0.0).normalize_or_zero();
+        let mut found = Stratum {
+            leg,
+            pulses: pulses.len() as f64,
+            points: echoes.len() as f64,
+            seconds,
+            beam_angle: beam_angle(pulses),
+            way: way.x.hypot(way.y),
+            flown_s: ((last.time_ns - first.time_ns) * 1e-9).max(0.0),
+            view: View { origin: first.origin, right: DVec3::new(along.y, -along.x, 0.0), ..View::default() },
+            ..Stratum::default()
+        };
         for echo in echoes.iter().filter(|echo| echo.return_number == 1) {
-            self.hits += 1.0;
-            self.ranges += echo.range;
-            let off = (echo.position - *origin).dot(*right);
-            *across = [across[0].min(off), across[1].max(off)];
-            if *farthest == DVec3::ZERO || distance(echo.position) > distance(*farthest) {
-                *farthest = echo.position;
-            }
+            found.hits += 1.0;
+            found.ranges += echo.range;
+            found.view.see(echo.position);
         }
+        Some(found)
+    }
+
+    /// Adds the next pulses of the leg.
+    fn join(&mut self, next: &Stratum) {
+        self.pulses += next.pulses;
+        self.points += next.points;
+        self.hits += next.hits;
+        self.seconds += next.seconds;
+        self.ranges += next.ranges;
+        if self.beam_angle == 0.0 {
+            self.beam_angle = next.beam_angle;
+        }
+        self.way += next.way;
+        self.flown_s += next.flown_s;
+        self.view.join(&next.view);
+    }
+}
+
+impl View {
+    /// Widens the view to an echo.
+    fn see(&mut self, echo: DVec3) {
+        let off = (echo - self.origin).dot(self.right);
+        self.across = [self.across[0].min(off), self.across[1].max(off)];
+        if self.farthest == DVec3::ZERO || self.distance(echo) > self.distance(self.farthest) {
+            self.farthest = echo;
+        }
+    }
+
+    fn join(&mut self, next: &View) {
+        let [left, right] = next.across;
+        self.across = [self.across[0].min(left), self.across[1].max(right)];
+        if self.right == DVec3::ZERO {
+            (self.origin, self.right) = (next.origin, next.right);
+        }
+        if next.farthest != DVec3::ZERO
+            && (self.farthest == DVec3::ZERO || self.distance(next.farthest) > self.distance(self.farthest))
+        {
+            self.farthest = next.farthest;
+        }
+    }
+
+    /// Horizontal distance, m.
+    fn distance(&self, to: DVec3) -> f64 {
+        (to.x - self.origin.x).hypot(to.y - self.origin.y)
     }
 }
 

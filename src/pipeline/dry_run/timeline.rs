@@ -5,7 +5,7 @@
 //! states from jumps ([`FlightState::jump`]); of a stream both come from its poses.
 
 use super::super::chunk::wait_for_poses;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use vlscan_base::error::{Error, Result};
 use vlscan_lidar::flight::{FlightPlan, FlightState, LegClock, Step};
 use vlscan_lidar::platform::{PollResult, Pose, PoseReader};
@@ -17,9 +17,11 @@ pub const MAX_STRATUM_PULSES: u64 = 2048;
 const MIN_STRATUM_PULSES: u64 = 512;
 /// Number of strata; up to twice as many in flights that are stepped.
 pub const STRATA: usize = 128;
-/// Time for stepping through a flight.
-const MAX_STEPPING: Duration = Duration::from_millis(200);
-/// Steps between looks at the time.
+/// Most steps through a flight, about 0.2 s. Not a time, so that the same flight is always counted or never.
+const MAX_STEPS: u64 = 100_000_000;
+/// How many steps at once take as long as one alone.
+const STEPS_PER_SINGLE: u64 = 16;
+/// Steps between looks at a requested stop.
 const STEPS_PER_LOOK: u32 = 1 << 16;
 /// Most steps in which the share of fired pulses is counted, over all legs.
 const MAX_COUNTED_STEPS: u64 = 20_000_000;
@@ -66,9 +68,9 @@ impl Timeline {
     }
 }
 
-/// Steps through the flight; `None` if that takes too long.
+/// Steps through the flight; `None` if it has too many steps.
 pub fn step_through(flight: &FlightPlan, stop: &Stop) -> Result<Option<Timeline>> {
-    let until = Instant::now() + MAX_STEPPING;
+    let mut taken = 0;
     let mut all = Timeline::of_legs(flight);
     let (mut interval, mut since) = (MIN_STRATUM_PULSES, 0);
     let mut state = FlightState::start(flight);
@@ -79,6 +81,7 @@ pub fn step_through(flight: &FlightPlan, stop: &Stop) -> Result<Option<Timeline>
         all.legs[leg].seconds += f64::from(skipped.steps) / all.legs[leg].clock.frequency;
         all.legs[leg].pulses += f64::from(skipped.pulses);
         since += u64::from(skipped.pulses);
+        taken += u64::from(skipped.steps) + (STEPS_PER_SINGLE - 1) * u64::from(skipped.single_steps);
         match skipped.last {
             Step::Ended => break,
             Step::NeedsPoses => wait_for_poses(flight, &mut None, &mut state, stop)?,
@@ -96,7 +99,7 @@ pub fn step_through(flight: &FlightPlan, stop: &Stop) -> Result<Option<Timeline>
                 interval *= 2;
             }
         }
-        if Instant::now() > until || stop.is_requested() {
+        if taken > MAX_STEPS || stop.is_requested() {
             return Ok(None);
         }
     }

@@ -21,6 +21,8 @@ const MAX_TIMED_STEPS: u32 = 1 << 14;
 pub struct Skipped {
     /// Number of steps.
     pub steps: u32,
+    /// Of these the steps that were taken one by one, which takes longer.
+    pub single_steps: u32,
     /// Number of pulses of all devices.
     pub pulses: u32,
     /// Number of samples of the trajectory.
@@ -46,7 +48,7 @@ impl FlightState {
     /// # Errors
     /// As for [`step`](Self::step).
     pub fn skip(&mut self, plan: &FlightPlan, pulses: u32, steps: u32) -> Result<Skipped> {
-        let mut all = Skipped { steps: 0, pulses: 0, poses: 0, last: Step::Advanced };
+        let mut all = Skipped { steps: 0, single_steps: 0, pulses: 0, poses: 0, last: Step::Advanced };
         let devices = plan.devices.len().max(1) as u32;
         while all.pulses < pulses && all.steps < steps {
             // Each device emits at most one pulse per step.
@@ -62,6 +64,7 @@ impl FlightState {
                 break;
             }
             all.steps += 1;
+            all.single_steps += 1;
         }
         Ok(all)
     }

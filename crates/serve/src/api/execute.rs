@@ -116,11 +116,11 @@ async fn answer(app: &Arc<App>, job: &Job, form: Form) -> Result<Response, Failu
     let folder = app.workshop.store.job_folder(&job.folder).join("out");
     let files = job.result_files();
     if form == Form::Raw {
-        if let [file] = files.as_slice() {
-            if file.path.ends_with(".json") {
-                let text = tokio::fs::read(folder.join(&file.path)).await.map_err(StoreError::from)?;
-                return Ok(([(header::CONTENT_TYPE, "application/json")], text).into_response());
-            }
+        if let [file] = files.as_slice()
+            && file.path.ends_with(".json")
+        {
+            let text = tokio::fs::read(folder.join(&file.path)).await.map_err(StoreError::from)?;
+            return Ok(([(header::CONTENT_TYPE, "application/json")], text).into_response());
         }
         let links: Vec<String> = files
             .iter()

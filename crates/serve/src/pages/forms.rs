@@ -1,6 +1,6 @@
 //! What forms do: each is checked to come from a page of ours, and leads to another page.
 
-use super::layout::{PageFailure, as_page, bad, page};
+use super::layout::{bad, page};
 use crate::answers::Failure;
 use crate::app::{App, Identity, blocking};
 use crate::processes::Process;
@@ -17,18 +17,15 @@ use std::sync::Arc;
 /// Fields of a form; empty ones count as not given.
 type Fields = BTreeMap<String, String>;
 type FormBody = Result<Form<Fields>, FormRejection>;
-type Answer = Result<Response, PageFailure>;
+type Answer = Result<Response, Failure>;
 
 /// The fields of a form that comes from a page of ours.
-fn genuine(app: &App, identity: &Identity, form: FormBody) -> Result<Fields, PageFailure> {
-    let wrong = as_page(app, identity);
-    let Form(mut fields) = form.map_err(|_| wrong(bad("the form is damaged")))?;
+fn genuine(app: &App, identity: &Identity, form: FormBody) -> Result<Fields, Failure> {
+    let Form(mut fields) = form.map_err(|_| bad("the form is damaged"))?;
     let token = fields.remove("csrf").unwrap_or_default();
     if !app.is_genuine(&identity.owner, &token) {
-        return Err(wrong(Failure::new(
-            StatusCode::FORBIDDEN,
-            "the form is from an older page; load the page again",
-        )));
+        let message = "the form is from an older page; load the page again";
+        return Err(Failure::new(StatusCode::FORBIDDEN, message));
     }
     fields.retain(|_, value| !value.trim().is_empty());
     Ok(fields)
@@ -37,8 +34,7 @@ fn genuine(app: &App, identity: &Identity, form: FormBody) -> Result<Fields, Pag
 /// Adds a job and leads to its page.
 async fn submit(app: &Arc<App>, identity: &Identity, process: Process, inputs: Map<String, Value>) -> Answer {
     let owner = identity.owner.clone();
-    let job = blocking(app, move |workshop| workshop.submit(&owner, process, &inputs)).await;
-    let job = job.map_err(as_page(app, identity))?;
+    let job = blocking(app, move |workshop| workshop.submit(&owner, process, &inputs)).await?;
     Ok(Redirect::to(&format!("/jobs/{}", job.id)).into_response())
 }
 
@@ -48,13 +44,12 @@ pub async fn run(
     form: FormBody,
 ) -> Answer {
     let mut fields = genuine(&app, &identity, form)?;
-    let wrong = as_page(&app, &identity);
-    let file = fields.remove("file").ok_or_else(|| wrong(bad("choose a file")))?;
+    let file = fields.remove("file").ok_or_else(|| bad("choose a file"))?;
     let mut inputs = Map::new();
     let key = if file.to_ascii_lowercase().ends_with(".toml") { "pipeline" } else { "survey" };
     inputs.insert(key.to_owned(), json!(file));
     if let Some(seed) = fields.remove("seed") {
-        let seed: u64 = seed.trim().parse().map_err(|_| wrong(bad("Seed: expected a whole number")))?;
+        let seed: u64 = seed.trim().parse().map_err(|_| bad("Seed: expected a whole number"))?;
         inputs.insert("seed".to_owned(), json!(seed));
     }
     let process = match fields.remove("action").as_deref() {
@@ -63,7 +58,7 @@ pub async fn run(
     };
     if let Some(format) = fields.remove("format") {
         if !super::job::FORMATS.iter().any(|(known, _)| *known == format) {
-            return Err(wrong(bad("choose a format of the list")));
+            return Err(bad("choose a format of the list"));
         }
         inputs.insert("output".to_owned(), json!([{ "path": format!("points.{format}") }]));
     }
@@ -76,37 +71,31 @@ pub async fn plan(
     form: FormBody,
 ) -> Answer {
     let fields = genuine(&app, &identity, form)?;
-    let wrong = as_page(&app, &identity);
+    for (file, text) in [("area_file", "area"), ("along_file", "along")] {
+        if fields.contains_key(file) && fields.contains_key(text) {
+            return Err(bad(&format!("{text}: choose a file or give a text, not both")));
+        }
+    }
     let mut inputs = Map::new();
     for (key, value) in fields {
         let value = value.trim().to_owned();
         match key.as_str() {
-            // A file is meant if one is chosen.
             "area_file" => drop(inputs.insert("area".to_owned(), json!(value))),
             "along_file" => drop(inputs.insert("along".to_owned(), json!(value))),
-            "area" | "along" => drop(inputs.entry(key).or_insert(json!(value))),
             "follow_terrain" => drop(inputs.insert(key, json!(true))),
-            "kind" | "scene" | "scanner" | "around" => drop(inputs.insert(key, json!(value))),
+            "kind" | "scene" | "scanner" | "around" | "area" | "along" => {
+                drop(inputs.insert(key, json!(value)))
+            }
             "positions" => {
-                let number: u64 =
-                    value.parse().map_err(|_| wrong(bad("positions: expected a whole number")))?;
+                let number: u64 = value.parse().map_err(|_| bad("positions: expected a whole number"))?;
                 inputs.insert(key, json!(number));
             }
             _ => {
-                let number: f64 = value
-                    .replace(',', ".")
-                    .parse()
-                    .map_err(|_| wrong(bad(&format!("{key}: expected a number"))))?;
+                let number: f64 =
+                    value.replace(',', ".").parse().map_err(|_| bad(&format!("{key}: expected a number")))?;
                 inputs.insert(key, json!(number));
             }
         }
-    }
-    // Files of areas come after texts in the order of names: they replace them. Of three quantities two are given.
-    if inputs.contains_key("speed") && inputs.contains_key("density") {
-        inputs.remove("overlap");
-    }
-    if inputs.contains_key("spacing") {
-        ["around", "radius", "positions"].iter().for_each(|key| drop(inputs.remove(*key)));
     }
     submit(&app, &identity, Process::Plan, inputs).await
 }
@@ -119,7 +108,7 @@ pub async fn compare(
     let fields = genuine(&app, &identity, form)?;
     let mut inputs = Map::new();
     for key in ["first", "second"] {
-        let name = fields.get(key).ok_or_else(|| as_page(&app, &identity)(bad("choose two clouds")))?;
+        let name = fields.get(key).ok_or_else(|| bad("choose two clouds"))?;
         inputs.insert(key.to_owned(), json!(name));
     }
     submit(&app, &identity, Process::Compare, inputs).await
@@ -133,12 +122,10 @@ pub async fn dismiss(
     let id = genuine(&app, &identity, form)?.remove("id").unwrap_or_default();
     let owner = identity.owner.clone();
     let name = id.clone();
-    let found = blocking(&app, move |workshop| workshop.store.dismiss(&owner, &name))
-        .await
-        .map_err(as_page(&app, &identity))?;
+    let found = blocking(&app, move |workshop| workshop.store.dismiss(&owner, &name)).await?;
     match found {
         true => Ok(Redirect::to("/").into_response()),
-        false => Err(as_page(&app, &identity)(Failure::no_job(&id))),
+        false => Err(Failure::no_job(&id)),
     }
 }
 
@@ -149,9 +136,7 @@ pub async fn remove_upload(
 ) -> Answer {
     let name = genuine(&app, &identity, form)?.remove("name").unwrap_or_default();
     let owner = identity.owner.clone();
-    blocking(&app, move |workshop| workshop.store.remove_upload(&owner, &name))
-        .await
-        .map_err(as_page(&app, &identity))?;
+    blocking(&app, move |workshop| workshop.store.remove_upload(&owner, &name)).await?;
     Ok(Redirect::to("/").into_response())
 }
 

@@ -1,6 +1,6 @@
 //! The catalogue: scanners with their figures and scan patterns.
 
-use super::layout::{as_page, bad, page};
+use super::layout::page;
 use crate::answers::Failure;
 use crate::app::{App, Identity, blocking};
 use crate::program::ProgramError;
@@ -81,14 +81,18 @@ fn rates(value: &Value) -> String {
     }
 }
 
+fn no_instrument() -> Failure {
+    Failure::new(StatusCode::NOT_FOUND, "there is no such instrument; /instruments lists them")
+}
+
 pub async fn show(
     State(app): State<Arc<App>>,
     Extension(identity): Extension<Identity>,
     Path(number): Path<usize>,
-) -> Response {
+) -> Result<Response, Failure> {
     let program = &app.workshop.program;
     let Some((reference, scanner)) = program.entries("scanners").nth(number) else {
-        return as_page(&app, &identity)(bad("there is no such instrument")).into_response();
+        return Err(no_instrument());
     };
     let name = scanner["name"].as_str().filter(|name| !name.is_empty()).unwrap_or(reference);
     let content = html! {
@@ -106,7 +110,7 @@ pub async fn show(
             }
         }
     };
-    page(&app, &identity, name, &content)
+    Ok(page(&app, &identity, name, &content))
 }
 
 pub async fn pattern(State(app): State<Arc<App>>, Path(number): Path<usize>) -> Result<Response, Failure> {
@@ -116,8 +120,7 @@ pub async fn pattern(State(app): State<Arc<App>>, Path(number): Path<usize>) -> 
         workshop.program.pattern(reference, &workshop.store.root().join("patterns")).map(Some)
     })
     .await?;
-    let picture =
-        picture.ok_or_else(|| Failure::new(StatusCode::NOT_FOUND, "there is no such instrument"))?;
+    let picture = picture.ok_or_else(no_instrument)?;
     // Its styles are written in it; nothing else may be loaded, and nothing runs.
     let policy = "default-src 'none'; style-src 'unsafe-inline'; sandbox";
     let fields = [

@@ -4,7 +4,7 @@ use crate::answers::Failure;
 use crate::app::{App, Identity};
 use crate::tokens::LOCAL;
 use axum::http::StatusCode;
-use axum::response::{Html, IntoResponse, Response};
+use axum::response::{Html, IntoResponse as _, Response};
 use maud::{DOCTYPE, Markup, html};
 use serde_json::Value;
 
@@ -115,20 +115,6 @@ pub fn bytes_text(bytes: u64) -> String {
         amount /= 1000.0;
     }
     format!("{amount:.1} TB")
-}
-
-/// A failure as a page.
-pub struct PageFailure(Response);
-
-impl IntoResponse for PageFailure {
-    fn into_response(self) -> Response {
-        self.0
-    }
-}
-
-/// Turns failures into pages.
-pub fn as_page(app: &App, identity: &Identity) -> impl Fn(Failure) -> PageFailure {
-    move |error| PageFailure(failure(app, identity, &error))
 }
 
 /// A failure of a form's field.

@@ -1,11 +1,12 @@
 //! Forms of new jobs: a survey to fly, a flight, a plot or a drive to plan, two clouds to compare.
 
-use super::layout::{as_page, form_token, page};
+use super::layout::{form_token, page};
+use crate::answers::Failure;
 use crate::app::{App, Identity, blocking};
 use crate::store::{FileKind, Result as StoreResult, Status, Store, UploadFile};
 use axum::Extension;
 use axum::extract::{Query, State};
-use axum::response::{IntoResponse as _, Response};
+use axum::response::Response;
 use maud::{Markup, html};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -90,20 +91,23 @@ fn scanners(app: &App, wanted: &str) -> Markup {
     }
 }
 
-fn number(name: &str, label: &str, value: &str, unit: &str) -> Markup {
-    html! { label { (label) small { " " (unit) } input name=(name) value=(value) inputmode="decimal" autocomplete="off" size="8"; } }
+/// A field for a number, with the value that it begins with or an example of one.
+fn number(name: &str, label: &str, value: &str, example: &str, unit: &str) -> Markup {
+    html! {
+        label {
+            (label) small { " " (unit) }
+            input name=(name) value=(value) placeholder=(example) inputmode="decimal" autocomplete="off" size="8";
+        }
+    }
 }
 
 pub async fn new(
     State(app): State<Arc<App>>,
     Extension(identity): Extension<Identity>,
     Query(query): Query<BTreeMap<String, String>>,
-) -> Response {
+) -> Result<Response, Failure> {
     let owner = identity.owner.clone();
-    let files = match blocking(&app, move |workshop| Files::of(&workshop.store, &owner)).await {
-        Ok(files) => files,
-        Err(error) => return as_page(&app, &identity)(error).into_response(),
-    };
+    let files = blocking(&app, move |workshop| Files::of(&workshop.store, &owner)).await?;
     let asked = |key: &str| query.get(key).map(String::as_str).unwrap_or_default();
     let wanted = if asked("upload").is_empty() { String::new() } else { format!("{}/", asked("upload")) };
     let scanner = asked("scanner");
@@ -121,10 +125,10 @@ pub async fn new(
                 (choice("scene", "Scene", &scenes, None, &wanted))
                 (scanners(&app, scanner))
                 div .row {
-                    (number("height", "Height above ground", "80", "m"))
-                    (number("density", "Density", "10", "pulses per m²"))
-                    (number("overlap", "Overlap", "30", "%"))
-                    (number("speed", "or speed", "", "m/s"))
+                    (number("height", "Height above ground", "80", "", "m"))
+                    (number("density", "Density", "10", "", "pulses per m²"))
+                    (number("overlap", "Overlap", "30", "", "%"))
+                    (number("speed", "or, instead of one of them, speed", "", "8", "m/s"))
                 }
                 (choice("area_file", "Area", &areas, Some("the whole scene"), ""))
                 label { "or as text " small { "WKT or GeoJSON" } textarea name="area" rows="2" placeholder="POLYGON ((0 0, 100 0, 100 100, 0 100))" {} }
@@ -139,11 +143,11 @@ pub async fn new(
                 (choice("scene", "Scene", &scenes, None, &wanted))
                 (scanners(&app, scanner))
                 div .row {
-                    (number("around", "Centre x,y", "0,0", "m"))
-                    (number("radius", "Radius", "10", "m"))
-                    (number("positions", "Positions", "4", ""))
-                    (number("spacing", "or spacing of a grid", "", "m"))
-                    (number("resolution", "Resolution", "0.1", "°"))
+                    (number("around", "Centre x,y", "", "0,0", "m"))
+                    (number("radius", "Radius", "", "10", "m"))
+                    (number("positions", "Positions", "", "4", ""))
+                    (number("spacing", "or spacing of a grid", "", "15", "m"))
+                    (number("resolution", "Resolution", "0.1", "", "°"))
                 }
                 button type="submit" { "Plan the positions" }
             }
@@ -154,7 +158,7 @@ pub async fn new(
                 (start("mobile"))
                 (choice("scene", "Scene", &scenes, None, &wanted))
                 (scanners(&app, scanner))
-                div .row { (number("speed", "Speed", "8", "m/s")) }
+                div .row { (number("speed", "Speed", "8", "", "m/s")) }
                 (choice("along_file", "Line", &areas, Some("as text"), ""))
                 label { "or as text " small { "WKT or GeoJSON" } textarea name="along" rows="2" placeholder="LINESTRING (0 0, 50 0, 80 40)" {} }
                 button type="submit" { "Plan the drive" }
@@ -173,16 +177,16 @@ pub async fn new(
             }
         }
     };
-    page(&app, &identity, "New scan", &content)
+    Ok(page(&app, &identity, "New scan", &content))
 }
 
 pub async fn compare(
     State(app): State<Arc<App>>,
     Extension(identity): Extension<Identity>,
     Query(query): Query<BTreeMap<String, String>>,
-) -> Response {
+) -> Result<Response, Failure> {
     let owner = identity.owner.clone();
-    let found = blocking(&app, move |workshop| -> StoreResult<_> {
+    let clouds = blocking(&app, move |workshop| -> StoreResult<_> {
         let store = &workshop.store;
         let files = Files::of(store, &owner)?;
         let mut clouds: Vec<String> = Vec::new();
@@ -193,11 +197,7 @@ pub async fn compare(
         clouds.extend(files.with(&CLOUDS).into_iter().map(str::to_owned));
         Ok(clouds)
     })
-    .await;
-    let clouds = match found {
-        Ok(clouds) => clouds,
-        Err(error) => return as_page(&app, &identity)(error).into_response(),
-    };
+    .await?;
     let clouds: Vec<&str> = clouds.iter().map(String::as_str).take(MAX_CHOICES).collect();
     let asked = |key: &str| query.get(key).map(String::as_str).unwrap_or_default();
     let content = html! {
@@ -210,5 +210,5 @@ pub async fn compare(
             button type="submit" { "Compare" }
         }
     };
-    page(&app, &identity, "Compare", &content)
+    Ok(page(&app, &identity, "Compare", &content))
 }

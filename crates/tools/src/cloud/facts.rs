@@ -2,14 +2,15 @@
 //! grow with the number of points.
 
 use super::occupancy::Occupancy;
+use super::source::CloudSource;
 use std::collections::{BTreeMap, HashSet};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use vlscan_base::crs;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
-use vlscan_formats::{Attribute, AttributeSet, FileFacts, PointRow, PointSink, read_points};
+use vlscan_formats::{Attribute, AttributeSet, FileFacts, PointRow, PointSink};
 use vlscan_geom::{Aabb, MAX_COORDINATE};
 
 /// Most different objects that are counted.
@@ -42,7 +43,7 @@ pub struct LineFacts {
 
 /// Facts about the points of one file or of several.
 #[derive(Clone, Debug, Default)]
-pub struct CloudFacts {
+pub struct CloudSummary {
     /// The files in order, with what they are.
     pub files: Vec<(PathBuf, Option<FileFacts>)>,
     /// Number of points, without those below.
@@ -77,26 +78,25 @@ pub struct CloudFacts {
     objects: HashSet<u64>,
     cover: Occupancy,
     /// The points of return 0 of 0: pulses without a return, unless no point has returns.
-    without_returns: Option<Box<CloudFacts>>,
+    without_returns: Option<Box<CloudSummary>>,
     /// Whether the file that is being read is LAS, and what its points have.
     is_las: bool,
     of_file: AttributeSet,
 }
 
-/// Describes the points of files in any format of [`vlscan_formats`], as if they were one cloud; `-` is stdin. Returns also what there is
-/// to say of the files.
+/// Describes the points of some clouds as if they were one. Returns also what there is to say of the clouds.
 ///
 /// # Errors
 /// [`Error::Io`](vlscan_base::Error::Io); [`Error::Input`](vlscan_base::Error::Input) when a file is of no format that is read or damaged.
-pub fn cloud_facts<P: AsRef<Path>>(paths: &[P]) -> Result<(CloudFacts, Diagnostics)> {
-    let (mut facts, mut all) = (CloudFacts::default(), Diagnostics::default());
-    for path in paths {
-        let path = path.as_ref();
+pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)> {
+    let (mut facts, mut all) = (CloudSummary::default(), Diagnostics::default());
+    for cloud in clouds {
+        let path = cloud.name();
         let (skipped, mut found) = (facts.skipped, Diagnostics::default());
         facts.files.push((path.to_path_buf(), None));
         facts.is_las = false;
         let named = std::mem::take(&mut facts.crs);
-        read_points(path, &mut facts, &mut found)?;
+        cloud.read(&mut facts, &mut found)?;
         if let (Some(first), Some(this)) = (&named, &facts.crs)
             && crs::differ(first, this)
         {
@@ -116,7 +116,8 @@ pub fn cloud_facts<P: AsRef<Path>>(paths: &[P]) -> Result<(CloudFacts, Diagnosti
     if let Some(without) = facts.without_returns.take() {
         match facts.points {
             0 => {
-                facts = CloudFacts { files: facts.files, crs: facts.crs, skipped: facts.skipped, ..*without }
+                facts =
+                    CloudSummary { files: facts.files, crs: facts.crs, skipped: facts.skipped, ..*without }
             }
             _ => facts.misses = without.points,
         }
@@ -124,7 +125,7 @@ pub fn cloud_facts<P: AsRef<Path>>(paths: &[P]) -> Result<(CloudFacts, Diagnosti
     Ok((facts, all))
 }
 
-impl PointSink for CloudFacts {
+impl PointSink for CloudSummary {
     fn start(&mut self, attributes: AttributeSet) {
         self.of_file = attributes;
     }
@@ -146,7 +147,7 @@ impl PointSink for CloudFacts {
     }
 }
 
-impl CloudFacts {
+impl CloudSummary {
     fn add(&mut self, row: &PointRow, object: Option<&str>) {
         let p = row.position;
         // Also false for NaN.

@@ -5,6 +5,7 @@
 //! | file | what it does |
 //! |---|---|
 //! | `points` | the points |
+//! | `source` | where a cloud comes from |
 //! | `read` | reads files and tables of points |
 //! | `wave`, `read_packets` | waveforms from text and from LAS |
 //! | `facts`, `facts_text` | what a cloud is, in bounded memory; as text and as JSON |
@@ -18,14 +19,16 @@ mod occupancy;
 mod points;
 mod read;
 mod read_packets;
+mod source;
 #[cfg(test)]
 mod table_tests;
 mod wave;
 
 pub(crate) use classes::NOISE;
 pub use classes::class_name;
-pub use facts::{CloudFacts, LineFacts, Span, cloud_facts};
+pub use facts::{CloudSummary, LineFacts, Span, cloud_facts};
 pub use points::Points;
 pub use read::{points_of_table, read_points};
 pub use read_packets::read_packet;
+pub use source::CloudSource;
 pub use wave::{Wave, read_wave};

