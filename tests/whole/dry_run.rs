@@ -46,7 +46,8 @@ fn forecasts_and_previews_are_the_same_for_any_number_of_threads() {
     for survey in [fixture("forest/survey.xml"), fixture("moving/survey.xml"), "plan.toml".into()] {
         let survey = survey.to_str().unwrap();
         let forecasts = ["1", "2", "2"].map(|threads| {
-            let mut found = forecast(dir.path(), &[survey, "-o", "p.laz", "--seed", "3", "--threads", threads]);
+            let mut found =
+                forecast(dir.path(), &[survey, "-o", "p.laz", "--seed", "3", "--threads", threads]);
             // What the machine needs.
             for key in ["time", "memory_bytes"] {
                 assert!(found.as_object_mut().unwrap().remove(key).is_some(), "no {key} in {found}");
