@@ -10,6 +10,7 @@ that were not used. Needs what flight_line.py needs.
 
 import argparse
 import json
+import shutil
 import subprocess
 import tempfile
 from pathlib import Path
@@ -108,9 +109,10 @@ def main():
     parser.add_argument("--folder", type=Path)
     parser.add_argument("--seed", type=int, default=1, help="of the choice of lines")
     args = parser.parse_args()
+    program = shutil.which(args.vlscan) or parser.error(f"--vlscan {args.vlscan}: no such program")
     folder = args.folder or Path(tempfile.mkdtemp())
     folder.mkdir(parents=True, exist_ok=True)
-    run = lambda *words: subprocess.run([args.vlscan, *map(str, words)], check=True, cwd=folder, stdout=subprocess.PIPE).stdout
+    run = lambda *words: subprocess.run([Path(program).absolute(), *map(str, words)], check=True, cwd=folder, stdout=subprocess.PIPE).stdout
 
     las = laspy.read(args.tile)
     source = np.asarray(las.point_source_id)

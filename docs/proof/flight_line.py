@@ -12,6 +12,7 @@ Needs numpy, scipy, laspy with lazrs, matplotlib.
 
 import argparse
 import json
+import shutil
 import subprocess
 import tempfile
 from pathlib import Path
@@ -217,9 +218,10 @@ def main():
     parser.add_argument("--forecast", action="store_true", help="fit the first two thirds, foresee the last one")
     parser.add_argument("--seed", type=int, default=1, help="of the choice of arcs")
     args = parser.parse_args()
+    program = shutil.which(args.vlscan) or parser.error(f"--vlscan {args.vlscan}: no such program")
     folder = args.folder or Path(tempfile.mkdtemp())
     folder.mkdir(parents=True, exist_ok=True)
-    run = lambda *words: subprocess.run([args.vlscan, *map(str, words)], check=True, cwd=folder, stdout=subprocess.PIPE).stdout
+    run = lambda *words: subprocess.run([Path(program).absolute(), *map(str, words)], check=True, cwd=folder, stdout=subprocess.PIPE).stdout
 
     real = Cloud(args.recording)
     arcs = np.arange(len(real.arcs))

@@ -6,6 +6,7 @@ an exponential tail. The segments with odd numbers are compared with simulated s
 tail. Chance is the comparison of the even with the odd ones. Writes OUT/figures.md.
 """
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -221,6 +222,10 @@ def fitted(vlscan, out, even, dead, width, background, tail):
 
 def main(vlscan, folder, out):
     out = Path(out)
+    program = shutil.which(vlscan)
+    if program is None:
+        sys.exit(f"{vlscan}: no such program")
+    vlscan = Path(program).absolute()
     out.mkdir(parents=True, exist_ok=True)
     (even, odd), width, background = recorded(folder)
     distance, same = even.pairs()

@@ -7,6 +7,7 @@ echoes are simulated over a plane of their slope, with the transmitted pulse alo
 OUT/shot.png.
 """
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -160,7 +161,10 @@ def picture(shot, alone, behind, path):
 
 
 def main():
-    program, path, out = Path(sys.argv[1]).resolve(), Path(sys.argv[2]), Path(sys.argv[3])
+    program, path, out = shutil.which(sys.argv[1]), Path(sys.argv[2]), Path(sys.argv[3])
+    if program is None:
+        sys.exit(f"{sys.argv[1]}: no such program")
+    program = Path(program).absolute()
     out.mkdir(parents=True, exist_ok=True)
     shots = read(path)
     fitted = [shot for shot in shots if shot["number"] % 2 == 0]

@@ -618,7 +618,7 @@ fn errors_say_what_to_do() {
         ("preview none.laz -o a.gif", ".png or .html"),
         ("run forest/survey.xml -o a.foo", "choose xyz"),
         ("run forest/survey.xml --correct foo -o a.xyz", "there are sum-equal-ranges"),
-        ("preveiw a.laz", "similar subcommand exists: 'preview'"),
+        ("preveiw a.laz", "similar subcommands exist: 'serve', 'preview'"),
     ] {
         let words: Vec<&str> = line.split(' ').collect();
         let done = common::run(dir.path(), &words);

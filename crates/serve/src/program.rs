@@ -175,15 +175,12 @@ pub fn confined(args: &ConfineArgs, words: &[OsString]) -> std::io::Result<Comma
     Ok(command)
 }
 
-/// The program that confines: this one, or the one that tests name.
+/// The program that confines: this one.
 ///
 /// # Errors
 /// When this program does not know where it is.
 pub fn own_program() -> std::io::Result<PathBuf> {
-    match std::env::var_os("VLSCAN_SERVE_PROGRAM") {
-        Some(path) => Ok(path.into()),
-        None => std::env::current_exe(),
-    }
+    std::env::current_exe()
 }
 
 /// What of the sandbox this system allows.

@@ -70,11 +70,9 @@ impl PulseRate {
             let pulse = &recording.pulses[i];
             bin(model.part(usize::from(pulse.channel), pulse.time))
         };
-        let (finest, fine_times) = finer_times(recording, solution);
-        let step = time_step(recording);
-        let has_coarse_times = step > MAX_TIME_STEP * recording.interval;
-        let interval_before = |i: usize| match has_coarse_times && finest == 0.0 {
-            true => fine_times[i] - fine_times[i - 1],
+        let finer = finer_times(recording, solution);
+        let interval_before = |i: usize| match finer.coarse.is_some() && finer.step == 0.0 {
+            true => finer.times[i] - finer.times[i - 1],
             false => recording.interval_before(i),
         };
         // First pulse, interval and line of each pair of neighbouring pulses.
@@ -134,7 +132,7 @@ impl PulseRate {
             range: (1.0 / longest, 1.0 / shortest),
             of_lines,
             lost: lost / (recorded + lost),
-            coarse_step: (has_coarse_times && finest > 0.0).then_some(step),
+            coarse_step: finer.coarse.filter(|_| finer.step > 0.0),
             dither: Vec::new(),
             // Lines of several channels have numbers of their own.
             pattern: (model.senses.len() == 1).then(|| LinePattern::of(&factors)).flatten(),
@@ -145,10 +143,10 @@ impl PulseRate {
         if rate.of_lines < CONSTANT {
             rate.pattern = None;
         }
-        let deviations = rate.deviations(recording, solution, &fine_times);
+        let deviations = rate.deviations(recording, solution, &finer.times);
         rate.dither = interval_pattern(&deviations);
         // Deviations smaller than these are nothing, or what is left of the rounding of times.
-        let smallest = CONSTANT.max(0.5 * finest / mean);
+        let smallest = CONSTANT.max(0.5 * finer.step / mean);
         if rate.dither.iter().all(|factor| (factor - 1.0).abs() < smallest) {
             rate.dither.clear();
         }
@@ -234,10 +232,19 @@ impl PulseRate {
     }
 }
 
+/// Times of pulses, of which only differences between neighbours are of use.
+struct FinerTimes {
+    /// The step to which they are rounded, s.
+    step: f64,
+    /// s.
+    times: Vec<f64>,
+    /// The step of the times in the file, s, if it is too large to tell the intervals of pulses.
+    coarse: Option<f64>,
+}
+
 /// Times of pulses as the places of their points tell them, where these are finer than the times in the file: the time at which
-/// the beam of the model passes the point. Only differences between neighbours are of use. Before them the step to which they are
-/// rounded, s.
-fn finer_times(recording: &Recording, solution: &Solution) -> (f64, Vec<f64>) {
+/// the beam of the model passes the point.
+fn finer_times(recording: &Recording, solution: &Solution) -> FinerTimes {
     const STEP: f64 = 1e-7;
     let by_time: Vec<f64> = recording.pulses.iter().map(|pulse| pulse.time).collect();
     let by_place: Vec<f64> = recording
@@ -266,15 +273,32 @@ fn finer_times(recording: &Recording, solution: &Solution) -> (f64, Vec<f64>) {
         median(changes.collect())
     };
     let step = time_step(recording);
+    let coarse = coarse_step(recording, step, &by_place);
     // Few intervals differ from the most frequent one where the steps are large.
-    let of_times = match step > MAX_TIME_STEP * recording.interval {
-        true => 0.5 * step * step,
-        false => roughness(&by_time),
-    };
+    let of_times = coarse.map_or_else(|| roughness(&by_time), |step| 0.5 * step * step);
     match roughness(&by_place) < of_times {
-        true => (0.0, by_place),
-        false => (step, by_time),
+        true => FinerTimes { step: 0.0, times: by_place, coarse },
+        false => FinerTimes { step: coarse.unwrap_or(step), times: by_time, coarse },
     }
+}
+
+/// The step of times that is too large to tell the intervals of pulses, s; `None` if the times tell them.
+///
+/// Where it is nearly an interval, most intervals have one value, which differs from what the places of the points say.
+fn coarse_step(recording: &Recording, step: f64, by_place: &[f64]) -> Option<f64> {
+    const MAX_DIFFERENCE: f64 = 0.05;
+    if step > MAX_TIME_STEP * recording.interval {
+        return Some(step);
+    }
+    let (mut of_times, mut of_places) = (0.0, 0.0);
+    for i in recording.lines.iter().flat_map(|line| line.clone().skip(1)) {
+        if recording.interval_before(i) < LOST * recording.interval {
+            of_times += recording.interval_before(i);
+            of_places += by_place[i] - by_place[i - 1];
+        }
+    }
+    // False for NaN.
+    ((of_places - of_times).abs() > MAX_DIFFERENCE * of_times).then_some(recording.interval)
 }
 
 /// The step to which times are rounded, s, by the few values that intervals have then; 0 if they have many.

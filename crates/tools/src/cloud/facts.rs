@@ -116,8 +116,13 @@ pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)
     if let Some(without) = facts.without_returns.take() {
         match facts.points {
             0 => {
-                facts =
-                    CloudSummary { files: facts.files, crs: facts.crs, skipped: facts.skipped, ..*without }
+                facts = CloudSummary {
+                    files: facts.files,
+                    crs: facts.crs,
+                    skipped: facts.skipped,
+                    attributes: facts.attributes,
+                    ..*without
+                }
             }
             _ => facts.misses = without.points,
         }
@@ -128,6 +133,7 @@ pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)
 impl PointSink for CloudSummary {
     fn start(&mut self, attributes: AttributeSet) {
         self.of_file = attributes;
+        self.note_attributes();
     }
 
     fn file(&mut self, facts: &FileFacts) {
@@ -212,7 +218,6 @@ impl CloudSummary {
                 None => row.object as u64,
             });
         }
-        self.note_attributes();
     }
 
     fn note_attributes(&mut self) {

@@ -193,24 +193,12 @@ fn described(file: &FileFacts) -> String {
     text
 }
 
-/// The date and time of adjusted standard GPS time, as ISO 8601 without a zone: leap seconds are not subtracted. The calendar is
-/// that of Howard Hinnant, chrono-compatible low-level date algorithms (civil_from_days).
+/// The date and time of adjusted standard GPS time, as ISO 8601 without a zone: leap seconds are not subtracted.
 fn date(adjusted_s: f64) -> String {
-    let seconds = adjusted_s + ADJUSTMENT_S + GPS_EPOCH_DAYS * DAY_S;
-    if !(seconds.abs() < 1e13) {
-        return "?".to_owned();
-    }
-    let (days, second) = (seconds.div_euclid(DAY_S) as i64, seconds.rem_euclid(DAY_S) as u64);
-    let z = days + 719_468;
-    let (era, day_of_era) = (z.div_euclid(146_097), z.rem_euclid(146_097));
-    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let month_from_march = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
-    let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
-    let year = year_of_era + era * 400 + i64::from(month <= 2);
-    let (hour, minute) = (second / 3600, second / 60 % 60);
-    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{:02}", second % 60)
+    let seconds = (adjusted_s + ADJUSTMENT_S + GPS_EPOCH_DAYS * DAY_S).floor();
+    let is_number = seconds.abs() < 1e13;
+    let time = is_number.then(|| chrono::DateTime::from_timestamp(seconds as i64, 0)).flatten();
+    time.map_or_else(|| "?".to_owned(), |time| time.format("%Y-%m-%dT%H:%M:%S").to_string())
 }
 
 #[cfg(test)]

@@ -47,8 +47,9 @@ fn lower_envelope(points: &[[f64; 2]], count: usize) -> Vec<f64> {
     }
     for pair in chain.windows(2) {
         let [a, b] = [pair[0], pair[1]];
-        for at in a[0] as usize..=b[0] as usize {
-            values[at] = a[1] + (b[1] - a[1]) * (at as f64 - a[0]) / (b[0] - a[0]);
+        let (first, last) = (a[0] as usize, b[0] as usize);
+        for (at, value) in (first..=last).zip(&mut values[first..=last]) {
+            *value = a[1] + (b[1] - a[1]) * (at as f64 - a[0]) / (b[0] - a[0]);
         }
     }
     values

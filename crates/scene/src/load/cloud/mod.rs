@@ -123,6 +123,8 @@ impl Voxels<'_> {
                 break;
             }
         }
+        // Its tables are no longer needed.
+        drop(sorter);
         if !self.keeps_grid || classes.len() < scene.options.min_grid_voxels {
             scene.check_memory(memory_of(0, 0, classes.len()), self.source.path())?;
         }
