@@ -78,9 +78,14 @@ impl Request {
             // Points stay in memory.
             job.output.sinks.clear();
             let has_width = job.settings.physics.echo_width;
-            job.output
+            let columns = job
+                .output
                 .columns
                 .get_or_insert_with(|| columns_in_memory(job.output.misses, job.output.heights, has_width));
+            if columns.contains(&Column::ScannerX) {
+                // MCAP is written of them.
+                columns.extend(Column::OF_FRAMES);
+            }
         }
         notices.add(vlscan::Notice::Warnings(warnings));
         Ok(job)
@@ -120,7 +125,10 @@ impl Request {
 pub fn columns_in_memory(has_misses: bool, has_heights: bool, has_width: bool) -> Vec<Column> {
     let mut columns = Column::default_columns(has_misses);
     columns.extend(has_heights.then_some(Column::HeightAboveGround));
-    columns.extend(Column::EXACT.iter().filter(|column| has_width || **column != Column::ExactEchoWidth));
+    let is_needed = |column: &&Column| {
+        !Column::OF_FRAMES.contains(column) && (has_width || **column != Column::ExactEchoWidth)
+    };
+    columns.extend(Column::EXACT.iter().filter(is_needed));
     columns
 }
 

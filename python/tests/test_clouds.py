@@ -72,6 +72,9 @@ def test_frames_are_those_of_the_command(command, tmp_path):
         for path in expected:
             own, other = tmp_path / f"own_{layout}" / path, tmp_path / f"c_{layout}" / path
             assert own.is_dir() or own.read_bytes() == other.read_bytes(), path
+    points = vlscan.run(survey, seed=1, columns=vlscan.columns()).points
+    assert vlscan.write_frames(points, tmp_path / "memory", "kitti") == vlscan.write_frames(tmp_path / "a.mcap", tmp_path / "file", "kitti")
+    assert (tmp_path / "memory/sequences/00/poses.txt").read_bytes() == (tmp_path / "file/sequences/00/poses.txt").read_bytes()
     with pytest.raises(vlscan.InputError, match="exists"):
         vlscan.write_frames(tmp_path / "a.mcap", tmp_path / "own_kitti", "kitti")
     for words, message in [({"layout": "waymo"}, "layout"), ({"forward": "z"}, "forward"), ({"sequence": 100}, "0 to 99")]:

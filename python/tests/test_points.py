@@ -1,5 +1,6 @@
 """Points: files without another run, rows, arrays, other libraries."""
 
+import pickle
 import sys
 import types
 import warnings
@@ -64,10 +65,16 @@ def test_files_of_moving_platforms_and_misses_have_the_bytes_of_a_run(tmp_path):
     same(terrain, tmp_path, ["laz"], {"seed": 1, **options}, options)
 
 
-def test_messages_of_ros_are_written(tmp_path):
-    points = vlscan.run(FIXTURES / "room/survey.xml", seed=1, columns=vlscan.columns()).points
-    points.write(tmp_path / "points.mcap", frame_s=0.5)
-    assert (tmp_path / "points.mcap").read_bytes()[:5] == b"\x89MCAP"
+@pytest.mark.parametrize("name", ["room/survey.xml", "street/spinning.xml"])
+def test_messages_of_ros_have_the_bytes_of_a_run(name, tmp_path):
+    options = {"seed": 1, "columns": vlscan.columns()}
+    points = same(Survey.open(FIXTURES / name), tmp_path, ["mcap", "csv"], options)
+    own = pickle.loads(pickle.dumps(points))
+    own.write(tmp_path / "half.mcap", frame_s=0.05)
+    vlscan.run(FIXTURES / name, to=tmp_path / "c.mcap", frame_s=0.05, seed=1)
+    assert (tmp_path / "half.mcap").read_bytes() == (tmp_path / "c.mcap").read_bytes() != (tmp_path / "own.mcap").read_bytes()
+    assert b"/odom" in (tmp_path / "own.mcap").read_bytes()
+    assert "AttitudeW" not in points.columns
 
 
 def test_columns_that_formats_need_are_named(points, tmp_path):

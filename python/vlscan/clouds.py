@@ -249,7 +249,7 @@ def write_frames(
     Parameters
     ----------
     points : Points, str or path-like
-        Points of a run, or an MCAP file of a run.
+        Points of a run with ``columns=vlscan.columns()``, or an MCAP file of a run.
     folder : str or path-like
         The folder to write to.
     layout : {"kitti", "nuscenes"}

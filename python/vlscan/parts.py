@@ -665,6 +665,10 @@ class Part:
         """
         return self._placed(id=id)
 
+    def _of_file(self, old: str, new: str) -> Part:
+        arguments = tuple(new if isinstance(value, str) and value == old else value for value in self._arguments)
+        return Part(self._kind, arguments, self._place, self._faces)
+
     def _placed(self, **changes: Any) -> Part:
         return Part(self._kind, self._arguments, replace(self._place, **changes), self._faces)
 

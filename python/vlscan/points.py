@@ -129,9 +129,8 @@ class Points(Table):
     ) -> None:
         """Write the points to a file, whose extension tells the format: any that a run writes.
 
-        The bytes are those of a file that the run itself had written, in all formats but MCAP, which has no poses of the scanner
-        then, and whose times differ by some picoseconds: if the run has the columns that it has by default, or those that the
-        format needs. E57 and ray clouds need BeamOriginX and so on, MCAP ScannerX and so on; a run with
+        The bytes are those of a file that the run itself had written, if it has the columns that it has by default, or those
+        that the format needs. E57 and ray clouds need BeamOriginX and so on, MCAP ScannerX and so on; a run with
         ``columns=vlscan.columns()`` has all of them.
 
         Parameters

@@ -9,7 +9,7 @@ use ::arrow_array::{Array, RecordBatch};
 use ::arrow_schema::DataType;
 use vlscan_base::error::{Error, Result};
 use vlscan_formats::{Cause, Column, ObjectIds, PointRecord};
-use vlscan_geom::{DVec3, degrees, radians};
+use vlscan_geom::{DVec3, Rotation, degrees, radians};
 
 /// The values of a column.
 #[derive(Clone, Copy)]
@@ -160,19 +160,20 @@ impl<'t> PointTable<'t> {
     /// The record of a row.
     pub fn record(&self, row: usize) -> PointRecord {
         use Column::{
-            Amplitude, BeamDirectionX, BeamDirectionY, BeamDirectionZ, BeamOriginX, BeamOriginY, BeamOriginZ,
-            Classification, Device, EchoWidth, ExactEchoWidth, ExactScanAngle, FootprintFraction, GpsTime,
-            HeightAboveGround, IncidenceAngle, NormalX, NormalY, NormalZ, NumberOfReturns, ObjectId, Part,
-            Primitive, PulseNumber, Range, RestX, RestY, RestZ, ReturnNumber, ScanAngle, ScannerX, ScannerY,
-            ScannerZ, Subray, SurfaceClass, SurfaceX, SurfaceY, SurfaceZ, TrueRange, TrueX, TrueY, TrueZ, X,
-            Y, Z,
+            Amplitude, AttitudeW, AttitudeX, AttitudeY, AttitudeZ, BeamDirectionX, BeamDirectionY,
+            BeamDirectionZ, BeamOriginX, BeamOriginY, BeamOriginZ, Classification, Device, EchoWidth,
+            ExactEchoWidth, ExactScanAngle, FootprintFraction, HeightAboveGround, IncidenceAngle, NormalX,
+            NormalY, NormalZ, NumberOfReturns, ObjectId, Part, Primitive, PulseNumber, Range, RestX, RestY,
+            RestZ, ReturnNumber, ScanAngle, ScannerX, ScannerY, ScannerZ, Subray, SurfaceClass, SurfaceX,
+            SurfaceY, SurfaceZ, TrueRange, TrueX, TrueY, TrueZ, X, Y, Z,
         };
         let world = self.vector([X, Y, Z], row, f64::NAN);
         let rest = match self.frame {
             PositionFrame::World => DVec3::ZERO,
             PositionFrame::Scene => self.vector([RestX, RestY, RestZ], row, 0.0),
         };
-        let time = self.number(GpsTime, row, 0.0);
+        let attitude = self.number(AttitudeW, row, f64::NAN);
+        let (time_ns, time_origin) = self.time(row);
         let part = self.whole(Part, row, u32::MAX);
         let class = self.whole(Classification, row, 0);
         PointRecord {
@@ -180,8 +181,10 @@ impl<'t> PointTable<'t> {
             origin: self.placed(self.vector([BeamOriginX, BeamOriginY, BeamOriginZ], row, f64::NAN)),
             direction: self.vector([BeamDirectionX, BeamDirectionY, BeamDirectionZ], row, 0.0),
             in_scanner: self.vector([ScannerX, ScannerY, ScannerZ], row, f64::NAN),
-            // Tables have no attitudes: MCAP that is written from them has no poses.
-            scanner: None,
+            scanner: (!attitude.is_nan()).then(|| Rotation {
+                w: attitude,
+                u: self.vector([AttitudeX, AttitudeY, AttitudeZ], row, 0.0),
+            }),
             true_position: self.placed(self.vector([TrueX, TrueY, TrueZ], row, f64::NAN)),
             cause: Cause {
                 surface: self.placed(self.vector([SurfaceX, SurfaceY, SurfaceZ], row, f64::NAN)),
@@ -201,9 +204,8 @@ impl<'t> PointTable<'t> {
                 true => self.number(ExactScanAngle, row, 0.0),
                 false => radians(self.number(ScanAngle, row, 0.0)),
             },
-            // Without a time after the origin the sum of both is the time of the table, bit for bit.
-            time_ns: if self.has_frames { time * 1e9 } else { 0.0 },
-            time_origin: if self.has_frames { 0.0 } else { time },
+            time_ns,
+            time_origin,
             pulse_number: self.whole(PulseNumber, row, 0),
             height: self.number(HeightAboveGround, row, f64::NAN) as f32,
             return_number: self.whole(ReturnNumber, row, 1),
@@ -215,6 +217,20 @@ impl<'t> PointTable<'t> {
             class: self.whole(SurfaceClass, row, class),
             wave: u32::MAX,
             leg: self.leg(row),
+        }
+    }
+
+    /// Time, ns, and the second that it counts from.
+    fn time(&self, row: usize) -> (f64, f64) {
+        let time = self.number(Column::GpsTime, row, 0.0);
+        match (self.has_frames, self.has(Column::ExactTime)) {
+            // Without a time after the origin the sum of both is the time of the table, bit for bit.
+            (false, _) => (0.0, time),
+            (true, false) => (time * 1e9, 0.0),
+            (true, true) => {
+                let exact_ns = self.number(Column::ExactTime, row, 0.0);
+                (exact_ns, (time - exact_ns / 1e9).round())
+            }
         }
     }
 

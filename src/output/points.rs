@@ -167,7 +167,7 @@ pub fn write_points(
     }
     let mut found = Diagnostics::default();
     let mut settings = settings_of(facts, request);
-    let frame = match format.has_columns() || matches!(format, PointFormat::E57) {
+    let frame = match format.has_columns() || format.has_frames() || matches!(format, PointFormat::E57) {
         true => PositionFrame::World,
         false => PositionFrame::Scene,
     };

@@ -1,5 +1,7 @@
 """The names of HELIOS++ 3: scenes, parts, materials."""
 
+import gc
+import pickle
 import shutil
 
 import numpy as np
@@ -159,6 +161,15 @@ def test_points_become_voxels(tmp_path):
     for part in parts:
         assert np.allclose(part.bbox.bounds, [[-2] * 3, [2] * 3], atol=0.6)
         assert static_survey(plane(z=-5), part).run()[0].size > 1000
+    # Copies have files of their own.
+    moved = parts[0].translate([0, 0, 1])
+    count, pickled = static_survey(plane(z=-5), moved).run()[0].size, pickle.dumps(moved)
+    parts.clear()
+    del moved
+    gc.collect()
+    part = pickle.loads(pickled)
+    assert np.allclose(part.bbox.bounds, [[-2, -2, -1], [2, 2, 3]], atol=0.6)
+    assert static_survey(plane(z=-5), pickle.loads(pickle.dumps(part))).run()[0].size == count > 100
     for wrong in (
         lambda: helios.ScenePart.from_numpy_array(rows, 0),
         lambda: helios.ScenePart.from_numpy_array(rows[:, :2], 1),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import os
 import tempfile
@@ -67,6 +68,20 @@ class BoundingBox(Model):
 
     def _identity(self) -> object:
         return self._bounds.tobytes()
+
+
+class _PointFile:
+    """Points in a file of its own, which lives as long as the parts that read it and is pickled with them."""
+
+    def __init__(self, content: bytes, replaced: str = "") -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="vlscan-")
+        self.path = Path(self._folder.name) / "points.xyz"
+        self.path.write_bytes(content)
+        # The file that it was a copy of.
+        self.replaced = replaced
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _PointFile, (self.path.read_bytes(), os.fspath(self.path))
 
 
 class ScenePart(Model):
@@ -382,12 +397,12 @@ class ScenePart(Model):
             raise ValueError(f"points has the shape {rows.shape}, expected n by 3 or more")
         normals = _columns("normals_file_columns", normals_file_columns, False, rows.shape[1])
         colours = _columns("rgb_file_columns", rgb_file_columns, False, rows.shape[1])
-        folder = tempfile.TemporaryDirectory(prefix="vlscan-")
-        path = Path(folder.name) / "points.xyz"
-        np.savetxt(path, rows, fmt="%.17g")
+        text = io.BytesIO()
+        np.savetxt(text, rows, fmt="%.17g")
+        file = _PointFile(text.getvalue())
         settings = (max_color_value, default_normal, estimate_normals, snap_neighbor_normal)
-        part = cls.of_part(_cloud(path, voxel_size, " ", normals, colours, *settings))
-        part._kept = folder
+        part = cls.of_part(_cloud(file.path, voxel_size, " ", normals, colours, *settings))
+        part._kept = file
         return part
 
     @classonlymethod
@@ -706,6 +721,11 @@ class ScenePart(Model):
             twin._materials = MaterialDict({name: material.clone() for name, material in self._materials.items()})
         twin._as_read, twin._updates = dict(self._as_read), list(self._updates)
         return twin
+
+    def __setstate__(self, state: dict[Any, Any]) -> None:
+        super().__setstate__(state)
+        if isinstance(self._kept, _PointFile) and self._part is not None:
+            self._part = self._part._of_file(self._kept.replaced, os.fspath(self._kept.path))
 
     def __repr__(self) -> str:
         return f"<ScenePart {self._part if self._part is not None else self._obstacle}>"

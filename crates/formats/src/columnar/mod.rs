@@ -124,6 +124,9 @@ macro_rules! columns {
             /// them; files do not have them.
             pub const EXACT: &[Column] = Column::EVERY.split_at(Column::ExactScanAngle as usize).1;
 
+            /// Those of [`Column::EXACT`] that only frames of a scanner (MCAP) need.
+            pub const OF_FRAMES: &[Column] = Column::EVERY.split_at(Column::ExactTime as usize).1;
+
             /// Name of the column.
             pub fn name(self) -> &'static str {
                 match self { $(Column::$name => stringify!($name),)* }
@@ -222,6 +225,11 @@ columns! {
     RestY f32 9 "m" |p, o| rest(p.position.y, o.y), "What Y, relative to the origin of the scene, has lost in the world frame.";
     RestZ f32 9 "m" |p, o| rest(p.position.z, o.z), "What Z, relative to the origin of the scene, has lost in the world frame.";
     ExactEchoWidth f64 9 "ns" |p, _| p.echo_width, "EchoWidth with all its digits.";
+    ExactTime f64 9 "ns" |p, _| p.time_ns, "GpsTime with all its digits, after the second that the times of the run count from.";
+    AttitudeW f64 9 "" |p, _| p.scanner.map_or(f64::NAN, |r| r.w), "Attitude of the scanner, quaternion from the axes of its mount to the world; NaN if unknown.";
+    AttitudeX f64 9 "" |p, _| p.scanner.map_or(f64::NAN, |r| r.u.x), "Attitude of the scanner, quaternion from the axes of its mount to the world; NaN if unknown.";
+    AttitudeY f64 9 "" |p, _| p.scanner.map_or(f64::NAN, |r| r.u.y), "Attitude of the scanner, quaternion from the axes of its mount to the world; NaN if unknown.";
+    AttitudeZ f64 9 "" |p, _| p.scanner.map_or(f64::NAN, |r| r.u.z), "Attitude of the scanner, quaternion from the axes of its mount to the world; NaN if unknown.";
 }
 
 /// What a coordinate relative to an origin loses when it becomes one of the world.
@@ -245,6 +253,9 @@ impl Column {
             Column::NormalX | Column::NormalY | Column::NormalZ => Needs { cause: true, ..Needs::default() },
             Column::FootprintFraction | Column::Subray => Needs { cause: true, ..Needs::default() },
             Column::ScannerX | Column::ScannerY | Column::ScannerZ => {
+                Needs { in_scanner: true, ..Needs::default() }
+            }
+            Column::AttitudeW | Column::AttitudeX | Column::AttitudeY | Column::AttitudeZ => {
                 Needs { in_scanner: true, ..Needs::default() }
             }
             Column::TrueX | Column::TrueY | Column::TrueZ => {
