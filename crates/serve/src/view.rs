@@ -1,5 +1,6 @@
 //! Pictures of results, drawn when a page asks for them and kept beside the results.
 
+use crate::files::Kind;
 use crate::processes::Process;
 use crate::program::confined;
 use crate::queue::Use;
@@ -64,7 +65,9 @@ impl Workshop {
         words.extend(assets.map(|folder| format!("--assets=../in/{folder}").into()));
         words.extend(["--".into(), file.path.clone().into()]);
         fs::create_dir_all(folder.join("tmp"))?;
-        let mut command = confined(&self.restrictions(&folder, &prepared), &words)?;
+        let _results = self.store.fetch(Kind::Results, &job.folder)?;
+        let _inputs = self.fetch(&prepared)?;
+        let mut command = confined(&self.setting(&folder, &prepared).restrictions, &words)?;
         command.current_dir(folder.join("out")).env("TMPDIR", folder.join("tmp"));
         let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn()?;
         let start = Instant::now();
