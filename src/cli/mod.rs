@@ -36,6 +36,7 @@ mod helios;
 mod info;
 mod interrupt;
 mod manual;
+mod map;
 mod pack;
 mod plan;
 mod preview;
