@@ -15,7 +15,7 @@
 //! | `uploads` | files that are received, and archives that are expanded |
 //! | `submit` | from a request to a job in the queue |
 //! | `worker` | threads that have jobs computed |
-//! | `view` | pictures of results, drawn when pages ask for them |
+//! | `view`, `scene_map` | pictures of results and of scenes, drawn when pages ask for them |
 //! | `confine` | restrictions of the processes that compute |
 //! | `answers` | failures, documents, links |
 //! | `app`, `sessions` | what all requests share; who asks |
@@ -38,6 +38,7 @@ pub mod processes;
 pub mod program;
 pub mod queue;
 pub mod request;
+pub mod scene_map;
 pub mod security;
 pub mod server;
 pub mod sessions;

@@ -371,7 +371,7 @@ fn was_killed(_: ExitStatus) -> bool {
 }
 
 /// Makes the folder of a job, or completes the one that an earlier worker has begun to make.
-fn make_folder(store: &Store, folder: &Path, prepared: &Prepared) -> Result<()> {
+pub(crate) fn make_folder(store: &Store, folder: &Path, prepared: &Prepared) -> Result<()> {
     let inputs = folder.join("in");
     for name in ["in", "in/jobs", "out", "view", "tmp"] {
         fs::create_dir_all(folder.join(name))?;
