@@ -1,5 +1,6 @@
 'use strict';
-// Draws an area, a line or a place on a scene seen from above, with mouse, touch or keys; the shape goes into a field of the form as text.
+// Forms of new scans: shows the pattern of the instrument, and draws an area, a line or a place on the scene seen from above, with mouse,
+// touch or keys; the shape goes into a field of the form as text.
 (() => {
   const SVG = 'http://www.w3.org/2000/svg';
   const KINDS = {
@@ -164,5 +165,23 @@
     }
   }
 
+  // The scan pattern of the instrument that is chosen.
+  function pattern() {
+    const list = document.querySelector('select[name=scanner]');
+    const picture = document.getElementById('instrument');
+    if (!list || !picture) return;
+    const show = () => {
+      const [option] = list.selectedOptions;
+      const address = option && option.dataset.picture;
+      picture.hidden = !address;
+      if (!address) return;
+      picture.src = address;
+      picture.alt = `Scan pattern of ${option.textContent.trim()}`;
+    };
+    list.addEventListener('change', show);
+    show();
+  }
+
+  pattern();
   document.querySelectorAll('.map').forEach((place) => new Drawing(place));
 })();

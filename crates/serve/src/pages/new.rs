@@ -114,13 +114,14 @@ fn scanners(app: &App, wanted: &str) -> Markup {
             "Instrument"
             select name="scanner" required {
                 option value="" { "choose …" }
-                @for (reference, scanner) in app.workshop.program.entries("scanners") {
-                    option value=(reference) selected[reference == wanted] {
+                @for (number, (reference, scanner)) in app.workshop.program.entries("scanners").enumerate() {
+                    option value=(reference) data-picture=(format!("/instruments/{number}/pattern.svg")) selected[reference == wanted] {
                         (scanner["name"].as_str().filter(|name| !name.is_empty()).unwrap_or(reference)) " (" (reference.rsplit('#').next().unwrap_or(reference)) ")"
                     }
                 }
             }
         }
+        img #instrument .pattern hidden alt="";
         p { small { a href="/instruments" { "All instruments with their pictures and figures" } } }
     }
 }

@@ -85,7 +85,7 @@ void main() {
       hidden += max(0.0, own - depth(beside));
     }
   }
-  shown = vec4(colour.rgb * exp(-hidden * 12.0), 1.0);
+  shown = vec4(colour.rgb * exp(-min(hidden, 0.4) * 5.0), 1.0);
 }`;
 
 export const COLOURINGS = ['height', 'intensity', 'return', 'class', 'object'];

@@ -271,7 +271,7 @@ class Viewer {
 
   legend() {
     const { place, options, copc } = this;
-    const [low, high] = options.heights.map((value) => `${(value + copc.centre[2]).toFixed(1)} m`);
+    const [low, high] = options.heights.map((value) => `${(value + copc.centre[2]).toFixed(1).replace('-0.0', '0.0')} m`);
     const entries = {
       height: () => [[low, '#2b3a9c'], [high, '#d7432f']],
       intensity: () => [['weak', '#161a20'], ['strong', '#f2f4f6']],
