@@ -70,10 +70,10 @@ impl Files {
         described.chain(self.chosen(|name, _| has_ending(name, &SCENES))).take(MAX_CHOICES).collect()
     }
 
-    /// The newest upload, as names of its files begin; empty without uploads.
+    /// The newest upload with a scene, as names of its files begin; empty if there is none.
     fn newest(&self) -> &str {
-        let first = self.0.first().and_then(|(name, _)| name.split_inclusive('/').next());
-        first.unwrap_or_default()
+        let first = self.chosen(|name, kind| kind == FileKind::Scene || has_ending(name, &SCENES)).next();
+        first.and_then(|name| name.split_inclusive('/').next()).unwrap_or_default()
     }
 
     /// Surveys and pipelines.
@@ -304,7 +304,6 @@ fn address(kind: &str, values: &Values) -> String {
 fn form(app: &App, identity: &Identity, kind: &str, files: &Files, values: &Values) -> Markup {
     let (scenes, areas) = (files.scenes(), files.with(&AREAS));
     let wanted = match (values.of("scene", ""), values.of("upload", "")) {
-        // That of the newest upload.
         ("", "") if !values.is_again => files.newest().to_owned(),
         ("", upload) => format!("{upload}/"),
         (scene, _) => scene.to_owned(),

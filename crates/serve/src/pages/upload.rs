@@ -25,7 +25,7 @@ pub fn upload(app: &App, identity: &Identity, upload: &Upload, files: &[UploadFi
     sorted.sort_by_key(|(file, actions)| (actions.is_empty(), rank(file.kind)));
     let content = html! {
         h1 { (upload.name) }
-        p { (upload.files) " files, " (bytes_text(upload.bytes)) }
+        p { (upload.files) @if upload.files == 1 { " file, " } @else { " files, " } (bytes_text(upload.bytes)) }
         table {
             thead { tr { th { "File" } th { "Size" } th { "What to do with it" } } }
             tbody {
