@@ -1,7 +1,7 @@
 //! A survey over its scene as points: surfaces with the leg that covers them, and the flight lines.
 
 use crate::options::{InputOptions, Options, Switch};
-use crate::pipeline::{FlightCoverage, Progress, ResolvedRun, RunContext, Session};
+use crate::pipeline::{FlightCoverage, LoadedScene, Progress, ResolvedRun, RunContext, Session};
 use arrow_array::cast::AsArray;
 use arrow_array::types::{Float64Type, Int32Type};
 use std::path::{Path, PathBuf};
@@ -48,6 +48,27 @@ pub fn session_points(
     let progress = Progress::default();
     let sketch = session.sketch(RunContext::new(&progress, stop))?;
     let loaded = session.loaded().ok_or_else(|| Error::Internal("the scene is not loaded".to_owned()))?;
+    let cover = Cover::of(&sketch);
+    let mut points = surface_points(&loaded, name, &|place| cover.leg(place), observer)?;
+    draw_tracks(&sketch, &mut points);
+    Ok(points)
+}
+
+/// The surfaces of a scene as points, which `name` names in messages.
+///
+/// # Errors
+/// Those of [`LoadedScene::sample`].
+pub fn scene_points(loaded: &LoadedScene, name: &Path, observer: &Observer) -> Result<Points> {
+    surface_points(loaded, name, &|_| 0, observer)
+}
+
+/// Points on the surfaces of a scene with the legs that `leg` tells.
+fn surface_points(
+    loaded: &LoadedScene,
+    name: &Path,
+    leg: &dyn Fn(DVec3) -> u16,
+    observer: &Observer,
+) -> Result<Points> {
     let attributes = AttributeSet::of(|attribute| matches!(attribute, Attribute::Class | Attribute::Leg));
     let mut points = Points::new(attributes);
     points.count_legs_from_one();
@@ -55,13 +76,11 @@ pub fn session_points(
     let axis = |i: usize| table.column(i).as_primitive::<Float64Type>().values();
     let classes = table.column(3).as_primitive::<Int32Type>().values();
     let (x, y, z) = (axis(0), axis(1), axis(2));
-    let cover = Cover::of(&sketch);
     for i in 0..table.num_rows() {
         let position = DVec3::new(x[i], y[i], z[i]);
         let class = classes[i].clamp(0, 255) as u8;
-        points.push(&PointRow { position, class, leg: cover.leg(position), ..PointRow::default() }, None);
+        points.push(&PointRow { position, class, leg: leg(position), ..PointRow::default() }, None);
     }
-    draw_tracks(&sketch, &mut points);
     let mut found = points.doubts(name);
     let odd = classes.iter().filter(|class| !CLASSES.contains(class)).count();
     if odd > 0 {

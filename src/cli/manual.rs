@@ -110,8 +110,16 @@ pub fn run(args: &ManArgs, console: &Console) -> Result<()> {
 }
 
 /// Commands whose options `vlscan man --json-schema` describes.
-const DESCRIBED: [&str; 7] =
-    ["run", "plan airborne", "plan terrestrial", "plan mobile", "compare", "preview", "campaign"];
+const DESCRIBED: [&str; 8] = [
+    "run",
+    "plan airborne",
+    "plan terrestrial",
+    "plan mobile",
+    "compare",
+    "preview",
+    "campaign",
+    "scene stand",
+];
 
 /// Writes to stdout what commands and pipeline files take, as JSON Schema.
 fn schemas() -> Result<()> {

@@ -14,7 +14,7 @@
 //! | `plan` | `vlscan plan` |
 //! | `campaign` | `vlscan campaign` |
 //! | `bench` | `vlscan bench` |
-//! | `scene`, `info`, `pack` | `vlscan scene make` and `stand`, `info` and `pack` |
+//! | `scene`, `info`, `map`, `pack` | `vlscan scene make` and `stand`, `info`, `map` and `pack` |
 //! | `preview`, `compare`, `fit`, `unzip`, `catalogue` | the subcommands of these names |
 //! | `cloud_info`, `raster`, `frames` | `vlscan info`, `vlscan raster` and `vlscan frames` |
 //! | `serve` | `vlscan serve`, which starts vlscan-serve |
@@ -36,6 +36,7 @@ mod helios;
 mod info;
 mod interrupt;
 mod manual;
+mod map;
 mod pack;
 mod plan;
 mod preview;

@@ -1,4 +1,4 @@
-//! `vlscan preview`: a picture of a point cloud, an interactive page, or the waveform of a pulse.
+//! `vlscan preview`: a picture of a point cloud, an interactive page, a copy for viewers, or the waveform of a pulse.
 
 use super::args::PreviewArgs;
 use super::{Console, interrupt};
@@ -11,7 +11,7 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, Patched, reads, refuse_existing};
 use vlscan_base::quantity::amount;
 use vlscan_tools::cloud::{Points, Wave, read_packet, read_points, read_wave};
-use vlscan_tools::preview::{Chart, ColourBy, PreviewOptions, draw, write_page};
+use vlscan_tools::preview::{Chart, ColourBy, PreviewOptions, draw, write_octree, write_page};
 
 pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     check(args)?;
@@ -19,6 +19,11 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
         return plot(args, pulse, console);
     }
     let is_survey = holds_survey(&args.points);
+    if is_octree(&args.out) {
+        let count = write_octree(&args.points, &args.out, args.force, &console.listener())?;
+        console.say(format!("{}: {} points", args.out.display(), amount(count as f64)));
+        return Ok(());
+    }
     let points = match is_survey {
         true => survey_points(&args.points, &args.assets, &console.listener(), &interrupt::STOP)?,
         false => read_cloud(&args.points, console)?,
@@ -107,11 +112,20 @@ fn check(args: &PreviewArgs) -> Result<()> {
     }
     refuse_existing(out, args.force)?;
     reads::refuse_input_of(out, [points])?;
+    if is_octree(out) {
+        let refused =
+            |what: &str| Err(Error::input(format!("{}: COPC holds points, no {what}", out.display())));
+        return match (args.pulse.is_some(), holds_survey(points)) {
+            (true, _) => refused("waveforms; name a file .png or .html"),
+            (_, true) => refused("surveys; name a file .png or .html, or a cloud"),
+            _ => Ok(()),
+        };
+    }
     let ending = out.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     if is_page(out) || ending.as_deref() == Some("png") {
         return Ok(());
     }
-    Err(Error::input(format!("{}: expected a name that ends in .png or .html", out.display())))
+    Err(Error::input(format!("{}: expected a name that ends in .png, .html or .copc.laz", out.display())))
 }
 
 fn is_stdout(path: &Path) -> bool {
@@ -120,6 +134,10 @@ fn is_stdout(path: &Path) -> bool {
 
 fn is_page(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("html") || e.eq_ignore_ascii_case("htm"))
+}
+
+fn is_octree(path: &Path) -> bool {
+    path.to_string_lossy().to_ascii_lowercase().ends_with(".copc.laz")
 }
 
 fn title(points: &Path) -> String {

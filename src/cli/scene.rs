@@ -1,7 +1,7 @@
 //! `vlscan scene`: scenes that are made, and information on scenes.
 
 use super::args::{MakeArgs, ReconstructArgs, SceneArgs, SceneCommand, StandArgs};
-use super::{Console, info, pack};
+use super::{Console, info, map, pack};
 use vlscan_base::error::Result;
 use vlscan_base::quantity::amount;
 use vlscan_fit::scene;
@@ -13,6 +13,7 @@ pub fn run(args: &SceneArgs, console: &Console) -> Result<()> {
         SceneCommand::Stand(args) => stand(args, console),
         SceneCommand::Reconstruct(args) => reconstruct(args, console),
         SceneCommand::Info(args) => info::run(args, console),
+        SceneCommand::Map(args) => map::run(args, console),
         SceneCommand::Pack(args) => pack::run(args, console),
     }
 }

@@ -615,7 +615,7 @@ fn errors_say_what_to_do() {
         ("run forest/survey.xml --trajectory none.csv -o a.xyz", "none.csv: there is no such file"),
         ("trace none.csv --scanner forest/survey.xml -o a.xyz", "none.csv: there is no such file"),
         ("unzip none.bin a.txt", "none.bin: there is no such file"),
-        ("preview none.laz -o a.gif", ".png or .html"),
+        ("preview none.laz -o a.gif", ".png, .html or .copc.laz"),
         ("run forest/survey.xml -o a.foo", "choose xyz"),
         ("run forest/survey.xml --correct foo -o a.xyz", "there are sum-equal-ranges"),
         ("preveiw a.laz", "similar subcommands exist: 'serve', 'preview'"),

@@ -172,10 +172,12 @@ fn a_name_that_tells_no_format_and_numbers_that_are_none_are_refused() {
     let dir = folder();
     std::fs::write(dir.path().join("a.xyz"), "1 2 3\n4 5 6\n").unwrap();
     for (args, expected) in [
-        (&["preview", "a.xyz", "-o", "a.jpeg"][..], ".png or .html"),
+        (&["preview", "a.xyz", "-o", "a.jpeg"][..], ".png, .html or .copc.laz"),
         (&["preview", "a.xyz", "-o", "a.html", "--most-points", "many"], "--most-points"),
         (&["preview", "a.xyz", "-o", "a.html", "--most-points", "0"], "--most-points"),
         (&["preview", "a.xyz", "-o", "a.xyz"], "exists already"),
+        (&["preview", "a.xyz", "-o", "a.copc.laz", "--pulse", "1"], "no waveforms"),
+        (&["scene", "map", "a.xyz", "-o", "a.jpeg"], ".png"),
     ] {
         let refused = run(dir.path(), args);
         assert_eq!(refused.status.code(), Some(2), "{args:?}");

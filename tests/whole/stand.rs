@@ -97,6 +97,52 @@ fn trees_stand_on_the_ground_as_high_as_measured() {
     }
 }
 
+/// A folder with `--copy` is found after it was moved and its sources are gone: the same trees stand on the same ground.
+#[test]
+fn a_copied_stand_can_be_moved() {
+    let dir = folder();
+    write_inputs(dir.path());
+    let at = |name: &str| dir.path().join(name);
+    let common = ["scene", "stand", "plot.csv", "--trees", "models", "--terrain", "slope.obj"];
+    succeed(dir.path(), &[&common[..], &["--copy", "-o", "stand"]].concat());
+    let facts = |scene: &str| {
+        let json = text(&succeed(dir.path(), &["scene", "info", scene, "--json"]).stdout);
+        let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+        (json["primitives"].clone(), json["bounds_m"].clone(), json["materials"].clone())
+    };
+    let before = facts("stand/stand.xml");
+    fs::rename(at("stand"), at("moved")).unwrap();
+    fs::remove_dir_all(at("models")).unwrap();
+    fs::remove_file(at("slope.mtl")).unwrap();
+    assert_eq!(facts("moved/stand.xml"), before);
+}
+
+/// Without models and terrain: trees of the generator on flat ground, by species in other languages.
+#[test]
+fn a_stand_needs_no_models_and_no_terrain() {
+    let dir = folder();
+    let table =
+        "x;y;Höhe;Baumart\n0;0;21,5;Fichte\n6;2;18;Fagus sylvatica\n-4;7;12;Wald-Kiefer\n0;9;9;Yucca\n";
+    fs::write(dir.path().join("plot.csv"), table).unwrap();
+    let args = ["scene", "stand", "plot.csv", "--flat", "-o", "stand"];
+    let said = text(&succeed(dir.path(), &args).stderr);
+    assert!(said.contains("Yucca") && !said.contains("Fichte"), "{said}");
+    let labels = rows(&dir.path().join("stand/labels.csv"));
+    let models: Vec<&str> = labels.iter().map(|row| row["model"].split('_').next().unwrap()).collect();
+    assert_eq!(models[..3], ["spruce", "beech", "spruce"]);
+    let json = text(&succeed(dir.path(), &["scene", "info", "stand/stand.xml", "--json"]).stdout);
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let parts = json["parts"].as_array().unwrap();
+    assert_eq!((parts.len(), &parts[0]["class"], &parts[0]["areas_m2"][0]), (5, &2.into(), &2450.0.into()));
+    for (row, part) in labels.iter().zip(&parts[1..]) {
+        let height: f64 = row["height"].parse().unwrap();
+        assert!((part["height_m"].as_f64().unwrap() / height - 1.0).abs() < 0.02, "{row:?} {part}");
+    }
+    fs::write(dir.path().join("sloped.csv"), "x,y,z,height\n0,0,1,20\n5,5,2,20\n").unwrap();
+    let refused = run(dir.path(), &["scene", "stand", "sloped.csv", "--flat", "-o", "other"]);
+    assert!(!refused.status.success() && text(&refused.stderr).contains("leave out --flat"));
+}
+
 #[test]
 fn epochs_are_scenes_and_the_same_seed_gives_the_same_files() {
     let dir = folder();

@@ -18,7 +18,7 @@
 //! | `worker` | threads that have jobs computed |
 //! | `job_folder`, `steps`, `execution` | the folder of a job, what is executed in it, and how |
 //! | `engine`, `template`, `tasks` | jobs that an existing engine computes, and what its tasks do |
-//! | `view` | pictures of results, drawn when pages ask for them |
+//! | `view`, `scene_map` | pictures of results and of scenes, drawn when pages ask for them |
 //! | `confine` | restrictions of the processes that compute |
 //! | `answers` | failures, documents, links |
 //! | `app`, `sessions` | what all requests share; who asks |
@@ -48,6 +48,7 @@ pub mod program;
 pub mod queue;
 pub mod records;
 pub mod request;
+pub mod scene_map;
 pub mod security;
 pub mod server;
 pub mod sessions;

@@ -16,7 +16,9 @@ pub enum Process {
     Campaign,
     /// Two clouds.
     Compare,
-    /// A picture or page of a cloud or survey.
+    /// A scene of the trees of an inventory.
+    Stand,
+    /// A picture or page of a cloud or survey, or a copy of a cloud for viewers.
     Preview,
 }
 
@@ -33,8 +35,15 @@ pub struct Output {
 
 impl Process {
     /// All of them.
-    pub const ALL: [Process; 6] =
-        [Process::Run, Process::Plan, Process::DryRun, Process::Campaign, Process::Compare, Process::Preview];
+    pub const ALL: [Process; 7] = [
+        Process::Run,
+        Process::Plan,
+        Process::DryRun,
+        Process::Campaign,
+        Process::Compare,
+        Process::Stand,
+        Process::Preview,
+    ];
 
     /// Its id.
     pub fn id(self) -> &'static str {
@@ -44,6 +53,7 @@ impl Process {
             Process::DryRun => "dry-run",
             Process::Campaign => "campaign",
             Process::Compare => "compare",
+            Process::Stand => "stand",
             Process::Preview => "preview",
         }
     }
@@ -61,6 +71,7 @@ impl Process {
             Process::DryRun => "Forecast a run",
             Process::Campaign => "Make a data set",
             Process::Compare => "Compare two clouds",
+            Process::Stand => "Make a stand of an inventory",
             Process::Preview => "Draw a cloud or a survey",
         }
     }
@@ -85,15 +96,19 @@ impl Process {
                 "Compares two point clouds of one place: density, heights, intensities, returns, distances. Inputs are the options of \
                  `vlscan compare`."
             }
+            Process::Stand => {
+                "A scene of the trees of an inventory (x, y, height …), perhaps on terrain. Inputs are the options of `vlscan scene stand`."
+            }
             Process::Preview => {
-                "A picture (`format` png) or an interactive page (html) of a cloud or survey."
+                "A picture (`format` png) or an interactive page (html) of a cloud or survey, or all points of a cloud as COPC, which viewers \
+                 read in ranges (copc.laz)."
             }
         }
     }
 
     /// Whether a request is answered with results if it does not prefer a job.
     pub fn is_quick(self) -> bool {
-        matches!(self, Process::Plan | Process::DryRun | Process::Compare | Process::Preview)
+        !matches!(self, Process::Run | Process::Campaign)
     }
 
     /// What it yields. Runs and campaigns have files of other names, too.
@@ -123,9 +138,19 @@ impl Process {
                     media: "text/html",
                 },
             ],
+            Process::Stand => &[Output {
+                name: "stand/stand.xml",
+                about: "The scene; the files that it needs are beside it.",
+                media: "application/xml",
+            }],
             Process::Preview => &[
                 Output { name: "preview.png", about: "The picture, for the format png.", media: "image/png" },
                 Output { name: "preview.html", about: "The page, for the format html.", media: "text/html" },
+                Output {
+                    name: "preview.copc.laz",
+                    about: "The points, for the format copc.laz.",
+                    media: "application/vnd.laszip",
+                },
             ],
         }
     }
@@ -139,10 +164,14 @@ impl Process {
             Process::Compare => {
                 without(&program.commands["compare"], &["json", "page", "change", "changed", "force"])
             }
+            Process::Stand => without(&program.commands["scene stand"], &["out", "copy", "force"]),
             Process::Preview => {
                 let mut schema =
                     without(&program.commands["preview"], &["out", "assets", "force", "most_points"]);
-                schema["properties"]["format"] = json!({ "type": "string", "enum": ["png", "html"], "description": "Picture or page. [default: png]" });
+                schema["properties"]["format"] = json!({
+                    "type": "string", "enum": ["png", "html", "copc.laz"],
+                    "description": "Picture, page, or all points as COPC for viewers. [default: png]"
+                });
                 schema
             }
         }

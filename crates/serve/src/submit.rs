@@ -7,6 +7,9 @@ use crate::tokens::random_name;
 use crate::worker::Workshop;
 use serde_json::{Map, Value};
 
+/// Most jobs among which one that does the same is looked for.
+const MAX_LIKE: u32 = 200;
+
 /// Why a job is not accepted.
 #[derive(Debug, thiserror::Error)]
 pub enum SubmitError {
@@ -27,6 +30,23 @@ pub enum SubmitError {
 }
 
 impl Workshop {
+    /// The newest job of an owner that was asked for the same and has not failed: names of uploads may stand for other files since, which
+    /// the fingerprint tells.
+    ///
+    /// # Errors
+    /// [`SubmitError`].
+    pub fn newest_like(
+        &self,
+        owner: &str,
+        process: Process,
+        inputs: &Map<String, Value>,
+    ) -> Result<Option<Job>, SubmitError> {
+        let fingerprint = check(process, inputs, owner, &self.store, &self.program)?.fingerprint;
+        let states = [Status::Accepted, Status::Running, Status::Successful];
+        let jobs = self.store.jobs(owner, &states, &[process.id().to_owned()], 0, MAX_LIKE)?;
+        Ok(jobs.into_iter().find(|job| job.fingerprint == fingerprint))
+    }
+
     /// Accepts a job. One that was computed before is finished at once, with the results of then.
     ///
     /// # Errors

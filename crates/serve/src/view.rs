@@ -4,19 +4,17 @@ use crate::files::Kind;
 use crate::processes::Process;
 use crate::program::confined;
 use crate::queue::Use;
-use crate::request::{PAGE_POINTS, Prepared};
+use crate::request::Prepared;
 use crate::store::{Job, Result, ResultFile};
 use crate::worker::Workshop;
 use std::ffi::OsString;
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 /// The picture from above and from the side.
 pub const PICTURE: &str = "view.png";
-/// The page with the points to turn around.
-pub const POINTS: &str = "view.html";
 /// Longest time of drawing.
 const MAX_TIME: Duration = Duration::from_secs(120);
 const POLL: Duration = Duration::from_millis(10);
@@ -42,21 +40,17 @@ impl Workshop {
         if path.is_file() {
             return Ok(Some(path));
         }
-        let process = Process::named(&job.process);
-        let options: &[&str] = match (name, process) {
-            (PICTURE, _) => &["--width=1200", "--height=800"],
-            (POINTS, Some(Process::Run)) => &[],
-            _ => return Ok(None),
-        };
+        if name != PICTURE {
+            return Ok(None);
+        }
         let files = job.result_files();
-        let Some(file) = drawn_file(process, &files) else { return Ok(None) };
+        let Some(file) = drawn_file(Process::named(&job.process), &files) else { return Ok(None) };
         // That of the job which computed the results.
         let prepared = fs::read(folder.join("prepared.json"))?;
         let prepared: Prepared = serde_json::from_slice(&prepared).map_err(std::io::Error::other)?;
         let mut words: Vec<OsString> = vec!["preview".into(), "--force".into()];
         words.push(format!("--out=../view/{name}").into());
-        words.push(format!("--most-points={PAGE_POINTS}").into());
-        words.extend(options.iter().map(OsString::from));
+        words.extend(["--width=1200", "--height=800"].map(OsString::from));
         let uploads = prepared.uses.iter().filter_map(|used| match used {
             Use::Upload { name, .. } => Some(name.as_str()),
             Use::Job { .. } => None,
@@ -64,11 +58,23 @@ impl Workshop {
         let assets = std::iter::once(".").chain(uploads);
         words.extend(assets.map(|folder| format!("--assets=../in/{folder}").into()));
         words.extend(["--".into(), file.path.clone().into()]);
-        fs::create_dir_all(folder.join("tmp"))?;
         let _results = self.store.fetch(Kind::Results, &job.folder)?;
-        let _inputs = self.fetch(&prepared)?;
-        let mut command = confined(&self.setting(&folder, &prepared).restrictions, &words)?;
-        command.current_dir(folder.join("out")).env("TMPDIR", folder.join("tmp"));
+        self.draw(&folder, "out", &prepared, &words)?;
+        Ok(path.is_file().then_some(path))
+    }
+
+    /// Executes vlscan in a folder of a job, for a limited time, whatever comes of it.
+    pub(crate) fn draw(
+        &self,
+        folder: &Path,
+        within: &str,
+        prepared: &Prepared,
+        words: &[OsString],
+    ) -> Result<()> {
+        fs::create_dir_all(folder.join("tmp"))?;
+        let _inputs = self.fetch(prepared)?;
+        let mut command = confined(&self.setting(folder, prepared).restrictions, words)?;
+        command.current_dir(folder.join(within)).env("TMPDIR", folder.join("tmp"));
         let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn()?;
         let start = Instant::now();
         while child.try_wait()?.is_none() {
@@ -78,6 +84,6 @@ impl Workshop {
             }
             std::thread::sleep(POLL);
         }
-        Ok(path.is_file().then_some(path))
+        Ok(())
     }
 }

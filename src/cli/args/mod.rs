@@ -6,7 +6,7 @@
 //! | `plan` | `plan` |
 //! | `campaign`, `compare`, `fit` | `campaign`, `compare`, `fit` |
 //! | `clouds` | `info`, `raster`, `frames` |
-//! | `scenes` | `scene make`, `scene stand`, `scene info`, `scene pack` |
+//! | `scenes` | `scene make`, `scene stand`, `scene info`, `scene map`, `scene pack` |
 //! | `tools` | everything else |
 
 #![allow(
@@ -28,7 +28,9 @@ pub use clouds::{CloudInfoArgs, FramesArgs, RasterArgs};
 pub use compare::CompareArgs;
 pub use fit::{FitArgs, FittedHalf};
 pub use plan::PlanArgs;
-pub use scenes::{InfoArgs, MakeArgs, PackArgs, ReconstructArgs, SceneArgs, SceneCommand, StandArgs};
+pub use scenes::{
+    InfoArgs, MakeArgs, MapArgs, PackArgs, ReconstructArgs, SceneArgs, SceneCommand, StandArgs,
+};
 pub use simulate::{
     EmitArgs, EmitFormat, IndexShardsArgs, InstrumentArgs, MergeArgs, PulsesArgs, RunArgs, SurveyArgs,
     TraceArgs, TrajectoryArgs,

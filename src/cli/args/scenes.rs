@@ -40,6 +40,8 @@ pub enum SceneCommand {
     Reconstruct(ReconstructArgs),
     /// Describe a scene: parts, primitives, bounds, materials, memory, faults.
     Info(InfoArgs),
+    /// Draw a scene from above, with a world file that tells the coordinates of its pixels.
+    Map(MapArgs),
     /// Compile a scene and its tree to one file that opens without loading meshes or building the tree.
     Pack(PackArgs),
 }
@@ -118,6 +120,27 @@ pub struct InfoArgs {
     /// As JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+/// `vlscan scene map`.
+#[derive(Debug, Args)]
+pub struct MapArgs {
+    /// A scene (file.xml#id), a survey (.xml), a pipeline (.toml), a mesh (.obj), raster (.tif, .vrt, a folder of
+    /// tiles), voxels (.vox), a table of
+    /// instances (.csv), or a packed scene (.vlscene).
+    pub scene: String,
+    /// The picture (.png), coloured by height, north at the top; its world file, which GIS read, is beside it (.pgw).
+    #[arg(short = 'o', long, value_name = "PATH")]
+    pub out: PathBuf,
+    /// Pixels along the longer side, 64 to 16384.
+    #[arg(long, value_name = "PIXELS", default_value_t = 1200, value_parser = clap::value_parser!(u32).range(64..=16_384))]
+    pub side: u32,
+    /// Folder to look for files in; may be given more than once.
+    #[arg(long, value_name = "DIR")]
+    pub assets: Vec<PathBuf>,
+    /// Replace existing files.
+    #[arg(long)]
+    pub force: bool,
 }
 
 /// `vlscan scene make`.

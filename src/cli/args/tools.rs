@@ -104,7 +104,8 @@ pub struct PreviewArgs {
     /// A survey (.xml) or pipeline (.toml), whose scene, flight lines and swaths are drawn; or points: text, LAS, LAZ, PLY, PCD, E57, PTS,
     /// Arrow, Parquet, - for stdin; with --pulse waveforms (*_fullwave.txt, also .gz or .bin) or LAS and LAZ with waveform packets.
     pub points: PathBuf,
-    /// A picture (.png), or an interactive page for a browser (.html); - writes the picture to stdout.
+    /// A picture (.png), an interactive page for a browser (.html), or all points as COPC for viewers that read ranges (.copc.laz); - writes
+    /// the picture to stdout.
     #[arg(short = 'o', long, value_name = "PATH")]
     pub out: PathBuf,
     /// Plot the waveform of this pulse, its echoes marked with their fitted widths; the number is the eighth column of

@@ -2,11 +2,12 @@
 
 use crate::answers::{Failure, document, encoded, wants_page};
 use crate::app::{App, Identity, blocking};
+use crate::pages;
 use crate::store::StoreError;
 use crate::uploads;
 use axum::Extension;
 use axum::extract::multipart::MultipartRejection;
-use axum::extract::{Multipart, Path, State};
+use axum::extract::{Multipart, Path, RawQuery, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse as _, Redirect, Response};
 use serde_json::json;
@@ -24,15 +25,20 @@ pub async fn show(
     State(app): State<Arc<App>>,
     Extension(identity): Extension<Identity>,
     Path(name): Path<String>,
+    RawQuery(query): RawQuery,
+    headers: HeaderMap,
 ) -> Result<Response, Failure> {
-    let wanted = name.clone();
+    let (wanted, owner) = (name.clone(), identity.owner.clone());
     let found = blocking(&app, move |workshop| {
-        let Some(upload) = workshop.store.upload(&identity.owner, &wanted)? else { return Ok(None) };
+        let Some(upload) = workshop.store.upload(&owner, &wanted)? else { return Ok(None) };
         let files = workshop.store.files(&upload.id)?;
         Ok::<_, StoreError>(Some((upload, files)))
     })
     .await?;
     let (upload, files) = found.ok_or_else(|| no_upload(&name))?;
+    if wants_page(&headers, query.as_deref()) {
+        return Ok(pages::upload(&app, &identity, &upload, &files));
+    }
     let mut about = serde_json::to_value(&upload).unwrap_or_default();
     about["list"] = json!(files);
     Ok(document(&about))
@@ -56,7 +62,7 @@ fn no_upload(name: &str) -> Failure {
     Failure::new(StatusCode::NOT_FOUND, format!("there is no upload `{name}`; /uploads lists them"))
 }
 
-/// Receives an upload: from programs, and from the form of a page, which is then shown again.
+/// Receives an upload: from programs, and from the form of a page, which leads to that of the upload.
 pub async fn receive(
     State(app): State<Arc<App>>,
     Extension(identity): Extension<Identity>,
@@ -64,10 +70,10 @@ pub async fn receive(
     form: Result<Multipart, MultipartRejection>,
 ) -> Result<Response, Failure> {
     let upload = received(&app, &identity, form).await?;
-    if wants_page(&headers, None) {
-        return Ok(Redirect::to("/").into_response());
-    }
     let location = format!("/uploads/{}", encoded(&upload.name));
+    if wants_page(&headers, None) {
+        return Ok(Redirect::to(&location).into_response());
+    }
     let body = serde_json::to_string(&upload).unwrap_or_default();
     let fields = [(header::LOCATION, location), (header::CONTENT_TYPE, "application/json".to_owned())];
     Ok((StatusCode::CREATED, fields, body).into_response())

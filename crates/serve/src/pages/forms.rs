@@ -15,12 +15,12 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Fields of a form; empty ones count as not given.
-type Fields = BTreeMap<String, String>;
-type FormBody = Result<Form<Fields>, FormRejection>;
+pub type Fields = BTreeMap<String, String>;
+pub type FormBody = Result<Form<Fields>, FormRejection>;
 type Answer = Result<Response, Failure>;
 
 /// The fields of a form that comes from a page of ours.
-fn genuine(app: &App, identity: &Identity, form: FormBody) -> Result<Fields, Failure> {
+pub fn genuine(app: &App, identity: &Identity, form: FormBody) -> Result<Fields, Failure> {
     let Form(mut fields) = form.map_err(|_| bad("the form is damaged"))?;
     let token = fields.remove("csrf").unwrap_or_default();
     if !app.is_genuine(&identity.owner, &token) {
@@ -45,9 +45,56 @@ pub async fn run(
 ) -> Answer {
     let mut fields = genuine(&app, &identity, form)?;
     let file = fields.remove("file").ok_or_else(|| bad("choose a file"))?;
-    let mut inputs = Map::new();
     let key = if file.to_ascii_lowercase().ends_with(".toml") { "pipeline" } else { "survey" };
-    inputs.insert(key.to_owned(), json!(file));
+    let inputs = Map::from_iter([(key.to_owned(), json!(file))]);
+    run_or_forecast(&app, &identity, fields, inputs).await
+}
+
+/// A run along a trajectory.
+pub async fn trajectory(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    form: FormBody,
+) -> Answer {
+    let mut fields = genuine(&app, &identity, form)?;
+    let mut wanted = |key: &str| fields.remove(key).ok_or_else(|| bad(&format!("choose a {key}")));
+    let (path, scene) = (wanted("trajectory")?, wanted("scene")?);
+    let (scanner, platform) = (wanted("scanner")?, wanted("platform")?);
+    let mut trajectory = json!({ "path": path });
+    if let Some(zone) = fields.remove("utm_zone") {
+        trajectory["utm_zone"] = json!(zone.trim());
+    }
+    let mut settings = Map::new();
+    for key in ["pulse_freq_hz", "scan_freq_hz"] {
+        if let Some(value) = fields.remove(key) {
+            // Pulse rates are whole numbers.
+            let number = decimal(key, &value)?;
+            let is_whole = number.fract() == 0.0 && number.abs() < 1e15;
+            settings.insert(key.to_owned(), if is_whole { json!(number as i64) } else { json!(number) });
+        }
+    }
+    let mut inputs = Map::new();
+    inputs.insert("trajectory".to_owned(), trajectory);
+    inputs.insert("scene".to_owned(), json!(scene));
+    inputs.insert("scanner".to_owned(), json!({ "catalogue": scanner }));
+    inputs.insert("platform".to_owned(), json!({ "catalogue": platform }));
+    if !settings.is_empty() {
+        inputs.insert("settings".to_owned(), Value::Object(settings));
+    }
+    run_or_forecast(&app, &identity, fields, inputs).await
+}
+
+fn decimal(key: &str, value: &str) -> Result<f64, Failure> {
+    value.trim().replace(',', ".").parse().map_err(|_| bad(&format!("{key}: expected a number")))
+}
+
+/// Adds a run or its forecast, with the seed and the format of a form.
+async fn run_or_forecast(
+    app: &Arc<App>,
+    identity: &Identity,
+    mut fields: Fields,
+    mut inputs: Map<String, Value>,
+) -> Answer {
     if let Some(seed) = fields.remove("seed") {
         let seed: u64 = seed.trim().parse().map_err(|_| bad("Seed: expected a whole number"))?;
         inputs.insert("seed".to_owned(), json!(seed));
@@ -62,7 +109,24 @@ pub async fn run(
         }
         inputs.insert("output".to_owned(), json!([{ "path": format!("points.{format}") }]));
     }
-    submit(&app, &identity, process, inputs).await
+    submit(app, identity, process, inputs).await
+}
+
+/// A scene of the trees of an inventory.
+pub async fn stand(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    form: FormBody,
+) -> Answer {
+    let fields = genuine(&app, &identity, form)?;
+    let inventory = fields.get("inventory").ok_or_else(|| bad("choose an inventory"))?;
+    let mut inputs = Map::from_iter([("inventory".to_owned(), json!(inventory))]);
+    match fields.get("terrain") {
+        Some(terrain) => drop(inputs.insert("terrain".to_owned(), json!([terrain]))),
+        None if fields.contains_key("flat") => drop(inputs.insert("flat".to_owned(), json!(true))),
+        None => {}
+    }
+    submit(&app, &identity, Process::Stand, inputs).await
 }
 
 pub async fn plan(
@@ -80,6 +144,8 @@ pub async fn plan(
     for (key, value) in fields {
         let value = value.trim().to_owned();
         match key.as_str() {
+            // Of the picture.
+            "corners" | "mapped" => {}
             "area_file" => drop(inputs.insert("area".to_owned(), json!(value))),
             "along_file" => drop(inputs.insert("along".to_owned(), json!(value))),
             "follow_terrain" => drop(inputs.insert(key, json!(true))),
@@ -91,8 +157,7 @@ pub async fn plan(
                 inputs.insert(key, json!(number));
             }
             _ => {
-                let number: f64 =
-                    value.replace(',', ".").parse().map_err(|_| bad(&format!("{key}: expected a number")))?;
+                let number = decimal(&key, &value)?;
                 inputs.insert(key, json!(number));
             }
         }
@@ -112,6 +177,25 @@ pub async fn compare(
         inputs.insert(key.to_owned(), json!(name));
     }
     submit(&app, &identity, Process::Compare, inputs).await
+}
+
+/// Has points copied for the viewer, or leads to the copy that there is.
+pub async fn view(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    form: FormBody,
+) -> Answer {
+    let fields = genuine(&app, &identity, form)?;
+    let points = fields.get("points").ok_or_else(|| bad("choose a cloud"))?;
+    let inputs = json!({ "points": points, "format": "copc.laz" });
+    let inputs = inputs.as_object().cloned().unwrap_or_default();
+    let (owner, wanted) = (identity.owner.clone(), inputs.clone());
+    let made =
+        blocking(&app, move |workshop| workshop.newest_like(&owner, Process::Preview, &wanted)).await?;
+    match made {
+        Some(job) => Ok(Redirect::to(&format!("/jobs/{}", job.id)).into_response()),
+        None => submit(&app, &identity, Process::Preview, inputs).await,
+    }
 }
 
 pub async fn dismiss(

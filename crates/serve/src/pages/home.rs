@@ -66,7 +66,7 @@ fn upload_list(app: &App, identity: &Identity, uploads: &[Upload]) -> Markup {
                 tbody {
                     @for upload in uploads {
                         tr {
-                            td { a href=(format!("/new?upload={}", encoded(&upload.name))) { (upload.name) } }
+                            td { a href=(format!("/uploads/{}", encoded(&upload.name))) { (upload.name) } }
                             td { (upload.files) }
                             td { (bytes_text(upload.bytes)) }
                             td {
@@ -120,7 +120,8 @@ fn job_list(jobs: &[Job]) -> Markup {
 pub fn title(job: &Job) -> String {
     let inputs: serde_json::Value = serde_json::from_str(&job.inputs).unwrap_or_default();
     let text = |key: &str| inputs[key].as_str().map(str::to_owned);
-    let what = ["pipeline", "survey", "scene", "first", "points"].iter().find_map(|key| text(key));
+    let what =
+        ["pipeline", "survey", "inventory", "scene", "first", "points"].iter().find_map(|key| text(key));
     let process = Process::named(&job.process).map_or("", Process::title);
     match what {
         Some(what) => format!("{process}: {}", short(&what)),

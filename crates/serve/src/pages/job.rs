@@ -1,5 +1,6 @@
 //! The page of a job: its progress, then its results with pictures, and the command that does the same in a shell.
 
+use super::cloud::{cloud, is_cloud};
 use super::home::{encoded as in_query, title};
 use super::layout::{bytes_text, form_token, page};
 use crate::answers::{Failure, encoded};
@@ -8,7 +9,7 @@ use crate::files::Kind;
 use crate::processes::Process;
 use crate::request::Prepared;
 use crate::store::{Job, Result as StoreResult, ResultFile, Status, Store};
-use crate::view::{PICTURE, POINTS, drawn_file};
+use crate::view::{PICTURE, drawn_file};
 use axum::response::Response;
 use maud::{Markup, html};
 use serde_json::Value;
@@ -16,9 +17,9 @@ use std::sync::Arc;
 
 /// Formats that the form of a run offers: ending and name.
 pub const FORMATS: [(&str, &str); 7] = [
+    ("copc.laz", "LAZ, COPC: shown at once"),
     ("laz", "LAZ"),
     ("las", "LAS"),
-    ("copc.laz", "COPC"),
     ("xyz", "text"),
     ("ply", "PLY"),
     ("e57", "E57"),
@@ -137,16 +138,20 @@ fn results(app: &App, identity: &Identity, job: &Job, shown: &Shown) -> Markup {
                     }
                 }
             }
+            Some(Process::Stand) => {
+                p { a .button href=(format!("/new?kind=airborne&scene={}", in_query(&format!("jobs/{}/stand/stand.xml", job.id)))) { "Plan a scan of it" } }
+            }
             Some(Process::Compare) => { (viewer(&format!("{own}/results/report.html"), "Comparison")) }
             Some(Process::Preview) => {
                 @for file in &files {
                     @if file.path.ends_with(".png") { img .picture src=(format!("{own}/results/{}", encoded(&file.path))) alt="The picture"; }
+                    @else if file.path.ends_with(".laz") { (cloud(app, identity, job, &files, &html! {})) }
                     @else { (viewer(&format!("{own}/results/{}", encoded(&file.path)), "Points")) }
                 }
             }
             _ => {
-                @if shown.has_picture { (viewer(&format!("{own}/view/{POINTS}"), "The points, to turn around")) }
-                @if shown.has_picture { details { summary { "Picture" } (picture(&own, "The points from above and from the side")) } }
+                @let drawn = html! { @if shown.has_picture { (picture(&own, "The points from above and from the side")) } };
+                (cloud(app, identity, job, &files, &drawn))
             }
         }
         (downloads(job, &files))
@@ -179,7 +184,7 @@ fn downloads(job: &Job, files: &[ResultFile]) -> Markup {
                     li {
                         a download href=(format!("/jobs/{}/results/{}", job.id, encoded(&file.path))) { (file.path) }
                         " " small { (bytes_text(file.bytes)) }
-                        @if [".laz", ".las", ".ply", ".xyz", ".e57"].iter().any(|end| file.path.ends_with(end)) {
+                        @if is_cloud(&file.path) && job.process != Process::Stand.id() {
                             " · " a href=(format!("/compare?first={}", in_query(&format!("jobs/{}/{}", job.id, file.path)))) { "compare" }
                         }
                     }

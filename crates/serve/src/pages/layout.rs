@@ -20,7 +20,7 @@ pub fn page(app: &App, identity: &Identity, title: &str, content: &Markup) -> Re
                 meta name="color-scheme" content="light dark";
                 title { (title) " · vlscan" }
                 link rel="stylesheet" href="/static/style.css";
-                link rel="icon" href="data:,";
+                link rel="icon" href="/static/icon.svg";
             }
             body {
                 a .skip href="#content" { "To the content" }

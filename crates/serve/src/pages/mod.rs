@@ -6,37 +6,43 @@
 //! | `layout` | what all pages have |
 //! | `home` | uploads and jobs |
 //! | `new` | forms of new jobs |
+//! | `upload` | an upload, and what can be done with its files |
+//! | `map` | pictures of scenes to draw on |
 //! | `job` | a job and its results |
+//! | `cloud` | points to turn around |
+//! | `assets` | styles and scripts |
 //! | `instruments` | the catalogue |
 //! | `forms` | what forms do |
 
+mod assets;
+mod cloud;
 mod forms;
 mod home;
 mod instruments;
 mod job;
 mod layout;
+mod map;
 mod new;
+mod upload;
 
 pub use home::{home, jobs};
 pub use job::job;
 pub use layout::{failure, interface};
+pub use upload::upload;
 
 use crate::app::App;
 use axum::Router;
-use axum::http::header;
-use axum::response::{IntoResponse as _, Response};
 use axum::routing::{get, post};
 use std::sync::Arc;
 
 /// The addresses of pages, besides those that the interface for programs shares.
 pub fn router() -> Router<Arc<App>> {
-    let style = || async { asset("text/css; charset=utf-8", include_str!("../../static/style.css")) };
-    let follow = || async { asset("text/javascript; charset=utf-8", include_str!("../../static/follow.js")) };
     Router::new()
-        .route("/static/style.css", get(style))
-        .route("/static/follow.js", get(follow))
+        .route("/static/{*path}", get(assets::asset))
         .route("/new", get(new::new))
         .route("/compare", get(new::compare))
+        .route("/map.png", get(map::picture))
+        .route("/map.json", get(map::frame))
         .route("/instruments", get(instruments::list))
         .route("/instruments/{number}", get(instruments::show))
         .route("/instruments/{number}/pattern.svg", get(instruments::pattern))
@@ -44,11 +50,11 @@ pub fn router() -> Router<Arc<App>> {
         .route("/forms/logout", post(forms::logout))
         .route("/forms/run", post(forms::run))
         .route("/forms/plan", post(forms::plan))
+        .route("/forms/trajectory", post(forms::trajectory))
+        .route("/forms/stand", post(forms::stand))
+        .route("/forms/corner", post(new::corner))
         .route("/forms/compare", post(forms::compare))
+        .route("/forms/view", post(forms::view))
         .route("/forms/dismiss", post(forms::dismiss))
         .route("/forms/remove-upload", post(forms::remove_upload))
-}
-
-fn asset(media: &'static str, text: &'static str) -> Response {
-    ([(header::CONTENT_TYPE, media), (header::CACHE_CONTROL, "max-age=3600")], text).into_response()
 }

@@ -1,5 +1,7 @@
-//! Forms of new jobs: a survey to fly, a flight, a plot or a drive to plan, two clouds to compare.
+//! Forms of new jobs: a flight, a plot or a drive to plan, a recorded flight, a survey, a stand to make, two clouds to compare.
 
+use super::forms::{FormBody, genuine};
+use super::home::encoded;
 use super::layout::{form_token, page};
 use crate::answers::Failure;
 use crate::app::{App, Identity, blocking};
@@ -13,10 +15,32 @@ use std::sync::Arc;
 
 /// Most files in a list to choose from.
 const MAX_CHOICES: usize = 500;
+/// The platform of recorded flights that is offered first.
+const PLATFORM: &str = "data/platforms.xml#copter_linearpath";
+/// Most stands that are offered as scenes.
+const MAX_STANDS: u32 = 20;
 /// Endings of files that are scenes, areas, clouds.
 const SCENES: [&str; 10] = ["obj", "ply", "stl", "gltf", "glb", "tif", "tiff", "vrt", "vox", "vlscene"];
 const AREAS: [&str; 4] = ["geojson", "json", "kml", "wkt"];
 const CLOUDS: [&str; 10] = ["laz", "las", "ply", "pcd", "e57", "pts", "xyz", "csv", "arrow", "parquet"];
+const TRAJECTORIES: [&str; 5] = ["csv", "txt", "out", "sbet", "trj"];
+const TABLES: [&str; 3] = ["csv", "txt", "tsv"];
+const TERRAINS: [&str; 6] = ["tif", "tiff", "vrt", "obj", "ply", "stl"];
+
+/// Whether a scene can be made of the file by itself.
+pub fn is_scene(name: &str) -> bool {
+    has_ending(name, &SCENES)
+}
+
+/// Whether the file may be an inventory.
+pub fn is_table(name: &str) -> bool {
+    has_ending(name, &TABLES)
+}
+
+/// Whether the file may be a trajectory.
+pub fn is_trajectory(name: &str) -> bool {
+    has_ending(name, &TRAJECTORIES)
+}
 
 /// Files of an owner by the names that requests give them, newest upload first.
 #[derive(Debug, Default)]
@@ -28,6 +52,9 @@ impl Files {
         for upload in store.uploads(owner)? {
             let named = |file: UploadFile| (format!("{}/{}", upload.name, file.path), file.kind);
             files.extend(store.files(&upload.id)?.into_iter().map(named));
+        }
+        for job in store.jobs(owner, &[Status::Successful], &["stand".to_owned()], 0, MAX_STANDS)? {
+            files.push((format!("jobs/{}/stand/stand.xml", job.id), FileKind::Scene));
         }
         Ok(Files(files))
     }
@@ -41,6 +68,12 @@ impl Files {
     fn scenes(&self) -> Vec<&str> {
         let described = self.chosen(|_, kind| kind == FileKind::Scene);
         described.chain(self.chosen(|name, _| has_ending(name, &SCENES))).take(MAX_CHOICES).collect()
+    }
+
+    /// The newest upload with a scene, as names of its files begin; empty if there is none.
+    fn newest(&self) -> &str {
+        let first = self.chosen(|name, kind| kind == FileKind::Scene || has_ending(name, &SCENES)).next();
+        first.and_then(|name| name.split_inclusive('/').next()).unwrap_or_default()
     }
 
     /// Surveys and pipelines.
@@ -81,103 +114,318 @@ fn scanners(app: &App, wanted: &str) -> Markup {
             "Instrument"
             select name="scanner" required {
                 option value="" { "choose …" }
-                @for (reference, scanner) in app.workshop.program.entries("scanners") {
-                    option value=(reference) selected[reference == wanted] {
+                @for (number, (reference, scanner)) in app.workshop.program.entries("scanners").enumerate() {
+                    option value=(reference) data-picture=(format!("/instruments/{number}/pattern.svg")) selected[reference == wanted] {
                         (scanner["name"].as_str().filter(|name| !name.is_empty()).unwrap_or(reference)) " (" (reference.rsplit('#').next().unwrap_or(reference)) ")"
                     }
                 }
             }
         }
+        img #instrument .pattern hidden alt="";
+        p { small { a href="/instruments" { "All instruments with their pictures and figures" } } }
     }
 }
 
-/// A field for a number, with the value that it begins with or an example of one.
-fn number(name: &str, label: &str, value: &str, example: &str, unit: &str) -> Markup {
-    html! {
-        label {
-            (label) small { " " (unit) }
-            input name=(name) value=(value) placeholder=(example) inputmode="decimal" autocomplete="off" size="8";
+/// What a new scan begins with: the kind in addresses, and its name.
+const KINDS: [(&str, &str); 6] = [
+    ("airborne", "Flight"),
+    ("terrestrial", "Tripod"),
+    ("mobile", "Drive"),
+    ("trajectory", "Recorded flight"),
+    ("survey", "Survey file"),
+    ("stand", "Trees of an inventory"),
+];
+
+/// Values of the fields of a form: those of an address or of a form that is shown again, else the first ones.
+struct Values {
+    given: BTreeMap<String, String>,
+    /// Whether fields without a value are empty.
+    is_again: bool,
+}
+
+impl Values {
+    fn of<'v>(&'v self, key: &str, first: &'v str) -> &'v str {
+        match self.given.get(key) {
+            Some(value) => value,
+            None if self.is_again => "",
+            None => first,
         }
     }
+
+    /// A field for a number, with an example of one.
+    fn number(&self, name: &str, label: &str, first: &str, example: &str, unit: &str) -> Markup {
+        html! {
+            label {
+                (label) small { " " (unit) }
+                input name=(name) value=(self.of(name, first)) placeholder=(example) inputmode="decimal" autocomplete="off" size="8";
+            }
+        }
+    }
+
+    /// A field for a shape as text, which a script has drawn on the scene; without scripts a click on the picture adds a corner.
+    fn shape(&self, shape: Shape, scene: &str) -> Markup {
+        let Shape { field, kind, example, .. } = shape;
+        let text = self.of(field, "");
+        let corners = self.of("corners", "");
+        html! {
+            div .map data-shape=(kind) data-field=(field) hidden {}
+            @if !scene.is_empty() {
+                noscript {
+                    p { "A click on the scene adds a corner" @if corners.is_empty() { "." } @else { ": " (corners) } }
+                    input type="hidden" name="corners" value=(corners);
+                    input type="hidden" name="mapped" value=(scene);
+                    div .wide {
+                        input type="image" name=(field) src=(map_address(scene)) alt="The scene from above: add a corner" formaction="/forms/corner" formnovalidate;
+                    }
+                }
+            }
+            label {
+                (shape.label) small { " as text" }
+                textarea name=(field) rows="2" placeholder=(example) { (text) }
+            }
+        }
+    }
+}
+
+/// A shape that is drawn on a scene.
+#[derive(Clone, Copy)]
+struct Shape {
+    field: &'static str,
+    kind: &'static str,
+    label: &'static str,
+    example: &'static str,
+}
+
+const SHAPES: [Shape; 3] = [
+    Shape {
+        field: "area",
+        kind: "polygon",
+        label: "Area (WKT or GeoJSON)",
+        example: "POLYGON ((0 0, 100 0, 100 100, 0 100))",
+    },
+    Shape {
+        field: "along",
+        kind: "line",
+        label: "Line (WKT or GeoJSON)",
+        example: "LINESTRING (0 0, 50 0, 80 40)",
+    },
+    Shape { field: "around", kind: "point", label: "Centre x,y", example: "0,0" },
+];
+
+impl Shape {
+    /// The text of a shape with these corners; empty while there are too few.
+    fn text(self, corners: &[String]) -> String {
+        let all = corners.join(", ");
+        match (self.kind, corners) {
+            ("polygon", [first, _, _, ..]) => format!("POLYGON (({all}, {first}))"),
+            ("line", [_, _, ..]) => format!("LINESTRING ({all})"),
+            ("point", [.., last]) => last.replace(' ', ","),
+            _ => String::new(),
+        }
+    }
+}
+
+fn map_address(scene: &str) -> String {
+    format!("/map.png?scene={}", encoded(scene))
 }
 
 pub async fn new(
     State(app): State<Arc<App>>,
     Extension(identity): Extension<Identity>,
-    Query(query): Query<BTreeMap<String, String>>,
+    Query(given): Query<BTreeMap<String, String>>,
 ) -> Result<Response, Failure> {
+    show(&app, &identity, &Values { given, is_again: false }).await
+}
+
+/// Shows the form again with one corner more, where the picture of the scene was clicked.
+pub async fn corner(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    form: FormBody,
+) -> Result<Response, Failure> {
+    let mut given = genuine(&app, &identity, form)?;
+    for shape in SHAPES {
+        let mut click = |axis: &str| given.remove(&format!("{}.{axis}", shape.field))?.parse::<f64>().ok();
+        let (Some(x), Some(y)) = (click("x"), click("y")) else { continue };
+        let text = |key: &str| given.get(key).cloned().unwrap_or_default();
+        let (scene, mapped) = (text("scene"), text("mapped"));
+        // Another scene was chosen since: its picture comes first.
+        let is_same = scene == mapped;
+        let mut corners: Vec<String> = match is_same && shape.kind != "point" {
+            true => text("corners").split(", ").filter(|one| !one.is_empty()).map(str::to_owned).collect(),
+            false => Vec::new(),
+        };
+        if is_same {
+            let owner = identity.owner.clone();
+            let map = super::map::scene_map(&app, owner, scene).await?;
+            let [x, y] = map.frame.place(x, y);
+            corners.push(format!("{x} {y}"));
+        }
+        given.insert(shape.field.to_owned(), shape.text(&corners));
+        given.insert("corners".to_owned(), corners.join(", "));
+    }
+    show(&app, &identity, &Values { given, is_again: true }).await
+}
+
+async fn show(app: &Arc<App>, identity: &Identity, values: &Values) -> Result<Response, Failure> {
     let owner = identity.owner.clone();
-    let files = blocking(&app, move |workshop| Files::of(&workshop.store, &owner)).await?;
-    let asked = |key: &str| query.get(key).map(String::as_str).unwrap_or_default();
-    let wanted = if asked("upload").is_empty() { String::new() } else { format!("{}/", asked("upload")) };
-    let scanner = asked("scanner");
-    let (scenes, areas) = (files.scenes(), files.with(&AREAS));
-    let start = |action: &str| html! { (form_token(&app, &identity)) input type="hidden" name="kind" value=(action); };
+    let files = blocking(app, move |workshop| Files::of(&workshop.store, &owner)).await?;
+    let kind = KINDS.iter().find(|(kind, _)| *kind == values.of("kind", "")).unwrap_or(&KINDS[0]);
     let content = html! {
         h1 { "New scan" }
         @if files.0.is_empty() {
             p .lead { "There are no files yet: " a href="/" { "upload a scene" } " first." }
         }
-        section .card aria-labelledby="flight" {
-            h2 #flight { "A flight over a scene" }
-            form method="post" action="/forms/plan" {
-                (start("airborne"))
-                (choice("scene", "Scene", &scenes, None, &wanted))
-                (scanners(&app, scanner))
-                div .row {
-                    (number("height", "Height above ground", "80", "", "m"))
-                    (number("density", "Density", "10", "", "pulses per m²"))
-                    (number("overlap", "Overlap", "30", "", "%"))
-                    (number("speed", "or, instead of one of them, speed", "", "8", "m/s"))
-                }
-                (choice("area_file", "Area", &areas, Some("the whole scene"), ""))
-                label { "or as text " small { "WKT or GeoJSON" } textarea name="area" rows="2" placeholder="POLYGON ((0 0, 100 0, 100 100, 0 100))" {} }
-                label .flag { input type="checkbox" name="follow_terrain"; " Follow the terrain" }
-                button type="submit" { "Plan the flight" }
+        nav .kinds aria-label="Kinds of scans" {
+            @for (other, name) in KINDS {
+                a href=(address(other, values)) aria-current=[(other == kind.0).then_some("page")] { (name) }
             }
         }
-        section .card aria-labelledby="plot" {
-            h2 #plot { "Tripod positions" }
+        script src="/static/draw.js" defer {}
+        section .card aria-labelledby="kind" {
+            (form(app, identity, kind.0, &files, values))
+        }
+    };
+    Ok(page(app, identity, kind.1, &content))
+}
+
+/// The address of another kind of scan, with what is chosen already.
+fn address(kind: &str, values: &Values) -> String {
+    let mut address = format!("/new?kind={kind}");
+    for key in ["upload", "scene", "scanner"] {
+        let value = values.of(key, "");
+        if !value.is_empty() {
+            address += &format!("&{key}={}", encoded(value));
+        }
+    }
+    address
+}
+
+fn form(app: &App, identity: &Identity, kind: &str, files: &Files, values: &Values) -> Markup {
+    let (scenes, areas) = (files.scenes(), files.with(&AREAS));
+    let wanted = match (values.of("scene", ""), values.of("upload", "")) {
+        ("", "") if !values.is_again => files.newest().to_owned(),
+        ("", upload) => format!("{upload}/"),
+        (scene, _) => scene.to_owned(),
+    };
+    // The one that the list shows.
+    let shown = scenes.iter().find(|name| !wanted.is_empty() && name.starts_with(&wanted));
+    let scene = shown.copied().unwrap_or_default();
+    let begin = |title: &str| {
+        html! {
+            h2 #kind { (title) }
+            (form_token(app, identity))
+            input type="hidden" name="kind" value=(kind);
+        }
+    };
+    let scene_choice = || choice("scene", "Scene", &scenes, None, &wanted);
+    let named = |key: &str| {
+        let given = values.of(key, "");
+        if given.is_empty() { wanted.clone() } else { given.to_owned() }
+    };
+    let [area, along, around] = SHAPES;
+    match kind {
+        "terrestrial" => html! {
             form method="post" action="/forms/plan" {
-                (start("terrestrial"))
-                (choice("scene", "Scene", &scenes, None, &wanted))
-                (scanners(&app, scanner))
+                (begin("Tripod positions"))
+                (scene_choice())
+                (scanners(app, values.of("scanner", "")))
+                (values.shape(around, scene))
                 div .row {
-                    (number("around", "Centre x,y", "", "0,0", "m"))
-                    (number("radius", "Radius", "", "10", "m"))
-                    (number("positions", "Positions", "", "4", ""))
-                    (number("spacing", "or spacing of a grid", "", "15", "m"))
-                    (number("resolution", "Resolution", "0.1", "", "°"))
+                    (values.number("radius", "Radius", "10", "10", "m"))
+                    (values.number("positions", "Positions on it", "4", "4", ""))
+                    (values.number("spacing", "or, instead, spacing of a grid", "", "15", "m"))
+                    (values.number("resolution", "Resolution", "0.1", "", "°"))
                 }
                 button type="submit" { "Plan the positions" }
             }
-        }
-        section .card aria-labelledby="drive" {
-            h2 #drive { "A drive along a line" }
+        },
+        "mobile" => html! {
             form method="post" action="/forms/plan" {
-                (start("mobile"))
-                (choice("scene", "Scene", &scenes, None, &wanted))
-                (scanners(&app, scanner))
-                div .row { (number("speed", "Speed", "8", "", "m/s")) }
-                (choice("along_file", "Line", &areas, Some("as text"), ""))
-                label { "or as text " small { "WKT or GeoJSON" } textarea name="along" rows="2" placeholder="LINESTRING (0 0, 50 0, 80 40)" {} }
+                (begin("A drive along a line"))
+                (scene_choice())
+                (scanners(app, values.of("scanner", "")))
+                div .row { (values.number("speed", "Speed", "8", "", "m/s")) }
+                (values.shape(along, scene))
+                (choice("along_file", "or a file with a line", &areas, Some("none"), ""))
                 button type="submit" { "Plan the drive" }
             }
-        }
-        section .card aria-labelledby="survey" {
-            h2 #survey { "A survey or pipeline file" }
-            form method="post" action="/forms/run" {
-                (form_token(&app, &identity))
-                (choice("file", "File", &files.surveys(), None, &wanted))
-                (super::job::run_fields())
-                div .row {
-                    button type="submit" name="action" value="dry-run" { "Forecast" }
-                    button type="submit" name="action" value="run" { "Run" }
+        },
+        "trajectory" => html! {
+            form method="post" action="/forms/trajectory" {
+                (begin("A recorded flight or drive"))
+                (choice("trajectory", "Trajectory", &files.with(&TRAJECTORIES), None, &named("trajectory")))
+                (scene_choice())
+                (scanners(app, values.of("scanner", "")))
+                label {
+                    "Platform" small { " tells how the instrument is mounted" }
+                    select name="platform" required {
+                        @for (reference, _) in app.workshop.program.entries("platforms") {
+                            option value=(reference) selected[reference == values.of("platform", PLATFORM)] { (reference.rsplit('#').next().unwrap_or(reference)) }
+                        }
+                    }
                 }
+                div .row {
+                    (values.number("pulse_freq_hz", "Pulse rate", "100000", "", "Hz"))
+                    (values.number("scan_freq_hz", "Scan frequency", "50", "", "Hz"))
+                    label {
+                        "UTM zone" small { " of latitudes and longitudes" }
+                        input name="utm_zone" value=(values.of("utm_zone", "")) placeholder="32N" autocomplete="off" size="8";
+                    }
+                }
+                (super::job::run_fields())
+                (actions())
             }
+        },
+        "survey" => html! {
+            form method="post" action="/forms/run" {
+                (begin("A survey or pipeline file"))
+                (choice("file", "File", &files.surveys(), None, &named("file")))
+                (super::job::run_fields())
+                (actions())
+            }
+        },
+        "stand" => html! {
+            form method="post" action="/forms/stand" {
+                (begin("Trees of an inventory as a scene"))
+                p { small {
+                    "A table with the columns x, y and height, and perhaps crown, dbh and species, in English or German, as spreadsheets save it "
+                    "(CSV)."
+                } }
+                (choice("inventory", "Inventory", &files.with(&TABLES), None, &named("inventory")))
+                (choice("terrain", "Terrain", &files.with(&TERRAINS), Some("none"), values.of("terrain", "")))
+                label .flag { input type="checkbox" name="flat" checked[!values.of("flat", "on").is_empty()]; " Flat ground, unless a terrain is chosen" }
+                button type="submit" { "Make the scene" }
+            }
+        },
+        _ => html! {
+            form method="post" action="/forms/plan" {
+                (begin("A flight over a scene"))
+                (scene_choice())
+                (scanners(app, values.of("scanner", "")))
+                div .row {
+                    (values.number("height", "Height above ground", "80", "", "m"))
+                    (values.number("density", "Density", "10", "", "pulses per m²"))
+                    (values.number("overlap", "Overlap", "30", "", "%"))
+                    (values.number("speed", "or, instead of one of them, speed", "", "8", "m/s"))
+                }
+                (values.shape(area, scene))
+                p { small { "Without an area the whole scene is flown." } }
+                (choice("area_file", "or a file with an area", &areas, Some("none"), ""))
+                label .flag { input type="checkbox" name="follow_terrain" checked[!values.of("follow_terrain", "").is_empty()]; " Follow the terrain" }
+                button type="submit" { "Plan the flight" }
+            }
+        },
+    }
+}
+
+fn actions() -> Markup {
+    html! {
+        div .row {
+            button type="submit" name="action" value="dry-run" { "Forecast" }
+            button type="submit" name="action" value="run" { "Run" }
         }
-    };
-    Ok(page(&app, &identity, "New scan", &content))
+    }
 }
 
 pub async fn compare(

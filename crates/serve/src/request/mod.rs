@@ -131,6 +131,11 @@ pub fn check(
                 ..Prepared::default()
             }
         }
+        Process::Stand => {
+            let start = ["scene", "stand", "--copy", "--out=../out/stand"].map(str::to_owned).to_vec();
+            let words = [start, options(&inputs, &schema)?].concat();
+            Prepared { words, within_inputs: true, ..Prepared::default() }
+        }
         Process::Preview => {
             let format = inputs.get("format").and_then(Value::as_str).unwrap_or("png").to_owned();
             inputs.remove("format");

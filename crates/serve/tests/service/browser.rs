@@ -59,9 +59,12 @@ fn links_and_forms_lead_from_a_scene_to_a_cloud() {
     let token = token_of(&home).to_owned();
     let (media, body) = form("terrain", &files_of(&fixtures().join("terrain")));
     let uploaded = service.ask("POST", "/uploads", &[HTML, ("Content-Type", &media)], &body);
-    assert_eq!((uploaded.status, uploaded.header("location")), (303, "/"));
-    assert!(page(&service, "/").contains("terrain"));
-    let new = page(&service, "/new?upload=terrain&scanner=data/scanners_als.xml%23riegl_vux-1uav");
+    assert_eq!((uploaded.status, uploaded.header("location")), (303, "/uploads/terrain"));
+    let upload = page(&service, "/uploads/terrain");
+    let link = "/new?kind=airborne&amp;scene=terrain%2Fscene.xml&amp;upload=terrain";
+    assert!(page(&service, "/").contains("/uploads/terrain") && upload.contains(link), "{upload}");
+    let new =
+        page(&service, &(link.replace("&amp;", "&") + "&scanner=data/scanners_als.xml%23riegl_vux-1uav"));
     assert!(new.contains("<option value=\"terrain/scene.xml\" selected"), "{new}");
     let planned = send(
         &service,
@@ -100,15 +103,19 @@ fn links_and_forms_lead_from_a_scene_to_a_cloud() {
     );
     let path = run.header("location").to_owned();
     let done = finished(&service, &path);
+    let points = format!("{}/points.laz", path.trim_start_matches('/'));
     assert!(
-        done.contains("points.laz") && done.contains("<iframe") && done.contains("vlscan run job.toml"),
+        done.contains("/view/view.png") && done.contains(&points) && done.contains("vlscan run job.toml"),
         "{done}"
     );
-    let viewer = service.get(&format!("{path}/view/view.html"));
-    assert_eq!(viewer.status, 200);
-    let policy = viewer.header("content-security-policy");
-    assert!(policy.contains("sandbox") && policy.contains("frame-ancestors 'self'"), "{policy}");
-    let points = format!("{}/points.laz", path.trim_start_matches('/'));
+    // LAZ is copied for the viewer, once.
+    let copy = send(&service, "/forms/view", &token, &[("points", &points)]).header("location").to_owned();
+    let address = format!("data-cloud=\"{copy}/results/preview.copc.laz\"");
+    assert!(finished(&service, &copy).contains(&address), "{copy}");
+    assert_eq!(send(&service, "/forms/view", &token, &[("points", &points)]).header("location"), copy);
+    let octree =
+        service.ask("GET", &format!("{copy}/results/preview.copc.laz"), &[("Range", "bytes=375-380")], b"");
+    assert_eq!((octree.status, octree.body.get(2..6)), (206, Some(&b"copc"[..])));
     assert!(page(&service, &format!("/compare?first={points}")).contains(&points));
     let compared = send(&service, "/forms/compare", &token, &[("first", &points), ("second", &points)]);
     // One cloud alone is no choice, but the form takes it.
@@ -122,9 +129,126 @@ fn links_and_forms_lead_from_a_scene_to_a_cloud() {
 }
 
 #[test]
+fn clicks_on_the_scene_are_corners_of_an_area() {
+    let service = Service::start(&[]);
+    service.upload_fixture("terrain");
+    let new = page(&service, "/new?scene=terrain/scene.xml");
+    let token = token_of(&new).to_owned();
+    assert!(new.contains("src=\"/map.png?scene=terrain%2Fscene.xml\""), "{new}");
+    let frame = service.json("/map.json?scene=terrain/scene.xml");
+    let pixel = frame["pixel"].as_f64().unwrap();
+    let left = frame["corner"][0].as_f64().unwrap();
+    let picture = service.get("/map.png?scene=terrain/scene.xml");
+    assert!(picture.body.starts_with(b"\x89PNG") && pixel > 0.0);
+    let mut corners = String::new();
+    let mut area = String::new();
+    for (x, y) in [("100", "100"), ("300", "100"), ("300", "250")] {
+        let fields = [
+            ("kind", "airborne"),
+            ("scene", "terrain/scene.xml"),
+            ("mapped", "terrain/scene.xml"),
+            ("height", "55"),
+            ("corners", &corners),
+            ("area.x", x),
+            ("area.y", y),
+        ];
+        let again = send(&service, "/forms/corner", &token, &fields).text();
+        assert!(again.contains("name=\"height\" value=\"55\""), "{again}");
+        let next = again.split("name=\"corners\" value=\"").nth(1).unwrap().split('"').next().unwrap();
+        area = again.split("</textarea>").next().unwrap().rsplit('>').next().unwrap().to_owned();
+        corners = next.to_owned();
+    }
+    let first: Vec<f64> = corners.split([',', ' ']).take(2).map(|number| number.parse().unwrap()).collect();
+    assert!((first[0] - (left + 99.5 * pixel)).abs() < pixel, "{corners} {frame}");
+    assert_eq!(area, format!("POLYGON (({corners}, {}))", corners.split(", ").next().unwrap()));
+    let others = service.get("/map.json?scene=nothing/scene.xml");
+    assert_eq!(others.status, 404);
+    assert_eq!(service.get("/map.json?scene=../secret.xml").status, 400);
+}
+
+#[test]
+fn an_inventory_becomes_a_scene() {
+    let service = Service::start(&[]);
+    let table = "x;y;Höhe;Baumart\n0;0;21,5;Fichte\n6;2;18;Rotbuche\n-4;7;12;Kiefer\n".as_bytes().to_vec();
+    assert_eq!(service.upload("plot", &[("trees.csv", table)]).status, 201);
+    let upload = page(&service, "/uploads/plot");
+    let token = token_of(&upload).to_owned();
+    assert!(upload.contains("/new?kind=stand&amp;inventory=plot%2Ftrees.csv"), "{upload}");
+    let made = send(
+        &service,
+        "/forms/stand",
+        &token,
+        &[("inventory", "plot/trees.csv"), ("terrain", ""), ("flat", "on")],
+    );
+    let path = made.header("location").to_owned();
+    let done = finished(&service, &path);
+    let scene = format!("{}/stand/stand.xml", path.trim_start_matches('/'));
+    let link = format!("/new?kind=airborne&amp;scene={}", scene.replace('/', "%2F"));
+    assert!(done.contains(&link), "{done}");
+    let labels = service.get(&format!("{path}/results/stand/labels.csv")).text();
+    let models: Vec<&str> = labels.lines().skip(1).map(|line| line.split(',').nth(3).unwrap()).collect();
+    let of = |species: &str| models.iter().filter(|model| model.starts_with(species)).count();
+    assert_eq!((of("spruce"), of("beech")), (2, 1), "{labels}");
+    // The tables do not tell where the service keeps its files.
+    let trees = service.get(&format!("{path}/results/stand/trees.csv")).text();
+    assert!(trees.lines().skip(1).all(|line| line.starts_with("models/")), "{trees}");
+    let new = page(&service, &link.replace("&amp;", "&"));
+    assert!(new.contains(&format!("<option value=\"{scene}\" selected")), "{new}");
+    assert_eq!(service.json(&format!("/map.json?scene={scene}"))["corner"].as_array().unwrap().len(), 2);
+}
+
+#[test]
+fn a_recorded_flight_is_flown() {
+    let service = Service::start(&[]);
+    service.upload_fixture("terrain");
+    let flight = std::fs::read(fixtures().join("flight.csv")).unwrap();
+    assert_eq!(service.upload("flight", &[("flight.csv", flight)]).status, 201);
+    let token = token_of(&page(&service, "/new?kind=trajectory&upload=flight")).to_owned();
+    let fields = [
+        ("kind", "trajectory"),
+        ("trajectory", "flight/flight.csv"),
+        ("scene", "terrain/scene.xml"),
+        ("scanner", "data/scanners_als.xml#riegl_vux-1uav"),
+        ("platform", "data/platforms.xml#copter_linearpath"),
+        ("pulse_freq_hz", "50000"),
+        ("scan_freq_hz", "50"),
+        ("action", "dry-run"),
+    ];
+    let forecast = send(&service, "/forms/trajectory", &token, &fields);
+    let forecast = finished(&service, forecast.header("location"));
+    assert!(forecast.contains("Pulses"), "{forecast}");
+}
+
+#[test]
+fn the_decoder_has_no_network() {
+    let service = Service::start(&["--workers", "0"]);
+    let policy = |path: &str| service.get(path).header("content-security-policy").to_owned();
+    let worker = policy("/static/viewer/decoder.js");
+    assert_eq!(worker, "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'");
+    for path in ["/", "/static/viewer/viewer.js", "/static/laz-perf.js"] {
+        assert!(!policy(path).contains("unsafe"), "{path}");
+    }
+    assert_eq!(service.get("/static/laz-perf.wasm").header("content-type"), "application/wasm");
+    for path in ["/static/../Cargo.toml", "/static/laz-perf.md", "/static/"] {
+        assert_eq!(service.get(path).status, 404, "{path}");
+    }
+}
+
+#[test]
 fn every_page_stands_alone() {
     let service = Service::start(&["--workers", "0"]);
-    for path in ["/", "/new", "/jobs", "/compare", "/instruments", "/instruments/3", "/api", "/api?f=html"] {
+    for path in [
+        "/",
+        "/new",
+        "/new?kind=stand",
+        "/new?kind=trajectory",
+        "/jobs",
+        "/compare",
+        "/instruments",
+        "/instruments/3",
+        "/api",
+        "/api?f=html",
+    ] {
         let text = page(&service, path);
         assert!(text.contains("<html lang=\"en\">") && text.contains("name=\"viewport\""), "{path}");
         for part in ["http://", "https://", "javascript:", " style=", "onclick", "<script>"] {

@@ -30,7 +30,7 @@ fn the_service_describes_itself() {
         .iter()
         .map(|process| process["id"].as_str().unwrap())
         .collect();
-    assert_eq!(ids, ["run", "plan", "dry-run", "campaign", "compare", "preview"]);
+    assert_eq!(ids, ["run", "plan", "dry-run", "campaign", "compare", "stand", "preview"]);
     let definition = service.json("/api");
     assert_eq!(definition["openapi"], "3.0.3");
     for id in ids {

@@ -17,9 +17,11 @@ struct Style {
     faint: Rgb,
 }
 
+/// Background of views for screens.
+pub(super) const DARK_GROUND: Rgb = [23, 29, 38];
 /// For screens.
 const DARK: Style =
-    Style { paper: [16, 20, 27], ground: [23, 29, 38], ink: [226, 231, 236], faint: [142, 152, 164] };
+    Style { paper: [16, 20, 27], ground: DARK_GROUND, ink: [226, 231, 236], faint: [142, 152, 164] };
 /// For paper.
 const LIGHT: Style =
     Style { paper: [255, 255, 255], ground: [243, 245, 247], ink: [22, 32, 43], faint: [82, 96, 109] };

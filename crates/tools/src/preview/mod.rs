@@ -1,17 +1,21 @@
 //! Draws a point cloud as a picture (from above and from the south, with scale bars and a legend) or as an interactive
-//! page for a browser, and the waveform of one pulse as a chart.
+//! page for a browser, writes it for viewers of large clouds, and draws the waveform of one pulse as a chart.
 //!
 //! The same points and options give the same picture.
 //!
 //! | file | what it does |
 //! |---|---|
 //! | `layout`, `panel`, `colour` | the layout of a picture, its views, colours and legend |
+//! | `map` | pictures from above whose pixels have known coordinates |
 //! | `page` | pages for a browser |
+//! | `octree` | clouds for viewers that read ranges |
 //! | `chart` | charts of waveforms |
 
 mod chart;
 mod colour;
 mod layout;
+mod map;
+mod octree;
 mod page;
 mod panel;
 
@@ -20,6 +24,8 @@ use crate::cloud::Points;
 pub use chart::Chart;
 pub use colour::ColourBy;
 use colour::Colouring;
+pub use map::Map;
+pub use octree::write_octree;
 pub use page::{Page, write_page};
 
 /// How a cloud is drawn, as a picture or as a page.

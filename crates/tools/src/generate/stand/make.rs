@@ -17,19 +17,25 @@ use vlscan_survey::{ReadOptions, names_raster, read_scene};
 
 /// Numbers of epochs.
 const EPOCHS: Bounds = Bounds::new(1.0, 1000.0, "1 to 1000");
+/// Width of flat ground around the trees, m.
+const FLAT_MARGIN: f64 = 20.0;
 
 /// What a stand is made of.
 #[derive(Clone, Debug, PartialEq, clap::Args)]
 pub struct StandOptions {
     /// The inventory: a table of text with a heading.
     pub inventory: PathBuf,
-    /// Folder of tree models, OBJ files whose names begin with their species: beech_1.obj.
+    /// Folder of tree models, OBJ files whose names begin with their species: beech_1.obj. [default: models of spruces, beeches and birches
+    /// in the folder `models` of the output, which stand for other conifers and broad-leaved trees, too]
     #[arg(long, value_name = "DIR")]
-    pub trees: PathBuf,
+    pub trees: Option<PathBuf>,
     /// Terrain: a mesh (.obj, .ply, .stl) or a raster (.tif, .vrt, a folder of tiles); may be given more than once. Rasters, and meshes without a ground material,
     /// become soil: class 2, reflectance 0.3, ground. [default: none; trees use z of the inventory]
     #[arg(long, value_name = "FILE")]
     pub terrain: Vec<PathBuf>,
+    /// Flat ground under the trees and 20 m around them, of soil, at the height 0 or that which all trees have in the inventory.
+    #[arg(long, conflicts_with = "terrain")]
+    pub flat: bool,
     /// Material of terrain from rasters and OBJ files: a material file and the name of a ground material in it. [default: the mesh's own if
     /// it is ground, else soil]
     #[arg(long, value_name = "FILE.mtl#NAME", requires = "terrain")]
@@ -43,6 +49,9 @@ pub struct StandOptions {
     /// Growth, thinning and storm damage from one epoch to the next.
     #[command(flatten)]
     pub development: Development,
+    /// Copy tree models and terrain into the output folder, which can then be moved, instead of naming where they are.
+    #[arg(long)]
+    pub copy: bool,
     /// Replace existing files.
     #[arg(id = "force", long = "force")]
     pub overwrite: bool,
@@ -53,12 +62,14 @@ impl StandOptions {
     pub fn new(inventory: PathBuf, trees: PathBuf) -> StandOptions {
         StandOptions {
             inventory,
-            trees,
+            trees: Some(trees),
             terrain: Vec::new(),
+            flat: false,
             terrain_mtl: None,
             seed: 0,
             epochs: 1,
             development: Development::default(),
+            copy: false,
             overwrite: false,
         }
     }
@@ -85,7 +96,7 @@ pub fn make_stand(
     .map_err(Error::input)?;
     let (inventory, warnings) = Inventory::read(&options.inventory)?;
     observer.warnings(warnings)?;
-    let models = read_models(&options.trees)?;
+    let models = options.trees.as_deref().map(read_models).transpose()?;
     let named = options.terrain_mtl.as_deref().map(|name| named_material(name, observer)).transpose()?;
     let (mut grounds, mut terrain) = (Vec::new(), Vec::new());
     for path in &options.terrain {
@@ -94,10 +105,33 @@ pub fn make_stand(
         terrain.push(file);
     }
     refuse_all_beside(&inventory, &grounds, stands)?;
-    let ground = |x: f64, y: f64| grounds.iter().filter_map(|part| part.height(x, y)).reduce(f64::max);
+    let flat = options.flat.then(|| flat_ground(&inventory, &options.inventory)).transpose()?;
+    terrain.extend(flat.as_ref().map(|(ground, _)| ground.clone()));
+    let ground = |x: f64, y: f64| match flat {
+        Some((_, height)) => Some(height),
+        None => grounds.iter().filter_map(|part| part.height(x, y)).reduce(f64::max),
+    };
     let told = |trees: usize, made: &StandMade| observer.warnings(doubts(&options.inventory, trees, made));
     let site = StandSite { folder, terrain: &terrain, ground: &ground, stands, told: &told };
-    write_stand(&inventory, &models, options, &site)
+    write_stand(&inventory, models, options, &site)
+}
+
+/// Flat ground under all trees, and its height.
+fn flat_ground(inventory: &Inventory, path: &Path) -> Result<(Terrain, f64)> {
+    let range = |axis: usize| {
+        let values = inventory.trees.iter().map(|tree| tree.position[axis]);
+        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
+    };
+    let [x, y, z] = [0, 1, 2].map(range);
+    if z.0 != z.1 {
+        let message =
+            format!("{}: the trees stand at heights from {:.2} to {:.2} m", path.display(), z.0, z.1);
+        return Err(Error::input_with_help(message, "leave out --flat, or give a --terrain"));
+    }
+    let low = [x.0 - FLAT_MARGIN, y.0 - FLAT_MARGIN];
+    let high = [x.1 + FLAT_MARGIN, y.1 + FLAT_MARGIN];
+    let surface = TerrainSurface::Flat { low, high, height: z.0 };
+    Ok((Terrain { path: PathBuf::new(), surface }, z.0))
 }
 
 /// Warns of trees of the first epoch that stand as others, or beside the terrain.

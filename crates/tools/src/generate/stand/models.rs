@@ -1,10 +1,21 @@
-//! Tree models: the meshes of a folder.
+//! Tree models: the meshes of a folder, or those that are made where none are given.
 
+use crate::generate::forest;
+use crate::generate::obj::{ObjFile, SceneFolder};
+use crate::generate::tree::{Species, Tree};
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
+use vlscan_geom::DVec3;
 use vlscan_scene::LoadOptions;
 use vlscan_survey::{ReadOptions, read_scene};
+
+/// Models of each species that are made.
+const MADE_PER_SPECIES: u64 = 3;
+/// Triangles of a model that is made: leaves of about 2 dm².
+const MADE_TRIANGLES: u64 = 6000;
+/// Folder of the models that are made or copied.
+pub const MODEL_FOLDER: &str = "models";
 
 /// A tree model.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,6 +42,83 @@ pub fn read_models(folder: &Path) -> Result<Vec<Model>> {
         return Err(Error::input(format!("{}: no tree model (.obj) in that folder", folder.display())));
     }
     paths.into_iter().map(measure).collect()
+}
+
+/// Makes models of all species of the generator in a folder of a stand. Returns them with their names in the stand.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn make_models(files: &SceneFolder, seed: u64) -> Result<(Vec<Model>, Vec<String>)> {
+    files.add_folder(MODEL_FOLDER)?;
+    files.write(&format!("{MODEL_FOLDER}/{}", forest::MATERIAL_FILE), forest::MATERIALS.text().as_bytes())?;
+    let (mut models, mut names) = (Vec::new(), Vec::new());
+    for (number, species) in (0..).zip(Species::ALL.into_iter().cycle()).take(3 * MADE_PER_SPECIES as usize) {
+        let name = format!("{MODEL_FOLDER}/{}_{}.obj", species.name(), number / 3 + 1);
+        let mut out = ObjFile::create(files, &name, forest::MATERIAL_FILE)?;
+        Tree::new(seed, number, species, DVec3::ZERO).write(&mut out, seed, MADE_TRIANGLES)?;
+        let mesh = out.finish()?;
+        let size = mesh.bounds.size();
+        models.push(Model {
+            path: mesh.path,
+            species: species.name().to_owned(),
+            height: mesh.bounds.max.z,
+            crown: 0.5 * (size.x + size.y),
+            foot: [0.0; 3],
+        });
+        names.push(name);
+    }
+    Ok((models, names))
+}
+
+/// The species of a model that is made which stands for a species, by a word of its English, German or Latin name.
+pub fn stands_for(word: &str) -> Option<&'static str> {
+    const SPRUCES: [&str; 16] = [
+        "spruce",
+        "fichte",
+        "picea",
+        "pine",
+        "kiefer",
+        "pinus",
+        "fir",
+        "tanne",
+        "abies",
+        "larch",
+        "lärche",
+        "larix",
+        "douglas",
+        "douglasie",
+        "pseudotsuga",
+        "conifer",
+    ];
+    const BIRCHES: [&str; 9] =
+        ["birch", "birke", "betula", "aspen", "espe", "populus", "poplar", "pappel", "alder"];
+    const BEECHES: [&str; 22] = [
+        "beech",
+        "rotbuche",
+        "buche",
+        "fagus",
+        "oak",
+        "eiche",
+        "quercus",
+        "maple",
+        "ahorn",
+        "acer",
+        "ash",
+        "esche",
+        "fraxinus",
+        "lime",
+        "linde",
+        "tilia",
+        "hornbeam",
+        "hainbuche",
+        "carpinus",
+        "elm",
+        "ulme",
+        "ulmus",
+    ];
+    let made =
+        [(&SPRUCES[..], Species::Spruce), (&BIRCHES[..], Species::Birch), (&BEECHES[..], Species::Beech)];
+    made.into_iter().find(|(words, _)| words.contains(&word)).map(|(_, species)| species.name())
 }
 
 fn measure(path: PathBuf) -> Result<Model> {

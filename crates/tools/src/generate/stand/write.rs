@@ -1,18 +1,20 @@
 //! Writes a stand: `stand.xml` with a scene per epoch, the tables of its trees, and what their labels mean.
 
-use super::choose::{choose, stream};
+use super::choose::{Choice, choose, stream};
 use super::epochs::next_epoch;
 use super::inventory::{Inventory, Tree};
 use super::make::StandOptions;
-use super::models::Model;
+use super::models::{MODEL_FOLDER, Model, make_models, stands_for};
 use crate::generate::obj::SceneFolder;
 use crate::generate::survey::DOCUMENT;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use vlscan_base::columns::quoted;
 use vlscan_base::error::{Error, Result};
+use vlscan_base::files::reads;
 use vlscan_base::input::read_file;
 use vlscan_base::markup::escaped;
+use vlscan_base::rng::Stream;
 
 /// Where a stand is written and what stands on what.
 pub(super) struct StandSite<'o> {
@@ -38,12 +40,21 @@ pub(super) struct Terrain {
 }
 
 /// What a terrain is made of.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) enum TerrainSurface {
     /// The materials that its file has.
     Own,
     /// Bare soil, which the stand brings along.
     Soil,
+    /// A rectangle of bare soil without a file.
+    Flat {
+        /// Its lower corner, x and y in m.
+        low: [f64; 2],
+        /// Its upper corner, x and y in m.
+        high: [f64; 2],
+        /// Its height, m.
+        height: f64,
+    },
     /// A material of a file.
     Material {
         /// Path of the MTL file.
@@ -55,6 +66,8 @@ pub(super) enum TerrainSurface {
 
 /// Material file of a stand whose terrain has no ground of its own.
 const SOIL_FILE: &str = "terrain.mtl";
+/// Mesh of flat ground.
+const FLAT_FILE: &str = "ground.obj";
 const SOIL_NAME: &str = "soil";
 const SOIL: &str = "# helios_reflectance: 0 to 1. Class 2: ground.\nnewmtl soil\nKd 0.42 0.34 0.25\nhelios_reflectance 0.3\n\
                     helios_classification 2\nhelios_isGround true\n";
@@ -74,20 +87,32 @@ pub struct StandMade {
     pub off_terrain: usize,
 }
 
-/// Writes a stand.
+/// Writes a stand. Without `models` they are made.
 ///
 /// # Errors
 /// [`Error::Io`], [`Error::Input`] if a file exists or a name is not UTF-8.
 pub(super) fn write_stand(
     inventory: &Inventory,
-    models: &[Model],
+    models: Option<Vec<Model>>,
     options: &StandOptions,
     site: &StandSite,
 ) -> Result<StandMade> {
     let StandSite { folder, stands, told, .. } = *site;
-    let meshes: Vec<String> = models.iter().map(|model| absolute(&model.path)).collect::<Result<_>>()?;
     // No file is replaced before all are complete: the inventory, a model or the terrain may have one of their names.
     let files = SceneFolder::create(folder, options.overwrite)?;
+    let are_made = models.is_none();
+    let (models, meshes) = match models {
+        None => make_models(&files, options.seed)?,
+        Some(models) if options.copy => {
+            let names = copy_models(&models, &files)?;
+            (models, names)
+        }
+        Some(models) => {
+            let names = models.iter().map(|model| absolute(&model.path)).collect::<Result<_>>()?;
+            (models, names)
+        }
+    };
+    let set = ModelSet { models: &models, names: &meshes, are_made };
     let mut made = StandMade {
         scene: folder.join("stand.xml"),
         trees: Vec::new(),
@@ -108,11 +133,10 @@ pub(super) fn write_stand(
             return Err(Error::input(format!("no tree is left in epoch {epoch}, and there is no terrain")));
         }
         let suffix = if options.epochs > 1 { format!("_{epoch}") } else { String::new() };
-        let table =
-            Tables::of(&trees, models, &meshes, options.seed, site, (epoch == 0).then_some(&mut made));
+        let table = Tables::of(&trees, &set, options.seed, site, (epoch == 0).then_some(&mut made));
         if epoch == 0 {
             told(trees.len(), &made)?;
-            terrain = write_terrain(site, &files)?;
+            terrain = write_terrain(site, &files, options.copy)?;
         }
         files.write(&format!("trees{suffix}.csv"), table.instances.as_bytes())?;
         files.write(&format!("labels{suffix}.csv"), table.labels.as_bytes())?;
@@ -144,11 +168,36 @@ struct Tables {
     labels: String,
 }
 
+/// The tree models of a stand.
+struct ModelSet<'m> {
+    models: &'m [Model],
+    /// Their names in the tables.
+    names: &'m [String],
+    /// Whether they are those of the generator, which stand for trees of other species, too.
+    are_made: bool,
+}
+
+impl ModelSet<'_> {
+    /// Chooses the model for the tree with that number in the inventory.
+    fn choose(&self, tree: &Tree, number: usize, stream: &Stream) -> Choice {
+        let species = tree.species.as_deref().filter(|_| self.are_made).map(str::to_lowercase);
+        let words = species.iter().flat_map(|species| species.split(|c: char| !c.is_alphabetic()));
+        match words.filter_map(stands_for).next() {
+            Some(species) => choose(
+                &Tree { species: Some(species.to_owned()), ..tree.clone() },
+                number,
+                self.models,
+                stream,
+            ),
+            None => choose(tree, number, self.models, stream),
+        }
+    }
+}
+
 impl Tables {
     fn of(
         trees: &[(usize, Tree)],
-        models: &[Model],
-        meshes: &[String],
+        set: &ModelSet,
         seed: u64,
         site: &StandSite,
         mut made: Option<&mut StandMade>,
@@ -159,8 +208,8 @@ impl Tables {
             labels: "part,id,species,model,x,y,z,height,crown,dbh\n".to_owned(),
         };
         for (row, (number, tree)) in trees.iter().enumerate() {
-            let choice = choose(tree, *number, models, &stream);
-            let model = &models[choice.model];
+            let choice = set.choose(tree, *number, &stream);
+            let model = &set.models[choice.model];
             let [x, y, own_z] = tree.position;
             let ground = (site.ground)(x, y);
             if let Some(made) = made.as_deref_mut() {
@@ -178,7 +227,7 @@ impl Tables {
             let _ = writeln!(
                 tables.instances,
                 "{},{:.4},{:.4},{:.4},{:.3},{:.6}",
-                meshes[choice.model], place[0], place[1], place[2], choice.yaw, choice.scale
+                set.names[choice.model], place[0], place[1], place[2], choice.yaw, choice.scale
             );
             let optional = |value: Option<f64>| value.map(|v| format!("{v:.3}")).unwrap_or_default();
             let _ = writeln!(
@@ -206,22 +255,79 @@ impl StandMade {
     }
 }
 
+/// Copies all files of the folder of the models, among them their materials. Returns the names of the models in the stand.
+fn copy_models(models: &[Model], files: &SceneFolder) -> Result<Vec<String>> {
+    files.add_folder(MODEL_FOLDER)?;
+    let folder = models.first().and_then(|model| model.path.parent()).unwrap_or(Path::new("."));
+    for path in reads::list(folder).map_err(|e| Error::open(folder, e))?.iter().filter(|path| path.is_file())
+    {
+        files.write(&in_folder(MODEL_FOLDER, path)?, &content(path)?)?;
+    }
+    models.iter().map(|model| in_folder(MODEL_FOLDER, &model.path)).collect()
+}
+
+/// Copies a file of the terrain, with the material files beside it that an OBJ file names. Returns its name in the stand.
+fn copy_terrain(path: &Path, number: usize, files: &SceneFolder) -> Result<String> {
+    let folder = format!("terrain_{}", number + 1);
+    files.add_folder(&folder)?;
+    let content = content(path)?;
+    for line in content.split(|byte| *byte == b'\n').filter(|_| is_obj(path)) {
+        let line = String::from_utf8_lossy(line);
+        let Some(name) = line.trim().strip_prefix("mtllib ") else { continue };
+        let materials = path.with_file_name(name.trim());
+        if materials.is_file() {
+            files.write(&in_folder(&folder, &materials)?, &self::content(&materials)?)?;
+        }
+    }
+    let name = in_folder(&folder, path)?;
+    files.write(&name, &content)?;
+    Ok(name)
+}
+
+fn content(path: &Path) -> Result<Vec<u8>> {
+    read_file(path, u64::MAX - 1).map_err(|e| Error::open(path, e))
+}
+
+/// The name of a copy of a file in a folder of the stand.
+fn in_folder(folder: &str, path: &Path) -> Result<String> {
+    let name = path.file_name().and_then(|name| name.to_str()).filter(|name| !name.contains([',', '\n']));
+    name.map(|name| format!("{folder}/{name}")).ok_or_else(|| {
+        Error::input(format!("{}: its name has a comma or bytes that are no UTF-8", path.display()))
+    })
+}
+
 /// Writes the soil and the meshes that get it. Returns the loader of each terrain.
-fn write_terrain(site: &StandSite, files: &SceneFolder) -> Result<Vec<String>> {
-    if site.terrain.iter().any(|terrain| terrain.surface == TerrainSurface::Soil) {
+fn write_terrain(site: &StandSite, files: &SceneFolder, copy: bool) -> Result<Vec<String>> {
+    let named = |number: usize, path: &Path| match copy && path.is_file() {
+        true => copy_terrain(path, number, files),
+        false => absolute(path),
+    };
+    let is_soil =
+        |surface: &TerrainSurface| matches!(surface, TerrainSurface::Soil | TerrainSurface::Flat { .. });
+    if site.terrain.iter().any(|terrain| is_soil(&terrain.surface)) {
         files.write(SOIL_FILE, SOIL.as_bytes())?;
     }
     let loader = |(number, terrain): (usize, &Terrain)| {
         let (file, name) = match &terrain.surface {
-            TerrainSurface::Own => return Ok(mesh_loader(&absolute(&terrain.path)?)),
+            TerrainSurface::Own => return Ok(mesh_loader(&named(number, &terrain.path)?)),
             TerrainSurface::Soil => (SOIL_FILE.to_owned(), SOIL_NAME),
+            TerrainSurface::Flat { low: [west, south], high: [east, north], height } => {
+                let corners = [[west, south], [east, south], [east, north], [west, north]];
+                let vertex = |[x, y]: [&f64; 2]| format!("v {x:.4} {y:.4} {height:.4}\n");
+                let mesh = format!(
+                    "mtllib {SOIL_FILE}\nusemtl {SOIL_NAME}\n{}f 1 2 3\nf 1 3 4\n",
+                    corners.map(vertex).concat()
+                );
+                files.write(FLAT_FILE, mesh.as_bytes())?;
+                return Ok(mesh_loader(FLAT_FILE));
+            }
             TerrainSurface::Material { file, name } => (absolute(file)?, name.as_str()),
         };
         if !is_obj(&terrain.path) {
-            return Ok(raster_loader(&absolute(&terrain.path)?, &file, name));
+            return Ok(raster_loader(&named(number, &terrain.path)?, &file, name));
         }
         let copy = format!("terrain_{}.obj", number + 1);
-        let mesh = read_file(&terrain.path, u64::MAX - 1).map_err(|e| Error::open(&terrain.path, e))?;
+        let mesh = content(&terrain.path)?;
         files.write(&copy, &with_material(&mesh, &file, name))?;
         Ok(mesh_loader(&copy))
     };

@@ -1,0 +1,102 @@
+//! The points of a result, to turn around: the page names the file, of which a script reads what the picture needs.
+
+use super::layout::form_token;
+use crate::answers::encoded;
+use crate::app::{App, Identity};
+use crate::store::{Job, ResultFile};
+use maud::{Markup, html};
+
+/// Ending of the files that are read in ranges.
+const OCTREE: &str = ".copc.laz";
+/// Endings of other files of points that a copy can be made of.
+const CLOUDS: [&str; 11] =
+    [".laz", ".las", ".ply", ".xyz", ".pcd", ".e57", ".pts", ".ptx", ".csv", ".arrow", ".parquet"];
+
+/// Whether points of the file can be shown, if need be by a copy.
+pub fn is_cloud(name: &str) -> bool {
+    let name = name.to_ascii_lowercase();
+    CLOUDS.iter().any(|ending| name.ends_with(ending))
+}
+
+/// The points of a result: those of a COPC among the files, else a form that has a copy made of another file.
+pub fn cloud(app: &App, identity: &Identity, job: &Job, files: &[ResultFile], picture: &Markup) -> Markup {
+    if let Some(file) = files.iter().find(|file| file.path.ends_with(OCTREE)) {
+        return viewer(&format!("/jobs/{}/results/{}", job.id, encoded(&file.path)), picture);
+    }
+    let Some(file) = files.iter().find(|file| is_cloud(&file.path)) else { return picture.clone() };
+    html! {
+        (picture)
+        (show_form(app, identity, &format!("jobs/{}/{}", job.id, file.path), "Show the points to turn around"))
+    }
+}
+
+/// A form that has a copy made for the viewer.
+pub fn show_form(app: &App, identity: &Identity, name: &str, label: &str) -> Markup {
+    html! {
+        form .inline method="post" action="/forms/view" {
+            (form_token(app, identity))
+            input type="hidden" name="points" value=(name);
+            button .quiet type="submit" { (label) }
+        }
+    }
+}
+
+fn viewer(address: &str, picture: &Markup) -> Markup {
+    html! {
+        script type="module" src="/static/viewer/viewer.js" {}
+        section #cloud .cloud data-cloud=(address) aria-label="The points, to turn around" {
+            canvas tabindex="0" role="img" aria-label="The points" aria-describedby="hands" {}
+            p .facts { span .count {} " " span .slab {} }
+            p .said role="status" {}
+            // Where there is no WebGL.
+            div .instead hidden { (picture) }
+            ul .legend aria-label="Colours" {}
+            form .controls hidden autocomplete="off" {
+                div .row {
+                    label {
+                        "Colour"
+                        select name="colouring" {
+                            option value="height" { "Height" }
+                            option value="intensity" { "Intensity" }
+                            option value="return" { "Return" }
+                            option value="class" { "Class" }
+                            option value="object" { "Object" }
+                        }
+                    }
+                    label { "Size of points" input type="range" name="size" min="1" max="8" step="0.5" value="2"; }
+                    label {
+                        "Most points"
+                        select name="budget" {
+                            option value="300000" { "0.3 million" }
+                            option value="1000000" selected { "1 million" }
+                            option value="3000000" { "3 million" }
+                            option value="8000000" { "8 million" }
+                        }
+                    }
+                    label {
+                        "Section"
+                        select name="section" {
+                            option value="" { "none" }
+                            option value="x" { "across x" }
+                            option value="y" { "across y" }
+                            option value="z" { "across z" }
+                        }
+                    }
+                    label { "Place of the section" input type="range" name="at" min="0" max="1" step="0.002" value="0.5" disabled; }
+                    label { "Thickness" input type="range" name="thickness" min="0" max="1" step="0.01" value="0.25" disabled; }
+                }
+                div .views {
+                    @for (view, name) in [("home", "Whole cloud"), ("above", "From above"), ("south", "From the south"), ("east", "From the east")] {
+                        button .quiet type="button" data-view=(view) { (name) }
+                    }
+                    button .quiet type="button" data-full { "Full screen" }
+                }
+                p #hands { small {
+                    "Drag to turn, Shift or the right button or two fingers to move, wheel or two fingers to enlarge. Keys: arrows turn, Shift and arrows "
+                    "move, + and − enlarge, Home shows all."
+                } }
+            }
+            noscript { p { "Turning the points needs JavaScript." } (picture) }
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! Pictures of scenes from above, and the coordinates of their pixels.
+
+use crate::answers::{Failure, document};
+use crate::app::{App, Identity};
+use crate::request::RequestError;
+use crate::scene_map::SceneMap;
+use crate::store::StoreError;
+use crate::submit::SubmitError;
+use axum::Extension;
+use axum::extract::{Query, State};
+use axum::http::{StatusCode, header};
+use axum::response::{IntoResponse as _, Response};
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+impl From<RequestError> for Failure {
+    fn from(error: RequestError) -> Failure {
+        SubmitError::from(error).into()
+    }
+}
+
+/// The picture of a scene of an owner. One is drawn at a time.
+pub async fn scene_map(app: &Arc<App>, owner: String, scene: String) -> Result<SceneMap, Failure> {
+    let absent = || {
+        Failure::new(
+            StatusCode::NOT_FOUND,
+            format!("there is no picture of `{scene}`; a forecast tells what is wrong with a scene"),
+        )
+    };
+    let permit = Arc::clone(&app.pictures).acquire_owned().await.map_err(|_| absent())?;
+    let wanted = scene.clone();
+    let drawn = crate::app::blocking(app, move |workshop| workshop.scene_map(&owner, &wanted)).await?;
+    drop(permit);
+    drawn.ok_or_else(absent)
+}
+
+fn wanted(query: &BTreeMap<String, String>) -> Result<String, Failure> {
+    query.get("scene").cloned().ok_or_else(|| super::layout::bad("scene: name a scene, UPLOAD/FILE"))
+}
+
+pub async fn picture(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    Query(query): Query<BTreeMap<String, String>>,
+) -> Result<Response, Failure> {
+    let map = scene_map(&app, identity.owner, wanted(&query)?).await?;
+    let picture = tokio::fs::read(&map.picture).await.map_err(StoreError::from)?;
+    Ok(([(header::CONTENT_TYPE, "image/png")], picture).into_response())
+}
+
+pub async fn frame(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    Query(query): Query<BTreeMap<String, String>>,
+) -> Result<Response, Failure> {
+    let map = scene_map(&app, identity.owner, wanted(&query)?).await?;
+    Ok(document(&json!(map.frame)))
+}

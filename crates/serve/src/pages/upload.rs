@@ -1,0 +1,76 @@
+//! The page of an upload: its files, and what can be done with each.
+
+use super::cloud::{is_cloud, show_form};
+use super::home::encoded;
+use super::layout::{bytes_text, form_token, page};
+use super::new::{is_scene, is_table, is_trajectory};
+use crate::app::{App, Identity};
+use crate::store::{FileKind, Upload, UploadFile};
+use axum::response::Response;
+use maud::{Markup, html};
+
+/// Most files that the page lists.
+const MAX_LISTED: usize = 500;
+
+/// The page of an upload.
+pub fn upload(app: &App, identity: &Identity, upload: &Upload, files: &[UploadFile]) -> Response {
+    // Those of which something can be made come first.
+    let mut sorted: Vec<(&UploadFile, Vec<Markup>)> =
+        files.iter().map(|file| (file, actions(app, identity, &upload.name, file))).collect();
+    let rank = |kind: FileKind| match kind {
+        FileKind::Survey => 0,
+        FileKind::Scene => 1,
+        FileKind::Other => 2,
+    };
+    sorted.sort_by_key(|(file, actions)| (actions.is_empty(), rank(file.kind)));
+    let content = html! {
+        h1 { (upload.name) }
+        p { (upload.files) @if upload.files == 1 { " file, " } @else { " files, " } (bytes_text(upload.bytes)) }
+        table {
+            thead { tr { th { "File" } th { "Size" } th { "What to do with it" } } }
+            tbody {
+                @for (file, actions) in sorted.iter().take(MAX_LISTED) {
+                    tr {
+                        td { (file.path) }
+                        td { (bytes_text(file.bytes)) }
+                        td .actions { @for action in actions { (action) " " } }
+                    }
+                }
+            }
+        }
+        @if files.len() > MAX_LISTED { p { "and " (files.len() - MAX_LISTED) " more" } }
+        form method="post" action="/forms/remove-upload" {
+            (form_token(app, identity))
+            input type="hidden" name="name" value=(upload.name);
+            button .quiet type="submit" { "Remove this upload" }
+        }
+    };
+    page(app, identity, &upload.name, &content)
+}
+
+fn actions(app: &App, identity: &Identity, upload: &str, file: &UploadFile) -> Vec<Markup> {
+    let name = format!("{upload}/{}", file.path);
+    let link = |kind: &str, key: &str, label: &str| {
+        html! { a .action href=(format!("/new?kind={kind}&{key}={}&upload={}", encoded(&name), encoded(upload))) { (label) } }
+    };
+    let mut found = Vec::new();
+    if file.kind == FileKind::Survey || name.ends_with(".toml") {
+        found.push(link("survey", "file", "Run"));
+    }
+    if file.kind == FileKind::Scene || is_scene(&name) {
+        found.push(link("airborne", "scene", "Plan a scan"));
+    }
+    if is_table(&name) {
+        found.push(link("stand", "inventory", "Make trees of an inventory"));
+    }
+    if is_trajectory(&name) {
+        found.push(link("trajectory", "trajectory", "Fly along a trajectory"));
+    }
+    if is_cloud(&name) {
+        found.push(show_form(app, identity, &name, "Show points"));
+        found.push(
+            html! { a .action href=(format!("/compare?first={}", encoded(&name))) { "Compare points" } },
+        );
+    }
+    found
+}

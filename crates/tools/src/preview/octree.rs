@@ -1,0 +1,190 @@
+//! A cloud as COPC, for viewers that read the region and the detail they need in ranges of bytes.
+
+use std::collections::HashMap;
+use std::ops::ControlFlow;
+use std::path::Path;
+use vlscan_base::Observer;
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
+use vlscan_formats::{
+    AttributeSet, CloudSettings, CloudWriter, ExtraDimensions, LasSettings, PointFormat, PointRecord,
+    PointRow, PointSink, read_points,
+};
+use vlscan_geom::Aabb;
+
+/// Points that are written together.
+const BATCH_POINTS: usize = 4096;
+/// Metres per unit of the coordinates: they reach 2147 km around the first point.
+const SCALE: f64 = 1e-3;
+
+/// Writes all points of a cloud to `out` as COPC: positions to the millimetre, intensity (`heliosAmplitude` as it was read), returns,
+/// class, object (named objects by numbers in order of appearance), scan angle, time, leg and device. The cloud is read once, in bounded
+/// memory. Returns the number of points.
+///
+/// # Errors
+/// Those of [`read_points`] and [`CloudWriter`]; [`Error::Input`] for a cloud without points.
+pub fn write_octree(cloud: &Path, out: &Path, replace: bool, observer: &Observer) -> Result<u64> {
+    let mut found = Diagnostics::default();
+    let mut copy = Copy {
+        out,
+        replace,
+        crs: None,
+        settings: CloudSettings::default(),
+        writer: None,
+        batch: Vec::with_capacity(BATCH_POINTS),
+        objects: HashMap::new(),
+        found: Diagnostics::default(),
+        failure: None,
+    };
+    read_points(cloud, &mut copy, &mut found)?;
+    let _ = copy.flush();
+    let Copy { writer, failure, found: written, .. } = copy;
+    found.extend(written);
+    if let Some(failure) = failure {
+        return Err(failure);
+    }
+    let Some(writer) = writer else {
+        return Err(Error::input(format!("{} contains no points", cloud.display())));
+    };
+    let tally = writer.finish()?;
+    if tally.left_out > 0 {
+        let message = format!(
+            "{} points without coordinates, or more than 2147 km from the first point, are left out",
+            tally.left_out
+        );
+        found.warn(Some(Place::of_file(cloud)), message);
+    }
+    observer.warnings(found)?;
+    Ok(tally.records)
+}
+
+/// Writes points as they are read. The file begins with the first point, near which the origin of its coordinates is.
+struct Copy<'a> {
+    out: &'a Path,
+    replace: bool,
+    crs: Option<String>,
+    settings: CloudSettings,
+    writer: Option<CloudWriter>,
+    batch: Vec<PointRecord>,
+    objects: HashMap<String, i32>,
+    found: Diagnostics,
+    failure: Option<Error>,
+}
+
+impl Copy<'_> {
+    fn begin(&mut self, first: &PointRow) -> Result<()> {
+        self.settings = CloudSettings {
+            origin: first.position.round(),
+            bounds: Aabb::EMPTY,
+            crs: self.crs.take(),
+            las: LasSettings { scale: Some(SCALE), extra: ExtraDimensions::Helios, ..LasSettings::default() },
+            ..CloudSettings::default()
+        };
+        let format = PointFormat::Copc;
+        let writer = CloudWriter::create(self.out, self.replace, format, &self.settings, &mut self.found)?;
+        self.writer = Some(writer);
+        Ok(())
+    }
+
+    fn flush(&mut self) -> ControlFlow<()> {
+        let written = self.writer.as_mut().map_or(Ok(()), |writer| writer.write(&self.batch));
+        self.batch.clear();
+        self.stop_at(written)
+    }
+
+    fn stop_at(&mut self, done: Result<()>) -> ControlFlow<()> {
+        match done {
+            Ok(()) => ControlFlow::Continue(()),
+            Err(failure) => {
+                self.failure.get_or_insert(failure);
+                ControlFlow::Break(())
+            }
+        }
+    }
+}
+
+impl PointSink for Copy<'_> {
+    fn start(&mut self, _: AttributeSet) {}
+
+    fn crs(&mut self, wkt: &str) {
+        self.crs = Some(wkt.to_owned());
+    }
+
+    fn point(&mut self, row: &PointRow, object: Option<&str>) -> ControlFlow<()> {
+        if self.writer.is_none() && row.position.is_finite() {
+            let begun = self.begin(row);
+            self.stop_at(begun)?;
+        }
+        let mut record = PointRecord::from(row);
+        record.position -= self.settings.origin;
+        if let Some(name) = object {
+            let next = self.objects.len() as i32 + 1;
+            record.object = match self.objects.get(name) {
+                Some(number) => *number,
+                None => *self.objects.entry(name.to_owned()).or_insert(next),
+            };
+        }
+        self.batch.push(record);
+        if self.batch.len() >= BATCH_POINTS && self.writer.is_some() {
+            return self.flush();
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::read_points as read_cloud;
+
+    #[test]
+    fn every_point_is_in_the_octree() {
+        let folder = tempfile::tempdir().unwrap();
+        let (cloud, out) = (folder.path().join("a.csv"), folder.path().join("a.copc.laz"));
+        let mut text = "x,y,z,intensity,class,return_number,number_of_returns,object\n".to_owned();
+        for i in 0..60_000 {
+            let (x, y) = (500_000.0 + f64::from(i % 300) * 0.25, 5_400_000.0 + f64::from(i / 300) * 0.25);
+            let tree = ["spruce", "beech"][i as usize % 2];
+            text += &format!("{x},{y},{}.125,{i},{},{},2,{tree}\n", i % 40, i % 5, 1 + i % 2);
+        }
+        std::fs::write(&cloud, text).unwrap();
+        assert_eq!(write_octree(&cloud, &out, false, &Observer::default()).unwrap(), 60_000);
+        let (points, _) = read_cloud(&out).unwrap();
+        let sorted = |mut all: Vec<[i64; 6]>| {
+            all.sort_unstable();
+            all
+        };
+        let found = sorted(
+            (0..points.len())
+                .map(|i| {
+                    let p = points.position(i) * 1000.0;
+                    let object = points.objects[usize::from(points.object[i])].parse::<i64>().unwrap();
+                    let values = [points.intensity[i] as i64, i64::from(points.class[i]), object];
+                    [
+                        p.x.round() as i64,
+                        p.y.round() as i64,
+                        p.z.round() as i64,
+                        values[0],
+                        values[1],
+                        values[2],
+                    ]
+                })
+                .collect(),
+        );
+        let expected = sorted(
+            (0..60_000)
+                .map(|i| {
+                    let (x, y) = (500_000_000 + i % 300 * 250, 5_400_000_000 + i / 300 * 250);
+                    [x, y, i % 40 * 1000 + 125, i, i % 5, 1 + i % 2]
+                })
+                .collect(),
+        );
+        assert_eq!(found, expected);
+        let empty = folder.path().join("b.csv");
+        std::fs::write(&empty, "x,y,z\n").unwrap();
+        let again = folder.path().join("b.copc.laz");
+        assert!(write_octree(&empty, &again, false, &Observer::default()).is_err());
+        assert!(!again.exists());
+        assert!(write_octree(&cloud, &out, false, &Observer::default()).is_err(), "the file exists");
+    }
+}

@@ -1,0 +1,47 @@
+//! `vlscan scene map`: a scene from above, and the coordinates of its pixels.
+
+use super::args::MapArgs;
+use super::{Console, info};
+use crate::named_scene::NamedScene;
+use crate::pipeline::LoadedScene;
+use crate::sketch::scene_points;
+use std::path::Path;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{reads, refuse_existing, write_file};
+use vlscan_base::quantity::number;
+use vlscan_tools::preview::Map;
+use vlscan_trace::BuildOptions;
+
+pub fn run(args: &MapArgs, console: &Console) -> Result<()> {
+    if !args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
+        return Err(Error::input(format!("{}: expected a name that ends in .png", args.out.display())));
+    }
+    let place = args.out.with_extension("pgw");
+    for path in [&args.out, &place] {
+        refuse_existing(path, args.force)?;
+        reads::refuse_input_of(path, [Path::new(&args.scene)])?;
+    }
+    let observer = console.listener();
+    let name = NamedScene { name: &args.scene, assets: &args.assets };
+    let (recipe, scanning, warnings) = name.recipe()?;
+    console.warnings(&warnings)?;
+    let options = info::options(&recipe, &scanning, false)?;
+    let trees = BuildOptions::default();
+    let loaded = LoadedScene::load(&recipe, &options, &trees, console.is_strict(), &observer.callback())?;
+    let points = scene_points(&loaded, Path::new(&args.scene), &observer)?;
+    let map = Map::draw(&points, args.side).ok_or_else(|| {
+        Error::input_with_help(
+            format!("{} has no surfaces to draw", args.scene),
+            "`vlscan scene info` tells what a scene has",
+        )
+    })?;
+    write_file(&args.out, args.force, &map.picture.png()?)?;
+    write_file(&place, args.force, map.world_file().as_bytes())?;
+    console.say(format!(
+        "{}: {} m per pixel; {} tells where it lies",
+        args.out.display(),
+        number(map.pixel),
+        place.display()
+    ));
+    Ok(())
+}
