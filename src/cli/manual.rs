@@ -59,6 +59,11 @@ const EXIT_STATUS: &[(&str, &str)] = &[
     ("2", "The input or the command line is wrong; the message says where, and what was expected."),
     ("3", "A scan frequency is outside the scanner's limits."),
     (
+        "4",
+        "The run cannot be divided into shards (--shard, --resume), or not continued with the shards that exist; without them it can be computed.",
+    ),
+    ("5", "Another process works in the folder of the shards; repeat the command when it has ended."),
+    (
         "130",
         "Interrupted (Ctrl-C, SIGTERM): files and streams are valid, contain what was done so far, and are marked as partial.",
     ),

@@ -10,7 +10,7 @@ use crate::pipeline::{
     merge_warnings, output_context, schedule_of,
 };
 use crate::shards::{ShardSet, shard_path};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
@@ -32,11 +32,7 @@ pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> 
         resolve(&args.file, &options, console)?;
     // A merge may write any format.
     settings.physics.record_scanner_axes = true;
-    if part_table.is_some() {
-        return Err(Error::input(
-            "--parts needs the points of the whole run and cannot be used with --shard; vlscan scene info --json lists the parts of the scene",
-        ));
-    }
+    refuse_part_table(part_table.as_deref())?;
     let mut session = open_without_tree(settings, console)?;
     schedule_log.as_deref().map_or(Ok(()), reads::refuse_input)?;
     let companions = Companions::of(schedule_log, None, &mut output);
@@ -51,6 +47,17 @@ pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> 
     }
     let report = companions.run(console, progress_lines, legs, |control| shards.run(shard, control))?;
     show_report(console, &report, started)
+}
+
+/// Refuses the table of parts, which shards cannot give.
+fn refuse_part_table(path: Option<&Path>) -> Result<()> {
+    match path {
+        None => Ok(()),
+        Some(_) => Err(Error::not_divisible(
+            "--parts needs the points of the whole run and cannot be used with --shard",
+            "vlscan scene info --json lists the parts of the scene",
+        )),
+    }
 }
 
 /// A session whose tree is built when a shard is computed: shards that exist need none.
@@ -100,11 +107,23 @@ pub fn merge(args: &MergeArgs, console: &Console) -> Result<()> {
         ..Options::default()
     };
     options.schedule.threads = args.threads;
-    let outputs = options.output_request(shards.head.creation)?;
+    let (outputs, schedule, companions) = match &args.pipeline {
+        None => {
+            let outputs = options.output_request(shards.head.creation)?;
+            (outputs, schedule_of(&options), Companions::default())
+        }
+        Some(file) => {
+            let ResolvedRun { settings, mut output, schedule_log, part_table, .. } =
+                resolve(file, &options, console)?;
+            refuse_part_table(part_table.as_deref())?;
+            output.inputs.push(file.clone());
+            let companions = Companions::of(schedule_log, None, &mut output);
+            (output, settings.schedule, companions)
+        }
+    };
     console.warnings(&merge_warnings(&shards, &outputs)?)?;
     let legs = output_context(&shards)?.legs.len();
-    let schedule = schedule_of(&options);
-    let report = Companions::default().run(console, args.progress, legs, |control| match args.segment {
+    let report = companions.run(console, args.progress, legs, |control| match args.segment {
         Some(segment) => merge_segment(&shards, &outputs, segment, schedule, control),
         None if args.join => join_segments(&shards, &outputs, control),
         None => merge_shards(&shards, outputs, schedule, control),

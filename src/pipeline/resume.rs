@@ -29,13 +29,14 @@ impl ResumeOptions {
     /// Shards beside the first output that is a file or a folder: `out.laz.shards`.
     ///
     /// # Errors
-    /// [`Error::Input`] when all outputs are streams.
+    /// [`Error::Input`] of the kind [`NotDivisible`](vlscan_base::diag::ProblemKind::NotDivisible) when all outputs are streams.
     pub fn beside(outputs: &OutputRequest, pulses_per_shard: u64) -> Result<ResumeOptions> {
-        let path = outputs
-            .sinks
-            .iter()
-            .find_map(|(target, _)| path_of(target))
-            .ok_or_else(|| Error::input("--resume needs an output file or folder: -o PATH"))?;
+        let path = outputs.sinks.iter().find_map(|(target, _)| path_of(target)).ok_or_else(|| {
+            Error::not_divisible(
+                "--resume needs an output file or folder, beside which the shards are kept",
+                "name one with -o PATH",
+            )
+        })?;
         let mut name = path.file_name().unwrap_or_default().to_os_string();
         name.push(".shards");
         Ok(ResumeOptions { folder: path.with_file_name(name), pulses_per_shard })

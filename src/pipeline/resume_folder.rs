@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use std::fs::{self, DirEntry, File, OpenOptions, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
+use vlscan_base::diag::ProblemKind;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, NewFolder, Stamp, fault, is_temporary_name, reads};
 use vlscan_base::store::Checksum;
@@ -91,10 +92,10 @@ impl ResumeFolder {
             Some(state) if state == *known.unwrap_or(&State::Shards) => {
                 Ok(ResumeFolder { path: path.to_path_buf(), _lock: lock, state })
             }
-            _ => Err(Error::input(format!(
-                "another run has changed {} meanwhile: repeat the command",
-                path.display()
-            ))),
+            _ => Err(Error::input_of(
+                ProblemKind::InUse,
+                format!("another run has changed {} meanwhile: repeat the command", path.display()),
+            )),
         }
     }
 
@@ -255,7 +256,7 @@ fn lock(folder: &Path) -> Result<File> {
     let file = opened.map_err(|e| Error::io("create", &path, e))?;
     match file.try_lock() {
         Err(TryLockError::WouldBlock) => {
-            Err(Error::input(format!("another run is using {}", folder.display())))
+            Err(Error::input_of(ProblemKind::InUse, format!("another run is using {}", folder.display())))
         }
         // Some file systems have no locks.
         Err(TryLockError::Error(_)) | Ok(()) => Ok(file),

@@ -207,7 +207,7 @@ impl ShardRunner<'_> {
             };
         }
         let what = expected.difference(&file.head);
-        Err(Error::input_with_help(
+        Err(Error::not_divisible(
             format!("{} is of another run; they differ in {what}", path.display()),
             "remove the folder to start again, or repeat the command with the same options",
         ))
@@ -304,7 +304,7 @@ fn check_platform(survey: &Survey) -> Result<()> {
     if stream.path.is_file() {
         return Ok(());
     }
-    Err(Error::input_with_help(
+    Err(Error::not_divisible(
         "every shard needs all poses before it, but poses from standard input or a pipe can be read only once",
         "save them to a file, and name it with --trajectory",
     ))

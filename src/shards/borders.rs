@@ -112,7 +112,7 @@ impl Borders {
         };
         let refuse = |reason: &str| {
             let help = "choose another folder for these shards, or remove the file: it will be written again";
-            Error::input_with_help(format!("{} {reason}", path.display()), help)
+            Error::not_divisible(format!("{} {reason}", path.display()), help)
         };
         let body = bytes.strip_prefix(MAGIC).ok_or_else(|| refuse("has another file format"))?;
         let Some((_, body)) =

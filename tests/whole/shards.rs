@@ -219,14 +219,40 @@ fn pipelines_voxels_and_recorded_flights_have_shards() {
 }
 
 #[test]
+fn the_outputs_of_a_pipeline_file_come_from_shards() {
+    let dir = folder();
+    let survey = survey("room/survey.xml");
+    let outputs = "[[output]]\npath = \"a.laz\"\n[[output]]\npath = \"b.xyz\"\n[[output]]\ncontent = \"trajectory\"\npath = \"c.csv\"\n";
+    fs::write(dir.path().join("a.toml"), format!("survey = {survey:?}\nwaveforms = true\n{outputs}"))
+        .unwrap();
+    fs::create_dir(dir.path().join("one")).unwrap();
+    succeed(&dir.path().join("one"), &["run", "../a.toml", "-q"]);
+    for shard in ["0/3", "1/3", "2/3"] {
+        succeed(dir.path(), &["run", "a.toml", "-q", "-o", "shards", "--shard", shard]);
+    }
+    fs::create_dir(dir.path().join("merged")).unwrap();
+    succeed(&dir.path().join("merged"), &["merge", "../shards", "-q", "--pipeline", "../a.toml"]);
+    let (expected, found) = (contents(&dir.path().join("one")), contents(&dir.path().join("merged")));
+    assert!(expected.len() >= 4, "{:?}", expected.keys());
+    assert_same(&found, &expected, "outputs of a pipeline file");
+}
+
+#[test]
+fn tables_of_parts_are_refused_with_a_status_of_their_own() {
+    let (dir, survey) = (folder(), survey("room/survey.xml"));
+    let out = run(dir.path(), &["run", &survey, "--parts", "parts.csv", "--shard", "0/2", "-o", "shards"]);
+    assert_eq!(out.status.code(), Some(4), "{}", text(&out.stderr));
+}
+
+#[test]
 fn poses_from_a_pipe_are_refused() {
     let dir = folder();
     let survey = survey("forest/survey.xml");
     let out = run(dir.path(), &["run", &survey, "--trajectory", "-", "--shard", "0/2", "-o", "shards"]);
-    assert_eq!(out.status.code(), Some(2));
+    assert_eq!(out.status.code(), Some(4));
     assert!(text(&out.stderr).contains("read only once"), "{}", text(&out.stderr));
     let out = run(dir.path(), &["run", &survey, "--trajectory", "-", "--resume", "-o", "a.laz"]);
-    assert_eq!(out.status.code(), Some(2));
+    assert_eq!(out.status.code(), Some(4));
     assert!(text(&out.stderr).contains("read only once"), "{}", text(&out.stderr));
 }
 
@@ -269,7 +295,7 @@ fn borders_found_before_give_the_same_shards() {
     // Borders of another flight are refused, and damaged ones are made again.
     let other = ["run", &survey, "-q", "-o", "shards", "--shard", "1/4", "--seed", "5"];
     let out = run(planned.path(), &other);
-    assert_eq!(out.status.code(), Some(2));
+    assert_eq!(out.status.code(), Some(4));
     assert!(text(&out.stderr).contains("seed (4, 5)"), "{}", text(&out.stderr));
     let plan = planned.path().join("shards/flight.vlindex");
     let sound = fs::read(&plan).unwrap();
@@ -553,7 +579,7 @@ fn a_resumed_run_of_other_options_is_refused_unless_it_may_replace() {
     let command = |seed: &'static str| ["run", &survey, "-q", "-o", "a.laz", "--resume=1000", "--seed", seed];
     let mut child = begin(dir.path(), &command("2"), "a.laz.shards");
     let refused = run(dir.path(), &command("2"));
-    assert_eq!(refused.status.code(), Some(2), "another run is using it: {}", text(&refused.stderr));
+    assert_eq!(refused.status.code(), Some(5), "another run is using it: {}", text(&refused.stderr));
     child.kill().unwrap();
     child.wait().unwrap();
     let refused = run(dir.path(), &command("3"));

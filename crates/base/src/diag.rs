@@ -31,6 +31,10 @@ pub enum ProblemKind {
     Exists,
     /// Input that needs more memory than the limit allows.
     TooLarge,
+    /// A run that cannot be divided into shards, or not continued with the shards that exist; it can be computed as a whole.
+    NotDivisible,
+    /// A folder in which another process works; the same command succeeds when that one has ended.
+    InUse,
 }
 
 /// A message during a run.

@@ -9,7 +9,7 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 /// The errors that end a run.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// Invalid input; each problem has its place. Exit status 2.
+    /// Invalid input; each problem has its place. Exit status 2, or that of its kind.
     #[error("{}", .0.headline())]
     Input(Box<Diagnostics>),
     /// A scan frequency outside the scanner's limits, or contradictory trajectory settings. Exit status 3, as in the
@@ -79,6 +79,13 @@ impl Error {
         Error::Input(Box::new(d))
     }
 
+    /// The error for a run that cannot be divided into shards, or not continued with those that exist.
+    pub fn not_divisible(message: impl Into<String>, help: impl Into<String>) -> Error {
+        let mut d = Diagnostics::default();
+        d.error(None, message).of_kind(ProblemKind::NotDivisible).help(help);
+        Error::Input(Box::new(d))
+    }
+
     /// [`Error::input`] with a hint how to solve the problem.
     pub fn input_with_help(message: impl Into<String>, help: impl Into<String>) -> Error {
         let mut d = Diagnostics::default();
@@ -90,6 +97,8 @@ impl Error {
     pub fn exit_status(&self) -> u8 {
         match self {
             Error::ClosedPipe => 0,
+            Error::Input(problems) if problems.has(ProblemKind::NotDivisible) => 4,
+            Error::Input(problems) if problems.has(ProblemKind::InUse) => 5,
             Error::Input(_) => 2,
             Error::Limits(_) => 3,
             Error::Interrupted => 130,

@@ -38,9 +38,22 @@ pub enum Command {
     },
     /// Restrict this process and execute a program in its place: how the service starts vlscan.
     Confine(ConfineArgs),
+    /// Compute a task of a job that an engine was given: what the service hands in.
+    Task(TaskArgs),
     /// Expand a zip archive within limits: what the service starts for archives among uploads.
     #[command(hide = true)]
     Expand(ExpandArgs),
+}
+
+/// A task of a job.
+#[derive(Clone, Debug, Args)]
+pub struct TaskArgs {
+    /// The file with what the engine was given.
+    pub submission: PathBuf,
+    /// Number of the task, from 0. [default: SLURM_ARRAY_TASK_ID, JOB_COMPLETION_INDEX, PBS_ARRAY_INDEX or AWS_BATCH_JOB_ARRAY_INDEX, else
+    /// 0]
+    #[arg(long, value_name = "K")]
+    pub number: Option<u32>,
 }
 
 /// An archive and its limits.
@@ -108,13 +121,30 @@ pub struct ServeArgs {
     /// read.
     #[arg(long)]
     pub no_sandbox: bool,
+    /// Keep the files of uploads and results in a bucket of an S3-compatible store: s3://BUCKET/PREFIX. The variables AWS_ACCESS_KEY_ID,
+    /// AWS_SECRET_ACCESS_KEY, AWS_REGION and AWS_ENDPOINT tell the rest. [default: in the folder --data]
+    #[arg(long, value_name = "URL")]
+    pub store: Option<String>,
+    /// Have runs and campaigns computed by an existing engine, such as Slurm: the command that hands a job in, executed without a shell.
+    /// Placeholders: {name}, {tasks}, {last} (= tasks - 1), {command}, {folder}, {minutes}, {megabytes}. Needs --poll and --cancel.
+    #[arg(long, value_name = "COMMAND", requires_all = ["poll", "cancel"], help_heading = "Engine")]
+    pub submit: Option<String>,
+    /// The command that prints something while the engine has the job {name}, and nothing otherwise.
+    #[arg(long, value_name = "COMMAND", requires = "submit", help_heading = "Engine")]
+    pub poll: Option<String>,
+    /// The command that cancels the job {name}.
+    #[arg(long, value_name = "COMMAND", requires = "submit", help_heading = "Engine")]
+    pub cancel: Option<String>,
+    /// Parts of a run or campaign, each computed by a task of the engine.
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=10_000), help_heading = "Engine")]
+    pub parts: u32,
     /// The program vlscan. [default: beside this one, else in the folders of PATH]
     #[arg(long, value_name = "PATH", env = "VLSCAN_PROGRAM", hide_env = true)]
     pub program: Option<PathBuf>,
 }
 
 /// Restrictions of a process, and the program that it then becomes.
-#[derive(Clone, Debug, Default, Args)]
+#[derive(Clone, Debug, Default, Args, serde::Serialize, serde::Deserialize)]
 pub struct ConfineArgs {
     /// File or folder that may be read; may be given more than once.
     #[arg(long, value_name = "PATH")]

@@ -11,10 +11,13 @@
 //! | `program` | the program vlscan: its options as JSON Schema, its catalogue, how it is started |
 //! | `processes` | the processes, as they are described to programs |
 //! | `request` | from inputs to a command, the files it reads and the hash of all that determines its result |
-//! | `store`, `queue` | uploads, jobs and leases, in SQLite |
+//! | `records`, `store`, `queue` | uploads, jobs and leases, in SQLite |
 //! | `uploads` | files that are received, and archives that are expanded |
 //! | `submit` | from a request to a job in the queue |
+//! | `files`, `bucket` | where files of uploads and results are kept; without the feature `s3`, `no_bucket` |
 //! | `worker` | threads that have jobs computed |
+//! | `job_folder`, `steps`, `execution` | the folder of a job, what is executed in it, and how |
+//! | `engine`, `template`, `tasks` | jobs that an existing engine computes, and what its tasks do |
 //! | `view`, `scene_map` | pictures of results and of scenes, drawn when pages ask for them |
 //! | `confine` | restrictions of the processes that compute |
 //! | `answers` | failures, documents, links |
@@ -30,20 +33,30 @@
 pub mod answers;
 pub mod api;
 pub mod app;
+#[cfg_attr(not(feature = "s3"), path = "no_bucket.rs")]
+pub mod bucket;
 pub mod config;
 pub mod confine;
+pub mod engine;
+pub mod execution;
+pub mod files;
+mod job_folder;
 pub mod names;
 pub mod pages;
 pub mod processes;
 pub mod program;
 pub mod queue;
+pub mod records;
 pub mod request;
 pub mod scene_map;
 pub mod security;
 pub mod server;
 pub mod sessions;
+pub mod steps;
 pub mod store;
 pub mod submit;
+pub mod tasks;
+pub mod template;
 pub mod tokens;
 pub mod uploads;
 pub mod view;

@@ -7,6 +7,7 @@ use serde_json::Value;
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::OnceLock;
 
 /// Name of the program.
 const NAME: &str = if cfg!(windows) { "vlscan.exe" } else { "vlscan" };
@@ -175,12 +176,19 @@ pub fn confined(args: &ConfineArgs, words: &[OsString]) -> std::io::Result<Comma
     Ok(command)
 }
 
-/// The program that confines: this one.
+/// The program that confines: this one. Its path is that of the start, so that a file that replaces it is used from then on.
 ///
 /// # Errors
 /// When this program does not know where it is.
 pub fn own_program() -> std::io::Result<PathBuf> {
-    std::env::current_exe()
+    static PATH: OnceLock<PathBuf> = OnceLock::new();
+    match PATH.get() {
+        Some(path) => Ok(path.clone()),
+        None => {
+            let path = std::env::current_exe()?;
+            Ok(PATH.get_or_init(|| path).clone())
+        }
+    }
 }
 
 /// What of the sandbox this system allows.

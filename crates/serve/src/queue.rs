@@ -3,6 +3,7 @@
 //! A worker holds a job for some seconds and renews this lease while it computes. A service that ends takes its workers along, and a lease
 //! that is not renewed runs out; so the job is given to another worker, which continues it. Only who holds a job can finish it.
 
+use crate::files::Kind;
 use crate::store::{COLUMNS, Job, Result, ResultFile, Status, Store, job_of, now};
 use rusqlite::{OptionalExtension as _, TransactionBehavior, params};
 use std::collections::BTreeSet;
@@ -31,11 +32,23 @@ pub enum Use {
     },
 }
 
+impl Use {
+    /// Whose files they are, and under which id they are kept.
+    pub fn files(&self) -> (Kind, &str) {
+        match self {
+            Use::Upload { id, .. } => (Kind::Upload, id),
+            Use::Job { folder, .. } => (Kind::Results, folder),
+        }
+    }
+}
+
 /// What came of a computation.
 #[derive(Clone, Debug)]
 pub enum Outcome {
     /// Results.
     Successful(Vec<ResultFile>),
+    /// The results in the folder of another job, which are the same.
+    Same(String),
     /// A message.
     Failed(String),
 }
@@ -113,7 +126,7 @@ impl Store {
             "SELECT {COLUMNS} FROM jobs WHERE owner = ? AND fingerprint = ? AND status = 'successful' LIMIT 1"
         ))?;
         let found = query.query_row([owner, fingerprint], job_of).optional()?;
-        Ok(found.filter(|job| self.job_folder(&job.folder).join("out").is_dir()))
+        Ok(found)
     }
 
     /// Takes the job that has waited longest, or one whose lease has run out, for `holder`.
@@ -185,6 +198,7 @@ impl Store {
         let (status, message, files): (_, &str, &[ResultFile]) = match outcome {
             Outcome::Successful(files) => (Status::Successful, "", files),
             Outcome::Failed(message) => (Status::Failed, message, &[]),
+            Outcome::Same(folder) => return self.finish_as(id, holder, folder),
         };
         let bytes: u64 = files.iter().map(|file| file.bytes).sum();
         let results = serde_json::to_string(files).unwrap_or_default();
@@ -206,15 +220,88 @@ impl Store {
         Ok(changed > 0)
     }
 
-    /// Dismisses a job of an owner: what waits or runs is given up, results are removed. Returns whether there was one.
+    /// Gives a job that is held the results in the folder of another one. If these have been removed since, the job returns to the queue.
+    fn finish_as(&self, id: &str, holder: &str, folder: &str) -> Result<bool> {
+        let changed = self.database().execute(
+            "UPDATE jobs SET status = 'successful', message = '', progress = 100, folder = ?1, results = found.results, finished = ?2,
+             updated = ?2, holder = NULL, held_until = NULL
+             FROM (SELECT results FROM jobs WHERE folder = ?1 AND status = 'successful' LIMIT 1) AS found
+             WHERE id = ?3 AND holder = ?4 AND status = 'running'",
+            params![folder, now(), id, holder],
+        )?;
+        if changed == 0 {
+            self.release(holder)?;
+        }
+        self.remove_unused()?;
+        Ok(changed > 0)
+    }
+
+    /// Jobs of these states, oldest first.
     ///
     /// # Errors
     /// [`crate::store::StoreError`].
-    pub fn dismiss(&self, owner: &str, id: &str) -> Result<bool> {
+    pub fn ids(&self, statuses: &[Status]) -> Result<Vec<String>> {
+        let names: Vec<&str> = statuses.iter().map(|status| status.name()).collect();
+        self.list_ids(
+            "SELECT id FROM jobs WHERE status IN (SELECT value FROM json_each(?)) ORDER BY number",
+            &serde_json::json!(names).to_string(),
+        )
+    }
+
+    /// Jobs of a state that somebody holds.
+    ///
+    /// # Errors
+    /// [`crate::store::StoreError`].
+    pub fn held(&self, status: Status) -> Result<Vec<String>> {
+        self.list_ids("SELECT id FROM jobs WHERE status = ? AND holder IS NOT NULL", status.name())
+    }
+
+    fn list_ids(&self, query: &str, value: &str) -> Result<Vec<String>> {
+        let database = self.database();
+        let mut query = database.prepare_cached(query)?;
+        let rows = query.query_map([value], |row| row.get(0))?;
+        Ok(rows.collect::<rusqlite::Result<_>>()?)
+    }
+
+    /// The state of a job.
+    ///
+    /// # Errors
+    /// [`crate::store::StoreError`].
+    pub fn status(&self, id: &str) -> Result<Option<Status>> {
+        let query = "SELECT status FROM jobs WHERE id = ?";
+        let name: Option<String> = self.database().query_row(query, [id], |row| row.get(0)).optional()?;
+        Ok(name.as_deref().and_then(Status::named))
+    }
+
+    /// Holds a job that nobody else can take, since it is dismissed, so that its folder stays.
+    ///
+    /// # Errors
+    /// [`crate::store::StoreError`].
+    pub fn hold_as(&self, id: &str, holder: &str) -> Result<()> {
+        self.database().execute("UPDATE jobs SET holder = ? WHERE id = ?", [holder, id])?;
+        Ok(())
+    }
+
+    /// Lets go of a dismissed job, whose folder is then removed.
+    ///
+    /// # Errors
+    /// [`crate::store::StoreError`].
+    pub fn let_go(&self, id: &str, holder: &str) -> Result<()> {
+        self.database().execute("UPDATE jobs SET holder = NULL WHERE id = ? AND holder = ?", [id, holder])?;
+        self.remove_unused()
+    }
+
+    /// Dismisses a job of an owner: what waits or runs is given up, results are removed, unless `holder` is to hold the job until it lets
+    /// go. Returns whether there was one.
+    ///
+    /// # Errors
+    /// [`crate::store::StoreError`].
+    pub fn dismiss(&self, owner: &str, id: &str, holder: Option<&str>) -> Result<bool> {
         let now = now();
         let changed = self.database().execute(
-            "UPDATE jobs SET status = 'dismissed', updated = ?1, finished = coalesce(finished, ?1), message = '' WHERE owner = ?2 AND id = ?3",
-            params![now, owner, id],
+            "UPDATE jobs SET status = 'dismissed', updated = ?1, finished = coalesce(finished, ?1), message = '', holder = coalesce(holder, ?4)
+             WHERE owner = ?2 AND id = ?3",
+            params![now, owner, id, holder],
         )?;
         self.remove_unused()?;
         Ok(changed > 0)
@@ -248,6 +335,7 @@ impl Store {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::files::Files;
     use crate::store::{FileKind, Upload, UploadFile};
 
     fn job(owner: &str, id: &str) -> Job {
@@ -272,7 +360,7 @@ mod tests {
 
     fn store() -> (tempfile::TempDir, Store) {
         let folder = tempfile::tempdir().unwrap();
-        let store = Store::open(folder.path()).unwrap();
+        let store = Store::open(folder.path(), Files::Folder).unwrap();
         (folder, store)
     }
 
@@ -317,9 +405,9 @@ mod tests {
         assert_eq!((again.status, again.folder.as_str()), (Status::Successful, "a"));
         assert_eq!(again.result_files(), files);
         assert_eq!(store.stored_bytes("anna").unwrap(), 7);
-        store.dismiss("anna", "a").unwrap();
+        store.dismiss("anna", "a", None).unwrap();
         assert!(store.job_folder("a").is_dir(), "the second job has its results there");
-        store.dismiss("anna", "b").unwrap();
+        store.dismiss("anna", "b", None).unwrap();
         assert!(!store.job_folder("a").exists());
     }
 
@@ -343,8 +431,46 @@ mod tests {
         assert!(!store.remove_upload("ben", "forest").unwrap());
         assert!(store.remove_upload("anna", "forest").unwrap());
         assert!(store.uploads("anna").unwrap().is_empty() && store.upload_folder("u").is_dir());
-        store.dismiss("anna", "a").unwrap();
+        store.dismiss("anna", "a", None).unwrap();
         assert!(!store.upload_folder("u").exists());
+    }
+
+    #[test]
+    fn a_job_is_finished_with_the_results_of_another_one_while_these_are_there() {
+        let (_folder, store) = store();
+        let files = vec![ResultFile { path: "points.laz".to_owned(), bytes: 7 }];
+        for id in ["a", "b", "c"] {
+            store.add_job(&job("anna", id), &BTreeSet::new(), None, 9).unwrap();
+        }
+        store.take_job("w1").unwrap();
+        store.finish("a", "w1", &Outcome::Successful(files.clone())).unwrap();
+        store.take_job("w2").unwrap();
+        assert!(store.finish("b", "w2", &Outcome::Same("a".to_owned())).unwrap());
+        let found = store.job("anna", "b").unwrap().unwrap();
+        assert_eq!(
+            (found.status, found.folder.as_str(), found.result_files()),
+            (Status::Successful, "a", files)
+        );
+        store.dismiss("anna", "a", None).unwrap();
+        assert!(store.has(Kind::Results, "a").unwrap(), "another job names them");
+        store.dismiss("anna", "b", None).unwrap();
+        assert_eq!(store.take_job("w3").unwrap().unwrap().id, "c");
+        assert!(!store.finish("c", "w3", &Outcome::Same("a".to_owned())).unwrap());
+        assert_eq!(store.take_job("w4").unwrap().unwrap().id, "c", "it is computed after all");
+    }
+
+    #[test]
+    fn the_folder_of_a_dismissed_job_stays_while_somebody_holds_it() {
+        let (_folder, store) = store();
+        store.add_job(&job("anna", "a"), &BTreeSet::new(), None, 9).unwrap();
+        std::fs::create_dir_all(store.job_folder("a")).unwrap();
+        store.dismiss("anna", "a", Some("engine")).unwrap();
+        assert!(store.job_folder("a").is_dir() && store.take_job("w").unwrap().is_none());
+        assert_eq!(store.held(Status::Dismissed).unwrap(), ["a"]);
+        store.let_go("a", "another").unwrap();
+        assert!(store.job_folder("a").is_dir());
+        store.let_go("a", "engine").unwrap();
+        assert!(!store.job_folder("a").exists());
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! Pictures of scenes from above, on which areas are drawn. They are kept by the contents of the files that they are drawn from.
 
+use crate::job_folder;
 use crate::processes::Process;
 use crate::request::{RequestError, check};
 use crate::store::StoreError;
-use crate::worker::{Workshop, make_folder};
+use crate::worker::Workshop;
 use serde::Serialize;
 use serde_json::json;
 use std::ffi::OsString;
@@ -75,7 +76,7 @@ impl Workshop {
         let view = folder.join("view");
         if !view.join(FRAME).is_file() {
             make_room(&all).map_err(StoreError::from)?;
-            make_folder(&self.store, &folder, &checked.prepared)?;
+            job_folder::make(&self.store, &folder, &checked.prepared)?;
             let words = ["scene", "map", "--force"].map(OsString::from).into_iter();
             let options = [format!("--out=../view/{PICTURE}"), format!("--side={SIDE}")];
             let assets = checked.prepared.words.iter().filter(|word| word.starts_with("--assets="));

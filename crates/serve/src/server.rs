@@ -2,15 +2,19 @@
 
 use crate::api;
 use crate::app::App;
+use crate::bucket::Bucket;
 use crate::config::ServeArgs;
+use crate::engine::Engine;
+use crate::files::Files;
 use crate::pages;
 use crate::program::{Program, ProgramError, sandbox};
 use crate::security;
 use crate::sessions::Sessions;
-use crate::store::{Store, StoreError};
+use crate::store::{Store, StoreError, make_private};
 use crate::tokens::{TokenError, Tokens, random_name};
 use crate::worker::Workshop;
 use axum::Router;
+use std::path::Path;
 use std::sync::Arc;
 use tokio::sync::Semaphore;
 
@@ -37,6 +41,9 @@ pub enum ServeError {
          --token-file FILE"
     )]
     Open(std::net::SocketAddr),
+    /// The commands of an engine.
+    #[error("{0}")]
+    Engine(String),
     /// No sandbox.
     #[error("{0}")]
     Sandbox(String),
@@ -58,10 +65,19 @@ pub fn serve(args: &ServeArgs) -> Result<(), ServeError> {
     }
     check_sandbox(args, is_local && tokens.is_empty())?;
     let program = Arc::new(Program::find(args.program.as_deref())?);
-    let store = Arc::new(Store::open(&args.data)?);
-    let holds = hold(&store)?;
-    store.remove_litter()?;
-    let workshop = Arc::new(Workshop::new(store, program, args.clone(), tokens.owners()));
+    let engine = Engine::of(args).map_err(ServeError::Engine)?;
+    if let Some(engine) = &engine {
+        engine.check().map_err(|e| ServeError::Engine(format!("--poll: {e}")))?;
+    }
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
+    let holds = hold(&args.data)?;
+    let store = Arc::new(Store::open(&args.data, kept(args, runtime.handle())?)?);
+    let workshop = Arc::new(Workshop::new(store, program, args.clone(), tokens.owners(), engine));
+    if let Some(id) = workshop.resume()? {
+        return Err(ServeError::Engine(format!(
+            "an engine has the job {id}; start the service with the options --submit, --poll and --cancel of then"
+        )));
+    }
     let workers = workshop.start()?;
     let app = Arc::new(App {
         workshop: Arc::clone(&workshop),
@@ -73,7 +89,6 @@ pub fn serve(args: &ServeArgs) -> Result<(), ServeError> {
         uploads: Arc::new(Semaphore::new(MAX_UPLOADS)),
         pictures: Arc::new(Semaphore::new(1)),
     });
-    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
     let done = runtime.block_on(listen(args, app));
     workshop.end();
     workers.into_iter().for_each(|worker| drop(worker.join()));
@@ -81,18 +96,25 @@ pub fn serve(args: &ServeArgs) -> Result<(), ServeError> {
     Ok(done?)
 }
 
-/// Only one service uses a folder: what an earlier one held is given back to the queue.
-fn hold(store: &Store) -> Result<std::fs::File, ServeError> {
-    let path = store.root().join("lock");
-    let file = std::fs::File::options().create(true).truncate(false).write(true).open(path)?;
+/// Only one service uses a folder.
+fn hold(folder: &Path) -> Result<std::fs::File, ServeError> {
+    make_private(folder).map_err(StoreError::Files)?;
+    let mut file = std::fs::File::options();
+    let file = file.create(true).truncate(false).write(true).open(folder.join("lock"));
+    let file = file.map_err(StoreError::Files)?;
     if file.try_lock().is_err() {
-        let message = format!("another service uses the folder {}", store.root().display());
+        let message = format!("another service uses the folder {}", folder.display());
         return Err(ServeError::Store(StoreError::Files(std::io::Error::other(message))));
     }
-    for holder in store.holders()? {
-        store.release(&holder)?;
-    }
     Ok(file)
+}
+
+/// Where the files of uploads and results are kept.
+fn kept(args: &ServeArgs, runtime: &tokio::runtime::Handle) -> Result<Files, ServeError> {
+    match &args.store {
+        None => Ok(Files::Folder),
+        Some(address) => Ok(Files::Bucket(Bucket::new(address, runtime.clone())?)),
+    }
 }
 
 fn check_sandbox(args: &ServeArgs, is_private: bool) -> Result<(), ServeError> {

@@ -5,19 +5,22 @@
 //! DATA/uploads/ID/…          files of an upload; never changed once they are listed
 //! DATA/jobs/ID/in/           what a job reads: links to uploads and results, its pipeline file
 //! DATA/jobs/ID/out/          its results
+//! DATA/jobs/ID/tasks/        what an engine was given, and what came of it
 //! DATA/jobs/ID/view/         pictures of its results for pages
 //! DATA/jobs/ID/log           messages of vlscan
 //! DATA/incoming/…            uploads that are not complete
 //! ```
 //!
+//! With a bucket, uploads and `out` are there only while they are used (`files`).
+//!
 //! A row is written when its files are complete, and files are removed when no row names them; so whatever is interrupted leaves at most
 //! files without a row, which the next start removes.
 
+use crate::files::{Fetches, Files, Kind};
+pub use crate::records::{FileKind, Job, ResultFile, Status, Upload, UploadFile, now, time_text};
 use rusqlite::{Connection, OptionalExtension as _, Row, params};
-use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Why the store fails.
 #[derive(Debug, thiserror::Error)]
@@ -28,174 +31,26 @@ pub enum StoreError {
     /// Files.
     #[error("the files of the service: {0}")]
     Files(#[from] std::io::Error),
+    /// The bucket.
+    #[error("the bucket of the service: {0}")]
+    Bucket(std::io::Error),
 }
 
 /// A result of the store.
 pub type Result<T> = std::result::Result<T, StoreError>;
-
-/// An upload: files under a name of its owner.
-#[derive(Clone, Debug, Serialize)]
-pub struct Upload {
-    /// The folder of its files.
-    #[serde(skip)]
-    pub id: String,
-    /// What its owner calls it.
-    pub name: String,
-    /// Number of files.
-    pub files: u64,
-    /// Their bytes.
-    pub bytes: u64,
-    /// Hash over the names and contents of all files.
-    pub sha256: String,
-    /// When it was complete, ms since 1970.
-    #[serde(serialize_with = "as_time")]
-    pub created: i64,
-}
-
-/// A file of an upload.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct UploadFile {
-    /// Its path within the upload.
-    pub path: String,
-    /// Its bytes.
-    pub bytes: u64,
-    /// What an XML file holds.
-    pub kind: FileKind,
-}
-
-/// What an XML file holds, as far as pages offer it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum FileKind {
-    /// A survey.
-    Survey,
-    /// A scene.
-    Scene,
-    /// Anything else, or a file that is not XML.
-    #[default]
-    Other,
-}
-
-impl FileKind {
-    fn name(self) -> &'static str {
-        match self {
-            FileKind::Survey => "survey",
-            FileKind::Scene => "scene",
-            FileKind::Other => "other",
-        }
-    }
-
-    fn named(name: &str) -> FileKind {
-        match name {
-            "survey" => FileKind::Survey,
-            "scene" => FileKind::Scene,
-            _ => FileKind::Other,
-        }
-    }
-}
-
-/// The state of a job, by the words of OGC API - Processes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Status {
-    /// It waits.
-    Accepted,
-    /// A worker computes it.
-    Running,
-    /// Its results are complete.
-    Successful,
-    /// It ended with a message.
-    Failed,
-    /// Its owner gave it up.
-    Dismissed,
-}
-
-impl Status {
-    /// All states.
-    pub const ALL: [Status; 5] =
-        [Status::Accepted, Status::Running, Status::Successful, Status::Failed, Status::Dismissed];
-
-    /// Its name.
-    pub fn name(self) -> &'static str {
-        match self {
-            Status::Accepted => "accepted",
-            Status::Running => "running",
-            Status::Successful => "successful",
-            Status::Failed => "failed",
-            Status::Dismissed => "dismissed",
-        }
-    }
-
-    /// The state of that name.
-    pub fn named(name: &str) -> Option<Status> {
-        Status::ALL.into_iter().find(|status| status.name() == name)
-    }
-
-    /// Whether nothing follows.
-    pub fn is_final(self) -> bool {
-        !matches!(self, Status::Accepted | Status::Running)
-    }
-}
-
-/// A job.
-#[derive(Clone, Debug)]
-pub struct Job {
-    /// Its name.
-    pub id: String,
-    /// Whose it is.
-    pub owner: String,
-    /// The process.
-    pub process: String,
-    /// The inputs as requested, JSON.
-    pub inputs: String,
-    /// What is executed: a [`crate::request::Prepared`] as JSON.
-    pub prepared: String,
-    /// Hash of version, process, inputs and the contents of all files; empty if results may not be given again.
-    pub fingerprint: String,
-    /// The folder, that of the job which computed the results.
-    pub folder: String,
-    /// How far it is.
-    pub status: Status,
-    /// What there is to say, mostly about failures.
-    pub message: String,
-    /// Percent.
-    pub progress: u8,
-    /// Files of the results, JSON: a list of [`ResultFile`].
-    pub results: String,
-    /// Times, ms since 1970.
-    pub created: i64,
-    /// Start of the computation.
-    pub started: Option<i64>,
-    /// End.
-    pub finished: Option<i64>,
-    /// Last change.
-    pub updated: i64,
-}
-
-/// A file of a job's results.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, serde::Deserialize)]
-pub struct ResultFile {
-    /// Its path.
-    pub path: String,
-    /// Its bytes.
-    pub bytes: u64,
-}
-
-impl Job {
-    /// The files of the results.
-    pub fn result_files(&self) -> Vec<ResultFile> {
-        serde_json::from_str(&self.results).unwrap_or_default()
-    }
-}
 
 /// Uploads, jobs and their folders.
 #[derive(Debug)]
 pub struct Store {
     database: Mutex<Connection>,
     root: PathBuf,
+    pub(crate) kept: Files,
+    pub(crate) fetches: Fetches,
 }
 
+// With the exclusive lock SQLite needs no memory that processes share, which network file systems do not have.
 const TABLES: &str = "
+PRAGMA locking_mode = EXCLUSIVE;
 PRAGMA journal_mode = WAL;
 PRAGMA synchronous = FULL;
 PRAGMA busy_timeout = 10000;
@@ -231,11 +86,11 @@ CREATE INDEX IF NOT EXISTS uses_of_target ON uses (target);
 ";
 
 impl Store {
-    /// Opens or makes the store of a folder.
+    /// Opens or makes the store of a folder, with the files of uploads and results where `kept` says.
     ///
     /// # Errors
     /// [`StoreError`].
-    pub fn open(root: &Path) -> Result<Store> {
+    pub fn open(root: &Path, kept: Files) -> Result<Store> {
         make_private(root)?;
         for folder in ["uploads", "jobs", "incoming"] {
             std::fs::create_dir_all(root.join(folder))?;
@@ -244,7 +99,7 @@ impl Store {
         let database = Connection::open(root.join("service.db"))?;
         database.execute_batch(TABLES)?;
         database.set_prepared_statement_cache_capacity(64);
-        Ok(Store { database: Mutex::new(database), root })
+        Ok(Store { database: Mutex::new(database), root, kept, fetches: Fetches::default() })
     }
 
     /// The folder of the service.
@@ -427,9 +282,9 @@ impl Store {
             transaction.commit()?;
             (uploads, jobs)
         };
-        let uploads = uploads.iter().map(|id| self.upload_folder(id));
-        for folder in uploads.chain(jobs.iter().map(|id| self.job_folder(id))) {
-            remove_folder(&folder)?;
+        let uploads = uploads.iter().map(|id| (Kind::Upload, id));
+        for (kind, id) in uploads.chain(jobs.iter().map(|id| (Kind::Results, id))) {
+            self.discard(kind, id)?;
         }
         Ok(())
     }
@@ -442,20 +297,56 @@ impl Store {
     pub fn remove_litter(&self) -> Result<()> {
         remove_folder(&self.root.join("incoming"))?;
         std::fs::create_dir_all(self.root.join("incoming"))?;
-        for (kind, known) in [
-            ("uploads", "SELECT 1 FROM uploads WHERE id = ?"),
-            ("jobs", "SELECT 1 FROM jobs WHERE folder = ? AND bytes >= 0"),
+        for (kind, folder, known) in [
+            (Kind::Upload, "uploads", "SELECT 1 FROM uploads WHERE id = ?"),
+            (Kind::Results, "jobs", "SELECT 1 FROM jobs WHERE folder = ? AND bytes >= 0"),
         ] {
-            for entry in std::fs::read_dir(self.root.join(kind))? {
-                let entry = entry?;
-                let name = entry.file_name().to_string_lossy().into_owned();
+            let mut names = self.in_bucket(kind)?;
+            for entry in std::fs::read_dir(self.root.join(folder))? {
+                names.insert(entry?.file_name().to_string_lossy().into_owned());
+            }
+            for name in names {
                 let is_known = self.database().query_row(known, [&name], |_| Ok(())).optional()?.is_some();
                 if !is_known {
-                    remove_folder(&entry.path())?;
+                    self.discard(kind, &name)?;
+                } else if self.has_bucket()
+                    && !self.listed(kind, &name)?.is_empty()
+                    && !self.is_used(&name)?
+                {
+                    // A copy that was fetched.
+                    remove_folder(&self.local(kind, &name))?;
                 }
             }
         }
         self.remove_unused()
+    }
+
+    /// The files of results that are in the folder of a job.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub(crate) fn results_in(&self, folder: &str) -> Result<Vec<ResultFile>> {
+        let query = "SELECT results FROM jobs WHERE folder = ? AND status = 'successful' LIMIT 1";
+        let text: Option<String> = self.database().query_row(query, [folder], |row| row.get(0)).optional()?;
+        Ok(text.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default())
+    }
+
+    /// Whether an unfinished job reads an upload or results.
+    pub(crate) fn is_used(&self, id: &str) -> Result<bool> {
+        let query = "SELECT 1 FROM uses JOIN jobs ON jobs.id = uses.job WHERE target = ? AND status IN ('accepted', 'running')";
+        Ok(self.database().query_row(query, [id], |_| Ok(())).optional()?.is_some())
+    }
+
+    /// Whether the files of an upload, or results, are kept.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub(crate) fn has(&self, kind: Kind, id: &str) -> Result<bool> {
+        let query = match kind {
+            Kind::Upload => "SELECT 1 FROM uploads WHERE id = ?",
+            Kind::Results => "SELECT 1 FROM jobs WHERE folder = ? AND status = 'successful'",
+        };
+        Ok(self.database().query_row(query, [id], |_| Ok(())).optional()?.is_some())
     }
 }
 
@@ -500,7 +391,7 @@ fn list(database: &Connection, query: &str) -> rusqlite::Result<Vec<String>> {
 }
 
 /// Makes a folder that only its owner can open, if it does not exist.
-fn make_private(folder: &Path) -> std::io::Result<()> {
+pub(crate) fn make_private(folder: &Path) -> std::io::Result<()> {
     let mut builder = std::fs::DirBuilder::new();
     builder.recursive(true);
     #[cfg(unix)]
@@ -511,25 +402,9 @@ fn make_private(folder: &Path) -> std::io::Result<()> {
     builder.create(folder)
 }
 
-fn remove_folder(folder: &Path) -> std::io::Result<()> {
+pub(crate) fn remove_folder(folder: &Path) -> std::io::Result<()> {
     match std::fs::remove_dir_all(folder) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(error),
         _ => Ok(()),
     }
-}
-
-/// Milliseconds since 1970.
-pub fn now() -> i64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    i64::try_from(since.as_millis()).unwrap_or(i64::MAX)
-}
-
-/// A time as RFC 3339 has it.
-pub fn time_text(ms: i64) -> String {
-    let time = chrono::DateTime::from_timestamp_millis(ms).unwrap_or_default();
-    time.to_rfc3339_opts(chrono::SecondsFormat::Millis, true)
-}
-
-fn as_time<S: serde::Serializer>(ms: &i64, serializer: S) -> std::result::Result<S::Ok, S::Error> {
-    serializer.serialize_str(&time_text(*ms))
 }

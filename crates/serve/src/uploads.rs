@@ -2,6 +2,7 @@
 //! then listed under the name that their owner gives them.
 
 use crate::config::{ConfineArgs, ExpandArgs, ServeArgs};
+use crate::files::Kind;
 use crate::names;
 use crate::program::confined;
 use crate::store::{FileKind, Store, StoreError, Upload, UploadFile, now};
@@ -202,10 +203,15 @@ impl Received {
         let target = store.upload_folder(&upload.id);
         fs::rename(&root, &target)?;
         sync_folder(&store.root().join("uploads"))?;
+        let paths: Vec<String> = files.iter().map(|file| file.path.clone()).collect();
+        if let Err(error) = store.keep(Kind::Upload, &upload.id, &paths) {
+            store.discard(Kind::Upload, &upload.id)?;
+            return Err(error.into());
+        }
         if store.add_upload(owner, &upload, &files)? {
             return Ok(upload);
         }
-        fs::remove_dir_all(&target)?;
+        store.discard(Kind::Upload, &upload.id)?;
         Err(UploadError::Taken(name))
     }
 

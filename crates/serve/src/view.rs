@@ -1,5 +1,6 @@
 //! Pictures of results, drawn when a page asks for them and kept beside the results.
 
+use crate::files::Kind;
 use crate::processes::Process;
 use crate::program::confined;
 use crate::queue::Use;
@@ -57,6 +58,7 @@ impl Workshop {
         let assets = std::iter::once(".").chain(uploads);
         words.extend(assets.map(|folder| format!("--assets=../in/{folder}").into()));
         words.extend(["--".into(), file.path.clone().into()]);
+        let _results = self.store.fetch(Kind::Results, &job.folder)?;
         self.draw(&folder, "out", &prepared, &words)?;
         Ok(path.is_file().then_some(path))
     }
@@ -70,7 +72,8 @@ impl Workshop {
         words: &[OsString],
     ) -> Result<()> {
         fs::create_dir_all(folder.join("tmp"))?;
-        let mut command = confined(&self.restrictions(folder, prepared), words)?;
+        let _inputs = self.fetch(prepared)?;
+        let mut command = confined(&self.setting(folder, prepared).restrictions, words)?;
         command.current_dir(folder.join(within)).env("TMPDIR", folder.join("tmp"));
         let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn()?;
         let start = Instant::now();

@@ -1,18 +1,22 @@
-"""The service as a Python program uses it: the definition is valid OpenAPI 3.0, answers are as it says, and a plan becomes a cloud.
+"""The service as a Python program uses it: the definition is valid OpenAPI 3.0, answers are as it says and as OGC's own definition says, of
+which ogc-api-processes-client is made, and a plan becomes a cloud.
 
     python client.py target/debug/vlscan-serve target/debug/vlscan
 """
 
 import json
+import os
 import pathlib
-import subprocess
 import sys
 import tempfile
 
 import jsonschema
 import laspy
+import ogc_api_processes_client as ogc
 import openapi_spec_validator
 import requests
+
+from service_process import started
 
 FIXTURES = pathlib.Path(__file__).resolve().parents[3] / "fixtures"
 
@@ -20,23 +24,18 @@ FIXTURES = pathlib.Path(__file__).resolve().parents[3] / "fixtures"
 def main() -> None:
     program, vlscan = sys.argv[1:]
     with tempfile.TemporaryDirectory() as folder:
-        command = [program, "--listen", "127.0.0.1:0", "--program", vlscan, "--data", f"{folder}/data"]
-        service = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-        try:
-            url = next(word for line in service.stderr for word in line.split() if word.startswith("http://")).rstrip("/")
+        with started(program, vlscan, pathlib.Path(folder) / "data", [], os.environ) as url:
             use(url, pathlib.Path(folder))
-        finally:
-            service.terminate()
-        assert service.wait(timeout=30) == 0
 
 
 def use(url: str, folder: pathlib.Path) -> None:
     definition = requests.get(f"{url}/api").json()
     openapi_spec_validator.validate(definition)
 
-    def check(name: str, document: object) -> None:
+    def check(name: str, document: dict) -> None:
         schema = {"$ref": f"#/components/schemas/{name}", "components": definition["components"]}
         jsonschema.validate(document, schema)
+        check_as_ogc(name, document)
 
     for path, name in [("/?f=json", "landingPage"), ("/conformance", "confClasses"), ("/processes", "processList"), ("/jobs", "jobList")]:
         check(name, requests.get(url + path).json())
@@ -66,6 +65,41 @@ def use(url: str, folder: pathlib.Path) -> None:
     points = laspy.read(folder / "points.laz")
     assert len(points) > 10_000, len(points)
     print(f"{len(points)} points")
+
+
+# What OGC's definition calls what ours does.
+MODELS = {
+    "landingPage": ogc.LandingPage,
+    "confClasses": ogc.ConfClasses,
+    "processList": ogc.ProcessList,
+    "process": ogc.Process,
+    "statusInfo": ogc.StatusInfo,
+    "jobList": ogc.JobList,
+    "exception": ogc.Exception,
+}
+# The keys that schemas of inputs and outputs may have.
+SCHEMA_KEYS = set(ogc.SchemaOneOf.model_fields[name].alias or name for name in ogc.SchemaOneOf.model_fields) | {"$ref"}
+
+
+def check_as_ogc(name: str, document: dict) -> None:
+    if name == "results":
+        for value in document.values():
+            assert ogc.InlineOrRefData.from_dict(value) is not None
+        return
+    MODELS[name].model_validate(document) if name == "exception" else MODELS[name].from_dict(document)
+    if name == "process":
+        for key in ("inputs", "outputs"):
+            for described in document[key].values():
+                check_keys(described["schema"])
+
+
+def check_keys(schema: object) -> None:
+    assert set(schema) <= SCHEMA_KEYS, set(schema) - SCHEMA_KEYS
+    for inner in [*schema.get("anyOf", []), *schema.get("oneOf", []), *schema.get("allOf", []), *schema.get("properties", {}).values()]:
+        check_keys(inner)
+    for key in ("items", "not", "additionalProperties"):
+        if isinstance(schema.get(key), dict):
+            check_keys(schema[key])
 
 
 if __name__ == "__main__":

@@ -116,8 +116,11 @@ pub struct MergeArgs {
     /// it).
     #[arg(long, value_name = "PATH", help_heading = "Output")]
     pub trajectory_out: Option<PathBuf>,
+    /// Write the outputs that this pipeline file or survey names, as vlscan run would; options take precedence over the file.
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    pub pipeline: Option<PathBuf>,
     /// Verify the checksums of all shards, and write nothing.
-    #[arg(long, conflicts_with_all = ["out", "output", "trajectory_out"])]
+    #[arg(long, conflicts_with_all = ["out", "output", "trajectory_out", "pipeline"])]
     pub check: bool,
     /// Write only segment K of M of the points, to OUT.segments/, so that many processes can share the merge of one LAS or LAZ file. K
     /// counts from 0.

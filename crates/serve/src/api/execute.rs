@@ -3,8 +3,10 @@
 use super::jobs::{results_document, status_info};
 use crate::answers::{Failure, encoded};
 use crate::app::{App, Identity, blocking};
+use crate::files::Kind;
 use crate::processes::Process;
-use crate::store::{Job, Status, StoreError};
+use crate::store::{Job, Status};
+use crate::worker::Workshop;
 use axum::Extension;
 use axum::body::Bytes;
 use axum::extract::{Path, State};
@@ -113,13 +115,14 @@ fn created(job: &Job) -> Response {
 
 /// Results as a document, or, raw: a single JSON output as it is, others as links.
 async fn answer(app: &Arc<App>, job: &Job, form: Form) -> Result<Response, Failure> {
-    let folder = app.workshop.store.job_folder(&job.folder).join("out");
     let files = job.result_files();
     if form == Form::Raw {
         if let [file] = files.as_slice()
             && file.path.ends_with(".json")
         {
-            let text = tokio::fs::read(folder.join(&file.path)).await.map_err(StoreError::from)?;
+            let (folder, path, most) = (job.folder.clone(), file.path.clone(), file.bytes);
+            let read = move |workshop: &Workshop| workshop.store.read(Kind::Results, &folder, &path, most);
+            let text = blocking(app, read).await?.unwrap_or_default();
             return Ok(([(header::CONTENT_TYPE, "application/json")], text).into_response());
         }
         let links: Vec<String> = files

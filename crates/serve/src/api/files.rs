@@ -3,6 +3,7 @@
 use super::jobs::find_successful;
 use crate::answers::{Failure, media_type};
 use crate::app::{App, Identity, blocking};
+use crate::files::{Files, Kind};
 use crate::names::file_within;
 use crate::security::VIEWER_POLICY;
 use crate::store::StoreError;
@@ -12,6 +13,7 @@ use axum::extract::{Path, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse as _, Response};
 use std::io::SeekFrom;
+use std::ops::Range;
 use std::sync::Arc;
 use tokio::io::{AsyncReadExt as _, AsyncSeekExt as _};
 use tokio_util::io::ReaderStream;
@@ -23,8 +25,17 @@ pub async fn result(
     headers: HeaderMap,
 ) -> Result<Response, Failure> {
     let job = find_successful(&app, &identity, &id).await?;
-    let folder = app.workshop.store.job_folder(&job.folder).join("out");
-    send(&folder, &path, &headers).await
+    match &app.workshop.store.kept {
+        Files::Folder => send(&app.workshop.store.local(Kind::Results, &job.folder), &path, &headers).await,
+        Files::Bucket(bucket) => {
+            let file = job.result_files().into_iter().find(|file| file.path == path);
+            let file = file.ok_or_else(|| no_file(&path))?;
+            let part = Part::of(&headers, file.bytes);
+            let range = part.range.clone().unwrap_or(0..0);
+            let body = bucket.body(Kind::Results, &job.folder, &path, range).await;
+            Ok(part.answer(&path, body.map_err(StoreError::Bucket)?))
+        }
+    }
 }
 
 /// Pictures of results.
@@ -47,49 +58,73 @@ pub async fn view(
 }
 
 async fn send(folder: &std::path::Path, name: &str, headers: &HeaderMap) -> Result<Response, Failure> {
-    let absent = || Failure::new(StatusCode::NOT_FOUND, format!("the results have no file `{name}`"));
-    let path = file_within(folder, name).ok_or_else(absent)?;
-    let mut file = tokio::fs::File::open(&path).await.map_err(|_| absent())?;
+    let path = file_within(folder, name).ok_or_else(|| no_file(name))?;
+    let mut file = tokio::fs::File::open(&path).await.map_err(|_| no_file(name))?;
     let length = file.metadata().await.map_err(StoreError::from)?.len();
-    let media = media_type(name);
-    let range = headers
-        .get(header::RANGE)
-        .and_then(|value| value.to_str().ok())
-        .and_then(|text| parse_range(text, length));
-    let (status, start, end) = match range {
-        Some(Some((start, end))) => (StatusCode::PARTIAL_CONTENT, start, end),
-        Some(None) => {
+    let part = Part::of(headers, length);
+    let range = part.range.clone().unwrap_or(0..0);
+    if range.start > 0 {
+        file.seek(SeekFrom::Start(range.start)).await.map_err(StoreError::from)?;
+    }
+    let bytes = ReaderStream::with_capacity(file.take(range.end - range.start), 64 << 10);
+    Ok(part.answer(name, Body::from_stream(bytes)))
+}
+
+fn no_file(name: &str) -> Failure {
+    Failure::new(StatusCode::NOT_FOUND, format!("the results have no file `{name}`"))
+}
+
+/// The part of a file that a request asks for.
+#[derive(Clone, Debug)]
+struct Part {
+    status: StatusCode,
+    /// Its bytes; `None` if the file does not have them.
+    range: Option<Range<u64>>,
+    length: u64,
+}
+
+impl Part {
+    fn of(headers: &HeaderMap, length: u64) -> Part {
+        let text = headers.get(header::RANGE).and_then(|value| value.to_str().ok());
+        let (status, range) = match text.and_then(|text| parse_range(text, length)) {
+            Some(Some((start, end))) => (StatusCode::PARTIAL_CONTENT, Some(start..end)),
+            Some(None) => (StatusCode::RANGE_NOT_SATISFIABLE, None),
+            None => (StatusCode::OK, Some(0..length)),
+        };
+        Part { status, range, length }
+    }
+
+    /// The answer with the part of the file `name` as its body.
+    fn answer(self, name: &str, body: Body) -> Response {
+        let length = self.length;
+        let Some(range) = self.range else {
             let text = format!("bytes */{length}");
-            return Ok((StatusCode::RANGE_NOT_SATISFIABLE, [(header::CONTENT_RANGE, text)]).into_response());
+            return (self.status, [(header::CONTENT_RANGE, text)]).into_response();
+        };
+        let media = media_type(name);
+        let mut response = (self.status, body).into_response();
+        let fields = response.headers_mut();
+        fields.insert(header::CONTENT_TYPE, HeaderValue::from_static(media));
+        fields.insert(header::CONTENT_LENGTH, HeaderValue::from(range.end - range.start));
+        fields.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
+        if self.status == StatusCode::PARTIAL_CONTENT {
+            let text = format!("bytes {}-{}/{length}", range.start, range.end - 1);
+            fields.insert(
+                header::CONTENT_RANGE,
+                HeaderValue::from_str(&text).unwrap_or(HeaderValue::from_static("bytes")),
+            );
         }
-        None => (StatusCode::OK, 0, length),
-    };
-    if start > 0 {
-        file.seek(SeekFrom::Start(start)).await.map_err(StoreError::from)?;
-    }
-    let body = Body::from_stream(ReaderStream::with_capacity(file.take(end - start), 64 << 10));
-    let mut response = (status, body).into_response();
-    let fields = response.headers_mut();
-    fields.insert(header::CONTENT_TYPE, HeaderValue::from_static(media));
-    fields.insert(header::CONTENT_LENGTH, HeaderValue::from(end - start));
-    fields.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
-    if status == StatusCode::PARTIAL_CONTENT {
-        let text = format!("bytes {start}-{}/{length}", end - 1);
-        fields.insert(
-            header::CONTENT_RANGE,
-            HeaderValue::from_str(&text).unwrap_or(HeaderValue::from_static("bytes")),
-        );
-    }
-    match media {
-        "text/html" => {
-            fields.insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(VIEWER_POLICY));
+        match media {
+            "text/html" => {
+                fields.insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(VIEWER_POLICY));
+            }
+            "image/png" | "application/json" => {}
+            _ => {
+                fields.insert(header::CONTENT_DISPOSITION, HeaderValue::from_static("attachment"));
+            }
         }
-        "image/png" | "application/json" => {}
-        _ => {
-            fields.insert(header::CONTENT_DISPOSITION, HeaderValue::from_static("attachment"));
-        }
+        response
     }
-    Ok(response)
 }
 
 /// A single range of bytes, its end exclusive: `None` for what is no such range, `Some(None)` for one beyond the file.

@@ -2,7 +2,7 @@
 
 use crate::answers::{Failure, document, encoded, link, media_type, wants_page};
 use crate::app::{App, Identity, blocking};
-use crate::names::file_within;
+use crate::files::Kind;
 use crate::pages;
 use crate::store::{Job, Result as StoreResult, Status, Store, time_text};
 use axum::Extension;
@@ -62,15 +62,16 @@ pub fn status_info(job: &Job) -> Value {
 /// # Errors
 /// Those of reading.
 pub fn results_document(job: &Job, store: &Store) -> StoreResult<(String, Value)> {
-    let folder = store.job_folder(&job.folder).join("out");
     let mut results = Map::new();
     for file in job.result_files() {
-        let value = match file_within(&folder, &file.path) {
-            Some(path) if file.path.ends_with(".json") && file.bytes <= MAX_VALUE => {
-                let value: Option<Value> = serde_json::from_slice(&std::fs::read(path)?).ok();
+        let is_value = file.path.ends_with(".json") && file.bytes <= MAX_VALUE;
+        let read = || store.read(Kind::Results, &job.folder, &file.path, MAX_VALUE);
+        let value = match is_value.then(read).transpose()?.flatten() {
+            Some(bytes) => {
+                let value: Option<Value> = serde_json::from_slice(&bytes).ok();
                 value.map(|value| json!({ "value": value, "mediaType": "application/json" }))
             }
-            _ => None,
+            None => None,
         };
         let href = format!("/jobs/{}/results/{}", job.id, encoded(&file.path));
         let linked = || json!({ "href": href, "rel": "item", "type": media_type(&file.path), "title": format!("{} bytes", file.bytes) });
@@ -194,7 +195,8 @@ pub async fn dismiss(
         return Err(Failure::new(StatusCode::GONE, "the job was dismissed"));
     }
     let (owner, name) = (identity.owner.clone(), id.clone());
-    blocking(&app, move |workshop| workshop.store.dismiss(&owner, &name)).await?;
+    let workshop = Arc::clone(&app.workshop);
+    blocking(&app, move |_| workshop.dismiss(&owner, &name)).await?;
     Ok(document(&status_info(&find(&app, &identity, &id).await?)))
 }
 

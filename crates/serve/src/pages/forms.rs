@@ -206,7 +206,8 @@ pub async fn dismiss(
     let id = genuine(&app, &identity, form)?.remove("id").unwrap_or_default();
     let owner = identity.owner.clone();
     let name = id.clone();
-    let found = blocking(&app, move |workshop| workshop.store.dismiss(&owner, &name)).await?;
+    let workshop = Arc::clone(&app.workshop);
+    let found = blocking(&app, move |_| workshop.dismiss(&owner, &name)).await?;
     match found {
         true => Ok(Redirect::to("/").into_response()),
         false => Err(Failure::no_job(&id)),

@@ -5,16 +5,14 @@ use super::home::{encoded as in_query, title};
 use super::layout::{bytes_text, form_token, page};
 use crate::answers::{Failure, encoded};
 use crate::app::{App, Identity, blocking};
-use crate::names::file_within;
+use crate::files::Kind;
 use crate::processes::Process;
 use crate::request::Prepared;
-use crate::store::{Job, Result as StoreResult, ResultFile, Status};
+use crate::store::{Job, Result as StoreResult, ResultFile, Status, Store};
 use crate::view::{PICTURE, drawn_file};
 use axum::response::Response;
 use maud::{Markup, html};
 use serde_json::Value;
-use std::fs;
-use std::path::Path;
 use std::sync::Arc;
 
 /// Formats that the form of a run offers: ending and name.
@@ -51,10 +49,10 @@ struct Shown {
 }
 
 impl Shown {
-    fn of(job: &Job, folder: &Path) -> Shown {
+    fn of(job: &Job, store: &Store) -> Shown {
         let text = |name: &str| {
-            let path = file_within(&folder.join("out"), name)?;
-            (fs::metadata(&path).ok()?.len() <= MAX_SHOWN).then(|| fs::read_to_string(path).ok())?
+            let bytes = store.read(Kind::Results, &job.folder, name, MAX_SHOWN).ok()??;
+            String::from_utf8(bytes).ok()
         };
         let prepared: Prepared = serde_json::from_str(&job.prepared).unwrap_or_default();
         Shown {
@@ -71,10 +69,8 @@ impl Shown {
 /// Those of the store.
 pub async fn job(app: &Arc<App>, identity: &Identity, job: &Job) -> Result<Response, Failure> {
     let reads = job.clone();
-    let shown = blocking(app, move |workshop| -> StoreResult<_> {
-        Ok(Shown::of(&reads, &workshop.store.job_folder(&reads.folder)))
-    })
-    .await?;
+    let shown =
+        blocking(app, move |workshop| -> StoreResult<_> { Ok(Shown::of(&reads, &workshop.store)) }).await?;
     let content = html! {
         h1 { (title(job)) }
         (state(job))

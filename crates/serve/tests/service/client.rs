@@ -54,12 +54,10 @@ impl Service {
 
     fn of(data: &Path, options: &[&str], token: Option<&str>) -> Service {
         let mut command = Command::new(env!("CARGO_BIN_EXE_vlscan-serve"));
-        command
-            .args(["--listen", "127.0.0.1:0", "--program"])
-            .arg(vlscan())
-            .arg("--data")
-            .arg(data)
-            .args(options);
+        if !options.iter().any(|option| option.starts_with("--program=")) {
+            command.arg("--program").arg(vlscan());
+        }
+        command.args(["--listen", "127.0.0.1:0", "--data"]).arg(data).args(options);
         command.env_remove("VLSCAN_TOKEN").stdin(Stdio::null()).stderr(Stdio::piped());
         if let Some(token) = token {
             command.env("VLSCAN_TOKEN", token);

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 /// A flight of this many seconds over a field of 100 m, over which a run takes long enough to be interrupted.
-fn flight(seed: u64, seconds: u32) -> Value {
+pub fn flight(seed: u64, seconds: u32) -> Value {
     json!({
         "scene": "field/field.obj",
         "seed": seed,
@@ -17,7 +17,7 @@ fn flight(seed: u64, seconds: u32) -> Value {
     })
 }
 
-fn with_field(service: &Service) {
+pub fn with_field(service: &Service) {
     let corners = "v -50 -50 0\nv 50 -50 0\nv 50 50 0\nv -50 50 0\nf 1 2 3 4\n";
     assert_eq!(service.upload("field", &[("field.obj", corners.into())]).status, 201);
 }
@@ -118,7 +118,7 @@ fn a_hundred_kills_lose_no_job_and_no_byte() {
 }
 
 /// Waits until the number of processes that work in the service's folder is 0 or not.
-fn wait_for_processes(service: &Service, wanted: bool) {
+pub fn wait_for_processes(service: &Service, wanted: bool) {
     let start = Instant::now();
     let works_there = |entry: std::fs::DirEntry| {
         std::fs::read_link(entry.path().join("cwd")).is_ok_and(|folder| folder.starts_with(&service.data))

@@ -6,12 +6,14 @@
 //! | `command` | the commands, and the restrictions of processes |
 //! | `interface` | the interface for programs |
 //! | `jobs` | queue, results, interruptions |
+//! | `engine` | jobs that an engine computes |
 //! | `hostile` | what others may send: files, names, requests |
 //! | `browser` | pages, as a browser without scripts uses them |
 
 mod browser;
 mod client;
 mod command;
+mod engine;
 mod hostile;
 mod interface;
 mod jobs;

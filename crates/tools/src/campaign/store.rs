@@ -24,7 +24,7 @@ use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileWriter, publish, reads};
+use vlscan_base::files::{FileWriter, is_temporary_name, publish, reads};
 
 /// The record of a cell, within its folder.
 pub(super) const RECORD: &str = "record.json";
@@ -110,11 +110,13 @@ impl Store {
             }
         }
         let hidden = self.folder.join(".campaign");
-        let mut names = fs::read_dir(&hidden).into_iter().flatten().flatten().map(|entry| entry.path());
-        let is_marked = self.is_marked();
-        // A damaged mark is replaced where the state of a cell tells the same.
+        let mut names = fs::read_dir(&hidden).into_iter().flatten().flatten().map(|entry| entry.file_name());
+        let is_empty = names.all(|name| is_temporary_name(&name));
+        // A damaged mark is replaced where the state of a cell tells the same. Another process that begins at the same time may be
+        // writing the mark, which is therefore looked for last.
         let is_known =
-            is_marked || hidden.symlink_metadata().is_err() || names.next().is_none() || made::is_in(&hidden);
+            hidden.symlink_metadata().is_err() || is_empty || made::is_in(&hidden) || self.is_marked();
+        let is_marked = self.is_marked();
         if !is_known {
             return Err(foreign(&hidden, "exists"));
         }
@@ -561,6 +563,23 @@ mod tests {
         fs::write(&manifest, "precious").unwrap();
         assert!(open(other.path()).unwrap_err().to_string().contains("no campaign has written"));
         assert_eq!(fs::read(&manifest).unwrap(), b"precious");
+    }
+
+    #[test]
+    fn processes_that_begin_at_the_same_time_share_a_folder() {
+        let dir = tempfile::tempdir().unwrap();
+        // Another process is writing the mark.
+        fs::create_dir(dir.path().join(".campaign")).unwrap();
+        fs::write(dir.path().join(".campaign/vlscan-campaign.json.vlscan-0123abcd.part"), "{").unwrap();
+        assert!(open(dir.path()).is_ok());
+        for _ in 0..50 {
+            let dir = tempfile::tempdir().unwrap();
+            let refused = std::thread::scope(|scope| {
+                let started = [(); 4].map(|()| scope.spawn(|| open(dir.path()).err()));
+                started.map(|thread| thread.join().unwrap())
+            });
+            assert!(refused.iter().all(Option::is_none), "{refused:?}");
+        }
     }
 
     #[test]

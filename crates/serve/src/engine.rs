@@ -1,0 +1,221 @@
+//! An existing engine, such as a scheduler of a cluster, that computes jobs in place of this machine: three commands that hand a job in, ask
+//! for it and cancel it by a name that the service chooses. The name is on disk before the job is handed in; so a service that was killed
+//! finds its jobs again.
+
+use crate::config::ServeArgs;
+use crate::execution::End;
+use crate::program::own_program;
+use crate::store::Result;
+use crate::tasks::{Outcome, Submission, Tasks};
+use crate::template::{Ended, Template, Value};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// How often the engine is asked for a job.
+const ASK: Duration = Duration::from_secs(2);
+/// How often the job's folder is looked into.
+const LOOK: Duration = Duration::from_millis(200);
+/// How long an engine may not know a job that was handed in, and results may take to be seen by another machine.
+const GRACE: Duration = Duration::from_secs(5);
+/// Longest wait for the end of a job that was cancelled.
+const MAX_WAIT: Duration = Duration::from_secs(60);
+/// How often a job is handed in again whose tasks have ended without a result.
+const MAX_SUBMISSIONS: u32 = 20;
+
+const OF_SUBMISSION: [&str; 7] = ["name", "tasks", "last", "folder", "command", "minutes", "megabytes"];
+
+/// The commands of an engine.
+#[derive(Clone, Debug)]
+pub struct Engine {
+    submit: Template,
+    poll: Template,
+    cancel: Template,
+    /// Parts of a run or campaign.
+    pub parts: u32,
+    max_time: u64,
+    max_memory: u64,
+}
+
+impl Engine {
+    /// The engine that the command line names, if it does.
+    ///
+    /// # Errors
+    /// What is wrong with its commands.
+    pub fn of(args: &ServeArgs) -> std::result::Result<Option<Engine>, String> {
+        let template = |option: &str, line: &Option<String>, known: &[&str]| {
+            let line = line.as_deref().unwrap_or_default();
+            Template::new(line, known).map_err(|message| format!("--{option}: {message}"))
+        };
+        if args.submit.is_none() {
+            return Ok(None);
+        }
+        Ok(Some(Engine {
+            submit: template("submit", &args.submit, &OF_SUBMISSION)?,
+            poll: template("poll", &args.poll, &["name"])?,
+            cancel: template("cancel", &args.cancel, &["name"])?,
+            parts: args.parts,
+            max_time: args.max_time,
+            max_memory: args.max_memory,
+        }))
+    }
+
+    /// Checks that the engine can be asked.
+    ///
+    /// # Errors
+    /// If the command cannot be started.
+    pub fn check(&self) -> std::io::Result<()> {
+        let name = [("name", Value::Text(name("none", 0)))];
+        match self.poll.execute::<std::io::Error>(&name, &mut || Ok(true))? {
+            Ended::Failure(message) => eprintln!("vlscan serve: --poll: {message}"),
+            Ended::Success(_) | Ended::GivenUp => {}
+        }
+        Ok(())
+    }
+
+    /// Has a job computed, or goes on waiting for one that was handed in. Returns when it has ended or `goes_on` says not to wait.
+    ///
+    /// # Errors
+    /// Those of files and of `goes_on`.
+    pub fn compute(
+        &self,
+        job: &str,
+        submission: &Submission,
+        goes_on: &mut dyn FnMut() -> Result<bool>,
+    ) -> Result<End> {
+        let tasks = Tasks::of(&submission.setting.folder);
+        let mut number = tasks.last_submission()?;
+        // Since when the engine does not know the job.
+        let mut unknown = Instant::now();
+        let mut asked: Option<Instant> = None;
+        let mut lost = 0;
+        loop {
+            if let Some(outcome) = tasks.outcome()? {
+                return self.end(job, &tasks, number, outcome, goes_on);
+            }
+            if !goes_on()? {
+                return Ok(End::GivenUp);
+            }
+            std::thread::sleep(LOOK);
+            if asked.is_some_and(|asked| asked.elapsed() < ASK) {
+                continue;
+            }
+            asked = Some(Instant::now());
+            let is_known = match number {
+                Some(number) => self.is_known(&name(job, number), goes_on)?,
+                None => false,
+            };
+            if is_known {
+                unknown = Instant::now();
+                continue;
+            }
+            if number.is_some() && unknown.elapsed() < GRACE {
+                continue;
+            }
+            // An outcome may have been written since the last look.
+            if tasks.outcome()?.is_some() {
+                continue;
+            }
+            if lost >= MAX_SUBMISSIONS {
+                let message = format!(
+                    "the engine has ended the job {lost} times without results; it may need more memory or time than it is given"
+                );
+                return Ok(End::Failure(message));
+            }
+            // Tasks of the last submission that come late find that they are not wanted.
+            number.map_or(Ok(()), |number| tasks.withdraw(number))?;
+            let next = number.map_or(1, |number| number + 1);
+            tasks.record(next, submission)?;
+            number = Some(next);
+            let values = self.values(&name(job, next), &tasks.submission(next), submission)?;
+            match self.submit.execute(&values, goes_on)? {
+                Ended::Success(_) => lost += 1,
+                Ended::Failure(message) => eprintln!("vlscan serve: --submit: {message}"),
+                Ended::GivenUp => return Ok(End::GivenUp),
+            }
+            unknown = Instant::now();
+        }
+    }
+
+    /// Cancels what the engine has of a job that was dismissed, and waits for its end. Returns whether it has ended.
+    ///
+    /// # Errors
+    /// Those of files.
+    pub fn withdraw(&self, job: &str, folder: &Path) -> Result<bool> {
+        let tasks = Tasks::of(folder);
+        let Some(number) = tasks.last_submission()? else { return Ok(true) };
+        tasks.withdraw(number)?;
+        let name = name(job, number);
+        let start = Instant::now();
+        let mut always = || Ok(true);
+        self.cancel(&name, &mut always)?;
+        while self.is_known(&name, &mut always)? {
+            if start.elapsed() > MAX_WAIT {
+                return Ok(false);
+            }
+            std::thread::sleep(LOOK);
+        }
+        Ok(true)
+    }
+
+    fn end(
+        &self,
+        job: &str,
+        tasks: &Tasks,
+        number: Option<u32>,
+        outcome: Outcome,
+        goes_on: &mut dyn FnMut() -> Result<bool>,
+    ) -> Result<End> {
+        match outcome {
+            Outcome::Successful => Ok(End::Success),
+            Outcome::Failed(message) => {
+                if let Some(number) = number {
+                    tasks.withdraw(number)?;
+                    self.cancel(&name(job, number), goes_on)?;
+                }
+                Ok(End::Failure(message))
+            }
+        }
+    }
+
+    /// Whether a job waits or runs; an engine that cannot be asked is taken to have it.
+    fn is_known(&self, name: &str, goes_on: &mut dyn FnMut() -> Result<bool>) -> Result<bool> {
+        match self.poll.execute(&[("name", Value::Text(name.to_owned()))], goes_on)? {
+            Ended::Success(output) => Ok(!output.trim().is_empty()),
+            Ended::Failure(message) => {
+                eprintln!("vlscan serve: --poll: {message}");
+                Ok(true)
+            }
+            Ended::GivenUp => Ok(true),
+        }
+    }
+
+    fn cancel(&self, name: &str, goes_on: &mut dyn FnMut() -> Result<bool>) -> Result<()> {
+        if let Ended::Failure(message) =
+            self.cancel.execute(&[("name", Value::Text(name.to_owned()))], goes_on)?
+        {
+            eprintln!("vlscan serve: --cancel: {message}");
+        }
+        Ok(())
+    }
+
+    fn values(&self, name: &str, file: &Path, submission: &Submission) -> Result<Vec<(&'static str, Value)>> {
+        let parts = submission.steps.parts;
+        let text = |path: &Path| path.display().to_string();
+        let command = vec![text(&own_program()?), "task".to_owned(), text(file)];
+        Ok(vec![
+            ("name", Value::Text(name.to_owned())),
+            ("tasks", Value::Text(parts.to_string())),
+            ("last", Value::Text((parts - 1).to_string())),
+            ("folder", Value::Text(text(&submission.setting.folder))),
+            ("command", Value::Words(command)),
+            // A task may compute a part, and the last step after it.
+            ("minutes", Value::Text((2 * self.max_time).div_ceil(60).to_string())),
+            ("megabytes", Value::Text(self.max_memory.div_ceil(1_000_000).to_string())),
+        ])
+    }
+}
+
+/// The name of a submission at the engine.
+fn name(job: &str, number: u32) -> String {
+    format!("vlscan-{job}-{number}")
+}

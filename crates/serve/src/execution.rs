@@ -1,0 +1,241 @@
+//! A process of vlscan: started under its restrictions, watched, and how it ended. Workers of the service use it, and tasks of an engine on
+//! its nodes.
+
+use crate::config::ConfineArgs;
+use crate::program::confined;
+use crate::store::Result;
+use serde::{Deserialize, Serialize};
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io::{Read as _, Seek as _, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+const POLL: Duration = Duration::from_millis(20);
+/// How often time and disk are checked.
+const CHECK: Duration = Duration::from_secs(1);
+/// Longest message of a failed job, bytes.
+const MAX_MESSAGE: u64 = 8 << 10;
+/// How often a process that somebody kills is started again.
+const MAX_KILLS: usize = 50;
+/// Wait for a process that works in the same folder: one that an earlier service has started and that is about to end.
+const IN_USE: Duration = Duration::from_millis(200);
+
+/// Exit statuses of vlscan (docs/outputs.md): the run cannot be divided or continued; another process works in the folder.
+const NOT_DIVISIBLE: i32 = 4;
+const FOLDER_IN_USE: i32 = 5;
+
+/// The message of a job whose process is always killed.
+const KILLED: &str = "the system has ended the process of the job; it may need more memory than there is";
+
+/// How a process ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum End {
+    /// It has done its work.
+    Success,
+    /// It has failed, with this message.
+    Failure(String),
+    /// The run cannot be divided into shards, or not continued with those that exist.
+    NotDivisible(String),
+    /// It was ended because its results are not wanted any more, or not by this process.
+    GivenUp,
+}
+
+/// Where and under which limits the processes of a job are executed.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Setting {
+    /// The folder of the service, which messages do not tell.
+    pub root: PathBuf,
+    /// The folder of the job.
+    pub folder: PathBuf,
+    /// What the processes may do.
+    pub restrictions: ConfineArgs,
+    /// Whether they work in the folder of inputs, else in that of results.
+    pub within_inputs: bool,
+    /// Time of a process, seconds.
+    pub max_time: u64,
+    /// Bytes of all files of the job.
+    pub max_disk: u64,
+}
+
+impl Setting {
+    /// Executes vlscan with `words`; again if somebody kills it, each time after `prepare`. Messages go to the file `log`, standard output
+    /// to `stdout`. `goes_on` is asked again and again whether the results are still wanted.
+    ///
+    /// # Errors
+    /// Those of files, of `prepare` and of `goes_on`.
+    pub fn execute(
+        &self,
+        words: &[OsString],
+        log: &Path,
+        stdout: Option<&Path>,
+        prepare: &mut dyn FnMut() -> Result<()>,
+        goes_on: &mut dyn FnMut() -> Result<bool>,
+    ) -> Result<End> {
+        let mut kills = 0;
+        let start = Instant::now();
+        loop {
+            prepare()?;
+            match self.start(words, log, stdout, goes_on)? {
+                Ended::Killed if kills < MAX_KILLS => kills += 1,
+                Ended::Killed => return Ok(End::Failure(KILLED.to_owned())),
+                Ended::InUse(message) if start.elapsed().as_secs() > self.max_time => {
+                    return Ok(End::Failure(message));
+                }
+                Ended::InUse(_) => {
+                    if !goes_on()? {
+                        return Ok(End::GivenUp);
+                    }
+                    std::thread::sleep(IN_USE);
+                }
+                Ended::By(end) => return Ok(end),
+            }
+        }
+    }
+
+    fn start(
+        &self,
+        words: &[OsString],
+        log: &Path,
+        stdout: Option<&Path>,
+        goes_on: &mut dyn FnMut() -> Result<bool>,
+    ) -> Result<Ended> {
+        let part = stdout.map(|path| path.with_extension("unfinished"));
+        let mut command = confined(&self.restrictions, words)?;
+        command.current_dir(self.folder.join(if self.within_inputs { "in" } else { "out" }));
+        command.env("TMPDIR", self.folder.join("tmp")).stderr(File::create(log)?);
+        command.stdout(part.as_ref().map(File::create).transpose()?.map_or(Stdio::null(), Stdio::from));
+        let mut child = command.spawn()?;
+        let watched = self.watch(&mut child, log, goes_on);
+        if !matches!(watched, Ok(Ended::By(End::Success))) {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+        if let (Ok(Ended::By(End::Success)), Some(part), Some(stdout)) = (&watched, &part, stdout) {
+            fs::rename(part, stdout)?;
+        } else if let Some(part) = &part {
+            let _ = fs::remove_file(part);
+        }
+        watched
+    }
+
+    fn watch(
+        &self,
+        child: &mut Child,
+        log: &Path,
+        goes_on: &mut dyn FnMut() -> Result<bool>,
+    ) -> Result<Ended> {
+        let start = Instant::now();
+        let mut checked = Instant::now();
+        loop {
+            if let Some(status) = child.try_wait()? {
+                return Ok(self.ended(status, log));
+            }
+            if !goes_on()? {
+                return Ok(Ended::By(End::GivenUp));
+            }
+            if checked.elapsed() >= CHECK {
+                if start.elapsed() > Duration::from_secs(self.max_time) {
+                    let message = format!("it took more than {} s, the limit of this service", self.max_time);
+                    return Ok(Ended::By(End::Failure(message)));
+                }
+                if bytes_in(&self.folder) > self.max_disk {
+                    let most = self.max_disk;
+                    let message = format!("its files have more than {most} bytes, the limit of this service");
+                    return Ok(Ended::By(End::Failure(message)));
+                }
+                checked = Instant::now();
+            }
+            std::thread::sleep(if start.elapsed() < Duration::from_secs(1) { POLL / 4 } else { POLL });
+        }
+    }
+
+    fn ended(&self, status: ExitStatus, log: &Path) -> Ended {
+        if status.success() {
+            return Ended::By(End::Success);
+        }
+        if was_killed(status) {
+            return Ended::Killed;
+        }
+        let message = match self.message_of(log) {
+            message if message.is_empty() => {
+                format!("vlscan ended with {status}; see the limits of the service")
+            }
+            message => message,
+        };
+        match status.code() {
+            Some(NOT_DIVISIBLE) => Ended::By(End::NotDivisible(message)),
+            Some(FOLDER_IN_USE) => Ended::InUse(message),
+            _ => Ended::By(End::Failure(message)),
+        }
+    }
+
+    /// What vlscan said of its failure, without the folders of the service.
+    fn message_of(&self, log: &Path) -> String {
+        let text = tail(log, MAX_MESSAGE);
+        let start = text.find("error:").unwrap_or(0);
+        let mut message = text[start..].trim().to_owned();
+        for folder in [&self.folder, &self.root] {
+            message = message.replace(&format!("{}/", folder.display()), "");
+        }
+        ["in/../out/", "../in/", "../out/", "../tmp/"]
+            .iter()
+            .fold(message, |text, path| text.replace(path, ""))
+    }
+}
+
+/// How a process ended that may be started again.
+enum Ended {
+    By(End),
+    /// Somebody else killed it: the system, for want of memory, or an operator.
+    Killed,
+    /// Another process works in the folder.
+    InUse(String),
+}
+
+/// Whether a process was ended from outside, not by a limit or a fault of its own.
+#[cfg(unix)]
+fn was_killed(status: ExitStatus) -> bool {
+    use std::os::unix::process::ExitStatusExt as _;
+    let signals = [nix::sys::signal::Signal::SIGKILL, nix::sys::signal::Signal::SIGTERM];
+    status.signal().is_some_and(|number| signals.iter().any(|signal| *signal as i32 == number))
+}
+
+#[cfg(not(unix))]
+fn was_killed(_: ExitStatus) -> bool {
+    false
+}
+
+/// Bytes of all files in a folder; files that vanish meanwhile count nothing.
+fn bytes_in(folder: &Path) -> u64 {
+    let Ok(entries) = fs::read_dir(folder) else { return 0 };
+    let of = |entry: fs::DirEntry| match entry.metadata() {
+        Ok(about) if about.is_dir() => bytes_in(&entry.path()),
+        Ok(about) if about.is_file() => about.len(),
+        _ => 0,
+    };
+    entries.flatten().map(of).sum()
+}
+
+/// The last lines of a log, at most `most` bytes.
+fn tail(log: &Path, most: u64) -> String {
+    let read = || -> std::io::Result<Vec<u8>> {
+        let mut file = File::open(log)?;
+        let length = file.metadata()?.len();
+        file.seek(SeekFrom::Start(length.saturating_sub(most)))?;
+        let mut bytes = Vec::new();
+        file.take(most).read_to_end(&mut bytes)?;
+        Ok(bytes)
+    };
+    String::from_utf8_lossy(&read().unwrap_or_default()).into_owned()
+}
+
+/// The percentage in the last line of progress, and the line.
+pub(crate) fn progress_of(log: &Path) -> (u8, String) {
+    let text = tail(log, 4096);
+    let line = text.lines().rev().find(|line| line.contains("pulses") && line.contains("leg"));
+    let Some(line) = line.map(str::trim) else { return (0, String::new()) };
+    let percent = line.split_once('%').and_then(|(number, _)| number.trim().parse::<f64>().ok());
+    (percent.unwrap_or(0.0).clamp(0.0, 99.0) as u8, line.to_owned())
+}

@@ -1,0 +1,175 @@
+//! What the service knows of uploads and jobs.
+
+use serde::Serialize;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// An upload: files under a name of its owner.
+#[derive(Clone, Debug, Serialize)]
+pub struct Upload {
+    /// The folder of its files.
+    #[serde(skip)]
+    pub id: String,
+    /// What its owner calls it.
+    pub name: String,
+    /// Number of files.
+    pub files: u64,
+    /// Their bytes.
+    pub bytes: u64,
+    /// Hash over the names and contents of all files.
+    pub sha256: String,
+    /// When it was complete, ms since 1970.
+    #[serde(serialize_with = "as_time")]
+    pub created: i64,
+}
+
+/// A file of an upload.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct UploadFile {
+    /// Its path within the upload.
+    pub path: String,
+    /// Its bytes.
+    pub bytes: u64,
+    /// What an XML file holds.
+    pub kind: FileKind,
+}
+
+/// What an XML file holds, as far as pages offer it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FileKind {
+    /// A survey.
+    Survey,
+    /// A scene.
+    Scene,
+    /// Anything else, or a file that is not XML.
+    #[default]
+    Other,
+}
+
+impl FileKind {
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            FileKind::Survey => "survey",
+            FileKind::Scene => "scene",
+            FileKind::Other => "other",
+        }
+    }
+
+    pub(crate) fn named(name: &str) -> FileKind {
+        match name {
+            "survey" => FileKind::Survey,
+            "scene" => FileKind::Scene,
+            _ => FileKind::Other,
+        }
+    }
+}
+
+/// The state of a job, by the words of OGC API - Processes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Status {
+    /// It waits.
+    Accepted,
+    /// A worker computes it.
+    Running,
+    /// Its results are complete.
+    Successful,
+    /// It ended with a message.
+    Failed,
+    /// Its owner gave it up.
+    Dismissed,
+}
+
+impl Status {
+    /// All states.
+    pub const ALL: [Status; 5] =
+        [Status::Accepted, Status::Running, Status::Successful, Status::Failed, Status::Dismissed];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Status::Accepted => "accepted",
+            Status::Running => "running",
+            Status::Successful => "successful",
+            Status::Failed => "failed",
+            Status::Dismissed => "dismissed",
+        }
+    }
+
+    /// The state of that name.
+    pub fn named(name: &str) -> Option<Status> {
+        Status::ALL.into_iter().find(|status| status.name() == name)
+    }
+
+    /// Whether nothing follows.
+    pub fn is_final(self) -> bool {
+        !matches!(self, Status::Accepted | Status::Running)
+    }
+}
+
+/// A job.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// Its name.
+    pub id: String,
+    /// Whose it is.
+    pub owner: String,
+    /// The process.
+    pub process: String,
+    /// The inputs as requested, JSON.
+    pub inputs: String,
+    /// What is executed: a [`crate::request::Prepared`] as JSON.
+    pub prepared: String,
+    /// Hash of version, process, inputs and the contents of all files; empty if results may not be given again.
+    pub fingerprint: String,
+    /// The folder, that of the job which computed the results.
+    pub folder: String,
+    /// How far it is.
+    pub status: Status,
+    /// What there is to say, mostly about failures.
+    pub message: String,
+    /// Percent.
+    pub progress: u8,
+    /// Files of the results, JSON: a list of [`ResultFile`].
+    pub results: String,
+    /// Times, ms since 1970.
+    pub created: i64,
+    /// Start of the computation.
+    pub started: Option<i64>,
+    /// End.
+    pub finished: Option<i64>,
+    /// Last change.
+    pub updated: i64,
+}
+
+/// A file of a job's results.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, serde::Deserialize)]
+pub struct ResultFile {
+    /// Its path.
+    pub path: String,
+    /// Its bytes.
+    pub bytes: u64,
+}
+
+impl Job {
+    /// The files of the results.
+    pub fn result_files(&self) -> Vec<ResultFile> {
+        serde_json::from_str(&self.results).unwrap_or_default()
+    }
+}
+
+/// Milliseconds since 1970.
+pub fn now() -> i64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    i64::try_from(since.as_millis()).unwrap_or(i64::MAX)
+}
+
+/// A time as RFC 3339 has it.
+pub fn time_text(ms: i64) -> String {
+    let time = chrono::DateTime::from_timestamp_millis(ms).unwrap_or_default();
+    time.to_rfc3339_opts(chrono::SecondsFormat::Millis, true)
+}
+
+fn as_time<S: serde::Serializer>(ms: &i64, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+    serializer.serialize_str(&time_text(*ms))
+}

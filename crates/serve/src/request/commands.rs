@@ -1,0 +1,170 @@
+//! The words of a command and the file that it reads.
+
+use super::named::named_pipeline;
+use super::{Prepared, RequestError, wrong};
+use crate::processes::Process;
+use crate::program::Program;
+use crate::queue::Use;
+use crate::store::Store;
+use serde_json::{Map, Value};
+use std::collections::BTreeSet;
+
+/// The pipeline of a run: the keys of the file that is named, replaced by those of the request.
+pub(super) fn pipeline(
+    process: Process,
+    inputs: Value,
+    owner: &str,
+    store: &Store,
+    uses: &mut BTreeSet<Use>,
+) -> Result<Prepared, RequestError> {
+    let Value::Object(mut inputs) = inputs else { return Err(wrong("inputs", "expected an object")) };
+    let mut table = match inputs.remove("pipeline").as_ref().and_then(Value::as_str) {
+        Some(name) => named_pipeline(name, owner, store, uses)?,
+        None => toml::Table::new(),
+    };
+    for (key, value) in inputs {
+        let value = toml_value(&key, value)?;
+        table.insert(key, value);
+    }
+    for key in ["force", "assets", "schedule"] {
+        table.remove(key);
+    }
+    let uploads = uses.iter().filter_map(|used| {
+        if let Use::Upload { name, .. } = used { Some(toml::Value::from(name.as_str())) } else { None }
+    });
+    let assets: Vec<toml::Value> = uploads.collect();
+    if !assets.is_empty() {
+        table.insert("assets".to_owned(), toml::Value::Array(assets));
+    }
+    if process == Process::Run && !table.contains_key("output") {
+        let output = toml::Table::from_iter([("path".to_owned(), toml::Value::from("points.laz"))]);
+        table.insert("output".to_owned(), toml::Value::Array(vec![toml::Value::Table(output)]));
+    }
+    let text = toml::to_string(&table).map_err(|e| wrong("inputs", e.to_string()))?;
+    let (words, stdout): (&[&str], _) = match process {
+        Process::DryRun => {
+            (&["run", "../in/job.toml", "--dry-run", "--json"], Some("report.json".to_owned()))
+        }
+        _ => (&["run", "../in/job.toml"], None),
+    };
+    Ok(Prepared {
+        document: Some(("job.toml".to_owned(), text)),
+        words: words.iter().map(|word| (*word).to_owned()).collect(),
+        stdout,
+        ..Prepared::default()
+    })
+}
+
+pub(super) fn campaign(inputs: Value) -> Result<Prepared, RequestError> {
+    let Value::Object(inputs) = inputs else { return Err(wrong("inputs", "expected an object")) };
+    let mut table = toml::Table::new();
+    table.insert("out".to_owned(), "../out/dataset".into());
+    for (key, value) in inputs {
+        let value = toml_value(&key, value)?;
+        table.insert(key, value);
+    }
+    let text = toml::to_string(&table).map_err(|e| wrong("inputs", e.to_string()))?;
+    Ok(Prepared {
+        document: Some(("campaign.toml".to_owned(), text)),
+        words: ["campaign", "../in/campaign.toml"].map(str::to_owned).to_vec(),
+        ..Prepared::default()
+    })
+}
+
+fn toml_value(key: &str, value: Value) -> Result<toml::Value, RequestError> {
+    toml::Value::try_from(value)
+        .map_err(|_| wrong(key, "has a null, which pipeline files do not have; leave the key out"))
+}
+
+/// The folders in which commands look for files besides that of the file which names them.
+pub(super) fn assets(uses: &BTreeSet<Use>) -> Vec<String> {
+    let uploads = uses
+        .iter()
+        .filter_map(|used| if let Use::Upload { name, .. } = used { Some(name.as_str()) } else { None });
+    std::iter::once(".").chain(uploads).map(|folder| format!("--assets={folder}")).collect()
+}
+
+pub(super) fn plan(
+    inputs: &Map<String, Value>,
+    assets: &[String],
+    program: &Program,
+) -> Result<Prepared, RequestError> {
+    let mut inputs = inputs.clone();
+    let kind = inputs.remove("kind").and_then(|kind| kind.as_str().map(str::to_owned)).unwrap_or_default();
+    let schema = &program.commands[format!("plan {kind}")];
+    for key in inputs.keys() {
+        if schema["properties"].get(key).is_none() {
+            return Err(wrong(key, format!("plans of the kind {kind} have no such input")));
+        }
+    }
+    let words = [vec!["plan".to_owned(), kind], assets.to_vec(), options(&inputs, schema)?].concat();
+    Ok(Prepared { words, within_inputs: true, stdout: Some("plan.toml".to_owned()), ..Prepared::default() })
+}
+
+/// Inputs as words of a command line: `--name=value`, so that no value is taken for an option, and operands behind `--`.
+pub(super) fn options(inputs: &Map<String, Value>, schema: &Value) -> Result<Vec<String>, RequestError> {
+    let mut words = Vec::new();
+    let mut operands = Vec::new();
+    for (key, value) in inputs {
+        let about = &schema["properties"][key];
+        if let Some(place) = about["x-operand"].as_u64() {
+            operands.push((place, text_of(key, value)?));
+            continue;
+        }
+        let option = about["x-option"].as_str().unwrap_or_default();
+        match value {
+            Value::Bool(true) => words.push(option.to_owned()),
+            Value::Bool(false) => {}
+            Value::Array(list)
+                if about["anyOf"].as_array().is_some_and(|any| {
+                    any.iter().any(|one| one["items"]["anyOf"].is_null() && one["type"] == "array")
+                }) =>
+            {
+                for item in list {
+                    words.push(format!("{option}={}", text_of(key, item)?));
+                }
+            }
+            value => words.push(format!("{option}={}", text_of(key, value)?)),
+        }
+    }
+    operands.sort();
+    if !operands.is_empty() {
+        words.push("--".to_owned());
+    }
+    words.extend(operands.into_iter().map(|(_, text)| text));
+    Ok(words)
+}
+
+fn text_of(key: &str, value: &Value) -> Result<String, RequestError> {
+    match value {
+        Value::String(text) => Ok(text.clone()),
+        Value::Number(number) => Ok(match number.as_f64() {
+            // 20.0 is 20 on a command line.
+            Some(decimal) if number.is_f64() => decimal.to_string(),
+            _ => number.to_string(),
+        }),
+        Value::Array(list) => {
+            let texts: Result<Vec<String>, RequestError> =
+                list.iter().map(|item| text_of(key, item)).collect();
+            Ok(texts?.join(","))
+        }
+        _ => Err(wrong(key, "expected a number, a text or a list of them")),
+    }
+}
+
+/// The command as a user would type it in a folder that has the uploads as folders.
+pub(super) fn shown(process: Process, prepared: &Prepared) -> String {
+    let is_ours =
+        |word: &&String| *word == "--" || word.starts_with("--assets=") || word.starts_with("--most-points");
+    let words = prepared.words.iter().filter(|word| !is_ours(word));
+    let words = words.map(|word| {
+        let word = word.replace("../in/", "").replace("../out/", "");
+        let is_plain = word.chars().all(|c| c.is_alphanumeric() || "-_./=,:#+%".contains(c));
+        if is_plain && !word.is_empty() { word } else { format!("'{}'", word.replace('\'', r"'\''")) }
+    });
+    let line = std::iter::once("vlscan".to_owned()).chain(words).collect::<Vec<_>>().join(" ");
+    match (&prepared.stdout, process) {
+        (Some(_), Process::DryRun) | (None, _) => line,
+        (Some(file), _) => format!("{line} > {file}"),
+    }
+}

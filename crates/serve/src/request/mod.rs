@@ -1,0 +1,187 @@
+//! From the inputs of a request to the command that is executed: keys are checked, names of files resolved to uploads and results of the
+//! same owner, and everything that determines the result is hashed.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `values` | values and their types |
+//! | `named` | uploads and results that inputs name |
+//! | `commands` | the words and the pipeline file of a command |
+
+mod commands;
+mod named;
+mod values;
+
+pub use named::name_of;
+
+use crate::processes::Process;
+use crate::program::Program;
+use crate::queue::Use;
+use crate::store::{Store, StoreError};
+use crate::tokens::hex;
+use commands::{assets, campaign, options, pipeline, plan, shown};
+use named::{find_files, with_uses_of_jobs};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
+use sha2::{Digest as _, Sha256};
+use std::collections::BTreeSet;
+use values::{check_type, geojson, nearest, unqualified};
+
+/// Points in pages that show a cloud.
+pub const PAGE_POINTS: &str = "500k";
+
+/// Why a request is refused.
+#[derive(Debug, thiserror::Error)]
+pub enum RequestError {
+    /// An input, and what is wrong with it.
+    #[error("{key}: {message}")]
+    Input {
+        /// The input.
+        key: String,
+        /// What is wrong and what to give instead.
+        message: String,
+    },
+    /// The store.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+fn wrong(key: &str, message: impl Into<String>) -> RequestError {
+    RequestError::Input { key: key.to_owned(), message: message.into() }
+}
+
+/// What is executed for a job.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Prepared {
+    /// Name and text of the file in the folder of inputs.
+    pub document: Option<(String, String)>,
+    /// The words behind `vlscan`.
+    pub words: Vec<String>,
+    /// Whether it works in the folder of inputs, else in that of results.
+    pub within_inputs: bool,
+    /// The file of results that standard output becomes.
+    pub stdout: Option<String>,
+    /// The same command as a user would type it in the folder of the uploads.
+    pub shown: String,
+    /// What it reads.
+    pub uses: BTreeSet<Use>,
+}
+
+/// A request that can be executed, and the hash of all that determines its result; empty if that depends on the time.
+#[derive(Clone, Debug)]
+pub struct Checked {
+    /// What is executed.
+    pub prepared: Prepared,
+    /// The hash.
+    pub fingerprint: String,
+}
+
+/// Checks the inputs of a process.
+///
+/// # Errors
+/// [`RequestError`].
+pub fn check(
+    process: Process,
+    inputs: &Map<String, Value>,
+    owner: &str,
+    store: &Store,
+    program: &Program,
+) -> Result<Checked, RequestError> {
+    let schema = process.inputs(program);
+    let mut inputs = inputs.clone();
+    let mut area = None;
+    for (key, value) in &mut inputs {
+        *value = unqualified(key, value.take())?;
+        if let ("area" | "along", Process::Plan, Some(text)) = (key.as_str(), process, geojson(value)) {
+            let name = format!("{key}.geojson");
+            *value = json!(name);
+            area = Some((name, text));
+        }
+        let Some(schema) = schema["properties"].get(key) else {
+            let known = schema["properties"].as_object().into_iter().flatten().map(|(name, _)| name.as_str());
+            return Err(wrong(
+                key,
+                format!("the process {} has no such input; {}", process.id(), nearest(key, known)),
+            ));
+        };
+        check_type(key, value, schema)?;
+    }
+    for key in schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str) {
+        if !inputs.contains_key(key) {
+            return Err(wrong(key, format!("the process {} needs this input", process.id())));
+        }
+    }
+    let mut uses = BTreeSet::new();
+    let mut tree = Value::Object(inputs.clone());
+    find_files("", &tree, 0, owner, store, &mut uses)?;
+    let mut prepared = match process {
+        Process::Run | Process::DryRun => pipeline(process, tree.take(), owner, store, &mut uses)?,
+        Process::Campaign => campaign(tree.take())?,
+        Process::Plan => Prepared { document: area, ..plan(&inputs, &assets(&uses), program)? },
+        Process::Compare => {
+            let words = options(&inputs, &schema)?;
+            let words = [
+                vec!["compare".to_owned(), "--json".to_owned(), "--page=../out/report.html".to_owned()],
+                words,
+            ]
+            .concat();
+            Prepared {
+                words,
+                within_inputs: true,
+                stdout: Some("report.json".to_owned()),
+                ..Prepared::default()
+            }
+        }
+        Process::Stand => {
+            let start = ["scene", "stand", "--copy", "--out=../out/stand"].map(str::to_owned).to_vec();
+            let words = [start, options(&inputs, &schema)?].concat();
+            Prepared { words, within_inputs: true, ..Prepared::default() }
+        }
+        Process::Preview => {
+            let format = inputs.get("format").and_then(Value::as_str).unwrap_or("png").to_owned();
+            inputs.remove("format");
+            let out = format!("--out=../out/preview.{format}");
+            let start = vec!["preview".to_owned(), out, format!("--most-points={PAGE_POINTS}")];
+            let words = [start, assets(&uses), options(&inputs, &schema)?].concat();
+            Prepared { words, within_inputs: true, ..Prepared::default() }
+        }
+    };
+    with_uses_of_jobs(store, &mut uses)?;
+    prepared.shown = shown(process, &prepared);
+    prepared.uses = uses;
+    let fingerprint = fingerprint(process, &prepared, owner, store, program)?;
+    Ok(Checked { prepared, fingerprint })
+}
+
+/// The hash of everything that determines the result.
+fn fingerprint(
+    process: Process,
+    prepared: &Prepared,
+    owner: &str,
+    store: &Store,
+    program: &Program,
+) -> Result<String, RequestError> {
+    // `gps_start = "now"` and `--gps-start now`.
+    if prepared.document.as_ref().is_some_and(|(_, text)| text.contains("gps") && text.contains("now")) {
+        return Ok(String::new());
+    }
+    let mut inputs = Vec::new();
+    for used in &prepared.uses {
+        let content = match used {
+            Use::Upload { name, id } => {
+                let upload = store.upload(owner, name)?.filter(|upload| upload.id == *id);
+                upload.map_or(id.clone(), |upload| upload.sha256)
+            }
+            Use::Job { folder, .. } => folder.clone(),
+        };
+        inputs.push((name_of(used), content));
+    }
+    let all = json!([
+        env!("CARGO_PKG_VERSION"),
+        program.version,
+        process.id(),
+        prepared.document,
+        prepared.words,
+        inputs
+    ]);
+    Ok(hex(&Sha256::digest(all.to_string().as_bytes())))
+}

@@ -1,0 +1,72 @@
+//! Values of inputs and their types.
+
+use super::{RequestError, wrong};
+use serde_json::Value;
+
+/// A value given as `{"value": …}`, as OGC API - Processes has objects, or as it stands.
+pub(super) fn unqualified(key: &str, value: Value) -> Result<Value, RequestError> {
+    match value {
+        Value::Object(map) if map.contains_key("href") => Err(wrong(
+            key,
+            "inputs by reference are not fetched; upload the file and give its name, UPLOAD/FILE",
+        )),
+        Value::Object(mut map)
+            if map
+                .keys()
+                .all(|key| matches!(key.as_str(), "value" | "mediaType" | "encoding" | "schema")) =>
+        {
+            map.remove("value").ok_or_else(|| wrong(key, "expected a value"))
+        }
+        value => Ok(value),
+    }
+}
+
+/// The text of an area given as GeoJSON, as an object or as text. It becomes a file, because vlscan reads GeoJSON from files.
+pub(super) fn geojson(value: &Value) -> Option<String> {
+    match value {
+        Value::Object(_) => Some(value.to_string()),
+        Value::String(text) if text.trim_start().starts_with('{') => Some(text.clone()),
+        _ => None,
+    }
+}
+
+/// Checks the type of a value as far as the schema tells it.
+pub(super) fn check_type(key: &str, value: &Value, schema: &Value) -> Result<(), RequestError> {
+    let is = |kind: &str| match kind {
+        "string" => value.is_string(),
+        "boolean" => value.is_boolean(),
+        "integer" => value.is_u64() || value.is_i64(),
+        "number" => value.is_number(),
+        "array" => value.is_array(),
+        "object" => value.is_object(),
+        _ => true,
+    };
+    let alternatives: Vec<&Value> = match schema["anyOf"].as_array() {
+        Some(list) => list.iter().collect(),
+        None => vec![schema],
+    };
+    let kinds: Vec<&str> = alternatives.iter().filter_map(|one| one["type"].as_str()).collect();
+    if kinds.len() == alternatives.len() && !kinds.iter().any(|kind| is(kind)) {
+        return Err(wrong(key, format!("expected {}", kinds.join(" or "))));
+    }
+    if let (Some(names), Some(text)) = (schema["enum"].as_array(), value.as_str())
+        && !names.iter().any(|name| name == text)
+    {
+        let names: Vec<&str> = names.iter().filter_map(Value::as_str).collect();
+        return Err(wrong(key, format!("`{text}`: expected one of {}", names.join(", "))));
+    }
+    Ok(())
+}
+
+/// The known name that is most like a misspelt one.
+pub(super) fn nearest<'n>(typed: &str, known: impl Iterator<Item = &'n str>) -> String {
+    let letters =
+        |name: &str| name.chars().filter(|c| c.is_alphanumeric()).collect::<String>().to_lowercase();
+    let typed = letters(typed);
+    let mut known: Vec<&str> = known.collect();
+    known.sort_unstable();
+    match known.iter().find(|name| letters(name).contains(&typed) || typed.contains(&letters(name))) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None => format!("it has {}", known.join(", ")),
+    }
+}
