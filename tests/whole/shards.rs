@@ -370,7 +370,7 @@ fn a_run_in_shards_at_once_gives_the_same_bytes_and_leaves_nothing() {
     assert_same(&found, &expected, "--resume");
     let dir = folder();
     let out = run(dir.path(), &["run", &survey, "-o", "-", "--format", "xyz", "--resume"]);
-    assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));
+    assert_eq!(out.status.code(), Some(4), "{}", text(&out.stderr));
 }
 
 #[test]
@@ -583,7 +583,7 @@ fn a_resumed_run_of_other_options_is_refused_unless_it_may_replace() {
     child.kill().unwrap();
     child.wait().unwrap();
     let refused = run(dir.path(), &command("3"));
-    assert_eq!(refused.status.code(), Some(2));
+    assert_eq!(refused.status.code(), Some(4));
     assert!(text(&refused.stderr).contains("seed (2, 3)"), "{}", text(&refused.stderr));
     succeed(dir.path(), &arguments(&[&command("3"), &["--force"]]));
     let expected = of_run(&survey, &["--seed", "3"], &["-o", "a.laz"]);
