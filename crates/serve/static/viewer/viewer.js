@@ -28,6 +28,7 @@ class Viewer {
     this.workers = [];
     this.classes = new Set();
     this.isDue = false;
+    this.isBegun = false;
     this.options = { colouring: 'height', size: 2, budget: 1e6, heights: [0, 1], slab: null };
   }
 
@@ -48,6 +49,7 @@ class Viewer {
     this.home();
     // The root tells the strengths that intensities are ranked by.
     if (copc.root.count > 0) await this.load(copc.root);
+    this.isBegun = true;
     new ResizeObserver(() => this.resize()).observe(this.canvas);
     follow(this);
     this.controls();
@@ -106,6 +108,8 @@ class Viewer {
       }
       for (let i = 0; i < values.length; i += 4) this.classes.add(values[i]);
       node.state = 'ready';
+      // The root comes alone, so that something is seen soon.
+      this.isBegun = true;
       this.loaded.set(key, { node, ...this.painter.upload({ positions, values }) });
     }
     resolve();
@@ -219,7 +223,7 @@ class Viewer {
   }
 
   redraw() {
-    if (this.isDue || !this.copc.root) return;
+    if (this.isDue || !this.isBegun) return;
     this.isDue = true;
     requestAnimationFrame(() => this.draw());
   }
