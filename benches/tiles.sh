@@ -1,11 +1,11 @@
 #!/bin/sh
 # A flight along a row of mesh tiles: with the scene in memory, and with the tiles loaded and dropped as the flight goes on.
-# Says how long each run took and how much memory, and whether the points are the same.
+# From their files, and packed. Says how long each run took and how much memory, and whether the points are the same.
 #
 #   benches/tiles.sh [FOLDER]        default: a folder under $TMPDIR, removed at the end
 #
 # Environment: VLSCAN (the program; default: built with `cargo build --release`), TILES (60), CELLS (256: cells of a tile along
-# one side, of 1 m and two triangles), MEMORY (200M), SPEED (20 m/s), PULSES (200000 a second), THREADS (0: all).
+# one side, of 1 m and two triangles), MEMORY (200M), PACK_MEMORY (200M), SPEED (20 m/s), PULSES (200000 a second), THREADS (0: all).
 set -eu
 
 here=$(cd "$(dirname "$0")/.." && pwd)
@@ -53,11 +53,19 @@ leg = [
 END
 fi
 cd "$folder"
-for memory in all ${MEMORY:-200M}; do
-    echo "$memory:"
-    option=""
-    [ "$memory" = all ] || option="--scene-memory $memory"
-    # shellcheck disable=SC2086
-    measured "$VLSCAN" run flight.toml -v -j "${THREADS:-0}" $option -o "points_$memory.las" --force
-    cmp points_all.las "points_$memory.las"
-done
+fly() {
+    for memory in all ${MEMORY:-200M}; do
+        echo "$1, $memory:"
+        option=""
+        [ "$memory" = all ] || option="--scene-memory $memory"
+        # shellcheck disable=SC2086
+        measured "$VLSCAN" run flight.toml -v -j "${THREADS:-0}" --scene "$1" $option -o points.las --force
+        [ -e expected.las ] || mv points.las expected.las
+        [ ! -e points.las ] || cmp expected.las points.las
+    done
+}
+rm -f expected.las
+fly scene.xml
+echo "packing:"
+measured "$VLSCAN" scene pack scene.xml --scene-memory "${PACK_MEMORY:-200M}" -o scene.vlscene
+fly scene.vlscene

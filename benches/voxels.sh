@@ -1,11 +1,12 @@
 #!/bin/sh
-# A hundred million voxels of foliage: makes them, flies over them, and says how long that took and how much memory.
+# A hundred million voxels of foliage, and with CLOUD=yes as many cells of a point cloud: makes them, flies over them, and says how
+# long that took and how much memory.
 #
 #   benches/voxels.sh [FOLDER]        default: a folder under $TMPDIR, removed at the end
 #
 # The voxels lie in a grid of which SHARE percent (30) are occupied, with densities of two digits. Environment: VLSCAN (the program;
-# default: built with `cargo build --release`), VOXELS (100000000), SHARE, MODE (transmittive), PULSES (1000000), THREADS (2). Needs awk,
-# and GNU time or Python for the peak memory.
+# default: built with `cargo build --release`), VOXELS (100000000), SHARE, MODE (transmittive), PULSES (1000000), THREADS (2), CLOUD,
+# PYTHON (python3). Needs awk, and GNU time or Python for the peak memory; the cloud, a LAS file of 2 GB, needs Python with numpy.
 set -eu
 
 here=$(cd "$(dirname "$0")/.." && pwd)
@@ -79,3 +80,47 @@ active = false
 END
 echo "scanning:"
 measured "$VLSCAN" run "$folder/flight.toml" -v -j "${THREADS:-2}" -o "$folder/points.las" --force
+
+[ -n "${CLOUD:-}" ] || exit 0
+if [ ! -e "$folder/cloud.las" ]; then
+    echo "making a cloud of ${VOXELS:-100000000} points:"
+    "${PYTHON:-python3}" - "$folder/cloud.las" "${VOXELS:-100000000}" "${SHARE:-30}" << 'PYTHON'
+import struct, sys
+import numpy as np
+path, wanted, share, high = sys.argv[1], int(sys.argv[2]), float(sys.argv[3]) / 100, 100
+side = int((wanted / (high * share)) ** 0.5) + 1
+rng = np.random.default_rng(1)
+record = np.dtype([("xyz", "<i4", 3), ("intensity", "<u2"), ("returns", "u1"), ("class", "u1"), ("rest", "V4")])
+made = 0
+with open(path, "wb") as file:
+    file.write(bytes(227))
+    # A point in the middle of each occupied cell of 0.25 m, at most a hundred above each other.
+    for i in range(side):
+        j, k = np.nonzero(rng.random((side, high)) < share)
+        j, k = j[: wanted - made], k[: wanted - made]
+        points = np.zeros(len(j), record)
+        points["xyz"] = np.stack([np.full(len(j), i), j, k], axis=1) * 250 + 125
+        points["returns"], points["class"] = 9, 5
+        points.tofile(file)
+        made += len(j)
+    file.seek(0)
+    file.write(struct.pack(
+        "<4sHH16sBB32s32sHHHIIBHI5I3d3d6d", b"LASF", 0, 0, bytes(16), 1, 2, b"", b"", 1, 2026, 227, 227, 0, 0, 20, made,
+        made, 0, 0, 0, 0, 0.001, 0.001, 0.001, 0, 0, 0, side / 4, 0, side / 4, 0, high / 4, 0,
+    ))
+PYTHON
+fi
+cat > "$folder/cloud.xml" << END
+<document paths="beside">
+  <scene id="cloud">
+    <part id="1">
+      <filter type="xyzloader">
+        <param type="string" key="filepath" value="cloud.las"/>
+        <param type="double" key="voxelSize" value="0.25"/>
+      </filter>
+    </part>
+  </scene>
+</document>
+END
+echo "scanning the cloud:"
+measured "$VLSCAN" run "$folder/flight.toml" --scene "$folder/cloud.xml" -v -j "${THREADS:-2}" -o "$folder/cloud_points.las" --force
