@@ -54,7 +54,7 @@ pub use block::Block;
 pub use cube::Cube;
 pub use frame::Frame;
 pub use geometry::{CubeAt, Geometry, Hit, TriangleAt};
-pub use heights::{HeightField, HeightGrid, Heights};
+pub use heights::{HeightField, HeightGrid, Heights, Similarity};
 pub use index::Tree;
 pub use instances::{Instance, Instances, Model, Placement};
 pub use kernel::TraceScratch;

@@ -45,7 +45,7 @@ use vlscan_base::files::fault;
 use vlscan_base::machine;
 use vlscan_geom::{Aabb, Rotation};
 use vlscan_survey::{Loader, MaterialChoice, PartRecipe, Replaced, SceneRecipe, Transform, VoxelMode};
-use vlscan_trace::VoxelGrid;
+use vlscan_trace::{Similarity, VoxelGrid};
 
 /// Loads a scene in its first epoch and returns it with its warnings. All problems of all files are collected before an
 /// error is returned. The result does not depend on the number of threads. Moving parts are in their initial pose.
@@ -283,8 +283,8 @@ fn load_pages(
     let id = ids.single(part);
     let target = PartSource { index: scene.next_part(), place: part.place.as_ref() };
     let Some(materials) = choose(scene, &target, material) else { return Ok(()) };
-    let translation = (part.transform != Transform::IDENTITY).then_some(part.transform.offset);
-    let indexed = raster::PagedRaster::index(scene, &target, files, translation)?;
+    let transform = (part.transform != Transform::IDENTITY).then(|| similarity(&part.transform));
+    let indexed = raster::PagedRaster::index(scene, &target, files, transform)?;
     let Some((raster, pages)) = indexed.filter(|(_, pages)| !pages.is_empty()) else {
         // What could not be read is an error already.
         if !scene.diagnostics.is_fatal(false) {
@@ -405,7 +405,7 @@ fn apply_transform(scene: &mut SceneBuilder, loader: &Loader, transform: &Transf
     };
     scene.geometry.fields[extent.fields.clone()]
         .iter_mut()
-        .for_each(|field| field.translate(transform.offset));
+        .for_each(|field| field.transform(similarity(transform)));
     for place in scene.geometry.grids[extent.grids.clone()].iter_mut().map(VoxelGrid::place_mut) {
         place.transform = Some((of_centres.scale, of_centres.offset));
         place.half *= transform.scale.abs();
@@ -415,6 +415,12 @@ fn apply_transform(scene: &mut SceneBuilder, loader: &Loader, transform: &Transf
         cube.half *= transform.scale.abs();
     });
     scene.voxels[extent.cubes.clone()].par_iter_mut().for_each(|v| v.rotate(&transform.rotation));
+}
+
+/// A part's transform, except dropping it to the ground.
+fn similarity(transform: &Transform) -> Similarity {
+    let Transform { rotation, scale, offset, .. } = *transform;
+    Similarity { rotation, scale, offset }
 }
 
 /// Whether the voxels of a part that are on a grid when they are loaded are on one when they are placed, and are alike.

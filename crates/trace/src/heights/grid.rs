@@ -5,7 +5,7 @@ use vlscan_geom::{DVec3, Rotation};
 /// Where the vertices of a height field are: numbered by column and row, each with a number for its height.
 ///
 /// A vertex is computed as a program that stores vertices would compute it, operation by operation: its place in the grid and
-/// `number · scale + offset`, the translation of the part, its raise, less the scene's shift.
+/// `number · scale + offset`, the transform of the part, its raise, less the scene's shift.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct HeightGrid {
@@ -25,9 +25,9 @@ pub struct HeightGrid {
     pub scale: f64,
     /// Height of the number 0, m.
     pub offset: f64,
-    /// Added to every vertex, m.
-    pub translation: Option<DVec3>,
-    /// Added to z after the translation, m; −0 leaves every z unchanged, which +0 would not.
+    /// Applied to every vertex.
+    pub transform: Option<Similarity>,
+    /// Added to z after the transform, m; −0 leaves every z unchanged, which +0 would not.
     pub raise: f64,
     /// Subtracted last, m.
     pub shift: DVec3,
@@ -45,13 +45,13 @@ impl HeightGrid {
             of_row: [0.0, 1.0],
             scale: 1.0,
             offset: 0.0,
-            translation: None,
+            transform: None,
             raise: -0.0,
             shift: DVec3::ZERO,
         }
     }
 
-    /// x and y of a vertex before it is translated, m.
+    /// x and y of a vertex before it is transformed, m.
     #[inline(always)]
     pub fn place(&self, column: usize, row: usize) -> [f64; 2] {
         let (column, row) = ((self.first[0] + column) as f64, (self.first[1] + row) as f64);
@@ -75,9 +75,9 @@ impl HeightGrid {
 
     #[inline(always)]
     pub(super) fn moved(&self, mut p: DVec3) -> DVec3 {
-        if let Some(translation) = self.translation {
-            // A transform without rotation and scale may change the sign of a zero.
-            p = Rotation::IDENTITY.apply(p) * 1.0 + translation;
+        if let Some(transform) = self.transform {
+            // One without rotation and scale may change the sign of a zero, too.
+            p = transform.apply(p);
         }
         DVec3::new(p.x, p.y, p.z + self.raise) - self.shift
     }
@@ -98,9 +98,15 @@ impl HeightGrid {
         self.rows.saturating_sub(1)
     }
 
+    /// The transform, if it does more than to translate.
+    #[inline(always)]
+    pub(super) fn turned(&self) -> Option<&Similarity> {
+        self.transform.as_ref().filter(|by| by.rotation != Rotation::IDENTITY || by.scale != 1.0)
+    }
+
     /// Translation, raise and shift together, approximately, m.
     pub(super) fn movement(&self) -> DVec3 {
-        self.translation.unwrap_or(DVec3::ZERO) + DVec3::Z * self.raise - self.shift
+        self.transform.map_or(DVec3::ZERO, |by| by.offset) + DVec3::Z * self.raise - self.shift
     }
 
     /// Bound of the numbers that occur when a vertex is computed whose height is at most `height` before it is moved.
@@ -108,9 +114,40 @@ impl HeightGrid {
         let (columns, rows) = ((self.first[0] + self.columns) as f64, (self.first[1] + self.rows) as f64);
         let side =
             |a: usize| self.origin[a].abs() + columns * self.of_column[a].abs() + rows * self.of_row[a].abs();
-        let moved = self.translation.unwrap_or(DVec3::ZERO).abs().max_element()
-            + self.raise.abs()
-            + self.shift.abs().max_element();
-        side(0).max(side(1)).max(height + self.offset.abs()) + moved
+        let largest = |v: DVec3| v.abs().max_element();
+        let reach = side(0).max(side(1)).max(height + self.offset.abs());
+        let transformed = self.transform.map_or(0.0, |by| 4.0 * by.scale.abs() * reach + largest(by.offset));
+        reach + transformed + self.raise.abs() + largest(self.shift)
+    }
+}
+
+/// A rotation, scaling and translation: `scale · R · p + offset`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Similarity {
+    /// Applied first.
+    pub rotation: Rotation,
+    /// Factor of all coordinates after the rotation.
+    pub scale: f64,
+    /// Added last, m.
+    pub offset: DVec3,
+}
+
+impl Similarity {
+    /// A translation, m.
+    pub fn translation(offset: DVec3) -> Similarity {
+        Similarity { rotation: Rotation::IDENTITY, scale: 1.0, offset }
+    }
+
+    /// The image of a point, m.
+    #[inline(always)]
+    pub fn apply(&self, p: DVec3) -> DVec3 {
+        self.linear(p) + self.offset
+    }
+
+    /// The image of a vector, which is not translated.
+    #[inline(always)]
+    pub(super) fn linear(&self, v: DVec3) -> DVec3 {
+        self.rotation.apply(v) * self.scale
     }
 }

@@ -124,7 +124,7 @@ impl HeightField {
             }
         }
         let mut sum = 0.0;
-        if grid.is_upright() && grid.translation.is_none() {
+        if grid.is_upright() && grid.transform.is_none() {
             let mut x = [0.0; ACROSS];
             for (c, x) in x.iter_mut().enumerate() {
                 *x = grid.place(column + c, row)[0] - grid.shift.x;

@@ -11,6 +11,7 @@
 //! | `numbers` | heights as they are stored |
 //! | `pyramid` | the pyramid, and the boxes of its nodes |
 //! | `leaf` | the triangles of some cells as a block |
+//! | `turned` | fields that are rotated or scaled |
 //! | `single` | tracing of single rays |
 
 mod grid;
@@ -20,8 +21,9 @@ mod pyramid;
 mod single;
 #[cfg(test)]
 mod tests;
+mod turned;
 
-pub use grid::HeightGrid;
+pub use grid::{HeightGrid, Similarity};
 pub(crate) use leaf::LEAF_VERTICES;
 pub use numbers::Heights;
 pub(crate) use pyramid::{FieldNode, FieldView, MAX_FIELD_STACK};
@@ -52,8 +54,10 @@ pub struct HeightField {
     /// Number of missing triangles before each run of cells, row by row; empty if none is missing.
     missing_before: Vec<u32>,
     missing: usize,
-    /// Box around the vertices of triangles as far as they are placed in the grid: neither translated nor raised nor shifted.
+    /// Box around the vertices of triangles as far as they are placed in the grid: neither transformed nor raised nor shifted.
     bounds: Aabb,
+    /// Box around the vertices of triangles after the transform, neither raised nor shifted.
+    transformed: Aabb,
 }
 
 impl HeightField {
@@ -66,7 +70,7 @@ impl HeightField {
             return None;
         }
         let built = pyramid::build(&grid, &heights);
-        Some(HeightField {
+        let mut field = HeightField {
             grid,
             heights,
             first: first as u32,
@@ -74,7 +78,10 @@ impl HeightField {
             missing_before: built.missing_before,
             missing: built.missing,
             bounds: built.bounds,
-        })
+            transformed: built.bounds,
+        };
+        field.transformed = field.find_transformed_bounds();
+        Some(field)
     }
 
     /// Positions of the vertices.
@@ -156,15 +163,23 @@ impl HeightField {
 
     /// The box around all triangles, exactly that of their corners.
     pub fn bounds(&self) -> Aabb {
-        if self.bounds.is_empty() {
+        if self.transformed.is_empty() {
             return Aabb::EMPTY;
         }
-        // Every operation on vertices keeps their order.
-        Aabb { min: self.grid.moved(self.bounds.min), max: self.grid.moved(self.bounds.max) }
+        // Raise and shift keep the order of vertices along every axis.
+        let moved = HeightGrid { transform: None, ..self.grid };
+        Aabb { min: moved.moved(self.transformed.min), max: moved.moved(self.transformed.max) }
     }
 
     /// The numbers, counted from the field's first, of all triangles above or below a place, and of some beside it.
     pub fn triangles_near(&self, x: f64, y: f64) -> impl Iterator<Item = usize> {
+        let turned = self.grid.turned().map(|_| self.turned_triangles_near(x, y));
+        let plain = turned.is_none().then(|| self.plain_triangles_near(x, y));
+        plain.into_iter().flatten().chain(turned.into_iter().flatten())
+    }
+
+    /// [`HeightField::triangles_near`] of a field that is neither rotated nor scaled.
+    fn plain_triangles_near(&self, x: f64, y: f64) -> impl Iterator<Item = usize> + use<> {
         let (columns, rows) = (self.grid.cell_columns(), self.grid.cell_rows());
         let (origin, HeightGrid { of_column: [a, c], of_row: [b, d], .. }) =
             (self.grid.place(0, 0), self.grid);
@@ -183,12 +198,13 @@ impl HeightField {
         })
     }
 
-    /// Translates all vertices, m, which must not have been translated, raised or shifted before.
-    pub fn translate(&mut self, by: DVec3) {
-        self.grid.translation = Some(by);
+    /// Transforms all vertices, which must not have been transformed, raised or shifted before.
+    pub fn transform(&mut self, by: Similarity) {
+        self.grid.transform = Some(by);
+        self.transformed = self.find_transformed_bounds();
     }
 
-    /// Moves all vertices up, m, after their translation.
+    /// Moves all vertices up, m, after their transform.
     pub fn raise(&mut self, by: f64) {
         self.grid.raise = by;
     }

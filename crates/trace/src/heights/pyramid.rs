@@ -1,5 +1,6 @@
 //! The pyramid of least and greatest heights over the cells of a field: nodes with sixteen children, four by four.
 
+use super::turned::TurnedGrid;
 use super::{HeightField, HeightGrid, Heights, LEAF_COLUMNS, LEAF_ROWS, RUN};
 use crate::frame::{Frame, above, below};
 use crate::memory::vec_bytes;
@@ -7,9 +8,9 @@ use rayon::prelude::*;
 use vlscan_geom::{Aabb, DVec3};
 
 /// Children of a node along either axis.
-const SIDE: usize = 4;
+pub(super) const SIDE: usize = 4;
 /// Children of a node.
-const CHILDREN: usize = SIDE * SIDE;
+pub(super) const CHILDREN: usize = SIDE * SIDE;
 
 /// Maximum number of levels: cells are numbered with 32 bits.
 const MAX_LEVELS: usize = 16;
@@ -202,7 +203,9 @@ pub(crate) struct FieldView<'a> {
     of_column: [f64; 2],
     of_row: [f64; 2],
     /// By how much boxes are widened.
-    margin: f64,
+    pub(super) margin: f64,
+    /// In place of origin and steps.
+    turned: Option<TurnedGrid>,
 }
 
 impl<'a> FieldView<'a> {
@@ -219,6 +222,7 @@ impl<'a> FieldView<'a> {
             of_column: grid.of_column.map(|step| step * scale),
             of_row: grid.of_row.map(|step| step * scale),
             margin: SINGLE + DOUBLE * magnitude * scale,
+            turned: grid.turned().map(|by| TurnedGrid::new(field, by, frame)),
         }
     }
 
@@ -229,23 +233,50 @@ impl<'a> FieldView<'a> {
         (self.field.triangles() > 0).then_some(FieldNode { level: levels, column: 0, row: 0 })
     }
 
+    /// Where the children of a node begin along both axes, and where the last ones end, in cells.
+    #[inline(always)]
+    pub(super) fn cells_of_children(&self, node: FieldNode) -> [[f64; SIDE + 1]; 2] {
+        let shift = 2 * (node.level as usize - 1);
+        let ends = |first: u32, cells: usize, count: usize| {
+            let mut ends = [0.0; SIDE + 1];
+            for (n, end) in ends.iter_mut().enumerate() {
+                *end = ((first as usize * SIDE + n) * (cells << shift)).min(count) as f64;
+            }
+            ends
+        };
+        let grid = &self.field.grid;
+        [ends(node.column, LEAF_COLUMNS, grid.cell_columns()), ends(node.row, LEAF_ROWS, grid.cell_rows())]
+    }
+
+    /// Calls `visit` with the lane of each child of a node, and with its least and greatest height, inside out where there is
+    /// nothing.
+    #[inline(always)]
+    pub(super) fn each_height(&self, node: FieldNode, mut visit: impl FnMut(usize, [f32; 2])) {
+        let level = &self.field.pyramid.levels[node.level as usize - 1];
+        let (column, row) = (node.column as usize * SIDE, node.row as usize * SIDE);
+        let width = (level.columns - column).min(SIDE);
+        for r in 0..(level.rows - row).min(SIDE) {
+            let ranges = &level.ranges[(row + r) * level.columns + column..][..width];
+            for (c, range) in ranges.iter().enumerate() {
+                visit(r * SIDE + c, *range);
+            }
+        }
+    }
+
     /// The boxes of a node's children, lower and upper corners by axis and lane, in the tree's frame; inside out where there is
     /// nothing.
     #[inline(always)]
     pub fn boxes(&self, node: FieldNode) -> [[[f32; CHILDREN]; 3]; 2] {
-        let field = self.field;
-        let level = &field.pyramid.levels[node.level as usize - 1];
-        let (column, row) = (node.column as usize * SIDE, node.row as usize * SIDE);
-        let shift = 2 * (node.level as usize - 1);
-        let ends = |first: usize, cells: usize, count: usize| {
-            let mut ends = [0.0; SIDE + 1];
-            for (n, end) in ends.iter_mut().enumerate() {
-                *end = ((first + n) * (cells << shift)).min(count) as f64;
-            }
-            ends
-        };
-        let columns = ends(column, LEAF_COLUMNS, field.grid.cell_columns());
-        let rows = ends(row, LEAF_ROWS, field.grid.cell_rows());
+        match &self.turned {
+            Some(turned) => self.turned_boxes(turned, node),
+            None => self.plain_boxes(node),
+        }
+    }
+
+    /// [`FieldView::boxes`] of a field that is neither rotated nor scaled.
+    #[inline(always)]
+    fn plain_boxes(&self, node: FieldNode) -> [[[f32; CHILDREN]; 3]; 2] {
+        let [columns, rows] = self.cells_of_children(node);
         let mut boxes = [[[f32::INFINITY; CHILDREN]; 3], [[f32::NEG_INFINITY; CHILDREN]; 3]];
         let [lower, upper] = &mut boxes;
         for axis in 0..2 {
@@ -264,15 +295,10 @@ impl<'a> FieldView<'a> {
             }
         }
         let (low, high) = (self.origin[2] - self.margin, self.origin[2] + self.margin);
-        let width = (level.columns - column).min(SIDE);
-        for r in 0..(level.rows - row).min(SIDE) {
-            let ranges = &level.ranges[(row + r) * level.columns + column..][..width];
-            for (c, range) in ranges.iter().enumerate() {
-                let lane = r * SIDE + c;
-                lower[2][lane] = (low + f64::from(range[0]) * self.frame.scale) as f32;
-                upper[2][lane] = (high + f64::from(range[1]) * self.frame.scale) as f32;
-            }
-        }
+        self.each_height(node, |lane, range| {
+            lower[2][lane] = (low + f64::from(range[0]) * self.frame.scale) as f32;
+            upper[2][lane] = (high + f64::from(range[1]) * self.frame.scale) as f32;
+        });
         boxes
     }
 }

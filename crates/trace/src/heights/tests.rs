@@ -5,7 +5,7 @@ use crate::intersect::triangle;
 use crate::simd::Level;
 use crate::{BuildOptions, Builder, Cube, Geometry, Hit, Hits, RayGroup, TraceScratch, Tree, TriangleAt};
 use proptest::prelude::*;
-use vlscan_geom::unit;
+use vlscan_geom::{Rotation, unit};
 
 /// The mesh over the vertices of a field, and the numbers of its triangles in the field.
 fn mesh(field: &HeightField) -> (Vec<DVec3>, Vec<[u32; 3]>, Vec<usize>) {
@@ -87,6 +87,18 @@ fn number() -> impl Strategy<Value = f64> {
     ]
 }
 
+/// Rotations about upright and other axes, with scales of both signs.
+fn similarity() -> impl Strategy<Value = Similarity> {
+    let axis = prop_oneof![Just(DVec3::Z), Just(DVec3::X), Just(DVec3::new(0.3, -0.5, 1.0))];
+    let angle = prop_oneof![Just(0.0), Just(std::f64::consts::FRAC_PI_2), -3.0..3.0f64];
+    let scale = prop_oneof![Just(1.0), Just(2.0), Just(-0.7), 0.3..3.0f64];
+    (axis, angle, scale).prop_map(|(axis, angle, scale)| Similarity {
+        rotation: Rotation::about(axis, angle),
+        scale,
+        offset: DVec3::new(1.0, -2.0, 0.5),
+    })
+}
+
 fn field() -> impl Strategy<Value = HeightField> {
     let steps = prop_oneof![
         Just(([1.0, 0.0], [0.0, -1.0])),
@@ -99,8 +111,10 @@ fn field() -> impl Strategy<Value = HeightField> {
     let moved = prop_oneof![
         Just((None, -0.0, DVec3::ZERO)),
         Just((None, -0.0, DVec3::new(500_010.0, 5_400_008.0, 1.0))),
-        Just((Some(DVec3::new(0.25, -3.1, 2.0)), -0.0, DVec3::new(0.1, 0.2, 0.3))),
+        Just((Some(Similarity::translation(DVec3::new(0.25, -3.1, 2.0))), -0.0, DVec3::new(0.1, 0.2, 0.3))),
         Just((None, 1.7, DVec3::ZERO)),
+        similarity().prop_map(|by| (Some(by), -0.0, DVec3::new(0.1, 0.2, 0.3))),
+        similarity().prop_map(|by| (Some(by), 0.7, DVec3::ZERO)),
     ];
     let size = prop_oneof![(1..9usize, 1..9usize), (2..60usize, 2..24usize), (65..140usize, 2..5usize)];
     (size, steps, moved, 0.0..0.3f64, 0..2usize, any::<bool>()).prop_flat_map(
@@ -109,7 +123,7 @@ fn field() -> impl Strategy<Value = HeightField> {
             drawn.prop_map(move |drawn| {
                 let is_hole = |draw: f64| has_holes && draw < holes;
                 let numbers = drawn.iter().map(|(z, draw)| if is_hole(*draw) { f64::NAN } else { *z });
-                let (translation, raise, shift) = moved;
+                let (transform, raise, shift) = moved;
                 let far = if shift.x > 1e5 { [500_000.0, 5_400_000.0] } else { [-8.0, 3.0] };
                 let grid = HeightGrid {
                     origin: far,
@@ -117,7 +131,7 @@ fn field() -> impl Strategy<Value = HeightField> {
                     of_row,
                     scale: 0.5,
                     offset: 0.25,
-                    translation,
+                    transform,
                     raise,
                     shift,
                     ..HeightGrid::new(columns, rows)
@@ -152,9 +166,8 @@ fn pulses(case: &Case, draws: &[[f64; 8]], rays: usize) -> Vec<(DVec3, Vec<DVec3
     let at = |u: f64, v: f64, z: f64| {
         let (column, row) = (u * grid.columns as f64, v * grid.rows as f64);
         let [x, y] = grid.place(0, 0);
-        let moved = grid.movement();
         let of = |axis: usize| column * grid.of_column[axis] + row * grid.of_row[axis];
-        DVec3::new(x + of(0), y + of(1), z) + moved
+        grid.moved(DVec3::new(x + of(0), y + of(1), z))
     };
     let vertex = |u: f64, v: f64| {
         let (column, row) = ((u * grid.columns as f64) as usize, (v * grid.rows as f64) as usize);

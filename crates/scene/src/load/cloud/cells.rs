@@ -47,11 +47,6 @@ impl CloudGrid {
         [0, 1, 2].map(|axis| (at[axis] as u32).min(self.last[axis]))
     }
 
-    /// The set of cells that contains `p`.
-    pub fn shard_of(&self, p: DVec3) -> usize {
-        self.shard_of_cell(self.cell_of(p))
-    }
-
     /// The set of cells that contains a cell.
     pub fn shard_of_cell(&self, cell: Cell) -> usize {
         let mut hasher = CellHasher::default();
@@ -227,6 +222,11 @@ impl Budget {
 
     fn give_back(&self, bytes: usize) {
         self.taken.fetch_sub(bytes, Ordering::Relaxed);
+    }
+
+    /// Bytes that may be taken.
+    pub fn limit(&self) -> usize {
+        self.limit
     }
 
     /// Bytes that were taken, including those of a refused request.

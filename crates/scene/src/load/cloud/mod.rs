@@ -3,6 +3,7 @@
 //! occupied cells instead of the number of points. Very many cells are found in several readings, some at a time.
 
 mod cells;
+mod occupancy;
 mod sorter;
 #[cfg(test)]
 mod tests;
@@ -103,10 +104,9 @@ impl Voxels<'_> {
                 failure.is_ok()
             })?;
             failure?;
-            let cells = sorter.take_order();
-            store.reserve(scene, cells.len(), self.source.path())?;
-            for cell in cells {
-                let Some(sums) = sorter.get(cell) else { continue };
+            let (count, found) = sorter.found();
+            store.reserve(scene, count, self.source.path())?;
+            for (cell, sums) in found {
                 let normal = match self.settings.rule {
                     NormalRule::Plane if sums.count() < MIN_PLANE_POINTS => {
                         match self.settings.default_normal {

@@ -2,6 +2,7 @@
 
 use super::Settings;
 use super::cells::{Budget, Cell, CellSums, Cells, CloudGrid, SHARDS};
+use super::occupancy::{DenseSums, Occupancy};
 use crate::builder::SceneBuilder;
 use crate::text::Source;
 use rayon::prelude::*;
@@ -15,6 +16,9 @@ const MIN_TABLE_BYTES: u64 = if cfg!(test) { 1 << 20 } else { 400 << 20 };
 /// The tables of cells may take this fraction of the memory if that is more.
 const MAX_TABLE_FRACTION: u64 = if cfg!(test) { u64::MAX } else { 64 };
 
+/// What tables of the cells may take for bits that tell which cells are occupied is this fraction of them.
+const OCCUPANCY_FRACTION: u64 = 4;
+
 /// Batches of points for which there has to be room at a time.
 const BATCHES: usize = 2;
 
@@ -22,7 +26,8 @@ const BATCHES: usize = 2;
 const SAMPLE: usize = 1 << 10;
 
 /// Sorts points into cells. Each cell receives its points in the order of the file for any number of threads, and all of them in
-/// the same reading.
+/// the same reading. Where a first reading finds too many cells, it also finds which ones there are, if the grid is not too large
+/// for that: then further readings have room for several times as many.
 pub(super) struct Sorter<'a, S> {
     grid: &'a CloudGrid,
     settings: &'a Settings,
@@ -32,6 +37,10 @@ pub(super) struct Sorter<'a, S> {
     table_bytes: u64,
     /// The cells that this reading collects, by their [`CloudGrid::order`].
     range: Range<u128>,
+    /// The cells that there are, from the moment on when the first reading has too many.
+    occupied: Option<Occupancy>,
+    /// In place of shards when all occupied cells are known.
+    dense: Option<DenseSums<S>>,
 }
 
 impl<'a, S: CellSums> Sorter<'a, S> {
@@ -44,6 +53,8 @@ impl<'a, S: CellSums> Sorter<'a, S> {
             budget: Budget::new(memory.try_into().unwrap_or(usize::MAX)),
             table_bytes: MIN_TABLE_BYTES.max(memory / MAX_TABLE_FRACTION),
             range: 0..u128::MAX,
+            occupied: None,
+            dense: None,
         }
     }
 
@@ -69,13 +80,25 @@ impl<'a, S: CellSums> Sorter<'a, S> {
         source: &Source,
         sorted: &[[Vec<PointRow>; SHARDS]],
     ) -> Result<()> {
-        self.make_room(sorted);
         let (grid, rule) = (self.grid, self.settings.rule);
-        let (budget, end) = (&self.budget, self.range.end);
+        if let (Some(dense), Some(occupied)) = (&mut self.dense, &self.occupied) {
+            let (first, cells) = (dense.first, dense.shard_cells());
+            dense.sums.par_chunks_mut(cells).enumerate().for_each(|(shard, sums)| {
+                for point in sorted.iter().flat_map(|batch| &batch[shard]) {
+                    let cell = grid.cell_of(point.position);
+                    let at = occupied.rank(cell) - first - shard * cells;
+                    sums[at].add(grid.centre(cell), point, rule);
+                }
+            });
+            return Ok(());
+        }
+        self.make_room(sorted);
+        let (budget, end, occupied) = (&self.budget, self.range.end, &self.occupied);
         let has_room = self.shards.par_iter_mut().enumerate().all(|(shard, cells)| {
             let mut points = sorted.iter().flat_map(|batch| &batch[shard]);
             points.all(|point| {
                 let cell = grid.cell_of(point.position);
+                occupied.iter().for_each(|occupied| occupied.mark(cell));
                 grid.order(cell) >= end || cells.add(cell, grid.centre(cell), point, rule, budget)
             })
         });
@@ -87,10 +110,16 @@ impl<'a, S: CellSums> Sorter<'a, S> {
     }
 
     fn put(&self, point: PointRow, sorted: &mut [Vec<PointRow>; SHARDS]) {
-        if let Some(point) = self.settings.usable(point)
-            && self.range.contains(&self.grid.order(self.grid.cell_of(point.position)))
-        {
-            sorted[self.grid.shard_of(point.position)].push(point);
+        let Some(point) = self.settings.usable(point) else { return };
+        let cell = self.grid.cell_of(point.position);
+        let is_collected = self.range.contains(&self.grid.order(cell));
+        match (&self.dense, &self.occupied) {
+            (Some(dense), Some(occupied)) if is_collected => {
+                sorted[(occupied.rank(cell) - dense.first) / dense.shard_cells()].push(point);
+            }
+            (None, _) if is_collected => sorted[self.grid.shard_of_cell(cell)].push(point),
+            (None, Some(occupied)) => occupied.mark(cell),
+            _ => {}
         }
     }
 
@@ -112,6 +141,13 @@ impl<'a, S: CellSums> Sorter<'a, S> {
             if bytes.sum::<u64>() <= limit || count < 2 {
                 return;
             }
+            if self.range == (0..u128::MAX) {
+                // Until now tables have had all cells.
+                self.occupied = Occupancy::new(self.grid, self.table_bytes / OCCUPANCY_FRACTION);
+                if let Some(occupied) = &self.occupied {
+                    self.shards.par_iter().flat_map_iter(Cells::iter).for_each(|cell| occupied.mark(cell));
+                }
+            }
             let step = (count / SAMPLE).max(1);
             let cells = self.shards.iter().flat_map(Cells::iter).step_by(step);
             let mut sample: Vec<u128> = cells.map(|cell| self.grid.order(cell)).collect();
@@ -124,8 +160,19 @@ impl<'a, S: CellSums> Sorter<'a, S> {
         }
     }
 
-    /// The cells of this reading in their order.
-    pub fn take_order(&self) -> Vec<Cell> {
+    /// The cells of this reading in their order, with the sums over their points, and how many they are.
+    pub fn found(&self) -> (usize, Box<dyn Iterator<Item = (Cell, S)> + '_>) {
+        if let (Some(dense), Some(occupied)) = (&self.dense, &self.occupied) {
+            let cells = occupied.cells_from(dense.first).zip(dense.sums.iter().copied());
+            return (dense.sums.len(), Box::new(cells));
+        }
+        let cells = self.order();
+        let count = cells.len();
+        (count, Box::new(cells.into_iter().filter_map(|cell| Some((cell, *self.get(cell)?)))))
+    }
+
+    /// The cells of the tables in their order.
+    fn order(&self) -> Vec<Cell> {
         // By z, then y, then x.
         let mut cells: Vec<Cell> = Vec::with_capacity(self.shards.iter().map(Cells::len).sum());
         cells.extend(self.shards.iter().flat_map(Cells::iter).map(|[x, y, z]| [z, y, x]));
@@ -135,15 +182,32 @@ impl<'a, S: CellSums> Sorter<'a, S> {
     }
 
     /// The sums over the points of a cell.
-    pub fn get(&self, cell: Cell) -> Option<&S> {
+    fn get(&self, cell: Cell) -> Option<&S> {
         self.shards[self.grid.shard_of_cell(cell)].get(cell)
     }
 
     /// Begins the next reading; `false` if all cells were found.
     pub fn go_on(&mut self) -> bool {
-        self.shards.par_iter_mut().for_each(Cells::clear);
         self.range = self.range.end..u128::MAX;
-        self.range.start < u128::MAX
+        let Some(occupied) = &mut self.occupied else {
+            self.shards.par_iter_mut().for_each(Cells::clear);
+            return self.range.start < u128::MAX;
+        };
+        let first = match self.dense.take() {
+            Some(dense) => dense.ranks().end,
+            None => {
+                occupied.count();
+                let found = self.shards.iter().map(Cells::len).sum();
+                self.shards = Default::default();
+                found
+            }
+        };
+        let most = self.budget.limit().min(self.table_bytes.try_into().unwrap_or(usize::MAX));
+        let mut cells = occupied.cells_from(first);
+        let count = cells.by_ref().take((most / size_of::<S>()).max(1)).count();
+        self.range.end = cells.next().map_or(u128::MAX, |next| self.grid.order(next));
+        self.dense = Some(DenseSums { sums: vec![S::NOTHING; count], first });
+        count > 0
     }
 }
 
@@ -172,12 +236,13 @@ mod tests {
         (0..3 * CELLS).map(point).collect()
     }
 
-    /// The cells in order with what a function finds in their sums, and the number of readings.
+    /// The cells in order with what a function finds in their sums, the number of readings, and whether all cells were known before
+    /// the last one.
     fn sorted<S: CellSums, T>(
         points: &[PointRow],
         size: [f64; 3],
         found: impl Fn(&S) -> T,
-    ) -> (Vec<(Cell, T)>, usize) {
+    ) -> (Vec<(Cell, T)>, usize, bool) {
         let grid = CloudGrid::around(Aabb { min: DVec3::ZERO, max: DVec3::from(size) }, 1.0).unwrap();
         let rule = NormalRule::Mean;
         let settings = Settings { voxel_size: 1.0, default_normal: None, rule, has_material: false };
@@ -186,6 +251,7 @@ mod tests {
         let (scene, source) = (SceneBuilder::new(&options, library), Source::of("a.las", b""));
         let mut sorter = Sorter::<S>::new(&grid, &settings, u64::MAX);
         let (mut all, mut readings) = (Vec::new(), 0);
+        let mut is_dense = false;
         loop {
             readings += 1;
             for batches in points.chunks(512) {
@@ -193,9 +259,10 @@ mod tests {
                     .sort(&scene, &source, &batches.chunks(128).map(<[_]>::to_vec).collect::<Vec<_>>())
                     .unwrap();
             }
-            all.extend(sorter.take_order().into_iter().map(|cell| (cell, found(sorter.get(cell).unwrap()))));
+            is_dense |= sorter.dense.is_some();
+            all.extend(sorter.found().1.map(|(cell, sums)| (cell, found(&sums))));
             if !sorter.go_on() {
-                return (all, readings);
+                return (all, readings, is_dense);
             }
         }
     }
@@ -211,13 +278,29 @@ mod tests {
             // The class of two of three points.
             *class = if point.class == 9 { *class } else { point.class };
         }
-        let (found, readings) = sorted(&points, SIZE, |sums: &Sums| (sums.count(), sums.class()));
-        assert!(readings > 4, "{readings}");
+        let (found, readings, is_dense) = sorted(&points, SIZE, |sums: &Sums| (sums.count(), sums.class()));
+        assert!(readings > 4 && is_dense, "{readings}");
         assert!(found.iter().map(|([x, y, z], sums)| ([*z, *y, *x], *sums)).eq(expected.clone()));
-        let (found, readings) = sorted(&points, SIZE, |votes: &Votes| votes.class());
-        assert!(readings > 1, "{readings}");
+        let (found, readings, is_dense) = sorted(&points, SIZE, |votes: &Votes| votes.class());
+        assert!(readings == 2 && is_dense, "{readings}");
         let classes = expected.iter().map(|([z, y, x], (_, class))| ([*x, *y, *z], *class));
         assert!(found.into_iter().eq(classes));
+    }
+
+    #[test]
+    fn cells_far_apart_are_found_in_several_readings() {
+        // Bits for all cells of the grid would take too much memory.
+        let far = |mut point: PointRow| {
+            point.position.x *= 1000.0;
+            point.position.y *= 1000.0;
+            point
+        };
+        let (expected, ..) = sorted(&points(), SIZE, |votes: &Votes| votes.class());
+        let apart: Vec<PointRow> = points().into_iter().map(far).collect();
+        let (found, readings, is_dense) = sorted(&apart, [50e3, 40e3, 20.0], |votes: &Votes| votes.class());
+        assert!(readings > 1 && !is_dense, "{readings}");
+        // The three points of a cell are in three cells.
+        assert_eq!(found.len(), 3 * expected.len());
     }
 
     #[test]
@@ -230,7 +313,7 @@ mod tests {
                 point
             })
             .collect();
-        let (found, readings) = sorted(&points, [1000.0, 40.0, 1.0], |sums: &Sums| sums.count());
+        let (found, readings, _) = sorted(&points, [1000.0, 40.0, 1.0], |sums: &Sums| sums.count());
         assert!(readings > 4, "{readings}");
         assert!(found.len() == CELLS && found.iter().all(|(_, count)| *count == 3), "{}", found.len());
     }

@@ -257,24 +257,36 @@ fn materials_of_rasters_are_replaced() {
 }
 
 #[test]
-fn rasters_that_turn_grow_or_move_are_stored() {
-    let changes: [fn(&mut Fixture); 3] = [
-        |f| f.parts[0].transform.rotation = Rotation::about_z(0.3),
-        |f| f.parts[0].transform.scale = 1.5,
-        |f| {
-            f.parts[0].motions =
-                vec![MotionSequence { id: "m".to_owned(), loops: 0, next: None, motions: Vec::new() }];
-        },
-    ];
-    for change in changes {
+fn rasters_that_are_turned_and_scaled_are_their_triangles() {
+    let rotations =
+        [Rotation::IDENTITY, Rotation::about_z(0.3), Rotation::about(DVec3::new(1.0, 0.4, 2.0), 0.5)];
+    for (rotation, scale, has_holes) in
+        rotations.into_iter().flat_map(|r| [(r, 1.0, true), (r, 1.5, false), (r, -0.5, true)])
+    {
         let mut f = Fixture::new();
-        add(&mut f, "dem.tif", raster(1, true).bytes());
-        f.obj("thing.obj", MESH);
-        change(&mut f);
-        let ((one, _), (other, _)) = (load(&mut f, false), load(&mut f, true));
-        assert!(one.geometry.fields.is_empty());
-        assert_eq!(one.geometry.vertices, other.geometry.vertices);
+        let part = add(&mut f, "dem.tif", raster(1, has_holes).bytes());
+        let transform = &mut f.parts[part].transform;
+        (transform.rotation, transform.scale) = (rotation, scale);
+        transform.offset = DVec3::new(3.0, -2.0, 1.25);
+        // Stands on it.
+        f.obj("thing.obj", MESH).transform.on_ground = -1;
+        let upper = add(&mut f, "upper.tif", raster(4, true).bytes());
+        f.parts[upper].transform.rotation = rotation;
+        f.parts[upper].transform.on_ground = 1;
+        check(&mut f, 2);
     }
+}
+
+#[test]
+fn rasters_that_move_are_stored() {
+    let mut f = Fixture::new();
+    let part = add(&mut f, "dem.tif", raster(1, true).bytes());
+    f.obj("thing.obj", MESH);
+    f.parts[part].motions =
+        vec![MotionSequence { id: "m".to_owned(), loops: 0, next: None, motions: Vec::new() }];
+    let ((one, _), (other, _)) = (load(&mut f, false), load(&mut f, true));
+    assert!(one.geometry.fields.is_empty());
+    assert_eq!(one.geometry.vertices, other.geometry.vertices);
 }
 
 #[test]

@@ -1,6 +1,5 @@
 //! Terrain from a raster (spec input-formats §4.3): one vertex at the centre of each pixel, two triangles between each
-//! four pixels. They are a height field unless the part moves, turns, changes its size or has materials by face; then they are
-//! stored.
+//! four pixels. They are a height field unless the part moves or has materials by face; then they are stored.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -45,7 +44,7 @@ use validity::Doubts;
 use vlscan_base::crs;
 use vlscan_base::diag::Place;
 use vlscan_base::error::Result;
-use vlscan_geom::Rotation;
+use vlscan_geom::DVec3;
 use vlscan_survey::{Loader, MaterialChanges, PartRecipe, RasterFiles, Replaced, SceneRecipe, Transform};
 use vlscan_trace::{HeightField, HeightGrid, Heights};
 
@@ -96,12 +95,13 @@ pub fn raster_needs(recipe: &SceneRecipe, options: &LoadOptions) -> Vec<RasterNe
     rasters.filter_map(need).collect()
 }
 
-/// Whether a raster can remain a height field: its triangles neither move nor turn nor change their size, and have one
-/// material.
+/// Whether a raster can remain a height field: its triangles do not move, and have one material.
 pub(crate) fn keeps_grid(part: &PartRecipe) -> bool {
     let Transform { rotation, scale, .. } = part.transform;
+    // Of other factors and angles nothing remains that could be seen, or computed.
+    let is_similar = scale != 0.0 && scale.is_finite() && rotation.apply(DVec3::ONE).is_finite();
     part.motions.is_empty()
-        && (rotation, scale) == (Rotation::IDENTITY, 1.0)
+        && is_similar
         && !part.changes.iter().any(|change| matches!(change.replaced, Replaced::Faces(_)))
 }
 

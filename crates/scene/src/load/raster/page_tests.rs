@@ -4,7 +4,7 @@ use super::tests::{TiffFile, Values};
 use crate::fixture::{Fixture, report};
 use crate::{Pack, Scene, TileOptions, TileReader, pack};
 use std::path::PathBuf;
-use vlscan_geom::DVec3;
+use vlscan_geom::{DVec3, Rotation};
 use vlscan_survey::{Loader, MaterialChoice, RasterFiles};
 use vlscan_trace::{BuildOptions, Hit, Tree};
 
@@ -38,7 +38,7 @@ fn terrain(f: &mut Fixture, files: Vec<PathBuf>) -> &mut vlscan_survey::PartReci
     f.part(Loader::GeoTiff { files: RasterFiles::Tiles(files), material })
 }
 
-fn site(has_holes: bool) -> Fixture {
+fn site(has_holes: bool, is_turned: bool) -> Fixture {
     let mut f = Fixture::new();
     f.obj("m.obj", MESH);
     let files =
@@ -46,7 +46,12 @@ fn site(has_holes: bool) -> Fixture {
     terrain(&mut f, files);
     f.obj("n.obj", MESH).transform.offset = DVec3::new(1.0, 1.0, 0.5);
     let files = vec![f.file("c.tif", tile(3, has_holes).bytes())];
-    terrain(&mut f, files).transform.offset = DVec3::new(-3.0, 4.5, 2.5);
+    let transform = &mut terrain(&mut f, files).transform;
+    transform.offset = DVec3::new(-3.0, 4.5, 2.5);
+    if is_turned {
+        let rotation = Rotation::about_z(0.2).after(Rotation::about(DVec3::new(1.0, 2.0, 0.0), 0.3));
+        (transform.rotation, transform.scale) = (rotation, 0.9);
+    }
     f
 }
 
@@ -71,8 +76,8 @@ fn packed(f: &mut Fixture, memory: u64) -> Scene {
 
 #[test]
 fn pages_are_hit_as_the_raster_in_memory() {
-    for has_holes in [false, true] {
-        let mut f = site(has_holes);
+    for (has_holes, is_turned) in [(false, false), (true, false), (true, true)] {
+        let mut f = site(has_holes, is_turned);
         let whole = f.load().unwrap().0;
         let tree = Tree::build(&whole.geometry, &BuildOptions::default());
         let mut peak = 0;
@@ -128,7 +133,7 @@ fn pages_are_hit_as_the_raster_in_memory() {
 
 #[test]
 fn triangles_of_pages_have_the_numbers_of_the_raster() {
-    let mut f = site(true);
+    let mut f = site(true, false);
     let scene = paged(&mut f, 1 << 30);
     let tiles = scene.tiles.clone().unwrap();
     let mut reader = TileReader::new(&tiles);
@@ -145,7 +150,7 @@ fn triangles_of_pages_have_the_numbers_of_the_raster() {
 
 #[test]
 fn files_that_change_or_are_damaged_are_told_when_a_page_is_read() {
-    let mut f = site(false);
+    let mut f = site(false, false);
     let scene = paged(&mut f, 1 << 30);
     let tiles = scene.tiles.clone().unwrap();
     let bytes = tile(COLUMNS, false).bytes();

@@ -17,7 +17,7 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::store::Checksum;
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_survey::RasterFiles;
-use vlscan_trace::{HeightField, HeightGrid};
+use vlscan_trace::{HeightField, HeightGrid, Similarity};
 
 /// Number of cells in a page, approximately; few in tests.
 const PAGE_CELLS: usize = if cfg!(test) { 1 << 5 } else { 1 << 22 };
@@ -29,7 +29,7 @@ const CELL_BYTES: u64 = 6;
 /// A raster whose heights are read page by page.
 pub(crate) struct PagedRaster {
     mosaic: Mosaic,
-    translation: Option<DVec3>,
+    transform: Option<Similarity>,
     /// The cells of each page.
     pages: Vec<Window>,
 }
@@ -46,17 +46,17 @@ pub(crate) struct PageFacts {
 }
 
 impl PagedRaster {
-    /// Reads all heights of a raster once. The box of every page with triangles is where a part with this translation has
+    /// Reads all heights of a raster once. The box of every page with triangles is where a part with this transform has
     /// them. Problems of the files are errors of the part; then there is no raster.
     pub fn index(
         scene: &mut SceneBuilder,
         part: &PartSource,
         files: &RasterFiles,
-        translation: Option<DVec3>,
+        transform: Option<Similarity>,
     ) -> Result<Option<(PagedRaster, Vec<PageFacts>)>> {
         let Some(mosaic) = super::find(scene, part, files)? else { return Ok(None) };
         let (columns, rows) = mosaic.cuts();
-        let mut raster = PagedRaster { mosaic, translation, pages: Vec::new() };
+        let mut raster = PagedRaster { mosaic, transform, pages: Vec::new() };
         let (mut facts, mut doubts) = (Vec::new(), Doubts::default());
         let mut of_rows = vec![0u32; raster.mosaic.rows];
         for row in rows.windows(2) {
@@ -153,7 +153,7 @@ impl PagedRaster {
             columns: vertices.width,
             rows: vertices.height,
             first: [cells.left, cells.top],
-            translation: self.translation,
+            transform: self.transform,
             ..mosaic.grid()
         };
         let field = HeightField::new(grid, heights, 0);
