@@ -337,14 +337,15 @@ fn blank_lines_and_comments_before_pulses_are_skipped() {
     assert!(status == Some(2) && messages.contains("pulses.csv:1048582:"), "status {status:?}, {messages}");
 }
 
-/// What is told of a scene needs the scene and its tree; a raster that a filter scales is stored as triangles.
+/// What is told of a scene needs the scene and its tree; a raster that moves is stored as triangles.
 #[cfg(target_os = "linux")]
 #[test]
 fn the_contents_of_a_raster_that_does_not_fit_are_refused() {
     let dir = folder();
     std::fs::write(dir.path().join("r.tif"), raster(4000)).expect("a raster");
-    let part = "<part><filter type=\"geotiffloader\"><param type=\"string\" key=\"filepath\" value=\"r.tif\"/></filter>\
-        <filter type=\"scale\"><param type=\"double\" key=\"scale\" value=\"2\"/></filter></part>";
+    // It moves, so that it is stored as triangles.
+    let part = "<part id=\"0\"><filter type=\"geotiffloader\"><param type=\"string\" key=\"filepath\" value=\"r.tif\"/></filter>\
+        <dmotion id=\"go\" loop=\"0\"><motion type=\"translation\" vec=\"0.1;0;0\"/></dmotion></part>";
     let scene = format!("<document><scene id=\"s\">{part}</scene></document>");
     std::fs::write(dir.path().join("scene.xml"), scene).expect("a scene");
     let limited = "ulimit -v 1500000; exec \"$0\" scene info scene.xml#s";
