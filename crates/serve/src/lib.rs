@@ -14,7 +14,7 @@
 //! | `records`, `store`, `queue` | uploads, jobs and leases, in SQLite |
 //! | `uploads` | files that are received, and archives that are expanded |
 //! | `submit` | from a request to a job in the queue |
-//! | `files`, `bucket` | where files of uploads and results are kept; without the feature `s3`, `no_bucket` |
+//! | `files`, `bucket`, `no_bucket` | where files of uploads and results are kept; `no_bucket` takes the place of `bucket` without the feature `s3` |
 //! | `worker` | threads that have jobs computed |
 //! | `job_folder`, `steps`, `execution` | the folder of a job, what is executed in it, and how |
 //! | `engine`, `template`, `tasks` | jobs that an existing engine computes, and what its tasks do |

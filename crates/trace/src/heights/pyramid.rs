@@ -1,14 +1,13 @@
 //! The pyramid of least and greatest heights over the cells of a field: nodes with sixteen children, four by four.
 
-use super::turned::TurnedGrid;
-use super::{HeightField, HeightGrid, Heights, LEAF_COLUMNS, LEAF_ROWS, RUN};
+use super::{HeightField, HeightGrid, Heights, LEAF_COLUMNS, LEAF_ROWS, RUN, Similarity};
 use crate::frame::{Frame, above, below};
 use crate::memory::vec_bytes;
 use rayon::prelude::*;
 use vlscan_geom::{Aabb, DVec3};
 
 /// Children of a node along either axis.
-pub(super) const SIDE: usize = 4;
+const SIDE: usize = 4;
 /// Children of a node.
 pub(super) const CHILDREN: usize = SIDE * SIDE;
 
@@ -298,6 +297,62 @@ impl<'a> FieldView<'a> {
         self.each_height(node, |lane, range| {
             lower[2][lane] = (low + f64::from(range[0]) * self.frame.scale) as f32;
             upper[2][lane] = (high + f64::from(range[1]) * self.frame.scale) as f32;
+        });
+        boxes
+    }
+}
+
+/// The grid of a field in a tree's frame.
+struct TurnedGrid {
+    /// The first vertex at height 0.
+    origin: DVec3,
+    /// From a column, from a row and from a height to the next one.
+    steps: [DVec3; 3],
+    /// The box of the field.
+    bounds: [DVec3; 2],
+}
+
+impl TurnedGrid {
+    fn new(field: &HeightField, by: &Similarity, frame: &Frame) -> TurnedGrid {
+        let grid = &field.grid;
+        let [x, y] = grid.place(0, 0);
+        let flat = |[x, y]: [f64; 2]| DVec3::new(x, y, 0.0);
+        let steps = [flat(grid.of_column), flat(grid.of_row), DVec3::Z];
+        let bounds = field.bounds();
+        TurnedGrid {
+            origin: frame.local(grid.moved(DVec3::new(x, y, 0.0))),
+            steps: steps.map(|step| by.linear(step) * frame.scale),
+            bounds: [frame.local(bounds.min), frame.local(bounds.max)],
+        }
+    }
+}
+
+impl FieldView<'_> {
+    /// [`FieldView::boxes`] of a field that is rotated or scaled: around the images of the children's boxes.
+    #[inline(never)]
+    fn turned_boxes(&self, turned: &TurnedGrid, node: FieldNode) -> [[[f32; CHILDREN]; 3]; 2] {
+        let [columns, rows] = self.cells_of_children(node);
+        let mut boxes = [[[f32::INFINITY; CHILDREN]; 3], [[f32::NEG_INFINITY; CHILDREN]; 3]];
+        self.each_height(node, |lane, [least, greatest]| {
+            if least > greatest {
+                return;
+            }
+            let (c, r) = (lane % SIDE, lane / SIDE);
+            let ranges =
+                [[columns[c], columns[c + 1]], [rows[r], rows[r + 1]], [least, greatest].map(f64::from)];
+            let [mut low, mut high] = [turned.origin - self.margin, turned.origin + self.margin];
+            for (step, [from, to]) in turned.steps.iter().zip(ranges) {
+                let ends = [*step * from, *step * to];
+                low += ends[0].min(ends[1]);
+                high += ends[0].max(ends[1]);
+            }
+            // Images of boxes extend beyond the triangles.
+            low = low.max(turned.bounds[0] - self.margin);
+            high = high.min(turned.bounds[1] + self.margin);
+            for axis in 0..3 {
+                boxes[0][axis][lane] = low[axis] as f32;
+                boxes[1][axis][lane] = high[axis] as f32;
+            }
         });
         boxes
     }
