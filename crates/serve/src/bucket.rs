@@ -1,6 +1,6 @@
 //! A bucket of an S3-compatible store. Credentials and the address of the store are taken from the variables `AWS_…` of the environment.
 
-use crate::files::Kind;
+use crate::records::Kind;
 use axum::body::Body;
 use futures_util::{StreamExt as _, TryStreamExt as _};
 use object_store::aws::AmazonS3Builder;

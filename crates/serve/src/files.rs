@@ -3,30 +3,12 @@
 
 use crate::bucket::Bucket;
 use crate::names::file_within;
+use crate::records::Kind;
 use crate::store::{Result, ResultFile, Store, StoreError, remove_folder};
 use crate::tokens::random_name;
 use std::collections::{BTreeSet, HashMap};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-
-/// Whose files they are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Kind {
-    /// Those of an upload.
-    Upload,
-    /// The results of a job.
-    Results,
-}
-
-impl Kind {
-    /// The name of the folder or prefix of all of them.
-    pub fn name(self) -> &'static str {
-        match self {
-            Kind::Upload => "uploads",
-            Kind::Results => "results",
-        }
-    }
-}
 
 /// Where files are kept.
 #[derive(Debug, Default)]

@@ -1,6 +1,6 @@
 //! In place of `bucket` in programs that are built without the feature `s3`.
 
-use crate::files::Kind;
+use crate::records::Kind;
 use axum::body::Body;
 use std::collections::BTreeSet;
 use std::io;

@@ -3,7 +3,7 @@
 //! A worker holds a job for some seconds and renews this lease while it computes. A service that ends takes its workers along, and a lease
 //! that is not renewed runs out; so the job is given to another worker, which continues it. Only who holds a job can finish it.
 
-use crate::files::Kind;
+use crate::records::Kind;
 use crate::store::{COLUMNS, Job, Result, ResultFile, Status, Store, job_of, now};
 use rusqlite::{OptionalExtension as _, TransactionBehavior, params};
 use std::collections::BTreeSet;

@@ -3,6 +3,25 @@
 use serde::Serialize;
 use std::time::{SystemTime, UNIX_EPOCH};
 
+/// Whose files they are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Kind {
+    /// Those of an upload.
+    Upload,
+    /// The results of a job.
+    Results,
+}
+
+impl Kind {
+    /// The name of the folder or prefix of all of them.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Upload => "uploads",
+            Kind::Results => "results",
+        }
+    }
+}
+
 /// An upload: files under a name of its owner.
 #[derive(Clone, Debug, Serialize)]
 pub struct Upload {

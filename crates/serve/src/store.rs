@@ -16,7 +16,8 @@
 //! A row is written when its files are complete, and files are removed when no row names them; so whatever is interrupted leaves at most
 //! files without a row, which the next start removes.
 
-use crate::files::{Fetches, Files, Kind};
+use crate::files::{Fetches, Files};
+use crate::records::Kind;
 pub use crate::records::{FileKind, Job, ResultFile, Status, Upload, UploadFile, now, time_text};
 use rusqlite::{Connection, OptionalExtension as _, Row, params};
 use std::path::{Path, PathBuf};

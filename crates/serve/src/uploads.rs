@@ -2,9 +2,9 @@
 //! then listed under the name that their owner gives them.
 
 use crate::config::{ConfineArgs, ExpandArgs, ServeArgs};
-use crate::files::Kind;
 use crate::names;
 use crate::program::confined;
+use crate::records::Kind;
 use crate::store::{FileKind, Store, StoreError, Upload, UploadFile, now};
 use crate::tokens::{hex, random_name};
 use axum::extract::Multipart;

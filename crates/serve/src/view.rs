@@ -1,9 +1,9 @@
 //! Pictures of results, drawn when a page asks for them and kept beside the results.
 
-use crate::files::Kind;
 use crate::processes::Process;
 use crate::program::confined;
 use crate::queue::Use;
+use crate::records::Kind;
 use crate::request::Prepared;
 use crate::store::{Job, Result, ResultFile};
 use crate::worker::Workshop;

@@ -6,11 +6,12 @@
 use crate::config::{ConfineArgs, ServeArgs};
 use crate::engine::Engine;
 use crate::execution::{End, Setting, progress_of};
-use crate::files::{Fetched, Kind};
+use crate::files::Fetched;
 use crate::job_folder::{campaign_pulses, complete_results, make, record_complete, results};
 use crate::processes::Process;
 use crate::program::Program;
 use crate::queue::Outcome;
+use crate::records::Kind;
 use crate::request::Prepared;
 use crate::steps::Steps;
 use crate::store::{Job, Result, Status, Store, StoreError};

@@ -3,8 +3,8 @@
 use super::jobs::{results_document, status_info};
 use crate::answers::{Failure, encoded};
 use crate::app::{App, Identity, blocking};
-use crate::files::Kind;
 use crate::processes::Process;
+use crate::records::Kind;
 use crate::store::{Job, Status};
 use crate::worker::Workshop;
 use axum::Extension;

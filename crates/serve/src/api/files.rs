@@ -3,8 +3,9 @@
 use super::jobs::find_successful;
 use crate::answers::{Failure, media_type};
 use crate::app::{App, Identity, blocking};
-use crate::files::{Files, Kind};
+use crate::files::Files;
 use crate::names::file_within;
+use crate::records::Kind;
 use crate::security::VIEWER_POLICY;
 use crate::store::StoreError;
 use axum::Extension;

@@ -2,8 +2,8 @@
 
 use crate::answers::{Failure, document, encoded, link, media_type, wants_page};
 use crate::app::{App, Identity, blocking};
-use crate::files::Kind;
 use crate::pages;
+use crate::records::Kind;
 use crate::store::{Job, Result as StoreResult, Status, Store, time_text};
 use axum::Extension;
 use axum::extract::{Path, RawQuery, State};

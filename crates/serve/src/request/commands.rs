@@ -1,7 +1,7 @@
 //! The words of a command and the file that it reads.
 
 use super::named::named_pipeline;
-use super::{Prepared, RequestError, wrong};
+use super::prepared::{Prepared, RequestError, wrong};
 use crate::processes::Process;
 use crate::program::Program;
 use crate::queue::Use;

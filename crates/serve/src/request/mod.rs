@@ -3,24 +3,27 @@
 //!
 //! | file | what it does |
 //! |---|---|
+//! | `prepared` | what is executed, and why a request is refused |
 //! | `values` | values and their types |
 //! | `named` | uploads and results that inputs name |
 //! | `commands` | the words and the pipeline file of a command |
 
 mod commands;
 mod named;
+mod prepared;
 mod values;
 
 pub use named::name_of;
+pub use prepared::{Prepared, RequestError};
 
 use crate::processes::Process;
 use crate::program::Program;
 use crate::queue::Use;
-use crate::store::{Store, StoreError};
+use crate::store::Store;
 use crate::tokens::hex;
 use commands::{assets, campaign, options, pipeline, plan, shown};
 use named::{find_files, with_uses_of_jobs};
-use serde::{Deserialize, Serialize};
+use prepared::wrong;
 use serde_json::{Map, Value, json};
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeSet;
@@ -28,43 +31,6 @@ use values::{check_type, geojson, nearest, unqualified};
 
 /// Points in pages that show a cloud.
 pub const PAGE_POINTS: &str = "500k";
-
-/// Why a request is refused.
-#[derive(Debug, thiserror::Error)]
-pub enum RequestError {
-    /// An input, and what is wrong with it.
-    #[error("{key}: {message}")]
-    Input {
-        /// The input.
-        key: String,
-        /// What is wrong and what to give instead.
-        message: String,
-    },
-    /// The store.
-    #[error(transparent)]
-    Store(#[from] StoreError),
-}
-
-fn wrong(key: &str, message: impl Into<String>) -> RequestError {
-    RequestError::Input { key: key.to_owned(), message: message.into() }
-}
-
-/// What is executed for a job.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Prepared {
-    /// Name and text of the file in the folder of inputs.
-    pub document: Option<(String, String)>,
-    /// The words behind `vlscan`.
-    pub words: Vec<String>,
-    /// Whether it works in the folder of inputs, else in that of results.
-    pub within_inputs: bool,
-    /// The file of results that standard output becomes.
-    pub stdout: Option<String>,
-    /// The same command as a user would type it in the folder of the uploads.
-    pub shown: String,
-    /// What it reads.
-    pub uses: BTreeSet<Use>,
-}
 
 /// A request that can be executed, and the hash of all that determines its result; empty if that depends on the time.
 #[derive(Clone, Debug)]

@@ -1,6 +1,6 @@
 //! Uploads and results that the inputs of a request name.
 
-use super::{Prepared, RequestError, wrong};
+use super::prepared::{Prepared, RequestError, wrong};
 use crate::names::{self, JOBS};
 use crate::queue::Use;
 use crate::store::{Status, Store, StoreError};

@@ -1,6 +1,6 @@
 //! Values of inputs and their types.
 
-use super::{RequestError, wrong};
+use super::prepared::{RequestError, wrong};
 use serde_json::Value;
 
 /// A value given as `{"value": …}`, as OGC API - Processes has objects, or as it stands.

@@ -1,0 +1,43 @@
+//! What is executed for a request, and why one is refused.
+
+use crate::queue::Use;
+use crate::store::StoreError;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+
+/// Why a request is refused.
+#[derive(Debug, thiserror::Error)]
+pub enum RequestError {
+    /// An input, and what is wrong with it.
+    #[error("{key}: {message}")]
+    Input {
+        /// The input.
+        key: String,
+        /// What is wrong and what to give instead.
+        message: String,
+    },
+    /// The store.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+pub(super) fn wrong(key: &str, message: impl Into<String>) -> RequestError {
+    RequestError::Input { key: key.to_owned(), message: message.into() }
+}
+
+/// What is executed for a job.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Prepared {
+    /// Name and text of the file in the folder of inputs.
+    pub document: Option<(String, String)>,
+    /// The words behind `vlscan`.
+    pub words: Vec<String>,
+    /// Whether it works in the folder of inputs, else in that of results.
+    pub within_inputs: bool,
+    /// The file of results that standard output becomes.
+    pub stdout: Option<String>,
+    /// The same command as a user would type it in the folder of the uploads.
+    pub shown: String,
+    /// What it reads.
+    pub uses: BTreeSet<Use>,
+}
