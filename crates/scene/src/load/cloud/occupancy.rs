@@ -40,6 +40,12 @@ impl Occupancy {
         }
     }
 
+    /// Whether a cell is marked.
+    pub fn contains(&self, cell: Cell) -> bool {
+        let (word, bit) = self.bit(cell);
+        self.words[word].load(Ordering::Relaxed) & bit != 0
+    }
+
     /// Counts the cells, after which none is marked.
     pub fn count(&mut self) {
         let mut all = 0;
@@ -118,6 +124,7 @@ mod tests {
         occupied.count();
         for (rank, cell) in some.iter().enumerate() {
             assert_eq!(occupied.rank(*cell), rank);
+            assert!(occupied.contains(*cell) && !occupied.contains([cell[0], cell[1], 4]));
             assert!(occupied.cells_from(rank).eq(some[rank..].iter().copied()), "{rank}");
         }
         assert_eq!(occupied.cells_from(some.len()).count(), 0);

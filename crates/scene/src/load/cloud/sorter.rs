@@ -114,7 +114,8 @@ impl<'a, S: CellSums> Sorter<'a, S> {
         let cell = self.grid.cell_of(point.position);
         let is_collected = self.range.contains(&self.grid.order(cell));
         match (&self.dense, &self.occupied) {
-            (Some(dense), Some(occupied)) if is_collected => {
+            // A file that changes between two readings, which is told afterwards, may have other cells than the first one found.
+            (Some(dense), Some(occupied)) if is_collected && occupied.contains(cell) => {
                 sorted[(occupied.rank(cell) - dense.first) / dense.shard_cells()].push(point);
             }
             (None, _) if is_collected => sorted[self.grid.shard_of_cell(cell)].push(point),
