@@ -2,7 +2,8 @@
 //! folder `tasks` of the job, which nodes and service share.
 //!
 //! ```text
-//! N.json                     the N-th submission; tasks end when it is removed
+//! N.json                     the N-th submission; tasks end when it is withdrawn
+//! N.withdrawn                the same, withdrawn
 //! part-K-of-P                part K is complete
 //! lock-…                     held by the task that computes a part, or the last step
 //! outcome.json               what came of the job
@@ -68,7 +69,7 @@ impl Tasks {
         self.folder.join(format!("{number}.json"))
     }
 
-    /// The number of the last submission, if any.
+    /// The number of the last submission, if any, also of one that was withdrawn: its name is not given again.
     ///
     /// # Errors
     /// Those of files.
@@ -80,8 +81,9 @@ impl Tasks {
         let mut last = None;
         for entry in entries {
             let name = entry?.file_name();
-            let number = name.to_string_lossy().strip_suffix(".json").and_then(|number| number.parse().ok());
-            last = last.max(number);
+            let name = name.to_string_lossy();
+            let number = name.strip_suffix(".json").or(name.strip_suffix(".withdrawn"));
+            last = last.max(number.and_then(|number| number.parse().ok()));
         }
         Ok(last)
     }
@@ -100,7 +102,8 @@ impl Tasks {
     /// # Errors
     /// Those of files.
     pub fn withdraw(&self, number: u32) -> Result<()> {
-        match fs::remove_file(self.submission(number)) {
+        let withdrawn = self.folder.join(format!("{number}.withdrawn"));
+        match fs::rename(self.submission(number), withdrawn) {
             Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error.into()),
             _ => Ok(()),
         }
@@ -240,5 +243,26 @@ pub fn run(args: &TaskArgs) -> std::result::Result<(), String> {
     match tasks.compute(&args.submission, number).map_err(|e| e.to_string())? {
         Some(Outcome::Failed(message)) => Err(message),
         _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_withdrawn_submission_is_not_made_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let tasks = Tasks::of(folder.path());
+        assert_eq!(tasks.last_submission().unwrap(), None);
+        tasks.withdraw(1).unwrap();
+        for number in [1, 2, 10] {
+            fs::create_dir_all(&tasks.folder).unwrap();
+            fs::write(tasks.submission(number), "").unwrap();
+            assert_eq!(tasks.last_submission().unwrap(), Some(number));
+            tasks.withdraw(number).unwrap();
+            assert!(!tasks.submission(number).exists(), "its tasks end");
+            assert_eq!(tasks.last_submission().unwrap(), Some(number));
+        }
     }
 }

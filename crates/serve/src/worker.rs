@@ -283,22 +283,22 @@ impl Workshop {
         Ok(End::Success)
     }
 
-    /// Whether a job is still to be computed by its holder; records its progress now and then.
+    /// Whether a job is still to be computed by its holder; records its progress, at first and then now and then.
     fn renewing<'a>(
         &'a self,
         job: &'a Job,
         holder: &'a str,
         progress: impl Fn() -> (u8, String) + 'a,
     ) -> impl FnMut() -> Result<bool> + 'a {
-        let mut renewed = Instant::now();
+        let mut renewed: Option<Instant> = None;
         move || {
             if self.is_ending.load(Ordering::SeqCst) {
                 return Ok(false);
             }
-            if renewed.elapsed() < RENEWAL {
+            if renewed.is_some_and(|renewed| renewed.elapsed() < RENEWAL) {
                 return Ok(true);
             }
-            renewed = Instant::now();
+            renewed = Some(Instant::now());
             let (percent, message) = progress();
             self.store.renew(&job.id, holder, percent, &message)
         }
