@@ -1,6 +1,7 @@
-//! Files of results, in whole or in part.
+//! Files of results and uploads, in whole or in part.
 
 use super::jobs::find_successful;
+use super::received::find;
 use crate::answers::{Failure, media_type};
 use crate::app::{App, Identity, blocking};
 use crate::files::Files;
@@ -19,6 +20,9 @@ use std::sync::Arc;
 use tokio::io::{AsyncReadExt as _, AsyncSeekExt as _};
 use tokio_util::io::ReaderStream;
 
+/// The media type of files of uploads, whatever they are.
+const UPLOADED: &str = "application/octet-stream";
+
 pub async fn result(
     State(app): State<Arc<App>>,
     Extension(identity): Extension<Identity>,
@@ -26,15 +30,42 @@ pub async fn result(
     headers: HeaderMap,
 ) -> Result<Response, Failure> {
     let job = find_successful(&app, &identity, &id).await?;
+    let bytes = job.result_files().into_iter().find(|file| file.path == path).map(|file| file.bytes);
+    kept(&app, (Kind::Results, &job.folder), &path, bytes, &headers).await
+}
+
+pub async fn uploaded(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    Path((name, path)): Path<(String, String)>,
+    headers: HeaderMap,
+) -> Result<Response, Failure> {
+    let (upload, files) = find(&app, &identity, &name).await?;
+    let bytes = files.into_iter().find(|file| file.path == path).map(|file| file.bytes);
+    kept(&app, (Kind::Upload, &upload.id), &path, bytes, &headers).await
+}
+
+/// A file of an upload or of results, of so many bytes if it is listed.
+async fn kept(
+    app: &App,
+    (kind, id): (Kind, &str),
+    path: &str,
+    bytes: Option<u64>,
+    headers: &HeaderMap,
+) -> Result<Response, Failure> {
+    let bytes = bytes.ok_or_else(|| no_file(path))?;
+    // Browsers open nothing of what was uploaded.
+    let media = match kind {
+        Kind::Upload => UPLOADED,
+        Kind::Results => media_type(path),
+    };
     match &app.workshop.store.kept {
-        Files::Folder => send(&app.workshop.store.local(Kind::Results, &job.folder), &path, &headers).await,
+        Files::Folder => send(&app.workshop.store.local(kind, id), path, media, headers).await,
         Files::Bucket(bucket) => {
-            let file = job.result_files().into_iter().find(|file| file.path == path);
-            let file = file.ok_or_else(|| no_file(&path))?;
-            let part = Part::of(&headers, file.bytes);
+            let part = Part::of(headers, bytes);
             let range = part.range.clone().unwrap_or(0..0);
-            let body = bucket.body(Kind::Results, &job.folder, &path, range).await;
-            Ok(part.answer(&path, body.map_err(StoreError::Bucket)?))
+            let body = bucket.body(kind, id, path, range).await;
+            Ok(part.answer(media, body.map_err(StoreError::Bucket)?))
         }
     }
 }
@@ -55,10 +86,15 @@ pub async fn view(
     let drawn = blocking(&app, move |workshop| workshop.view(&job, &wanted)).await?;
     drop(permit);
     drawn.ok_or_else(absent)?;
-    send(&folder, &name, &headers).await
+    send(&folder, &name, media_type(&name), &headers).await
 }
 
-async fn send(folder: &std::path::Path, name: &str, headers: &HeaderMap) -> Result<Response, Failure> {
+async fn send(
+    folder: &std::path::Path,
+    name: &str,
+    media: &'static str,
+    headers: &HeaderMap,
+) -> Result<Response, Failure> {
     let path = file_within(folder, name).ok_or_else(|| no_file(name))?;
     let mut file = tokio::fs::File::open(&path).await.map_err(|_| no_file(name))?;
     let length = file.metadata().await.map_err(StoreError::from)?.len();
@@ -68,11 +104,11 @@ async fn send(folder: &std::path::Path, name: &str, headers: &HeaderMap) -> Resu
         file.seek(SeekFrom::Start(range.start)).await.map_err(StoreError::from)?;
     }
     let bytes = ReaderStream::with_capacity(file.take(range.end - range.start), 64 << 10);
-    Ok(part.answer(name, Body::from_stream(bytes)))
+    Ok(part.answer(media, Body::from_stream(bytes)))
 }
 
 fn no_file(name: &str) -> Failure {
-    Failure::new(StatusCode::NOT_FOUND, format!("the results have no file `{name}`"))
+    Failure::new(StatusCode::NOT_FOUND, format!("there is no file `{name}`"))
 }
 
 /// The part of a file that a request asks for.
@@ -95,14 +131,13 @@ impl Part {
         Part { status, range, length }
     }
 
-    /// The answer with the part of the file `name` as its body.
-    fn answer(self, name: &str, body: Body) -> Response {
+    /// The answer with the part of a file of this media type as its body.
+    fn answer(self, media: &'static str, body: Body) -> Response {
         let length = self.length;
         let Some(range) = self.range else {
             let text = format!("bytes */{length}");
             return (self.status, [(header::CONTENT_RANGE, text)]).into_response();
         };
-        let media = media_type(name);
         let mut response = (self.status, body).into_response();
         let fields = response.headers_mut();
         fields.insert(header::CONTENT_TYPE, HeaderValue::from_static(media));

@@ -6,12 +6,13 @@ use crate::pages;
 use crate::records::Kind;
 use crate::store::{Job, Result as StoreResult, Status, Store, time_text};
 use axum::Extension;
-use axum::extract::{Path, RawQuery, State};
+use axum::extract::{Path, Query, RawQuery, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse as _, Response};
 use futures_util::stream;
 use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;
@@ -176,11 +177,12 @@ pub async fn status(
     Extension(identity): Extension<Identity>,
     Path(id): Path<String>,
     RawQuery(query): RawQuery,
+    Query(asked): Query<BTreeMap<String, String>>,
     headers: HeaderMap,
 ) -> Result<Response, Failure> {
     let job = find(&app, &identity, &id).await?;
     match wants_page(&headers, query.as_deref()) {
-        true => pages::job(&app, &identity, &job).await,
+        true => pages::job(&app, &identity, &job, asked.get("points").map(String::as_str)).await,
         false => Ok(document(&status_info(&job))),
     }
 }

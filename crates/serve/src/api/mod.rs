@@ -6,7 +6,7 @@
 //! | `openapi` | the definition of the interface |
 //! | `execute` | execution of processes |
 //! | `jobs` | jobs, their results and progress |
-//! | `files` | files of results, in whole or in part |
+//! | `files` | files of results and uploads, in whole or in part |
 //! | `received` | uploads |
 
 mod describe;
@@ -47,6 +47,7 @@ pub fn router(limits: &ServeArgs) -> Router<Arc<App>> {
         .route("/jobs/{id}/view/{name}", get(files::view))
         .route("/jobs/{id}/events", get(jobs::events))
         .route("/uploads/{name}", get(received::show).delete(received::remove))
+        .route("/uploads/{name}/files/{*path}", get(files::uploaded))
         .layer(DefaultBodyLimit::max(MAX_REQUEST))
         .merge(
             Router::new()

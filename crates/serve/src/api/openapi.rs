@@ -115,6 +115,11 @@ pub fn definition_of(app: &App) -> Value {
             "get": operation("getUpload", "An upload and its files", &[("200", answer("Upload", json_media, &json!({ "type": "object" }))), ("404", failure("There is none"))], json!({ "parameters": [in_path("name")] })),
             "delete": operation("removeUpload", "Remove an upload", &[("204", json!({ "description": "Removed" })), ("404", failure("There is none"))], json!({ "parameters": [in_path("name")] })),
         },
+        "/uploads/{name}/files/{path}": { "get": operation(
+            "getUploadedFile", "A file of an upload; ranges of bytes are understood",
+            &[("200", answer("File", "application/octet-stream", &bytes)), ("206", answer("Part", "application/octet-stream", &bytes)), ("404", failure("There is none"))],
+            json!({ "parameters": [in_path("name"), in_path("path")] }),
+        ) },
     });
     for process in Process::ALL {
         let path = format!("/processes/{}/execution", process.id());

@@ -3,14 +3,15 @@
 use crate::answers::{Failure, document, encoded, wants_page};
 use crate::app::{App, Identity, blocking};
 use crate::pages;
-use crate::store::StoreError;
+use crate::store::{StoreError, Upload, UploadFile};
 use crate::uploads;
 use axum::Extension;
 use axum::extract::multipart::MultipartRejection;
-use axum::extract::{Multipart, Path, RawQuery, State};
+use axum::extract::{Multipart, Path, Query, RawQuery, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse as _, Redirect, Response};
 use serde_json::json;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 pub async fn list(
@@ -26,22 +27,33 @@ pub async fn show(
     Extension(identity): Extension<Identity>,
     Path(name): Path<String>,
     RawQuery(query): RawQuery,
+    Query(asked): Query<BTreeMap<String, String>>,
     headers: HeaderMap,
 ) -> Result<Response, Failure> {
-    let (wanted, owner) = (name.clone(), identity.owner.clone());
-    let found = blocking(&app, move |workshop| {
+    let (upload, files) = find(&app, &identity, &name).await?;
+    if wants_page(&headers, query.as_deref()) {
+        let points = asked.get("points").map(String::as_str);
+        return Ok(pages::upload(&app, &identity, &upload, &files, points));
+    }
+    let mut about = serde_json::to_value(&upload).unwrap_or_default();
+    about["list"] = json!(files);
+    Ok(document(&about))
+}
+
+/// The upload of the one who asks, and its files.
+pub async fn find(
+    app: &Arc<App>,
+    identity: &Identity,
+    name: &str,
+) -> Result<(Upload, Vec<UploadFile>), Failure> {
+    let (wanted, owner) = (name.to_owned(), identity.owner.clone());
+    let found = blocking(app, move |workshop| {
         let Some(upload) = workshop.store.upload(&owner, &wanted)? else { return Ok(None) };
         let files = workshop.store.files(&upload.id)?;
         Ok::<_, StoreError>(Some((upload, files)))
     })
     .await?;
-    let (upload, files) = found.ok_or_else(|| no_upload(&name))?;
-    if wants_page(&headers, query.as_deref()) {
-        return Ok(pages::upload(&app, &identity, &upload, &files));
-    }
-    let mut about = serde_json::to_value(&upload).unwrap_or_default();
-    about["list"] = json!(files);
-    Ok(document(&about))
+    found.ok_or_else(|| no_upload(name))
 }
 
 pub async fn remove(
@@ -83,7 +95,7 @@ async fn received(
     app: &Arc<App>,
     identity: &Identity,
     form: Result<Multipart, MultipartRejection>,
-) -> Result<crate::store::Upload, Failure> {
+) -> Result<Upload, Failure> {
     let form = form.map_err(|_| {
         Failure::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "expected a form of the type multipart/form-data")
     })?;

@@ -18,10 +18,27 @@ pub fn is_cloud(name: &str) -> bool {
     CLOUDS.iter().any(|ending| name.ends_with(ending))
 }
 
-/// The points of a result: those of a COPC among the files, else a form that has a copy made of another file.
-pub fn cloud(app: &App, identity: &Identity, job: &Job, files: &[ResultFile], picture: &Markup) -> Markup {
-    if let Some(file) = files.iter().find(|file| file.path.ends_with(OCTREE)) {
-        return viewer(&format!("/jobs/{}/results/{}", job.id, encoded(&file.path)), picture);
+/// Whether a file is read in ranges.
+pub fn is_octree(name: &str) -> bool {
+    name.to_ascii_lowercase().ends_with(OCTREE)
+}
+
+/// The points of a result: those of the COPC `wanted` or of the first one, else a form that has a copy made of another file.
+pub fn cloud(
+    app: &App,
+    identity: &Identity,
+    job: &Job,
+    files: &[ResultFile],
+    wanted: Option<&str>,
+    picture: &Markup,
+) -> Markup {
+    let mut octrees = files.iter().filter(|file| is_octree(&file.path));
+    let first = octrees.clone().next();
+    if let Some(file) = octrees.find(|file| Some(file.path.as_str()) == wanted).or(first) {
+        return html! {
+            @if files.iter().filter(|file| is_octree(&file.path)).count() > 1 { p { strong { (file.path) } } }
+            (viewer(&format!("/jobs/{}/results/{}", job.id, encoded(&file.path)), picture))
+        };
     }
     let Some(file) = files.iter().find(|file| is_cloud(&file.path)) else { return picture.clone() };
     html! {
@@ -41,7 +58,8 @@ pub fn show_form(app: &App, identity: &Identity, name: &str, label: &str) -> Mar
     }
 }
 
-fn viewer(address: &str, picture: &Markup) -> Markup {
+/// The viewer of the COPC at an address, with what takes its place where it cannot show it.
+pub fn viewer(address: &str, picture: &Markup) -> Markup {
     html! {
         script type="module" src="/static/viewer/viewer.js" {}
         section #cloud .cloud data-cloud=(address) aria-label="The points, to turn around" {

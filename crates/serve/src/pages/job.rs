@@ -1,6 +1,6 @@
 //! The page of a job: its progress, then its results with pictures, and the command that does the same in a shell.
 
-use super::cloud::{cloud, is_cloud};
+use super::cloud::{cloud, is_cloud, is_octree, show_form};
 use super::home::{encoded as in_query, title};
 use super::layout::{bytes_text, form_token, page};
 use crate::answers::{Failure, encoded};
@@ -63,18 +63,23 @@ impl Shown {
     }
 }
 
-/// The page of a job.
+/// The page of a job, with the points of its file `points`.
 ///
 /// # Errors
 /// Those of the store.
-pub async fn job(app: &Arc<App>, identity: &Identity, job: &Job) -> Result<Response, Failure> {
+pub async fn job(
+    app: &Arc<App>,
+    identity: &Identity,
+    job: &Job,
+    points: Option<&str>,
+) -> Result<Response, Failure> {
     let reads = job.clone();
     let shown =
         blocking(app, move |workshop| -> StoreResult<_> { Ok(Shown::of(&reads, &workshop.store)) }).await?;
     let content = html! {
         h1 { (title(job)) }
         (state(job))
-        @if job.status == Status::Successful { (results(app, identity, job, &shown)) }
+        @if job.status == Status::Successful { (results(app, identity, job, &shown, points)) }
         (command(job, &shown))
         form method="post" action="/forms/dismiss" {
             (form_token(app, identity))
@@ -108,7 +113,7 @@ fn state(job: &Job) -> Markup {
     }
 }
 
-fn results(app: &App, identity: &Identity, job: &Job, shown: &Shown) -> Markup {
+fn results(app: &App, identity: &Identity, job: &Job, shown: &Shown, points: Option<&str>) -> Markup {
     let process = Process::named(&job.process);
     let files = job.result_files();
     let own = format!("/jobs/{}", job.id);
@@ -145,16 +150,16 @@ fn results(app: &App, identity: &Identity, job: &Job, shown: &Shown) -> Markup {
             Some(Process::Preview) => {
                 @for file in &files {
                     @if file.path.ends_with(".png") { img .picture src=(format!("{own}/results/{}", encoded(&file.path))) alt="The picture"; }
-                    @else if file.path.ends_with(".laz") { (cloud(app, identity, job, &files, &html! {})) }
+                    @else if file.path.ends_with(".laz") { (cloud(app, identity, job, &files, points, &html! {})) }
                     @else { (viewer(&format!("{own}/results/{}", encoded(&file.path)), "Points")) }
                 }
             }
             _ => {
                 @let drawn = html! { @if shown.has_picture { (picture(&own, "The points from above and from the side")) } };
-                (cloud(app, identity, job, &files, &drawn))
+                (cloud(app, identity, job, &files, points, &drawn))
             }
         }
-        (downloads(job, &files))
+        (downloads(job, &files, |name| show_form(app, identity, name, "show")))
     }
 }
 
@@ -175,7 +180,12 @@ fn run_file(job: &Job) -> Option<String> {
     ["pipeline", "survey"].iter().find_map(|key| inputs[*key].as_str().map(str::to_owned))
 }
 
-fn downloads(job: &Job, files: &[ResultFile]) -> Markup {
+/// The files, to download. `show` is a form that shows the points of one.
+fn downloads(job: &Job, files: &[ResultFile], show: impl Fn(&str) -> Markup) -> Markup {
+    let has_points = |file: &ResultFile| is_cloud(&file.path) && job.process != Process::Stand.id();
+    // The points of one file are shown already, or by a button of their own.
+    let are_several = files.iter().filter(|file| has_points(file)).count() > 1;
+    let name = |file: &ResultFile| format!("jobs/{}/{}", job.id, file.path);
     html! {
         section aria-labelledby="results" {
             h2 #results { "Files" }
@@ -184,8 +194,13 @@ fn downloads(job: &Job, files: &[ResultFile]) -> Markup {
                     li {
                         a download href=(format!("/jobs/{}/results/{}", job.id, encoded(&file.path))) { (file.path) }
                         " " small { (bytes_text(file.bytes)) }
-                        @if is_cloud(&file.path) && job.process != Process::Stand.id() {
-                            " · " a href=(format!("/compare?first={}", in_query(&format!("jobs/{}/{}", job.id, file.path)))) { "compare" }
+                        @if has_points(file) {
+                            @if are_several && is_octree(&file.path) {
+                                " · " a href=(format!("/jobs/{}?points={}", job.id, in_query(&file.path))) { "show" }
+                            } @else if are_several {
+                                " · " (show(&name(file)))
+                            }
+                            " · " a href=(format!("/compare?first={}", in_query(&name(file)))) { "compare" }
                         }
                     }
                 }
@@ -299,7 +314,7 @@ mod tests {
             finished: None,
             updated: 0,
         };
-        let page = html! { (downloads(&job, &files)) (state(&job)) (command(&job, &Shown { document: "<b>".into(), ..Shown::default() })) }.into_string();
+        let page = html! { (downloads(&job, &files, |_| html! {})) (state(&job)) (command(&job, &Shown { document: "<b>".into(), ..Shown::default() })) }.into_string();
         for unsafe_text in ["<script>", "<img", "<b>"] {
             assert!(!page.contains(unsafe_text), "{page}");
         }

@@ -1,9 +1,10 @@
 //! The page of an upload: its files, and what can be done with each.
 
-use super::cloud::{is_cloud, show_form};
+use super::cloud::{is_cloud, is_octree, show_form, viewer};
 use super::home::encoded;
 use super::layout::{bytes_text, form_token, page};
 use super::new::{is_scene, is_table, is_trajectory};
+use crate::answers::encoded as in_path;
 use crate::app::{App, Identity};
 use crate::store::{FileKind, Upload, UploadFile};
 use axum::response::Response;
@@ -12,8 +13,15 @@ use maud::{Markup, html};
 /// Most files that the page lists.
 const MAX_LISTED: usize = 500;
 
-/// The page of an upload.
-pub fn upload(app: &App, identity: &Identity, upload: &Upload, files: &[UploadFile]) -> Response {
+/// The page of an upload, with the points of the COPC `points` if it has one of that name.
+pub fn upload(
+    app: &App,
+    identity: &Identity,
+    upload: &Upload,
+    files: &[UploadFile],
+    points: Option<&str>,
+) -> Response {
+    let shown = files.iter().find(|file| is_octree(&file.path) && Some(file.path.as_str()) == points);
     // Those of which something can be made come first.
     let mut sorted: Vec<(&UploadFile, Vec<Markup>)> =
         files.iter().map(|file| (file, actions(app, identity, &upload.name, file))).collect();
@@ -25,6 +33,13 @@ pub fn upload(app: &App, identity: &Identity, upload: &Upload, files: &[UploadFi
     sorted.sort_by_key(|(file, actions)| (actions.is_empty(), rank(file.kind)));
     let content = html! {
         h1 { (upload.name) }
+        @if let Some(file) = shown {
+            p { strong { (file.path) } }
+            (viewer(
+                &format!("/uploads/{}/files/{}", in_path(&upload.name), in_path(&file.path)),
+                &show_form(app, identity, &format!("{}/{}", upload.name, file.path), "Show a copy of the points"),
+            ))
+        }
         p { (upload.files) @if upload.files == 1 { " file, " } @else { " files, " } (bytes_text(upload.bytes)) }
         table {
             thead { tr { th { "File" } th { "Size" } th { "What to do with it" } } }
@@ -66,8 +81,13 @@ fn actions(app: &App, identity: &Identity, upload: &str, file: &UploadFile) -> V
     if is_trajectory(&name) {
         found.push(link("trajectory", "trajectory", "Fly along a trajectory"));
     }
-    if is_cloud(&name) {
+    if is_octree(&name) {
+        let page = format!("/uploads/{}?points={}", encoded(upload), encoded(&file.path));
+        found.push(html! { a .action href=(page) { "Show points" } });
+    } else if is_cloud(&name) {
         found.push(show_form(app, identity, &name, "Show points"));
+    }
+    if is_cloud(&name) {
         found.push(
             html! { a .action href=(format!("/compare?first={}", encoded(&name))) { "Compare points" } },
         );

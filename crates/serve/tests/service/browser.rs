@@ -1,6 +1,8 @@
 //! Pages, as a browser without scripts uses them: links and forms alone lead from a scene to a cloud.
 
+use super::jobs::{flight, with_field};
 use crate::client::{Answer, Service, files_of, fixtures, form};
+use serde_json::json;
 use std::time::{Duration, Instant};
 
 const HTML: (&str, &str) = ("Accept", "text/html");
@@ -217,6 +219,52 @@ fn a_recorded_flight_is_flown() {
     let forecast = send(&service, "/forms/trajectory", &token, &fields);
     let forecast = finished(&service, forecast.header("location"));
     assert!(forecast.contains("Pulses"), "{forecast}");
+}
+
+/// Runs with several files, and uploads that are read in ranges as they are.
+#[test]
+fn the_points_of_each_file_are_shown() {
+    let service = Service::start(&[]);
+    with_field(&service);
+    let mut inputs = flight(1, 1);
+    inputs["output"] = json!([{ "path": "a.copc.laz" }, { "path": "b c.copc.laz" }, { "path": "c.laz" }]);
+    let job = service.run("run", &inputs);
+    assert_eq!(job["status"], "successful", "{job}");
+    let job = format!("/jobs/{}", job["jobID"].as_str().unwrap());
+    let shown = |path: &str| {
+        let text = page(&service, path);
+        let address =
+            text.split("data-cloud=\"").nth(1).unwrap_or_default().split('"').next().unwrap_or_default();
+        (address.to_owned(), text)
+    };
+    let (first, text) = shown(&job);
+    assert_eq!(first, format!("{job}/results/a.copc.laz"));
+    let link = format!("{job}?points=b%20c.copc.laz");
+    let third = format!("name=\"points\" value=\"{}/c.laz\"", job.trim_start_matches('/'));
+    assert!(text.contains(&link) && text.contains(&third), "{text}");
+    assert_eq!(shown(&link).0, format!("{job}/results/b%20c.copc.laz"));
+    assert_eq!(shown(&format!("{job}?points=..%2Fb")).0, first);
+
+    let octree = service.get(&first).body;
+    let files = [("my cloud.copc.laz", octree.clone()), ("a.html", b"<script>alert(1)</script>".to_vec())];
+    assert_eq!(service.upload("clouds", &files).status, 201);
+    let link = "/uploads/clouds?points=my%20cloud.copc.laz";
+    let (address, text) = shown("/uploads/clouds");
+    assert!(address.is_empty() && text.contains(link), "{text}");
+    let (address, _) = shown(link);
+    assert_eq!(address, "/uploads/clouds/files/my%20cloud.copc.laz");
+    let part = service.ask("GET", &address, &[("Range", "bytes=375-439")], b"");
+    assert_eq!((part.status, part.body.as_slice()), (206, &octree[375..440]));
+    // Browsers save what was uploaded, whatever it is.
+    for address in [address.as_str(), "/uploads/clouds/files/a.html"] {
+        let whole = service.get(address);
+        assert_eq!(whole.header("content-type"), "application/octet-stream", "{address}");
+        assert_eq!(whole.header("content-disposition"), "attachment", "{address}");
+    }
+    assert!(shown("/uploads/clouds?points=other.copc.laz").0.is_empty());
+    for absent in ["/uploads/clouds/files/other.laz", "/uploads/other/files/my%20cloud.copc.laz"] {
+        assert_eq!(service.get(absent).status, 404, "{absent}");
+    }
 }
 
 #[test]

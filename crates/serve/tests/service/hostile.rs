@@ -23,6 +23,7 @@ fn strangers_get_nothing() {
         ("POST", "/forms/run"),
         ("DELETE", "/jobs/x"),
         ("GET", "/jobs/x/results/y"),
+        ("GET", "/uploads/x/files/y"),
         ("GET", "/nothing"),
     ] {
         assert_eq!(service.ask_stranger(method, path, &[], b"").status, 401, "{method} {path}");
@@ -210,6 +211,7 @@ fn names_in_requests_lead_nowhere() {
         for path in [
             format!("/jobs/x/results/{encoded}"),
             format!("/uploads/{encoded}"),
+            format!("/uploads/room/files/{encoded}"),
             format!("/jobs/{encoded}"),
             format!("/static/{encoded}"),
         ] {
