@@ -1,6 +1,8 @@
 // A camera that turns around a point. Columns of matrices follow each other, as in WebGL; z is up.
 
 const FIELD = Math.PI / 4;
+// Share of the picture that the whole cloud takes.
+const MARGIN = 0.96;
 // Angle to the horizon, so that up stays up.
 const STEEPEST = Math.PI / 2 - 1e-3;
 
@@ -21,8 +23,15 @@ export class Camera {
     this.size = Math.max(Math.hypot(...max.map((value, axis) => value - min[axis])), 0.1);
     this.heading = heading;
     this.pitch = Math.min(Math.max(pitch, -STEEPEST), STEEPEST);
-    const half = Math.max(0.45, (0.5 * this.height) / this.width);
-    this.distance = (half * this.size) / Math.tan(FIELD / 2);
+    // So far away that all corners are seen.
+    const { back, across, upward } = this.axes();
+    const half = MARGIN * Math.tan(FIELD / 2);
+    const needs = [0, 1, 2, 3, 4, 5, 6, 7].map((octant) => {
+      const corner = sum(min.map((_, axis) => ((octant >> axis) & 1 ? max : min)[axis]), this.target, -1);
+      const aside = Math.max(Math.abs(dot(upward, corner)), (Math.abs(dot(across, corner)) * this.height) / this.width);
+      return dot(back, corner) + aside / half;
+    });
+    this.distance = Math.max(...needs, 0.1);
   }
 
   turn(right, up) {

@@ -7,6 +7,8 @@ let laz = null;
 let head = null;
 // Intensities that divide those of the root into 256 parts of equal size.
 let quantiles = null;
+// Points of the root that are shown before all of it is decoded.
+const FIRST = 16384;
 
 const READERS = {
   1: 'getUint8', 2: 'getInt8', 3: 'getUint16', 4: 'getInt16', 5: 'getUint32', 6: 'getInt32', 9: 'getFloat32', 10: 'getFloat64',
@@ -18,13 +20,18 @@ function reader(view, dimension) {
   return (record) => view[name](record + dimension.at, true);
 }
 
-function rank(value) {
+function rank(value, limits) {
   let [low, high] = [0, 255];
   while (low < high) {
     const middle = (low + high + 1) >> 1;
-    if (quantiles[middle] <= value) low = middle; else high = middle - 1;
+    if (limits[middle] <= value) low = middle; else high = middle - 1;
   }
   return low;
+}
+
+function ranked(values, strengths, limits) {
+  for (let i = 0; i < strengths.length; i += 1) values[4 * i + 2] = rank(strengths[i], limits);
+  return values;
 }
 
 function quantilesOf(values) {
@@ -33,8 +40,8 @@ function quantilesOf(values) {
 }
 
 // Positions relative to the centre of the root, and four bytes for each point: class, return number and number of returns, rank of
-// the intensity, object.
-function decode(bytes, count) {
+// the intensity, object. Those of the first points of the root are given to `begin` before.
+function decode(bytes, count, begin) {
   const { format, record, scale, offset, centre } = head;
   const [input, output] = [laz._malloc(bytes.byteLength), laz._malloc(record)];
   const decoder = new laz.ChunkDecoder();
@@ -48,6 +55,10 @@ function decode(bytes, count) {
     let view = new DataView(laz.HEAPU8.buffer, output, record);
     let [amplitude, object] = [reader(view, head.amplitude), reader(view, head.object)];
     for (let i = 0; i < count; i += 1) {
+      if (i === FIRST && !quantiles) {
+        const known = strengths.subarray(0, i);
+        begin(positions.slice(0, 3 * i), ranked(values.slice(0, 4 * i), known, quantilesOf(known)));
+      }
       decoder.getPoint(output);
       if (view.buffer !== laz.HEAPU8.buffer) {
         // The memory has grown.
@@ -64,8 +75,7 @@ function decode(bytes, count) {
       values[4 * i + 3] = object ? Math.imul(object(0), 0x9e3779b1) >>> 24 : 0;
     }
     if (!quantiles) quantiles = quantilesOf(strengths);
-    for (let i = 0; i < count; i += 1) values[4 * i + 2] = rank(strengths[i]);
-    return { positions, values };
+    return { positions, values: ranked(values, strengths, quantiles) };
   } finally {
     decoder.delete();
     laz._free(input);
@@ -90,7 +100,10 @@ self.onmessage = async ({ data }) => {
   ({ head } = data);
   try {
     const isFirst = !quantiles;
-    const { positions, values } = decode(data.bytes, data.count);
+    const begin = (positions, values) => {
+      self.postMessage({ key: data.key, positions, values, isPart: true }, [positions.buffer, values.buffer]);
+    };
+    const { positions, values } = decode(data.bytes, data.count, begin);
     const message = { key: data.key, positions, values, quantiles: isFirst ? quantiles : null };
     self.postMessage(message, [positions.buffer, values.buffer]);
   } catch (error) {

@@ -47,7 +47,6 @@ class Viewer {
     this.options.heights = [this.low[2], Math.max(this.high[2], this.low[2] + 0.01)];
     this.resize();
     this.home();
-    // The root tells the strengths that intensities are ranked by.
     if (copc.root.count > 0) await this.load(copc.root);
     this.isBegun = true;
     new ResizeObserver(() => this.resize()).observe(this.canvas);
@@ -94,9 +93,14 @@ class Viewer {
     return done;
   }
 
-  decoded(worker, { key, positions, values, quantiles, failure }) {
-    worker.jobs -= 1;
+  decoded(worker, { key, positions, values, quantiles, isPart, failure }) {
     const { node, resolve } = this.requests.get(key);
+    if (isPart) {
+      this.measure(positions);
+      this.show(node, positions, values);
+      return;
+    }
+    worker.jobs -= 1;
     this.requests.delete(key);
     if (failure) {
       node.state = 'failed';
@@ -108,11 +112,18 @@ class Viewer {
       }
       for (let i = 0; i < values.length; i += 4) this.classes.add(values[i]);
       node.state = 'ready';
-      // The root comes alone, so that something is seen soon.
-      this.isBegun = true;
-      this.loaded.set(key, { node, ...this.painter.upload({ positions, values }) });
+      this.show(node, positions, values);
     }
     resolve();
+    this.redraw();
+  }
+
+  // Has points drawn as those of a node, in place of the first ones of it.
+  show(node, positions, values) {
+    const known = this.loaded.get(node.key);
+    if (known) this.painter.free(known);
+    this.loaded.set(node.key, { node, ...this.painter.upload({ positions, values }) });
+    this.isBegun = true;
     this.redraw();
   }
 
@@ -166,6 +177,8 @@ class Viewer {
     for (const [key, { node, stop }] of this.requests) {
       if (!wanted.has(key) && node !== this.copc.root) stop.abort();
     }
+    // The root comes alone, so that something is seen soon, and tells the strengths that intensities are ranked by.
+    const mayLoad = !this.requests.has(this.copc.root.key);
     const shown = [];
     let points = 0;
     for (const node of needed) {
@@ -175,7 +188,7 @@ class Viewer {
         this.loaded.set(node.key, ready);
         shown.push(ready);
         points += ready.count;
-      } else if (node.state === 'none' && this.requests.size < MAX_REQUESTS) this.load(node);
+      } else if (node.state === 'none' && mayLoad && this.requests.size < MAX_REQUESTS) this.load(node);
     }
     this.forget(wanted);
     this.painter.draw(shown, this.camera, { ...this.options, size: this.size(points) });
