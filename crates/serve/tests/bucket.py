@@ -92,7 +92,11 @@ def use(program: str, vlscan: str, folder: pathlib.Path, s3: object, expected: b
         assert requests.get(f"{own}/results/points.xyz", headers={"Range": f"bytes={len(text)}-"}).status_code == 416
         for path in ("absent.laz", "../points.laz", "..%2Fpoints.laz"):
             assert requests.get(f"{own}/results/{path}").status_code == 404, path
-        # A picture, a comparison and a plan read what is fetched.
+        uploaded = requests.get(f"{url}/uploads/field/files/field.obj", headers={"Range": "bytes=2-4"})
+        assert uploaded.status_code == 206 and uploaded.text == "-50", uploaded.text
+        # Pictures, a comparison and a plan read what is fetched.
+        scene = requests.get(f"{url}/map.png", params={"scene": "field/field.obj"})
+        assert scene.content.startswith(b"\x89PNG"), scene.text
         job = wait(url, submit(url, SHORT))
         assert requests.get(f"{url}/jobs/{job['jobID']}/view/view.png").content.startswith(b"\x89PNG")
         cloud = f"jobs/{job['jobID']}/points.laz"
