@@ -75,7 +75,7 @@ impl Notices {
         match notice {
             Notice::Warnings(found) => own.0.extend(found),
             Notice::Note(text) => own.1.push(text),
-            Notice::Detail(_) | Notice::Timing(_) => {}
+            Notice::Detail(_) | Notice::Timing(_) | Notice::Step(_) => {}
         }
     }
 

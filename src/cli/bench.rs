@@ -2,6 +2,7 @@
 //! goes.
 
 use super::args::BenchArgs;
+use super::companions::open;
 use super::{Console, interrupt};
 use crate::options::{ChunkSize, Options, Switch};
 use crate::output::{OutputRequest, PointFormat, Target};
@@ -93,7 +94,7 @@ pub fn run(args: &BenchArgs, console: &Console) -> Result<()> {
         let tree = BuildOptions { jobs, geometry_jobs, ..BuildOptions::of(builder) };
         let settings = Settings { tree, ..job.settings.clone() };
         let started = Instant::now();
-        let session = Session::open(settings.clone(), console.observer())?;
+        let session = open(settings.clone(), console)?;
         let loaded = session.loaded().ok_or_else(|| Error::Internal("the scene is not loaded".to_owned()))?;
         scene = format!(
             "{}: {} primitives, {} legs; loaded with its tree in {:.2} s; points as {}\n\n",

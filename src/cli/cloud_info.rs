@@ -2,6 +2,7 @@
 
 use super::Console;
 use super::args::CloudInfoArgs;
+use super::watch::during;
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::write_stdout;
@@ -9,7 +10,8 @@ use vlscan_tools::cloud::{CloudSource, cloud_facts};
 
 pub fn run(args: &CloudInfoArgs, console: &Console) -> Result<()> {
     args.clouds.iter().try_for_each(|cloud| check_cloud(cloud))?;
-    let (facts, found) = cloud_facts(&CloudSource::files(&args.clouds))?;
+    let read = || cloud_facts(&CloudSource::files(&args.clouds));
+    let (facts, found) = during(console, "reading points", read)?;
     console.warnings(&found)?;
     if !args.json {
         return write_stdout(&facts.text());

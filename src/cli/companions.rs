@@ -2,10 +2,10 @@
 
 use super::console::Console;
 use super::interrupt;
-use super::watch::watched;
+use super::watch::{during, watched};
 use crate::options::Options;
 use crate::output::OutputRequest;
-use crate::pipeline::{PartTable, Progress, Report, ResolvedRun, RunContext};
+use crate::pipeline::{PartTable, Progress, Report, ResolvedRun, RunContext, Session, Settings};
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::write_file;
@@ -20,6 +20,14 @@ pub fn resolve(file: &Path, options: &Options, console: &Console) -> Result<Reso
     let (job, warnings) = ResolvedRun::resolve(file, options)?;
     console.warnings(&warnings)?;
     Ok(job)
+}
+
+/// Opens the session of a run: loads the scene and builds its tree.
+///
+/// # Errors
+/// Those of [`Session::open`].
+pub fn open(settings: Settings, console: &Console) -> Result<Session> {
+    during(console, "reading the survey", || Session::open(settings, console.observer()))
 }
 
 /// The files that are asked for besides the points, and what is collected for them while the run lasts.

@@ -3,6 +3,7 @@
 use super::Console;
 use super::args::CompareArgs;
 use super::preview::read_cloud;
+use super::watch::during;
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{reads, refuse_existing, write_file, write_stdout};
@@ -17,7 +18,7 @@ pub fn run(args: &CompareArgs, console: &Console) -> Result<()> {
     let (first, second) = (first?, second?);
     let names = [&args.first, &args.second].map(|path| path.display().to_string());
     let clouds = [(names[0].as_str(), &first), (names[1].as_str(), &second)];
-    let comparison = compare(clouds, &args.options, &observer)?;
+    let comparison = during(console, "comparing the clouds", || compare(clouds, &args.options, &observer))?;
     if let Some(path) = &args.page {
         write_file(path, args.force, page(&comparison, [&first, &second])?.as_bytes())?;
         console.say(format!("{}: open it in a browser", path.display()));

@@ -1,10 +1,11 @@
 //! Messages to the user on stderr.
 
+use indicatif::ProgressBar;
 use std::fmt::Display;
 use std::fs::{File, OpenOptions};
 use std::io::{IsTerminal, Write, stderr};
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use vlscan_base::Observer;
 use vlscan_base::diag::{Diagnostics, Notice};
 use vlscan_base::error::{Error, Result};
@@ -47,13 +48,25 @@ pub struct Console {
     coloured: bool,
     stderr: bool,
     file: Option<Arc<File>>,
+    step: Arc<Step>,
+}
+
+/// What is computed, and how it is displayed.
+#[derive(Debug, Default)]
+struct Step {
+    name: Mutex<&'static str>,
+    shown: Mutex<Option<ProgressBar>>,
+}
+
+fn held<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Console {
     /// Creates a console of this verbosity; coloured when stderr is a terminal and `NO_COLOR` is not set.
     pub fn new(verbosity: Verbosity) -> Console {
         let coloured = stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty());
-        Console { verbosity, is_strict: false, coloured, stderr: true, file: None }
+        Console { verbosity, is_strict: false, coloured, stderr: true, file: None, step: Arc::default() }
     }
 
     /// Sends messages to `to`. Runs that start within the same second share a log file, line by line.
@@ -99,7 +112,23 @@ impl Console {
             Notice::Note(note) => console.say(note),
             Notice::Detail(detail) => console.detail(detail),
             Notice::Timing(text) => console.took(Verbosity::Verbose, text),
+            Notice::Step(step) => console.begin(step),
         }
+    }
+
+    /// Tells what is computed from now on.
+    pub(super) fn begin(&self, step: &'static str) {
+        *held(&self.step.name) = step;
+    }
+
+    /// What is computed now.
+    pub(super) fn step(&self) -> &'static str {
+        *held(&self.step.name)
+    }
+
+    /// Draws messages above this display from now on, or above none.
+    pub(super) fn display(&self, display: Option<ProgressBar>) {
+        *held(&self.step.shown) = display;
     }
 
     /// The observer that shows the notices of a computation.
@@ -165,7 +194,10 @@ impl Console {
     fn raw(&self, text: &str) {
         // A closed stderr or a full disk of the log must not end the run.
         if self.stderr {
-            write_stderr(text);
+            match &*held(&self.step.shown) {
+                Some(display) => display.suspend(|| write_stderr(text)),
+                None => write_stderr(text),
+            }
         }
         if let Some(mut file) = self.file.as_deref() {
             let _ = file.write_all(text.as_bytes());

@@ -1,9 +1,10 @@
 //! `vlscan run --dry-run`: what a run will cost and give.
 
 use super::args::RunArgs;
-use super::companions::resolve;
+use super::companions::{open, resolve};
+use super::watch::during;
 use super::{Console, interrupt};
-use crate::pipeline::{DryRunReport, LegEstimate, Progress, ResolvedRun, RunContext, Session};
+use crate::pipeline::{DryRunReport, LegEstimate, Progress, ResolvedRun, RunContext};
 use std::fmt::Write as _;
 use std::time::Instant;
 use vlscan_base::error::{Error, Result};
@@ -19,9 +20,10 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
         resolve(&args.file, &args.options, console)?;
     output.inputs.push(args.file.clone());
     output.companions.extend(schedule_log.into_iter().chain(part_table));
-    let mut session = Session::open(settings, console.observer())?;
+    let mut session = open(settings, console)?;
     let progress = Progress::default();
-    let forecast = session.dry_run(&output, started, RunContext::new(&progress, &interrupt::STOP))?;
+    let context = RunContext::new(&progress, &interrupt::STOP);
+    let forecast = during(console, "trying the survey", || session.dry_run(&output, started, context))?;
     let text = match args.dry.json {
         true => serde_json::to_string_pretty(&forecast).map_err(|e| Error::Internal(e.to_string()))? + "\n",
         false => text(&forecast),

@@ -2,6 +2,7 @@
 
 use super::Console;
 use super::args::{FitArgs, FittedHalf};
+use super::watch::during;
 use std::path::Path;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::Result;
@@ -17,7 +18,7 @@ pub fn run(args: &FitArgs, console: &Console) -> Result<()> {
     }
     let mut found = Diagnostics::default();
     let request = FlightRequest { flight_line: args.flight_line, extend: args.extend };
-    let fit = fit_flight(&args.cloud, &request, &mut found);
+    let fit = during(console, "fitting the instrument", || fit_flight(&args.cloud, &request, &mut found));
     console.warnings(&found.finish(false)?)?;
     let fit = fit?;
     let files = fit.write(&args.out, &format!("vlscan fit {}", args.cloud.display()), args.force)?;
@@ -43,7 +44,9 @@ fn run_spinning(args: &FitArgs, calibration: &Path, console: &Console) -> Result
         FittedHalf::Even => Half::Even,
         FittedHalf::Odd => Half::Odd,
     };
-    let fit = fit_spinning(&args.cloud, calibration, &SpinningRequest { half }, &mut found);
+    let fit = during(console, "fitting the sensor", || {
+        fit_spinning(&args.cloud, calibration, &SpinningRequest { half }, &mut found)
+    });
     console.warnings(&found.finish(false)?)?;
     let fit = fit?;
     let command = format!("vlscan fit {} --calibration {}", args.cloud.display(), calibration.display());

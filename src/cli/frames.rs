@@ -2,6 +2,7 @@
 
 use super::Console;
 use super::args::FramesArgs;
+use super::watch::during;
 use std::io::{BufReader, Read};
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
@@ -19,7 +20,8 @@ pub fn run(args: &FramesArgs, console: &Console) -> Result<()> {
         }
     };
     let mut source = BufReader::with_capacity(1 << 20, source);
-    let counts = write_frames(&mut source, name, &args.out, &args.options)?;
+    let write = || write_frames(&mut source, name, &args.out, &args.options);
+    let counts = during(console, "writing frames", write)?;
     let (frames, points) = (counts.frames, amount(counts.points as f64));
     console.say(format!("{}: {frames} frames, {points} points", args.out.display()));
     Ok(())

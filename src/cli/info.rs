@@ -2,6 +2,7 @@
 
 use super::Console;
 use super::args::InfoArgs;
+use super::watch::during;
 use crate::named_scene::{NamedScene, Scanning};
 use crate::output::ObjectIds;
 use crate::pipeline::{LoadedScene, check_raster_memory};
@@ -38,11 +39,11 @@ pub fn run(args: &InfoArgs, console: &Console) -> Result<()> {
     let options = options(&recipe, &scanning, args.verify)?;
     let build = BuildOptions::default();
     check_raster_memory(&recipe, &options, build.builder, &|_| ())?;
-    let (scene, found) = vlscan_scene::load(&recipe, &options)?;
+    let (scene, found) = during(console, "loading the scene", || vlscan_scene::load(&recipe, &options))?;
     warnings.extend(found);
     let loaded = started.elapsed().as_secs_f64();
     let started = Instant::now();
-    let tree = scene.tree(&build);
+    let tree = during(console, "building the tree", || scene.tree(&build));
     let built = started.elapsed().as_secs_f64();
     let facts = Facts {
         scene: &scene,

@@ -1,6 +1,7 @@
 //! `vlscan scene map`: a scene from above, and the coordinates of its pixels.
 
 use super::args::MapArgs;
+use super::watch::during;
 use super::{Console, info};
 use crate::named_scene::NamedScene;
 use crate::pipeline::LoadedScene;
@@ -27,8 +28,11 @@ pub fn run(args: &MapArgs, console: &Console) -> Result<()> {
     console.warnings(&warnings)?;
     let options = info::options(&recipe, &scanning, false)?;
     let trees = BuildOptions::default();
-    let loaded = LoadedScene::load(&recipe, &options, &trees, console.is_strict(), &observer.callback())?;
-    let points = scene_points(&loaded, Path::new(&args.scene), &observer)?;
+    let points = during(console, "reading the scene", || {
+        let loaded = LoadedScene::load(&recipe, &options, &trees, console.is_strict(), &observer.callback())?;
+        observer.step("drawing the scene");
+        scene_points(&loaded, Path::new(&args.scene), &observer)
+    })?;
     let map = Map::draw(&points, args.side).ok_or_else(|| {
         Error::input_with_help(
             format!("{} has no surfaces to draw", args.scene),

@@ -2,6 +2,7 @@
 
 use super::Console;
 use super::args::PackArgs;
+use super::watch::during;
 use crate::named_scene::NamedScene;
 use std::path::Path;
 use std::time::Instant;
@@ -34,7 +35,9 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
         tiles,
         ..LoadOptions::default()
     };
-    let packed = vlscan_scene::pack(&recipe, &options, &tree, &out, &|found| console.warnings(found))?;
+    let packed = during(console, "packing the scene", || {
+        vlscan_scene::pack(&recipe, &options, &tree, &out, &|found| console.warnings(found))
+    })?;
     let loaded = started.elapsed().as_secs_f64();
     let started = Instant::now();
     let opens = match is_stream {

@@ -1,6 +1,7 @@
 //! `vlscan plan`: surveys from an area, a plot or a line.
 
 use super::args::PlanArgs;
+use super::watch::during;
 use super::{Console, interrupt};
 use crate::planning::plan_survey;
 use vlscan_base::error::Result;
@@ -8,7 +9,8 @@ use vlscan_base::files::write_stdout;
 
 pub fn run(args: &PlanArgs, console: &Console) -> Result<()> {
     let command = command_line();
-    let plan = plan_survey(&args.request, &command, &console.listener(), &interrupt::STOP)?;
+    let work = || plan_survey(&args.request, &command, &console.listener(), &interrupt::STOP);
+    let plan = during(console, "planning", work)?;
     for path in &args.request.common().lines {
         console.say(format!("{}: lines of the plan", path.display()));
     }

@@ -1,6 +1,7 @@
 //! `vlscan preview`: a picture of a point cloud, an interactive page, a copy for viewers, or the waveform of a pulse.
 
 use super::args::PreviewArgs;
+use super::watch::during;
 use super::{Console, interrupt};
 use crate::options::holds_survey;
 use crate::output::expand;
@@ -20,12 +21,15 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     }
     let is_survey = holds_survey(&args.points);
     if is_octree(&args.out) {
-        let count = write_octree(&args.points, &args.out, args.force, &console.listener())?;
+        let write = || write_octree(&args.points, &args.out, args.force, &console.listener());
+        let count = during(console, "dividing the points", write)?;
         console.say(format!("{}: {} points", args.out.display(), amount(count as f64)));
         return Ok(());
     }
     let points = match is_survey {
-        true => survey_points(&args.points, &args.assets, &console.listener(), &interrupt::STOP)?,
+        true => during(console, "flying the survey", || {
+            survey_points(&args.points, &args.assets, &console.listener(), &interrupt::STOP)
+        })?,
         false => read_cloud(&args.points, console)?,
     };
     let colour = args.colour.unwrap_or(if is_survey { ColourBy::Leg } else { ColourBy::Height });
@@ -58,7 +62,7 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
 
 /// Reads points, and tells what there is to say of their file.
 pub(super) fn read_cloud(path: &Path, console: &Console) -> Result<Points> {
-    let (points, found) = read_points(path)?;
+    let (points, found) = during(console, "reading points", || read_points(path))?;
     console.warnings(&found)?;
     Ok(points)
 }

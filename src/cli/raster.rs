@@ -3,6 +3,7 @@
 use super::Console;
 use super::args::RasterArgs;
 use super::cloud_info::check_cloud;
+use super::watch::during;
 use std::io::IsTerminal as _;
 use std::path::Path;
 use vlscan_base::crs;
@@ -19,7 +20,8 @@ pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
     let crs = args.crs.as_ref().map(crate::options::Crs::wkt).transpose()?;
     let kinds: Vec<RasterKind> = wanted.iter().map(|(kind, _)| *kind).collect();
     let clouds = CloudSource::files(&args.clouds);
-    let (rasters, found) = CloudRasters::read(&clouds, &kinds, &args.options, crs, machine::memory())?;
+    let read = || CloudRasters::read(&clouds, &kinds, &args.options, crs, machine::memory());
+    let (rasters, found) = during(console, "reading points", read)?;
     console.warnings(&found)?;
     let [columns, rows] = rasters.size();
     let system = match rasters.crs().map(|wkt| (wkt, crs::projected_epsg(wkt))) {

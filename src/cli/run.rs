@@ -1,11 +1,11 @@
 //! `vlscan run`: flies and measures a survey.
 
 use super::args::RunArgs;
-use super::companions::{Companions, resolve};
+use super::companions::{Companions, open, resolve};
 use super::shards::open_without_tree;
 use super::{Console, Verbosity};
 use crate::output::{FileKind, Target};
-use crate::pipeline::{Report, ResolvedRun, ResumeOptions, Session};
+use crate::pipeline::{Report, ResolvedRun, ResumeOptions};
 use std::io::Write;
 use std::time::Instant;
 use vlscan_base::diag::Diagnostics;
@@ -27,7 +27,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let resumption = args.shards.resume.map(|pulses| ResumeOptions::beside(&output, pulses.0)).transpose()?;
     let mut session = match resumption {
         Some(_) => open_without_tree(settings, console)?,
-        None => Session::open(settings, console.observer())?,
+        None => open(settings, console)?,
     };
     companions.describe(session.scene())?;
     let is_helios_layout = output.sinks.iter().all(|(target, _)| matches!(target, Target::Helios(_)));

@@ -1,6 +1,7 @@
 //! `vlscan scene`: scenes that are made, and information on scenes.
 
 use super::args::{MakeArgs, ReconstructArgs, SceneArgs, SceneCommand, StandArgs};
+use super::watch::during;
 use super::{Console, info, map, pack};
 use vlscan_base::error::Result;
 use vlscan_base::quantity::amount;
@@ -19,7 +20,7 @@ pub fn run(args: &SceneArgs, console: &Console) -> Result<()> {
 }
 
 fn make(args: &MakeArgs, console: &Console) -> Result<()> {
-    let made = write_scene(&args.options, &args.out)?;
+    let made = during(console, "making the scene", || write_scene(&args.options, &args.out))?;
     console.say(format!(
         "{} triangles{} in {}; scan them ({} pulses) with: vlscan run {}",
         amount(made.triangles as f64),
@@ -32,7 +33,8 @@ fn make(args: &MakeArgs, console: &Console) -> Result<()> {
 }
 
 fn stand(args: &StandArgs, console: &Console) -> Result<()> {
-    let made = make_stand(&args.options, &args.out, &|_| true, &console.listener())?;
+    let make = || make_stand(&args.options, &args.out, &|_| true, &console.listener());
+    let made = during(console, "making the stand", make)?;
     let counts: Vec<String> = made.trees.iter().map(usize::to_string).collect();
     console.say(format!(
         "{}: {} trees of {} models{}; scan them with: vlscan run SURVEY --scene {0}",
@@ -46,7 +48,8 @@ fn stand(args: &StandArgs, console: &Console) -> Result<()> {
 
 fn reconstruct(args: &ReconstructArgs, console: &Console) -> Result<()> {
     let options = &args.options;
-    let found = scene::reconstruct(options, &console.listener())?;
+    let work = || scene::reconstruct(options, &console.listener());
+    let found = during(console, "reading the cloud", work)?;
     let pipeline = found.write(&args.out, options.overwrite)?;
     let receiver = &found.receiver;
     for path in &found.paths {

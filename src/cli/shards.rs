@@ -3,6 +3,7 @@
 use super::args::{IndexShardsArgs, MergeArgs, RunArgs};
 use super::companions::{Companions, resolve};
 use super::run::{show_report, warn_of_few_points};
+use super::watch::during;
 use super::{Console, interrupt};
 use crate::options::{OneOf, Options};
 use crate::pipeline::{
@@ -62,7 +63,8 @@ fn refuse_part_table(path: Option<&Path>) -> Result<()> {
 
 /// A session whose tree is built when a shard is computed: shards that exist need none.
 pub fn open_without_tree(settings: Settings, console: &Console) -> Result<Session> {
-    let scene = LoadedScene::of(&settings, &console.observer())?;
+    let load = || LoadedScene::of(&settings, &console.observer());
+    let scene = during(console, "reading the survey", load)?;
     Session::new(settings, scene, console.observer())
 }
 
@@ -71,7 +73,9 @@ pub fn index(args: &IndexShardsArgs, console: &Console) -> Result<()> {
     let (folder, options) = folder_of_shards(&args.options)?;
     let ResolvedRun { settings, output, .. } = resolve(&args.file, &options, console)?;
     let mut session = open_without_tree(settings, console)?;
-    let shards = session.shards(&folder, output.creation, options.output.force.is_on(), &interrupt::STOP)?;
+    let shards = during(console, "counting pulses", || {
+        session.shards(&folder, output.creation, options.output.force.is_on(), &interrupt::STOP)
+    })?;
     console.say(format!(
         "{}  {} pulses, for any number of shards",
         crate::shards::Borders::path(&folder).display(),

@@ -12,6 +12,42 @@ const LINE_PERIOD: Duration = Duration::from_secs(2);
 /// Time without a pulse after which the bar disappears until the next one.
 const IDLE_PERIOD: Duration = Duration::from_secs(1);
 const BAR: &str = "{spinner} [{bar:6}] {msg}";
+/// Time after which a terminal shows what is computed.
+const PATIENCE: Duration = Duration::from_secs(1);
+const STEP: &str = "{spinner} {msg} ({elapsed})";
+
+/// Does work without a known length, of which `step` is the first step, and shows on a terminal which step goes on and for how long.
+pub fn during<T>(console: &Console, step: &'static str, work: impl FnOnce() -> T) -> T {
+    if !(stderr().is_terminal() && console.draws()) {
+        return work();
+    }
+    console.begin(step);
+    let (done, is_done) = flume::bounded::<()>(1);
+    std::thread::scope(|scope| {
+        let shows = std::thread::Builder::new().spawn_scoped(scope, move || {
+            if !is_running(&is_done, PATIENCE) {
+                return;
+            }
+            let display =
+                ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr()).with_elapsed(PATIENCE);
+            if let Ok(style) = ProgressStyle::with_template(STEP) {
+                display.set_style(style);
+            }
+            console.display(Some(display.clone()));
+            while is_running(&is_done, BAR_PERIOD) {
+                display.set_message(console.step());
+                display.tick();
+            }
+            console.display(None);
+            display.finish_and_clear();
+        });
+        let result = work();
+        drop(done);
+        // What is printed next finds an empty line.
+        let _ = shows.map(std::thread::ScopedJoinHandle::join);
+        result
+    })
+}
 
 /// Runs `work` while another thread shows its progress. `legs` is the number of legs in the survey.
 pub fn watched<T>(
@@ -31,7 +67,7 @@ pub fn watched<T>(
         let _ = std::thread::Builder::new().spawn_scoped(scope, move || {
             let start = Instant::now();
             if terminal {
-                draw_bar(progress, legs, start, &is_done);
+                draw_bar(console, progress, legs, start, &is_done);
                 return;
             }
             let mut shown = 0;
@@ -56,7 +92,13 @@ fn is_running(is_done: &flume::Receiver<()>, period: Duration) -> bool {
 
 /// Draws a bar until the work is done, but none while nothing happens: before the first pulse, and while a stream is
 /// silent.
-fn draw_bar(progress: &Progress, legs: usize, start: Instant, is_done: &flume::Receiver<()>) {
+fn draw_bar(
+    console: &Console,
+    progress: &Progress,
+    legs: usize,
+    start: Instant,
+    is_done: &flume::Receiver<()>,
+) {
     let mut bar: Option<ProgressBar> = None;
     let (mut shown, mut changed) = (0, Instant::now());
     while is_running(is_done, BAR_PERIOD) {
@@ -65,13 +107,19 @@ fn draw_bar(progress: &Progress, legs: usize, start: Instant, is_done: &flume::R
             (shown, changed) = (now.pulses, Instant::now());
         }
         if shown == 0 || changed.elapsed() > IDLE_PERIOD {
+            console.display(None);
             bar.take().inspect(ProgressBar::finish_and_clear);
             continue;
         }
-        let bar = bar.get_or_insert_with(new_bar);
+        let bar = bar.get_or_insert_with(|| {
+            let bar = new_bar();
+            console.display(Some(bar.clone()));
+            bar
+        });
         bar.set_position(if now.done.is_finite() { (now.done * 1000.0) as u64 } else { 0 });
         bar.set_message(bar_text(&now, legs, start.elapsed().as_secs_f64()));
     }
+    console.display(None);
     bar.inspect(ProgressBar::finish_and_clear);
 }
 

@@ -22,6 +22,7 @@ pub(super) fn load_scene(
     notify: &dyn Fn(Notice),
 ) -> Result<Scene> {
     let started = Instant::now();
+    notify(Notice::Step("loading the scene"));
     let (scene, found) = vlscan_scene::load_epoch(recipe, options, epoch, frame)?;
     notify(Notice::Warnings(found.finish(is_strict)?));
     notify(Notice::Timing(format!(
@@ -69,6 +70,7 @@ pub(super) fn build_tree(
         )));
     }
     let started = Instant::now();
+    notify(Notice::Step("building the tree"));
     let tree = scene.tree(options);
     notify(Notice::Timing(format!(
         "tree: {:.1} MB, {:.2} s",

@@ -427,6 +427,26 @@ fn a_terminal_gets_no_binary_points_without_force() {
     assert!(text(&pulses.stdout).contains("--force"), "{}", text(&pulses.stdout));
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn a_terminal_shows_what_takes_long() {
+    let dir = folder();
+    let of_a_silent_stream = |options: &str| {
+        let line = format!(
+            r#"script -qec "sleep 2.5 | $VLSCAN frames - -o frames --layout kitti {options}" /dev/null"#
+        );
+        shell(dir.path(), &["script"], &line)
+    };
+    let Some(shown) = of_a_silent_stream("") else { return };
+    let words = text(&shown.stdout);
+    assert!(words.contains("writing frames ("), "{words}");
+    // The line is empty again before the message.
+    let message = words.rsplit("\u{1b}[2K").next().unwrap();
+    assert!(message.contains("error") && !message.contains("writing frames"), "{words:?}");
+    let quiet = of_a_silent_stream("-q").unwrap();
+    assert!(!text(&quiet.stdout).contains("writing"), "{}", text(&quiet.stdout));
+}
+
 #[test]
 fn a_bad_pose_is_reported_with_its_line() {
     let dir = folder();

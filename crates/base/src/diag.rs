@@ -48,6 +48,8 @@ pub enum Notice {
     Detail(String),
     /// Duration of a step.
     Timing(String),
+    /// What is computed from now on, for a display of progress: "building the tree".
+    Step(&'static str),
 }
 
 /// A place in a text file: one line with a range of it underlined.

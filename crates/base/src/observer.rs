@@ -32,6 +32,11 @@ impl Observer {
         self.notify(Notice::Note(text.into()));
     }
 
+    /// Tells what is computed from now on.
+    pub fn step(&self, text: &'static str) {
+        self.notify(Notice::Step(text));
+    }
+
     /// Passes warnings and notes on.
     ///
     /// # Errors

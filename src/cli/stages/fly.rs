@@ -2,7 +2,7 @@
 
 use crate::cli::args::{EmitArgs, EmitFormat, PulsesArgs, SurveyArgs, TrajectoryArgs};
 use crate::cli::companions::resolve;
-use crate::cli::watch::watched;
+use crate::cli::watch::{during, watched};
 use crate::cli::{Console, Verbosity, interrupt};
 use crate::pipeline::{Emitted, Flight, FlightRows, Progress, ResolvedRun, RunContext, Session, emit};
 use crate::streams::TableWriter;
@@ -37,7 +37,9 @@ fn fly(
     let ResolvedRun { mut settings, progress_lines, .. } = resolve(&args.file, &args.options(), console)?;
     rows.prepare(&mut settings.survey, interval);
     let has_errors = settings.flight.navigation.any();
-    let emission = Session::open_for_flight(settings, console.observer())?.into_emission()?;
+    let opened =
+        during(console, "reading the survey", || Session::open_for_flight(settings, console.observer()))?;
+    let emission = opened.into_emission()?;
     let flight = Flight::new(&emission, has_errors, as_flown);
     let legs = emission.survey.legs.len();
     let is_live = emission.poses.is_some();

@@ -2,11 +2,11 @@
 
 use crate::cli::Console;
 use crate::cli::args::{InstrumentArgs, TraceArgs};
-use crate::cli::companions::Companions;
+use crate::cli::companions::{Companions, open};
 use crate::cli::run::show_report;
 use crate::options::{InputOptions, NotNegative, Options, Switch, holds_survey, read_survey};
 use crate::output::Target;
-use crate::pipeline::{LegRule, ResolvedRun, Session};
+use crate::pipeline::{LegRule, ResolvedRun};
 use crate::streams::PulseReader;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -40,7 +40,7 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
     let legs = LegRule { known, separate_files, streamed_divergence };
     // Opened before the scene is loaded, so that a wrong name is reported without delay.
     let pulses = PulseReader::open(&args.stream, settings.schedule.policy.size() as usize)?;
-    let mut session = Session::open(settings, console.observer())?;
+    let mut session = open(settings, console)?;
     companions.describe(session.scene())?;
     let leg_count = session.survey().legs.len();
     let report = companions

@@ -117,6 +117,7 @@ pub struct ReconstructedScene {
 pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<ReconstructedScene> {
     let mut found = Diagnostics::default();
     let recording = recording::read(&options.cloud, &mut found)?;
+    observer.step("looking for the instrument");
     let paths = sensor::paths(&recording);
     for path in paths.iter().filter(|p| p.found_by == PathSource::Nadir) {
         let message = format!(
@@ -130,16 +131,19 @@ pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<
         let returns = recording.returns.iter().filter(move |r| r.target == target);
         returns.map(|r| (r.position, r.class)).unzip::<DVec3, u8, Vec<_>, Vec<_>>()
     };
+    observer.step("making terrain and roofs");
     let (ground, ground_classes) = of(Target::Ground);
     let terrain = terrain::terrain(&ground, &ground_classes, recording.bounds);
     let (on_roofs, roof_classes) = of(Target::Roof);
     let spacing = 1.0 / recording.density().sqrt();
     let roofs =
         roofs::roofs(&on_roofs, &roof_classes, (1.5 * spacing).clamp(ROOF_CELLS[0], ROOF_CELLS[1]), &terrain);
+    observer.step("estimating the density of leaves");
     let reach = NEAR_SPREADS * terrain.spread;
     let is_leaf = foliage::leaf_returns(&recording, |p| (p.z - terrain.height(p.x, p.y)).abs() <= reach);
     let size = options.voxel.unwrap_or((VOXEL_PER_SPACING * spacing).clamp(VOXEL_SIZES[0], VOXEL_SIZES[1]));
     let extinctions = foliage::extinctions(&recording, &paths, &is_leaf, size, |x, y| terrain.height(x, y));
+    observer.step("estimating the receiver");
     let instrument = (&paths[..], options.divergence);
     let by_rest = extinctions.as_ref().map(|[_, rest]| rest);
     let receiver = receiver::receiver(&recording, instrument, by_rest, &is_leaf, &terrain);
