@@ -121,6 +121,9 @@ pub async fn stand(
     let fields = genuine(&app, &identity, form)?;
     let inventory = fields.get("inventory").ok_or_else(|| bad("choose an inventory"))?;
     let mut inputs = Map::from_iter([("inventory".to_owned(), json!(inventory))]);
+    if let Some(trees) = fields.get("trees") {
+        inputs.insert("trees".to_owned(), json!(trees));
+    }
     match fields.get("terrain") {
         Some(terrain) => drop(inputs.insert("terrain".to_owned(), json!([terrain]))),
         None if fields.contains_key("flat") => drop(inputs.insert("flat".to_owned(), json!(true))),

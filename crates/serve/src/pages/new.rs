@@ -82,6 +82,16 @@ impl Files {
         self.chosen(is_survey).take(MAX_CHOICES).collect()
     }
 
+    /// Folders that have files with this ending themselves.
+    fn folders(&self, ending: &str) -> Vec<&str> {
+        let parents =
+            self.chosen(|name, _| has_ending(name, &[ending])).filter_map(|name| name.rsplit_once('/'));
+        let mut folders: Vec<&str> = parents.map(|(folder, _)| folder).collect();
+        folders.dedup();
+        folders.truncate(MAX_CHOICES);
+        folders
+    }
+
     fn chosen(&self, is_chosen: impl Fn(&str, FileKind) -> bool) -> impl Iterator<Item = &str> {
         self.0.iter().filter(move |(name, kind)| is_chosen(name, *kind)).map(|(name, _)| name.as_str())
     }
@@ -394,6 +404,8 @@ fn form(app: &App, identity: &Identity, kind: &str, files: &Files, values: &Valu
                 } }
                 (choice("inventory", "Inventory", &files.with(&TABLES), None, &named("inventory")))
                 (choice("terrain", "Terrain", &files.with(&TERRAINS), Some("none"), values.of("terrain", "")))
+                (choice("trees", "Tree models", &files.folders("obj"), Some("of vlscan"), values.of("trees", "")))
+                p { small { "Tree models are OBJ files whose names begin with their species, as beech_1.obj, in a folder." } }
                 label .flag { input type="checkbox" name="flat" checked[!values.of("flat", "on").is_empty()]; " Flat ground, unless a terrain is chosen" }
                 button type="submit" { "Make the scene" }
             }

@@ -197,6 +197,18 @@ fn an_inventory_becomes_a_scene() {
     let new = page(&service, &link.replace("&amp;", "&"));
     assert!(new.contains(&format!("<option value=\"{scene}\" selected")), "{new}");
     assert_eq!(service.json(&format!("/map.json?scene={scene}"))["corner"].as_array().unwrap().len(), 2);
+
+    // The same with tree models of one's own.
+    let model = b"v -1 0 0\nv 1 0 0\nv 0 0 12\nf 1 2 3\n".to_vec();
+    let own = ["trees/spruce_a.obj", "trees/beech_a.obj", "trees/birch_a.obj", "a.txt"]
+        .map(|name| (name, model.clone()));
+    assert_eq!(service.upload("own", &own).status, 201);
+    assert!(page(&service, "/new?kind=stand").contains("<option value=\"own/trees\">"));
+    let fields = [("inventory", "plot/trees.csv"), ("trees", "own/trees"), ("terrain", ""), ("flat", "on")];
+    let path = send(&service, "/forms/stand", &token, &fields).header("location").to_owned();
+    finished(&service, &path);
+    let labels = service.get(&format!("{path}/results/stand/labels.csv")).text();
+    assert!(labels.lines().skip(1).all(|line| line.contains("_a")), "{labels}");
 }
 
 #[test]
