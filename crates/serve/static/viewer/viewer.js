@@ -288,7 +288,11 @@ class Viewer {
 
   legend() {
     const { place, options, copc } = this;
-    const [low, high] = options.heights.map((value) => `${(value + copc.centre[2]).toFixed(1).replace('-0.0', '0.0')} m`);
+    const [lowest, highest] = options.heights;
+    // So many decimals that a hundredth of the span is seen.
+    const digits = Math.min(Math.max(2 - Math.floor(Math.log10(highest - lowest)), 1), 4);
+    const rounded = (value) => (value + copc.centre[2]).toFixed(digits).replace(/^-(0\.0+)$/, '$1');
+    const [low, high] = [lowest, highest].map((value) => `${rounded(value)} m`);
     const entries = {
       height: () => [[low, '#2b3a9c'], [high, '#d7432f']],
       intensity: () => [['weak', '#161a20'], ['strong', '#f2f4f6']],
