@@ -4,9 +4,12 @@ shell by the command that the page shows. Once with a mouse, once with keys alon
     python browser.py target/debug/vlscan-serve target/debug/vlscan
 """
 
+import json
 import pathlib
+import random
 import re
 import shutil
+import struct
 import subprocess
 import sys
 import tempfile
@@ -14,6 +17,7 @@ import urllib.request
 
 import imagecodecs
 import numpy
+import requests
 from chromium import Browser
 
 FIXTURES = pathlib.Path(__file__).resolve().parents[3] / "fixtures"
@@ -34,6 +38,7 @@ def main() -> None:
                 with_a_mouse(browser, url, folder, vlscan)
                 with_keys(browser, url)
                 assert not browser.problems, browser.problems
+                damaged(browser, url)
         finally:
             service.terminate()
         assert service.wait(timeout=30) == 0
@@ -168,6 +173,49 @@ def with_keys(browser: Browser, url: str) -> None:
     browser.press("+", times=2)
     assert (shown(browser) != before).any(axis=2).mean() > 0.02, "the keys do not turn the cloud"
     assert all(width <= 360 for width in wide.values()), f"pages are wider than the screen: {wide}"
+
+
+def damaged(browser: Browser, url: str) -> None:
+    """COPCs that were uploaded: as it is one is shown at once; of a damaged one there is a message, or points."""
+    jobs = json.load(urllib.request.urlopen(f"{url}/jobs?processID=run"))["jobs"]
+    with urllib.request.urlopen(f"{url}/jobs/{jobs[0]['jobID']}/results/points.copc.laz") as answer:
+        whole = answer.read()
+    (page,) = struct.unpack_from("<Q", whole, 375 + 54 + 40)
+
+    def changed(at: int, kind: str, *values: float) -> bytes:
+        copy = bytearray(whole)
+        struct.pack_into(kind, copy, at, *values)
+        return bytes(copy)
+
+    flips = random.Random(3)
+    noise = bytearray(whole)
+    for _ in range(200):
+        noise[flips.randrange(len(noise))] ^= 1 << flips.randrange(8)
+    variants = {
+        "whole": whole,
+        "half": whole[: len(whole) // 2],
+        "empty": b"",
+        "text": b"no points\n" * 1000,
+        "many": changed(page + 28, "<i", 2**31 - 1),
+        "less": changed(page + 28, "<i", -5),
+        "loop": changed(page + 16, "<Qii", page, 32, -1),
+        "long": changed(page + 24, "<i", 2**31 - 1),
+        "far": changed(page + 16, "<Q", 2**63),
+        "pages": changed(375 + 54 + 48, "<Q", 2**40),
+        "nowhere": changed(375 + 54 + 40, "<Q", 2**50),
+        "sizes": changed(131, "<3d", float("nan"), float("inf"), 0.0),
+        "noise": bytes(noise),
+    }
+    for name, content in variants.items():
+        form = {"name": (None, name), "file": (f"{name}.copc.laz", content)}
+        requests.post(f"{url}/uploads", files=form).raise_for_status()
+        browser.go(f"{url}/uploads/{name}?points={name}.copc.laz")
+        browser.wait(f"['complete', 'failed'].includes({CLOUD}.state)")
+        said = browser.run("document.querySelector('.said').textContent")
+        points = int(browser.run(f"{CLOUD}.points || 0"))
+        assert points == 0 if said and name != "noise" else points > 0 or name == "noise", (name, points, said)
+        assert bool(said) == (browser.run(f"{CLOUD}.state") == "failed"), (name, said)
+        assert (name == "whole") <= (not said), said
 
 
 def drawn(browser: Browser) -> int:

@@ -4,6 +4,10 @@ const HEAD_BYTES = 65536;
 const HEADER_BYTES = 375;
 const VLR_BYTES = 54;
 const ENTRY_BYTES = 32;
+// Most points and bytes of a node, and bytes of a page of the hierarchy: what is larger is damaged.
+const MAX_POINTS = 10e6;
+const MAX_NODE_BYTES = 256 * 2 ** 20;
+const MAX_PAGE_BYTES = 64 * 2 ** 20;
 // Bytes of the data types of extra bytes, by their number in LAS.
 const TYPE_BYTES = [0, 1, 1, 2, 2, 4, 4, 8, 8, 4, 8];
 // Names of the extra bytes that hold the number of the object, and the amplitude that is more exact than the intensity.
@@ -14,6 +18,8 @@ function text(view, at, length) {
   const bytes = new Uint8Array(view.buffer, view.byteOffset + at, length);
   return new TextDecoder('latin1').decode(bytes).split('\0')[0];
 }
+
+const damage = () => new Error('the hierarchy of the cloud is damaged');
 
 // Dimensions in the extra bytes: name, type, place in the record.
 function extraDimensions(view, at, length, start) {
@@ -33,6 +39,8 @@ export class Copc {
     // Bytes that were fetched.
     this.bytes = 0;
     this.nodes = new Map();
+    // Places of the pages of the hierarchy that were read.
+    this.pages = new Set();
   }
 
   async range(start, length, signal) {
@@ -87,6 +95,9 @@ export class Copc {
 
   // Reads a page of the hierarchy.
   async page(start, length) {
+    // A page that leads to itself would be read without end.
+    if (!(length >= 0 && length <= MAX_PAGE_BYTES) || this.pages.has(start)) throw damage();
+    this.pages.add(start);
     const view = new DataView(await this.range(start, length));
     for (let at = 0; at + ENTRY_BYTES <= view.byteLength; at += ENTRY_BYTES) {
       const [level, x, y, z] = [0, 4, 8, 12].map((from) => view.getInt32(at + from, true));
@@ -99,6 +110,7 @@ export class Copc {
         // none, loading, ready, failed
         state: 'none',
       };
+      if (count < -1 || count > MAX_POINTS || entry.length < 0 || entry.length > MAX_NODE_BYTES) throw damage();
       const known = this.nodes.get(entry.key);
       if (!known || known.count < 0) {
         entry.edge = (2 * this.half) / 2 ** level;

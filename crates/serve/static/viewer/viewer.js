@@ -219,7 +219,8 @@ class Viewer {
 
   tell(points, nodes, isComplete) {
     const { place, copc } = this;
-    const facts = { points, nodes, bytes: copc.bytes, state: isComplete ? 'complete' : 'loading' };
+    const facts = { points, nodes, bytes: copc.bytes };
+    if (place.dataset.state !== 'failed') facts.state = isComplete ? 'complete' : 'loading';
     if (points > 0 && !place.dataset.first) facts.first = Math.round(performance.now());
     Object.assign(place.dataset, facts);
     const number = (value) => value.toLocaleString('en');
