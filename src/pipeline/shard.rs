@@ -243,14 +243,20 @@ impl ShardRunner<'_> {
         let output = Arc::new(OutputPlan::new(request, &self.context)?);
         let range = self.borders.range(shard);
         let is_last = shard.number + 1 == shard.of;
-        if range.is_empty() && !is_last {
+        let mut poses = self.session.open_poses()?;
+        let border = match range.is_empty() && !is_last {
+            true => None,
+            false => Some(self.border(range.start, &mut poses, control.stop)?),
+        };
+        // A firing of many beams is not divided: it belongs to the shard that its first pulse is in, which may then begin after its range.
+        let Some(Border { epoch: first, mut state, pulses: begin }) =
+            border.filter(|border| is_last || border.pulses < range.end)
+        else {
             let summary = output.open(Arc::new(NoOffload))?.finish()?;
             return Ok(Report { summary, pulses: 0, seconds: 0.0, interrupted: false });
-        }
-        let mut poses = self.session.open_poses()?;
-        let Border { epoch: first, mut state, .. } = self.border(range.start, &mut poses, control.stop)?;
+        };
         self.check_once(first, control.stop)?;
-        let mut left = if is_last { u64::MAX } else { range.end - range.start };
+        let mut left = if is_last { u64::MAX } else { range.end - begin };
         let epochs = Epochs {
             range: first..=self.borders.last_epoch((!is_last).then_some(range.end)),
             options: self.session.settings().physics,

@@ -129,6 +129,20 @@ fn shards_of_any_number_give_the_bytes_of_one_run() {
     }
 }
 
+/// Shards rarely begin between firings of all beams.
+#[test]
+fn firings_of_many_beams_are_in_one_shard_each() {
+    let survey = survey("street/spinning.xml");
+    let options = ["--seed", "5", "--pulses"];
+    let outputs = ["-o", "all.xyz", "--pulses"];
+    let expected = of_run(&survey, &options, &["-o", "all.xyz"]);
+    for of in [3, 4, 5, 7, 11, 64] {
+        let dir = folder();
+        compute(dir.path(), &survey, &options, 0..of, of);
+        assert_same(&merged(dir.path(), &outputs), &expected, &format!("{of} shards"));
+    }
+}
+
 #[test]
 fn sixty_four_shards_give_the_bytes_of_one_run() {
     let survey = survey("forest/survey.xml");
