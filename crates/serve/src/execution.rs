@@ -175,7 +175,20 @@ impl Setting {
     fn message_of(&self, log: &Path) -> String {
         let text = tail(log, MAX_MESSAGE);
         let start = text.find("error:").unwrap_or(0);
-        let mut message = text[start..].trim().to_owned();
+        self.without_folders(text[start..].trim())
+    }
+
+    /// What vlscan said in the last of these logs that there is, without progress and the names of its outputs.
+    pub(crate) fn said(&self, logs: &[PathBuf]) -> String {
+        let Some(log) = logs.iter().rfind(|log| log.is_file()) else { return String::new() };
+        let text = tail(log, MAX_MESSAGE);
+        let is_of_results = |line: &&str| !is_progress(line) && !line.starts_with("../out/");
+        let lines: Vec<&str> = text.lines().filter(is_of_results).collect();
+        self.without_folders(lines.join("\n").trim())
+    }
+
+    fn without_folders(&self, text: &str) -> String {
+        let mut message = text.to_owned();
         for folder in [&self.folder, &self.root] {
             message = message.replace(&format!("{}/", folder.display()), "");
         }
@@ -231,10 +244,16 @@ fn tail(log: &Path, most: u64) -> String {
     String::from_utf8_lossy(&read().unwrap_or_default()).into_owned()
 }
 
+/// Whether a line tells progress, as `vlscan run` writes it to what is no terminal.
+fn is_progress(line: &str) -> bool {
+    let text = line.split_once(" %  ").map_or(line, |(_, text)| text);
+    text.starts_with("leg ") && text.contains(" pulses (")
+}
+
 /// The percentage in the last line of progress, and the line.
 pub(crate) fn progress_of(log: &Path) -> (u8, String) {
     let text = tail(log, 4096);
-    let line = text.lines().rev().find(|line| line.contains("pulses") && line.contains("leg"));
+    let line = text.lines().rev().find(|line| is_progress(line));
     let Some(line) = line.map(str::trim) else { return (0, String::new()) };
     let percent = line.split_once('%').and_then(|(number, _)| number.trim().parse::<f64>().ok());
     (percent.unwrap_or(0.0).clamp(0.0, 99.0) as u8, line.to_owned())

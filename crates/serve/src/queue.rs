@@ -45,8 +45,8 @@ impl Use {
 /// What came of a computation.
 #[derive(Clone, Debug)]
 pub enum Outcome {
-    /// Results.
-    Successful(Vec<ResultFile>),
+    /// Results, and what vlscan said.
+    Successful(Vec<ResultFile>, String),
     /// The results in the folder of another job, which are the same.
     Same(String),
     /// A message.
@@ -84,7 +84,7 @@ impl Store {
         transaction
             .prepare_cached(
                 "INSERT INTO jobs (id, owner, process, inputs, prepared, fingerprint, folder, status, progress, results, created, started,
-                 finished, updated) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?12, ?11)",
+                 finished, updated, message) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?12, ?11, ?13)",
             )?
             .execute(params![
                 job.id,
@@ -99,6 +99,7 @@ impl Store {
                 answer.map_or("[]", |answer| &answer.results),
                 job.created,
                 done,
+                answer.map_or("", |answer| &answer.message),
             ])?;
         for used in uses {
             let (kind, target) = match used {
@@ -196,7 +197,7 @@ impl Store {
     pub fn finish(&self, id: &str, holder: &str, outcome: &Outcome) -> Result<bool> {
         let now = now();
         let (status, message, files): (_, &str, &[ResultFile]) = match outcome {
-            Outcome::Successful(files) => (Status::Successful, "", files),
+            Outcome::Successful(files, said) => (Status::Successful, said, files),
             Outcome::Failed(message) => (Status::Failed, message, &[]),
             Outcome::Same(folder) => return self.finish_as(id, holder, folder),
         };
@@ -223,9 +224,9 @@ impl Store {
     /// Gives a job that is held the results in the folder of another one. If these have been removed since, the job returns to the queue.
     fn finish_as(&self, id: &str, holder: &str, folder: &str) -> Result<bool> {
         let changed = self.database().execute(
-            "UPDATE jobs SET status = 'successful', message = '', progress = 100, folder = ?1, results = found.results, finished = ?2,
+            "UPDATE jobs SET status = 'successful', message = found.message, progress = 100, folder = ?1, results = found.results, finished = ?2,
              updated = ?2, holder = NULL, held_until = NULL
-             FROM (SELECT results FROM jobs WHERE folder = ?1 AND status = 'successful' LIMIT 1) AS found
+             FROM (SELECT results, message FROM jobs WHERE folder = ?1 AND status = 'successful' LIMIT 1) AS found
              WHERE id = ?3 AND holder = ?4 AND status = 'running'",
             params![folder, now(), id, holder],
         )?;
@@ -376,7 +377,7 @@ mod tests {
         assert_eq!(store.take_job("w2").unwrap().unwrap().id, "b");
         assert_eq!(store.take_job("w3").unwrap().unwrap().id, "d");
         assert!(store.take_job("w4").unwrap().is_none());
-        assert!(!store.finish("a", "w2", &Outcome::Successful(Vec::new())).unwrap());
+        assert!(!store.finish("a", "w2", &Outcome::Successful(Vec::new(), String::new())).unwrap());
         assert!(store.finish("a", "w1", &Outcome::Failed("no".to_owned())).unwrap());
         let found = store.job("anna", "a").unwrap().unwrap();
         assert_eq!((found.status, found.message.as_str()), (Status::Failed, "no"));
@@ -397,7 +398,7 @@ mod tests {
         store.take_job("w").unwrap();
         std::fs::create_dir_all(store.job_folder("a").join("out")).unwrap();
         let files = vec![ResultFile { path: "points.laz".to_owned(), bytes: 7 }];
-        store.finish("a", "w", &Outcome::Successful(files.clone())).unwrap();
+        store.finish("a", "w", &Outcome::Successful(files.clone(), "warning: w".to_owned())).unwrap();
         let first = store.same_job("anna", "same").unwrap().unwrap();
         assert!(store.same_job("ben", "same").unwrap().is_none());
         store.add_job(&job("anna", "b"), &BTreeSet::new(), Some(&first), 0).unwrap();
@@ -443,7 +444,7 @@ mod tests {
             store.add_job(&job("anna", id), &BTreeSet::new(), None, 9).unwrap();
         }
         store.take_job("w1").unwrap();
-        store.finish("a", "w1", &Outcome::Successful(files.clone())).unwrap();
+        store.finish("a", "w1", &Outcome::Successful(files.clone(), "warning: w".to_owned())).unwrap();
         store.take_job("w2").unwrap();
         assert!(store.finish("b", "w2", &Outcome::Same("a".to_owned())).unwrap());
         let found = store.job("anna", "b").unwrap().unwrap();

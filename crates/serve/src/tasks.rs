@@ -131,6 +131,11 @@ impl Tasks {
         (percent.min(99) as u8, format!("{complete} of {parts} parts"))
     }
 
+    /// Messages of the last step.
+    pub fn last_log(&self) -> PathBuf {
+        self.log("last")
+    }
+
     fn log(&self, name: &str) -> PathBuf {
         self.folder.join(format!("log-{name}"))
     }

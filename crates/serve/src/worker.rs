@@ -203,10 +203,12 @@ impl Workshop {
             let paths: Vec<String> = files.iter().map(|file| file.path.clone()).collect();
             self.while_renewing(job, holder, || self.store.keep(Kind::Results, &job.id, &paths))?;
         }
+        let said =
+            self.setting(&folder, &prepared).said(&[folder.join("log"), Tasks::of(&folder).last_log()]);
         for name in ["tmp", "tasks"] {
             let _ = fs::remove_dir_all(folder.join(name));
         }
-        Ok(Some(Outcome::Successful(files)))
+        Ok(Some(Outcome::Successful(files, said)))
     }
 
     /// Everything that a job reads.

@@ -39,10 +39,12 @@
         made.textContent = label;
         made.addEventListener('click', act);
       };
-      button('Remove the last corner', () => this.change(this.corners.slice(0, -1)));
-      button('Remove all', () => this.change([]));
-      this.hint.textContent = 'Click on the scene to set corners; or move the cross with the arrow keys (Shift: farther) and set a corner with '
-        + 'Enter, remove the last one with Backspace.';
+      const isPlace = this.kind === KINDS.point;
+      if (!isPlace) button('Remove the last corner', () => this.change(this.corners.slice(0, -1)));
+      button(isPlace ? 'Remove' : 'Remove all', () => this.change([]));
+      const [what, one] = isPlace ? ['the place', 'it'] : ['corners', 'a corner'];
+      this.hint.textContent = `Click on the scene to set ${what}; or move the cross with the arrow keys (Shift: farther) and set ${one} with `
+        + `Enter, remove ${isPlace ? 'it' : 'the last one'} with Backspace.`;
       this.sheet.addEventListener('click', (event) => this.click(event));
       this.sheet.addEventListener('keydown', (event) => this.key(event));
       this.picture.addEventListener('load', () => this.draw());
@@ -124,7 +126,9 @@
       const { least, name, text } = this.kind;
       this.field.value = corners.length >= least ? text(corners) : '';
       const missing = least - corners.length;
-      const last = corners.length > 0 ? `Corner ${corners.length} at ${corners[corners.length - 1].join(', ')}. ` : '';
+      const which = this.kind === KINDS.point ? 'Place' : `Corner ${corners.length}`;
+      const last = corners.length > 0 ? `${which} at ${corners[corners.length - 1].join(', ')}. ` : '';
+      this.unfinished(missing > 0 && corners.length > 0 ? `${missing} more for the ${name}, or remove all` : '');
       this.say(last + (missing > 0 ? `${missing} more for the ${name}.` : `The ${name} is set.`));
       this.draw();
     }
@@ -134,8 +138,11 @@
       const found = this.field.value.match(/^\s*(?:POLYGON\s*\(\(|LINESTRING\s*\(|(?=[-\d]))([^()]*)\)*\s*$/i);
       const numbers = found ? found[1].split(this.kind === KINDS.point ? /$/ : ',').map((pair) => pair.trim().split(/[\s,]+/).map(Number)) : [];
       const corners = numbers.filter((pair) => pair.length >= 2 && pair.every(Number.isFinite)).map((pair) => pair.slice(0, 2));
-      if (this.kind === KINDS.polygon && corners.length > 1) corners.pop();
+      // The first corner may be repeated at the end, or not.
+      const isClosed = corners.length > 1 && corners[0].every((value, axis) => value === corners[corners.length - 1][axis]);
+      if (this.kind === KINDS.polygon && isClosed) corners.pop();
       this.corners = corners;
+      this.unfinished('');
       this.say('');
       this.draw();
     }
@@ -158,6 +165,11 @@
         const d = `M${x - arm} ${y}H${x + arm}M${x} ${y - arm}V${y + arm}`;
         element('path', { d, class: 'cross', ...stroke }, this.svg);
       }
+    }
+
+    // A shape that is drawn in part is not handed in.
+    unfinished(message) {
+      this.field.setCustomValidity(message);
     }
 
     say(text) {

@@ -64,6 +64,11 @@ def with_a_mouse(browser: Browser, url: str, folder: pathlib.Path, vlscan: pathl
     assert len(corners) == 5 and corners[0] == corners[-1], area
     (left, top), _, (right, bottom) = corners[:3]
     assert right > left and top > bottom, area
+    # The same as text, whose last corner is not repeated.
+    typed = f"POLYGON (({area[10:area.rindex(',')]}))"
+    show = "(() => {{ const field = document.querySelector('textarea[name=area]'); field.value = {!r};" \
+        " field.dispatchEvent(new Event('input')); return document.querySelector('.sheet polygon').points.length; }})()"
+    assert browser.run(show.format(typed)) == 4 and browser.run(show.format(area)) == 4, typed
     browser.picture("area")
     browser.leads(lambda: browser.click("section.card button[type=submit]"), "/jobs/")
     browser.wait("document.querySelector('.picture')?.complete && document.querySelector('.picture').naturalWidth > 0")
@@ -107,7 +112,7 @@ def computed_again(browser: Browser, url: str, folder: pathlib.Path, vlscan: pat
     """The download, and the command of the page in a folder that has the upload as a folder: both have the same bytes."""
     with urllib.request.urlopen(url + browser.run("document.querySelector('a[download]').pathname")) as answer:
         download = answer.read()
-    command, document = browser.run("[...document.querySelectorAll('details pre')].slice(0, 2).map((one) => one.textContent)")
+    command, document = browser.run("[...document.querySelectorAll('details pre code')].slice(0, 2).map((one) => one.textContent)")
     shell = folder / "shell"
     shell.mkdir()
     shutil.copytree(FIXTURES / "terrain", shell / "terrain")

@@ -138,6 +138,9 @@ pub async fn list(
     })
     .await?;
     if is_page {
+        let next = (jobs.len() == limit as usize).then_some(next);
+        let shown = jobs.into_iter().filter(|job| job.status != Status::Dismissed).collect();
+        let jobs = blocking(&app, move |workshop| pages::titled(&workshop.store, shown)).await?;
         return Ok(pages::jobs(&app, &identity, &jobs, next));
     }
     let mut links = vec![link("/jobs", "self", "application/json", "This document")];

@@ -1,35 +1,21 @@
 //! What forms do: each is checked to come from a page of ours, and leads to another page.
 
+use super::form_body::{Fields, FormBody, genuine};
 use super::layout::{bad, page};
+use super::{new, plan_fields};
 use crate::answers::Failure;
 use crate::app::{App, Identity, blocking};
 use crate::processes::Process;
+use crate::store::Result as StoreResult;
 use axum::Extension;
-use axum::extract::rejection::FormRejection;
 use axum::extract::{Form, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse as _, Redirect, Response};
 use maud::html;
 use serde_json::{Map, Value, json};
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Fields of a form; empty ones count as not given.
-pub type Fields = BTreeMap<String, String>;
-pub type FormBody = Result<Form<Fields>, FormRejection>;
 type Answer = Result<Response, Failure>;
-
-/// The fields of a form that comes from a page of ours.
-pub fn genuine(app: &App, identity: &Identity, form: FormBody) -> Result<Fields, Failure> {
-    let Form(mut fields) = form.map_err(|_| bad("the form is damaged"))?;
-    let token = fields.remove("csrf").unwrap_or_default();
-    if !app.is_genuine(&identity.owner, &token) {
-        let message = "the form is from an older page; load the page again";
-        return Err(Failure::new(StatusCode::FORBIDDEN, message));
-    }
-    fields.retain(|_, value| !value.trim().is_empty());
-    Ok(fields)
-}
 
 /// Adds a job and leads to its page.
 async fn submit(app: &Arc<App>, identity: &Identity, process: Process, inputs: Map<String, Value>) -> Answer {
@@ -138,34 +124,10 @@ pub async fn plan(
     form: FormBody,
 ) -> Answer {
     let fields = genuine(&app, &identity, form)?;
-    for (file, text) in [("area_file", "area"), ("along_file", "along")] {
-        if fields.contains_key(file) && fields.contains_key(text) {
-            return Err(bad(&format!("{text}: choose a file or give a text, not both")));
-        }
+    match plan_fields::inputs(&fields) {
+        Ok(inputs) => submit(&app, &identity, Process::Plan, inputs).await,
+        Err(message) => new::again(&app, &identity, fields, &message).await,
     }
-    let mut inputs = Map::new();
-    for (key, value) in fields {
-        let value = value.trim().to_owned();
-        match key.as_str() {
-            // Of the picture.
-            "corners" | "mapped" => {}
-            "area_file" => drop(inputs.insert("area".to_owned(), json!(value))),
-            "along_file" => drop(inputs.insert("along".to_owned(), json!(value))),
-            "follow_terrain" => drop(inputs.insert(key, json!(true))),
-            "kind" | "scene" | "scanner" | "around" | "area" | "along" => {
-                drop(inputs.insert(key, json!(value)))
-            }
-            "positions" => {
-                let number: u64 = value.parse().map_err(|_| bad("positions: expected a whole number"))?;
-                inputs.insert(key, json!(number));
-            }
-            _ => {
-                let number = decimal(&key, &value)?;
-                inputs.insert(key, json!(number));
-            }
-        }
-    }
-    submit(&app, &identity, Process::Plan, inputs).await
 }
 
 pub async fn compare(
@@ -210,10 +172,15 @@ pub async fn dismiss(
     let owner = identity.owner.clone();
     let name = id.clone();
     let workshop = Arc::clone(&app.workshop);
-    let found = blocking(&app, move |_| workshop.dismiss(&owner, &name)).await?;
-    match found {
-        true => Ok(Redirect::to("/").into_response()),
-        false => Err(Failure::no_job(&id)),
+    let (before, is_known) = blocking(&app, move |_| -> StoreResult<_> {
+        Ok((workshop.store.job(&owner, &name)?, workshop.dismiss(&owner, &name)?))
+    })
+    .await?;
+    match before.filter(|_| is_known) {
+        // What was removed is gone; what was given up has a page that says so.
+        Some(job) if job.status.is_final() => Ok(Redirect::to("/").into_response()),
+        Some(_) => Ok(Redirect::to(&format!("/jobs/{id}")).into_response()),
+        None => Err(Failure::no_job(&id)),
     }
 }
 

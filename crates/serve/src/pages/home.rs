@@ -1,10 +1,10 @@
 //! The first page, with uploads and the newest jobs; and the list of all jobs.
 
-use super::layout::{bytes_text, form_token, page};
+use super::layout::{bytes_text, form_token, page, short_time};
+use super::titles::{Titled, titled};
 use crate::answers::Failure;
 use crate::app::{App, Identity, blocking};
-use crate::processes::Process;
-use crate::store::{Job, Result as StoreResult, Status, Upload, time_text};
+use crate::store::{Result as StoreResult, Status, Upload, time_text};
 use axum::response::Response;
 use maud::{Markup, html};
 use std::sync::Arc;
@@ -20,7 +20,8 @@ pub async fn home(app: &Arc<App>, identity: &Identity) -> Result<Response, Failu
     let owner = identity.owner.clone();
     let (uploads, jobs) = blocking(app, move |workshop| -> StoreResult<_> {
         let states = [Status::Accepted, Status::Running, Status::Successful, Status::Failed];
-        Ok((workshop.store.uploads(&owner)?, workshop.store.jobs(&owner, &states, &[], 0, NEWEST)?))
+        let jobs = workshop.store.jobs(&owner, &states, &[], 0, NEWEST)?;
+        Ok((workshop.store.uploads(&owner)?, titled(&workshop.store, jobs)?))
     })
     .await?;
     let limits = &app.workshop.limits;
@@ -35,7 +36,7 @@ pub async fn home(app: &Arc<App>, identity: &Identity) -> Result<Response, Failu
             h2 #files { "Files" }
             form method="post" action="/uploads" enctype="multipart/form-data" .card {
                 (form_token(app, identity))
-                label { "Name " small { "(default: that of the file)" } input name="name" maxlength="60" autocomplete="off"; }
+                label { "Name " small { "(default: that of the file)" } input name="name" maxlength="60" autocomplete="off" pattern="[\\p{L}\\p{N}._+\\-]+" title="letters, digits and . _ + - without blanks"; }
                 label {
                     "Files of a scene, a survey, a trajectory, or one zip archive of them"
                     input type="file" name="file" multiple;
@@ -70,16 +71,27 @@ fn upload_list(app: &App, identity: &Identity, uploads: &[Upload]) -> Markup {
                             td { (upload.files) }
                             td { (bytes_text(upload.bytes)) }
                             td {
-                                form .inline method="post" action="/forms/remove-upload" {
-                                    (form_token(app, identity))
-                                    input type="hidden" name="name" value=(upload.name);
-                                    button .quiet type="submit" aria-label=(format!("Remove {}", upload.name)) { "Remove" }
-                                }
+                                (remove_form(app, identity, &upload.name))
                             }
                         }
                     }
                 }
             }
+        }
+    }
+}
+
+/// A form that removes an upload, after a question.
+pub fn remove_form(app: &App, identity: &Identity, upload: &str) -> Markup {
+    html! {
+        details .inline {
+            summary aria-label=(format!("Remove {upload}")) { "Remove" }
+            form .inline method="post" action="/forms/remove-upload" {
+                (form_token(app, identity))
+                input type="hidden" name="name" value=(upload);
+                button .quiet type="submit" { "Remove the files of " (upload) }
+            }
+            p { small { "Plans and surveys that name them cannot be run any more." } }
         }
     }
 }
@@ -92,7 +104,7 @@ pub fn encoded(text: &str) -> String {
         .collect()
 }
 
-fn job_list(jobs: &[Job]) -> Markup {
+fn job_list(jobs: &[Titled]) -> Markup {
     html! {
         @if jobs.is_empty() {
             p { "None yet." }
@@ -100,9 +112,9 @@ fn job_list(jobs: &[Job]) -> Markup {
             table {
                 thead { tr { th { "Job" } th { "State" } th { "Accepted" } } }
                 tbody {
-                    @for job in jobs {
+                    @for Titled { job, title } in jobs {
                         tr {
-                            td { a href=(format!("/jobs/{}", job.id)) { (title(job)) } }
+                            td { a href=(format!("/jobs/{}", job.id)) { (title) } }
                             td {
                                 span .state .(job.status.name()) { (job.status.name()) }
                                 @if job.status == Status::Running { " " (job.progress) " %" }
@@ -116,38 +128,12 @@ fn job_list(jobs: &[Job]) -> Markup {
     }
 }
 
-/// What a job does, in words.
-pub fn title(job: &Job) -> String {
-    let inputs: serde_json::Value = serde_json::from_str(&job.inputs).unwrap_or_default();
-    let text = |key: &str| inputs[key].as_str().map(str::to_owned);
-    let what =
-        ["pipeline", "survey", "inventory", "scene", "first", "points"].iter().find_map(|key| text(key));
-    let process = Process::named(&job.process).map_or("", Process::title);
-    match what {
-        Some(what) => format!("{process}: {}", short(&what)),
-        None => process.to_owned(),
-    }
-}
-
-/// A name without the id of a job in it.
-fn short(name: &str) -> String {
-    match name.strip_prefix("jobs/").and_then(|rest| rest.split_once('/')) {
-        Some((id, file)) => format!("{file} of {}", id.get(..6).unwrap_or(id)),
-        None => name.to_owned(),
-    }
-}
-
-fn short_time(ms: i64) -> String {
-    time_text(ms).get(..16).unwrap_or_default().replace('T', " ") + " UTC"
-}
-
-/// The list of jobs, `next` being the number of those that are listed before the next page.
-pub fn jobs(app: &App, identity: &Identity, jobs: &[Job], next: u32) -> Response {
-    let jobs: Vec<Job> = jobs.iter().filter(|job| job.status != Status::Dismissed).cloned().collect();
+/// The list of jobs, `next` being the number of those that are listed before the next page, if there is one.
+pub fn jobs(app: &App, identity: &Identity, jobs: &[Titled], next: Option<u32>) -> Response {
     let content = html! {
         h1 { "Jobs" }
-        (job_list(&jobs))
-        @if !jobs.is_empty() { p { a href=(format!("/jobs?offset={next}")) { "Older jobs" } } }
+        (job_list(jobs))
+        @if let Some(next) = next { p { a href=(format!("/jobs?offset={next}")) { "Older jobs" } } }
     };
     page(app, identity, "Jobs", &content)
 }

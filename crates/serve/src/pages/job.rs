@@ -1,8 +1,10 @@
 //! The page of a job: its progress, then its results with pictures, and the command that does the same in a shell.
 
 use super::cloud::{cloud, is_cloud, is_octree, show_form};
-use super::home::{encoded as in_query, title};
+use super::home::encoded as in_query;
 use super::layout::{bytes_text, form_token, page};
+use super::plan_fields::{address, in_words_of_the_page};
+use super::titles::title;
 use crate::answers::{Failure, encoded};
 use crate::app::{App, Identity, blocking};
 use crate::processes::Process;
@@ -12,7 +14,7 @@ use crate::store::{Job, Result as StoreResult, ResultFile, Status, Store};
 use crate::view::{PICTURE, drawn_file};
 use axum::response::Response;
 use maud::{Markup, html};
-use serde_json::Value;
+use serde_json::{Map, Value};
 use std::sync::Arc;
 
 /// Formats that the form of a run offers: ending and name.
@@ -74,11 +76,14 @@ pub async fn job(
     points: Option<&str>,
 ) -> Result<Response, Failure> {
     let reads = job.clone();
-    let shown =
-        blocking(app, move |workshop| -> StoreResult<_> { Ok(Shown::of(&reads, &workshop.store)) }).await?;
+    let (shown, title) = blocking(app, move |workshop| -> StoreResult<_> {
+        Ok((Shown::of(&reads, &workshop.store), title(&workshop.store, &reads)?))
+    })
+    .await?;
     let content = html! {
-        h1 { (title(job)) }
+        h1 { (title) }
         (state(job))
+        (change(job))
         @if job.status == Status::Successful { (results(app, identity, job, &shown, points)) }
         (command(job, &shown))
         form method="post" action="/forms/dismiss" {
@@ -87,7 +92,7 @@ pub async fn job(
             button .quiet type="submit" { @if job.status.is_final() { "Remove this job and its files" } @else { "Give up" } }
         }
     };
-    Ok(page(app, identity, &title(job), &content))
+    Ok(page(app, identity, &title, &content))
 }
 
 fn state(job: &Job) -> Markup {
@@ -103,14 +108,34 @@ fn state(job: &Job) -> Markup {
                     p #message role="status" { (job.message) }
                 }
             }
-            Status::Successful => {}
+            Status::Successful if job.message.is_empty() => {}
+            Status::Successful => {
+                // Warnings are seen at once.
+                @let are_warnings = job.message.contains("warning:");
+                details open[are_warnings] {
+                    summary { @if are_warnings { "Warnings" } @else { "Messages" } }
+                    pre { (job.message) }
+                }
+            }
             Status::Failed => {
                 p { span .state .failed { "failed" } }
-                pre .message role="alert" { (job.message) }
+                @let message = match job.process == Process::Plan.id() {
+                    true => in_words_of_the_page(&job.message),
+                    false => job.message.clone(),
+                };
+                pre .message role="alert" { (message) }
             }
             Status::Dismissed => { p { span .state .dismissed { "given up" } } }
         }
     }
+}
+
+/// A link to the form that the job comes from, with what was filled in.
+fn change(job: &Job) -> Markup {
+    let inputs: Map<String, Value> = serde_json::from_str(&job.inputs).unwrap_or_default();
+    let address =
+        Process::named(&job.process).filter(|_| job.status.is_final()).and_then(|of| address(of, &inputs));
+    html! { @if let Some(address) = address { p { a href=(address) { "Change it" } } } }
 }
 
 fn results(app: &App, identity: &Identity, job: &Job, shown: &Shown, points: Option<&str>) -> Markup {
@@ -164,7 +189,7 @@ fn results(app: &App, identity: &Identity, job: &Job, shown: &Shown, points: Opt
 }
 
 fn picture(own: &str, about: &str) -> Markup {
-    html! { img .picture src=(format!("{own}/view/{PICTURE}")) alt=(about) loading="lazy"; }
+    html! { img .picture src=(format!("{own}/view/{PICTURE}")) width="1200" height="800" alt=(about); }
 }
 
 fn viewer(address: &str, about: &str) -> Markup {

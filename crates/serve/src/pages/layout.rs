@@ -2,6 +2,7 @@
 
 use crate::answers::Failure;
 use crate::app::{App, Identity};
+use crate::store::time_text;
 use crate::tokens::LOCAL;
 use axum::http::StatusCode;
 use axum::response::{Html, IntoResponse as _, Response};
@@ -115,6 +116,11 @@ pub fn bytes_text(bytes: u64) -> String {
         amount /= 1000.0;
     }
     format!("{amount:.1} TB")
+}
+
+/// A time to the minute.
+pub fn short_time(ms: i64) -> String {
+    time_text(ms).get(..16).unwrap_or_default().replace('T', " ") + " UTC"
 }
 
 /// A failure of a form's field.

@@ -5,6 +5,7 @@
 //! |---|---|
 //! | `layout` | what all pages have |
 //! | `home` | uploads and jobs |
+//! | `titles` | what jobs are called |
 //! | `new` | forms of new jobs |
 //! | `upload` | an upload, and what can be done with its files |
 //! | `map` | pictures of scenes to draw on |
@@ -13,9 +14,12 @@
 //! | `assets` | styles and scripts |
 //! | `instruments` | the catalogue |
 //! | `forms` | what forms do |
+//! | `form_body` | the fields that a form sends |
+//! | `plan_fields` | the fields of the forms of plans |
 
 mod assets;
 mod cloud;
+mod form_body;
 mod forms;
 mod home;
 mod instruments;
@@ -23,11 +27,14 @@ mod job;
 mod layout;
 mod map;
 mod new;
+mod plan_fields;
+mod titles;
 mod upload;
 
 pub use home::{home, jobs};
 pub use job::job;
 pub use layout::{failure, interface};
+pub use titles::titled;
 pub use upload::upload;
 
 use crate::app::App;

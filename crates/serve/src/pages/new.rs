@@ -1,13 +1,15 @@
 //! Forms of new jobs: a flight, a plot or a drive to plan, a recorded flight, a survey, a stand to make, two clouds to compare.
 
-use super::forms::{FormBody, genuine};
+use super::form_body::{FormBody, genuine};
 use super::home::encoded;
 use super::layout::{form_token, page};
+use super::titles::file_title;
 use crate::answers::Failure;
 use crate::app::{App, Identity, blocking};
 use crate::store::{FileKind, Result as StoreResult, Status, Store, UploadFile};
 use axum::Extension;
 use axum::extract::{Query, State};
+use axum::http::StatusCode;
 use axum::response::Response;
 use maud::{Markup, html};
 use std::collections::BTreeMap;
@@ -17,6 +19,8 @@ use std::sync::Arc;
 const MAX_CHOICES: usize = 500;
 /// The platform of recorded flights that is offered first.
 const PLATFORM: &str = "data/platforms.xml#copter_linearpath";
+/// Most jobs whose results are offered for comparisons.
+const MAX_COMPARED: u32 = 50;
 /// Most stands that are offered as scenes.
 const MAX_STANDS: u32 = 20;
 /// Endings of files that are scenes, areas, clouds.
@@ -42,19 +46,35 @@ pub fn is_trajectory(name: &str) -> bool {
     has_ending(name, &TRAJECTORIES)
 }
 
-/// Files of an owner by the names that requests give them, newest upload first.
+/// A file of an owner: the name that requests give it, and what lists call it.
+#[derive(Debug)]
+struct Named {
+    name: String,
+    label: String,
+    kind: FileKind,
+}
+
+/// Files of an owner, newest upload first.
 #[derive(Debug, Default)]
-struct Files(Vec<(String, FileKind)>);
+struct Files(Vec<Named>);
 
 impl Files {
     fn of(store: &Store, owner: &str) -> StoreResult<Files> {
         let mut files = Vec::new();
         for upload in store.uploads(owner)? {
-            let named = |file: UploadFile| (format!("{}/{}", upload.name, file.path), file.kind);
+            let named = |file: UploadFile| {
+                let name = format!("{}/{}", upload.name, file.path);
+                Named { label: name.clone(), name, kind: file.kind }
+            };
             files.extend(store.files(&upload.id)?.into_iter().map(named));
         }
         for job in store.jobs(owner, &[Status::Successful], &["stand".to_owned()], 0, MAX_STANDS)? {
-            files.push((format!("jobs/{}/stand/stand.xml", job.id), FileKind::Scene));
+            let label = file_title(store, &job, "stand")?;
+            files.push(Named {
+                name: format!("jobs/{}/stand/stand.xml", job.id),
+                label,
+                kind: FileKind::Scene,
+            });
         }
         Ok(Files(files))
     }
@@ -92,30 +112,34 @@ impl Files {
         folders
     }
 
+    /// What lists call a file or folder.
+    fn label<'f>(&'f self, name: &'f str) -> &'f str {
+        self.0.iter().find(|file| file.name == name).map_or(name, |file| &file.label)
+    }
+
+    /// A list of files to choose from. `first` stands for no file, where none is needed; the first file that begins with `wanted` is chosen.
+    fn choice(&self, name: &str, label: &str, files: &[&str], first: Option<&str>, wanted: &str) -> Markup {
+        let chosen = files.iter().position(|file| !wanted.is_empty() && file.starts_with(wanted));
+        html! {
+            label {
+                (label)
+                select name=(name) required[first.is_none()] {
+                    option value="" { (first.unwrap_or("choose …")) }
+                    @for (at, file) in files.iter().enumerate() {
+                        option value=(file) selected[chosen == Some(at)] { (self.label(file)) }
+                    }
+                }
+            }
+        }
+    }
+
     fn chosen(&self, is_chosen: impl Fn(&str, FileKind) -> bool) -> impl Iterator<Item = &str> {
-        self.0.iter().filter(move |(name, kind)| is_chosen(name, *kind)).map(|(name, _)| name.as_str())
+        self.0.iter().filter(move |file| is_chosen(&file.name, file.kind)).map(|file| file.name.as_str())
     }
 }
 
 fn has_ending(name: &str, endings: &[&str]) -> bool {
     name.rsplit_once('.').is_some_and(|(_, end)| endings.iter().any(|known| end.eq_ignore_ascii_case(known)))
-}
-
-/// A list of files to choose from. `first` stands for no file, where none is needed; the first file that begins with `wanted` is
-/// chosen.
-fn choice(name: &str, label: &str, files: &[&str], first: Option<&str>, wanted: &str) -> Markup {
-    let chosen = files.iter().position(|file| !wanted.is_empty() && file.starts_with(wanted));
-    html! {
-        label {
-            (label)
-            select name=(name) required[first.is_none()] {
-                option value="" { (first.unwrap_or("choose …")) }
-                @for (at, file) in files.iter().enumerate() {
-                    option value=(file) selected[chosen == Some(at)] { (file) }
-                }
-            }
-        }
-    }
 }
 
 fn scanners(app: &App, wanted: &str) -> Markup {
@@ -151,6 +175,8 @@ struct Values {
     given: BTreeMap<String, String>,
     /// Whether fields without a value are empty.
     is_again: bool,
+    /// What is wrong with one of them.
+    wrong: String,
 }
 
 impl Values {
@@ -167,7 +193,7 @@ impl Values {
         html! {
             label {
                 (label) small { " " (unit) }
-                input name=(name) value=(self.of(name, first)) placeholder=(example) inputmode="decimal" autocomplete="off" size="8";
+                input name=(name) value=(self.of(name, first)) placeholder=(example) inputmode="decimal" size="8";
             }
         }
     }
@@ -244,7 +270,21 @@ pub async fn new(
     Extension(identity): Extension<Identity>,
     Query(given): Query<BTreeMap<String, String>>,
 ) -> Result<Response, Failure> {
-    show(&app, &identity, &Values { given, is_again: false }).await
+    let is_again = given.contains_key("again");
+    show(&app, &identity, &Values { given, is_again, wrong: String::new() }).await
+}
+
+/// Shows a form again, with what is wrong with a field.
+pub async fn again(
+    app: &Arc<App>,
+    identity: &Identity,
+    given: BTreeMap<String, String>,
+    wrong: &str,
+) -> Result<Response, Failure> {
+    let mut response =
+        show(app, identity, &Values { given, is_again: true, wrong: wrong.to_owned() }).await?;
+    *response.status_mut() = StatusCode::BAD_REQUEST;
+    Ok(response)
 }
 
 /// Shows the form again with one corner more, where the picture of the scene was clicked.
@@ -274,7 +314,7 @@ pub async fn corner(
         given.insert(shape.field.to_owned(), shape.text(&corners));
         given.insert("corners".to_owned(), corners.join(", "));
     }
-    show(&app, &identity, &Values { given, is_again: true }).await
+    show(&app, &identity, &Values { given, is_again: true, wrong: String::new() }).await
 }
 
 async fn show(app: &Arc<App>, identity: &Identity, values: &Values) -> Result<Response, Failure> {
@@ -292,6 +332,7 @@ async fn show(app: &Arc<App>, identity: &Identity, values: &Values) -> Result<Re
             }
         }
         script src="/static/draw.js" defer {}
+        @if !values.wrong.is_empty() { pre .message role="alert" { (values.wrong) } }
         section .card aria-labelledby="kind" {
             (form(app, identity, kind.0, &files, values))
         }
@@ -328,7 +369,7 @@ fn form(app: &App, identity: &Identity, kind: &str, files: &Files, values: &Valu
             input type="hidden" name="kind" value=(kind);
         }
     };
-    let scene_choice = || choice("scene", "Scene", &scenes, None, &wanted);
+    let scene_choice = || files.choice("scene", "Scene", &scenes, None, &wanted);
     let named = |key: &str| {
         let given = values.of(key, "");
         if given.is_empty() { wanted.clone() } else { given.to_owned() }
@@ -344,9 +385,10 @@ fn form(app: &App, identity: &Identity, kind: &str, files: &Files, values: &Valu
                 div .row {
                     (values.number("radius", "Radius", "10", "10", "m"))
                     (values.number("positions", "Positions on it", "4", "4", ""))
-                    (values.number("spacing", "or, instead, spacing of a grid", "", "15", "m"))
+                    (values.number("spacing", "or, instead of centre and radius, spacing of a grid", "", "15", "m"))
                     (values.number("resolution", "Resolution", "0.1", "", "°"))
                 }
+                (ground(values))
                 button type="submit" { "Plan the positions" }
             }
         },
@@ -356,15 +398,16 @@ fn form(app: &App, identity: &Identity, kind: &str, files: &Files, values: &Valu
                 (scene_choice())
                 (scanners(app, values.of("scanner", "")))
                 div .row { (values.number("speed", "Speed", "8", "", "m/s")) }
+                (ground(values))
                 (values.shape(along, scene))
-                (choice("along_file", "or a file with a line", &areas, Some("none"), ""))
+                (files.choice("along_file", "or a file with a line", &areas, Some("none"), values.of("along_file", "")))
                 button type="submit" { "Plan the drive" }
             }
         },
         "trajectory" => html! {
             form method="post" action="/forms/trajectory" {
                 (begin("A recorded flight or drive"))
-                (choice("trajectory", "Trajectory", &files.with(&TRAJECTORIES), None, &named("trajectory")))
+                (files.choice("trajectory", "Trajectory", &files.with(&TRAJECTORIES), None, &named("trajectory")))
                 (scene_choice())
                 (scanners(app, values.of("scanner", "")))
                 label {
@@ -390,7 +433,7 @@ fn form(app: &App, identity: &Identity, kind: &str, files: &Files, values: &Valu
         "survey" => html! {
             form method="post" action="/forms/run" {
                 (begin("A survey or pipeline file"))
-                (choice("file", "File", &files.surveys(), None, &named("file")))
+                (files.choice("file", "File", &files.surveys(), None, &named("file")))
                 (super::job::run_fields())
                 (actions())
             }
@@ -402,9 +445,9 @@ fn form(app: &App, identity: &Identity, kind: &str, files: &Files, values: &Valu
                     "A table with the columns x, y and height, and perhaps crown, dbh and species, in English or German, as spreadsheets save it "
                     "(CSV)."
                 } }
-                (choice("inventory", "Inventory", &files.with(&TABLES), None, &named("inventory")))
-                (choice("terrain", "Terrain", &files.with(&TERRAINS), Some("none"), values.of("terrain", "")))
-                (choice("trees", "Tree models", &files.folders("obj"), Some("of vlscan"), values.of("trees", "")))
+                (files.choice("inventory", "Inventory", &files.with(&TABLES), None, &named("inventory")))
+                (files.choice("terrain", "Terrain", &files.with(&TERRAINS), Some("none"), values.of("terrain", "")))
+                (files.choice("trees", "Tree models", &files.folders("obj"), Some("of vlscan"), values.of("trees", "")))
                 p { small { "Tree models are OBJ files whose names begin with their species, as beech_1.obj, in a folder." } }
                 label .flag { input type="checkbox" name="flat" checked[!values.of("flat", "on").is_empty()]; " Flat ground, unless a terrain is chosen" }
                 button type="submit" { "Make the scene" }
@@ -419,15 +462,24 @@ fn form(app: &App, identity: &Identity, kind: &str, files: &Files, values: &Valu
                     (values.number("height", "Height above ground", "80", "", "m"))
                     (values.number("density", "Density", "10", "", "pulses per m²"))
                     (values.number("overlap", "Overlap", "30", "", "%"))
-                    (values.number("speed", "or, instead of one of them, speed", "", "8", "m/s"))
+                    (values.number("speed", "Speed, instead of one of them", "", "8", "m/s"))
                 }
+                div .row { (values.number("pulse_rate", "Pulse rate", "", "the instrument's", "Hz")) }
                 (values.shape(area, scene))
                 p { small { "Without an area the whole scene is flown." } }
-                (choice("area_file", "or a file with an area", &areas, Some("none"), ""))
+                (files.choice("area_file", "or a file with an area", &areas, Some("none"), values.of("area_file", "")))
                 label .flag { input type="checkbox" name="follow_terrain" checked[!values.of("follow_terrain", "").is_empty()]; " Follow the terrain" }
                 button type="submit" { "Plan the flight" }
             }
         },
+    }
+}
+
+/// The ground, where the scene has no terrain.
+fn ground(values: &Values) -> Markup {
+    html! {
+        div .row { (values.number("ground", "Height of level ground", "", "0", "m")) }
+        p { small { "Only for scenes without terrain, such as the mesh of a house: rasters are terrain, and meshes whose materials are ground." } }
     }
 }
 
@@ -446,27 +498,34 @@ pub async fn compare(
     Query(query): Query<BTreeMap<String, String>>,
 ) -> Result<Response, Failure> {
     let owner = identity.owner.clone();
-    let clouds = blocking(&app, move |workshop| -> StoreResult<_> {
+    let files = blocking(&app, move |workshop| -> StoreResult<_> {
         let store = &workshop.store;
-        let files = Files::of(store, &owner)?;
-        let mut clouds: Vec<String> = Vec::new();
-        for job in store.jobs(&owner, &[Status::Successful], &["run".to_owned()], 0, 50)? {
-            let own = job.result_files().into_iter().map(|file| format!("jobs/{}/{}", job.id, file.path));
-            clouds.extend(own.filter(|name| has_ending(name, &CLOUDS)));
+        let mut files = Files::of(store, &owner)?;
+        let mut results = Vec::new();
+        let processes = ["run", "preview"].map(str::to_owned);
+        for job in store.jobs(&owner, &[Status::Successful], &processes, 0, MAX_COMPARED)? {
+            for file in job.result_files().iter().filter(|file| has_ending(&file.path, &CLOUDS)) {
+                let label = file_title(store, &job, &file.path)?;
+                results.push(Named {
+                    name: format!("jobs/{}/{}", job.id, file.path),
+                    label,
+                    kind: FileKind::Other,
+                });
+            }
         }
-        clouds.extend(files.with(&CLOUDS).into_iter().map(str::to_owned));
-        Ok(clouds)
+        results.append(&mut files.0);
+        Ok(Files(results))
     })
     .await?;
-    let clouds: Vec<&str> = clouds.iter().map(String::as_str).take(MAX_CHOICES).collect();
+    let clouds = files.with(&CLOUDS);
     let asked = |key: &str| query.get(key).map(String::as_str).unwrap_or_default();
     let content = html! {
         h1 { "Compare two clouds" }
         @if clouds.len() < 2 { p .lead { "This needs two clouds: upload one, or run a scan." } }
         form .card method="post" action="/forms/compare" {
             (form_token(&app, &identity))
-            (choice("first", "First cloud, usually the measured one", &clouds, None, asked("first")))
-            (choice("second", "Second cloud, usually the simulated one", &clouds, None, asked("second")))
+            (files.choice("first", "First cloud, usually the measured one", &clouds, None, asked("first")))
+            (files.choice("second", "Second cloud, usually the simulated one", &clouds, None, asked("second")))
             button type="submit" { "Compare" }
         }
     };

@@ -1,8 +1,8 @@
 //! The page of an upload: its files, and what can be done with each.
 
 use super::cloud::{is_cloud, is_octree, show_form, viewer};
-use super::home::encoded;
-use super::layout::{bytes_text, form_token, page};
+use super::home::{encoded, remove_form};
+use super::layout::{bytes_text, page};
 use super::new::{is_scene, is_table, is_trajectory};
 use crate::answers::encoded as in_path;
 use crate::app::{App, Identity};
@@ -54,11 +54,7 @@ pub fn upload(
             }
         }
         @if files.len() > MAX_LISTED { p { "and " (files.len() - MAX_LISTED) " more" } }
-        form method="post" action="/forms/remove-upload" {
-            (form_token(app, identity))
-            input type="hidden" name="name" value=(upload.name);
-            button .quiet type="submit" { "Remove this upload" }
-        }
+        (remove_form(app, identity, &upload.name))
     };
     page(app, identity, &upload.name, &content)
 }

@@ -127,11 +127,11 @@ class Viewer {
     this.redraw();
   }
 
-  // Colours span the heights of the root without the lowest and highest hundredth.
+  // Colours span the heights of the root without the lowest and highest thousandth.
   measure(positions) {
     const heights = positions.filter((_, i) => i % 3 === 2).sort();
     const at = (share) => heights[Math.floor(share * (heights.length - 1))];
-    this.options.heights = [at(0.01), Math.max(at(0.99), at(0.01) + 0.01)];
+    this.options.heights = [at(0.001), Math.max(at(0.999), at(0.001) + 0.01)];
     this.legend();
   }
 
@@ -273,7 +273,7 @@ class Viewer {
         options.slab = { axis, at: this.low[axis] + length * Number(field('at').value), half };
       }
       const told = options.slab
-        ? `${(options.slab.at + this.copc.centre[axis]).toFixed(2)} m ± ${options.slab.half.toFixed(2)} m` : '';
+        ? `· Section: ${'xyz'[axis]} = ${(options.slab.at + this.copc.centre[axis]).toFixed(2)} ± ${options.slab.half.toFixed(2)} m` : '';
       place.querySelector('.slab').textContent = told;
       this.legend();
       this.redraw();
@@ -293,7 +293,7 @@ class Viewer {
     // So many decimals that a hundredth of the span is seen.
     const digits = Math.min(Math.max(2 - Math.floor(Math.log10(highest - lowest)), 1), 4);
     const rounded = (value) => (value + copc.centre[2]).toFixed(digits).replace(/^-(0\.0+)$/, '$1');
-    const [low, high] = [lowest, highest].map((value) => `${rounded(value)} m`);
+    const [low, high] = [`up to ${rounded(lowest)} m`, `from ${rounded(highest)} m`];
     const entries = {
       height: () => [[low, '#2b3a9c'], [high, '#d7432f']],
       intensity: () => [['weak', '#161a20'], ['strong', '#f2f4f6']],

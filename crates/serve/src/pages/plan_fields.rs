@@ -1,0 +1,318 @@
+//! The fields of the forms of plans: what they are called on the page, checked, and as inputs of the process.
+
+use super::form_body::Fields;
+use super::home::encoded;
+use crate::processes::Process;
+use serde_json::{Map, Value, json};
+
+/// A number of a form.
+struct Number {
+    /// The option of `vlscan plan` with underscores, also the name of the field.
+    name: &'static str,
+    /// What the page calls it.
+    label: &'static str,
+    /// Least and largest value; the least itself is allowed if `from` is set.
+    range: [f64; 2],
+    from: bool,
+    is_whole: bool,
+}
+
+const fn above(name: &'static str, label: &'static str, range: [f64; 2]) -> Number {
+    Number { name, label, range, from: false, is_whole: false }
+}
+
+const NUMBERS: [Number; 10] = [
+    above("height", "Height above ground", [0.0, 100_000.0]),
+    above("density", "Density", [0.0, 1e6]),
+    Number { name: "overlap", label: "Overlap", range: [-1000.0, 99.0], from: true, is_whole: false },
+    above("speed", "Speed", [0.0, 1000.0]),
+    above("radius", "Radius", [0.0, 100_000.0]),
+    Number { name: "positions", label: "Positions", range: [1.0, 100_000.0], from: true, is_whole: true },
+    above("spacing", "Spacing of a grid", [0.0, 100_000.0]),
+    above("resolution", "Resolution", [0.0, 45.0]),
+    above("pulse_rate", "Pulse rate", [0.0, 1e9]),
+    Number {
+        name: "ground",
+        label: "Height of level ground",
+        range: [-20_000.0, 20_000.0],
+        from: true,
+        is_whole: false,
+    },
+];
+
+impl Number {
+    fn value(&self, text: &str) -> Result<Value, String> {
+        let [low, high] = self.range;
+        let expected = match (self.is_whole, self.from) {
+            (true, _) => format!("a whole number from {low} to {high}"),
+            (false, true) => format!("a number from {low} to {high}"),
+            (false, false) => format!("a number above {low}, at most {high}"),
+        };
+        let wrong = || format!("{}: expected {expected}, found `{text}`", self.label);
+        let number: f64 = text.replace(',', ".").parse().map_err(|_| wrong())?;
+        let is_within = if self.from { number >= low } else { number > low } && number <= high;
+        match is_within && (!self.is_whole || number.fract() == 0.0) {
+            true if number.fract() == 0.0 => Ok(json!(number as i64)),
+            true => Ok(json!(number)),
+            false => Err(wrong()),
+        }
+    }
+}
+
+/// Inputs of the process of the fields of a form that are not empty, or what is wrong with one of them, by its label.
+pub fn inputs(fields: &Fields) -> Result<Map<String, Value>, String> {
+    let has = |key: &str| fields.contains_key(key);
+    for (key, label) in [("scene", "Scene"), ("scanner", "Instrument")] {
+        if !has(key) {
+            return Err(format!("{label}: choose one"));
+        }
+    }
+    match fields.get("kind").map(String::as_str) {
+        Some("terrestrial") => check_positions(fields)?,
+        Some("mobile") => check_shape(fields, ["along", "along_file"], "Line", true)?,
+        _ => check_flight(fields)?,
+    }
+    let mut inputs = Map::new();
+    for (key, value) in fields {
+        let value = value.trim();
+        // A grid needs no circle.
+        let is_of_circle = matches!(key.as_str(), "radius" | "positions");
+        if is_of_circle && has("spacing") {
+            continue;
+        }
+        match key.as_str() {
+            "area_file" => drop(inputs.insert("area".to_owned(), json!(value))),
+            "along_file" => drop(inputs.insert("along".to_owned(), json!(value))),
+            "follow_terrain" => drop(inputs.insert(key.clone(), json!(true))),
+            "around" => drop(inputs.insert(key.clone(), json!(place(value)?))),
+            "kind" | "scene" | "scanner" | "area" | "along" => {
+                drop(inputs.insert(key.clone(), json!(value)));
+            }
+            _ => {
+                // What else there is belongs to the picture.
+                if let Some(number) = NUMBERS.iter().find(|number| number.name == key) {
+                    inputs.insert(key.clone(), number.value(value)?);
+                }
+            }
+        }
+    }
+    Ok(inputs)
+}
+
+fn check_flight(fields: &Fields) -> Result<(), String> {
+    let has = |key: &str| fields.contains_key(key);
+    if !has("height") {
+        return Err("Height above ground: expected a number".to_owned());
+    }
+    if has("density") && has("overlap") && has("speed") {
+        return Err("Density, Overlap and Speed follow from each other: leave one of them empty".to_owned());
+    }
+    if !has("density") && !has("speed") {
+        return Err("Density: expected a number here, or a Speed instead".to_owned());
+    }
+    check_shape(fields, ["area", "area_file"], "Area", false)
+}
+
+fn check_positions(fields: &Fields) -> Result<(), String> {
+    let has = |key: &str| fields.contains_key(key);
+    match (has("around"), has("spacing")) {
+        (true, true) => {
+            Err("Centre, Spacing of a grid: leave one of them empty: positions are on a circle or in a grid"
+                .to_owned())
+        }
+        (false, false) => {
+            Err("Centre: click on the scene, or type x and y; or give the Spacing of a grid instead"
+                .to_owned())
+        }
+        (true, false) if !has("radius") => Err("Radius: expected a number".to_owned()),
+        _ => Ok(()),
+    }
+}
+
+/// Checks that a shape is given once, and drawn to its end.
+fn check_shape(fields: &Fields, [text, file]: [&str; 2], label: &str, is_needed: bool) -> Result<(), String> {
+    let has = |key: &str| fields.contains_key(key);
+    if has(text) && has(file) {
+        return Err(format!("{label}: choose a file or give a text, not both"));
+    }
+    let is_given = has(text) || has(file);
+    if !is_given && (is_needed || has("corners")) {
+        return Err(format!("{label}: draw it on the scene to its end, give it as text, or choose a file"));
+    }
+    Ok(())
+}
+
+/// A place as `vlscan plan` reads it, `x,y`, of two numbers that a comma, a semicolon or blanks separate; with semicolon or blanks they may
+/// have decimal commas.
+fn place(text: &str) -> Result<String, String> {
+    let wrong = || format!("Centre: expected x and y, for example `500000 5400000`, found `{text}`");
+    let separators: &[char] = if text.contains(';') { &[';'] } else { &[' ', '\t'] };
+    let mut parts: Vec<&str> =
+        text.split(separators).map(str::trim).filter(|part| !part.is_empty()).collect();
+    if let [one] = parts.as_slice() {
+        parts = one.split(',').collect();
+    }
+    let number = |part: &str| {
+        let part = part.trim().trim_end_matches(',').replace(',', ".");
+        part.parse::<f64>().ok().filter(|number| number.is_finite()).map(|_| part)
+    };
+    match parts.as_slice() {
+        [x, y] => match (number(x), number(y)) {
+            (Some(x), Some(y)) => Ok(format!("{x},{y}")),
+            _ => Err(wrong()),
+        },
+        _ => Err(wrong()),
+    }
+}
+
+/// The address of the form of a plan or a stand with these inputs in its fields.
+pub fn address(process: Process, inputs: &Map<String, Value>) -> Option<String> {
+    let mut address = match process {
+        Process::Plan => "/new?again=1".to_owned(),
+        Process::Stand => "/new?again=1&kind=stand".to_owned(),
+        _ => return None,
+    };
+    for (key, value) in inputs {
+        let text = match value {
+            Value::String(text) => text.clone(),
+            Value::Array(several) => several.first().and_then(Value::as_str).unwrap_or_default().to_owned(),
+            Value::Bool(true) => "on".to_owned(),
+            Value::Number(number) => number.to_string(),
+            _ => continue,
+        };
+        // Texts of shapes have brackets.
+        let is_file = matches!(key.as_str(), "area" | "along") && !text.contains(['(', '{']);
+        let field = if is_file { format!("{key}_file") } else { key.clone() };
+        address += &format!("&{field}={}", encoded(&text));
+    }
+    Some(address)
+}
+
+/// A message of `vlscan plan` with the fields in place of its options, without how to use the command.
+pub fn in_words_of_the_page(message: &str) -> String {
+    let message = message.split("\n\nUsage:").next().unwrap_or_default();
+    let others = [
+        ("scene", "Scene"),
+        ("scanner", "Instrument"),
+        ("area", "Area"),
+        ("along", "Line"),
+        ("around", "Centre"),
+    ];
+    let numbers = NUMBERS.iter().map(|number| (number.name, number.label));
+    numbers
+        .chain(others)
+        .chain([("follow_terrain", "Follow the terrain")])
+        .fold(message.to_owned(), |text, (name, label)| {
+            with_label(&text, &format!("--{}", name.replace('_', "-")), label)
+        })
+}
+
+/// The text with a label in place of an option.
+fn with_label(text: &str, option: &str, label: &str) -> String {
+    let mut parts = text.split(option);
+    let mut written = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let is_longer = part.starts_with(|c: char| c.is_ascii_alphanumeric() || c == '-');
+        written += if is_longer { option } else { label };
+        written += part;
+    }
+    written
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fields(given: &[(&str, &str)]) -> Fields {
+        let scene = [("scene", "a/b.obj"), ("scanner", "vlp16")];
+        given.iter().chain(&scene).map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect()
+    }
+
+    #[test]
+    fn slips_are_told_by_the_labels_of_the_page() {
+        let flight = [("kind", "airborne"), ("height", "80"), ("density", "10")];
+        for (given, expected) in [
+            (
+                &[("height", "-5")][..],
+                "Height above ground: expected a number above 0, at most 100000, found `-5`",
+            ),
+            (&[("height", "abc")], "found `abc`"),
+            (&[("overlap", "150")], "Overlap: expected a number from -1000 to 99"),
+            (&[("overlap", "30"), ("speed", "5")], "leave one of them empty"),
+            (&[("area", "POLYGON ((0 0, 1 0, 1 1, 0 0))"), ("area_file", "a.kml")], "not both"),
+            (&[("corners", "0 0, 1 1")], "Area: draw it on the scene to its end"),
+            (
+                &[("kind", "terrestrial"), ("around", "0 0"), ("radius", "5"), ("positions", "2,5")],
+                "Positions: expected a whole number",
+            ),
+            (&[("kind", "terrestrial"), ("radius", "5")], "Centre: click on the scene"),
+            (&[("kind", "terrestrial"), ("around", "0 0"), ("spacing", "5")], "leave one of them empty"),
+            (&[("kind", "mobile")], "Line: draw it"),
+        ] {
+            let message = inputs(&fields(&[&flight[..], given].concat())).unwrap_err();
+            assert!(message.contains(expected), "{given:?}: {message}");
+        }
+        assert!(inputs(&fields(&flight[..1])).unwrap_err().contains("Height above ground"));
+        let inputs = inputs(&fields(
+            &[&flight[..], &[("speed", "7,5"), ("overlap.x", "1"), ("mapped", "a")]].concat(),
+        ))
+        .unwrap();
+        assert_eq!(inputs["speed"], 7.5);
+        assert!(!inputs.contains_key("mapped"));
+    }
+
+    #[test]
+    fn a_grid_needs_no_circle() {
+        let given = [("kind", "terrestrial"), ("spacing", "15"), ("radius", "10"), ("positions", "4")];
+        let inputs = inputs(&fields(&given)).unwrap();
+        assert!(
+            !inputs.contains_key("radius") && !inputs.contains_key("positions") && inputs["spacing"] == 15.0
+        );
+    }
+
+    #[test]
+    fn places_are_two_numbers() {
+        for (text, expected) in [
+            ("5,4", "5,4"),
+            ("5;4", "5,4"),
+            (" 500000  5400000 ", "500000,5400000"),
+            ("500000,25; 5400000,5", "500000.25,5400000.5"),
+            ("500000.5, 5400000.25", "500000.5,5400000.25"),
+        ] {
+            assert_eq!(place(text).as_deref(), Ok(expected), "{text}");
+        }
+        for text in ["5", "5,4,3", "a b", "1 2 3", ";", "nan,1"] {
+            assert!(place(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn inputs_lead_back_to_the_form() {
+        let given = [
+            ("kind", "airborne"),
+            ("height", "80,5"),
+            ("density", "10"),
+            ("area", "POLYGON ((0 0, 1 0, 1 1, 0 0))"),
+        ];
+        let address = address(Process::Plan, &inputs(&fields(&given)).unwrap()).unwrap();
+        for part in [
+            "again=1",
+            "&kind=airborne",
+            "&height=80.5",
+            "&density=10",
+            "&area=POLYGON%20%28%280",
+            "&scene=a%2Fb.obj",
+        ] {
+            assert!(address.contains(part), "{address}");
+        }
+    }
+
+    #[test]
+    fn options_become_labels() {
+        let message = "error: --density, --speed and --overlap determine each other; --scene-memory\n\nUsage: vlscan plan\n";
+        assert_eq!(
+            in_words_of_the_page(message),
+            "error: Density, Speed and Overlap determine each other; --scene-memory"
+        );
+    }
+}
