@@ -235,10 +235,12 @@ fn downloads(job: &Job, files: &[ResultFile], show: impl Fn(&str) -> Markup) -> 
     }
 }
 
-/// The comments at the start of a plan: duration, pulses, density, spacing.
+/// The comments at the start of a plan: duration, pulses, density, spacing; without its command.
 fn comments(plan: &str) -> String {
     let lines = plan.lines().take_while(|line| line.starts_with('#') || line.is_empty());
-    lines.map(|line| line.trim_start_matches('#').trim()).collect::<Vec<_>>().join("\n").trim().to_owned()
+    let lines = lines.map(|line| line.trim_start_matches('#').trim());
+    // The command has a place of its own on the page.
+    lines.filter(|line| !line.starts_with("vlscan plan")).collect::<Vec<_>>().join("\n").trim().to_owned()
 }
 
 /// The figures of a dry run.
@@ -316,7 +318,10 @@ mod tests {
         ] {
             assert_eq!(rounded(number), text);
         }
-        assert_eq!(comments("# a plan\n# 3 lines\n\nscene = 1\n# later"), "a plan\n3 lines");
+        assert_eq!(
+            comments("# vlscan plan airborne\n# a plan\n# 3 lines\n\nscene = 1\n# later"),
+            "a plan\n3 lines"
+        );
     }
 
     #[test]

@@ -15,6 +15,8 @@ use maud::{Markup, html};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+/// How references of airborne scanners begin.
+const AIRBORNE: &str = "data/scanners_als.xml#";
 /// Most files in a list to choose from.
 const MAX_CHOICES: usize = 500;
 /// The platform of recorded flights that is offered first.
@@ -148,9 +150,15 @@ fn scanners(app: &App, wanted: &str) -> Markup {
             "Instrument"
             select name="scanner" required {
                 option value="" { "choose …" }
-                @for (number, (reference, scanner)) in app.workshop.program.entries("scanners").enumerate() {
-                    option value=(reference) data-picture=(format!("/instruments/{number}/pattern.svg")) selected[reference == wanted] {
-                        (scanner["name"].as_str().filter(|name| !name.is_empty()).unwrap_or(reference)) " (" (reference.rsplit('#').next().unwrap_or(reference)) ")"
+                @for (label, is_of_group) in [("Airborne", true), ("Terrestrial and mobile", false)] {
+                    optgroup label=(label) {
+                        @for (number, (reference, scanner)) in app.workshop.program.entries("scanners").enumerate() {
+                            @if reference.starts_with(AIRBORNE) == is_of_group {
+                                option value=(reference) data-picture=(format!("/instruments/{number}/pattern.svg")) selected[reference == wanted] {
+                                    (scanner["name"].as_str().filter(|name| !name.is_empty()).unwrap_or(reference)) " (" (reference.rsplit('#').next().unwrap_or(reference)) ")"
+                                }
+                            }
+                        }
                     }
                 }
             }

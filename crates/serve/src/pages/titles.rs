@@ -28,7 +28,11 @@ pub fn titled(store: &Store, jobs: Vec<Job>) -> Result<Vec<Titled>> {
 /// # Errors
 /// Those of the store.
 pub fn title(store: &Store, job: &Job) -> Result<String> {
-    let process = Process::named(&job.process).map_or("", Process::title);
+    let inputs: Value = serde_json::from_str(&job.inputs).unwrap_or_default();
+    let process = match Process::named(&job.process) {
+        Some(Process::Preview) if inputs["format"] == "copc.laz" => "Show points",
+        process => process.map_or("", Process::title),
+    };
     Ok(match subject(store, job, MAX_STEPS)? {
         subject if subject.is_empty() => process.to_owned(),
         subject => format!("{process}: {subject}"),
