@@ -56,7 +56,7 @@ pub async fn list(State(app): State<Arc<App>>, Extension(identity): Extension<Id
                     tr {
                         td { a href=(format!("/instruments/{number}")) { (scanner["name"].as_str().filter(|name| !name.is_empty()).unwrap_or(reference)) } }
                         td { (figure(&scanner["optics"])) }
-                        td { (rates(&scanner["pulse_rates_hz"])) }
+                        td { (rates(scanner)) }
                         td { (figure(&scanner["range_max_m"])) }
                         td { a href=(format!("/new?scanner={}", super::home::encoded(reference))) { "Use" } }
                     }
@@ -67,16 +67,22 @@ pub async fn list(State(app): State<Arc<App>>, Extension(identity): Extension<Id
     page(&app, &identity, "Instruments", &content)
 }
 
-fn rates(value: &Value) -> String {
-    let rates: Vec<f64> = value.as_array().into_iter().flatten().filter_map(Value::as_f64).collect();
+/// The pulse rates in kHz, those of each channel where there are several.
+fn rates(scanner: &Value) -> String {
+    let channels = match scanner["channels"].as_u64() {
+        Some(channels) if channels > 1 => format!("{channels} × "),
+        _ => String::new(),
+    };
+    let rates: Vec<f64> =
+        scanner["pulse_rates_hz"].as_array().into_iter().flatten().filter_map(Value::as_f64).collect();
     match rates.as_slice() {
         [] => "–".to_owned(),
-        [one] => (one / 1e3).to_string(),
+        [one] => format!("{channels}{}", one / 1e3),
         many => {
             let (low, high) = many
                 .iter()
                 .fold((f64::INFINITY, 0.0_f64), |(low, high), rate| (low.min(*rate), high.max(*rate)));
-            format!("{} to {}", low / 1e3, high / 1e3)
+            format!("{channels}{} to {}", low / 1e3, high / 1e3)
         }
     }
 }
