@@ -213,7 +213,8 @@ fn read_terrain(
     let options =
         LoadOptions { max_memory: machine::memory(), rules: Corrections::REFINED, ..LoadOptions::default() };
     let (ground, mut warnings) = GroundModel::load(&recipe, &options)?;
-    let is_own = named.is_none() && ground.has_ground();
+    // A raster is written into the stand without the soil that it is of as a scene by itself.
+    let is_own = named.is_none() && !is_raster && ground.has_ground();
     if !is_own && !is_raster && !is_obj {
         return Err(Error::input_with_help(
             format!("{}: none of its materials is ground", path.display()),
