@@ -181,7 +181,11 @@ impl PlanReport<'_> {
                 self.level.mean
             ));
         } else if self.level.known < 0.99 {
-            warn(format!("the scene has no ground in {:.0} % of the area", 100.0 * (1.0 - self.level.known)));
+            let help = if self.level.known < 0.5 { "; draw the area within the scene" } else { "" };
+            warn(format!(
+                "the scene has no ground in {:.0} % of the area{help}",
+                100.0 * (1.0 - self.level.known)
+            ));
         }
         let pulses = self.active / speed * fired_rate;
         if pulses > MAX_PULSES {
