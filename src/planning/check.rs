@@ -1,6 +1,7 @@
 //! The check of a plan before it is written: its own survey is read as `vlscan run` reads it, a sample of a flight's pulses is flown
 //! over flat ground and compared with what the plan promises, and a dry run tells whether the instrument measures what surrounds it.
 
+use super::{extent_of, shown};
 use crate::options::{InputOptions, Options, ProfileOptions};
 use crate::output::OutputRequest;
 use crate::pipeline::{DryRunReport, LoadedScene, Progress, ResolvedRun, RunContext, Session, Settings};
@@ -158,6 +159,9 @@ impl Check<'_> {
     /// Measures a sample of a flight over the scene. Returns what the user should know of it.
     fn check_below(&self, session: &mut Session) -> Result<Option<String>> {
         let forecast = self.dry_run(session)?;
+        if is_beside_scene(&forecast) {
+            self.check_area(&forecast)?;
+        }
         check_echoes(&forecast)?;
         let share = returned(&forecast);
         Ok((share < MIN_SCENE_SHARE).then(|| {
@@ -167,6 +171,27 @@ impl Check<'_> {
                 100.0 * share
             )
         }))
+    }
+
+    /// Refuses an area that reaches beyond the scene, none of whose sampled pulses meets it.
+    fn check_area(&self, forecast: &DryRunReport) -> Result<()> {
+        let (Some(area), Some((_, loaded))) = (self.area, self.scene) else { return Ok(()) };
+        let (scene, (low, high)) = (extent_of(loaded), area.bounds());
+        let size = |[low, high]: [[f64; 2]; 2]| (high[0] - low[0]) * (high[1] - low[1]);
+        if forecast.points.value > 0.0
+            || [0, 1].into_iter().all(|axis| low[axis] >= scene[0][axis] && high[axis] <= scene[1][axis])
+        {
+            return Ok(());
+        }
+        let how = if size([low, high]) > size(scene) { "is larger than" } else { "reaches beyond" };
+        let message = format!(
+            "the area, {}, {how} the scene, {}: none of {} sampled pulses meets the scene",
+            shown([low, high]),
+            shown(scene),
+            forecast.sampled_pulses
+        );
+        let help = "draw the area within the scene, or leave out --area to fly over all of the scene";
+        Err(Error::input_with_help(message, help))
     }
 
     /// Measures a sample of a drive or of positions. Returns what the user should know of it.
@@ -236,6 +261,11 @@ fn other_scene() -> Error {
     Error::Internal("the scene of the plan was loaded for another survey".to_owned())
 }
 
+/// Whether all pulses, but for rounding, point beside the scene.
+fn is_beside_scene(forecast: &DryRunReport) -> bool {
+    1.0 - forecast.missed.beside_scene < 0.01
+}
+
 /// Refuses a survey that measures nothing of the scene.
 fn check_echoes(forecast: &DryRunReport) -> Result<()> {
     if forecast.points.value > 0.0 || forecast.sampled_pulses <= 0.0 {
@@ -243,7 +273,7 @@ fn check_echoes(forecast: &DryRunReport) -> Result<()> {
     }
     let missed = &forecast.missed;
     let towards = 1.0 - missed.beside_scene;
-    let why = if towards < 0.01 {
+    let why = if is_beside_scene(forecast) {
         "all beams miss the scene"
     } else if missed.out_of_range > 0.9 * towards {
         "the scene is outside the instrument's range"

@@ -14,6 +14,7 @@ use vlscan_base::crs::{differ, name as name_of_system};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, Patched, refuse_existing, write_file};
+use vlscan_base::quantity::number;
 use vlscan_base::{Observer, machine};
 use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::PhysicsProfile;
@@ -133,6 +134,7 @@ impl Planner<'_> {
 
     fn airborne(&self, request: &AirborneRequest) -> Result<Planned> {
         let area = self.area(request.area.as_ref(), request.buffer)?;
+        self.check_area(&area)?;
         let options = &request.options;
         let default = if options.height < MAX_DRONE_HEIGHT { "copter_linearpath" } else { "sr22" };
         let (reference, platform, told) = self.platform(default)?;
@@ -152,6 +154,9 @@ impl Planner<'_> {
             None => Some(self.area(request.area.as_ref(), None)?),
         };
         let on_ground = self.is_ground_used()?;
+        if let Some(area) = area.as_ref().filter(|_| on_ground) {
+            self.check_area(area)?;
+        }
         let (area, level) = (area.as_ref(), self.setup.level());
         let plan = plan::plan_terrestrial(area, &self.instrument, options, level, on_ground)?;
         let (platform, _, told) = self.platform("tripod")?;
@@ -233,6 +238,27 @@ impl Planner<'_> {
         }
     }
 
+    /// Refuses an area outside of the scene.
+    fn check_area(&self, area: &Area) -> Result<()> {
+        let Some(site) = &self.site else { return Ok(()) };
+        let scene = extent_of(&site.loaded);
+        let (low, high) = area.bounds();
+        if [0, 1].into_iter().all(|axis| high[axis] >= scene[0][axis] && low[axis] <= scene[1][axis]) {
+            return Ok(());
+        }
+        let message =
+            format!("the area, {}, lies outside of the scene, {}", shown([low, high]), shown(scene));
+        let is_like_degrees = area.corners().iter().all(|[x, y]| x.abs() <= 180.0 && y.abs() <= 90.0);
+        let help = match is_like_degrees {
+            true => {
+                "give the area in the scene's coordinates, in metres; if its coordinates are longitude and latitude, write SRID=4326; \
+                 before well-known text, or give it as KML"
+            }
+            false => "give the area in the scene's coordinates; `vlscan scene info` shows where a scene is",
+        };
+        Err(Error::input_with_help(message, help))
+    }
+
     /// The scene as a plan in the file of the request names it: relative references are relative to that file.
     fn reference(&self) -> Result<Option<String>> {
         let (Some(site), Some(name)) = (&self.site, &self.setup.scene) else { return Ok(None) };
@@ -305,6 +331,21 @@ impl Planner<'_> {
         }
         Ok(all)
     }
+}
+
+/// The corners of the box of a scene, world coordinates, m.
+fn extent_of(loaded: &LoadedScene) -> [[f64; 2]; 2] {
+    let scene = loaded.scene();
+    [scene.bounds.min, scene.bounds.max].map(|corner| {
+        let corner = scene.to_world(corner);
+        [corner.x, corner.y]
+    })
+}
+
+/// A box, for messages.
+fn shown([low, high]: [[f64; 2]; 2]) -> String {
+    let axis = |i: usize| format!("{} to {} m", number(low[i]), number(high[i]));
+    format!("x {}, y {}", axis(0), axis(1))
 }
 
 /// A system as typed: its WKT, and how a pipeline file names it.

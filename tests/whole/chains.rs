@@ -228,7 +228,7 @@ fn legs_and_plans_without_ground_are_refused_and_surveys_keep_the_rule_of_the_re
         let said = text(&done.stderr);
         assert!(done.status.code() == Some(2) && said.contains(expected), "{args:?}: {said}");
     };
-    // A raster by itself has no material, and so no ground.
+    // A raster by itself is ground.
     let plan = [
         "plan",
         "terrestrial",
@@ -242,7 +242,12 @@ fn legs_and_plans_without_ground_are_refused_and_surveys_keep_the_rule_of_the_re
         "1",
         "-o",
     ];
-    refused(&[&plan[..], &["t.toml", "--scene", "in/dem.tif"]].concat(), "helios_isGround");
+    let on_terrain = [&plan[..], &["t.toml", "--scene", "in/dem.tif", "--resolution", "0.1"]].concat();
+    let said = text(&succeed(dir.path(), &on_terrain).stderr);
+    assert!(!said.contains("reflectance"), "{said}");
+    assert!(fs::read_to_string(dir.path().join("t.toml")).unwrap().contains("on_ground = true"));
+    let drive = ["plan", "mobile", "--scanner", "vlp16", "--scene", "in/dem.tif", "--along"];
+    succeed(dir.path(), &[&drive[..], &["LINESTRING (10 -20, 40 10)"]].concat());
     let level =
         [&plan[..], &["level.toml", "--scene", "in/dem.tif", "--ground", "340", "--resolution", "0.1"]]
             .concat();
@@ -268,6 +273,11 @@ fn legs_and_plans_without_ground_are_refused_and_surveys_keep_the_rule_of_the_re
                [settings]\npulse_freq_hz = 100000\nscan_angle_deg = 50\nscan_freq_hz = 60\nhead_rate_deg_per_s = 60\nhead_stop_deg = 20\n\
                [[leg]]\nposition_m = [40, -5, 0]\non_ground = true\n";
     fs::write(dir.path().join("leg.toml"), format!("scene = \"in/dem.tif\"\n{leg}")).unwrap();
+    succeed(dir.path(), &["run", "leg.toml", "-o", "ground.csv", "--columns", "Classification"]);
+    let classes = fs::read_to_string(dir.path().join("ground.csv")).unwrap();
+    assert!(classes.lines().count() > 1000 && classes.lines().skip(1).all(|class| class == "2"));
+    // A part without a material is none.
+    fs::write(dir.path().join("leg.toml"), format!("{leg}[[part]]\nfile = \"in/dem.tif\"\n")).unwrap();
     refused(&["run", "leg.toml", "-o", "a.xyz"], "leg 0: no ground at x 40 y -5");
     assert!(!dir.path().join("a.xyz").exists());
     // An XML survey follows the reference, with a warning.

@@ -57,6 +57,7 @@ fn runs_are_compared_in_every_format() {
     }
     assert!(table.lines().all(|line| line.chars().count() <= 120 || line.starts_with("missing")), "{table}");
     let page = fs::read_to_string(dir.path().join("c.html")).unwrap();
+    assert!(page.contains("<title>a.laz and b.las, compared</title>"));
     assert!(page.matches("data:image/png;base64,").count() == 3 && page.contains("<svg"));
     assert!(
         !page.contains("http://") && !page.contains("https://") && !page.contains("<script"),

@@ -133,7 +133,18 @@ fn tiles_are_parts_of_surveys_and_pipelines() {
              <param type=\"string\" key=\"{key}\" value=\"{value}\"/></filter></part></scene></document>"
         )
     };
-    let single = points(dir.path(), "single.tif", &[]);
+    let with_part = |file: &str| {
+        let text = pipeline("").replace("scene = \"\"\n", "") + &format!("[[part]]\nfile = \"{file}\"\n");
+        fs::create_dir_all(dir.path().join("runs")).unwrap();
+        fs::write(dir.path().join("runs/run.toml"), text).unwrap();
+        succeed(dir.path(), &["run", "runs/run.toml", "-q", "--force", "-o", "out.xyz"]);
+        fs::read(dir.path().join("out.xyz")).unwrap()
+    };
+    let single = with_part("../single.tif");
+    // By itself a raster is soil, as in parts that say so.
+    let soil = "name = \"soil\"\nreflectance = 0.3\nclassification = 2\nis_ground = true\n";
+    let as_soil = with_part(&format!("../single.tif\"\n[[part.material]]\n{soil}# \""));
+    assert!(points(dir.path(), "single.tif", &[]) == as_soil && as_soil != single);
     for (key, value) in [
         ("filepath", "single.tif"),
         ("filepath", "tiles"),
@@ -143,14 +154,7 @@ fn tiles_are_parts_of_surveys_and_pipelines() {
         fs::write(dir.path().join("scene.xml"), scene(key, value)).unwrap();
         assert!(points(dir.path(), "scene.xml#s", &[]) == single, "{value}");
     }
-    let with_part = |file: &str| {
-        let text = pipeline("").replace("scene = \"\"\n", "") + &format!("[[part]]\nfile = \"{file}\"\n");
-        fs::create_dir_all(dir.path().join("runs")).unwrap();
-        fs::write(dir.path().join("runs/run.toml"), text).unwrap();
-        succeed(dir.path(), &["run", "runs/run.toml", "-q", "--force", "-o", "out.xyz"]);
-        fs::read(dir.path().join("out.xyz")).unwrap()
-    };
-    for file in ["../single.tif", "../tiles", "../tiles/*.tif", "../marked/all.vrt"] {
+    for file in ["../tiles", "../tiles/*.tif", "../marked/all.vrt"] {
         assert!(with_part(file) == single, "{file}");
     }
 }

@@ -111,8 +111,22 @@ fn lines_follow_the_ground() {
     // Beside the scene there is nothing to measure.
     let area = "POLYGON ((1000 0, 1400 0, 1400 120, 1000 120))";
     let beside = self::refused(dir.path(), &[&flight[..], &["--area", area, "--ground", "35"]].concat());
-    assert!(beside.contains("no ground in the area; a height of 35.0 m is assumed"), "{beside}");
-    assert!(beside.contains("gives no points") && beside.contains("all beams miss the scene"), "{beside}");
+    let bounds = "the area, x 1000 to 1400 m, y 0 to 120 m, lies outside of the scene, x -500 to 500 m, y -500 to 500 m";
+    assert!(beside.contains(bounds) && !beside.contains("longitude"), "{beside}");
+    // An area may be read as metres although it is in degrees.
+    let area = "POLYGON ((8 49, 9.5 49, 9.5 50, 8 50))";
+    fs::write(dir.path().join("far.obj"), slope.replace("500 ", "5000 ").replace('-', "4")).unwrap();
+    let far = ["plan", "airborne", "--scanner", "riegl_vux-1uav", "--scene", "far.obj", "--height", "80"];
+    let beside = self::refused(dir.path(), &[&far[..], &["--speed", "10", "--area", area]].concat());
+    assert!(beside.contains("outside of the scene") && beside.contains("SRID=4326"), "{beside}");
+    // Of a large area the sampled pulses miss a small scene.
+    fs::write(dir.path().join("plot.obj"), "v 0 0 1\nv 3 0 1\nv 3 3 1\nf 1 2 3\n").unwrap();
+    let around = "POLYGON ((-3000 -3000, 3000 -3000, 3000 3000, -3000 3000))";
+    let plot = ["plan", "airborne", "--scanner", "riegl_vux-1uav", "--scene", "plot.obj", "--height", "80"];
+    let larger = self::refused(dir.path(), &[&plot[..], &["--speed", "10", "--area", around]].concat());
+    let bounds =
+        "the area, x -3000 to 3000 m, y -3000 to 3000 m, is larger than the scene, x 0 to 3 m, y 0 to 3 m";
+    assert!(larger.contains(bounds) && larger.contains("draw the area within the scene"), "{larger}");
 }
 
 /// What a command says that is refused as wrong input and writes nothing.

@@ -126,7 +126,10 @@ fn a_stand_needs_no_models_and_no_terrain() {
     fs::write(dir.path().join("plot.csv"), table).unwrap();
     let args = ["scene", "stand", "plot.csv", "--flat", "-o", "stand"];
     let said = text(&succeed(dir.path(), &args).stderr);
-    assert!(said.contains("Yucca") && !said.contains("Fichte"), "{said}");
+    let kiefer = "note: 1 tree of species `Wald-Kiefer` has a model of spruce";
+    let yucca = "warning: 1 tree of species `Yucca` has a model of ";
+    assert!(said.contains(kiefer) && said.contains(yucca), "{said}");
+    assert!(!said.contains("Fichte") && !said.contains("Fagus"), "{said}");
     let labels = rows(&dir.path().join("stand/labels.csv"));
     let models: Vec<&str> = labels.iter().map(|row| row["model"].split('_').next().unwrap()).collect();
     assert_eq!(models[..3], ["spruce", "beech", "spruce"]);
@@ -201,7 +204,9 @@ fn mistakes_are_answered() {
     let (status, said) = stand("oak.csv", &["--trees", "models", "--terrain", "slope.obj"]);
     assert!(
         status == Some(0)
-            && said.contains("1 trees of species `oak`")
+            && said.contains(
+                "1 tree of species `oak` has a model of spruce: no model's name begins with that species"
+            )
             && said.contains("are outside the terrain"),
         "{said}"
     );

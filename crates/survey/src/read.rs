@@ -11,8 +11,8 @@ use super::rasters::is_raster;
 use super::scene_xml::read_scene_element;
 use super::survey_xml::read_survey_document;
 use super::{
-    Loader, MaterialChoice, MeshReading, PartRecipe, Platform, RasterFiles, Scanner, SceneRecipe, Survey,
-    Transform,
+    Loader, MaterialChange, MaterialChoice, MaterialDefinition, MeshReading, PartRecipe, Platform,
+    RasterFiles, Replaced, Scanner, SceneRecipe, Survey, Transform,
 };
 use super::{VoxelLoader, VoxelMode};
 use std::path::{Path, PathBuf};
@@ -37,13 +37,14 @@ pub fn read_survey(path: &Path, options: &ReadOptions) -> Result<(Survey, Diagno
 }
 
 /// Reads a scene: `file.xml#id`, `file.xml` for its first scene, a geometry file (.obj, .tif, .vrt, .vox) or a folder of tiles of a
-/// raster as a scene of one part, a table of instances (.csv), or a packed scene (.vlscene).
+/// raster as a scene of one part, a table of instances (.csv), or a packed scene (.vlscene). A raster is terrain, of
+/// [soil](MaterialDefinition::soil).
 ///
 /// # Errors
 /// The errors of [`read_survey`].
 pub fn read_scene(reference: &str, options: &ReadOptions) -> Result<(SceneRecipe, Diagnostics)> {
     let context = Context::new(options);
-    let scene = find_scene(&context, reference, Path::new(""), None);
+    let scene = find_scene_on_soil(&context, reference, Path::new(""), None);
     context.finish(scene)
 }
 
@@ -70,12 +71,34 @@ pub fn find_platform(reference: &str, options: &ReadOptions) -> Result<(Platform
     context.finish(platform)
 }
 
-/// The scene that replaces that of a survey.
-pub(super) fn chosen_scene(context: &Context, choice: &SceneChoice) -> Option<SceneRecipe> {
+/// The scene that replaces that of a survey; `find` is [`find_scene`] or [`find_scene_on_soil`].
+pub(super) fn chosen_scene(
+    context: &Context,
+    choice: &SceneChoice,
+    find: fn(&Context, &str, &Path, Option<Place>) -> Option<SceneRecipe>,
+) -> Option<SceneRecipe> {
     match choice {
-        SceneChoice::Named(reference) => find_scene(context, reference, Path::new(""), None),
+        SceneChoice::Named(reference) => find(context, reference, Path::new(""), None),
         SceneChoice::Given(recipe) => Some((**recipe).clone()),
     }
+}
+
+/// As [`find_scene`]; a raster that the reference names is terrain, of soil. Scenes of XML surveys are as HELIOS++ has them: rasters
+/// without a material are no ground.
+pub(super) fn find_scene_on_soil(
+    context: &Context,
+    reference: &str,
+    folder: &Path,
+    place: Option<Place>,
+) -> Option<SceneRecipe> {
+    let mut scene = find_scene(context, reference, folder, place)?;
+    if is_raster(reference) || context.is_folder(reference, folder) {
+        let soil = MaterialChange { replaced: Replaced::All, material: MaterialDefinition::soil() };
+        for part in &mut scene.parts {
+            part.changes = vec![soil.clone()].into();
+        }
+    }
+    Some(scene)
 }
 
 /// The scene of a reference in a file in `folder`; `place` is the place of the reference.

@@ -110,7 +110,7 @@ fn read_survey_element(context: &Context, element: &Element) -> Option<Survey> {
     // Other names are ids in the same document.
     let is_folder = |name: &str| name.contains(['/', '\\']) && context.is_folder(name, element.folder());
     let scene = match &context.scene {
-        Some(other) => chosen_scene(context, other),
+        Some(other) => chosen_scene(context, other, find_scene),
         None if element.value("scene").is_some_and(|name| is_geometry(name) || is_folder(name)) => {
             let name = element.value("scene").unwrap_or_default();
             find_scene(context, name, element.folder(), Some(element.value_place("scene")))

@@ -282,7 +282,7 @@ fn load_pages(
     let Loader::GeoTiff { files, material } = &part.loader else { return Ok(()) };
     let id = ids.single(part);
     let target = PartSource { index: scene.next_part(), place: part.place.as_ref() };
-    let Some(materials) = choose(scene, &target, material) else { return Ok(()) };
+    let Some(materials) = choose(scene, &target, part, material) else { return Ok(()) };
     let transform = (part.transform != Transform::IDENTITY).then(|| similarity(&part.transform));
     let indexed = raster::PagedRaster::index(scene, &target, files, transform)?;
     let Some((raster, pages)) = indexed.filter(|(_, pages)| !pages.is_empty()) else {
@@ -348,9 +348,9 @@ fn load_files(
     let target = PartSource { index: scene.next_part(), place: part.place.as_ref() };
     let chosen = match &part.loader {
         Loader::MeshFiles { .. } | Loader::Mesh(_) => Some(Vec::new()),
-        Loader::GeoTiff { material, .. } => choose(scene, &target, material),
-        Loader::Xyz(loader) => choose(scene, &target, &loader.material),
-        Loader::DetailedVoxels(loader) => choose(scene, &target, &loader.material),
+        Loader::GeoTiff { material, .. } => choose(scene, &target, part, material),
+        Loader::Xyz(loader) => choose(scene, &target, part, &loader.material),
+        Loader::DetailedVoxels(loader) => choose(scene, &target, part, &loader.material),
     };
     let Some(materials) = chosen else { return Ok(()) };
     let start = scene.end();
@@ -435,8 +435,16 @@ fn keeps_voxel_grids(part: &PartRecipe) -> bool {
         && !is_scaled(&part.loader)
 }
 
-fn choose(scene: &mut SceneBuilder, part: &PartSource, choice: &MaterialChoice) -> Option<Vec<u32>> {
-    scene.library.chosen(choice, part.index, part.place, &mut scene.diagnostics)
+fn choose(
+    scene: &mut SceneBuilder,
+    target: &PartSource,
+    part: &PartRecipe,
+    choice: &MaterialChoice,
+) -> Option<Vec<u32>> {
+    // Nothing is missing where another material replaces that of the whole part.
+    let is_replaced = part.changes.iter().any(|change| change.replaced == Replaced::All);
+    let place = target.place.filter(|_| choice.file.is_some() || !is_replaced);
+    scene.library.chosen(choice, target.index, place, &mut scene.diagnostics)
 }
 
 /// Opens a file of a part; `None` after an error in its name.

@@ -148,6 +148,17 @@ impl MaterialDefinition {
         }
     }
 
+    /// Bare soil: ground of class 2 that reflects 30 %.
+    pub fn soil() -> MaterialDefinition {
+        MaterialDefinition {
+            kd: [0.42, 0.34, 0.25],
+            reflectance: Some(0.3),
+            classification: 2,
+            is_ground: true,
+            ..MaterialDefinition::new("soil")
+        }
+    }
+
     /// Whether the line of its definition is known.
     pub fn has_line(&self) -> bool {
         self.place.as_ref().is_some_and(|place| place.line > 0)

@@ -366,6 +366,11 @@ fn geometry_files_are_scenes_of_one_part() {
     let (scene, _) = read_scene(&folder.path("hill.obj").to_string_lossy(), &ReadOptions::default()).unwrap();
     assert_eq!((scene.id.as_str(), scene.parts.len(), scene.parts[0].number), ("hill", 1, 0));
     assert_eq!(scene.asset_folders.last(), Some(&folder.0.path().to_path_buf()));
+    // A raster is ground.
+    let rasters = Folder::new(&[("dem.tif", "")]);
+    let (scene, _) = read_scene(&rasters.path("dem.tif").to_string_lossy(), &ReadOptions::default()).unwrap();
+    let material = &scene.parts[0].changes[0].material;
+    assert_eq!((scene.parts.len(), material), (1, &crate::MaterialDefinition::soil()));
     contains(
         &refused(read_scene("nowhere.obj", &ReadOptions::default())),
         &["cannot find the file `nowhere.obj`"],

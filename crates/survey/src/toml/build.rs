@@ -11,7 +11,7 @@ use super::super::keys::{
     WaveformKeys,
 };
 use super::super::platform_xml::{mount_of_other, read_platform};
-use super::super::read::{chosen_scene, find_scene};
+use super::super::read::{chosen_scene, find_scene_on_soil};
 use super::super::settings::ScannerLayer;
 use super::super::survey_xml::read_survey_parts;
 use super::super::{
@@ -118,14 +118,16 @@ fn read_scene(
     match (&options.scene, name, base) {
         (Some(scene), ..) => {
             check_parts(parts);
-            chosen_scene(context, scene)
+            chosen_scene(context, scene, find_scene_on_soil)
         }
         (None, Some(_), _) if !parts.is_empty() => {
             context.error(fields.place(K.scene), "give either `scene` or [[part]] tables, not both");
             None
         }
         (None, None, _) if !parts.is_empty() => Some(read_parts(fields, source, parts)),
-        (None, Some(name), _) => find_scene(context, &name, fields.folder(), Some(fields.place(K.scene))),
+        (None, Some(name), _) => {
+            find_scene_on_soil(context, &name, fields.folder(), Some(fields.place(K.scene)))
+        }
         (None, None, Some(base)) => Some(base.scene.clone()),
         (None, None, None) => {
             if !fields.has(K.survey) && !fields.has(K.scene) {

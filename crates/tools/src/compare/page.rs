@@ -10,6 +10,7 @@ use crate::cloud::Points;
 use crate::preview::{PreviewOptions, common_heights, draw};
 use base64::prelude::{BASE64_STANDARD, Engine};
 use std::fmt::Write as _;
+use std::path::Path;
 use vlscan_base::error::Result;
 use vlscan_base::markup::escaped;
 
@@ -24,7 +25,7 @@ const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;ma
  table{border-collapse:collapse;font-variant-numeric:tabular-nums;margin:.3em 0 .8em}td,th{padding:.1em .9em .1em 0;text-align:right}\
  td:first-child,th:first-child{text-align:left;min-width:13em}th{font-weight:600;border-bottom:1px solid}\
  tr.out td{font-weight:700}p.m{margin:.2em 0;opacity:.8;max-width:60em}img{max-width:100%}figure{margin:0 0 1em}\
- section{break-inside:avoid;margin:0 0 1.6em}.pair{display:flex;flex-wrap:wrap;gap:0 1.5em;align-items:flex-start}\
+ h1,h3{overflow-wrap:anywhere}section{break-inside:avoid;margin:0 0 1.6em}.pair{display:flex;flex-wrap:wrap;gap:0 1.5em;align-items:flex-start}\
  h2{margin:1.6em 0 .4em;border-bottom:2px solid}h3{margin:.8em 0 .1em}.pair figure{flex:0 1 490px}@media (min-width:62em){.pair{flex-wrap:nowrap}}\
  @media print{body{margin:0;max-width:none;font-size:11px}a{color:inherit}}";
 
@@ -39,7 +40,10 @@ pub fn page(comparison: &Comparison, clouds: [&Points; 2]) -> Result<String> {
     let mut add = |text: std::fmt::Arguments| {
         let _ = out.write_fmt(text);
     };
-    add(format_args!("<title>{} and {}</title>\n", names[0], names[1]));
+    add(format_args!(
+        "<title>{}</title>\n",
+        escaped(&title([&comparison.first.name, &comparison.second.name]))
+    ));
     add(format_args!("<style>{STYLE}\n{}</style></head><body>\n", style(Theme::Reader)));
     add(format_args!(
         "<h1><span class=\"s0\">{}</span> and <span class=\"s1\">{}</span></h1>\n{}",
@@ -96,6 +100,14 @@ pub fn page(comparison: &Comparison, clouds: [&Points; 2]) -> Result<String> {
     ));
     add(format_args!("</body></html>\n"));
     Ok(out)
+}
+
+/// The title of the page: the names of both files, with their folders only if they are the same without.
+fn title(paths: [&str; 2]) -> String {
+    let [first, second] =
+        paths.map(|path| Path::new(path).file_name().map_or(path.into(), |name| name.to_string_lossy()));
+    let [first, second] = if first == second { paths } else { [&*first, &*second] };
+    format!("{first} and {second}, compared")
 }
 
 /// What was compared and how many figures lie beyond chance.

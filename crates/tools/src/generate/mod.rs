@@ -36,7 +36,7 @@ use vlscan_base::error::{Error, Result};
 use vlscan_geom::Aabb;
 
 pub use obj::SceneFolder;
-pub use stand::{Development, StandMade, StandOptions, make_stand};
+pub use stand::{Development, StandMade, StandOptions, Substitute, make_stand};
 
 /// Kinds of scenes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]

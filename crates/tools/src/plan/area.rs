@@ -1,7 +1,12 @@
 //! Areas on the ground, in the scene's world coordinates.
 
-use vlscan_base::quantity::COORDINATE;
+use vlscan_base::quantity::{COORDINATE, number};
 use vlscan_geom::is_inside;
+
+/// Most corners of an outline whose sides are compared with each other.
+const MAX_COMPARED: usize = 20_000;
+/// Distance by which the ends of a side are on either side of another that it crosses, m: sides may touch.
+const MIN_CROSSING: f64 = 1e-6;
 
 /// A polygon without holes: its corners in order, without repeating the first one at the end. Coordinates are m.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,6 +23,13 @@ pub enum AreaError {
     /// Corners on one line.
     #[error("the corners of the area lie on one line")]
     NoArea,
+    /// Two sides that cross each other, at x, y.
+    #[error(
+        "the sides of the area cross each other at x {} y {}; give its corners in the order of its outline",
+        number(.0[0]),
+        number(.0[1])
+    )]
+    Crossing([f64; 2]),
     /// A coordinate that is not a number of metres.
     #[error("coordinate {0:?}, expected {range}", range = COORDINATE.expected)]
     Coordinate(f64),
@@ -31,8 +43,17 @@ impl From<AreaError> for String {
 
 impl Area {
     /// # Errors
-    /// Fewer than three corners, corners on one line, a coordinate out of bounds.
-    pub fn new(mut corners: Vec<[f64; 2]>) -> Result<Area, AreaError> {
+    /// Fewer than three corners, corners on one line, sides that cross each other, a coordinate out of bounds.
+    pub fn new(corners: Vec<[f64; 2]>) -> Result<Area, AreaError> {
+        Area::checked(corners, true)
+    }
+
+    /// An area whose outline may cross itself, as that of a corridor along a line that turns back.
+    pub(super) fn of_corridor(corners: Vec<[f64; 2]>) -> Result<Area, AreaError> {
+        Area::checked(corners, false)
+    }
+
+    fn checked(mut corners: Vec<[f64; 2]>, is_simple: bool) -> Result<Area, AreaError> {
         corners.dedup();
         if corners.len() > 1 && corners.first() == corners.last() {
             corners.pop();
@@ -42,6 +63,9 @@ impl Area {
             return Err(AreaError::Corners(corners.len()));
         }
         let area = Area { corners };
+        if is_simple && let Some(place) = area.crossing() {
+            return Err(AreaError::Crossing(place));
+        }
         if area.square_metres() < 1e-6 {
             return Err(AreaError::NoArea);
         }
@@ -62,6 +86,23 @@ impl Area {
     pub fn sides(&self) -> impl Iterator<Item = [[f64; 2]; 2]> {
         let next = self.corners.iter().cycle().skip(1);
         self.corners.iter().zip(next).map(|(a, b)| [*a, *b])
+    }
+
+    /// Where two sides cross each other; not looked for in outlines of very many corners.
+    fn crossing(&self) -> Option<[f64; 2]> {
+        if self.corners.len() > MAX_COMPARED {
+            return None;
+        }
+        // Sorted along the larger extent, a side is compared only with those that begin before it ends.
+        let (low, high) = self.bounds();
+        let axis = usize::from(high[1] - low[1] > high[0] - low[0]);
+        let range = |[a, b]: &[[f64; 2]; 2]| (a[axis].min(b[axis]), a[axis].max(b[axis]));
+        let mut sides: Vec<[[f64; 2]; 2]> = self.sides().collect();
+        sides.sort_by(|a, b| range(a).0.total_cmp(&range(b).0));
+        sides.iter().enumerate().find_map(|(i, side)| {
+            let near = sides[i + 1..].iter().take_while(|other| range(other).0 <= range(side).1);
+            near.filter_map(|other| crossing(*side, *other)).next()
+        })
     }
 
     /// Gauss' formula for the area of a polygon.
@@ -121,6 +162,21 @@ impl Area {
     }
 }
 
+/// Where the inner parts of two sides cross.
+fn crossing(one: [[f64; 2]; 2], other: [[f64; 2]; 2]) -> Option<[f64; 2]> {
+    // Distances of the ends of a side from the line through another.
+    let distances = |[a, b]: [[f64; 2]; 2], ends: [[f64; 2]; 2]| {
+        let way = [b[0] - a[0], b[1] - a[1]];
+        let length = libm::hypot(way[0], way[1]);
+        ends.map(|p| (way[0] * (p[1] - a[1]) - way[1] * (p[0] - a[0])) / length)
+    };
+    let is_crossed = |[p, q]: [f64; 2]| p.min(q) < -MIN_CROSSING && p.max(q) > MIN_CROSSING;
+    let [from, to] = distances(other, one);
+    let t = from / (from - to);
+    let place = [0, 1].map(|axis| one[0][axis] + t * (one[1][axis] - one[0][axis]));
+    (is_crossed([from, to]) && is_crossed(distances(one, other))).then_some(place)
+}
+
 /// # Errors
 /// A sentence that tells which coordinate is no metre.
 pub(super) fn check_coordinates(points: &[[f64; 2]]) -> Result<(), AreaError> {
@@ -149,6 +205,16 @@ mod tests {
         assert_eq!(along_x([2.0, 8.0]), Some([0.0, 40.0]));
         assert_eq!(along_x([12.0, 20.0]), Some([0.0, 10.0]));
         assert_eq!(along_x([31.0, 40.0]), None);
+        // Sides may touch, but not cross.
+        for (corners, place) in [
+            (vec![[0.0, 0.0], [10.0, 10.0], [10.0, 0.0], [0.0, 10.0]], Some([5.0, 5.0])),
+            (vec![[0.0, 0.0], [20.0, 0.0], [10.0, 30.0], [10.0, -5.0]], Some([10.0, 0.0])),
+            (vec![[0.0, 0.0], [20.0, 0.0], [20.0, 20.0], [10.0, 0.0], [0.0, 20.0]], None),
+        ] {
+            let offset = |v: [f64; 2]| [v[0] + 5e5, v[1] + 5.4e6];
+            let found = Area::new(corners.into_iter().map(offset).collect());
+            assert_eq!(found.err(), place.map(|place| AreaError::Crossing(offset(place))));
+        }
         // Far from the origin as well.
         let far = Area::rectangle([5e5, 5.4e6], [5e5 + 100.0, 5.4e6 + 50.0]).unwrap();
         assert!((far.square_metres() - 5000.0).abs() < 1e-6);

@@ -6,7 +6,7 @@ use super::geometries::{Format, Geometry, Line, Shape, System, is_well_known_tex
 use std::collections::BTreeMap;
 use std::path::Path;
 use vlscan_base::crs;
-use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::diag::{Diagnostics, Place, ProblemKind};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::input::read_text;
 use vlscan_base::quantity::number;
@@ -86,6 +86,9 @@ impl<'s> Source<'s> {
         let failed = |what: String| Error::input(format!("{name}: {what}"));
         let (text, place) = match is_well_known_text(name) {
             true => (name.to_owned(), None),
+            false if !Path::new(name).exists() && !is_like_file(name) => {
+                return Err(neither_file_nor_text(name, wanted));
+            }
             false => (read_text(Path::new(name), MAX_BYTES)?, Some(Place::of_file(Path::new(name)))),
         };
         let (format, all) = read_geometries(text.trim_start_matches('\u{feff}')).map_err(failed)?;
@@ -299,6 +302,26 @@ fn spread(positions: &[[f64; 2]]) -> f64 {
     extent(0).max(extent(1))
 }
 
+/// Whether a name has a folder, or an ending as names of files have it.
+fn is_like_file(name: &str) -> bool {
+    let ending = Path::new(name).extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+    let is_word = ending.chars().all(|c| c.is_ascii_alphanumeric());
+    let has_ending = is_word && ending.starts_with(|c: char| c.is_ascii_alphabetic());
+    has_ending || name.contains(['/', '\\']) && !name.contains('(')
+}
+
+fn neither_file_nor_text(name: &str, wanted: Wanted) -> Error {
+    let example = match wanted {
+        Wanted::Polygon => "POLYGON ((0 0, 100 0, 100 80, 0 80))",
+        Wanted::Line => "LINESTRING (0 0, 100 0, 100 80)",
+    };
+    let message = format!(
+        "{name}: neither a file nor well-known text; expected a file of GeoJSON, KML or well-known text, or such text itself: \
+         \"{example}\""
+    );
+    Error::input_of(ProblemKind::NotFound, message)
+}
+
 /// The message for a source without the geometry that is wanted.
 fn missing(wanted: Wanted, format: Format, others: &BTreeMap<String, usize>) -> String {
     let kind = match wanted {
@@ -470,6 +493,21 @@ mod tests {
         assert!(said("POLYGON ((0 0, 1e300 0, 2 2))").contains("coordinate"));
         assert!(read_line("LINESTRING (1 1)", None).is_err());
         assert!(said("LINESTRING (0 0, 100 0)").contains("--buffer"));
+        assert!(
+            said("POLYGON ((0 0, 9 9, 9 0, 0 9))")
+                .contains("sides of the area cross each other at x 4.5 y 4.5")
+        );
+        for text in ["hello", "POLYGON ((0 0, 9.5 0, 9.5 9", "POLYGON 0 0, 9 0, 9 9"] {
+            let found = said(text);
+            assert!(
+                found.contains("neither a file nor") && found.contains("\"POLYGON ((0 0, 100 0"),
+                "{found}"
+            );
+        }
+        assert!(refused(read_line("road", None)).contains("\"LINESTRING (0 0"));
+        for name in ["plot.geojson", "areas/plot"] {
+            assert!(said(name).contains("there is no such file"), "{name}");
+        }
     }
 
     #[test]

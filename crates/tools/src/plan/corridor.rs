@@ -27,7 +27,7 @@ pub fn corridor(line: &[[f64; 2]], distance: f64) -> Result<Area, String> {
     side(&back, distance, step, &mut edge);
     // Inside of a corner the edges of both of its legs are too near to one of them.
     edge.retain(|point| distance_to(line, *point) > distance * (1.0 - 1e-9));
-    Ok(Area::new(without_straight_points(edge, distance * 1e-6))?)
+    Ok(Area::of_corridor(without_straight_points(edge, distance * 1e-6))?)
 }
 
 /// The edge to the left of a line, from its first position on, and round its end.

@@ -15,6 +15,15 @@ const EDGE: f64 = 0.05;
 /// Number of pulses above which a plan warns.
 const MAX_PULSES: f64 = 1e11;
 
+/// Where a line begins or ends, `margin` m outside of the area, or within it if that is negative.
+fn beside(margin: f64, outside: &str, area: &str) -> String {
+    match margin {
+        m if m.abs() < 0.05 => format!("at the edge of {area}"),
+        m if m < 0.0 => format!("{:.1} m within {area}", -m),
+        m => format!("{m:.1} m {outside} {area}"),
+    }
+}
+
 /// What the comments of a plan report.
 pub(super) struct PlanReport<'f> {
     pub area: &'f Area,
@@ -43,6 +52,12 @@ impl PlanReport<'_> {
 
     fn flight(&self, options: &AirborneOptions, flown: f64) -> Vec<String> {
         let Choice { speed, spacing, fired_rate, .. } = self.choice;
+        let apart = match self.parallel {
+            1 => String::new(),
+            _ => format!(", {spacing:.2} m apart"),
+        };
+        let seconds = flown / speed;
+        let exact = if seconds < 60.0 { String::new() } else { format!(" ({seconds:.1} s)") };
         let hectares = self.area.square_metres() / 1e4;
         let mut lines = vec![
             format!(
@@ -51,14 +66,14 @@ impl PlanReport<'_> {
                 number(self.height)
             ),
             format!(
-                "lines      {} at heading {:.1}°, {spacing:.2} m apart, {} across; {:.2} km of {:.2} km flown measure",
+                "lines      {} at heading {:.1}°{apart}, {} across; {:.2} km of {:.2} km flown measure",
                 self.parallel,
                 degrees(self.heading),
                 options.cross_lines,
                 self.active / 1e3,
                 flown / 1e3
             ),
-            format!("duration   {} ({:.1} s)", duration(flown / speed), flown / speed),
+            format!("duration   {}{exact}", duration(seconds)),
             format!(
                 "pulses     {} leave the instrument, {} per second",
                 amount(self.active / speed * fired_rate),
@@ -79,10 +94,18 @@ impl PlanReport<'_> {
         let width = field.width();
         let ground_rate = self.choice.ground_rate();
         let [before, behind] = self.margins;
+        let (overlap, begin, end) = match self.parallel {
+            1 => (String::new(), "the line begins", "ends"),
+            _ => (
+                format!(", overlap 1 − S/W = {:.1} %", 100.0 * (1.0 - spacing / width)),
+                "lines begin",
+                "end",
+            ),
+        };
         let mut lines = vec![format!(
-            "swath      W = {width:.2} m, overlap 1 − S/W = {:.1} %; lines begin {before:.1} m before the area and end {behind:.1} \
-             m behind it",
-            100.0 * (1.0 - spacing / width)
+            "swath      W = {width:.2} m{overlap}; {begin} {} and {end} {}",
+            beside(before, "before", "the area"),
+            beside(behind, "behind", "it")
         )];
         if field.measured < 0.999 {
             lines.push(format!(
@@ -158,12 +181,28 @@ impl PlanReport<'_> {
                 self.level.mean
             ));
         } else if self.level.known < 0.99 {
-            warn(format!("the scene has no ground in {:.0} % of the area", 100.0 * (1.0 - self.level.known)));
+            let help = if self.level.known < 0.5 { "; draw the area within the scene" } else { "" };
+            warn(format!(
+                "the scene has no ground in {:.0} % of the area{help}",
+                100.0 * (1.0 - self.level.known)
+            ));
         }
         let pulses = self.active / speed * fired_rate;
         if pulses > MAX_PULSES {
             warn(format!("{} pulses will take very long to compute", amount(pulses)));
         }
         warnings
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ends_of_lines_are_outside_of_the_area_or_within_it() {
+        assert_eq!(beside(12.34, "before", "the area"), "12.3 m before the area");
+        assert_eq!(beside(-6.6, "before", "the area"), "6.6 m within the area");
+        assert_eq!(beside(-0.04, "behind", "it"), "at the edge of it");
     }
 }

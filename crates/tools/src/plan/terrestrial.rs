@@ -224,8 +224,9 @@ fn describe(
     let kilohertz = number(f64::from(scan.pulse_rate) / 1e3);
     document.comments = vec![
         format!(
-            "{} at {count} positions, {}° from point to point at {kilohertz} kHz",
+            "{} at {count} {}, {}° from point to point at {kilohertz} kHz",
             instrument.name(),
+            if count == 1.0 { "position" } else { "positions" },
             number(options.resolution)
         ),
         format!("duration   {} per position, {} in all", duration(seconds), duration(seconds * count)),

@@ -53,8 +53,16 @@ fn names_of(names: &'static str) -> impl Iterator<Item = &'static str> {
     names.split(' ')
 }
 
+/// A column by its name; names that differ from it by K for C are those of the column if they are of no other.
 fn known(name: &str) -> Option<(InventoryColumn, Dimension)> {
-    let (column, _) = NAMES.iter().find(|(_, names)| names_of(names).any(|known| known == name))?;
+    let column_of = |is_name: &dyn Fn(&str) -> bool| {
+        let mut columns =
+            NAMES.iter().filter(|(_, names)| names_of(names).any(is_name)).map(|(column, _)| column);
+        columns.next().filter(|_| columns.next().is_none())
+    };
+    let with_k = |name: &str| name.replace('c', "k");
+    let column =
+        column_of(&|known| known == name).or_else(|| column_of(&|known| with_k(known) == with_k(name)))?;
     let dimension = match column {
         InventoryColumn::Id | InventoryColumn::Species => Dimension::Count,
         InventoryColumn::Degrees => Dimension::Angle,

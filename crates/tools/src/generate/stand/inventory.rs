@@ -286,6 +286,10 @@ impl Row<'_> {
 
     /// A number with a decimal point or a decimal comma; `None` after a problem.
     fn number(&mut self, field: &str, heading: &str, factor: Option<f64>, bounds: Bounds) -> Option<f64> {
+        if field.is_empty() {
+            self.problems.push(format!("{heading} is empty, expected {}", bounds.expected));
+            return None;
+        }
         let commas = field.matches(',').count();
         if commas > 1 || commas == 1 && field.contains('.') {
             self.problems.push(format!(
@@ -457,6 +461,8 @@ mod tests {
             let said = warned(&format!("{headings}\n{row}\n"));
             assert!(said.contains(expected) && said.contains("trees.csv:1"), "{headings}: {said}");
         }
+        // K for C.
+        assert_eq!(warned("Koord_X;KOORD_Y;Height;Krown_Diameter\n1;2;10;3\n"), "");
         assert!(refused("x,y,hieght\n1,2,10\n").contains("did you mean `height` by `hieght`?"));
         // The stem diameter is there: another one is none that is misspelt.
         assert!(!warned("x,y,height,dbh,dbh2\n1,2,10,0.3,0.4\n").contains("did you mean"));
@@ -471,6 +477,7 @@ mod tests {
         assert!(said("x,y\n1,2\n").contains("no column height"));
         assert!(said("x,y,height\n1,2,tall\n").contains("trees.csv:2"));
         assert!(said("x,y,height\n1,2,-4\n1,2\n").contains("expected metres"));
+        assert!(said("x,y,height\n1,2,\n").contains("height is empty, expected metres from 0.01 to 200"));
         assert!(said("x,y,height_ns\n").contains("ns"));
         assert!(said("").contains("no tree"));
     }

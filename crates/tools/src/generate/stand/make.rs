@@ -4,7 +4,7 @@ use super::epochs::Development;
 use super::headings::PROJECT;
 use super::inventory::Inventory;
 use super::models::read_models;
-use super::write::{StandMade, StandSite, Terrain, TerrainSurface, write_stand};
+use super::write::{StandMade, StandSite, Substitute, Terrain, TerrainSurface, write_stand};
 use crate::args;
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::{Diagnostics, Place};
@@ -138,13 +138,22 @@ fn flat_ground(inventory: &Inventory, path: &Path) -> Result<(Terrain, f64)> {
 fn doubts(inventory: &Path, trees: usize, made: &StandMade) -> Diagnostics {
     let mut warnings = Diagnostics::default();
     let place = || Some(Place::of_file(inventory));
-    for (species, count) in &made.unmatched_species {
-        let of =
-            if species.is_empty() { "without species".to_owned() } else { format!("of species `{species}`") };
-        warnings.warn(
-            place(),
-            format!("{count} trees {of} get models of other species: no model's name begins with it"),
-        );
+    for Substitute { species, trees, models, is_meant } in &made.substitutes {
+        let models: Vec<&str> = models.iter().map(String::as_str).collect();
+        let have = if *trees == 1 { "tree of species" } else { "trees of species" };
+        let (has, of) = match (trees, &models[..]) {
+            (1, _) => ("has a model of", models.join(", ")),
+            (_, [first @ .., last]) if !first.is_empty() => {
+                ("have models of", format!("{} and {last}", first.join(", ")))
+            }
+            _ => ("have models of", models.join(", ")),
+        };
+        let message = format!("{trees} {have} `{species}` {has} {of}");
+        if *is_meant {
+            warnings.note(place(), message);
+        } else {
+            warnings.warn(place(), message + ": no model's name begins with that species");
+        }
     }
     if made.off_terrain > 0 {
         let message = format!(
@@ -213,7 +222,8 @@ fn read_terrain(
     let options =
         LoadOptions { max_memory: machine::memory(), rules: Corrections::REFINED, ..LoadOptions::default() };
     let (ground, mut warnings) = GroundModel::load(&recipe, &options)?;
-    let is_own = named.is_none() && ground.has_ground();
+    // A raster is written into the stand without the soil that it is of as a scene by itself.
+    let is_own = named.is_none() && !is_raster && ground.has_ground();
     if !is_own && !is_raster && !is_obj {
         return Err(Error::input_with_help(
             format!("{}: none of its materials is ground", path.display()),

@@ -19,4 +19,4 @@ mod write;
 
 pub use epochs::Development;
 pub use make::{StandOptions, make_stand};
-pub use write::StandMade;
+pub use write::{StandMade, Substitute};

@@ -121,6 +121,12 @@ pub fn stands_for(word: &str) -> Option<&'static str> {
     made.into_iter().find(|(words, _)| words.contains(&word)).map(|(_, species)| species.name())
 }
 
+/// Whether a word is a name of a species of the models that are made, not of one that they stand for.
+pub fn is_own_name(word: &str) -> bool {
+    ["spruce", "fichte", "picea", "birch", "birke", "betula", "beech", "rotbuche", "buche", "fagus"]
+        .contains(&word)
+}
+
 fn measure(path: PathBuf) -> Result<Model> {
     let name = path.to_str().ok_or_else(|| {
         Error::input(format!("{}: its name is not UTF-8, which a table of instances needs", path.display()))

@@ -4,9 +4,10 @@ use super::choose::{Choice, choose, stream};
 use super::epochs::next_epoch;
 use super::inventory::{Inventory, Tree};
 use super::make::StandOptions;
-use super::models::{MODEL_FOLDER, Model, make_models, stands_for};
+use super::models::{MODEL_FOLDER, Model, is_own_name, make_models, stands_for};
 use crate::generate::obj::SceneFolder;
 use crate::generate::survey::DOCUMENT;
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use vlscan_base::columns::quoted;
@@ -72,6 +73,19 @@ const SOIL_NAME: &str = "soil";
 const SOIL: &str = "# helios_reflectance: 0 to 1. Class 2: ground.\nnewmtl soil\nKd 0.42 0.34 0.25\nhelios_reflectance 0.3\n\
                     helios_classification 2\nhelios_isGround true\n";
 
+/// The models of trees of a species that has none of its own.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Substitute {
+    /// The species of the trees, as written.
+    pub species: String,
+    /// Number of trees.
+    pub trees: usize,
+    /// The species of their models.
+    pub models: BTreeSet<String>,
+    /// Whether these models are meant to stand for the species.
+    pub is_meant: bool,
+}
+
 /// What was made.
 #[derive(Clone, Debug)]
 pub struct StandMade {
@@ -82,7 +96,7 @@ pub struct StandMade {
     /// Tree models that were there to choose from.
     pub models: usize,
     /// Trees of species of which there is no model, by species.
-    pub unmatched_species: Vec<(String, usize)>,
+    pub substitutes: Vec<Substitute>,
     /// Trees where the terrain has no ground.
     pub off_terrain: usize,
 }
@@ -117,7 +131,7 @@ pub(super) fn write_stand(
         scene: folder.join("stand.xml"),
         trees: Vec::new(),
         models: models.len(),
-        unmatched_species: Vec::new(),
+        substitutes: Vec::new(),
         off_terrain: 0,
     };
     let all = inventory.trees.iter().cloned().enumerate();
@@ -178,18 +192,16 @@ struct ModelSet<'m> {
 }
 
 impl ModelSet<'_> {
-    /// Chooses the model for the tree with that number in the inventory.
-    fn choose(&self, tree: &Tree, number: usize, stream: &Stream) -> Choice {
+    /// Chooses the model for the tree with that number in the inventory, and tells whether it is meant to stand for another species.
+    fn choose(&self, tree: &Tree, number: usize, stream: &Stream) -> (Choice, bool) {
         let species = tree.species.as_deref().filter(|_| self.are_made).map(str::to_lowercase);
         let words = species.iter().flat_map(|species| species.split(|c: char| !c.is_alphabetic()));
-        match words.filter_map(stands_for).next() {
-            Some(species) => choose(
-                &Tree { species: Some(species.to_owned()), ..tree.clone() },
-                number,
-                self.models,
-                stream,
-            ),
-            None => choose(tree, number, self.models, stream),
+        match words.filter_map(|word| Some((stands_for(word)?, is_own_name(word)))).next() {
+            Some((species, is_own)) => {
+                let tree = Tree { species: Some(species.to_owned()), ..tree.clone() };
+                (choose(&tree, number, self.models, stream), !is_own)
+            }
+            None => (choose(tree, number, self.models, stream), false),
         }
     }
 }
@@ -208,14 +220,15 @@ impl Tables {
             labels: "part,id,species,model,x,y,z,height,crown,dbh\n".to_owned(),
         };
         for (row, (number, tree)) in trees.iter().enumerate() {
-            let choice = set.choose(tree, *number, &stream);
+            let (choice, is_meant) = set.choose(tree, *number, &stream);
             let model = &set.models[choice.model];
             let [x, y, own_z] = tree.position;
             let ground = (site.ground)(x, y);
             if let Some(made) = made.as_deref_mut() {
                 made.off_terrain += usize::from(!site.terrain.is_empty() && ground.is_none());
-                if !choice.same_species {
-                    made.count_unmatched(tree.species.as_deref().unwrap_or_default());
+                if is_meant || !choice.same_species {
+                    let species = tree.species.as_deref().unwrap_or_default();
+                    made.count_substitute(species, &model.species, is_meant);
                 }
             }
             let z = ground.unwrap_or(own_z);
@@ -247,10 +260,16 @@ impl Tables {
 }
 
 impl StandMade {
-    fn count_unmatched(&mut self, species: &str) {
-        match self.unmatched_species.iter_mut().find(|(name, _)| name == species) {
-            Some((_, count)) => *count += 1,
-            None => self.unmatched_species.push((species.to_owned(), 1)),
+    fn count_substitute(&mut self, species: &str, model: &str, is_meant: bool) {
+        let models = BTreeSet::from([model.to_owned()]);
+        match self.substitutes.iter_mut().find(|known| known.species == species) {
+            Some(known) => {
+                known.trees += 1;
+                known.models.extend(models);
+            }
+            None => {
+                self.substitutes.push(Substitute { species: species.to_owned(), trees: 1, models, is_meant });
+            }
         }
     }
 }
@@ -370,4 +389,20 @@ fn scene(out: &mut String, id: &str, terrain: &[String], instances: Option<&str>
         let _ = writeln!(out, "    <part>\n      {loader}\n    </part>");
     }
     out.push_str("  </scene>\n");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use vlscan_survey::MaterialDefinition;
+
+    #[test]
+    fn soil_is_that_of_rasters_by_themselves() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(SOIL_FILE);
+        std::fs::write(&path, SOIL).unwrap();
+        let (mut found, _) = vlscan_scene::read_materials(&path).unwrap();
+        let soil = found.remove(0);
+        assert_eq!(MaterialDefinition { place: None, ..soil }, MaterialDefinition::soil());
+    }
 }
