@@ -7,7 +7,7 @@ use crate::store::Result;
 use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
 use std::fs::{self, File};
-use std::io::{Read as _, Seek as _, SeekFrom};
+use std::io::{BufRead as _, BufReader, Read, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
@@ -180,11 +180,8 @@ impl Setting {
 
     /// What vlscan said in the last of these logs that there is, without progress and the names of its outputs.
     pub(crate) fn said(&self, logs: &[PathBuf]) -> String {
-        let Some(log) = logs.iter().rfind(|log| log.is_file()) else { return String::new() };
-        let text = tail(log, MAX_MESSAGE);
-        let is_of_results = |line: &&str| !is_progress(line) && !line.starts_with("../out/");
-        let lines: Vec<&str> = text.lines().filter(is_of_results).collect();
-        self.without_folders(lines.join("\n").trim())
+        let log = logs.iter().rev().find_map(|log| File::open(log).ok());
+        log.map_or_else(String::new, |log| self.without_folders(&said_in(log)))
     }
 
     fn without_folders(&self, text: &str) -> String {
@@ -244,6 +241,27 @@ fn tail(log: &Path, most: u64) -> String {
     String::from_utf8_lossy(&read().unwrap_or_default()).into_owned()
 }
 
+/// The lines of a log without progress and the names of outputs, at most [`MAX_MESSAGE`] bytes from its start: warnings come first, and the
+/// progress of hours may follow them.
+fn said_in(log: impl Read) -> String {
+    let lines = BufReader::new(log).split(b'\n').map_while(std::io::Result::ok);
+    let lines = lines.map(|line| String::from_utf8_lossy(&line).into_owned());
+    let mut said = String::new();
+    let mut omitted = 0;
+    for line in lines.filter(|line| !is_progress(line) && !line.starts_with("../out/")) {
+        if omitted == 0 && said.len() + line.len() < MAX_MESSAGE as usize {
+            said += &line;
+            said.push('\n');
+        } else {
+            omitted += 1;
+        }
+    }
+    if omitted > 0 {
+        said += &format!("… and {omitted} more lines");
+    }
+    said.trim().to_owned()
+}
+
 /// Whether a line tells progress, as `vlscan run` writes it to what is no terminal.
 fn is_progress(line: &str) -> bool {
     let text = line.split_once(" %  ").map_or(line, |(_, text)| text);
@@ -257,4 +275,25 @@ pub(crate) fn progress_of(log: &Path) -> (u8, String) {
     let Some(line) = line.map(str::trim) else { return (0, String::new()) };
     let percent = line.split_once('%').and_then(|(number, _)| number.trim().parse::<f64>().ok());
     (percent.unwrap_or(0.0).clamp(0.0, 99.0) as u8, line.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn warnings_are_kept_whatever_follows_them() {
+        let warning = "warning: leg 2 has no pulses (it is not active)";
+        let progress =
+            " 20.7 %  leg 1/4  2.58 M pulses (1.29 M/s)  1.80 M echoes  7.65 s left\n".repeat(10_000);
+        let end = "10 pulses, 2 points (0.20 per pulse) in 1 s";
+        let log = format!(
+            "{warning}\n{progress}leg 1/1  2.00 k pulses (1.00 k/s)\n../out/a.laz  2 points, 9 bytes\n{end}\n"
+        );
+        assert_eq!(said_in(log.as_bytes()), format!("{warning}\n{end}"));
+        let long = said_in(format!("{warning}\n{}", "x\n".repeat(10_000)).as_bytes());
+        assert!(long.starts_with(warning) && long.ends_with(" more lines"), "{long}");
+        assert!(long.len() < MAX_MESSAGE as usize + 40);
+        assert_eq!(said_in(&b"a \xff b\nc"[..]), "a \u{fffd} b\nc");
+    }
 }

@@ -404,7 +404,7 @@ mod tests {
         store.add_job(&job("anna", "b"), &BTreeSet::new(), Some(&first), 0).unwrap();
         let again = store.job("anna", "b").unwrap().unwrap();
         assert_eq!((again.status, again.folder.as_str()), (Status::Successful, "a"));
-        assert_eq!(again.result_files(), files);
+        assert_eq!((again.result_files(), again.message.as_str()), (files, "warning: w"));
         assert_eq!(store.stored_bytes("anna").unwrap(), 7);
         store.dismiss("anna", "a", None).unwrap();
         assert!(store.job_folder("a").is_dir(), "the second job has its results there");
@@ -452,6 +452,7 @@ mod tests {
             (found.status, found.folder.as_str(), found.result_files()),
             (Status::Successful, "a", files)
         );
+        assert_eq!(found.message, "warning: w");
         store.dismiss("anna", "a", None).unwrap();
         assert!(store.has(Kind::Results, "a").unwrap(), "another job names them");
         store.dismiss("anna", "b", None).unwrap();

@@ -75,6 +75,11 @@ export class Copc {
     this.centre = triple(info);
     this.half = f64(info + 24);
     this.spacing = f64(info + 32);
+    const sizes = [...this.scale, this.half, this.spacing];
+    const places = [...this.offset, ...this.min, ...this.max, ...this.centre];
+    if (this.points > 0 && !(sizes.every((size) => size > 0) && [...sizes, ...places].every(Number.isFinite))) {
+      throw new Error('the header of the cloud is damaged');
+    }
     const base = { 6: 30, 7: 36, 8: 38 }[this.format];
     if (!base) throw new Error(`points of format ${this.format} are no COPC`);
     this.extra = [];
