@@ -1,5 +1,6 @@
 //! A bucket of an S3-compatible store. Credentials and the address of the store are taken from the variables `AWS_…` of the environment.
 
+use crate::beneath::Beneath;
 use crate::records::Kind;
 use axum::body::Body;
 use futures_util::{StreamExt as _, TryStreamExt as _};
@@ -19,6 +20,9 @@ use tokio::runtime::Handle;
 const BUFFER: usize = 1 << 20;
 /// Parts of a file that are sent at the same time.
 const MAX_PARTS: usize = 2;
+/// The object with the id of the service, and the prefix of what its database does not list.
+const SERVICE: &str = "service-id";
+const LOST: &str = "lost";
 
 /// A bucket and the prefix of the service's objects in it.
 #[derive(Debug)]
@@ -59,9 +63,10 @@ impl Bucket {
     /// # Errors
     /// Those of files and of the store.
     pub(crate) fn put(&self, kind: Kind, id: &str, folder: &Path, paths: &[String]) -> io::Result<()> {
+        let folder = Beneath::of(folder)?;
         self.runtime.block_on(async {
             for path in paths {
-                let file = tokio::fs::File::open(folder.join(path)).await?;
+                let file = tokio::fs::File::from_std(folder.file(path)?);
                 let mut file = BufReader::with_capacity(BUFFER, file);
                 let object = BufWriter::new(Arc::clone(&self.store), self.key(kind, id, path));
                 let mut object = object.with_max_concurrency(MAX_PARTS);
@@ -123,6 +128,49 @@ impl Bucket {
         let wanted = GetOptions { range: Some(GetRange::Bounded(range)), ..GetOptions::default() };
         let found = self.store.get_opts(&self.key(kind, id, path), wanted).await?;
         Ok(Body::from_stream(found.into_stream()))
+    }
+
+    /// The id of the service that the prefix belongs to, if it has one.
+    ///
+    /// # Errors
+    /// Those of the store.
+    pub(crate) fn service(&self) -> io::Result<Option<String>> {
+        let key = self.prefix.clone().join(SERVICE);
+        let found = self.runtime.block_on(async {
+            match self.store.get(&key).await {
+                Ok(found) => Ok(Some(found.bytes().await?)),
+                Err(object_store::Error::NotFound { .. }) => Ok(None),
+                Err(error) => Err(io::Error::from(error)),
+            }
+        })?;
+        Ok(found.map(|bytes| String::from_utf8_lossy(&bytes).trim().to_owned()))
+    }
+
+    /// Gives the prefix to a service.
+    ///
+    /// # Errors
+    /// Those of the store.
+    pub(crate) fn set_service(&self, id: &str) -> io::Result<()> {
+        let key = self.prefix.clone().join(SERVICE);
+        self.runtime.block_on(self.store.put(&key, id.to_owned().into()))?;
+        Ok(())
+    }
+
+    /// Moves all files of an upload or of results below `lost/`.
+    ///
+    /// # Errors
+    /// Those of the store.
+    pub(crate) fn set_aside(&self, kind: Kind, id: &str) -> io::Result<()> {
+        self.runtime.block_on(async {
+            let found = self.store.list(Some(&self.key(kind, id, "")));
+            for object in found.try_collect::<Vec<_>>().await? {
+                let inner = object.location.prefix_match(&self.prefix).into_iter().flatten();
+                let lost = self.prefix.clone().join(LOST);
+                let lost = inner.fold(lost, |key, part| key.join(part));
+                self.store.rename(&object.location, &lost).await?;
+            }
+            Ok(())
+        })
     }
 
     /// Removes all files of an upload or of results.

@@ -36,6 +36,9 @@ pub enum Command {
         #[arg(long, value_name = "PULSES", value_parser = amount)]
         quota: Option<u64>,
     },
+    /// Check the folder, database and bucket of a service that does not run, and change nothing: integrity, version, ids, files that are
+    /// missing, and files that the database does not list. Exits with status 1 if there is a problem.
+    Check(CheckArgs),
     /// Restrict this process and execute a program in its place: how the service starts vlscan.
     Confine(ConfineArgs),
     /// Compute a task of a job that an engine was given: what the service hands in.
@@ -43,6 +46,17 @@ pub enum Command {
     /// Expand a zip archive within limits: what the service starts for archives among uploads.
     #[command(hide = true)]
     Expand(ExpandArgs),
+}
+
+/// What is checked.
+#[derive(Clone, Debug, Args)]
+pub struct CheckArgs {
+    /// Folder of the service.
+    #[arg(long, value_name = "DIR", default_value = "vlscan-service")]
+    pub data: PathBuf,
+    /// Bucket of the service, if it has one: s3://BUCKET/PREFIX.
+    #[arg(long, value_name = "URL")]
+    pub store: Option<String>,
 }
 
 /// A task of a job.
@@ -84,9 +98,13 @@ pub struct ServeArgs {
     /// instead, that of the owner `admin`.
     #[arg(long, value_name = "FILE")]
     pub token_file: Option<PathBuf>,
-    /// Names under which browsers reach the service, if it is behind a proxy or has no tokens; may be given more than once.
-    #[arg(long, value_name = "NAME")]
+    /// Names under which browsers reach the service, if it is behind a proxy or has no tokens; may be given more than once. Names other
+    /// than localhost need tokens, or --open.
+    #[arg(long, value_name = "NAME", value_parser = clap::builder::NonEmptyStringValueParser::new())]
     pub host: Vec<String>,
+    /// Serve everybody who reaches the names of --host, without tokens.
+    #[arg(long, requires = "host", conflicts_with = "token_file")]
+    pub open: bool,
     /// Jobs that are computed at the same time; 0 only queues them.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub workers: usize,

@@ -5,14 +5,20 @@
 //! |---|---|---|
 //! | memory, processor time, size of files, no core dumps | setrlimit(2) | Unix |
 //! | files: only the job's, the program and its libraries | Landlock | Linux 5.13 |
-//! | TCP | Landlock, which allows no port | Linux 6.7 |
-//! | sockets and signals of other processes | Landlock scopes | Linux 6.12 |
-//! | any network | an empty network namespace in a user namespace of its own | Linux, where users may have them |
-//! | its end when the service ends | PR_SET_PDEATHSIG | Linux |
+//! | processes, sockets, modes and owners of files and other calls (`calls`) | seccomp | Linux on x86-64, AArch64, RISC-V |
+//! | names of all other files, Unix sockets among them | a root of its own (`own_root`) | Linux, where users may have namespaces |
+//! | any network | an empty network namespace in a user namespace of its own | the same |
+//! | threads | RLIMIT_NPROC, which counts within the user namespace | the same, for other users than root |
+//! | TCP; abstract sockets and signals of other processes | Landlock, beside seccomp | Linux 6.7; 6.12 |
+//! | its end when the service ends | PR_SET_PDEATHSIG, which seccomp keeps | Linux |
 
 use crate::config::ConfineArgs;
 use std::io;
 use std::process::Command;
+
+/// Most threads of a process: vlscan starts at most 1024, and a few of its own.
+#[cfg(target_os = "linux")]
+const MAX_THREADS: u64 = 2048;
 
 /// What of the sandbox is in force.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -23,6 +29,10 @@ pub struct Held {
     pub tcp: bool,
     /// No network at all.
     pub network: bool,
+    /// No processes, sockets, and changes of modes and owners.
+    pub calls: bool,
+    /// Other files have no names.
+    pub root: bool,
 }
 
 /// Restricts this process and becomes the program; returns only if that fails. Without a program, prints what this system allows.
@@ -37,6 +47,9 @@ pub fn confine(args: &ConfineArgs) -> io::Result<()> {
     };
     if !held.files && !args.no_sandbox {
         return Err(io::Error::other("this system has no Landlock, which keeps a job to its own files"));
+    }
+    if !held.calls && !args.no_sandbox {
+        return Err(io::Error::other("this system has no seccomp filters, which keep a job to one process"));
     }
     let mut command = Command::new(program);
     command.args(arguments);
@@ -62,10 +75,21 @@ fn restrict(args: &ConfineArgs) -> io::Result<Held> {
     limit(args)?;
     #[cfg(target_os = "linux")]
     {
-        let network = !args.no_sandbox && linux::leave_network();
+        if args.no_sandbox {
+            linux::die_with_parent()?;
+            return Ok(Held::default());
+        }
+        let namespaces = crate::own_root::Namespaces::new();
+        let root = namespaces.root(&linux::paths(args))?;
+        if namespaces.counts_anew() {
+            limit_one(nix::sys::resource::Resource::RLIMIT_NPROC, MAX_THREADS)?;
+        }
         linux::die_with_parent()?;
-        let (files, tcp) = if args.no_sandbox { (false, false) } else { linux::close_files(args)? };
-        Ok(Held { files, tcp, network })
+        let (files, tcp) = linux::close_files(args)?;
+        linux::drop_capabilities()?;
+        // Last: it denies calls that the rest needs.
+        let calls = crate::calls::close()?;
+        Ok(Held { files, tcp: tcp || calls, network: namespaces.network, calls, root })
     }
     #[cfg(not(target_os = "linux"))]
     Ok(Held::default())
@@ -79,7 +103,7 @@ fn restrict(_: &ConfineArgs) -> io::Result<Held> {
 /// Sets the limits of resources.
 #[cfg(unix)]
 fn limit(args: &ConfineArgs) -> io::Result<()> {
-    use nix::sys::resource::{Resource, getrlimit, setrlimit};
+    use nix::sys::resource::Resource;
     let limits = [
         (Resource::RLIMIT_AS, args.memory),
         (Resource::RLIMIT_CPU, args.time),
@@ -87,14 +111,19 @@ fn limit(args: &ConfineArgs) -> io::Result<()> {
         (Resource::RLIMIT_CORE, Some(0)),
     ];
     for (resource, limit) in limits {
-        let Some(limit) = limit else { continue };
-        let (_, hard) = getrlimit(resource)?;
-        let limit = limit.min(hard);
-        // At the soft limit of time a signal tells why the process ends.
-        let grace = if resource == Resource::RLIMIT_CPU { 5 } else { 0 };
-        setrlimit(resource, limit, limit.saturating_add(grace).min(hard))?;
+        limit.map_or(Ok(()), |limit| limit_one(resource, limit))?;
     }
     Ok(())
+}
+
+#[cfg(unix)]
+fn limit_one(resource: nix::sys::resource::Resource, limit: u64) -> io::Result<()> {
+    use nix::sys::resource::{Resource, getrlimit, setrlimit};
+    let (_, hard) = getrlimit(resource)?;
+    let limit = limit.min(hard);
+    // At the soft limit of time a signal tells why the process ends.
+    let grace = if resource == Resource::RLIMIT_CPU { 5 } else { 0 };
+    Ok(setrlimit(resource, limit, limit.saturating_add(grace).min(hard))?)
 }
 
 #[cfg(target_os = "linux")]
@@ -104,29 +133,78 @@ mod linux {
         ABI, Access as _, AccessFs, AccessNet, CompatLevel, Compatible as _, PathBeneath, PathFd, Ruleset,
         RulesetAttr as _, RulesetCreatedAttr as _, RulesetStatus, Scope,
     };
-    use nix::sched::{CloneFlags, unshare};
+    use rustix::thread::{CapabilitySet, CapabilitySets, set_capabilities};
+    use std::collections::BTreeSet;
     use std::io;
     use std::path::{Path, PathBuf};
 
-    /// What a program needs of the system: libraries, and what it asks about processors and memory.
-    const SYSTEM: [&str; 10] = [
-        "/lib",
+    /// What a program needs of the system: its loader, and what it asks about processors and memory.
+    const SYSTEM: [&str; 9] = [
         "/lib64",
-        "/usr/lib",
         "/usr/lib64",
         "/etc/ld.so.cache",
         "/nix/store",
-        "/proc/self",
+        "/proc/self/cgroup",
+        "/proc/self/limits",
+        "/proc/self/status",
         "/proc/meminfo",
-        "/sys/fs/cgroup",
         "/sys/devices/system/cpu",
     ];
+    /// Limits of memory and processors of containers.
+    const GROUPS: &str = "/sys/fs/cgroup";
     const DEVICES: [&str; 3] = ["/dev/null", "/dev/zero", "/dev/urandom"];
 
-    /// Moves to a network namespace without devices. Many systems allow it only within a user namespace, some not at all.
-    pub fn leave_network() -> bool {
-        unshare(CloneFlags::CLONE_NEWUSER | CloneFlags::CLONE_NEWNET).is_ok()
-            || unshare(CloneFlags::CLONE_NEWNET).is_ok()
+    /// The folders of the libraries that this program has, which are those of vlscan, too; all folders of libraries for a program that has
+    /// none.
+    fn libraries() -> Vec<PathBuf> {
+        let maps = std::fs::read_to_string("/proc/self/maps").unwrap_or_default();
+        let files = maps.lines().filter_map(|line| line.split_once('/').map(|(_, path)| format!("/{path}")));
+        let folders: BTreeSet<PathBuf> = files
+            .filter(|path| path.contains(".so"))
+            .filter_map(|path| Path::new(&path).parent().map(Path::to_owned))
+            .collect();
+        if folders.is_empty() {
+            return ["/lib", "/usr/lib"].map(PathBuf::from).to_vec();
+        }
+        // A system may have /lib as a link to /usr/lib, or the other way around.
+        let other = folders.iter().map(|folder| match folder.strip_prefix("/usr") {
+            Ok(inner) => Path::new("/").join(inner),
+            Err(_) => Path::new("/usr").join(folder.strip_prefix("/").unwrap_or(folder)),
+        });
+        folders.iter().cloned().chain(other).collect()
+    }
+
+    /// What a job sees.
+    fn all_paths(args: &ConfineArgs) -> Vec<(PathBuf, Access)> {
+        let libraries = libraries().into_iter().map(|path| (path, Access::Program));
+        let system = SYSTEM.iter().map(|path| (PathBuf::from(path), Access::Program));
+        let groups = std::iter::once((PathBuf::from(GROUPS), Access::Read));
+        let devices = DEVICES.iter().map(|path| (PathBuf::from(path), Access::Device));
+        let program = args.program.first().map(|program| (PathBuf::from(program), Access::Program));
+        let read = args.read.iter().map(|path| (path.clone(), Access::Read));
+        let written = args.write.iter().map(|path| (path.clone(), Access::Write));
+        let all = libraries.chain(system).chain(groups).chain(devices);
+        all.chain(program).chain(read).chain(written).collect()
+    }
+
+    /// The names that a job sees.
+    pub fn paths(args: &ConfineArgs) -> Vec<PathBuf> {
+        all_paths(args).into_iter().map(|(path, _)| path).collect()
+    }
+
+    /// What a job may do with a file or folder.
+    #[derive(Clone, Copy)]
+    enum Access {
+        Read,
+        Write,
+        Program,
+        Device,
+    }
+
+    /// Gives up all rights of root.
+    pub fn drop_capabilities() -> io::Result<()> {
+        let none = CapabilitySet::empty();
+        Ok(set_capabilities(None, CapabilitySets { effective: none, permitted: none, inheritable: none })?)
     }
 
     /// Ends this process when its parent does.
@@ -152,19 +230,16 @@ mod linux {
             .and_then(|rules| rules.scope(Scope::from_all(newest)))
             .and_then(Ruleset::create)
             .map_err(io::Error::other)?;
-        let program: Option<PathBuf> = args.program.first().map(PathBuf::from);
-        let system = SYSTEM
-            .iter()
-            .map(Path::new)
-            .chain(program.as_deref())
-            .map(|path| (path, read | AccessFs::Execute));
-        let devices = DEVICES.iter().map(|path| (Path::new(path), AccessFs::ReadFile | AccessFs::WriteFile));
-        let own = args.read.iter().map(|path| (path.as_path(), read));
-        let written = args.write.iter().map(|path| (path.as_path(), all & !AccessFs::Execute));
         let mut created = ruleset;
-        for (path, access) in system.chain(devices).chain(own).chain(written) {
+        for (path, access) in all_paths(args) {
+            let access = match access {
+                Access::Read => read,
+                Access::Write => all & !AccessFs::Execute,
+                Access::Program => read | AccessFs::Execute,
+                Access::Device => AccessFs::ReadFile | AccessFs::WriteFile,
+            };
             // What a system does not have needs no rule.
-            let Ok(opened) = PathFd::new(path) else { continue };
+            let Ok(opened) = PathFd::new(&path) else { continue };
             let access = if path.is_dir() { access } else { access & AccessFs::from_file(newest) };
             created = created.add_rule(PathBeneath::new(opened, access)).map_err(io::Error::other)?;
         }

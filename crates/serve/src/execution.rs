@@ -1,6 +1,7 @@
 //! A process of vlscan: started under its restrictions, watched, and how it ended. Workers of the service use it, and tasks of an engine on
 //! its nodes.
 
+use crate::beneath::{Beneath, EntryKind};
 use crate::config::ConfineArgs;
 use crate::program::confined;
 use crate::store::Result;
@@ -15,6 +16,9 @@ use std::time::{Duration, Instant};
 const POLL: Duration = Duration::from_millis(20);
 /// How often time and disk are checked.
 const CHECK: Duration = Duration::from_secs(1);
+/// Bytes that a file or folder takes besides its content, and most of them in the folder of a job.
+pub(crate) const BLOCK: u64 = 4096;
+const MAX_ENTRIES: usize = 200_000;
 /// Longest message of a failed job, bytes.
 const MAX_MESSAGE: u64 = 8 << 10;
 /// How often a process that somebody kills is started again.
@@ -61,7 +65,7 @@ pub struct Setting {
 
 impl Setting {
     /// Executes vlscan with `words`; again if somebody kills it, each time after `prepare`. Messages go to the file `log`, standard output
-    /// to `stdout`. `goes_on` is asked again and again whether the results are still wanted.
+    /// to `stdout` when it is complete. `goes_on` is asked again and again whether the results are still wanted.
     ///
     /// # Errors
     /// Those of files, of `prepare` and of `goes_on`.
@@ -101,17 +105,15 @@ impl Setting {
         stdout: Option<&Path>,
         goes_on: &mut dyn FnMut() -> Result<bool>,
     ) -> Result<Ended> {
-        let part = stdout.map(|path| path.with_extension("unfinished"));
-        let mut command = confined(&self.restrictions, words)?;
+        // No process of the job can put a link in its place.
+        let part = stdout.map(|_| self.folder.join("stdout"));
+        let mut command = alone(confined(&self.restrictions, words)?);
         command.current_dir(self.folder.join(if self.within_inputs { "in" } else { "out" }));
         command.env("TMPDIR", self.folder.join("tmp")).stderr(File::create(log)?);
         command.stdout(part.as_ref().map(File::create).transpose()?.map_or(Stdio::null(), Stdio::from));
         let mut child = command.spawn()?;
         let watched = self.watch(&mut child, log, goes_on);
-        if !matches!(watched, Ok(Ended::By(End::Success))) {
-            let _ = child.kill();
-            let _ = child.wait();
-        }
+        end(&mut child, !self.restrictions.no_sandbox);
         if let (Ok(Ended::By(End::Success)), Some(part), Some(stdout)) = (&watched, &part, stdout) {
             fs::rename(part, stdout)?;
         } else if let Some(part) = &part {
@@ -140,10 +142,18 @@ impl Setting {
                     let message = format!("it took more than {} s, the limit of this service", self.max_time);
                     return Ok(Ended::By(End::Failure(message)));
                 }
-                if bytes_in(&self.folder) > self.max_disk {
-                    let most = self.max_disk;
-                    let message = format!("its files have more than {most} bytes, the limit of this service");
-                    return Ok(Ended::By(End::Failure(message)));
+                match bytes_in(&self.folder) {
+                    Ok(bytes) if bytes <= self.max_disk => {}
+                    Ok(_) => {
+                        let most = self.max_disk;
+                        let message =
+                            format!("its files have more than {most} bytes, the limit of this service");
+                        return Ok(Ended::By(End::Failure(message)));
+                    }
+                    Err(error) => {
+                        let message = format!("its files are beyond the limits of this service: {error}");
+                        return Ok(Ended::By(End::Failure(message)));
+                    }
                 }
                 checked = Instant::now();
             }
@@ -217,15 +227,40 @@ fn was_killed(_: ExitStatus) -> bool {
     false
 }
 
-/// Bytes of all files in a folder; files that vanish meanwhile count nothing.
-fn bytes_in(folder: &Path) -> u64 {
-    let Ok(entries) = fs::read_dir(folder) else { return 0 };
-    let of = |entry: fs::DirEntry| match entry.metadata() {
-        Ok(about) if about.is_dir() => bytes_in(&entry.path()),
-        Ok(about) if about.is_file() => about.len(),
-        _ => 0,
-    };
-    entries.flatten().map(of).sum()
+/// Starts a process in a group of its own, by which all its processes are ended where no sandbox keeps it to one.
+pub(crate) fn alone(command: std::process::Command) -> std::process::Command {
+    #[cfg(unix)]
+    {
+        use std::os::unix::process::CommandExt as _;
+        let mut command = command;
+        command.process_group(0);
+        command
+    }
+    #[cfg(not(unix))]
+    command
+}
+
+/// Ends a process, whether it has ended or not, and without a sandbox, which keeps it to one, all processes of its group.
+pub(crate) fn end(child: &mut Child, has_sandbox: bool) {
+    #[cfg(unix)]
+    if let (false, Ok(group)) = (has_sandbox, i32::try_from(child.id())) {
+        let _ =
+            nix::sys::signal::killpg(nix::unistd::Pid::from_raw(group), nix::sys::signal::Signal::SIGKILL);
+    }
+    #[cfg(not(unix))]
+    let _ = has_sandbox;
+    let _ = child.kill();
+    let _ = child.wait();
+}
+
+/// What the files in a folder of a job take on the disk, bytes: those of their content, and a block for each file and folder.
+///
+/// # Errors
+/// Those of files, and for very many.
+pub(crate) fn bytes_in(folder: &Path) -> std::io::Result<u64> {
+    let of = |bytes: u64| bytes.saturating_add(BLOCK);
+    let entries = Beneath::of(folder)?.entries(MAX_ENTRIES)?;
+    Ok(entries.iter().map(|entry| of(if entry.kind == EntryKind::File { entry.bytes } else { 0 })).sum())
 }
 
 /// The last lines of a log, at most `most` bytes.

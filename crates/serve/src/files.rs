@@ -1,8 +1,9 @@
 //! Where the files of uploads and results are kept: in the folder of the service, or in a bucket. From a bucket they are fetched into the
 //! folder when a job or a picture needs them, and removed there afterwards.
 
+use crate::beneath::Beneath;
 use crate::bucket::Bucket;
-use crate::names::file_within;
+use crate::names::relative_path;
 use crate::records::Kind;
 use crate::store::{Result, ResultFile, Store, StoreError, remove_folder};
 use crate::tokens::random_name;
@@ -18,6 +19,56 @@ pub enum Files {
     Folder,
     /// In a bucket.
     Bucket(Bucket),
+}
+
+impl Files {
+    /// Where the command line says.
+    ///
+    /// # Errors
+    /// For an address that is none of a bucket.
+    pub fn of(store: Option<&str>, runtime: &tokio::runtime::Handle) -> std::io::Result<Files> {
+        match store {
+            None => Ok(Files::Folder),
+            Some(address) => Ok(Files::Bucket(Bucket::new(address, runtime.clone())?)),
+        }
+    }
+
+    /// The id of the service that a bucket belongs to, if it has one.
+    ///
+    /// # Errors
+    /// Those of the bucket.
+    pub(crate) fn id(&self) -> Result<Option<String>> {
+        match self {
+            Files::Folder => Ok(None),
+            Files::Bucket(bucket) => bucket.service().map_err(StoreError::Bucket),
+        }
+    }
+
+    /// Gives a bucket to a service.
+    ///
+    /// # Errors
+    /// Those of the bucket.
+    pub(crate) fn set_id(&self, id: &str) -> Result<()> {
+        match self {
+            Files::Folder => Ok(()),
+            Files::Bucket(bucket) => bucket.set_service(id).map_err(StoreError::Bucket),
+        }
+    }
+
+    /// Whether a bucket has uploads or results.
+    ///
+    /// # Errors
+    /// Those of the bucket.
+    pub(crate) fn has_objects(&self) -> Result<bool> {
+        match self {
+            Files::Folder => Ok(false),
+            Files::Bucket(bucket) => {
+                let found = [Kind::Upload, Kind::Results].map(|kind| bucket.ids(kind));
+                let found = found.into_iter().collect::<std::io::Result<Vec<_>>>();
+                Ok(found.map_err(StoreError::Bucket)?.iter().any(|ids| !ids.is_empty()))
+            }
+        }
+    }
 }
 
 /// How many need the local copy of an upload or of results.
@@ -127,9 +178,11 @@ impl Store {
     pub fn read(&self, kind: Kind, id: &str, path: &str, max_bytes: u64) -> Result<Option<Vec<u8>>> {
         match &self.kept {
             Files::Folder => {
-                let Some(path) = file_within(&self.local(kind, id), path) else { return Ok(None) };
-                let is_small = std::fs::metadata(&path)?.len() <= max_bytes;
-                Ok(is_small.then(|| std::fs::read(path)).transpose()?)
+                let Some(path) = relative_path(path) else { return Ok(None) };
+                // What is no file of a job's or an upload's own has no content.
+                let found =
+                    Beneath::of(&self.local(kind, id)).and_then(|folder| folder.read(path, max_bytes));
+                Ok(found.ok())
             }
             Files::Bucket(bucket) => {
                 let files = self.listed(kind, id)?;
@@ -141,10 +194,10 @@ impl Store {
         }
     }
 
-    /// Removes files that the database does not list any more.
+    /// Removes files that the database does not list any more, and the note of their removal.
     ///
     /// # Errors
-    /// Those of files. What stays in a bucket is told, and removed by the next start.
+    /// Those of files and of the database. What stays in a bucket is told, and removed by the next start.
     pub(crate) fn discard(&self, kind: Kind, id: &str) -> Result<()> {
         let folder = match kind {
             Kind::Upload => self.upload_folder(id),
@@ -154,8 +207,11 @@ impl Store {
             && let Err(error) = bucket.remove(kind, id)
         {
             eprintln!("vlscan serve: {}/{id} stays in the bucket until the next start: {error}", kind.name());
+            return Ok(remove_folder(&folder)?);
         }
-        Ok(remove_folder(&folder)?)
+        remove_folder(&folder)?;
+        self.database().execute("DELETE FROM removed WHERE kind = ? AND id = ?", [kind.name(), id])?;
+        Ok(())
     }
 
     /// The uploads or results that have files in the bucket.

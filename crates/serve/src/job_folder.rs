@@ -1,11 +1,12 @@
 //! The folder of a job: what it reads, and the files of its results.
 
+use crate::beneath::{Beneath, EntryKind};
 use crate::request::{Prepared, name_of};
-use crate::store::{Result, ResultFile, Store, StoreError};
+use crate::store::{Result, ResultFile, Store};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// Most files of results that are listed.
+/// Most files and folders of results.
 const MAX_RESULTS: usize = 100_000;
 
 /// Makes the folder of a job, or completes the one that an earlier worker has begun to make.
@@ -51,26 +52,10 @@ fn link(target: &Path, name: &Path) -> std::io::Result<()> {
 /// Those of files, and for very many files.
 pub(crate) fn results(folder: &Path) -> Result<Vec<ResultFile>> {
     let mut found = Vec::new();
-    let mut folders = vec![PathBuf::new()];
-    while let Some(inner) = folders.pop() {
-        for entry in fs::read_dir(folder.join(&inner))? {
-            let entry = entry?;
-            let about = entry.metadata()?;
-            let path = inner.join(entry.file_name());
-            if path.to_string_lossy().starts_with('.') {
-                continue;
-            }
-            if about.is_dir() {
-                folders.push(path);
-            } else if about.is_file() {
-                found
-                    .push(ResultFile { path: path.to_string_lossy().replace('\\', "/"), bytes: about.len() });
-            }
-            if found.len() > MAX_RESULTS {
-                return Err(StoreError::Files(std::io::Error::other(format!(
-                    "more than {MAX_RESULTS} files of results"
-                ))));
-            }
+    for entry in Beneath::of(folder)?.entries(MAX_RESULTS)? {
+        let path = entry.path.to_string_lossy().replace('\\', "/");
+        if entry.kind == EntryKind::File && !path.starts_with('.') {
+            found.push(ResultFile { path, bytes: entry.bytes });
         }
     }
     found.sort_by(|a, b| a.path.cmp(&b.path));

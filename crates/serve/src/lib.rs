@@ -11,7 +11,8 @@
 //! | `program` | the program vlscan: its options as JSON Schema, its catalogue, how it is started |
 //! | `processes` | the processes, as they are described to programs |
 //! | `request` | from inputs to a command, the files it reads and the hash of all that determines its result |
-//! | `records`, `store`, `queue` | uploads, jobs and leases, in SQLite |
+//! | `records`, `schema`, `store`, `queue` | uploads, jobs and leases, in SQLite |
+//! | `opening`, `inspect` | whether folder, database and bucket belong together, and what the database does not list |
 //! | `uploads` | files that are received, and archives that are expanded |
 //! | `submit` | from a request to a job in the queue |
 //! | `files`, `bucket`, `no_bucket` | where files of uploads and results are kept; `no_bucket` takes the place of `bucket` without the feature `s3` |
@@ -19,7 +20,8 @@
 //! | `job_folder`, `steps`, `execution` | the folder of a job, what is executed in it, and how |
 //! | `engine`, `template`, `tasks` | jobs that an existing engine computes, and what its tasks do |
 //! | `view`, `scene_map` | pictures of results and of scenes, drawn when pages ask for them |
-//! | `confine` | restrictions of the processes that compute |
+//! | `confine`, `own_root`, `calls` | restrictions of the processes that compute |
+//! | `beneath` | files below folders that these processes can write |
 //! | `answers` | failures, documents, links |
 //! | `app`, `sessions` | what all requests share; who asks |
 //! | `security` | which requests are admitted, headers of answers |
@@ -33,15 +35,22 @@
 pub mod answers;
 pub mod api;
 pub mod app;
+pub mod beneath;
 #[cfg_attr(not(feature = "s3"), path = "no_bucket.rs")]
 pub mod bucket;
+#[cfg(target_os = "linux")]
+pub mod calls;
 pub mod config;
 pub mod confine;
 pub mod engine;
 pub mod execution;
 pub mod files;
+pub mod inspect;
 mod job_folder;
 pub mod names;
+pub mod opening;
+#[cfg(target_os = "linux")]
+mod own_root;
 pub mod pages;
 pub mod processes;
 pub mod program;
@@ -49,6 +58,7 @@ pub mod queue;
 pub mod records;
 pub mod request;
 pub mod scene_map;
+mod schema;
 pub mod security;
 pub mod server;
 pub mod sessions;

@@ -3,7 +3,7 @@
 use clap::Parser as _;
 use std::process::ExitCode;
 use vlscan_serve::config::{Cli, Command};
-use vlscan_serve::{confine, server, tasks, tokens, uploads};
+use vlscan_serve::{confine, inspect, server, tasks, tokens, uploads};
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
@@ -15,6 +15,16 @@ fn main() -> ExitCode {
                 println!("{line}");
             })
         }
+        Some(Command::Check(args)) => match inspect::inspect(args) {
+            Ok(report) => {
+                print!("{}", report.text);
+                if report.problems > 0 {
+                    return ExitCode::FAILURE;
+                }
+                Ok(())
+            }
+            Err(message) => Err(message),
+        },
         Some(Command::Task(args)) => tasks::run(args),
         Some(Command::Expand(args)) => uploads::expand(args),
         Some(Command::Confine(args)) => confine::confine(args).map_err(|e| e.to_string()),

@@ -38,6 +38,18 @@ impl Bucket {
         match *self {}
     }
 
+    pub(crate) fn service(&self) -> io::Result<Option<String>> {
+        match *self {}
+    }
+
+    pub(crate) fn set_service(&self, _: &str) -> io::Result<()> {
+        match *self {}
+    }
+
+    pub(crate) fn set_aside(&self, _: Kind, _: &str) -> io::Result<()> {
+        match *self {}
+    }
+
     pub(crate) fn remove(&self, _: Kind, _: &str) -> io::Result<()> {
         match *self {}
     }

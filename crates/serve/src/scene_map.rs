@@ -1,5 +1,6 @@
 //! Pictures of scenes from above, on which areas are drawn. They are kept by the contents of the files that they are drawn from.
 
+use crate::beneath::Beneath;
 use crate::job_folder;
 use crate::processes::Process;
 use crate::request::{RequestError, check};
@@ -18,12 +19,15 @@ const MAX_KEPT: usize = 500;
 /// The picture and its world file in their folder.
 const PICTURE: &str = "map.png";
 const FRAME: &str = "map.pgw";
+/// Largest picture and world file, bytes.
+const MAX_PICTURE: u64 = 32 << 20;
+const MAX_FRAME: u64 = 4 << 10;
 
 /// A picture of a scene from above.
 #[derive(Clone, Debug)]
 pub struct SceneMap {
-    /// The picture (PNG).
-    pub picture: PathBuf,
+    /// The folder of the picture, which jobs can write.
+    folder: PathBuf,
     /// Where it lies.
     pub frame: Frame,
 }
@@ -35,6 +39,23 @@ pub struct Frame {
     pub corner: [f64; 2],
     /// Width and height of a pixel, m.
     pub pixel: f64,
+}
+
+impl SceneMap {
+    /// The picture (PNG).
+    ///
+    /// # Errors
+    /// Those of files.
+    pub fn picture(&self) -> std::io::Result<Vec<u8>> {
+        Beneath::of(&self.folder)?.read(PICTURE, MAX_PICTURE)
+    }
+
+    /// The picture in a folder, if it is complete.
+    fn of(folder: PathBuf) -> Option<SceneMap> {
+        let text = Beneath::of(&folder).and_then(|folder| folder.read(FRAME, MAX_FRAME)).ok()?;
+        let frame = Frame::of(std::str::from_utf8(&text).ok()?)?;
+        Some(SceneMap { folder, frame })
+    }
 }
 
 impl Frame {
@@ -74,7 +95,7 @@ impl Workshop {
         let all = self.store.root().join("maps");
         let folder = all.join(&checked.fingerprint);
         let view = folder.join("view");
-        if !view.join(FRAME).is_file() {
+        if SceneMap::of(view.clone()).is_none() {
             make_room(&all).map_err(StoreError::from)?;
             job_folder::make(&self.store, &folder, &checked.prepared)?;
             let words = ["scene", "map", "--force"].map(OsString::from).into_iter();
@@ -87,8 +108,7 @@ impl Workshop {
                 fs::remove_dir_all(folder.join(part)).map_err(StoreError::from)?;
             }
         }
-        let frame = fs::read_to_string(view.join(FRAME)).ok().and_then(|text| Frame::of(&text));
-        Ok(frame.map(|frame| SceneMap { picture: view.join(PICTURE), frame }))
+        Ok(SceneMap::of(view))
     }
 }
 

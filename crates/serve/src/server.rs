@@ -2,7 +2,6 @@
 
 use crate::api;
 use crate::app::App;
-use crate::bucket::Bucket;
 use crate::config::ServeArgs;
 use crate::engine::Engine;
 use crate::files::Files;
@@ -33,14 +32,26 @@ pub enum ServeError {
     #[error(transparent)]
     Program(#[from] ProgramError),
     /// The folder of the service.
-    #[error("{0}; choose another folder with --data")]
+    #[error(transparent)]
     Store(#[from] StoreError),
+    /// The address.
+    #[error("cannot listen on {0}: {1}\nhelp: choose another address or port with --listen")]
+    Listen(std::net::SocketAddr, std::io::Error),
     /// An address that others reach.
     #[error(
         "--listen {0} can be reached from other machines and needs tokens: make one with `vlscan serve token OWNER >> FILE` and give \
          --token-file FILE"
     )]
     Open(std::net::SocketAddr),
+    /// A name that others reach.
+    #[error(
+        "--host {0} is for a service that others reach, and there are no tokens: make one with `vlscan serve token OWNER >> FILE` and \
+         give --token-file FILE, or give --open to serve everybody"
+    )]
+    OpenHost(String),
+    /// Tokens and --open.
+    #[error("--open is for a service without tokens, but VLSCAN_TOKEN is set")]
+    OpenWithTokens,
     /// The commands of an engine.
     #[error("{0}")]
     Engine(String),
@@ -63,15 +74,24 @@ pub fn serve(args: &ServeArgs) -> Result<(), ServeError> {
     if !is_local && tokens.is_empty() {
         return Err(ServeError::Open(args.listen));
     }
-    check_sandbox(args, is_local && tokens.is_empty())?;
+    if args.open && !tokens.is_empty() {
+        return Err(ServeError::OpenWithTokens);
+    }
+    let foreign = args.host.iter().find(|name| !is_loopback_name(name));
+    if let Some(name) = foreign.filter(|_| tokens.is_empty() && !args.open) {
+        return Err(ServeError::OpenHost(name.clone()));
+    }
+    check_sandbox(args, is_local && tokens.is_empty() && foreign.is_none())?;
     let program = Arc::new(Program::find(args.program.as_deref())?);
     let engine = Engine::of(args).map_err(ServeError::Engine)?;
     if let Some(engine) = &engine {
         engine.check().map_err(|e| ServeError::Engine(format!("--poll: {e}")))?;
     }
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
+    let listener = runtime.block_on(tokio::net::TcpListener::bind(args.listen));
+    let listener = listener.map_err(|e| ServeError::Listen(args.listen, e))?;
     let holds = hold(&args.data)?;
-    let store = Arc::new(Store::open(&args.data, kept(args, runtime.handle())?)?);
+    let store = Arc::new(Store::open(&args.data, Files::of(args.store.as_deref(), runtime.handle())?)?);
     let workshop = Arc::new(Workshop::new(store, program, args.clone(), tokens.owners(), engine));
     if let Some(id) = workshop.resume()? {
         return Err(ServeError::Engine(format!(
@@ -89,11 +109,17 @@ pub fn serve(args: &ServeArgs) -> Result<(), ServeError> {
         uploads: Arc::new(Semaphore::new(MAX_UPLOADS)),
         pictures: Arc::new(Semaphore::new(1)),
     });
-    let done = runtime.block_on(listen(args, app));
+    let done = runtime.block_on(listen(listener, app));
     workshop.end();
     workers.into_iter().for_each(|worker| drop(worker.join()));
     drop(holds);
     Ok(done?)
+}
+
+/// Whether a name leads to this machine only, whatever a proxy does.
+fn is_loopback_name(name: &str) -> bool {
+    let name = name.trim_end_matches('.').trim_matches(['[', ']']);
+    name.eq_ignore_ascii_case("localhost") || name.parse().is_ok_and(|ip: std::net::IpAddr| ip.is_loopback())
 }
 
 /// Only one service uses a folder.
@@ -103,18 +129,13 @@ fn hold(folder: &Path) -> Result<std::fs::File, ServeError> {
     let file = file.create(true).truncate(false).write(true).open(folder.join("lock"));
     let file = file.map_err(StoreError::Files)?;
     if file.try_lock().is_err() {
-        let message = format!("another service uses the folder {}", folder.display());
+        let message = format!(
+            "another service uses the folder {}; choose another folder with --data",
+            folder.display()
+        );
         return Err(ServeError::Store(StoreError::Files(std::io::Error::other(message))));
     }
     Ok(file)
-}
-
-/// Where the files of uploads and results are kept.
-fn kept(args: &ServeArgs, runtime: &tokio::runtime::Handle) -> Result<Files, ServeError> {
-    match &args.store {
-        None => Ok(Files::Folder),
-        Some(address) => Ok(Files::Bucket(Bucket::new(address, runtime.clone())?)),
-    }
 }
 
 fn check_sandbox(args: &ServeArgs, is_private: bool) -> Result<(), ServeError> {
@@ -134,16 +155,23 @@ fn check_sandbox(args: &ServeArgs, is_private: bool) -> Result<(), ServeError> {
                 .to_owned(),
         ));
     }
-    if !held.network && !held.tcp {
+    if !held.calls {
+        return Err(ServeError::Sandbox(format!(
+            "there are no seccomp filters for this system ({}), which keep jobs to one process and from sockets; --no-sandbox does without, \
+             on the loopback address only and for files that you trust",
+            std::env::consts::ARCH
+        )));
+    }
+    if !held.root {
         eprintln!(
-            "vlscan serve: this system does not let the service take the network from jobs; docs/service.md tells what else does"
+            "vlscan serve: warning: this system does not let the service give jobs a root of their own (user namespaces): jobs cannot open \
+             the files of others, but can find out which names exist (docs/service.md, Threats)"
         );
     }
     Ok(())
 }
 
-async fn listen(args: &ServeArgs, app: Arc<App>) -> std::io::Result<()> {
-    let listener = tokio::net::TcpListener::bind(args.listen).await?;
+async fn listen(listener: tokio::net::TcpListener, app: Arc<App>) -> std::io::Result<()> {
     let address = listener.local_addr()?;
     eprintln!("vlscan serve: http://{address}/ (Ctrl-C ends it)");
     axum::serve(listener, router(app)).with_graceful_shutdown(told_to_end()).await

@@ -162,10 +162,6 @@ fn empty(folder: &Path) -> Result<()> {
 
 /// Whether an earlier worker has left shards of a run, which is then continued.
 fn has_shards(out: &Path) -> Result<bool> {
-    for entry in fs::read_dir(out)? {
-        if entry?.file_name().to_string_lossy().ends_with(".shards") {
-            return Ok(true);
-        }
-    }
-    Ok(false)
+    let names = crate::opening::names_in(out)?;
+    Ok(names.iter().any(|name| name.ends_with(".shards")))
 }

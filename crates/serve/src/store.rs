@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! DATA/service.db            uploads, jobs, queue (write-ahead log)
+//! DATA/id                    the id of the service, which is also in the database and in the bucket
 //! DATA/uploads/ID/…          files of an upload; never changed once they are listed
 //! DATA/jobs/ID/in/           what a job reads: links to uploads and results, its pipeline file
 //! DATA/jobs/ID/out/          its results
@@ -9,12 +10,13 @@
 //! DATA/jobs/ID/view/         pictures of its results for pages
 //! DATA/jobs/ID/log           messages of vlscan
 //! DATA/incoming/…            uploads that are not complete
+//! DATA/lost/…                uploads and jobs that the database does not list
 //! ```
 //!
 //! With a bucket, uploads and `out` are there only while they are used (`files`).
 //!
-//! A row is written when its files are complete, and files are removed when no row names them; so whatever is interrupted leaves at most
-//! files without a row, which the next start removes.
+//! A row is written when its files are complete. Files are removed when no row names them, after a note of their removal; so the next
+//! start completes what is interrupted, and removes nothing without a note (`opening`).
 
 use crate::files::{Fetches, Files};
 use crate::records::Kind;
@@ -35,6 +37,34 @@ pub enum StoreError {
     /// The bucket.
     #[error("the bucket of the service: {0}")]
     Bucket(std::io::Error),
+    /// The database cannot be used.
+    #[error(
+        "the database {0} is damaged: {1}\nhelp: restore it from a backup; nothing was changed, and `vlscan serve check` shows the state"
+    )]
+    Damaged(PathBuf, String),
+    /// The database is of another version.
+    #[error(
+        "the database {path} has the version {found}, and this program has version {}\nhelp: use the version of vlscan-serve that made it",
+        crate::schema::VERSION
+    )]
+    Version {
+        /// The database.
+        path: PathBuf,
+        /// Its version.
+        found: i64,
+    },
+    /// The database is missing or empty, but its folder is in use.
+    #[error(
+        "the database {0} is missing or empty, but its folder has been used by a service\nhelp: restore it from a backup, or move `id`, \
+         `uploads` and `jobs` elsewhere to begin anew; nothing was changed"
+    )]
+    NoDatabase(PathBuf),
+    /// Folder or bucket belong to another service than the database.
+    #[error(
+        "{0} belongs to another service than the database\nhelp: check --data and --store; `vlscan serve check` shows the ids; nothing \
+         was changed"
+    )]
+    Foreign(&'static str),
 }
 
 /// A result of the store.
@@ -43,66 +73,13 @@ pub type Result<T> = std::result::Result<T, StoreError>;
 /// Uploads, jobs and their folders.
 #[derive(Debug)]
 pub struct Store {
-    database: Mutex<Connection>,
-    root: PathBuf,
+    pub(crate) database: Mutex<Connection>,
+    pub(crate) root: PathBuf,
     pub(crate) kept: Files,
     pub(crate) fetches: Fetches,
 }
 
-// With the exclusive lock SQLite needs no memory that processes share, which network file systems do not have.
-const TABLES: &str = "
-PRAGMA locking_mode = EXCLUSIVE;
-PRAGMA journal_mode = WAL;
-PRAGMA synchronous = FULL;
-PRAGMA busy_timeout = 10000;
-PRAGMA foreign_keys = ON;
-PRAGMA cache_size = -4000;
-CREATE TABLE IF NOT EXISTS uploads (
-    id TEXT PRIMARY KEY, owner TEXT NOT NULL, name TEXT, files INTEGER NOT NULL, bytes INTEGER NOT NULL, sha256 TEXT NOT NULL,
-    created INTEGER NOT NULL, UNIQUE (owner, name)
-) STRICT;
-CREATE TABLE IF NOT EXISTS files (
-    upload TEXT NOT NULL REFERENCES uploads (id) ON DELETE CASCADE, path TEXT NOT NULL, bytes INTEGER NOT NULL, kind TEXT NOT NULL,
-    PRIMARY KEY (upload, path)
-) STRICT, WITHOUT ROWID;
-CREATE TABLE IF NOT EXISTS jobs (
-    number INTEGER PRIMARY KEY, id TEXT NOT NULL UNIQUE, owner TEXT NOT NULL, process TEXT NOT NULL, inputs TEXT NOT NULL,
-    prepared TEXT NOT NULL, fingerprint TEXT NOT NULL, folder TEXT NOT NULL, status TEXT NOT NULL, message TEXT NOT NULL DEFAULT '',
-    progress INTEGER NOT NULL DEFAULT 0, pulses INTEGER NOT NULL DEFAULT 0, results TEXT NOT NULL DEFAULT '[]',
-    bytes INTEGER NOT NULL DEFAULT 0, created INTEGER NOT NULL, started INTEGER, finished INTEGER, updated INTEGER NOT NULL,
-    holder TEXT, held_until INTEGER
-) STRICT;
-CREATE INDEX IF NOT EXISTS jobs_of_owner ON jobs (owner, number);
-CREATE INDEX IF NOT EXISTS jobs_in_queue ON jobs (status, number) WHERE status IN ('accepted', 'running');
-CREATE INDEX IF NOT EXISTS jobs_by_fingerprint ON jobs (owner, fingerprint) WHERE status = 'successful';
-CREATE INDEX IF NOT EXISTS jobs_by_folder ON jobs (folder);
-CREATE INDEX IF NOT EXISTS jobs_unfinished ON jobs (owner) WHERE status IN ('accepted', 'running');
-CREATE INDEX IF NOT EXISTS jobs_stored ON jobs (owner, bytes) WHERE folder = id AND bytes > 0;
-CREATE INDEX IF NOT EXISTS jobs_to_remove ON jobs (id) WHERE status = 'dismissed' AND bytes >= 0;
-CREATE INDEX IF NOT EXISTS uploads_to_remove ON uploads (id) WHERE name IS NULL;
-CREATE TABLE IF NOT EXISTS uses (
-    job TEXT NOT NULL REFERENCES jobs (id) ON DELETE CASCADE, kind TEXT NOT NULL, target TEXT NOT NULL, PRIMARY KEY (job, kind, target)
-) STRICT, WITHOUT ROWID;
-CREATE INDEX IF NOT EXISTS uses_of_target ON uses (target);
-";
-
 impl Store {
-    /// Opens or makes the store of a folder, with the files of uploads and results where `kept` says.
-    ///
-    /// # Errors
-    /// [`StoreError`].
-    pub fn open(root: &Path, kept: Files) -> Result<Store> {
-        make_private(root)?;
-        for folder in ["uploads", "jobs", "incoming"] {
-            std::fs::create_dir_all(root.join(folder))?;
-        }
-        let root = root.canonicalize()?;
-        let database = Connection::open(root.join("service.db"))?;
-        database.execute_batch(TABLES)?;
-        database.set_prepared_statement_cache_capacity(64);
-        Ok(Store { database: Mutex::new(database), root, kept, fetches: Fetches::default() })
-    }
-
     /// The folder of the service.
     pub fn root(&self) -> &Path {
         &self.root
@@ -276,8 +253,10 @@ impl Store {
             )?;
             for id in &uploads {
                 transaction.execute("DELETE FROM uploads WHERE id = ?", [id])?;
+                note_removal(&transaction, Kind::Upload, id)?;
             }
             for id in &jobs {
+                note_removal(&transaction, Kind::Results, id)?;
                 transaction.execute("UPDATE jobs SET bytes = -1, results = '[]' WHERE id = ?", [id])?;
             }
             transaction.commit()?;
@@ -288,38 +267,6 @@ impl Store {
             self.discard(kind, id)?;
         }
         Ok(())
-    }
-
-    /// Removes what an interrupted service has left: incomplete uploads, and folders without a row. To be called at the start, while
-    /// nothing is received.
-    ///
-    /// # Errors
-    /// [`StoreError`].
-    pub fn remove_litter(&self) -> Result<()> {
-        remove_folder(&self.root.join("incoming"))?;
-        std::fs::create_dir_all(self.root.join("incoming"))?;
-        for (kind, folder, known) in [
-            (Kind::Upload, "uploads", "SELECT 1 FROM uploads WHERE id = ?"),
-            (Kind::Results, "jobs", "SELECT 1 FROM jobs WHERE folder = ? AND bytes >= 0"),
-        ] {
-            let mut names = self.in_bucket(kind)?;
-            for entry in std::fs::read_dir(self.root.join(folder))? {
-                names.insert(entry?.file_name().to_string_lossy().into_owned());
-            }
-            for name in names {
-                let is_known = self.database().query_row(known, [&name], |_| Ok(())).optional()?.is_some();
-                if !is_known {
-                    self.discard(kind, &name)?;
-                } else if self.has_bucket()
-                    && !self.listed(kind, &name)?.is_empty()
-                    && !self.is_used(&name)?
-                {
-                    // A copy that was fetched.
-                    remove_folder(&self.local(kind, &name))?;
-                }
-            }
-        }
-        self.remove_unused()
     }
 
     /// The files of results that are in the folder of a job.
@@ -383,6 +330,12 @@ fn upload_of(row: &Row<'_>) -> rusqlite::Result<Upload> {
         sha256: row.get(4)?,
         created: row.get(5)?,
     })
+}
+
+/// Notes that files are removed, until they are.
+fn note_removal(database: &Connection, kind: Kind, id: &str) -> rusqlite::Result<()> {
+    let mut query = database.prepare_cached("INSERT OR IGNORE INTO removed (kind, id) VALUES (?, ?)")?;
+    query.execute([kind.name(), id]).map(drop)
 }
 
 fn list(database: &Connection, query: &str) -> rusqlite::Result<Vec<String>> {

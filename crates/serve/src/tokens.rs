@@ -37,6 +37,12 @@ pub enum TokenError {
         /// The line, from 1.
         line: usize,
     },
+    /// The file has no tokens.
+    #[error(
+        "the token file {0} has no tokens, so nobody could log in; add one with `vlscan serve token OWNER >> {0}`, or leave out \
+         --token-file"
+    )]
+    None(std::path::PathBuf),
     /// The name of an owner has other characters.
     #[error("`{0}` is no name of an owner: expected up to 40 letters, digits, - and _")]
     Owner(String),
@@ -61,11 +67,15 @@ impl Tokens {
         if let Some(path) = file {
             let text = std::fs::read_to_string(path).map_err(|e| TokenError::Read(path.to_owned(), e))?;
             for (at, line) in text.lines().enumerate() {
-                if line.trim().is_empty() || line.starts_with('#') {
+                if line.trim().is_empty() || line.trim_start().starts_with('#') {
                     continue;
                 }
                 let wrong = || TokenError::Line { file: path.to_owned(), line: at + 1 };
                 tokens.push(parse_line(line).ok_or_else(wrong)?);
+            }
+            // Without tokens everybody would be let in, which is the opposite of what the file is for.
+            if tokens.is_empty() {
+                return Err(TokenError::None(path.to_owned()));
             }
         }
         if let Some(token) = environment {
@@ -168,6 +178,19 @@ mod tests {
     }
 
     #[test]
+    fn a_token_file_without_tokens_is_an_error() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        for text in ["", "\n\n", "# anna\n", " \t\n  # anna sha256:00\n", "\r\n"] {
+            std::fs::write(&file, text).unwrap();
+            for environment in [None, Some("a token of the environment")] {
+                let read = Tokens::read(Some(file.path()), environment);
+                assert!(matches!(read, Err(TokenError::None(_))), "{text:?}");
+            }
+        }
+        assert!(Tokens::read(None, None).unwrap().is_empty());
+    }
+
+    #[test]
     fn what_is_no_token_file_is_refused_with_its_line() {
         let file = tempfile::NamedTempFile::new().unwrap();
         for line in ["anna", "anna sha256:00", "a/b sha256:00", &format!("anna sha256:{}", "é".repeat(32))] {
@@ -175,7 +198,9 @@ mod tests {
             let error = Tokens::read(Some(file.path()), None).unwrap_err().to_string();
             assert!(error.contains("line 2"), "{error}");
         }
-        assert!(matches!(Tokens::read(None, Some("short")), Err(TokenError::Short)));
+        for token in ["", "short"] {
+            assert!(matches!(Tokens::read(None, Some(token)), Err(TokenError::Short)));
+        }
         assert!(make("../x", None).is_err());
     }
 }

@@ -1,7 +1,9 @@
 //! Uploads: files of a form are received into a folder of their own, archives expanded by a confined process, everything hashed, and only
 //! then listed under the name that their owner gives them.
 
+use crate::beneath::{Beneath, EntryKind};
 use crate::config::{ConfineArgs, ExpandArgs, ServeArgs};
+use crate::execution::alone;
 use crate::names;
 use crate::program::confined;
 use crate::records::Kind;
@@ -232,7 +234,7 @@ impl Received {
         words.push(format!("--max-bytes={}", limits.max_upload).into());
         words.push(format!("--max-files={}", limits.max_files).into());
         words.extend(["--".into(), archive.as_os_str().to_owned(), expanded.as_os_str().to_owned()]);
-        let done = confined(&args, &words)?.output()?;
+        let done = alone(confined(&args, &words)?).output()?;
         if done.status.success() {
             return Ok(expanded);
         }
@@ -260,23 +262,21 @@ fn inner_folder(folder: &Path) -> io::Result<PathBuf> {
 
 /// All files of an upload, sorted, and a hash over their names and contents. The files are written to the disk.
 fn hash_files(root: &Path, limits: &ServeArgs) -> Result<(Vec<UploadFile>, String), UploadError> {
+    let folder = Beneath::of(root)?;
     let mut paths = BTreeSet::new();
-    let mut folders = vec![PathBuf::new()];
-    while let Some(inner) = folders.pop() {
-        for entry in fs::read_dir(root.join(&inner))? {
-            let entry = entry?;
-            let path = inner.join(entry.file_name());
-            let kind = entry.file_type()?;
-            match (kind.is_dir(), kind.is_file()) {
-                (true, _) => folders.push(path),
-                (_, true) => {
-                    paths.insert(path);
-                }
-                _ => return Err(UploadError::Wrong("the upload has something that is no file".to_owned())),
+    // Each path has at most so many folders.
+    for entry in folder.entries(limits.max_files.saturating_mul(names::MAX_DEPTH))? {
+        match entry.kind {
+            EntryKind::Folder => sync_folder(&root.join(entry.path))?,
+            EntryKind::File => {
+                paths.insert(entry.path);
+            }
+            EntryKind::Other => {
+                return Err(UploadError::Wrong("the upload has something that is no file".to_owned()));
             }
         }
-        sync_folder(&root.join(&inner))?;
     }
+    sync_folder(root)?;
     if paths.is_empty() {
         return Err(UploadError::Wrong("the archive has no files".to_owned()));
     }
@@ -289,7 +289,7 @@ fn hash_files(root: &Path, limits: &ServeArgs) -> Result<(Vec<UploadFile>, Strin
     for path in paths {
         let text = path.to_str().ok_or_else(|| UploadError::Wrong("a name that is not UTF-8".to_owned()))?;
         let text = text.replace('\\', "/");
-        let mut file = fs::File::open(root.join(&path))?;
+        let mut file = folder.file(&path)?;
         let mut hash = Sha256::new();
         let mut bytes = 0;
         let mut kind = FileKind::Other;

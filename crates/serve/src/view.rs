@@ -1,5 +1,8 @@
 //! Pictures of results, drawn when a page asks for them and kept beside the results.
 
+use crate::beneath::Beneath;
+use crate::execution::{alone, end};
+use crate::names::relative_path;
 use crate::processes::Process;
 use crate::program::confined;
 use crate::queue::Use;
@@ -9,7 +12,7 @@ use crate::store::{Job, Result, ResultFile};
 use crate::worker::Workshop;
 use std::ffi::OsString;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
@@ -30,21 +33,24 @@ pub fn drawn_file(process: Option<Process>, files: &[ResultFile]) -> Option<&Res
 }
 
 impl Workshop {
-    /// The file of a picture, which is drawn if there is none; `None` if the results cannot be drawn.
+    /// Draws a picture if there is none. Returns whether there is one in the folder `view` of the job.
     ///
     /// # Errors
     /// Those of files.
-    pub fn view(&self, job: &Job, name: &str) -> Result<Option<PathBuf>> {
+    pub fn view(&self, job: &Job, name: &str) -> Result<bool> {
         let folder = self.store.job_folder(&job.folder);
-        let path = folder.join("view").join(name);
-        if path.is_file() {
-            return Ok(Some(path));
+        let is_there = || {
+            let path = relative_path(name)?;
+            Beneath::of(&folder.join("view")).and_then(|view| view.file(path)).ok()
+        };
+        if is_there().is_some() {
+            return Ok(true);
         }
         if name != PICTURE {
-            return Ok(None);
+            return Ok(false);
         }
         let files = job.result_files();
-        let Some(file) = drawn_file(Process::named(&job.process), &files) else { return Ok(None) };
+        let Some(file) = drawn_file(Process::named(&job.process), &files) else { return Ok(false) };
         // That of the job which computed the results.
         let prepared = fs::read(folder.join("prepared.json"))?;
         let prepared: Prepared = serde_json::from_slice(&prepared).map_err(std::io::Error::other)?;
@@ -60,7 +66,7 @@ impl Workshop {
         words.extend(["--".into(), file.path.clone().into()]);
         let _results = self.store.fetch(Kind::Results, &job.folder)?;
         self.draw(&folder, "out", &prepared, &words)?;
-        Ok(path.is_file().then_some(path))
+        Ok(is_there().is_some())
     }
 
     /// Executes vlscan in a folder of a job, for a limited time, whatever comes of it.
@@ -73,14 +79,13 @@ impl Workshop {
     ) -> Result<()> {
         fs::create_dir_all(folder.join("tmp"))?;
         let _inputs = self.fetch(prepared)?;
-        let mut command = confined(&self.setting(folder, prepared).restrictions, words)?;
+        let mut command = alone(confined(&self.setting(folder, prepared).restrictions, words)?);
         command.current_dir(folder.join(within)).env("TMPDIR", folder.join("tmp"));
         let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn()?;
         let start = Instant::now();
         while child.try_wait()?.is_none() {
             if start.elapsed() > MAX_TIME {
-                child.kill()?;
-                child.wait()?;
+                end(&mut child, !self.limits.no_sandbox);
             }
             std::thread::sleep(POLL);
         }

@@ -3,6 +3,7 @@
 //! A worker makes the job's folder, has the results computed under restrictions, and renews the lease meanwhile. It gives the job up when the
 //! job is dismissed, or when the service ends. What an earlier worker has begun is continued.
 
+use crate::beneath::Beneath;
 use crate::config::{ConfineArgs, ServeArgs};
 use crate::engine::Engine;
 use crate::execution::{End, Setting, progress_of};
@@ -32,6 +33,8 @@ const RENEWAL: Duration = Duration::from_secs(1);
 const BUCKET: Duration = Duration::from_secs(5);
 /// Largest manifest of a campaign that is read, bytes.
 const MAX_MANIFEST: u64 = 1 << 30;
+/// Largest forecast that is read, bytes.
+const MAX_REPORT: u64 = 1 << 20;
 /// Who holds jobs that were dismissed while an engine has them.
 const WITHDRAWAL: &str = "withdrawal";
 
@@ -195,8 +198,9 @@ impl Workshop {
             && self.quota(&job.owner).is_some()
             && folder.join("out").exists()
         {
-            let path = "out/dataset/manifest.jsonl";
-            let pulses = campaign_pulses(&read_small(&folder.join(path), MAX_MANIFEST)?);
+            let manifest = Beneath::of(&folder.join("out"))
+                .and_then(|out| out.read("dataset/manifest.jsonl", MAX_MANIFEST));
+            let pulses = campaign_pulses(&manifest.unwrap_or_default());
             self.store.charge(job, pulses, None)?.unwrap_or_default();
         }
         if folder.join("out").exists() {
@@ -261,13 +265,14 @@ impl Workshop {
         let Some(quota) = self.quota(&job.owner) else { return Ok(End::Success) };
         if process == Some(Process::Run) {
             let words = ["run", "../in/job.toml", "--dry-run", "--json"].map(OsString::from);
-            let price = setting.folder.join("tmp").join("price.json");
+            let price = setting.folder.join("price.json");
             let mut goes_on = self.renewing(job, holder, || (0, String::new()));
             match setting.execute(&words, log, Some(&price), &mut || Ok(()), &mut goes_on)? {
                 End::Success => {}
                 end => return Ok(end),
             }
-            let report: serde_json::Value = serde_json::from_slice(&fs::read(&price)?).unwrap_or_default();
+            let report = Beneath::of(&setting.folder)?.read("price.json", MAX_REPORT)?;
+            let report: serde_json::Value = serde_json::from_slice(&report).unwrap_or_default();
             let pulses = report["pulses"].as_f64().unwrap_or(0.0);
             if let Err(spent) = self.store.charge(job, pulses as u64, Some(quota))? {
                 return Ok(End::Failure(format!(
@@ -368,8 +373,8 @@ impl Workshop {
         }
     }
 
-    /// Goes on with what an earlier service has left: cancels dismissed jobs that an engine has, gives what was held back to the queue, and
-    /// removes files that nothing names. To be called before the workers start. Returns an unfinished job that an engine has, if this
+    /// Goes on with what an earlier service has left: cancels dismissed jobs that an engine has, gives what was held back to the queue,
+    /// removes what was to be removed and moves what the database does not list to `lost`. To be called before the workers start. Returns an unfinished job that an engine has, if this
     /// service has no engine.
     ///
     /// # Errors
@@ -391,7 +396,9 @@ impl Workshop {
         for holder in self.store.holders()?.iter().filter(|holder| *holder != WITHDRAWAL) {
             self.store.release(holder)?;
         }
-        self.store.remove_litter()?;
+        if let Some(message) = self.store.tidy()?.message(self.store.root()) {
+            eprintln!("vlscan serve: warning: {message}");
+        }
         Ok(None)
     }
 
@@ -419,13 +426,5 @@ impl Workshop {
             max_time: self.limits.max_time,
             max_disk: self.limits.max_disk,
         }
-    }
-}
-
-/// A file, if it has no more bytes.
-fn read_small(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
-    match fs::metadata(path) {
-        Ok(about) if about.len() <= max_bytes => Ok(fs::read(path)?),
-        _ => Ok(Vec::new()),
     }
 }

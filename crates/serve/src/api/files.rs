@@ -4,8 +4,9 @@ use super::jobs::find_successful;
 use super::received::find;
 use crate::answers::{Failure, media_type};
 use crate::app::{App, Identity, blocking};
+use crate::beneath::Beneath;
 use crate::files::Files;
-use crate::names::file_within;
+use crate::names::relative_path;
 use crate::records::Kind;
 use crate::security::VIEWER_POLICY;
 use crate::store::StoreError;
@@ -85,7 +86,9 @@ pub async fn view(
     let wanted = name.clone();
     let drawn = blocking(&app, move |workshop| workshop.view(&job, &wanted)).await?;
     drop(permit);
-    drawn.ok_or_else(absent)?;
+    if !drawn {
+        return Err(absent());
+    }
     send(&folder, &name, media_type(&name), &headers).await
 }
 
@@ -95,8 +98,9 @@ async fn send(
     media: &'static str,
     headers: &HeaderMap,
 ) -> Result<Response, Failure> {
-    let path = file_within(folder, name).ok_or_else(|| no_file(name))?;
-    let mut file = tokio::fs::File::open(&path).await.map_err(|_| no_file(name))?;
+    let path = relative_path(name).ok_or_else(|| no_file(name))?;
+    let file = Beneath::of(folder).and_then(|folder| folder.file(path)).map_err(|_| no_file(name))?;
+    let mut file = tokio::fs::File::from_std(file);
     let length = file.metadata().await.map_err(StoreError::from)?.len();
     let part = Part::of(headers, length);
     let range = part.range.clone().unwrap_or(0..0);

@@ -45,7 +45,8 @@ pub async fn picture(
     Query(query): Query<BTreeMap<String, String>>,
 ) -> Result<Response, Failure> {
     let map = scene_map(&app, identity.owner, wanted(&query)?).await?;
-    let picture = tokio::fs::read(&map.picture).await.map_err(StoreError::from)?;
+    let picture = tokio::task::spawn_blocking(move || map.picture()).await;
+    let picture = picture.map_err(std::io::Error::other).and_then(|read| read).map_err(StoreError::from)?;
     Ok(([(header::CONTENT_TYPE, "image/png")], picture).into_response())
 }
 

@@ -52,8 +52,17 @@ impl Service {
         service
     }
 
+    /// Starts a service in this folder.
+    pub fn at(data: &Path, options: &[&str]) -> Service {
+        Service::of(data, options, None)
+    }
+
     fn of(data: &Path, options: &[&str], token: Option<&str>) -> Service {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_vlscan-serve"));
+        Service::by(Command::new(env!("CARGO_BIN_EXE_vlscan-serve")), data, options, token)
+    }
+
+    /// Starts a service by a command, to which the options are added.
+    pub fn by(mut command: Command, data: &Path, options: &[&str], token: Option<&str>) -> Service {
         if !options.iter().any(|option| option.starts_with("--program=")) {
             command.arg("--program").arg(vlscan());
         }
@@ -90,6 +99,13 @@ impl Service {
     pub fn kill(&mut self) {
         self.process.kill().unwrap();
         self.process.wait().unwrap();
+    }
+
+    /// Ends the service, as its operator does.
+    pub fn stop(&mut self) {
+        let id = self.process.id().to_string();
+        assert!(Command::new("kill").args(["-TERM", &id]).status().unwrap().success());
+        assert!(self.process.wait().unwrap().success());
     }
 
     /// Kills the service, if it runs, and starts another one in the same folder.

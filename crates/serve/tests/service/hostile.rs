@@ -127,6 +127,26 @@ fn an_address_that_others_reach_needs_tokens() {
     std::fs::write(&file, "anna").unwrap();
     let told = start(&["--token-file", file.path().to_str().unwrap()]);
     assert!(told.contains("line 1"), "{told}");
+    // Tokens that were asked for and are missing let nobody in.
+    for text in ["", "# anna sha256:00\n\n"] {
+        std::fs::write(&file, text).unwrap();
+        for more in [&[][..], &["--host", "scans.example.org"]] {
+            let options = [&["--token-file", file.path().to_str().unwrap()], more].concat();
+            let told = start(&options);
+            assert!(told.contains("has no tokens") && told.contains("vlscan serve token"), "{told}");
+        }
+    }
+    let told = start(&["--host", "localhost", "--host", "scans.example.org"]);
+    assert!(told.contains("--host scans.example.org") && told.contains("--open"), "{told}");
+    for options in [
+        &["--open", "--host", "scans.example.org", "--no-sandbox"][..],
+        &["--open", "--host", "scans.example.org", "--listen", "0.0.0.0:0"],
+        &["--open", "--host", "scans.example.org", "--token-file", "tokens"],
+        &["--open"],
+        &["--host", ""],
+    ] {
+        start(options);
+    }
     let made = std::process::Command::new(env!("CARGO_BIN_EXE_vlscan-serve"))
         .args(["token", "anna"])
         .output()

@@ -7,6 +7,8 @@
 //! | `interface` | the interface for programs |
 //! | `jobs` | queue, results, interruptions |
 //! | `engine` | jobs that an engine computes |
+//! | `opening` | folders and databases at the start |
+//! | `takeover` | a program in place of vlscan that tries to leave its sandbox |
 //! | `hostile` | what others may send: files, names, requests |
 //! | `browser` | pages, as a browser without scripts uses them |
 
@@ -17,3 +19,5 @@ mod engine;
 mod hostile;
 mod interface;
 mod jobs;
+mod opening;
+mod takeover;

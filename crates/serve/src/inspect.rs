@@ -1,0 +1,165 @@
+//! `vlscan serve check`: the state of a service's folder, database and bucket, of which nothing is changed.
+
+use crate::config::CheckArgs;
+use crate::files::Files;
+use crate::opening::{DATABASE, database_files, folder_of, names_in, read_id};
+use crate::records::Kind;
+use crate::schema::{self, State};
+use crate::store::{Result, Store, StoreError};
+use rusqlite::Connection;
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+use std::sync::Mutex;
+
+/// Names that a line lists.
+const MAX_LISTED: usize = 20;
+
+/// What was found.
+#[derive(Clone, Debug, Default)]
+pub struct Report {
+    /// Lines to print.
+    pub text: String,
+    /// Problems that a start would refuse or report.
+    pub problems: usize,
+}
+
+impl Report {
+    fn line(&mut self, name: &str, text: &str) {
+        let _ = writeln!(self.text, "{name:<10}{text}");
+    }
+
+    fn problem(&mut self, name: &str, text: &str) {
+        self.problems += 1;
+        self.line(name, &format!("PROBLEM: {text}"));
+    }
+
+    fn names(&mut self, name: &str, names: &[String], about: &str) {
+        if !names.is_empty() {
+            let listed = names.iter().take(MAX_LISTED).cloned().collect::<Vec<_>>().join(", ");
+            let more = if names.len() > MAX_LISTED { ", …" } else { "" };
+            self.problem(name, &format!("{} {about}: {listed}{more}", names.len()));
+        }
+    }
+}
+
+/// Inspects the folder of a service that does not run.
+///
+/// # Errors
+/// If a service uses the folder, and if files or the bucket cannot be read.
+pub fn inspect(args: &CheckArgs) -> std::result::Result<Report, String> {
+    let message = |e: StoreError| e.to_string();
+    let root = args.data.canonicalize().map_err(|e| format!("--data {}: {e}", args.data.display()))?;
+    if let Ok(lock) = fs::File::open(root.join("lock"))
+        && lock.try_lock_shared().is_err()
+    {
+        return Err(format!("a service uses the folder {}; stop it first", root.display()));
+    }
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build();
+    let runtime = runtime.map_err(|e| e.to_string())?;
+    let kept = Files::of(args.store.as_deref(), runtime.handle()).map_err(|e| e.to_string())?;
+    let mut report = Report::default();
+    let of_folder = read_id(&root).map_err(message)?;
+    report.line("folder", &format!("{}, {}", root.display(), id_text(of_folder.as_deref())));
+    // SQLite may write to what it opens.
+    let copy = tempfile::tempdir().map_err(|e| e.to_string())?;
+    for path in database_files(&root).iter().filter(|path| path.exists()) {
+        let name = path.file_name().unwrap_or_default();
+        fs::copy(path, copy.path().join(name)).map_err(|e| format!("{}: {e}", path.display()))?;
+    }
+    match database(&copy.path().join(DATABASE)) {
+        Ok(Some((database, version, id))) => {
+            report.line("database", &format!("version {version}, sound, {}", id_text(id.as_deref())));
+            if version < schema::VERSION {
+                report.line("", &format!("a start migrates it to version {}", schema::VERSION));
+            }
+            let of_bucket = kept.id().map_err(message)?;
+            if args.store.is_some() {
+                report.line("bucket", &id_text(of_bucket.as_deref()));
+            }
+            for (place, known) in [("folder", &of_folder), ("bucket", &of_bucket)] {
+                if known.is_some() && *known != id {
+                    report
+                        .problem("ids", &format!("the {place} belongs to another service than the database"));
+                }
+            }
+            let store = Store {
+                database: Mutex::new(database),
+                root,
+                kept,
+                fetches: crate::files::Fetches::default(),
+            };
+            contents(&store, &mut report).map_err(message)?;
+        }
+        Ok(None) => {
+            report.problem("database", "it is missing or empty");
+            for kind in [Kind::Upload, Kind::Results] {
+                let names = names_in(&root.join(folder_of(kind))).map_err(message)?;
+                report.line(folder_of(kind), &names.len().to_string());
+            }
+        }
+        Err(error) => report.problem(
+            "database",
+            &error.to_string().replace(&copy.path().display().to_string(), &root.display().to_string()),
+        ),
+    }
+    Ok(report)
+}
+
+fn id_text(id: Option<&str>) -> String {
+    id.map_or("no id".to_owned(), |id| format!("id {id}"))
+}
+
+/// A sound database, its version and its id.
+fn database(path: &Path) -> Result<Option<(Connection, i64, Option<String>)>> {
+    if !schema::exists(path) {
+        return Ok(None);
+    }
+    let database = Connection::open(path)?;
+    match schema::check(&database, path)? {
+        State::Empty => Ok(None),
+        State::Version(version) => {
+            let id = schema::id_of(&database)?;
+            Ok(Some((database, version, id)))
+        }
+    }
+}
+
+/// Compares what the database lists with what there is.
+fn contents(store: &Store, report: &mut Report) -> Result<()> {
+    for kind in [Kind::Upload, Kind::Results] {
+        let in_folder = names_in(&store.root().join(folder_of(kind)))?;
+        let in_bucket = store.in_bucket(kind)?;
+        let listed = listed(store, kind)?;
+        report.line(folder_of(kind), &format!("{} with files, as the database lists them", listed.len()));
+        let has =
+            |id: &String| if store.has_bucket() { in_bucket.contains(id) } else { in_folder.contains(id) };
+        let absent: Vec<String> = listed.into_iter().filter(|id| !has(id)).collect();
+        report.names("", &absent, "have no files");
+        let mut unknown = Vec::new();
+        for id in in_folder.union(&in_bucket) {
+            if !store.is_known(kind, id)? {
+                unknown.push(id.clone());
+            }
+        }
+        report.names("", &unknown, "are not listed by the database; a start moves them to lost/");
+        let lost = names_in(&store.root().join("lost").join(folder_of(kind)))?;
+        if !lost.is_empty() {
+            report.line("", &format!("{} in lost/{}", lost.len(), folder_of(kind)));
+        }
+    }
+    Ok(())
+}
+
+/// The uploads, or the folders of results, that have files.
+fn listed(store: &Store, kind: Kind) -> Result<BTreeSet<String>> {
+    let query = match kind {
+        Kind::Upload => "SELECT id FROM uploads WHERE files > 0",
+        Kind::Results => "SELECT DISTINCT folder FROM jobs WHERE status = 'successful' AND results <> '[]'",
+    };
+    let database = store.database();
+    let mut query = database.prepare(query)?;
+    let rows = query.query_map([], |row| row.get(0))?;
+    Ok(rows.collect::<rusqlite::Result<_>>()?)
+}

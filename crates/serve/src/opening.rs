@@ -1,0 +1,208 @@
+//! Whether a folder, its database and a bucket belong together, and what a start finds in them that the database does not list.
+//!
+//! Each service has a random id, in its database, in the file `DATA/id` and in its bucket. A service whose ids differ, or whose database is
+//! missing, empty or damaged, does not start; so a wrong volume or a lost database costs nothing. What the database does not list, as after
+//! the restoration of an older one, is moved to `DATA/lost` (in a bucket: below `lost/`) and never removed. Only what the database says was
+//! removed, or never completed, is removed.
+
+use crate::files::Files;
+use crate::records::Kind;
+use crate::schema::{self, State};
+use crate::store::{Result, Store, StoreError, make_private, remove_folder};
+use crate::tokens::random_name;
+use rusqlite::OptionalExtension as _;
+use std::collections::BTreeSet;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+/// The database in the folder of a service.
+pub(crate) const DATABASE: &str = "service.db";
+/// The file with the id.
+const ID: &str = "id";
+/// Names that a message lists.
+const MAX_LISTED: usize = 10;
+
+/// Uploads and results that the database does not list, and that a start has moved.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Lost {
+    /// `uploads/ID` or `jobs/ID`.
+    pub names: Vec<String>,
+}
+
+impl Lost {
+    /// What a start says of it.
+    pub fn message(&self, root: &Path) -> Option<String> {
+        let number = self.names.len();
+        let listed = self.names.iter().take(MAX_LISTED).cloned().collect::<Vec<_>>().join(", ");
+        let more = if number > MAX_LISTED { ", …" } else { "" };
+        (number > 0).then(|| {
+            format!(
+                "the database does not list {number} uploads or results, which were moved to {}: {listed}{more}\n\
+                 help: if the database is an older copy, stop the service, restore the newest one and move them back",
+                root.join("lost").display()
+            )
+        })
+    }
+}
+
+/// The folder of all uploads or all jobs.
+pub(crate) fn folder_of(kind: Kind) -> &'static str {
+    match kind {
+        Kind::Upload => "uploads",
+        Kind::Results => "jobs",
+    }
+}
+
+impl Store {
+    /// Opens or makes the store of a folder, with the files of uploads and results where `kept` says.
+    ///
+    /// # Errors
+    /// [`StoreError`]; for a database that is missing, damaged, of another version or of another service, before anything is changed.
+    pub fn open(root: &Path, kept: Files) -> Result<Store> {
+        make_private(root)?;
+        let root = root.canonicalize()?;
+        let path = root.join(DATABASE);
+        let of_folder = read_id(&root)?;
+        let has_files = has_files(&root)?;
+        let state = match schema::exists(&path) {
+            true => schema::check(&rusqlite::Connection::open(&path)?, &path)?,
+            false => State::Empty,
+        };
+        if state == State::Empty && (of_folder.is_some() || has_files) {
+            return Err(StoreError::NoDatabase(path));
+        }
+        let of_bucket = kept.id()?;
+        if state == State::Empty && (of_bucket.is_some() || kept.has_objects()?) {
+            return Err(StoreError::Foreign("the bucket"));
+        }
+        let new = of_folder.clone().unwrap_or_else(|| random_name(16));
+        let (database, id) = schema::open(&path, state, &new)?;
+        if of_folder.as_ref().is_some_and(|known| *known != id) {
+            return Err(StoreError::Foreign("the folder"));
+        }
+        if of_bucket.as_ref().is_some_and(|known| *known != id) {
+            return Err(StoreError::Foreign("the bucket"));
+        }
+        // The database comes first: an interrupted start is completed by the next one.
+        if of_folder.is_none() {
+            crate::job_folder::write_whole(&root.join(ID), format!("{id}\n").as_bytes())?;
+        }
+        if of_bucket.is_none() {
+            kept.set_id(&id)?;
+        }
+        for folder in ["uploads", "jobs", "incoming"] {
+            fs::create_dir_all(root.join(folder))?;
+        }
+        database.set_prepared_statement_cache_capacity(64);
+        Ok(Store { database: Mutex::new(database), root, kept, fetches: crate::files::Fetches::default() })
+    }
+
+    /// Removes what an interrupted service has left, incomplete uploads and what was to be removed, and moves what the database does not
+    /// list to `lost`. To be called at the start, while nothing is received.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn tidy(&self) -> Result<Lost> {
+        let incoming = self.root().join("incoming");
+        remove_folder(&incoming)?;
+        fs::create_dir_all(&incoming)?;
+        self.finish_removals()?;
+        let mut lost = Lost::default();
+        for kind in [Kind::Upload, Kind::Results] {
+            let mut names = self.in_bucket(kind)?;
+            names.extend(names_in(&self.root().join(folder_of(kind)))?);
+            for name in names {
+                if !self.is_known(kind, &name)? {
+                    self.set_aside(kind, &name)?;
+                    lost.names.push(format!("{}/{name}", folder_of(kind)));
+                } else if self.has_bucket()
+                    && !self.listed(kind, &name)?.is_empty()
+                    && !self.is_used(&name)?
+                {
+                    // A copy that was fetched.
+                    remove_folder(&self.local(kind, &name))?;
+                }
+            }
+        }
+        self.remove_unused()?;
+        Ok(lost)
+    }
+
+    /// Whether the database lists an upload, or a job with a folder.
+    pub(crate) fn is_known(&self, kind: Kind, id: &str) -> Result<bool> {
+        let query = match kind {
+            Kind::Upload => "SELECT 1 FROM uploads WHERE id = ?",
+            Kind::Results => "SELECT 1 FROM jobs WHERE folder = ? AND bytes >= 0",
+        };
+        Ok(self.database().query_row(query, [id], |_| Ok(())).optional()?.is_some())
+    }
+
+    /// Moves an upload or a job that the database does not list out of the way.
+    fn set_aside(&self, kind: Kind, id: &str) -> Result<()> {
+        if let Files::Bucket(bucket) = &self.kept {
+            bucket.set_aside(kind, id).map_err(StoreError::Bucket)?;
+        }
+        let from = self.root().join(folder_of(kind)).join(id);
+        if from.symlink_metadata().is_err() {
+            return Ok(());
+        }
+        let folder = self.root().join("lost").join(folder_of(kind));
+        fs::create_dir_all(&folder)?;
+        let numbered = (2..).map(|number| folder.join(format!("{id}-{number}")));
+        let mut names = std::iter::once(folder.join(id)).chain(numbered);
+        let free = names.find(|path| path.symlink_metadata().is_err());
+        Ok(free.map_or(Ok(()), |to| fs::rename(from, to))?)
+    }
+
+    /// Removes the files of what was removed before an interruption.
+    fn finish_removals(&self) -> Result<()> {
+        let removed: Vec<(String, String)> = {
+            let database = self.database();
+            let mut query = database.prepare("SELECT kind, id FROM removed")?;
+            let rows = query.query_map([], |row| Ok((row.get(0)?, row.get(1)?)))?;
+            rows.collect::<rusqlite::Result<_>>()?
+        };
+        for (name, id) in removed {
+            for kind in [Kind::Upload, Kind::Results].into_iter().filter(|kind| kind.name() == name) {
+                self.discard(kind, &id)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The id of a folder, if it has one.
+///
+/// # Errors
+/// Those of files.
+pub(crate) fn read_id(root: &Path) -> Result<Option<String>> {
+    match fs::read_to_string(root.join(ID)) {
+        Ok(text) => Ok(Some(text.trim().to_owned())),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// Whether a folder has uploads or jobs.
+fn has_files(root: &Path) -> Result<bool> {
+    let all = [Kind::Upload, Kind::Results].map(|kind| names_in(&root.join(folder_of(kind))));
+    Ok(all.into_iter().collect::<Result<Vec<_>>>()?.iter().any(|names| !names.is_empty()))
+}
+
+/// The names in a folder; none if it does not exist.
+pub(crate) fn names_in(folder: &Path) -> Result<BTreeSet<String>> {
+    let entries = match fs::read_dir(folder) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(BTreeSet::new()),
+        entries => entries?,
+    };
+    let name = |entry: io::Result<fs::DirEntry>| Ok(entry?.file_name().to_string_lossy().into_owned());
+    entries.map(name).collect()
+}
+
+/// The database and its log of a folder.
+pub(crate) fn database_files(root: &Path) -> [PathBuf; 2] {
+    let path = root.join(DATABASE);
+    [path.clone(), path.with_extension("db-wal")]
+}

@@ -1,0 +1,188 @@
+//! The tables of the database, their version, and whether a database is sound.
+//!
+//! A database states its version (`PRAGMA user_version`). Older ones are migrated in one transaction, after a copy beside them; newer ones
+//! and damaged ones are refused before anything is written.
+
+use crate::store::{Result, StoreError};
+use rusqlite::{Connection, OptionalExtension as _};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+// With the exclusive lock SQLite needs no memory that processes share, which network file systems do not have. Pages that dismissed jobs
+// leave are given back to the disk (`Store::shrink`).
+const SETTINGS: &str = "
+PRAGMA auto_vacuum = INCREMENTAL;
+PRAGMA locking_mode = EXCLUSIVE;
+PRAGMA journal_mode = WAL;
+PRAGMA synchronous = FULL;
+PRAGMA busy_timeout = 10000;
+PRAGMA foreign_keys = ON;
+PRAGMA cache_size = -4000;
+";
+
+/// What each version adds to the one before. Databases before version 1 have some of its tables.
+const STEPS: [&str; 1] = ["
+CREATE TABLE IF NOT EXISTS uploads (
+    id TEXT PRIMARY KEY, owner TEXT NOT NULL, name TEXT, files INTEGER NOT NULL, bytes INTEGER NOT NULL, sha256 TEXT NOT NULL,
+    created INTEGER NOT NULL, UNIQUE (owner, name)
+) STRICT;
+CREATE TABLE IF NOT EXISTS files (
+    upload TEXT NOT NULL REFERENCES uploads (id) ON DELETE CASCADE, path TEXT NOT NULL, bytes INTEGER NOT NULL, kind TEXT NOT NULL,
+    PRIMARY KEY (upload, path)
+) STRICT, WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS jobs (
+    number INTEGER PRIMARY KEY, id TEXT NOT NULL UNIQUE, owner TEXT NOT NULL, process TEXT NOT NULL, inputs TEXT NOT NULL,
+    prepared TEXT NOT NULL, fingerprint TEXT NOT NULL, folder TEXT NOT NULL, status TEXT NOT NULL, message TEXT NOT NULL DEFAULT '',
+    progress INTEGER NOT NULL DEFAULT 0, pulses INTEGER NOT NULL DEFAULT 0, results TEXT NOT NULL DEFAULT '[]',
+    bytes INTEGER NOT NULL DEFAULT 0, created INTEGER NOT NULL, started INTEGER, finished INTEGER, updated INTEGER NOT NULL,
+    holder TEXT, held_until INTEGER
+) STRICT;
+CREATE INDEX IF NOT EXISTS jobs_of_owner ON jobs (owner, number);
+CREATE INDEX IF NOT EXISTS jobs_in_queue ON jobs (status, number) WHERE status IN ('accepted', 'running');
+CREATE INDEX IF NOT EXISTS jobs_by_fingerprint ON jobs (owner, fingerprint) WHERE status = 'successful';
+CREATE INDEX IF NOT EXISTS jobs_by_folder ON jobs (folder);
+CREATE INDEX IF NOT EXISTS jobs_unfinished ON jobs (owner) WHERE status IN ('accepted', 'running');
+CREATE INDEX IF NOT EXISTS jobs_stored ON jobs (owner, bytes) WHERE folder = id AND bytes > 0;
+CREATE INDEX IF NOT EXISTS jobs_to_remove ON jobs (id) WHERE status = 'dismissed' AND bytes >= 0;
+CREATE INDEX IF NOT EXISTS uploads_to_remove ON uploads (id) WHERE name IS NULL;
+CREATE TABLE IF NOT EXISTS uses (
+    job TEXT NOT NULL REFERENCES jobs (id) ON DELETE CASCADE, kind TEXT NOT NULL, target TEXT NOT NULL, PRIMARY KEY (job, kind, target)
+) STRICT, WITHOUT ROWID;
+CREATE INDEX IF NOT EXISTS uses_of_target ON uses (target);
+CREATE TABLE service (id TEXT NOT NULL) STRICT;
+CREATE TABLE removed (kind TEXT NOT NULL, id TEXT NOT NULL, PRIMARY KEY (kind, id)) STRICT, WITHOUT ROWID;
+"];
+
+/// The version of the tables.
+pub(crate) const VERSION: i64 = STEPS.len() as i64;
+
+/// What a database has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum State {
+    /// No tables.
+    Empty,
+    /// The tables of this version.
+    Version(i64),
+}
+
+/// Whether there is a database that has something.
+pub(crate) fn exists(path: &Path) -> bool {
+    let has_bytes = |path: &Path| std::fs::metadata(path).is_ok_and(|about| about.len() > 0);
+    has_bytes(path) || has_bytes(&path.with_extension("db-wal"))
+}
+
+/// Checks all pages of a database, and its version. Changes nothing.
+///
+/// # Errors
+/// [`StoreError::Damaged`] and [`StoreError::Version`].
+pub(crate) fn check(database: &Connection, path: &Path) -> Result<State> {
+    let damaged = |message: String| StoreError::Damaged(path.to_owned(), message);
+    let found = || -> rusqlite::Result<(Vec<String>, i64, bool)> {
+        let mut query = database.prepare("PRAGMA quick_check(5)")?;
+        let found = query.query_map([], |row| row.get(0))?.collect::<rusqlite::Result<_>>()?;
+        let version = database.query_row("PRAGMA user_version", [], |row| row.get(0))?;
+        let has_tables = database.query_row("SELECT 1 FROM sqlite_schema LIMIT 1", [], |_| Ok(()));
+        Ok((found, version, has_tables.optional()?.is_some()))
+    };
+    let (found, version, has_tables) = found().map_err(|e| damaged(e.to_string()))?;
+    if found != ["ok"] {
+        return Err(damaged(found.join("; ")));
+    }
+    match has_tables {
+        _ if !(0..=VERSION).contains(&version) => {
+            Err(StoreError::Version { path: path.to_owned(), found: version })
+        }
+        true => Ok(State::Version(version)),
+        false if version == 0 => Ok(State::Empty),
+        false => Err(damaged("it has no tables".to_owned())),
+    }
+}
+
+/// Opens the database that a check has found sound, or makes it, with the tables of this version. `id` becomes that of a database
+/// which has none. Returns the id.
+///
+/// # Errors
+/// Those of the database, and for columns that are not those of this version.
+pub(crate) fn open(path: &Path, state: State, id: &str) -> Result<(Connection, String)> {
+    let mut database = Connection::open(path)?;
+    database.execute_batch(SETTINGS)?;
+    let version = match state {
+        State::Empty => 0,
+        State::Version(version) => version,
+    };
+    if version < VERSION {
+        if state != State::Empty {
+            keep_copy(&database, path, version)?;
+        }
+        let transaction = database.transaction()?;
+        for step in STEPS.iter().skip(version as usize) {
+            transaction.execute_batch(step)?;
+        }
+        transaction
+            .execute("INSERT INTO service (id) SELECT ? WHERE NOT EXISTS (SELECT 1 FROM service)", [id])?;
+        transaction.pragma_update(None, "user_version", VERSION)?;
+        transaction.commit()?;
+    }
+    compare(&database, path)?;
+    let shrinks: i64 = database.query_row("PRAGMA auto_vacuum", [], |row| row.get(0))?;
+    if shrinks == 0 {
+        database.execute_batch("VACUUM")?;
+    }
+    let id =
+        id_of(&database)?.ok_or_else(|| StoreError::Damaged(path.to_owned(), "it has no id".to_owned()))?;
+    Ok((database, id))
+}
+
+/// The id in a database; `None` before version 1.
+///
+/// # Errors
+/// Those of the database.
+pub(crate) fn id_of(database: &Connection) -> Result<Option<String>> {
+    let has_table = "SELECT 1 FROM sqlite_schema WHERE name = 'service'";
+    if database.query_row(has_table, [], |_| Ok(())).optional()?.is_none() {
+        return Ok(None);
+    }
+    Ok(database.query_row("SELECT id FROM service", [], |row| row.get(0)).optional()?)
+}
+
+/// Keeps a copy of a database before it is migrated, unless there is one.
+fn keep_copy(database: &Connection, path: &Path, version: i64) -> Result<()> {
+    let copy = path.with_extension(format!("db-version-{version}"));
+    if !copy.exists() {
+        database.execute("VACUUM INTO ?", [copy.to_string_lossy()])?;
+        eprintln!(
+            "vlscan serve: the database of version {version} is migrated to version {VERSION}; a copy is kept in {}",
+            copy.display()
+        );
+    }
+    Ok(())
+}
+
+/// Compares the columns with those of a new database.
+fn compare(database: &Connection, path: &Path) -> Result<()> {
+    let model = Connection::open_in_memory()?;
+    STEPS.iter().try_for_each(|step| model.execute_batch(step))?;
+    let found = columns(database)?;
+    for (table, expected) in columns(&model)? {
+        if found.get(&table) != Some(&expected) {
+            let message = format!("the columns of the table `{table}` are not those of version {VERSION}");
+            return Err(StoreError::Damaged(path.to_owned(), message));
+        }
+    }
+    Ok(())
+}
+
+/// The names and types of the columns of all tables.
+fn columns(database: &Connection) -> rusqlite::Result<BTreeMap<String, Vec<String>>> {
+    let mut query = database.prepare(
+        "SELECT tables.name, columns.name || ' ' || columns.type FROM sqlite_schema AS tables, pragma_table_info(tables.name) AS columns
+         WHERE tables.type = 'table' ORDER BY tables.name, columns.cid",
+    )?;
+    let rows = query.query_map([], |row| Ok((row.get(0)?, row.get(1)?)))?;
+    let mut found = BTreeMap::<String, Vec<String>>::new();
+    for row in rows {
+        let (table, column) = row?;
+        found.entry(table).or_default().push(column);
+    }
+    Ok(found)
+}
