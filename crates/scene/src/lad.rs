@@ -155,13 +155,12 @@ impl LadTable {
         let mut problems = Problems::default();
         let mut rows = Vec::new();
         for line in Lines::new(source.bytes(), false).filter(|l| !is_empty_line(&l.text)) {
-            let numbers: Vec<f64> = line
+            let numbers: Option<Vec<f64>> = line
                 .text
                 .split(|&b| b == b',')
-                .filter_map(|w| float(w.trim_ascii()))
-                .filter(|v| v.is_finite())
+                .map(|w| float(w.trim_ascii()).filter(|v| v.is_finite()))
                 .collect();
-            match numbers[..] {
+            match numbers.unwrap_or_default()[..] {
                 [x, y, z, g] if is_unit(DVec3::new(x, y, z)) && (0.0..=MAX_G).contains(&g) => {
                     rows.push((DVec3::new(x, y, z), g))
                 }

@@ -204,18 +204,24 @@ def read_materials(path: str) -> dict[str, Material]:
                 current = found.setdefault(name, Material(name=name))
             elif current is not None and words:
                 try:
-                    _set(current, keyword, words)
+                    rest = _set(current, keyword, words)
                 except ValueError as problem:
                     warn(f"{path}:{number}: {keyword} is left out: {problem}")
+                else:
+                    if rest:
+                        warn(f"{path}:{number}: {' '.join(rest)!r} after {keyword} is ignored")
     return found
 
 
-def _set(material: Material, keyword: str, words: list[str]) -> None:
+def _set(material: Material, keyword: str, words: list[str]) -> list[str]:
+    """Set the property of a line and return the words that are not used."""
+    used = 1
     if keyword in ("Ka", "Kd", "Ks"):
         numbers = [float(word) for word in words[:3]]
         colour = numbers if len(numbers) == 3 else numbers[:1] * 3
         name = {"Ka": "ambient", "Kd": "diffuse", "Ks": "specular"}[keyword]
         setattr(material, f"{name}_components", [*colour, 0.0])
+        used = len(numbers) if len(numbers) == 3 else 1
     elif keyword == "Ns":
         material.specular_exponent = float(words[0])
     elif keyword == "helios_reflectance":
@@ -223,9 +229,13 @@ def _set(material: Material, keyword: str, words: list[str]) -> None:
     elif keyword == "helios_classification":
         material.classification = int(words[0])
     elif keyword == "helios_spectra":
-        material.spectra = words[0]
+        material.spectra = " ".join(words)
+        used = len(words)
     elif keyword == "helios_isGround":
         truths = {"true": True, "1": True, "false": False, "0": False}
         if words[0].lower() not in truths:
             raise ValueError(f"expected true or false, found {words[0]!r}")
         material.is_ground = truths[words[0].lower()]
+    else:
+        used = len(words)
+    return words[used:]

@@ -86,7 +86,9 @@ impl Header {
             let line = String::from_utf8_lossy(&bytes[at..end]).into_owned();
             at = end + 1;
             let words: Vec<&str> = line.split_whitespace().collect();
-            let number = || words.get(1).and_then(|word| word.parse::<usize>().ok());
+            // A second word is no part of a number.
+            let number =
+                || words.get(1).filter(|_| words.len() == 2).and_then(|word| word.parse::<usize>().ok());
             let list = || words[1..].iter().map(|word| (*word).to_owned()).collect();
             match words.first().copied().unwrap_or_default() {
                 "FIELDS" | "COLUMNS" => lists[0] = list(),
@@ -109,9 +111,14 @@ impl Header {
                             ));
                         }
                     };
-                    let points = points.or(width.and_then(|width| width.checked_mul(height)));
+                    let raster = width.and_then(|width| width.checked_mul(height));
+                    let differs = points.zip(raster).filter(|(points, raster)| points != raster);
+                    let remark = differs.map(|(points, raster)| {
+                        format!("its header has {points} POINTS, which are read, but WIDTH times HEIGHT is {raster}")
+                    });
+                    let points = points.or(raster);
                     let points = points.ok_or("its header has no POINTS")?;
-                    return Header {
+                    let header = Header {
                         fields: Vec::new(),
                         columns: Columns::default(),
                         remarks: Vec::new(),
@@ -119,8 +126,10 @@ impl Header {
                         encoding,
                         offset,
                         data: at,
-                    }
-                    .with_fields(&lists);
+                    };
+                    let mut header = header.with_fields(&lists)?;
+                    header.remarks.extend(remark);
+                    return Ok(header);
                 }
                 _ => {}
             }
@@ -128,10 +137,16 @@ impl Header {
     }
 
     fn with_fields(mut self, [names, sizes, kinds, counts]: &[Vec<String>; 4]) -> Result<Header, String> {
+        for (keyword, list) in [("SIZE", sizes), ("TYPE", kinds), ("COUNT", counts)] {
+            if !list.is_empty() && list.len() != names.len() {
+                let (fields, found) = (names.len(), list.len());
+                return Err(format!("its header has {fields} FIELDS, and {found} values after {keyword}"));
+            }
+        }
         let (mut offset, mut index) = (0usize, 0usize);
         for (i, name) in names.iter().enumerate() {
             let size = sizes.get(i).map_or(Some(4), |size| size.parse().ok());
-            let kind = kinds.get(i).map_or(b'F', |kind| kind.as_bytes()[0]);
+            let kind = kinds.get(i).map_or(b'F', |kind| if kind.len() == 1 { kind.as_bytes()[0] } else { 0 });
             let count = counts.get(i).map_or(Some(1), |count| count.parse::<usize>().ok());
             let known = matches!((kind, size), (b'F', Some(4 | 8)) | (b'I' | b'U', Some(1 | 2 | 4 | 8)));
             let (Some(size), Some(count), true) = (size, count.filter(|c| *c < 1 << 20), known) else {
@@ -213,9 +228,12 @@ fn read_text(data: &[u8], header: &Header, reading: &mut Reading) -> Result<(), 
     let mut passed = 0;
     let used: Vec<(Attribute, usize)> = header.columns.used().collect();
     let mut values = vec![f64::NAN; header.fields.len()];
+    let width: usize = header.fields.iter().map(|field| field.count).sum();
+    let mut others = 0u64;
     let mut lines = data.split(|b| is_line_end(*b)).filter(|line| !line.trim_ascii().is_empty());
     for line in lines.by_ref().take(header.points) {
         let words: Vec<_> = Separator::Blanks.split(line).collect();
+        others += u64::from(words.len() != width);
         for (attribute, column) in &used {
             let word = words.get(header.fields[*column].index).map_or(&b""[..], |at| &line[at.clone()]);
             values[*column] = float(word).ok_or_else(|| {
@@ -228,6 +246,10 @@ fn read_text(data: &[u8], header: &Header, reading: &mut Reading) -> Result<(), 
         if push(header, |column| values[column], reading).is_break() {
             return Ok(());
         }
+    }
+    if others > 0 {
+        let lines = if others == 1 { "line has" } else { "lines have" };
+        reading.warn(format!("{others} {lines} more or fewer values than the {width} of its FIELDS"));
     }
     if passed == header.points && lines.next().is_some() {
         reading.warn_of_rest(header.points);

@@ -45,6 +45,11 @@ impl Layout {
         Some(format!("expected {named} values, one for each named column, found {}", words.len()))
     }
 
+    /// True if this character separates columns.
+    pub fn is_separated_by(&self, byte: u8) -> bool {
+        self.separator.split(&[b'1', byte, b'1']).count() > 1
+    }
+
     /// Whether names tell what the columns hold.
     pub fn is_named(&self) -> bool {
         self.named.is_some()

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `layout` | finds out what the columns of a file hold, from its first lines |
 //! | `lines` | splits and parses lines |
+//! | `rows` | reads lines as points |
 //! | `read` | reads files and streams |
 //! | `write`, `archive` | writes lines; compressed archives of lines, written and read |
 
@@ -11,6 +12,7 @@ mod archive;
 mod layout;
 mod lines;
 mod read;
+mod rows;
 mod write;
 
 pub use archive::{begin_archive, expand, unzip};
@@ -18,4 +20,5 @@ pub use layout::{Layout, LayoutFinder};
 pub use lines::{float, is_skipped};
 pub(super) use lines::{is_line_end, last_of_line_ends, read_line};
 pub(super) use read::read;
+pub use rows::{BadRow, RowReader, Widths};
 pub(crate) use write::{bin, csv, xyz};

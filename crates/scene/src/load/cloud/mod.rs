@@ -18,9 +18,10 @@ use cells::{CellSums, CloudGrid, NormalRule, Sums, Votes};
 use rayon::prelude::*;
 use sorter::Sorter;
 use std::ops::{ControlFlow, Range};
-use text::RowFormat;
+use text::{LinePlace, RowFormat};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
+use vlscan_formats::text::Widths;
 use vlscan_formats::{AttributeSet, CloudFormat, PointFile, PointRow, PointSink, Selection};
 use vlscan_geom::{Aabb, DVec3, direction, rescaled};
 use vlscan_survey::XyzLoader;
@@ -240,7 +241,7 @@ impl<'s> Cloud<'s> {
                 return Ok(());
             }
         };
-        let (mut problems, mut passed) = (Problems::default(), 0);
+        let (mut problems, mut passed, mut widths) = (Problems::default(), 0, Widths::default());
         for wave in pieces.chunks(4 * rayon::current_num_threads()) {
             let read = wave.par_iter().map(|piece| {
                 let (mut points, mut problems) = (Vec::new(), Problems::default());
@@ -250,8 +251,11 @@ impl<'s> Cloud<'s> {
             });
             let read: Vec<_> = read.collect();
             let mut batches = Vec::with_capacity(read.len());
-            for ((points, found, lines), piece) in read.into_iter().zip(wave) {
+            for ((points, found, (lines, of_piece)), piece) in read.into_iter().zip(wave) {
                 problems.append(found, passed, piece.start);
+                let in_file =
+                    |(line, at): LinePlace| (passed + line, piece.start + at.start..piece.start + at.end);
+                widths.append(of_piece, in_file);
                 passed += lines;
                 batches.push(points);
             }
@@ -263,13 +267,16 @@ impl<'s> Cloud<'s> {
             }
         }
         if let Some((number, at, last)) = source.unended_line()
-            && let Some((columns, found)) = format.find_truncation(source.bytes(), last)
+            && let Some((columns, found)) = format.find_truncation(last)
         {
             problems.error(number, at..at + last.len(), || {
                 format!(
                     "expected {columns} columns as in the first line, found {found}; is the file truncated?"
                 )
             });
+        }
+        for ((line, at), message) in format.warnings(widths) {
+            problems.warn(line, at, || message);
         }
         problems.report(source, found);
         Ok(())

@@ -3,17 +3,19 @@
 use crate::builder::MAX_COORDINATE;
 use crate::text::{Line, Lines, Problems, Source, shown};
 use std::ops::Range;
-use vlscan_base::columns::{Separator, comma_note, has_decimal_comma};
+use vlscan_base::columns::{Separator, has_decimal_comma};
 use vlscan_base::diag::Diagnostics;
-use vlscan_formats::text::{Layout, LayoutFinder, is_skipped};
+use vlscan_formats::text::{BadRow, LayoutFinder, RowReader, Widths, is_skipped};
 use vlscan_formats::{Attribute, Columns, PointRow};
 use vlscan_survey::XyzLoader;
 
 /// How the lines of a file are split, and the meaning of their columns.
 pub(super) struct RowFormat {
-    layout: Layout,
-    columns: Columns,
+    rows: RowReader,
 }
+
+/// Number of a line, from 1, and bytes within the file or a piece of it.
+pub(super) type LinePlace = (usize, Range<usize>);
 
 /// Columns of the normal unless the scene or the file names others.
 const DEFAULT_NORMAL: [usize; 3] = [3, 4, 5];
@@ -75,80 +77,59 @@ impl RowFormat {
                 with_normal(columns, normal)
             }
         };
-        Some(RowFormat { layout, columns })
-    }
-
-    fn split<'a>(&'a self, line: &'a [u8], words: &mut Vec<Range<usize>>) {
-        self.layout.split(line, words);
-    }
-
-    /// Whether a line has a point, is no line of names and no comment.
-    fn is_row(&self, is_first: bool, number: usize, line: &[u8]) -> bool {
-        !(is_first && number < self.layout.first_line || is_skipped(line))
+        let rows = RowReader::new(layout, columns, &line.text);
+        warn_of_unread(&rows, loader, source, &line, diagnostics);
+        Some(RowFormat { rows })
     }
 
     /// Detects a truncated last line: one without a line end and with fewer columns than the first point. Returns the
     /// number of columns of both.
-    pub fn find_truncation(&self, bytes: &[u8], last: &[u8]) -> Option<(usize, usize)> {
-        let mut lines = Lines::new(bytes, false);
-        let first = lines.find(|l| self.is_row(true, l.number, &l.text))?;
-        let count = |line: &[u8]| {
-            let mut words = Vec::new();
-            self.split(line, &mut words);
-            words.len()
-        };
-        let (first, found) = (count(&first.text), count(last));
+    pub fn find_truncation(&self, last: &[u8]) -> Option<(usize, usize)> {
+        let mut words = Vec::new();
+        self.rows.split(last, &mut words);
+        let (first, found) = (self.rows.width(), words.len());
         (!is_skipped(last) && found >= 3 && found < first).then_some((first, found))
     }
 
-    /// Calls `take` with every point of a piece of the file; returns the number of lines.
+    /// The warnings about lines with more or fewer values than the first point.
+    pub fn warnings(&self, widths: Widths<LinePlace>) -> Vec<(LinePlace, String)> {
+        widths.warnings(&self.rows)
+    }
+
+    /// Calls `take` with every point of a piece of the file; returns the number of lines, and those of other lengths.
     pub fn read(
         &self,
         bytes: &[u8],
         is_first: bool,
         problems: &mut Problems,
         mut take: impl FnMut(PointRow),
-    ) -> usize {
+    ) -> (usize, Widths<LinePlace>) {
         let mut lines = Lines::new(bytes, false);
-        let mut words = Vec::new();
+        let (mut words, mut widths) = (Vec::new(), Widths::default());
         for line in lines.by_ref() {
-            if !self.is_row(is_first, line.number, &line.text) {
+            // Only the first piece has lines before the first point.
+            let number = if is_first { line.number } else { usize::MAX };
+            if self.rows.is_skipped(number, &line.text) {
                 continue;
             }
-            self.split(&line.text, &mut words);
+            self.rows.split(&line.text, &mut words);
+            let in_file = |at: Range<usize>| line.start + at.start..line.start + at.end;
+            widths.see(&self.rows, &line.text, &words, |at| (line.number, in_file(at)));
             match self.parse(&line.text, &words) {
-                Ok(point) => match self.layout.missing_values(&words) {
-                    None => {
-                        self.warn_of_class(&point, &line, &words, problems);
-                        take(point);
-                    }
-                    Some(message) => {
-                        let end = line.start + line.text.len();
-                        problems.error(line.number, end..end, || message);
-                    }
-                },
-                Err((attribute, at)) => {
-                    problems.error(line.number, line.start + at.start..line.start + at.end, || {
-                        let found = shown(line.text[at].trim_ascii());
-                        let hint = comma_note(&found);
-                        match Attribute::POSITION.iter().position(|axis| *axis == attribute) {
-                            Some(axis) => format!(
-                                "expected the {} of a point within ±{MAX_COORDINATE:e} m, found \"{found}\"{hint}",
-                                ["x", "y", "z"][axis]
-                            ),
-                            None => format!("expected {}, found \"{found}\"{hint}", attribute.described()),
-                        }
-                    });
+                Ok(point) => {
+                    self.warn_of_class(&point, &line, &words, problems);
+                    take(point);
                 }
+                Err(BadRow { at, message, .. }) => problems.error(line.number, in_file(at), || message),
             }
         }
-        lines.passed
+        (lines.passed, widths)
     }
 
     /// Warns of a class that is not used as written.
     fn warn_of_class(&self, point: &PointRow, line: &Line, words: &[Range<usize>], problems: &mut Problems) {
-        let column = self.columns.get(Attribute::Class).filter(|_| point.misfits.has(Attribute::Class));
-        if let Some(at) = column.and_then(|column| words.get(column)).cloned() {
+        let is_misfit = point.misfits.has(Attribute::Class);
+        if let Some(at) = self.rows.word(Attribute::Class, words).filter(|_| is_misfit) {
             problems.warn(line.number, line.start + at.start..line.start + at.end, || {
                 let found = shown(line.text[at].trim_ascii());
                 format!("the class \"{found}\" is not a whole number from 0 to 255, {} counts", point.class)
@@ -156,19 +137,48 @@ impl RowFormat {
         }
     }
 
-    /// The point of a line, or the attribute without a usable number and the position of its word.
-    fn parse(&self, line: &[u8], words: &[Range<usize>]) -> Result<PointRow, (Attribute, Range<usize>)> {
-        let point = self.columns.parse(line, words).map_err(|bad| (bad.attribute, bad.at))?;
+    /// The point of a line.
+    fn parse(&self, line: &[u8], words: &[Range<usize>]) -> Result<PointRow, BadRow> {
+        let point = self.rows.parse(line, words)?;
         // Also false for NaN.
-        let is_usable = |axis: usize| point.position[axis].abs() <= MAX_COORDINATE;
-        match (0..3).find(|axis| !is_usable(*axis)) {
+        let is_usable = |axis: &usize| point.position[*axis].abs() <= MAX_COORDINATE;
+        match (0..3).find(|axis| !is_usable(axis)) {
             Some(axis) => {
-                let attribute = Attribute::POSITION[axis];
-                let at = self.columns.get(attribute).and_then(|column| words.get(column)).cloned();
-                Err((attribute, at.unwrap_or(line.len()..line.len())))
+                let at = self.rows.word(Attribute::POSITION[axis], words).unwrap_or(line.len()..line.len());
+                let (name, found) = (["x", "y", "z"][axis], shown(line[at.clone()].trim_ascii()));
+                let message =
+                    format!("expected the {name} of a point within ±{MAX_COORDINATE:e} m, found \"{found}\"");
+                Err(BadRow { at, message, help: None })
             }
             None => Ok(point),
         }
+    }
+}
+
+/// Warns of columns without names that are neither coordinates nor those of a normal or of colours.
+fn warn_of_unread(
+    rows: &RowReader,
+    loader: &XyzLoader,
+    source: &Source,
+    line: &Line,
+    diagnostics: &mut Diagnostics,
+) {
+    let triples = [loader.rgb_columns.unwrap_or([6, 7, 8]), loader.normal_columns.unwrap_or(DEFAULT_NORMAL)];
+    let is_there = |triple: &&[usize; 3]| triple.iter().all(|column| *column < rows.width());
+    let is_known = |column: &usize| {
+        let mut used = rows.columns().used().filter(|(a, _)| !Attribute::NORMAL.contains(a));
+        used.any(|(_, used)| used == *column)
+            || triples.iter().filter(is_there).any(|triple| triple.contains(column))
+    };
+    let mut unread = (0..rows.width()).filter(|column| !is_known(column));
+    let is_unstated = loader.normal_columns.is_none() && loader.rgb_columns.is_none();
+    if let Some(first) = unread.next().filter(|_| is_unstated && !rows.is_named()) {
+        let place = source.place(line.number, line.start..line.start + line.text.len());
+        let message = match unread.next_back() {
+            Some(last) => format!("columns {} to {} have no names and are not read", first + 1, last + 1),
+            None => format!("column {} has no name and is not read", first + 1),
+        };
+        diagnostics.warn(Some(place), message).help("name the columns in the first line: `x y z class`");
     }
 }
 

@@ -54,6 +54,19 @@ fn read_mesh(bytes: &[u8], name: String) -> Result<RawMesh, String> {
             }
         }
     }
+    match &reader {
+        ElementReader::Text(numbers) if !numbers.is_at_end() => {
+            return Err(
+                "values are left over after the last element: a line has more values than its element \
+                        has properties, or the header states too few elements"
+                    .to_owned(),
+            );
+        }
+        ElementReader::Binary(_, _, rest) if !rest.is_empty() => {
+            mesh.warnings.push(format!("{} bytes after the last element are not read", rest.len()));
+        }
+        _ => {}
+    }
     if !has_faces {
         return Err(
             "the PLY file holds points and no faces; <filter type=\"xyzloader\"> makes voxels of points"

@@ -126,6 +126,9 @@ fn read_text(bytes: &[u8], file_name: &str) -> Result<RawMesh, String> {
                 let (Some(x), Some(y), Some(z)) = (coordinate(), coordinate(), coordinate()) else {
                     return Err(wrong("expected three coordinates") + hint);
                 };
+                if words.next().is_some() {
+                    return Err(wrong("expected three coordinates and no more"));
+                }
                 loop_of.push(corners.number(&mut mesh, [x, y, z]));
             }
             Some("endloop") => {

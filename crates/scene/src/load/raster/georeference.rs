@@ -156,6 +156,9 @@ fn world_file(path: &Path) -> Result<Option<[f64; 6]>, String> {
             format!("its world file {} has \"{word}\", expected six numbers{hint}", file.display())
         })?;
     }
+    if let Some(word) = words.next() {
+        return Err(format!("its world file {} has \"{word}\" after six numbers", file.display()));
+    }
     let [a, d, b, e, x, y] = numbers;
     Ok(Some([x - 0.5 * a - 0.5 * b, a, b, y - 0.5 * d - 0.5 * e, d, e]))
 }
@@ -186,5 +189,7 @@ mod tests {
         assert_eq!(Georeference::from_affine(c, false).unwrap().origin, (101.0, 48.0));
         std::fs::write(folder.path().join("dem.tfw"), "2,0\n0,0\n0,0\n-4,0\n101,0\n48,0\n").unwrap();
         assert!(read().unwrap_err().contains("a decimal comma"));
+        std::fs::write(folder.path().join("dem.tfw"), "2.0\n0.0\n0.0\n-4.0\n101.0\n48.0\n7\n").unwrap();
+        assert!(read().unwrap_err().contains("\"7\" after six numbers"));
     }
 }

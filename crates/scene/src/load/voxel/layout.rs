@@ -1,6 +1,7 @@
 //! Which columns of a file hold which attributes of a voxel.
 
 use crate::text::{Line, Problems, Words, shown};
+use vlscan_base::diag::nearest;
 
 /// Number of columns of a voxel in files that do not name them, and two of these columns.
 const COLUMNS: usize = 16;
@@ -63,7 +64,25 @@ impl Layout {
             return Some(Layout::UNNAMED);
         }
         match Layout::of_names(&names) {
-            Ok(layout) => Some(layout),
+            Ok(layout) => {
+                let used = &names[layout.density];
+                // Other programs have names of their own, such as pad_capped.
+                let is_misspelt = !DENSITY_NAMES.contains(&used.as_str());
+                if is_misspelt && nearest(used, DENSITY_NAMES).is_some() {
+                    problems.warn(line.number, at.clone(), || {
+                        format!("no column is named PadBVTotal; \"{used}\" is read as plant area density")
+                    });
+                }
+                let twice = [Some(layout.density), layout.transmittance].into_iter().flatten();
+                for name in twice.chain(layout.index).map(|column| &names[column]) {
+                    if names.iter().filter(|other| *other == name).count() > 1 {
+                        problems.warn(line.number, at.clone(), || {
+                            format!("the column \"{name}\" is named twice; the first one is read")
+                        });
+                    }
+                }
+                Some(layout)
+            }
             Err(missing) => {
                 let has_attenuation = names.iter().any(|name| name.starts_with("attenuation"));
                 let hint = if has_attenuation {

@@ -1,18 +1,24 @@
-//! AMAPVox vegetation voxels (spec input-formats §4.5). Their columns are in `layout`.
+//! AMAPVox vegetation voxels (spec input-formats §4.5). Their header is in `header`, their columns are in `layout`, and `cells` has
+//! what a file says about its cells as a whole.
 
+mod cells;
+mod header;
 mod layout;
 #[cfg(test)]
 mod tests;
 
-use crate::builder::{MAX_COORDINATE, PartSource, SceneBuilder};
+use crate::builder::{PartSource, SceneBuilder};
 use crate::load::voxel_store::VoxelStore;
 use crate::number::float;
 use crate::text::{Line, Lines, Problems, Source, Words, cut_into_pieces, is_empty_line, shown};
 use crate::voxel::{Voxel, VoxelKind};
+use cells::CellCheck;
+use header::{Header, read_header};
 use layout::Layout;
 use rayon::prelude::*;
 use std::ops::Range;
 use vlscan_base::columns::comma_note;
+use vlscan_base::diag::Place;
 use vlscan_base::error::Result;
 use vlscan_base::rng::{Purpose, Stream};
 use vlscan_geom::DVec3;
@@ -21,19 +27,6 @@ use vlscan_trace::GridPlace;
 
 /// Bytes read by one task.
 const PIECE_BYTES: usize = 1 << 20;
-
-/// The header of a file.
-#[derive(Debug, PartialEq)]
-struct Header {
-    min_corner: DVec3,
-    resolution: f64,
-    /// Number of cells along x, y, z.
-    split: [f64; 3],
-    max_density: Option<f64>,
-    layout: Layout,
-    /// Start of the voxels: bytes and lines before them.
-    body: (usize, usize),
-}
 
 /// Maximum density of a part's file, for scaling its voxels.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,21 +54,22 @@ pub(crate) fn load(
     let is_valid = problems.report(source, &mut scene.diagnostics);
     let Some(header) = header.filter(|_| is_valid) else { return Ok(None) };
     let first = scene.geometry.cubes.len();
-    let ((body, mut lines), mut rows) = (header.body, 0);
+    let ((body, mut lines), mut cells) = (header.body, CellCheck::default());
     let text = &source.bytes()[body..];
     let mut problems = Problems::default();
+    let width = first_row(source, body).map_or(0, |row| Words::new(&row.text, 0).count());
     let place = GridPlace::new(header.min_corner, header.resolution);
     let mut store = VoxelStore::new(place, header.split.map(|count| count as u32), keeps_grid);
     let mut at = 0;
     while at < text.len() {
         let wave = next_pieces(text, at);
         let read: Vec<Slice> =
-            wave.par_iter().map(|piece| read_voxels(&text[piece.clone()], &header, loader)).collect();
+            wave.par_iter().map(|piece| read_voxels(&text[piece.clone()], &header, width, loader)).collect();
         store.reserve(scene, read.iter().map(|s| s.voxels.len()).sum(), source.path())?;
         for (slice, piece) in read.into_iter().zip(&wave) {
             problems.append(slice.problems, lines, body + piece.start);
             lines += slice.lines;
-            rows += slice.rows;
+            cells.append(slice.cells);
             slice.voxels.iter().for_each(|(cell, voxel)| store.push(scene, *cell, voxel));
         }
         let end = wave.last().map_or(text.len(), |piece| piece.end);
@@ -87,10 +81,11 @@ pub(crate) fn load(
     store.finish(scene, surfaces)?;
     check_last_row(source, body, header.layout.count, &mut problems);
     check_columns(source, &header, loader.mode, &mut problems);
-    if rows == 0 {
-        let end = source.bytes().len();
-        problems.warn(lines.max(1), end.saturating_sub(1)..end, || "the file has no voxels".to_owned());
+    if let Some(note) = cells.note() {
+        scene.diagnostics.note(Some(Place::of_file(source.path())), note);
     }
+    let end = source.bytes().len();
+    cells.report(header.split, lines.max(1), end.saturating_sub(1)..end, &mut problems);
     let is_valid = problems.report(source, &mut scene.diagnostics);
     let cubes = first..scene.geometry.cubes.len();
     // Only cubes are scaled.
@@ -156,94 +151,17 @@ fn largest_density(voxels: &[Voxel]) -> f64 {
     voxels.iter().map(|v| v.density).filter(|d| d.is_finite()).fold(0.0, f64::max)
 }
 
-/// Reads everything before the voxels: fields, and the two lines that are neither fields nor blank.
-fn read_header(source: &Source, problems: &mut Problems) -> Option<Header> {
-    let mut fields = Fields::default();
-    let mut titles = Vec::new();
-    let mut lines = Lines::new(source.bytes(), false);
-    let mut end = None;
-    for line in lines.by_ref() {
-        let text = line.text.trim_ascii_start();
-        if text.is_empty() {
-            continue;
-        }
-        if text[0] == b'#' {
-            fields.read(&line, problems);
-        } else if titles.len() == 2 {
-            end = Some((line.start, line.number - 1));
-            break;
-        } else {
-            titles.push(line);
-        }
-    }
-    let end = end.unwrap_or((source.bytes().len(), lines.passed));
-    let mut required = |value: Option<Vec<f64>>, name: &str, count: usize| {
-        let value = value.filter(|v| v.len() >= count);
-        if value.is_none() {
-            problems.error(1, 0..0, || format!("the header has no line \"#{name}\" with {count} numbers"));
-        }
-        value
-    };
-    let corner = required(fields.min_corner, "min_corner:", 3);
-    required(fields.max_corner, "max_corner:", 3);
-    let split = required(fields.split, "split:", 3);
-    let size = required(fields.resolution, "res:", 1)?;
-    if size[0] <= 0.0 || size.iter().any(|s| *s != size[0]) {
-        problems.error(1, 0..0, || format!("expected cubes of a size above 0 as #res, found {size:?}"));
-    }
-    let (corner, split) = (corner?, split?);
-    let split = [split[0], split[1], split[2]];
-    let min_corner = DVec3::new(corner[0], corner[1], corner[2]);
-    let max_density = fields.max_density.and_then(|v| v.first().copied());
-    let layout = titles.get(1).map_or(Some(Layout::UNNAMED), |line| Layout::read(line, problems))?;
-    Some(Header { min_corner, resolution: size[0], split, max_density, layout, body: end })
-}
-
-#[derive(Default)]
-struct Fields {
-    min_corner: Option<Vec<f64>>,
-    max_corner: Option<Vec<f64>>,
-    split: Option<Vec<f64>>,
-    resolution: Option<Vec<f64>>,
-    max_density: Option<Vec<f64>>,
-}
-
-impl Fields {
-    /// Parses a header line with one or more fields `#name: values`.
-    fn read(&mut self, line: &Line, problems: &mut Problems) {
-        for field in line.text.split(|&b| b == b'#') {
-            let Some(colon) = field.iter().position(|&b| b == b':') else { continue };
-            let slot = match field[..colon].trim_ascii().to_ascii_lowercase().as_slice() {
-                b"min_corner" => &mut self.min_corner,
-                b"max_corner" => &mut self.max_corner,
-                b"split" => &mut self.split,
-                b"res" => &mut self.resolution,
-                b"max_pad" => &mut self.max_density,
-                _ => continue,
-            };
-            let words = field[colon + 1..].split(|b| b" \t\r,()".contains(b)).filter(|w| !w.is_empty());
-            let values: Option<Vec<f64>> =
-                words.map(|w| float(w).filter(|v| v.abs() <= MAX_COORDINATE)).collect();
-            match values {
-                Some(values) => *slot = Some(values),
-                None => problems.error(line.number, line.start..line.start + line.text.len(), || {
-                    format!("expected numbers after \"#{}\"", shown(&field[..=colon]))
-                }),
-            }
-        }
-    }
-}
-
 #[derive(Default)]
 struct Slice {
     /// Cells and attributes.
     voxels: Vec<([u32; 3], Voxel)>,
     problems: Problems,
     lines: usize,
-    rows: usize,
+    cells: CellCheck,
 }
 
-fn read_voxels(bytes: &[u8], header: &Header, loader: &VoxelLoader) -> Slice {
+/// Reads the rows of a piece of a file whose first row has `width` values.
+fn read_voxels(bytes: &[u8], header: &Header, width: usize, loader: &VoxelLoader) -> Slice {
     let mut slice = Slice::default();
     let mut lines = Lines::new(bytes, false);
     let mut words = Vec::new();
@@ -251,15 +169,19 @@ fn read_voxels(bytes: &[u8], header: &Header, loader: &VoxelLoader) -> Slice {
         if is_empty_line(&line.text) || line.text.trim_ascii_start()[0] == b'#' {
             continue;
         }
-        slice.rows += 1;
-        match read_row(&line, &header.layout, &mut words) {
+        let row = read_row(&line, &header.layout, &mut words);
+        slice.cells.add(header.split, row.as_ref().ok().map(|row| (row.index, row.density)));
+        if words.len() != width && row.is_ok() {
+            slice.cells.add_other_width();
+        }
+        match row {
             Ok(row) if loader.drop_empty && row.density == 0.0 => {}
             Ok(row) => {
                 let index = DVec3::from(row.index.map(f64::from));
                 if index.cmpge(DVec3::from(header.split)).any() {
                     // The reference uses the lower corner only, so the position is well-defined.
                     slice.problems.warn(line.number, line.start..line.start + line.text.len(), || {
-                        format!("the cell lies outside of the header's #split of {:?}", header.split)
+                        format!("the cell is outside of the header's #split of {:?}", header.split)
                     });
                 }
                 let voxel = Voxel::of_plants(row.density, kind(loader.mode, row.transmittance));

@@ -3,6 +3,7 @@
 use super::*;
 use crate::fixture::Fixture;
 use crate::{LadTable, Scene};
+use vlscan_base::diag::{Diagnostic, Severity};
 use vlscan_survey::{Loader, MaterialChoice};
 
 const HEADER: &str = "VOXEL SPACE\n#min_corner: 0 0 0\n#max_corner: 100 1 2\n#split: 200 2 4\n#res:0.5 #type:TLS \
@@ -33,7 +34,11 @@ fn fixture(text: &str, mode: VoxelMode) -> (Fixture, VoxelLoader) {
 fn load(f: &mut Fixture, loader: VoxelLoader) -> Scene {
     f.parts.clear();
     f.part(Loader::DetailedVoxels(Box::new(loader)));
-    f.scene()
+    let (scene, found) = f.load().unwrap();
+    // Cells without a density are usual in voxels of measurements.
+    let is_note = |d: &Diagnostic| d.severity == Severity::Note;
+    assert!(found.items().iter().all(is_note), "{}", found.render(false));
+    scene
 }
 
 #[test]
@@ -49,7 +54,8 @@ fn the_example_file_has_one_voxel() {
 
 #[test]
 fn empty_voxels_are_dropped_only_when_the_mode_is_not_spelled_out() {
-    let text = format!("{HEADER}{}\n# note\n{}", row([0, 0, 0], "0", "1"), row([1, 0, 0], "NaN", "NaN"));
+    let text = format!("{HEADER}{}\n# note\n{}", row([0, 0, 0], "0", "1"), row([1, 0, 0], "NaN", "NaN"))
+        .replace("#max_corner: 100 1 2\n#split: 200 2 4", "#max_corner: 1 0.5 0.5\n#split: 2 1 1");
     let (mut f, mut loader) = fixture(&text, VoxelMode::Transmittive);
     assert_eq!(load(&mut f, loader.clone()).voxels.len(), 2);
     loader.drop_empty = true;
@@ -205,4 +211,51 @@ fn mistakes_are_errors_with_their_lines() {
         f.part(Loader::DetailedVoxels(Box::new(loader)));
         f.error();
     }
+}
+
+/// The warnings, or the error, of a file.
+fn said(text: &str) -> String {
+    let (mut f, loader) = fixture(text, VoxelMode::Transmittive);
+    f.part(Loader::DetailedVoxels(Box::new(loader)));
+    match f.load() {
+        Ok((_, warnings)) => warnings.render(false),
+        Err(vlscan_base::Error::Input(problems)) => problems.render(false),
+        Err(e) => panic!("{e}"),
+    }
+}
+
+#[test]
+fn headers_that_contradict_themselves_or_the_cells_are_reported() {
+    let rows: String = (0..8).map(|n| format!("{} {} {} 1.5\n", n / 4, n / 2 % 2, n % 2)).collect();
+    let file = format!("{START}i j k PadBVTotal\n{rows}");
+    assert_eq!(said(&file), "");
+    for (from, to, expected) in [
+        (
+            "#min_corner:(0.0, 0.0, 0.0)",
+            "#min_corner: -2,5 -2 0",
+            "3 numbers after \"#min_corner:\", found \"-2,5 -2 0\"; a comma",
+        ),
+        ("#min_corner:(0.0, 0.0, 0.0)", "#min_corner: 0 0 0 7", "found \"0 0 0 7\""),
+        ("#split:(2, 2, 2)", "#split: 2 2", "expected 3 numbers after \"#split:\""),
+        ("#split:(2, 2, 2)", "#split: 2 2 2.5", "whole numbers of cells"),
+        ("#split:(2, 2, 2)", "#split: 2 2 0", "whole numbers of cells"),
+        ("#split:(2, 2, 2)", "#split: 2 2 3", "#max_corner is not where"),
+        ("#split:(2, 2, 2)", "#split: 2 2 3", "the file has 8 of the 12 cells of #split"),
+        ("#res:(1.0, 1.0, 1.0)", "#res: 0,5", "1 or 3 numbers after \"#res:\""),
+        ("#max_pad:5.0", "#max_pad: 5 6", "1 number after \"#max_pad:\""),
+        ("#max_pad:5.0", "#max_pad: 5 #max_pad: 6", "#max_pad is given twice"),
+        ("#max_corner:(2.0, 2.0, 2.0)", "#max_corner: 9 9 9", "#max_corner is not where"),
+        ("0 1 1 1.5\n", "0 1 1 nan\n", "1 cell has no density"),
+        ("0 1 1 1.5\n", "0 1 1 1e30\n", "1 cell has a density above 1000"),
+        ("0 1 1 1.5\n", "0 1 1 1.5 7\n", "1 row has more or fewer values"),
+        ("1 1 0 1.5\n1 1 1 1.5\n", "", "the file has 6 of the 8 cells of #split; the others are empty"),
+        ("1 1 1 1.5\n", "1 1 1 1.5\n1 1 1 1.5\n", "the file has 9 of the 8 cells"),
+        ("k PadBVTotal", "k PadBVTotaq", "\"padbvtotaq\" is read as plant area density"),
+    ] {
+        assert!(file.contains(from), "{from}");
+        let found = said(&file.replacen(from, to, 1));
+        assert!(found.contains(expected), "{to}: {found}");
+    }
+    // Files may list only the cells with plants.
+    assert_eq!(said(&format!("{START}i j k PadBVTotal\n0 1 0 2\n1 1 1 2\n")), "");
 }

@@ -2,7 +2,7 @@
 
 use crate::builder::MAX_COORDINATE;
 use crate::load::mesh::polygon::Fan;
-use crate::number::{float_at, is_blank, skip_blanks};
+use crate::number::{float, float_at, is_blank, skip_blanks};
 use crate::text::{Line, Lines, Problems, Words, is_empty_line, operand, shown};
 use std::ops::Range;
 use vlscan_base::columns::comma_note;
@@ -122,8 +122,29 @@ impl Slice {
             }
             at = end;
         }
+        at = skip_blanks(text, at);
+        if at < text.len() && text[at] != b'#' {
+            self.rest_of_vertex(line, at);
+        }
         let [x, y, z] = position;
         self.vertices.push(if reading.y_up { DVec3::new(x, -z, y) } else { DVec3::new(x, y, z) });
+    }
+
+    /// Warns of what follows the coordinates, unless it is a weight of 1, a colour, or both.
+    #[cold]
+    fn rest_of_vertex(&mut self, line: &Line, at: usize) {
+        let numbers: Option<Vec<f64>> = Words::new(&line.text, at).map(|(word, _)| float(word)).collect();
+        let rest = at..line.text.trim_ascii_end().len();
+        match numbers.as_deref() {
+            Some([1.0] | [_, _, _] | [_, _, _, 1.0] | [1.0, _, _, _]) => {}
+            Some([weight]) => self.problems.warn(line.number, in_file(line, rest), || {
+                format!("the weight {weight} of a vertex is ignored: its coordinates are not divided by it")
+            }),
+            _ => self.problems.warn(line.number, in_file(line, rest.clone()), || {
+                let found = shown(&line.text[rest]);
+                format!("expected a colour of three numbers or nothing after three coordinates, found \"{found}\"; it is ignored")
+            }),
+        }
     }
 
     #[cold]
@@ -252,6 +273,10 @@ fn vertex_number(text: &[u8], at: usize) -> Option<(i64, usize)> {
     // A number below −2³¹ would wrap to a positive one; no file has that many vertices.
     let value = if negative { -value } else { value };
     (value > -(1 << 31)).then_some((value, i))
+}
+
+fn in_file(line: &Line, at: Range<usize>) -> Range<usize> {
+    line.start + at.start..line.start + at.end
 }
 
 fn whole(line: &Line) -> Range<usize> {

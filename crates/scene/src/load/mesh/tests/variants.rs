@@ -6,7 +6,7 @@ use super::*;
 #[test]
 fn the_table_of_the_documentation_is_read() {
     let page = include_str!("../../../../../../docs/scenes.md");
-    let start = page.find("  name,reflectance,class,ground,spectrum\n").unwrap();
+    let start = page.find("  name,reflectance,class,ground,leaf,spectrum\n").unwrap();
     let rows = page[start..].lines().map(str::trim).take_while(|line| !line.starts_with("```"));
     let table: String = rows.map(|row| format!("{row}\n")).collect();
     assert!(table.lines().any(|row| row.ends_with(',')), "an example has an empty last field: {table}");
@@ -16,8 +16,8 @@ fn the_table_of_the_documentation_is_read() {
     f.file("materials.csv", &table);
     let scene = load(&mut f, "a.stl", MeshReading::default());
     let found: Vec<_> =
-        scene.materials.iter().map(|m| (m.name.as_str(), m.classification, m.is_ground)).collect();
-    assert_eq!(found, [("bark", 5, false), ("soil", 2, true)]);
+        scene.materials.iter().map(|m| (m.name.as_str(), m.classification, m.is_ground, m.leaf)).collect();
+    assert_eq!(found, [("bark", 5, false, Some(false)), ("soil", 2, true, None)]);
 }
 
 #[test]
@@ -95,6 +95,36 @@ fn strips_of_ply_are_triangles() {
                9 0 1 2 3 -1 2 3 4 -1\n";
     let scene = load(&mut fixture("a.ply", ply.as_bytes()), "a.ply", MeshReading::default());
     assert_eq!(scene.geometry.triangles.to_vec(), [[0, 1, 2], [1, 3, 2], [2, 3, 4]]);
+}
+
+#[test]
+fn values_beyond_those_of_a_line_are_reported() {
+    let said = |name: &str, text: &str| {
+        let mut f = fixture(name, text.as_bytes());
+        let files: Vec<PathBuf> = vec![f.path().join(name)];
+        f.part(Loader::MeshFiles { files, reading: MeshReading::default() });
+        match f.load() {
+            Ok((_, warnings)) => warnings.render(false),
+            Err(vlscan_base::Error::Input(problems)) => problems.render(false),
+            Err(e) => panic!("{e}"),
+        }
+    };
+    let ply = said("a.ply", &(SQUARE_PLY.to_owned() + "9\n"));
+    assert!(ply.contains("values are left over after the last element"), "{ply}");
+    let stl = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0 7\nendloop\nendfacet\nendsolid a\n";
+    assert!(said("a.stl", stl).contains("three coordinates and no more, found \"vertex 0 1 0 7\""));
+    for (vertex, expected) in [
+        ("v 0 1 0 2", "the weight 2 of a vertex is ignored"),
+        ("v 0 1 0 7 8", "expected a colour of three numbers"),
+        ("v 0 1 0 m", "found \"m\"; it is ignored"),
+    ] {
+        let obj = said("a.obj", &format!("v 0 0 0\nv 1 0 0\n{vertex}\nf 1 2 3\n"));
+        assert!(obj.contains(expected) && obj.contains("a.obj:3:9"), "{vertex}: {obj}");
+    }
+    for vertex in ["v 0 1 0 1.0", "v 0 1 0 0.5 0.5 0.5", "v 0 1 0 # corner", "v 0 1 0 0.5 0.5 0.5 1"] {
+        let obj = said("a.obj", &format!("v 0 0 0\nv 1 0 0\n{vertex}\nf 1 2 3\n"));
+        assert!(!obj.contains("ignored"), "{vertex}: {obj}");
+    }
 }
 
 #[test]
