@@ -4,10 +4,9 @@ use super::Console;
 use super::args::PackArgs;
 use super::watch::during;
 use crate::named_scene::NamedScene;
-use std::path::Path;
 use std::time::Instant;
 use vlscan_base::error::Result;
-use vlscan_base::files::{is_special, refuse_existing};
+use vlscan_base::files::refuse_existing;
 use vlscan_base::machine;
 use vlscan_base::quantity::{amount, bytes};
 use vlscan_lidar::pulse::PhysicsProfile;
@@ -20,7 +19,6 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
     let (recipe, found, warnings) = name.recipe()?;
     console.warnings(&warnings)?;
     let out = args.out.clone().unwrap_or_else(|| recipe.path.with_extension("vlscene"));
-    let is_stream = is_special(&out);
     refuse_existing(&out, args.force)?;
     let seed = args.seed.map(|seed| seed.0).or(found.seed).unwrap_or(0);
     let corrections = args.physics.map_or(found.corrections, PhysicsProfile::corrections);
@@ -39,14 +37,9 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
         vlscan_scene::pack(&recipe, &options, &tree, &out, &|found| console.warnings(found))
     })?;
     let loaded = started.elapsed().as_secs_f64();
-    let started = Instant::now();
-    let opens = match is_stream {
-        true => String::new(),
-        false => {
-            open(&out)?;
-            format!(", opens in {:.1} ms", started.elapsed().as_secs_f64() * 1e3)
-        }
-    };
+    let opens = packed.opens.map(|time| time.as_secs_f64());
+    let loaded = loaded - opens.unwrap_or(0.0);
+    let opens = opens.map_or(String::new(), |seconds| format!(", opens in {:.1} ms", seconds * 1e3));
     let epochs = if packed.epochs > 1 { format!(" in {} epochs", packed.epochs) } else { String::new() };
     console.say(format!(
         "{}  {} primitives{epochs}, {}; packed in {loaded:.1} s{opens}",
@@ -55,11 +48,4 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
         bytes(packed.bytes)
     ));
     Ok(())
-}
-
-/// Opens the file as a run does first.
-fn open(path: &Path) -> Result<()> {
-    let pack = vlscan_scene::Pack::open(path)?;
-    let options = pack.load_options(LoadOptions::default());
-    pack.scene(&options, 0).map(drop)
 }

@@ -255,6 +255,14 @@ impl<'a> SceneBuilder<'a> {
         })
     }
 
+    /// Forgets the surfaces of a part without primitives, which the next part does not take over.
+    pub fn leave_out_next_part(&mut self) {
+        let part = self.next_part();
+        while let Some(last) = self.surfaces.pop_if(|last| last.part == part) {
+            self.surface_numbers.remove(&last);
+        }
+    }
+
     /// Index in the scene of the next part.
     pub fn next_part(&self) -> u32 {
         self.first_part + self.parts.len() as u32

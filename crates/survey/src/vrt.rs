@@ -41,13 +41,14 @@ const OF_BAND: [&str; 15] = [
     COMPLEX,
 ];
 /// Elements of a source that are read or have no effect on heights.
-const OF_SOURCE: [&str; 9] = [
+const OF_SOURCE: [&str; 10] = [
     "SourceFilename",
     "SourceBand",
     "SourceProperties",
     "SrcRect",
     "DstRect",
     "NODATA",
+    "NoDataValue",
     "UseMaskBand",
     "ScaleOffset",
     "ScaleRatio",
@@ -119,13 +120,15 @@ impl Reader<'_> {
             return None;
         }
         let sources: Vec<_> = band.children().filter(|e| [SIMPLE, COMPLEX].contains(&e.name())).collect();
+        let no_data = self.number_in(&band, "NoDataValue")?;
+        sources.iter().for_each(|source| self.warn_of_no_data(source, no_data));
         let sources: Vec<_> = sources.iter().map(|source| self.source(source)).collect();
         let raster = VirtualRaster {
             size,
             geo_transform,
             crs,
             pixels,
-            no_data: self.number_in(&band, "NoDataValue")?,
+            no_data,
             scale: self.number_in(&band, "Scale")?,
             offset: self.number_in(&band, "Offset")?,
             unit: band
@@ -141,6 +144,17 @@ impl Reader<'_> {
             return None;
         }
         Some(raster)
+    }
+
+    /// Warns of a <NoDataValue> in a source, which GDAL ignores, if it is not that of the band.
+    fn warn_of_no_data(&self, source: &Element, of_band: Option<f64>) {
+        let Some(element) = source.child("NoDataValue") else { return };
+        let is_same = |value: f64| of_band.is_some_and(|of| of == value || of.is_nan() && value.is_nan());
+        if !element.content().trim().parse().is_ok_and(is_same) {
+            let message = "<NoDataValue> in a source has no effect, as in GDAL";
+            let help = "<NODATA> in a <ComplexSource> states the value of pixels without data of a file";
+            self.context.warn_help(element.place(), message, help);
+        }
     }
 
     fn source(&mut self, source: &Element) -> Option<VirtualSource> {

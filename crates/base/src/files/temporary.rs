@@ -142,6 +142,11 @@ impl TemporaryFile {
         }
     }
 
+    /// Its temporary path.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Opens the file again for reading and writing.
     pub fn reopen(&self) -> io::Result<File> {
         fault::point()?;

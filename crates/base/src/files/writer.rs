@@ -135,6 +135,14 @@ impl FileWriter {
         }
     }
 
+    /// Path of the temporary file until the file gets its name; `None` for streams.
+    pub fn temporary_path(&self) -> Option<&Path> {
+        match &self.kind {
+            Kind::Named { temporary, .. } => Some(temporary.path()),
+            _ => None,
+        }
+    }
+
     /// Writes all bytes.
     pub fn append(&mut self, bytes: &[u8]) -> Result<()> {
         self.write_all(bytes).map_err(|e| self.failed("write", e))

@@ -27,7 +27,7 @@ use xxhash_rust::xxh3::xxh3_64;
 const MAGIC: &[u8; 8] = b"VLSCENE\n";
 
 /// Version of the contents; incremented whenever the meaning of any content changes, such as the elements of an array.
-const VERSION: u32 = 12;
+const VERSION: u32 = 13;
 
 /// Written in native byte order; a machine of the opposite order reads a different number.
 const BYTE_ORDER: u32 = 0x0102_0304;
@@ -88,7 +88,13 @@ impl ArrayFileWriter {
     }
 
     /// Completes the file and returns its length, bytes.
-    pub fn finish(mut self) -> Result<u64> {
+    pub fn finish(self) -> Result<u64> {
+        self.finish_checked(|_| Ok(()))
+    }
+
+    /// As [`ArrayFileWriter::finish`], but a file gets its name only if `check` accepts it, whose path is a temporary one then.
+    /// Streams are not checked.
+    pub fn finish_checked(mut self, check: impl FnOnce(&Path) -> Result<()>) -> Result<u64> {
         let (table, start) = (encode(&self.table)?, self.at);
         self.put(&table)?;
         let mut header = MAGIC.to_vec();
@@ -106,6 +112,7 @@ impl ArrayFileWriter {
         };
         write(&mut out).map_err(|e| out.get_ref().failed("write", e))?;
         let (file, _) = out.into_parts();
+        file.temporary_path().map_or(Ok(()), check)?;
         file.finish().map(|_| at)
     }
 

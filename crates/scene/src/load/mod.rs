@@ -230,8 +230,9 @@ fn load_part(
                 let message = format!("part \"{id}\" holds no primitives and is left out");
                 scene.diagnostics.warn(part.place.clone(), message);
             }
-            if !part.swaps.is_empty() {
-                scene.parts.push(Part { id, name: name_of(part, files), lad: None });
+            match part.swaps.is_empty() {
+                true => scene.leave_out_next_part(),
+                false => scene.parts.push(Part { id, name: name_of(part, files), lad: None }),
             }
             continue;
         };
@@ -291,6 +292,7 @@ fn load_pages(
             let message = format!("part \"{id}\" holds no primitives and is left out");
             scene.diagnostics.warn(part.place.clone(), message);
         }
+        scene.leave_out_next_part();
         return Ok(());
     };
     let material = raster::changed_material(scene, &target, &part.changes, materials[0]);

@@ -78,6 +78,45 @@ fn a_packed_scene_is_the_scene() {
 }
 
 #[test]
+fn parts_without_primitives_are_left_out_of_packs_too() {
+    let mut f = everything();
+    let empty = |f: &mut Fixture, name: &str| {
+        let files = vec![f.file(name, VOXELS.replace("1.5 54", "0 54").replace("2.5 54", "0 54"))];
+        f.part(Loader::DetailedVoxels(Box::new(VoxelLoader {
+            files,
+            mode: VoxelMode::Transmittive,
+            drop_empty: true,
+            random_shift: false,
+            lad_table: None,
+            material: MaterialChoice::default(),
+        })));
+    };
+    empty(&mut f, "middle.vox");
+    f.obj("c.obj", MESH);
+    empty(&mut f, "last.vox");
+    let (scene, warnings) = f.load().unwrap();
+    assert_eq!(warnings.render(false).matches("is left out").count(), 2);
+    assert!(scene.surfaces.iter().all(|surface| (surface.part as usize) < scene.parts.len()));
+    let pack = Pack::open(&packed(&f, &f.recipe())).unwrap();
+    assert_eq!(seen(&pack.scene(&f.options, 0).unwrap()), seen(&scene));
+    pack.verify().unwrap();
+}
+
+#[test]
+fn a_pack_that_cannot_be_opened_gets_no_name() {
+    use vlscan_base::store::{ArrayFile, ArrayFileWriter};
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("s.vlscene");
+    let out = ArrayFileWriter::create(&path).unwrap();
+    let refused = out.finish_checked(|file| {
+        assert!(ArrayFile::open(file).is_ok() && !path.exists());
+        Err(vlscan_base::Error::Internal("unusable".to_owned()))
+    });
+    assert!(refused.is_err());
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
 fn instances_and_every_play_are_packed() {
     let mut f = Fixture::new();
     f.options.sharing = Sharing::Always;

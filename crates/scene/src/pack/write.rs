@@ -2,10 +2,12 @@
 
 use super::contents;
 use super::origin::Origin;
+use super::read::Pack;
 use crate::builder::LoadOptions;
 use crate::epoch::{SceneFrame, count_epochs};
 use crate::load::load_epoch;
 use std::path::Path;
+use std::time::{Duration, Instant};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::store::ArrayFileWriter;
@@ -23,9 +25,12 @@ pub struct Packed {
     /// Number of primitives of the first epoch.
     pub primitives: usize,
     pub epochs: u32,
+    /// Time to open the file and its first epoch; `None` for a stream.
+    pub opens: Option<Duration>,
 }
 
-/// Loads a scene from its sources and packs it with its tree as `path`. `warn` gets the warnings before the file has its name.
+/// Loads a scene from its sources and packs it with its tree as `path`. `warn` gets the warnings before the file has its name,
+/// which it gets only if it can be opened.
 ///
 /// # Errors
 /// The errors of [`load_epoch`]; [`vlscan_base::Error::Input`] for more than 64 epochs, for a scene that is already packed,
@@ -61,5 +66,15 @@ pub fn pack(
     origin.refuse_replacing(path)?;
     contents::write_epochs(epochs, &mut out)?;
     origin.write(path, &mut out)?;
-    Ok(Packed { bytes: out.finish()?, primitives, epochs })
+    let mut opens = None;
+    let bytes = out.finish_checked(|file| {
+        let started = Instant::now();
+        let pack = Pack::open(file)?;
+        for epoch in 0..epochs {
+            pack.scene(options, epoch)?;
+            opens = opens.or(Some(started.elapsed()));
+        }
+        Ok(())
+    })?;
+    Ok(Packed { bytes, primitives, epochs, opens })
 }

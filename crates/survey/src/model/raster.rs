@@ -120,6 +120,20 @@ impl PixelType {
     }
 }
 
+/// The name that GDAL gives it.
+impl std::fmt::Display for PixelType {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        match PixelType::NAMES.iter().find(|(_, known)| known == self) {
+            Some((name, _)) => f.write_str(name),
+            None => match self {
+                PixelType::Unsigned(bits) => write!(f, "UInt{bits}"),
+                PixelType::Signed(bits) => write!(f, "Int{bits}"),
+                PixelType::Float(bits) => write!(f, "Float{bits}"),
+            },
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

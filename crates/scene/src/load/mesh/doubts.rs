@@ -4,11 +4,11 @@
 
 use crate::builder::SceneBuilder;
 use crate::ground::{Body, bounds_of};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use vlscan_base::diag::Place;
 use vlscan_base::quantity::metres;
 use vlscan_geom::{Aabb, DVec3};
-use vlscan_survey::{Loader, PartRecipe};
+use vlscan_survey::{Loader, MeshReading, PartRecipe};
 
 /// Height from which a mesh is doubted, m: more than nearly all buildings have.
 const MIN_TALL: f64 = 400.0;
@@ -18,37 +18,71 @@ const MIN_STEEP: f64 = 0.25;
 const PLAUSIBLE_HEIGHTS: std::ops::RangeInclusive<f64> = 0.2..=150.0;
 /// Width and depth from which a thin sheet is doubted, m.
 const MIN_SHEET: f64 = 100.0;
+/// Distance from 0 of coordinates that no height is, m.
+const MIN_FAR: f64 = 20_000.0;
 
 /// Warns of a part whose mesh is probably in another unit or lies on its side, once for each file.
 pub(crate) fn check(scene: &mut SceneBuilder, part: &PartRecipe, files: &[PathBuf], body: &Body) {
     let (Loader::MeshFiles { reading, .. }, [file]) = (&part.loader, files) else { return };
-    if reading.unit_m.is_some() && reading.up.is_some() || !scene.doubted.insert(file.clone()) {
+    if reading.unit_m.is_some() && reading.up.is_some() || scene.doubted.contains(file) {
+        return;
+    }
+    let (placed, own) = (bounds_of(scene, body), own_bounds(scene, part, body));
+    report(scene, part, (file, reading), placed.size(), own);
+}
+
+/// As [`check`] for a glTF file whose meshes become parts of their own; `own` is the box around all in the frame of the file,
+/// z up.
+pub(super) fn check_document(scene: &mut SceneBuilder, part: &PartRecipe, own: Aabb) {
+    if let Loader::MeshFiles { reading, files } = &part.loader
+        && let [file] = &files[..]
+        && !own.is_empty()
+    {
+        report(scene, part, (file, reading), own.size() * part.transform.scale.abs(), own);
+    }
+}
+
+fn report(
+    scene: &mut SceneBuilder,
+    part: &PartRecipe,
+    (file, reading): (&Path, &MeshReading),
+    size: DVec3,
+    own: Aabb,
+) {
+    if !scene.doubted.insert(file.to_path_buf()) {
         return;
     }
     let place = Some(Place::of_file(file));
-    if let (None, Some(message)) = (reading.unit_m, unit_doubt(bounds_of(scene, body).size())) {
+    if let (None, Some(message)) = (reading.unit_m, unit_doubt(size)) {
         scene.diagnostics.warn(place.clone(), message).help(
             "`unit` of its loader converts it (unit = \"mm\", <param type=\"string\" key=\"unit\" value=\"mm\"/>); \"m\" confirms metres",
         );
     }
-    let is_upright = part.transform.rotation.apply(DVec3::Z).z > 0.999;
-    if let (None, true, Some(message)) = (reading.up, is_upright, axis_doubt(own_bounds(scene, part, body))) {
-        scene.diagnostics.warn(place, message).help(
+    if reading.up.is_some() || part.transform.rotation.apply(DVec3::Z).z <= 0.999 {
+        return;
+    }
+    // The standard of glTF has y up, other formats are read with z up.
+    let (doubt, help) = match super::is_gltf(file) {
+        true => (
+            turned_doubt(own),
+            "`up` of its loader reads it as it is (up = \"z\", <param type=\"string\" key=\"up\" value=\"z\"/>); \"y\" confirms that y is up, the standard of glTF",
+        ),
+        false => (
+            axis_doubt(own),
             "`up` of its loader turns it (up = \"y\", <param type=\"string\" key=\"up\" value=\"y\"/>); \"z\" confirms that it is right",
-        );
+        ),
+    };
+    if let Some(message) = doubt {
+        scene.diagnostics.warn(place, message).help(help);
     }
 }
 
 /// The box of a part's mesh in its own frame.
 fn own_bounds(scene: &SceneBuilder, part: &PartRecipe, body: &Body) -> Aabb {
-    let transform = &part.transform;
-    let back = transform.rotation.inverse();
     match body {
         Body::Stored(extent) => {
             let vertices = &scene.geometry.vertices[extent.vertices.clone()];
-            crate::builder::bounds_of_points(vertices, |p| {
-                back.apply((p - transform.offset) / transform.scale)
-            })
+            crate::builder::bounds_of_points(vertices, |p| part.transform.undo(p))
         }
         Body::Instance(instance) => {
             let model = scene.meshes.placements[*instance].0;
@@ -85,14 +119,44 @@ fn axis_doubt(bounds: Aabb) -> Option<String> {
         return Some("the mesh lies on its side: it stands on y = 0 and extends equally to both sides in x and z, so y is probably up"
             .to_owned());
     }
-    let smallest = size.x.min(size.z);
-    (smallest >= MIN_SHEET && size.y <= 0.2 * smallest).then(|| {
+    is_sheet(size).then(|| {
         format!(
             "the mesh stands upright like a wall, {} wide and {} high: it is probably a landscape whose y is up",
             metres(size.x),
             metres(size.z)
         )
     })
+}
+
+/// Whether a mesh of this size is a landscape on its side.
+fn is_sheet(size: DVec3) -> bool {
+    let smallest = size.x.min(size.z);
+    smallest >= MIN_SHEET && size.y <= 0.2 * smallest
+}
+
+/// What is doubtful about the axes of a glTF mesh whose box is this after y of the file has become up: if z of the file was
+/// up, it now points to -y.
+fn turned_doubt(bounds: Aabb) -> Option<String> {
+    let (size, centre, top) = (bounds.size(), bounds.centre(), bounds.max.y);
+    let is_on_both_sides =
+        |axis: usize| bounds.min[axis] <= -0.1 * size[axis] && bounds.max[axis] >= 0.1 * size[axis];
+    let stands_on_z = (-0.05 * size.y..=0.2 * size.y).contains(&top) && centre.y <= -0.3 * size.y;
+    let is_solid = size.x >= 0.1 * size.y && size.z >= 0.2 * size.y;
+    let message = match () {
+        () if stands_on_z && is_solid && is_on_both_sides(0) && is_on_both_sides(2) => {
+            "it stands on z = 0 of the file and extends to both sides in x and y".to_owned()
+        }
+        () if centre.z.abs() >= MIN_FAR && bounds.max.y.abs() < MIN_FAR => {
+            format!("it is {} above 0, which is probably a northing", metres(centre.z))
+        }
+        () if is_sheet(size) => format!(
+            "it stands upright like a wall, {} wide and {} high, and is probably a landscape",
+            metres(size.x),
+            metres(size.z)
+        ),
+        () => return None,
+    };
+    Some(format!("the mesh lies on its side: glTF has y up, and {message}, so z of the file is probably up"))
 }
 
 #[cfg(test)]
@@ -167,6 +231,63 @@ mod tests {
             warnings(&solid([-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]), |_| {}),
             warnings(&solid([0.0, 0.0, 0.0], [3.0, 5.0, 2.0]), |_| {}),
             warnings(&solid([-5.0, 0.0, -0.1], [5.0, 80.0, 0.1]), |_| {}),
+        ] {
+            assert!(right.is_empty(), "{right}");
+        }
+    }
+
+    /// The warnings of a glTF file that is this box with z up, as the axes of its file.
+    fn warnings_of_gltf(low: [f64; 3], high: [f64; 3], change: impl Fn(&mut PartRecipe)) -> String {
+        let corner = |i: usize| [0, 1, 2].map(|axis| if i >> axis & 1 == 0 { low[axis] } else { high[axis] });
+        let faces = [0u16, 2, 3, 0, 3, 1, 4, 5, 7, 4, 7, 6, 0, 1, 5, 0, 5, 4, 2, 6, 7, 2, 7, 3];
+        let mut bytes: Vec<u8> = (0..8).flat_map(corner).flat_map(|v| (v as f32).to_le_bytes()).collect();
+        bytes.extend(faces.iter().flat_map(|i| i.to_le_bytes()));
+        let document = serde_json::json!({
+            "asset": { "version": "2.0" },
+            "buffers": [{ "uri": "box.bin", "byteLength": bytes.len() }],
+            "bufferViews": [{ "buffer": 0, "byteLength": 96 },
+                { "buffer": 0, "byteOffset": 96, "byteLength": 48 }],
+            "accessors": [{ "bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3" },
+                { "bufferView": 1, "componentType": 5123, "count": 24, "type": "SCALAR" }],
+            "materials": [{ "name": "wall", "extras": { "helios_reflectance": 0.5 } }],
+            "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "indices": 1, "material": 0 }] }],
+            "nodes": [{ "mesh": 0 }], "scenes": [{ "nodes": [0] }], "scene": 0,
+        });
+        let mut f = Fixture::new();
+        std::fs::write(f.file("box.bin", ""), bytes).unwrap();
+        let path = f.file("town.gltf", &document.to_string());
+        let reading = vlscan_survey::MeshReading::default();
+        change(f.part(Loader::MeshFiles { files: vec![path], reading }));
+        f.load().unwrap().1.render(false)
+    }
+
+    #[test]
+    fn a_gltf_file_with_z_up_is_recognised() {
+        let town =
+            |change: fn(&mut PartRecipe)| warnings_of_gltf([-100.0, -20.0, -0.2], [90.0, 25.0, 12.0], change);
+        let has_motions_or_id: [fn(&mut PartRecipe); 2] = [|_| {}, |part| part.id = Some("town".to_owned())];
+        for lying in [
+            town(has_motions_or_id[0]),
+            town(has_motions_or_id[1]),
+            warnings_of_gltf([-2.0, -2.0, 0.0], [2.0, 2.0, 15.0], |_| {}),
+            warnings_of_gltf([0.0, 0.0, 200.0], [500.0, 400.0, 230.0], |_| {}),
+            warnings_of_gltf([476_000.0, 5_429_000.0, 110.0], [476_050.0, 5_429_050.0, 120.0], |_| {}),
+        ] {
+            let is_told = lying.contains("lies on its side") && lying.contains("up = \"z\"");
+            assert!(is_told && lying.contains("town.gltf"), "{lying}");
+        }
+        let up = |part: &mut PartRecipe, axis: UpAxis| {
+            let Loader::MeshFiles { reading, .. } = &mut part.loader else { panic!() };
+            reading.up = Some(axis);
+        };
+        for right in [
+            warnings_of_gltf([-100.0, -20.0, -0.2], [90.0, 25.0, 12.0], |part| up(part, UpAxis::Z)),
+            warnings_of_gltf([-100.0, -20.0, -0.2], [90.0, 25.0, 12.0], |part| up(part, UpAxis::Y)),
+            // Files with y up.
+            warnings_of_gltf([-100.0, -0.2, -25.0], [90.0, 12.0, 20.0], |_| {}),
+            warnings_of_gltf([-1.0, -1.0, -1.0], [1.0, 1.0, 1.0], |_| {}),
+            warnings_of_gltf([0.0, 0.0, 0.0], [3.0, 5.0, 2.0], |_| {}),
+            warnings_of_gltf([0.0, 100.0, -400.0], [500.0, 130.0, 0.0], |_| {}),
         ] {
             assert!(right.is_empty(), "{right}");
         }

@@ -5,7 +5,7 @@
 use super::gltf::GltfDocument;
 use super::gltf_nodes::{PlacedMesh, similarity};
 use super::materials::MaterialTable;
-use super::{FileFrame, Format, finish, foreign, table_of, warn_of_unknown};
+use super::{FileFrame, Format, doubts, finish, foreign, table_of, warn_of_unknown};
 use crate::builder::SceneBuilder;
 use crate::epoch::part_in_epoch;
 use crate::text::Source;
@@ -16,7 +16,7 @@ use std::path::Path;
 use std::sync::Arc;
 use vlscan_base::diag::Place;
 use vlscan_base::error::Result;
-use vlscan_geom::Rotation;
+use vlscan_geom::{Aabb, DVec3, Rotation};
 use vlscan_survey::{Loader, Mesh, MeshReading, PartRecipe, Replaced, SceneRecipe, Transform};
 
 /// A part as it is in an epoch.
@@ -90,9 +90,11 @@ fn expand<'r>(
     let table = table_of(scene, file, reading);
     let mut meshes = Meshes { document, file, reading, table, unknown: Vec::new(), known: HashMap::new() };
     let mut parts = Vec::with_capacity(placed.len());
+    let mut around = Aabb::EMPTY;
     for placed in placed {
         let (linear, transform) = meshes.split(&placed);
         let Some(mesh) = meshes.get(scene, placed.mesh, linear)? else { continue };
+        around = around.union(box_around(&mesh, &transform));
         parts.push(PartRecipe {
             loader: Loader::Mesh(mesh),
             name: placed.name,
@@ -101,6 +103,7 @@ fn expand<'r>(
         });
     }
     warn_of_unknown(scene, file, meshes.unknown);
+    doubts::check_document(scene, part, around);
     if parts.is_empty() && !scene.diagnostics.is_fatal(false) {
         let message = "the glTF file shows no triangles and is left out";
         scene.diagnostics.warn(Some(Place::of_file(file)), message);
@@ -108,9 +111,17 @@ fn expand<'r>(
     Ok(Some(parts))
 }
 
+/// A box around a placed mesh, which reaches a little further if it is turned.
+fn box_around(mesh: &Mesh, transform: &Transform) -> Aabb {
+    let Aabb { min, max } = Aabb::around(mesh.vertices().iter().copied());
+    let corner =
+        |i: usize| DVec3::from([0, 1, 2].map(|axis| if i >> axis & 1 == 0 { min[axis] } else { max[axis] }));
+    Aabb::around((0..8).map(|i| transform.apply(corner(i))))
+}
+
 /// Whether a file is glTF, by its name or its first bytes. A file that cannot be opened, or is of a format that is not read, is
 /// reported where it is loaded.
-fn is_gltf(path: &Path) -> bool {
+pub(super) fn is_gltf(path: &Path) -> bool {
     let is_one =
         |source: &Source| Format::of(path, source.bytes()) == Format::Gltf && foreign(source).is_none();
     Source::open(path).is_ok_and(|source| is_one(&source))
@@ -143,7 +154,7 @@ impl Meshes<'_> {
             None => (placed.transform.matrix3, DQuat::IDENTITY, 1.0),
         };
         let rotation = Rotation { w: rotation.w, u: frame.rotate(rotation.xyz()) };
-        (linear, Transform { rotation, scale, offset, on_ground: 0 })
+        (linear, Transform { rotation, scale, offset, ..Transform::IDENTITY })
     }
 
     fn get(&mut self, scene: &mut SceneBuilder, mesh: usize, linear: DMat3) -> Result<Option<Arc<Mesh>>> {

@@ -16,6 +16,11 @@ use vlscan_base::diag::Place;
 use vlscan_survey::{RasterFiles, VirtualRaster};
 use vlscan_trace::{HeightGrid, Heights};
 
+/// What to do about a virtual raster that cannot be read.
+const ONE_RASTER: &str = "gdal_translate in.vrt out.tif makes one raster of it";
+/// What to do about a virtual raster of another type than one of its files.
+const OTHER_TYPE: &str = "write dataType=\"Float64\" in its <VRTRasterBand>, or give all files one type with gdal_translate -ot Float32 in.tif out.tif and make it anew with gdalbuildvrt";
+
 /// Maximum distance of the pixels of a tile from those of the grid, pixels: coordinates of tiles are rounded.
 const MAX_OFFSET: f64 = 0.01;
 /// Maximum relative difference of lengths of pixels that round-off can explain.
@@ -176,7 +181,7 @@ impl Mosaic {
         for source in &raster.sources {
             let found = &rasters[source.file - 1];
             let refuse =
-                |message: String| (Some(Box::new(source.place.clone())), Refusal::Apart(message, ""));
+                |message: String| (Some(Box::new(source.place.clone())), Refusal::Apart(message, ONE_RASTER));
             let shown = found.file.path().display();
             let of = |[left, top, width, height]: [usize; 4]| Window { left, top, width, height };
             let image = whole(found);
@@ -198,11 +203,13 @@ impl Mosaic {
             }
             let pixels = found.blocks.pixels();
             if !raster.pixels.holds(pixels) {
-                return Err(refuse(format!(
-                    "{} has the type {:?}, which does not hold every number of {shown}, {pixels:?}",
+                let message = format!(
+                    "{} has the type {}, which does not hold every number of {shown}, {pixels}",
                     own.display(),
                     raster.pixels
-                )));
+                );
+                let place = Some(Box::new(source.place.clone()));
+                return Err((place, Refusal::Apart(message, OTHER_TYPE)));
             }
             if source.band > found.blocks.bands {
                 let (band, bands) = (source.band, found.blocks.bands);
