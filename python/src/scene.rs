@@ -77,6 +77,7 @@ fn fields_of<'py>(py: Python<'py>, material: &MaterialDefinition) -> PyResult<Bo
     fields.set_item("spectrum", material.spectrum.as_deref())?;
     fields.set_item("classification", material.classification)?;
     fields.set_item("is_ground", material.is_ground)?;
+    fields.set_item("is_leaf", material.leaf)?;
     Ok(fields)
 }
 
@@ -97,6 +98,8 @@ fn material(fields: &Bound<'_, PyDict>) -> PyResult<MaterialDefinition> {
         spectrum: get("spectrum")?.extract()?,
         classification: get("classification")?.extract()?,
         is_ground: get("is_ground")?.extract()?,
+        leaf: get("is_leaf")?.extract()?,
+        unused_optics: None,
         place: None,
     })
 }
@@ -300,6 +303,7 @@ fn part(loader: Loader, place: &Bound<'_, PyDict>) -> PyResult<Part> {
             scale: get("scale")?.extract()?,
             offset: DVec3::from(get("offset")?.extract::<[f64; 3]>()?),
             on_ground: get("on_ground")?.extract()?,
+            ..Transform::IDENTITY
         },
         ..PartRecipe::new(loader)
     }))

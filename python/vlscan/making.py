@@ -159,7 +159,8 @@ class Stand:
         return Scene(f"{self.file}#stand_{number}" if len(self.trees) > 1 else self.file, assets=[self.folder])
 
     def labels(self, epoch: int = 0) -> list[dict[str, str]]:
-        """Return what is known of each tree: number of the part in the points, id, species, model, position, height, crown, dbh.
+        """Return what is known of each tree: number of the part in the points, id, species, model, position, height, crown, dbh,
+        and the values of the inventory, ``crown_given`` and so on.
 
         Parameters
         ----------

@@ -45,6 +45,9 @@ class Material:
         Roughness of the surface, 0 to 90 degrees; refined physics.
     element_size_m : float
         Size of the elements of foliage (shoots, clusters of leaves) that intercept light as a whole, 0 to 100 m; refined physics.
+    is_leaf : bool, optional
+        True for leaves, whose area counts as leaf area. By default the name tells: it contains leaf, leaves, needle, foliage,
+        or their German names.
 
     Raises
     ------
@@ -67,6 +70,7 @@ class Material:
     specular_exponent: float = 10.0
     roughness_deg: float = 0.0
     element_size_m: float = 0.0
+    is_leaf: bool | None = None
 
     _USUAL_REFLECTANCE: ClassVar[float | None] = 0.5
 

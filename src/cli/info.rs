@@ -163,7 +163,7 @@ impl Facts<'_> {
         let areas = material_areas(self.scene, &self.parts);
         for ((m, count), area) in self.scene.materials.iter().zip(&i.of_material).zip(&areas) {
             let ground = if m.is_ground { "yes" } else { "no" };
-            let (all, leaves) = (number(area.total()), number(area.leaves(m)));
+            let (all, leaves) = (number(area.total()), known(area.leaves(m)));
             let _ = writeln!(
                 out,
                 "            {count:>12}  {all:>12}  {leaves:>12}  {:>11}  {:>5}  {ground:<6}  {}",
@@ -173,7 +173,7 @@ impl Facts<'_> {
         let _ = writeln!(out, "\nparts       {:>12}  {:>12}  id  name", "primitives", "leaves, m²");
         let parts = self.scene.parts.iter().zip(&i.of_part).zip(&self.parts);
         for ((part, count), facts) in parts.take(MAX_LISTED_PARTS) {
-            let leaves = number(facts.leaf_area(self.scene));
+            let leaves = known(facts.leaf_area(self.scene));
             let _ = writeln!(out, "            {count:>12}  {leaves:>12}  {}  {}", part.id, part.name);
         }
         if let Some(more) = self.scene.parts.len().checked_sub(MAX_LISTED_PARTS).filter(|n| *n > 0) {
@@ -218,6 +218,8 @@ impl Facts<'_> {
         let warnings: Vec<_> = told(Severity::Warning).chain(self.inventory.faults()).collect();
         let notes: Vec<_> = told(Severity::Note).collect();
         let (scene, tree, s) = (self.scene.memory(), self.tree.memory(), self.tree.statistics());
+        let leaves = self.parts.iter().filter_map(|facts| facts.leaf_area(self.scene));
+        let leaf_area = leaves.reduce(|sum, area| sum + area);
         let facts = json!({
             "primitives": i.primitives(),
             "triangles": i.triangles + i.instanced_triangles,
@@ -236,7 +238,7 @@ impl Facts<'_> {
             "duplicates": i.duplicates,
             "duplicate_voxels": i.duplicate_cubes,
             "duplicate_instances": i.duplicate_instances,
-            "leaf_area_m2": self.parts.iter().map(|facts| facts.leaf_area(self.scene)).sum::<f64>(),
+            "leaf_area_m2": leaf_area,
             "parts": parts,
             "materials": materials,
             "warnings": warnings,
@@ -245,4 +247,9 @@ impl Facts<'_> {
         let text = serde_json::to_string_pretty(&facts).map_err(|e| Error::Internal(e.to_string()))?;
         Ok(text + "\n")
     }
+}
+
+/// A leaf area for a column.
+fn known(area: Option<f64>) -> String {
+    area.map_or("unknown".to_owned(), number)
 }

@@ -33,7 +33,8 @@ impl PartTable {
             let mut text = format!("{index},{},{},", quoted(&part.id), quoted(&part.name));
             let areas: Vec<String> = facts.areas.iter().map(|area| format!("{:.6}", area.total())).collect();
             let _ = write!(text, "{},{},", facts.class(scene), quoted(&materials));
-            let _ = write!(text, "{},{:.6},", areas.join(" "), facts.leaf_area(scene));
+            let leaves = facts.leaf_area(scene).map(|area| format!("{area:.6}")).unwrap_or_default();
+            let _ = write!(text, "{},{leaves},", areas.join(" "));
             let (low, centre, size) = (facts.bounds.min, facts.bounds.centre(), facts.bounds.size());
             let _ = match facts.primitives {
                 0 => write!(text, ",,,"),

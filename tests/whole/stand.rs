@@ -97,6 +97,86 @@ fn trees_stand_on_the_ground_as_high_as_measured() {
     }
 }
 
+/// A tree of 10 m: a stem of 0.3 m and a crown of 4 m, both round.
+fn round_tree() -> String {
+    let mut mesh = String::from("mtllib tree.mtl\n");
+    let mut count = 0;
+    for (material, radius, low, high) in [("Rinde", 0.15, 0.0, 10.0), ("Laub", 2.0, 4.0, 9.0)] {
+        let _ = writeln!(mesh, "usemtl {material}");
+        for side in 0..48 {
+            let (sin, cos) = (f64::from(side) * std::f64::consts::TAU / 48.0).sin_cos();
+            let (x, y) = (radius * cos, radius * sin);
+            let _ = writeln!(mesh, "v {x:.6} {y:.6} {low}\nv {x:.6} {y:.6} {high}");
+        }
+        for side in 0..48 {
+            let (a, b) = (count + 2 * side + 1, count + 2 * ((side + 1) % 48) + 1);
+            let _ = writeln!(mesh, "f {a} {b} {} {}", b + 1, a + 1);
+        }
+        count += 96;
+    }
+    mesh
+}
+
+/// Labels hold the measures of the geometry, which has the crown of the inventory; its other columns are beside them.
+#[test]
+fn labels_are_measures_of_the_trees_as_placed() {
+    let dir = folder();
+    let at = |name: &str| dir.path().join(name);
+    fs::create_dir(at("models")).unwrap();
+    fs::write(at("models/oak.obj"), round_tree()).unwrap();
+    fs::write(
+        at("models/tree.mtl"),
+        "newmtl Rinde\nhelios_reflectance 0.4\nnewmtl Laub\nhelios_reflectance 0.5\n",
+    )
+    .unwrap();
+    let number = |row: &BTreeMap<String, String>, key: &str| row[key].parse::<f64>().unwrap();
+    let one = |row: &str, rest: &[&str]| {
+        fs::write(at("plot.csv"), format!("x,y,height,crown,dbh,species\n{row}\n")).unwrap();
+        succeed(
+            dir.path(),
+            &[&["scene", "stand", "plot.csv", "-o", "stand", "--force", "-q"], rest].concat(),
+        );
+        let json = text(&succeed(dir.path(), &["scene", "info", "stand/stand.xml", "--json"]).stdout);
+        let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+        (rows(&at("stand/labels.csv")).remove(0), json)
+    };
+    let (row, info) = one("3,4,20,9,0.60,oak", &["--trees", "models"]);
+    let size = |axis: &str| {
+        let end = |end: &str| info["bounds_m"][end][if axis == "x" { 0 } else { 2 }].as_f64().unwrap();
+        end("max") - end("min")
+    };
+    assert!((size("x") - 9.0).abs() < 0.03 && (size("z") - 20.0).abs() < 1e-3, "{info}");
+    let stem = number(&row, "dbh");
+    assert!((stem - 0.675).abs() < 0.002, "the stem of the model, 9/4 as wide: {row:?}");
+    for (key, expected) in [("crown", 9.0), ("height", 20.0), ("crown_given", 9.0), ("dbh_given", 0.6)] {
+        assert!((number(&row, key) - expected).abs() < 0.01, "{key}: {row:?}");
+    }
+    // Both sides of the tube: 2π·4.5 m by 10 m, less its 48 corners. The bark is no leaf.
+    let leaves = info["leaf_area_m2"].as_f64().unwrap();
+    assert!((leaves / (std::f64::consts::TAU * 4.5 * 10.0) - 1.0).abs() < 2e-3, "{leaves}");
+    let (row, _) = one("0,0,5,,0.3,Yucca", &["--trees", "models"]);
+    assert_eq!((row["species"].as_str(), row["species_given"].as_str()), ("oak", "Yucca"));
+    assert!((number(&row, "crown") - 2.0).abs() < 0.01 && row["crown_given"].is_empty(), "{row:?}");
+    assert!((number(&row, "dbh") - 0.15).abs() < 0.001, "{row:?}");
+    let (row, info) = one("0,0,22,12,0.90,beech", &[]);
+    assert!((number(&row, "crown") - 12.0).abs() < 0.01 && number(&row, "dbh_given") == 0.9, "{row:?}");
+    assert!((0.2..1.2).contains(&number(&row, "dbh")) && number(&row, "dbh") != 0.9, "{row:?}");
+    assert!(info["leaf_area_m2"].as_f64().unwrap() > 1.0);
+    // A name that may be of anything, and the key that decides.
+    fs::write(at("models/oak.obj"), round_tree().replace("Laub", "m_7")).unwrap();
+    let materials = |leaf: &str| {
+        format!("newmtl Rinde\nhelios_reflectance 0.4\nnewmtl m_7\nhelios_reflectance 0.5\n{leaf}")
+    };
+    fs::write(at("models/tree.mtl"), materials("")).unwrap();
+    let (_, info) = one("0,0,10,,,oak", &["--trees", "models"]);
+    assert!(info["leaf_area_m2"].is_null() && info["parts"][0]["leaf_area_m2"].is_null(), "{info}");
+    let shown = text(&succeed(dir.path(), &["scene", "info", "stand/stand.xml"]).stdout);
+    assert!(shown.contains("unknown"), "{shown}");
+    fs::write(at("models/tree.mtl"), materials("vlscan_leaf true\n")).unwrap();
+    let (_, info) = one("0,0,10,,,oak", &["--trees", "models"]);
+    assert!(info["parts"][0]["leaf_area_m2"].as_f64().unwrap() > 50.0, "{info}");
+}
+
 /// A folder with `--copy` is found after it was moved and its sources are gone: the same trees stand on the same ground.
 #[test]
 fn a_copied_stand_can_be_moved() {

@@ -86,8 +86,8 @@ pub(super) fn add_instance(
     if meshes.models[model as usize].geometry.triangles.is_empty() {
         return Ok(Some(None));
     }
-    let Transform { rotation, scale, offset, .. } = part.transform;
-    let placement = Placement { rotation, scale, offset, ..Placement::IDENTITY };
+    let Transform { rotation, widening, scale, offset, .. } = part.transform;
+    let placement = Placement { rotation, widening, scale, offset, ..Placement::IDENTITY };
     meshes.placements.push((model, scene.geometry.triangle_count() as u32, placement));
     meshes.parts.push(scene.parts.len() as u32);
     Ok(Some(Some(meshes.placements.len() - 1)))

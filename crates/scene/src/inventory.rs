@@ -116,7 +116,8 @@ impl Inventory {
         set.instances.models.iter().for_each(|m| all.add_faults(&m.geometry));
         let places = set.instances.all.iter().map(|i| {
             let (p, r) = (i.placement, i.placement.rotation);
-            let map = [r.w, r.u.x, r.u.y, r.u.z, p.scale, p.offset.x, p.offset.y, p.offset.z, p.raise];
+            let (o, factors) = (p.offset, [p.widening, p.scale]);
+            let map = [r.w, r.u.x, r.u.y, r.u.z, factors[0], factors[1], o.x, o.y, o.z, p.raise];
             (i.model, bits(&map))
         });
         all.duplicate_instances = repeated(places.collect());

@@ -57,6 +57,7 @@ mod material;
 mod model;
 mod motion;
 mod mtl;
+mod mtl_optics;
 mod number;
 mod pack;
 mod part_facts;

@@ -2,7 +2,7 @@
 
 use super::material::{Material, Reflection};
 use super::mtl;
-use super::reflectance_issues::{ReflectanceIssue, ReflectanceIssues};
+use super::reflectance_issues::{ReflectanceIssue, ReflectanceIssues, assumed};
 use super::reflectance_units::{MAX_FRACTION, ReflectanceUnits};
 use super::spectra::Spectra;
 use super::text::Source;
@@ -13,7 +13,7 @@ use vlscan_base::corrections::Corrections;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::quantity::CLASSES;
 use vlscan_base::rng::{Purpose, Stream};
-use vlscan_survey::{Identity, MaterialChoice, MaterialDefinition};
+use vlscan_survey::{Identity, MaterialChoice, MaterialDefinition, UnusedOptics};
 
 /// Name of the material of faces without one; no file can redefine it.
 pub(super) const DEFAULT: &str = "default";
@@ -286,7 +286,8 @@ impl Library {
         let is_last = known.index + 1 == self.files[known.file].definitions.len();
         let definition = self.files[known.file].definitions[known.index].clone();
         let is_in_memory = self.files[known.file].path.is_none();
-        let placeless = MaterialDefinition { place: None, ..definition.clone() };
+        let mut placeless = MaterialDefinition { place: None, ..definition.clone() };
+        placeless.unused_optics.iter_mut().for_each(|optics| optics.place = None);
         let equal = self.of_memory.get(&definition.name).into_iter().flatten();
         if let Some(&(_, index)) = equal.filter(|_| is_in_memory).find(|(other, _)| *other == placeless) {
             self.index_of.insert(Key::Defined(known), index);
@@ -310,6 +311,15 @@ impl Library {
             );
             diagnostics.warn(d.place.clone(), message);
         }
+        if let Some(UnusedOptics { properties, place }) = &d.unused_optics {
+            let message = format!(
+                "material \"{}\" is opaque: transparency and mirror reflection are not simulated ({properties})",
+                d.name
+            );
+            diagnostics.warn(place.clone().or(d.place.clone()), message).help(
+                "delete its faces if beams should pass through them; `d 1` and `illum 2` in an MTL file, or alphaMode OPAQUE in a glTF file, confirm that it is opaque",
+            );
+        }
         // Definitions with a line have been checked where they were read.
         if !d.has_line() && !CLASSES.contains(&d.classification) {
             let message = format!(
@@ -322,8 +332,9 @@ impl Library {
         if let (None, Some(name)) = (d.reflectance, &d.spectrum) {
             from_spectrum = self.spectra.reflectance(name, diagnostics);
             if from_spectrum.is_none() {
+                let assumed = assumed(self.rules);
                 let message =
-                    format!("no spectrum \"{name}\" for material \"{}\"; it reflects 50 per cent", d.name);
+                    format!("no spectrum \"{name}\" for material \"{}\"; it reflects {assumed}", d.name);
                 diagnostics.warn(d.place.clone(), message).help(self.spectra.described());
             }
         } else if d.reflectance.is_none() && d.has_line() {
@@ -368,6 +379,7 @@ impl Library {
             classification: d.classification,
             is_ground: d.is_ground,
             element_size: d.element_size,
+            leaf: d.leaf,
         }
     }
 
@@ -394,8 +406,9 @@ impl Library {
             return Some(vec![self.unnamed_at(DEFAULT, place)]);
         };
         let Some(file) = self.open(path, diagnostics) else {
+            let assumed = assumed(self.rules);
             let message =
-                format!("cannot read the material file {}; the part reflects 50 per cent", path.display());
+                format!("cannot read the material file {}; the part reflects {assumed}", path.display());
             diagnostics.warn(place.cloned(), message);
             return Some(vec![self.unnamed(DEFAULT)]);
         };

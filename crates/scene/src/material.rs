@@ -18,6 +18,8 @@ pub struct Material {
     pub is_ground: bool,
     /// Size of the elements of foliage that intercept light as a whole, m; 0: leaves are much smaller than footprints.
     pub element_size: f64,
+    /// True for leaves, as its definition says; `None` if it says nothing.
+    pub leaf: Option<bool>,
 }
 
 /// Angular law of the reflection back to the source: f(θ) = π·BRDF·cos θ.
@@ -50,6 +52,13 @@ pub enum Reflection {
     },
 }
 
+/// Words in the names of leaves, in lower case. The umlaut may be two characters.
+const LEAF_WORDS: [&str; 10] =
+    ["leaf", "leaves", "needle", "foliage", "laub", "blatt", "blätt", "bla\u{308}tt", "blaett", "nadel"];
+/// Words in the names of wood and bare crowns that may contain a leaf word: `Laubbaum_Stamm`.
+const WOOD_WORDS: [&str; 10] =
+    ["bark", "trunk", "stamm", "rinde", "borke", "holz", "leafless", "leaf-off", "laublos", "blattlos"];
+
 /// Mean of cos θ over uniformly distributed leaf normals, weighted by projected area: 1/3 over 1/2.
 pub const SPHERICAL_MEAN_COSINE: f64 = 2.0 / 3.0;
 
@@ -63,13 +72,18 @@ impl Material {
             classification: 0,
             is_ground: false,
             element_size: 0.0,
+            leaf: None,
         }
     }
 
-    /// Whether triangles of this material are leaves, by its name: it contains leaf, leaves, needle or foliage, in any case.
-    pub fn is_foliage(&self) -> bool {
-        let name = self.name.to_lowercase();
-        ["leaf", "leaves", "needle", "foliage"].iter().any(|word| name.contains(word))
+    /// True if triangles of this material are leaves: by its definition, else by an English or German word in its name. `None` if
+    /// neither shows it.
+    pub fn is_leaf(&self) -> Option<bool> {
+        self.leaf.or_else(|| {
+            let name = self.name.to_lowercase();
+            let has = |words: &[&str]| words.iter().any(|word| name.contains(word));
+            (has(&LEAF_WORDS) && !has(&WOOD_WORDS)).then_some(true)
+        })
     }
 
     /// Reflectance factor f(θ) for the cosine of the incidence angle, `0 ≤ cos θ ≤ 1`.

@@ -1,5 +1,6 @@
 //! Material libraries (spec input-formats §4.2).
 
+use super::mtl_optics::Optics;
 use super::number::{float, skip_blanks};
 use super::text::{Line, Lines, Problems, Source, Words, operand, printable, shown};
 use std::ops::Range;
@@ -29,9 +30,11 @@ pub(super) fn read(source: &Source, diagnostics: &mut Diagnostics) -> Vec<Materi
     }
     let mut problems = Problems::default();
     let mut definitions: Vec<MaterialDefinition> = Vec::new();
+    let mut optics = Optics::default();
     for line in Lines::new(source.bytes(), true) {
-        statement(source, &line, &mut definitions, &mut problems);
+        statement(source, &line, &mut definitions, &mut optics, &mut problems);
     }
+    optics.finish(definitions.last_mut());
     problems.report(source, diagnostics);
     definitions
 }
@@ -40,6 +43,7 @@ fn statement(
     source: &Source,
     line: &Line,
     definitions: &mut Vec<MaterialDefinition>,
+    optics: &mut Optics,
     problems: &mut Problems,
 ) {
     let mut words = Words::new(&line.text, skip_blanks(&line.text, 0));
@@ -58,7 +62,12 @@ fn statement(
             problems.warn(line.number, in_file(name_at.clone()), || message);
         }
         let place = Some(source.place(line.number, in_file(0..line.text.len())));
+        std::mem::take(optics).finish(definitions.last_mut());
         return definitions.push(MaterialDefinition { place, ..MaterialDefinition::new(name) });
+    }
+    let whole_line = || source.place(line.number, in_file(at.start..line.text.len()));
+    if optics.read(keyword, &line.text[operand(&line.text, at.end)], whole_line) {
+        return;
     }
     if !is_known(keyword) {
         return warn_of_unknown(line.number, keyword, in_file(at), problems);
@@ -78,6 +87,9 @@ fn statement(
         }
     }
     let is_set = set(material, keyword, &values);
+    if is_set.is_ok() {
+        warn_of_rest(line, keyword, &values, problems);
+    }
     if is_set.is_ok() && keyword == b"helios_classification" && !CLASSES.contains(&material.classification) {
         let message = format!(
             "class {} is written as 0 in LAS and LAZ, which have classes 0 to 255",
@@ -101,12 +113,13 @@ fn statement(
 }
 
 /// Keywords that matter.
-const KNOWN: [&str; 9] = [
+const KNOWN: [&str; 10] = [
     "Kd",
     "Ks",
     "Ns",
     "vlscan_roughness_deg",
     "vlscan_element_size_m",
+    "vlscan_leaf",
     "helios_reflectance",
     "helios_spectra",
     "helios_classification",
@@ -132,6 +145,28 @@ fn warn_of_unknown(line: usize, keyword: &[u8], at: Range<usize>, problems: &mut
     }
     let near = nearest(&keyword, KNOWN).map_or(String::new(), |near| format!("; did you mean {near}?"));
     problems.warn(line, at, || format!("unknown keyword {keyword} is ignored{near}"));
+}
+
+/// Warns of words beyond those that are the value of a keyword.
+fn warn_of_rest(line: &Line, keyword: &[u8], values: &[(&[u8], Range<usize>)], problems: &mut Problems) {
+    let used = match keyword {
+        b"Kd" | b"Ks" if values.len() >= 3 => 3,
+        _ => 1,
+    };
+    let rest = values.get(used..).unwrap_or_default();
+    let (Some((_, first)), Some((_, last))) = (rest.first(), rest.last()) else { return };
+    let rest = first.start..last.end;
+    problems.warn(line.number, line.start + rest.start..line.start + rest.end, || {
+        let (value, rest) = (shown(values[used - 1].0), shown(&line.text[rest]));
+        let hint = match rest.strip_prefix('.') {
+            Some(decimals) if float(values[used - 1].0).is_some_and(|v| v.fract() == 0.0) => {
+                format!("; did you mean {value}.{decimals}?")
+            }
+            _ if rest.starts_with('%') => "; write a fraction: 0.3 is 30 %".to_owned(),
+            _ => "; a comment begins with #".to_owned(),
+        };
+        format!("\"{rest}\" after {} {value} is ignored{hint}", shown(keyword))
+    });
 }
 
 fn set(
@@ -164,6 +199,7 @@ fn set(
         b"helios_classification" => {
             material.classification = first.and_then(integer).ok_or("a whole number")?
         }
+        b"vlscan_leaf" => material.leaf = Some(first.and_then(boolean).ok_or("true or false")?),
         _ => material.is_ground = first.and_then(boolean).ok_or("true or false")?,
     }
     Ok(())
@@ -197,6 +233,7 @@ pub(super) fn name_of(bytes: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use vlscan_base::diag::Severity;
 
     fn read_text(text: &[u8]) -> (Vec<MaterialDefinition>, Diagnostics) {
         let mut d = Diagnostics::default();
@@ -207,7 +244,7 @@ mod tests {
     fn the_example_of_the_dialect() {
         let (m, d) = read_text(
             b"# fields\r\nnewmtl meadow wide\r\n\tKd 0.2 0.6 0.2\r\nhelios_spectra tall grass # dry\r\nhelios_classification 2\r\n\
-              helios_isGround TRUE\r\nillum 2\r\nnewmtl b\xe4r\nKs .5 # grey\nNs 20\nvlscan_roughness_deg 18\nvlscan_element_size_m 0.25\nhelios_reflectance 0.4\n",
+              helios_isGround TRUE\r\nillum 2\r\nnewmtl b\xe4r\nKs .5 # grey\nNs 20\nvlscan_roughness_deg 18\nvlscan_element_size_m 0.25\nhelios_reflectance 0.4\nvlscan_leaf true\n",
         );
         assert!(d.items().is_empty(), "{}", d.render(false));
         assert_eq!(
@@ -218,6 +255,7 @@ mod tests {
         assert_eq!((m[1].name.as_str(), m[1].ks, m[1].ns), ("bär", [0.5; 3], 20.0));
         assert_eq!((m[1].reflectance, m[1].is_ground), (Some(0.4), false));
         assert_eq!((m[0].element_size, m[1].element_size), (0.0, 0.25));
+        assert_eq!((m[0].leaf, m[1].leaf), (None, Some(true)));
         assert_eq!((m[0].roughness, m[1].roughness), (0.0, std::f64::consts::PI / 10.0));
     }
 
@@ -232,6 +270,53 @@ mod tests {
         assert_eq!((m[0].kd, m[0].ns, m[2].kd), ([0.0; 3], 10.0, [1.0; 3]));
         let place = d.items()[2].place.as_ref().unwrap();
         assert_eq!((place.line, &place.excerpt[place.marked.clone()]), (5, "much"));
+    }
+
+    #[test]
+    fn the_rest_of_a_line_is_reported() {
+        for (line, expected) in [
+            ("helios_reflectance 0 .4", "\".4\" after helios_reflectance 0 is ignored; did you mean 0.4?"),
+            ("helios_reflectance 0.4 %", "a fraction"),
+            ("helios_reflectance 0.4 0.5", "\"0.5\" after helios_reflectance 0.4"),
+            ("helios_classification 6 building", "a comment begins with #"),
+            ("helios_isGround true false", "\"false\" after"),
+            ("vlscan_roughness_deg 5 rad", "\"rad\""),
+            ("vlscan_element_size_m 0.3 m", "\"m\""),
+            ("vlscan_leaf true yes", "\"yes\""),
+            ("Ns 10 20", "\"20\""),
+            ("Kd 0.1 0.2 0.3 1", "\"1\" after Kd 0.3"),
+        ] {
+            let (_, d) = read_text(format!("newmtl a\n{line} # note\n").as_bytes());
+            let [told] = d.items() else { panic!("{line}: {}", d.render(false)) };
+            assert!(told.message.contains(expected), "{line}: {}", told.message);
+            assert!(told.severity == Severity::Warning && told.place.as_ref().unwrap().line == 2);
+        }
+    }
+
+    #[test]
+    fn transparency_and_mirrors_are_remembered_for_a_message() {
+        let optics = |lines: &str| {
+            let (m, d) = read_text(format!("newmtl a\n{lines}\nnewmtl b\n").as_bytes());
+            assert!(d.is_empty() && m[1].unused_optics.is_none(), "{lines}: {}", d.render(false));
+            m[0].unused_optics.clone().map(|found| (found.properties, found.place.unwrap().line))
+        };
+        for (lines, expected) in [
+            ("d 0.05\nTr 0.95\nillum 4", ("d 0.05, Tr 0.95, illum 4", 2)),
+            ("Kd 1 1 1\nTr 0.5", ("Tr 0.5", 3)),
+            ("d -halo 0.3", ("d -halo 0.3", 2)),
+            ("d 0,05", ("d 0,05", 2)),
+            ("d 1\nTr 0.4", ("Tr 0.4", 3)),
+            ("illum 7", ("illum 7", 2)),
+            ("map_d leaf 1.png", ("map_d leaf 1.png", 2)),
+        ] {
+            assert_eq!(optics(lines), Some((expected.0.to_owned(), expected.1)), "{lines}");
+        }
+        // Some programs write Tr as the opposite of what it means.
+        for opaque in
+            ["d 1.0\nTr 0\nillum 2", "d 1\nTr 1", "Tr 1\nd 1", "illum 3", "d 0.5\nd 1", "d", "Ni 1.5"]
+        {
+            assert_eq!(optics(opaque), None, "{opaque}");
+        }
     }
 
     #[test]

@@ -1,9 +1,9 @@
 //! What the parts of a scene are and where: for tables beside labelled points.
 
 use super::{Material, Scene, Voxel, VoxelKind};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use vlscan_geom::{Aabb, DVec3};
-use vlscan_trace::Model;
+use vlscan_trace::{Model, Placement};
 
 /// Facts about one part.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,8 +31,13 @@ pub struct MaterialArea {
 
 impl MaterialArea {
     /// One-sided leaf area if the material is `material`, m²: that of plants in voxels, and of triangles if they are leaves.
-    pub fn leaves(&self, material: &Material) -> f64 {
-        self.plants + if material.is_foliage() { self.triangles } else { 0.0 }
+    /// `None` if it is unknown whether the material is leaves.
+    pub fn leaves(&self, material: &Material) -> Option<f64> {
+        match material.is_leaf() {
+            Some(true) => Some(self.total()),
+            Some(false) => Some(0.0),
+            None => (self.plants > 0.0).then_some(self.plants),
+        }
     }
 
     /// The area of both.
@@ -124,17 +129,18 @@ impl PartFacts {
             }
         }
         if let Some(set) = &scene.instances {
-            let of_model = |model: &Model, materials: &[u32]| {
+            let of_model = |model: &Model, materials: &[u32], widening: f64| {
+                let widened = |p: DVec3| DVec3::new(p.x * widening, p.y * widening, p.z);
                 let mut shares = Shares::new();
                 for (i, &material) in materials.iter().enumerate() {
                     let share = shares.entry(material).or_default();
                     share.primitives += 1;
-                    share.area.triangles += area(model.geometry.stored_triangle(i));
+                    share.area.triangles += area(model.geometry.stored_triangle(i).map(widened));
                 }
                 shares
             };
-            let models = set.instances.models.iter().zip(&set.materials);
-            let of_models: Vec<Shares> = models.map(|(model, of)| of_model(model, of)).collect();
+            // By model and widening, which most instances have in common.
+            let mut of_models: HashMap<(u32, u64), Shares> = HashMap::new();
             let vertices = |i| set.instances.model(i).geometry.vertices.len() as u64;
             let is_exact = set.instances.all.iter().map(vertices).sum::<u64>() <= most;
             for (instance, &part) in set.instances.all.iter().zip(&set.parts) {
@@ -143,8 +149,11 @@ impl PartFacts {
                     true => set.instances.exact_bounds_of(instance),
                     false => set.instances.bounds_of(instance),
                 });
-                let scale = instance.placement.scale;
-                for (&material, of_model) in &of_models[instance.model as usize] {
+                let Placement { scale, widening, .. } = instance.placement;
+                let of_model = of_models.entry((instance.model, widening.to_bits())).or_insert_with(|| {
+                    of_model(set.instances.model(instance), &set.materials[instance.model as usize], widening)
+                });
+                for (&material, of_model) in &*of_model {
                     let share = shares[part].entry(material).or_default();
                     share.primitives += of_model.primitives;
                     share.area.add(of_model.area, scale * scale);
@@ -184,12 +193,12 @@ impl PartFacts {
         names.map(|material| material.name.as_str()).collect()
     }
 
-    /// Its one-sided leaf area, m².
-    pub fn leaf_area(&self, scene: &Scene) -> f64 {
+    /// Its one-sided leaf area, m². `None` if it is unknown of all of its materials whether they are leaves.
+    pub fn leaf_area(&self, scene: &Scene) -> Option<f64> {
         let of = |(&material, area): (&u32, &MaterialArea)| {
-            scene.materials.get(material as usize).map_or(0.0, |material| area.leaves(material))
+            scene.materials.get(material as usize).and_then(|material| area.leaves(material))
         };
-        self.materials.iter().zip(&self.areas).map(of).sum()
+        self.materials.iter().zip(&self.areas).filter_map(of).reduce(|sum, area| sum + area)
     }
 }
 
@@ -247,7 +256,7 @@ mod tests {
                     "{:?}",
                     of(part)
                 );
-                assert_eq!(facts[part].leaf_area(&scene), of(part)[0]);
+                assert_eq!(facts[part].leaf_area(&scene), Some(of(part)[0]));
             }
             let all = material_areas(&scene, &facts);
             assert!((all.iter().map(MaterialArea::total).sum::<f64>() - 2.0 * (leaf + 0.5)).abs() < 1e-9);

@@ -34,6 +34,20 @@ struct Group {
     materials: Vec<(String, Place)>,
 }
 
+/// The message about materials, whose names are in quotes, without a reflectance.
+pub(super) fn missing(names: &[String], rules: Corrections) -> String {
+    let (assumed, listed) = (assumed(rules), listed(names, MAX_LISTED));
+    match names.len() {
+        1 => format!("material {listed} has no reflectance; it reflects {assumed}"),
+        n => format!("{n} materials have no reflectance: {listed}; they reflect {assumed}"),
+    }
+}
+
+/// The reflectance of materials without one.
+pub(super) fn assumed(rules: Corrections) -> &'static str {
+    if rules.reflectance_fraction { "0.5" } else { "50 per cent, the default of HELIOS++" }
+}
+
 /// Maximum number of names in one message.
 const MAX_LISTED: usize = 8;
 
@@ -54,7 +68,6 @@ impl ReflectanceIssues {
     /// only reflectances that are missing count, which are 50 then.
     pub fn report(&self, rules: Corrections, diagnostics: &mut Diagnostics) {
         let is_fraction = rules.reflectance_fraction;
-        let assumed = if is_fraction { "0.5" } else { "50 per cent, the default of HELIOS++" };
         for Group { issue, materials } in &self.groups {
             // Parts without any material are meant to have the default.
             let counts = |name: &str| is_fraction || *issue == ReflectanceIssue::Missing && name != DEFAULT;
@@ -73,11 +86,11 @@ impl ReflectanceIssues {
                     "write a number from 0 to 1: 0.5 reflects 50 per cent",
                 ),
                 (ReflectanceIssue::Missing, 1) => (
-                    format!("material {listed} has no reflectance; it reflects {assumed}"),
+                    missing(&names, rules),
                     "give it a reflectance from 0 to 1 (helios_reflectance in MTL files), or a spectrum (helios_spectra)",
                 ),
-                (ReflectanceIssue::Missing, n) => (
-                    format!("{n} materials have no reflectance: {listed}; they reflect {assumed}"),
+                (ReflectanceIssue::Missing, _) => (
+                    missing(&names, rules),
                     "give each a reflectance from 0 to 1 (helios_reflectance in MTL files), or a spectrum (helios_spectra)",
                 ),
                 (ReflectanceIssue::NoFraction, 1) => (

@@ -1,13 +1,13 @@
 //! Tables of instances: the mesh and the placement of each instance, one per line.
 //!
 //! ```text
-//! file,x,y,z,yaw,scale
-//! beech_1.obj,431002.5,5412200.0,113.2,40,1.1
-//! beech_2.obj,431009.1,5412203.7,113.0,275.5,0.9
+//! file,x,y,z,yaw,scale,scale_xy
+//! beech_1.obj,431002.5,5412200.0,113.2,40,1.1,1.1
+//! beech_2.obj,431009.1,5412203.7,113.0,275.5,0.9,1.3
 //! ```
 //!
 //! `file` is searched beside the table, x, y and z are metres, yaw is degrees about the vertical axis from x to y,
-//! and scale is a factor. Yaw and scale are optional (0 and 1). A first line that begins with the word `file` is a
+//! scale is a factor, and scale_xy the factor of the mesh's x and y. Yaw, scale and scale_xy are optional (0, 1 and scale). A first line that begins with the word `file` is a
 //! header; blank lines and lines that begin with `#` are skipped. Every line becomes a separate part.
 //!
 //! A table is used as a part of a scene (`<filter type="instances">` with the parameter `filepath`) or as a complete
@@ -98,6 +98,11 @@ pub(super) fn read_table(context: &Context, path: &Path, base: &Base) -> Option<
             }
             (name, _) => context.file_beside(name, folder, place(name)),
         });
+        if transform.widening != 1.0 && !base.transform.is_upright() {
+            let message = "scale_xy needs a mesh that is only turned about z before the table";
+            context.error_help(place(content), message, "rotate the mesh in its file, or leave out scale_xy");
+            continue;
+        }
         if let Some(file) = file {
             let loader = Loader::MeshFiles { files: vec![file.clone()], reading: base.reading.clone() };
             let transform = transform.after(&base.transform);
@@ -115,19 +120,20 @@ const MAX_TABLE_BYTES: u64 = 1 << 29;
 /// Maximum length of a line, bytes.
 const MAX_LINE_BYTES: usize = 1 << 16;
 
-const HELP: &str = "a line is file,x,y,z,yaw,scale";
-const COMMAS: &str = "fields are separated by commas, and numbers have decimal points: file,x,y,z,yaw,scale";
-const MAX_FIELDS: usize = 6;
+const HELP: &str = "a line is file,x,y,z,yaw,scale,scale_xy";
+const COMMAS: &str =
+    "fields are separated by commas, and numbers have decimal points: file,x,y,z,yaw,scale,scale_xy";
+const MAX_FIELDS: usize = 7;
 
 fn read_numbers(context: &Context, fields: &[&str], place: &dyn Fn(&str) -> Place) -> Option<Transform> {
     if !(4..=MAX_FIELDS).contains(&fields.len()) {
         let found = if fields.len() > MAX_FIELDS { "more".to_owned() } else { fields.len().to_string() };
-        let message = format!("expected four to six fields, found {found}");
+        let message = format!("expected four to seven fields, found {found}");
         let help = if fields.iter().any(|field| field.contains(';')) { COMMAS } else { HELP };
         context.error_help(place(fields[0]), message, help);
         return None;
     }
-    let mut numbers = [0.0, 0.0, 0.0, 0.0, 1.0];
+    let mut numbers = [0.0, 0.0, 0.0, 0.0, 1.0, f64::NAN];
     let mut sound = true;
     for (number, field) in numbers.iter_mut().zip(&fields[1..]) {
         match field.parse::<f64>().ok().filter(|n| quantity::NUMBER.contains(*n)) {
@@ -138,20 +144,30 @@ fn read_numbers(context: &Context, fields: &[&str], place: &dyn Fn(&str) -> Plac
             }
         }
     }
-    let [x, y, z, yaw, scale] = numbers;
+    let [x, y, z, yaw, scale, scale_xy] = numbers;
     if scale == 0.0 {
-        context.error_help(place(fields[fields.len() - 1]), "a scale of 0 leaves nothing of the mesh", HELP);
+        context.error_help(place(fields[5]), "a scale of 0 leaves nothing of the mesh", HELP);
+        return None;
+    }
+    let widening = if scale_xy.is_nan() { 1.0 } else { scale_xy / scale };
+    // The quotient of a tiny and a large factor may be 0 or infinite.
+    if sound && !(widening > 0.0 && widening.is_finite()) {
+        let message = format!("expected a scale_xy above 0 beside the scale {scale}, found {scale_xy}");
+        context.error_help(place(fields[6]), message, HELP);
         return None;
     }
     let rotation = Rotation::about_z(radians(yaw));
-    sound.then_some(Transform { rotation, scale, offset: DVec3::new(x, y, z), on_ground: 0 })
+    let transform = Transform { rotation, widening, scale, offset: DVec3::new(x, y, z), on_ground: 0 };
+    sound.then_some(transform)
 }
 
 impl Transform {
-    /// The composition `self ∘ first`; the grounding mode is that of `self` unless that is 0.
+    /// The composition `self ∘ first`; the grounding mode is that of `self` unless that is 0. If `self` widens, `first` must
+    /// turn about z only.
     pub fn after(&self, first: &Transform) -> Transform {
         Transform {
             rotation: self.rotation.after(first.rotation),
+            widening: self.widening * first.widening,
             scale: self.scale * first.scale,
             offset: self.apply(first.offset),
             on_ground: if self.on_ground != 0 { self.on_ground } else { first.on_ground },
@@ -188,6 +204,20 @@ mod tests {
         let p = scene.parts[0].transform.apply(DVec3::X);
         assert!((p - DVec3::new(1.0, 4.0, 3.0)).length() < 1e-15, "{p}");
         assert_eq!(scene.parts[1].transform.apply(DVec3::X), DVec3::new(5.0, 5.0, 6.0));
+    }
+
+    #[test]
+    fn x_and_y_have_a_factor_of_their_own() {
+        let folder = folder();
+        fs::write(folder.path().join("t.csv"), "a.obj,1,2,3,90,2,5\n").unwrap();
+        let part = read(&folder, "t.csv").unwrap().parts.remove(0);
+        let (p, image) = (DVec3::new(1.0, 2.0, 3.0), DVec3::new(-9.0, 7.0, 9.0));
+        assert!((part.transform.apply(p) - image).length() < 1e-13, "{}", part.transform.apply(p));
+        assert!((part.transform.undo(image) - p).length() < 1e-13);
+        for wrong in ["0", "-1", "nan", "inf"] {
+            fs::write(folder.path().join("t.csv"), format!("a.obj,1,2,3,90,2,{wrong}\n")).unwrap();
+            assert!(matches!(read(&folder, "t.csv"), Err(vlscan_base::Error::Input(_))), "{wrong}");
+        }
     }
 
     #[test]

@@ -18,12 +18,14 @@ const ROUNDING: f64 = 1e-14;
 
 const OUTLINE_CELLS: usize = 8;
 
-/// Transformation of a model into the scene: `scale · R · p + offset`, then up by `raise`.
+/// Transformation of a model into the scene: `scale · R · W · p + offset`, then up by `raise`. W multiplies x and y by `widening`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Placement {
     /// R.
     pub rotation: Rotation,
+    /// Factor of x and y of the model beyond that of z, above 0.
+    pub widening: f64,
     /// Scale, may be negative.
     pub scale: f64,
     /// Offset, m.
@@ -34,25 +36,36 @@ pub struct Placement {
 
 impl Placement {
     /// Leaves every point where it is.
-    pub const IDENTITY: Placement =
-        Placement { rotation: Rotation::IDENTITY, scale: 1.0, offset: DVec3::ZERO, raise: -0.0 };
+    pub const IDENTITY: Placement = Placement {
+        rotation: Rotation::IDENTITY,
+        widening: 1.0,
+        scale: 1.0,
+        offset: DVec3::ZERO,
+        raise: -0.0,
+    };
 
     /// Returns the image of a point of the model, less `shift`, with the arithmetic of a scene that stores the image.
     #[inline(always)]
     pub fn place(&self, p: DVec3, shift: DVec3) -> DVec3 {
-        let p = self.rotation.apply(p) * self.scale + self.offset;
+        let p = self.rotation.apply(self.widened(p)) * self.scale + self.offset;
         DVec3::new(p.x, p.y, p.z + self.raise) - shift
     }
 
+    #[inline(always)]
+    fn widened(&self, p: DVec3) -> DVec3 {
+        DVec3::new(p.x * self.widening, p.y * self.widening, p.z)
+    }
+
     fn matrix(&self) -> DMat3 {
-        let column = |v| self.rotation.apply(v) * self.scale;
+        let column = |v| self.rotation.apply(self.widened(v)) * self.scale;
         DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z))
     }
 
     /// Bound of the numbers that occur when a point with coordinates within `reach` is placed.
     pub fn magnitude(&self, shift: DVec3, reach: f64) -> f64 {
         let largest = |v: DVec3| v.abs().max_element();
-        largest(self.offset) + largest(shift) + self.raise.abs() + 4.0 * self.scale.abs() * reach
+        let factor = self.scale.abs() * self.widening.abs().max(1.0);
+        largest(self.offset) + largest(shift) + self.raise.abs() + 4.0 * factor * reach
     }
 }
 

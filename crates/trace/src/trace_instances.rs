@@ -214,11 +214,14 @@ mod tests {
     }
 
     fn placement() -> impl Strategy<Value = Placement> {
-        let turned = (point(1.0), -4.0..4.0, -2.0..2.0f64, point(12.0), prop_oneof![Just(-0.0), -1.0..1.0]);
-        let turned = turned.prop_filter_map("a scale of none", |(axis, angle, scale, offset, raise)| {
-            let rotation = Rotation::about(axis + DVec3::splat(1e-3), angle);
-            (scale.abs() > 0.05).then_some(Placement { rotation, scale, offset, raise })
-        });
+        let widening = prop_oneof![Just(1.0), 0.2..4.0f64];
+        let raise = prop_oneof![Just(-0.0), -1.0..1.0];
+        let turned = (point(1.0), -4.0..4.0, widening, -2.0..2.0f64, point(12.0), raise);
+        let turned =
+            turned.prop_filter_map("a scale of none", |(axis, angle, widening, scale, offset, raise)| {
+                let rotation = Rotation::about(axis + DVec3::splat(1e-3), angle);
+                (scale.abs() > 0.05).then_some(Placement { rotation, widening, scale, offset, raise })
+            });
         let moved = [-4..=4i32, -4..=4, -4..=4]
             .prop_map(|o| Placement { offset: DVec3::from(o.map(f64::from)), ..Placement::IDENTITY });
         prop_oneof![turned, moved, Just(Placement::IDENTITY)]

@@ -132,6 +132,8 @@ keys! {
         classification;
         /// Whether legs and parts stand on it. Default: false.
         is_ground;
+        /// Whether it is leaves, whose area counts as leaf area. Default: by its name (leaf, needle, foliage, Laub, Blatt, Nadel).
+        is_leaf;
         /// Roughness of the surface, degrees; refined physics. Default: 0.
         roughness_deg in ROUGHNESS;
         /// Size of the elements of foliage (shoots, clusters of leaves) that intercept light as a whole, m; refined physics. Default:

@@ -126,7 +126,20 @@ pub struct MaterialDefinition {
     pub classification: i32,
     /// Whether the surface is ground (`helios_isGround`).
     pub is_ground: bool,
+    /// True for leaves (`vlscan_leaf`); `None` if the definition says nothing.
+    pub leaf: Option<bool>,
+    /// Optical properties that are not simulated.
+    pub unused_optics: Option<UnusedOptics>,
     /// Where it is defined; `None` outside of files.
+    pub place: Option<Place>,
+}
+
+/// Properties of a material that mean transparency or mirror reflection: its surfaces are opaque.
+#[derive(Clone, Debug, PartialEq)]
+pub struct UnusedOptics {
+    /// Names and values as in the file, for a message: `d 0.05, illum 4`.
+    pub properties: String,
+    /// The first of them; `None` if only the file is known.
     pub place: Option<Place>,
 }
 
@@ -144,6 +157,8 @@ impl MaterialDefinition {
             spectrum: None,
             classification: 0,
             is_ground: false,
+            leaf: None,
+            unused_optics: None,
             place: None,
         }
     }

@@ -92,11 +92,13 @@ impl PartRecipe {
     }
 }
 
-/// `p′ = scale · R · p + offset`, then grounding.
+/// `p′ = scale · R · W · p + offset`, then grounding. W multiplies x and y by `widening`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transform {
     /// Accumulated rotation.
     pub rotation: Rotation,
+    /// Factor of x and y beyond that of z, above 0. Only instances of tables have one other than 1.
+    pub widening: f64,
     /// Last non-zero scale.
     pub scale: f64,
     /// Last offset, m.
@@ -107,12 +109,29 @@ pub struct Transform {
 
 impl Transform {
     /// No change.
-    pub const IDENTITY: Transform =
-        Transform { rotation: Rotation::IDENTITY, scale: 1.0, offset: DVec3::ZERO, on_ground: 0 };
+    pub const IDENTITY: Transform = Transform {
+        rotation: Rotation::IDENTITY,
+        widening: 1.0,
+        scale: 1.0,
+        offset: DVec3::ZERO,
+        on_ground: 0,
+    };
 
     /// The image of a point.
     pub fn apply(&self, p: DVec3) -> DVec3 {
-        self.rotation.apply(p) * self.scale + self.offset
+        let widened = DVec3::new(p.x * self.widening, p.y * self.widening, p.z);
+        self.rotation.apply(widened) * self.scale + self.offset
+    }
+
+    /// True if z stays vertical.
+    pub fn is_upright(&self) -> bool {
+        self.rotation.apply(DVec3::Z).z > 1.0 - 1e-12
+    }
+
+    /// The point whose image is `p`.
+    pub fn undo(&self, p: DVec3) -> DVec3 {
+        let p = self.rotation.inverse().apply((p - self.offset) / self.scale);
+        DVec3::new(p.x / self.widening, p.y / self.widening, p.z)
     }
 }
 

@@ -59,7 +59,7 @@ fn read_placed(fields: &mut Fields) -> PartRecipe {
     let on_ground = i64::from(fields.flag(keys.on_ground, false));
     let changes = fields.children(keys.material, &MaterialKeys::TABLE).into_iter().map(read_change).collect();
     let id = fields.text(keys.id);
-    let transform = Transform { rotation, offset, scale, on_ground };
+    let transform = Transform { rotation, offset, scale, on_ground, ..Transform::IDENTITY };
     let nothing = Loader::MeshFiles { files: Vec::new(), reading: MeshReading::default() };
     PartRecipe { id, changes, place: Some(fields.own_place()), transform, ..PartRecipe::new(nothing) }
 }
@@ -134,6 +134,7 @@ fn read_change(mut fields: Fields) -> MaterialChange {
         spectrum: fields.text(keys.spectrum),
         classification,
         is_ground: fields.flag(keys.is_ground, false),
+        leaf: fields.has(keys.is_leaf).then(|| fields.flag(keys.is_leaf, false)),
         place: Some(fields.own_place()),
         ..MaterialDefinition::new(name.or(of.clone()).unwrap_or_else(|| "material".to_owned()))
     };

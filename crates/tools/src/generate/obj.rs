@@ -2,9 +2,11 @@
 
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
+use vlscan_base::corrections::Corrections;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, NewFolder, Patched, refuse_existing};
 use vlscan_geom::{Aabb, DVec3};
+use vlscan_scene::Material;
 
 /// Decimals of a coordinate in metres: the unit is 0.1 mm.
 const DECIMALS: usize = 4;
@@ -94,6 +96,15 @@ pub(super) struct ObjFile<'f> {
     vertices: u64,
     pub(super) triangles: u64,
     pub(super) bounds: Aabb,
+    wood: Option<Wood>,
+}
+
+/// The triangles of a mesh that are not leaves.
+#[derive(Default)]
+struct Wood {
+    vertices: Vec<DVec3>,
+    triangles: Vec<[DVec3; 3]>,
+    is_leaf: bool,
 }
 
 impl<'f> ObjFile<'f> {
@@ -103,11 +114,19 @@ impl<'f> ObjFile<'f> {
         let mut text = Vec::with_capacity(FLUSH_AT + 4096);
         text.extend_from_slice(format!("mtllib {materials}\n").as_bytes());
         let file = folder.file(name)?;
-        Ok(ObjFile { file, text, vertices: 0, triangles: 0, bounds: Aabb::EMPTY })
+        Ok(ObjFile { file, text, vertices: 0, triangles: 0, bounds: Aabb::EMPTY, wood: None })
+    }
+
+    /// Keeps the triangles that are not leaves, for [`Mesh::wood`].
+    pub(super) fn keeping_wood(self) -> ObjFile<'f> {
+        ObjFile { wood: Some(Wood::default()), ..self }
     }
 
     /// Sets the material of the faces that follow.
     pub(super) fn material(&mut self, name: &str) {
+        if let Some(wood) = &mut self.wood {
+            wood.is_leaf = Material::unnamed(name, Corrections::NONE).is_leaf() == Some(true);
+        }
         self.text.extend_from_slice(b"usemtl ");
         self.text.extend_from_slice(name.as_bytes());
         self.text.push(b'\n');
@@ -124,6 +143,9 @@ impl<'f> ObjFile<'f> {
         self.text.push(b'\n');
         let [x, y, z] = units.map(|u| u as f64 / UNITS_PER_METRE);
         self.bounds = self.bounds.with(DVec3::new(x, y, z));
+        if let Some(wood) = &mut self.wood {
+            wood.vertices.push(DVec3::new(x, y, z));
+        }
         self.vertices += 1;
         self.flush_when_full()?;
         Ok(self.vertices)
@@ -131,6 +153,10 @@ impl<'f> ObjFile<'f> {
 
     /// Writes a triangle, or a quad that readers split into (1, 2, 3) and (1, 3, 4).
     pub(super) fn face<const N: usize>(&mut self, corners: [u64; N]) -> Result<()> {
+        if let Some(Wood { vertices, triangles, is_leaf: false }) = &mut self.wood {
+            let corners = corners.map(|number| vertices[number as usize - 1]);
+            triangles.extend((2..N).map(|i| [corners[0], corners[i - 1], corners[i]]));
+        }
         self.text.push(b'f');
         let mut digits = itoa::Buffer::new();
         for c in corners {
@@ -154,7 +180,8 @@ impl<'f> ObjFile<'f> {
 
     pub(super) fn finish(mut self) -> Result<Mesh> {
         self.flush()?;
-        Ok(Mesh { triangles: self.triangles, bounds: self.bounds, path: self.file.finish() })
+        let wood = self.wood.map_or_else(Vec::new, |wood| wood.triangles);
+        Ok(Mesh { triangles: self.triangles, bounds: self.bounds, path: self.file.finish(), wood })
     }
 }
 
@@ -163,6 +190,8 @@ pub(super) struct Mesh {
     pub(super) path: PathBuf,
     pub(super) triangles: u64,
     pub(super) bounds: Aabb,
+    /// The triangles that are not leaves; empty unless they were to be kept.
+    pub(super) wood: Vec<[DVec3; 3]>,
 }
 
 /// Appends a length in units of 0.1 mm as decimal metres.

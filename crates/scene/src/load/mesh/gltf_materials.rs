@@ -3,7 +3,7 @@
 use super::diffuse;
 use serde::Deserialize;
 use serde_json::Value;
-use vlscan_survey::MaterialDefinition;
+use vlscan_survey::{MaterialDefinition, UnusedOptics};
 
 #[derive(Debug, Deserialize)]
 pub(super) struct MaterialJson {
@@ -11,6 +11,12 @@ pub(super) struct MaterialJson {
     name: String,
     #[serde(default)]
     extras: Value,
+    #[serde(default, rename = "alphaMode")]
+    alpha_mode: Value,
+    #[serde(default, rename = "alphaCutoff")]
+    alpha_cutoff: Value,
+    #[serde(default)]
+    extensions: Value,
 }
 
 /// The materials of a document, and after them that of primitives without one.
@@ -53,7 +59,48 @@ fn definition(number: usize, json: &MaterialJson) -> Result<MaterialDefinition, 
         let is_ground = value.as_bool().or(number);
         material.is_ground = is_ground.ok_or_else(|| wrong("helios_isGround", "true or false", value))?;
     }
+    if let Some(value) = extra("vlscan_leaf") {
+        let number = value.as_f64().filter(|v| [0.0, 1.0].contains(v)).map(|v| v == 1.0);
+        let leaf = value.as_bool().or(number);
+        material.leaf = Some(leaf.ok_or_else(|| wrong("vlscan_leaf", "true or false", value))?);
+    }
+    for (key, highest, slot, unit) in [
+        ("vlscan_roughness_deg", 90.0, &mut material.roughness, 1f64.to_radians()),
+        ("vlscan_element_size_m", 100.0, &mut material.element_size, 1.0),
+    ] {
+        if let Some(value) = extra(key) {
+            let number = value.as_f64().filter(|v| (0.0..=highest).contains(v));
+            let expected = format!("a number from 0 to {highest}");
+            *slot = unit * number.ok_or_else(|| wrong(key, &expected, value))?;
+        }
+    }
+    material.unused_optics = unused_optics(json).map(|properties| UnusedOptics { properties, place: None });
     Ok(material)
+}
+
+/// Properties of a material that mean transparency.
+fn unused_optics(json: &MaterialJson) -> Option<String> {
+    let mut found = Vec::new();
+    if let Some(mode) = json.alpha_mode.as_str().filter(|mode| ["BLEND", "MASK"].contains(mode)) {
+        let cutoff = json.alpha_cutoff.as_f64().filter(|_| mode == "MASK");
+        found.push(format!("alphaMode {mode}") + &cutoff.map_or(String::new(), |c| format!(" {c}")));
+    }
+    let number = |extension: &str, key: &str| json.extensions.get(extension)?.get(key)?.as_f64();
+    // A texture with a factor of 0 has no effect.
+    for (extension, key, none) in [
+        ("KHR_materials_transmission", "transmissionFactor", 0.0),
+        ("KHR_materials_diffuse_transmission", "diffuseTransmissionFactor", 0.0),
+        ("KHR_materials_volume", "thicknessFactor", 0.0),
+    ] {
+        if let Some(value) = number(extension, key).filter(|value| *value != none) {
+            found.push(format!("{extension} {value}"));
+        }
+    }
+    // An index of refraction by itself only changes the gloss.
+    if let Some(ior) = number("KHR_materials_ior", "ior").filter(|_| !found.is_empty()) {
+        found.push(format!("KHR_materials_ior {ior}"));
+    }
+    (!found.is_empty()).then(|| found.join(", "))
 }
 
 #[cfg(test)]
@@ -64,6 +111,31 @@ mod tests {
         let json = format!(r#"[{{"name":"bark\n","extras":{extras}}}]"#);
         let materials: Vec<MaterialJson> = serde_json::from_str(&json).unwrap();
         definitions(&materials).map(|found| found[0].clone())
+    }
+
+    #[test]
+    fn transparency_is_remembered_for_a_message() {
+        let of = |properties: &str| {
+            let json = format!(r#"[{{"name":"pane",{properties}}}]"#);
+            let materials: Vec<MaterialJson> = serde_json::from_str(&json).unwrap();
+            definitions(&materials).unwrap()[0].unused_optics.clone().map(|optics| optics.properties)
+        };
+        for (json, expected) in [
+            (r#""alphaMode":"BLEND""#, Some("alphaMode BLEND")),
+            (r#""alphaMode":"MASK","alphaCutoff":0.3"#, Some("alphaMode MASK 0.3")),
+            (
+                r#""extensions":{"KHR_materials_transmission":{"transmissionFactor":0.9},"KHR_materials_ior":{"ior":1.33}}"#,
+                Some("KHR_materials_transmission 0.9, KHR_materials_ior 1.33"),
+            ),
+            (
+                r#""extensions":{"KHR_materials_volume":{"thicknessFactor":0.1}}"#,
+                Some("KHR_materials_volume 0.1"),
+            ),
+            (r#""alphaMode":"OPAQUE""#, None),
+            (r#""extensions":{"KHR_materials_transmission":{},"KHR_materials_ior":{"ior":1.45}}"#, None),
+        ] {
+            assert_eq!(of(json).as_deref(), expected, "{json}");
+        }
     }
 
     #[test]
@@ -82,6 +154,8 @@ mod tests {
             (r#"{"helios_classification":1e300}"#, "a whole number"),
             (r#"{"helios_isGround":"true"}"#, "true or false"),
             (r#"{"helios_isGround":2}"#, "true or false"),
+            (r#"{"vlscan_leaf":"yes"}"#, "true or false"),
+            (r#"{"vlscan_roughness_deg":120}"#, "a number from 0 to 90"),
         ] {
             let message = read(extras).unwrap_err();
             assert!(message.contains(expected) && message.contains("\"bark_\""), "{extras}: {message}");

@@ -1,9 +1,9 @@
 //! Tables of materials by name, for mesh formats that have no place for the properties of surfaces:
 //!
 //! ```text
-//! name,reflectance,class,ground,spectrum
-//! bark,0.42,5,false,
-//! soil,,2,true,loam
+//! name,reflectance,class,ground,leaf,spectrum
+//! bark,0.42,5,false,false,
+//! soil,,2,true,,loam
 //! ```
 //!
 //! The first line names the columns, of which `name` is required, in any order. A table is named by the loader, or is the
@@ -22,9 +22,8 @@ use vlscan_survey::{MaterialDefinition, MeshReading};
 
 /// Name of the table that is looked for beside a mesh file.
 const FILE_NAME: &str = "materials.csv";
-const COLUMNS: [&str; 5] = ["name", "reflectance", "class", "ground", "spectrum"];
-const HELP: &str =
-    "the columns are name, reflectance (0 to 1), class (0 to 255), ground (true or false), spectrum";
+const COLUMNS: [&str; 6] = ["name", "reflectance", "class", "ground", "leaf", "spectrum"];
+const HELP: &str = "the columns are name, reflectance (0 to 1), class (0 to 255), ground (true or false), leaf (true or false), spectrum";
 /// Maximum size of a table, bytes.
 const MAX_BYTES: u64 = 1 << 26;
 
@@ -64,6 +63,7 @@ impl MaterialTable {
         material.spectrum = row.spectrum.clone();
         material.classification = row.classification;
         material.is_ground = row.is_ground;
+        material.leaf = row.leaf.or(material.leaf);
         material.place = row.place.clone();
     }
 
@@ -85,7 +85,24 @@ fn read_rows(path: &Path, text: &str, diagnostics: &mut Diagnostics) -> HashMap<
         return rows;
     };
     let separator = Separator::guess(heading);
-    let names: Vec<String> = separator.split(heading).map(|at| heading[at].to_ascii_lowercase()).collect();
+    // The keys of MTL files and of pipeline files name columns, too.
+    let column = |name: String| match name.as_str() {
+        "helios_reflectance" => "reflectance".to_owned(),
+        "helios_classification" | "classification" => "class".to_owned(),
+        "helios_isground" | "is_ground" => "ground".to_owned(),
+        "helios_spectra" => "spectrum".to_owned(),
+        "vlscan_leaf" | "is_leaf" => "leaf".to_owned(),
+        _ => name,
+    };
+    let names = separator.split(heading).map(|at| column(heading[at].to_ascii_lowercase()));
+    let names: Vec<String> = names.collect();
+    if let Some(name) =
+        names.iter().enumerate().find_map(|(i, name)| names[..i].contains(name).then_some(name))
+    {
+        let place = Place::in_line(path, number, heading, 0..heading.len());
+        diagnostics.error(Some(place), format!("two columns are `{name}`")).help(HELP);
+        return rows;
+    }
     let unknown = names.iter().find(|name| !COLUMNS.contains(&name.as_str()));
     if !names.iter().any(|n| n == "name") || unknown.is_some() {
         let what = unknown.map_or("no column \"name\"".to_owned(), |name| format!("the column \"{name}\""));
@@ -151,14 +168,17 @@ fn set(material: &mut MaterialDefinition, column: &str, value: &str) -> Result<(
             material.reflectance = Some(reflectance.ok_or("a reflectance from 0 to 1")?);
         }
         "class" => material.classification = value.parse::<u8>().map_err(|_| "a class from 0 to 255")?.into(),
-        "ground" => {
-            material.is_ground = match value.to_ascii_lowercase().as_str() {
-                "true" | "1" | "yes" => true,
-                "false" | "0" | "no" => false,
-                _ => return Err("true or false"),
-            }
-        }
+        "ground" => material.is_ground = boolean(value).ok_or("true or false")?,
+        "leaf" => material.leaf = Some(boolean(value).ok_or("true or false")?),
         _ => material.spectrum = Some(value.to_owned()),
     }
     Ok(())
+}
+
+fn boolean(value: &str) -> Option<bool> {
+    match value.to_ascii_lowercase().as_str() {
+        "true" | "1" | "yes" => Some(true),
+        "false" | "0" | "no" => Some(false),
+        _ => None,
+    }
 }

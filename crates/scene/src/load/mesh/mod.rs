@@ -31,16 +31,18 @@ mod stl;
 #[cfg(test)]
 mod tests;
 
+use expand::is_gltf;
 pub(crate) use expand::{EpochPart, parts_in_epoch};
 
 use crate::builder::{PartSource, SceneBuilder};
 use crate::library::{DefinedBy, Names};
+use crate::reflectance_issues::missing;
 use crate::text::{Source, printable};
 use materials::MaterialTable;
 use polygon::Fan;
 use std::collections::HashSet;
 use std::path::Path;
-use vlscan_base::diag::{Place, listed};
+use vlscan_base::diag::Place;
 use vlscan_base::error::{Error, Result};
 use vlscan_formats::is_ply;
 use vlscan_geom::DVec3;
@@ -226,9 +228,6 @@ fn table_of(scene: &mut SceneBuilder, path: &Path, reading: &MeshReading) -> Opt
     Some(table)
 }
 
-/// Maximum number of names of materials in a warning.
-const MAX_NAMES: usize = 5;
-
 /// Warns of materials whose reflectance is not known.
 fn warn_of_unknown(scene: &mut SceneBuilder, path: &Path, mut unknown: Vec<String>) {
     let mut seen = HashSet::new();
@@ -237,10 +236,8 @@ fn warn_of_unknown(scene: &mut SceneBuilder, path: &Path, mut unknown: Vec<Strin
         return;
     }
     let names: Vec<String> = unknown.iter().map(|n| format!("\"{n}\"")).collect();
-    let message =
-        format!("no reflectance for the material {}; it reflects 50 per cent", listed(&names, MAX_NAMES));
-    let help =
-        "a file materials.csv beside it, with a line name,reflectance,class,ground and one for each material";
+    let message = missing(&names, scene.options.rules);
+    let help = "a file materials.csv beside it, with a line name,reflectance,class,ground and one for each material, gives reflectances from 0 to 1";
     scene.diagnostics.warn(Some(Place::of_file(path)), message).help(help);
 }
 

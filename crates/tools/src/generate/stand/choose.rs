@@ -6,7 +6,7 @@ use vlscan_base::rng::{Purpose, Stream};
 
 /// Most models among which is drawn, so that neighbours of one size differ.
 const MAX_CANDIDATES: usize = 3;
-/// Weight of the difference in size, which scaling removes, beside that in shape, which it does not.
+/// Weight of the difference in size, which does not change proportions, beside that in shape, which does.
 const SIZE_WEIGHT: f64 = 0.3;
 
 /// A model as it stands for a tree.
@@ -16,6 +16,8 @@ pub(super) struct Choice {
     pub model: usize,
     /// Factor from the model's height to that of the tree.
     pub scale: f64,
+    /// Factor of x and y: from the model's crown to the tree's, else that of the height.
+    pub scale_xy: f64,
     /// Degrees from x to y.
     pub yaw: f64,
     /// Whether the model is of the tree's species.
@@ -48,7 +50,9 @@ pub(super) fn choose(tree: &Tree, number: usize, models: &[Model], stream: &Stre
     candidates.truncate(MAX_CANDIDATES);
     let draw = |counter: u32| stream.uniform(0, number as u64, counter);
     let model = candidates[((draw(0) * candidates.len() as f64) as usize).min(candidates.len() - 1)];
-    Choice { model, scale: tree.height / models[model].height, yaw: 360.0 * draw(1), same_species }
+    let scale = tree.height / models[model].height;
+    let widened = tree.crown.map(|crown| crown / models[model].crown).filter(|scale| scale.is_finite());
+    Choice { model, scale, scale_xy: widened.unwrap_or(scale), yaw: 360.0 * draw(1), same_species }
 }
 
 /// The stream of a stand's draws.
@@ -59,6 +63,7 @@ pub(super) fn stream(seed: u64) -> Stream {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::generate::stand::stems::StemProfile;
 
     fn model(species: &str, height: f64, crown: f64) -> Model {
         Model {
@@ -67,6 +72,7 @@ mod tests {
             height,
             crown,
             foot: [0.0; 3],
+            stem: StemProfile::default(),
         }
     }
 
@@ -103,7 +109,9 @@ mod tests {
         let oak = choose(&tree(Some("oak"), 10.0, None), 0, &models, &stream(1));
         assert!(!oak.same_species);
         let spruce = choose(&tree(Some("spruce"), 40.0, None), 0, &models, &stream(1));
-        assert_eq!(spruce.scale, 2.0);
+        assert_eq!((spruce.scale, spruce.scale_xy), (2.0, 2.0));
+        let wide = choose(&tree(Some("spruce"), 40.0, Some(12.0)), 0, &models, &stream(1));
+        assert_eq!((wide.scale, wide.scale_xy), (2.0, 1.5));
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `inventory`, `headings` | reads the table of trees; its headings in English and German |
 //! | `models` | the tree models of a folder: species, height, crown |
+//! | `stems` | stem diameters of tree models |
 //! | `choose` | which model stands for a tree, how large and how turned |
 //! | `epochs` | growth, thinning and storm from epoch to epoch |
 //! | `make` | reads inventory, models and terrain, and has the stand written |
@@ -15,6 +16,7 @@ mod headings;
 mod inventory;
 mod make;
 mod models;
+mod stems;
 mod write;
 
 pub use epochs::Development;

@@ -1,5 +1,6 @@
 //! Tree models: the meshes of a folder, or those that are made where none are given.
 
+use super::stems::StemProfile;
 use crate::generate::forest;
 use crate::generate::obj::{ObjFile, SceneFolder};
 use crate::generate::tree::{Species, Tree};
@@ -7,7 +8,7 @@ use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
 use vlscan_geom::DVec3;
-use vlscan_scene::LoadOptions;
+use vlscan_scene::{LoadOptions, Sharing};
 use vlscan_survey::{ReadOptions, read_scene};
 
 /// Models of each species that are made.
@@ -29,6 +30,7 @@ pub struct Model {
     pub crown: f64,
     /// The foot of the stem in the coordinates of the mesh, m.
     pub foot: [f64; 3],
+    pub stem: StemProfile,
 }
 
 /// Measures the tree models of a folder, its OBJ files.
@@ -54,7 +56,7 @@ pub fn make_models(files: &SceneFolder, seed: u64) -> Result<(Vec<Model>, Vec<St
     let (mut models, mut names) = (Vec::new(), Vec::new());
     for (number, species) in (0..).zip(Species::ALL.into_iter().cycle()).take(3 * MADE_PER_SPECIES as usize) {
         let name = format!("{MODEL_FOLDER}/{}_{}.obj", species.name(), number / 3 + 1);
-        let mut out = ObjFile::create(files, &name, forest::MATERIAL_FILE)?;
+        let mut out = ObjFile::create(files, &name, forest::MATERIAL_FILE)?.keeping_wood();
         Tree::new(seed, number, species, DVec3::ZERO).write(&mut out, seed, MADE_TRIANGLES)?;
         let mesh = out.finish()?;
         let size = mesh.bounds.size();
@@ -64,6 +66,7 @@ pub fn make_models(files: &SceneFolder, seed: u64) -> Result<(Vec<Model>, Vec<St
             height: mesh.bounds.max.z,
             crown: 0.5 * (size.x + size.y),
             foot: [0.0; 3],
+            stem: StemProfile::of(&mesh.wood, DVec3::ZERO, mesh.bounds.max.z),
         });
         names.push(name);
     }
@@ -134,7 +137,11 @@ fn measure(path: PathBuf) -> Result<Model> {
     let (recipe, _) = read_scene(name, &ReadOptions::default())?;
     let (scene, _) = vlscan_scene::load(
         &recipe,
-        &LoadOptions { max_memory: vlscan_base::machine::memory(), ..LoadOptions::default() },
+        &LoadOptions {
+            max_memory: vlscan_base::machine::memory(),
+            sharing: Sharing::Never,
+            ..LoadOptions::default()
+        },
     )?;
     let [low, high] = [scene.bounds.min, scene.bounds.max].map(|corner| scene.to_world(corner));
     let size = high - low;
@@ -150,8 +157,14 @@ fn measure(path: PathBuf) -> Result<Model> {
         true => [0.0; 3],
         false => [0.5 * (low.x + high.x), 0.5 * (low.y + high.y), low.z],
     };
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
+    let name = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
     let species =
-        stem.split(|c: char| !c.is_alphabetic()).find(|part| !part.is_empty()).unwrap_or(&stem).to_owned();
-    Ok(Model { path, species, height: high.z - foot[2], crown: 0.5 * (size.x + size.y), foot })
+        name.split(|c: char| !c.is_alphabetic()).find(|part| !part.is_empty()).unwrap_or(&name).to_owned();
+    let is_wood = |i: &usize| scene.material_of(*i as u32).is_leaf() != Some(true);
+    let triangles = (0..scene.geometry.triangles.len()).filter(is_wood);
+    let wood: Vec<[DVec3; 3]> =
+        triangles.map(|i| scene.geometry.triangle(i).map(|p| scene.to_world(p))).collect();
+    let height = high.z - foot[2];
+    let stem = StemProfile::of(&wood, DVec3::from(foot), height);
+    Ok(Model { path, species, height, crown: 0.5 * (size.x + size.y), foot, stem })
 }

@@ -5,6 +5,7 @@ use super::epochs::next_epoch;
 use super::inventory::{Inventory, Tree};
 use super::make::StandOptions;
 use super::models::{MODEL_FOLDER, Model, is_own_name, make_models, stands_for};
+use super::stems::BREAST_HEIGHT;
 use crate::generate::obj::SceneFolder;
 use crate::generate::survey::DOCUMENT;
 use std::collections::BTreeSet;
@@ -65,6 +66,9 @@ pub(super) enum TerrainSurface {
     },
 }
 
+/// Heading of the labels: measures of the geometry as placed, then those of the inventory.
+const LABELS: &str =
+    "part,id,species,model,x,y,z,height,crown,dbh,species_given,height_given,crown_given,dbh_given\n";
 /// Material file of a stand whose terrain has no ground of its own.
 const SOIL_FILE: &str = "terrain.mtl";
 /// Mesh of flat ground.
@@ -215,10 +219,8 @@ impl Tables {
         mut made: Option<&mut StandMade>,
     ) -> Tables {
         let stream = stream(seed);
-        let mut tables = Tables {
-            instances: "file,x,y,z,yaw,scale\n".to_owned(),
-            labels: "part,id,species,model,x,y,z,height,crown,dbh\n".to_owned(),
-        };
+        let mut tables =
+            Tables { instances: "file,x,y,z,yaw,scale,scale_xy\n".to_owned(), labels: LABELS.to_owned() };
         for (row, (number, tree)) in trees.iter().enumerate() {
             let (choice, is_meant) = set.choose(tree, *number, &stream);
             let model = &set.models[choice.model];
@@ -234,22 +236,38 @@ impl Tables {
             let z = ground.unwrap_or(own_z);
             // The foot of the model comes to lie on the place of the tree.
             let (sin, cos) = libm::sincos(choice.yaw.to_radians());
-            let [fx, fy, fz] = model.foot.map(|v| v * choice.scale);
+            let [fx, fy, fz] = model.foot;
+            let [fx, fy, fz] = [fx * choice.scale_xy, fy * choice.scale_xy, fz * choice.scale];
             let place = [x - (cos * fx - sin * fy), y - (sin * fx + cos * fy), z - fz];
             // Writing to a string does not fail.
             let _ = writeln!(
                 tables.instances,
-                "{},{:.4},{:.4},{:.4},{:.3},{:.6}",
-                set.names[choice.model], place[0], place[1], place[2], choice.yaw, choice.scale
+                "{},{:.4},{:.4},{:.4},{:.3},{:.6},{:.6}",
+                set.names[choice.model],
+                place[0],
+                place[1],
+                place[2],
+                choice.yaw,
+                choice.scale,
+                choice.scale_xy
             );
+            // Another model's geometry is not that of the tree's species.
+            let given = tree.species.as_deref();
+            let species = given.filter(|_| choice.same_species && !is_meant).unwrap_or(&model.species);
+            let dbh = model.stem.diameter(BREAST_HEIGHT / (model.height * choice.scale));
+            let dbh = dbh.map(|diameter| diameter * choice.scale_xy);
             let optional = |value: Option<f64>| value.map(|v| format!("{v:.3}")).unwrap_or_default();
             let _ = writeln!(
                 tables.labels,
-                "{},{},{},{},{x:.4},{y:.4},{z:.4},{:.3},{},{}",
+                "{},{},{},{},{x:.4},{y:.4},{z:.4},{:.3},{:.3},{},{},{:.3},{},{}",
                 site.terrain.len() + row,
                 quoted(&tree.id),
-                quoted(tree.species.as_deref().unwrap_or(&model.species)),
+                quoted(species),
                 quoted(&model.path.file_stem().unwrap_or_default().to_string_lossy()),
+                model.height * choice.scale,
+                model.crown * choice.scale_xy,
+                optional(dbh),
+                quoted(given.unwrap_or_default()),
                 tree.height,
                 optional(tree.crown),
                 optional(tree.stem),

@@ -10,7 +10,7 @@ use crate::builder::{PartSource, SceneBuilder};
 use crate::library::{DEFAULT, Known, Names};
 use crate::load::mesh::polygon::{self, Fan};
 use crate::mtl::name_of;
-use crate::reflectance_issues::ReflectanceIssue;
+use crate::reflectance_issues::{ReflectanceIssue, assumed};
 use crate::text::{Problems, Source, cut_into_pieces};
 use rayon::prelude::*;
 pub(crate) use slice::Reading;
@@ -212,8 +212,9 @@ fn assign_materials(
                     scene.diagnostics.warn(Some(place()), message);
                 }
                 Known::Nowhere => {
+                    let assumed = assumed(scene.options.rules);
                     let message =
-                        format!("no material file defines \"{}\"; it reflects 50 per cent", current.0);
+                        format!("no material file defines \"{}\"; it reflects {assumed}", current.0);
                     scene.diagnostics.warn(Some(place()), message);
                 }
             }
@@ -259,10 +260,10 @@ fn add_library(
         return;
     }
     let message = format!("there is no material file \"{whole}\" in {}", shown_folder(&folder));
-    let default = "materials that it should define reflect 50 per cent";
+    let default = format!("materials that it should define reflect {}", assumed(scene.options.rules));
     let help = match similar_file(&folder, &with_slashes) {
         Some(similar) => format!("did you mean `{similar}`? {default}"),
-        None => default.to_owned(),
+        None => default,
     };
     scene.diagnostics.warn(Some(place()), message).help(help);
 }

@@ -1,0 +1,69 @@
+//! Keywords of material files that mean transparency or mirror reflection, which are not simulated.
+
+use super::number::float;
+use super::text::shown;
+use vlscan_base::diag::Place;
+use vlscan_survey::{MaterialDefinition, UnusedOptics};
+
+/// The illumination models without transparency and mirrors; those above are glass and mirrors.
+const OPAQUE_MODELS: std::ops::RangeInclusive<f64> = 0.0..=3.0;
+
+/// What a material file says about the transparency of one material.
+#[derive(Default)]
+pub(super) struct Optics {
+    /// Opacity `d`, transparency `Tr`, illumination model and texture of the opacity, if they are given.
+    statements: [Option<Statement>; 4],
+}
+
+struct Statement {
+    /// As written.
+    text: String,
+    place: Place,
+    is_opaque: bool,
+    /// The number.
+    value: Option<f64>,
+}
+
+impl Optics {
+    /// Reads a line; false for a keyword of something else. A later statement replaces an earlier one.
+    pub fn read(&mut self, keyword: &[u8], operand: &[u8], place: impl FnOnce() -> Place) -> bool {
+        let kind = match keyword {
+            b"d" => 0,
+            b"Tr" | b"tr" => 1,
+            b"illum" => 2,
+            b"map_d" | b"map_D" | b"map_Tr" => 3,
+            _ => return false,
+        };
+        let Some(last) = operand.split(u8::is_ascii_whitespace).rfind(|word| !word.is_empty()) else {
+            return true;
+        };
+        let value = float(last);
+        let is_opaque = match (kind, value) {
+            (0, Some(opacity)) => opacity >= 1.0,
+            (1, Some(transparency)) => transparency <= 0.0,
+            // Words instead of a number mean nothing.
+            (2, model) => model.is_none_or(|model| OPAQUE_MODELS.contains(&model)),
+            _ => false,
+        };
+        let text = format!("{} {}", shown(keyword), shown(operand));
+        self.statements[kind] = Some(Statement { text, place: place(), is_opaque, value });
+        true
+    }
+
+    /// Passes what is not opaque to the material.
+    pub fn finish(mut self, material: Option<&mut MaterialDefinition>) {
+        let is_one = |statement: &Option<Statement>| statement.as_ref().is_some_and(|s| s.value == Some(1.0));
+        if is_one(&self.statements[0]) && is_one(&self.statements[1]) {
+            // Some programs write the opacity as `Tr`, too.
+            self.statements[1] = None;
+        }
+        let mut found: Vec<Statement> = self.statements.into_iter().flatten().collect();
+        found.retain(|statement| !statement.is_opaque);
+        let properties: Vec<&str> = found.iter().map(|statement| statement.text.as_str()).collect();
+        let properties = properties.join(", ");
+        let first = found.into_iter().map(|statement| statement.place).min_by_key(|place| place.line);
+        if let (Some(material), Some(place)) = (material, first) {
+            material.unused_optics = Some(UnusedOptics { properties, place: Some(place) });
+        }
+    }
+}
