@@ -170,6 +170,33 @@ mod tests {
     }
 
     #[test]
+    fn leaves_are_known_by_a_key_or_a_name() {
+        let named = |name: &str| Material::unnamed(name, Corrections::NONE).is_leaf();
+        for leaf in [
+            "oak_leaves",
+            "LEAF",
+            "Fir needles",
+            "foliage.001",
+            "Laub",
+            "Belaubung",
+            "Blatt",
+            "Blätter",
+            "Bla\u{308}tter",
+            "BLAETTER",
+            "Nadeln",
+        ] {
+            assert_eq!(named(leaf), Some(true), "{leaf}");
+        }
+        for other in ["bark", "wall", "m_7", "Laubbaum_Stamm", "Nadelholz", "leafless crown", "Rinde"] {
+            assert_eq!(named(other), None, "{other}");
+        }
+        let stated =
+            |name: &str, leaf| Material { leaf: Some(leaf), ..Material::unnamed(name, Corrections::NONE) };
+        assert_eq!(stated("m_7", true).is_leaf(), Some(true));
+        assert_eq!(stated("leaves", false).is_leaf(), Some(false));
+    }
+
+    #[test]
     fn factors_of_the_worked_example() {
         // spec pulse-physics §3.6: ρ = 0.5 at 30° and 60°
         let (c30, c60) = (3f64.sqrt() / 2.0, 0.5);

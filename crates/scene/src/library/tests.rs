@@ -200,3 +200,18 @@ fn names_are_whole_lines_and_a_first_word_is_warned_of() {
     assert_eq!([choose("Oak leaf"), choose("fir tree"), choose("beech")], [Some(5), Some(7), None]);
     assert_eq!(f.diagnostics.items().len(), 2);
 }
+
+#[test]
+fn a_transparent_material_is_warned_of_where_it_is_used_and_once() {
+    let mut f = Fixture::new();
+    let mtl = "newmtl pane\nhelios_reflectance 0.1\nd 0.05\nillum 4\nnewmtl unused\nd 0.5\n";
+    std::fs::write(f.folder.path().join("m.mtl"), mtl).unwrap();
+    let mut library = f.library(SHARES);
+    f.material(&mut library, "pane");
+    f.material(&mut library, "pane");
+    let [told] = f.diagnostics.items() else { panic!("{}", f.diagnostics.render(false)) };
+    assert!(
+        told.message.contains("material \"pane\" is opaque") && told.message.contains("(d 0.05, illum 4)")
+    );
+    assert_eq!(told.place.as_ref().unwrap().line, 3);
+}
