@@ -175,8 +175,10 @@ fn check_sandbox(args: &ServeArgs, is_private: bool) -> Result<(), ServeError> {
 
 async fn listen(listener: tokio::net::TcpListener, app: Arc<App>) -> std::io::Result<()> {
     let address = listener.local_addr()?;
+    // Before the service says that it is there: whoever reads that may end it.
+    let ended = told_to_end()?;
     eprintln!("vlscan serve: http://{address}/ (Ctrl-C ends it)");
-    axum::serve(listener, router(app)).with_graceful_shutdown(told_to_end()).await
+    axum::serve(listener, router(app)).with_graceful_shutdown(ended).await
 }
 
 /// All addresses of the service.
@@ -190,25 +192,25 @@ pub fn router(app: Arc<App>) -> Router {
 }
 
 #[cfg(unix)]
-async fn told_to_end() {
+fn told_to_end() -> std::io::Result<impl Future<Output = ()>> {
     use tokio::signal::unix::{SignalKind, signal};
-    let (Ok(mut interrupt), Ok(mut terminate)) =
-        (signal(SignalKind::interrupt()), signal(SignalKind::terminate()))
-    else {
-        return std::future::pending().await;
-    };
-    tokio::select! {
-        _ = interrupt.recv() => {}
-        _ = terminate.recv() => {}
-    }
-    // Streams of progress would keep the service.
-    tokio::spawn(async {
-        tokio::time::sleep(std::time::Duration::from_secs(5)).await;
-        std::process::exit(0);
-    });
+    let (mut interrupt, mut terminate) = (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?);
+    Ok(async move {
+        tokio::select! {
+            _ = interrupt.recv() => {}
+            _ = terminate.recv() => {}
+        }
+        // Streams of progress would keep the service.
+        tokio::spawn(async {
+            tokio::time::sleep(std::time::Duration::from_secs(5)).await;
+            std::process::exit(0);
+        });
+    })
 }
 
 #[cfg(not(unix))]
-async fn told_to_end() {
-    let _ = tokio::signal::ctrl_c().await;
+fn told_to_end() -> std::io::Result<impl Future<Output = ()>> {
+    Ok(async {
+        let _ = tokio::signal::ctrl_c().await;
+    })
 }
