@@ -139,7 +139,7 @@ impl Session {
     pub(super) fn check_instrument(&self) -> Result<()> {
         let Settings { survey, physics, strict, .. } = self.settings();
         let mut found = plausibility::check_instrument(survey, &physics.corrections);
-        if self.has_spectra() && !physics.corrections.channel_spectra {
+        if self.has_spectra() {
             found.extend(plausibility::check_wavelengths(survey));
         }
         self.notify(Notice::Warnings(found.finish(*strict)?));
@@ -191,6 +191,7 @@ impl Session {
         pass_over: impl FnMut(&Session, &Pass<'_>, u32, Option<Box<Writer>>) -> Result<Ended>,
     ) -> Result<Report> {
         let ended = self.pass_epochs(&output, epochs, control, is_reported, pass_over);
+        control.stop.release();
         ended.map_err(|e| self.with_rescued(e, &output.rescued()))
     }
 

@@ -463,3 +463,55 @@ fn a_bad_pose_is_reported_with_its_line() {
     let out = feed(dir.path(), &args, b"time,x,y,z,roll,pitch,yaw\n1.1,zero,0,400,0,0,0\n");
     assert!(out.status.code() == Some(2) && files(dir.path()).is_empty(), "{:?}", files(dir.path()));
 }
+
+/// Starts a command that reads the named pipe `pipe`, waits until it does, and sends it SIGINT.
+#[cfg(unix)]
+fn interrupted_reader(folder: &std::path::Path, args: &[&str], pipe: &str) -> Output {
+    use std::os::unix::fs::OpenOptionsExt;
+    const NON_BLOCKING: i32 = 0o4000;
+    let child = vlscan(folder)
+        .args(args)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut options = fs::OpenOptions::new();
+    options.write(true).custom_flags(NON_BLOCKING);
+    let started = std::time::Instant::now();
+    // Fails as long as nobody reads.
+    let _writer = loop {
+        match options.open(folder.join(pipe)) {
+            Ok(file) => break file,
+            Err(_) => assert!(started.elapsed().as_secs() < 60, "{args:?} does not read"),
+        }
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    };
+    std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    child.wait_with_output().unwrap()
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn every_command_that_waits_for_its_input_ends_at_an_interrupt() {
+    for args in [
+        &["info", "in"][..],
+        &["raster", "in", "--dtm", "d.tif"],
+        &["compare", "in", "b.csv"],
+        &["preview", "in", "-o", "a.png"],
+        &["preview", "in", "-o", "a.copc.laz"],
+        &["fit", "in", "-o", "a.toml"],
+        &["scene", "reconstruct", "in", "-o", "found"],
+        &["frames", "in", "-o", "frames", "--layout", "kitti"],
+    ] {
+        let dir = folder();
+        fs::write(dir.path().join("b.csv"), "x,y,z\n1,2,3\n").unwrap();
+        let made = std::process::Command::new("mkfifo").arg(dir.path().join("in")).status().unwrap();
+        assert!(made.success());
+        let out = interrupted_reader(dir.path(), args, "in");
+        assert_eq!(out.status.code(), Some(130), "{args:?}: {}", text(&out.stderr));
+        let left: Vec<_> = files(dir.path()).into_iter().filter(|f| f.to_str() != Some("in")).collect();
+        let is_output = |f: &std::path::PathBuf| f.to_str() != Some("b.csv") && !f.starts_with("frames");
+        assert!(!left.iter().any(is_output), "{args:?}: {left:?}");
+    }
+}

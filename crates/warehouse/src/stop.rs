@@ -37,8 +37,13 @@ impl Stop {
         self.heeded.store(true, Ordering::Relaxed);
     }
 
-    /// Whether a request ends the run in order. Before that nothing has been measured, and the process can just be
-    /// ended.
+    /// Records that the outputs of the run are closed: what follows is not ended by this request.
+    pub fn release(&self) {
+        self.heeded.store(false, Ordering::Relaxed);
+    }
+
+    /// Whether a request ends the run in order. Before that nothing has been measured, and behind it nothing is open: the
+    /// process can just be ended.
     pub fn is_heeded(&self) -> bool {
         self.heeded.load(Ordering::Relaxed)
     }

@@ -194,7 +194,7 @@ impl PulseRate {
         let mut times = Vec::new();
         let mut time = 0.0;
         while time <= duration {
-            let part = solution.model.part(0, time);
+            let (before, part) = (time, solution.model.part(0, time));
             let bin = bin(part);
             match self.by_phase[bin] {
                 Some(interval) => {
@@ -208,6 +208,10 @@ impl PulseRate {
                     let rest = if is_backward { place - bin as f64 } else { (bin + 1) as f64 - place };
                     time += (rest + 1e-6) / (BINS as f64 * rate);
                 }
+            }
+            // A step may be smaller than the rounding of a late time.
+            if time == before {
+                time = before.next_up();
             }
             if times.len() > max {
                 return None;

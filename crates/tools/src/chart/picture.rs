@@ -37,6 +37,11 @@ impl Picture {
         self.height
     }
 
+    /// Dots from left to right and from top to bottom.
+    pub(crate) fn size(&self) -> [u32; 2] {
+        [self.width, self.height]
+    }
+
     /// The colour of a dot; black outside the picture.
     pub fn dot(&self, x: u32, y: u32) -> Rgb {
         let inside = x < self.width && y < self.height;

@@ -47,7 +47,9 @@ impl Drawing {
 fn disc(fine: &mut Picture, at: [f64; 2], radius: f64, colour: Rgb) {
     let (x, y, r) = (2.0 * at[0], 2.0 * at[1], 2.0 * radius);
     let mut row = (y - r).floor().max(0.0);
-    while row <= y + r {
+    // Within the picture: beyond 2⁵³ a row more is the same number.
+    let last = (y + r).min(f64::from(fine.size()[1]));
+    while row <= last {
         let half = (r * r - (row - y) * (row - y)).max(0.0).sqrt();
         let from = (x - half).round().max(0.0);
         let width = ((x + half).round() - from).max(0.0) as u32;
@@ -84,7 +86,8 @@ fn below(fine: &mut Picture, path: &[[f64; 2]], floor: f64, colour: Rgb) {
     for pair in path.windows(2) {
         let [from, to] = [pair[0], pair[1]];
         let mut x = (2.0 * from[0]).round().max(0.0);
-        while x < 2.0 * to[0] {
+        let end = (2.0 * to[0]).min(f64::from(fine.size()[0]));
+        while x < end {
             let share = ((x / 2.0 - from[0]) / (to[0] - from[0])).clamp(0.0, 1.0);
             let y = 2.0 * (from[1] + share * (to[1] - from[1]));
             let (upper, lower) = (y.min(2.0 * floor).max(0.0), y.max(2.0 * floor));

@@ -28,6 +28,7 @@ impl Default for Occupancy {
 
 impl Occupancy {
     /// Marks the cell of a place. The cells that are marked in the end do not depend on the order of places.
+    /// Doubling the side ends: it halves the indices of blocks, which soon are 0 or −1, four blocks at most.
     pub fn mark(&mut self, x: f64, y: f64) {
         let cell = [x, y].map(|v| (v / self.side).floor() as i64);
         self.mark_cell(cell);
@@ -67,19 +68,25 @@ impl Occupancy {
         self.blocks.values().map(|rows| ones(rows)).sum()
     }
 
-    /// The area of the cells with points, m², and their side, m: that of the smallest cells which have ten points on average. `None`
-    /// without points.
+    /// The area of the cells with points, m², and their side, m: that of the smallest cells which have ten points on average, or
+    /// of those that no doubling joins. `None` without points.
     pub fn area(&self, points: u64) -> Option<(f64, f64)> {
         let mut cover = self.clone();
+        // Ends: each doubling halves the indices of cells until all are 0 or −1. Cells on two sides of an axis never join.
         loop {
             let cells = cover.cells();
             if cells == 0 {
                 return None;
             }
-            if points as f64 >= MIN_POINTS_PER_CELL * cells as f64 || cells == 1 {
-                return Some((cells as f64 * cover.side * cover.side, cover.side));
+            let area = Some((cells as f64 * cover.side * cover.side, cover.side));
+            if cells == 1 || points as f64 >= MIN_POINTS_PER_CELL * cells as f64 {
+                return area;
             }
-            cover = cover.coarser();
+            let coarser = cover.coarser();
+            if coarser.blocks == cover.blocks {
+                return area;
+            }
+            cover = coarser;
         }
     }
 }
@@ -115,5 +122,20 @@ mod tests {
         assert_eq!(few[0].area(0), None);
         few[0].mark(7.0, -1e7);
         assert!(few[0].area(1).is_some());
+    }
+
+    #[test]
+    fn few_points_around_the_origin_have_an_area() {
+        for places in [
+            &[[1.0, 1.0], [-1.0, -1.0]][..],
+            &[[1e-9, 5.0], [-1e-9, 5.0]],
+            &[[3.0, 4.0], [-3.0, 4.0], [3.0, -4.0], [-3.0, -4.0]],
+            &[[1e9, 1e9], [-1e9, -1e9], [0.0, -0.1]],
+        ] {
+            let mut cover = Occupancy::default();
+            places.iter().for_each(|[x, y]| cover.mark(*x, *y));
+            let (area, side) = cover.area(places.len() as u64).unwrap();
+            assert!(area >= side * side && area <= 4.0 * side * side, "{places:?}: {area} {side}");
+        }
     }
 }
