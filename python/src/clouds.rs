@@ -4,6 +4,7 @@ use crate::errors::{Notices, exception};
 use crate::preview::one;
 use crate::table::{Table, batches, wrong};
 use crate::tools::{Named, get};
+use crate::watch::interruptible;
 use arrow_array::{Array, ArrayRef, Float32Array, Float64Array, RecordBatch, UInt8Array, UInt16Array};
 use arrow_schema::{Field, Schema};
 use pyo3::exceptions::PyValueError;
@@ -16,12 +17,12 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use vlscan::base::files::{reads, refuse_existing, write_file};
 use vlscan::base::machine;
-use vlscan::formats::{Attribute, AttributeSet, PointRecord, PointRow, PointSink};
+use vlscan::formats::{Attribute, AttributeSet, MISSES_KEY, PointRecord, PointRow, PointSink};
 use vlscan::options::Crs;
 use vlscan::tools::cloud::{CloudSource, cloud_facts};
 use vlscan::tools::frames::{ForwardAxis, FrameLayout, FrameOptions};
 use vlscan::tools::raster::{CloudRasters, RasterKind, RasterOptions};
-use vlscan::{Column, Diagnostics, Error, Notice};
+use vlscan::{Column, Diagnostics, Error, Notice, Observer};
 
 /// Collects the points of a file.
 #[derive(Default)]
@@ -37,6 +38,7 @@ struct Columns {
     source: Vec<u16>,
     time: Vec<f64>,
     device: Vec<u16>,
+    has_misses: bool,
 }
 
 impl PointSink for Columns {
@@ -49,6 +51,7 @@ impl PointSink for Columns {
     }
 
     fn point(&mut self, row: &PointRow, _: Option<&str>) -> ControlFlow<()> {
+        self.has_misses |= row.is_miss;
         self.position.iter_mut().zip(row.position.to_array()).for_each(|(axis, value)| axis.push(value));
         let has = |attribute| self.attributes.has(attribute);
         if has(Attribute::Intensity) {
@@ -122,8 +125,11 @@ impl Columns {
             fields.push(field.with_metadata(about));
             arrays.push(values);
         }
-        let metadata: BTreeMap<String, String> =
+        let mut metadata: BTreeMap<String, String> =
             self.crs.map(|wkt| ("crs".to_owned(), wkt)).into_iter().collect();
+        if self.has_misses {
+            metadata.insert(MISSES_KEY.to_owned(), "pulses without a return have 0 returns".to_owned());
+        }
         RecordBatch::try_new(Arc::new(Schema::new_with_metadata(fields, metadata)), arrays)
     }
 }
@@ -132,12 +138,13 @@ impl Columns {
 #[pyfunction]
 pub fn read_points(py: Python<'_>, path: PathBuf) -> PyResult<Table> {
     let notices = Notices::default();
-    let read = py.detach(|| {
+    let own = notices.clone();
+    let read = interruptible(py, move |_| {
         let (mut columns, mut found) = (Columns::default(), Diagnostics::default());
         vlscan::formats::read_points(&path, &mut columns, &mut found)?;
-        notices.add(Notice::Warnings(found.finish(false)?));
+        own.add(Notice::Warnings(found.finish(false)?));
         Ok(columns)
-    });
+    })?;
     notices.issue(py)?;
     let columns = read.map_err(|error| exception(py, error))?;
     columns.table().map(Table::new).map_err(wrong)
@@ -158,13 +165,14 @@ fn sources(clouds: Vec<Named<'_>>) -> PyResult<Vec<CloudSource>> {
 #[pyfunction]
 pub fn cloud_info(py: Python<'_>, clouds: Vec<Named<'_>>) -> PyResult<(String, String)> {
     let (notices, clouds) = (Notices::default(), sources(clouds)?);
-    let described = py.detach(|| {
+    let own = notices.clone();
+    let described = interruptible(py, move |_| {
         let (facts, found) = cloud_facts(&clouds)?;
-        notices.add(Notice::Warnings(found));
+        own.add(Notice::Warnings(found));
         Ok((facts.json().to_string(), facts.text()))
-    });
+    })?;
     notices.issue(py)?;
-    described.map_err(|error: Error| exception(py, error))
+    described.map_err(|error| exception(py, error))
 }
 
 /// A grid: columns, rows, side of cells (m) and south-western corner.
@@ -185,7 +193,8 @@ pub fn raster<'py>(
     let kind = |name: &str| RasterKind::ALL.into_iter().find(|kind| kind.name() == name);
     let kind = |name: &str| kind(name).ok_or_else(|| PyValueError::new_err(format!("no raster {name}")));
     let kinds = wanted.iter().map(|(name, _)| kind(name)).collect::<PyResult<Vec<RasterKind>>>()?;
-    let made = py.detach(|| {
+    let own = notices.clone();
+    let made = interruptible(py, move |interruption| {
         let files = clouds.iter().filter_map(|cloud| match cloud {
             CloudSource::File(path) => Some(path),
             CloudSource::Table(..) => None,
@@ -201,17 +210,17 @@ pub fn raster<'py>(
         });
         let (rasters, found) =
             CloudRasters::read(&clouds, &kinds, &options, crs.transpose()?, machine::memory())?;
-        notices.add(Notice::Warnings(found));
-        for (kind, (_, path)) in kinds.iter().zip(&wanted) {
-            if let Some(path) = path {
-                write_file(path, force, &rasters.geotiff(*kind)?)?;
-            }
-        }
+        own.add(Notice::Warnings(found));
         let values: Vec<Vec<f64>> = kinds.iter().map(|kind| rasters.values(*kind)).collect();
+        let files = kinds.iter().zip(&wanted).filter_map(|(kind, (_, path))| Some((*kind, path.as_ref()?)));
+        let files: Vec<(&PathBuf, Vec<u8>)> =
+            files.map(|(kind, path)| Ok((path, rasters.geotiff(kind)?))).collect::<vlscan::Result<_>>()?;
+        interruption.begin_writing()?;
+        files.into_iter().try_for_each(|(path, bytes)| write_file(path, force, &bytes))?;
         Ok((rasters, values))
-    });
+    })?;
     notices.issue(py)?;
-    let (rasters, values) = made.map_err(|error: Error| exception(py, error))?;
+    let (rasters, values) = made.map_err(|error| exception(py, error))?;
     let bytes = |values: Vec<f64>| {
         let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
         PyBytes::new(py, &bytes)
@@ -241,11 +250,15 @@ pub fn write_frames(
         sequence: get(fields, "sequence")?,
         intensity_factor: get(fields, "intensity_factor")?,
     };
-    let written = py.detach(|| {
+    let notices = Notices::default();
+    let observer = Observer::new(false, notices.observer());
+    let written = interruptible(py, move |interruption| {
+        interruption.begin_writing()?;
         let file = reads::open(&path).map_err(|e| Error::open(&path, e))?;
         let mut source = BufReader::with_capacity(1 << 20, file);
-        vlscan::tools::frames::write_frames(&mut source, &path, &folder, &options)
-    });
+        vlscan::tools::frames::write_frames(&mut source, &path, &folder, &options, &observer)
+    })?;
+    notices.issue(py)?;
     let counts = written.map_err(|error| exception(py, error))?;
     Ok((counts.frames, counts.points))
 }

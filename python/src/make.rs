@@ -2,6 +2,7 @@
 
 use crate::errors::{Notices, exception};
 use crate::tools::get;
+use crate::watch::interruptible;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -40,7 +41,11 @@ pub fn make_scene(
         copies: get(fields, "copies")?,
         overwrite: get(fields, "force")?,
     };
-    let made = py.detach(|| write_scene(&options, &folder)).map_err(|error| exception(py, error))?;
+    let made = interruptible(py, move |interruption| {
+        interruption.begin_writing()?;
+        write_scene(&options, &folder)
+    })?;
+    let made = made.map_err(|error| exception(py, error))?;
     Ok((made.survey, made.triangles, made.voxels, made.pulses))
 }
 
@@ -68,7 +73,10 @@ pub fn make_stand(
         overwrite: get(fields, "force")?,
         ..StandOptions::new(inventory, trees)
     };
-    let made = py.detach(|| place(&options, &folder, &|_| true, &observer));
+    let made = interruptible(py, move |interruption| {
+        interruption.begin_writing()?;
+        place(&options, &folder, &|_| true, &observer)
+    })?;
     notices.issue(py)?;
     let made = made.map_err(|error| exception(py, error))?;
     Ok((made.scene, made.trees, made.models))
@@ -107,9 +115,10 @@ pub fn scanner_figures(py: Python<'_>, reference: &str) -> PyResult<(String, Str
 /// Expands compressed text to a file. Returns the number of lines.
 #[pyfunction]
 pub fn unzip(py: Python<'_>, path: PathBuf, out: PathBuf, force: bool) -> PyResult<u64> {
-    let done = py.detach(|| {
+    let done = interruptible(py, move |interruption| {
+        interruption.begin_writing()?;
         let file = reads::open(&path).map_err(|e| Error::open(&path, e))?;
         vlscan::output::unzip(&path, std::io::BufReader::new(file), Some(&out), force)
-    });
+    })?;
     done.map_err(|error| exception(py, error))
 }

@@ -3,7 +3,7 @@
 use crate::errors::{Notices, exception};
 use crate::run::Request;
 use crate::table::batches;
-use crate::watch::{Interruption, watched};
+use crate::watch::{Interruption, interruptible, watched};
 use arrow_array::RecordBatch;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -110,13 +110,14 @@ pub fn page(
     max_points: usize,
 ) -> PyResult<String> {
     let (colour, (_, batches), notices) = (colour_of(colour)?, batches(table)?, Notices::default());
-    let made = py.detach(|| {
-        let points = points(batches, colour, &notices)?;
+    let own = notices.clone();
+    let made = interruptible(py, move |_| {
+        let points = points(batches, colour, &own)?;
         let mut bytes = Vec::new();
         let options = PreviewOptions { colour, title, max_points, ..PreviewOptions::default() };
         write_page(&points, &options, &mut bytes).map_err(|e| Error::io("write", "the page", e))?;
         Ok(String::from_utf8_lossy(&bytes).into_owned())
-    });
+    })?;
     let made = made.map_err(|error| exception(py, error))?;
     notices.issue(py)?;
     Ok(made)
@@ -136,10 +137,11 @@ pub fn picture<'py>(
     if !(320..=16384).contains(&width) || !(240..=16384).contains(&height) {
         return Err(PyValueError::new_err("width must be 320 to 16384 and height 240 to 16384 pixels"));
     }
-    let made = py.detach(|| {
+    let own = notices.clone();
+    let made = interruptible(py, move |_| {
         let options = PreviewOptions { colour, width, height, title, ..PreviewOptions::default() };
-        draw(&points(batches, colour, &notices)?, &options).png()
-    });
+        draw(&points(batches, colour, &own)?, &options).png()
+    })?;
     let made = made.map_err(|error| exception(py, error))?;
     notices.issue(py)?;
     Ok(PyBytes::new(py, &made))

@@ -2,7 +2,7 @@
 
 use crate::errors::{Notices, exception};
 use crate::table::Table;
-use crate::watch::{Interruption, watched};
+use crate::watch::{Interruption, interruptible, watched};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList, PyString};
@@ -322,7 +322,8 @@ impl Scene {
     #[staticmethod]
     fn read(py: Python<'_>, reference: &str, assets: Vec<PathBuf>) -> PyResult<Scene> {
         let options = ReadOptions { assets, ..ReadOptions::default() };
-        let read = py.detach(|| read_scene(reference, &options));
+        let reference = reference.to_owned();
+        let read = interruptible(py, move |_| read_scene(&reference, &options))?;
         let (recipe, warnings) = read.map_err(|error| exception(py, error))?;
         let notices = Notices::default();
         notices.add(vlscan::Notice::Warnings(warnings));
@@ -406,7 +407,8 @@ impl Scene {
     /// All facts of the loaded scene as JSON, as `vlscan scene info --json` writes them.
     fn report(&self, py: Python<'_>) -> PyResult<Option<String>> {
         let Some(loaded) = self.lock().clone() else { return Ok(None) };
-        py.detach(|| vlscan::scene_json(&loaded)).map(Some).map_err(|error| exception(py, error))
+        let made = interruptible(py, move |_| vlscan::scene_json(&loaded))?;
+        made.map(Some).map_err(|error| exception(py, error))
     }
 
     /// World height of the ground of the loaded scene at (x, y), m.
@@ -418,7 +420,8 @@ impl Scene {
     /// Points on the surfaces of the loaded scene.
     fn sample(&self, py: Python<'_>, count: usize) -> PyResult<Option<Table>> {
         let Some(loaded) = self.lock().clone() else { return Ok(None) };
-        let sampled = py.detach(|| loaded.sample(count)).map_err(|error| exception(py, error))?;
+        let sampled =
+            interruptible(py, move |_| loaded.sample(count))?.map_err(|error| exception(py, error))?;
         Ok(Some(Table::new(sampled)))
     }
 }

@@ -1,6 +1,7 @@
 //! Tables of a run: columns as NumPy arrays and by the Arrow C data interface, without copies.
 
 use crate::errors::{Notices, exception};
+use crate::watch::interruptible;
 use arrow_array::cast::AsArray;
 use arrow_array::ffi::{FFI_ArrowArray, FFI_ArrowSchema, to_ffi};
 use arrow_array::ffi_stream::{FFI_ArrowArrayStream, RecordBatchStreamReader};
@@ -140,18 +141,20 @@ impl Table {
 
     /// Writes points to a file. `words` are options as `vlscan run` takes them. Returns the number of points.
     fn write(&self, py: Python<'_>, path: PathBuf, words: Vec<String>) -> PyResult<u64> {
-        let written = py.detach(|| {
+        let (batch, exact, facts) = (self.batch.clone(), self.exact.clone(), self.facts.clone());
+        let written = interruptible(py, move |interruption| {
+            interruption.begin_writing()?;
             let words = [format!("--out={}", path.display())].into_iter().chain(words);
             let request = vlscan::Options::parse(words)?.output_request((0, 0))?;
-            let facts = match &self.facts {
-                Some(facts) => facts.clone(),
+            let facts = match facts {
+                Some(facts) => facts,
                 None => {
-                    let crs = self.batch.schema().metadata().get("crs").cloned();
-                    Arc::new(CloudFacts::of_table(&self.batch, crs)?)
+                    let crs = batch.schema().metadata().get("crs").cloned();
+                    Arc::new(CloudFacts::of_table(&batch, crs)?)
                 }
             };
-            vlscan::write_points(&self.batch, self.exact.as_ref(), &facts, &request)
-        });
+            vlscan::write_points(&batch, exact.as_ref(), &facts, &request)
+        })?;
         let (tally, found) = written.map_err(|error| exception(py, error))?;
         let notices = Notices::default();
         notices.add(vlscan::Notice::Warnings(found));

@@ -3,7 +3,7 @@
 use crate::errors::{Notices, exception};
 use crate::preview::one;
 use crate::table::batches;
-use crate::watch::{Interruption, watched};
+use crate::watch::{Interruption, interruptible, watched};
 use pyo3::conversion::FromPyObjectOwned;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -236,9 +236,8 @@ pub fn compare<'py>(
     fields: &Bound<'_, PyDict>,
 ) -> PyResult<(String, Map<'py>)> {
     let notices = Notices::default();
-    let observer = Observer::new(false, notices.observer());
-    let options =
-        of_fields!(CompareOptions, fields, [cell, voxel, most_distances, chance, terrain, registration]);
+    let (own, observer) = (notices.clone(), Observer::new(false, notices.observer()));
+    let options = of_fields!(CompareOptions, fields, [cell, voxel, most_distances, chance, terrain]);
     let file = |key| get::<Option<PathBuf>>(fields, key);
     let outputs = (file("page")?, file("change")?, file("changed")?, get::<bool>(fields, "force")?);
     for path in [&outputs.0, &outputs.1, &outputs.2].into_iter().flatten() {
@@ -250,21 +249,26 @@ pub fn compare<'py>(
     });
     let [first, second] = tables;
     let (first, second) = (first?, second?);
-    let made = py.detach(|| {
+    let made = interruptible(py, move |interruption| {
         let [first, second] = [first, second].map(|(name, table)| -> vlscan::Result<(String, Points)> {
             let (points, found) = match table {
                 Some(batches) => points_of_table(&one(batches)?)?,
                 None => read_points(Path::new(&name))?,
             };
-            notices.add(Notice::Warnings(found));
+            own.add(Notice::Warnings(found));
             Ok((name, points))
         });
         let (first, second) = (first?, second?);
         let clouds = [(first.0.as_str(), &first.1), (second.0.as_str(), &second.1)];
         let comparison = compare_clouds(clouds, &options, &observer)?;
         let points = [&first.1, &second.1];
-        if let Some(path) = &outputs.0 {
-            write_file(path, outputs.3, page(&comparison, points)?.as_bytes())?;
+        let shown = match &outputs.0 {
+            Some(path) => Some((path, page(&comparison, points)?)),
+            None => None,
+        };
+        interruption.begin_writing()?;
+        if let Some((path, page)) = shown {
+            write_file(path, outputs.3, page.as_bytes())?;
         }
         if let Some(path) = &outputs.1 {
             write_file(path, outputs.3, &comparison.change.map.geotiff(comparison.crs.as_deref())?)?;
@@ -273,7 +277,7 @@ pub fn compare<'py>(
             write_changed(path, outputs.3, points, &changed_points(points, options.cell)?, &observer)?;
         }
         Ok((json(&comparison)?, comparison.change.map))
-    });
+    })?;
     notices.issue(py)?;
     let (text, map) = made.map_err(|error| exception(py, error))?;
     let numbers = |values: &[f64]| {
@@ -296,14 +300,16 @@ pub fn fit_flight(
     force: bool,
 ) -> PyResult<(Vec<PathBuf>, String)> {
     let notices = Notices::default();
-    let made = py.detach(|| {
+    let own = notices.clone();
+    let made = interruptible(py, move |interruption| {
         let mut found = Diagnostics::default();
         let fit = flight::fit_flight(&cloud, &FlightRequest { flight_line, extend }, &mut found);
-        notices.add(Notice::Warnings(found.finish(false)?));
+        own.add(Notice::Warnings(found.finish(false)?));
         let fit = fit?;
+        interruption.begin_writing()?;
         let files = fit.write(&output, &format!("vlscan.fit_flight {}", cloud.display()), force)?;
         Ok((files.all().cloned().collect(), flight::json(&fit.figures())?))
-    });
+    })?;
     notices.issue(py)?;
     made.map_err(|error| exception(py, error))
 }
@@ -320,18 +326,20 @@ pub fn fit_sensor(
     force: bool,
 ) -> PyResult<String> {
     let notices = Notices::default();
-    let made = py.detach(|| {
+    let own = notices.clone();
+    let made = interruptible(py, move |interruption| {
         let mut found = Diagnostics::default();
         let half = if odd { Half::Odd } else { Half::Even };
         let fit = fit_spinning(&revolution, &calibration, &SpinningRequest { half }, &mut found);
-        notices.add(Notice::Warnings(found.finish(false)?));
+        own.add(Notice::Warnings(found.finish(false)?));
         let fit = fit?;
+        interruption.begin_writing()?;
         let command = format!("vlscan.fit_sensor {} {}", revolution.display(), calibration.display());
         fit.write(&output, planes.as_deref(), (&calibration, &command), force)?;
         fit.figures().json()
-    });
+    })?;
     notices.issue(py)?;
-    made.map_err(|error: Error| exception(py, error))
+    made.map_err(|error| exception(py, error))
 }
 
 /// Reconstructs a scene from a classified point cloud. Returns what was estimated as JSON.
@@ -346,13 +354,14 @@ pub fn reconstruct(
 ) -> PyResult<String> {
     let notices = Notices::default();
     let observer = Observer::new(false, notices.observer());
-    let made = py.detach(|| {
+    let made = interruptible(py, move |interruption| {
         let options =
             ReconstructOptions { voxel, divergence, overwrite: force, ..ReconstructOptions::new(cloud) };
         let found = vlscan::fit::scene::reconstruct(&options, &observer)?;
+        interruption.begin_writing()?;
         found.write(&folder, force)?;
         Ok(found.report().to_string())
-    });
+    })?;
     notices.issue(py)?;
-    made.map_err(|error: Error| exception(py, error))
+    made.map_err(|error| exception(py, error))
 }

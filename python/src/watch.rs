@@ -3,43 +3,70 @@
 use flume::RecvTimeoutError;
 use pyo3::prelude::*;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::time::Duration;
 use vlscan::{Error, Settings, Stop};
 
 /// Time between two checks of signals and reports of progress.
 pub const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// A request to end the loading of a scene or a run.
+/// Work whose result can be given up.
+const COMPUTING: u8 = 0;
+/// Work that writes files, which are completed.
+const WRITING: u8 = 1;
+/// Work whose result nobody awaits.
+const GIVEN_UP: u8 = 2;
+
+/// A request to end the loading of a scene, a run or other work.
 #[derive(Default)]
 pub struct Interruption {
     /// Ends the run.
     pub stop: Stop,
     loading: Arc<AtomicBool>,
-    writes: bool,
+    stage: AtomicU8,
 }
 
 impl Interruption {
     /// For work whose end is always waited for, because it writes a file.
     pub fn of_writing() -> Interruption {
-        Interruption { writes: true, ..Interruption::default() }
+        Interruption { stage: AtomicU8::new(WRITING), ..Interruption::default() }
     }
 
-    /// Requests the end.
-    pub fn request(&self) {
+    /// Called by work before it writes its first file: from now on its end is waited for.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] if the work has been given up.
+    pub fn begin_writing(&self) -> vlscan::Result<()> {
+        match self.stage.compare_exchange(COMPUTING, WRITING, Ordering::SeqCst, Ordering::SeqCst) {
+            Err(GIVEN_UP) => Err(Error::Interrupted),
+            _ => Ok(()),
+        }
+    }
+
+    /// Requests the end. Returns whether it has to be waited for, because outputs are completed; a scene that is loading, or
+    /// work without files, just ends.
+    fn request(&self) -> bool {
         self.loading.store(true, Ordering::Relaxed);
         self.stop.request();
+        let stage = self.stage.compare_exchange(COMPUTING, GIVEN_UP, Ordering::SeqCst, Ordering::SeqCst);
+        stage == Err(WRITING) || self.stop.is_heeded()
     }
 
     /// Lets the request end the loading of a session with these settings, too.
     pub fn watch(&self, settings: &mut Settings) {
         settings.load.stop = Some(self.loading.clone());
     }
+}
 
-    /// Whether the end has to be waited for, because outputs are completed; a scene that is loading just ends.
-    pub fn is_awaited(&self) -> bool {
-        self.writes || self.stop.is_heeded()
-    }
+/// Calls `work` on another thread. Ctrl-C ends the call at once while `work` computes, and when its files are complete once it
+/// has called [`Interruption::begin_writing`].
+pub fn interruptible<T: Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce(&Interruption) -> vlscan::Result<T> + Send + 'static,
+) -> PyResult<vlscan::Result<T>> {
+    let interruption = Arc::new(Interruption::default());
+    let own = interruption.clone();
+    watched(py, &interruption, move || work(&own), || py.check_signals())
 }
 
 /// Calls `work` on another thread, and `check` from time to time until it is done. An error of `check` ends the work.
@@ -59,8 +86,7 @@ pub fn watched<T: Send + 'static>(
             }
             Err(RecvTimeoutError::Timeout) => {
                 if let Err(failure) = check() {
-                    interruption.request();
-                    if interruption.is_awaited() {
+                    if interruption.request() {
                         let _ = py.detach(|| result.recv());
                     }
                     return Err(failure);

@@ -13,8 +13,9 @@ from conftest import FIXTURES
 from vlscan import Leg, Part, Points, Survey
 
 #: Formats of a run with the usual columns, and of one with all.
-USUAL = ["las", "laz", "copc.laz", "ply", "pcd", "xyz", "csv", "bin", "arrow", "parquet", "geo.parquet"]
-ALL = ["e57", "raycloud.ply", "csv", "laz"]
+USUAL = ["las", "laz", "copc.laz", "ply", "xyz", "csv", "bin", "arrow", "parquet", "geo.parquet"]
+#: PCD of a scanner that stands has its place, by the origins of beams.
+ALL = ["e57", "raycloud.ply", "pcd", "csv", "laz"]
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +55,7 @@ def test_files_of_all_columns_have_the_bytes_of_a_run(tmp_path):
 @pytest.mark.parametrize("physics", ["helios", "refined"])
 def test_files_far_from_the_origin_have_the_bytes_of_a_run(physics, tmp_path):
     run_options = {"seed": 3, "physics": physics, "echo_width": True, "crs": "EPSG:25832", "threads": 2}
-    points = same(far_survey(), tmp_path, ["laz", "pcd", "arrow", "copc.laz", "xyz"], run_options)
+    points = same(far_survey(), tmp_path, ["laz", "arrow", "copc.laz", "xyz"], run_options)
     assert len(points) > 30_000 and points.bounds[0, 1] > 5e6
 
 

@@ -274,6 +274,36 @@ def test_ctrl_c_ends_the_loading_of_a_scene(tmp_path, call):
     assert process.wait() == 0 and time.monotonic() - sent < 2
 
 
+@SENDS_CTRL_C
+@pytest.mark.parametrize(
+    "call",
+    [
+        "cloud_info('in')",
+        "Points.read('in')",
+        "raster('in', dtm=True)",
+        "compare('in', 'b.csv')",
+        "preview('in', 'a.png')",
+        "reconstruct('in', 'found')",
+        "fit_flight('in', 'a.toml')",
+    ],
+)
+def test_ctrl_c_ends_functions_that_wait_for_their_file(tmp_path, call):
+    os.mkfifo(tmp_path / "in")
+    (tmp_path / "b.csv").write_text("x,y,z\n1,2,3\n")
+    text = (
+        "import vlscan\nprint('reading', flush=True)\n"
+        f"try:\n    vlscan.{call}\nexcept KeyboardInterrupt:\n    print('interrupted', flush=True)\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", text], cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "reading\n"
+    # Opens when somebody reads.
+    writer = os.open(tmp_path / "in", os.O_WRONLY)
+    process.send_signal(signal.SIGINT)
+    assert process.stdout.read() == "interrupted\n" and process.wait() == 0
+    os.close(writer)
+    assert sorted(os.listdir(tmp_path)) == ["b.csv", "in"]
+
+
 def test_threads_run_at_the_same_time(room):
     found = []
     scene = Scene([Part.mesh(*wall(50))])

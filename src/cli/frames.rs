@@ -20,7 +20,8 @@ pub fn run(args: &FramesArgs, console: &Console) -> Result<()> {
         }
     };
     let mut source = BufReader::with_capacity(1 << 20, source);
-    let write = || write_frames(&mut source, name, &args.out, &args.options);
+    let observer = console.listener();
+    let write = || write_frames(&mut source, name, &args.out, &args.options, &observer);
     let counts = during(console, "writing frames", write)?;
     let (frames, points) = (counts.frames, amount(counts.points as f64));
     console.say(format!("{}: {frames} frames, {points} points", args.out.display()));

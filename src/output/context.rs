@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 use vlscan_geom::{Aabb, DVec3, LIGHT_SPEED};
 use vlscan_scene::Scene;
-use vlscan_survey::{Deflector, Leg, Scanner, Survey};
+use vlscan_survey::{Deflector, Leg, PlatformKind, Scanner, Survey};
 
 /// Everything that outputs need to know about the survey and the scene of the first epoch: formats, headers and names of
 /// files follow from it and from the request alone.
@@ -16,6 +16,8 @@ pub struct OutputContext {
     pub legs: Vec<OutputLeg>,
     /// Display name of the scanner.
     pub scanner: String,
+    /// Whether the platform stands still in each leg.
+    pub stands: bool,
     /// Devices of the scanner in firing order.
     pub devices: Vec<OutputDevice>,
     /// Coordinate reference system as WKT, if the input names one.
@@ -58,6 +60,8 @@ pub struct OutputDevice {
     pub id: String,
     /// Width of the waveform's bins, ns.
     pub bin: f64,
+    /// Row by elevation, from the lowest channel up.
+    pub ring: u16,
 }
 
 impl OutputContext {
@@ -74,11 +78,13 @@ impl OutputContext {
             survey: if survey.name.is_empty() { file() } else { survey.name.clone() },
             legs: survey.legs.iter().map(leg).collect(),
             scanner: survey.scanner.name.clone(),
+            stands: matches!(survey.platform.kind, PlatformKind::Static),
             devices: survey
                 .scanner
                 .devices
                 .iter()
-                .map(|device| OutputDevice { id: device.id.clone(), bin: device.waveform.bin })
+                .zip(survey.scanner.rings())
+                .map(|(device, ring)| OutputDevice { id: device.id.clone(), bin: device.waveform.bin, ring })
                 .collect(),
             crs: survey.crs_wkt.clone(),
             shift: scene.shift,

@@ -171,6 +171,8 @@ fn cloud_settings(
         heights: request.heights,
         frame_names: request.frame_names.clone(),
         las: request.las.clone(),
+        rings: context.devices.iter().map(|device| device.ring).collect(),
+        stands: context.stands,
         bins_ns: context.devices.iter().map(|device| device.bin).collect(),
         metres_per_ns: context.metres_per_ns,
     }

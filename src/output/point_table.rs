@@ -8,7 +8,7 @@ use ::arrow_array::types::{
 use ::arrow_array::{Array, RecordBatch};
 use ::arrow_schema::DataType;
 use vlscan_base::error::{Error, Result};
-use vlscan_formats::{Cause, Column, ObjectIds, PointRecord};
+use vlscan_formats::{Cause, Column, MISSES_KEY, ObjectIds, PointRecord};
 use vlscan_geom::{DVec3, Rotation, degrees, radians};
 
 /// The values of a column.
@@ -90,6 +90,8 @@ pub(super) struct PointTable<'t> {
     /// Whether times count from the start of their frame and not from the beginning of the week.
     has_frames: bool,
     frame: PositionFrame,
+    /// Whether return 0 of 0 marks a pulse without a return, as in tables of this program.
+    has_misses: bool,
 }
 
 impl<'t> PointTable<'t> {
@@ -119,7 +121,15 @@ impl<'t> PointTable<'t> {
             }
         }
         let rows = table.map_or(0, RecordBatch::num_rows);
-        Ok(PointTable { columns, rows, objects, origin, has_frames, frame })
+        let is_marked = table.is_some_and(|table| table.schema_ref().metadata().contains_key(MISSES_KEY));
+        let mut of_table = [Column::PulseNumber, Column::BeamDirectionX].into_iter();
+        let has_misses = is_marked || of_table.any(|column| columns[column as usize].is_some());
+        Ok(PointTable { columns, rows, objects, origin, has_frames, frame, has_misses })
+    }
+
+    /// The table, in which return 0 of 0 marks a pulse without a return if `has_misses` is set.
+    pub fn with_misses(self, has_misses: bool) -> PointTable<'t> {
+        PointTable { has_misses: self.has_misses || has_misses, ..self }
     }
 
     pub fn rows(&self) -> usize {
@@ -176,6 +186,8 @@ impl<'t> PointTable<'t> {
         let (time_ns, time_origin) = self.time(row);
         let part = self.whole(Part, row, u32::MAX);
         let class = self.whole(Classification, row, 0);
+        // In tables of other programs 0 of 0 says that a point has no number.
+        let least = u32::from(!self.has_misses);
         PointRecord {
             position: self.placed(world) + rest,
             origin: self.placed(self.vector([BeamOriginX, BeamOriginY, BeamOriginZ], row, f64::NAN)),
@@ -209,7 +221,7 @@ impl<'t> PointTable<'t> {
             pulse_number: self.whole(PulseNumber, row, 0),
             height: self.number(HeightAboveGround, row, f64::NAN) as f32,
             return_number: self.whole(ReturnNumber, row, 1),
-            number_of_returns: self.whole(NumberOfReturns, row, 1),
+            number_of_returns: self.whole(NumberOfReturns, row, 1).max(least),
             device: self.whole(Device, row, 0),
             part,
             primitive: self.whole(Primitive, row, u32::MAX),

@@ -43,6 +43,8 @@ struct Stored {
     labels: bool,
     true_positions: bool,
     heights: bool,
+    rings: Vec<u16>,
+    stands: bool,
     legs: Vec<(u16, f64)>,
 }
 
@@ -109,6 +111,8 @@ impl CloudFacts {
             labels: settings.labels,
             true_positions: settings.true_positions,
             heights: settings.heights,
+            rings: settings.rings,
+            stands: settings.stands,
             legs,
         };
         postcard::to_stdvec(&stored).map_err(|e| Error::Internal(format!("facts about points: {e}")))
@@ -140,6 +144,8 @@ impl CloudFacts {
             labels: stored.labels,
             true_positions: stored.true_positions,
             heights: stored.heights,
+            rings: stored.rings,
+            stands: stored.stands,
             ..CloudSettings::default()
         };
         Ok(CloudFacts { settings, legs: stored.legs })
@@ -173,7 +179,8 @@ pub fn write_points(
     };
     let objects = std::mem::take(&mut settings.objects);
     let rows =
-        PointTable::new([Some(table), exact], &objects, settings.origin, (frame, format.has_frames()))?;
+        PointTable::new([Some(table), exact], &objects, settings.origin, (frame, format.has_frames()))?
+            .with_misses(settings.misses);
     check_columns(&rows, *format, &mut settings, path, &mut found)?;
     warn_of_unknown(table, path, &mut found);
     settings.objects = objects.clone();

@@ -22,7 +22,7 @@ use xxhash_rust::xxh3::xxh3_64;
 /// The first bytes of every shard.
 pub(super) const MAGIC: &[u8; 8] = b"VLSHARD\n";
 /// Version of the contents; incremented whenever the meaning of any content changes.
-const VERSION: u64 = 6;
+const VERSION: u64 = 7;
 const START_BYTES: usize = 16;
 const END_BYTES: usize = 24;
 

@@ -42,7 +42,10 @@ assert statistics.channel_message_counts[1] == len(rows) and statistics.message_
 assert found.shape == wanted.shape, (found.shape, wanted.shape)
 assert np.abs(found[:, 0] - wanted[:, 0]).max() < 1e-6
 assert np.abs(found[:, 1:4] - wanted[:, 1:4]).max() < 1e-3
-assert (found[:, 4:8] == wanted[:, 4:8]).all()
+# `ring` is the row by elevation: the lasers of the VLP-16 in the order of firing are -15, 1, -13, 3, ... degrees.
+ring = np.array([device // 2 + 8 * (device % 2) for device in range(16)])
+assert (found[:, 4] == ring[wanted[:, 4].astype(int)]).all()
+assert (found[:, 5:8] == wanted[:, 5:8]).all()
 assert np.abs(found[:, 8] / wanted[:, 8] - 1).max() < 1e-3
 print(len(stamps), min(np.diff(stamps)).round(6), longest.round(2))
 "#;
@@ -293,4 +296,28 @@ fn frames_are_data_sets_of_driving() {
             text(&out.stderr)
         );
     }
+}
+
+#[test]
+fn rings_count_the_rows_of_a_scanner_from_the_lowest_up() {
+    let dir = folder();
+    fs::write(dir.path().join("s.xml"), spinning()).unwrap();
+    let outputs = ["-o", "a.pcd", "-o", "a.csv", "--columns", "ScannerX,ScannerY,ScannerZ"];
+    succeed(dir.path(), &[&["run", "s.xml", "-q"][..], &outputs].concat());
+    let pcd = fs::read(dir.path().join("a.pcd")).unwrap();
+    let end = memchr::memmem::find(&pcd, b"DATA binary\n").unwrap() + 12;
+    let head = text(&pcd[..end]);
+    // The tripod stands at (0.3, -0.2).
+    assert!(head.contains("\nVIEWPOINT 0.3 -0.2 "), "{head}");
+    let table = fs::read_to_string(dir.path().join("a.csv")).unwrap();
+    let rows =
+        table.lines().skip(1).map(|row| row.split(',').map(|v| v.parse().unwrap()).collect::<Vec<f64>>());
+    let mut count = 0;
+    for (point, row) in pcd[end..].chunks_exact(32).zip(rows) {
+        let ring = u16::from_le_bytes([point[24], point[25]]);
+        let elevation = row[2].atan2(row[0].hypot(row[1])).to_degrees();
+        assert!((elevation - (2.0 * f64::from(ring) - 15.0)).abs() < 0.6, "ring {ring}: {elevation}");
+        count += 1;
+    }
+    assert!(count > 1000);
 }

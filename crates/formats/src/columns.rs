@@ -114,6 +114,8 @@ impl Attribute {
 
 /// A name that this program's own tables of points have, and those of other programs have not.
 const OWN_NAME: &str = "pulsenumber";
+/// A name that its tables have if they have pulses without a return.
+const NAME_OF_MISSES: &str = "beamdirectionx";
 
 /// Names of columns that points often have and that nothing here needs, in the form of [`Entry::names`].
 const UNUSED_NAMES: &str = "a alpha b beamdirectionx beamdirectiony beamdirectionz beamoriginx beamoriginy beamoriginz blue \
@@ -197,11 +199,14 @@ pub struct Columns {
     seconds: f64,
     /// Degrees in a unit of the scan angle.
     degrees: f64,
+    /// Whether the table is one of this program, in which return 0 of 0 marks a pulse without a return.
+    is_own: bool,
 }
 
 impl Default for Columns {
     fn default() -> Columns {
-        Columns { columns: [None; Attribute::COUNT], metres: DVec3::ONE, seconds: 1.0, degrees: 1.0 }
+        let columns = [None; Attribute::COUNT];
+        Columns { columns, metres: DVec3::ONE, seconds: 1.0, degrees: 1.0, is_own: false }
     }
 }
 
@@ -244,7 +249,9 @@ impl Columns {
             column.and_then(|column| factor(attribute, headings[column])).unwrap_or(1.0)
         };
         let metres = DVec3::from(Attribute::POSITION.map(unit));
-        Columns { columns, metres, seconds: unit(Attribute::Time), degrees: unit(Attribute::ScanAngle) }
+        let (seconds, degrees) = (unit(Attribute::Time), unit(Attribute::ScanAngle));
+        let is_own = [OWN_NAME, NAME_OF_MISSES].into_iter().any(|name| position(name).is_some());
+        Columns { columns, metres, seconds, degrees, is_own }
     }
 
     /// Finds the columns of positions and other attributes by their names.
@@ -339,6 +346,11 @@ impl Columns {
         self
     }
 
+    /// The columns of a table of this program if `is_own` is set, in which return 0 of 0 marks a pulse without a return.
+    pub(crate) fn of_own_table(self, is_own: bool) -> Columns {
+        Columns { is_own: self.is_own || is_own, ..self }
+    }
+
     /// Removes the columns of some attributes.
     pub fn without(mut self, attributes: &[Attribute]) -> Columns {
         attributes.iter().for_each(|attribute| self.columns[*attribute as usize] = None);
@@ -372,6 +384,7 @@ impl Columns {
         let has_normal = Attribute::NORMAL.iter().all(|a| self.has(*a));
         let mut misfits = Misfits::default();
         let mut fitted = |attribute| number(attribute).map_or(0.0, |value| misfits.fitted(attribute, value));
+        let is_zero = |attribute| number(attribute) == Some(0.0);
         PointRow {
             position: vector(Attribute::POSITION) * self.metres,
             normal: has_normal.then(|| vector(Attribute::NORMAL)),
@@ -379,6 +392,7 @@ impl Columns {
             class: fitted(Attribute::Class) as u8,
             return_number: fitted(Attribute::ReturnNumber) as u8,
             number_of_returns: fitted(Attribute::NumberOfReturns) as u8,
+            is_miss: self.is_own && is_zero(Attribute::ReturnNumber) && is_zero(Attribute::NumberOfReturns),
             scan_angle: fitted(Attribute::ScanAngle) * self.degrees,
             object: fitted(Attribute::Object) as i64,
             leg: fitted(Attribute::Leg) as u16,
@@ -437,6 +451,16 @@ mod tests {
         let row = columns.with(Attribute::Z, 0).row(|column| column as f64);
         assert_eq!((row.position, row.normal), (DVec3::new(4.0, 2.0, 0.0), None));
         assert_eq!((row.intensity, row.class, row.object), (0.0, 0, 5));
+    }
+
+    #[test]
+    fn zeros_are_misses_in_tables_of_this_program_alone() {
+        let of = |more: &str, value: f64| {
+            Columns::find(["x", "y", "z", "ReturnNumber", "NumberOfReturns", more]).row(|_| value).is_miss
+        };
+        assert!(of("PulseNumber", 0.0) && of("scalar_PulseNumber", 0.0) && of("BeamDirectionX", 0.0));
+        assert!(!of("PulseNumber", 1.0) && !of("Intensity", 0.0) && !of("GpsTime", 0.0));
+        assert!(!Columns::find(["x", "y", "z", "PulseNumber"]).row(|_| 0.0).is_miss);
     }
 
     #[test]

@@ -106,21 +106,21 @@ impl FileBody for Plain {}
 
 /// A file whose header counts the records, which are written unchanged.
 pub(crate) struct Counted<H> {
-    /// Returns the header for a number of records and a state; its length depends on neither.
+    /// Returns the header for the counts of the records and a state; its length depends on neither.
     head: H,
 }
 
-impl<H: Fn(u64, &str) -> Vec<u8> + Send + 'static> Counted<H> {
+impl<H: Fn(&Tally, &str) -> Vec<u8> + Send + 'static> Counted<H> {
     /// Writes blanks in the place of the header.
     pub fn begin(head: H, out: &mut OutputStream) -> Result<Box<dyn FileBody>> {
-        out.append(&vec![b' '; head(0, "").len()])?;
+        out.append(&vec![b' '; head(&Tally::EMPTY, "").len()])?;
         Ok(Box::new(Counted { head }))
     }
 }
 
-impl<H: Fn(u64, &str) -> Vec<u8> + Send> FileBody for Counted<H> {
+impl<H: Fn(&Tally, &str) -> Vec<u8> + Send> FileBody for Counted<H> {
     fn head(&self, end: &Ending) -> Option<Vec<u8>> {
-        Some((self.head)(end.tally.records, crate::settings::state(end.is_partial)))
+        Some((self.head)(end.tally, crate::settings::state(end.is_partial)))
     }
 }
 

@@ -14,7 +14,7 @@ pub struct FramePoint {
     pub intensity: f32,
     /// Time after the start of the frame, s.
     pub time_s: f32,
-    /// Channel of the scanner.
+    /// Row of the channel of the scanner by elevation, from the lowest up.
     pub ring: i64,
     /// Class of the surface.
     pub class: i64,

@@ -54,6 +54,7 @@ mod ply;
 mod point_format;
 mod record;
 mod settings;
+mod strays;
 mod table;
 pub mod text;
 
@@ -74,9 +75,10 @@ pub use ply::{PlyError, PlyNumbers, is_ply, ply_header};
 pub use point_format::{PointFormat, UnknownExtension};
 pub use record::{Cause, EncodedPoints, Needs, PointBatch, PointRecord, Tally, Wave};
 pub use settings::{CloudSettings, FrameNames};
+pub use strays::{StrayFinder, Strays};
 #[cfg(feature = "parquet")]
 pub use table::read_number_columns;
-pub use table::read_record_batch;
+pub use table::{MISSES_KEY, read_record_batch};
 
 /// The example of the README.
 #[cfg(doctest)]
@@ -103,6 +105,9 @@ pub struct PointRow {
     pub return_number: u8,
     /// Number of returns of the pulse.
     pub number_of_returns: u8,
+    /// True for a pulse without a return, which is no point: a row that this program has written for `--misses`. Return 0 of 0
+    /// alone is no sign of one: points that are added to a cloud or merged into it have it, too.
+    pub is_miss: bool,
     /// Scan angle, degrees, as the file has it: in LAS across the track, negative to the left.
     pub scan_angle: f64,
     /// Number of the object that was hit.

@@ -307,6 +307,9 @@ pub struct Tally {
     pub by_return: [u64; 15],
     /// Box around the coordinates as stored: metres, or integers of LAS.
     pub bounds: Aabb,
+    /// Box around the origins of beams, relative to [`CloudSettings::origin`](crate::CloudSettings::origin), m; infinite if an
+    /// origin is unknown.
+    pub origins: Aabb,
     /// Whether a time lies outside of the week, which times in adjusted standard GPS time do.
     pub has_adjusted_times: bool,
 }
@@ -316,8 +319,14 @@ pub(crate) const WEEK_S: f64 = 604_800.0;
 
 impl Tally {
     /// No records.
-    pub const EMPTY: Tally =
-        Tally { records: 0, left_out: 0, by_return: [0; 15], bounds: Aabb::EMPTY, has_adjusted_times: false };
+    pub const EMPTY: Tally = Tally {
+        records: 0,
+        left_out: 0,
+        by_return: [0; 15],
+        bounds: Aabb::EMPTY,
+        origins: Aabb::EMPTY,
+        has_adjusted_times: false,
+    };
 
     /// Counts a point with these coordinates as stored.
     #[inline]
@@ -329,6 +338,10 @@ impl Tally {
         }
         self.has_adjusted_times |= point.has_adjusted_time();
         self.bounds = self.bounds.with(stored);
+        self.origins = match point.origin.is_finite() {
+            true => self.origins.with(point.origin),
+            false => Aabb { min: DVec3::NEG_INFINITY, max: DVec3::INFINITY },
+        };
     }
 
     /// Adds the counts of others.
@@ -339,19 +352,24 @@ impl Tally {
             *mine += theirs;
         }
         self.bounds = self.bounds.union(other.bounds);
+        self.origins = self.origins.union(other.origins);
         self.has_adjusted_times |= other.has_adjusted_times;
     }
 }
 
 impl From<&PointRow> for PointRecord {
-    /// The point as it was read, with its position in the world.
+    /// The point as it was read, with its position in the world; one of return 0 of 0 that is no miss is the only return of its
+    /// pulse.
     fn from(row: &PointRow) -> PointRecord {
         PointRecord {
             position: row.position,
             amplitude: row.intensity.into(),
             class: row.class.into(),
             return_number: row.return_number.into(),
-            number_of_returns: u32::from(row.return_number.max(row.number_of_returns)).max(1),
+            number_of_returns: match row.is_miss {
+                true => 0,
+                false => u32::from(row.return_number.max(row.number_of_returns)).max(1),
+            },
             scan_angle: radians(row.scan_angle),
             object: row.object as i32,
             leg: row.leg,

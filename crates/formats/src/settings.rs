@@ -3,6 +3,8 @@
 use crate::columnar::Column;
 use crate::las::LasSettings;
 use crate::objects::ObjectIds;
+use crate::record::PointRecord;
+use std::sync::Arc;
 use vlscan_geom::{Aabb, DVec3, LIGHT_SPEED};
 
 /// The program that writes, as files name it.
@@ -28,6 +30,18 @@ pub struct FrameNames {
 impl Default for FrameNames {
     fn default() -> FrameNames {
         FrameNames { world: "map".to_owned(), sensor: "lidar".to_owned() }
+    }
+}
+
+/// Rows of the devices of a scanner by elevation.
+#[derive(Clone, Debug)]
+pub(crate) struct Rings(Arc<[u16]>);
+
+impl Rings {
+    /// The row of the device of a point.
+    #[inline]
+    pub fn of(&self, point: &PointRecord) -> u16 {
+        self.0.get(point.device as usize).copied().unwrap_or_else(|| point.device_u16())
     }
 }
 
@@ -67,6 +81,11 @@ pub struct CloudSettings {
     pub frame_names: FrameNames,
     /// Settings of LAS, LAZ and COPC.
     pub las: LasSettings,
+    /// Row of each device of the scanner by elevation, from the lowest channel up, which PCD and MCAP have as `ring`. Empty: the
+    /// row of a device is its number.
+    pub rings: Vec<u16>,
+    /// Whether the scanner stands still in each leg, so that a file may have one viewpoint.
+    pub stands: bool,
     /// Width of the bins of waveforms by device, ns.
     pub bins_ns: Vec<f64>,
     /// Metres of range per nanosecond of the times of waveforms: of one way, or of the way there and back.
@@ -92,6 +111,8 @@ impl Default for CloudSettings {
             heights: false,
             frame_names: FrameNames::default(),
             las: LasSettings::default(),
+            rings: Vec::new(),
+            stands: false,
             bins_ns: Vec::new(),
             metres_per_ns: LIGHT_SPEED,
         }
@@ -106,6 +127,11 @@ impl CloudSettings {
             columns.extend(self.heights.then_some(Column::HeightAboveGround));
             columns
         })
+    }
+
+    /// The rows of devices.
+    pub(crate) fn rows(&self) -> Rings {
+        Rings(self.rings.as_slice().into())
     }
 
     /// The bounds in the world, m.

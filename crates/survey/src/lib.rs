@@ -24,6 +24,7 @@
 //! | `checks`, `effects` | checks that need the complete survey: limits, legs that never end; settings that are limited or have no effect |
 //! | `instrument`, `device`, `deflector`, `scan_motion`, `receiver`, `pulse_file` | instruments of both formats |
 //! | `pulse_times` | when pulses leave, where that is no constant rate |
+//! | `rings` | rows of channels, by elevation |
 //! | `rows` | text files of a few columns of numbers |
 //! | `ouster` | calibration files of Ouster sensors as instruments |
 //! | `platform_xml` | platforms |
@@ -60,6 +61,7 @@ mod pulse_times;
 mod rasters;
 mod read;
 mod receiver;
+mod rings;
 mod rows;
 mod scan_motion;
 mod scene_xml;

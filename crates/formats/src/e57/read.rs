@@ -1,6 +1,7 @@
 //! E57 (ASTM E2807), all scans of a file with their poses. Points with an invalid state are left out; spherical coordinates are
 //! read where a scan has no Cartesian ones. Positions are metres by the standard.
 
+use super::SCAN_NAME;
 use crate::{Attribute, AttributeSet, Misfits, PointRow, Reading};
 use ::e57::{E57Reader, PointCloud, RawValues, RecordDataType, RecordName, Transform};
 use std::io::Cursor;
@@ -76,6 +77,8 @@ struct Scan {
     time: Option<usize>,
     class: Option<usize>,
     pose: Transform,
+    /// Whether this program has written the scan; its pulses without a return have no returns.
+    is_own: bool,
 }
 
 impl Scan {
@@ -106,6 +109,7 @@ impl Scan {
             time: column(RecordName::TimeStamp),
             class,
             pose: cloud.transform.clone().unwrap_or_default(),
+            is_own: cloud.name.as_ref().is_some_and(|name| name.starts_with(SCAN_NAME)),
         }
     }
 
@@ -143,6 +147,8 @@ impl Scan {
             true => f64::NAN,
             false => self.intensity.map_or(f64::NAN, value),
         };
+        let is_zero = |column: Option<usize>| column.is_some_and(|column| value(column) == 0.0);
+        let is_miss = self.is_own && is_zero(self.return_count) && is_zero(self.intensity);
         let mut misfits = Misfits::default();
         let mut fitted = |attribute: Attribute, column: Option<usize>, first: f64| {
             column.map_or(0.0, |column| misfits.fitted(attribute, value(column) + first))
@@ -153,6 +159,7 @@ impl Scan {
             // Counted from 0 in files.
             return_number: fitted(Attribute::ReturnNumber, self.return_index, 1.0) as u8,
             number_of_returns: fitted(Attribute::NumberOfReturns, self.return_count, 0.0) as u8,
+            is_miss,
             class: fitted(Attribute::Class, self.class, 0.0) as u8,
             time: fitted(Attribute::Time, self.time, 0.0),
             leg: u16::try_from(number).unwrap_or(u16::MAX),

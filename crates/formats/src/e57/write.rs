@@ -1,6 +1,7 @@
 //! E57 (ASTM E2807): a scan for each leg, with the pose of the scanner. Points are collected in a temporary file, because the
 //! sections of a scan are completed one after the other.
 
+use super::SCAN_NAME;
 use crate::encode::{Ending, FileBody, PointEncoder};
 use crate::out::{Offload, OutputStream};
 use crate::record::{EncodedPoints, PointBatch};
@@ -131,7 +132,7 @@ impl FileBody for E57Body {
         while let Some(first) = points.next()? {
             let mut cloud =
                 writer.add_pointcloud(&guid(scan, self.count), prototype()).map_err(e57_failed)?;
-            cloud.set_name(Some(format!("leg {}", first.leg)));
+            cloud.set_name(Some(format!("{SCAN_NAME}{}", first.leg)));
             let DVec3 { x, y, z } = first.origin;
             let rotation = Quaternion { w: 1.0, x: 0.0, y: 0.0, z: 0.0 };
             cloud.set_transform(Some(Transform { rotation, translation: Translation { x, y, z } }));

@@ -20,7 +20,7 @@ pub(crate) use read::read_frames;
 use crate::encode::{Ending, FileBody, PointEncoder};
 use crate::out::{Offload, OutputStream};
 use crate::record::{EncodedPoints, PointBatch};
-use crate::settings::{CloudSettings, FrameNames, SOFTWARE, state};
+use crate::settings::{CloudSettings, FrameNames, Rings, SOFTWARE, state};
 use cdr::CdrWriter;
 use container::{ChannelPlan, Container};
 use poses::{POSE_BYTES, Pose, PoseTrack};
@@ -73,18 +73,20 @@ const POINTS: usize = 0;
 const TRANSFORMS: usize = 1;
 const ODOMETRY: usize = 2;
 
-/// Encoder of points as collected points. `ring` is the channel of the scanner, `label` the class, `instance` the object. Frames begin at
+/// Encoder of points as collected points. `ring` is the row of the channel by elevation, `label` the class, `instance` the object. Frames begin at
 /// the multiples of their duration.
 #[derive(Debug)]
 struct Mcap {
     /// World position of the origin of points, m.
     origin: DVec3,
     names: FrameNames,
+    rings: Rings,
 }
 
 /// MCAP files.
 pub(crate) fn mcap(settings: &CloudSettings, _: &mut Diagnostics) -> Result<Arc<dyn PointEncoder>> {
-    Ok(Arc::new(Mcap { origin: settings.origin, names: settings.frame_names.clone() }))
+    let (names, rings) = (settings.frame_names.clone(), settings.rows());
+    Ok(Arc::new(Mcap { origin: settings.origin, names, rings }))
 }
 
 impl PointEncoder for Mcap {
@@ -103,7 +105,7 @@ impl PointEncoder for Mcap {
             point.in_scanner.to_array().into_iter().for_each(|c| out.extend((c as f32).to_le_bytes()));
             out.extend((point.amplitude as f32).to_le_bytes());
             out.extend([0; 4]);
-            out.extend(point.device_u16().to_le_bytes());
+            out.extend(self.rings.of(point).to_le_bytes());
             out.extend(point.returns());
             out.extend(point.class.to_le_bytes());
             out.extend(point.object.to_le_bytes());

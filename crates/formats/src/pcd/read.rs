@@ -65,6 +65,8 @@ struct Header {
     points: usize,
     encoding: Encoding,
     offset: DVec3,
+    /// Whether this program has written the file.
+    is_own: bool,
     /// Offset of the points in the file.
     data: usize,
 }
@@ -78,7 +80,7 @@ impl Header {
         let mut at = 0;
         let mut lists: [Vec<String>; 4] = Default::default();
         let (mut points, mut width, mut height) = (None, None, 1);
-        let mut offset = DVec3::ZERO;
+        let (mut offset, mut is_own) = (DVec3::ZERO, false);
         let line_end = last_of_line_ends(bytes);
         loop {
             let length = memchr::memchr(line_end, &bytes[at..]);
@@ -98,6 +100,7 @@ impl Header {
                 "WIDTH" => width = Some(number().ok_or("its WIDTH is not a number")?),
                 "HEIGHT" => height = number().ok_or("its HEIGHT is not a number")?,
                 "POINTS" => points = Some(number().ok_or("its POINTS is not a number")?),
+                "#" if words.get(1) == Some(&"vlscan") => is_own = true,
                 "#" => offset = offset_of_comment(&words).unwrap_or(offset),
                 "DATA" => {
                     let encoding = match words.get(1).copied() {
@@ -125,6 +128,7 @@ impl Header {
                         points,
                         encoding,
                         offset,
+                        is_own,
                         data: at,
                     };
                     let mut header = header.with_fields(&lists)?;
@@ -162,7 +166,8 @@ impl Header {
             .zip(&self.fields)
             .map(|(name, field)| if name == "_" || field.count != 1 { "" } else { name.as_str() })
             .collect();
-        self.columns = Columns::find_positions(&names).map_err(|e| e.to_string())?;
+        let columns = Columns::find_positions(&names).map_err(|e| e.to_string())?;
+        self.columns = columns.of_own_table(self.is_own);
         self.remarks = self.columns.remarks(&names);
         Ok(self)
     }

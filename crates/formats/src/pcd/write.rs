@@ -3,8 +3,8 @@
 
 use crate::encode::{Counted, FileBody, PointEncoder};
 use crate::out::OutputStream;
-use crate::record::{EncodedPoints, PointBatch};
-use crate::settings::{CloudSettings, SOFTWARE};
+use crate::record::{EncodedPoints, PointBatch, Tally};
+use crate::settings::{CloudSettings, Rings, SOFTWARE};
 use std::sync::Arc;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::Result;
@@ -40,16 +40,34 @@ fn offset(world: &Aabb) -> DVec3 {
     DVec3::from(world.centre().to_array().map(|c| (c / 1000.0).round() * 1000.0 + 0.0))
 }
 
-/// Returns the header of a file with `count` points, whose length does not depend on the count.
-fn head(offset: DVec3, count: u64, state: &str) -> Vec<u8> {
+/// Room in the header for the place of a scanner that stands, bytes.
+const VIEWPOINT_BYTES: usize = 3 * 24;
+
+/// Largest distance between beams of a scanner that stands, m: lasers lie beside each other in its head.
+const MAX_HEAD_M: f64 = 1.0;
+
+/// The place of a scanner that stands, by the box around the origins of its beams.
+fn viewpoint(origins: &Aabb) -> Option<DVec3> {
+    let size = origins.size();
+    let stands = !origins.is_empty() && size.max_element() <= MAX_HEAD_M;
+    // The micrometre.
+    stands.then(|| DVec3::from(origins.centre().to_array().map(|c| (c * 1e6).round() / 1e6 + 0.0)))
+}
+
+/// Returns the header of a file with `count` points, whose length does not depend on the count. `viewpoint` is where the scanner
+/// stands; `Some(None)` stands for one that moves after all, and `None` leaves no room for such a place.
+fn head(offset: DVec3, count: u64, state: &str, viewpoint: Option<Option<DVec3>>) -> Vec<u8> {
     let list =
         |text: &dyn Fn(&(&str, u8, char)) -> String| FIELDS.iter().map(text).collect::<Vec<_>>().join(" ");
     let count = count.to_string();
-    let padding = " ".repeat(2 * (20 - count.len()));
+    let DVec3 { x, y, z } = viewpoint.flatten().unwrap_or(DVec3::ZERO);
+    let place = format!("{x} {y} {z}");
+    let room = if viewpoint.is_some() { VIEWPOINT_BYTES.saturating_sub(place.len()) } else { 0 };
+    let padding = " ".repeat(2 * (20 - count.len()) + room);
     let DVec3 { x, y, z } = offset;
     format!(
         "# .PCD v0.7 - Point Cloud Data file format\n# {SOFTWARE}; state {state:40}\n# add {x} {y} {z} to x y z{padding}\n\
-         VERSION 0.7\nFIELDS {}\nSIZE {}\nTYPE {}\nCOUNT {}\nWIDTH {count}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\n\
+         VERSION 0.7\nFIELDS {}\nSIZE {}\nTYPE {}\nCOUNT {}\nWIDTH {count}\nHEIGHT 1\nVIEWPOINT {place} 1 0 0 0\n\
          POINTS {count}\nDATA binary\n",
         list(&|f| f.0.to_owned()),
         list(&|f| f.1.to_string()),
@@ -59,19 +77,23 @@ fn head(offset: DVec3, count: u64, state: &str) -> Vec<u8> {
     .into_bytes()
 }
 
-/// Encoder of points. `ring` is the channel of the scanner, `label` the class.
+/// Encoder of points. `ring` is the row of the channel by elevation, `label` the class.
 #[derive(Debug)]
 struct Pcd {
     /// What coordinates in the file are relative to, m, world.
     offset: DVec3,
     /// Origin of points in the frame of the file, m.
     origin: DVec3,
+    rings: Rings,
+    /// Whether the scanner stands, so that files may have one viewpoint.
+    stands: bool,
 }
 
 /// PCD files.
 pub(crate) fn pcd(settings: &CloudSettings, _: &mut Diagnostics) -> Result<Arc<dyn PointEncoder>> {
     let offset = offset(&settings.world_bounds());
-    Ok(Arc::new(Pcd { offset, origin: settings.origin - offset }))
+    let origin = settings.origin - offset;
+    Ok(Arc::new(Pcd { offset, origin, rings: settings.rows(), stands: settings.stands }))
 }
 
 impl PointEncoder for Pcd {
@@ -85,7 +107,7 @@ impl PointEncoder for Pcd {
             position.to_array().into_iter().for_each(|c| out.extend((c as f32).to_le_bytes()));
             out.extend((point.amplitude as f32).to_le_bytes());
             out.extend(point.seconds().to_le_bytes());
-            out.extend(point.device_u16().to_le_bytes());
+            out.extend(self.rings.of(point).to_le_bytes());
             out.extend(point.returns());
             out.extend(point.class.to_le_bytes());
             Some(position)
@@ -97,7 +119,11 @@ impl PointEncoder for Pcd {
     }
 
     fn begin(self: Arc<Self>, out: &mut OutputStream) -> Result<Box<dyn FileBody>> {
-        Counted::begin(move |count, state| head(self.offset, count, state), out)
+        let header = move |tally: &Tally, state: &str| {
+            let place = || viewpoint(&tally.origins).map(|place| place + self.origin);
+            head(self.offset, tally.records, state, self.stands.then(place))
+        };
+        Counted::begin(header, out)
     }
 }
 
@@ -116,11 +142,26 @@ mod tests {
         assert_eq!(offset(&far), DVec3::new(477_000.0, 5_430_000.0, 0.0));
         assert_eq!(offset(&Aabb::EMPTY), DVec3::ZERO);
         let west = Aabb { min: DVec3::splat(-9000.0), max: DVec3::splat(8900.0) };
-        let text = String::from_utf8(head(offset(&west), 0, "complete")).unwrap();
+        let text = String::from_utf8(head(offset(&west), 0, "complete", None)).unwrap();
         assert!(text.contains("# add 0 0 0 to x y z"), "{text}");
-        let length = head(offset(&far), 0, "complete").len();
-        assert_eq!(head(offset(&far), u64::MAX, "partial").len(), length);
+        let length = head(offset(&far), 0, "complete", None).len();
+        assert_eq!(head(offset(&far), u64::MAX, "partial", None).len(), length);
         let sizes: usize = FIELDS.iter().map(|f| usize::from(f.1)).sum();
         assert_eq!(sizes, POINT_BYTES);
+    }
+
+    #[test]
+    fn a_scanner_that_stands_is_the_viewpoint() {
+        let at = |x: f64| DVec3::new(x, -2.5, 1.0e-9);
+        let around = |a: DVec3, b: DVec3| Aabb::EMPTY.with(a).with(b);
+        assert_eq!(viewpoint(&around(at(3.0), at(3.2))), Some(DVec3::new(3.1, -2.5, 0.0)));
+        assert_eq!(viewpoint(&around(at(3.0), at(5.0))), None);
+        assert_eq!(viewpoint(&around(DVec3::NEG_INFINITY, DVec3::INFINITY)), None);
+        assert_eq!(viewpoint(&Aabb::EMPTY), None);
+        let of = |place| String::from_utf8(head(DVec3::ZERO, 7, "complete", place)).unwrap();
+        let (blank, found) = (of(Some(None)), of(Some(Some(DVec3::new(3.1, -1234.567_891, 0.25)))));
+        assert!(found.contains("\nVIEWPOINT 3.1 -1234.567891 0.25 1 0 0 0\n"), "{found}");
+        assert!(blank.contains("\nVIEWPOINT 0 0 0 1 0 0 0\n") && blank.len() == found.len(), "{blank}");
+        assert!(of(None).contains("\nVIEWPOINT 0 0 0 1 0 0 0\n"));
     }
 }

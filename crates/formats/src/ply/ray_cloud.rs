@@ -54,7 +54,7 @@ impl PointEncoder for RayCloud {
     }
 
     fn begin(self: Arc<Self>, out: &mut OutputStream) -> Result<Box<dyn FileBody>> {
-        Counted::begin(head, out)
+        Counted::begin(|tally, state| head(tally.records, state), out)
     }
 }
 

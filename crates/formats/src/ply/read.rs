@@ -15,7 +15,9 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
     reading.sink.start(file.columns.attributes());
     for at in 0..file.element.count {
         let vertex = file.read_element(at)?;
-        if reading.take(&file.columns.row(|column| vertex.0[column])).is_break() {
+        let mut row = file.columns.row(|column| vertex.0[column]);
+        row.is_miss |= file.is_ray_cloud && vertex.0[ALPHA] == 0.0;
+        if reading.take(&row).is_break() {
             return Ok(());
         }
     }
@@ -37,8 +39,13 @@ struct PlyReader<'a> {
     is_last: bool,
     /// The attributes of the vertices; the column of each is the number of the attribute.
     columns: Columns,
+    /// Whether vertices are the ends of rays, of which those of the opacity 0 end in free space.
+    is_ray_cloud: bool,
     remarks: Vec<String>,
 }
+
+/// The slot of a vertex behind those of the attributes: its opacity.
+const ALPHA: usize = Attribute::COUNT;
 
 /// The values behind the header that are not read yet.
 enum Values<'a> {
@@ -62,6 +69,7 @@ impl<'a> PlyReader<'a> {
             element: ElementDef::new("vertex".to_owned()),
             is_last: false,
             columns: Columns::default(),
+            is_ray_cloud: is_ray_cloud(&bytes[..header.body]),
             remarks: Vec::new(),
         };
         let mut elements = elements.into_values().filter(|e| !e.properties.is_empty()).peekable();
@@ -73,6 +81,7 @@ impl<'a> PlyReader<'a> {
                 let names: Vec<&str> = names.iter().map(String::as_str).collect();
                 let found = Columns::find_positions(&names).map_err(|e| format!("its vertices: {e}"))?;
                 file.remarks = found.remarks(&names);
+                file.is_ray_cloud &= ["time", "nx", "alpha"].iter().all(|name| names.contains(name));
                 file.columns = number_properties(&mut file.element, &found);
                 return Ok(file);
             }
@@ -133,6 +142,7 @@ fn number_properties(element: &mut ElementDef, found: &Columns) -> Columns {
                 columns = columns.with(attribute, attribute as usize);
                 (attribute as usize).to_string()
             }
+            None if property.name == "alpha" => ALPHA.to_string(),
             None => format!("-{}", property.name),
         };
         numbered.add(PropertyDef::new(name, property.data_type));
@@ -142,11 +152,11 @@ fn number_properties(element: &mut ElementDef, found: &Columns) -> Columns {
 }
 
 /// The values of a vertex, by attribute.
-struct Vertex([f64; Attribute::COUNT]);
+struct Vertex([f64; Attribute::COUNT + 1]);
 
 impl PropertyAccess for Vertex {
     fn new() -> Vertex {
-        Vertex([f64::NAN; Attribute::COUNT])
+        Vertex([f64::NAN; Attribute::COUNT + 1])
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
@@ -159,6 +169,13 @@ impl PropertyAccess for Vertex {
             None => PropertyAccessResult::Ignored,
         }
     }
+}
+
+/// Whether a header is one of this program or of raycloudtools.
+fn is_ray_cloud(header: &[u8]) -> bool {
+    let text = String::from_utf8_lossy(header);
+    let mut comments = text.lines().filter_map(|line| line.trim().strip_prefix("comment"));
+    comments.any(|comment| comment.contains("vlscan") || comment.contains("raycloudtools"))
 }
 
 /// The value of a property as a number; `None` for a list.

@@ -145,7 +145,7 @@ impl<const ASCII: bool> PointEncoder for Ply<ASCII> {
     }
 
     fn begin(self: Arc<Self>, out: &mut OutputStream) -> Result<Box<dyn FileBody>> {
-        Counted::begin(move |count, state| self.head(count, state), out)
+        Counted::begin(move |tally, state| self.head(tally.records, state), out)
     }
 }
 

@@ -19,6 +19,9 @@ use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::input::arrow::{ArrowDecoder, TableField, numbers};
 
+/// Key of the metadata of tables in memory in which return 0 of 0 marks a pulse without a return, whatever their columns.
+pub const MISSES_KEY: &str = "misses";
+
 /// Finds the columns of the points by name, and starts the sink; columns without numbers have empty names.
 fn start(names: &[&str], reading: &mut Reading) -> Result<Columns> {
     let columns = Columns::find_positions(names)
@@ -83,7 +86,7 @@ pub fn read_record_batch(
     };
     let names: Vec<String> = schema.fields().iter().map(field_name).collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    let columns = start(&names, &mut reading)?;
+    let columns = start(&names, &mut reading)?.of_own_table(schema.metadata().contains_key(MISSES_KEY));
     let mut values: Vec<Vec<f64>> = vec![Vec::new(); names.len()];
     for (_, column) in columns.used() {
         values[column] = numbers(batch.column(column)).ok_or_else(|| {

@@ -214,7 +214,8 @@ fn columns_by_count(line: &[u8], words: &[Range<usize>]) -> Columns {
             .with(Attribute::NumberOfReturns, 6)
             .with(Attribute::Object, OBJECT_COLUMN)
             .with(Attribute::Class, 9)
-            .with(Attribute::Time, 10);
+            .with(Attribute::Time, 10)
+            .of_own_table(true);
     }
     if words.len() == 4 { columns.with(Attribute::Intensity, 3) } else { columns }
 }

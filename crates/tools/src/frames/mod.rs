@@ -12,11 +12,14 @@ mod kitti;
 mod nuscenes;
 mod placed;
 
-use placed::{PlacedFrame, place};
+use placed::{PlacedFrame, PlacedPoint, place};
 use std::io::Read;
 use std::path::Path;
+use vlscan_base::Observer;
+use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::write_file;
+use vlscan_base::quantity::number;
 use vlscan_formats::read_frames;
 
 /// A layout of files.
@@ -26,6 +29,16 @@ pub enum FrameLayout {
     Kitti,
     /// nuScenes: samples/LIDAR_TOP, lidarseg and the tables of v1.0-vlscan.
     Nuscenes,
+}
+
+impl FrameLayout {
+    /// Its name, and the largest intensity of its files; the least is 0.
+    fn intensities(self) -> (&'static str, f32) {
+        match self {
+            FrameLayout::Kitti => ("KITTI", 1.0),
+            FrameLayout::Nuscenes => ("nuScenes", 255.0),
+        }
+    }
 }
 
 /// An axis of the scanner that points forward.
@@ -72,22 +85,73 @@ trait FrameWriter {
     fn finish(self: Box<Self>) -> Result<()>;
 }
 
+/// Intensities that are written.
+#[derive(Clone, Copy, Debug)]
+struct Intensities {
+    min: f32,
+    max: f32,
+    /// Points whose intensity the layout does not have.
+    beyond: u64,
+}
+
+impl Intensities {
+    /// Adds the intensities of a frame, of which those up to `most` are in the layout.
+    fn add(&mut self, points: &[PlacedPoint], most: f32) {
+        for intensity in points.iter().map(|point| point.intensity) {
+            (self.min, self.max) = (self.min.min(intensity), self.max.max(intensity));
+            // Also of NaN.
+            self.beyond += u64::from(!(0.0..=most).contains(&intensity));
+        }
+    }
+
+    /// A warning if points have intensities that the layout does not have.
+    fn doubts(&self, name: &Path, options: &FrameOptions) -> Diagnostics {
+        let mut found = Diagnostics::default();
+        let (layout, most) = options.layout.intensities();
+        if self.beyond == 0 {
+            return found;
+        }
+        let [min, max] = [self.min, self.max].map(|value| number(f64::from(value)));
+        let (count, lie) = (self.beyond, if self.beyond == 1 { "point lies" } else { "points lie" });
+        let message = format!(
+            "intensities are {min} to {max}, those of {layout} are 0 to {most}: {count} {lie} beyond"
+        );
+        let problem = found.warn(Some(Place::of_file(name)), message);
+        if self.max > most && self.max.is_finite() {
+            let factor = options.intensity_factor * f64::from(most) / f64::from(self.max);
+            problem
+                .help(format!("scale them into this range with --intensity-factor {}", rounded_down(factor)));
+        }
+        found
+    }
+}
+
+/// A positive number with two digits, not above it.
+fn rounded_down(value: f64) -> String {
+    let unit = libm::exp10(libm::floor(libm::log10(value)) - 1.0);
+    format!("{:.1e}", (value / unit * (1.0 - 1e-9)).floor() * unit)
+}
+
 /// Writes the frames of an MCAP file to a folder; `name` is that of the source in messages. One frame is in memory at a time.
+/// Intensities that the layout does not have are told to `observer`.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Input`] for a source that is no MCAP with points and poses, for numbers that the files cannot hold, and for
-/// folders of the layout that exist.
+/// [`Error::Io`]; [`Error::Input`] for a source that is no MCAP with points and poses, for numbers that the files cannot hold, for
+/// folders of the layout that exist, and for warnings of a strict observer.
 pub fn write_frames(
     source: &mut dyn Read,
     name: &Path,
     folder: &Path,
     options: &FrameOptions,
+    observer: &Observer,
 ) -> Result<FrameCounts> {
     let mut writer: Box<dyn FrameWriter> = match options.layout {
         FrameLayout::Kitti => Box::new(kitti::Kitti::begin(folder, options.sequence)?),
         FrameLayout::Nuscenes => Box::new(nuscenes::Nuscenes::begin(folder)?),
     };
     let mut counts = FrameCounts::default();
+    let mut intensities = Intensities { min: f32::INFINITY, max: f32::NEG_INFINITY, beyond: 0 };
+    let (_, most) = options.layout.intensities();
     read_frames(source, name, &mut |frame| {
         let placed = place(&frame, options.forward, options.intensity_factor).ok_or_else(|| {
             let message = format!("{}: it has points without poses of their frame (/tf)", name.display());
@@ -95,11 +159,13 @@ pub fn write_frames(
         })?;
         counts.frames += 1;
         counts.points += placed.points.len() as u64;
+        intensities.add(&placed.points, most);
         writer.frame(&placed)
     })?;
     if counts.frames == 0 {
         return Err(Error::input(format!("{}: it has no messages of points", name.display())));
     }
+    observer.warnings(intensities.doubts(name, options))?;
     writer.finish()?;
     Ok(counts)
 }
@@ -123,4 +189,34 @@ fn refuse_existing(folder: &Path) -> Result<()> {
 /// Creates a folder of a layout.
 fn create(folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(|e| Error::io("create", folder, e))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use vlscan_geom::DVec3;
+
+    #[test]
+    fn intensities_beyond_those_of_the_layout_are_told_with_the_factor_to_type() {
+        let point =
+            |intensity| PlacedPoint { position: DVec3::ZERO, intensity, ring: 0, class: 0, instance: 0 };
+        let said = |layout, values: &[f32], intensity_factor| {
+            let options = FrameOptions { layout, forward: ForwardAxis::X, sequence: 0, intensity_factor };
+            let mut all = Intensities { min: f32::INFINITY, max: f32::NEG_INFINITY, beyond: 0 };
+            let points: Vec<PlacedPoint> = values.iter().map(|value| point(*value)).collect();
+            all.add(&points, layout.intensities().1);
+            all.doubts(Path::new("a.mcap"), &options).render(false)
+        };
+        let (kitti, nuscenes) = (FrameLayout::Kitti, FrameLayout::Nuscenes);
+        let found = said(kitti, &[890.0, 0.5, 617_421.0], 1.0);
+        assert!(found.contains("0.5 to 617421, those of KITTI are 0 to 1: 2 points"), "{found}");
+        assert!(found.contains("--intensity-factor 1.6e-6"), "{found}");
+        // With this factor they are within.
+        assert_eq!(said(kitti, &[890.0 * 1.6e-6, 617_421.0 * 1.6e-6], 1.6e-6), "");
+        assert!(said(kitti, &[2.0], 0.5).contains("--intensity-factor 2.4e-1"));
+        assert_eq!(said(nuscenes, &[0.0, 255.0], 1.0), "");
+        assert!(said(nuscenes, &[510.0], 1.0).contains("--intensity-factor 4.9e-1"));
+        assert!(said(nuscenes, &[-1.0], 1.0).contains("1 point lies beyond"));
+        assert!(said(kitti, &[f32::NAN], 1.0).contains("1 point lies"));
+    }
 }

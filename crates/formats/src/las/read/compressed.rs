@@ -89,9 +89,11 @@ impl<'a> Compressed<'a> {
         let mut source = Cursor::new(file.0);
         source.set_position(header.data_at as u64);
         let wanted = match selection {
-            Selection::PositionAndClass => {
-                DecompressionSelection::xy_returns_channel().decompress_z().decompress_classification()
-            }
+            // With the flags, which mark pulses without a return.
+            Selection::PositionAndClass => DecompressionSelection::xy_returns_channel()
+                .decompress_z()
+                .decompress_classification()
+                .decompress_flags(),
             Selection::All => DecompressionSelection::all(),
         };
         let decompressor = LasZipDecompressor::selective(source, vlr, wanted).map_err(unread)?;

@@ -218,6 +218,13 @@ impl Header {
         record[14] & if self.fields.is_extended { 0x0f } else { 0x07 }
     }
 
+    /// Whether a record is that of a pulse without a return: this program writes return 0 of 0 of the intensity 0, withheld.
+    pub(super) fn is_miss(&self, record: &[u8]) -> bool {
+        let is_withheld =
+            if self.fields.is_extended { record[15] & 1 << 2 != 0 } else { record[15] & 1 << 7 != 0 };
+        is_withheld && self.return_number(record) == 0 && self.number_of_returns(record) == 0
+    }
+
     pub(super) fn number_of_returns(&self, record: &[u8]) -> u8 {
         if self.fields.is_extended { record[14] >> 4 } else { record[14] >> 3 & 0x07 }
     }

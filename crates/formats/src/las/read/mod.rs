@@ -218,6 +218,7 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
                 class: header.class(record),
                 return_number: header.return_number(record),
                 number_of_returns: header.number_of_returns(record),
+                is_miss: raw_intensity == 0 && header.is_miss(record),
                 scan_angle: header.scan_angle(record),
                 leg: header.source_id(record),
                 point_source: header.point_source(record),

@@ -1,0 +1,271 @@
+//! The few points of a cloud that lie far from all others, as bad fixes of GNSS, damaged files and birds give them: they are found
+//! in one pass over points in any number, and in memory that does not grow with it.
+//!
+//! A stray lies behind a gap without points along x, y or z that is wider than three times the extent of most points, and wider
+//! than the way from these to the gap: the points of a tripod thin out with their distance.
+
+use std::path::Path;
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::quantity::number;
+use vlscan_geom::{Aabb, DVec3};
+
+/// Most strays at one end of an axis; more of them are a place of their own.
+const MAX_STRAYS: usize = 63;
+/// Largest share of the points that are strays at one end of an axis, and share that the extent of most points leaves out there.
+const MAX_SHARE: f64 = 0.05;
+/// Fewest points of which some can lie far from the others.
+const MIN_POINTS: u64 = 10;
+/// Width of the gap before a stray, in extents of most points.
+const GAP_EXTENTS: f64 = 3.0;
+/// Least extents for this: horizontally and vertically, m.
+const MIN_EXTENTS: [f64; 2] = [10.0, 50.0];
+/// Most points by which the extent of most points is estimated, evenly chosen.
+const MAX_SAMPLE: usize = 1 << 14;
+
+/// Takes the points of a cloud to find its strays.
+#[derive(Clone, Debug)]
+pub struct StrayFinder {
+    count: u64,
+    /// Of so many points one is in the sample.
+    stride: u64,
+    sample: Vec<DVec3>,
+    /// The lower and the upper end of each axis.
+    ends: [End; 6],
+}
+
+/// The points at one end of an axis.
+#[derive(Clone, Debug)]
+struct End {
+    axis: usize,
+    sign: f64,
+    /// Points of this value or less are not among the outermost.
+    threshold: f64,
+    /// Value towards the end, number and position of points.
+    points: Vec<(f64, u64, DVec3)>,
+}
+
+impl End {
+    fn add(&mut self, number: u64, p: DVec3) {
+        let value = self.sign * p[self.axis];
+        if value > self.threshold {
+            self.points.push((value, number, p));
+            if self.points.len() >= 4 * MAX_STRAYS {
+                self.shorten();
+            }
+        }
+    }
+
+    /// Keeps the outermost points: one more than may be strays.
+    fn shorten(&mut self) {
+        self.points.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        self.points.truncate(MAX_STRAYS + 1);
+        self.threshold = self.points.last().map_or(f64::NEG_INFINITY, |last| last.0);
+    }
+
+    /// The value behind which points are strays, in the middle of the innermost gap that is wide enough; `None` without strays.
+    /// `edge` is where most points end.
+    fn limit(mut self, count: u64, gap: f64, edge: f64) -> Option<f64> {
+        self.shorten();
+        let most = ((count as f64 * MAX_SHARE) as usize).clamp(1, MAX_STRAYS);
+        let is_gap =
+            |pair: &&[(f64, u64, DVec3)]| pair[0].0 - pair[1].0 > gap.max(pair[1].0 - self.sign * edge);
+        let pair = self.points.windows(2).take(most).rfind(is_gap)?;
+        Some(self.sign * (0.5 * pair[0].0 + 0.5 * pair[1].0))
+    }
+}
+
+impl Default for StrayFinder {
+    fn default() -> StrayFinder {
+        let end = |i: usize| End {
+            axis: i / 2,
+            sign: if i % 2 == 0 { -1.0 } else { 1.0 },
+            threshold: f64::NEG_INFINITY,
+            points: Vec::new(),
+        };
+        StrayFinder { count: 0, stride: 1, sample: Vec::new(), ends: std::array::from_fn(end) }
+    }
+}
+
+impl StrayFinder {
+    /// The strays of some points.
+    pub fn of(points: impl IntoIterator<Item = DVec3>) -> Strays {
+        let mut finder = StrayFinder::default();
+        points.into_iter().for_each(|p| finder.add(p));
+        finder.strays()
+    }
+
+    /// Adds a point, whose coordinates are finite.
+    pub fn add(&mut self, p: DVec3) {
+        if self.count.is_multiple_of(self.stride) {
+            if self.sample.len() == MAX_SAMPLE {
+                let mut number = 0;
+                self.sample.retain(|_| {
+                    number += 1;
+                    number % 2 == 1
+                });
+                self.stride *= 2;
+            }
+            if self.count.is_multiple_of(self.stride) {
+                self.sample.push(p);
+            }
+        }
+        let count = self.count;
+        self.ends.iter_mut().for_each(|end| end.add(count, p));
+        self.count += 1;
+    }
+
+    /// The strays among the points so far.
+    pub fn strays(&self) -> Strays {
+        let everywhere = Aabb { min: DVec3::NEG_INFINITY, max: DVec3::INFINITY };
+        let mut strays = Strays { within: everywhere, count: 0, farthest: None };
+        if self.count < MIN_POINTS {
+            return strays;
+        }
+        let core = self.core();
+        let size = core.size();
+        let [across, up] = [(size.x.max(size.y), MIN_EXTENTS[0]), (size.z, MIN_EXTENTS[1])]
+            .map(|(extent, least)| GAP_EXTENTS * extent.max(least));
+        for end in &self.ends {
+            let gap = if end.axis == 2 { up } else { across };
+            let edge = if end.sign < 0.0 { core.min } else { core.max };
+            let Some(limit) = end.clone().limit(self.count, gap, edge[end.axis]) else { continue };
+            let side = if end.sign < 0.0 { &mut strays.within.min } else { &mut strays.within.max };
+            side[end.axis] = limit;
+        }
+        let mut found: Vec<(u64, DVec3)> = Vec::new();
+        for (_, number, p) in self.ends.iter().flat_map(|end| &end.points) {
+            if strays.contains(*p) && found.iter().all(|(other, _)| other != number) {
+                found.push((*number, *p));
+            }
+        }
+        let distance = |p: DVec3| (p - p.max(core.min).min(core.max)).length();
+        let farthest = found.iter().map(|(_, p)| (*p, distance(*p)));
+        strays.farthest = farthest.max_by(|a, b| a.1.total_cmp(&b.1));
+        strays.count = found.len() as u64;
+        strays
+    }
+
+    /// The box around most points.
+    fn core(&self) -> Aabb {
+        let skipped = ((self.sample.len() as f64 * MAX_SHARE) as usize).max(1);
+        let ends = |axis: usize| {
+            let mut values: Vec<f64> = self.sample.iter().map(|p| p[axis]).collect();
+            values.sort_unstable_by(f64::total_cmp);
+            let last = values.len() - 1;
+            [values[skipped.min(last)], values[last.saturating_sub(skipped)]]
+        };
+        let [x, y, z] = [0, 1, 2].map(ends);
+        Aabb { min: DVec3::new(x[0], y[0], z[0]), max: DVec3::new(x[1], y[1], z[1]) }
+    }
+}
+
+/// The points of a cloud that lie far from all others.
+#[derive(Clone, Copy, Debug)]
+pub struct Strays {
+    /// Where the others are, m.
+    within: Aabb,
+    /// Their number.
+    pub count: u64,
+    /// The farthest one, and its distance from most points, m.
+    pub farthest: Option<(DVec3, f64)>,
+}
+
+impl Strays {
+    /// Whether a point of the cloud is one of them.
+    pub fn contains(&self, p: DVec3) -> bool {
+        let is_within =
+            (0..3).all(|axis| self.within.min[axis] <= p[axis] && p[axis] <= self.within.max[axis]);
+        !is_within
+    }
+
+    /// The box of all other points, m, infinite where there is no stray.
+    pub fn others(&self) -> Aabb {
+        self.within
+    }
+
+    /// Their number and the place of the farthest one in words; `None` without strays.
+    pub fn described(&self) -> Option<String> {
+        let (p, distance) = self.farthest?;
+        let [x, y, z] = p.to_array().map(|c| format!("{c:.2}"));
+        let far = if distance >= 1e4 {
+            format!("{} km", number((distance / 10.0).round() / 100.0))
+        } else {
+            format!("{} m", distance.round())
+        };
+        Some(match self.count {
+            1 => format!("1 point lies far from all others, {far} away at {x} {y} {z}"),
+            count => {
+                format!("{count} points lie far from all others, the farthest {far} away at {x} {y} {z}")
+            }
+        })
+    }
+
+    /// Warns of them; `what` says what happens to them: "left out".
+    pub fn warn(&self, path: &Path, what: &str, found: &mut Diagnostics) {
+        if let Some(described) = self.described() {
+            let them = if self.count == 1 { "it is" } else { "they are" };
+            found.warn(Some(Place::of_file(path)), format!("{described}; {them} {what}"));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use vlscan_base::rng::{Purpose, Stream};
+
+    /// Points within `size`, and others.
+    fn cloud(count: u64, size: DVec3, more: &[DVec3]) -> Vec<DVec3> {
+        let draws = Stream::new(3, Purpose::SceneMaking);
+        let place = |i: u64| DVec3::from([0, 1, 2].map(|axis| draws.uniform(0, i, axis as u32))) * size;
+        more.iter().copied().chain((0..count).map(place)).collect()
+    }
+
+    #[test]
+    fn single_points_far_away_are_strays_wherever_they_are_in_the_file() {
+        let size = DVec3::new(60.0, 60.0, 10.0);
+        for place in [
+            DVec3::new(30.0, 30.0, 3000.0),
+            DVec3::new(3000.0, 0.0, 0.0),
+            DVec3::new(20.0, -30_000.0, 0.0),
+            DVec3::new(1e6, 1e6, 0.0),
+            DVec3::new(5.0, 5.0, -200.0),
+        ] {
+            for count in [10, 400, 100_000] {
+                let mut points = cloud(count, size, &[place]);
+                let found = StrayFinder::of(points.iter().copied());
+                assert_eq!((found.count, found.farthest.unwrap().0), (1, place), "{count}");
+                assert_eq!(points.iter().filter(|p| found.contains(**p)).count(), 1);
+                let half = points.len() / 2;
+                points.rotate_left(half);
+                assert_eq!(StrayFinder::of(points).count, 1);
+            }
+        }
+        let both = StrayFinder::of(cloud(400, size, &[DVec3::new(1e6, 1e6, 0.0); 5]));
+        let text = both.described().unwrap();
+        assert_eq!(both.count, 5);
+        assert!(
+            text.contains("5 points lie far") && text.contains("at 1000000.00 1000000.00 0.00"),
+            "{text}"
+        );
+        assert!(text.contains("1414.13 km") || text.contains("1414.14 km"), "{text}");
+    }
+
+    #[test]
+    fn places_of_their_own_and_points_that_thin_out_are_no_strays() {
+        let size = DVec3::new(60.0, 60.0, 10.0);
+        let far: Vec<DVec3> = cloud(100, size, &[]).into_iter().map(|p| p + DVec3::X * 1e5).collect();
+        assert_eq!(StrayFinder::of(cloud(5000, size, &far)).count, 0);
+        assert_eq!(StrayFinder::of(cloud(1, size, &[DVec3::ZERO, DVec3::X * 1e6])).count, 0);
+        assert_eq!(StrayFinder::of(cloud(6, size, &[DVec3::X * 1e6; 6])).count, 0);
+        // A tripod's: their number falls with the square of the distance, out to 2 km.
+        let around = (0..20_000u32).map(|i| {
+            let turn = 2.399_963 * f64::from(i);
+            let range = 2.0 / (1.0 - f64::from(i) / 20_020.0);
+            DVec3::new(range * libm::cos(turn), range * libm::sin(turn), 0.0)
+        });
+        assert_eq!(StrayFinder::of(around).count, 0);
+        assert_eq!(StrayFinder::of([]).count, 0);
+        assert_eq!(StrayFinder::of(vec![DVec3::ZERO; 1000]).count, 0);
+    }
+}
