@@ -33,6 +33,10 @@ pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
         0 => String::new(),
         count => format!(", without {} points of noise (classes 7 and 18)", amount(count as f64)),
     };
+    let misses = match rasters.misses {
+        0 => String::new(),
+        count => format!(", without {} pulses that returned nothing", amount(count as f64)),
+    };
     for (kind, path) in &wanted {
         let bytes = rasters.geotiff(*kind)?;
         if is_stdout(path) {
@@ -41,7 +45,7 @@ pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
             write_file(path, args.force, &bytes)?;
         }
         console.say(format!(
-            "{}: {} of {} points, {columns} by {rows} cells of {} m, {system}{noise}",
+            "{}: {} of {} points, {columns} by {rows} cells of {} m, {system}{noise}{misses}",
             if is_stdout(path) { "stdout".to_owned() } else { path.display().to_string() },
             kind.name(),
             amount(rasters.points as f64),

@@ -310,3 +310,178 @@ fn lines_that_end_in_carriage_returns_are_lines() {
         assert_eq!(facts(dir.path(), name, " ")["primitives"].as_f64(), Some(100.0), "{name}");
     }
 }
+
+#[test]
+fn few_points_on_both_sides_of_the_origin_are_described() {
+    let dir = folder();
+    for (name, cloud) in [
+        ("two.xyz", "1 1 0\n-1 -1 0\n"),
+        ("four.csv", "x,y,z\n5,5,0\n-5,5,0\n5,-5,0\n-5,-5,0\n"),
+        ("wide.csv", "x,y,z\n1e9,1e9,0\n-1e9,-1e9,0\n"),
+    ] {
+        fs::write(dir.path().join(name), cloud).unwrap();
+        let shown = text(&common::succeed(dir.path(), &["info", name]).stdout);
+        assert!(shown.contains("points/m²"), "{shown}");
+    }
+}
+
+/// The facts of a file.
+fn described(folder: &Path, name: &str) -> serde_json::Value {
+    serde_json::from_slice(&common::succeed(folder, &["info", name, "--json"]).stdout).unwrap()
+}
+
+#[test]
+fn misses_are_recognised_by_what_is_written_for_them_and_not_by_zeros() {
+    let dir = folder();
+    let survey = common::forest();
+    let names =
+        ["a.las", "a.laz", "a.copc.laz", "a.ply", "a.csv", "a.parquet", "a.arrow", "a.xyz", "a.pcd", "a.e57"];
+    let outputs: Vec<&str> = names.iter().flat_map(|name| ["-o", name]).collect();
+    let run = ["run", &survey, "-q", "--misses", "-o", "a.raycloud.ply"];
+    common::succeed(dir.path(), &[&run[..], &outputs].concat());
+    let expected = described(dir.path(), "a.las");
+    let (points, misses) = (expected["points"].as_u64().unwrap(), expected["misses"].as_u64().unwrap());
+    assert!(points > 1000 && misses > 10, "{expected}");
+    for name in names.into_iter().chain(["a.raycloud.ply"]) {
+        let found = described(dir.path(), name);
+        assert_eq!(
+            (found["points"].as_u64(), found["misses"].as_u64()),
+            (Some(points), Some(misses)),
+            "{name}"
+        );
+    }
+    // The same records as another program has them: not withheld.
+    let mut las = fs::read(dir.path().join("a.las")).unwrap();
+    let start = u32::from_le_bytes(las[96..100].try_into().unwrap()) as usize;
+    let length = usize::from(u16::from_le_bytes(las[105..107].try_into().unwrap()));
+    las[start..].chunks_exact_mut(length).for_each(|record| record[15] &= !4);
+    fs::write(dir.path().join("other.las"), las).unwrap();
+    let found = described(dir.path(), "other.las");
+    assert_eq!((found["points"].as_u64(), found["misses"].as_u64()), (Some(points + misses), Some(0)));
+    let out = common::succeed(dir.path(), &["info", "other.las"]);
+    let note = format!("{misses} points have no return number (0 of 0)");
+    assert!(text(&out.stderr).contains(&note), "{}", text(&out.stderr));
+    let said = |args: &[&str]| text(&common::succeed(dir.path(), args).stderr);
+    let amount = |name: &str| said(&["raster", name, "--density", "d.tif", "--force"]);
+    assert!(amount("a.las").contains("pulses that returned nothing"), "{}", amount("a.las"));
+    assert!(!amount("other.las").contains("pulses that"), "{}", amount("other.las"));
+    // Tables of other programs.
+    let rows = "X,Y,Z,Intensity,ReturnNumber,NumberOfReturns\n1,2,3,0,0,0\n4,5,6,7,1,1\n";
+    fs::write(dir.path().join("pdal.csv"), rows).unwrap();
+    let found = described(dir.path(), "pdal.csv");
+    assert_eq!((found["points"].as_u64(), found["misses"].as_u64()), (Some(2), Some(0)));
+}
+
+/// A meadow of 60 m with plants as LAS-like text, and where one of its points is moved to; `class` is that of the point.
+fn meadow(moved: [f64; 3], class: u8) -> String {
+    let mut rows = "x,y,z,class,gps_time,return_number,number_of_returns,scan_angle\n".to_owned();
+    for i in 0..3000u32 {
+        let part = |prime: u32| f64::from(i * prime % 3001) / 3001.0;
+        let [mut x, mut y] = [60.0 * part(997), 60.0 * part(1511)];
+        let is_plant = i % 3 == 0;
+        let mut z = 0.04 * part(2011) + if is_plant { 1.0 + 9.0 * part(1223) } else { 0.0 };
+        let angle = (x - 30.0) * 0.18;
+        let mut of = if is_plant { 5 } else { 2 };
+        if i == 7 && class > 0 {
+            (x, y, z, of) = (x + moved[0], y + moved[1], z + moved[2], class);
+        }
+        rows += &format!("{x:.2},{y:.2},{z:.2},{of},{:.4},1,1,{angle:.2}\n", f64::from(i) * 1e-4);
+    }
+    rows
+}
+
+#[test]
+fn one_point_far_away_is_left_out_with_a_warning_by_all_commands() {
+    let dir = folder();
+    let write = |name: &str, rows: String| fs::write(dir.path().join(name), rows).unwrap();
+    write("whole.csv", meadow([0.0; 3], 0));
+    // Noise is left out, too: the rest is what there is without the point.
+    write("rest.csv", meadow([0.0; 3], 7));
+    let reconstructed = |name: &str| {
+        let said = common::succeed(dir.path(), &["scene", "reconstruct", name, "-o", "found", "--force"]);
+        let report = fs::read_to_string(dir.path().join("found/report.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        let number = |path: &str| report.pointer(path).and_then(serde_json::Value::as_f64).unwrap();
+        ([number("/foliage/leaf_area_m2"), number("/receiver/element_size_m")], text(&said.stderr))
+    };
+    let (whole, _) = reconstructed("whole.csv");
+    common::succeed(dir.path(), &["raster", "rest.csv", "--dtm", "rest.tif", "-q"]);
+    for moved in [[0.0, 0.0, 3000.0], [3000.0, 0.0, 0.0], [0.0, 30_000.0, 0.0], [1e6, 1e6, 0.0]] {
+        write("far.csv", meadow(moved, 1));
+        let far = reconstructed("far.csv");
+        let is_same = far.0.iter().zip(whole).all(|(far, whole)| (far / whole - 1.0).abs() < 0.02);
+        assert!(is_same, "{moved:?}: {:?}, not {whole:?}", far.0);
+        assert!(far.1.contains("1 point lies far from all others"), "{}", far.1);
+        let raster = ["raster", "far.csv", "--dtm", "far.tif", "--force"];
+        let said = text(&common::succeed(dir.path(), &raster).stderr);
+        assert!(said.contains("1 point lies far") && said.contains("left out"), "{said}");
+        let [one, two] = ["rest.tif", "far.tif"].map(|name| fs::read(dir.path().join(name)).unwrap());
+        assert!(one == two, "{moved:?}");
+        let strict = run(dir.path(), &[&raster[..], &["--strict"]].concat());
+        assert_eq!(strict.status.code(), Some(2));
+        for args in [
+            &["info", "far.csv"][..],
+            &["preview", "far.csv", "-o", "far.png", "--force"],
+            &["compare", "far.csv", "rest.csv"],
+        ] {
+            let said = text(&common::succeed(dir.path(), args).stderr);
+            assert!(said.contains("1 point lies far from all others"), "{args:?}: {said}");
+        }
+    }
+    // Two places are no stray points: the message about cells names where they lie.
+    let two = meadow([0.0; 3], 0)
+        + &meadow([0.0; 3], 0).replace(",", "e5,").lines().skip(1).collect::<Vec<_>>().join("\n");
+    write("two.csv", two);
+    let refused = run(dir.path(), &["raster", "two.csv", "--dsm", "two.tif", "--cell", "0.1"]);
+    let said = text(&refused.stderr);
+    assert!(refused.status.code() == Some(2) && said.contains("the points lie from x"), "{said}");
+}
+
+#[test]
+fn points_at_random_take_memory_by_their_number() {
+    let dir = folder();
+    let mut rows = "x,y,z,class,gps_time,leg\n".to_owned();
+    let mut state = 1u64;
+    let mut draw = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as f64 / f64::from(1u32 << 31) - 0.5
+    };
+    for i in 0..900 {
+        let class = [1, 2, 5, 6][i % 4];
+        let [x, y, z] = [draw(), draw(), draw()].map(|v| 4e9 * v);
+        rows += &format!("{x:.2},{y:.2},{z:.2},{class},{},{}\n", 1e6 * draw(), i % 400);
+    }
+    fs::write(dir.path().join("random.csv"), rows).unwrap();
+    let limited = |args: &[&str]| {
+        let limit = format!("ulimit -v 3000000; exec {} {}", env!("CARGO_BIN_EXE_vlscan"), args.join(" "));
+        std::process::Command::new("sh").arg("-c").arg(limit).current_dir(dir.path()).output().unwrap()
+    };
+    let out = limited(&["scene", "reconstruct", "random.csv", "-o", "found"]);
+    assert!(matches!(out.status.code(), Some(0 | 2)), "{:?} {}", out.status, text(&out.stderr));
+    let lines = text(&out.stderr).lines().filter(|line| line.contains("where the instrument was")).count();
+    assert!(lines <= 1, "{}", text(&out.stderr));
+    let out = limited(&["raster", "random.csv", "--dtm", "a.tif"]);
+    assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));
+    assert!(text(&out.stderr).contains("cells of 1 m"), "{}", text(&out.stderr));
+}
+
+#[test]
+fn seconds_that_no_week_has_and_classes_of_old_formats_are_described_as_such() {
+    let dir = folder();
+    let survey = common::forest();
+    common::succeed(dir.path(), &["run", &survey, "-q", "-o", "a.las", "--las10"]);
+    let mut las = fs::read(dir.path().join("a.las")).unwrap();
+    let start = u32::from_le_bytes(las[96..100].try_into().unwrap()) as usize;
+    let length = usize::from(u16::from_le_bytes(las[105..107].try_into().unwrap()));
+    for record in las[start..].chunks_exact_mut(length) {
+        record[15] = 15;
+        record[20..28].copy_from_slice(&306_234_561.96f64.to_le_bytes());
+    }
+    fs::write(dir.path().join("b.las"), las).unwrap();
+    let out = common::succeed(dir.path(), &["info", "b.las"]);
+    let (shown, said) = (text(&out.stdout), text(&out.stderr));
+    assert!(shown.contains("not of the GPS week") && shown.contains("2021-05-"), "{shown}");
+    assert!(said.contains("which are 0 to 604800"), "{said}");
+    assert!(shown.contains("15 ") && shown.contains("reserved") && !shown.contains("tower"), "{shown}");
+    assert!(described(dir.path(), "b.las")["time_kind"].is_null());
+}

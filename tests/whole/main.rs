@@ -51,7 +51,6 @@ mod profiles;
 mod raster;
 mod rasters;
 mod reconstruct;
-mod recording;
 mod scenes;
 mod shards;
 mod spinning;

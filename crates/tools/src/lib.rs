@@ -9,6 +9,7 @@
 //! | `chart` | charts as SVG and as pixels |
 //! | `catalogue` | figures of instruments with their sources, fields of view, scan patterns |
 //! | `cloud` | point clouds in memory, waveforms of single pulses |
+//! | `kd_tree` | the points of a cloud that are nearest to a place |
 //! | `neighbours` | the nearest points to a place, and the plane through them |
 //! | `raster` | terrain, surface, canopy height and densities from point clouds |
 //! | `frames` | frames of a scanner in the layouts of KITTI and nuScenes |
@@ -27,6 +28,7 @@ pub mod compare;
 pub mod frames;
 pub mod generate;
 pub mod geotiff;
+mod kd_tree;
 pub mod neighbours;
 pub mod plan;
 pub mod preview;

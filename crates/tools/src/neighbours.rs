@@ -1,46 +1,19 @@
 //! The points that are nearest to a place, seen from above, and the plane through them.
 
+use crate::kd_tree::KdTree;
 use vlscan_geom::DVec3;
 
-/// Mean number of points in a cell.
-const POINTS_PER_CELL: f64 = 4.0;
-
-/// Points by square cells of the plane.
+/// Points in the plane.
 pub struct Neighbours {
     points: Vec<DVec3>,
-    min: [f64; 2],
-    size: f64,
-    cells: [usize; 2],
-    /// Where the points of each cell begin in `order`, with the end of the last one.
-    starts: Vec<u32>,
-    order: Vec<u32>,
+    tree: KdTree,
 }
 
 impl Neighbours {
-    /// Sorts points into cells.
+    /// Prepares points for searches.
     pub fn of(points: Vec<DVec3>) -> Neighbours {
-        let min = points.iter().fold(DVec3::INFINITY, |a, p| a.min(*p));
-        let max = points.iter().fold(DVec3::NEG_INFINITY, |a, p| a.max(*p));
-        let area = ((max.x - min.x) * (max.y - min.y)).max(1e-6);
-        let size = (area * POINTS_PER_CELL / points.len().max(1) as f64).sqrt().max(1e-3);
-        // Points along a line have an area of nearly 0: cells are limited in number.
-        let limit = (points.len() + 16) as f64;
-        let size = size.max((max.x - min.x).max(max.y - min.y) / limit).max(1e-3);
-        let cells = [max.x - min.x, max.y - min.y].map(|d| (d.max(0.0) / size) as usize + 1);
-        let mut all =
-            Neighbours { points, min: [min.x, min.y], size, cells, starts: Vec::new(), order: Vec::new() };
-        let cell_of: Vec<usize> = all.points.iter().map(|p| all.cell(p.x, p.y)).collect();
-        let mut starts = vec![0u32; cells[0] * cells[1] + 1];
-        cell_of.iter().for_each(|cell| starts[cell + 1] += 1);
-        (1..starts.len()).for_each(|i| starts[i] += starts[i - 1]);
-        let mut next = starts.clone();
-        all.order = vec![0; all.points.len()];
-        for (point, cell) in cell_of.iter().enumerate() {
-            all.order[next[*cell] as usize] = point as u32;
-            next[*cell] += 1;
-        }
-        all.starts = starts;
-        all
+        let flat: Vec<[f64; 3]> = points.iter().map(|p| [p.x, p.y, 0.0]).collect();
+        Neighbours { points, tree: KdTree::new(&flat) }
     }
 
     /// The points.
@@ -48,58 +21,16 @@ impl Neighbours {
         &self.points
     }
 
-    fn index(&self, axis: usize, value: f64) -> i64 {
-        ((value - self.min[axis]) / self.size).floor() as i64
+    /// Whether a point lies within `radius` of a place.
+    pub fn is_near(&self, x: f64, y: f64, radius: f64) -> bool {
+        self.tree.is_near(&[x, y, 0.0], radius)
     }
 
-    fn cell(&self, x: f64, y: f64) -> usize {
-        let [i, j] = [self.index(0, x), self.index(1, y)];
-        let clamped = |i: i64, axis: usize| i.clamp(0, self.cells[axis] as i64 - 1) as usize;
-        clamped(j, 1) * self.cells[0] + clamped(i, 0)
-    }
-
-    /// The points within `radius` of a place that `accept` accepts, and their squared distances; unordered.
-    pub fn within(&self, x: f64, y: f64, radius: f64, mut visit: impl FnMut(usize, f64)) {
-        let range = |axis: usize, value: f64| {
-            let last = self.cells[axis] as i64 - 1;
-            let from = self.index(axis, value - radius).max(0);
-            from..self.index(axis, value + radius).min(last) + 1
-        };
-        for j in range(1, y) {
-            for i in range(0, x) {
-                let cell = j as usize * self.cells[0] + i as usize;
-                for at in self.starts[cell]..self.starts[cell + 1] {
-                    let point = self.order[at as usize] as usize;
-                    let (dx, dy) = (self.points[point].x - x, self.points[point].y - y);
-                    let square = dx * dx + dy * dy;
-                    if square <= radius * radius {
-                        visit(point, square);
-                    }
-                }
-            }
-        }
-    }
-
-    /// The nearest `count` points and their squared distances, nearest first; `without` is left out.
+    /// The nearest `count` points and their squared distances, nearest first, of equal distances in the order of points; `without`
+    /// is left out. The time does not depend on where points lie.
     pub fn nearest(&self, x: f64, y: f64, count: usize, without: Option<usize>) -> Vec<(f64, usize)> {
-        let mut radius = self.size;
-        let reach = self.size * (self.cells[0] + self.cells[1] + 2) as f64
-            + (x - self.min[0]).abs()
-            + (y - self.min[1]).abs();
-        loop {
-            let mut found = Vec::new();
-            self.within(x, y, radius, |i, square| {
-                if Some(i) != without {
-                    found.push((square, i));
-                }
-            });
-            if found.len() >= count || radius > reach {
-                found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-                found.truncate(count);
-                return found;
-            }
-            radius *= 2.0;
-        }
+        let found = self.tree.nearest_few(&[x, y, 0.0], count, |i| Some(i as usize) != without);
+        found.into_iter().map(|(square, i)| (square, i as usize)).collect()
     }
 }
 
@@ -151,5 +82,21 @@ mod tests {
             assert_eq!(all.nearest(x, y, 3, Some(expected[0].1)), expected[1..4]);
         }
         assert_eq!(Neighbours::of(points[..2].to_vec()).nearest(0.0, 0.0, 5, None).len(), 2);
+        assert!(all.nearest(f64::NAN, 0.0, 5, None).is_empty());
+        let distance = all.nearest(-30.0, 4.0, 1, None)[0].0.sqrt();
+        assert!(all.is_near(-30.0, 4.0, distance * 1.001) && !all.is_near(-30.0, 4.0, distance * 0.999));
+    }
+
+    #[test]
+    fn equally_near_points_are_in_the_order_of_points() {
+        let points: Vec<DVec3> =
+            (0..400).map(|i| DVec3::new(f64::from(i % 20), f64::from(i / 20), 0.0)).collect();
+        let all = Neighbours::of(points.clone());
+        for (x, y) in [(9.5, 9.5), (3.0, 7.0), (0.5, 19.0)] {
+            let mut expected: Vec<(f64, usize)> =
+                points.iter().enumerate().map(|(i, p)| ((p.x - x).powi(2) + (p.y - y).powi(2), i)).collect();
+            expected.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            assert_eq!(all.nearest(x, y, 7, None), expected[..7], "{x} {y}");
+        }
     }
 }

@@ -32,7 +32,7 @@ pub fn check_wavelengths(survey: &Survey) -> Diagnostics {
         );
         found
             .warn(survey_place(survey), message)
-            .help("--correct channel-spectra evaluates them at the wavelength of each channel");
+            .help("scan each wavelength with its own single-channel scanner");
     }
     found
 }

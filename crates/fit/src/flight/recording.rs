@@ -5,8 +5,7 @@ use std::ops::{ControlFlow, Range};
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::quantity::fixed;
-use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, read_points};
+use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, StrayFinder, read_points};
 use vlscan_geom::{DVec3, degrees, radians};
 
 /// A gap of this many median intervals between pulses ends a line.
@@ -99,7 +98,7 @@ impl PointSink for Rows {
     }
 
     fn point(&mut self, row: &PointRow, _object: Option<&str>) -> ControlFlow<()> {
-        if row.position.is_finite() && row.time.is_finite() && row.scan_angle.abs() < 90.0 {
+        if !row.is_miss && row.position.is_finite() && row.time.is_finite() && row.scan_angle.abs() < 90.0 {
             if NOISE.contains(&row.class) {
                 return ControlFlow::Continue(());
             }
@@ -137,6 +136,9 @@ impl Recording {
                 ));
             }
         }
+        let strays = StrayFinder::of(sink.rows.iter().map(|row| row.position));
+        strays.warn(path, "left out", found);
+        sink.rows.retain(|row| !strays.contains(row.position));
         let mut flights = flight_lines(sink.rows);
         if let Some(source) = source {
             let sources: Vec<String> = flights.iter().map(|flight| flight[0].source.to_string()).collect();
@@ -292,13 +294,11 @@ impl Recording {
             .map(|pulse| degrees(pulse.angle))
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), angle| (low.min(angle), high.max(angle)));
         format!(
-            "{} pulses of {:.3} s, {:.0} a second within their {} scan lines, with scan angles from {}° to {}°",
+            "{} pulses of {:.3} s, {:.0} a second within their {} scan lines, with scan angles from {low:.2}° to {high:.2}°",
             self.pulses.len(),
             self.duration(),
             1.0 / self.interval,
-            self.lines.len(),
-            fixed(low, 2),
-            fixed(high, 2)
+            self.lines.len()
         )
     }
 

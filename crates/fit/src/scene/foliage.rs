@@ -18,8 +18,11 @@ use vlscan_tools::neighbours::Neighbours;
 
 /// Mean projection of leaves that face all directions alike.
 pub(super) const PROJECTION: f64 = 0.5;
-/// Most voxels of the grid, filled or not.
+/// Most voxels of the grid, filled or not; those of few points, and more for each of them: work and memory are those of points, not
+/// of the place over which they are spread.
 const MAX_VOXELS: f64 = 40e6;
+const MIN_VOXELS: f64 = 4e6;
+const VOXELS_PER_POINT: f64 = 256.0;
 /// Extinction below which a voxel is empty, 1/m.
 const MIN_EXTINCTION: f32 = 4e-3;
 /// Extinction above which a voxel is as good as opaque, 1/m.
@@ -56,6 +59,21 @@ impl Foliage {
     }
 }
 
+/// The edge of voxels, at least `size`, at which a box has at most so many, m.
+fn size_within(extent: DVec3, size: f64, most: f64) -> f64 {
+    let voxels = |size: f64| {
+        let cells = extent / size + 3.0;
+        cells.x * cells.y * cells.z
+    };
+    let around = extent + 3.0 * size;
+    let mut size = size.max((around.x * around.y * around.z / most).cbrt());
+    // Of a box that is flat the layers around it count most. Ends: 27 voxels are the fewest.
+    while voxels(size) > (2.0 * most).max(64.0) {
+        size *= 1.25;
+    }
+    size
+}
+
 /// A grid of voxels with a number for each.
 #[derive(Clone)]
 pub(super) struct Grid {
@@ -67,13 +85,13 @@ pub(super) struct Grid {
 impl Grid {
     /// The grid around `positions`, of voxels of that size, or larger ones if they were too many; `None` without positions.
     fn around(positions: impl Iterator<Item = DVec3>, size: f64) -> Option<Grid> {
-        let (min, max) =
-            positions.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
+        let none = (DVec3::INFINITY, DVec3::NEG_INFINITY, 0.0);
+        let (min, max, count) = positions.fold(none, |(a, b, n), p| (a.min(p), b.max(p), n + 1.0));
         if !min.is_finite() {
             return None;
         }
-        let extent = max - min + 3.0 * size;
-        let size = size.max((extent.x * extent.y * extent.z / MAX_VOXELS).cbrt());
+        let most = (MIN_VOXELS + VOXELS_PER_POINT * count).min(MAX_VOXELS);
+        let size = size_within(max - min, size, most);
         let min = ((min / size).floor() - 1.0) * size;
         let cells = ((max - min) / size).floor() + 2.0;
         Some(Grid { min, size, cells: [cells.x as usize, cells.y as usize, cells.z as usize] })
@@ -204,10 +222,8 @@ const NO_CLASS: u8 = u8::MAX;
 const PASSES: [usize; 4] = [0, 2, 6, 18];
 /// Lengths of beam for which the coarser level counts, m, among which the likelihood of pulses that were left out decides.
 const PRIOR_LENGTHS: [f64; 6] = [0.1, 0.3, 1.0, 3.0, 10.0, 30.0];
-/// Of so many pulses one is left out.
-pub(super) const FOLDS: usize = 4;
 
-/// The extinctions by all pulses of a recording, and those by all but every [`FOLDS`]-th pulse; `None` without foliage. `is_leaf`
+/// The extinctions by all pulses of a recording, and those by all but the ones that are held out; `None` without foliage. `is_leaf`
 /// tells which returns are from foliage, `terrain` is the height of the ground.
 pub(super) fn extinctions(
     recording: &Recording,
@@ -230,16 +246,17 @@ pub(super) fn extinctions(
         let most = of.iter().max_by(|a, b| a.1.total_cmp(b.1));
         classes[voxel] = most.map_or(NO_CLASS, |(class, _)| *class);
     }
-    let left_out = sums(recording, paths, is_leaf, &grid, |pulse| pulse % FOLDS == 0);
-    let rest = sums(recording, paths, is_leaf, &grid, |pulse| pulse % FOLDS != 0);
+    let left_out = sums(recording, paths, is_leaf, &grid, |pulse| recording.is_held_out[pulse]);
+    let rest = sums(recording, paths, is_leaf, &grid, |pulse| !recording.is_held_out[pulse]);
     let mut all = Sums { hits: rest.hits.clone(), lengths: rest.lengths.clone() };
     all.hits.iter_mut().zip(&left_out.hits).for_each(|(a, b)| *a += b);
     all.lengths.iter_mut().zip(&left_out.lengths).for_each(|(a, b)| *a += b);
-    let crowns = |counts: fn(usize) -> bool| grid.levels_of(canopy(recording, counts));
+    let crowns = |counts: &dyn Fn(usize) -> bool| grid.levels_of(canopy(recording, counts));
     // Alignment and prior by which the pulses that were left out are most likely.
     let mut best = (f64::NEG_INFINITY, false, 0.0, Vec::new());
     for along_canopy in [false, true] {
-        let surface = if along_canopy { crowns(|pulse| pulse % FOLDS != 0) } else { ground.clone() };
+        let surface =
+            if along_canopy { crowns(&|pulse| !recording.is_held_out[pulse]) } else { ground.clone() };
         let levels = Levels::of(rest.clone(), &grid, &surface);
         for prior in PRIOR_LENGTHS {
             let sigma = levels.extinctions(prior);
@@ -250,7 +267,7 @@ pub(super) fn extinctions(
         }
     }
     let (_, along_canopy, prior, of_rest) = best;
-    let surface = if along_canopy { crowns(|_| true) } else { ground };
+    let surface = if along_canopy { crowns(&|_| true) } else { ground };
     let sigma = Levels::of(all, &grid, &surface).extinctions(prior);
     let by_rest =
         Extinctions { grid: grid.clone(), sigma: of_rest, classes: Vec::new(), prior, along_canopy };
@@ -258,7 +275,7 @@ pub(super) fn extinctions(
 }
 
 /// Height of the canopy: the mean of the first returns that are nearest, of the pulses that `counts` selects.
-fn canopy(recording: &Recording, counts: fn(usize) -> bool) -> impl Fn(f64, f64) -> f64 + Sync {
+fn canopy(recording: &Recording, counts: &dyn Fn(usize) -> bool) -> impl Fn(f64, f64) -> f64 + Sync + use<> {
     const NEAREST: usize = 4;
     let pulses = (0..recording.pulses.len()).filter(|pulse| counts(*pulse));
     let firsts: Vec<DVec3> = pulses.map(|pulse| recording.of_pulse(pulse)[0].position).collect();

@@ -29,7 +29,7 @@ pub use terrain::Terrain;
 use recording::Target;
 use std::path::{Path, PathBuf};
 use vlscan_base::Observer;
-use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::diag::{Diagnostics, Place, listed};
 use vlscan_base::error::Result;
 use vlscan_geom::DVec3;
 
@@ -38,6 +38,8 @@ const VOXEL_PER_SPACING: f64 = 1.0;
 const VOXEL_SIZES: [f64; 2] = [0.3, 0.75];
 /// Least and largest edge of the cells of roofs, m.
 const ROOF_CELLS: [f64; 2] = [0.25, 2.0];
+/// Most flight lines that a message names.
+const MAX_LISTED_LINES: usize = 5;
 /// Unclassified points within so many spreads of the terrain are of the terrain.
 const NEAR_SPREADS: f64 = 3.0;
 
@@ -119,10 +121,15 @@ pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<
     let recording = recording::read(&options.cloud, &mut found)?;
     observer.step("looking for the instrument");
     let paths = sensor::paths(&recording);
-    for path in paths.iter().filter(|p| p.found_by == PathSource::Nadir) {
+    let unknown = paths.iter().filter(|p| p.found_by == PathSource::Nadir);
+    let unknown: Vec<String> = unknown.map(|path| path.source.to_string()).collect();
+    if !unknown.is_empty() {
+        let names: Vec<&str> = unknown.iter().map(String::as_str).collect();
+        let (line, are) = if names.len() == 1 { ("line", "it is") } else { ("lines", "they are") };
         let message = format!(
-            "neither returns nor scan angles of line {} tell where the instrument was; it is taken to be straight above",
-            path.source
+            "neither returns nor scan angles of {line} {} show where the instrument was; {are} taken to be recorded from \
+             straight above",
+            listed(&names, MAX_LISTED_LINES)
         );
         found.warn(Some(Place::of_file(&options.cloud)), message);
     }

@@ -10,7 +10,7 @@
 //! whose first return is from foliage, and of those whose last one is, are as recorded, and so are the heights of first returns. The extinctions are those by the other pulses:
 //! foliage that was estimated by a pulse fits that pulse too well.
 
-use super::foliage::{Beam, Extinctions, FOLDS, beam};
+use super::foliage::{Beam, Extinctions, beam};
 use super::recording::Recording;
 use super::sensor::SensorPath;
 use super::terrain::Terrain;
@@ -208,7 +208,7 @@ fn samples(
     let mut all = Vec::new();
     for (line, path) in recording.lines.iter().zip(paths) {
         // By these pulses the extinctions were not estimated.
-        for pulse in line.pulses.clone().filter(|pulse| pulse % FOLDS == 0) {
+        for pulse in line.pulses.clone().filter(|pulse| recording.is_held_out[*pulse]) {
             all.push((pulse, beam(recording, pulse, path)));
         }
     }

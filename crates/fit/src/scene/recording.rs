@@ -4,7 +4,7 @@ use std::ops::{ControlFlow, Range};
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
-use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, read_points};
+use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, StrayFinder, read_points};
 use vlscan_geom::{Aabb, DVec3, MAX_COORDINATE};
 
 /// Gap in time that ends a pass of the instrument over the place, s.
@@ -51,6 +51,8 @@ pub(super) struct Return {
     pub scan_angle: f64,
     source: u16,
     channel: u16,
+    /// Whether it lies far from all others and is left out.
+    is_stray: bool,
 }
 
 /// One pass of the instrument over the place.
@@ -75,7 +77,13 @@ pub(super) struct Recording {
     /// Points of the noise classes 7 and 18, which are left out.
     pub noise: usize,
     pub has_scan_angles: bool,
+    /// For each pulse whether it is held out, to judge what the others say: every fourth of the recording, so that a stray that is left
+    /// out changes it for no other pulse.
+    pub is_held_out: Vec<bool>,
 }
+
+/// Of so many pulses one is held out.
+const FOLDS: usize = 4;
 
 struct Sink {
     returns: Vec<Return>,
@@ -92,6 +100,7 @@ impl PointSink for Sink {
     fn point(&mut self, row: &PointRow, _: Option<&str>) -> ControlFlow<()> {
         let is_placed = row.position.is_finite() && row.position.abs().max_element() <= MAX_COORDINATE;
         match Target::of_class(row.class) {
+            _ if row.is_miss => {}
             _ if !is_placed => self.skipped += 1,
             None => self.noise += 1,
             Some(target) => {
@@ -106,6 +115,7 @@ impl PointSink for Sink {
                     scan_angle: row.scan_angle,
                     source: row.leg,
                     channel: row.channel,
+                    is_stray: false,
                 });
             }
         }
@@ -122,9 +132,12 @@ pub(super) fn read(path: &Path, found: &mut Diagnostics) -> Result<Recording> {
     let mut sink = Sink { returns: Vec::new(), attributes, noise: 0, skipped: 0 };
     read_points(path, &mut sink, found)?;
     *found = std::mem::take(found).finish(false)?;
+    let strays = StrayFinder::of(sink.returns.iter().map(|r| r.position));
+    strays.warn(path, "left out", found);
+    sink.returns.iter_mut().for_each(|r| r.is_stray = strays.contains(r.position));
     let name = path.display();
     let has = |attribute| sink.attributes.has(attribute);
-    if sink.returns.is_empty() {
+    if sink.returns.iter().all(|r| r.is_stray) {
         return Err(Error::input(format!("{name} has no points that could be a scene")));
     }
     let count = sink.returns.iter().filter(|r| matches!(r.class, 2 | 8)).count();
@@ -162,14 +175,24 @@ pub(super) fn assemble(mut returns: Vec<Return>, has_times: bool) -> Recording {
         let by_time = a.source.cmp(&b.source).then(a.time.total_cmp(&b.time));
         by_time.then(a.channel.cmp(&b.channel)).then(a.number.cmp(&b.number))
     });
+    let ends_pulse = |r: &Return, next: Option<&Return>| {
+        next.is_none_or(|next| !has_times || key(next) != key(r) || next.number <= r.number)
+    };
+    // Numbers of pulses with the strays among them.
+    let mut numbers = Vec::with_capacity(returns.len());
+    let mut number = 0usize;
+    for (i, r) in returns.iter().enumerate() {
+        if !r.is_stray {
+            numbers.push(number);
+        }
+        number += usize::from(ends_pulse(r, returns.get(i + 1)));
+    }
+    returns.retain(|r| !r.is_stray);
     let mut all = Recording { bounds: Aabb::EMPTY, ..Recording::default() };
     let mut start = 0;
     for i in 0..returns.len() {
         all.bounds = all.bounds.with(returns[i].position);
-        let is_last = returns.get(i + 1).is_none_or(|next| {
-            !has_times || key(next) != key(&returns[i]) || next.number <= returns[i].number
-        });
-        if !is_last {
+        if !ends_pulse(&returns[i], returns.get(i + 1)) {
             continue;
         }
         let first = &returns[start];
@@ -183,6 +206,7 @@ pub(super) fn assemble(mut returns: Vec<Return>, has_times: bool) -> Recording {
             None => all.lines.push(Line { source: first.source, pulses: pulse..pulse + 1 }),
         }
         all.pulses.push(start..i + 1);
+        all.is_held_out.push(numbers[start].is_multiple_of(FOLDS));
         start = i + 1;
     }
     all.returns = returns;

@@ -11,8 +11,10 @@ use vlscan_tools::neighbours::{Neighbours, plane_at};
 const POINTS_OF_PLANE: usize = 12;
 /// Nodes per point of the ground along each axis.
 const MIN_SPACING: f64 = 0.25;
-/// Most nodes of a terrain; larger places have wider grids.
+/// Most nodes of a terrain, those of few points, and more for each of them; larger places have wider grids.
 const MAX_NODES: f64 = 16e6;
+const MIN_NODES: f64 = 65_536.0;
+const NODES_PER_POINT: f64 = 64.0;
 /// Points by which the spread is estimated.
 const MAX_SAMPLES: usize = 20_000;
 /// Width of the border around the points, m: what oblique beams meet there.
@@ -40,7 +42,11 @@ pub(super) fn terrain(points: &[DVec3], classes: &[u8], bounds: Aabb) -> Terrain
     let neighbours = Neighbours::of(points.to_vec());
     let (min, max) = (bounds.min - BORDER, bounds.max + BORDER);
     let area = (max.x - min.x) * (max.y - min.y);
-    let spacing = spacing(points, &neighbours).max(MIN_SPACING).max((area / MAX_NODES).sqrt());
+    let most = (MIN_NODES + NODES_PER_POINT * points.len() as f64).min(MAX_NODES);
+    let (wide, long) = (max.x - min.x, max.y - min.y);
+    // Of a narrow place the rows at its borders count, too.
+    let least = (area / most).sqrt().max(wide.max(long) / most * 4.0);
+    let spacing = spacing(points, &neighbours).max(MIN_SPACING).max(least);
     let nodes = [max.x - min.x, max.y - min.y].map(|d| (d / spacing).ceil() as usize + 1);
     let fitted = |i: usize| {
         let x = min.x + (i % nodes[0]) as f64 * spacing;

@@ -32,8 +32,7 @@ impl<'a> StaticView<'a> {
         'a: 'b,
     {
         let StaticView { scene, tree, visible_bounds, fixed_incidence, max_cube_size } = *self;
-        let wavelength = 0;
-        SceneView { scene, tree, moving, tiles, visible_bounds, fixed_incidence, max_cube_size, wavelength }
+        SceneView { scene, tree, moving, tiles, visible_bounds, fixed_incidence, max_cube_size }
     }
 }
 
@@ -53,8 +52,6 @@ pub(super) struct SceneView<'a> {
     pub fixed_incidence: bool,
     /// Edge of the largest cube, m.
     pub max_cube_size: f64,
-    /// Number of the beam's wavelength among those of the scene's spectra.
-    pub wavelength: usize,
 }
 
 /// Interaction of a ray with a primitive.

@@ -81,10 +81,11 @@ pub async fn view(
     let job = find_successful(&app, &identity, &id).await?;
     let folder = app.workshop.store.job_folder(&job.folder).join("view");
     let absent = || Failure::new(StatusCode::NOT_FOUND, "there is no picture of these results");
-    let turn = app.turn_to_draw(&identity.owner).await?;
+    // One is drawn at a time.
+    let permit = Arc::clone(&app.pictures).acquire_owned().await.map_err(|_| absent())?;
     let wanted = name.clone();
     let drawn = blocking(&app, move |workshop| workshop.view(&job, &wanted)).await?;
-    drop(turn);
+    drop(permit);
     if !drawn {
         return Err(absent());
     }

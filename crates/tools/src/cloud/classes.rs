@@ -30,6 +30,14 @@ const NAMES: [&str; 23] = [
 /// Classes of points that are noise.
 pub(crate) const NOISE: [u8; 2] = [7, 18];
 
+/// Classes that point formats 0 to 5 of LAS name (ASPRS LAS 1.4 R15, table 9): 10, 11 and those from 13 on are reserved there.
+const NAMED_IN_OLD_FORMATS: [u8; 11] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 12];
+
+/// The name of a point class in files of LAS of the point formats 0 to 5; `None` for reserved and user-defined ones.
+pub(super) fn class_name_in_old_formats(class: u8) -> Option<&'static str> {
+    class_name(class).filter(|_| NAMED_IN_OLD_FORMATS.contains(&class))
+}
+
 /// The name of a point class; `None` for reserved and user-defined ones.
 pub fn class_name(class: u8) -> Option<&'static str> {
     NAMES.get(usize::from(class)).copied()
@@ -45,6 +53,9 @@ mod tests {
         let expected = ["ground", "building", "water", "bridge", "temporal exclusion"].map(Some);
         assert_eq!(named, expected);
         assert!([23, 64, 255].map(class_name).iter().all(Option::is_none));
+        // Tower, rail and wires came with point format 6; 31 classes are all that the older ones hold.
+        let old = [2, 12, 15, 10, 13, 18].map(class_name_in_old_formats);
+        assert_eq!(old, [Some("ground"), Some("overlap"), None, None, None, None]);
         assert!(NOISE.iter().all(|class| class_name(*class).is_some_and(|name| name.contains("noise"))));
     }
 }

@@ -6,15 +6,18 @@ use super::source::CloudSource;
 use std::collections::{BTreeMap, HashSet};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use vlscan_base::crs;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
-use vlscan_formats::{Attribute, AttributeSet, FileFacts, PointRow, PointSink};
+use vlscan_formats::{Attribute, AttributeSet, FileFacts, PointRow, PointSink, StrayFinder};
 use vlscan_geom::{Aabb, MAX_COORDINATE};
 
 /// Most different objects that are counted.
 const MAX_OBJECTS: usize = 1 << 20;
+
+/// Seconds of a week.
+pub(super) const WEEK_S: f64 = 604_800.0;
 
 /// Smallest and largest of some values.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,8 +51,10 @@ pub struct CloudSummary {
     pub files: Vec<(PathBuf, Option<FileFacts>)>,
     /// Number of points, without those below.
     pub points: u64,
-    /// Pulses without a return, which some formats mark by return 0 of 0.
+    /// Pulses without a return, which this program writes for `--misses`.
     pub misses: u64,
+    /// Points of return 0 of 0: programs add such points, or merge them from photogrammetry.
+    pub without_number: u64,
     /// Points without coordinates within ±[`MAX_COORDINATE`].
     pub skipped: u64,
     /// Box around the points, m.
@@ -77,8 +82,7 @@ pub struct CloudSummary {
     pub by_channel: BTreeMap<u16, u64>,
     objects: HashSet<u64>,
     cover: Occupancy,
-    /// The points of return 0 of 0: pulses without a return, unless no point has returns.
-    without_returns: Option<Box<CloudSummary>>,
+    strays: StrayFinder,
     /// Whether the file that is being read is LAS, and what its points have.
     is_las: bool,
     of_file: AttributeSet,
@@ -92,7 +96,8 @@ pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)
     let (mut facts, mut all) = (CloudSummary::default(), Diagnostics::default());
     for cloud in clouds {
         let path = cloud.name();
-        let (skipped, mut found) = (facts.skipped, Diagnostics::default());
+        let (skipped, without_number) = (facts.skipped, facts.without_number);
+        let mut found = Diagnostics::default();
         facts.files.push((path.to_path_buf(), None));
         facts.is_las = false;
         let named = std::mem::take(&mut facts.crs);
@@ -111,22 +116,27 @@ pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)
                 format!("{left_out} points without coordinates within ±{MAX_COORDINATE:e} m are left out");
             found.warn(Some(Place::of_file(path)), message);
         }
+        let without_number = facts.without_number - without_number;
+        if without_number > 0 {
+            let message = format!("{without_number} points have no return number (0 of 0); they are points");
+            found.note(Some(Place::of_file(path)), message);
+        }
         all.extend(found.finish(false)?);
     }
-    if let Some(without) = facts.without_returns.take() {
-        match facts.points {
-            0 => {
-                facts = CloudSummary {
-                    files: facts.files,
-                    crs: facts.crs,
-                    skipped: facts.skipped,
-                    attributes: facts.attributes,
-                    ..*without
-                }
-            }
-            _ => facts.misses = without.points,
-        }
+    let mut found = Diagnostics::default();
+    if let Some(span) = facts.time.filter(|_| facts.has_wrong_times()) {
+        let message = format!(
+            "its header states seconds of the GPS week, which are 0 to {WEEK_S}, and times are {:.3} to {:.3}; as adjusted \
+             standard GPS time they are {}",
+            span.min,
+            span.max,
+            facts.dates(span)
+        );
+        found.warn(Some(Place::of_file(clouds[0].name())), message);
     }
+    let names: Vec<String> = clouds.iter().map(|cloud| cloud.name().display().to_string()).collect();
+    facts.strays.strays().warn(Path::new(&names.join(", ")), "described like the rest", &mut found);
+    all.extend(found);
     Ok((facts, all))
 }
 
@@ -161,13 +171,8 @@ impl CloudSummary {
             self.skipped += 1;
             return;
         }
-        let has_returns =
-            self.of_file.has(Attribute::ReturnNumber) && self.of_file.has(Attribute::NumberOfReturns);
-        if has_returns && row.return_number == 0 && row.number_of_returns == 0 {
-            let (is_las, of_file) = (self.is_las, self.of_file);
-            let without = self.without_returns.get_or_insert_default();
-            (without.is_las, without.of_file) = (is_las, of_file);
-            without.count(row, object);
+        if row.is_miss {
+            self.misses += 1;
             return;
         }
         self.count(row, object);
@@ -179,6 +184,7 @@ impl CloudSummary {
         self.points += 1;
         self.bounds = Some(self.bounds.unwrap_or(Aabb::EMPTY).with(p));
         self.cover.mark(p.x, p.y);
+        self.strays.add(p);
         if has(Attribute::Class) {
             *self.by_class.entry(row.class).or_default() += 1;
         }
@@ -186,6 +192,7 @@ impl CloudSummary {
             *self.by_return.entry(row.return_number).or_default() += 1;
             if row.return_number <= 1 && has(Attribute::NumberOfReturns) {
                 *self.pulses_by_returns.entry(row.number_of_returns).or_default() += 1;
+                self.without_number += u64::from(row.return_number == 0 && row.number_of_returns == 0);
             }
         }
         if has(Attribute::Intensity) && !row.intensity.is_nan() {
@@ -265,12 +272,33 @@ impl CloudSummary {
         self.has(Attribute::Object).then_some((self.objects.len(), self.objects.len() >= MAX_OBJECTS))
     }
 
-    /// Whether times are adjusted standard GPS time, by the headers of LAS; `None` of other formats and where files differ.
+    /// Whether times are adjusted standard GPS time, by the headers of LAS; `None` of other formats, where files differ, and where
+    /// times cannot be seconds of the GPS week, as the headers state.
     pub fn has_adjusted_times(&self) -> Option<bool> {
+        self.stated_times().filter(|is_adjusted| *is_adjusted || !self.has_times_beyond_the_week())
+    }
+
+    /// Whether times are adjusted standard GPS time, as the headers of LAS state; `None` of other formats and where files differ.
+    fn stated_times(&self) -> Option<bool> {
         let mut kinds =
             self.files.iter().map(|(_, file)| Some(file.as_ref()?.las.as_ref()?.has_adjusted_times));
         let first = kinds.next()??;
         kinds.all(|kind| kind == Some(first)).then_some(first)
+    }
+
+    fn has_times_beyond_the_week(&self) -> bool {
+        self.time.is_some_and(|span| span.min < 0.0 || span.max > WEEK_S)
+    }
+
+    /// Whether the headers state seconds of the GPS week, and the times are none.
+    pub(super) fn has_wrong_times(&self) -> bool {
+        self.stated_times() == Some(false) && self.has_times_beyond_the_week()
+    }
+
+    /// Whether classes have the meanings that point formats 0 to 5 of LAS give them.
+    pub(super) fn has_old_classes(&self) -> bool {
+        let mut formats = self.files.iter().filter_map(|(_, file)| file.as_ref()?.las.as_ref());
+        formats.any(|las| las.point_format < 6)
     }
 
     /// Whether flight lines are point source ids of LAS; otherwise they are legs.

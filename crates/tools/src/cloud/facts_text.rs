@@ -1,15 +1,18 @@
 //! Facts about a cloud as lines of text and as JSON.
 
-use super::classes::class_name;
+use super::classes::{class_name, class_name_in_old_formats};
 use super::facts::{CloudSummary, Span};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use vlscan_base::crs;
-use vlscan_base::quantity::{fixed, number};
+use vlscan_base::quantity::number;
 use vlscan_formats::{Attribute, FileFacts};
 
 /// Maximum number of flight lines and of files that are listed as text; JSON has all.
 const MAX_LISTED: usize = 40;
+
+/// Most channels that are listed with their points as text.
+const MAX_LISTED_CHANNELS: usize = 8;
 
 /// Seconds from the epoch of GPS, 6 January 1980, that adjusted standard GPS time leaves out.
 const ADJUSTMENT_S: f64 = 1e9;
@@ -40,7 +43,7 @@ impl CloudSummary {
         if let Some(b) = self.bounds {
             let axes = [("x", b.min.x, b.max.x), ("y", b.min.y, b.max.y), ("z", b.min.z, b.max.z)];
             for (name, low, high) in axes {
-                line(name, format!("{} to {} m ({:.3} m)", fixed(low, 3), fixed(high, 3), high - low));
+                line(name, format!("{low:.3} to {high:.3} m ({:.3} m)", high - low));
             }
         }
         line("coordinates", self.crs.as_deref().map_or_else(|| "no system named".to_owned(), crs::name));
@@ -58,15 +61,19 @@ impl CloudSummary {
             line(name, format!("{} to {}{unit}{mean}", number(min), number(max)));
         }
         if let Some(span) = self.time {
-            line(
-                "time",
-                format!("{} to {} s{}", fixed(span.min, 6), fixed(span.max, 6), self.described_times(span)),
-            );
+            line("time", format!("{:.6} to {:.6} s{}", span.min, span.max, self.described_times(span)));
         }
         if let Some((count, is_more)) = self.objects() {
             line("objects", format!("{count}{}", if is_more { " or more" } else { "" }));
         }
-        if self.by_channel.len() > 1 {
+        if self.by_channel.len() > MAX_LISTED_CHANNELS {
+            let (first, last) = (self.by_channel.keys().next(), self.by_channel.keys().next_back());
+            let (least, most) = (self.by_channel.values().min(), self.by_channel.values().max());
+            if let (Some(first), Some(last), Some(least), Some(most)) = (first, last, least, most) {
+                let count = self.by_channel.len();
+                line("channels", format!("{count}, {first} to {last}, with {least} to {most} points each"));
+            }
+        } else if self.by_channel.len() > 1 {
             let channels: Vec<String> =
                 self.by_channel.iter().map(|(channel, points)| format!("{channel}: {points}")).collect();
             line("channels", channels.join(", "));
@@ -74,8 +81,10 @@ impl CloudSummary {
         if self.has(Attribute::Class) {
             let _ = writeln!(out, "\nclasses         {:>12}  name", "points");
             for (class, points) in &self.by_class {
-                let name =
-                    class_name(*class).unwrap_or(if *class < 64 { "reserved" } else { "user-defined" });
+                let name = self.class_name(*class).unwrap_or(match *class < 64 || self.has_old_classes() {
+                    true => "reserved",
+                    false => "user-defined",
+                });
                 let _ = writeln!(out, "{class:>15} {points:>12}  {name}");
             }
         }
@@ -93,9 +102,7 @@ impl CloudSummary {
             let heading = if self.lines_are_sources() { "flight lines" } else { "legs" };
             let _ = writeln!(out, "\n{heading:<15} {:>12}  time, s", "points");
             for (number, line) in self.lines.iter().take(MAX_LISTED) {
-                let time = line
-                    .time
-                    .map_or_else(String::new, |t| format!("{} to {}", fixed(t.min, 3), fixed(t.max, 3)));
+                let time = line.time.map_or_else(String::new, |t| format!("{:.3} to {:.3}", t.min, t.max));
                 let _ = writeln!(out, "{number:>15} {:>12}  {time}", line.points);
             }
             if let Some(more) = self.lines.len().checked_sub(MAX_LISTED).filter(|more| *more > 0) {
@@ -108,14 +115,28 @@ impl CloudSummary {
     /// What kind of time it is, and the dates of adjusted standard GPS time.
     fn described_times(&self, span: Span) -> String {
         match self.has_adjusted_times() {
-            Some(true) => format!(
-                " (adjusted standard GPS time: {} to {}, without leap seconds)",
-                date(span.min),
-                date(span.max)
-            ),
+            Some(true) => {
+                format!(" (adjusted standard GPS time: {}, without leap seconds)", self.dates(span))
+            }
             Some(false) => " (of the GPS week)".to_owned(),
+            None if self.has_wrong_times() => {
+                format!(
+                    " (not of the GPS week, as the header states; adjusted standard GPS time? {})",
+                    self.dates(span)
+                )
+            }
             None => String::new(),
         }
+    }
+
+    /// The dates of times, if they are adjusted standard GPS time.
+    pub(super) fn dates(&self, span: Span) -> String {
+        format!("{} to {}", date(span.min), date(span.max))
+    }
+
+    /// The name of a class in the formats of the files.
+    fn class_name(&self, class: u8) -> Option<&'static str> {
+        if self.has_old_classes() { class_name_in_old_formats(class) } else { class_name(class) }
     }
 
     /// The facts as a JSON object.
@@ -161,7 +182,7 @@ impl CloudSummary {
             "objects_are_all": self.objects().map(|(_, is_more)| !is_more),
             "channels": self.by_channel.iter().map(|(channel, points)| json!({ "channel": channel, "points": points })).collect::<Vec<_>>(),
             "classes": self.by_class.iter().map(|(class, points)| {
-                json!({ "class": class, "name": class_name(*class), "points": points })
+                json!({ "class": class, "name": self.class_name(*class), "points": points })
             }).collect::<Vec<_>>(),
             "returns": self.by_return.iter().map(|(number, points)| json!({ "return": number, "points": points })).collect::<Vec<_>>(),
             "pulses_by_returns": self.pulses_by_returns.iter().map(|(returns, pulses)| {

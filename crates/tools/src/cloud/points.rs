@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
-use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink};
+use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, StrayFinder};
 use vlscan_geom::{Aabb, DVec3, MAX_COORDINATE};
 
 /// Maximum number of points that are kept.
@@ -42,6 +42,9 @@ pub struct Points {
     stride: u64,
     max_points: usize,
     skipped: u64,
+    /// Pulses without a return.
+    misses: u64,
+    strays: StrayFinder,
     /// Numbers of points with legs and channels above 255.
     high_legs: u64,
     high_channels: u64,
@@ -79,20 +82,27 @@ impl Points {
             stride: 1,
             max_points: MAX_POINTS,
             skipped: 0,
+            misses: 0,
+            strays: StrayFinder::default(),
             high_legs: 0,
             high_channels: 0,
         }
     }
 
     /// Adds a point; `object` is the name of its object, if it has one besides its number. A point with a coordinate that is NaN or
-    /// beyond [`MAX_COORDINATE`] is counted and skipped. Object names beyond the first 65 535 share one number.
+    /// beyond [`MAX_COORDINATE`], and a pulse without a return, is counted and skipped. Object names beyond the first 65 535 share one number.
     pub fn push(&mut self, row: &PointRow, object: Option<&str>) {
+        if row.is_miss {
+            self.misses += 1;
+            return;
+        }
         // Also false for NaN.
         if !(row.position.is_finite() && row.position.abs().max_element() <= MAX_COORDINATE) {
             self.skipped += 1;
             return;
         }
         self.bounds = self.bounds.with(row.position);
+        self.strays.add(row.position);
         if self.positions.len() >= self.max_points {
             self.drop_every_second();
         }
@@ -133,6 +143,32 @@ impl Points {
             let first = *self.first_time.get_or_insert(row.time);
             self.time.push(row.time - first);
         }
+    }
+
+    /// Leaves out the points that lie far from all others, with a warning.
+    pub(super) fn leave_out_strays(&mut self, path: &Path, found: &mut Diagnostics) {
+        fn keep<T: Copy>(values: &mut Vec<T>, is_kept: &[bool]) {
+            let mut kept = is_kept.iter();
+            values.retain(|_| kept.next().copied().unwrap_or(true));
+        }
+        let strays = self.strays.strays();
+        if strays.count == 0 {
+            return;
+        }
+        strays.warn(path, "left out", found);
+        let is_kept: Vec<bool> = self.positions.iter().map(|p| !strays.contains(*p)).collect();
+        keep(&mut self.positions, &is_kept);
+        keep(&mut self.intensity, &is_kept);
+        keep(&mut self.class, &is_kept);
+        keep(&mut self.return_number, &is_kept);
+        keep(&mut self.number_of_returns, &is_kept);
+        keep(&mut self.scan_angle, &is_kept);
+        keep(&mut self.object, &is_kept);
+        keep(&mut self.leg, &is_kept);
+        keep(&mut self.channel, &is_kept);
+        keep(&mut self.time, &is_kept);
+        self.added -= strays.count;
+        self.bounds = self.positions.iter().fold(Aabb::EMPTY, |bounds, p| bounds.with(*p));
     }
 
     fn drop_every_second(&mut self) {
@@ -272,7 +308,7 @@ impl Points {
         if self.is_empty() { Aabb::EMPTY } else { self.bounds }
     }
 
-    /// A warning of the points of the file `path` that are left out.
+    /// A warning of the points of the file `path` that are left out, and a note of its pulses without a return.
     pub fn doubts(&self, path: &Path) -> Diagnostics {
         let mut found = Diagnostics::default();
         if self.skipped > 0 {
@@ -281,7 +317,16 @@ impl Points {
                 format!("{count} points without coordinates within ±{MAX_COORDINATE:e} m are left out");
             found.warn(Some(Place::of_file(path)), message);
         }
+        if self.misses > 0 {
+            let message = format!("{} pulses without a return are left out", self.misses);
+            found.note(Some(Place::of_file(path)), message);
+        }
         found
+    }
+
+    /// Number of pulses without a return, which are no points.
+    pub fn misses(&self) -> u64 {
+        self.misses
     }
 
     /// Numbers of points whose leg and whose channel is above 255, and shown as 255.

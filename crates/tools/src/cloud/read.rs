@@ -32,15 +32,21 @@ pub fn points_of_table(batch: &RecordBatch) -> Result<(Points, Diagnostics)> {
 }
 
 /// The points with what was found and what is to be said of them, or an error if there are none.
-fn checked(points: Points, path: &Path, mut found: Diagnostics) -> Result<(Points, Diagnostics)> {
+fn checked(mut points: Points, path: &Path, mut found: Diagnostics) -> Result<(Points, Diagnostics)> {
     match points.is_empty() {
         true if points.skipped() > 0 => Err(Error::input(format!(
             "{} holds no points with coordinates within ±{MAX_COORDINATE:e} m",
             path.display()
         ))),
+        true if points.misses() > 0 => Err(Error::input(format!(
+            "{} holds no points: its {} records are pulses without a return",
+            path.display(),
+            points.misses()
+        ))),
         true => Err(Error::input(format!("{} holds no points", path.display()))),
         false => {
             found.extend(points.doubts(path));
+            points.leave_out_strays(path, &mut found);
             Ok((points, found))
         }
     }

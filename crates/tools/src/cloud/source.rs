@@ -29,6 +29,14 @@ impl CloudSource {
         }
     }
 
+    /// Whether the points can be read more than once: not those of stdin and named pipes.
+    pub(crate) fn can_be_read_again(&self) -> bool {
+        match self {
+            CloudSource::File(path) => path.is_file(),
+            CloudSource::Table(..) => true,
+        }
+    }
+
     /// Passes the points to a sink.
     pub(crate) fn read(&self, sink: &mut dyn PointSink, found: &mut Diagnostics) -> Result<()> {
         match self {

@@ -7,8 +7,8 @@
 
 use super::comparison::common_box;
 use super::cut::{CellGrid, Cut};
-use super::neighbours::KdTree;
 use crate::cloud::Points;
+use crate::kd_tree::KdTree;
 use rayon::prelude::*;
 use std::path::Path;
 use vlscan_base::Observer;

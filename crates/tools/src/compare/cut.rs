@@ -1,7 +1,6 @@
 //! The points of a cloud within the box that both clouds share, and cells over that box.
 
 use crate::cloud::Points;
-use vlscan_formats::Attribute;
 use vlscan_geom::DVec3;
 
 /// Most cells of a raster.
@@ -19,17 +18,11 @@ pub(super) struct Cut<'a> {
 }
 
 impl Cut<'_> {
-    /// The points of `points` in the box, without pulses that met nothing.
+    /// The points of `points` in the box.
     pub fn of(points: &Points, low: DVec3, high: DVec3) -> Cut<'_> {
-        let has_returns = points.has(Attribute::ReturnNumber)
-            && points.has(Attribute::NumberOfReturns)
-            && (0..points.len()).any(|i| points.number_of_returns_of(i) != Some(0));
-        let is_miss = |i: usize| {
-            has_returns && points.return_number_of(i) == Some(0) && points.number_of_returns_of(i) == Some(0)
-        };
         let is_inside = |i: &usize| {
             let p = points.position(*i);
-            p.x >= low.x && p.y >= low.y && p.x <= high.x && p.y <= high.y && !is_miss(*i)
+            p.x >= low.x && p.y >= low.y && p.x <= high.x && p.y <= high.y
         };
         let index: Vec<u32> = (0..points.len()).filter(is_inside).map(|i| i as u32).collect();
         let offsets = index.iter().map(|i| (points.position(*i as usize) - low).to_array()).collect();

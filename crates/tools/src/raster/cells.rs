@@ -24,12 +24,97 @@ struct Ground {
     sum: DVec3,
 }
 
+const NO_POINTS: Cell = Cell { points: 0, pulses: 0, highest: f64::NEG_INFINITY };
+
 #[derive(Clone, Debug)]
 struct Tile {
     key: [i64; 2],
-    cells: Vec<Cell>,
-    /// Empty if ground is not wanted.
-    ground: Vec<Ground>,
+    cells: TileCells,
+}
+
+/// The cells of a tile.
+#[derive(Clone, Debug)]
+enum TileCells {
+    /// Those with points in the order of their places: points that are spread over a wide place take little memory.
+    Few(Vec<(u16, Cell, Ground)>),
+    /// Those at all places; without ground if it is not wanted.
+    All(Vec<Cell>, Vec<Ground>),
+}
+
+/// Cells with points of a tile up to which the others take no memory.
+const MAX_FEW: usize = 256;
+
+impl TileCells {
+    /// The sums at a place.
+    fn at(&mut self, place: usize, has_ground: bool) -> (&mut Cell, Option<&mut Ground>) {
+        if let TileCells::Few(few) = self
+            && few.len() >= MAX_FEW
+        {
+            *self = Self::all(few, has_ground);
+        }
+        match self {
+            TileCells::All(cells, ground) => (&mut cells[place], ground.get_mut(place)),
+            TileCells::Few(few) => {
+                let key = place as u16;
+                let at = few.binary_search_by_key(&key, |(place, ..)| *place).unwrap_or_else(|at| {
+                    few.insert(at, (key, NO_POINTS, Ground::default()));
+                    at
+                });
+                let (_, cell, ground) = &mut few[at];
+                (cell, has_ground.then_some(ground))
+            }
+        }
+    }
+
+    fn all(few: &[(u16, Cell, Ground)], has_ground: bool) -> TileCells {
+        let count = (TILE_CELLS * TILE_CELLS) as usize;
+        let mut cells = vec![NO_POINTS; count];
+        let mut grounds = vec![Ground::default(); if has_ground { count } else { 0 }];
+        for (place, cell, ground) in few {
+            cells[usize::from(*place)] = *cell;
+            if let Some(at) = grounds.get_mut(usize::from(*place)) {
+                *at = *ground;
+            }
+        }
+        TileCells::All(cells, grounds)
+    }
+
+    /// The cell at a place.
+    fn get(&self, place: usize) -> Cell {
+        match self {
+            TileCells::All(cells, _) => cells[place],
+            TileCells::Few(few) => {
+                let at = few.binary_search_by_key(&(place as u16), |(place, ..)| *place);
+                at.map_or(NO_POINTS, |at| few[at].1)
+            }
+        }
+    }
+
+    /// The places of cells with points, ascending.
+    fn places(&self) -> Box<dyn Iterator<Item = i64> + '_> {
+        match self {
+            TileCells::All(cells, _) => {
+                Box::new((0..).zip(cells).filter(|(_, cell)| cell.points > 0).map(|(at, _)| at))
+            }
+            TileCells::Few(few) => Box::new(few.iter().map(|(place, ..)| i64::from(*place))),
+        }
+    }
+
+    /// The ground of cells in the order of places.
+    fn ground(&self) -> Box<dyn Iterator<Item = &Ground> + '_> {
+        match self {
+            TileCells::All(_, ground) => Box::new(ground.iter()),
+            TileCells::Few(few) => Box::new(few.iter().map(|(.., ground)| ground)),
+        }
+    }
+
+    /// Bytes of memory, approximately.
+    fn memory(&self) -> usize {
+        match self {
+            TileCells::All(cells, ground) => size_of_val(&cells[..]) + size_of_val(&ground[..]),
+            TileCells::Few(few) => few.capacity() * size_of::<(u16, Cell, Ground)>(),
+        }
+    }
 }
 
 /// The cells that have points.
@@ -41,12 +126,14 @@ pub(super) struct Cells {
     places: HashMap<[i64; 2], usize>,
     /// The tile of the last point.
     latest: usize,
+    /// Bytes of the cells.
+    bytes: u64,
 }
 
 impl Cells {
     /// No points yet; cells have this side, m.
     pub fn new(side: f64, has_ground: bool) -> Cells {
-        Cells { side, has_ground, tiles: Vec::new(), places: HashMap::new(), latest: 0 }
+        Cells { side, has_ground, tiles: Vec::new(), places: HashMap::new(), latest: 0, bytes: 0 }
     }
 
     pub fn side(&self) -> f64 {
@@ -55,8 +142,7 @@ impl Cells {
 
     /// Bytes of memory, approximately.
     pub fn memory(&self) -> u64 {
-        let of_cell = size_of::<Cell>() + if self.has_ground { size_of::<Ground>() } else { 0 };
-        self.tiles.len() as u64 * (TILE_CELLS * TILE_CELLS) as u64 * of_cell as u64
+        self.bytes + (self.tiles.len() * (size_of::<Tile>() + size_of::<([i64; 2], usize)>() * 2)) as u64
     }
 
     /// Adds a point; returns whether memory has grown.
@@ -65,18 +151,19 @@ impl Cells {
         let key = cell.map(|c| c.div_euclid(TILE_CELLS));
         let is_new = self.select(key);
         let tile = &mut self.tiles[self.latest];
-        let at = index(cell);
-        let cell = &mut tile.cells[at];
+        let before = tile.cells.memory();
+        let (cell, ground) = tile.cells.at(index(cell), self.has_ground);
         cell.points = cell.points.saturating_add(1);
         cell.pulses = cell.pulses.saturating_add(u32::from(is_first_return));
         cell.highest = cell.highest.max(p.z);
-        if is_ground && self.has_ground {
+        if let Some(ground) = ground.filter(|_| is_ground) {
             let corner = key.map(|k| (k * TILE_CELLS) as f64 * self.side);
-            let ground = &mut tile.ground[at];
             ground.points = ground.points.saturating_add(1);
             ground.sum += DVec3::new(p.x - corner[0], p.y - corner[1], p.z);
         }
-        is_new
+        let after = tile.cells.memory();
+        self.bytes += (after - before) as u64;
+        is_new || after > before
     }
 
     /// Makes a tile the latest; returns whether it is new.
@@ -88,21 +175,16 @@ impl Cells {
             self.latest = known;
             return false;
         }
-        let count = (TILE_CELLS * TILE_CELLS) as usize;
         self.latest = self.tiles.len();
         self.places.insert(key, self.latest);
-        self.tiles.push(Tile {
-            key,
-            cells: vec![Cell { points: 0, pulses: 0, highest: f64::NEG_INFINITY }; count],
-            ground: vec![Ground::default(); if self.has_ground { count } else { 0 }],
-        });
+        self.tiles.push(Tile { key, cells: TileCells::Few(Vec::new()) });
         true
     }
 
     /// A cell by column and row; `None` without points.
     pub fn cell(&self, cell: [i64; 2]) -> Option<Cell> {
         let tile = *self.places.get(&cell.map(|c| c.div_euclid(TILE_CELLS)))?;
-        Some(self.tiles[tile].cells[index(cell)]).filter(|cell| cell.points > 0)
+        Some(self.tiles[tile].cells.get(index(cell))).filter(|cell| cell.points > 0)
     }
 
     /// The tiles by row and column, so that nothing depends on the order of points.
@@ -114,10 +196,7 @@ impl Cells {
 
     /// Columns and rows of the cells with points.
     fn occupied(&self) -> impl Iterator<Item = [i64; 2]> + '_ {
-        self.tiles.iter().flat_map(|tile| {
-            let with_points = (0..).zip(&tile.cells).filter(|(_, cell)| cell.points > 0);
-            with_points.map(|(at, _)| place(tile.key, at))
-        })
+        self.tiles.iter().flat_map(|tile| tile.cells.places().map(|at| place(tile.key, at)))
     }
 
     /// Column and row of the first and of the last cell along both axes; there must be points.
@@ -126,6 +205,15 @@ impl Cells {
             let each = |of: fn(i64, i64) -> i64, ends: [i64; 2]| [of(ends[0], cell[0]), of(ends[1], cell[1])];
             (each(i64::min, low), each(i64::max, high))
         })
+    }
+
+    /// Where the cells with points lie, in words; there must be points.
+    pub fn described_extent(&self) -> String {
+        let (low, high) = self.extent();
+        let at = |cell: i64, end: i64| (cell + end) as f64 * self.side;
+        let [west, south] = low.map(|cell| at(cell, 0));
+        let [east, north] = high.map(|cell| at(cell, 1));
+        format!("the points lie from x {west} to {east} and from y {south} to {north} m")
     }
 
     /// The first and the last column with points in each of `count` rows, counted from the cell `first`.
@@ -144,7 +232,7 @@ impl Cells {
         self.sorted().into_iter().flat_map(|tile| {
             let corner = tile.key.map(|k| (k * TILE_CELLS) as f64 * self.side);
             let corner = DVec3::new(corner[0], corner[1], 0.0);
-            let with_points = tile.ground.iter().filter(|ground| ground.points > 0);
+            let with_points = tile.cells.ground().filter(|ground| ground.points > 0);
             with_points.map(move |ground| ground.sum / f64::from(ground.points) + corner)
         })
     }

@@ -21,10 +21,11 @@ use crate::neighbours::{Neighbours, plane_at};
 use cells::Cells;
 use rayon::prelude::*;
 use std::ops::ControlFlow;
+use std::path::Path;
 use vlscan_base::crs;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
-use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink};
+use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, StrayFinder, Strays};
 use vlscan_geom::{DVec3, MAX_COORDINATE};
 
 /// Ground samples through which the plane of a cell goes.
@@ -48,22 +49,23 @@ pub struct CloudRasters {
     pub points: u64,
     /// Points of the noise classes 7 and 18, which are left out.
     pub noise: u64,
+    /// Pulses without a return, which are no points.
+    pub misses: u64,
     /// Number of ground points.
     pub ground: u64,
     fill: f64,
 }
 
 /// Points that are summed.
-struct Part {
+struct Sink {
     cells: Cells,
     points: u64,
     noise: u64,
+    misses: u64,
     ground: u64,
-}
-
-struct Sink {
-    /// Points, and those of return 0 of 0: pulses without a return, unless no point has returns.
-    parts: [Part; 2],
+    strays: StrayFinder,
+    /// Points that are left out.
+    left_out: Option<Strays>,
     /// Bytes that cells may take.
     max_bytes: Option<u64>,
     attributes: AttributeSet,
@@ -71,6 +73,27 @@ struct Sink {
     skipped: u64,
     has_returns: bool,
     is_too_large: bool,
+}
+
+impl Sink {
+    /// No points yet. `memory` is that of the machine, bytes; `left_out` are points that do not count.
+    fn new(cells: Cells, memory: Option<u64>, left_out: Option<Strays>) -> Sink {
+        Sink {
+            cells,
+            points: 0,
+            noise: 0,
+            misses: 0,
+            ground: 0,
+            strays: StrayFinder::default(),
+            left_out,
+            max_bytes: memory.map(|bytes| bytes / 2),
+            attributes: AttributeSet::default(),
+            crs: None,
+            skipped: 0,
+            has_returns: false,
+            is_too_large: false,
+        }
+    }
 }
 
 impl PointSink for Sink {
@@ -90,21 +113,24 @@ impl PointSink for Sink {
             self.skipped += 1;
             return ControlFlow::Continue(());
         }
-        let has_returns = self.attributes.has(Attribute::ReturnNumber);
-        let is_miss = has_returns
-            && self.attributes.has(Attribute::NumberOfReturns)
-            && row.return_number == 0
-            && row.number_of_returns == 0;
-        let part = &mut self.parts[usize::from(is_miss)];
-        if NOISE.contains(&row.class) {
-            part.noise += 1;
+        if row.is_miss {
+            self.misses += 1;
             return ControlFlow::Continue(());
         }
+        if NOISE.contains(&row.class) {
+            self.noise += 1;
+            return ControlFlow::Continue(());
+        }
+        if self.left_out.is_some_and(|strays| strays.contains(p)) {
+            return ControlFlow::Continue(());
+        }
+        let is_first = !self.attributes.has(Attribute::ReturnNumber) || row.return_number <= 1;
         let is_ground = row.class == GROUND;
-        part.points += 1;
-        part.ground += u64::from(is_ground);
-        let has_grown = part.cells.add(p, !has_returns || row.return_number <= 1, is_ground);
-        self.is_too_large = has_grown && self.max_bytes.is_some_and(|max| part.cells.memory() > max);
+        self.points += 1;
+        self.ground += u64::from(is_ground);
+        self.strays.add(p);
+        let has_grown = self.cells.add(p, is_first, is_ground);
+        self.is_too_large = has_grown && self.max_bytes.is_some_and(|max| self.cells.memory() > max);
         if self.is_too_large { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 }
@@ -125,33 +151,24 @@ impl CloudRasters {
     ) -> Result<(CloudRasters, Diagnostics)> {
         options.check()?;
         let needs_ground = kinds.iter().any(|kind| kind.needs_ground());
-        let part = || Part { cells: Cells::new(options.cell, needs_ground), points: 0, noise: 0, ground: 0 };
-        let mut sink = Sink {
-            parts: [part(), part()],
-            max_bytes: memory.map(|bytes| bytes / 2),
-            attributes: AttributeSet::default(),
-            crs: None,
-            skipped: 0,
-            has_returns: false,
-            is_too_large: false,
-        };
-        let (mut named, mut all): (Option<String>, _) = (None, Diagnostics::default());
-        for cloud in clouds {
-            let this = read_into(&mut sink, cloud, options, &mut all)?;
-            for known in [named.as_ref(), crs.as_ref()].into_iter().flatten() {
-                if let Some(this) = this.as_deref().filter(|this| crs::differ(known, this)) {
-                    let (shown, this, known) = (cloud.name().display(), crs::name(this), crs::name(known));
-                    let message = format!("{shown} is in {this}, not in {known}; a raster has one system");
-                    return Err(Error::input(message));
-                }
-            }
-            named = named.or(this);
-        }
+        let mut all = Diagnostics::default();
+        let new = |within| Sink::new(Cells::new(options.cell, needs_ground), memory, within);
+        let mut sink = new(None);
+        let named = read_all(&mut sink, (clouds, options), crs.as_deref(), &mut all)?;
         let names: Vec<String> = clouds.iter().map(|cloud| cloud.name().display().to_string()).collect();
         let name = names.join(", ");
-        let [with_returns, without] = sink.parts;
-        let Part { cells, points, noise, ground } =
-            if with_returns.points > 0 { with_returns } else { without };
+        let strays = sink.strays.strays();
+        if strays.count > 0 {
+            // A raster of one point far away would be mostly empty, or too large.
+            let is_read_again = clouds.iter().all(CloudSource::can_be_read_again);
+            if is_read_again {
+                sink = new(Some(strays));
+                read_all(&mut sink, (clouds, options), crs.as_deref(), &mut Diagnostics::default())?;
+            }
+            let what = if is_read_again { "left out" } else { "in the raster, since a stream is read once" };
+            strays.warn(Path::new(&name), what, &mut all);
+        }
+        let Sink { cells, points, noise, misses, ground, .. } = sink;
         if points == 0 {
             return Err(Error::input(format!("{name}: no points to make a raster of")));
         }
@@ -169,10 +186,15 @@ impl CloudRasters {
         let (first, last) = cells.extent();
         let [columns, rows] = [0, 1].map(|axis| last[axis] - first[axis] + 1);
         if columns as f64 * rows as f64 > MAX_CELLS {
-            return Err(Error::input(format!(
-                "{columns} by {rows} cells of {} m, expected at most {MAX_CELLS}; take larger ones: --cell",
-                options.cell
-            )));
+            let far = match strays.described() {
+                Some(strays) => strays,
+                None => cells.described_extent(),
+            };
+            let side = options.cell;
+            return Err(Error::input_with_help(
+                format!("{name}: {columns} by {rows} cells of {side} m, expected at most {MAX_CELLS}; {far}"),
+                "remove points that are far from the others, or take larger cells: --cell",
+            ));
         }
         let rasters = CloudRasters {
             cells,
@@ -182,6 +204,7 @@ impl CloudRasters {
             crs: named.or(crs),
             points,
             noise,
+            misses,
             ground,
             fill: options.fill,
         };
@@ -249,13 +272,12 @@ impl CloudRasters {
             }
             let [x, y] =
                 [(0, column), (1, row)].map(|(axis, at)| (self.first[axis] as f64 + at as f64 + 0.5) * side);
-            let near = neighbours.nearest(x, y, SAMPLES_OF_PLANE, None);
-            match near.first() {
-                Some((square, _)) if *square <= self.fill * self.fill => {
-                    plane_at(neighbours.points(), &near, [x, y])
-                }
-                _ => f64::NAN,
+            // Most cells of wide places without ground end here.
+            if !neighbours.is_near(x, y, self.fill) {
+                return f64::NAN;
             }
+            let near = neighbours.nearest(x, y, SAMPLES_OF_PLANE, None);
+            plane_at(neighbours.points(), &near, [x, y])
         };
         (0..self.columns * self.rows).into_par_iter().map(height).collect()
     }
@@ -274,6 +296,28 @@ impl CloudRasters {
             crs: self.crs(),
         })
     }
+}
+
+/// Reads clouds into the sums; returns their system. `crs` is the system of those that name none.
+fn read_all(
+    sink: &mut Sink,
+    (clouds, options): (&[CloudSource], &RasterOptions),
+    crs: Option<&str>,
+    all: &mut Diagnostics,
+) -> Result<Option<String>> {
+    let mut named: Option<String> = None;
+    for cloud in clouds {
+        let this = read_into(sink, cloud, options, all)?;
+        for known in [named.as_deref(), crs].into_iter().flatten() {
+            if let Some(this) = this.as_deref().filter(|this| crs::differ(known, this)) {
+                let (shown, this, known) = (cloud.name().display(), crs::name(this), crs::name(known));
+                let message = format!("{shown} is in {this}, not in {known}; a raster has one system");
+                return Err(Error::input(message));
+            }
+        }
+        named = named.or(this);
+    }
+    Ok(named)
 }
 
 /// Reads a cloud into the sums; returns its system.

@@ -22,7 +22,7 @@ use text::{LinePlace, RowFormat};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
 use vlscan_formats::text::Widths;
-use vlscan_formats::{AttributeSet, CloudFormat, PointFile, PointRow, PointSink, Selection};
+use vlscan_formats::{AttributeSet, CloudFormat, PointFile, PointRow, PointSink, Selection, StrayFinder};
 use vlscan_geom::{Aabb, DVec3, direction, rescaled};
 use vlscan_survey::XyzLoader;
 
@@ -185,7 +185,10 @@ impl<'s> Cloud<'s> {
         let (mut extent, mut passed, mut wrong) = (Aabb::EMPTY, 0, None);
         let (mut without_normal, mut has_normals) = (0, false);
         let mut found = Diagnostics::default();
+        let mut strays = StrayFinder::default();
         self.each_batch(source, &mut found, |batches| {
+            let places = batches.iter().flatten().map(|point| point.position);
+            places.filter(|p| p.is_finite()).for_each(|p| strays.add(p));
             let seen: Vec<_> = batches.par_iter().map(|batch| settings.look_at(batch)).collect();
             for (own, batch) in seen.into_iter().zip(batches) {
                 let Seen { extent: own, without_normal: lacking, has_normals: has, first_wrong } = own;
@@ -198,6 +201,7 @@ impl<'s> Cloud<'s> {
             wrong.is_none()
         })?;
         settings.warn_of_normals(without_normal, source, &mut found);
+        strays.strays().warn(source.path(), "loaded like the rest", &mut found);
         if let Some((number, p)) = wrong {
             found.error(
                 None,
@@ -233,8 +237,12 @@ impl<'s> Cloud<'s> {
                     }
                     take(batches)
                 };
-                let mut batches = Batches { take, batches: vec![Vec::new()], is_ended: false };
+                let mut batches = Batches { take, batches: vec![Vec::new()], misses: 0, is_ended: false };
                 file.read(Selection::PositionAndClass, &mut batches, found)?;
+                if batches.misses > 0 {
+                    let message = format!("{} pulses without a return are left out", batches.misses);
+                    found.note(Some(Place::of_file(source.path())), message);
+                }
                 if !batches.is_ended {
                     batches.flush();
                 }
@@ -299,6 +307,8 @@ const RELEASED_POINTS: usize = 1 << 21;
 struct Batches<F> {
     take: F,
     batches: Vec<Vec<PointRow>>,
+    /// Pulses without a return, which are no points.
+    misses: u64,
     is_ended: bool,
 }
 
@@ -314,6 +324,10 @@ impl<F: FnMut(&[Vec<PointRow>]) -> bool> PointSink for Batches<F> {
     fn start(&mut self, _: AttributeSet) {}
 
     fn point(&mut self, row: &PointRow, _: Option<&str>) -> ControlFlow<()> {
+        if row.is_miss {
+            self.misses += 1;
+            return ControlFlow::Continue(());
+        }
         let is_full = self.batches.last().is_none_or(|batch| batch.len() >= BATCH_POINTS);
         if is_full && self.batches.len() >= rayon::current_num_threads() {
             self.flush();
