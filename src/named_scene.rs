@@ -18,8 +18,10 @@ pub struct NamedScene<'a> {
 
 /// Properties of the scan that the scene depends on.
 pub struct Scanning {
-    /// Wavelength at which spectra are evaluated, nm.
+    /// Wavelength of the first device, nm.
     pub wavelength_nm: f64,
+    /// Wavelengths of other devices at which spectra are evaluated, too, nm.
+    pub further_wavelengths_nm: Vec<f64>,
     /// The survey's seed.
     pub seed: Option<u64>,
     /// Those by which materials are read.
@@ -38,12 +40,17 @@ impl NamedScene<'_> {
             let reading = ReadOptions { assets: self.assets.to_vec(), ..ReadOptions::default() };
             let (scene, warnings) = vlscan_survey::read_scene(self.name, &reading)?;
             let corrections = PhysicsProfile::OF_PIPELINES.corrections();
-            return Ok((scene, Scanning { wavelength_nm: default, seed: None, corrections }, warnings));
+            let further_wavelengths_nm = Vec::new();
+            let scanning =
+                Scanning { wavelength_nm: default, further_wavelengths_nm, seed: None, corrections };
+            return Ok((scene, scanning, warnings));
         }
         let input = InputOptions { assets: self.assets.to_vec(), ..InputOptions::default() };
         let (survey, options, warnings) = read_survey(path, Options { input, ..Options::default() })?;
-        let wavelength_nm = survey.scanner.devices.first().map_or(default, |d| d.beam.wavelength);
         let corrections = options.profile.corrections(Corrections::NONE)?;
-        Ok((survey.scene, Scanning { wavelength_nm, seed: survey.seed, corrections }, warnings))
+        let LoadOptions { wavelength_nm, further_wavelengths_nm, .. } =
+            LoadOptions { rules: corrections, ..LoadOptions::default() }.with_wavelengths_of(&survey.scanner);
+        let scanning = Scanning { wavelength_nm, further_wavelengths_nm, seed: survey.seed, corrections };
+        Ok((survey.scene, scanning, warnings))
     }
 }

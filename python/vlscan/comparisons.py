@@ -123,6 +123,7 @@ def compare(
     most_distances: int = 200_000,
     chance: bool = False,
     terrain: PathLike | None = None,
+    registration: float | None = None,
     page: PathLike | None = None,
     change: PathLike | None = None,
     changed: PathLike | None = None,
@@ -144,7 +145,9 @@ def compare(
         Whether each figure comes with what chance alone gives: the largest difference between random halves of the first cloud.
     terrain : str or path-like, optional
         A raster or mesh that heights and residuals refer to; by default the ground points of the first cloud.
-
+    registration : float, optional
+        Standard deviation of the registration of the clouds to each other, m; by default the median difference of the cells that
+        did not change.
     page : str or path-like, optional
         A page to write, with tables, charts and pictures, ``.html``.
     change : str or path-like, optional
@@ -182,6 +185,7 @@ def compare(
         "voxel": voxel,
         "most_distances": most_distances,
         "chance": chance,
+        "registration": registration,
         "force": force,
     }
     files = {"terrain": terrain, "page": page, "change": change, "changed": changed}

@@ -13,7 +13,7 @@ use vlscan_base::crs;
 use vlscan_base::diag::{Diagnostics, Severity};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::machine;
-use vlscan_base::quantity::{bytes, number};
+use vlscan_base::quantity::{bytes, fixed, number};
 use vlscan_scene::{
     Inventory, LoadOptions, Material, MaterialArea, Pack, Part, PartFacts, Scene, TileOptions, material_areas,
 };
@@ -69,6 +69,7 @@ pub fn run(args: &InfoArgs, console: &Console) -> Result<()> {
 pub(super) fn options(recipe: &SceneRecipe, scanning: &Scanning, verify: bool) -> Result<LoadOptions> {
     let options = LoadOptions {
         wavelength_nm: scanning.wavelength_nm,
+        further_wavelengths_nm: scanning.further_wavelengths_nm.clone(),
         rules: scanning.corrections,
         max_memory: machine::memory(),
         ..LoadOptions::default()
@@ -131,7 +132,7 @@ impl Facts<'_> {
             ("y", b.min.y, b.max.y, size.y),
             ("z", b.min.z, b.max.z, size.z),
         ] {
-            line(name, format!("{lo:.3} to {hi:.3} m ({size:.3} m)"));
+            line(name, format!("{} to {} m ({size:.3} m)", fixed(lo, 3), fixed(hi, 3)));
         }
         let crs = self.scene.crs.as_deref().map(crs::name);
         line("coordinates", crs.unwrap_or_else(|| i.coordinates().to_owned()));

@@ -26,6 +26,10 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
     let tiles = args.scene_memory.map(|bytes| TileOptions { memory: bytes.0, trees: tree.clone() });
     let options = LoadOptions {
         wavelength_nm: args.wavelength.unwrap_or(found.wavelength_nm),
+        further_wavelengths_nm: match (args.wavelength, corrections.channel_spectra) {
+            (None, true) => found.further_wavelengths_nm,
+            _ => Vec::new(),
+        },
         seed,
         rules: corrections,
         sharing: args.instances.unwrap_or_default(),

@@ -139,7 +139,7 @@ impl Session {
     pub(super) fn check_instrument(&self) -> Result<()> {
         let Settings { survey, physics, strict, .. } = self.settings();
         let mut found = plausibility::check_instrument(survey, &physics.corrections);
-        if self.has_spectra() {
+        if self.has_spectra() && !physics.corrections.channel_spectra {
             found.extend(plausibility::check_wavelengths(survey));
         }
         self.notify(Notice::Warnings(found.finish(*strict)?));

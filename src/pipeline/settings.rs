@@ -48,11 +48,9 @@ impl Settings {
     /// Default settings: the survey's seed, or 0, the physics of HELIOS++, all cores.
     pub fn new(survey: Survey) -> Settings {
         let seed = survey.seed.unwrap_or(0);
-        let wavelength = survey.scanner.devices.first().map(|device| device.beam.wavelength);
-        let usual = LoadOptions::default();
         Settings {
             strict: false,
-            load: LoadOptions { wavelength_nm: wavelength.unwrap_or(usual.wavelength_nm), seed, ..usual },
+            load: LoadOptions { seed, ..LoadOptions::default() }.with_wavelengths_of(&survey.scanner),
             tree: BuildOptions::default(),
             flight: FlightOptions { seed, ..FlightOptions::default() },
             physics: PhysicsOptions { seed, ..PhysicsOptions::helios() },
@@ -83,6 +81,7 @@ impl Settings {
         self.physics.corrections = corrections;
         self.flight.kinematics = corrections.and(Corrections::MOTION.or(Corrections::RECORD));
         self.load.rules = corrections;
+        self.load = std::mem::take(&mut self.load).with_wavelengths_of(&self.survey.scanner);
     }
 
     /// Returns the options of the physics, with everything recorded that the outputs need.

@@ -94,11 +94,11 @@ impl Site {
         let (recipe, _, warnings) = NamedScene { name, assets: &setup.assets }.recipe()?;
         observer.warnings(warnings)?;
         let options = LoadOptions {
-            wavelength_nm: instrument.wavelength(),
             rules: PhysicsProfile::Refined.corrections(),
             max_memory: machine::memory(),
             ..LoadOptions::default()
-        };
+        }
+        .with_wavelengths_of(instrument.scanner());
         let trees = BuildOptions::of(Builder::default());
         let notify = observer.callback();
         let loaded = LoadedScene::load(&recipe, &options, &trees, observer.is_strict(), &notify)?;

@@ -1,6 +1,6 @@
 //! `vlscan compare` on runs of the fixtures, in several formats.
 
-use crate::common::{fixture, folder, recording, run, succeed, text};
+use crate::common::{fixture, folder, raster_of, recording, run, succeed, text};
 use std::fs;
 use std::path::Path;
 
@@ -51,6 +51,7 @@ fn runs_are_compared_in_every_format() {
         "distance",
         "voxels",
         "fill, m³",
+        "below the level of detection, m³",
         "chance:",
     ] {
         assert!(table.contains(name), "{name}: {table}");
@@ -140,6 +141,95 @@ fn a_dam_and_a_pit_of_two_epochs_are_told_apart() {
         "{}",
         text(&refused.stderr)
     );
+}
+
+/// The change that `vlscan compare` finds: volumes and uncertainties of fill, cut and net, and whether the clocks are one.
+fn change_of(dir: &Path, first: &str, second: &str) -> ([[f64; 2]; 3], bool) {
+    let out = succeed(dir, &["compare", first, second, "--json", "-q"]);
+    let found: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+    let change = &found["change"];
+    let number = |value: &serde_json::Value| value.as_f64().unwrap_or_else(|| panic!("{change}"));
+    let of = |part: &str| ["volume_m3", "uncertainty_m3"].map(|key| number(&change[part][key]));
+    let net = ["net_m3", "net_uncertainty_m3"].map(|key| number(&change[key]));
+    let quantities = found["quantities"].as_array().unwrap();
+    let has_one_clock = quantities.iter().any(|q| q["name"] == "scan angle at the same time");
+    ([of("fill"), of("cut"), net], has_one_clock)
+}
+
+#[test]
+fn ground_that_did_not_change_has_volumes_within_their_uncertainties() {
+    let dir = folder();
+    let wave = |i: usize| {
+        let (x, y) = ((i % 80) as f64, (i / 80) as f64);
+        (200.0 + 3.0 * (x / 15.0).sin() * (y / 18.0).cos()) as f32
+    };
+    let heights: Vec<f32> = (0..6400).map(wave).collect();
+    let dem = raster_of(80, &heights, [475_000.0, 5_429_080.0], 1.0, Some(25832));
+    fs::write(dir.path().join("d.tif"), dem).unwrap();
+    let fly =
+        ["plan", "airborne", "--scanner", "riegl_vux-1uav22", "--scene", "d.tif", "--height", "60", "-q"];
+    let rates = ["--density", "40", "--pulse-rate", "400000", "-o", "a.toml"];
+    succeed(dir.path(), &[&fly[..], &rates].concat());
+    let stand = ["plan", "terrestrial", "--scanner", "riegl_vz400", "--scene", "d.tif", "-q", "-o", "t.toml"];
+    let places = ["--around", "475040,5429040", "--radius", "15", "--resolution", "0.4"];
+    succeed(dir.path(), &[&stand[..], &places].concat());
+    let run_as = |plan: &str, points: &str, options: &[&str]| {
+        succeed(dir.path(), &[&["run", plan, "-o", points, "-q"], options].concat());
+    };
+    run_as("a.toml", "a.laz", &[]);
+    run_as("t.toml", "t.laz", &[]);
+    let errors =
+        ["--navigation-error", "position_m=0.02,0.02,0.05", "--navigation-error", "attitude_deg=0.01"];
+    for seed in ["1", "2", "3"] {
+        run_as("a.toml", &format!("n{seed}.laz"), &[&errors[..], &["--seed", seed]].concat());
+    }
+    let pairs = [("a.laz", "t.laz"), ("a.laz", "n1.laz"), ("n1.laz", "n2.laz"), ("n3.laz", "n1.laz")];
+    for (first, second) in pairs {
+        let (volumes, has_one_clock) = change_of(dir.path(), first, second);
+        for [volume, uncertainty] in volumes {
+            assert!(volume.abs() <= 2.0 * uncertainty, "{first} {second}: {volumes:?}");
+        }
+        // Sensors of centimetres on 6400 m².
+        let most = if second == "t.laz" { 5.0 } else { 1500.0 };
+        assert!(volumes.iter().all(|[_, uncertainty]| *uncertainty < most), "{first} {second}: {volumes:?}");
+        // The tripods and the aircraft begin at the same default time.
+        assert_eq!(has_one_clock, second != "t.laz", "{first} {second}");
+    }
+}
+
+#[test]
+fn a_dam_flown_with_errors_of_navigation_is_within_its_uncertainty() {
+    let dir = folder();
+    fs::write(
+        dir.path().join("ground.mtl"),
+        "newmtl ground\nhelios_classification 2\nhelios_isGround true\n",
+    )
+    .unwrap();
+    let errors =
+        ["--navigation-error", "position_m=0.02,0.02,0.05", "--navigation-error", "attitude_deg=0.01"];
+    for (name, is_changed) in [("before", false), ("after", true)] {
+        fs::write(dir.path().join(format!("{name}.obj")), mesh(is_changed)).unwrap();
+        let (scene, plan) = (format!("{name}.obj"), format!("{name}.toml"));
+        let flight = ["--scanner", "riegl_vux-1uav", "--height", "60", "--density", "30", "-q"];
+        succeed(
+            dir.path(),
+            &[&["plan", "airborne", "--scene", &scene, "--out", &plan], &flight[..]].concat(),
+        );
+        for seed in ["1", "2"] {
+            let points = format!("{name}{seed}.laz");
+            let args = ["run", &plan, "-o", &points, "-q", "--seed", seed];
+            succeed(dir.path(), &[&args[..], &errors].concat());
+        }
+    }
+    // π r² h / 3.
+    let cone = std::f64::consts::PI * 100.0;
+    for (first, second) in [("before1.laz", "after2.laz"), ("before2.laz", "after1.laz")] {
+        let ([fill, cut, net], _) = change_of(dir.path(), first, second);
+        for ([volume, uncertainty], truth) in [(fill, cone), (cut, cone), (net, 0.0)] {
+            assert!((volume - truth).abs() < 2.0 * uncertainty, "{first} {second}: {fill:?} {cut:?} {net:?}");
+        }
+        assert!(fill[1] < 0.5 * cone && cut[1] < 0.5 * cone, "{fill:?} {cut:?}");
+    }
 }
 
 /// Writes the points of a recording in two files, whole pulses to one or the other by chance.

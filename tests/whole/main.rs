@@ -51,6 +51,7 @@ mod profiles;
 mod raster;
 mod rasters;
 mod reconstruct;
+mod recording;
 mod scenes;
 mod shards;
 mod spinning;

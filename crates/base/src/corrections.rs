@@ -166,6 +166,8 @@ corrections! {
     /// Materials without colours are Lambertian; in the reference they reflect alike at all angles, more than they receive
     /// at grazing ones.
     Material lambert_default: true,
+    /// Spectra are evaluated at the wavelength of each channel; in the reference at that of the first one.
+    Material channel_spectra: true,
     /// Leaf angle tables of G itself (mean 0.5 over all directions) are told from those of 2πG (mean π); in the reference
     /// the former are 2π times too transparent.
     Material leaf_table_scale: true,

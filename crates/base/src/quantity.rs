@@ -217,6 +217,23 @@ pub fn number(value: f64) -> String {
     without_zeros(&format!("{value:.decimals$}")).to_owned()
 }
 
+/// Formats a number with a number of decimals for a report. A number that rounds to zero has no sign.
+pub fn fixed(value: f64, decimals: usize) -> String {
+    without_sign_of_zero(format!("{value:.decimals$}"))
+}
+
+/// [`fixed`] with the sign of positive numbers, for differences.
+pub fn signed(value: f64, decimals: usize) -> String {
+    without_sign_of_zero(format!("{value:+.decimals$}"))
+}
+
+fn without_sign_of_zero(text: String) -> String {
+    match text.strip_prefix(['+', '-']) {
+        Some(digits) if digits.bytes().all(|b| matches!(b, b'0' | b'.')) => digits.to_owned(),
+        _ => text,
+    }
+}
+
 fn without_zeros(digits: &str) -> &str {
     if digits.contains('.') { digits.trim_end_matches('0').trim_end_matches('.') } else { digits }
 }
@@ -256,7 +273,7 @@ pub fn amount(n: f64) -> String {
             return format!("{:.2}{unit}", n / limit);
         }
     }
-    format!("{n:.0}")
+    fixed(n, 0)
 }
 
 /// Formats a number of bytes with a unit prefix and three digits: 1.23 MB.
@@ -283,10 +300,10 @@ pub fn duration(seconds: f64) -> String {
 /// Formats a length (m) in m or km with up to three digits.
 pub fn metres(length: f64) -> String {
     match length.abs() {
-        m if m >= 10_000.0 => format!("{:.0} km", length / 1000.0),
-        m if m >= 1000.0 => format!("{:.1} km", length / 1000.0),
-        m if m >= 10.0 => format!("{length:.0} m"),
-        _ => format!("{length:.1} m"),
+        m if m >= 10_000.0 => fixed(length / 1000.0, 0) + " km",
+        m if m >= 1000.0 => fixed(length / 1000.0, 1) + " km",
+        m if m >= 10.0 => fixed(length, 0) + " m",
+        _ => fixed(length, 1) + " m",
     }
 }
 
@@ -313,6 +330,24 @@ mod tests {
         ] {
             assert_eq!(number(value), text);
         }
+    }
+
+    #[test]
+    fn zeros_have_no_sign() {
+        for (value, decimals, text, with_sign) in [
+            (-0.0, 1, "0.0", "0.0"),
+            (-0.04, 1, "0.0", "0.0"),
+            (0.04, 1, "0.0", "0.0"),
+            (-0.4, 0, "0", "0"),
+            (-0.06, 1, "-0.1", "-0.1"),
+            (12.345, 2, "12.35", "+12.35"),
+            (-10.0, 0, "-10", "-10"),
+            (f64::NEG_INFINITY, 1, "-inf", "-inf"),
+            (f64::NAN, 1, "NaN", "NaN"),
+        ] {
+            assert_eq!((&*fixed(value, decimals), &*signed(value, decimals)), (text, with_sign));
+        }
+        assert_eq!((&*metres(-0.01), &*number(-0.0)), ("0.0 m", "0"));
     }
 
     #[test]

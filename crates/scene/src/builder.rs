@@ -20,7 +20,7 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity;
 pub(super) use vlscan_geom::MAX_COORDINATE;
 use vlscan_geom::{Aabb, DVec3};
-use vlscan_survey::{Identity, UpAxis};
+use vlscan_survey::{Identity, Scanner, UpAxis};
 use vlscan_trace::{Cube, Geometry, Model, Placement, VoxelGrid};
 
 /// Maximum number of vertices, and of primitives, of a scene: indices have 32 bits and the largest one means "none".
@@ -31,6 +31,9 @@ pub(super) const MAX_ELEMENTS: usize = u32::MAX as usize - 1;
 pub struct LoadOptions {
     /// Wavelength of the first device, nm, at which spectra are evaluated.
     pub wavelength_nm: f64,
+    /// Wavelengths of other devices, nm, at which spectra are evaluated, too ([`Material::further_reflectances`](super::Material::further_reflectances)). None is equal to the first
+    /// or to another one.
+    pub further_wavelengths_nm: Vec<f64>,
     /// Seed of random materials and random voxel shifts.
     pub seed: u64,
     /// Departures from the reference's reading of materials and leaf angle tables.
@@ -55,6 +58,16 @@ pub struct LoadOptions {
 }
 
 impl LoadOptions {
+    /// The options with the wavelengths at which a scanner needs spectra by the rules: that of its first device, and those of others
+    /// with the correction `channel-spectra`.
+    #[must_use]
+    pub fn with_wavelengths_of(self, scanner: &Scanner) -> LoadOptions {
+        let mut wavelengths = scanner.wavelengths().into_iter();
+        let wavelength_nm = wavelengths.next().unwrap_or(self.wavelength_nm);
+        let further_wavelengths_nm = wavelengths.filter(|_| self.rules.channel_spectra).collect();
+        LoadOptions { wavelength_nm, further_wavelengths_nm, ..self }
+    }
+
     /// # Errors
     /// [`Error::Interrupted`] after a request to stop.
     pub fn check_stop(&self) -> Result<()> {
@@ -68,6 +81,7 @@ impl Default for LoadOptions {
     fn default() -> LoadOptions {
         LoadOptions {
             wavelength_nm: 1064.0,
+            further_wavelengths_nm: Vec::new(),
             seed: 0,
             rules: Corrections::NONE,
             drop_polygons: false,

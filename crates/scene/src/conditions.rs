@@ -11,6 +11,8 @@ use vlscan_survey::{Loader, MaterialChoice, SceneRecipe, VoxelMode};
 pub struct Conditions {
     /// Wavelength of the spectra, nm.
     pub wavelength_nm: f64,
+    /// See [`LoadOptions::further_wavelengths_nm`].
+    pub further_wavelengths_nm: Vec<f64>,
     /// Whether the scene reads files of spectra, so that its reflectances depend on the wavelength.
     pub has_spectra: bool,
     /// Seed of random materials and positions.
@@ -32,6 +34,9 @@ pub enum ConditionMismatch {
     #[error("its spectra are those at {loaded} nm, the scanner's beam has {requested} nm")]
     #[allow(missing_docs, reason = "the variant says it")]
     Wavelength { loaded: f64, requested: f64 },
+    /// Reflectances from spectra without the wavelengths of all channels.
+    #[error("its spectra are not those at the wavelengths of all channels of the scanner")]
+    Channels,
     /// Random materials or places of another seed.
     #[error("its random materials or places are those of seed {loaded}, not of {requested}")]
     #[allow(missing_docs, reason = "the variant says it")]
@@ -54,6 +59,7 @@ impl Conditions {
             .flat_map(|p| std::iter::once(&p.loader).chain(p.swaps.iter().filter_map(|s| s.loader.as_ref())));
         Conditions {
             wavelength_nm: options.wavelength_nm,
+            further_wavelengths_nm: options.further_wavelengths_nm.clone(),
             has_spectra: false,
             seed: options.seed,
             is_random: loaders.into_iter().any(is_random),
@@ -78,6 +84,9 @@ impl Conditions {
         if self.has_spectra && self.wavelength_nm != options.wavelength_nm {
             let (loaded, requested) = (self.wavelength_nm, options.wavelength_nm);
             return Err(ConditionMismatch::Wavelength { loaded, requested });
+        }
+        if self.has_spectra && !self.further_wavelengths_nm.starts_with(&options.further_wavelengths_nm) {
+            return Err(ConditionMismatch::Channels);
         }
         if self.is_random && self.seed != options.seed {
             let (loaded, requested) = (self.seed, options.seed);

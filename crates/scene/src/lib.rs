@@ -23,6 +23,7 @@
 //! | `ground_model` | the ground of a loaded scene |
 //! | `instances`, `instance_set` | parts that share a mesh |
 //! | `tiles` | parts that are in memory only while rays need them |
+//! | `coincident` | triangles that repeat an earlier one |
 //! | `model`, `triangle`, `surfaces`, `material`, `voxel`, `grid_voxels`, `lad` | the loaded scene and its components |
 //! | `motion` | moving parts |
 //! | `epoch` | swapped parts |
@@ -36,6 +37,7 @@
 
 mod builder;
 mod change;
+mod coincident;
 mod conditions;
 mod crs;
 mod epoch;

@@ -328,9 +328,9 @@ impl Library {
             );
             diagnostics.warn(d.place.clone(), message);
         }
-        let mut from_spectrum = None;
+        let mut from_spectrum: Option<Vec<f64>> = None;
         if let (None, Some(name)) = (d.reflectance, &d.spectrum) {
-            from_spectrum = self.spectra.reflectance(name, diagnostics);
+            from_spectrum = self.spectra.reflectances(name, diagnostics);
             if from_spectrum.is_none() {
                 let assumed = assumed(self.rules);
                 let message =
@@ -342,20 +342,22 @@ impl Library {
             self.add_issue(ReflectanceIssue::Missing, d);
         }
         let is_fraction = self.rules.reflectance_fraction;
+        let per_unit = |per_cent: f64| if is_fraction { per_cent / 100.0 } else { per_cent };
         let reflectance = match d.reflectance {
             Some(per_cent) if is_fraction && per_cent > MAX_FRACTION => {
                 self.add_issue(ReflectanceIssue::PerCent, d);
                 per_cent / 100.0
             }
             Some(fraction) => fraction,
-            None if is_fraction => from_spectrum.unwrap_or(50.0) / 100.0,
-            None => from_spectrum.unwrap_or(50.0),
+            None => per_unit(from_spectrum.as_ref().map_or(50.0, |at| at[0])),
         };
+        let further: Vec<f64> =
+            from_spectrum.iter().flat_map(|at| &at[1..]).map(|at| per_unit(*at)).collect();
         // Spectra and the default of 50 are per cent, but fractions in the refined physics.
         if let Some(given) = d.reflectance.or((!is_fraction).then_some(reflectance)) {
             self.units.add(self.materials.len() as u32, &d.name, given, || d.place.clone());
         }
-        if is_fraction && !(0.0..=1.0).contains(&reflectance) {
+        if is_fraction && further.iter().chain([&reflectance]).any(|r| !(0.0..=1.0).contains(r)) {
             self.add_issue(ReflectanceIssue::NoFraction, d);
         }
         if is_specular_only(d) {
@@ -375,6 +377,7 @@ impl Library {
         Material {
             name: d.name.clone(),
             reflectance: reflectance.max(0.0),
+            further_reflectances: further.into_iter().map(|reflectance| reflectance.max(0.0)).collect(),
             reflection: reflection(d, has_share, self.rules),
             classification: d.classification,
             is_ground: d.is_ground,

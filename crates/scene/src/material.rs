@@ -10,6 +10,9 @@ pub struct Material {
     /// ρ as used in the energy computation: `helios_reflectance` verbatim, otherwise that of the spectrum, otherwise
     /// one half; spectra and the half are in per cent unless [`Corrections::reflectance_fraction`] is set.
     pub reflectance: f64,
+    /// ρ at further wavelengths ([`LoadOptions::further_wavelengths_nm`](crate::LoadOptions::further_wavelengths_nm)); empty if it is the
+    /// same at all.
+    pub further_reflectances: Vec<f64>,
     /// Angular law of the reflection.
     pub reflection: Reflection,
     /// Point class of its returns.
@@ -68,6 +71,7 @@ impl Material {
         Material {
             name: name.to_owned(),
             reflectance: if rules.reflectance_fraction { 0.5 } else { 50.0 },
+            further_reflectances: Vec::new(),
             reflection: if rules.lambert_default { Reflection::Lambert } else { Reflection::Uniform },
             classification: 0,
             is_ground: false,
@@ -86,15 +90,22 @@ impl Material {
         })
     }
 
-    /// Reflectance factor f(θ) for the cosine of the incidence angle, `0 ≤ cos θ ≤ 1`.
-    pub fn factor(&self, cosine: f64) -> f64 {
+    /// ρ at a wavelength by its number: 0 for the first, from 1 for the further ones.
+    pub fn reflectance_at(&self, wavelength: usize) -> f64 {
+        let further = wavelength.checked_sub(1).and_then(|further| self.further_reflectances.get(further));
+        further.copied().unwrap_or(self.reflectance)
+    }
+
+    /// Reflectance factor f(θ) for the cosine of the incidence angle, `0 ≤ cos θ ≤ 1`, at a wavelength by its number.
+    pub fn factor(&self, wavelength: usize, cosine: f64) -> f64 {
+        let reflectance = self.reflectance_at(wavelength);
         match self.reflection {
-            Reflection::Uniform => self.reflectance,
-            Reflection::Lambert => self.reflectance * cosine,
+            Reflection::Uniform => reflectance,
+            Reflection::Lambert => reflectance * cosine,
             Reflection::Phong { specularity: s, exponent } => {
                 let lobe = libm::pow((2.0 * cosine * cosine - 1.0).abs(), exponent);
                 // cos θ cancels, so the result is finite at grazing incidence.
-                self.reflectance * ((1.0 - s) * cosine + s * lobe)
+                reflectance * ((1.0 - s) * cosine + s * lobe)
             }
             Reflection::Lobes { specularity: s, exponent, roughness } => {
                 let (a, b) = oren_nayar(roughness);
@@ -106,27 +117,28 @@ impl Material {
                 } else {
                     0.0
                 };
-                self.reflectance * ((1.0 - s) * diffuse + s * lobe)
+                reflectance * ((1.0 - s) * diffuse + s * lobe)
             }
         }
     }
 
-    /// Mean reflectance factor of the leaves that a ray hits in foliage, weighted by their projection; `mean_cosine` is
-    /// the mean of cos θ over them.
+    /// Mean reflectance factor of the leaves that a ray hits in foliage, weighted by their projection, at a wavelength by its number;
+    /// `mean_cosine` is the mean of cos θ over them.
     ///
     /// Exact for Lambert's law with any leaf angles, and for all laws with uniformly distributed leaf normals, where
     /// the density of cos θ is 2 cos θ. For other angles, other laws are scaled like Lambert's.
-    pub fn leaf_factor(&self, mean_cosine: f64) -> f64 {
+    pub fn leaf_factor(&self, wavelength: usize, mean_cosine: f64) -> f64 {
+        let reflectance = self.reflectance_at(wavelength);
         let relative = mean_cosine / SPHERICAL_MEAN_COSINE;
         match self.reflection {
-            Reflection::Uniform => self.reflectance,
-            Reflection::Lambert => self.reflectance * mean_cosine,
-            Reflection::Phong { .. } => self.factor(mean_cosine),
+            Reflection::Uniform => reflectance,
+            Reflection::Lambert => reflectance * mean_cosine,
+            Reflection::Phong { .. } => self.factor(wavelength, mean_cosine),
             Reflection::Lobes { specularity: s, exponent, roughness } => {
                 let (a, b) = oren_nayar(roughness);
                 let diffuse = a * SPHERICAL_MEAN_COSINE + b * 0.5;
                 let lobe = if s > 0.0 { mean_lobe(exponent) } else { 0.0 };
-                self.reflectance * ((1.0 - s) * diffuse + s * lobe) * relative
+                reflectance * ((1.0 - s) * diffuse + s * lobe) * relative
             }
         }
     }
@@ -201,30 +213,30 @@ mod tests {
         // spec pulse-physics §3.6: ρ = 0.5 at 30° and 60°
         let (c30, c60) = (3f64.sqrt() / 2.0, 0.5);
         let phong = with(Reflection::Phong { specularity: 0.5, exponent: 10.0 });
-        assert!((with(Reflection::Lambert).factor(c30) - 0.433012702).abs() < 1e-9);
-        assert!((phong.factor(c30) - 0.216750492).abs() < 1e-9);
-        assert!((phong.factor(c60) - 0.125244141).abs() < 1e-9);
-        assert_eq!(with(Reflection::Uniform).factor(c60), 0.5);
+        assert!((with(Reflection::Lambert).factor(0, c30) - 0.433012702).abs() < 1e-9);
+        assert!((phong.factor(0, c30) - 0.216750492).abs() < 1e-9);
+        assert!((phong.factor(0, c60) - 0.125244141).abs() < 1e-9);
+        assert_eq!(with(Reflection::Uniform).factor(0, c60), 0.5);
     }
 
     #[test]
     fn a_lobe_is_brightest_when_faced_and_ends_at_45_degrees() {
         let glossy = lobes(0.5, 10.0, 0.0);
         // 0.5·(0.5 + 0.5·12/2)
-        assert!((glossy.factor(1.0) - 1.75).abs() < 1e-15);
+        assert!((glossy.factor(0, 1.0) - 1.75).abs() < 1e-15);
         // cos 60° = 1/2 between mirror direction and source at 30°
         let c30 = 3f64.sqrt() / 2.0;
-        assert!((glossy.factor(c30) - 0.5 * c30 * (0.5 + 3.0 / 1024.0)).abs() < 1e-15);
+        assert!((glossy.factor(0, c30) - 0.5 * c30 * (0.5 + 3.0 / 1024.0)).abs() < 1e-15);
         for degrees in [45.1f64, 60.0, 80.0, 89.0] {
             let cosine = degrees.to_radians().cos();
             assert!(
-                (glossy.factor(cosine) - 0.25 * cosine).abs() < 1e-15,
+                (glossy.factor(0, cosine) - 0.25 * cosine).abs() < 1e-15,
                 "{degrees}°: the diffuse share alone"
             );
         }
         let matte = lobes(0.0, 10.0, 0.0);
         for cosine in [0.1, 0.5, 1.0] {
-            assert_eq!(matte.factor(cosine), with(Reflection::Lambert).factor(cosine));
+            assert_eq!(matte.factor(0, cosine), with(Reflection::Lambert).factor(0, cosine));
         }
     }
 
@@ -233,7 +245,7 @@ mod tests {
     fn a_faced_lobe_sends_back_its_share_and_no_more() {
         for exponent in [0.0, 1.0, 10.0, 200.0] {
             // ∫ (n+2)/2π cos^n(α) cos α dω over the hemisphere, α from the normal; and f at normal incidence is π·BRDF
-            let peak = lobes(1.0, exponent, 0.0).factor(1.0) / 0.5 / PI;
+            let peak = lobes(1.0, exponent, 0.0).factor(0, 1.0) / 0.5 / PI;
             let n = 200_000;
             let sum: f64 = (0..n)
                 .map(|i| {
@@ -253,10 +265,10 @@ mod tests {
         let s2 = (PI / 6.0).powi(2);
         let (a, b) = (1.0 - 0.5 * s2 / (s2 + 0.33), 0.45 * s2 / (s2 + 0.09));
         assert!((a - 0.7731).abs() < 5e-4 && (b - 0.3388).abs() < 5e-4, "{a} {b}");
-        assert!((rough.factor(1.0) - 0.5 * a).abs() < 1e-15);
-        assert!((rough.factor(0.5) - 0.5 * 0.5 * (a + 1.5 * b)).abs() < 1e-12);
+        assert!((rough.factor(0, 1.0) - 0.5 * a).abs() < 1e-15);
+        assert!((rough.factor(0, 0.5) - 0.5 * 0.5 * (a + 1.5 * b)).abs() < 1e-12);
         assert!(
-            rough.factor(0.2) > with(Reflection::Lambert).factor(0.2),
+            rough.factor(0, 0.2) > with(Reflection::Lambert).factor(0, 0.2),
             "brighter than Lambert towards the limb"
         );
     }
@@ -270,13 +282,13 @@ mod tests {
             let mean: f64 = (0..n)
                 .map(|i| {
                     let cosine = (f64::from(i) + 0.5) / f64::from(n);
-                    material.factor(cosine) * 2.0 * cosine / f64::from(n)
+                    material.factor(0, cosine) * 2.0 * cosine / f64::from(n)
                 })
                 .sum();
-            let found = material.leaf_factor(SPHERICAL_MEAN_COSINE);
+            let found = material.leaf_factor(0, SPHERICAL_MEAN_COSINE);
             assert!((found / mean - 1.0).abs() < 2e-4, "{material:?}: {found} is not {mean}");
         }
-        assert_eq!(with(Reflection::Lambert).leaf_factor(0.9), 0.45);
-        assert_eq!(with(Reflection::Uniform).leaf_factor(0.9), 0.5);
+        assert_eq!(with(Reflection::Lambert).leaf_factor(0, 0.9), 0.45);
+        assert_eq!(with(Reflection::Uniform).leaf_factor(0, 0.9), 0.5);
     }
 }

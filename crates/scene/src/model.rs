@@ -1,5 +1,6 @@
 //! The loaded scene, which workers share.
 
+use super::coincident::repeated_triangles;
 use super::grid_voxels::{GridSurfaces, GridVoxels};
 use super::instance_set::InstanceSet;
 use super::lad::LadTable;
@@ -125,11 +126,17 @@ impl Scene {
         {
             return ready.tree.clone();
         }
-        let tree = Tree::build_where(&self.geometry, options, |i| self.is_still(i));
+        let tree = self.tree_of_stored(options);
         Arc::new(match &self.instances {
             Some(set) => tree.with_instances(&set.instances, options),
             None => tree,
         })
+    }
+
+    /// The tree over the static primitives that are stored, without triangles that repeat an earlier one.
+    pub(crate) fn tree_of_stored(&self, options: &BuildOptions) -> Tree {
+        let repeated = repeated_triangles(self);
+        Tree::build_where(&self.geometry, options, |i| self.is_still(i) && !repeated.contains(&i))
     }
 
     /// Approximate memory of [`Scene::tree`], bytes, see [`Tree::estimate_build_memory`]; each model of instances has a

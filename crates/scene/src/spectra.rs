@@ -41,32 +41,33 @@ impl Row {
 #[derive(Clone)]
 pub(super) struct Spectra {
     folders: Vec<PathBuf>,
-    wavelength_um: f32,
-    known: HashMap<String, Option<f64>>,
+    /// The first is that of the first device.
+    wavelengths_um: Vec<f32>,
+    known: HashMap<String, Option<Vec<f64>>>,
     files: Vec<PathBuf>,
 }
 
 impl Spectra {
-    /// The spectra in the `spectra` folders of `asset_folders`, evaluated at `wavelength_nm`.
-    pub fn new(asset_folders: &[PathBuf], wavelength_nm: f64) -> Spectra {
+    /// The spectra in the `spectra` folders of `asset_folders`, evaluated at wavelengths in nm.
+    pub fn new(asset_folders: &[PathBuf], wavelengths_nm: impl IntoIterator<Item = f64>) -> Spectra {
         Spectra {
             folders: asset_folders.iter().map(|f| f.join("spectra")).filter(|f| f.is_dir()).collect(),
-            wavelength_um: (wavelength_nm / 1000.0) as f32,
+            wavelengths_um: wavelengths_nm.into_iter().map(|nm| (nm / 1000.0) as f32).collect(),
             known: HashMap::new(),
             files: Vec::new(),
         }
     }
 
-    /// Reflectance of the spectrum `name` in per cent; `None` if there is no such spectrum.
-    pub fn reflectance(&mut self, name: &str, diagnostics: &mut Diagnostics) -> Option<f64> {
-        if let Some(&value) = self.known.get(name) {
-            return value;
+    /// Reflectances of the spectrum `name` at the wavelengths in per cent; `None` if there is no such spectrum.
+    pub fn reflectances(&mut self, name: &str, diagnostics: &mut Diagnostics) -> Option<Vec<f64>> {
+        if let Some(values) = self.known.get(name) {
+            return values.clone();
         }
         let file = self.find(name, diagnostics);
         self.files.extend(file.clone());
-        let value = file.and_then(|path| reflectance_in(&path, self.wavelength_um, diagnostics));
-        self.known.insert(name.to_owned(), value);
-        value
+        let values = file.and_then(|path| reflectances_in(&path, &self.wavelengths_um, diagnostics));
+        self.known.insert(name.to_owned(), values.clone());
+        values
     }
 
     pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
@@ -104,7 +105,7 @@ impl Spectra {
     }
 }
 
-fn reflectance_in(path: &Path, wavelength: f32, diagnostics: &mut Diagnostics) -> Option<f64> {
+fn reflectances_in(path: &Path, wavelengths: &[f32], diagnostics: &mut Diagnostics) -> Option<Vec<f64>> {
     let source = match Source::open(path) {
         Ok(source) => source,
         Err(e) => {
@@ -118,7 +119,7 @@ fn reflectance_in(path: &Path, wavelength: f32, diagnostics: &mut Diagnostics) -
     let mut problems = Problems::default();
     let rows = table(&source, &mut problems);
     if problems.is_valid() {
-        warn_of_doubts(&rows, wavelength, &mut problems);
+        warn_of_doubts(&rows, wavelengths, &mut problems);
     }
     if !problems.report(&source, diagnostics) {
         return None;
@@ -130,7 +131,7 @@ fn reflectance_in(path: &Path, wavelength: f32, diagnostics: &mut Diagnostics) -
         diagnostics.error(Some(source.place(lines, end.saturating_sub(1)..end)), message);
         return None;
     }
-    Some(f64::from(interpolate(&rows, wavelength)))
+    Some(wavelengths.iter().map(|wavelength| f64::from(interpolate(&rows, *wavelength))).collect())
 }
 
 fn table(source: &Source, problems: &mut Problems) -> Vec<Row> {
@@ -176,9 +177,13 @@ fn table(source: &Source, problems: &mut Problems) -> Vec<Row> {
 }
 
 /// Warns of rows that hardly mean what is read of them, and of a wavelength outside of the table.
-fn warn_of_doubts(rows: &[Row], wavelength: f32, problems: &mut Problems) {
-    let per_cent = number(f64::from(interpolate(rows, wavelength)).max(0.0));
-    let used = format!("at {wavelength} µm it reflects {per_cent} per cent");
+fn warn_of_doubts(rows: &[Row], wavelengths: &[f32], problems: &mut Problems) {
+    let used_at = |wavelength: &f32| {
+        let per_cent = number(f64::from(interpolate(rows, *wavelength)).max(0.0));
+        format!("at {wavelength} µm it reflects {per_cent} per cent")
+    };
+    let used: Vec<String> = wavelengths.iter().map(used_at).collect();
+    let used = used.join(", ");
     warn_of_numbers(rows, &used, problems);
     let Some(range) = rows.first().zip(rows.last()) else { return };
     if rows.iter().all(|row| row.wavelength >= MIN_NANOMETRES) {
@@ -189,7 +194,9 @@ fn warn_of_doubts(rows: &[Row], wavelength: f32, problems: &mut Problems) {
             )
         });
     } else if !warn_of_order(rows, &used, problems) {
-        warn_of_range(range, wavelength, &used, problems);
+        for wavelength in wavelengths {
+            warn_of_range(range, *wavelength, &used_at(wavelength), problems);
+        }
     }
 }
 
@@ -300,8 +307,8 @@ mod tests {
         std::fs::create_dir(root.path().join("spectra")).unwrap();
         std::fs::write(root.path().join("spectra/a.txt"), spectrum(rows)).unwrap();
         let mut d = Diagnostics::default();
-        let value = Spectra::new(&[root.path().to_path_buf()], 1064.0).reflectance("a", &mut d);
-        (value, d)
+        let values = Spectra::new(&[root.path().to_path_buf()], [1064.0]).reflectances("a", &mut d);
+        (values.map(|values| values[0]), d)
     }
 
     #[test]
@@ -363,7 +370,7 @@ mod tests {
         )
         .unwrap();
         let mut d = Diagnostics::default();
-        Spectra::new(&[root.path().to_path_buf()], 1064.0).reflectance("a", &mut d);
+        Spectra::new(&[root.path().to_path_buf()], [1064.0]).reflectances("a", &mut d);
         let [told] = d.items() else { panic!("{}", d.render(false)) };
         assert!(told.message.contains("the first 26 lines"), "{}", told.message);
         assert_eq!(told.place.as_ref().unwrap().line, 25);
@@ -381,9 +388,9 @@ mod tests {
         let [empty, a, b] = [&empty, &a, &b].map(|folder| folder.path().to_path_buf());
         for (folders, warnings) in [(vec![empty.clone(), a.clone(), a.clone()], 0), (vec![empty, a, b], 1)] {
             let mut d = Diagnostics::default();
-            let mut spectra = Spectra::new(&folders, 1064.0);
-            assert_eq!(spectra.reflectance("moss.green", &mut d), Some(20.0));
-            assert_eq!(spectra.reflectance("moss", &mut d), None);
+            let mut spectra = Spectra::new(&folders, [1064.0]);
+            assert_eq!(spectra.reflectances("moss.green", &mut d), Some(vec![20.0]));
+            assert_eq!(spectra.reflectances("moss", &mut d), None);
             assert_eq!(d.items().len(), warnings, "{}", d.render(false));
             assert!(d.items().iter().all(|item| item.place.is_some()));
         }
@@ -397,10 +404,10 @@ mod tests {
             .unwrap();
         std::fs::write(root.path().join("spectra/b.txt"), "0.5\t10\n").unwrap();
         let mut d = Diagnostics::default();
-        let mut spectra = Spectra::new(&[root.path().to_path_buf()], 500.0);
-        assert_eq!(spectra.reflectance("a", &mut d), None);
+        let mut spectra = Spectra::new(&[root.path().to_path_buf()], [500.0]);
+        assert_eq!(spectra.reflectances("a", &mut d), None);
         assert_eq!(d.items().iter().flat_map(|i| i.lines()).collect::<Vec<_>>(), [28, 29]);
-        assert_eq!(spectra.reflectance("b", &mut d), None);
+        assert_eq!(spectra.reflectances("b", &mut d), None);
         assert!(d.render(false).contains("holds no values"), "{}", d.render(false));
     }
 }

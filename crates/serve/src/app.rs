@@ -2,14 +2,15 @@
 
 use crate::answers::Failure;
 use crate::sessions::Sessions;
+use crate::shares::{Share, Shares};
 use crate::tokens::{LOCAL, Tokens, hex};
 use crate::worker::Workshop;
 use axum::http::StatusCode;
 use axum::http::header::{self, HeaderMap};
 use sha2::{Digest as _, Sha256};
 use std::sync::Arc;
+use std::time::Duration;
 use subtle::ConstantTimeEq as _;
-use tokio::sync::Semaphore;
 
 /// Who asks.
 #[derive(Clone, Debug)]
@@ -34,14 +35,31 @@ pub struct App {
     /// Names of the service.
     pub(crate) hosts: Vec<String>,
     /// Streams of progress that may be opened.
-    pub streams: Arc<Semaphore>,
+    pub streams: Shares,
     /// Uploads that may be received.
-    pub uploads: Arc<Semaphore>,
+    pub uploads: Shares,
     /// Pictures that may be drawn.
-    pub pictures: Arc<Semaphore>,
+    pub pictures: Shares,
 }
 
+/// Longest wait for the turn to draw a picture.
+const MAX_PICTURE_WAIT: Duration = Duration::from_secs(120);
+
 impl App {
+    /// The turn of an owner to draw a picture.
+    ///
+    /// # Errors
+    /// If it does not come.
+    pub async fn turn_to_draw(&self, owner: &str) -> Result<Share, Failure> {
+        let turn = self.pictures.take(owner, MAX_PICTURE_WAIT).await;
+        turn.ok_or_else(|| {
+            Failure::new(
+                StatusCode::SERVICE_UNAVAILABLE,
+                "other pictures are being drawn; load the page again in a minute",
+            )
+        })
+    }
+
     /// What the hidden field of forms contains for this owner.
     pub fn form_token(&self, owner: &str) -> String {
         let mut hash = Sha256::new();

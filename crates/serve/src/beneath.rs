@@ -5,6 +5,8 @@ use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
+/// Bytes that a file or folder takes on the disk besides its content.
+pub const BLOCK: u64 = 4096;
 /// Deepest folder below one of a job.
 const MAX_DEPTH: usize = 64;
 

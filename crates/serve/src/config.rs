@@ -105,7 +105,8 @@ pub struct ServeArgs {
     /// Serve everybody who reaches the names of --host, without tokens.
     #[arg(long, requires = "host", conflicts_with = "token_file")]
     pub open: bool,
-    /// Jobs that are computed at the same time; 0 only queues them.
+    /// Jobs that are computed at the same time, besides two plans, forecasts or other jobs that answer requests; 0 only queues them. Owners
+    /// take turns.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub workers: usize,
     /// Threads of a job; 0 = all.
@@ -126,9 +127,13 @@ pub struct ServeArgs {
     /// Files of an upload.
     #[arg(long, value_name = "N", default_value_t = 10_000)]
     pub max_files: usize,
-    /// All uploads and results of an owner.
+    /// What the uploads and jobs of an owner take on the disk, failed jobs and the database included; 4 KiB for each file besides its
+    /// content.
     #[arg(long, value_name = "BYTES", default_value = "100G", value_parser = amount)]
     pub max_stored: u64,
+    /// Remove finished jobs and their results after so many days. [default: keep them]
+    #[arg(long, value_name = "DAYS", value_parser = days)]
+    pub keep: Option<f64>,
     /// Jobs of an owner that wait or run.
     #[arg(long, value_name = "N", default_value_t = 10_000)]
     pub max_queued: usize,
@@ -202,6 +207,15 @@ pub fn amount(text: &str) -> Result<u64, String> {
     let number: Option<u64> = digits.parse().ok();
     let number = number.and_then(|number| number.checked_mul(factor));
     number.ok_or_else(|| format!("`{text}`: expected a whole number such as 500k, 10M, 2G or 1T"))
+}
+
+/// A number of days above 0.
+///
+/// # Errors
+/// What was expected.
+fn days(text: &str) -> Result<f64, String> {
+    let days: Option<f64> = text.parse().ok().filter(|days: &f64| *days > 0.0 && *days <= 100_000.0);
+    days.ok_or_else(|| format!("`{text}`: expected a number of days above 0"))
 }
 
 #[cfg(test)]

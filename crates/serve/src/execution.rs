@@ -1,7 +1,7 @@
 //! A process of vlscan: started under its restrictions, watched, and how it ended. Workers of the service use it, and tasks of an engine on
 //! its nodes.
 
-use crate::beneath::{Beneath, EntryKind};
+use crate::beneath::{BLOCK, Beneath, EntryKind};
 use crate::config::ConfineArgs;
 use crate::program::confined;
 use crate::store::Result;
@@ -16,13 +16,12 @@ use std::time::{Duration, Instant};
 const POLL: Duration = Duration::from_millis(20);
 /// How often time and disk are checked.
 const CHECK: Duration = Duration::from_secs(1);
-/// Bytes that a file or folder takes besides its content, and most of them in the folder of a job.
-pub(crate) const BLOCK: u64 = 4096;
+/// Most files and folders in the folder of a job.
 const MAX_ENTRIES: usize = 200_000;
 /// Longest message of a failed job, bytes.
 const MAX_MESSAGE: u64 = 8 << 10;
-/// How often a process that somebody kills is started again.
-const MAX_KILLS: usize = 50;
+/// How often a process that somebody kills is started again: the system may have wanted the memory for something else.
+const MAX_KILLS: usize = 2;
 /// Wait for a process that works in the same folder: one that an earlier service has started and that is about to end.
 const IN_USE: Duration = Duration::from_millis(200);
 

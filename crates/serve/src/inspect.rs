@@ -89,6 +89,7 @@ pub fn inspect(args: &CheckArgs) -> std::result::Result<Report, String> {
                 root,
                 kept,
                 fetches: crate::files::Fetches::default(),
+                served: Mutex::default(),
             };
             contents(&store, &mut report).map_err(message)?;
         }

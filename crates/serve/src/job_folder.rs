@@ -1,6 +1,7 @@
 //! The folder of a job: what it reads, and the files of its results.
 
 use crate::beneath::{Beneath, EntryKind};
+use crate::names::relative_path;
 use crate::request::{Prepared, name_of};
 use crate::store::{Result, ResultFile, Store};
 use std::fs;
@@ -19,7 +20,7 @@ pub(crate) fn make(store: &Store, folder: &Path, prepared: &Prepared) -> Result<
         fs::create_dir_all(folder.join(name))?;
     }
     // Tasks of an engine may be reading it.
-    if let Some((name, text)) = &prepared.document {
+    for (name, text) in prepared.document.iter().chain(&prepared.geometries) {
         write_whole(&inputs.join(name), text.as_bytes())?;
     }
     for used in &prepared.uses {
@@ -46,20 +47,29 @@ fn link(target: &Path, name: &Path) -> std::io::Result<()> {
     }
 }
 
-/// The files of results, sorted.
+/// Where campaigns keep notes of their own.
+const NOTES: &str = ".campaign";
+
+/// The files of results, sorted, or the name of one that cannot be served.
 ///
 /// # Errors
 /// Those of files, and for very many files.
-pub(crate) fn results(folder: &Path) -> Result<Vec<ResultFile>> {
+pub(crate) fn results(folder: &Path) -> Result<std::result::Result<Vec<ResultFile>, String>> {
     let mut found = Vec::new();
     for entry in Beneath::of(folder)?.entries(MAX_RESULTS)? {
-        let path = entry.path.to_string_lossy().replace('\\', "/");
-        if entry.kind == EntryKind::File && !path.starts_with('.') {
-            found.push(ResultFile { path, bytes: entry.bytes });
+        let is_note = entry.path.components().any(|part| part.as_os_str() == NOTES);
+        if entry.kind == EntryKind::Folder || is_note {
+            continue;
         }
+        let path = entry.path.to_string_lossy().replace('\\', "/");
+        // What requests could not fetch under its name is no result.
+        if entry.kind == EntryKind::Other || relative_path(&path).is_none() {
+            return Ok(Err(path));
+        }
+        found.push(ResultFile { path, bytes: entry.bytes });
     }
     found.sort_by(|a, b| a.path.cmp(&b.path));
-    Ok(found)
+    Ok(Ok(found))
 }
 
 /// Results that are complete: their files, as an earlier worker has recorded them, which was ended before the database had them.
@@ -99,8 +109,56 @@ pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     Ok(())
 }
 
-/// Pulses of all cells of a data set.
-pub(crate) fn campaign_pulses(manifest: &[u8]) -> u64 {
-    let of = |line: &str| serde_json::from_str::<serde_json::Value>(line).ok()?["pulses"].as_u64();
-    String::from_utf8_lossy(manifest).lines().filter_map(of).sum()
+/// Largest record of a cell that is read, bytes.
+const MAX_RECORD: u64 = 16 << 20;
+
+/// Pulses of all cells of a data set that are complete, of a campaign that has ended in any way. `out` is the folder of its results.
+pub(crate) fn campaign_pulses(out: &Path) -> u64 {
+    let sum = || -> std::io::Result<u64> {
+        let out = Beneath::of(out)?;
+        let entries = out.entries(MAX_RESULTS)?;
+        let made = |entry: &&crate::beneath::Entry| {
+            let is_note = entry.path.parent().is_some_and(|folder| folder.ends_with(NOTES));
+            is_note && entry.path.extension().is_some_and(|ending| ending == "made")
+        };
+        // Its first line is the record of the cell.
+        let pulses = |entry: &crate::beneath::Entry| {
+            let bytes = out.read(&entry.path, MAX_RECORD).ok()?;
+            let line = bytes.split(|byte| *byte == b'\n').next()?;
+            serde_json::from_slice::<serde_json::Value>(line).ok()?["pulses"].as_u64()
+        };
+        Ok(entries.iter().filter(made).filter_map(pulses).fold(0, u64::saturating_add))
+    };
+    sum().unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_that_are_complete_count_and_notes_are_no_results() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        assert_eq!(campaign_pulses(out), 0);
+        let write = |name: &str, text: &str| {
+            fs::create_dir_all(out.join(name).parent().unwrap()).unwrap();
+            fs::write(out.join(name), text).unwrap();
+        };
+        write("dataset/.campaign/a.made", "{\"cell\": \"a\", \"pulses\": 40}\n{}\n");
+        write("dataset/.campaign/b.made", "{\"cell\": \"b\", \"pulses\": 2}\n");
+        write("dataset/.campaign/c.made", "damaged");
+        write("dataset/.campaign/d.lock", "{\"pulses\": 5}");
+        write("dataset/cells/a/record.json", "{\"pulses\": 40}");
+        write("points.laz", "");
+        assert_eq!(campaign_pulses(out), 42);
+        let names =
+            || results(out).unwrap().map(|files| files.into_iter().map(|file| file.path).collect::<Vec<_>>());
+        assert_eq!(names(), Ok(vec!["dataset/cells/a/record.json".to_owned(), "points.laz".to_owned()]));
+        for name in [".hidden.xyz", "-o.laz", "dataset/a:b"] {
+            write(name, "");
+            assert_eq!(names(), Err(name.to_owned()));
+            fs::remove_file(out.join(name)).unwrap();
+        }
+    }
 }

@@ -13,7 +13,7 @@
 //! | `request` | from inputs to a command, the files it reads and the hash of all that determines its result |
 //! | `records`, `schema`, `store`, `queue` | uploads, jobs and leases, in SQLite |
 //! | `opening`, `inspect` | whether folder, database and bucket belong together, and what the database does not list |
-//! | `uploads` | files that are received, and archives that are expanded |
+//! | `uploads`, `missing` | files that are received, archives that are expanded, and files that are named and not there |
 //! | `submit` | from a request to a job in the queue |
 //! | `files`, `bucket`, `no_bucket` | where files of uploads and results are kept; `no_bucket` takes the place of `bucket` without the feature `s3` |
 //! | `worker` | threads that have jobs computed |
@@ -23,7 +23,7 @@
 //! | `confine`, `own_root`, `calls` | restrictions of the processes that compute |
 //! | `beneath` | files below folders that these processes can write |
 //! | `answers` | failures, documents, links |
-//! | `app`, `sessions` | what all requests share; who asks |
+//! | `app`, `shares`, `sessions` | what all requests share, and the part of each owner; who asks |
 //! | `security` | which requests are admitted, headers of answers |
 //! | `api` | the interface for programs |
 //! | `pages` | the pages |
@@ -47,6 +47,7 @@ pub mod execution;
 pub mod files;
 pub mod inspect;
 mod job_folder;
+pub mod missing;
 pub mod names;
 pub mod opening;
 #[cfg(target_os = "linux")]
@@ -62,6 +63,7 @@ mod schema;
 pub mod security;
 pub mod server;
 pub mod sessions;
+pub mod shares;
 pub mod steps;
 pub mod store;
 pub mod submit;

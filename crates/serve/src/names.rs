@@ -10,8 +10,13 @@ pub(crate) const MAX_DEPTH: usize = 16;
 /// The folder name under which results of jobs are named in requests.
 pub const JOBS: &str = "jobs";
 
-/// Names in the folder of a job's inputs that are not those of uploads.
-const RESERVED: [&str; 5] = [JOBS, "job.toml", "campaign.toml", "area.geojson", "along.geojson"];
+/// The folder by whose name files of HELIOS++ name others, and references of the catalogue begin.
+pub const DATA: &str = "data";
+
+/// Names in the folder of a job's inputs that are not those of uploads, and that of the catalogue, whose instruments an upload would
+/// replace.
+const RESERVED: [&str; 8] =
+    [JOBS, DATA, "job.toml", "campaign.toml", "area.geojson", "along.geojson", "area.wkt", "along.wkt"];
 
 /// Whether a text can be the name of an upload: one part of a path without blanks that means nothing else.
 pub fn is_upload_name(name: &str) -> bool {
@@ -114,6 +119,7 @@ mod tests {
         assert!(
             is_upload_name("forest-2")
                 && !is_upload_name("jobs")
+                && !is_upload_name("data")
                 && !is_upload_name("a b")
                 && !is_upload_name("..")
         );
@@ -127,6 +133,8 @@ mod tests {
             ("dem.tar.gz", "dem.tar"),
             ("…", "upload"),
             ("jobs", "upload"),
+            ("data/surveys/a.xml", "a"),
+            ("data", "upload"),
             ("../..", "upload"),
         ] {
             assert_eq!(upload_name_from(from), name);

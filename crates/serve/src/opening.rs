@@ -66,10 +66,7 @@ impl Store {
         let path = root.join(DATABASE);
         let of_folder = read_id(&root)?;
         let has_files = has_files(&root)?;
-        let state = match schema::exists(&path) {
-            true => schema::check(&rusqlite::Connection::open(&path)?, &path)?,
-            false => State::Empty,
-        };
+        let state = schema::state(&path)?;
         if state == State::Empty && (of_folder.is_some() || has_files) {
             return Err(StoreError::NoDatabase(path));
         }
@@ -96,7 +93,13 @@ impl Store {
             fs::create_dir_all(root.join(folder))?;
         }
         database.set_prepared_statement_cache_capacity(64);
-        Ok(Store { database: Mutex::new(database), root, kept, fetches: crate::files::Fetches::default() })
+        Ok(Store {
+            database: Mutex::new(database),
+            root,
+            kept,
+            fetches: crate::files::Fetches::default(),
+            served: Mutex::default(),
+        })
     }
 
     /// Removes what an interrupted service has left, incomplete uploads and what was to be removed, and moves what the database does not

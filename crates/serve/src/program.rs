@@ -75,6 +75,19 @@ impl Program {
         entries.filter_map(|entry| Some((entry["reference"].as_str()?, entry)))
     }
 
+    /// Whether a text is the full reference of a scanner or platform of the catalogue.
+    pub fn is_reference(&self, text: &str) -> bool {
+        let lists = self.catalogue.as_object().into_iter().flatten().filter_map(|(_, list)| list.as_array());
+        lists.flatten().any(|entry| entry["reference"] == text)
+    }
+
+    /// Whether the catalogue has a file of this name.
+    pub fn has_file(&self, name: &str) -> bool {
+        let lists = self.catalogue.as_object().into_iter().flatten().filter_map(|(_, list)| list.as_array());
+        let mut references = lists.flatten().filter_map(|entry| entry["reference"].as_str());
+        references.any(|reference| reference.split('#').next() == Some(name))
+    }
+
     /// The pattern of a scanner of the catalogue as SVG, made at its first call.
     ///
     /// # Errors

@@ -3,10 +3,12 @@
 //! A worker holds a job for some seconds and renews this lease while it computes. A service that ends takes its workers along, and a lease
 //! that is not renewed runs out; so the job is given to another worker, which continues it. Only who holds a job can finish it.
 
+use crate::processes::Process;
 use crate::records::Kind;
 use crate::store::{COLUMNS, Job, Result, ResultFile, Status, Store, job_of, now};
-use rusqlite::{OptionalExtension as _, TransactionBehavior, params};
+use rusqlite::{Connection, OptionalExtension as _, TransactionBehavior, params};
 use std::collections::BTreeSet;
+use std::sync::PoisonError;
 use std::time::Duration;
 
 /// How long a job is held without a renewal.
@@ -53,6 +55,27 @@ pub enum Outcome {
     Failed(String),
 }
 
+/// Which jobs a worker takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lane {
+    /// All.
+    Any,
+    /// Those that answer requests, of each owner at most this many at a time, so that nobody takes all workers of the lane.
+    Quick {
+        /// Jobs of an owner.
+        share: usize,
+    },
+}
+
+/// An owner whose jobs wait.
+struct Waiting {
+    owner: String,
+    /// The job that has waited longest.
+    number: i64,
+    /// Jobs that are computed in the lane.
+    running: usize,
+}
+
 impl Store {
     /// Adds a job to the queue, or, with `answer`, as successful with the results of that earlier job. Returns `false` and adds nothing if
     /// the owner has `max_queued` jobs that are not finished.
@@ -84,7 +107,8 @@ impl Store {
         transaction
             .prepare_cached(
                 "INSERT INTO jobs (id, owner, process, inputs, prepared, fingerprint, folder, status, progress, results, created, started,
-                 finished, updated, message) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?12, ?11, ?13)",
+                 finished, updated, message, texts) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?12, ?11, ?13,
+                 octet_length(?4) + octet_length(?5) + octet_length(?10) + octet_length(?13))",
             )?
             .execute(params![
                 job.id,
@@ -130,24 +154,34 @@ impl Store {
         Ok(found)
     }
 
-    /// Takes the job that has waited longest, or one whose lease has run out, for `holder`.
+    /// Takes a job for `holder`, one that waits or whose lease has run out: of the owner of whom the fewest are computed, of several the one
+    /// who was served longest ago, and of that owner the one that has waited longest.
     ///
     /// # Errors
     /// [`crate::store::StoreError`].
-    pub fn take_job(&self, holder: &str) -> Result<Option<Job>> {
+    pub fn take_job(&self, holder: &str, lane: Lane) -> Result<Option<Job>> {
+        let mut served = self.served.lock().unwrap_or_else(PoisonError::into_inner);
         let mut database = self.database();
         let transaction = database.transaction_with_behavior(TransactionBehavior::Immediate)?;
         let now = now();
+        let share = match lane {
+            Lane::Any => usize::MAX,
+            Lane::Quick { share } => share,
+        };
+        let waiting = waiting(&transaction, lane, now)?.into_iter().filter(|one| one.running < share);
+        let turn = |owner: &str| served.iter().position(|known| known == owner).map_or(0, |at| at + 1);
+        let next = waiting.min_by_key(|one| (one.running, turn(&one.owner), one.number));
+        let Some(next) = next else { return Ok(None) };
         let taken = transaction
             .prepare_cached(&format!(
                 "UPDATE jobs SET status = 'running', holder = ?1, held_until = ?2, started = coalesce(started, ?3), updated = ?3
-                 WHERE number = (SELECT number FROM jobs WHERE status IN ('accepted', 'running')
-                    AND (holder IS NULL OR held_until < ?3) ORDER BY number LIMIT 1)
-                 RETURNING {COLUMNS}"
+                 WHERE number = ?4 RETURNING {COLUMNS}"
             ))?
-            .query_row(params![holder, now + LEASE.as_millis() as i64, now], job_of)
+            .query_row(params![holder, now + LEASE.as_millis() as i64, now, next.number], job_of)
             .optional()?;
         transaction.commit()?;
+        served.retain(|owner| *owner != next.owner);
+        served.push(next.owner);
         Ok(taken)
     }
 
@@ -207,6 +241,7 @@ impl Store {
             let database = self.database();
             let mut update = database.prepare_cached(
                 "UPDATE jobs SET status = ?1, message = ?2, progress = CASE ?1 WHEN 'successful' THEN 100 ELSE progress END, results = ?3,
+                 texts = octet_length(inputs) + octet_length(prepared) + octet_length(?3) + octet_length(?2),
                  bytes = ?4, finished = ?5, updated = ?5, holder = NULL, held_until = NULL
                  WHERE id = ?6 AND holder = ?7 AND status = 'running'",
             )?;
@@ -300,10 +335,14 @@ impl Store {
     pub fn dismiss(&self, owner: &str, id: &str, holder: Option<&str>) -> Result<bool> {
         let now = now();
         let changed = self.database().execute(
-            "UPDATE jobs SET status = 'dismissed', updated = ?1, finished = coalesce(finished, ?1), message = '', holder = coalesce(holder, ?4)
+            "UPDATE jobs SET status = 'dismissed', updated = ?1, finished = coalesce(finished, ?1), message = '', holder = coalesce(holder, ?4),
+             inputs = '{}', prepared = '{}', fingerprint = '', texts = octet_length(results)
              WHERE owner = ?2 AND id = ?3",
             params![now, owner, id, holder],
         )?;
+        if changed > 0 {
+            self.database().execute("DELETE FROM uses WHERE job = ?", [id])?;
+        }
         self.remove_unused()?;
         Ok(changed > 0)
     }
@@ -333,159 +372,23 @@ impl Store {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::files::Files;
-    use crate::store::{FileKind, Upload, UploadFile};
-
-    fn job(owner: &str, id: &str) -> Job {
-        Job {
-            id: id.to_owned(),
-            owner: owner.to_owned(),
-            process: "run".to_owned(),
-            inputs: "{}".to_owned(),
-            prepared: "{}".to_owned(),
-            fingerprint: "same".to_owned(),
-            folder: id.to_owned(),
-            status: Status::Accepted,
-            message: String::new(),
-            progress: 0,
-            results: String::new(),
-            created: now(),
-            started: None,
-            finished: None,
-            updated: now(),
-        }
-    }
-
-    fn store() -> (tempfile::TempDir, Store) {
-        let folder = tempfile::tempdir().unwrap();
-        let store = Store::open(folder.path(), Files::Folder).unwrap();
-        (folder, store)
-    }
-
-    #[test]
-    fn a_job_is_taken_once_and_finished_by_its_holder() {
-        let (_folder, store) = store();
-        for id in ["a", "b"] {
-            assert!(store.add_job(&job("anna", id), &BTreeSet::new(), None, 2).unwrap());
-        }
-        assert!(!store.add_job(&job("anna", "c"), &BTreeSet::new(), None, 2).unwrap(), "two jobs wait");
-        assert!(store.add_job(&job("ben", "d"), &BTreeSet::new(), None, 2).unwrap());
-        assert_eq!(store.take_job("w1").unwrap().unwrap().id, "a");
-        assert_eq!(store.take_job("w2").unwrap().unwrap().id, "b");
-        assert_eq!(store.take_job("w3").unwrap().unwrap().id, "d");
-        assert!(store.take_job("w4").unwrap().is_none());
-        assert!(!store.finish("a", "w2", &Outcome::Successful(Vec::new(), String::new())).unwrap());
-        assert!(store.finish("a", "w1", &Outcome::Failed("no".to_owned())).unwrap());
-        let found = store.job("anna", "a").unwrap().unwrap();
-        assert_eq!((found.status, found.message.as_str()), (Status::Failed, "no"));
-        assert!(store.job("ben", "a").unwrap().is_none(), "jobs of others are not seen");
-        // A holder that has ended gives its job back.
-        store.release("w2").unwrap();
-        assert_eq!(store.take_job("w5").unwrap().unwrap().id, "b");
-        assert!(!store.renew("b", "w2", 10, "").unwrap() && store.renew("b", "w5", 10, "").unwrap());
-        // A lease runs out.
-        store.database().execute("UPDATE jobs SET held_until = 1 WHERE id = 'b'", []).unwrap();
-        assert_eq!(store.take_job("w6").unwrap().unwrap().id, "b");
-    }
-
-    #[test]
-    fn results_are_given_again_and_kept_while_a_job_names_them() {
-        let (_folder, store) = store();
-        store.add_job(&job("anna", "a"), &BTreeSet::new(), None, 9).unwrap();
-        store.take_job("w").unwrap();
-        std::fs::create_dir_all(store.job_folder("a").join("out")).unwrap();
-        let files = vec![ResultFile { path: "points.laz".to_owned(), bytes: 7 }];
-        store.finish("a", "w", &Outcome::Successful(files.clone(), "warning: w".to_owned())).unwrap();
-        let first = store.same_job("anna", "same").unwrap().unwrap();
-        assert!(store.same_job("ben", "same").unwrap().is_none());
-        store.add_job(&job("anna", "b"), &BTreeSet::new(), Some(&first), 0).unwrap();
-        let again = store.job("anna", "b").unwrap().unwrap();
-        assert_eq!((again.status, again.folder.as_str()), (Status::Successful, "a"));
-        assert_eq!((again.result_files(), again.message.as_str()), (files, "warning: w"));
-        assert_eq!(store.stored_bytes("anna").unwrap(), 7);
-        store.dismiss("anna", "a", None).unwrap();
-        assert!(store.job_folder("a").is_dir(), "the second job has its results there");
-        store.dismiss("anna", "b", None).unwrap();
-        assert!(!store.job_folder("a").exists());
-    }
-
-    #[test]
-    fn uploads_stay_while_unfinished_jobs_use_them() {
-        let (_folder, store) = store();
-        let upload = Upload {
-            id: "u".into(),
-            name: "forest".into(),
-            files: 1,
-            bytes: 5,
-            sha256: "x".into(),
-            created: 1,
-        };
-        let files = [UploadFile { path: "a.obj".into(), bytes: 5, kind: FileKind::Other }];
-        std::fs::create_dir_all(store.upload_folder("u")).unwrap();
-        assert!(store.add_upload("anna", &upload, &files).unwrap());
-        assert!(!store.add_upload("anna", &Upload { id: "v".into(), ..upload.clone() }, &files).unwrap());
-        let uses = BTreeSet::from([Use::Upload { name: "forest".into(), id: "u".into() }]);
-        store.add_job(&job("anna", "a"), &uses, None, 9).unwrap();
-        assert!(!store.remove_upload("ben", "forest").unwrap());
-        assert!(store.remove_upload("anna", "forest").unwrap());
-        assert!(store.uploads("anna").unwrap().is_empty() && store.upload_folder("u").is_dir());
-        store.dismiss("anna", "a", None).unwrap();
-        assert!(!store.upload_folder("u").exists());
-    }
-
-    #[test]
-    fn a_job_is_finished_with_the_results_of_another_one_while_these_are_there() {
-        let (_folder, store) = store();
-        let files = vec![ResultFile { path: "points.laz".to_owned(), bytes: 7 }];
-        for id in ["a", "b", "c"] {
-            store.add_job(&job("anna", id), &BTreeSet::new(), None, 9).unwrap();
-        }
-        store.take_job("w1").unwrap();
-        store.finish("a", "w1", &Outcome::Successful(files.clone(), "warning: w".to_owned())).unwrap();
-        store.take_job("w2").unwrap();
-        assert!(store.finish("b", "w2", &Outcome::Same("a".to_owned())).unwrap());
-        let found = store.job("anna", "b").unwrap().unwrap();
-        assert_eq!(
-            (found.status, found.folder.as_str(), found.result_files()),
-            (Status::Successful, "a", files)
-        );
-        assert_eq!(found.message, "warning: w");
-        store.dismiss("anna", "a", None).unwrap();
-        assert!(store.has(Kind::Results, "a").unwrap(), "another job names them");
-        store.dismiss("anna", "b", None).unwrap();
-        assert_eq!(store.take_job("w3").unwrap().unwrap().id, "c");
-        assert!(!store.finish("c", "w3", &Outcome::Same("a".to_owned())).unwrap());
-        assert_eq!(store.take_job("w4").unwrap().unwrap().id, "c", "it is computed after all");
-    }
-
-    #[test]
-    fn the_folder_of_a_dismissed_job_stays_while_somebody_holds_it() {
-        let (_folder, store) = store();
-        store.add_job(&job("anna", "a"), &BTreeSet::new(), None, 9).unwrap();
-        std::fs::create_dir_all(store.job_folder("a")).unwrap();
-        store.dismiss("anna", "a", Some("engine")).unwrap();
-        assert!(store.job_folder("a").is_dir() && store.take_job("w").unwrap().is_none());
-        assert_eq!(store.held(Status::Dismissed).unwrap(), ["a"]);
-        store.let_go("a", "another").unwrap();
-        assert!(store.job_folder("a").is_dir());
-        store.let_go("a", "engine").unwrap();
-        assert!(!store.job_folder("a").exists());
-    }
-
-    #[test]
-    fn quotas_count_what_has_started_within_a_day() {
-        let (_folder, store) = store();
-        for id in ["a", "b"] {
-            store.add_job(&job("anna", id), &BTreeSet::new(), None, 9).unwrap();
-        }
-        let first = store.take_job("w").unwrap().unwrap();
-        let second = store.take_job("w").unwrap().unwrap();
-        assert_eq!(store.charge(&first, 60, Some(100)).unwrap(), Ok(()));
-        assert_eq!(store.charge(&first, 60, Some(100)).unwrap(), Ok(()), "it is continued");
-        assert_eq!(store.charge(&second, 60, Some(100)).unwrap(), Err(60));
-        assert_eq!(store.charge(&second, u64::MAX, None).unwrap(), Ok(()));
-    }
+/// The owners whose jobs wait for a worker of a lane.
+fn waiting(database: &Connection, lane: Lane, now: i64) -> rusqlite::Result<Vec<Waiting>> {
+    let processes: Vec<&str> = match lane {
+        Lane::Any => Vec::new(),
+        Lane::Quick { .. } => Process::ALL.iter().filter(|one| one.is_quick()).map(|one| one.id()).collect(),
+    };
+    let mut query = database.prepare_cached(
+        "WITH lane AS (SELECT owner, number, status = 'running' AND holder IS NOT NULL AND held_until >= ?1 AS is_held FROM jobs
+            WHERE status IN ('accepted', 'running') AND (?2 = '[]' OR process IN (SELECT value FROM json_each(?2))))
+         SELECT owner, min(number) FILTER (WHERE NOT is_held) AS first, count(*) FILTER (WHERE is_held) FROM lane
+         GROUP BY owner HAVING first IS NOT NULL",
+    )?;
+    let rows = query.query_map(params![now, serde_json::json!(processes).to_string()], |row| {
+        Ok(Waiting { owner: row.get(0)?, number: row.get(1)?, running: row.get(2)? })
+    })?;
+    rows.collect()
 }
+
+#[cfg(test)]
+mod tests;

@@ -104,7 +104,7 @@ impl Workshop {
             let words = words.chain(options.map(OsString::from)).chain(assets.map(OsString::from));
             let words: Vec<OsString> = words.chain(["--".into(), scene.into()]).collect();
             self.draw(&folder, "in", &checked.prepared, &words)?;
-            for part in ["in", "out", "tmp"] {
+            for part in ["in", "out"] {
                 fs::remove_dir_all(folder.join(part)).map_err(StoreError::from)?;
             }
         }

@@ -14,6 +14,7 @@ const SETTINGS: &str = "
 PRAGMA auto_vacuum = INCREMENTAL;
 PRAGMA locking_mode = EXCLUSIVE;
 PRAGMA journal_mode = WAL;
+PRAGMA journal_size_limit = 4194304;
 PRAGMA synchronous = FULL;
 PRAGMA busy_timeout = 10000;
 PRAGMA foreign_keys = ON;
@@ -21,7 +22,7 @@ PRAGMA cache_size = -4000;
 ";
 
 /// What each version adds to the one before. Databases before version 1 have some of its tables.
-const STEPS: [&str; 1] = ["
+const STEPS: [&str; 2] = ["
 CREATE TABLE IF NOT EXISTS uploads (
     id TEXT PRIMARY KEY, owner TEXT NOT NULL, name TEXT, files INTEGER NOT NULL, bytes INTEGER NOT NULL, sha256 TEXT NOT NULL,
     created INTEGER NOT NULL, UNIQUE (owner, name)
@@ -51,6 +52,15 @@ CREATE TABLE IF NOT EXISTS uses (
 CREATE INDEX IF NOT EXISTS uses_of_target ON uses (target);
 CREATE TABLE service (id TEXT NOT NULL) STRICT;
 CREATE TABLE removed (kind TEXT NOT NULL, id TEXT NOT NULL, PRIMARY KEY (kind, id)) STRICT, WITHOUT ROWID;
+", "
+ALTER TABLE jobs ADD COLUMN disk INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN texts INTEGER NOT NULL DEFAULT 0;
+UPDATE jobs SET disk = CASE WHEN folder = id THEN max(bytes, 0) ELSE 0 END,
+    texts = octet_length(inputs) + octet_length(prepared) + octet_length(results) + octet_length(message);
+UPDATE jobs SET inputs = '{}', prepared = '{}', fingerprint = '', message = '', texts = 0 WHERE status = 'dismissed' AND bytes < 0;
+DROP INDEX jobs_stored;
+CREATE INDEX jobs_stored ON jobs (owner, disk, texts) WHERE bytes >= 0;
+CREATE INDEX jobs_finished ON jobs (finished) WHERE status IN ('successful', 'failed');
 "];
 
 /// The version of the tables.
@@ -71,7 +81,21 @@ pub(crate) fn exists(path: &Path) -> bool {
     has_bytes(path) || has_bytes(&path.with_extension("db-wal"))
 }
 
-/// Checks all pages of a database, and its version. Changes nothing.
+/// The state of the database at a path, which is not changed: what its log has is not moved to it, either.
+///
+/// # Errors
+/// As for [`check`].
+pub(crate) fn state(path: &Path) -> Result<State> {
+    if !exists(path) {
+        return Ok(State::Empty);
+    }
+    let database = Connection::open(path)?;
+    database.set_db_config(rusqlite::config::DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true)?;
+    database.execute_batch("PRAGMA locking_mode = EXCLUSIVE")?;
+    check(&database, path)
+}
+
+/// Checks all pages of a database, and its version.
 ///
 /// # Errors
 /// [`StoreError::Damaged`] and [`StoreError::Version`].

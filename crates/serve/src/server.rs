@@ -9,18 +9,20 @@ use crate::pages;
 use crate::program::{Program, ProgramError, sandbox};
 use crate::security;
 use crate::sessions::Sessions;
+use crate::shares::Shares;
 use crate::store::{Store, StoreError, make_private};
 use crate::tokens::{TokenError, Tokens, random_name};
 use crate::worker::Workshop;
 use axum::Router;
 use std::path::Path;
 use std::sync::Arc;
-use tokio::sync::Semaphore;
 
-/// Most streams of progress at the same time.
-const MAX_STREAMS: usize = 256;
+/// Most streams of progress at the same time, and of an owner.
+const MAX_STREAMS: (usize, usize) = (1024, 128);
 /// Most uploads that are received at the same time.
-const MAX_UPLOADS: usize = 8;
+const MAX_UPLOADS: (usize, usize) = (16, 4);
+/// Most pictures that are drawn at the same time.
+const MAX_PICTURES: (usize, usize) = (4, 1);
 
 /// Why the service does not start.
 #[derive(Debug, thiserror::Error)]
@@ -105,9 +107,9 @@ pub fn serve(args: &ServeArgs) -> Result<(), ServeError> {
         sessions: Sessions::default(),
         secret: random_name(32),
         hosts: args.host.clone(),
-        streams: Arc::new(Semaphore::new(MAX_STREAMS)),
-        uploads: Arc::new(Semaphore::new(MAX_UPLOADS)),
-        pictures: Arc::new(Semaphore::new(1)),
+        streams: Shares::new(MAX_STREAMS.0, MAX_STREAMS.1),
+        uploads: Shares::new(MAX_UPLOADS.0, MAX_UPLOADS.1),
+        pictures: Shares::new(MAX_PICTURES.0, MAX_PICTURES.1),
     });
     let done = runtime.block_on(listen(listener, app));
     workshop.end();
@@ -173,8 +175,10 @@ fn check_sandbox(args: &ServeArgs, is_private: bool) -> Result<(), ServeError> {
 
 async fn listen(listener: tokio::net::TcpListener, app: Arc<App>) -> std::io::Result<()> {
     let address = listener.local_addr()?;
+    // Before the service says that it is there: whoever reads that may end it.
+    let ended = told_to_end()?;
     eprintln!("vlscan serve: http://{address}/ (Ctrl-C ends it)");
-    axum::serve(listener, router(app)).with_graceful_shutdown(told_to_end()).await
+    axum::serve(listener, router(app)).with_graceful_shutdown(ended).await
 }
 
 /// All addresses of the service.
@@ -188,25 +192,25 @@ pub fn router(app: Arc<App>) -> Router {
 }
 
 #[cfg(unix)]
-async fn told_to_end() {
+fn told_to_end() -> std::io::Result<impl Future<Output = ()>> {
     use tokio::signal::unix::{SignalKind, signal};
-    let (Ok(mut interrupt), Ok(mut terminate)) =
-        (signal(SignalKind::interrupt()), signal(SignalKind::terminate()))
-    else {
-        return std::future::pending().await;
-    };
-    tokio::select! {
-        _ = interrupt.recv() => {}
-        _ = terminate.recv() => {}
-    }
-    // Streams of progress would keep the service.
-    tokio::spawn(async {
-        tokio::time::sleep(std::time::Duration::from_secs(5)).await;
-        std::process::exit(0);
-    });
+    let (mut interrupt, mut terminate) = (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?);
+    Ok(async move {
+        tokio::select! {
+            _ = interrupt.recv() => {}
+            _ = terminate.recv() => {}
+        }
+        // Streams of progress would keep the service.
+        tokio::spawn(async {
+            tokio::time::sleep(std::time::Duration::from_secs(5)).await;
+            std::process::exit(0);
+        });
+    })
 }
 
 #[cfg(not(unix))]
-async fn told_to_end() {
-    let _ = tokio::signal::ctrl_c().await;
+fn told_to_end() -> std::io::Result<impl Future<Output = ()>> {
+    Ok(async {
+        let _ = tokio::signal::ctrl_c().await;
+    })
 }

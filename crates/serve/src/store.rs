@@ -18,6 +18,7 @@
 //! A row is written when its files are complete. Files are removed when no row names them, after a note of their removal; so the next
 //! start completes what is interrupted, and removes nothing without a note (`opening`).
 
+use crate::beneath::BLOCK;
 use crate::files::{Fetches, Files};
 use crate::records::Kind;
 pub use crate::records::{FileKind, Job, ResultFile, Status, Upload, UploadFile, now, time_text};
@@ -77,6 +78,8 @@ pub struct Store {
     pub(crate) root: PathBuf,
     pub(crate) kept: Files,
     pub(crate) fetches: Fetches,
+    /// Owners whose jobs were taken, the last one at the end.
+    pub(crate) served: Mutex<Vec<String>>,
 }
 
 impl Store {
@@ -173,17 +176,69 @@ impl Store {
         Ok(removed > 0)
     }
 
-    /// Bytes of all uploads and results of an owner.
+    /// What an owner takes on the disk, bytes: files of uploads and jobs, whatever has become of these, a block for each file and folder,
+    /// and the rows of the database.
     ///
     /// # Errors
     /// [`StoreError`].
     pub fn stored_bytes(&self, owner: &str) -> Result<u64> {
         let database = self.database();
         let mut query = database.prepare_cached(
-            "SELECT (SELECT coalesce(sum(bytes), 0) FROM uploads WHERE owner = ?1)
-                  + (SELECT coalesce(sum(bytes), 0) FROM jobs WHERE owner = ?1 AND folder = id AND bytes > 0)",
+            "SELECT (SELECT coalesce(sum(bytes + files * ?2), 0) FROM uploads WHERE owner = ?1)
+                  + (SELECT coalesce(sum(disk + texts + ?3), 0) FROM jobs WHERE owner = ?1 AND bytes >= 0)",
         )?;
-        Ok(query.query_row([owner], |row| row.get(0))?)
+        Ok(query.query_row(params![owner, BLOCK, ROW], |row| row.get(0))?)
+    }
+
+    /// Adds what was drawn for a job to what its owner takes on the disk.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub(crate) fn set_disk(&self, id: &str, bytes: u64) -> Result<()> {
+        self.database()
+            .execute("UPDATE jobs SET disk = ? WHERE id = ? AND bytes >= 0", params![bytes, id])?;
+        Ok(())
+    }
+
+    /// Jobs that were finished before a time, with their owners.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub(crate) fn finished_before(&self, time: i64) -> Result<Vec<(String, String)>> {
+        let database = self.database();
+        let mut query = database.prepare_cached(
+            "SELECT owner, id FROM jobs WHERE status IN ('successful', 'failed') AND finished < ? LIMIT 1000",
+        )?;
+        let rows = query.query_map([time], |row| Ok((row.get(0)?, row.get(1)?)))?;
+        Ok(rows.collect::<rusqlite::Result<_>>()?)
+    }
+
+    /// Forgets jobs that were dismissed before a time.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub(crate) fn forget_before(&self, time: i64) -> Result<()> {
+        let forget =
+            "DELETE FROM jobs WHERE status = 'dismissed' AND bytes < 0 AND holder IS NULL AND updated < ?
+                      AND NOT EXISTS (SELECT 1 FROM removed WHERE removed.id = jobs.id)";
+        self.database().execute(forget, [time])?;
+        self.shrink()
+    }
+
+    /// Gives pages of the database that rows have left back to the disk, some at a time.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub(crate) fn shrink(&self) -> Result<()> {
+        let database = self.database();
+        let free: u64 = database.query_row("PRAGMA freelist_count", [], |row| row.get(0))?;
+        if free > MAX_FREE {
+            // A row for each page.
+            let mut vacuum = database.prepare(&format!("PRAGMA incremental_vacuum({MAX_FREE})"))?;
+            let mut rows = vacuum.query([])?;
+            while rows.next()?.is_some() {}
+        }
+        Ok(())
     }
 
     /// A job of an owner.
@@ -197,12 +252,14 @@ impl Store {
         Ok(query.query_row([owner, id], job_of).optional()?)
     }
 
-    /// The newest jobs of an owner, of these states and processes if any are named, after the first `skip`.
+    /// The newest jobs of an owner, of these states and processes if any are named, after the first `skip`. Lists have no long texts: not
+    /// what is executed, long inputs in part, and results only in lists of `Listed::Results`, unless they are very many.
     ///
     /// # Errors
     /// [`StoreError`].
     pub fn jobs(
         &self,
+        listed: Listed,
         owner: &str,
         statuses: &[Status],
         processes: &[String],
@@ -211,8 +268,16 @@ impl Store {
     ) -> Result<Vec<Job>> {
         let statuses: Vec<&str> = statuses.iter().map(|status| status.name()).collect();
         let database = self.database();
+        let results = match listed {
+            Listed::States => "'[]'",
+            Listed::Results => "CASE WHEN octet_length(results) <= 65536 THEN results ELSE '[]' END",
+        };
+        let columns = COLUMNS
+            .replace("prepared,", "'{}',")
+            .replace("inputs,", &format!("{SHORT_INPUTS},"))
+            .replace("results,", &format!("{results},"));
         let mut query = database.prepare_cached(&format!(
-            "SELECT {COLUMNS} FROM jobs WHERE owner = ?
+            "SELECT {columns} FROM jobs WHERE owner = ?
              AND (?2 = '[]' OR status IN (SELECT value FROM json_each(?2))) AND (?3 = '[]' OR process IN (SELECT value FROM json_each(?3)))
              ORDER BY number DESC LIMIT ? OFFSET ?"
         ))?;
@@ -240,16 +305,17 @@ impl Store {
             // Unfinished jobs hold what they use, and so does everything that is named.
             let uploads = list(
                 &transaction,
-                "SELECT id FROM uploads WHERE name IS NULL AND id NOT IN (
-                    SELECT target FROM uses JOIN jobs ON jobs.id = uses.job
-                    WHERE kind = 'upload' AND status IN ('accepted', 'running'))",
+                "SELECT id FROM uploads WHERE name IS NULL AND NOT EXISTS (
+                    SELECT 1 FROM uses JOIN jobs ON jobs.id = uses.job
+                    WHERE target = uploads.id AND kind = 'upload' AND status IN ('accepted', 'running'))",
             )?;
             let jobs = list(
                 &transaction,
                 "SELECT id FROM jobs WHERE status = 'dismissed' AND bytes >= 0
-                 AND holder IS NULL AND id NOT IN (SELECT folder FROM jobs WHERE status IN ('successful', 'failed'))
-                 AND id NOT IN (SELECT target FROM uses JOIN jobs ON jobs.id = uses.job
-                    WHERE kind = 'job' AND status IN ('accepted', 'running'))",
+                 AND holder IS NULL AND NOT EXISTS (
+                    SELECT 1 FROM jobs AS other WHERE other.folder = jobs.id AND other.status IN ('successful', 'failed'))
+                 AND NOT EXISTS (SELECT 1 FROM uses JOIN jobs AS user ON user.id = uses.job
+                    WHERE target = jobs.id AND kind = 'job' AND user.status IN ('accepted', 'running'))",
             )?;
             for id in &uploads {
                 transaction.execute("DELETE FROM uploads WHERE id = ?", [id])?;
@@ -257,16 +323,22 @@ impl Store {
             }
             for id in &jobs {
                 note_removal(&transaction, Kind::Results, id)?;
-                transaction.execute("UPDATE jobs SET bytes = -1, results = '[]' WHERE id = ?", [id])?;
+                transaction.execute(
+                    "UPDATE jobs SET bytes = -1, results = '[]', disk = 0, texts = 0 WHERE id = ?",
+                    [id],
+                )?;
             }
             transaction.commit()?;
             (uploads, jobs)
         };
         let uploads = uploads.iter().map(|id| (Kind::Upload, id));
         for (kind, id) in uploads.chain(jobs.iter().map(|id| (Kind::Results, id))) {
-            self.discard(kind, id)?;
+            // The note of the removal stays: the next start tries again.
+            if let Err(error) = self.discard(kind, id) {
+                eprintln!("vlscan serve: {}/{id} cannot be removed: {error}", kind.name());
+            }
         }
-        Ok(())
+        self.shrink()
     }
 
     /// The files of results that are in the folder of a job.
@@ -297,6 +369,24 @@ impl Store {
         Ok(self.database().query_row(query, [id], |_| Ok(())).optional()?.is_some())
     }
 }
+
+/// What lists of jobs have besides states.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Listed {
+    /// Nothing.
+    States,
+    /// The files of results.
+    Results,
+}
+
+/// Bytes that a row takes besides its texts.
+const ROW: u64 = 1024;
+/// Free pages of the database that are kept, and given back at a time.
+const MAX_FREE: u64 = 512;
+/// Inputs as titles and lists show them: without the long ones.
+const SHORT_INPUTS: &str = "CASE WHEN octet_length(inputs) <= 8192 THEN inputs ELSE (
+    SELECT CASE WHEN octet_length(short) <= 8192 THEN short ELSE '{}' END
+    FROM (SELECT json_remove(inputs, '$.area', '$.along', '$.part', '$.leg') AS short)) END";
 
 pub(crate) const COLUMNS: &str = "id, owner, process, inputs, prepared, fingerprint, folder, status, message, progress, results, \
                                   created, started, finished, updated";

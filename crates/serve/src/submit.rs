@@ -2,7 +2,7 @@
 
 use crate::processes::Process;
 use crate::request::{RequestError, check};
-use crate::store::{Job, Status, StoreError, now};
+use crate::store::{Job, Listed, Status, StoreError, now};
 use crate::tokens::random_name;
 use crate::worker::Workshop;
 use serde_json::{Map, Value};
@@ -22,7 +22,7 @@ pub enum SubmitError {
     )]
     Full(usize),
     /// Too much is stored.
-    #[error("your uploads and results have {0} bytes, more than this service keeps; remove some first")]
+    #[error("your uploads and jobs take {0} bytes, more than this service keeps; remove some first")]
     Stored(u64),
     /// The store.
     #[error(transparent)]
@@ -43,8 +43,10 @@ impl Workshop {
     ) -> Result<Option<Job>, SubmitError> {
         let fingerprint = check(process, inputs, owner, &self.store, &self.program)?.fingerprint;
         let states = [Status::Accepted, Status::Running, Status::Successful];
-        let jobs = self.store.jobs(owner, &states, &[process.id().to_owned()], 0, MAX_LIKE)?;
-        Ok(jobs.into_iter().find(|job| job.fingerprint == fingerprint))
+        let jobs =
+            self.store.jobs(Listed::States, owner, &states, &[process.id().to_owned()], 0, MAX_LIKE)?;
+        let like = jobs.into_iter().find(|job| job.fingerprint == fingerprint && !fingerprint.is_empty());
+        Ok(like.map_or(Ok(None), |job| self.store.job(owner, &job.id))?)
     }
 
     /// Accepts a job. One that was computed before is finished at once, with the results of then.
@@ -59,11 +61,10 @@ impl Workshop {
     ) -> Result<Job, SubmitError> {
         let checked = check(process, inputs, owner, &self.store, &self.program)?;
         let answer = self.store.same_job(owner, &checked.fingerprint)?;
-        if answer.is_none() {
-            let stored = self.store.stored_bytes(owner)?;
-            if stored > self.limits.max_stored {
-                return Err(SubmitError::Stored(stored));
-            }
+        // A repeated request takes a row.
+        let stored = self.store.stored_bytes(owner)?;
+        if stored > self.limits.max_stored {
+            return Err(SubmitError::Stored(stored));
         }
         let text = |value: Result<String, serde_json::Error>| {
             value.map_err(|e| StoreError::Files(std::io::Error::other(e)))

@@ -1,7 +1,7 @@
 //! Uploads: files of a form are received into a folder of their own, archives expanded by a confined process, everything hashed, and only
 //! then listed under the name that their owner gives them.
 
-use crate::beneath::{Beneath, EntryKind};
+use crate::beneath::{BLOCK, Beneath, EntryKind};
 use crate::config::{ConfineArgs, ExpandArgs, ServeArgs};
 use crate::execution::alone;
 use crate::names;
@@ -22,6 +22,8 @@ use tokio::io::AsyncWriteExt as _;
 
 /// Longest wait for the next bytes of an upload.
 const MAX_WAIT: Duration = Duration::from_secs(60);
+/// Longest time of an upload.
+pub const MAX_TIME: Duration = Duration::from_secs(3600);
 /// Longest text of a form's field, bytes.
 const MAX_TEXT: usize = 4096;
 /// Memory and processor time of the process that expands an archive.
@@ -171,7 +173,8 @@ impl Received {
             Some(name) if names::is_upload_name(name) => name.clone(),
             Some(name) => {
                 return Err(UploadError::Wrong(format!(
-                    "`{name}` cannot be the name of an upload: expected letters, digits, - . _ and +"
+                    "`{name}` cannot be the name of an upload: expected letters, digits, - . _ and +, and another name than those of the \
+                     service's own files (data, jobs, job.toml …)"
                 )));
             }
             None => names::upload_name_from(
@@ -188,9 +191,10 @@ impl Received {
         }
         let root = inner_folder(&root)?;
         let (files, sha256) = hash_files(&root, limits)?;
-        if store.stored_bytes(owner)? + files.iter().map(|file| file.bytes).sum::<u64>() > limits.max_stored {
+        let taken: u64 = files.iter().map(|file| file.bytes.saturating_add(BLOCK)).sum();
+        if store.stored_bytes(owner)?.saturating_add(taken) > limits.max_stored {
             return Err(UploadError::TooLarge(format!(
-                "your uploads and results would have more than {} bytes; remove some first",
+                "your uploads and jobs would take more than {} bytes; remove some first",
                 limits.max_stored
             )));
         }
@@ -251,11 +255,11 @@ fn is_archive(path: &Path) -> io::Result<bool> {
     Ok(is_named && fs::File::open(path)?.read_exact(&mut start).is_ok() && start == ZIP)
 }
 
-/// The folder itself, or the only thing in it if that is a folder.
+/// The folder itself, or the only thing in it if that is a folder. The folder `data` stays: files of HELIOS++ name others by it.
 fn inner_folder(folder: &Path) -> io::Result<PathBuf> {
     let entries: Vec<_> = fs::read_dir(folder)?.collect::<io::Result<_>>()?;
     match entries.as_slice() {
-        [only] if only.file_type()?.is_dir() => Ok(only.path()),
+        [only] if only.file_type()?.is_dir() && only.file_name() != names::DATA => Ok(only.path()),
         _ => Ok(folder.to_owned()),
     }
 }
@@ -417,6 +421,17 @@ mod tests {
         );
         for name in ["../a", "/etc/a", "a/../../b", "C:/a", ".ssh/a"] {
             assert!(expanded(&[(name, b"x")], 100).unwrap_err().contains("cannot be the name"), "{name}");
+        }
+    }
+
+    #[test]
+    fn the_only_folder_of_an_upload_is_the_upload_unless_files_are_named_by_it() {
+        for (made, inner) in [("wood/a", "wood"), ("data/scenes/a", ""), ("wood/data/a", "wood"), ("a", "")] {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join(made);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, "").unwrap();
+            assert_eq!(inner_folder(folder.path()).unwrap(), folder.path().join(inner), "{made}");
         }
     }
 

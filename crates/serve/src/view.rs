@@ -1,7 +1,7 @@
 //! Pictures of results, drawn when a page asks for them and kept beside the results.
 
 use crate::beneath::Beneath;
-use crate::execution::{alone, end};
+use crate::execution::{alone, bytes_in, end};
 use crate::names::relative_path;
 use crate::processes::Process;
 use crate::program::confined;
@@ -18,8 +18,9 @@ use std::time::{Duration, Instant};
 
 /// The picture from above and from the side.
 pub const PICTURE: &str = "view.png";
-/// Longest time of drawing.
+/// Longest time of drawing, and most bytes of what is drawn.
 const MAX_TIME: Duration = Duration::from_secs(120);
+const MAX_DRAWN: u64 = 32 << 20;
 const POLL: Duration = Duration::from_millis(10);
 
 /// The result that a picture is made of, if there is one.
@@ -30,6 +31,20 @@ pub fn drawn_file(process: Option<Process>, files: &[ResultFile]) -> Option<&Res
         _ => &[],
     };
     files.iter().find(|file| endings.iter().any(|end| file.path.ends_with(end)))
+}
+
+/// The folders in which the job has looked for files, as seen from its results.
+fn asset_words(prepared: &Prepared) -> Vec<OsString> {
+    let of_words = prepared.words.iter().filter_map(|word| word.strip_prefix("--assets=").map(str::to_owned));
+    let table: Option<toml::Table> = prepared.document.as_ref().and_then(|(_, text)| text.parse().ok());
+    let of_file = table.and_then(|table| table.get("assets")?.as_array().cloned()).unwrap_or_default();
+    let of_file = of_file.iter().filter_map(|folder| folder.as_str().map(str::to_owned));
+    let uploads = prepared.uses.iter().filter_map(|used| match used {
+        Use::Upload { name, .. } => Some(name.clone()),
+        Use::Job { .. } => None,
+    });
+    let all = of_words.chain(of_file).chain([".".to_owned()]).chain(uploads);
+    all.map(|folder| format!("--assets=../in/{folder}").into()).collect()
 }
 
 impl Workshop {
@@ -57,15 +72,13 @@ impl Workshop {
         let mut words: Vec<OsString> = vec!["preview".into(), "--force".into()];
         words.push(format!("--out=../view/{name}").into());
         words.extend(["--width=1200", "--height=800"].map(OsString::from));
-        let uploads = prepared.uses.iter().filter_map(|used| match used {
-            Use::Upload { name, .. } => Some(name.as_str()),
-            Use::Job { .. } => None,
-        });
-        let assets = std::iter::once(".").chain(uploads);
-        words.extend(assets.map(|folder| format!("--assets=../in/{folder}").into()));
+        words.extend(asset_words(&prepared));
         words.extend(["--".into(), file.path.clone().into()]);
         let _results = self.store.fetch(Kind::Results, &job.folder)?;
         self.draw(&folder, "out", &prepared, &words)?;
+        if !self.store.has_bucket() {
+            self.store.set_disk(&job.folder, bytes_in(&folder)?)?;
+        }
         Ok(is_there().is_some())
     }
 
@@ -79,7 +92,9 @@ impl Workshop {
     ) -> Result<()> {
         fs::create_dir_all(folder.join("tmp"))?;
         let _inputs = self.fetch(prepared)?;
-        let mut command = alone(confined(&self.setting(folder, prepared).restrictions, words)?);
+        let mut restrictions = self.setting(folder, prepared).restrictions;
+        restrictions.file_size = Some(MAX_DRAWN);
+        let mut command = alone(confined(&restrictions, words)?);
         command.current_dir(folder.join(within)).env("TMPDIR", folder.join("tmp"));
         let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn()?;
         let start = Instant::now();
@@ -89,6 +104,13 @@ impl Workshop {
             }
             std::thread::sleep(POLL);
         }
-        Ok(())
+        fs::remove_dir_all(folder.join("tmp"))?;
+        // A picture is small; what else a hostile file has had drawn goes.
+        let view = folder.join("view");
+        if bytes_in(&view).is_ok_and(|bytes| bytes <= MAX_DRAWN) {
+            return Ok(());
+        }
+        fs::remove_dir_all(&view)?;
+        Ok(fs::create_dir(&view)?)
     }
 }

@@ -3,19 +3,19 @@
 //! A worker makes the job's folder, has the results computed under restrictions, and renews the lease meanwhile. It gives the job up when the
 //! job is dismissed, or when the service ends. What an earlier worker has begun is continued.
 
-use crate::beneath::Beneath;
+use crate::beneath::{BLOCK, Beneath};
 use crate::config::{ConfineArgs, ServeArgs};
 use crate::engine::Engine;
-use crate::execution::{End, Setting, progress_of};
+use crate::execution::{End, Setting, bytes_in, progress_of};
 use crate::files::Fetched;
 use crate::job_folder::{campaign_pulses, complete_results, make, record_complete, results};
 use crate::processes::Process;
 use crate::program::Program;
-use crate::queue::Outcome;
+use crate::queue::{Lane, Outcome};
 use crate::records::Kind;
 use crate::request::Prepared;
 use crate::steps::Steps;
-use crate::store::{Job, Result, Status, Store, StoreError};
+use crate::store::{Job, Result, Status, Store, StoreError, now, remove_folder};
 use crate::tasks::{Submission, Tasks};
 use crate::tokens::{Owner, random_name};
 use std::ffi::OsString;
@@ -31,8 +31,12 @@ const IDLE: Duration = Duration::from_secs(1);
 const RENEWAL: Duration = Duration::from_secs(1);
 /// Wait before a job is taken again whose files a bucket did not give or take.
 const BUCKET: Duration = Duration::from_secs(5);
-/// Largest manifest of a campaign that is read, bytes.
-const MAX_MANIFEST: u64 = 1 << 30;
+/// Workers of jobs that answer requests, besides those of --workers.
+const QUICK_WORKERS: usize = 2;
+/// How often jobs are looked for that are kept no longer.
+const EXPIRY: Duration = Duration::from_secs(60);
+/// Most bytes of messages that are kept of a job.
+const MAX_LOG: u64 = 1 << 20;
 /// Largest forecast that is read, bytes.
 const MAX_REPORT: u64 = 1 << 20;
 /// Who holds jobs that were dismissed while an engine has them.
@@ -82,17 +86,56 @@ impl Workshop {
     /// # Errors
     /// When the system has no threads.
     pub fn start(self: &Arc<Workshop>) -> std::io::Result<Vec<JoinHandle<()>>> {
-        let start = |number: usize| {
+        let start = |name: String, work: fn(&Workshop)| {
             let workshop = Arc::clone(self);
             // The processes end with the thread that starts them, which therefore lives as long as the service.
-            std::thread::Builder::new().name(format!("worker {number}")).spawn(move || workshop.work())
+            std::thread::Builder::new().name(name).spawn(move || work(&workshop))
         };
-        (0..self.limits.workers).map(start).collect()
+        let any = (0..self.limits.workers)
+            .map(|number| start(format!("worker {number}"), |workshop| workshop.work(Lane::Any)));
+        // Plans and forecasts do not wait for runs.
+        let quick = if self.limits.workers > 0 { QUICK_WORKERS } else { 0 };
+        let quick = (0..quick).map(|number| {
+            start(format!("quick {number}"), |workshop| {
+                workshop.work(Lane::Quick { share: QUICK_WORKERS - 1 })
+            })
+        });
+        let mut all = any.chain(quick).collect::<std::io::Result<Vec<_>>>()?;
+        if let Some(days) = self.limits.keep {
+            let workshop = Arc::clone(self);
+            let expire = move || workshop.expire(days);
+            all.push(std::thread::Builder::new().name("expiry".to_owned()).spawn(expire)?);
+        }
+        Ok(all)
     }
 
-    /// Tells a worker that there is a job.
+    /// Tells workers that there is a job.
     pub fn wake(&self) {
-        self.wake.notify_one();
+        // Not each of them takes every job.
+        self.wake.notify_all();
+    }
+
+    /// Removes jobs that were finished so many days ago, until the service ends.
+    fn expire(self: &Arc<Workshop>, days: f64) {
+        let mut checked: Option<Instant> = None;
+        while !self.is_ending.load(Ordering::SeqCst) {
+            let period = EXPIRY.min(Duration::from_secs_f64(days * 86_400.0));
+            if checked.is_none_or(|checked| checked.elapsed() > period) {
+                checked = Some(Instant::now());
+                if let Err(error) = self.remove_before(now() - (days * 86_400_000.0) as i64) {
+                    eprintln!("vlscan serve: {error}");
+                }
+            }
+            self.wait(IDLE);
+        }
+    }
+
+    /// Removes jobs that were finished before a time.
+    fn remove_before(self: &Arc<Workshop>, time: i64) -> Result<()> {
+        for (owner, id) in self.store.finished_before(time)? {
+            self.dismiss(&owner, &id)?;
+        }
+        self.store.forget_before(time)
     }
 
     /// Ends all workers; their jobs return to the queue.
@@ -107,10 +150,10 @@ impl Workshop {
         own.or(self.limits.quota)
     }
 
-    fn work(&self) {
+    fn work(&self, lane: Lane) {
         let holder = random_name(8);
         while !self.is_ending.load(Ordering::SeqCst) {
-            match self.store.take_job(&holder) {
+            match self.store.take_job(&holder, lane) {
                 Ok(Some(job)) => self.compute(&job, &holder),
                 Ok(None) => self.wait(IDLE),
                 Err(error) => {
@@ -156,7 +199,9 @@ impl Workshop {
                 )
             }
         };
-        if let Err(error) = self.store.finish(&job.id, holder, &outcome) {
+        if let Err(error) =
+            self.tidy_folder(job, &outcome).and_then(|()| self.store.finish(&job.id, holder, &outcome))
+        {
             eprintln!("vlscan serve: job {}: {error}", job.id);
         }
         let prepared: Prepared = serde_json::from_str(&job.prepared).unwrap_or_default();
@@ -166,11 +211,54 @@ impl Workshop {
         }
     }
 
+    /// Removes what a finished job does not need, and records what stays on the disk.
+    fn tidy_folder(&self, job: &Job, outcome: &Outcome) -> Result<()> {
+        let folder = self.store.job_folder(&job.id);
+        if !folder.is_dir() {
+            return Ok(());
+        }
+        if matches!(outcome, Outcome::Same(_)) {
+            return Ok(remove_folder(&folder)?);
+        }
+        let unused: &[&str] = match outcome {
+            Outcome::Successful(..) => &["tmp", "tasks", "stdout", "price.json"],
+            // Nobody can fetch anything of it.
+            Outcome::Same(_) | Outcome::Failed(_) => {
+                &["in", "out", "view", "tmp", "stdout", "price.json", "complete"]
+            }
+        };
+        for name in unused {
+            let path = folder.join(name);
+            let removed = if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
+            if let Err(error) = removed.or_else(is_absent) {
+                eprintln!("vlscan serve: job {}: {name} cannot be removed: {error}", job.id);
+            }
+        }
+        if fs::metadata(folder.join("log")).is_ok_and(|log| log.len() > MAX_LOG) {
+            fs::File::options().write(true).open(folder.join("log"))?.set_len(MAX_LOG)?;
+        }
+        let in_bucket = match outcome {
+            Outcome::Successful(files, _) if self.store.has_bucket() => {
+                files.iter().map(|file| file.bytes.saturating_add(BLOCK)).sum()
+            }
+            _ => 0,
+        };
+        let on_disk = bytes_in(&folder).unwrap_or(self.limits.max_disk);
+        self.store.set_disk(&job.id, on_disk.saturating_add(in_bucket))
+    }
+
     /// Returns `None` if the job was given up.
     fn try_compute(&self, job: &Job, holder: &str) -> Result<Option<Outcome>> {
         if let Some(same) = self.store.same_job(&job.owner, &job.fingerprint)? {
             // Another worker has computed it while this one waited.
             return Ok(Some(Outcome::Same(same.folder)));
+        }
+        let stored = self.store.stored_bytes(&job.owner)?;
+        if stored > self.limits.max_stored {
+            let message = format!(
+                "your uploads and jobs take {stored} bytes, more than this service keeps; remove some first"
+            );
+            return Ok(Some(Outcome::Failed(message)));
         }
         let folder = self.store.job_folder(&job.id);
         let prepared: Prepared = serde_json::from_str(&job.prepared).map_err(std::io::Error::other)?;
@@ -181,6 +269,8 @@ impl Workshop {
                 let fetched = self.while_renewing(job, holder, || self.fetch(&prepared))?;
                 let end = self.compute_files(job, holder, &folder, &prepared)?;
                 drop(fetched);
+                // Cells that are complete have cost what they cost, whatever came of the campaign.
+                self.charge_cells(job, &folder)?;
                 match end {
                     End::Success => {}
                     End::Failure(message) | End::NotDivisible(message) => {
@@ -188,31 +278,35 @@ impl Workshop {
                     }
                     End::GivenUp => return Ok(None),
                 }
-                let files = results(&folder.join("out"))?;
+                let files = match results(&folder.join("out"))? {
+                    Ok(files) => files,
+                    Err(name) => {
+                        return Ok(Some(Outcome::Failed(format!(
+                            "the output `{}` cannot be fetched under this name; give it another one",
+                            name.escape_debug()
+                        ))));
+                    }
+                };
                 record_complete(&folder, &files)?;
                 files
             }
         };
-        let process = Process::named(&job.process);
-        if process == Some(Process::Campaign)
-            && self.quota(&job.owner).is_some()
-            && folder.join("out").exists()
-        {
-            let manifest = Beneath::of(&folder.join("out"))
-                .and_then(|out| out.read("dataset/manifest.jsonl", MAX_MANIFEST));
-            let pulses = campaign_pulses(&manifest.unwrap_or_default());
-            self.store.charge(job, pulses, None)?.unwrap_or_default();
-        }
         if folder.join("out").exists() {
             let paths: Vec<String> = files.iter().map(|file| file.path.clone()).collect();
             self.while_renewing(job, holder, || self.store.keep(Kind::Results, &job.id, &paths))?;
         }
         let said =
             self.setting(&folder, &prepared).said(&[folder.join("log"), Tasks::of(&folder).last_log()]);
-        for name in ["tmp", "tasks"] {
-            let _ = fs::remove_dir_all(folder.join(name));
-        }
         Ok(Some(Outcome::Successful(files, said)))
+    }
+
+    /// Charges the owner of a campaign for the cells that are complete.
+    fn charge_cells(&self, job: &Job, folder: &Path) -> Result<()> {
+        if Process::named(&job.process) == Some(Process::Campaign) && self.quota(&job.owner).is_some() {
+            let pulses = campaign_pulses(&folder.join("out")).max(1);
+            self.store.charge(job, pulses, None)?.unwrap_or_default();
+        }
+        Ok(())
     }
 
     /// Everything that a job reads.
@@ -427,4 +521,9 @@ impl Workshop {
             max_disk: self.limits.max_disk,
         }
     }
+}
+
+/// Success for what does not exist.
+fn is_absent(error: std::io::Error) -> std::io::Result<()> {
+    if error.kind() == std::io::ErrorKind::NotFound { Ok(()) } else { Err(error) }
 }

@@ -9,6 +9,7 @@ import os
 import pathlib
 import random
 import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -43,9 +44,18 @@ def main() -> None:
 
 
 def keys(s3: object) -> list[str]:
-    """The names of all objects."""
+    """The names of all objects but those with the ids of services."""
     pages = s3.get_paginator("list_objects_v2").paginate(Bucket="scans")
-    return sorted(found["Key"] for page in pages for found in page.get("Contents", []))
+    names = [found["Key"] for page in pages for found in page.get("Contents", [])]
+    return sorted(name for name in names if not name.endswith("/service-id"))
+
+
+def refused(program: str, vlscan: str, folder: pathlib.Path, prefix: str) -> str:
+    """What a service says that does not start with a prefix."""
+    command = [program, "--listen", "127.0.0.1:0", "--program", vlscan, "--data", str(folder), "--store", f"s3://scans/{prefix}"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode != 0, done.stderr
+    return done.stderr
 
 
 def files(folder: pathlib.Path) -> list[str]:
@@ -72,8 +82,22 @@ def alone(program: str, vlscan: str, folder: pathlib.Path) -> list[bytes]:
 
 
 def use(program: str, vlscan: str, folder: pathlib.Path, s3: object, expected: bytes) -> None:
-    # An object that no row names.
-    s3.put_object(Bucket="scans", Key="a/b/uploads/orphan/x.obj", Body=b"x")
+    # Objects that no row names are not removed, and a new service does not take a prefix that has some.
+    orphan = "a/b/uploads/orphan/x.obj"
+    s3.put_object(Bucket="scans", Key=orphan, Body=b"x")
+    assert "another service" in refused(program, vlscan, folder.with_name("new"), "a/b")
+    assert keys(s3) == [orphan]
+    s3.delete_object(Bucket="scans", Key=orphan)
+    with started(program, vlscan, folder, ["--store", "s3://scans/a/b"], os.environ):
+        pass
+    s3.put_object(Bucket="scans", Key=orphan, Body=b"x")
+    with started(program, vlscan, folder, ["--store", "s3://scans/a/b"], os.environ):
+        assert keys(s3) == ["a/b/lost/uploads/orphan/x.obj"], keys(s3)
+    assert "another service" in refused(program, vlscan, folder.with_name("other"), "a/b")
+    check = [program, "check", "--data", str(folder), "--store", "s3://scans/a/b"]
+    report = subprocess.run(check, capture_output=True, text=True)
+    assert report.returncode == 0 and "bucket" in report.stdout, report
+    s3.delete_object(Bucket="scans", Key="a/b/lost/uploads/orphan/x.obj")
     with started(program, vlscan, folder, ["--store", "s3://scans/a/b"], os.environ) as url:
         assert keys(s3) == []
         upload(url)

@@ -25,6 +25,17 @@ impl Survey {
 }
 
 impl Scanner {
+    /// Wavelengths of the devices without duplicates, nm, in the order of the devices: at least one.
+    pub fn wavelengths(&self) -> Vec<f64> {
+        let mut found: Vec<f64> = Vec::new();
+        for wavelength in self.devices.iter().map(|device| device.beam.wavelength) {
+            if !found.contains(&wavelength) {
+                found.push(wavelength);
+            }
+        }
+        found
+    }
+
     /// A scanner of one device with this name, which emits this many pulses per second.
     pub fn new(name: impl Into<String>, pulse_freq: u32, device: Device) -> Scanner {
         let name = name.into();

@@ -11,6 +11,8 @@ pub const OVERLAP: Bounds =
     Bounds::new(-1000.0, 99.0, "percent of the swath, at most 99; below 0 leaves gaps");
 /// Growth, percent.
 pub const GROWTH: Bounds = Bounds::new(-90.0, 900.0, "percent from -90 to 900");
+/// Standard deviations, m.
+pub const DEVIATION: Bounds = Bounds::new(0.0, 1e6, "metres from 0 to 1e6");
 /// Shares, percent.
 pub const SHARE: Bounds = Bounds::new(0.0, 100.0, "percent from 0 to 100");
 
@@ -53,6 +55,11 @@ pub fn growth(text: &str) -> Result<f64, NumberError> {
 /// A share, percent.
 pub fn share(text: &str) -> Result<f64, NumberError> {
     SHARE.parse(text.trim_end_matches('%'))
+}
+
+/// A standard deviation, m.
+pub fn deviation(text: &str) -> Result<f64, NumberError> {
+    DEVIATION.parse(text)
 }
 
 /// A coordinate, m.

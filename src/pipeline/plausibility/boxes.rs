@@ -1,7 +1,7 @@
 //! Comparison of the box of a flight with the box of its scene, in world coordinates.
 
 use super::Finding;
-use vlscan_base::quantity::metres;
+use vlscan_base::quantity::{fixed, metres};
 use vlscan_geom::{Aabb, DVec3, UtmZone};
 
 /// Upper bound of the range assumed of a scanner, whatever its settings, m.
@@ -123,7 +123,7 @@ pub(super) fn heights(flight: &Aabb, depth: f64) -> String {
 pub(super) fn extent(b: &Aabb) -> String {
     let axis = |name: &str, lo: f64, hi: f64| {
         let digits = if hi - lo < 1.0 && lo.abs() < 1000.0 { 3 } else { 0 };
-        let (lo, hi) = (format!("{lo:.digits$}"), format!("{hi:.digits$}"));
+        let (lo, hi) = (fixed(lo, digits), fixed(hi, digits));
         if lo == hi { format!("{name} {lo}") } else { format!("{name} {lo} to {hi}") }
     };
     let all = [axis("x", b.min.x, b.max.x), axis("y", b.min.y, b.max.y), axis("z", b.min.z, b.max.z)];

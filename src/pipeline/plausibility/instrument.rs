@@ -32,7 +32,7 @@ pub fn check_wavelengths(survey: &Survey) -> Diagnostics {
         );
         found
             .warn(survey_place(survey), message)
-            .help("scan each wavelength with its own single-channel scanner");
+            .help("--correct channel-spectra evaluates them at the wavelength of each channel");
     }
     found
 }

@@ -60,7 +60,7 @@ pub enum Purpose {
 }
 
 /// A stream of draws for one seed and purpose.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stream {
     key: [u32; 2],
     purpose: u32,

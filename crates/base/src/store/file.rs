@@ -27,7 +27,7 @@ use xxhash_rust::xxh3::xxh3_64;
 const MAGIC: &[u8; 8] = b"VLSCENE\n";
 
 /// Version of the contents; incremented whenever the meaning of any content changes, such as the elements of an array.
-const VERSION: u32 = 13;
+const VERSION: u32 = 14;
 
 /// Written in native byte order; a machine of the opposite order reads a different number.
 const BYTE_ORDER: u32 = 0x0102_0304;

@@ -5,6 +5,7 @@ use std::ops::{ControlFlow, Range};
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
+use vlscan_base::quantity::fixed;
 use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, StrayFinder, read_points};
 use vlscan_geom::{DVec3, degrees, radians};
 
@@ -294,11 +295,13 @@ impl Recording {
             .map(|pulse| degrees(pulse.angle))
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), angle| (low.min(angle), high.max(angle)));
         format!(
-            "{} pulses of {:.3} s, {:.0} a second within their {} scan lines, with scan angles from {low:.2}° to {high:.2}°",
+            "{} pulses of {:.3} s, {:.0} a second within their {} scan lines, with scan angles from {}° to {}°",
             self.pulses.len(),
             self.duration(),
             1.0 / self.interval,
-            self.lines.len()
+            self.lines.len(),
+            fixed(low, 2),
+            fixed(high, 2)
         )
     }
 

@@ -6,6 +6,7 @@ use super::model::{CHANNEL_PARAMETERS, FIRST_OF_CHANNELS, MAX_CHANNELS, MAX_FACE
 use libm::{hypot, tan};
 use serde::Serialize;
 use vlscan_base::error::{Error, Result};
+use vlscan_base::quantity::fixed;
 use vlscan_geom::degrees;
 
 /// Names of the yaws and pitches of channels.
@@ -160,6 +161,6 @@ impl Figure {
             _ => (4.0 - libm::log10(self.value.abs().max(1e-3)).floor()).clamp(0.0, 6.0) as usize,
         };
         let deviation = self.deviation.map_or(String::new(), |deviation| format!(" ± {deviation:.digits$}"));
-        format!("{:.digits$}{deviation} {}", self.value, self.unit).trim_end().to_owned()
+        format!("{}{deviation} {}", fixed(self.value, digits), self.unit).trim_end().to_owned()
     }
 }

@@ -3,6 +3,7 @@
 //! The errors are functions of seed and time alone, so that any worker computes them at any time.
 
 use libm::{cosh, exp, tanh};
+use std::cell::Cell;
 use vlscan_base::rng::{Purpose, Stream};
 use vlscan_geom::{DVec3, Rotation};
 use vlscan_survey::NavigationErrors;
@@ -14,6 +15,26 @@ const NODE_TERMS: i64 = 3;
 /// Bisections of the interval between two nodes, below which the process is interpolated linearly. The smallest
 /// interval is 8/2¹⁵ of the correlation time, which lowers the variance in its middle by 1/8192.
 const BISECTIONS: u32 = 15;
+/// Smallest intervals between two nodes.
+const LEAVES: u32 = 1 << BISECTIONS;
+/// Number of processes of a flight: three of the position, three of the attitude.
+const PROCESSES: usize = 6;
+
+/// A smallest interval of a process, with the values at its ends.
+#[derive(Clone, Copy)]
+struct Leaf {
+    /// Process and interval that the values belong to.
+    key: Option<(Stream, i64, u32)>,
+    low: f64,
+    high: f64,
+}
+
+thread_local! {
+    /// The latest interval of each process: successive pulses of a worker mostly lie in the same one. The values are those of a pure
+    /// function, so that they do not depend on the thread.
+    static LATEST: [Cell<Leaf>; PROCESSES] =
+        const { [const { Cell::new(Leaf { key: None, low: 0.0, high: 0.0 }) }; PROCESSES] };
+}
 
 /// A first-order Gauss–Markov (Ornstein–Uhlenbeck) process of unit variance: mean 0, covariance exp(−|Δt|/τ) (Gelb
 /// 1974, Applied Optimal Estimation, §3.8).
@@ -42,23 +63,45 @@ impl GaussMarkov {
 
     /// The value of the process `axis` at `time` seconds.
     fn at(&self, axis: u32, time: f64) -> f64 {
+        let ((first, leaf), share) = self.leaf_at(time);
+        let Leaf { low, high, .. } = LATEST.with(|latest| {
+            let Some(latest) = latest.get(axis as usize) else { return self.leaf(axis, first, leaf) };
+            let mut found = latest.get();
+            if found.key != Some((self.stream, first, leaf)) {
+                found = self.leaf(axis, first, leaf);
+                latest.set(found);
+            }
+            found
+        });
+        low + (high - low) * share
+    }
+
+    /// The node before a time and the smallest interval after it that holds the time, and where in the interval, from 0 to 1.
+    fn leaf_at(&self, time: f64) -> ((i64, u32), f64) {
         let cells = time / (NODE_SPACING * self.correlation);
         let cell = cells.floor();
-        let (first, mut share) = (cell as i64, cells - cell);
+        // Products with powers of two and their fractions are exact.
+        let leaves = (cells - cell) * f64::from(LEAVES);
+        let leaf = (leaves as u32).min(LEAVES - 1);
+        ((cell as i64, leaf), leaves - f64::from(leaf))
+    }
+
+    /// A smallest interval after the node `first`, found by bisection.
+    fn leaf(&self, axis: u32, first: i64, leaf: u32) -> Leaf {
         let (mut low, mut high) = (self.node(axis, first), self.node(axis, first + 1));
         let mut index = first;
         for (level, (weight, deviation)) in (1..).zip(&self.middles) {
             let draw = self.stream.normal(axis, index as u64, level);
             let middle = (low + high) * weight + deviation * draw;
-            share *= 2.0;
-            index = index.wrapping_mul(2);
-            if share < 1.0 {
-                high = middle;
+            let is_upper = (leaf >> (BISECTIONS - level)) & 1 == 1;
+            index = index.wrapping_mul(2).wrapping_add(i64::from(is_upper));
+            if is_upper {
+                low = middle;
             } else {
-                (low, share, index) = (middle, share - 1.0, index.wrapping_add(1));
+                high = middle;
             }
         }
-        low + (high - low) * share
+        Leaf { key: Some((self.stream, first, leaf)), low, high }
     }
 
     fn node(&self, axis: u32, number: i64) -> f64 {
@@ -179,6 +222,31 @@ mod tests {
         }
         let mean = (0..n).map(|seed| process(seed, tau).at(0, 11.0)).sum::<f64>() / n as f64;
         assert!(mean.abs() < 4.0 / (n as f64).sqrt(), "{mean}");
+    }
+
+    #[test]
+    fn processes_in_turn_have_the_values_that_each_has_alone() {
+        let processes = [process(1, 10.0), process(2, 10.0), process(1, 300.0)];
+        let times = || (0..2000).map(|i| f64::from(i) * 0.037 - 20.0);
+        let alone: Vec<Vec<f64>> =
+            processes.iter().map(|p| times().map(|time| p.at(2, time)).collect()).collect();
+        for (i, time) in times().enumerate() {
+            for (process, values) in processes.iter().zip(&alone) {
+                assert_eq!(process.at(2, time), values[i]);
+                let (first, leaf) = process.leaf_at(time).0;
+                let fresh = process.leaf(2, first, leaf);
+                assert_eq!(
+                    process.at(2, time),
+                    fresh.low + (fresh.high - fresh.low) * process.leaf_at(time).1
+                );
+            }
+        }
+        // Intervals meet at their ends.
+        let p = &processes[0];
+        for leaf in [0, 1, 5, LEAVES / 2 - 1, LEAVES - 2] {
+            assert_eq!(p.leaf(0, 3, leaf).high, p.leaf(0, 3, leaf + 1).low);
+        }
+        assert_eq!(p.leaf(0, 3, LEAVES - 1).high, p.leaf(0, 4, 0).low);
     }
 
     #[test]

@@ -17,6 +17,8 @@ pub struct Physics<'a> {
     /// Box that the beam's axis must hit for the pulse to be simulated.
     pub(super) bounds_cull: Option<Aabb>,
     pub(super) instruments: InstrumentTable,
+    /// Number of each device's wavelength among those of the scene's spectra; empty if all devices have the first.
+    pub(super) wavelengths: Vec<usize>,
     pub(super) options: PhysicsOptions,
     pub(super) range_noise: Stream,
     pub(super) waveform_noise: Stream,
@@ -43,6 +45,7 @@ impl<'a> Physics<'a> {
             bounds_cull: (!o.corrections.no_axis_gate && !o.corrections.unbounded_scene)
                 .then_some(scene.bounds),
             instruments: InstrumentTable::new(survey, &o)?,
+            wavelengths: wavelengths(survey, &o),
             options: o,
             range_noise: Stream::new(o.seed, Purpose::Range),
             waveform_noise: Stream::new(o.seed, Purpose::Waveform),
@@ -66,6 +69,16 @@ impl<'a> Physics<'a> {
         let Some(b) = self.bounds_cull else { return true };
         b.slabs(origin, axis).is_some_and(|(enter, exit)| !(enter < 0.0 && exit <= 0.0))
     }
+}
+
+/// See [`Physics::wavelengths`].
+fn wavelengths(survey: &Survey, o: &PhysicsOptions) -> Vec<usize> {
+    let all = survey.scanner.wavelengths();
+    if !o.corrections.channel_spectra || all.len() < 2 {
+        return Vec::new();
+    }
+    let number = |wavelength: f64| all.iter().position(|known| *known == wavelength).unwrap_or(0);
+    survey.scanner.devices.iter().map(|device| number(device.beam.wavelength)).collect()
 }
 
 /// The scene's box, outside of which primitives are invisible; `None` unless some may lie there because they move once

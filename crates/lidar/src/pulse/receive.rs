@@ -81,6 +81,7 @@ impl Detection {
         let corrections = &detector.corrections;
         let mut paths =
             FreePaths { stream: physics.free_paths, device: pulse.device, pulse: pulse.number, drawn: 0 };
+        self.scratch.records_hits = options.record_truth || options.record_subrays;
         view.reflect(instrument, (traced, gains), &mut paths, &mut self.scratch, &mut self.reflections);
         let model = instrument.receiver.as_ref();
         let counter = instrument.counter.as_ref();
@@ -133,8 +134,9 @@ impl Detection {
         if let Some(selection) = &instrument.selection {
             selection.select((pulse.device, pulse.number), &mut self.returns);
         }
-        if options.record_truth || options.record_subrays {
-            self.sources.assign(instrument, (&traced, &gains), &self.reflections, &self.returns);
+        if self.scratch.records_hits {
+            let hits = self.scratch.hits.as_ref().unwrap_or(&self.reflections);
+            self.sources.assign(instrument, (&traced, &gains), hits, &self.returns);
         }
         if options.record_subrays {
             self.emit_subrays(view, &traced, pulse, batch);
@@ -224,9 +226,15 @@ impl Detection {
             let mut truth_index = Echo::NO_TRUTH;
             if traced.is_some() || has_navigation_error {
                 truth_index = batch.truths.len() as u32;
+                // Without a subray of the return's own the nearest hit counts.
+                let (hits, nearest) = match &self.scratch.hits {
+                    Some(hits) => (hits, attribute(hits, r.range)),
+                    None => (&self.reflections, source),
+                };
+                let traced = traced.filter(|_| hits.count() > 0);
                 batch.truths.push(traced.map_or(EchoTruth::unknown(beam), |traced| {
-                    let found = (&self.reflections, &mut self.scratch.triangles);
-                    self.sources.of_return(number, source, view, (traced, beam), found)
+                    let found = (hits, &mut self.scratch.triangles);
+                    self.sources.of_return(number, nearest, view, (traced, beam), found)
                 }));
             }
             batch.echoes.push(Echo {
@@ -268,14 +276,15 @@ impl Detection {
     /// return number is the number of the return that contains it, or 0.
     #[inline(never)]
     fn emit_subrays(&mut self, view: &SceneView, traced: &TracedPulse, pulse: &Pulse, batch: &mut Batch) {
-        for i in 0..self.reflections.count() {
+        let hits = self.scratch.hits.as_ref().unwrap_or(&self.reflections);
+        for i in 0..hits.count() {
             let subray = self.sources.subray_of(i) as usize;
             let (origin, direction) = (traced.start(subray), traced.direction(subray));
-            let found = (&self.reflections, &mut self.scratch.triangles);
+            let found = (hits, &mut self.scratch.triangles);
             let truth = self.sources.of_reflection(i, view, (traced, [origin, direction]), found);
-            let primitive = self.reflections.primitives()[i];
+            let primitive = hits.primitives()[i];
             let (part, classification) = view.part_and_class(primitive);
-            let range = self.reflections.ranges()[i];
+            let range = hits.ranges()[i];
             batch.echoes.push(Echo {
                 position: truth.surface,
                 origin,
@@ -283,13 +292,13 @@ impl Detection {
                 scanner: pulse.scanner_attitude,
                 range,
                 true_range: range,
-                intensity: self.reflections.intensities()[i],
+                intensity: hits.intensities()[i],
                 return_number: self.sources.return_of(i),
                 number_of_returns: self.returns.len().max(1) as u32,
                 part,
                 primitive: view.number_when_stored(primitive),
                 classification,
-                incidence_cosine: self.reflections.cosines()[i],
+                incidence_cosine: hits.cosines()[i],
                 truth_index: batch.truths.len() as u32,
                 ..Echo::miss(&pulse_record(pulse))
             });

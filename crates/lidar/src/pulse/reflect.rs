@@ -18,6 +18,12 @@ pub(super) struct ReflectScratch {
     /// Position among the reflections and cross-section of voxels that follow their own radar equation.
     cross_sections: Vec<(usize, f64)>,
     continuum: FoliageContinuum,
+    /// Whether [`ReflectScratch::hits`] is needed.
+    pub records_hits: bool,
+    /// Subrays whose light foliage intercepts and returns from all along their paths, each where it is intercepted.
+    intercepted: Reflections,
+    /// What each subray hits, in their order, where that may differ from the reflections and is needed.
+    pub hits: Option<Reflections>,
     pub triangles: TriangleCache,
 }
 
@@ -33,6 +39,7 @@ impl<'a> SceneView<'a> {
         out: &mut Reflections,
     ) {
         out.clear(instrument.subrays.len());
+        scratch.hits = None;
         let around = match instrument.detector.corrections.adjacent_voxels {
             true => self.voxels_around(pulse.0.origin),
             false => Vec::new(),
@@ -110,9 +117,10 @@ impl<'a> SceneView<'a> {
         let is_continuous = c.foliage_continuum && c.adjacent_voxels && c.leaf_table_law && rings.len() > 1;
         if is_continuous {
             scratch.continuum.clear(&instrument.detector);
+            scratch.intercepted.clear(rings.len());
         }
         let may_be_occluded = !around.is_empty() || self.visible_bounds.is_some();
-        let mut surface = ShadedSurface::none(self.scene);
+        let mut surface = ShadedSurface::none(self);
         let t = traced.t.as_flattened();
         let mut frame = None;
         for (i, (ring, range)) in rings.iter().zip(gains.ranges).enumerate() {
@@ -128,7 +136,7 @@ impl<'a> SceneView<'a> {
                 let end = if is_continuous {
                     let frame = *frame.get_or_insert_with(|| FootprintFrame::new(traced.origin, direction));
                     self.scatter_continuously(
-                        (instrument, *ring),
+                        (instrument, i as u32, *ring),
                         (ray, frame),
                         first,
                         around,
@@ -152,15 +160,19 @@ impl<'a> SceneView<'a> {
         }
         out.apply_energy(&instrument.energy, &scratch.cross_sections);
         if is_continuous {
+            if scratch.records_hits {
+                scratch.intercepted.apply_energy(&instrument.energy, &[]);
+                scratch.hits = Some(out.merged(&scratch.intercepted));
+            }
             scratch.continuum.emit(out);
         }
     }
 
-    /// Follows a subray of `ring` through foliage to what reflects it: a solid surface or an element of foliage. `None` if there is
+    /// Follows subray `i` of `ring` through foliage to what reflects it: a solid surface or an element of foliage. `None` if there is
     /// none, or if foliage of small leaves intercepts the subray, whose light then joins the continuum.
     fn scatter_continuously(
         &self,
-        (instrument, ring): (&Instrument, u32),
+        (instrument, i, ring): (&Instrument, u32, u32),
         ((origin, direction), frame): ((DVec3, DVec3), FootprintFrame),
         first: Interaction,
         around: &[u32],
@@ -191,11 +203,12 @@ impl<'a> SceneView<'a> {
                 .then_some(Interaction { scatter_range, ..segment.entry });
         }
         // The optical depth at which the subray is intercepted.
-        if paths.sample(1.0) > depth(&continuum.segments, end) {
+        let intercepted_at = paths.sample(1.0);
+        if intercepted_at > depth(&continuum.segments, end) {
             return solid;
         }
         let response = |segment: &MediumSegment| {
-            let mut surface = ShadedSurface::none(self.scene);
+            let mut surface = ShadedSurface::none(self);
             surface.load(self, segment.entry.primitive);
             surface.response(
                 &segment.entry,
@@ -204,6 +217,14 @@ impl<'a> SceneView<'a> {
                 &instrument.detector.corrections,
             )
         };
+        if scratch.records_hits
+            && let Some((segment, range)) = intercept(&continuum.segments, intercepted_at, end)
+            && instrument.detector.is_in_range(range)
+        {
+            let LeafResponse { cosine, factor } = response(&segment);
+            let primitive = segment.entry.primitive;
+            scratch.intercepted.push((i, ring), (range, range), primitive, cosine, factor);
+        }
         continuum.scatter((&instrument.energy, &instrument.detector), ring, end, response);
         None
     }
@@ -287,11 +308,20 @@ struct ShadedSurface<'a> {
     material: Option<&'a Material>,
     /// Unit normal of a triangle or of a cube that has one.
     normal: Option<DVec3>,
+    /// See [`SceneView::wavelength`].
+    wavelength: usize,
 }
 
 impl<'a> ShadedSurface<'a> {
-    fn none(scene: &'a Scene) -> ShadedSurface<'a> {
-        ShadedSurface { primitive: Hits::MISS, scene, local: Hits::MISS, material: None, normal: None }
+    fn none(view: &SceneView<'a>) -> ShadedSurface<'a> {
+        ShadedSurface {
+            primitive: Hits::MISS,
+            scene: view.scene,
+            local: Hits::MISS,
+            material: None,
+            normal: None,
+            wavelength: view.wavelength,
+        }
     }
 
     /// Looks the primitive up unless it is the last one.
@@ -304,7 +334,8 @@ impl<'a> ShadedSurface<'a> {
             Some([a, b, c]) => Some(unit((b - a).cross(c - a))),
             None => scene.voxel(local).as_ref().and_then(Voxel::normal),
         };
-        *self = ShadedSurface { primitive, scene, local, material: Some(scene.material_of(local)), normal };
+        let material = Some(scene.material_of(local));
+        *self = ShadedSurface { primitive, scene, local, material, normal, wavelength: self.wavelength };
     }
 
     /// Cosine of the incidence angle (spec pulse-physics §2.4).
@@ -331,14 +362,17 @@ impl<'a> ShadedSurface<'a> {
     ) -> LeafResponse {
         if !fixed_incidence && c.foliage_incidence && foliage::is_scattering(self.scene, self.local) {
             let cosine = foliage::mean_cosine(self.scene, c, self.local, direction);
-            return LeafResponse { cosine, factor: self.material.map_or(0.0, |m| m.leaf_factor(cosine)) };
+            return LeafResponse {
+                cosine,
+                factor: self.material.map_or(0.0, |m| m.leaf_factor(self.wavelength, cosine)),
+            };
         }
         let cosine = if fixed_incidence { 1.0 } else { self.cosine(at, direction) };
         LeafResponse { cosine, factor: self.factor(cosine) }
     }
 
     fn factor(&self, cosine: f64) -> f64 {
-        self.material.map_or(0.0, |m| m.factor(cosine))
+        self.material.map_or(0.0, |m| m.factor(self.wavelength, cosine))
     }
 }
 
@@ -392,6 +426,7 @@ mod tests {
             visible_bounds: None,
             fixed_incidence: false,
             max_cube_size: 1.0,
+            wavelength: 0,
         };
         let mut batch = RayBatch::default();
         batch.rays = RayGroup::new(instrument.subrays.len());

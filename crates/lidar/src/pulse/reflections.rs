@@ -68,6 +68,21 @@ impl Reflections {
         self.push((0, 0), (range, range), primitive, cosine, intensity);
     }
 
+    /// These reflections and others with known intensities, both in the order of their subrays.
+    pub fn merged(&self, others: &Reflections) -> Reflections {
+        let mut all = Reflections::default();
+        all.clear(self.count + others.count);
+        let (mut i, mut j) = (0, 0);
+        while i < self.count || j < others.count {
+            let is_own = j == others.count || (i < self.count && self.subray[i] <= others.subray[j]);
+            let (from, at) = if is_own { (self, &mut i) } else { (others, &mut j) };
+            let (range, source) = ((from.range[*at], from.entry[*at]), (from.subray[*at], from.ring[*at]));
+            all.push(source, range, from.primitive[*at], from.cosine[*at], from.intensity[*at]);
+            *at += 1;
+        }
+        all
+    }
+
     /// Appends the reflections of the subrays of a block that are in `mask`; see [`Reflections::mark_opaque_only`].
     #[inline(always)]
     pub fn push_triangles(

@@ -282,7 +282,7 @@ impl<'p> PulseSimulator<'p> {
         batch: &mut Batch,
     ) -> Result<()> {
         let physics = self.physics;
-        let view = physics.view.with(moving, self.tiles.as_ref().map(TileTracer::near));
+        let mut view = physics.view.with(moving, self.tiles.as_ref().map(TileTracer::near));
         let slots = &self.slots[range];
         let first_echo = batch.echoes.len();
         for (pulses, slots) in pulses.chunks(GAIN_BATCH).zip(slots.chunks(GAIN_BATCH)) {
@@ -309,6 +309,7 @@ impl<'p> PulseSimulator<'p> {
                     let instrument = self.instruments.instrument(leg, pulse.device)?;
                     let traced = TracedPulse::of(traced, slot);
                     let gains = self.gain_buffer.of(first_block, &traced);
+                    view.wavelength = physics.wavelengths.get(pulse.device as usize).copied().unwrap_or(0);
                     let pulse = (instrument, pulse);
                     self.detection.detect(simd, physics, &view, pulse, (traced, gains), batch)?;
                     first_block += traced.blocks();

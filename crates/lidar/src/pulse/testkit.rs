@@ -35,6 +35,7 @@ pub fn received(returns: &[(f64, f64)], detector: &DetectorSettings) -> Waveform
 pub fn half_white() -> Material {
     Material {
         reflectance: 0.5,
+        further_reflectances: Vec::new(),
         reflection: Reflection::Lambert,
         ..Material::unnamed("half white", Default::default())
     }

@@ -15,9 +15,11 @@ pub(super) struct CachedTriangle {
     pub part: u32,
     pub classification: i32,
     law: Law,
+    /// Index of the material.
+    material: u32,
     /// Unit normal.
     pub normal: DVec3,
-    /// ρ.
+    /// ρ at the first wavelength.
     reflectance: f64,
 }
 
@@ -25,8 +27,8 @@ pub(super) struct CachedTriangle {
 enum Law {
     Uniform,
     Lambert,
-    /// With a specular share: [`Material::factor`] of the material with this index.
-    Phong(u32),
+    /// With a specular share: [`Material::factor`].
+    Phong,
 }
 
 impl CachedTriangle {
@@ -35,6 +37,7 @@ impl CachedTriangle {
         part: 0,
         classification: 0,
         law: Law::Uniform,
+        material: 0,
         normal: DVec3::ZERO,
         reflectance: 0.0,
     };
@@ -60,13 +63,14 @@ impl CachedTriangle {
             // A specular lobe without light is finite and adds nothing.
             Reflection::Phong { specularity: 0.0, exponent } if exponent >= 0.0 => Law::Lambert,
             Reflection::Lobes { specularity: 0.0, roughness: 0.0, .. } => Law::Lambert,
-            Reflection::Phong { .. } | Reflection::Lobes { .. } => Law::Phong(surface.material),
+            Reflection::Phong { .. } | Reflection::Lobes { .. } => Law::Phong,
         };
         Some(CachedTriangle {
             primitive,
             part: surface.part,
             classification: material.classification,
             law,
+            material: surface.material,
             normal: unit((b - a).cross(c - a)),
             reflectance: material.reflectance,
         })
@@ -93,18 +97,22 @@ impl CachedTriangle {
         primitives: &[u32; LANES],
         out: &mut Block,
     ) {
+        let material = || &view.scene.materials[self.material as usize];
+        let reflectance = match view.wavelength {
+            0 => self.reflectance,
+            further => material().reflectance_at(further),
+        };
         // A factor of 1 changes no digit.
         let mut slope = *cosine;
         match self.law {
             Law::Lambert => {}
             Law::Uniform => slope = [1.0; LANES],
-            Law::Phong(material) => {
-                let material = &view.scene.materials[material as usize];
-                return self.phong(material, cosine, gain, primitives, out);
+            Law::Phong => {
+                return self.phong((material(), view.wavelength), cosine, gain, primitives, out);
             }
         }
         for i in 0..LANES {
-            let intensity = self.reflectance * slope[i] * gain[i];
+            let intensity = reflectance * slope[i] * gain[i];
             out[i] = if primitives[i] == self.primitive { intensity } else { out[i] };
         }
     }
@@ -113,7 +121,7 @@ impl CachedTriangle {
     #[inline(never)]
     fn phong(
         &self,
-        material: &Material,
+        (material, wavelength): (&Material, usize),
         cosine: &Block,
         gain: &Block,
         primitives: &[u32; LANES],
@@ -121,7 +129,7 @@ impl CachedTriangle {
     ) {
         for i in 0..LANES {
             if primitives[i] == self.primitive {
-                out[i] = material.factor(cosine[i]) * gain[i];
+                out[i] = material.factor(wavelength, cosine[i]) * gain[i];
             }
         }
     }

@@ -32,7 +32,8 @@ impl<'a> StaticView<'a> {
         'a: 'b,
     {
         let StaticView { scene, tree, visible_bounds, fixed_incidence, max_cube_size } = *self;
-        SceneView { scene, tree, moving, tiles, visible_bounds, fixed_incidence, max_cube_size }
+        let wavelength = 0;
+        SceneView { scene, tree, moving, tiles, visible_bounds, fixed_incidence, max_cube_size, wavelength }
     }
 }
 
@@ -52,6 +53,8 @@ pub(super) struct SceneView<'a> {
     pub fixed_incidence: bool,
     /// Edge of the largest cube, m.
     pub max_cube_size: f64,
+    /// Number of the beam's wavelength among those of the scene's spectra.
+    pub wavelength: usize,
 }
 
 /// Interaction of a ray with a primitive.

@@ -26,7 +26,7 @@ impl Fixture {
     }
 
     fn library(&self, rules: Corrections) -> Library {
-        Library::new(Spectra::new(&[self.folder.path().to_path_buf()], 1064.0), rules, 1)
+        Library::new(Spectra::new(&[self.folder.path().to_path_buf()], [1064.0]), rules, 1)
     }
 
     fn material(&mut self, library: &mut Library, name: &str) -> Material {

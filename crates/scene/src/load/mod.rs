@@ -108,7 +108,8 @@ fn load_sources(
     epoch: u32,
     first: Option<SceneFrame>,
 ) -> Result<(Scene, Diagnostics)> {
-    let spectra = Spectra::new(&recipe.asset_folders, options.wavelength_nm);
+    let wavelengths = std::iter::once(&options.wavelength_nm).chain(&options.further_wavelengths_nm);
+    let spectra = Spectra::new(&recipe.asset_folders, wavelengths.copied());
     let library = Library::new(spectra, options.rules, options.seed);
     let mut scene = SceneBuilder::new(options, library);
     let parts = mesh::parts_in_epoch(&mut scene, recipe, epoch)?;

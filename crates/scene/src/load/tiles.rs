@@ -258,7 +258,7 @@ impl TileLoader {
     fn load(&self, tile: usize) -> Result<Tile> {
         machine::with_pool(self.options.jobs, || {
             let scene = self.load_scene(tile)?;
-            let tree = Tree::build(&scene.geometry, &self.tile_options.trees);
+            let tree = scene.tree_of_stored(&self.tile_options.trees);
             Ok(Tile { scene, tree })
         })?
     }

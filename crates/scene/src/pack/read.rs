@@ -48,6 +48,7 @@ impl Pack {
         let c = self.conditions();
         LoadOptions {
             wavelength_nm: c.wavelength_nm,
+            further_wavelengths_nm: c.further_wavelengths_nm.clone(),
             seed: c.seed,
             rules: c.rules,
             drop_polygons: c.drop_polygons,

@@ -81,11 +81,10 @@ pub async fn view(
     let job = find_successful(&app, &identity, &id).await?;
     let folder = app.workshop.store.job_folder(&job.folder).join("view");
     let absent = || Failure::new(StatusCode::NOT_FOUND, "there is no picture of these results");
-    // One is drawn at a time.
-    let permit = Arc::clone(&app.pictures).acquire_owned().await.map_err(|_| absent())?;
+    let turn = app.turn_to_draw(&identity.owner).await?;
     let wanted = name.clone();
     let drawn = blocking(&app, move |workshop| workshop.view(&job, &wanted)).await?;
-    drop(permit);
+    drop(turn);
     if !drawn {
         return Err(absent());
     }

@@ -4,7 +4,7 @@ use crate::answers::{Failure, document, encoded, link, media_type, wants_page};
 use crate::app::{App, Identity, blocking};
 use crate::pages;
 use crate::records::Kind;
-use crate::store::{Job, Result as StoreResult, Status, Store, time_text};
+use crate::store::{Job, Listed, Result as StoreResult, Status, Store, time_text};
 use axum::Extension;
 use axum::extract::{Path, Query, RawQuery, State};
 use axum::http::{HeaderMap, StatusCode};
@@ -15,11 +15,13 @@ use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Largest JSON output that results contain as a value, bytes.
 const MAX_VALUE: u64 = 4 << 20;
 const EVENT_PERIOD: Duration = Duration::from_millis(500);
+/// Longest time of a stream of progress.
+const MAX_STREAM: Duration = Duration::from_secs(3600);
 const MAX_LISTED: u32 = 1000;
 
 /// The state of a job, as the standard has it.
@@ -134,7 +136,14 @@ pub async fn list(
     let next = filter.offset.saturating_add(filter.limit);
     let limit = filter.limit;
     let jobs = blocking(&app, move |workshop| {
-        workshop.store.jobs(&owner, &filter.statuses, &filter.processes, filter.offset, filter.limit)
+        workshop.store.jobs(
+            Listed::States,
+            &owner,
+            &filter.statuses,
+            &filter.processes,
+            filter.offset,
+            filter.limit,
+        )
     })
     .await?;
     if is_page {
@@ -222,29 +231,31 @@ pub async fn events(
     Path(id): Path<String>,
 ) -> Result<Response, Failure> {
     find(&app, &identity, &id).await?;
-    let Ok(permit) = Arc::clone(&app.streams).try_acquire_owned() else {
+    let Some(share) = app.streams.try_take(&identity.owner) else {
         return Err(Failure::new(
             StatusCode::TOO_MANY_REQUESTS,
             "too many streams are open; ask for /jobs/JOB now and then instead",
         ));
     };
-    // State between events: what was sent last, and whether that was the end.
-    let begin = (app, identity, id, String::new(), false, permit);
-    let events = stream::unfold(begin, |(app, identity, id, mut last, is_over, permit)| async move {
+    // State between events: what was sent last, and whether that was the end. Browsers open a stream that ends again.
+    let start = Instant::now();
+    let begin = (app, identity, id, String::new(), false, share);
+    let events = stream::unfold(begin, move |(app, identity, id, mut last, is_over, share)| async move {
         if is_over {
             return None;
         }
-        loop {
+        while start.elapsed() < MAX_STREAM {
             let job = find(&app, &identity, &id).await.ok()?;
             let info = status_info(&job).to_string();
             if info != last {
                 let event = Event::default().event(job.status.name()).data(&info);
                 last = info;
                 let is_over = job.status.is_final();
-                return Some((Ok::<_, Infallible>(event), (app, identity, id, last, is_over, permit)));
+                return Some((Ok::<_, Infallible>(event), (app, identity, id, last, is_over, share)));
             }
             tokio::time::sleep(EVENT_PERIOD).await;
         }
+        None
     });
     Ok(Sse::new(events).keep_alive(KeepAlive::default()).into_response())
 }

@@ -2,9 +2,11 @@
 
 use crate::answers::{Failure, document, encoded, wants_page};
 use crate::app::{App, Identity, blocking};
+use crate::missing::missing;
 use crate::pages;
 use crate::store::{StoreError, Upload, UploadFile};
 use crate::uploads;
+use crate::worker::Workshop;
 use axum::Extension;
 use axum::extract::multipart::MultipartRejection;
 use axum::extract::{Multipart, Path, Query, RawQuery, State};
@@ -31,12 +33,16 @@ pub async fn show(
     headers: HeaderMap,
 ) -> Result<Response, Failure> {
     let (upload, files) = find(&app, &identity, &name).await?;
+    let (id, listed) = (upload.id.clone(), files.clone());
+    let look = move |workshop: &Workshop| missing(&workshop.store, &workshop.program, &id, &listed);
+    let missing = blocking(&app, look).await?;
     if wants_page(&headers, query.as_deref()) {
         let points = asked.get("points").map(String::as_str);
-        return Ok(pages::upload(&app, &identity, &upload, &files, points));
+        return Ok(pages::upload(&app, &identity, &upload, &files, &missing, points));
     }
     let mut about = serde_json::to_value(&upload).unwrap_or_default();
     about["list"] = json!(files);
+    about["missing"] = json!(missing);
     Ok(document(&about))
 }
 
@@ -99,7 +105,7 @@ async fn received(
     let form = form.map_err(|_| {
         Failure::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "expected a form of the type multipart/form-data")
     })?;
-    let Ok(_permit) = app.uploads.try_acquire() else {
+    let Some(_share) = app.uploads.try_take(&identity.owner) else {
         return Err(Failure::new(
             StatusCode::TOO_MANY_REQUESTS,
             "too many uploads at the same time; try again in a minute",
@@ -109,7 +115,11 @@ async fn received(
     // Programs send no form of a page; a browser says where its forms come from.
     let check: Option<&(dyn Fn(&str) -> bool + Sync)> =
         if identity.is_ambient && !app.tokens.is_empty() { Some(&is_genuine) } else { None };
-    let received = uploads::receive(form, &app.workshop.store, &app.workshop.limits, check).await?;
+    let received = uploads::receive(form, &app.workshop.store, &app.workshop.limits, check);
+    let received = tokio::time::timeout(uploads::MAX_TIME, received).await.map_err(|_| {
+        let message = format!("the upload took more than {} s", uploads::MAX_TIME.as_secs());
+        Failure::new(StatusCode::REQUEST_TIMEOUT, message)
+    })??;
     let owner = identity.owner.clone();
     blocking(app, move |workshop| received.list(&owner, &workshop.store, &workshop.limits)).await
 }

@@ -4,7 +4,7 @@ use super::layout::{bytes_text, form_token, page, short_time};
 use super::titles::{Titled, titled};
 use crate::answers::Failure;
 use crate::app::{App, Identity, blocking};
-use crate::store::{Result as StoreResult, Status, Upload, time_text};
+use crate::store::{Listed, Result as StoreResult, Status, Upload, time_text};
 use axum::response::Response;
 use maud::{Markup, html};
 use std::sync::Arc;
@@ -20,7 +20,7 @@ pub async fn home(app: &Arc<App>, identity: &Identity) -> Result<Response, Failu
     let owner = identity.owner.clone();
     let (uploads, jobs) = blocking(app, move |workshop| -> StoreResult<_> {
         let states = [Status::Accepted, Status::Running, Status::Successful, Status::Failed];
-        let jobs = workshop.store.jobs(&owner, &states, &[], 0, NEWEST)?;
+        let jobs = workshop.store.jobs(Listed::States, &owner, &states, &[], 0, NEWEST)?;
         Ok((workshop.store.uploads(&owner)?, titled(&workshop.store, jobs)?))
     })
     .await?;

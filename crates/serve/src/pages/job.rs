@@ -60,7 +60,9 @@ impl Shown {
         Shown {
             has_picture: drawn_file(Process::named(&job.process), &job.result_files()).is_some(),
             report: text("report.json").and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default(),
-            document: text("plan.toml").or(prepared.document.map(|(_, text)| text)).unwrap_or_default(),
+            document: text("plan.toml")
+                .or(prepared.document.or(prepared.geometries.into_iter().next()).map(|(_, text)| text))
+                .unwrap_or_default(),
         }
     }
 }
@@ -294,7 +296,7 @@ fn command(job: &Job, shown: &Shown) -> Markup {
             summary { "Show the command" }
             p { "In a folder that has the uploads as folders:" }
             pre { code { (prepared.shown) } }
-            @if let Some((name, _)) = &prepared.document { p { code { (name) } ":" } }
+            @if let Some((name, _)) = prepared.document.as_ref().or(prepared.geometries.first()) { p { code { (name) } ":" } }
             @if !shown.document.is_empty() { pre { code { (shown.document) } } }
             p { "As a request to this service, " code { "POST /processes/" (job.process) "/execution" } ":" }
             pre { code { "{\"inputs\": " (job.inputs) "}" } }

@@ -20,7 +20,7 @@ impl From<RequestError> for Failure {
     }
 }
 
-/// The picture of a scene of an owner. One is drawn at a time.
+/// The picture of a scene of an owner, one of whose is drawn at a time.
 pub async fn scene_map(app: &Arc<App>, owner: String, scene: String) -> Result<SceneMap, Failure> {
     let absent = || {
         Failure::new(
@@ -28,10 +28,10 @@ pub async fn scene_map(app: &Arc<App>, owner: String, scene: String) -> Result<S
             format!("there is no picture of `{scene}`; a forecast tells what is wrong with a scene"),
         )
     };
-    let permit = Arc::clone(&app.pictures).acquire_owned().await.map_err(|_| absent())?;
+    let turn = app.turn_to_draw(&owner).await?;
     let wanted = scene.clone();
     let drawn = crate::app::blocking(app, move |workshop| workshop.scene_map(&owner, &wanted)).await?;
-    drop(permit);
+    drop(turn);
     drawn.ok_or_else(absent)
 }
 

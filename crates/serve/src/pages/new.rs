@@ -6,7 +6,7 @@ use super::layout::{form_token, page};
 use super::titles::file_title;
 use crate::answers::Failure;
 use crate::app::{App, Identity, blocking};
-use crate::store::{FileKind, Result as StoreResult, Status, Store, UploadFile};
+use crate::store::{FileKind, Listed, Result as StoreResult, Status, Store, UploadFile};
 use axum::Extension;
 use axum::extract::{Query, State};
 use axum::http::StatusCode;
@@ -70,7 +70,9 @@ impl Files {
             };
             files.extend(store.files(&upload.id)?.into_iter().map(named));
         }
-        for job in store.jobs(owner, &[Status::Successful], &["stand".to_owned()], 0, MAX_STANDS)? {
+        for job in
+            store.jobs(Listed::States, owner, &[Status::Successful], &["stand".to_owned()], 0, MAX_STANDS)?
+        {
             let label = file_title(store, &job, "stand")?;
             files.push(Named {
                 name: format!("jobs/{}/stand/stand.xml", job.id),
@@ -511,7 +513,7 @@ pub async fn compare(
         let mut files = Files::of(store, &owner)?;
         let mut results = Vec::new();
         let processes = ["run", "preview"].map(str::to_owned);
-        for job in store.jobs(&owner, &[Status::Successful], &processes, 0, MAX_COMPARED)? {
+        for job in store.jobs(Listed::Results, &owner, &[Status::Successful], &processes, 0, MAX_COMPARED)? {
             for file in job.result_files().iter().filter(|file| has_ending(&file.path, &CLOUDS)) {
                 let label = file_title(store, &job, &file.path)?;
                 results.push(Named {

@@ -19,6 +19,7 @@ pub fn upload(
     identity: &Identity,
     upload: &Upload,
     files: &[UploadFile],
+    missing: &[String],
     points: Option<&str>,
 ) -> Response {
     let shown = files.iter().find(|file| is_octree(&file.path) && Some(file.path.as_str()) == points);
@@ -41,6 +42,13 @@ pub fn upload(
             ))
         }
         p { (upload.files) @if upload.files == 1 { " file, " } @else { " files, " } (bytes_text(upload.bytes)) }
+        @if !missing.is_empty() {
+            div .card role="note" {
+                p { "Surveys and scenes name files that are neither in this upload nor in the catalogue:" }
+                ul { @for name in missing { li { code { (name) } } } }
+                p { "Upload all of them together: as a folder, or as one zip archive." }
+            }
+        }
         table {
             thead { tr { th { "File" } th { "Size" } th { "What to do with it" } } }
             tbody {

@@ -2,6 +2,7 @@
 
 use super::named::named_pipeline;
 use super::prepared::{Prepared, RequestError, wrong};
+use crate::names;
 use crate::processes::Process;
 use crate::program::Program;
 use crate::queue::Use;
@@ -9,17 +10,21 @@ use crate::store::Store;
 use serde_json::{Map, Value};
 use std::collections::BTreeSet;
 
+/// Longest value of an option, bytes: Linux takes words of at most 128 KiB.
+const MAX_WORD: usize = 100_000;
+
 /// The pipeline of a run: the keys of the file that is named, replaced by those of the request.
 pub(super) fn pipeline(
     process: Process,
     inputs: Value,
     owner: &str,
     store: &Store,
+    program: &Program,
     uses: &mut BTreeSet<Use>,
 ) -> Result<Prepared, RequestError> {
     let Value::Object(mut inputs) = inputs else { return Err(wrong("inputs", "expected an object")) };
     let mut table = match inputs.remove("pipeline").as_ref().and_then(Value::as_str) {
-        Some(name) => named_pipeline(name, owner, store, uses)?,
+        Some(name) => named_pipeline(name, owner, store, program, uses)?,
         None => toml::Table::new(),
     };
     for (key, value) in inputs {
@@ -29,13 +34,12 @@ pub(super) fn pipeline(
     for key in ["force", "assets", "schedule"] {
         table.remove(key);
     }
-    let uploads = uses.iter().filter_map(|used| {
-        if let Use::Upload { name, .. } = used { Some(toml::Value::from(name.as_str())) } else { None }
-    });
-    let assets: Vec<toml::Value> = uploads.collect();
+    let named = serde_json::to_value(&table).map_err(|e| wrong("inputs", e.to_string()))?;
+    let assets: Vec<toml::Value> = asset_folders(&named, uses).into_iter().map(toml::Value::from).collect();
     if !assets.is_empty() {
         table.insert("assets".to_owned(), toml::Value::Array(assets));
     }
+    check_outputs(&table)?;
     if process == Process::Run && !table.contains_key("output") {
         let output = toml::Table::from_iter([("path".to_owned(), toml::Value::from("points.laz"))]);
         table.insert("output".to_owned(), toml::Value::Array(vec![toml::Value::Table(output)]));
@@ -71,17 +75,68 @@ pub(super) fn campaign(inputs: Value) -> Result<Prepared, RequestError> {
     })
 }
 
+/// Refuses outputs whose names results could not have: they would be computed, and nobody could fetch them.
+fn check_outputs(table: &toml::Table) -> Result<(), RequestError> {
+    let outputs = table.get("output").and_then(toml::Value::as_array);
+    for path in outputs.into_iter().flatten().filter_map(|output| output.get("path")?.as_str()) {
+        if names::relative_path(path).is_none() {
+            return Err(wrong(
+                "output.path",
+                format!(
+                    "`{}` cannot be the name of a result: expected names without : * ? \" < > | that begin with none of . - ~ and a blank, joined \
+                     by /",
+                    path.escape_debug()
+                ),
+            ));
+        }
+    }
+    Ok(())
+}
+
 fn toml_value(key: &str, value: Value) -> Result<toml::Value, RequestError> {
     toml::Value::try_from(value)
         .map_err(|_| wrong(key, "has a null, which pipeline files do not have; leave the key out"))
 }
 
-/// The folders in which commands look for files besides that of the file which names them.
-pub(super) fn assets(uses: &BTreeSet<Use>) -> Vec<String> {
-    let uploads = uses
+/// The folders in which files are looked for besides that of the file which names them: for each file of an upload that the inputs
+/// name its parents within the upload, nearest first, then all uploads.
+pub(super) fn asset_folders(inputs: &Value, uses: &BTreeSet<Use>) -> Vec<String> {
+    let uploads: Vec<String> = uses
         .iter()
-        .filter_map(|used| if let Use::Upload { name, .. } = used { Some(name.as_str()) } else { None });
-    std::iter::once(".").chain(uploads).map(|folder| format!("--assets={folder}")).collect()
+        .filter_map(|used| if let Use::Upload { name, .. } = used { Some(name.clone()) } else { None })
+        .collect();
+    let mut folders: Vec<String> = Vec::new();
+    for text in texts(inputs) {
+        let path = text.split('#').next().unwrap_or_default().replace('\\', "/");
+        let is_of_upload =
+            uploads.iter().any(|name| path.strip_prefix(name).is_some_and(|rest| rest.starts_with('/')));
+        if !is_of_upload || path.bytes().filter(|byte| *byte == b'/').count() > names::MAX_DEPTH {
+            continue;
+        }
+        let parents = path.match_indices('/').rev().map(|(at, _)| path[..at].to_owned());
+        folders.extend(parents.filter(|folder| !folder.is_empty()));
+    }
+    folders.extend(uploads);
+    let mut seen = BTreeSet::new();
+    folders.retain(|folder| seen.insert(folder.clone()));
+    folders
+}
+
+/// All texts of a value.
+fn texts(value: &Value) -> Vec<&str> {
+    match value {
+        Value::String(text) => vec![text],
+        Value::Array(list) => list.iter().flat_map(texts).collect(),
+        Value::Object(map) => map.values().flat_map(texts).collect(),
+        _ => Vec::new(),
+    }
+}
+
+/// The same as options of a command.
+pub(super) fn assets(inputs: &Map<String, Value>, uses: &BTreeSet<Use>) -> Vec<String> {
+    let folders = asset_folders(&Value::Object(inputs.clone()), uses);
+    let all = std::iter::once(".".to_owned()).chain(folders);
+    all.map(|folder| format!("--assets={folder}")).collect()
 }
 
 pub(super) fn plan(
@@ -106,6 +161,13 @@ pub(super) fn options(inputs: &Map<String, Value>, schema: &Value) -> Result<Vec
     let mut words = Vec::new();
     let mut operands = Vec::new();
     for (key, value) in inputs {
+        // The system takes no longer words.
+        if value.to_string().len() > MAX_WORD {
+            return Err(wrong(
+                key,
+                format!("a value of more than {MAX_WORD} bytes; upload it as a file and name that"),
+            ));
+        }
         let about = &schema["properties"][key];
         if let Some(place) = about["x-operand"].as_u64() {
             operands.push((place, text_of(key, value)?));

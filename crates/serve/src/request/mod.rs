@@ -6,8 +6,10 @@
 //! | `prepared` | what is executed, and why a request is refused |
 //! | `values` | values and their types |
 //! | `named` | uploads and results that inputs name |
+//! | `clock` | whether results depend on the time |
 //! | `commands` | the words and the pipeline file of a command |
 
+mod clock;
 mod commands;
 mod named;
 mod prepared;
@@ -21,13 +23,14 @@ use crate::program::Program;
 use crate::queue::Use;
 use crate::store::Store;
 use crate::tokens::hex;
+use clock::depends_on_time;
 use commands::{assets, campaign, options, pipeline, plan, shown};
 use named::{find_files, with_uses_of_jobs};
 use prepared::wrong;
 use serde_json::{Map, Value, json};
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeSet;
-use values::{check_type, geojson, nearest, unqualified};
+use values::{check_type, geometry, nearest, unqualified};
 
 /// Points in pages that show a cloud.
 pub const PAGE_POINTS: &str = "500k";
@@ -54,13 +57,15 @@ pub fn check(
 ) -> Result<Checked, RequestError> {
     let schema = process.inputs(program);
     let mut inputs = inputs.clone();
-    let mut area = None;
+    let mut geometries = Vec::new();
     for (key, value) in &mut inputs {
         *value = unqualified(key, value.take())?;
-        if let ("area" | "along", Process::Plan, Some(text)) = (key.as_str(), process, geojson(value)) {
-            let name = format!("{key}.geojson");
+        if let ("area" | "along", Process::Plan, Some((ending, text))) =
+            (key.as_str(), process, geometry(value))
+        {
+            let name = format!("{key}.{ending}");
             *value = json!(name);
-            area = Some((name, text));
+            geometries.push((name, text));
         }
         let Some(schema) = schema["properties"].get(key) else {
             let known = schema["properties"].as_object().into_iter().flatten().map(|(name, _)| name.as_str());
@@ -78,11 +83,11 @@ pub fn check(
     }
     let mut uses = BTreeSet::new();
     let mut tree = Value::Object(inputs.clone());
-    find_files("", &tree, 0, owner, store, &mut uses)?;
+    find_files("", &tree, 0, owner, store, program, &mut uses)?;
     let mut prepared = match process {
-        Process::Run | Process::DryRun => pipeline(process, tree.take(), owner, store, &mut uses)?,
+        Process::Run | Process::DryRun => pipeline(process, tree.take(), owner, store, program, &mut uses)?,
         Process::Campaign => campaign(tree.take())?,
-        Process::Plan => Prepared { document: area, ..plan(&inputs, &assets(&uses), program)? },
+        Process::Plan => Prepared { geometries, ..plan(&inputs, &assets(&inputs, &uses), program)? },
         Process::Compare => {
             let words = options(&inputs, &schema)?;
             let words = [
@@ -107,7 +112,7 @@ pub fn check(
             inputs.remove("format");
             let out = format!("--out=../out/preview.{format}");
             let start = vec!["preview".to_owned(), out, format!("--most-points={PAGE_POINTS}")];
-            let words = [start, assets(&uses), options(&inputs, &schema)?].concat();
+            let words = [start, assets(&inputs, &uses), options(&inputs, &schema)?].concat();
             Prepared { words, within_inputs: true, ..Prepared::default() }
         }
     };
@@ -126,8 +131,7 @@ fn fingerprint(
     store: &Store,
     program: &Program,
 ) -> Result<String, RequestError> {
-    // `gps_start = "now"` and `--gps-start now`.
-    if prepared.document.as_ref().is_some_and(|(_, text)| text.contains("gps") && text.contains("now")) {
+    if depends_on_time(prepared, store)? {
         return Ok(String::new());
     }
     let mut inputs = Vec::new();
@@ -146,6 +150,7 @@ fn fingerprint(
         program.version,
         process.id(),
         prepared.document,
+        prepared.geometries,
         prepared.words,
         inputs
     ]);

@@ -2,6 +2,7 @@
 
 use super::prepared::{Prepared, RequestError, wrong};
 use crate::names::{self, JOBS};
+use crate::program::Program;
 use crate::queue::Use;
 use crate::store::{Status, Store, StoreError};
 use serde_json::Value;
@@ -20,6 +21,7 @@ pub(super) fn find_files(
     depth: usize,
     owner: &str,
     store: &Store,
+    program: &Program,
     uses: &mut BTreeSet<Use>,
 ) -> Result<(), RequestError> {
     if depth > MAX_DEPTH {
@@ -44,14 +46,14 @@ pub(super) fn find_files(
             if text.contains('\0') {
                 return Err(wrong(key, "a text with a zero byte"));
             }
-            names::words(text).try_for_each(|word| find_use(key, word, owner, store, uses))
+            names::words(text).try_for_each(|word| find_use(key, word, owner, store, program, uses))
         }
         Value::Array(list) => {
-            list.iter().try_for_each(|item| find_files(key, item, depth + 1, owner, store, uses))
+            list.iter().try_for_each(|item| find_files(key, item, depth + 1, owner, store, program, uses))
         }
         Value::Object(map) => map.iter().try_for_each(|(inner, value)| {
             let path = if key.is_empty() { inner.clone() } else { format!("{key}.{inner}") };
-            find_files(&path, value, depth + 1, owner, store, uses)
+            find_files(&path, value, depth + 1, owner, store, program, uses)
         }),
         _ => Ok(()),
     }
@@ -62,12 +64,17 @@ fn find_use(
     word: &str,
     owner: &str,
     store: &Store,
+    program: &Program,
     uses: &mut BTreeSet<Use>,
 ) -> Result<(), RequestError> {
-    let mut parts = word.split(['/', '\\', '#']);
-    let Some(first) = parts.next().filter(|first| !first.is_empty() && first.len() <= 120) else {
+    // Only paths name files of uploads, and references of the catalogue are its own.
+    let Some((first, rest)) = word.split_once(['/', '\\']).filter(|_| !program.is_reference(word)) else {
         return Ok(());
     };
+    let mut parts = rest.split(['/', '\\', '#']);
+    if first.is_empty() || first.len() > 120 {
+        return Ok(());
+    }
     if first == JOBS {
         let Some(id) = parts.next() else { return Ok(()) };
         let Some(job) = store.job(owner, id)? else {
@@ -90,8 +97,11 @@ pub(super) fn with_uses_of_jobs(store: &Store, uses: &mut BTreeSet<Use>) -> Resu
         .filter_map(|used| if let Use::Job { folder, .. } = used { Some(folder.clone()) } else { None })
         .collect();
     for folder in jobs {
-        let prepared =
-            std::fs::read(store.job_folder(&folder).join("prepared.json")).map_err(StoreError::from)?;
+        let prepared = match std::fs::read(store.job_folder(&folder).join("prepared.json")) {
+            // A folder that somebody has cleaned: what its files name is not found.
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
+            read => read.map_err(StoreError::from)?,
+        };
         let prepared: Prepared = serde_json::from_slice(&prepared).unwrap_or_default();
         for used in prepared.uses {
             // Files of an upload that was removed since are gone.
@@ -119,6 +129,7 @@ pub(super) fn named_pipeline(
     name: &str,
     owner: &str,
     store: &Store,
+    program: &Program,
     uses: &mut BTreeSet<Use>,
 ) -> Result<toml::Table, RequestError> {
     let absent = || {
@@ -140,7 +151,7 @@ pub(super) fn named_pipeline(
     let table: toml::Table =
         text.parse().map_err(|e: toml::de::Error| wrong("pipeline", format!("{name}: {e}")))?;
     let keys = serde_json::to_value(&table).map_err(|e| wrong("pipeline", e.to_string()))?;
-    find_files("pipeline", &keys, 0, owner, store, uses)?;
+    find_files("pipeline", &keys, 0, owner, store, program, uses)?;
     with_uses_of_jobs(store, uses)?;
     Ok(table)
 }

@@ -27,9 +27,12 @@ pub(super) fn wrong(key: &str, message: impl Into<String>) -> RequestError {
 
 /// What is executed for a job.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Prepared {
-    /// Name and text of the file in the folder of inputs.
+    /// Name and text of the pipeline or campaign, a file in the folder of inputs.
     pub document: Option<(String, String)>,
+    /// The same of areas and lines.
+    pub geometries: Vec<(String, String)>,
     /// The words behind `vlscan`.
     pub words: Vec<String>,
     /// Whether it works in the folder of inputs, else in that of results.

@@ -21,11 +21,16 @@ pub(super) fn unqualified(key: &str, value: Value) -> Result<Value, RequestError
     }
 }
 
-/// The text of an area given as GeoJSON, as an object or as text. It becomes a file, because vlscan reads GeoJSON from files.
-pub(super) fn geojson(value: &Value) -> Option<String> {
+/// Longest well-known text that stands in a command, bytes.
+const MAX_TEXT: usize = 4096;
+
+/// The ending and text of the file that an area or line becomes: GeoJSON, as an object or as text, which vlscan reads from files only, and
+/// well-known text that is too long for a command line.
+pub(super) fn geometry(value: &Value) -> Option<(&'static str, String)> {
     match value {
-        Value::Object(_) => Some(value.to_string()),
-        Value::String(text) if text.trim_start().starts_with('{') => Some(text.clone()),
+        Value::Object(_) => Some(("geojson", value.to_string())),
+        Value::String(text) if text.trim_start().starts_with('{') => Some(("geojson", text.clone())),
+        Value::String(text) if text.len() > MAX_TEXT && text.contains('(') => Some(("wkt", text.clone())),
         _ => None,
     }
 }

@@ -8,6 +8,7 @@
 //! | `jobs` | queue, results, interruptions |
 //! | `engine` | jobs that an engine computes |
 //! | `opening` | folders and databases at the start |
+//! | `limits` | what an owner takes, of the disk and of others' turns; names of results and areas |
 //! | `takeover` | a program in place of vlscan that tries to leave its sandbox |
 //! | `hostile` | what others may send: files, names, requests |
 //! | `browser` | pages, as a browser without scripts uses them |
@@ -19,5 +20,6 @@ mod engine;
 mod hostile;
 mod interface;
 mod jobs;
+mod limits;
 mod opening;
 mod takeover;

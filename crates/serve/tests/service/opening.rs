@@ -211,7 +211,11 @@ fn what_an_older_database_does_not_list_is_kept_and_found_again() {
 #[test]
 fn a_database_without_a_version_is_migrated_after_a_copy() {
     let used = Used::new();
-    used.change("DROP TABLE service; DROP TABLE removed; PRAGMA user_version = 0");
+    used.change(
+        "DROP TABLE service; DROP TABLE removed; DROP INDEX jobs_stored; DROP INDEX jobs_finished;
+         ALTER TABLE jobs DROP COLUMN disk; ALTER TABLE jobs DROP COLUMN texts;
+         CREATE INDEX jobs_stored ON jobs (owner, bytes) WHERE folder = id AND bytes > 0; PRAGMA user_version = 0",
+    );
     std::fs::remove_file(used.data().join("id")).unwrap();
     let before = kept(&used.data());
     let mut service = Service::at(&used.data(), &[]);

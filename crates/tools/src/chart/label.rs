@@ -1,5 +1,7 @@
 //! Numbers formatted for people.
 
+use vlscan_base::quantity::fixed;
+
 /// Groups digits: 1234567 becomes "1 234 567".
 pub(crate) fn grouped(n: usize) -> String {
     let digits = n.to_string();
@@ -16,9 +18,9 @@ pub(crate) fn grouped(n: usize) -> String {
 /// Formats metres, with fewer decimals for larger values.
 pub(crate) fn metres(m: f64) -> String {
     match m.abs() {
-        a if a >= 1000.0 => format!("{m:.0}"),
-        a if a >= 100.0 => format!("{m:.1}"),
-        _ => format!("{m:.2}"),
+        a if a >= 1000.0 => fixed(m, 0),
+        a if a >= 100.0 => fixed(m, 1),
+        _ => fixed(m, 2),
     }
 }
 
@@ -26,7 +28,7 @@ pub(crate) fn metres(m: f64) -> String {
 pub(crate) fn significant(value: f64) -> String {
     let digits = if value == 0.0 { 0 } else { libm::log10(value.abs()).floor() as i32 };
     match digits {
-        -4..=5 => format!("{value:.*}", (2 - digits).max(0) as usize),
+        -4..=5 => fixed(value, (2 - digits).max(0) as usize),
         _ => format!("{value:.2e}"),
     }
 }
@@ -58,11 +60,7 @@ pub(crate) fn round_below(limit: f64) -> f64 {
 /// Formats a multiple of `step` without unnecessary decimals.
 pub(crate) fn round_number(value: f64, step: f64) -> String {
     let decimals = (0..9).find(|d| step * 10f64.powi(*d) > 0.999).unwrap_or(9);
-    let text = format!("{value:.*}", decimals as usize);
-    if text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') {
-        return text.trim_start_matches('-').to_owned();
-    }
-    text
+    fixed(value, decimals as usize)
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use super::facts::{CloudSummary, Span};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use vlscan_base::crs;
-use vlscan_base::quantity::number;
+use vlscan_base::quantity::{fixed, number};
 use vlscan_formats::{Attribute, FileFacts};
 
 /// Maximum number of flight lines and of files that are listed as text; JSON has all.
@@ -43,7 +43,7 @@ impl CloudSummary {
         if let Some(b) = self.bounds {
             let axes = [("x", b.min.x, b.max.x), ("y", b.min.y, b.max.y), ("z", b.min.z, b.max.z)];
             for (name, low, high) in axes {
-                line(name, format!("{low:.3} to {high:.3} m ({:.3} m)", high - low));
+                line(name, format!("{} to {} m ({:.3} m)", fixed(low, 3), fixed(high, 3), high - low));
             }
         }
         line("coordinates", self.crs.as_deref().map_or_else(|| "no system named".to_owned(), crs::name));
@@ -61,7 +61,10 @@ impl CloudSummary {
             line(name, format!("{} to {}{unit}{mean}", number(min), number(max)));
         }
         if let Some(span) = self.time {
-            line("time", format!("{:.6} to {:.6} s{}", span.min, span.max, self.described_times(span)));
+            line(
+                "time",
+                format!("{} to {} s{}", fixed(span.min, 6), fixed(span.max, 6), self.described_times(span)),
+            );
         }
         if let Some((count, is_more)) = self.objects() {
             line("objects", format!("{count}{}", if is_more { " or more" } else { "" }));
@@ -102,7 +105,9 @@ impl CloudSummary {
             let heading = if self.lines_are_sources() { "flight lines" } else { "legs" };
             let _ = writeln!(out, "\n{heading:<15} {:>12}  time, s", "points");
             for (number, line) in self.lines.iter().take(MAX_LISTED) {
-                let time = line.time.map_or_else(String::new, |t| format!("{:.3} to {:.3}", t.min, t.max));
+                let time = line
+                    .time
+                    .map_or_else(String::new, |t| format!("{} to {}", fixed(t.min, 3), fixed(t.max, 3)));
                 let _ = writeln!(out, "{number:>15} {:>12}  {time}", line.points);
             }
             if let Some(more) = self.lines.len().checked_sub(MAX_LISTED).filter(|more| *more > 0) {

@@ -1,42 +1,47 @@
-//! What changed between two epochs: the ground of the second cloud minus that of the first, cell by cell, with the uncertainty of
+//! The change between two epochs: the ground of the second cloud minus that of the first, cell by cell, with the uncertainty of
 //! each cell, and the volumes of cut and fill beyond the level of detection.
 //!
-//! The surface of a cell is the least-squares plane through its points at its centre. Its variance is that of the residuals times
-//! the leverage of the centre; the variance of a difference is the sum of both, times a factor by which the differences of all cells
-//! scatter beyond it (errors that the points of a cell share). A difference is significant beyond 1.96 standard deviations, the
-//! level of detection at 95 % (Lane, Westaway & Hicks, 2003, Estimation of erosion and deposition volumes in a large, gravel-bed,
-//! braided river using synoptic remote sensing). One cell in twenty is beyond it by chance, so that two of the eight neighbours of a
-//! changed cell must have changed in the same sense (Wheaton et al., 2010, Accounting for uncertainty in DEMs from repeat topographic
-//! surveys, on spatial coherence). The uncertainty of a volume has the random errors of its cells and, as a common
-//! one, the offset of both clouds where nothing changed (Anderson, 2019, Uncertainty in quantitative analyses of topographic
-//! change: error propagation and the role of thresholding).
+//! The surface of a cell is the least-squares plane through its points at its centre ([`super::cell_surface`]). Its random variance is
+//! that of the residuals times the leverage of the centre. Errors that cells share, of registration and along strips, come from the
+//! cells that did not change ([`super::registration`]). The level of detection at 95 % is 1.96 √(σ₁² + σ₂² + s² + o²), with the
+//! random deviations σ of both surfaces, the scatter s and the offset o of shared errors (Lane, Westaway & Hicks, 2003, Estimation
+//! of erosion and deposition volumes in a large, gravel-bed, braided river using synoptic remote sensing; Lague, Brodu & Leroux,
+//! 2013, Accurate 3D comparison of complex topography with terrestrial laser scanner, on the error of registration). One cell in
+//! twenty is beyond the level by chance, so that two of the eight neighbours of a changed cell must have changed in the same sense
+//! (Wheaton et al., 2010, Accounting for uncertainty in DEMs from repeat topographic surveys, on spatial coherence).
+//!
+//! The variance of a volume has three parts (Anderson, 2019, Uncertainty in quantitative analyses of topographic change: error
+//! propagation and the role of thresholding): the random errors of its cells; shared errors, which are those of blocks of as many
+//! cells, and the offset; and the volume that the level of detection cuts off.
 
+use super::cell_surface::{CellSurface, cell_surfaces};
 use super::cut::{CellGrid, Cut};
+use super::registration::{CellDifference, Registration, sorted};
 use super::statistic::{Statistic, quantile};
-use super::terrain::{GROUND, plane};
+use super::terrain::GROUND;
 use crate::geotiff::{Raster, geotiff};
 use serde::Serialize;
 use vlscan_base::error::Result;
+use vlscan_base::quantity::signed;
 
 /// Standard deviations of the level of detection: 95 % of normal errors lie within them.
 const DETECTION: f64 = 1.96;
-/// Least standard deviation of a point's height, m: coordinates are stored in steps.
-const MIN_DEVIATION: f64 = 1e-3;
-/// Least number of points whose residuals tell their standard deviation.
-const MIN_RESIDUALS: usize = 6;
-/// Number of parts along a side of a cell whose lowest points begin the search for its ground.
-const PARTS: usize = 3;
-/// Largest height above the plane through the lowest points that counts as ground without classes, m.
-const GROUND_DEPTH: f64 = 0.25;
+/// Side of the blocks in which change below the level of detection adds up, in cells.
+const BLOCK: usize = 8;
 
 /// What changed between the clouds: second minus first, where both have a surface.
 #[derive(Clone, Debug, Serialize)]
 pub struct Change {
     /// The points that the surfaces are made of.
     pub surface: &'static str,
-    /// Number of cells with a surface of both.
+    /// Number of cells with a difference.
     pub cells: usize,
-    /// Number of cells with a surface of the first, and of the second cloud alone.
+    /// Number of these cells whose difference is the mean of the neighbouring cells, since a surface would be extrapolated.
+    pub cells_interpolated: usize,
+    /// Number of cells with points of both that are left out, since their surface would be extrapolated in the first or in the second
+    /// cloud and too few neighbouring cells have a difference.
+    pub cells_extrapolated: [usize; 2],
+    /// Number of cells with points of the first, and of the second cloud alone.
     pub cells_of_one: [usize; 2],
     /// Mean difference, m.
     pub mean_m: f64,
@@ -48,17 +53,50 @@ pub struct Change {
     pub rms_m: f64,
     /// Median of the cells' levels of detection at 95 %, m.
     pub detection_m: f64,
-    /// Median difference of the cells whose difference is within their level of detection, m.
+    /// Median difference where nothing changed, m: the error of registration.
     pub offset_m: f64,
+    /// Standard deviation of the errors that neighbouring cells share about the offset, m.
+    pub shared_m: f64,
     /// Where the second cloud is significantly higher.
     pub fill: Volume,
     /// Where the second cloud is significantly lower.
     pub cut: Volume,
     /// Volume between both surfaces over all cells, significant or not, m³.
     pub net_m3: f64,
+    /// Standard uncertainty of the net volume, m³; NaN without cells.
+    pub net_uncertainty_m3: f64,
+    /// Median standard deviation of the random errors of the cells, m.
+    pub random_m: f64,
     /// The differences of the cells.
     #[serde(skip)]
     pub map: ChangeMap,
+}
+
+impl Change {
+    /// A sentence about the cells that are left out, if they are many.
+    pub(super) fn doubts(&self, side: f64) -> Option<String> {
+        /// Least share of cells left out that is mentioned.
+        const SHARE: f64 = 0.1;
+        let [first, second] = self.cells_extrapolated;
+        let left_out = first.max(second);
+        let all = left_out + self.cells;
+        (left_out as f64 > SHARE * all as f64).then(|| {
+            format!(
+                "change in {left_out} of {all} cells: the points of a cloud do not surround their centres; larger cells have more points (--cell {})",
+                2.0 * side
+            )
+        })
+    }
+
+    /// A sentence about the offset, if it is more than chance.
+    pub(super) fn registration_note(&self) -> Option<String> {
+        (self.offset_m.abs() > self.random_m).then(|| {
+            format!(
+                "most cells differ by about {} m, which is counted as an error of registration and raises the level of detection; --registration M states its standard deviation",
+                signed(self.offset_m, 3)
+            )
+        })
+    }
 }
 
 /// A volume of change.
@@ -66,9 +104,12 @@ pub struct Change {
 pub struct Volume {
     /// m³.
     pub volume_m3: f64,
-    /// Its standard uncertainty, m³.
+    /// Its standard uncertainty, m³, which contains the volume below the level of detection; NaN without cells.
     pub uncertainty_m3: f64,
-    /// Its cells, m².
+    /// Volume of the same sense below the level of detection, m³: cells that did not change significantly, summed in blocks,
+    /// relative to the offset.
+    pub undetected_m3: f64,
+    /// Area of its cells, m².
     pub area_m2: f64,
 }
 
@@ -102,75 +143,27 @@ impl ChangeMap {
     }
 }
 
-/// The surface of a cell: its height at the centre and the variance of it.
-#[derive(Clone, Copy)]
-struct Surface {
-    height: f64,
-    /// Variance of the points about the surface, m²; `None` of too few points.
-    of_points: Option<f64>,
-    leverage: f64,
-}
-
-/// The change in the cells of a grid over the common box, whose corner is at `corner`.
-pub(super) fn change(grid: &CellGrid, cuts: [&Cut; 2], corner: [f64; 2]) -> Change {
+/// The change in the cells of a grid over the common box, whose corner is at `corner`. `registration` is the standard deviation of
+/// the registration of the clouds, m; `None` to estimate it.
+pub(super) fn change(
+    grid: &CellGrid,
+    cuts: [&Cut; 2],
+    corner: [f64; 2],
+    registration: Option<f64>,
+) -> Change {
     let are_classified = cuts.iter().all(|cut| (0..cut.len()).any(|i| cut.class(i) == Some(GROUND)));
-    let surfaces = cuts.map(|cut| surfaces(grid, cut, are_classified));
-    let cells: Vec<usize> = (0..grid.len()).filter(|i| surfaces.iter().all(|s| s[*i].is_some())).collect();
-    let of_one = [0, 1].map(|cloud: usize| {
-        (0..grid.len()).filter(|i| surfaces[cloud][*i].is_some() && surfaces[1 - cloud][*i].is_none()).count()
-    });
-    let pooled = [0, 1].map(|cloud: usize| pooled_variance(&surfaces[cloud]));
-    let variance = |cell: usize| -> f64 {
-        let of_cloud = |cloud: usize| {
-            let Some(surface) = surfaces[cloud][cell] else { return 0.0 };
-            surface.of_points.unwrap_or(pooled[cloud]).max(MIN_DEVIATION * MIN_DEVIATION) * surface.leverage
+    let surfaces = cuts.map(|cut| cell_surfaces(grid, cut, are_classified));
+    let measured = Measured::new(grid, &surfaces, registration);
+    let count_of = |is_counted: &dyn Fn(usize, CellSurface, CellSurface) -> bool| {
+        let count = |cloud: usize| {
+            let is_cell = |i: &usize| is_counted(*i, surfaces[cloud][*i], surfaces[1 - cloud][*i]);
+            (0..grid.len()).filter(is_cell).count()
         };
-        of_cloud(0) + of_cloud(1)
+        [count(0), count(1)]
     };
-    let difference = |cell: usize| match (surfaces[0][cell], surfaces[1][cell]) {
-        (Some(first), Some(second)) => second.height - first.height,
-        _ => f64::NAN,
-    };
-    let sorted = |mut values: Vec<f64>| {
-        values.sort_unstable_by(f64::total_cmp);
-        values
-    };
-    let normalised = sorted(cells.iter().map(|cell| difference(*cell) / variance(*cell).sqrt()).collect());
-    let excess = excess(normalised);
-    let detection_of = |cell: usize| DETECTION * excess * variance(cell).sqrt();
-    let all = sorted(cells.iter().map(|cell| difference(*cell)).collect());
-    let within = sorted(
-        cells
-            .iter()
-            .map(|cell| difference(*cell))
-            .zip(cells.iter().map(|cell| detection_of(*cell)))
-            .filter(|(d, limit)| d.abs() <= *limit)
-            .map(|(d, _)| d)
-            .collect(),
-    );
-    let median = |values: &[f64]| if values.is_empty() { 0.0 } else { quantile(values, 0.5) };
-    let offset = median(&within);
-    let area = grid.side * grid.side;
-    let sign_of = |cell: usize| match difference(cell) {
-        d if d.abs() > detection_of(cell) => d.signum(),
-        _ => 0.0,
-    };
-    let signs: Vec<f64> = (0..grid.len()).map(sign_of).collect();
-    let is_changed: Vec<bool> = (0..grid.len()).map(|cell| has_like_neighbours(grid, &signs, cell)).collect();
-    let volume = |sign: f64| {
-        let is_part = |cell: &&usize| is_changed[**cell] && sign * difference(**cell) > 0.0;
-        let part: Vec<usize> = cells.iter().filter(is_part).copied().collect();
-        let covered = area * part.len() as f64;
-        let random = area * excess * part.iter().map(|cell| variance(*cell)).sum::<f64>().sqrt();
-        Volume {
-            volume_m3: area * part.iter().map(|cell| difference(*cell).abs()).sum::<f64>(),
-            uncertainty_m3: libm::hypot(random, covered * offset),
-            area_m2: covered,
-        }
-    };
-    let count = (cells.len() as f64).max(1.0);
-    let mean = all.iter().sum::<f64>() / count;
-    let is_cell = |cell: usize| !difference(cell).is_nan();
+    let all = sorted(measured.cells.iter().map(|cell| cell.difference));
+    let total: f64 = positive_zero(all.iter().sum());
+    let count = (all.len() as f64).max(1.0);
     Change {
         surface: match are_classified {
             true => "ground points (class 2)",
@@ -178,109 +171,193 @@ pub(super) fn change(grid: &CellGrid, cuts: [&Cut; 2], corner: [f64; 2]) -> Chan
                 "points within 0.25 m above the lowest ones, since a cloud has no ground points (class 2)"
             }
         },
-        cells: cells.len(),
-        cells_of_one: of_one,
-        mean_m: mean,
+        cells: all.len(),
+        cells_interpolated: measured.interpolated,
+        cells_extrapolated: count_of(&|cell, surface, other| {
+            surface == CellSurface::Extrapolated
+                && other != CellSurface::Missing
+                && !measured.has_difference[cell]
+        }),
+        cells_of_one: count_of(&|_, surface, other| {
+            surface != CellSurface::Missing && other == CellSurface::Missing
+        }),
+        mean_m: total / count,
         median_m: median(&all),
         spread_m: if all.is_empty() { 0.0 } else { Statistic::Spread.of(&all) },
-        rms_m: (all.iter().map(|d| d * d).sum::<f64>() / count).sqrt(),
-        detection_m: median(&sorted(cells.iter().map(|cell| detection_of(*cell)).collect())),
-        offset_m: offset,
-        fill: volume(1.0),
-        cut: volume(-1.0),
-        net_m3: area * all.iter().sum::<f64>(),
-        map: ChangeMap {
-            side_m: grid.side,
-            columns: grid.columns,
-            rows: grid.rows,
-            corner,
-            differences: (0..grid.len()).map(difference).collect(),
-            is_changed,
-            detection: (0..grid.len())
-                .map(|cell| if is_cell(cell) { detection_of(cell) } else { f64::NAN })
-                .collect(),
-        },
+        rms_m: positive_zero(all.iter().map(|d| d * d).sum::<f64>() / count).sqrt(),
+        detection_m: median(&sorted(measured.cells.iter().map(|cell| measured.detection(cell)))),
+        offset_m: measured.shared.offset,
+        shared_m: measured.shared.deviation,
+        fill: measured.volume(1.0),
+        cut: measured.volume(-1.0),
+        net_m3: grid.side * grid.side * total,
+        net_uncertainty_m3: measured.uncertainty(measured.cells.iter(), 0.0),
+        random_m: median(&sorted(measured.cells.iter().map(|cell| cell.variance.sqrt()))),
+        map: measured.map(corner),
     }
 }
 
-/// The factor, at least 1, by which normalised differences, ascending, scatter beyond one standard deviation where nothing changed: by
-/// the middle 38 % of those within three of the present deviations about their median.
-fn excess(mut normalised: Vec<f64>) -> f64 {
-    const ROUNDS: usize = 8;
-    let mut excess = 1.0;
-    for _ in 0..ROUNDS {
-        if normalised.is_empty() {
-            return excess;
+/// The differences of the cells and what is known of their errors.
+struct Measured<'g> {
+    grid: &'g CellGrid,
+    cells: Vec<CellDifference>,
+    shared: Registration,
+    /// Standard deviation of the registration, m.
+    offset: f64,
+    /// Number of cells, the last of `cells`, whose difference is that of their neighbours.
+    interpolated: usize,
+    /// By cell of the grid.
+    has_difference: Vec<bool>,
+    /// By cell of the grid.
+    is_changed: Vec<bool>,
+}
+
+impl<'g> Measured<'g> {
+    fn new(grid: &'g CellGrid, surfaces: &[Vec<CellSurface>; 2], registration: Option<f64>) -> Measured<'g> {
+        let difference = |cell: usize| match (surfaces[0][cell], surfaces[1][cell]) {
+            (
+                CellSurface::Known { height: first, variance: a },
+                CellSurface::Known { height: second, variance: b },
+            ) => Some(CellDifference { cell, difference: second - first, variance: a + b }),
+            _ => None,
+        };
+        let mut cells: Vec<CellDifference> = (0..grid.len()).filter_map(difference).collect();
+        let shared = Registration::of(grid, &cells);
+        let offset = registration.unwrap_or(shared.offset.abs());
+        let between = interpolated(grid, surfaces, &cells);
+        let interpolated = between.len();
+        cells.extend(between);
+        let mut has_difference = vec![false; grid.len()];
+        cells.iter().for_each(|cell| has_difference[cell.cell] = true);
+        let is_changed = vec![false; grid.len()];
+        let mut measured = Measured { grid, cells, shared, offset, interpolated, has_difference, is_changed };
+        let mut signs = vec![0.0; grid.len()];
+        for cell in &measured.cells {
+            if cell.difference.abs() > measured.detection(cell) {
+                signs[cell.cell] = cell.difference.signum();
+            }
         }
-        let middle = quantile(&normalised, 0.5);
-        excess = (quantile(&normalised, 0.6915) - quantile(&normalised, 0.3085)).max(1.0);
-        normalised.retain(|value| (value - middle).abs() <= 3.0 * excess);
+        for cell in &measured.cells {
+            measured.is_changed[cell.cell] = has_like_neighbours(grid, &signs, cell.cell);
+        }
+        measured
     }
-    excess
+
+    /// The level of detection of a cell at 95 %, m.
+    fn detection(&self, cell: &CellDifference) -> f64 {
+        let [offset, shared] = [self.offset, self.shared.deviation];
+        DETECTION * (cell.variance + shared * shared + offset * offset).sqrt()
+    }
+
+    /// The volume of the changed cells of a sign.
+    fn volume(&self, sign: f64) -> Volume {
+        let is_part = |cell: &&CellDifference| self.is_changed[cell.cell] && sign * cell.difference > 0.0;
+        let part = || self.cells.iter().filter(is_part);
+        let area = self.grid.side * self.grid.side;
+        let undetected = self.undetected(sign);
+        Volume {
+            volume_m3: positive_zero(area * part().map(|cell| cell.difference.abs()).sum::<f64>()),
+            uncertainty_m3: self.uncertainty(part(), undetected),
+            undetected_m3: undetected,
+            area_m2: area * part().count() as f64,
+        }
+    }
+
+    /// The standard uncertainty of the volume of some cells, of which a part is not detected, m³.
+    fn uncertainty<'c>(&self, part: impl Iterator<Item = &'c CellDifference>, undetected: f64) -> f64 {
+        if self.cells.is_empty() {
+            return f64::NAN;
+        }
+        let (mut count, mut variance) = (0, 0.0);
+        for cell in part {
+            (count, variance) = (count + 1, variance + cell.variance);
+        }
+        let shared = libm::hypot(self.shared.deviation_of_mean(count), self.offset) * count as f64;
+        let of_cells = self.grid.side * self.grid.side * libm::hypot(variance.sqrt(), shared);
+        libm::hypot(of_cells, undetected)
+    }
+
+    /// The volume of a sign in the cells that did not change significantly, m³: the sum of the blocks in which it prevails, so that
+    /// random errors cancel. Errors that blocks share do not, since they hide as much change.
+    fn undetected(&self, sign: f64) -> f64 {
+        let columns = self.grid.columns.div_ceil(BLOCK);
+        let mut sums = vec![0.0; columns * self.grid.rows.div_ceil(BLOCK)];
+        for cell in self.cells.iter().filter(|cell| !self.is_changed[cell.cell]) {
+            let [column, row] = [cell.cell % self.grid.columns, cell.cell / self.grid.columns];
+            sums[row / BLOCK * columns + column / BLOCK] += sign * (cell.difference - self.shared.offset);
+        }
+        let prevailing = sums.into_iter().map(|sum| f64::max(sum, 0.0)).sum::<f64>();
+        positive_zero(self.grid.side * self.grid.side * prevailing)
+    }
+
+    fn map(&self, corner: [f64; 2]) -> ChangeMap {
+        let mut differences = vec![f64::NAN; self.grid.len()];
+        let mut detection = differences.clone();
+        for cell in &self.cells {
+            differences[cell.cell] = cell.difference;
+            detection[cell.cell] = self.detection(cell);
+        }
+        ChangeMap {
+            side_m: self.grid.side,
+            columns: self.grid.columns,
+            rows: self.grid.rows,
+            corner,
+            differences,
+            detection,
+            is_changed: self.is_changed.clone(),
+        }
+    }
+}
+
+/// The differences of cells with points of both clouds in which a surface would be extrapolated: the mean of the neighbouring cells', if at
+/// least half of them have one. The variance is that of a neighbour, with the scatter among them.
+fn interpolated(
+    grid: &CellGrid,
+    surfaces: &[Vec<CellSurface>; 2],
+    cells: &[CellDifference],
+) -> Vec<CellDifference> {
+    const LEAST: usize = 4;
+    let mut number = vec![u32::MAX; grid.len()];
+    for (i, cell) in (0..).zip(cells) {
+        number[cell.cell] = i;
+    }
+    let between = |cell: usize| {
+        let at = || around(grid, cell).filter_map(|other| cells.get(number[other] as usize));
+        let count = at().count();
+        let mean = |of: &dyn Fn(&CellDifference) -> f64| at().map(of).sum::<f64>() / count as f64;
+        let difference = mean(&|other| other.difference);
+        let variance = mean(&|other| other.variance + (other.difference - difference).powi(2));
+        (count >= LEAST).then_some(CellDifference { cell, difference, variance })
+    };
+    let is_left_out = |cell: &usize| {
+        let pair = [surfaces[0][*cell], surfaces[1][*cell]];
+        pair.contains(&CellSurface::Extrapolated) && !pair.contains(&CellSurface::Missing)
+    };
+    (0..grid.len()).filter(is_left_out).filter_map(between).collect()
 }
 
 /// Whether a cell has a sign, and at least two of its eight neighbours the same.
 fn has_like_neighbours(grid: &CellGrid, signs: &[f64], cell: usize) -> bool {
     const LEAST: usize = 2;
-    let (column, row) = (cell % grid.columns, cell / grid.columns);
+    let is_alike = |other: &usize| signs[*other] == signs[cell];
+    signs[cell] != 0.0 && around(grid, cell).filter(is_alike).count() >= LEAST
+}
+
+/// The up to eight cells around a cell.
+fn around(grid: &CellGrid, cell: usize) -> impl Iterator<Item = usize> {
+    let (column, row, width) = (cell % grid.columns, cell / grid.columns, grid.columns);
     let rows = row.saturating_sub(1)..(row + 2).min(grid.rows);
     let columns = column.saturating_sub(1)..(column + 2).min(grid.columns);
-    let around = rows.flat_map(|row| columns.clone().map(move |column| row * grid.columns + column));
-    // Itself is among them.
-    signs[cell] != 0.0 && around.filter(|other| signs[*other] == signs[cell]).count() > LEAST
+    let cells = rows.flat_map(move |row| columns.clone().map(move |column| row * width + column));
+    cells.filter(move |other| *other != cell)
 }
 
-/// The surface of each cell.
-fn surfaces(grid: &CellGrid, cut: &Cut, are_classified: bool) -> Vec<Option<Surface>> {
-    let is_chosen = |i: &usize| !are_classified || cut.class(*i) == Some(GROUND);
-    let mut order: Vec<(u32, u32)> =
-        (0..cut.len()).filter(is_chosen).map(|i| (grid.cell(&cut.offsets[i]) as u32, i as u32)).collect();
-    order.sort_unstable();
-    let mut surfaces = vec![None; grid.len()];
-    for points in order.chunk_by(|a, b| a.0 == b.0) {
-        let cell = points[0].0 as usize;
-        let centre = grid.centre(cell);
-        let points: Vec<[f64; 3]> = points.iter().map(|(_, i)| cut.offsets[*i as usize]).collect();
-        surfaces[cell] = match are_classified {
-            true => surface(&points, centre),
-            false => surface(&ground(&points, centre, grid.side), centre),
-        };
-    }
-    surfaces
+/// The median of ascending values; 0 without any.
+fn median(sorted: &[f64]) -> f64 {
+    if sorted.is_empty() { 0.0 } else { quantile(sorted, 0.5) }
 }
 
-/// The points of a cell near the plane through its lowest ones, those of the ninths of the cell.
-fn ground(points: &[[f64; 3]], centre: [f64; 2], side: f64) -> Vec<[f64; 3]> {
-    let part = |p: &[f64; 3]| {
-        let index = |axis: usize| {
-            let share = (p[axis] - centre[axis]) / side + 0.5;
-            ((share * PARTS as f64) as usize).min(PARTS - 1)
-        };
-        index(1) * PARTS + index(0)
-    };
-    let mut lowest: [Option<[f64; 3]>; PARTS * PARTS] = [None; PARTS * PARTS];
-    for p in points {
-        let place = &mut lowest[part(p)];
-        if place.is_none_or(|q| p[2] < q[2]) {
-            *place = Some(*p);
-        }
-    }
-    let lowest: Vec<[f64; 3]> = lowest.into_iter().flatten().collect();
-    let is_ground =
-        |p: &&[f64; 3]| plane(&lowest, [p[0], p[1]]).is_some_and(|at| p[2] - at.height <= GROUND_DEPTH);
-    points.iter().filter(is_ground).copied().collect()
-}
-
-fn surface(points: &[[f64; 3]], centre: [f64; 2]) -> Option<Surface> {
-    let at = plane(points, centre)?;
-    let freedom = points.len() as f64 - if at.is_supported { 3.0 } else { 1.0 };
-    let of_points = (points.len() >= MIN_RESIDUALS).then(|| at.squares / freedom);
-    Some(Surface { height: at.height, of_points, leverage: at.leverage })
-}
-
-/// The median variance of the cells, m².
-fn pooled_variance(surfaces: &[Option<Surface>]) -> f64 {
-    let mut all: Vec<f64> = surfaces.iter().flatten().filter_map(|surface| surface.of_points).collect();
-    all.sort_unstable_by(f64::total_cmp);
-    if all.is_empty() { 0.0 } else { quantile(&all, 0.5) }
+/// Sums of no values are −0.
+fn positive_zero(value: f64) -> f64 {
+    value + 0.0
 }

@@ -190,6 +190,11 @@ pub fn compare(
         self::agreement(&setting, [&halves[0], &halves[1]], options)
     });
     tell("change");
+    let change = change(&setting.grid, cuts, [low.x, low.y], options.registration);
+    missing.extend(change.doubts(options.cell));
+    if let Some(note) = change.registration_note().filter(|_| options.registration.is_none()) {
+        observer.notify(Notice::Note(note));
+    }
     let crs = first.1.crs().or(second.1.crs()).map(str::to_owned);
     Ok(Comparison {
         first: describe(0, first),
@@ -201,7 +206,7 @@ pub fn compare(
         missing,
         agreement,
         agreement_of_halves,
-        change: change(&setting.grid, cuts, [low.x, low.y]),
+        change,
         crs,
     })
 }

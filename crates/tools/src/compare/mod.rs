@@ -6,6 +6,7 @@
 //! | `comparison` | the comparison and its result |
 //! | `cut` | the points within the box that both share; cells |
 //! | `pulses` | pulses and scan lines by time and scan angle |
+//! | `clock` | pulses of both clouds at the same time |
 //! | `terrain` | the terrain that heights and residuals refer to |
 //! | `setting` | both clouds, ready to be measured |
 //! | `quantities`, `residuals` | heights, returns, classes, intensity, pulses, scan lines; residuals to the terrain |
@@ -13,12 +14,15 @@
 //! | `chance` | halves of the first cloud, whose differences chance gives |
 //! | `surfaces`, `neighbours` | canopy, voxels; distances from the points of one cloud to the other |
 //! | `change`, `changed` | two epochs: differences of the ground, cut and fill; points that are new or gone |
+//! | `cell_surface`, `registration` | the ground in cells; errors that neighbouring cells share |
 //! | `report` | the result as a table of text and as JSON |
 //! | `page`, `map` | the result as a page with charts and pictures; the picture of the differences |
 
+mod cell_surface;
 mod chance;
 mod change;
 mod changed;
+mod clock;
 mod comparison;
 mod cut;
 mod histogram;
@@ -29,6 +33,7 @@ mod page;
 mod pulses;
 mod quantities;
 mod quantity;
+mod registration;
 mod report;
 mod residuals;
 mod setting;

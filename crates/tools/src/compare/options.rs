@@ -24,18 +24,33 @@ pub struct CompareOptions {
     /// [default: the ground points of the first cloud (class 2)]
     #[arg(long, value_name = "FILE")]
     pub terrain: Option<PathBuf>,
+    /// Standard deviation of the registration of the clouds to each other, m, in the level of detection of change and the uncertainty of
+    /// volumes. [default: the median difference of the cells that did not change]
+    #[arg(long, value_name = "M", value_parser = args::deviation)]
+    pub registration: Option<f64>,
 }
 
 impl Default for CompareOptions {
     fn default() -> CompareOptions {
-        CompareOptions { cell: 1.0, voxel: 0.5, most_distances: 200_000, chance: false, terrain: None }
+        CompareOptions {
+            cell: 1.0,
+            voxel: 0.5,
+            most_distances: 200_000,
+            chance: false,
+            terrain: None,
+            registration: None,
+        }
     }
 }
 
 impl CompareOptions {
     /// Checks the bounds of values that programs may break.
     pub(super) fn check(&self) -> Result<(), String> {
-        args::check([("cell", Some(self.cell), POSITIVE), ("voxel", Some(self.voxel), POSITIVE)])?;
+        args::check([
+            ("cell", Some(self.cell), POSITIVE),
+            ("voxel", Some(self.voxel), POSITIVE),
+            ("registration", self.registration, args::DEVIATION),
+        ])?;
         match self.most_distances {
             0 => Err("--most-distances 0: expected at least 1".to_owned()),
             _ => Ok(()),

@@ -135,7 +135,8 @@ impl Pulses {
         lines.flat_map(|(line, number)| (line.start..line.end.saturating_sub(1)).map(move |i| (i, number)))
     }
 
-    fn place(&self, cut: &Cut, pulse: usize) -> [f64; 2] {
+    /// Horizontal position of the first echo of a pulse, m.
+    pub fn place(&self, cut: &Cut, pulse: usize) -> [f64; 2] {
         let [x, y, _] = cut.offsets[self.pulses[pulse].first as usize];
         [x, y]
     }
@@ -235,37 +236,6 @@ impl Pulses {
         let to = |i: usize| distance_to_segment(place, [self.place(cut, i), self.place(cut, i + 1)]);
         Some(to(nearest - 1).min(to(nearest)))
     }
-
-    /// Scan angles of `other`'s pulses minus those of these pulses at the same time, degrees, interpolated between neighbours
-    /// of a line that are at most three usual intervals apart; with the line of these pulses. Of pulses that both have, the
-    /// neighbours are taken if `leaves_out` is set.
-    pub fn angle_differences(&self, other: &[Pulse], leaves_out: bool) -> Vec<(f64, u32)> {
-        let mut intervals: Vec<f64> = self.intervals().map(|(time, _)| time).collect();
-        if intervals.is_empty() || !self.has_angles {
-            return Vec::new();
-        }
-        let middle = intervals.len() / 2;
-        let usual = *intervals.select_nth_unstable_by(middle, f64::total_cmp).1;
-        let mut by_time: Vec<usize> = (0..self.pulses.len()).collect();
-        by_time.sort_unstable_by(|a, b| self.pulses[*a].time.total_cmp(&self.pulses[*b].time));
-        let difference = |pulse: &Pulse| {
-            let time_of = |i: &usize| self.pulses[*i].time;
-            let after = match leaves_out {
-                true => by_time.partition_point(|i| time_of(i) <= pulse.time),
-                false => by_time.partition_point(|i| time_of(i) < pulse.time),
-            };
-            if !leaves_out && let Some(i) = by_time.get(after).filter(|i| time_of(i) == pulse.time) {
-                return Some((pulse.angle - self.pulses[*i].angle, self.line_of[*i]));
-            }
-            let before = by_time[..after].iter().rev().find(|i| time_of(i) < pulse.time)?;
-            let (a, b) = (&self.pulses[*before], &self.pulses[*by_time.get(after)?]);
-            let line = self.line_of[*before];
-            let is_near = b.time - a.time <= 3.0 * usual && line == self.line_of[by_time[after]];
-            let share = (pulse.time - a.time) / (b.time - a.time);
-            is_near.then_some((pulse.angle - (a.angle + share * (b.angle - a.angle)), line))
-        };
-        other.iter().filter_map(difference).collect()
-    }
 }
 
 /// The lines of the pulses of one source.
@@ -353,7 +323,7 @@ fn between_turns(pulses: &[Pulse], range: Range<usize>, turn: f64, lines: &mut V
     lines.push(start..range.end);
 }
 
-fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+pub(super) fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     libm::hypot(a[0] - b[0], a[1] - b[1])
 }
 
@@ -368,14 +338,14 @@ fn distance_to_segment(p: [f64; 2], [a, b]: [[f64; 2]; 2]) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::cloud::Points;
     use vlscan_formats::{AttributeSet, PointRow};
     use vlscan_geom::DVec3;
 
     /// Lines of 100 pulses of 1 µs, 10 ms apart, 0.5 m along and 2 m across; every fifth pulse has two returns. Angles turn or jump.
-    fn recording(turns: bool, period: f64) -> Points {
+    pub fn recording(turns: bool, period: f64) -> Points {
         let mut points = Points::new(AttributeSet::of(|_| true));
         for (line, pulse) in (0..40).flat_map(|line| (0..100).map(move |pulse| (line, pulse))) {
             let is_back = turns && line % 2 == 1;
@@ -400,7 +370,7 @@ mod tests {
         points
     }
 
-    fn cut(points: &Points) -> Cut<'_> {
+    pub fn cut(points: &Points) -> Cut<'_> {
         Cut::of(points, points.bounds().min, points.bounds().max)
     }
 
@@ -424,25 +394,6 @@ mod tests {
             let across = found.line_spacings(&cut);
             assert!(across.len() > 800 && across.iter().all(|(d, _)| (d - 2.0).abs() < 1e-9));
         }
-    }
-
-    #[test]
-    fn scan_angles_are_compared_at_the_same_time() {
-        let points = recording(false, 0.01);
-        let cut = cut(&points);
-        let found = Pulses::of(&cut).unwrap();
-        assert!(found.angle_differences(&found.pulses, false).iter().all(|(d, _)| *d == 0.0));
-        // Between neighbours the angle is linear, but for the steps of the times.
-        let left_out = found.angle_differences(&found.pulses, true);
-        assert!(
-            left_out.len() == 98 * 40 && left_out.iter().all(|(d, _)| d.abs() < 0.02),
-            "{}",
-            left_out.len()
-        );
-        let shifted: Vec<Pulse> =
-            found.pulses.iter().map(|pulse| Pulse { angle: pulse.angle + 0.03, ..*pulse }).collect();
-        let differences = found.angle_differences(&shifted, false);
-        assert!(differences.iter().all(|(d, _)| (d - 0.03).abs() < 1e-9), "{:?}", differences[0]);
     }
 
     #[test]

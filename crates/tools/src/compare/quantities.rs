@@ -1,5 +1,6 @@
 //! The quantities that are compared: heights, returns, classes, intensity, pulses, scan lines.
 
+use super::clock::{Angles, check_clocks};
 use super::cut::Cut;
 use super::pulses::{Pulse, Pulses};
 use super::setting::{Findings, Setting};
@@ -221,20 +222,27 @@ impl Setting<'_> {
             "scan angles as the files have them",
         );
         found.add("scan angles", self.of_lines(definition, angles));
+        const AT_TIME: &str = "scan angle at the same time";
+        if let Err(why) = check_clocks(pulses, self.cuts) {
+            return found.note_missing(AT_TIME, &why);
+        }
         let [first, second] = pulses;
-        let differences =
-            [first.angle_differences(&first.pulses, true), first.angle_differences(&second.pulses, false)];
+        let Some(angles) = Angles::of(first) else {
+            return found.note_missing(AT_TIME, "the first cloud has one pulse per scan line");
+        };
         let mut definition = self.define(
             "Pulses",
-            "scan angle at the same time",
+            AT_TIME,
             ("°", "pulse"),
             &[Mean, Spread, Quantile(0.025), Quantile(0.5), Quantile(0.975)],
-            "scan angle minus that of the first cloud at the same time; of the first cloud itself from the pulses before and after",
+            "scan angle minus that of the first cloud at the same time; chance is what the angles of the first cloud differ from those \
+             between the pulses before and after",
         );
-        definition.is_error = true;
+        definition.errors = self.halves.is_some().then(|| angles.errors());
+        let differences = [&first.pulses, &second.pulses].map(|pulses| angles.differences(pulses));
         match self.of_lines(definition, differences) {
             Some(quantity) => found.quantities.push(quantity),
-            None => found.note_missing("scan angle at the same time", "the clouds share no GPS times"),
+            None => found.note_missing(AT_TIME, "the clouds share no GPS times"),
         }
     }
 

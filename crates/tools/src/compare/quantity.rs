@@ -72,30 +72,38 @@ pub(super) struct Definition {
     pub meaning: String,
     /// Whether values are whole numbers.
     pub is_whole: bool,
-    /// Whether values are errors, which are within chance if they are not larger than those of the first cloud.
-    pub is_error: bool,
+    /// If values are differences from the first cloud: the errors of its own values, with their blocks. Values are within chance
+    /// if they are not larger.
+    pub errors: Option<Vec<(f64, u32)>>,
     pub statistics: Vec<Statistic>,
 }
 
 impl Definition {
     /// The quantity of values of the first cloud with their blocks, and of values of the second; `None` if either has none.
     pub fn measure(
-        self,
+        mut self,
         mut first: Vec<(f64, u32)>,
         second: Vec<f64>,
         halves: Option<&Halves>,
     ) -> Option<Quantity> {
-        first.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-        let of_split = halves.map(|halves| |split: usize| halves.of_values(split, &first));
+        let mut errors = self.errors.take();
+        for values in [Some(&mut first), errors.as_mut()].into_iter().flatten() {
+            values.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        }
+        let of_split =
+            halves.map(|halves| |split: usize| halves.of_values(split, errors.as_ref().unwrap_or(&first)));
         let of_split = of_split.as_ref().map(|of| of as &(dyn Fn(usize) -> [Vec<f64>; 2] + Sync));
-        self.compare(first.iter().map(|(value, _)| *value).collect(), second, of_split)
+        let values = |of: &Vec<(f64, u32)>| of.iter().map(|(value, _)| *value).collect::<Vec<f64>>();
+        self.compare(values(&first), second, errors.as_ref().map(values), of_split)
     }
 
-    /// The quantity of values of both clouds, where `of_split` are those of the halves in a split; `None` if either has none.
+    /// The quantity of values of both clouds, where `errors` are ascending errors of the first cloud's values, and `of_split` are
+    /// values of the halves in a split; `None` if either cloud has none.
     pub fn compare(
         self,
         mut first: Vec<f64>,
         mut second: Vec<f64>,
+        errors: Option<Vec<f64>>,
         of_split: Option<&(dyn Fn(usize) -> [Vec<f64>; 2] + Sync)>,
     ) -> Option<Quantity> {
         if first.is_empty() || second.is_empty() {
@@ -103,15 +111,18 @@ impl Definition {
         }
         [&mut first, &mut second].into_iter().for_each(|values| values.par_sort_unstable_by(f64::total_cmp));
         let mut bounds = of_split.and_then(|of| self.bounds(of));
+        let errors = errors.filter(|errors| !errors.is_empty());
         for (bound, statistic) in bounds.iter_mut().flatten().zip(&self.statistics) {
-            *bound = bound.max(statistic.resolution(&first));
+            *bound = bound.max(statistic.resolution(errors.as_ref().unwrap_or(&first)));
+            if let Some(errors) = &errors {
+                *bound += ERROR_RATIO * statistic.of(errors).abs();
+            }
         }
         let chance = |i: usize| bounds.as_ref().map(|bounds| bounds[i]);
         // A bound of 0 is that of steps of the recording; a difference by rounding alone does not exceed it.
         let is_within = |difference: f64, size: f64, i: usize| {
             chance(i).map(|bound| difference.abs() <= bound + 1e-9 * size.abs())
         };
-        let is_small = |a: f64, b: f64, i: usize| is_within((b.abs() - ERROR_RATIO * a.abs()).max(0.0), a, i);
         let figure = |(i, statistic): (usize, &Statistic)| {
             let [a, b] = [&first, &second].map(|values| statistic.of(values));
             Figure {
@@ -121,7 +132,7 @@ impl Definition {
                 second: b,
                 difference: b - a,
                 chance: chance(i),
-                is_within_chance: if self.is_error { is_small(a, b, i) } else { is_within(b - a, a, i) },
+                is_within_chance: is_within(b - a, a, i),
             }
         };
         let figures: Vec<Figure> = self.statistics.iter().enumerate().map(figure).collect();
@@ -138,7 +149,7 @@ impl Definition {
             distribution: DistributionDistance {
                 largest,
                 chance: chance(last),
-                is_within_chance: is_within(largest, 1.0, last).filter(|_| !self.is_error),
+                is_within_chance: is_within(largest, 1.0, last).filter(|_| errors.is_none()),
             },
             histogram: Histogram::of([&first, &second], self.is_whole),
         })
@@ -181,7 +192,7 @@ mod tests {
             per: "point",
             meaning,
             is_whole: false,
-            is_error: false,
+            errors: None,
             statistics,
         }
     }

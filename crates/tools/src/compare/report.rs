@@ -7,7 +7,7 @@ use super::neighbours::Distances;
 use crate::chart::label::significant;
 use std::fmt::Write as _;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::quantity::amount;
+use vlscan_base::quantity::{amount, fixed, signed};
 
 /// The comparison as JSON.
 ///
@@ -50,10 +50,12 @@ pub(super) fn sections(c: &Comparison) -> Vec<Section> {
                 let unit = if figure.unit.is_empty() { String::new() } else { format!(", {}", figure.unit) };
                 Row {
                     name: format!("{}{unit}", figure.name),
-                    first: fixed(figure.first, figure.unit),
-                    second: fixed(figure.second, figure.unit),
-                    difference: signed(figure.difference, figure.unit),
-                    chance: figure.chance.map_or(String::new(), |chance| fixed(chance, figure.unit)),
+                    first: fixed(figure.first, decimals(figure.unit)),
+                    second: fixed(figure.second, decimals(figure.unit)),
+                    difference: signed(figure.difference, decimals(figure.unit)),
+                    chance: figure
+                        .chance
+                        .map_or(String::new(), |chance| fixed(chance, decimals(figure.unit))),
                     is_within: figure.is_within_chance,
                 }
             })
@@ -137,14 +139,10 @@ fn clouds(c: &Comparison) -> Section {
         _ => String::new(),
     };
     row("points", &|cloud| amount(cloud.points as f64), String::new());
-    row(
-        "in the box of both",
-        &|cloud| format!("{:.0}", cloud.points_in_box),
-        ratio(&|cloud| cloud.points_in_box),
-    );
+    row("in the box of both", &|cloud| fixed(cloud.points_in_box, 0), ratio(&|cloud| cloud.points_in_box));
     row(
         &format!("density on {:.0} m², points/m²", c.area_m2),
-        &|cloud| format!("{:.3}", cloud.density_per_m2),
+        &|cloud| fixed(cloud.density_per_m2, 3),
         ratio(&|cloud| cloud.density_per_m2),
     );
     if c.first.intensity_median.is_some() && c.second.intensity_median.is_some() {
@@ -172,8 +170,7 @@ fn agreement(c: &Comparison) -> Section {
     let mut row = |name: String, of: &dyn Fn(&Agreement) -> f64, decimals: usize, is_small: Option<bool>| {
         let value = of(&c.agreement);
         let chance = halves.map(of);
-        let shown =
-            |value: f64| if value.is_nan() { "none".to_owned() } else { format!("{value:.decimals$}") };
+        let shown = |value: f64| if value.is_nan() { "none".to_owned() } else { fixed(value, decimals) };
         let is_within = chance.zip(is_small).map(|(chance, is_small)| match is_small {
             true => value.abs() <= chance.abs(),
             false => value >= chance,
@@ -226,29 +223,36 @@ fn change(change: &Change) -> Section {
         chance: String::new(),
         is_within: None,
     };
-    let volume = |v: &Volume| format!("{:.1} ± {:.1}", v.volume_m3, v.uncertainty_m3);
+    // Without cells the uncertainty is NaN.
+    let with_uncertainty = |shown: String, uncertainty: f64| match uncertainty.is_nan() {
+        true => "unknown".to_owned(),
+        false => format!("{shown} ± {}", fixed(uncertainty, 1)),
+    };
+    let volume = |v: &Volume| with_uncertainty(fixed(v.volume_m3, 1), v.uncertainty_m3);
+    let of_each = |counts: [usize; 2]| format!("{} and {}", counts[0], counts[1]);
     Section {
         title: format!("change of the ground ({} cells)", change.cells),
         meaning: format!(
-            "second minus first, planes through {} at the centres of cells that both have; cut and fill beyond the level of \
-             detection at 95 %, with standard uncertainties",
+            "second minus first, planes through {} at the centres of cells that both have; cut and fill beyond the level of              detection at 95 %, with standard uncertainties, which contain the volume below that level",
             change.surface
         ),
         rows: vec![
-            row("mean, m", format!("{:+.4}", change.mean_m)),
-            row("median, m", format!("{:+.4}", change.median_m)),
-            row("robust spread, m", format!("{:.4}", change.spread_m)),
-            row("level of detection, m", format!("{:.4}", change.detection_m)),
-            row("offset where nothing changed, m", format!("{:+.4}", change.offset_m)),
+            row("mean, m", signed(change.mean_m, 4)),
+            row("median, m", signed(change.median_m, 4)),
+            row("robust spread, m", fixed(change.spread_m, 4)),
+            row("level of detection, m", fixed(change.detection_m, 4)),
+            row("offset where nothing changed, m", signed(change.offset_m, 4)),
+            row("shared errors about it, m", fixed(change.shared_m, 4)),
             row("fill, m³", volume(&change.fill)),
-            row("  on m²", format!("{:.0}", change.fill.area_m2)),
+            row("  on m²", fixed(change.fill.area_m2, 0)),
+            row("  below the level of detection, m³", fixed(change.fill.undetected_m3, 1)),
             row("cut, m³", volume(&change.cut)),
-            row("  on m²", format!("{:.0}", change.cut.area_m2)),
-            row("net volume of all cells, m³", format!("{:+.1}", change.net_m3)),
-            row(
-                "cells with one surface alone",
-                format!("{} and {}", change.cells_of_one[0], change.cells_of_one[1]),
-            ),
+            row("  on m²", fixed(change.cut.area_m2, 0)),
+            row("  below the level of detection, m³", fixed(change.cut.undetected_m3, 1)),
+            row("net, all cells, m³", with_uncertainty(signed(change.net_m3, 1), change.net_uncertainty_m3)),
+            row("cells between their neighbours", change.cells_interpolated.to_string()),
+            row("cells left out as extrapolated", of_each(change.cells_extrapolated)),
+            row("cells with one surface alone", of_each(change.cells_of_one)),
         ],
         quantity: None,
     }
@@ -264,25 +268,14 @@ fn decimals(unit: &str) -> usize {
     }
 }
 
-fn fixed(value: f64, unit: &str) -> String {
-    format!("{value:.*}", decimals(unit))
-}
-
-/// A difference with its sign, without that of a zero.
-fn signed(value: f64, unit: &str) -> String {
-    let text = format!("{value:+.*}", decimals(unit));
-    let is_zero = text.chars().all(|c| matches!(c, '+' | '-' | '0' | '.'));
-    if is_zero { text[1..].to_owned() } else { text }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn differences_of_a_millimetre_are_seen_and_zeros_have_no_sign() {
-        assert_eq!(signed(0.0012, "m"), "+0.001");
-        assert_eq!(signed(-0.0001, "m"), "0.000");
-        assert_eq!(signed(-8.9, "mm"), "-8.90");
+        assert_eq!(signed(0.0012, decimals("m")), "+0.001");
+        assert_eq!(signed(-0.0001, decimals("m")), "0.000");
+        assert_eq!(signed(-8.9, decimals("mm")), "-8.90");
     }
 }

@@ -62,7 +62,7 @@ impl Setting<'_> {
             per,
             meaning: meaning.to_owned(),
             is_whole: false,
-            is_error: false,
+            errors: None,
             statistics: statistics.to_vec(),
         }
     }
@@ -95,7 +95,7 @@ impl Setting<'_> {
             }
         });
         let of_split = of_split.as_ref().map(|of| of as &(dyn Fn(usize) -> [Vec<f64>; 2] + Sync));
-        definition.compare(first, second, of_split)
+        definition.compare(first, second, None, of_split)
     }
 
     /// The block of a point of the first cloud.

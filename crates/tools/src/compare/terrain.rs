@@ -124,10 +124,21 @@ pub(super) struct PlaneAt {
 }
 
 /// The least-squares plane through points, or their mean height where the place has too high a leverage; `None` without points.
-pub(super) fn plane(points: &[[f64; 3]], [x, y]: [f64; 2]) -> Option<PlaneAt> {
+pub(super) fn plane(points: &[[f64; 3]], place: [f64; 2]) -> Option<PlaneAt> {
     if points.is_empty() {
         return None;
     }
+    let fitted = fitted_plane(points, place).filter(|at| at.leverage <= MAX_LEVERAGE);
+    fitted.or_else(|| {
+        let count = points.len() as f64;
+        let height = points.iter().map(|p| p[2]).sum::<f64>() / count;
+        let squares = points.iter().map(|p| (p[2] - height) * (p[2] - height)).sum();
+        Some(PlaneAt { height, is_supported: false, leverage: 1.0 / count, squares })
+    })
+}
+
+/// The least-squares plane through points, at a place, however far it lies from them; `None` of points on a line.
+pub(super) fn fitted_plane(points: &[[f64; 3]], [x, y]: [f64; 2]) -> Option<PlaneAt> {
     let count = points.len() as f64;
     let mean = [0, 1, 2].map(|axis| points.iter().map(|p| p[axis]).sum::<f64>() / count);
     let [mut xx, mut xy, mut yy, mut xz, mut yz, mut zz] = [0.0; 6];
@@ -143,9 +154,9 @@ pub(super) fn plane(points: &[[f64; 3]], [x, y]: [f64; 2]) -> Option<PlaneAt> {
     let determinant = xx * yy - xy * xy;
     let (dx, dy) = (x - mean[0], y - mean[1]);
     let leverage = 1.0 / count + (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / determinant;
-    // Also where points are on a line, so that the determinant is 0.
-    if !(determinant > 0.0 && leverage <= MAX_LEVERAGE) {
-        return Some(PlaneAt { height: mean[2], is_supported: false, leverage: 1.0 / count, squares: zz });
+    // Of points on a line the determinant is 0, and without points it is NaN.
+    if !(determinant > 0.0 && leverage.is_finite()) {
+        return None;
     }
     let slope = [(xz * yy - yz * xy) / determinant, (yz * xx - xz * xy) / determinant];
     let height = mean[2] + slope[0] * dx + slope[1] * dy;

@@ -63,6 +63,80 @@ fn a_cloud_is_like_itself() {
     );
 }
 
+/// Asserts that a cloud has no difference from itself in any row, and returns the comparison.
+fn assert_like_itself(cloud: &Points, what: &str) -> Comparison {
+    let c = compared(cloud, cloud, &options());
+    for quantity in &c.quantities {
+        assert_eq!(quantity.distribution.largest, 0.0, "{what}: {quantity:?}");
+        assert_eq!(quantity.counts[0], quantity.counts[1], "{what}: {}", quantity.name);
+        assert_eq!(
+            quantity.histogram.fractions[0], quantity.histogram.fractions[1],
+            "{what}: {}",
+            quantity.name
+        );
+        assert!(quantity.figures.iter().all(|figure| figure.difference == 0.0), "{what}: {quantity:?}");
+    }
+    let Change { fill, cut, net_m3, rms_m, .. } = &c.change;
+    assert_eq!((fill.volume_m3, cut.volume_m3, *net_m3, *rms_m), (0.0, 0.0, 0.0, 0.0), "{what}");
+    assert_eq!((fill.undetected_m3, cut.undetected_m3), (0.0, 0.0), "{what}");
+    let text = table(&c);
+    let is_negative_zero = |word: &&str| word.starts_with('-') && word.parse() == Ok(0.0);
+    assert_eq!(text.split_whitespace().find(is_negative_zero), None, "{what}: {text}");
+    c
+}
+
+#[test]
+fn a_cloud_is_like_itself_whatever_its_times_are() {
+    let strip = strip(1, 0.0, 5);
+    let rows = |strip: &Points| -> Vec<PointRow> {
+        (0..strip.len())
+            .map(|i| PointRow {
+                position: strip.position(i),
+                time: strip.time_of(i).unwrap(),
+                scan_angle: f64::from(strip.scan_angle_of(i).unwrap()),
+                class: strip.class_of(i).unwrap(),
+                intensity: strip.intensity_of(i).unwrap(),
+                return_number: strip.return_number_of(i).unwrap(),
+                number_of_returns: strip.number_of_returns_of(i).unwrap(),
+                ..PointRow::default()
+            })
+            .collect()
+    };
+    let cloud = |rows: Vec<PointRow>| {
+        let mut cloud = Points::new(AttributeSet::of(|_| true));
+        rows.iter().for_each(|row| cloud.push(row, None));
+        cloud
+    };
+    let all = rows(&strip);
+    let of = |change: &dyn Fn(usize, PointRow) -> PointRow| {
+        all.iter().enumerate().map(|(i, row)| change(i, *row)).collect::<Vec<PointRow>>()
+    };
+    let told = assert_like_itself(&strip, "as it is");
+    assert!(told.quantity("scan angle at the same time").is_some(), "{:?}", told.missing);
+    let mut reversed = all.clone();
+    reversed.reverse();
+    let shuffled = (0..all.len()).map(|i| all[i * 7919 % all.len()]).collect();
+    // Two flight lines and two channels that have pulses at the same times with other angles.
+    let lines = of(&|_, row| PointRow { leg: 1, scan_angle: -row.scan_angle + 3.0, ..row });
+    let channels = of(&|_, row| PointRow { channel: 1, scan_angle: row.scan_angle + 5.0, ..row });
+    let step = |step: f64| of(&|_, row| PointRow { time: (row.time / step).round() * step, ..row });
+    for (what, rows) in [
+        ("reversed", reversed),
+        ("shuffled", shuffled),
+        ("two lines at one time", [all.clone(), lines].concat()),
+        ("two channels at one time", [channels, all.clone()].concat()),
+        ("every point twice", [all.clone(), all.clone()].concat()),
+        ("times of a few pulses", step(2e-6)),
+        ("a time per line", step(6e-3)),
+        ("one time", step(1e6)),
+        ("times of a week later", of(&|_, row| PointRow { time: row.time + 604_800.0, ..row })),
+        ("angles of whole degrees", of(&|_, row| PointRow { scan_angle: row.scan_angle.round(), ..row })),
+        ("a line of a few pulses", all[..40].to_vec()),
+    ] {
+        assert_like_itself(&cloud(rows), what);
+    }
+}
+
 #[test]
 fn a_raised_canopy_and_a_thinned_cloud_are_seen() {
     let a = cloud(square(0.25, 0.0).into_iter().chain(square(0.5, 8.0)));
@@ -181,7 +255,8 @@ fn a_cone_and_a_pit_have_their_volumes() {
     for volume in [change.fill, change.cut] {
         let missing = cone - volume.volume_m3;
         assert!(missing.abs() < 3.0 * volume.uncertainty_m3 + 0.5, "{volume:?}");
-        assert!((0.05..2.0).contains(&volume.uncertainty_m3), "{volume:?}");
+        // What is below the level of detection at the rim and in noise dominates.
+        assert!((0.05..8.0).contains(&volume.uncertainty_m3), "{volume:?}");
         assert!((volume.area_m2 - cone).abs() < 40.0, "{volume:?}");
     }
     assert!(change.offset_m.abs() < 0.002 && change.net_m3.abs() < 3.0, "{change:?}");
@@ -190,6 +265,106 @@ fn a_cone_and_a_pit_have_their_volumes() {
     let none = compared(&epoch(1, false), &epoch(2, false), &options()).change;
     // Of 3600 cells one in twenty is beyond by chance.
     assert!(none.fill.volume_m3 + none.cut.volume_m3 < 10.0, "{none:?}");
+}
+
+/// Ground of 60 by 60 m in strips of 20 m, of which each has a tilt and an offset of its own, with noise of 2 cm.
+fn epoch_with_strips(seed: u64, is_changed: bool) -> Points {
+    let stream = Stream::new(seed, Purpose::SceneMaking);
+    let flown = epoch(seed, is_changed);
+    let mut points = Points::new(AttributeSet::of(|_| true));
+    for i in 0..flown.len() {
+        let p = flown.position(i) - ORIGIN;
+        let strip = (p.x / 20.0).floor();
+        let [offset, tilt] = [0, 1].map(|draw| stream.normal(7 + draw, strip as u64, 0));
+        let error =
+            0.05 * stream.normal(9, 0, 0) + 0.02 * offset + 0.002 * tilt * (p.x - 20.0 * strip - 10.0);
+        points.push(
+            &PointRow { position: p + DVec3::Z * error + ORIGIN, class: 2, ..PointRow::default() },
+            None,
+        );
+    }
+    points
+}
+
+#[test]
+fn errors_of_strips_are_within_the_uncertainties_of_the_volumes() {
+    let cone = std::f64::consts::PI * 100.0;
+    let mut beyond = 0;
+    for seed in 0..5 {
+        let pairs = [(false, 0.0), (true, cone)];
+        for (is_changed, volume) in pairs {
+            let first = epoch_with_strips(2 * seed + 10, false);
+            let change = compared(&first, &epoch_with_strips(2 * seed + 11, is_changed), &options()).change;
+            for part in [change.fill, change.cut] {
+                let off = (part.volume_m3 - volume).abs() / part.uncertainty_m3;
+                assert!(off < 3.0, "{seed}: {part:?} for {volume}");
+                beyond += usize::from(off > 2.0);
+            }
+            assert!(change.net_m3.abs() < 2.0 * change.net_uncertainty_m3, "{seed}: {change:?}");
+            // Not that anything would do: errors of some centimetres on the area of the cone, and below the level on all.
+            assert!(change.fill.uncertainty_m3 < 150.0, "{seed}: {:?}", change.fill);
+        }
+    }
+    assert!(beyond <= 1, "{beyond} of 20 beyond two standard uncertainties");
+}
+
+#[test]
+fn a_change_near_the_level_of_detection_is_within_its_uncertainty() {
+    // A patch of 20 by 20 m: 8 and 12 m³; of most cells the change is within the level of detection.
+    for (rise, seed) in [(0.01, 3), (0.02, 4), (0.03, 5)] {
+        let raised = epoch(seed, false);
+        let mut patch = Points::new(AttributeSet::of(|_| true));
+        for i in 0..raised.len() {
+            let p = raised.position(i) - ORIGIN;
+            let rise = if p.x.max(p.y) < 30.0 && p.x.min(p.y) > 10.0 { rise } else { 0.0 };
+            patch.push(
+                &PointRow { position: p + DVec3::Z * rise + ORIGIN, class: 2, ..PointRow::default() },
+                None,
+            );
+        }
+        let change = compared(&epoch(1, false), &patch, &options()).change;
+        let volume = 400.0 * rise;
+        let off = (change.fill.volume_m3 - volume).abs();
+        assert!(off < 2.0 * change.fill.uncertainty_m3, "{:?} for {volume}", change.fill);
+        assert!(change.fill.undetected_m3 > 0.3 * off, "{:?}", change.fill);
+        assert!(change.cut.volume_m3 < 2.0 * change.cut.uncertainty_m3, "{:?}", change.cut);
+    }
+}
+
+#[test]
+fn cells_whose_planes_would_be_extrapolated_are_left_out_and_counted() {
+    // On a slope of 1 in 2 the points of the second cloud are in the western fifth of each cell.
+    let slope = |x: f64, y: f64| [x, y, 0.5 * x];
+    let grid = |width: f64| {
+        let place = move |i: u32| (f64::from(i % 100) * 0.2, f64::from(i / 100) * 0.2);
+        cloud((0..10_000).map(place).filter(move |(x, _)| x.fract() < width).map(|(x, y)| slope(x + 0.05, y)))
+    };
+    let c = compared(&grid(1.0), &grid(0.3), &options());
+    let change = &c.change;
+    assert!(change.cells_extrapolated[0] < 45 && change.cells_extrapolated[1] > 350, "{change:?}");
+    assert!((change.fill.volume_m3, change.cut.volume_m3) == (0.0, 0.0), "{change:?}");
+    assert!(c.missing.iter().any(|missing| missing.contains("--cell 2")), "{:?}", c.missing);
+    assert!(table(&c).contains("cells left out as extrapolated"), "{}", table(&c));
+}
+
+#[test]
+fn a_stated_registration_takes_the_place_of_the_offset() {
+    // Snow of 30 cm everywhere: by default it counts as an error of registration.
+    let snow = epoch(2, false);
+    let mut deep = Points::new(AttributeSet::of(|_| true));
+    for i in 0..snow.len() {
+        deep.push(
+            &PointRow { position: snow.position(i) + DVec3::Z * 0.3, class: 2, ..PointRow::default() },
+            None,
+        );
+    }
+    let by_default = compared(&epoch(1, false), &deep, &options()).change;
+    assert!(by_default.fill.volume_m3 == 0.0 && (by_default.offset_m - 0.3).abs() < 0.002, "{by_default:?}");
+    assert!((by_default.net_m3 - 1080.0).abs() < by_default.net_uncertainty_m3, "{by_default:?}");
+    let stated = CompareOptions { registration: Some(0.02), ..options() };
+    let change = compared(&epoch(1, false), &deep, &stated).change;
+    assert!((change.fill.volume_m3 - 1080.0).abs() < 20.0, "{change:?}");
+    assert!((70.0..110.0).contains(&change.fill.uncertainty_m3), "{change:?}");
 }
 
 #[test]

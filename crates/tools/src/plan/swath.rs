@@ -69,9 +69,9 @@ impl SwathModel {
         &self.scanner.name
     }
 
-    /// Wavelength of the first device, at which surveys read the spectra of a scene, nm.
-    pub fn wavelength(&self) -> f64 {
-        self.device().beam.wavelength
+    /// The scanner.
+    pub fn scanner(&self) -> &Scanner {
+        &self.scanner
     }
 
     /// The first device. A scanner has at least one; lines, angles and ranges of all are alike.

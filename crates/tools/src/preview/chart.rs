@@ -5,6 +5,7 @@ use crate::chart::label::{grouped, round_number};
 use crate::chart::{Anchor, Axis, Drawing, Mark, Picture, Plot, Role, Theme, style};
 use crate::cloud::Wave;
 use vlscan_base::markup::escaped;
+use vlscan_base::quantity::fixed;
 use vlscan_lidar::pulse::{RecordedEcho, recorded_echoes};
 
 /// Speed of light, m/ns.
@@ -81,7 +82,7 @@ impl Chart {
         let (t, title) = (self.drawing.text, self.title.clone());
         self.write(20.0 * t, 14.0 * t, title, Role::Ink);
         let vector = |v: vlscan_geom::DVec3, digits: usize| {
-            format!("({:.digits$}, {:.digits$}, {:.digits$})", v.x, v.y, v.z)
+            format!("({}, {}, {})", fixed(v.x, digits), fixed(v.y, digits), fixed(v.z, digits))
         };
         let facts = format!(
             "from {} m towards {} · GPS time {:.6} s · {} samples of {} ns",

@@ -105,6 +105,44 @@ fn large_elements_are_met_by_the_law_of_beer_and_lambert() {
     assert!((below - 0.5).abs() < 4.0 * 0.5 / (ranges.len() as f64).sqrt(), "{below} of {}", ranges.len());
 }
 
+/// The share of the subrays that reach the wall is that of the light that the wall returns, pulse by pulse: subrays and truths are of
+/// the draw that the points are of.
+#[test]
+fn subrays_and_truths_show_the_foliage_of_the_points() {
+    let clear = echoes(&column(0, 0.0, None), 6, PhysicsOptions::refined(), 1)[0][0].intensity;
+    for size in [0.0, 0.02, 0.3, 10.0] {
+        let mut scene = column(4, 1.0, None);
+        scene.materials.iter_mut().for_each(|m| m.element_size = size);
+        let with_subrays = PhysicsOptions { record_subrays: true, ..PhysicsOptions::refined() };
+        let points = echoes(&scene, 6, PhysicsOptions::refined(), 60);
+        let subrays = echoes(&scene, 6, with_subrays, 60);
+        let mut through = 0;
+        for (points, subrays) in points.iter().zip(&subrays) {
+            let is_wall = |e: &&Echo| e.range > 118.0;
+            let light: f64 = points.iter().filter(is_wall).map(|e| e.intensity).sum::<f64>() / clear;
+            // Every subray hits either foliage or the wall.
+            assert_eq!(subrays.len(), 96, "{size}");
+            let share = subrays.iter().filter(is_wall).count() as f64 / 96.0;
+            assert!((light - share).abs() < 1e-3, "{size} m: {light} of the light, {share} of the subrays");
+            through += usize::from(share > 0.0);
+            assert!(subrays.iter().all(|e| e.number_of_returns as usize == points.len()), "{size}");
+            assert!(subrays.iter().filter(|e| !is_wall(e)).all(|e| (99.0..=103.1).contains(&e.range)));
+        }
+        assert!(through > 0, "{size}");
+        let survey = tls_with(|d| (d.waveform.quality, d.detector.threshold) = (6, 1e-30));
+        let options = PhysicsOptions { record_truth: true, ..PhysicsOptions::refined() };
+        let batch = simulate_pulses(&scene, &survey, options, 0, &pulses(60));
+        for of_pulse in batch.echoes.chunk_by(|a, b| a.pulse_number == b.pulse_number) {
+            let sum: f64 = of_pulse.iter().map(|e| e.truth(&batch.truths).fraction).sum();
+            assert!(sum < 1.0 + 1e-9, "{size} m: {sum} of the footprint");
+        }
+        // What is recorded changes no return.
+        let recorded: Vec<_> = batch.echoes.iter().map(|e| (e.position, e.intensity)).collect();
+        let plain: Vec<_> = points.iter().flatten().map(|e| (e.position, e.intensity)).collect();
+        assert_eq!(recorded, plain, "{size}");
+    }
+}
+
 #[test]
 fn a_beam_of_one_ray_stops_at_points() {
     let all = echoes(&column(16, 0.3, None), 1, PhysicsOptions::refined(), 400);

@@ -219,6 +219,32 @@ fn channels_have_their_own_settings_and_never_the_legacy_model() {
 }
 
 #[test]
+fn channels_meet_the_reflectance_at_their_own_wavelength() {
+    let mut second = tls_device(4.0);
+    second.beam.wavelength = 532.0;
+    let two = survey(vec![tls_device(4.0), second.clone(), second]);
+    let material =
+        |reflection, further| Material { reflection, further_reflectances: further, ..half_white() };
+    let shiny = Reflection::Lobes { specularity: 0.3, exponent: 5.0, roughness: 0.1 };
+    for reflection in [Reflection::Lambert, Reflection::Uniform, shiny] {
+        let of_device = |device, further: Vec<f64>, options| {
+            let scene = rectangles(material(reflection, further), &[wall(-20.0, 20.0, 100.0)]);
+            let pulse = Pulse { device, ..pulse(Rotation::IDENTITY) };
+            simulate_pulses(&scene, &two, options, 0, &[pulse]).echoes[0].intensity
+        };
+        let refined = PhysicsOptions::refined();
+        for device in [0, 1, 2] {
+            let factor = if device > 0 { 0.25 } else { 1.0 };
+            let plain = of_device(device, Vec::new(), refined);
+            let found = of_device(device, vec![0.125], refined) / plain;
+            assert!((found - factor).abs() < 1e-9, "{reflection:?}, device {device}: {found}");
+        }
+        let as_reference = PhysicsOptions::helios();
+        assert_eq!(of_device(1, vec![0.125], as_reference), of_device(1, Vec::new(), as_reference));
+    }
+}
+
+#[test]
 fn a_later_leg_s_divergence_is_half_applied_unless_corrected() {
     // spec pulse-physics §9, trap 8
     let mut survey = tls();

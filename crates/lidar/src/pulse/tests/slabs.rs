@@ -175,6 +175,7 @@ fn view<'a>(scene: &'a Scene, tree: &'a vlscan_trace::Tree) -> SceneView<'a> {
         visible_bounds: None,
         fixed_incidence: false,
         max_cube_size: EDGE,
+        wavelength: 0,
     }
 }
 

@@ -248,7 +248,7 @@ mod tests {
         let rule = NormalRule::Mean;
         let settings = Settings { voxel_size: 1.0, default_normal: None, rule, has_material: false };
         let options = LoadOptions::default();
-        let library = Library::new(Spectra::new(&[], 1064.0), options.rules, 0);
+        let library = Library::new(Spectra::new(&[], [1064.0]), options.rules, 0);
         let (scene, source) = (SceneBuilder::new(&options, library), Source::of("a.las", b""));
         let mut sorter = Sorter::<S>::new(&grid, &settings, u64::MAX);
         let (mut all, mut readings) = (Vec::new(), 0);

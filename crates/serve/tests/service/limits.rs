@@ -1,0 +1,348 @@
+//! What an owner takes, of the disk and of others' turns.
+
+use crate::client::{Service, files_of, fixtures, vlscan};
+use crate::jobs::{flight, with_field};
+use serde_json::{Value, json};
+use std::io::Write as _;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+fn wait_until(what: &str, is_so: impl Fn() -> bool) {
+    let start = Instant::now();
+    while !is_so() {
+        assert!(start.elapsed() < Duration::from_secs(120), "{what}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// Bytes of all files below a folder.
+fn bytes_in(folder: &Path) -> u64 {
+    let entries = std::fs::read_dir(folder).unwrap().map(Result::unwrap);
+    entries
+        .map(|entry| match entry.metadata().unwrap() {
+            about if about.is_dir() => bytes_in(&entry.path()),
+            about => about.len(),
+        })
+        .sum()
+}
+
+fn with_output(path: &str) -> Value {
+    let mut inputs = flight(1, 1);
+    inputs["output"] = json!([{ "path": path }]);
+    inputs
+}
+
+#[test]
+fn failed_jobs_keep_no_files() {
+    let service = Service::start(&["--max-disk", "200k"]);
+    with_field(&service);
+    let mut inputs = flight(1, 60);
+    inputs["output"] = json!([{ "path": "a.xyz" }, { "path": "b.xyz" }]);
+    let job = service.run("run", &inputs);
+    assert_eq!(job["status"], "failed", "{job}");
+    let folder = service.data.join("jobs").join(job["jobID"].as_str().unwrap());
+    assert!(bytes_in(&folder) < 20_000, "{}", bytes_in(&folder));
+    assert!(!folder.join("out").exists() && !folder.join("tmp").exists());
+}
+
+#[test]
+fn outputs_that_nobody_could_fetch_are_refused_and_all_others_are_served() {
+    let service = Service::start(&[]);
+    with_field(&service);
+    for path in [
+        ".hidden.xyz",
+        ".h/points.xyz",
+        "a/.b.laz",
+        "-o.laz",
+        "p?x=1.laz",
+        "c:.laz",
+        "<x>.laz",
+        "a\nb.laz",
+        "a\u{7f}.laz",
+        "x.laz/",
+        "./x.laz",
+        "a//b.laz",
+        " a.laz",
+        &"a".repeat(121),
+    ] {
+        let answer = service.execute("run", &with_output(path));
+        assert_eq!(answer.status, 400, "{path:?}: {}", answer.text());
+        assert!(answer.text().contains("output.path"), "{}", answer.text());
+        // In a pipeline file, too.
+        let text = toml::to_string(&with_output(path)).unwrap();
+        service.ask("DELETE", "/uploads/pipe", &[], b"");
+        assert_eq!(service.upload("pipe", &[("p.toml", text.into_bytes())]).status, 201);
+        assert_eq!(service.execute("run", &json!({ "pipeline": "pipe/p.toml" })).status, 400, "{path:?}");
+    }
+    for path in ["p#x.laz", "p%41 b.laz", "é&'$(id);.laz"] {
+        let job = service.run("run", &with_output(path));
+        assert_eq!(job["status"], "successful", "{path}: {job}");
+        let results = service.json(&format!("/jobs/{}/results", job["jobID"].as_str().unwrap()));
+        let files: Vec<&Value> = results.as_object().unwrap().values().collect();
+        assert_eq!(files.len(), 1, "{results}");
+        assert_eq!(service.get(files[0]["href"].as_str().unwrap()).status, 200, "{results}");
+    }
+}
+
+#[test]
+fn files_without_content_and_repeated_requests_count() {
+    let service = Service::start(&["--workers", "0", "--max-stored", "200k"]);
+    let names: Vec<String> = (0..20).map(|number| format!("f{number}")).collect();
+    let files: Vec<(&str, Vec<u8>)> = names.iter().map(|name| (name.as_str(), Vec::new())).collect();
+    assert_eq!(service.upload("one", &files).status, 201);
+    assert_eq!(service.upload("two", &files).status, 201);
+    let full = service.upload("three", &files);
+    assert_eq!(full.status, 413, "{}", full.text());
+    let mut answers = Vec::new();
+    for number in 0..40 {
+        let area = json!({ "type": "Polygon", "coordinates": [vec![[f64::from(number), 1.5]; 500]] });
+        let plan = json!({ "kind": "airborne", "scanner": "riegl_vux-1uav", "height": 60, "density": 5, "area": area });
+        let headers = [("Prefer", "respond-async")];
+        let answer = service.post_json("/processes/plan/execution", &json!({ "inputs": plan }), &headers);
+        answers.push(answer.status);
+    }
+    assert!(answers[0] == 201 && answers.ends_with(&[403]), "{answers:?}");
+}
+
+#[test]
+fn finished_jobs_expire_where_the_operator_says_so() {
+    let service = Service::start(&["--keep", "0.00002"]);
+    with_field(&service);
+    let job = service.run("run", &flight(1, 1));
+    let id = job["jobID"].as_str().unwrap();
+    wait_until("the job expires", || {
+        matches!(service.get(&format!("/jobs/{id}")).status, 404 | 410)
+            || service.json(&format!("/jobs/{id}"))["status"] == "dismissed"
+    });
+    wait_until("its files go", || !service.data.join("jobs").join(id).exists());
+    assert_eq!(service.get("/uploads/field").status, 200);
+}
+
+#[test]
+fn a_process_that_is_always_killed_is_started_three_times() {
+    let folder = tempfile::tempdir().unwrap();
+    let (program, starts) = (folder.path().join("program"), folder.path().join("starts"));
+    let vlscan = vlscan();
+    let script = format!(
+        "#!/bin/sh\ncase $1 in man|catalogue) exec {} \"$@\";; esac\necho x >>{}\nkill -9 $$\n",
+        vlscan.display(),
+        starts.display()
+    );
+    std::fs::write(&program, script).unwrap();
+    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let service = Service::start(&[&format!("--program={}", program.display()), "--no-sandbox"]);
+    with_field(&service);
+    let job = service.run("dry-run", &flight(1, 1));
+    assert!(job["message"].as_str().unwrap().contains("memory"), "{job}");
+    assert_eq!(std::fs::read_to_string(starts).unwrap().lines().count(), 3);
+}
+
+/// A request of an owner, who has a token.
+fn ask(service: &Service, token: &str, method: &str, path: &str, body: &Value) -> crate::client::Answer {
+    let bearer = format!("Bearer {token}");
+    let headers = [
+        ("Authorization", bearer.as_str()),
+        ("Content-Type", "application/json"),
+        ("Prefer", "respond-async"),
+    ];
+    service.ask_stranger(method, path, &headers, body.to_string().as_bytes())
+}
+
+/// A service for two owners who have a field each, and their tokens.
+struct Owners {
+    service: Service,
+    anna: String,
+    ben: String,
+    _folder: tempfile::TempDir,
+}
+
+impl Owners {
+    fn new() -> Owners {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("tokens");
+        let token = |owner: &str| {
+            let made =
+                Command::new(env!("CARGO_BIN_EXE_vlscan-serve")).args(["token", owner]).output().unwrap();
+            let mut tokens = std::fs::File::options().create(true).append(true).open(&file).unwrap();
+            tokens.write_all(&made.stdout).unwrap();
+            String::from_utf8(made.stderr).unwrap().trim().rsplit(' ').next().unwrap().to_owned()
+        };
+        let (anna, ben) = (token("anna"), token("ben"));
+        let service = Service::start(&["--token-file", file.to_str().unwrap()]);
+        let owners = Owners { service, anna, ben, _folder: folder };
+        for owner in [&owners.anna, &owners.ben] {
+            assert_eq!(owners.upload(owner, "field"), 201);
+        }
+        owners
+    }
+
+    fn upload(&self, token: &str, name: &str) -> u16 {
+        let corners = "v -50 -50 0\nv 50 -50 0\nv 50 50 0\nv -50 50 0\nf 1 2 3 4\n";
+        let (media, body) = crate::client::form(name, &[("field.obj", corners.into())]);
+        let bearer = format!("Bearer {token}");
+        let headers = [("Authorization", bearer.as_str()), ("Content-Type", media.as_str())];
+        self.service.ask_stranger("POST", "/uploads", &headers, &body).status
+    }
+}
+
+#[test]
+fn uploads_of_an_owner_that_do_not_end_leave_room_for_others() {
+    let owners = Owners::new();
+    let begin = || {
+        let mut stream = std::net::TcpStream::connect(&owners.service.address).unwrap();
+        let head = format!(
+            "POST /uploads HTTP/1.1\r\nHost: {}\r\nAuthorization: Bearer {}\r\nContent-Type: multipart/form-data; boundary=b\r\n\
+             Content-Length: 100000\r\n\r\n--b\r\n",
+            owners.service.address, owners.anna
+        );
+        stream.write_all(head.as_bytes()).unwrap();
+        stream
+    };
+    let streams: Vec<_> = (0..20).map(|_| begin()).collect();
+    wait_until("anna has her share", || owners.upload(&owners.anna, "more") == 429);
+    assert_eq!(owners.upload(&owners.ben, "more"), 201);
+    drop(streams);
+    wait_until("connections that end give their places back", || owners.upload(&owners.anna, "again") == 201);
+}
+
+#[test]
+fn an_owner_who_floods_the_service_does_not_stop_others() {
+    let owners = Owners::new();
+    let Owners { service, anna, ben, .. } = &owners;
+    let submit = |token: &str, process: &str, inputs: &Value| {
+        let path = format!("/processes/{process}/execution");
+        let answer = ask(service, token, "POST", &path, &json!({ "inputs": inputs }));
+        assert_eq!(answer.status, 201, "{}", answer.text());
+        answer.json()["jobID"].as_str().unwrap().to_owned()
+    };
+    let status = |token: &str, id: &str| {
+        ask(service, token, "GET", &format!("/jobs/{id}"), &json!({})).json()["status"]
+            .as_str()
+            .unwrap()
+            .to_owned()
+    };
+    let long: Vec<String> = (0..20).map(|seed| submit(anna, "run", &flight(seed, 4000))).collect();
+    for seed in 0..20 {
+        submit(anna, "dry-run", &flight(seed, 4000));
+    }
+    wait_until("a run of anna is computed", || long.iter().any(|id| status(anna, id) == "running"));
+    // Neither her runs nor her forecasts are before his.
+    let forecast = submit(ben, "dry-run", &flight(1, 1));
+    wait_until("the forecast of ben", || status(ben, &forecast) == "successful");
+    assert!(long.iter().any(|id| status(anna, id) == "running"));
+    let run = submit(ben, "run", &flight(1, 1));
+    let first = long.iter().find(|id| status(anna, id) == "running").unwrap();
+    ask(service, anna, "DELETE", &format!("/jobs/{first}"), &json!({}));
+    wait_until("the run of ben, whose turn it is", || status(ben, &run) == "successful");
+    assert!(long.iter().any(|id| status(anna, id) == "accepted"));
+}
+
+fn archive(files: &[(String, Vec<u8>)]) -> Vec<u8> {
+    let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    for (name, content) in files {
+        zip.start_file(name.as_str(), zip::write::SimpleFileOptions::default()).unwrap();
+        zip.write_all(content).unwrap();
+    }
+    zip.finish().unwrap().into_inner()
+}
+
+#[test]
+fn an_upload_lists_the_files_that_are_missing_in_it() {
+    let service = Service::start(&["--workers", "0"]);
+    let files: Vec<_> = files_of(&fixtures().join("forest"))
+        .into_iter()
+        .filter(|(name, _)| !["beech.obj", "scanners.xml"].contains(name))
+        .collect();
+    assert_eq!(service.upload("forest", &files).status, 201);
+    assert_eq!(service.json("/uploads/forest")["missing"], json!(["beech.obj", "scanners.xml"]));
+    let page = service.ask("GET", "/uploads/forest", &[("Accept", "text/html")], b"").text();
+    assert!(page.contains("<code>beech.obj</code>") && page.contains("one zip archive"), "{page}");
+}
+
+/// The folder `data` of HELIOS++ as users zip it: with it, in folders, or what is in it.
+#[test]
+fn archives_of_helios_folders_are_found_whatever_folder_they_are_in() {
+    let service = Service::start(&[]);
+    let fixture = files_of(&fixtures().join("forest"));
+    let text = |name: &str| {
+        let (_, bytes) = fixture.iter().find(|(known, _)| *known == name).unwrap();
+        String::from_utf8(bytes.clone()).unwrap()
+    };
+    let survey = text("survey.xml")
+        .replace(" paths=\"beside\"", "")
+        .replace("scene.xml#", "data/scenes/forest.xml#")
+        .replace("platforms.xml#plane", "data/platforms.xml#sr22")
+        .replace("scanners.xml#als_polygon", "data/scanners_als.xml#riegl_vux-1uav");
+    let mut scene = text("scene.xml");
+    for (name, _) in fixture.iter().filter(|(name, _)| name.ends_with(".obj")) {
+        scene = scene.replace(&format!("\"{name}\""), &format!("\"data/sceneparts/{name}\""));
+    }
+    for (name, folder) in [("plain", ""), ("one", "myproject/"), ("two", "a/b/"), ("mac", "My Project 2/")] {
+        let mut files = vec![
+            (format!("{folder}data/surveys/demo/forest.xml"), survey.clone().into_bytes()),
+            (format!("{folder}data/scenes/forest.xml"), scene.clone().into_bytes()),
+        ];
+        for (file, bytes) in
+            fixture.iter().filter(|(name, _)| name.ends_with(".obj") || name.ends_with(".mtl"))
+        {
+            files.push((format!("{folder}data/sceneparts/{file}"), bytes.clone()));
+        }
+        let answer = service.upload(name, &[("h.zip", archive(&files))]);
+        assert_eq!(answer.status, 201, "{}", answer.text());
+        let list = service.json(&format!("/uploads/{name}"))["list"].clone();
+        let found = list.as_array().unwrap().iter().find(|file| file["kind"] == "survey").unwrap();
+        assert_eq!(service.json(&format!("/uploads/{name}"))["missing"], json!([]), "{list}");
+        let path = format!("{name}/{}", found["path"].as_str().unwrap());
+        let job = service.run("dry-run", &json!({ "survey": path }));
+        assert_eq!(job["status"], "successful", "{path}: {job}");
+    }
+}
+
+#[test]
+fn uploads_take_the_place_of_no_instrument() {
+    let service = Service::start(&[]);
+    with_field(&service);
+    let hostile = b"<document><scanner id=\"riegl_vux-1uav\" name=\"another\"/></document>".to_vec();
+    let taken = service.upload("data", &[("scanners_als.xml", hostile.clone())]);
+    assert_eq!(taken.status, 400, "{}", taken.text());
+    let (media, body) = crate::client::form("", &[("data/scanners_als.xml", hostile.clone())]);
+    let answer = service.ask("POST", "/uploads", &[("Content-Type", &media)], &body);
+    assert!(answer.status == 201 && answer.json()["name"] != "data", "{}", answer.text());
+    // Words of a request that are names of uploads are no files of them.
+    assert_eq!(service.upload("airborne", &[("data/scanners_als.xml", hostile.clone())]).status, 201);
+    assert_eq!(service.upload("riegl_vux-1uav", &[("data/scanners_als.xml", hostile)]).status, 201);
+    for scanner in ["riegl_vux-1uav", "data/scanners_als.xml#riegl_vux-1uav"] {
+        let plan = json!({ "kind": "airborne", "scene": "field/field.obj", "scanner": scanner, "height": 60, "density": 5 });
+        let job = service.run("plan", &plan);
+        assert_eq!(job["status"], "successful", "{scanner}: {job}");
+    }
+}
+
+#[test]
+fn areas_of_many_corners_are_read_from_files() {
+    let service = Service::start(&[]);
+    with_field(&service);
+    let corners = |number: u32| {
+        let at = |corner: u32| {
+            let angle = std::f64::consts::TAU * f64::from(corner) / f64::from(number);
+            format!("{:.25} {:.25}", 20.0 * angle.cos(), 20.0 * angle.sin())
+        };
+        let all: Vec<String> = (0..number).chain([0]).map(at).collect();
+        format!("POLYGON (({}))", all.join(", "))
+    };
+    let plan = |area: String| {
+        json!({
+            "kind": "airborne", "scene": "field/field.obj", "scanner": "riegl_vux-1uav", "height": 60, "density": 5, "area": area,
+        })
+    };
+    // The last one is longer than words of Linux.
+    for number in [4, 200, 2500] {
+        let job = service.run("plan", &plan(corners(number)));
+        assert_eq!(job["status"], "successful", "{number}: {job}");
+    }
+    let long = json!({ "first": "field/a.laz", "second": format!("field/{}", "b".repeat(200_000)) });
+    let answer = service.execute("compare", &long);
+    assert!(answer.status == 400 && answer.text().contains("upload it as a file"), "{}", answer.status);
+}

@@ -1,0 +1,191 @@
+//! Pulses of two clouds at the same time.
+//!
+//! Equal GPS times mean the same instant only if both clouds have one clock: that of a recording and of its simulation along the
+//! recorded flight, or of two runs of a survey. Runs of different surveys start at the same default time, and times of the GPS week
+//! repeat every week. File headers do not distinguish these cases. Therefore clocks count as one if the clouds are at the same
+//! places at the same times.
+
+use super::cut::Cut;
+use super::pulses::{Pulse, Pulses, distance};
+
+/// Maximum number of parts of a recording whose places are compared.
+const MAX_PARTS: usize = 64;
+/// Minimum number of scan lines of a part, so that its centre does not depend on their phase.
+const MIN_LINES: usize = 4;
+/// Minimum number of pulses of a part without scan lines.
+const MIN_PULSES: usize = 20;
+/// Minimum number of pulses of the other cloud in a part, as a fraction of the first cloud's.
+const MIN_SHARE: f64 = 0.05;
+/// Maximum distance of the centres of both clouds, as a fraction of the spread of their pulses.
+const MAX_DISTANCE: f64 = 0.25;
+
+/// Checks that two clouds are at the same places at the same times: of parts of the first cloud by time, the median distance of both
+/// centres is small against the spread of the pulses.
+///
+/// # Errors
+/// A reason: no common times, or other places.
+pub(super) fn check_clocks([first, second]: [&Pulses; 2], [a, b]: [&Cut; 2]) -> Result<(), String> {
+    let [by_time, others] = [first, second].map(by_time);
+    let parts = match first.has_lines {
+        true => first.lines.len() / MIN_LINES,
+        false => first.pulses.len() / MIN_PULSES,
+    };
+    let size = by_time.len().div_ceil(parts.clamp(1, MAX_PARTS)).max(1);
+    let mut distances: Vec<(f64, f64)> = Vec::new();
+    for part in by_time.chunks(size) {
+        let [from, to] = [part[0], part[part.len() - 1]].map(|i| first.pulses[i].time);
+        let time_of = |i: &usize| second.pulses[*i].time;
+        let begin = others.partition_point(|i| time_of(i) < from);
+        let end = others.partition_point(|i| time_of(i) <= to);
+        let other = &others[begin..end];
+        if other.is_empty() || (other.len() as f64) < MIN_SHARE * part.len() as f64 {
+            continue;
+        }
+        let (centre, spread) = centre_of(part.iter().map(|i| first.place(a, *i)));
+        let (other_centre, other_spread) = centre_of(other.iter().map(|i| second.place(b, *i)));
+        distances.push((distance(centre, other_centre), spread.max(other_spread)));
+    }
+    distances.sort_unstable_by(|a, b| (a.0 * b.1).total_cmp(&(b.0 * a.1)));
+    match distances.get(distances.len() / 2) {
+        None => Err("the clouds share no GPS times".to_owned()),
+        Some((distance, spread)) if *distance <= MAX_DISTANCE * spread => Ok(()),
+        Some((distance, _)) => Err(format!(
+            "at the same GPS times the clouds are {distance:.1} m apart: their clocks or flights differ"
+        )),
+    }
+}
+
+/// The mean of places and their root mean square distance from it.
+fn centre_of(places: impl Iterator<Item = [f64; 2]> + Clone) -> ([f64; 2], f64) {
+    let count = places.clone().count() as f64;
+    let sum = places.clone().fold([0.0; 2], |sum, p| [sum[0] + p[0], sum[1] + p[1]]);
+    let centre = sum.map(|sum| sum / count);
+    let squares: f64 = places.map(|p| distance(p, centre).powi(2)).sum();
+    (centre, (squares / count).sqrt())
+}
+
+/// Numbers of pulses by ascending time.
+fn by_time(pulses: &Pulses) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..pulses.pulses.len()).collect();
+    order.sort_by(|a, b| pulses.pulses[*a].time.total_cmp(&pulses.pulses[*b].time));
+    order
+}
+
+/// Scan angles of some pulses minus those of a cloud at the same time.
+pub(super) struct Angles<'p> {
+    pulses: &'p Pulses,
+    by_time: Vec<usize>,
+    /// Maximum time between the pulses before and after, s.
+    reach: f64,
+}
+
+impl<'p> Angles<'p> {
+    /// The scan angles of a cloud; `None` without any.
+    pub fn of(pulses: &'p Pulses) -> Option<Angles<'p>> {
+        /// Usual intervals between the pulses before and after.
+        const REACH: f64 = 3.0;
+        let mut intervals: Vec<f64> = pulses.intervals().map(|(time, _)| time).collect();
+        if intervals.is_empty() || !pulses.has_angles {
+            return None;
+        }
+        let middle = intervals.len() / 2;
+        let usual = *intervals.select_nth_unstable_by(middle, f64::total_cmp).1;
+        Some(Angles { pulses, by_time: by_time(pulses), reach: REACH * usual })
+    }
+
+    /// Scan angles of `others` minus those of the cloud, degrees, with the cloud's scan lines: of the pulse of the same time, if
+    /// possible of the same source, or else interpolated.
+    pub fn differences(&self, others: &[Pulse]) -> Vec<(f64, u32)> {
+        let difference = |pulse: &Pulse| {
+            let begin = self.by_time.partition_point(|i| self.pulses.pulses[*i].time < pulse.time);
+            let at_time = || {
+                let from_begin = self.by_time[begin..].iter();
+                from_begin.take_while(|i| self.pulses.pulses[**i].time == pulse.time)
+            };
+            let of_source = at_time().find(|i| self.pulses.pulses[**i].source == pulse.source);
+            match of_source.or_else(|| at_time().next()) {
+                Some(i) => Some((pulse.angle - self.pulses.pulses[*i].angle, self.pulses.line_of[*i])),
+                None => self.interpolated(pulse),
+            }
+        };
+        others.iter().filter_map(difference).collect()
+    }
+
+    /// Scan angles of the cloud's pulses minus those that follow from the pulses before and after, degrees, with their scan lines.
+    pub fn errors(&self) -> Vec<(f64, u32)> {
+        self.pulses.pulses.iter().filter_map(|pulse| self.interpolated(pulse)).collect()
+    }
+
+    /// The scan angle of a pulse minus that between the cloud's pulses before and after.
+    fn interpolated(&self, pulse: &Pulse) -> Option<(f64, u32)> {
+        let time_of = |i: &usize| self.pulses.pulses[*i].time;
+        let begin = self.by_time.partition_point(|i| time_of(i) < pulse.time);
+        let end = self.by_time.partition_point(|i| time_of(i) <= pulse.time);
+        let [before, after] = [self.by_time.get(begin.checked_sub(1)?)?, self.by_time.get(end)?];
+        let [a, b] = [before, after].map(|i| &self.pulses.pulses[*i]);
+        let line = self.pulses.line_of[*before];
+        let is_near = b.time - a.time <= self.reach && line == self.pulses.line_of[*after];
+        let share = (pulse.time - a.time) / (b.time - a.time);
+        is_near.then_some((pulse.angle - (a.angle + share * (b.angle - a.angle)), line))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::pulses::tests::{cut, recording};
+    use super::*;
+    use crate::cloud::Points;
+    use vlscan_formats::{AttributeSet, PointRow};
+
+    #[test]
+    fn scan_angles_are_compared_at_the_same_time() {
+        let points = recording(false, 0.01);
+        let cut = cut(&points);
+        let found = Pulses::of(&cut).unwrap();
+        let angles = Angles::of(&found).unwrap();
+        assert!(angles.differences(&found.pulses).iter().all(|(d, _)| *d == 0.0));
+        // Between neighbours the angle is linear, but for the steps of the times.
+        let errors = angles.errors();
+        assert!(errors.len() == 98 * 40 && errors.iter().all(|(d, _)| d.abs() < 0.02), "{}", errors.len());
+        let shifted: Vec<Pulse> =
+            found.pulses.iter().map(|pulse| Pulse { angle: pulse.angle + 0.03, ..*pulse }).collect();
+        let differences = angles.differences(&shifted);
+        assert!(differences.iter().all(|(d, _)| (d - 0.03).abs() < 1e-9), "{:?}", differences[0]);
+    }
+
+    #[test]
+    fn clocks_are_one_where_clouds_are_at_the_same_places_at_the_same_times() {
+        let points = recording(false, 0.01);
+        let changed = |change: &dyn Fn(&mut PointRow)| {
+            let mut changed = Points::new(AttributeSet::of(|_| true));
+            for i in 0..points.len() {
+                let mut row = PointRow {
+                    position: points.position(i),
+                    time: points.time_of(i).unwrap(),
+                    scan_angle: f64::from(points.scan_angle_of(i).unwrap()),
+                    return_number: points.return_number_of(i).unwrap(),
+                    number_of_returns: points.number_of_returns_of(i).unwrap(),
+                    leg: 706,
+                    ..PointRow::default()
+                };
+                change(&mut row);
+                changed.push(&row, None);
+            }
+            changed
+        };
+        let check = |other: &Points| {
+            let cuts = [&cut(&points), &cut(other)];
+            let pulses = cuts.map(|cut| Pulses::of(cut).unwrap());
+            check_clocks([&pulses[0], &pulses[1]], cuts)
+        };
+        assert_eq!(check(&points), Ok(()));
+        // Another instrument on the same flight: a few metres of 50 m of swath.
+        assert_eq!(check(&changed(&|row| row.position.x += 2.0)), Ok(()));
+        // The same strip, flown from the other end or later.
+        let refused = |change: &dyn Fn(&mut PointRow)| check(&changed(change)).unwrap_err();
+        let why = refused(&|row| row.position.y = 80.0 - row.position.y);
+        assert!(why.contains("clocks or flights differ"), "{why}");
+        assert!(refused(&|row| row.time += 0.2).contains("clocks or flights differ"));
+        assert!(refused(&|row| row.time += 604_800.0).contains("share no GPS times"));
+    }
+}
