@@ -111,7 +111,7 @@ pub const STREAMED_DIVERGENCE: Bounds = Bounds::new(0.0, 1.5, "a number of at le
 /// Maximum range of a scanner, m; any large number means none.
 pub const MAX_RANGE: Bounds = Bounds::new(1e-15, f64::MAX, "a number above 0");
 /// Atmospheric visibility, km; any large number means air without extinction.
-pub const VISIBILITY: Bounds = Bounds::new(1e-15, f64::MAX, "a number above 0");
+pub const VISIBILITY: Bounds = Bounds::new(1e-15, f64::MAX, "a number above 0").usually(0.01, f64::MAX, "km");
 /// A fraction above 0, for instance a reflectance.
 pub const FRACTION: Bounds = Bounds::new(1e-15, 1.0, "a fraction above 0, at most 1");
 /// Coordinates and differences of them, m: also of places on Earth that were written in millimetres.
@@ -125,6 +125,8 @@ pub const MAX_DURATION: f64 = 31.0 * 86_400.0;
 
 /// Mechanical and usable half angles of a mirror, degrees.
 pub const HALF_ANGLE: Bounds = NUMBER.usually(0.01, 360.0, "degrees");
+/// Largest half angles of a deflector, degrees; a negative limit would mirror the pattern.
+pub const HALF_ANGLE_LIMIT: Bounds = NOT_NEGATIVE.usually(0.01, 360.0, "degrees");
 /// Angles about an axis: of a head, of a mount, of a deflection, degrees.
 pub const ANGLE: Bounds = NUMBER.usually(1e-6, 1e5, "degrees");
 /// Turning rates of a head, degrees per second.
@@ -156,6 +158,14 @@ pub const RECEIVER_DIAMETER: Bounds = POSITIVE.usually(1e-4, 2.0, "m").mistaken_
 pub const ACCURACY: Bounds = NOT_NEGATIVE.usually(1e-6, 1.0, "m").mistaken_for("mm", 1e-3);
 /// Photoelectrons of an echo right at the threshold of a receiver.
 pub const THRESHOLD_PHOTONS: Bounds = Bounds::new(1.0, 1e6, "a whole number from 1 to 1000000");
+/// Standard deviation of a receiver's noise, W.
+pub const NOISE_POWER_W: Bounds = POSITIVE.usually(1e-15, 1e-3, "W").mistaken_for("nW", 1e-9);
+/// Photocurrent per optical power, A/W; avalanche photodiodes have up to about 100.
+pub const RESPONSIVITY: Bounds = POSITIVE.usually(1e-3, 200.0, "A/W").mistaken_for("mA/W", 1e-3);
+/// Electrical bandwidth of a receiver, Hz.
+pub const BANDWIDTH: Bounds = POSITIVE.usually(1e5, 1e11, "Hz").mistaken_for("MHz", 1e6);
+/// Range that an echo at the threshold is measured too far, m.
+pub const RANGE_WALK: Bounds = NUMBER.usually(1e-6, 5.0, "m").mistaken_for("mm", 1e-3);
 /// Share of echoes that a receiver loses.
 pub const DROPOUT_RATE: Bounds = Bounds::new(0.0, 0.999, "a share of at least 0, at most 0.999");
 /// Dead time of a receiver, ns.

@@ -84,6 +84,10 @@ pub(super) fn change_deflector(fields: &mut Fields, device: &mut Device, in_chan
     if device.scan_freq.1 > 0.0 {
         let limits = [K.scan_freq_min_hz, K.scan_freq_max_hz];
         fields.in_order(device.scan_freq, limits, ", or 0 for no limit");
+    } else if fields.has(K.scan_freq_max_hz) && device.scan_freq.0 > 0.0 {
+        let (low, least) = (fields.name(K.scan_freq_min_hz), number(device.scan_freq.0));
+        let message = format!("is 0, which means no limit, although `{low}` is {least}");
+        fields.warn(K.scan_freq_max_hz, &message);
     }
     let optics = device.deflector.optics();
     for (own, keys) in OWN_KEYS.iter().filter(|(own, _)| *own != optics) {
@@ -220,9 +224,18 @@ fn check_prism(fields: &Fields, keys: &[Key], prism: &Prism, air: f64) {
     fields.warn(at, &message);
 }
 
+/// Whether conic or line optics have an angle, or are on a head that turns them instead.
+fn can_deflect(device: &Device) -> bool {
+    device.scan_angle_max > 0.0 || device.head.max_rate > 0.0
+}
+
+/// Keys that decide whether a deflector deflects.
+pub(super) const DEFLECTING: [Key; 4] =
+    [K.optics, K.prisms, K.scan_angle_max_deg, K.scan_angle_effective_max_deg];
+
 /// Warns of a mirror or of prisms whose settings prevent all pulses or leave the beam as it is, and refuses a cone that XML
 /// describes incompletely.
-pub(super) fn check_deflector(fields: &Fields, device: &Device) {
+pub(super) fn check_deflector(fields: &Fields, device: &Device, in_channel: bool) {
     match &device.deflector {
         Deflector::EllipticConic { .. } if !fields.is_toml() => check_cone(fields, device),
         Deflector::Polygon { effective_max, .. } => {
@@ -236,6 +249,24 @@ pub(super) fn check_deflector(fields: &Fields, device: &Device) {
                 let message = format!("rotating optics without `{}` emit no pulses", fields.name(*key));
                 fields.context.warn(fields.place(*key), message);
             }
+        }
+        // Channels differ by their beams, which nothing has to deflect.
+        Deflector::Conic | Deflector::Fibres { .. } if !in_channel && !can_deflect(device) => {
+            let optics = device.deflector.optics();
+            let message = format!(
+                "{optics} optics without `{}` never deflect the beam: all pulses leave in one direction",
+                fields.name(K.scan_angle_max_deg)
+            );
+            fields.context.warn(fields.place(K.scan_angle_max_deg), message);
+        }
+        Deflector::Fibres { count: 1 }
+            if !in_channel && !fields.has(K.fibres) && device.head.max_rate == 0.0 =>
+        {
+            let message = format!(
+                "line optics without `{}` have a single fibre: all pulses leave in one direction",
+                fields.name(K.fibres)
+            );
+            fields.context.warn(fields.own_place(), message);
         }
         Deflector::Risley { prisms, air, .. } if !prisms.iter().any(|p| !is_flat(p) && p.index != *air) => {
             let (keys, help) = match fields.is_toml() {

@@ -10,8 +10,8 @@ use super::{
     Beam, BeamProfile, Deflector, Detector, Device, Formula, Head, MechanicalErrors, Mount, Receiver,
     ScanMotion, WaveformPlace, WaveformSettings,
 };
-use vlscan_base::quantity::NOT_NEGATIVE;
-use vlscan_geom::DVec3;
+use vlscan_base::quantity::{NOT_NEGATIVE, number};
+use vlscan_geom::{DVec3, degrees};
 
 const K: InstrumentKeys = InstrumentKeys::KEYS;
 
@@ -87,7 +87,11 @@ pub(super) fn change_device(fields: &mut Fields, device: &mut Device, in_channel
         }
     }
     fields.set_angle(K.head_rate_max_deg_per_s, &mut device.head.max_rate);
-    device.head.max_rate = device.head.max_rate.abs();
+    if device.head.max_rate < 0.0 {
+        device.head.max_rate = -device.head.max_rate;
+        let used = number(degrees(device.head.max_rate));
+        fields.warn(K.head_rate_max_deg_per_s, &format!("is below 0; its amount, {used} °/s, is the limit"));
+    }
     device.beam_origin = fields.pose(K.beam_origin).unwrap_or(device.beam_origin);
     if fields.is_toml() || in_channel {
         device.firing_offset =

@@ -170,15 +170,16 @@ impl Context {
             let what = id.map_or(format!("no <{kind}>"), |id| format!("no <{kind}> with the id `{id}`"));
             let ids: Vec<String> =
                 root.named(kind).filter_map(|e| e.value("id").map(str::to_owned)).collect();
-            let own =
-                id.and_then(|id| nearest(id, ids.iter().map(String::as_str)).map(|near| format!("`{near}`")));
+            let own = id.and_then(|id| {
+                nearest(id, ids.iter().map(String::as_str)).map(|near| format!("did you mean `{near}`?"))
+            });
             let is_instrument = matches!(kind, "scanner" | "platform");
             let shipped = || {
                 let near = like_built_in(self, kind, id.filter(|_| is_instrument)?)?;
-                Some(format!("`{near}` is in the catalogue"))
+                Some(format!("did you mean `{near}` of the catalogue?"))
             };
             let help = match own.or_else(shipped) {
-                Some(near) => format!("did you mean {near}?"),
+                Some(near) => near,
                 None if ids.is_empty() => format!("the file holds no <{kind}> at all"),
                 None => format!("the file holds: {}", shortened(&ids)),
             };

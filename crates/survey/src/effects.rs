@@ -60,6 +60,9 @@ impl LegCheck<'_> {
         if p.speed != DEFAULT_SPEED && p.speed != 0.0 && !has_waypoints {
             self.warn(LegKeys::KEYS.speed_m_per_s, &no_effect);
         }
+        if has_waypoints {
+            self.speed();
+        }
         if matches!(kind, PlatformKind::Interpolated(_)) {
             if p.position.length_squared() > 0.0 {
                 self.warn(
@@ -84,6 +87,25 @@ impl LegCheck<'_> {
             (p.yaw_at_departure.is_some(), YAW_AT_DEPARTURE),
         ];
         turns.into_iter().filter(|turn| turn.0).for_each(|turn| self.warn(turn.1, &no_effect));
+    }
+
+    /// Warns of a speed that does not lead to the next waypoint, and of one that is a default.
+    fn speed(&self) {
+        let (p, speed) = (&self.leg.platform, LegKeys::KEYS.speed_m_per_s);
+        let next = self.survey.legs.iter().find(|leg| leg.number > self.leg.number);
+        if !next.is_some_and(|next| next.platform.position != p.position) {
+            return;
+        }
+        if p.speed <= 0.0 {
+            let found = number(p.speed);
+            let consequence = match self.survey.platform.kind {
+                PlatformKind::LinearPath => "the platform does not move towards the next leg",
+                _ => "it limits nothing: the platform is as fast as its engine lets it",
+            };
+            self.warn(speed, format!("is {found} m/s, which is no speed; {consequence}"));
+        } else if !p.has_speed {
+            self.warn(speed, format!("is missing; {} m/s are used", number(DEFAULT_SPEED)));
+        }
     }
 
     fn head(&self) {
@@ -137,6 +159,15 @@ impl LegCheck<'_> {
             let reason = if only("risley") { "its prisms turn by themselves" } else { "it has no mirror" };
             self.warn(K.scan_freq_hz, format!("has no effect with this scanner: {reason}"));
         }
+        // The channels of a spinning sensor need no mirror.
+        let spins = self.survey.scanner.multi_channel && s.head_rate != 0.0;
+        let has_polygon = self.devices().iter().any(|d| matches!(d.deflector, Deflector::Polygon { .. }));
+        if s.scan_freq == 0.0 && has_polygon && !spins {
+            self.warn(
+                K.scan_freq_hz,
+                "is 0: the mirror stands still, and all pulses have one deflection angle",
+            );
+        }
         if s.scan_angle > 0.0 && only("risley") {
             self.warn(K.scan_angle_deg, "has no effect with this scanner: its prisms deflect the beam");
         }
@@ -163,6 +194,13 @@ impl LegCheck<'_> {
                 );
             }
             Deflector::Risley { .. } | Deflector::Oscillating { .. } => {}
+            Deflector::Conic | Deflector::EllipticConic { .. } | Deflector::Fibres { .. }
+                if max == 0.0 && angle > 0.0 =>
+            {
+                let message =
+                    "has no effect: the largest angle of the scanner is 0, so that its beam is not deflected";
+                self.warn(K.scan_angle_deg, message);
+            }
             _ if max > 0.0 && angle > max => {
                 let (angle, max) = (in_degrees(angle), in_degrees(max));
                 self.warn(

@@ -87,6 +87,7 @@ impl PlatformSettings {
             position,
             on_ground: false,
             speed: 70.0,
+            has_speed: false,
             stop_and_turn: true,
             smooth_turn: false,
             slowdown: true,

@@ -1,12 +1,13 @@
 //! Scanners and their channels, from XML and TOML (spec input-formats §6).
 
 use super::context::Context;
-use super::deflector::{check_deflector, leave_out_flat_prisms};
+use super::deflector::{DEFLECTING, check_deflector, leave_out_flat_prisms};
 use super::device::{MULTI_CHANNEL_PULSE_LENGTH, change_device, change_waveform_of};
 use super::documents::find_asset;
-use super::fields::Fields;
+use super::fields::{Fields, warn_of_repeated_keys};
 use super::keys::{AZIMUTHS, FIRING_OFFSETS, InstrumentKeys, ORIGIN_RADII};
 use super::ouster::{beam_pose, is_calibration, read_calibration};
+use super::scene_xml::warn_of_repeated_ids;
 use super::xml::Element;
 use super::{Deflector, Device, FigureSource, Scanner};
 use std::ops::RangeInclusive;
@@ -33,7 +34,7 @@ pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scann
     change_waveform_of(&mut fields, &mut base, pulse_length);
     let mut written = fields.written_keys(None);
     if is_known.is_some() && channels.is_none() {
-        check_deflector(&fields, &base);
+        check_deflector(&fields, &base, false);
     }
     fields.done(&["channels", "source"]);
     is_known?;
@@ -98,6 +99,7 @@ fn read_channels(
         return devices;
     }
     let elements: Vec<Element> = channels.named("channel").collect();
+    warn_of_repeated_ids(context, "channel", elements.iter().cloned());
     if elements.is_empty() {
         context.error(channels.place(), "<channels> needs at least one <channel>");
     }
@@ -110,7 +112,7 @@ fn read_channels(
         fields.ignore(&[K.name]);
         let why = "in a <channel>; that of the scanner applies to all channels";
         fields.without_effect(&[K.pulse_freqs_hz], why);
-        check_deflector(&fields, &device);
+        check_deflector(&fields, &device, true);
         written.extend(fields.written_keys(Some(index)));
         fields.done(&[]);
         Some(device)
@@ -300,17 +302,18 @@ pub(super) fn read_instrument(fields: &mut Fields, inherited: Option<Scanner>) -
                 "lists channels; leave out the `[[scanner.channel]]` tables or the list",
             );
         }
-        check_deflector(fields, &scanner.devices[0]);
+        check_deflector(fields, &scanner.devices[0], true);
         (scanner.devices, scanner.multi_channel) = (listed?, true);
     }
-    if channels.is_empty() && (fields.has(K.optics) || fields.has(K.prisms)) {
-        check_deflector(fields, &scanner.devices[0]);
+    if channels.is_empty() && DEFLECTING.iter().any(|key| fields.has(*key)) && !fields.has(K.elevations_deg) {
+        check_deflector(fields, &scanner.devices[0], false);
     }
     if !channels.is_empty() {
         let base = scanner.devices[0].clone();
         let read = |(index, fields): (usize, &mut Fields)| read_channel(fields, &base, index);
         scanner.devices = channels.iter_mut().enumerate().filter_map(read).collect();
         scanner.multi_channel = true;
+        warn_of_repeated_keys(&channels, K.id);
         for (index, fields) in channels.into_iter().enumerate() {
             scanner.written.extend(fields.written_keys(Some(index)));
             fields.done(&[]);
@@ -339,6 +342,6 @@ fn read_channel(fields: &mut Fields, base: &Device, index: usize) -> Option<Devi
     let mut device = base.clone();
     device.id = fields.text(K.id).unwrap_or_else(|| index.to_string());
     change_device(fields, &mut device, true)?;
-    check_deflector(fields, &device);
+    check_deflector(fields, &device, true);
     Some(device)
 }

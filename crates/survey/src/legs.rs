@@ -3,7 +3,7 @@
 use super::context::Context;
 use super::fields::{Fields, read_mount};
 use super::platform_xml::{mount_of_other, read_platform};
-use super::settings::{NO_LIMIT, PlatformLayer, ScannerLayer};
+use super::settings::{NO_LIMIT, PlatformLayer, ScannerLayer, warn_of_missing_coordinates};
 use super::templates::Templates;
 use super::trajectories::Trajectories;
 use super::xml::Element;
@@ -80,6 +80,7 @@ impl<'c> LegReader<'c> {
                         "`yawAtDeparture_deg` of this template has no effect: a leg needs one of its own";
                     self.context.warn(element.value_place("template"), message);
                 }
+                warn_of_missing_coordinates(self.context, &element);
                 PlatformLayer::read(self.context, &element, template.as_ref().unwrap_or(&default))
             }
         };
@@ -100,6 +101,7 @@ impl<'c> LegReader<'c> {
         let mut merged = layer.merged(template.as_ref(), &own);
         layer.report_unheeded(self.context, &element, &merged);
         if let Some(scanner) = self.scanner {
+            merged.report_zero_angle(self.context, scanner);
             merged.apply_resolution(&Fields::new(self.context, &element), scanner);
         }
         merged

@@ -88,7 +88,8 @@ pub use context::{ReadOptions, SceneChoice};
 pub use foreign::foreign_format;
 pub use formula::{Formula, FormulaError};
 pub use keys::{
-    INSTRUMENT_KEYS, Key, KeyTable, KeyUse, SURVEY_TABLES, WrittenKey, key_named, warn_of_unused_keys,
+    INSTRUMENT_KEYS, Key, KeyTable, KeyUse, SURVEY_TABLES, WrittenKey, key_named, named_as_in,
+    warn_of_unused_keys,
 };
 pub use model::*;
 pub use motions::rounded_steps;

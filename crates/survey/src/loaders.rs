@@ -1,8 +1,10 @@
 //! Parameters of the geometry loaders (spec input-formats §3.5, §4). Files are resolved here, not read.
 
 use super::fields::{Fields, Reading};
+use super::keys::Key;
 use super::{Loader, MaterialChoice, MeshReading, RasterFiles, UpAxis, VoxelLoader, VoxelMode, XyzLoader};
 use std::path::PathBuf;
+use vlscan_base::quantity::NOT_NEGATIVE;
 use vlscan_geom::{DVec3, direction};
 
 /// Types of filters that load geometry.
@@ -118,6 +120,9 @@ fn is_binary_cloud(extension: &std::ffi::OsStr) -> bool {
         .any(|e| extension.eq_ignore_ascii_case(e))
 }
 
+/// Columns of a cloud that hold its coordinates.
+const COORDINATES: [&str; 3] = ["x", "y", "z"];
+
 /// Three column numbers, which take effect only when the first of them is present.
 fn read_columns(params: &mut Fields, keys: [&'static str; 3], first: u32) -> Option<[usize; 3]> {
     let given = params.has(keys[0]);
@@ -128,13 +133,22 @@ fn read_columns(params: &mut Fields, keys: [&'static str; 3], first: u32) -> Opt
     let mut columns = [0; 3];
     for (column, (key, default)) in columns.iter_mut().zip(keys.iter().zip(first..)) {
         *column = params.count(*key, default) as usize;
+        if *column < COORDINATES.len() {
+            let axis = COORDINATES[*column];
+            params.warn(*key, &format!("is {column}, the column of {axis}: columns are counted from 0"));
+        }
+    }
+    for (i, key) in keys.iter().enumerate() {
+        if let Some(j) = (0..i).find(|&j| columns[j] == columns[i]) {
+            params.warn(*key, &format!("is {}, as `{}`: one column is read twice", columns[i], keys[j]));
+        }
     }
     Some(columns)
 }
 
 fn read_voxels(params: &mut Fields) -> Option<Loader> {
     let files = read_files(params);
-    let argument = params.optional("intersectionArgument");
+    let argument = params.optional(Key::attribute("intersectionArgument", &NOT_NEGATIVE));
     let drop_empty = !params.has("intersectionMode");
     let modes = [
         ("transmittive", VoxelMode::Transmittive),

@@ -149,13 +149,33 @@ fn direction(fields: &mut Fields, name: &'static str) -> Option<DVec3> {
     Some(direction)
 }
 
+/// A number of steps, 1 if none is given; 0 is never.
+pub(super) fn read_step(fields: &mut Fields, name: &'static str) -> u32 {
+    let steps = fields.count(name, 1);
+    if steps == 0 {
+        fields.warn(name, "is 0: it never happens");
+    }
+    steps
+}
+
 /// Reads the timing attributes of a `<part>`.
 pub(super) fn read_timing(fields: &mut Fields) -> MotionTiming {
     MotionTiming {
-        dyn_step: fields.count("dynStep", 1),
-        tree_step: fields.count("kdtDynStep", 1),
+        dyn_step: read_step(fields, "dynStep"),
+        tree_step: read_step(fields, "kdtDynStep"),
         dyn_time_step: positive_time(fields, "dynTimeStep"),
         tree_time_step: positive_time(fields, "kdtDynTimeStep"),
+    }
+}
+
+/// Warns of a moving part that the document gives no time step, so that it moves at every pulse. `scene` is its scene.
+fn check_steps(context: &Context, part: &Element, scene: &Element) {
+    if part.value(STEPS[0]).is_none() && scene.value(STEPS[0]).is_none() {
+        context.warn_help(
+            part.place(),
+            "this part moves at every pulse: neither it nor its scene says how often",
+            "give the <scene> a `dynTimeStep` in seconds, or `dynStep` in pulses; dynStep=\"1\" is every pulse",
+        );
     }
 }
 
@@ -165,7 +185,7 @@ const TIMES: [&str; 2] = ["dynTimeStep", "kdtDynTimeStep"];
 
 /// Warns of timing of a `<part>` that has no effect or is no whole number of the steps that it is counted in. `scene` is the
 /// `dynTimeStep` of the scene.
-pub(super) fn check_timing(context: &Context, part: &Element, scene: Option<f64>) {
+pub(super) fn check_timing(context: &Context, part: &Element, scene_element: &Element, scene: Option<f64>) {
     let unused = |names: &[&str], why: &str| {
         for name in names.iter().filter(|name| part.value(name).is_some()) {
             context.warn(part.name_place(name), format!("`{name}` has no effect {why}"));
@@ -175,6 +195,7 @@ pub(super) fn check_timing(context: &Context, part: &Element, scene: Option<f64>
         return unused(&[STEPS, TIMES].concat(), "on a part that does not move");
     }
     let Some(scene) = scene else {
+        check_steps(context, part, scene_element);
         return unused(&TIMES, "without a `dynTimeStep` of the <scene>");
     };
     unused(&STEPS, "beside the `dynTimeStep` of the <scene>");
@@ -197,9 +218,9 @@ pub fn rounded_steps(steps: f64, time: f64, step: f64) -> Option<String> {
     (whole != steps).then(|| format!("{time} s is {found} steps of {step} s; {counts}"))
 }
 
-/// A time step, s; `None` when it is missing or NaN.
+/// A time step, s; `None` when it is missing.
 pub(super) fn positive_time(fields: &mut Fields, name: &'static str) -> Option<f64> {
-    let time = fields.optional_or_nan(name)?;
+    let time = fields.optional(name)?;
     if time <= 0.0 {
         fields.refuse(name, "a number of seconds above 0");
         return None;

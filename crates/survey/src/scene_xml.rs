@@ -5,9 +5,10 @@ use super::fields::Fields;
 use super::instances::{Base, Row, read_table};
 use super::keys::Key;
 use super::loaders::{LOADERS, read_loader};
-use super::motions::{check_timing, positive_time, read_motions, read_timing};
+use super::motions::{check_timing, positive_time, read_motions, read_step, read_timing};
 use super::xml::Element;
 use super::{Loader, MeshReading, PartRecipe, SceneRecipe, Swap, Transform};
+use std::collections::HashSet;
 use vlscan_base::diag::{Place, nearest};
 use vlscan_base::quantity::COUNT_ABOVE_0;
 use vlscan_geom::DVec3;
@@ -15,20 +16,21 @@ use vlscan_geom::DVec3;
 pub(super) fn read_scene_element(context: &Context, element: &Element) -> Option<SceneRecipe> {
     let mut fields = Fields::new(context, element);
     let id = fields.text("id").unwrap_or_default();
-    let dyn_step = fields.count("dynStep", 1);
+    let dyn_step = read_step(&mut fields, "dynStep");
     let dyn_time_step = positive_time(&mut fields, "dynTimeStep");
     fields.ignore(&["name"]);
     fields.done(&["part"]);
     if dyn_time_step.is_some_and(|t| t > 1.0) {
         context.warn(element.value_place("dynTimeStep"), "the scene moves less than once per second");
     }
+    warn_of_repeated_ids(context, "part", element.named("part"));
     let mut parts = Vec::new();
     let mut number = 0;
     if dyn_time_step.is_some() && element.value("dynStep").is_some() {
         context.warn(element.name_place("dynStep"), "`dynStep` has no effect beside `dynTimeStep`");
     }
     for part in element.named("part") {
-        check_timing(context, &part, dyn_time_step);
+        check_timing(context, &part, element, dyn_time_step);
         let read = read_part(context, &part, number);
         // a skipped part still consumes its number
         number += u32::try_from(read.len().max(1)).unwrap_or(u32::MAX);
@@ -47,6 +49,18 @@ pub(super) fn read_scene_element(context: &Context, element: &Element) -> Option
         packed: None,
         asset_folders,
     })
+}
+
+/// Warns of elements that have the id of an earlier one, so that outputs cannot tell them apart.
+pub(super) fn warn_of_repeated_ids(context: &Context, what: &str, elements: impl Iterator<Item = Element>) {
+    let mut ids = HashSet::new();
+    for element in elements {
+        let Some(id) = element.value("id").filter(|id| !id.is_empty()) else { continue };
+        if !ids.insert(id.to_owned()) {
+            let message = format!("a second <{what}> has the id `{id}`: outputs cannot tell them apart");
+            context.warn(element.value_place("id"), message);
+        }
+    }
 }
 
 /// Reads a `<part>`: usually one recipe, none for a part without geometry, and one per file for a part without an id
@@ -249,7 +263,14 @@ fn read_swaps(context: &Context, part: &Element, on_ground: i64) -> Vec<Swap> {
         let mut fields = Fields::new(context, &element);
         let epochs = fields.count(Key::attribute("swapStep", &COUNT_ABOVE_0), 1);
         keep_crs = fields.flag("keepCRS", keep_crs);
-        let vanish = fields.text("force_null").is_some();
+        let force_null = fields.text("force_null");
+        if force_null.as_deref().is_some_and(|text| !matches!(text, "true" | "1")) {
+            fields.warn("force_null", "removes the part whatever its value, as in HELIOS++; expected true");
+        }
+        let vanish = force_null.is_some();
+        if vanish && element.child("filter").is_some() {
+            context.warn(element.place(), "the filters of this <swap> have no effect beside `force_null`");
+        }
         if fields.has("swapIndices") {
             let message = "`swapIndices` is not read; swaps follow one another in the order of the document";
             context.warn_help(

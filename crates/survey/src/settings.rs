@@ -7,7 +7,8 @@ use super::keys::{Key, LegKeys, SettingsKeys};
 use super::pulse_times::change_pulse_times;
 use super::trajectories::TrajectoryLayer;
 use super::xml::Element;
-use super::{Deflector, LegTrajectory, PlatformSettings, PulseTimes, Scanner, ScannerSettings};
+use super::{Deflector, Device, LegTrajectory, PlatformSettings, PulseTimes, Scanner, ScannerSettings};
+use vlscan_base::diag::Place;
 use vlscan_base::quantity::{ANGLE, Bounds, NUMBER, POSITIVE, number};
 use vlscan_geom::{DVec3, degrees, radians};
 
@@ -20,8 +21,6 @@ enum Kind {
     Number,
     /// Degrees; radians in the model.
     Angle,
-    /// As [`Kind::Angle`]; NaN unsets the value of a template.
-    Unsettable,
 }
 
 /// A setting: its key, how it is written, and its value.
@@ -39,6 +38,8 @@ macro_rules! settings {
             own_divergence: f64,
             /// When pulses leave, in place of a constant rate; only pipeline files say so.
             pulse_times: Option<PulseTimes>,
+            /// Where a scan angle of 0 is written, which counts as not given, and its name there.
+            zero_angle: Option<(Place, &'static str)>,
         }
 
         impl ScannerLayer {
@@ -49,6 +50,7 @@ macro_rules! settings {
                 $($field: $default,)*
                 own_divergence: f64::NAN,
                 pulse_times: None,
+                zero_angle: None,
             };
             const ROWS: &'static [Row] = &[$((K.$key, Kind::$kind, |layer| &mut layer.$field)),*];
         }
@@ -59,8 +61,8 @@ settings! {
     pulse_freq: pulse_freq_hz, Whole = 0.0;
     scan_freq: scan_freq_hz, Number = 0.0;
     scan_angle: scan_angle_deg, Angle = 0.0;
-    vertical_min: vertical_angle_min_deg, Unsettable = f64::NAN;
-    vertical_max: vertical_angle_max_deg, Unsettable = f64::NAN;
+    vertical_min: vertical_angle_min_deg, Angle = f64::NAN;
+    vertical_max: vertical_angle_max_deg, Angle = f64::NAN;
     head_rate: head_rate_deg_per_s, Angle = 0.0;
     head_start: head_start_deg, Angle = 0.0;
     head_stop: head_stop_deg, Angle = 0.0;
@@ -127,11 +129,7 @@ impl ScannerLayer {
                     let bounds = if fields.is_toml() { key.bounds } else { &PULSE_FREQ_OR_0 };
                     *value = f64::from(fields.count(Key { bounds, ..key }, *value as u32));
                 }
-                Kind::Unsettable if fields.is_nan(key) => {
-                    fields.ignore(&[key]);
-                    *value = f64::NAN;
-                }
-                Kind::Angle | Kind::Unsettable => fields.set_angle(key, value),
+                Kind::Angle => fields.set_angle(key, value),
                 // XML has a number for "no limit".
                 Kind::Number if fields.is_toml() && key == K.max_duration_s => {
                     fields.set(Key { bounds: &POSITIVE, ..key }, value);
@@ -141,6 +139,10 @@ impl ScannerLayer {
         }
         if fields.is_toml() {
             change_pulse_times(fields, &mut self.pulse_times);
+        }
+        if fields.has(K.scan_angle_deg) {
+            let written = || (fields.place(K.scan_angle_deg), fields.name(K.scan_angle_deg));
+            self.zero_angle = (self.scan_angle == 0.0).then(written);
         }
         self.read_duration(fields);
         if fields.has(K.beam_divergence_rad) {
@@ -207,7 +209,7 @@ impl ScannerLayer {
             let name = key.attribute;
             let [written, used] = [&mut own, &mut merged].map(|layer| match *value_of(layer) {
                 angle if angle.is_nan() => "none".to_owned(),
-                angle if matches!(kind, Kind::Angle | Kind::Unsettable) => number(degrees(angle)),
+                angle if kind == Kind::Angle => number(degrees(angle)),
                 value => number(value),
             });
             if element.value(name).is_some() && written != used {
@@ -216,6 +218,35 @@ impl ScannerLayer {
                 );
                 context.warn(element.value_place(name), message);
             }
+        }
+    }
+
+    /// Warns of a scan angle of 0 where the widest of the scanner takes its place.
+    pub fn report_zero_angle(&self, context: &Context, scanner: &Scanner) {
+        let Some((place, name)) = self.zero_angle.clone().filter(|_| self.active && self.scan_angle == 0.0)
+        else {
+            return;
+        };
+        let has_window = !self.vertical_min.is_nan() && !self.vertical_max.is_nan();
+        let widest = |device: &Device| match device.deflector {
+            Deflector::Polygon { .. } if has_window => 0.0,
+            Deflector::Polygon { effective_max, .. } => effective_max.min(device.scan_angle_max),
+            Deflector::Conic | Deflector::EllipticConic { .. } | Deflector::Fibres { .. } => {
+                device.scan_angle_max
+            }
+            // An oscillating mirror needs one, prisms have none.
+            _ => 0.0,
+        };
+        let widest = scanner.devices.iter().map(widest).fold(0.0, f64::max);
+        if widest > 0.0 {
+            let widest = number(degrees(widest));
+            let message =
+                format!("`{name}` of 0 counts as not given; the scanner's {widest} degrees are used");
+            context.warn_help(
+                place,
+                message,
+                "for a single line give the smallest angle that you mean, such as 0.01",
+            );
         }
     }
 
@@ -282,6 +313,18 @@ impl ScannerLayer {
     }
 }
 
+/// Warns of a place of which some coordinates are given and others are missing, unless a template may have them.
+pub(super) fn warn_of_missing_coordinates(context: &Context, element: &Element) {
+    let on_ground = matches!(element.value("onGround"), Some(value) if !matches!(value, "false" | "0"));
+    let missing: Vec<&str> =
+        ["x", "y", "z"].into_iter().filter(|name| element.value(name).is_none()).collect();
+    let is_partial = missing.len() < 3 && missing.iter().any(|name| *name != "z" || !on_ground);
+    if is_partial && element.value("template").is_none() {
+        let (names, is) = (missing.join("` and `"), if missing.len() == 1 { "is" } else { "are" });
+        context.warn(element.place(), format!("`{names}` of the platform {is} missing; 0 is used"));
+    }
+}
+
 /// Platform settings as written.
 #[derive(Clone, Debug)]
 pub(super) struct PlatformLayer {
@@ -307,18 +350,20 @@ impl PlatformLayer {
         if smooth_turn && matches!(element.value("stopAndTurn"), Some("true" | "1")) {
             fields.warn("stopAndTurn", "has no effect beside `smoothTurn`");
         }
+        let speed_is_given = fields.has(keys.speed_m_per_s);
         let DVec3 { x, y, z } = default.position;
         let position = [("x", x), ("y", y), ("z", z)].map(|(name, default)| fields.number(name, default));
         let settings = PlatformSettings {
             position: DVec3::from(position),
             on_ground: fields.flag(keys.on_ground, default.on_ground),
             speed: fields.number(keys.speed_m_per_s, default.speed),
+            has_speed: default.has_speed || speed_is_given,
             // A template with smooth turns passes on that the platform does not stop.
             stop_and_turn: fields.flag("stopAndTurn", default.stop_and_turn) && !smooth_turn,
             smooth_turn,
             slowdown: fields.flag("slowdownEnabled", default.slowdown),
             // Takes effect only in the leg's own element, not in a template.
-            yaw_at_departure: fields.optional_or_nan(YAW_AT_DEPARTURE).map(radians),
+            yaw_at_departure: fields.optional(YAW_AT_DEPARTURE).map(radians),
             trajectory: None,
             mount: None,
         };

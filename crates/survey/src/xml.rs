@@ -29,6 +29,8 @@ struct Node {
     attributes: Vec<Attribute>,
     children: Vec<usize>,
     content: String,
+    /// Range of the first text between its children that is not blank, bytes.
+    text: Option<Range<usize>>,
 }
 
 #[derive(Debug)]
@@ -151,9 +153,19 @@ fn flatten(tree: &roxmltree::Document) -> Vec<Node> {
             attributes: attributes.collect(),
             children: Vec::new(),
             content: element.text().unwrap_or_default().to_owned(),
+            text: element.children().find_map(visible_text),
         });
     }
     nodes
+}
+
+/// The range of a text node without the blanks around it, unless it is blank.
+fn visible_text(node: roxmltree::Node) -> Option<Range<usize>> {
+    let text = node.text().filter(|text| node.is_text() && !text.trim().is_empty())?;
+    let (at, start) = (node.range(), text.len() - text.trim_start().len());
+    // Entities make the written text longer than the decoded one.
+    let length = text.trim().len().min(at.len().saturating_sub(start));
+    Some(at.start + start..at.start + start + length)
 }
 
 /// Byte offset of a row and column, both from 1, columns in characters.
@@ -207,6 +219,12 @@ impl Element {
 
     pub fn child(&self, name: &str) -> Option<Element> {
         self.children().find(|c| c.name() == name)
+    }
+
+    /// The first text between its children that is not blank, as written, and its place.
+    pub fn stray_text(&self) -> Option<(&str, Place)> {
+        let at = self.node().text.as_ref()?;
+        Some((self.document.text.get(at.clone())?, self.document.place(at)))
     }
 
     /// Text before the first child element.

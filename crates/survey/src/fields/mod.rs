@@ -282,6 +282,7 @@ impl<'c> Fields<'c> {
                 }
                 let children = [&self.known_children, children].concat();
                 self.report_repeated(element, &children);
+                self.report_text(element);
                 let unknown = element.children().filter(|c| !children.contains(&c.name()));
                 for child in unknown.take(MAX_UNKNOWN_CHILDREN) {
                     let message = format!("unknown element <{}> in <{tag}> is ignored", child.name());
@@ -305,6 +306,17 @@ impl<'c> Fields<'c> {
                 }
             }
         }
+    }
+
+    /// Warns of text between the children of an element, which has none: perhaps a tag that lost its `<`.
+    fn report_text(&self, element: &Element) {
+        let Some((text, place)) = element.stray_text() else { return };
+        let message = format!("text in <{}> is ignored: `{}`", element.name(), shortened(text));
+        let help = match text.contains('=') || text.contains('>') {
+            true => "did an element lose its `<`?",
+            false => "values stand in attributes; a comment stands between <!-- and -->",
+        };
+        self.context.warn_help(place, message, help);
     }
 
     /// Warns of second children of a kind of which the first one counts.
@@ -419,8 +431,28 @@ impl<'c> Fields<'c> {
     }
 }
 
+/// Warns of tables whose text of a key, an id, is that of an earlier one, so that outputs cannot tell them apart.
+pub(super) fn warn_of_repeated_keys(tables: &[Fields], key: Key) {
+    let mut ids = HashSet::new();
+    for table in tables {
+        let Some(text) = table.written_text(table.name(key)) else { continue };
+        if !ids.insert(text) {
+            table.warn(key, &format!("of {text} occurs twice: outputs cannot tell them apart"));
+        }
+    }
+}
+
 /// The hint for a number with a decimal comma.
 const DECIMAL_POINT: &str = "numbers have a decimal point, not a comma";
+
+/// The beginning of a text, for messages.
+fn shortened(text: &str) -> String {
+    const MAX_CHARACTERS: usize = 40;
+    match text.char_indices().nth(MAX_CHARACTERS) {
+        Some((end, _)) => format!("{} …", text[..end].trim_end()),
+        None => text.to_owned(),
+    }
+}
 
 /// The hint "did you mean …", or an empty text.
 pub(super) fn meant(word: &str, known: &[&'static str]) -> String {

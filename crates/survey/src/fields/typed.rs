@@ -94,22 +94,6 @@ impl<'c> Fields<'c> {
         number
     }
 
-    /// As [`Fields::optional`]; NaN in XML means "not set".
-    pub fn optional_or_nan(&mut self, key: impl Into<Key>) -> Option<f64> {
-        let key = key.into();
-        if self.is_nan(key) {
-            self.ignore(&[key]);
-            return None;
-        }
-        self.optional(key)
-    }
-
-    /// Whether an attribute is NaN, which unsets values.
-    pub fn is_nan(&self, key: impl Into<Key>) -> bool {
-        let text = self.written_text(self.name(key)).filter(|_| !self.is_toml());
-        text.and_then(|text| text.parse().ok()).is_some_and(f64::is_nan)
-    }
-
     /// Whether an attribute is infinite, as "unlimited" may be written out.
     pub fn is_infinite(&mut self, key: Key) -> bool {
         let text = self.written_text(self.name(key)).filter(|_| !self.is_toml());

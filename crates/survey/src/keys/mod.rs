@@ -140,6 +140,31 @@ pub(crate) fn key_of_attribute(name: &str) -> Option<&'static Key> {
     keys.find(|known| !name.is_empty() && known.attribute == name)
 }
 
+/// `text` with the keys of pipeline files in place of the attributes of XML that it names, if `place` is in such a file.
+pub fn named_as_in(place: Option<&Place>, text: &str) -> String {
+    let is_toml =
+        place.is_some_and(|place| place.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")));
+    if !is_toml {
+        return text.to_owned();
+    }
+    let tables = [SettingsKeys::ALL, LegKeys::ALL, InstrumentKeys::ALL];
+    let is_part = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let key_of = |word: &str| {
+        let mut keys = tables.iter().flat_map(|keys| keys.iter());
+        // Short names such as `x` are words of English, too.
+        keys.find(|key| key.attribute == word && word.chars().any(char::is_uppercase) && !key.key.is_empty())
+    };
+    let mut named = String::new();
+    let mut rest = text;
+    while let Some(first) = rest.chars().next() {
+        let end = rest.find(|c: char| is_part(c) != is_part(first)).unwrap_or(rest.len());
+        let (word, after) = rest.split_at(end);
+        named += key_of(word).map_or(word, |key| key.key);
+        rest = after;
+    }
+    named
+}
+
 /// A key as the user wrote it.
 #[derive(Clone, Debug)]
 pub struct WrittenKey {

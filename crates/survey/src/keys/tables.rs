@@ -194,14 +194,14 @@ keys! {
         /// Pulse frequencies in Hz; the first is the default of a leg. Not in channels.
         pulse_freqs_hz = "pulseFreqs_Hz";
         /// Largest mechanical half angle, degrees.
-        scan_angle_max_deg = "scanAngleMax_deg" in HALF_ANGLE;
+        scan_angle_max_deg = "scanAngleMax_deg" in HALF_ANGLE_LIMIT;
         /// Largest usable half angle, degrees; `rotating` only. Default: the mechanical one.
-        scan_angle_effective_max_deg = "scanAngleEffectiveMax_deg" in HALF_ANGLE;
+        scan_angle_effective_max_deg = "scanAngleEffectiveMax_deg" in HALF_ANGLE_LIMIT;
         /// Angles in degrees by which the facets of the mirror turn the beam towards +x, along its axis, in the order in which they
         /// come into the beam: each line is a cone around the axis; `rotating` only. Default: all lines are plane.
         facet_tilts_deg = "facetTilts_deg";
         /// Largest half angle of an elliptic cone along the flight, degrees; `conic` only. Default: a circular cone.
-        scan_angle_along_max_deg = "scanAngleAlongMax_deg" in HALF_ANGLE;
+        scan_angle_along_max_deg = "scanAngleAlongMax_deg" in HALF_ANGLE_LIMIT;
         /// The deflector turns, swings or steps the other way. Default: false.
         scan_reverse = "scanReverse";
         /// Place of the deflector in its revolution or period at the first pulse of a leg, where it restarts, degrees from 0 to 360
@@ -282,7 +282,7 @@ keys! {
         max_range = "maxRange", With("receiver");
         /// Noise of detector and amplifier: standard deviation of a sample, W (noise equivalent power); refined physics.
         /// Default: no noise.
-        nep_w = "nep_W" in POSITIVE, With("receiver");
+        nep_w = "nep_W" in NOISE_POWER_W, With("receiver");
         /// The same noise by a target and the ratio of its echo's peak to it: `{ range_m = 100, reflectance = 0.2, value = 20
         /// }`; refined physics.
         snr = "snr", With("receiver");
@@ -290,14 +290,14 @@ keys! {
         background_w = "background_W" in NOT_NEGATIVE, With("receiver");
         /// Photocurrent per optical power, A/W; makes shot noise of background light and echoes; refined physics. Default: no
         /// shot noise.
-        responsivity_a_per_w = "responsivity_A_per_W" in POSITIVE, With("receiver");
+        responsivity_a_per_w = "responsivity_A_per_W" in RESPONSIVITY, With("receiver");
         /// Electrical bandwidth of the receiver, Hz; refined physics. Default: 0.44 over the pulse's width at half maximum.
-        bandwidth_hz = "bandwidth_Hz" in POSITIVE, With("receiver");
+        bandwidth_hz = "bandwidth_Hz" in BANDWIDTH, With("receiver");
         /// Amplitude at which the receiver saturates, W; refined physics. Default: never.
         saturation_w = "saturation_W" in POSITIVE, With("receiver");
         /// Range that an echo right at the threshold is measured too far, m; stronger ones in proportion to threshold over
         /// amplitude; refined physics. Default: 0.
-        range_walk_m = "rangeWalk_m", With("receiver");
+        range_walk_m = "rangeWalk_m" in RANGE_WALK, With("receiver");
         /// Samples lie on a grid of bins counted from the emission, instead of beginning with the first return; refined
         /// physics. Default: false.
         digitiser_clock = "digitiserClock", With("receiver");

@@ -261,6 +261,8 @@ pub struct PlatformSettings {
     pub on_ground: bool,
     /// Speed, m/s.
     pub speed: f64,
+    /// Whether the speed is written, and not the default.
+    pub has_speed: bool,
     /// Multicopter: stop and turn at the waypoint.
     pub stop_and_turn: bool,
     /// Multicopter: curve through the waypoint.

@@ -19,7 +19,7 @@ fn fine(scanner: &str) -> Scanner {
 
 #[test]
 fn defaults() {
-    let scanner = fine("<scanner id='mine' optics='conic' pulseFreqs_Hz='5, 10'/>");
+    let scanner = fine("<scanner id='mine' optics='conic' scanAngleMax_deg='30' pulseFreqs_Hz='5, 10'/>");
     let d = &scanner.devices[0];
     assert_eq!((scanner.pulse_freqs.as_slice(), scanner.multi_channel), (&[5, 10][..], false));
     assert_eq!((d.beam.divergence, d.beam.pulse_length, d.beam.wavelength), (0.0003, 4.0, 1064.0));
@@ -249,7 +249,7 @@ fn rotation_groups() {
     // spec input-formats §1.5 and kinematics §0.4
     let mount = |attributes: &str| {
         let scanner = fine(&format!(
-            "<scanner id='mine' optics='conic' pulseFreqs_Hz='5'><beamOrigin {attributes}>
+            "<scanner id='mine' optics='conic' scanAngleMax_deg='30' pulseFreqs_Hz='5'><beamOrigin {attributes}>
                <rot axis='Z' angle_deg='90'/><rot axis='x' angle_deg='0'/><rot axis='y' angle_deg='-30'/></beamOrigin></scanner>"
         ));
         scanner.devices[0].beam_origin.rotation.forward()

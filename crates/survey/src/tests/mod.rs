@@ -9,6 +9,7 @@ use vlscan_base::error::Error;
 mod conformance;
 mod hostile;
 mod instruments;
+mod limits;
 mod ouster;
 mod pulse_times;
 mod receivers;

@@ -5,8 +5,8 @@ use super::*;
 /// The settings of the legs of a pipeline with these keys in `[settings]` and in those of its first leg.
 fn settings(common: &str, own: &str) -> vlscan_base::Result<(Vec<ScannerSettings>, Diagnostics)> {
     let text = format!(
-        "scene = \"a.obj\"\n[platform]\nkind = \"linear_path\"\n[scanner]\noptics = \"conic\"\npulse_freqs_hz = [5000]\n\
-         [settings]\n{common}\n[[leg]]\nposition_m = [0, 0, 0]\n[leg.settings]\nscan_freq_hz = 1\n{own}\n\
+        "scene = \"a.obj\"\n[platform]\nkind = \"linear_path\"\n[scanner]\noptics = \"conic\"\nscan_angle_max_deg = 30\npulse_freqs_hz = [5000]\n\
+         [settings]\n{common}\n[[leg]]\nposition_m = [0, 0, 0]\nspeed_m_per_s = 70\n[leg.settings]\nscan_freq_hz = 1\n{own}\n\
          [[leg]]\nposition_m = [5, 0, 0]\nactive = false\n"
     );
     let files = [

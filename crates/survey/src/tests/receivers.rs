@@ -6,8 +6,9 @@ const PULSE: &str = "ns, power\n0, 0\n1, 5\n3, 0\n";
 
 /// The scanner of a survey with these attributes and children of the scanner, and this content of the survey.
 fn of_xml(attributes: &str, children: &str, survey: &str) -> vlscan_base::Result<(Scanner, Diagnostics)> {
-    let scanner =
-        format!("<scanner id='mine' optics='conic' pulseFreqs_Hz='5' {attributes}>{children}</scanner>");
+    let scanner = format!(
+        "<scanner id='mine' optics='conic' scanAngleMax_deg='30' pulseFreqs_Hz='5' {attributes}>{children}</scanner>"
+    );
     let leg = format!("{survey}<leg><platformSettings/><scannerSettings active='0'/></leg>");
     let text = document(&scanner, "platform='plane'", &leg).replace("scanner='mirror'", "scanner='mine'");
     let folder =
@@ -19,7 +20,7 @@ fn of_xml(attributes: &str, children: &str, survey: &str) -> vlscan_base::Result
 fn of_toml(keys: &str) -> vlscan_base::Result<(Scanner, Diagnostics)> {
     let text = format!(
         "scene = \"a.obj\"\n[[leg]]\nposition_m = [0, 0, 0]\nactive = false\n[platform]\nkind = \"linear_path\"\n\
-         [scanner]\noptics = \"conic\"\npulse_freqs_hz = [5]\n{keys}"
+         [scanner]\noptics = \"conic\"\nscan_angle_max_deg = 30\npulse_freqs_hz = [5]\n{keys}"
     );
     let folder =
         Folder::new(&[("p.toml", &text), ("a.obj", ""), ("pulse.csv", PULSE), ("bad.csv", "0 1\n1\n")]);

@@ -39,11 +39,11 @@ fn of_xml(attributes: &str) -> vlscan_base::Result<(Device, Diagnostics)> {
 #[test]
 fn every_key_in_both_formats() {
     let (toml, warnings) = of_toml(
-        "optics = \"conic\"\nscan_reverse = true\nscan_phase_deg = -30\nscan_axis_tilt_deg = [0.5, -1]\nscan_wander = \"w.txt\"\n",
+        "optics = \"conic\"\nscan_angle_max_deg = 30\nscan_reverse = true\nscan_phase_deg = -30\nscan_axis_tilt_deg = [0.5, -1]\nscan_wander = \"w.txt\"\n",
     )
     .unwrap();
     let (xml, more) = of_xml(
-        "optics='conic' scanReverse='true' scanPhase_deg='330' scanAxisTilt_deg='0.5;-1' scanWander='w.txt'",
+        "optics='conic' scanAngleMax_deg='30' scanReverse='true' scanPhase_deg='330' scanAxisTilt_deg='0.5;-1' scanWander='w.txt'",
     )
     .unwrap();
     assert!(warnings.is_empty() && more.is_empty());
@@ -75,7 +75,7 @@ fn what_cannot_be_is_named_with_its_place() {
         ("optics = \"conic\"\nscan_wander = 3\n", "expected a text in quotes"),
         ("optics = \"conic\"\nscan_axis_tilt_deg = [1]\n", "two angles between -90 and 90"),
         ("optics = \"conic\"\nscan_axis_tilt_deg = [1, 95]\n", "two angles between -90 and 90"),
-        ("optics = \"conic\"\nscan_reverse = 1\n", "expected"),
+        ("optics = \"conic\"\nscan_angle_max_deg = 30\nscan_reverse = 1\n", "expected"),
         ("optics = \"conic\"\nscan_phase_deg = \"up\"\n", "expected"),
     ] {
         contains(&refused(of_toml(keys)), &[message, "^"]);

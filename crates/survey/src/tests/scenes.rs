@@ -321,7 +321,7 @@ fn axes_named_after_attitudes_repeat_the_rotation_before() {
 fn swaps() {
     let ground = param("int", "onGround", "1");
     let scene = clean_scene(&format!(
-        "<part>{0}{1}<swap swapStep='2' keepCRS='false'>{1}{2}</swap><swap force_null='false'>{0}</swap><swap>{0}</swap></part>",
+        "<part>{0}{1}<swap swapStep='2' keepCRS='false'>{1}{2}</swap><swap force_null='true'/><swap>{0}</swap></part>",
         obj(),
         scale("2"),
         filter("translate", &(param("vec3", "offset", "1;2;3") + &ground)),

@@ -12,7 +12,7 @@ fn model(survey: &Survey) -> String {
 }
 
 /// What became of a document: its model and its warnings, or `None` if it was refused.
-fn read(text: &str) -> Option<(String, String)> {
+pub(super) fn read(text: &str) -> Option<(String, String)> {
     let folder = Folder::new(&[("survey.xml", text), ("a.obj", ""), ("way.txt", "")]);
     let (survey, warnings) = folder.read(&ReadOptions::default()).ok()?;
     Some((model(&survey), warnings.render(false)))
@@ -158,7 +158,7 @@ const MOTION: &[(&str, &str)] = &[
 ];
 
 /// Optics as the smallest scanners that have them.
-const OPTICS: [&str; 5] = [
+pub(super) const OPTICS: [&str; 5] = [
     "optics='rotating' scanAngleMax_deg='60' scanAngleEffectiveMax_deg='50'",
     "optics='oscillating' scanAngleMax_deg='60'",
     "optics='conic' scanAngleMax_deg='60'",
@@ -172,7 +172,7 @@ fn without(optics: &str, name: &str) -> String {
     words.collect::<Vec<_>>().join(" ")
 }
 
-fn survey(scanner: &str, platform: &str, extra: &str, attributes: &str, content: &str) -> String {
+pub(super) fn survey(scanner: &str, platform: &str, extra: &str, attributes: &str, content: &str) -> String {
     let assets = format!("{PLATFORMS}<platform id='mine' {platform}</platform>{SCENE}{extra}");
     format!(
         "<document>{assets}<scanner id='own' pulseFreqs_Hz='100000,300000' {scanner}</scanner>\n\
@@ -181,7 +181,7 @@ fn survey(scanner: &str, platform: &str, extra: &str, attributes: &str, content:
 }
 
 /// Two legs with these settings, whose scan is within the limits of every scanner above.
-fn legs(platform: &str, scanner: &str) -> String {
+pub(super) fn legs(platform: &str, scanner: &str) -> String {
     let leg = |x: u32| {
         format!(
             "<leg><platformSettings x='{x}' {platform}/><scannerSettings scanFreq_hz='50' scanAngle_deg='10' \
@@ -279,9 +279,7 @@ fn every_attribute_has_an_effect_or_is_warned_of() {
 
 /// Values that mean "not given" or are the default, by what they are written in.
 fn means_nothing(name: &str, value: &str) -> bool {
-    let unset_by_nan = ["verticalAngleMin_deg", "verticalAngleMax_deg", "yawAtDeparture_deg"];
-    let no_limit = (name == "maxDuration_s" && value == "-1") || (name == "rangeMax_m" && value == "inf");
-    no_limit || value == "NaN" && unset_by_nan.contains(&name)
+    (name == "maxDuration_s" && value == "-1") || (name == "rangeMax_m" && value == "inf")
 }
 
 #[test]

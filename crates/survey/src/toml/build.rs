@@ -222,6 +222,7 @@ fn read_leg(
     }
     let mut settings = PlatformSettings::at(table.vector(keys.position_m).unwrap_or(DVec3::ZERO));
     settings.on_ground = table.flag(keys.on_ground, false);
+    settings.has_speed = table.has(keys.speed_m_per_s);
     table.set(keys.speed_m_per_s, &mut settings.speed);
     settings.mount = table.pose(keys.mount);
     let other = named_asset(table, keys.platform, "platform").and_then(|e| read_platform(table.context, &e));
@@ -278,6 +279,7 @@ fn set_legs(
         if let Some(table) = [own.as_deref(), common.as_deref()].into_iter().flatten().find(said) {
             layer.apply_resolution(table, &survey.scanner);
         }
+        layer.report_zero_angle(context, &survey.scanner);
         leg.scanner = layer.resolved();
     }
     if !options.is_traced {

@@ -1,6 +1,6 @@
 //! The `[[part]]` tables: a scene in a pipeline file.
 
-use super::super::fields::Fields;
+use super::super::fields::{Fields, warn_of_repeated_keys};
 use super::super::foreign::MESH_ENDINGS;
 use super::super::keys::{MaterialKeys, PartKeys};
 use super::super::rasters::is_raster;
@@ -16,6 +16,7 @@ use vlscan_geom::{DVec3, radians};
 
 /// The scene of these parts. Problems are recorded; parts that cannot be read are left out.
 pub(super) fn read_parts(fields: &Fields, source: &Source, tables: Vec<Fields>) -> SceneRecipe {
+    warn_of_repeated_keys(&tables, PartKeys::KEYS.id);
     let read = |(mut table, number): (Fields, u32)| {
         let part = read_part(&mut table, number);
         table.done(&[]);
