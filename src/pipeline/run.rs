@@ -60,7 +60,9 @@ impl Session {
         let (flight, is_doubted) = self.plan_checked_flight(control.stop)?;
         let is_reported = Arc::new(AtomicBool::new(is_doubted));
         let mut poses = self.open_poses()?;
-        if let PlatformKind::Stream(stream) = &self.survey().platform.kind {
+        if let PlatformKind::Stream(stream) = &self.survey().platform.kind
+            && !plausibility::is_recording(stream)
+        {
             let bounds = self.scene().bounds.translated(self.scene().shift);
             let mut check = PoseCheck::new(stream, bounds, is_reported.clone());
             poses = poses.map(|poses| poses.on_pose(move |seen| check.add(seen)));
@@ -121,12 +123,20 @@ impl Session {
             self.notify(Notice::Note(note));
         }
         self.check_instrument()?;
-        let found = plausibility::check_flight(self.survey(), self.scene(), self.tree()?, &flight);
+        let is_doubted = self.check_flight(&flight, stop)?;
+        Ok((flight, is_doubted))
+    }
+
+    /// Checks a flight over the scene of the first epoch and reports what is hardly intended. Returns whether anything is.
+    pub(super) fn check_flight(&self, flight: &FlightPlan, stop: &Stop) -> Result<bool> {
+        let (survey, scene, tree) = (self.survey(), self.scene(), self.tree()?);
+        let mut found = plausibility::check_flight(survey, scene, tree, flight);
+        found.extend(plausibility::check_recording(survey, scene, tree, flight, &|| stop.is_requested()));
         self.check_tiles()?;
         let found = found.finish(self.settings().strict)?;
         let is_doubted = !found.is_empty();
         self.notify(Notice::Warnings(found));
-        Ok((flight, is_doubted))
+        Ok(is_doubted)
     }
 
     /// What outputs depend on.
@@ -142,6 +152,8 @@ impl Session {
         if self.has_spectra() && !physics.corrections.channel_spectra {
             found.extend(plausibility::check_wavelengths(survey));
         }
+        found.extend(plausibility::check_noise(survey, physics));
+        found.extend(plausibility::check_energy_model(survey, physics));
         self.notify(Notice::Warnings(found.finish(*strict)?));
         Ok(())
     }

@@ -103,7 +103,8 @@ impl Scan {
     /// Adds positions through which the platform moves in straight lines, world coordinates, m, at a speed in m/s. It measures
     /// from the first one to the last.
     pub fn path(mut self, positions: impl IntoIterator<Item = DVec3>, speed: f64) -> Scan {
-        let settings = |position| PlatformSettings { speed, ..PlatformSettings::at(position) };
+        let settings =
+            |position| PlatformSettings { speed, has_speed: true, ..PlatformSettings::at(position) };
         self.waypoints.extend(positions.into_iter().map(settings));
         self
     }

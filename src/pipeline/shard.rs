@@ -4,7 +4,6 @@ use super::chunk;
 use super::crs;
 use super::fly::fly;
 use super::pass::RunContext;
-use super::plausibility;
 use super::run::{Epochs, Report};
 use super::session::Session;
 use super::settings::Settings;
@@ -297,9 +296,7 @@ impl ShardRunner<'_> {
         }
         self.session.check_instrument()?;
         self.session.enter_epoch(0, stop)?;
-        let (settings, scene) = (self.session.settings(), self.session.scene());
-        let found = plausibility::check_flight(&settings.survey, scene, self.session.tree()?, &self.flight);
-        self.session.notify(Notice::Warnings(found.finish(settings.strict)?));
+        self.session.check_flight(&self.flight, stop)?;
         Ok(())
     }
 }

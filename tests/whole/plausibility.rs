@@ -220,10 +220,25 @@ fn plausible_numbers() -> Vec<Mistake> {
             "run survey.xml -o a.xyz --physics refined",
             "W, threshold 1.00e0 W",
         ),
-        Mistake {
-            is_note: true,
-            ..flown("times in milliseconds", OVER_UTM, in_milliseconds(&poses(UTM, TO_EAST)), "m/s on average")
-        },
+        flown("times in milliseconds", OVER_UTM, in_milliseconds(&poses(UTM, TO_EAST)), "m/s on average"),
+        recording("times in milliseconds in a file", in_milliseconds(&poses(UTM, TO_EAST)), "m/s on average"),
+        recording(
+            "heights in feet that a part of the swath survives",
+            poses([x, y, 2297.0], TO_EAST),
+            "if its heights are in feet, 2297 ft are 700 m",
+        ),
+        recording("a file of a flight below the terrain", poses([x, y, 255.0], TO_EAST), "ellipsoid"),
+        recording(
+            "a file of a flight upside down",
+            poses([x, y, 700.0], [180.0, 0.0, 90.0]),
+            "of the beams point above the horizon",
+        ),
+        flown(
+            "heights in feet in a stream, told at its end",
+            OVER_UTM,
+            poses([x, y, 2297.0], TO_EAST),
+            "if its heights are in feet, 2297 ft are 700 m",
+        ),
         flown(
             "heights in feet",
             OVER_UTM,
@@ -761,6 +776,153 @@ fn words_and_files() -> Vec<Mistake> {
         },
         written("faces without vertices", "houses.obj", "f 1 2 3\n", "run survey.xml -o a.xyz", "houses.obj"),
     ]
+}
+
+/// A flight in a file over the scene in UTM.
+fn recording(name: &'static str, poses: String, answer: &'static str) -> Mistake {
+    let run = pipeline("utm.xml#terrain", "[trajectory]\npath = \"flown.csv\"");
+    Mistake {
+        files: vec![("flown.csv", poses.into_bytes()), ("f.toml", run.into_bytes())],
+        ..typed(name, "run f.toml -o a.xyz", answer)
+    }
+}
+
+/// A straight flight over the terrain with an instrument of the user's, at 4 kHz and 20 lines per second.
+fn own(scanner: &str, settings: &str, leg: &str) -> String {
+    format!(
+        "scene = \"scene.xml#terrain\"\n\
+         platform = {{ kind = \"linear_path\", mount = {{ rotate_deg = [{{ x = -90 }}, {{ z = 90 }}] }} }}\n\
+         leg = [{{ position_m = [-60, 0, 100], {leg} }}, {{ position_m = [60, 0, 100], active = false }}]\n\
+         settings = {{ pulse_freq_hz = 4000, {settings} }}\n\
+         scanner = {{ id = \"own\", pulse_freqs_hz = [4000], {scanner} }}\n"
+    )
+}
+
+const ROTATING: &str = "optics = \"rotating\", scan_angle_max_deg = 45";
+const SWATH: &str = "scan_freq_hz = 20, scan_angle_deg = 20";
+const SPEED: &str = "speed_m_per_s = 60";
+
+/// Instruments and legs whose values contradict each other or do nothing.
+fn instruments() -> Vec<Mistake> {
+    let made = |name, scanner: &str, settings: &str, leg: &str, answer| {
+        written(name, "m.toml", own(scanner, settings, leg), "run m.toml -o a.xyz", answer)
+    };
+    let of_scanner = |name, scanner: &str, answer| made(name, scanner, SWATH, SPEED, answer);
+    let and = |more: &str| format!("{ROTATING}, {more}");
+    vec![
+        of_scanner("a cone without its angle", "optics = \"conic\"", "never deflect the beam"),
+        of_scanner("fibres without their angle", "optics = \"line\", fibres = 20", "never deflect the beam"),
+        of_scanner(
+            "a single fibre",
+            "optics = \"line\", scan_angle_max_deg = 45",
+            "line optics without `fibres` have a single fibre",
+        ),
+        of_scanner(
+            "a negative limit",
+            "optics = \"conic\", scan_angle_max_deg = -20",
+            "`scan_angle_max_deg` must be a number of at least 0",
+        ),
+        of_scanner(
+            "no limit of the frequency above a minimum",
+            &and("scan_freq_min_hz = 5, scan_freq_max_hz = 0"),
+            "`scan_freq_max_hz` is 0, which means no limit",
+        ),
+        of_scanner(
+            "a negative limit of the head",
+            &and("head_rate_max_deg_per_s = -60"),
+            "`head_rate_max_deg_per_s` is below 0",
+        ),
+        of_scanner(
+            "noise ten times the threshold",
+            &and("max_returns = 4, range_max_m = 250, nep_w = 1e-8, received_energy_min_w = 1e-9"),
+            "times per pulse: most of the points are false",
+        ),
+        of_scanner(
+            "noise a third of the threshold",
+            &and("max_returns = 4, range_max_m = 250, nep_w = 1e-9, received_energy_min_w = 3.3e-9"),
+            "times per pulse",
+        ),
+        of_scanner(
+            "mA/W for A/W",
+            &and("responsivity_a_per_w = 800"),
+            "800 mA/W are 0.8 A/W",
+        ),
+        of_scanner("a range walk in millimetres", &and("range_walk_m = 50"), "50 mm are 0.05 m"),
+        of_scanner("a bandwidth in MHz", &and("bandwidth_hz = 200"), "200 MHz are 2e8 Hz"),
+        of_scanner(
+            "channels of one id",
+            &and("channel = [{ id = \"a\" }, { id = \"a\" }]"),
+            "`id` of \"a\" occurs twice",
+        ),
+        made(
+            "a scan angle of 0",
+            ROTATING,
+            "scan_freq_hz = 20, scan_angle_deg = 0",
+            SPEED,
+            "`scan_angle_deg` of 0 counts as not given; the scanner's 45 degrees are used",
+        ),
+        made("a mirror that stands", ROTATING, "scan_angle_deg = 20", SPEED, "the mirror stands still"),
+        made("a missing speed", ROTATING, SWATH, "active = true", "`speed_m_per_s` is missing; 70 m/s are used"),
+        made(
+            "a negative speed",
+            ROTATING,
+            &format!("{SWATH}, max_duration_s = 0.3"),
+            "speed_m_per_s = -20",
+            "is -20 m/s, which is no speed",
+        ),
+        made("a speed of 0", ROTATING, &format!("{SWATH}, max_duration_s = 0.3"), "speed_m_per_s = 0", "is no speed"),
+        written(
+            "an energy model that the physics has not",
+            "m.toml",
+            own(ROTATING, SWATH, SPEED) + "physics = { legacy_energy = true }\n",
+            "run m.toml -o a.xyz",
+            "has no effect with the correction radiometry",
+        ),
+        written(
+            "a mirror that swings faster in the next leg",
+            "s.xml",
+            survey()
+                .replace("template=\"strip\" active=\"false\"", "template=\"strip\" scanFreq_hz=\"20\""),
+            "run s.xml -o a.xyz",
+            "swings faster than in the leg before (20 Hz after 15 Hz)",
+        ),
+        written(
+            "a part that moves at every pulse",
+            "scene.xml",
+            fs::read_to_string(fixture("terrain/scene.xml")).unwrap().replacen(
+                "</part>",
+                "<dmotion id=\"m\" loop=\"0\"><motion type=\"translation\" vec=\"0;0;0.0001\"/></dmotion></part>",
+                1,
+            ),
+            "run survey.xml -o a.xyz",
+            "moves at every pulse",
+        ),
+        written(
+            "an element that lost its bracket",
+            "scene.xml",
+            fs::read_to_string(fixture("terrain/scene.xml")).unwrap().replacen(
+                "</part>",
+                "filter type=\"scale\"><param type=\"double\" key=\"scale\" value=\"3\"/></part>",
+                1,
+            ),
+            "run survey.xml -o a.xyz",
+            "did an element lose its `<`?",
+        ),
+    ]
+}
+
+#[test]
+fn instruments_and_legs_that_contradict_themselves_are_reported() {
+    check(&instruments());
+}
+
+#[test]
+fn milliseconds_end_a_strict_run_before_anything_is_flown() {
+    let mistake = recording("", in_milliseconds(&poses(UTM, TO_EAST)), "");
+    let done = make(&mistake, true);
+    let said = text(&done.stderr);
+    assert_eq!((done.status.code(), said.matches("m/s on average").count()), (Some(2), 1), "{said}");
+    assert!(!said.contains("what was measured"), "{said}");
 }
 
 /// Writes the files of a mistake and runs its command.

@@ -3,8 +3,8 @@
 use super::survey_place;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::quantity::number;
-use vlscan_lidar::pulse::{Corrections, count_echoes_of_one_pulse};
-use vlscan_survey::{Device, Survey, WaveformPlace, warn_of_unused_keys};
+use vlscan_lidar::pulse::{Corrections, InstrumentTable, PhysicsOptions, count_echoes_of_one_pulse};
+use vlscan_survey::{Device, Survey, WaveformPlace, WrittenKey, warn_of_unused_keys};
 
 /// Quotients of window and bin that are less than this below two count as two: rounding.
 const WINDOW_TOLERANCE: f64 = 1e-9;
@@ -20,6 +20,56 @@ pub fn check_instrument(survey: &Survey, corrections: &Corrections) -> Diagnosti
     check_reference(survey, corrections, &mut found);
     found
 }
+
+/// False alarms per pulse above which they are reported.
+const MAX_FALSE_ALARMS: f64 = 0.01;
+
+/// Warns of receivers whose noise crosses their detection threshold in many pulses.
+pub fn check_noise(survey: &Survey, options: &PhysicsOptions) -> Diagnostics {
+    let mut found = Diagnostics::default();
+    // An instrument that is impossible is an error of the run.
+    let table = InstrumentTable::new(survey, options).ok();
+    let Some(alarms) = table.and_then(|table| table.false_alarms()) else { return found };
+    if alarms.per_pulse <= MAX_FALSE_ALARMS {
+        return found;
+    }
+    let message = format!(
+        "noise of {:.2e} W crosses the detection threshold of {:.2e} W about {} times per pulse: {} of the points are false",
+        alarms.sigma,
+        alarms.threshold,
+        number((alarms.per_pulse * 1000.0).round() / 1000.0),
+        if alarms.per_pulse < 1.0 { "many" } else { "most" }
+    );
+    let is_noise = |key: &&WrittenKey| matches!(key.key.key, "nep_w" | "snr" | "background_w");
+    let place = survey.scanner.written.iter().find(is_noise).map(|written| written.place.clone());
+    found.warn(place.or_else(|| survey_place(survey)), message).help(format!(
+        "a threshold of 6 times the noise, {:.2e} W, has hardly any: raise received_energy_min_w, lower nep_w, or limit range_max_m",
+        SAFE_THRESHOLD * alarms.sigma
+    ));
+    found
+}
+
+/// Warns of the older energy model where another one replaces it.
+pub fn check_energy_model(survey: &Survey, options: &PhysicsOptions) -> Diagnostics {
+    let mut found = Diagnostics::default();
+    let (why, remedy) = match (options.corrections.radiometry, survey.scanner.multi_channel) {
+        _ if !options.legacy_energy => return found,
+        (true, _) => {
+            ("with the correction radiometry, which is part of the refined physics", "use --physics helios")
+        }
+        (false, true) => {
+            ("for a scanner of several channels, as in HELIOS++", "use a scanner of one channel")
+        }
+        _ => return found,
+    };
+    found
+        .warn(None, format!("the older energy model (`legacy_energy`, --legacy-energy) has no effect {why}"))
+        .help(format!("leave it out, or {remedy}"));
+    found
+}
+
+/// Threshold over noise of a receiver with hardly any false alarms.
+const SAFE_THRESHOLD: f64 = 6.0;
 
 /// Warns of channels whose wavelength is not that of the first one, at which the spectra of a scene are read.
 pub fn check_wavelengths(survey: &Survey) -> Diagnostics {

@@ -7,6 +7,7 @@
 //! | `boxes` | the box of the flight against that of the scene: zones, units, swapped axes, local coordinates |
 //! | `ground` | rays up and down from places of the flight: below the terrain, or on it |
 //! | `angles` | angles as written against the course: radians read as degrees and the reverse |
+//! | `view` | beams of the flight: heights in feet or beyond the range, scanners that look up |
 //! | `poses` | a streamed flight, pose by pose |
 //! | `instrument` | settings of the scanner that the physics passes over or replaces |
 //! | `pace` | times of a recorded flight: milliseconds read as seconds |
@@ -21,15 +22,17 @@ mod mirror;
 mod pace;
 mod points;
 mod poses;
+mod view;
 
 use super::aim::AimTarget;
 #[cfg(doc)]
 use super::settings::Settings;
 use angles::AngleCheck;
-pub use instrument::{check_instrument, check_wavelengths};
+pub use instrument::{check_energy_model, check_instrument, check_noise, check_wavelengths};
 pub use mirror::describe_idle_mirror;
 pub use points::YieldCheck;
 pub use poses::PoseCheck;
+use view::{Sight, ViewPoint};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::input::is_stdin;
 use vlscan_geom::{Aabb, DVec3};
@@ -105,10 +108,57 @@ pub fn check_flight(survey: &Survey, scene: &Scene, tree: &Tree, flight: &Flight
         return found;
     }
     let around = Aabb::around(places.iter().map(|place| scene.to_world(place.position)));
+    let legs = places.chunk_by(|one, other| one.leg == other.leg);
+    let poses: Vec<ViewPoint> = legs
+        .flat_map(|leg| ViewPoint::along(&leg.iter().map(|place| place.position).collect::<Vec<_>>()))
+        .collect();
     let finding = boxes::compare("the flight", &bounds, &around, reach)
-        .or_else(|| ground::check("the flight", scene, tree, &scanner, mount.z));
+        .or_else(|| ground::check("the flight", scene, tree, &scanner, mount.z))
+        .or_else(|| check_view(survey, scene, tree, flight, &poses));
     finding.into_iter().for_each(|finding| found.extend(finding.into_warning(flight_place(survey))));
     found
+}
+
+/// Checks what the beams of a flight see.
+fn check_view(
+    survey: &Survey,
+    scene: &Scene,
+    tree: &Tree,
+    flight: &FlightPlan,
+    poses: &[ViewPoint],
+) -> Option<Finding> {
+    let beams = flight.sample_beams();
+    let (mount, ranges) = (survey.platform.mount.offset.z, target(survey, scene).ranges);
+    view::check("the flight", scene, tree, &Sight { beams: &beams, mount, ranges }, poses)
+}
+
+/// Checks a recorded flight before it is flown: all poses of a trajectory that can be read a second time, in the same way as those of
+/// a stream, and what the beams see from them. Nothing is found in a file with errors, which the flight reports where they stand.
+pub fn check_recording(
+    survey: &Survey,
+    scene: &Scene,
+    tree: &Tree,
+    flight: &FlightPlan,
+    is_stopped: &dyn Fn() -> bool,
+) -> Diagnostics {
+    let PlatformKind::Stream(stream) = &survey.platform.kind else { return Diagnostics::default() };
+    let bounds = scene.bounds.translated(scene.shift);
+    let Some((mut found, poses)) = poses::read_ahead(stream, bounds, scene.shift, is_stopped) else {
+        return Diagnostics::default();
+    };
+    if found.is_empty() {
+        let mount = survey.platform.mount.offset.z;
+        let places: Vec<DVec3> = poses.iter().map(|pose| pose.position + DVec3::Z * mount).collect();
+        let finding = ground::check("the flight", scene, tree, &places, mount)
+            .or_else(|| check_view(survey, scene, tree, flight, &poses));
+        finding.into_iter().for_each(|finding| found.extend(finding.into_warning(stream_place(stream))));
+    }
+    found
+}
+
+/// Whether the poses of a stream are checked before the flight: those of a file or of a table in memory.
+pub fn is_recording(stream: &PoseStream) -> bool {
+    stream.content.is_some() || !is_stdin(&stream.path) && stream.path.is_file()
 }
 
 /// The file that describes the flight: the trajectory if it is one file, otherwise the survey.

@@ -12,6 +12,8 @@ const MIN_SPEED: f64 = 0.1;
 const MIN_LENGTH: f64 = 10.0;
 /// Distance between two poses from which their speed counts by itself, m.
 const MIN_STEP: f64 = 0.5;
+/// Steps of a flight from whose pace alone milliseconds are recognised while it is flown.
+const EARLY_STEPS: u32 = 3;
 /// Unit of times that are thousandths, for messages.
 const REMEDY: &str =
     "times are in seconds; if these are milliseconds, say so in the heading: time[ms] (us and ns likewise)";
@@ -22,8 +24,12 @@ pub(super) struct Pace {
     first: Option<f64>,
     last: Option<(f64, DVec3)>,
     length: f64,
-    /// Duration and length of the first step that is too slow.
-    slow_step: Option<(f64, f64)>,
+    /// Time and place from which the present step is measured.
+    step_start: Option<(f64, DVec3)>,
+    /// Steps that were too slow before any that was not, and their duration and length.
+    slow: (u32, f64, f64),
+    /// Whether a step was fast enough.
+    has_moved: bool,
 }
 
 impl Pace {
@@ -31,18 +37,23 @@ impl Pace {
     pub fn add(&mut self, time: f64, position: DVec3) {
         self.first.get_or_insert(time);
         if let Some((earlier, before)) = self.last.replace((time, position)) {
-            let step = before.distance(position);
-            self.length += step;
-            if step >= MIN_STEP && step < MIN_SPEED * (time - earlier) {
-                self.slow_step.get_or_insert((time - earlier, step));
+            self.length += before.distance(position);
+            let (start, place) = *self.step_start.get_or_insert((earlier, before));
+            let step = place.distance(position);
+            if step >= MIN_STEP {
+                self.step_start = Some((time, position));
+                self.has_moved |= step >= MIN_SPEED * (time - start);
+                let (count, seconds, length) = self.slow;
+                self.slow = (count + 1, seconds + time - start, length + step);
             }
         }
     }
 
-    /// Finds what the poses so far tell already: a step between two of them takes too long, or all of them.
+    /// Finds what the poses so far show already: all steps take too long.
     pub fn find_early(&self) -> Option<Finding> {
-        let step = self.slow_step.map(|(seconds, length)| Pace::finding(seconds, length));
-        step.or_else(|| self.find())
+        let (count, seconds, length) = self.slow;
+        let is_slow = count >= EARLY_STEPS && !self.has_moved;
+        if is_slow { Some(Pace::finding(seconds, length)) } else { self.find() }
     }
 
     /// Finds a flight that hardly moves, or lasts for days.
@@ -87,5 +98,24 @@ mod tests {
         let slow = flown(1000.0, 1.0).unwrap();
         assert!(slow.contains("0.010 m/s") && slow.contains("time[ms]"), "{slow}");
         assert!(flown(10_000.0, 0.0).is_some(), "three and a half days");
+    }
+
+    #[test]
+    fn milliseconds_are_recognised_after_a_few_steps_and_pauses_are_not() {
+        let early = |steps: &[(f64, f64)]| {
+            let (mut pace, mut time, mut y) = (Pace::default(), 0.0, 0.0);
+            pace.add(time, DVec3::ZERO);
+            let found = steps.iter().position(|(seconds, metres)| {
+                (time, y) = (time + seconds, y + metres);
+                pace.add(time, DVec3::Y * y);
+                pace.find_early().is_some()
+            });
+            found.map(|i| i + 1)
+        };
+        assert_eq!(early(&[(100.0, 1.0); 10]), Some(3), "10 m/s, ten poses a second");
+        assert_eq!(early(&[(10.0, 0.125); 30]), Some(12), "a hundred poses a second");
+        assert_eq!(early(&[(0.1, 1.0); 10]), None);
+        // A tripod that is carried from place to place.
+        assert_eq!(early(&[(5.0, 2.0), (600.0, 0.01), (5.0, 2.0), (600.0, 0.01), (5.0, 2.0)]), None);
     }
 }

@@ -1,6 +1,6 @@
 //! Check of the points per pulse: detects runs that hit nothing or almost nothing.
 
-use super::{Finding, boxes, flight_place, ground, target};
+use super::{Finding, boxes, flight_place, ground, target, view};
 use crate::pipeline::aim::{Aim, AimLog, SampledBeam};
 use crate::pipeline::progress::Progress;
 use crate::pipeline::settings::Settings;
@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use vlscan_base::diag::Notice;
 use vlscan_base::error::Result;
 use vlscan_base::quantity::{amount, metres};
-use vlscan_geom::{Aabb, DVec3, Rotation};
+use vlscan_geom::{DVec3, Rotation};
 use vlscan_scene::Scene;
 use vlscan_trace::Tree;
 
@@ -22,11 +22,8 @@ const MIN_SHARE_UPWARDS: f64 = 0.95;
 const WATTS_PER_NANOWATT: f64 = 1e-9;
 /// Share of surfaces beyond a limit of the scanner's ranges from which that limit is taken as the cause.
 const MIN_SHARE_MISSED: f64 = 0.5;
-
-/// A foot, m.
-const FOOT: f64 = 0.3048;
-/// Height above the scene from which heights are compared with ones in feet, m.
-const MIN_SUSPECT_HEIGHT: f64 = 100.0;
+/// Points per pulse below which the height of a flight is compared with one in feet.
+const MIN_YIELD_OF_METRES: f64 = 0.5;
 
 /// Checks whether a run finds too few points for its pulses. The cause is reported once, unless another check has
 /// reported it.
@@ -72,13 +69,20 @@ impl YieldCheck<'_> {
         let of_sampled = |count: u64| count as f64 / (aim.sampled as f64).max(1.0);
         let (towards, within) = (of_sampled(aim.towards), of_sampled(aim.within));
         let share = echoes as f64 / fired;
+        let feet = || view::in_feet(&scene.bounds, scene.shift.z, &log.beams, target.ranges);
         if share >= MIN_YIELD && share >= MIN_YIELD_WITHIN * within {
-            return None;
+            let help = if share < MIN_YIELD_OF_METRES { feet()? } else { return None };
+            let message = format!(
+                "{} points for {} pulses: the swath is wider than the scene",
+                amount(echoes as f64),
+                amount(fired)
+            );
+            return Some(Finding::new(message, help));
         }
         let seen_if_stronger = (echoes + aim.weak.count) as f64 / fired;
         let is_weak = echoes == 0 && aim.weak.count > 0;
         if is_weak || seen_if_stronger >= MIN_YIELD && seen_if_stronger >= MIN_YIELD_WITHIN * within {
-            return Some(self.too_weak(pulses, echoes, aim));
+            return Some(self.too_weak(pulses, echoes, aim, feet()));
         }
         let bounds = scene.bounds.translated(scene.shift);
         let flight = aim.origins.translated(scene.shift);
@@ -128,17 +132,14 @@ impl YieldCheck<'_> {
             "the beams cross the scene's box but hit little: surfaces fill a small part of it; `vlscan scene info` shows what it contains"
                 .to_owned()
         };
-        let help = match in_feet(&bounds, &flight, farthest) {
-            Some(hint) if across == 0.0 || towards < 0.5 => format!("{help}; {hint}"),
-            _ => help,
-        };
+        let help = feet().map_or(help.clone(), |hint| format!("{help}; {hint}"));
         Some(Finding::new(message, help))
     }
 }
 
 impl YieldCheck<'_> {
     /// The finding of a run whose pulses hit, and whose detector needs more light than comes back.
-    fn too_weak(&self, pulses: u64, echoes: u64, aim: &Aim) -> Finding {
+    fn too_weak(&self, pulses: u64, echoes: u64, aim: &Aim, feet: Option<String>) -> Finding {
         let weak = &aim.weak;
         let corrections = &self.settings.physics.corrections;
         let unit = match corrections.threshold_in_watts {
@@ -164,9 +165,6 @@ impl YieldCheck<'_> {
             "--physics refined computes received power in watts; in --physics helios it falls with the fourth power of the range, so \
              fly lower, or give reflectances (`vlscan scene info` lists them) and the threshold in its units"
         };
-        let shift = self.scene.shift;
-        let (bounds, flight) = (self.scene.bounds.translated(shift), aim.origins.translated(shift));
-        let feet = in_feet(&bounds, &flight, target(&self.settings.survey, self.scene).ranges[1]);
         Finding::new(message, feet.map_or(help.to_owned(), |feet| format!("{feet}; {help}")))
     }
 
@@ -208,15 +206,6 @@ impl YieldCheck<'_> {
     }
 }
 
-/// A hint where the heights of a flight far above its scene would be plausible ones if they were in feet.
-fn in_feet(scene: &Aabb, flight: &Aabb, farthest: f64) -> Option<String> {
-    let height = flight.centre().z;
-    let (above, as_feet) = (height - scene.max.z, height * FOOT);
-    let is_plausible = as_feet > scene.max.z && as_feet - scene.min.z <= farthest.min(boxes::MAX_REACH);
-    (above > MIN_SUSPECT_HEIGHT && is_plausible)
-        .then(|| format!("if its heights are in feet, {height:.0} ft are {as_feet:.0} m"))
-}
-
 /// How many times more light the detector needs, where that is a number.
 fn lacking(factor: f64) -> String {
     match factor.is_finite() && factor > 1.0 {
@@ -233,6 +222,7 @@ fn range(farthest: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use vlscan_geom::Aabb;
     use vlscan_lidar::pulse::WeakPulses;
     use vlscan_survey::{Mount, ReadOptions, read_survey};
     use vlscan_trace::{BuildOptions, Builder, Geometry};

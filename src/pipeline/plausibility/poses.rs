@@ -2,14 +2,18 @@
 
 use super::angles::AngleCheck;
 use super::pace::Pace;
+use super::view::{Thinned, ViewPoint};
 use super::{Finding, boxes, stream_place};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 use vlscan_base::diag::{Diagnostics, Place};
-use vlscan_geom::Aabb;
-use vlscan_lidar::platform::PoseEvent;
+use vlscan_geom::{Aabb, DVec3};
+use vlscan_lidar::platform::{PollResult, Pose, PoseEvent, PoseReader};
 use vlscan_survey::{AngleConvention, PoseStream};
 
+/// Time for which a block of poses is waited for.
+const PATIENCE: Duration = Duration::from_millis(50);
 /// Distance from the scene at which a flight towards it may begin, m.
 const MAX_APPROACH: f64 = 50_000.0;
 
@@ -24,8 +28,10 @@ pub struct PoseCheck {
     is_noted: bool,
     angles: AngleCheck,
     pace: Pace,
-    /// Whether the user has been told that the flight is slow so far.
-    is_pace_noted: bool,
+    /// Whether the whole flight is read before anything is reported.
+    is_complete: bool,
+    /// Whether the flight has been reported to be slow.
+    is_pace_reported: bool,
     /// Whether a misplaced flight has been reported, by this check or another one.
     is_reported: Arc<AtomicBool>,
 }
@@ -45,7 +51,8 @@ impl PoseCheck {
             is_noted: false,
             angles,
             pace: Pace::default(),
-            is_pace_noted: false,
+            is_complete: false,
+            is_pace_reported: false,
             is_reported,
         }
     }
@@ -58,13 +65,16 @@ impl PoseCheck {
             PoseEvent::Pose(pose, angles) => {
                 self.flight = self.flight.with(pose.position);
                 self.pace.add(pose.time, pose.position);
-                if !self.is_pace_noted
+                if !self.is_complete
+                    && !self.is_pace_reported
                     && let Some(finding) = self.pace.find_early()
                 {
-                    self.is_pace_noted = true;
-                    found.note(None, format!("so far {}; {}", finding.message, finding.help));
+                    // A flight of hours is not waited for.
+                    self.is_pace_reported = true;
+                    found.extend(finding.into_warning(self.place.clone()));
                 }
-                if !self.is_noted
+                if !self.is_complete
+                    && !self.is_noted
                     && let Some(finding) = self.misplaced()
                 {
                     self.is_noted = true;
@@ -79,10 +89,9 @@ impl PoseCheck {
                     self.is_reported.store(true, Relaxed);
                     found.extend(finding.into_warning(self.place.clone()));
                 }
-                self.pace
-                    .find()
-                    .into_iter()
-                    .for_each(|finding| found.extend(finding.into_warning(self.place.clone())));
+                if let Some(finding) = self.pace.find().filter(|_| !self.is_pace_reported) {
+                    found.extend(finding.into_warning(self.place.clone()));
+                }
                 self.angles.end()
             }
         };
@@ -93,4 +102,35 @@ impl PoseCheck {
     fn misplaced(&self) -> Option<Finding> {
         boxes::compare("the flight", &self.scene, &self.flight, MAX_APPROACH)
     }
+}
+
+/// Reads all poses of a recorded trajectory and checks them over a scene with the box `scene` (world). Returns the warnings and
+/// some of the poses, in the scene frame, whose origin is at `shift`. `None` for a trajectory with errors.
+pub(super) fn read_ahead(
+    stream: &PoseStream,
+    scene: Aabb,
+    shift: DVec3,
+    is_stopped: &dyn Fn() -> bool,
+) -> Option<(Diagnostics, Vec<ViewPoint>)> {
+    let check = PoseCheck { is_complete: true, ..PoseCheck::new(stream, scene, Arc::default()) };
+    let seen = Arc::new(Mutex::new((check, Diagnostics::default(), Thinned::default())));
+    let shared = seen.clone();
+    let observe = move |event: PoseEvent| {
+        let mut seen = shared.lock().unwrap_or_else(PoisonError::into_inner);
+        if let PoseEvent::Pose(Pose { position, attitude, .. }, _) = event {
+            seen.2.add(ViewPoint { position: position - shift, attitude });
+        }
+        let found = seen.0.add(event);
+        seen.1.extend(found);
+        Diagnostics::default()
+    };
+    let mut reader = PoseReader::open(stream).ok()?.on_pose(observe);
+    while !is_stopped() {
+        if reader.poll(PATIENCE).ok()? == PollResult::End {
+            break;
+        }
+    }
+    drop(reader);
+    let (_, found, poses) = Arc::into_inner(seen)?.into_inner().unwrap_or_else(PoisonError::into_inner);
+    Some((found, poses.poses().to_vec()))
 }

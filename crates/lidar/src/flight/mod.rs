@@ -12,9 +12,10 @@
 //! | `guard` | detects legs that never end |
 //! | `pulse`, `emission` | pulses and trajectory samples; how a pulse is composed |
 //! | `noise`, `navigation` | noise of the pose, errors of the reported pose |
-//! | `positions`, `jump` | positions along a flight before it is flown; states far ahead for forecasts |
+//! | `positions`, `beams`, `jump` | positions along a flight and its beams before it is flown; states far ahead for forecasts |
 
 mod advance;
+mod beams;
 mod clock;
 mod emission;
 mod guard;

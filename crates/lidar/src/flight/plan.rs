@@ -12,7 +12,7 @@ use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::DVec3;
 use vlscan_survey::{
-    AngleConvention, Interpolated, Mount, NavigationErrors, PlatformKind, RotationSpec, Survey,
+    AngleConvention, Interpolated, Mount, NavigationErrors, PlatformKind, RotationSpec, Survey, named_as_in,
 };
 
 /// Choices beside the survey that a flight depends on.
@@ -176,8 +176,11 @@ impl FlightPlan {
                 settings::why_endless(i, &self.legs, &self.platform, &self.devices[0])
             {
                 let message = format!("leg {} never ends: {reason}", leg.number);
-                problems.error(leg.place.clone(), message).help(help);
+                problems.error(leg.place.clone(), message).help(named_as_in(leg.place.as_ref(), help));
             }
+        }
+        for pair in self.legs.windows(2) {
+            settings::check_shorter_periods([&pair[0], &pair[1]], &self.devices, &self.kinematics, problems);
         }
         if self.platform.has_waypoints() {
             self.check_waypoints(problems);

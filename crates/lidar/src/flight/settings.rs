@@ -8,7 +8,7 @@ use vlscan_base::corrections::Corrections;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::quantity::{COORDINATE, MAX_DURATION, number};
 use vlscan_geom::degrees;
-use vlscan_survey::{Deflector, Leg, PlatformKind, PulseTimes, Survey};
+use vlscan_survey::{Deflector, Leg, PlatformKind, PulseTimes, Survey, named_as_in};
 
 /// Limit of steps of a warm-up: a quarter of an hour at 1 MHz.
 const MAX_WARMUP_STEPS: f64 = 1e9;
@@ -155,9 +155,9 @@ pub(super) fn check_optics(
             let range = format!("{}° to {}°", number(degrees(lower)), number(degrees(upper)));
             let message =
                 format!("leg {}{which}: no pulse fires between vertical angles {range}", leg.number);
-            problems.warn(leg.place.clone(), message).help(
-                "set verticalAngleMin_deg, verticalAngleMax_deg, or the scanner's scanAngleEffectiveMax_deg",
-            );
+            let help =
+                "set verticalAngleMin_deg, verticalAngleMax_deg, or the scanner's scanAngleEffectiveMax_deg";
+            problems.warn(leg.place.clone(), message).help(named_as_in(leg.place.as_ref(), help));
         }
     }
 }
@@ -221,7 +221,7 @@ pub(super) fn check_reference(
                 "leg {name}: conic optics turn with {used} Hz, the scanner's scanFreqMax_Hz, not with {wanted} Hz, as in HELIOS++"
             );
             problems
-                .warn(leg.place.clone(), message)
+                .warn(leg.place.clone(), named_as_in(leg.place.as_ref(), &message))
                 .help("--physics refined, or --correct conic_at_leg_frequency, turns them with the frequency of the leg");
         }
         let (wanted, used) = (s.scan_angle, device.scan_angle(s.scan_angle));
@@ -232,6 +232,32 @@ pub(super) fn check_reference(
             );
             problems.warn(leg.place.clone(), message);
         }
+    }
+}
+
+/// Warns of oscillating mirrors whose period in this leg is shorter than in the leg before: the reference goes on counting and may
+/// miss the turn, so that its angle runs away. Here the mirror begins a new period.
+pub(super) fn check_shorter_periods(
+    [before, leg]: [&PlannedLeg; 2],
+    devices: &[DevicePlan],
+    kinematics: &Corrections,
+    problems: &mut Diagnostics,
+) {
+    let is_oscillating =
+        devices.iter().any(|device| matches!(device.deflector, Deflector::Oscillating { .. }));
+    let period = |leg: &PlannedLeg| leg.frequency / leg.settings.scan_freq;
+    let is_shorter = before.settings.active && leg.settings.active && period(leg) < period(before);
+    if is_oscillating && is_shorter && !kinematics.oscillation_at_leg_frequency {
+        let message = format!(
+            "leg {}: the mirror swings faster than in the leg before ({} Hz after {} Hz); it begins a new period, where the angle of \
+             HELIOS++ can run away",
+            leg.number,
+            number(leg.settings.scan_freq),
+            number(before.settings.scan_freq)
+        );
+        problems
+            .warn(leg.place.clone(), message)
+            .help("put the faster leg first, or use --physics refined, whose mirrors begin each leg anew");
     }
 }
 

@@ -426,6 +426,7 @@ impl FlightState {
         } else {
             "give the leg a maxDuration_s, or a movePerSec_m above 0"
         };
+        let help = vlscan_survey::named_as_in(leg.place.as_ref(), help);
         problems.error(leg.place.clone(), message).help(help);
         Err(Error::Input(Box::new(problems)))
     }

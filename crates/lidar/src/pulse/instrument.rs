@@ -9,7 +9,7 @@ use super::noise::{ReceiverNoise, signal_to_noise};
 use super::options::PhysicsOptions;
 use super::peaks::Peaks;
 use super::photon_counter::PhotonCounter;
-use super::receiver::{ReceiverModel, receiver_noise};
+use super::receiver::{FalseAlarms, ReceiverModel, receiver_noise};
 use super::sampled;
 use super::selection::ReturnSelection;
 use super::shape::{self, PulseShape, sample_count};
@@ -331,6 +331,14 @@ impl InstrumentTable {
             devices: devices.len(),
             indices: indices.into(),
         })
+    }
+
+    /// The false alarms of the instrument that has the most per pulse; `None` if no receiver has noise.
+    pub fn false_alarms(&self) -> Option<FalseAlarms> {
+        let receivers = self.instruments.iter().filter_map(|instrument| instrument.receiver.as_ref());
+        receivers
+            .filter_map(ReceiverModel::false_alarms)
+            .max_by(|one, other| one.per_pulse.total_cmp(&other.per_pulse))
     }
 
     pub(super) fn devices(&self) -> usize {

@@ -74,6 +74,7 @@ pub use echo::{Echo, EchoTruth, PulseRecord, WaveformRecord};
 pub use instrument::{InstrumentTable, count_echoes_of_one_pulse};
 pub use options::{PhysicsOptions, PhysicsProfile};
 pub use physics::Physics;
+pub use receiver::FalseAlarms;
 pub use recorded::{RecordedEcho, recorded_echoes};
 pub use simulator::{Phase, PulseSimulator};
 pub use vlscan_base::corrections::Corrections;

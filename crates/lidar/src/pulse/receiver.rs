@@ -62,6 +62,22 @@ pub(super) fn range_walk(walk: f64, threshold: f64, amplitude: f64) -> f64 {
     if amplitude > threshold { walk * threshold / amplitude } else { walk }
 }
 
+/// Threshold crossings that noise causes between the echoes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FalseAlarms {
+    /// Mean number per pulse, over the range gate (Rice 1945, see [`super::noise`]).
+    pub per_pulse: f64,
+    /// Standard deviation of the noise without an echo, W.
+    pub sigma: f64,
+    /// Detection threshold, W.
+    pub threshold: f64,
+}
+
+/// Mean number of threshold crossings of noise within `gate` (ns).
+fn expected_alarms(noise: &ReceiverNoise, threshold: f64, gate: (f64, f64)) -> f64 {
+    noise.alarm_rate(threshold) * (gate.1 - gate.0)
+}
+
 /// The receiver of a device that is not ideal.
 #[derive(Clone, Debug)]
 pub(super) struct ReceiverModel {
@@ -110,7 +126,7 @@ impl ReceiverModel {
             ));
         }
         if let Some(noise) = &noise {
-            let expected = noise.alarm_rate(power) * (gate.1 - gate.0);
+            let expected = expected_alarms(noise, power, gate);
             if expected > MAX_ALARMS {
                 return Err(format!(
                     "a threshold of {:.3e} W over noise of {:.3e} W makes about {expected:.0} false alarms per pulse, at most \
@@ -131,6 +147,16 @@ impl ReceiverModel {
             samples: Stream::new(seed, Purpose::ReceiverNoise),
             alarms: Stream::new(seed, Purpose::FalseAlarm),
         }))
+    }
+
+    /// Threshold crossings of the noise alone that a pulse has on average; `None` without noise.
+    pub fn false_alarms(&self) -> Option<FalseAlarms> {
+        let noise = self.noise.as_ref()?;
+        Some(FalseAlarms {
+            per_pulse: expected_alarms(noise, self.threshold, self.gate),
+            sigma: noise.dark_sigma() / NANO,
+            threshold: self.threshold / NANO,
+        })
     }
 
     /// Whether pulses may have echoes without reflections.
