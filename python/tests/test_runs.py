@@ -166,8 +166,9 @@ def test_files_are_written(room, tmp_path):
     assert result.files == [str(file)] and len(file.read_text().splitlines()) == result.point_count + 1
     with pytest.raises(AttributeError, match="without to="):
         result.points
-    with pytest.raises(vlscan.InputError, match="exists already"):
+    with pytest.raises(vlscan.InputError, match="exists already.*force=True") as refused:
         vlscan.run(room, to=file)
+    assert "--" not in str(refused.value) + refused.value.problems[0].message
     with pytest.raises(ValueError, match="names no file"):
         vlscan.run(room, to=[])
     assert vlscan.run(room, to=[file, tmp_path / "room.laz"], force=True).point_count == result.point_count
@@ -419,3 +420,31 @@ def test_missing_and_odd_arguments():
         Survey([Part.mesh(np.zeros((0, 3)), np.zeros((0, 3), int))], "riegl_vz400", [LEG]).run()
     with pytest.raises(TypeError, match="origins"):
         vlscan.trace([Part.mesh(*wall())])
+
+
+def test_messages_name_keywords_instead_of_options():
+    for text, expected in [
+        ("overwrite it with --force", "overwrite it with force=True"),
+        ("--las-scale 0.001 holds it", "las_scale= 0.001 holds it"),
+        ("state it with --crs CODE", "state it with crs="),
+        ("`vlscan run --force` of `--force`", "`vlscan run --force` of `force=True`"),
+        ("--no-such-option, a -- b and x--force", "--no-such-option, a -- b and x--force"),
+    ]:
+        assert vlscan.errors.in_python(text) == expected
+
+
+def test_values_of_another_kind_are_named():
+    with pytest.raises(TypeError, match="classification of the material 'a' is 'ground', expected a number.*2 is ground"):
+        vlscan.Material("a", reflectance=0.3, classification="ground")
+
+
+def test_origins_and_directions_are_broadcast():
+    floor = vlscan.Part.mesh([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], [[0, 1, 2, 3]])
+    two = [[0, 0, 5], [1, 0, 5]]
+    for origins, directions, count in [(two, [[0, 0, -1]], 2), (two, [0, 0, -1], 2), ([0, 0, 5], [0, 0, -1], 1)]:
+        assert vlscan.trace(floor, origins, directions).point_count == count
+    for origins, directions in [(two, [[0, 0, -1]] * 3), ([0, 0], [0, 0, -1]), (two, "up")]:
+        with pytest.raises(ValueError):
+            vlscan.trace(floor, origins, directions)
+    with pytest.raises(ValueError, match="found origins of shape .2, 3. and directions of shape .3, 3."):
+        vlscan.trace(floor, two, [[0, 0, -1]] * 3)

@@ -3,11 +3,45 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
+
+from ._options import RunOptions
+
+# An option of the command line in a message, with the name of its value.
+_OPTION = re.compile(r"(?<![\w-])--([a-z][a-z0-9-]*)(?![\w-])(?: [A-Z][A-Z0-9_]*\b)?")
+
+
+def _keyword(option: re.Match[str]) -> str:
+    """Return the keyword of an option: ``force=True`` of ``--force``, ``las_scale=`` of ``--las-scale METRES``."""
+    name = option[1].replace("-", "_")
+    kind = RunOptions.__annotations__.get(name)
+    if kind is None:
+        return option[0]
+    is_switch = getattr(kind, "__forward_arg__", kind) == "bool | None"
+    return f"{name}=True" if is_switch else f"{name}="
+
+
+def in_python(text: str) -> str:
+    """Return a message of the engine with the options of a run as keywords; commands in backticks stay.
+
+    Parameters
+    ----------
+    text : str
+        The message.
+
+    Returns
+    -------
+    str
+        The message for a program.
+    """
+    parts = text.split("`")
+    is_command = [part.startswith("vlscan ") for part in parts]
+    return "`".join(part if kept else _OPTION.sub(_keyword, part) for part, kept in zip(parts, is_command))
 
 
 @dataclass(frozen=True)
@@ -34,6 +68,11 @@ class Problem:
     line: int | None = None
     column: int | None = None
     help: str | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("message", "help"):
+            text = getattr(self, name)
+            object.__setattr__(self, name, text and in_python(text))
 
 
 class Error(Exception):
@@ -65,7 +104,7 @@ class InputError(Error, ValueError):
     """
 
     def __init__(self, text: str, problems: Sequence[Mapping[str, Any]] | None = None) -> None:
-        super().__init__(text)
+        super().__init__(in_python(text))
         self.problems: list[Problem] = [Problem(**fields) for fields in problems or []]
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -115,4 +154,4 @@ def warn(text: str) -> None:
     frame, level = sys._getframe(), 1
     while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] in _PACKAGES:
         frame, level = frame.f_back, level + 1
-    warnings.warn(text, VlscanWarning, stacklevel=level)
+    warnings.warn(in_python(text), VlscanWarning, stacklevel=level)

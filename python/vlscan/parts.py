@@ -8,7 +8,7 @@ import operator
 import os
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, SupportsFloat
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -82,7 +82,12 @@ class Material:
 
     def _check(self, name: str, highest: float) -> None:
         value = getattr(self, name)
-        if value is not None and not 0 <= value <= highest:
+        if value is None:
+            return
+        if not isinstance(value, SupportsFloat):
+            hint = "; classes are numbers, as in LAS: 2 is ground, 5 high vegetation, 6 building" if name == "classification" else ""
+            raise TypeError(f"{name} of the material {self.name!r} is {value!r}, expected a number from 0 to {highest}{hint}")
+        if not 0 <= value <= highest:
             raise ValueError(f"{name} of the material {self.name!r} is {value}, expected 0 to {highest}")
 
 

@@ -626,7 +626,7 @@ def trace(
     origins : array_like, optional
         Origins of the pulses, n by 3, world frame, m, or one for all.
     directions : array_like, optional
-        Directions of the pulses, n by 3, of any length.
+        Directions of the pulses, n by 3, of any length, or one for all.
     scanner : Scanner, str or mapping
         What receives the echoes: its beam, its detector.
     time : array_like, optional
@@ -650,7 +650,7 @@ def trace(
     TypeError
         Neither pulses nor origins and directions are given.
     ValueError
-        Directions have another shape.
+        Origins or directions have another shape.
 
     Examples
     --------
@@ -664,10 +664,15 @@ def trace(
     if pulses is None:
         if origins is None or directions is None:
             raise TypeError("trace() needs origins and directions, or pulses")
-        ends = np.asarray(directions, float)
-        if ends.ndim != 2 or ends.shape[1] != 3:
-            raise ValueError(f"directions has the shape {ends.shape}, expected n by 3")
-        starts = np.broadcast_to(np.asarray(origins, float), ends.shape)
+        starts, ends = np.atleast_2d(np.asarray(origins, float)), np.atleast_2d(np.asarray(directions, float))
+        try:
+            starts, ends = np.broadcast_arrays(starts, ends)
+            fits = ends.ndim == 2 and ends.shape[1] == 3
+        except ValueError:
+            fits = False
+        if not fits:
+            shapes = " and ".join(f"{name} of shape {np.shape(array)}" for name, array in (("origins", origins), ("directions", directions)))
+            raise ValueError(f"expected origins and directions of n by 3 numbers each, or one of either for all; found {shapes}")
         columns: dict[str, ArrayLike] = {name: starts[:, axis] for axis, name in enumerate("xyz")}
         columns |= {f"d{name}": ends[:, axis] for axis, name in enumerate("xyz")}
         if time is not None:

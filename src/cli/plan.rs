@@ -5,7 +5,7 @@ use super::watch::during;
 use super::{Console, interrupt};
 use crate::planning::plan_survey;
 use vlscan_base::error::Result;
-use vlscan_base::files::write_stdout;
+use vlscan_base::files::{is_stdout, write_stdout};
 
 pub fn run(args: &PlanArgs, console: &Console) -> Result<()> {
     let command = command_line();
@@ -18,7 +18,10 @@ pub fn run(args: &PlanArgs, console: &Console) -> Result<()> {
     for comment in &plan.comments {
         console.say(comment);
     }
-    console.say(format!("{}; fly it with: vlscan run {0} -o points.laz", path.display()));
+    // What went to a pipe has no name to be flown by.
+    if path.as_os_str() != "-" && !is_stdout(path) {
+        console.say(format!("{}; fly it with: vlscan run {0} -o points.laz", path.display()));
+    }
     Ok(())
 }
 

@@ -224,9 +224,7 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
         problems
             .error(None, "--output writes the trajectories itself; name a file or a directory for others");
     }
-    let wants_heights = request.heights
-        || request.columns.iter().flatten().any(|column| *column == Column::HeightAboveGround);
-    if wants_heights && !context.has_ground {
+    if request.wants_heights() && !context.has_ground {
         problems.error(
             None,
             "--height-above-ground needs the scene, which `vlscan merge` and streams do not have",

@@ -188,6 +188,11 @@ impl Default for OutputRequest {
 }
 
 impl OutputRequest {
+    /// Whether points need their height above the ground.
+    pub fn wants_heights(&self) -> bool {
+        self.heights || self.columns.iter().flatten().any(|column| *column == Column::HeightAboveGround)
+    }
+
     /// What has to be recorded beside echoes and poses for all outputs: the one place where formats, columns and tables say
     /// what they need. A run records it, a merge refuses shards without it.
     pub fn records(&self) -> Records {

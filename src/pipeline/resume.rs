@@ -56,6 +56,12 @@ impl Session {
         how: &ResumeOptions,
         control: RunContext<'_>,
     ) -> Result<Report> {
+        if outputs.wants_heights() {
+            return Err(Error::not_divisible(
+                "heights above ground need the scene, without which a run with --resume writes its outputs",
+                "leave out --resume, or --height-above-ground and the column HeightAboveGround",
+            ));
+        }
         let path = how.folder.as_path();
         let known = ResumeFolder::state_of(path)?;
         self.record_for(&outputs);

@@ -114,11 +114,14 @@ impl Borders {
             let help = "choose another folder for these shards, or remove the file: it will be written again";
             Error::not_divisible(format!("{} {reason}", path.display()), help)
         };
-        let body = bytes.strip_prefix(MAGIC).ok_or_else(|| refuse("has another file format"))?;
-        let Some((_, body)) =
-            body.split_at_checked(8).filter(|(sum, body)| *sum == xxh3_64(body).to_le_bytes())
-        else {
-            return Ok(StoredBorders::Damaged);
+        let (magic, body) =
+            bytes.split_at_checked(MAGIC.len()).ok_or_else(|| refuse("has another file format"))?;
+        let sound = body.split_at_checked(8).filter(|(sum, body)| *sum == xxh3_64(body).to_le_bytes());
+        // A checksum tells a damaged beginning from a file of another kind.
+        let body = match (magic == &MAGIC[..], sound) {
+            (true, Some((_, body))) => body,
+            (false, None) => return Err(refuse("has another file format")),
+            _ => return Ok(StoredBorders::Damaged),
         };
         let borders: Result<Borders, _> = postcard::from_bytes(body);
         let borders = borders.map_err(|_| refuse("is of another version"))?;

@@ -53,7 +53,9 @@ fn statement(
     if keyword == b"newmtl" {
         let name_at = operand(&line.text, at.end);
         if name_at.is_empty() {
-            return problems.error(line.number, in_file(at), || "newmtl without a name".to_owned());
+            problems.warn(line.number, in_file(at), || {
+                "newmtl without a name: no face can use this material".to_owned()
+            });
         }
         let name = name_of(&line.text[name_at.clone()]);
         if let Some(first) = definitions.iter().find(|d| d.name == name) {
@@ -266,8 +268,8 @@ mod tests {
               helios_classification 2.5\nhelios_isGround perhaps\nNs -1\nvlscan_roughness_deg 91\nKs 1 nan 1\nnewmtl\nnewmtl a\nnewmtl b\nKd 1 1 1\n",
         );
         assert_eq!(d.items().len(), 10, "{}", d.render(false));
-        assert_eq!(m.iter().map(|m| m.name.as_str()).collect::<Vec<_>>(), ["a", "a", "b"]);
-        assert_eq!((m[0].kd, m[0].ns, m[2].kd), ([0.0; 3], 10.0, [1.0; 3]));
+        assert_eq!(m.iter().map(|m| m.name.as_str()).collect::<Vec<_>>(), ["a", "", "a", "b"]);
+        assert_eq!((m[0].kd, m[0].ns, m[3].kd), ([0.0; 3], 10.0, [1.0; 3]));
         let place = d.items()[2].place.as_ref().unwrap();
         assert_eq!((place.line, &place.excerpt[place.marked.clone()]), (5, "much"));
     }

@@ -80,6 +80,7 @@ impl PlanReport<'_> {
                 amount(*fired_rate)
             ),
         ];
+        lines.extend(self.default_rate());
         if let Some(Turned { turns, .. }) = &self.choice.turned {
             lines.push(format!(
                 "mount      turned by {}, because the platform's mount does not point the scanner at the ground",
@@ -87,6 +88,21 @@ impl PlanReport<'_> {
             ));
         }
         lines
+    }
+
+    /// The pulse rate of an instrument with several, where the plan chose it.
+    fn default_rate(&self) -> Option<String> {
+        let rates = self.instrument.pulse_rates();
+        if self.instrument.wanted_rate.is_some() || rates.len() < 2 {
+            return None;
+        }
+        let kilohertz = |rate: u32| number(f64::from(rate) / 1e3);
+        let all: Vec<String> = rates.iter().map(|rate| kilohertz(*rate)).collect();
+        Some(format!(
+            "rate       {} kHz by default, the first of {} kHz; a higher --pulse-rate flies faster for the same density",
+            kilohertz(rates[0]),
+            all.join(", ")
+        ))
     }
 
     fn strip(&self) -> Vec<String> {

@@ -162,10 +162,8 @@ fn unread(error: LasZipError) -> String {
                 "its compressed points have values of the LAZ kind {number}; kinds 0 and 6 to 14 are read"
             )
         }
-        LasZipError::UnsupportedLazItemVersion(item, version) => {
-            format!(
-                "its compressed points have values ({item:?}) in version {version} of LAZ, which is not read"
-            )
+        LasZipError::UnsupportedLazItemVersion(_, version) => {
+            format!("its compressed points have values in version {version} of LAZ, which is not read")
         }
         other => format!("its compressed points are not read ({other})"),
     };

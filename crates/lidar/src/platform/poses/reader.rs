@@ -247,6 +247,9 @@ impl PoseReader {
             if let Some(warning) = radians_as_degrees(fix) {
                 self.warn(place, warning);
             }
+            if let Some(warning) = beyond_utm(fix) {
+                self.warn(place, warning);
+            }
             let is_geographic = matches!(fix.place, FixPlace::Geographic(_));
             self.warn_of_unused_options(format, place, is_geographic);
             self.describe_first(format, &pose, is_geographic);
@@ -345,6 +348,19 @@ impl PoseReader {
 
 /// Returns a warning for latitude and longitude of text that have no unit and look like radians. In degrees they would lie
 /// in the Gulf of Guinea.
+/// Latitudes that UTM covers, degrees.
+const UTM_LATITUDES: std::ops::RangeInclusive<f64> = -80.0..=84.0;
+
+/// Warns of a place near a pole, where UTM is not defined.
+fn beyond_utm(fix: &Fix) -> Option<RecordError> {
+    let FixPlace::Geographic([latitude, ..]) = fix.place else { return None };
+    let lat = latitude.to_degrees();
+    (!UTM_LATITUDES.contains(&lat)).then(|| {
+        RecordError::new(format!("latitude {lat}° is projected to UTM, which ends at 80° S and 84° N"))
+            .help("project the trajectory to a polar system such as UPS, the scene's, and give x and y")
+    })
+}
+
 fn radians_as_degrees(fix: &Fix) -> Option<RecordError> {
     let FixPlace::Geographic([latitude, longitude, _]) = fix.place else { return None };
     let (lat, lon) = (latitude.to_degrees(), longitude.to_degrees());

@@ -58,13 +58,16 @@ pub(super) fn read_header(source: &Source, problems: &mut Problems) -> Option<He
     let resolution = size.values[0];
     if resolution <= 0.0 || size.values.iter().any(|s| *s != resolution) {
         problems.error(size.line, size.at.clone(), || {
-            format!("expected cubes of a size above 0 as #res, found {:?}", size.values)
+            format!("expected cubes of a size above 0 as #res, found {}", numbers_of(&size.values))
         });
         return None;
     }
     if split.values.iter().any(|count| count.fract() != 0.0 || !(1.0..=f64::from(u32::MAX)).contains(count)) {
         problems.error(split.line, split.at.clone(), || {
-            format!("expected whole numbers of cells, at least 1, as #split, found {:?}", split.values)
+            format!(
+                "expected whole numbers of cells, at least 1, as #split, found {}",
+                numbers_of(&split.values)
+            )
         });
         return None;
     }
@@ -153,4 +156,9 @@ fn wrong(name: &str, counts: &[usize], values: &[u8]) -> String {
         false => "",
     };
     format!("expected {} {noun} after \"#{name}:\", found \"{found}\"{hint}", expected.join(" or "))
+}
+
+/// Numbers as a file lists them.
+pub(super) fn numbers_of<T: ToString>(numbers: &[T]) -> String {
+    numbers.iter().map(T::to_string).collect::<Vec<_>>().join(" ")
 }

@@ -181,7 +181,10 @@ fn read_voxels(bytes: &[u8], header: &Header, width: usize, loader: &VoxelLoader
                 if index.cmpge(DVec3::from(header.split)).any() {
                     // The reference uses the lower corner only, so the position is well-defined.
                     slice.problems.warn(line.number, line.start..line.start + line.text.len(), || {
-                        format!("the cell is outside of the header's #split of {:?}", header.split)
+                        format!(
+                            "the cell is outside of the header's #split of {}",
+                            header::numbers_of(&header.split)
+                        )
                     });
                 }
                 let voxel = Voxel::of_plants(row.density, kind(loader.mode, row.transmittance));
