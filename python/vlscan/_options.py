@@ -82,7 +82,7 @@ class RunOptions(TypedDict, total=False):
     """Layout of the trajectory. [default: detected from its content]"""
 
     trajectory_columns: str | Sequence[str] | None
-    """Columns of text: names in order (time, x, y, z, roll, pitch, yaw, lat, lon; others are skipped) or name=number, from 1; a name may have a unit: roll[rad]. [default: the first line, else time,x,y,z,roll,pitch,yaw]"""
+    """Columns of text: names in order (time, x, y, z, roll, pitch, yaw, lat, lon, qx, qy, qz, qw; others are skipped) or name=number, from 1; a name may have a unit: roll[rad]. [default: the heading, else time,x,y,z,roll,pitch,yaw]"""
 
     trajectory_separator: str | None
     """Character between columns of text. [default: detected from the first line]"""
@@ -90,8 +90,8 @@ class RunOptions(TypedDict, total=False):
     trajectory_angles: Literal["deg", "rad"] | None
     """Unit of angles in text whose column names have no unit. [default: deg]"""
 
-    trajectory_rotation: Literal["heading", "yaw", "ros", "helios", "canonical"] | None
-    """Meaning of the angles of text. [default: helios for files as HELIOS++ reads and writes them, else heading]"""
+    trajectory_rotation: Literal["heading", "yaw", "ros", "helios", "canonical", "camera"] | None
+    """Meaning of the angles of text, or axes of its quaternions and matrices. [default: ros for quaternions and matrices, helios for files as HELIOS++ reads and writes them, else heading]"""
 
     utm_zone: str | None
     """UTM zone to which latitudes and longitudes are projected, such as 32N. [default: that of --crs, else that of the first pose]"""

@@ -28,8 +28,8 @@ pub struct TrajectoryOptions {
     /// Layout of the trajectory. [default: detected from its content]
     #[arg(id = "trajectory.format", long = "trajectory-format", value_name = "FORMAT")]
     pub format: Option<PoseFormat>,
-    /// Columns of text: names in order (time, x, y, z, roll, pitch, yaw, lat, lon; others are skipped) or name=number, from 1; a name may
-    /// have a unit: roll[rad]. [default: the first line, else time,x,y,z,roll,pitch,yaw]
+    /// Columns of text: names in order (time, x, y, z, roll, pitch, yaw, lat, lon, qx, qy, qz, qw; others are skipped) or name=number,
+    /// from 1; a name may have a unit: roll[rad]. [default: the heading, else time,x,y,z,roll,pitch,yaw]
     #[arg(id = "trajectory.columns", long = "trajectory-columns", value_name = "NAMES", value_delimiter = ',')]
     pub columns: Option<Vec<String>>,
     /// Character between columns of text. [default: detected from the first line]
@@ -41,7 +41,8 @@ pub struct TrajectoryOptions {
     /// Whether angles are degrees, an older form of `angles`.
     #[arg(skip)]
     pub degrees: Option<bool>,
-    /// Meaning of the angles of text. [default: helios for files as HELIOS++ reads and writes them, else heading]
+    /// Meaning of the angles of text, or axes of its quaternions and matrices. [default: ros for quaternions and matrices, helios
+    /// for files as HELIOS++ reads and writes them, else heading]
     #[arg(id = "rotation", long = "trajectory-rotation", value_name = "MEANING")]
     pub rotation: Option<AngleConvention>,
     /// UTM zone to which latitudes and longitudes are projected, such as 32N. [default: that of --crs, else that of the

@@ -1,10 +1,10 @@
 //! The columns of a stream of pulses: names, dimensions and meanings.
 
-use vlscan_base::columns::{Dimension, Heading, HeadingError, parse_heading};
 use vlscan_base::diag::nearest;
+use vlscan_base::table::{Dimension, HeadingError, ParsedHeading, Quantity, parse_heading, plain};
 
 macro_rules! columns {
-    ($($column:ident $name:literal $aliases:expr, $dimension:ident, $meaning:literal;)*) => {
+    ($($column:ident $quantity:ident, $meaning:literal;)*) => {
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[repr(usize)]
         pub enum PulseColumn {
@@ -14,60 +14,55 @@ macro_rules! columns {
         /// All columns in the order of their numbers.
         pub static ENTRIES: &[ColumnEntry] = &[$(ColumnEntry {
             column: PulseColumn::$column,
-            name: $name,
-            aliases: &$aliases,
-            dimension: Dimension::$dimension,
+            quantity: Quantity::$quantity,
         }),*];
     };
 }
 
 columns! {
-    Time "time" ["t", "gps_time", "gpstime"], Time, "Emission time; written in ns, read in any unit.";
-    X "x" ["origin_x", "ox"], Length, "World coordinate of the origin.";
-    Y "y" ["origin_y", "oy"], Length, "World coordinate of the origin.";
-    Z "z" ["origin_z", "oz"], Length, "World coordinate of the origin.";
-    DirectionX "dx" ["direction_x", "dir_x"], Ratio, "Direction of the beam; any length when read.";
-    DirectionY "dy" ["direction_y", "dir_y"], Ratio, "Direction of the beam; any length when read.";
-    DirectionZ "dz" ["direction_z", "dir_z"], Ratio, "Direction of the beam; any length when read.";
-    Leg "leg" [], Count, "Number of the leg, from 0.";
-    Device "device" ["channel"], Count, "Index of the device, from 0.";
-    Pulse "pulse" ["pulse_number", "number"], Count, "Number of the pulse among those of its device, from 1; determines its random numbers.";
-    Step "step" [], Count, "Simulation steps since the epoch began, by which parts of the scene move.";
-    AttitudeW "qw" [], Ratio, "Quaternion from the beam frame (the beam leaves along +y) to the world: orients the subrays about the beam.";
-    AttitudeX "qx" [], Ratio, "See AttitudeW.";
-    AttitudeY "qy" [], Ratio, "See AttitudeW.";
-    AttitudeZ "qz" [], Ratio, "See AttitudeW.";
-    ScanAngle "scan_angle" ["scanangle"], Angle, "The scan angle of LAS: of the beam from straight down across the track, negative to the left.";
-    LowX "x_low" [], Length, "Rounding error of the world coordinate, which restores the last bits of the scene coordinate.";
-    LowY "y_low" [], Length, "See LowX.";
-    LowZ "z_low" [], Length, "See LowX.";
-    ExactW "exact_qw" [], Ratio, "The quaternion without mechanical errors: points are reported along it.";
-    ExactX "exact_qx" [], Ratio, "See ExactW.";
-    ExactY "exact_qy" [], Ratio, "See ExactW.";
-    ExactZ "exact_qz" [], Ratio, "See ExactW.";
-    RangeError "range_error" [], Length, "Mechanical error that is added to every range.";
-    Divergence "divergence" ["beam_divergence"], Angle, "Divergence of the beam of device 0.";
-    StartDivergence "start_divergence" [], Angle, "Divergence at the beginning of the survey, with which the reference traces all legs.";
-    Epoch "epoch" ["play"], Count, "Number of the epoch, from 0, in surveys with swapped parts.";
-    ReportedW "reported_qw" [], Ratio, "The quaternion computed with the reported pose, without mechanical errors: points are reported along it.";
-    ReportedX "reported_qx" [], Ratio, "See ReportedW.";
-    ReportedY "reported_qy" [], Ratio, "See ReportedW.";
-    ReportedZ "reported_qz" [], Ratio, "See ReportedW.";
-    OriginErrorX "x_error" [], Length, "Reported minus true origin.";
-    OriginErrorY "y_error" [], Length, "Reported minus true origin.";
-    OriginErrorZ "z_error" [], Length, "Reported minus true origin.";
+    Time Time, "Emission time; written in ns, read in any unit.";
+    X X, "World coordinate of the origin.";
+    Y Y, "World coordinate of the origin.";
+    Z Z, "World coordinate of the origin.";
+    DirectionX DirectionX, "Direction of the beam; any length when read.";
+    DirectionY DirectionY, "Direction of the beam; any length when read.";
+    DirectionZ DirectionZ, "Direction of the beam; any length when read.";
+    Leg Leg, "Number of the leg, from 0.";
+    Device Device, "Index of the device, from 0.";
+    Pulse Pulse, "Number of the pulse among those of its device, from 1; determines its random numbers.";
+    Step Step, "Simulation steps since the epoch began, by which parts of the scene move.";
+    AttitudeW QuaternionW, "Quaternion from the beam frame (the beam leaves along +y) to the world: orients the subrays about the beam.";
+    AttitudeX QuaternionX, "See AttitudeW.";
+    AttitudeY QuaternionY, "See AttitudeW.";
+    AttitudeZ QuaternionZ, "See AttitudeW.";
+    ScanAngle ScanAngle, "The scan angle of LAS: of the beam from straight down across the track, negative to the left.";
+    LowX LowX, "Rounding error of the world coordinate, which restores the last bits of the scene coordinate.";
+    LowY LowY, "See LowX.";
+    LowZ LowZ, "See LowX.";
+    ExactW ExactW, "The quaternion without mechanical errors: points are reported along it.";
+    ExactX ExactX, "See ExactW.";
+    ExactY ExactY, "See ExactW.";
+    ExactZ ExactZ, "See ExactW.";
+    RangeError RangeError, "Mechanical error that is added to every range.";
+    Divergence Divergence, "Divergence of the beam of device 0.";
+    StartDivergence StartDivergence, "Divergence at the beginning of the survey, with which the reference traces all legs.";
+    Epoch Epoch, "Number of the epoch, from 0, in surveys with swapped parts.";
+    ReportedW ReportedW, "The quaternion computed with the reported pose, without mechanical errors: points are reported along it.";
+    ReportedX ReportedX, "See ReportedW.";
+    ReportedY ReportedY, "See ReportedW.";
+    ReportedZ ReportedZ, "See ReportedW.";
+    OriginErrorX OriginErrorX, "Reported minus true origin.";
+    OriginErrorY OriginErrorY, "Reported minus true origin.";
+    OriginErrorZ OriginErrorZ, "Reported minus true origin.";
 }
 
 pub const COLUMNS: usize = ENTRIES.len();
 
+/// Pulses hold times in ns, angles in rad, lengths in m.
 #[derive(Debug)]
 pub struct ColumnEntry {
     pub column: PulseColumn,
-    pub name: &'static str,
-    /// Further names that are accepted in headings.
-    aliases: &'static [&'static str],
-    /// The measured quantity. Pulses hold times in ns, angles in rad, lengths in m.
-    pub(crate) dimension: Dimension,
+    quantity: Quantity,
 }
 
 impl PulseColumn {
@@ -77,19 +72,30 @@ impl PulseColumn {
 }
 
 impl ColumnEntry {
+    /// The name that is written.
+    pub fn name(&self) -> &'static str {
+        self.quantity.name()
+    }
+
+    /// The measured quantity.
+    pub(crate) fn dimension(&self) -> Dimension {
+        self.quantity.dimension()
+    }
+
     /// The unit of written values; empty for plain numbers.
     pub fn unit(&self) -> &'static str {
-        match self.dimension {
+        match self.dimension() {
             Dimension::Time => "ns",
             Dimension::Length => "m",
             Dimension::Angle => "rad",
-            Dimension::Ratio | Dimension::Count => "",
+            Dimension::Ratio | Dimension::Count | Dimension::Text => "",
         }
     }
 
     /// Name and unit as in a header: `x[m]`.
     pub fn heading(&self) -> String {
-        if self.unit().is_empty() { self.name.to_owned() } else { format!("{}[{}]", self.name, self.unit()) }
+        let (name, unit) = (self.name(), self.unit());
+        if unit.is_empty() { name.to_owned() } else { format!("{name}[{unit}]") }
     }
 }
 
@@ -99,21 +105,19 @@ impl ColumnEntry {
 /// # Errors
 /// The problem and a hint.
 pub fn parse_pulse_heading(text: &str) -> Result<(PulseColumn, f64), (String, String)> {
-    let known = |name: &str| {
-        let entry = ENTRIES.iter().find(|e| e.name == name || e.aliases.contains(&name))?;
-        Some((entry, entry.dimension))
-    };
-    match parse_heading(text, known) {
-        Ok(Heading { column: entry, factor }) => {
-            let inside = if entry.dimension == Dimension::Time { 1e9 } else { 1.0 };
-            Ok((entry.column, inside * factor.unwrap_or(1.0)))
+    match parse_heading(text, ENTRIES.iter().map(|entry| entry.quantity)) {
+        Ok(ParsedHeading { quantity, factor }) => {
+            let entry = ENTRIES.iter().find(|entry| entry.quantity == quantity);
+            let column = entry.map_or(PulseColumn::Time, |entry| entry.column);
+            let inside = if quantity.dimension() == Dimension::Time { 1e9 } else { 1.0 };
+            Ok((column, inside * factor.unwrap_or(1.0)))
         }
-        Err(HeadingError::WrongUnit(found, expected)) => Err((found, expected)),
+        Err(HeadingError::WrongUnit(_, found, expected)) => Err((found, expected)),
         Err(HeadingError::UnknownName(name)) => {
-            let names = ENTRIES.iter().flat_map(|e| std::iter::once(e.name).chain(e.aliases.iter().copied()));
-            let help = nearest(&name, names).map_or_else(
+            let names = ENTRIES.iter().flat_map(|entry| entry.quantity.names());
+            let help = nearest(&plain(&name), names).map_or_else(
                 || {
-                    let names: Vec<&str> = ENTRIES.iter().map(|e| e.name).collect();
+                    let names: Vec<&str> = ENTRIES.iter().map(ColumnEntry::name).collect();
                     format!("the columns are {}", names.join(", "))
                 },
                 |near| format!("did you mean `{near}`?"),

@@ -1,8 +1,8 @@
 //! A pulse as a row of numbers and back, bit for bit.
 
 use super::columns::{COLUMNS, ColumnEntry, ENTRIES, PulseColumn};
-use vlscan_base::columns::Dimension;
 use vlscan_base::quantity::{self, Bounds};
+use vlscan_base::table::Dimension;
 use vlscan_geom::{DVec3, Rotation, rescaled};
 use vlscan_lidar::flight::Pulse;
 
@@ -179,7 +179,7 @@ fn count(column: PulseColumn, value: f64) -> Result<u32, RowFault> {
     if value <= f64::from(u32::MAX) {
         return Ok(value as u32);
     }
-    Err((column, format!("{} is {value}, expected at most {}", column.entry().name, u32::MAX)))
+    Err((column, format!("{} is {value}, expected at most {}", column.entry().name(), u32::MAX)))
 }
 
 fn check_numbers(values: &Values, present: ColumnSet) -> Result<(), RowFault> {
@@ -187,17 +187,17 @@ fn check_numbers(values: &Values, present: ColumnSet) -> Result<(), RowFault> {
         let value = values[entry.column as usize];
         let whole = (0.0..=MAX_EXACT_COUNT).contains(&value) && value.fract() == 0.0;
         if !value.is_finite() {
-            return Err((entry.column, format!("{} is {value}, expected a number", entry.name)));
+            return Err((entry.column, format!("{} is {value}, expected a number", entry.name())));
         }
-        if entry.dimension == Dimension::Count && !whole {
-            let message = format!("{} is {value}, expected a whole number of at least 0", entry.name);
+        if entry.dimension() == Dimension::Count && !whole {
+            let message = format!("{} is {value}, expected a whole number of at least 0", entry.name());
             return Err((entry.column, message));
         }
         let bounds = bounds(entry);
         if !bounds.contains(value) {
             return Err((
                 entry.column,
-                format!("{} is {}, expected {}", entry.name, quantity::number(value), bounds.expected),
+                format!("{} is {}, expected {}", entry.name(), quantity::number(value), bounds.expected),
             ));
         }
     }
@@ -206,12 +206,12 @@ fn check_numbers(values: &Values, present: ColumnSet) -> Result<(), RowFault> {
 
 /// Bounds of the numbers of a column, in ns, m and rad.
 fn bounds(entry: &ColumnEntry) -> Bounds {
-    match (entry.column, entry.dimension) {
+    match (entry.column, entry.dimension()) {
         (PulseColumn::Divergence | PulseColumn::StartDivergence, _) => quantity::STREAMED_DIVERGENCE,
         (_, Dimension::Time) => quantity::TIME_NS,
         (_, Dimension::Length) => quantity::COORDINATE,
         (_, Dimension::Angle) => quantity::NUMBER,
-        (_, Dimension::Ratio | Dimension::Count) => quantity::ANY,
+        (_, Dimension::Ratio | Dimension::Count | Dimension::Text) => quantity::ANY,
     }
 }
 

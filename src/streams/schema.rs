@@ -76,7 +76,7 @@ impl StreamSchema {
         for (position, (heading, place, no_numbers)) in headings.enumerate() {
             match (parse_pulse_heading(heading), no_numbers) {
                 (Ok((column, _)), _) if self.present.has(column) => {
-                    problems.error(Some(place), format!("a second column for {}", column.entry().name));
+                    problems.error(Some(place), format!("a second column for {}", column.entry().name()));
                 }
                 (Ok(_), Some(holds)) => {
                     problems
@@ -114,14 +114,12 @@ impl StreamSchema {
         order: u64,
         check: &impl Fn(&PulseRow) -> Result<(), RowFault>,
     ) -> Result<PulseRow, RowError> {
-        if let Some(width) = self.width.filter(|width| *width != row.width()) {
-            return Err(
-                row.error(None, format!("{} columns, expected {width} as in the header", row.width()))
-            );
+        if let Some(width) = self.width {
+            row.check_width(width, if self.header_rows > 0 { "the heading" } else { "the first line" })?;
         }
         let mut values: Values = [0.0; COLUMNS];
         for (column, factor, position) in &self.columns {
-            values[*column as usize] = row.number(*position, column.entry().name)? * factor;
+            values[*column as usize] = row.number(*position, column.entry().name())? * factor;
         }
         let pulse = PulseRow::of(&values, self.present, shift, order);
         let pulse = pulse.and_then(|pulse| check(&pulse).map(|()| pulse));
@@ -133,7 +131,7 @@ impl StreamSchema {
 fn check_complete(present: ColumnSet, place: Place, problems: &mut Diagnostics) {
     let mut missing: Vec<&str> = Vec::new();
     let mut need = |columns: &[PulseColumn]| {
-        missing.extend(columns.iter().filter(|c| !present.has(**c)).map(|c| c.entry().name));
+        missing.extend(columns.iter().filter(|c| !present.has(**c)).map(|c| c.entry().name()));
     };
     need(&ORIGIN);
     for group in [&ATTITUDE[..], &EXACT[..], &LOW[..]] {

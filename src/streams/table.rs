@@ -9,7 +9,7 @@ use ::arrow_schema::{DataType, Field, Schema, SchemaRef};
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::sync::Arc;
-use vlscan_base::columns::Dimension;
+use vlscan_base::table::Dimension;
 use vlscan_geom::{DVec3, degrees};
 use vlscan_lidar::flight::PoseSample;
 
@@ -41,9 +41,9 @@ pub fn pose_columns() -> Vec<TableColumn> {
 pub fn pulse_columns(present: ColumnSet) -> Vec<TableColumn> {
     let entries = ENTRIES.iter().filter(|e| present.has(e.column));
     let column = entries.map(|e| TableColumn {
-        name: e.name,
+        name: e.name(),
         unit: e.unit(),
-        is_count: e.dimension == Dimension::Count,
+        is_count: e.dimension() == Dimension::Count,
     });
     column.collect()
 }

@@ -4,7 +4,7 @@
 use super::columns::{ENTRIES, PulseColumn};
 use super::row::{ATTITUDE, ColumnSet, DIRECTION, EXACT, LOW, ORIGIN, ORIGIN_ERROR, PulseRow, REPORTED};
 use super::table::pose_values;
-use vlscan_base::columns::Dimension;
+use vlscan_base::table::Dimension;
 use vlscan_geom::DVec3;
 use vlscan_lidar::flight::PoseSample;
 
@@ -46,7 +46,7 @@ pub fn push_pulse(out: &mut Vec<u8>, row: &PulseRow, present: ColumnSet, shift: 
     let values = row.values(shift);
     for entry in ENTRIES.iter().filter(|e| present.has(e.column)) {
         let value = values[entry.column as usize];
-        match entry.dimension {
+        match entry.dimension() {
             Dimension::Count => push_count(out, value as u64),
             _ => push_number(out, value),
         }

@@ -90,6 +90,14 @@ fn of_helios(rows: &[[f64; 7]]) -> Vec<[f64; 7]> {
     rows.iter().map(row).collect()
 }
 
+/// Time, position, and the quaternion of a body with the axes forward, left, up, with w last.
+fn quaternion_line([t, x, y, z, roll, pitch, heading]: &[f64; 7]) -> String {
+    let [roll, pitch, heading] = [*roll, *pitch, *heading].map(f64::to_radians);
+    let to_body = Rotation::about_z(std::f64::consts::FRAC_PI_2);
+    let q = Rotation::of_heading(roll, pitch, heading).after(to_body);
+    format!("{t} {x} {y} {z} {} {} {} {}\n", q.u.x, q.u.y, q.u.z, q.w)
+}
+
 /// A pipeline that scans the hills of `fixtures/airborne`; its trajectory is given on the command line.
 fn pipeline(dir: &Path) -> String {
     let path = dir.join("p.toml");
@@ -166,6 +174,10 @@ fn the_same_flight_in_every_layout_gives_the_same_points() {
     assert_near("HELIOS++", &points(dir.path(), helios(&flight).as_bytes(), &as_headings), &plain, 2e-3);
     let own = helios(&of_helios(&flight));
     assert_near("HELIOS++", &points(dir.path(), own.as_bytes(), &[]), &plain, 2e-3);
+    let tum: String = flight.iter().map(|row| quaternion_line(row)).collect();
+    assert_near("quaternions", &points(dir.path(), tum.as_bytes(), &[]), &plain, 1e-3);
+    let named = format!("# timestamp tx ty tz qx qy qz qw\n{tum}");
+    assert_near("named quaternions", &points(dir.path(), named.as_bytes(), &[]), &plain, 1e-3);
     let mut lat_lon = "time,lat[rad],lon[rad],height,roll,pitch,heading\n".to_owned();
     for row in geographic(&flight) {
         let _ = writeln!(lat_lon, "{}", row.map(|v| v.to_string()).join(","));

@@ -1,7 +1,5 @@
-//! Columns of tables in text and in Arrow streams: separators of lines, quoted fields, and headings such as `time[s]` or
-//! `roll_deg`.
+//! Columns of lines of text: separators, quoted fields, decimal commas.
 
-use crate::crs::LengthUnit;
 use std::ops::Range;
 
 /// Separator of the columns of a line.
@@ -236,94 +234,6 @@ pub fn comma_note(text: &str) -> &'static str {
     if has_decimal_comma(text) { ", which has a decimal comma; numbers need a decimal point" } else { "" }
 }
 
-/// The quantity of a column.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Dimension {
-    /// Seconds.
-    Time,
-    /// Metres.
-    Length,
-    /// Radians.
-    Angle,
-    /// A plain number.
-    Ratio,
-    /// An integer of at least 0.
-    Count,
-}
-
-impl Dimension {
-    /// Factor from `unit` to seconds, metres or radians; `None` for units of other dimensions.
-    pub fn factor(self, unit: &str) -> Option<f64> {
-        Some(match (self, unit) {
-            (Dimension::Time, "s" | "sec" | "seconds") => 1.0,
-            (Dimension::Time, "ms") => 1e-3,
-            (Dimension::Time, "us" | "µs") => 1e-6,
-            (Dimension::Time, "ns") => 1e-9,
-            (Dimension::Length, name) => LengthUnit::of_name(name)?.metres,
-            (Dimension::Angle, "deg" | "degrees" | "°") => std::f64::consts::PI / 180.0,
-            (Dimension::Angle, "mrad") => 1e-3,
-            (Dimension::Angle, "rad" | "radians") => 1.0,
-            (Dimension::Ratio | Dimension::Count, "1" | "-") => 1.0,
-            _ => return None,
-        })
-    }
-
-    /// The units that [`Dimension::factor`] knows, for messages.
-    pub fn units(self) -> &'static str {
-        match self {
-            Dimension::Time => "s, ms, us or ns",
-            Dimension::Length => LengthUnit::USUAL,
-            Dimension::Angle => "rad, mrad or deg",
-            Dimension::Ratio | Dimension::Count => "no unit",
-        }
-    }
-}
-
-/// A heading whose name is known.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Heading<T> {
-    /// The column that the name stands for.
-    pub column: T,
-    /// Factor to seconds, metres or radians; `None` if the heading has no unit.
-    pub factor: Option<f64>,
-}
-
-/// Reasons why a heading cannot be parsed.
-#[derive(Clone, Debug, PartialEq)]
-pub enum HeadingError {
-    /// The name is not among the known ones.
-    UnknownName(String),
-    /// The unit does not match the quantity of the column: the unit, and the expected ones.
-    WrongUnit(String, String),
-}
-
-/// Parses a heading: a name, quoted or not, with a unit in brackets (`Roll[deg]`, `heading (deg)`) or after an
-/// underscore (`time_ns`). `known` resolves names in lower case to columns and their dimensions.
-pub fn parse_heading<T>(
-    text: &str,
-    known: impl Fn(&str) -> Option<(T, Dimension)>,
-) -> Result<Heading<T>, HeadingError> {
-    let lower = text.trim().trim_matches(['"', '\'']).trim().to_lowercase();
-    let (name, bracketed) = match lower.find(['[', '(']) {
-        Some(i) => (lower[..i].trim_end(), Some(lower[i..].trim_matches(['[', ']', '(', ')', ' ']))),
-        None => (lower.as_str(), None),
-    };
-    let with_suffix = || name.rsplit_once('_').filter(|_| bracketed.is_none());
-    let found = known(name).map(|column| (column, bracketed.unwrap_or_default()));
-    let found = found.or_else(|| with_suffix().and_then(|(stem, unit)| Some((known(stem)?, unit))));
-    let Some(((column, dimension), unit)) = found else {
-        return Err(HeadingError::UnknownName(name.to_owned()));
-    };
-    if unit.is_empty() {
-        return Ok(Heading { column, factor: None });
-    }
-    let factor = dimension.factor(unit).ok_or_else(|| {
-        let found = format!("column `{}` is in `{unit}`", text.trim());
-        HeadingError::WrongUnit(found, format!("expected {}", dimension.units()))
-    })?;
-    Ok(Heading { column, factor: Some(factor) })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -384,35 +294,6 @@ mod tests {
             ],
             [Ok(3), Err(3), Err(4)]
         );
-    }
-
-    #[test]
-    fn headings_state_name_and_unit() {
-        let known = |name: &str| match name {
-            "t" | "gps_time" => Some(('t', Dimension::Time)),
-            "roll" => Some(('r', Dimension::Angle)),
-            "x" => Some(('x', Dimension::Length)),
-            _ => None,
-        };
-        for (text, column, factor) in [
-            ("\"t\"", 't', None),
-            ("GPS_time", 't', None),
-            ("gps_time_ns", 't', Some(1e-9)),
-            ("Roll (deg)", 'r', Some(std::f64::consts::PI / 180.0)),
-            ("roll[rad]", 'r', Some(1.0)),
-            ("roll_mrad", 'r', Some(1e-3)),
-            (" X[]", 'x', None),
-        ] {
-            assert_eq!(parse_heading(text, known), Ok(Heading { column, factor }), "{text}");
-        }
-        let velocity = HeadingError::UnknownName("velocity_x".into());
-        assert_eq!(parse_heading("velocity_x", known), Err(velocity));
-        let gon = HeadingError::WrongUnit(
-            "column `roll[gon]` is in `gon`".into(),
-            "expected rad, mrad or deg".into(),
-        );
-        assert_eq!(parse_heading("roll[gon]", known), Err(gon));
-        assert!(matches!(parse_heading("x_deg", known), Err(HeadingError::WrongUnit(..))));
     }
 
     #[test]

@@ -8,7 +8,8 @@
 //! | `rng` | counter-based random numbers |
 //! | `quantity`, `markup`, `aligned` | bounds of numbers, counts and sizes as text; text in XML and HTML, in aligned columns |
 //! | `crs` | coordinate reference systems: WKT by EPSG code, codes in WKT, areas of use; units of length |
-//! | `columns` | headings and separators of columns |
+//! | `columns` | separators of columns and quoted fields |
+//! | `table` | headings of tables: the vocabulary of column names, units, schemas |
 //! | `files` | files named when complete, files that are read |
 //! | `damage`, `machine` | panics of decoders caught; threads and memory of the machine |
 //! | `input` | byte streams and Arrow tables read while they arrive |
@@ -31,6 +32,7 @@ pub mod observer;
 pub mod quantity;
 pub mod rng;
 pub mod store;
+pub mod table;
 
 pub use error::{Error, Result};
 pub use observer::Observer;

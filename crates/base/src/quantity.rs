@@ -116,6 +116,8 @@ pub const VISIBILITY: Bounds = Bounds::new(1e-15, f64::MAX, "a number above 0").
 pub const FRACTION: Bounds = Bounds::new(1e-15, 1.0, "a fraction above 0, at most 1");
 /// Coordinates and differences of them, m: also of places on Earth that were written in millimetres.
 pub const COORDINATE: Bounds = Bounds::new(-1e10, 1e10, "metres from -1e10 to 1e10");
+/// Angles of an attitude as written, in any unit: many turns of a heading, but no other quantity.
+pub const ATTITUDE: Bounds = Bounds::new(-1e6, 1e6, "an angle from -1e6 to 1e6");
 /// Times in any scale, s and ns.
 pub const TIME: Bounds = Bounds::new(-1e11, 1e11, "seconds from -1e11 to 1e11");
 /// Times in any scale, ns; messages state the bounds in seconds.

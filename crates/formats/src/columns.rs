@@ -1,12 +1,14 @@
 //! Which columns of a table hold which attributes of a point.
 
 use super::PointRow;
-use vlscan_base::columns::Dimension;
 use vlscan_base::diag::listed;
+use vlscan_base::table::{
+    Dimension, ParsedHeading, Quantity, is_usually_unused, parse_heading, plain, split_unit,
+};
 use vlscan_geom::{DVec3, degrees};
 
 macro_rules! attributes {
-    ($($attribute:ident $noun:literal, $described:literal, $dimension:expr, $whole:expr, $names:literal;)*) => {
+    ($($attribute:ident $quantity:ident, $noun:literal, $described:literal, $whole:expr;)*) => {
         /// An attribute of a point.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum Attribute {
@@ -20,28 +22,24 @@ macro_rules! attributes {
         }
 
         const ENTRIES: [Entry; Attribute::COUNT] = [$(Entry {
+            quantity: Quantity::$quantity,
             noun: $noun,
             described: $described,
-            dimension: $dimension,
             whole_numbers: $whole,
-            names: $names,
         }),*];
     };
 }
 
 /// What there is to know of an attribute.
 struct Entry {
+    /// The quantity by whose names and units columns are found.
+    quantity: Quantity,
     /// A value, for messages.
     noun: &'static str,
     /// A value with its unit, for messages.
     described: &'static str,
-    /// The quantity of the values, if units count for it.
-    dimension: Option<Dimension>,
     /// The whole numbers that the attribute can have; `None` for attributes that need not be whole.
     whole_numbers: Option<(f64, f64)>,
-    /// The names that programs use for the attribute, in lower case and without underscores and blanks. If a file has several of
-    /// them, the first in this list counts.
-    names: &'static str,
 }
 
 const BYTE: Option<(f64, f64)> = Some((0.0, 255.0));
@@ -49,22 +47,21 @@ const SHORT: Option<(f64, f64)> = Some((0.0, 65_535.0));
 const LONG: Option<(f64, f64)> = Some((i64::MIN as f64, i64::MAX as f64));
 
 attributes! {
-    X "x", "x, a number of metres", Some(Dimension::Length), None, "x easting east xcoordinate xcoord pointx rechtswert e";
-    Y "y", "y, a number of metres", Some(Dimension::Length), None, "y northing north ycoordinate ycoord pointy hochwert n";
-    Z "z", "z, a number of metres", Some(Dimension::Length), None,
-        "z elevation elev height altitude zcoordinate zcoord pointz höhe hoehe h";
-    NormalX "normal", "a component of the normal", None, None, "nx normalx";
-    NormalY "normal", "a component of the normal", None, None, "ny normaly";
-    NormalZ "normal", "a component of the normal", None, None, "nz normalz";
-    Intensity "intensity", "an intensity", None, None, "heliosamplitude intensity amplitude";
-    Class "class", "a point class", None, BYTE, "surfaceclass classification class label";
-    ReturnNumber "return number", "the number of the return", None, BYTE, "returnnumber return";
-    NumberOfReturns "number of returns", "the number of returns of the pulse", None, BYTE, "numberofreturns numreturns";
-    ScanAngle "scan angle", "a scan angle, a number of degrees", Some(Dimension::Angle), None, "scanangle scananglerank";
-    Object "object", "an object", None, LONG, "objectid hitobjectid object partid part treeid instanceid instance";
-    Leg "leg", "the number of a leg", None, SHORT, "leg pointsourceid";
-    Channel "channel", "the number of a channel", None, SHORT, "device channel userdata scannerchannel ring";
-    Time "time", "a time", Some(Dimension::Time), None, "gpstime time timestamp";
+    X X, "x", "x, a number of metres", None;
+    Y Y, "y", "y, a number of metres", None;
+    Z Z, "z", "z, a number of metres", None;
+    NormalX NormalX, "normal", "a component of the normal", None;
+    NormalY NormalY, "normal", "a component of the normal", None;
+    NormalZ NormalZ, "normal", "a component of the normal", None;
+    Intensity Intensity, "intensity", "an intensity", None;
+    Class Class, "class", "a point class", BYTE;
+    ReturnNumber ReturnNumber, "return number", "the number of the return", BYTE;
+    NumberOfReturns NumberOfReturns, "number of returns", "the number of returns of the pulse", BYTE;
+    ScanAngle ScanAngle, "scan angle", "a scan angle, a number of degrees", None;
+    Object Object, "object", "an object", LONG;
+    Leg Leg, "leg", "the number of a leg", SHORT;
+    Channel Device, "channel", "the number of a channel", SHORT;
+    Time Time, "time", "a time", None;
 }
 
 impl Attribute {
@@ -87,12 +84,18 @@ impl Attribute {
         &ENTRIES[self as usize]
     }
 
-    fn names(self) -> impl Iterator<Item = &'static str> {
-        self.entry().names.split(' ')
+    fn quantity(self) -> Quantity {
+        self.entry().quantity
     }
 
     fn has_name(self, plain: &str) -> bool {
-        self.names().any(|name| name == plain)
+        self.quantity().rank(plain).is_some()
+    }
+
+    /// The quantity of the values, if units count for it.
+    fn dimension(self) -> Option<Dimension> {
+        let dimension = self.quantity().dimension();
+        matches!(dimension, Dimension::Time | Dimension::Length | Dimension::Angle).then_some(dimension)
     }
 
     /// What a value of the attribute that does not fit is, and what counts instead; for messages.
@@ -116,14 +119,6 @@ impl Attribute {
 const OWN_NAME: &str = "pulsenumber";
 /// A name that its tables have if they have pulses without a return.
 const NAME_OF_MISSES: &str = "beamdirectionx";
-
-/// Names of columns that points often have and that nothing here needs, in the form of [`Entry::names`].
-const UNUSED_NAMES: &str = "a alpha b beamdirectionx beamdirectiony beamdirectionz beamoriginx beamoriginy beamoriginz blue \
-     classflags curvature edgeofflightline echowidth fid footprintfraction flightline fullwaveindex g \
-     green heightaboveground id incidenceangle index infrared keypoint nir \
-     overlap point pointid primitive pulsenumber r range red reflectance rgb rgba \
-     scandirectionflag scannerx scannery scannerz subray surfacex surfacey surfacez synthetic truerange \
-     truex truey truez width withheld";
 
 /// Maximum number of names in a message.
 const MAX_LISTED_NAMES: usize = 8;
@@ -232,13 +227,13 @@ pub enum PositionsError {
 }
 
 impl Columns {
-    /// Finds the columns by their names, which are compared ignoring case, blanks, underscores, quotes, units in brackets and
-    /// the prefix of CloudCompare's scalar fields. Units in brackets count for coordinates and times.
+    /// Finds the columns by their names, which are those of [`Quantity`]. Units in brackets or at the end of a name count for
+    /// coordinates, times and angles.
     pub fn find<'n>(names: impl IntoIterator<Item = &'n str>) -> Columns {
         let headings: Vec<&str> = names.into_iter().collect();
-        let names: Vec<String> = headings.iter().copied().map(plain).collect();
+        let names: Vec<String> = headings.iter().copied().map(name_of).collect();
         let position = |known: &str| names.iter().position(|name| name == known);
-        let mut columns = Attribute::ALL.map(|attribute| attribute.names().find_map(position));
+        let mut columns = Attribute::ALL.map(|attribute| attribute.quantity().names().find_map(position));
         // The intensity of this program's own tables is the logarithm of their amplitude.
         if position(OWN_NAME).is_some() {
             let amplitude = ["heliosamplitude", "amplitude"].into_iter().find_map(position);
@@ -283,7 +278,7 @@ impl Columns {
     /// What should be said about the names of a file: names that occur twice or mean the same, units that are not known, and
     /// names that are neither read nor known.
     pub fn remarks(&self, names: &[&str]) -> Vec<String> {
-        let plain: Vec<String> = names.iter().copied().map(plain).collect();
+        let plain: Vec<String> = names.iter().copied().map(name_of).collect();
         let mut remarks = Vec::new();
         for (attribute, chosen) in self.used() {
             let is_alike = |column: &usize| {
@@ -306,7 +301,7 @@ impl Columns {
             }
         }
         for (attribute, column) in self.used() {
-            if let Some(dimension) = attribute.entry().dimension
+            if let Some(dimension) = attribute.dimension()
                 && let Some(unit) = unit_of(names[column])
                 && factor(attribute, names[column]).is_none()
             {
@@ -325,7 +320,7 @@ impl Columns {
         }
         let is_known = |name: &str| {
             name.is_empty()
-                || UNUSED_NAMES.split(' ').any(|unused| unused == name)
+                || is_usually_unused(name)
                 || Attribute::ALL.iter().any(|attribute| attribute.has_name(name))
         };
         let unknown: Vec<&str> =
@@ -404,37 +399,49 @@ impl Columns {
     }
 }
 
-/// Normalises a column's name to the form used in [`Entry::names`].
-fn plain(name: &str) -> String {
-    let name = name.find(['[', '(']).map_or(name, |at| &name[..at]);
-    let is_kept = |c: &char| !(*c == '_' || *c == '"' || c.is_whitespace());
-    let name: String = name.chars().filter(is_kept).flat_map(char::to_lowercase).collect();
-    name.strip_prefix("scalar").map(str::to_owned).unwrap_or(name)
+/// The name of a heading without its unit, in the form of [`plain`].
+fn name_of(heading: &str) -> String {
+    let (name, bracketed) = split_unit(heading);
+    let whole = plain(name);
+    let is_known = |name: &str| Attribute::ALL.iter().any(|attribute| attribute.has_name(name));
+    if bracketed.is_some() || is_known(&whole) || is_usually_unused(&whole) {
+        return whole;
+    }
+    let quantities = Attribute::ALL.into_iter().map(Attribute::quantity);
+    match parse_heading(name, quantities) {
+        Ok(ParsedHeading { factor: Some(_), .. }) => {
+            name.rsplit_once(['_', '.', ' ', '-']).map_or(whole, |(stem, _)| plain(stem))
+        }
+        _ => whole,
+    }
 }
 
-/// The unit in brackets behind a name.
+/// The unit in brackets or at the end of a heading.
 fn unit_of(heading: &str) -> Option<&str> {
-    let open = heading.find(['[', '('])?;
-    let unit = heading[open + 1..].split([']', ')']).next()?.trim();
-    Some(unit).filter(|unit| !unit.is_empty())
+    let (name, bracketed) = split_unit(heading);
+    let has_suffix = || name_of(heading) != plain(name);
+    bracketed
+        .or_else(|| name.rsplit_once(['_', '.', ' ', '-']).filter(|_| has_suffix()).map(|(_, unit)| unit))
 }
 
-/// Metres, seconds or degrees in the unit in brackets behind the name of a column; `None` without a unit that is known.
+/// Metres, seconds or degrees in the unit of a column; `None` without a unit that is known.
 fn factor(attribute: Attribute, heading: &str) -> Option<f64> {
-    let dimension = attribute.entry().dimension?;
+    let dimension = attribute.dimension()?;
     let factor = dimension.factor(&unit_of(heading)?.to_lowercase())?;
     Some(if dimension == Dimension::Angle { degrees(factor) } else { factor })
 }
 
 /// Whether a name is that of a geographic coordinate, or has a unit of angles and is one of a horizontal coordinate.
 fn is_angle(heading: &str) -> bool {
-    let name = plain(heading);
+    let name = name_of(heading);
     let is_horizontal = [Attribute::X, Attribute::Y].iter().any(|axis| axis.has_name(&name));
     let is_unit = unit_of(heading).is_some_and(|unit| {
         let unit = unit.trim_end_matches('.').to_lowercase();
         unit == "degree" || unit == "radian" || Dimension::Angle.factor(&unit).is_some()
     });
-    matches!(name.as_str(), "lon" | "long" | "longitude" | "lat" | "latitude") || (is_horizontal && is_unit)
+    let is_geographic =
+        [Quantity::Longitude, Quantity::Latitude].iter().any(|axis| axis.rank(&name).is_some());
+    is_geographic || is_horizontal && is_unit
 }
 
 #[cfg(test)]

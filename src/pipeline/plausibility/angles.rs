@@ -124,7 +124,8 @@ impl AngleCheck {
     /// Converts a yaw to a bearing, clockwise from north, degrees.
     fn bearing(&self, yaw: f64) -> f64 {
         match self.convention {
-            AngleConvention::Heading | AngleConvention::Helios => yaw,
+            // Cameras have no angles.
+            AngleConvention::Heading | AngleConvention::Helios | AngleConvention::Camera => yaw,
             AngleConvention::Yaw | AngleConvention::Ros => 90.0 - yaw,
             AngleConvention::Canonical => -yaw,
         }

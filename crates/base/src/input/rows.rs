@@ -3,9 +3,10 @@
 //! up to the caller, who finds the names in [`RowDecoder::fields`] or in the first row of the text.
 
 use super::arrow::{ArrowDecoder, ArrowDetection, NumberBatch, TableField, detect_arrow};
-use crate::columns::{Separator, comma_note, stated_separator};
+use crate::columns::{Separator, comma_note, has_decimal_comma, stated_separator};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
+use crate::table::check_width;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -14,6 +15,8 @@ use std::sync::Arc;
 const MAX_LINE_BYTES: usize = 1 << 16;
 /// Number of characters that are shown of a line that is too long.
 const SHOWN_OF_LONG_LINE: usize = 40;
+/// Maximum number of lines before the first row.
+const MAX_LEADING_LINES: usize = 1000;
 
 /// Decodes a stream of rows. Blank lines and comments of text are passed over; the first bytes tell text from Arrow.
 #[derive(Debug)]
@@ -36,7 +39,7 @@ struct Source {
 #[derive(Debug)]
 enum Format {
     /// Too few bytes have arrived to decide.
-    Unknown(Vec<u8>, Option<char>),
+    Unknown(Vec<u8>, Option<char>, bool),
     Text(TextDecoder),
     Arrow(Box<ArrowDecoder>, Option<RowBlock>),
 }
@@ -50,8 +53,21 @@ struct TextDecoder {
     /// The separator that is named, by the caller or in the stream.
     named: Option<char>,
     has_begun: bool,
-    /// The comments before the first row, with their lines.
-    comments: Vec<(Place, String)>,
+    /// Whether lines of words may stand before the first row of numbers.
+    may_have_preamble: bool,
+    /// The comments and lines of words before the first row.
+    leading: Vec<LeadingLine>,
+}
+
+/// A line before the first row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LeadingLine {
+    /// The complete line.
+    pub place: Place,
+    /// Its text without blanks around it.
+    pub text: String,
+    /// Whether it begins with `#`.
+    pub is_comment: bool,
 }
 
 impl RowDecoder {
@@ -59,7 +75,16 @@ impl RowDecoder {
     /// tells it.
     pub fn new(path: &Path, what: &'static str, separator: Option<char>) -> RowDecoder {
         let source = Arc::new(Source { path: path.to_path_buf(), separator: Separator::Blanks });
-        RowDecoder { source, what, format: Format::Unknown(Vec::new(), separator), rows: 0 }
+        RowDecoder { source, what, format: Format::Unknown(Vec::new(), separator, false), rows: 0 }
+    }
+
+    /// This decoder for files in which lines of words may stand before the first row of numbers; they are among
+    /// [`RowDecoder::leading`]. In a text without numbers the last line of words is the first row.
+    pub fn with_preamble(mut self) -> RowDecoder {
+        if let Format::Unknown(_, _, may_have_preamble) = &mut self.format {
+            *may_have_preamble = true;
+        }
+        self
     }
 
     /// Adds bytes that have arrived.
@@ -67,12 +92,13 @@ impl RowDecoder {
         match &mut self.format {
             Format::Text(text) => text.pending.extend_from_slice(bytes),
             Format::Arrow(decoder, _) => decoder.feed(bytes),
-            Format::Unknown(first, named) => {
+            Format::Unknown(first, named, may_have_preamble) => {
                 first.extend_from_slice(bytes);
                 match detect_arrow(first) {
                     ArrowDetection::NeedMoreBytes => {}
                     ArrowDetection::Other => {
-                        self.format = Format::Text(TextDecoder::new(std::mem::take(first), *named));
+                        let text = TextDecoder::new(std::mem::take(first), *named, *may_have_preamble);
+                        self.format = Format::Text(text);
                     }
                     ArrowDetection::Arrow => {
                         let mut decoder = ArrowDecoder::new(&self.source.path);
@@ -92,10 +118,10 @@ impl RowDecoder {
         }
     }
 
-    /// The comments before the first row of text, with their lines.
-    pub fn comments(&self) -> &[(Place, String)] {
+    /// The comments before the first row of text, and lines of words if the decoder accepts a preamble.
+    pub fn leading(&self) -> &[LeadingLine] {
         match &self.format {
-            Format::Text(text) => &text.comments,
+            Format::Text(text) => &text.leading,
             _ => &[],
         }
     }
@@ -121,9 +147,9 @@ impl RowDecoder {
     /// [`Error::Input`] for lines that are too long, for bytes that are not text, and for damaged and cut Arrow streams. The rows
     /// before are returned first.
     pub fn next_block(&mut self, max_rows: usize, ended: bool) -> Result<Option<RowBlock>> {
-        if ended && let Format::Unknown(first, named) = &mut self.format {
+        if ended && let Format::Unknown(first, named, may_have_preamble) = &mut self.format {
             // A beginning of an Arrow stream that is too short to be recognised is read as text.
-            self.format = Format::Text(TextDecoder::new(std::mem::take(first), *named));
+            self.format = Format::Text(TextDecoder::new(std::mem::take(first), *named, *may_have_preamble));
         }
         let mut rest = None;
         let content = match &mut self.format {
@@ -156,8 +182,8 @@ impl RowDecoder {
 }
 
 impl TextDecoder {
-    fn new(pending: Vec<u8>, named: Option<char>) -> TextDecoder {
-        TextDecoder { pending, line: 0, named, has_begun: false, comments: Vec::new() }
+    fn new(pending: Vec<u8>, named: Option<char>, may_have_preamble: bool) -> TextDecoder {
+        TextDecoder { pending, line: 0, named, has_begun: false, may_have_preamble, leading: Vec::new() }
     }
 
     /// The next complete lines with rows; `None` if there are none. The first one decides the separator.
@@ -200,8 +226,7 @@ impl TextDecoder {
                 [] => continue,
                 [b'#', ..] => {
                     if !self.has_begun {
-                        let place = line_place(&source.path, self.line, text, 0..text.len());
-                        self.comments.push((place, String::from_utf8_lossy(text).trim().to_owned()));
+                        self.leading.push(LeadingLine::of(&source.path, self.line, text, true));
                     }
                     continue;
                 }
@@ -213,15 +238,58 @@ impl TextDecoder {
                     self.named = self.named.or(Some(stated));
                     continue;
                 }
-                self.has_begun = true;
                 let separator = self.named.map_or_else(|| Separator::guess(text), Separator::named);
+                let is_word = self.may_have_preamble && !is_row_of_numbers(text, separator);
+                if is_word && self.leading.len() < MAX_LEADING_LINES {
+                    self.leading.push(LeadingLine::of(&source.path, self.line, text, false));
+                    continue;
+                }
+                self.has_begun = true;
                 *source = Arc::new(Source { path: source.path.clone(), separator });
             }
             rows.push((self.line, line));
         }
         let bytes: Vec<u8> = self.pending.drain(..at).collect();
+        if ended && !self.has_begun && self.pending.is_empty() {
+            return Ok(self.last_words(source));
+        }
         Ok((!rows.is_empty()).then_some(Lines { bytes, rows }))
     }
+
+    /// The last line of words as the first row, if there is one.
+    fn last_words(&mut self, source: &mut Arc<Source>) -> Option<Lines> {
+        let index = self.leading.iter().rposition(|line| !line.is_comment)?;
+        let line = self.leading.remove(index);
+        let bytes = line.text.into_bytes();
+        let separator = self.named.map_or_else(|| Separator::guess(&bytes), Separator::named);
+        *source = Arc::new(Source { path: source.path.clone(), separator });
+        self.has_begun = true;
+        Some(Lines { rows: vec![(line.place.line, 0..bytes.len())], bytes })
+    }
+}
+
+impl LeadingLine {
+    fn of(path: &Path, number: usize, text: &[u8], is_comment: bool) -> LeadingLine {
+        let place = line_place(path, number, text, 0..text.len());
+        LeadingLine { place, text: String::from_utf8_lossy(text).trim().to_owned(), is_comment }
+    }
+}
+
+/// Whether a line consists of numbers, or mostly of numbers, so that it is no heading and no sentence.
+fn is_row_of_numbers(line: &[u8], separator: Separator) -> bool {
+    let is_number = |word: &[u8]| {
+        let text = std::str::from_utf8(word).ok().map(str::trim);
+        text.is_some_and(|text| text.parse::<f64>().is_ok_and(f64::is_finite) || has_decimal_comma(text))
+    };
+    let (mut fields, mut numbers, mut begins) = (0, 0, false);
+    for at in separator.split(line) {
+        let is_number = is_number(&line[at]);
+        begins |= fields == 0 && is_number;
+        fields += 1;
+        numbers += usize::from(is_number);
+    }
+    // A pose whose first column is a calendar time or the name of a frame has at least six numbers.
+    begins && 2 * numbers >= fields || numbers >= 6 && 4 * numbers >= 3 * fields
 }
 
 /// Length of the first line of a text, without and with its end: a line feed, a carriage return or both. `None` while it is
@@ -363,6 +431,21 @@ impl Row<'_> {
         }
     }
 
+    /// Checks the number of fields of a line; `whose` says where `expected` is from, such as `the heading`. Rows of batches
+    /// always have the columns of their stream.
+    ///
+    /// # Errors
+    /// Surplus and missing fields, with a hint at their likely cause.
+    pub fn check_width(&self, expected: usize, whose: &str) -> std::result::Result<(), RowError> {
+        if !matches!(self.content, RowContent::Text(..)) {
+            return Ok(());
+        }
+        check_width(self.width(), expected, whose, self.source.separator).map_err(|e| {
+            let help = if e.help.is_empty() { String::new() } else { format!("; {}", e.help) };
+            self.error((self.width() > expected).then_some(expected), format!("{}{help}", e.message))
+        })
+    }
+
     /// How the line is split.
     pub fn separator(&self) -> Separator {
         self.source.separator
@@ -465,6 +548,26 @@ mod tests {
             assert_eq!(read(text.as_bytes(), 100, 2).unwrap().len(), 2);
         }
         assert_eq!(line_length(b"1\r", false), None, "a line feed may follow");
+    }
+
+    #[test]
+    fn lines_of_words_may_stand_before_the_numbers() {
+        let rows = |text: &str| {
+            let mut decoder = RowDecoder::new(Path::new("a.txt"), "a pose", None).with_preamble();
+            decoder.feed(text.as_bytes());
+            let block = decoder.next_block(10, true).unwrap();
+            let first =
+                block.map(|block| block.row(0, &mut Vec::new()).texts().collect::<Vec<_>>().join("|"));
+            (first, decoder.leading().iter().map(|line| line.text.clone()).collect::<Vec<_>>())
+        };
+        let text =
+            "Project: test 7\n\nDate 2020 10 11\n# a\n Time, X Pos, Y\n  (s)  (m) (m)\n 1.5 2 3\n4 5 6\n";
+        let (first, leading) = rows(text);
+        assert_eq!(first.as_deref(), Some("1.5|2|3"));
+        assert_eq!(leading, ["Project: test 7", "Date 2020 10 11", "# a", "Time, X Pos, Y", "(s)  (m) (m)"]);
+        assert_eq!(rows("time,x\n").0.as_deref(), Some("time|x"));
+        assert_eq!(rows("1,5;2,5\n").0.as_deref(), Some("1,5|2,5"));
+        assert_eq!(rows("t\na.png 1 2 3 4 5 6\n").0.as_deref(), Some("a.png|1|2|3|4|5|6"));
     }
 
     #[test]

@@ -1,9 +1,12 @@
 //! Columns of poses: which column of a row holds which component, and its unit.
 
-use vlscan_base::columns::{Dimension, Heading, HeadingError, Separator, parse_heading};
+use super::attitude::{MATRIX_HELP, of_matrix, of_quaternion};
+use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::input::arrow::TableField;
-use vlscan_base::input::rows::{Row, RowDecoder, RowError};
-use vlscan_geom::radians;
+use vlscan_base::input::rows::{Row, RowError};
+use vlscan_base::quantity;
+use vlscan_base::table::{Dimension, Headings, Quantity, Schema, Use, join_units};
+use vlscan_geom::{Rotation, radians};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PoseColumn {
@@ -14,8 +17,6 @@ pub(super) enum PoseColumn {
     X,
     Y,
     Z,
-    Longitude,
-    Latitude,
 }
 
 /// The columns of a pose on a grid, in the order of trajectory files without names.
@@ -31,53 +32,57 @@ pub(super) const POSE_COLUMNS: [PoseColumn; 7] = [
 
 pub(super) const ANGLES: [PoseColumn; 3] = [PoseColumn::Roll, PoseColumn::Pitch, PoseColumn::Yaw];
 
+/// The columns of trajectories. Which of them are needed depends on the others.
+pub(super) const SCHEMA: Schema = Schema {
+    columns: &[
+        (Quantity::Time, Use::Optional),
+        (Quantity::X, Use::Optional),
+        (Quantity::Y, Use::Optional),
+        (Quantity::Z, Use::Optional),
+        (Quantity::Roll, Use::Optional),
+        (Quantity::Pitch, Use::Optional),
+        (Quantity::Yaw, Use::Optional),
+        (Quantity::QuaternionW, Use::Optional),
+        (Quantity::QuaternionX, Use::Optional),
+        (Quantity::QuaternionY, Use::Optional),
+        (Quantity::QuaternionZ, Use::Optional),
+        (Quantity::Latitude, Use::Optional),
+        (Quantity::Longitude, Use::Optional),
+    ],
+    is_unique: true,
+    help: "the columns are time, x, y, z (or lat, lon, height) and roll, pitch, yaw (or qx, qy, qz, qw)",
+};
+
+const QUATERNION: [Quantity; 4] =
+    [Quantity::QuaternionW, Quantity::QuaternionX, Quantity::QuaternionY, Quantity::QuaternionZ];
+
 impl PoseColumn {
-    fn name(self) -> &'static str {
+    fn quantity(self) -> Quantity {
         match self {
-            PoseColumn::Time => "time",
-            PoseColumn::Roll => "roll",
-            PoseColumn::Pitch => "pitch",
-            PoseColumn::Yaw => "yaw",
-            PoseColumn::X => "x",
-            PoseColumn::Y => "y",
-            PoseColumn::Z => "z",
-            PoseColumn::Longitude => "longitude",
-            PoseColumn::Latitude => "latitude",
+            PoseColumn::Time => Quantity::Time,
+            PoseColumn::Roll => Quantity::Roll,
+            PoseColumn::Pitch => Quantity::Pitch,
+            PoseColumn::Yaw => Quantity::Yaw,
+            PoseColumn::X => Quantity::X,
+            PoseColumn::Y => Quantity::Y,
+            PoseColumn::Z => Quantity::Z,
         }
     }
 
-    fn dimension(self) -> Dimension {
-        match self {
-            PoseColumn::Time => Dimension::Time,
-            PoseColumn::X | PoseColumn::Y | PoseColumn::Z => Dimension::Length,
-            _ => Dimension::Angle,
-        }
+    fn is_angle(self) -> bool {
+        self.quantity().dimension() == Dimension::Angle
     }
+}
 
-    fn named(name: &str) -> Option<PoseColumn> {
-        Some(match name {
-            "lat" | "latitude" => PoseColumn::Latitude,
-            "lon" | "long" | "lng" | "longitude" => PoseColumn::Longitude,
-            "t" | "time" | "gpstime" | "gps_time" | "timestamp" | "sow" => PoseColumn::Time,
-            "x" | "easting" | "east" | "e" => PoseColumn::X,
-            "y" | "northing" | "north" | "n" => PoseColumn::Y,
-            "z" | "h" | "height" | "altitude" | "alt" | "elevation" | "up" => PoseColumn::Z,
-            "roll" => PoseColumn::Roll,
-            "pitch" => PoseColumn::Pitch,
-            "yaw" | "heading" | "hdg" => PoseColumn::Yaw,
-            _ => return None,
-        })
-    }
-
-    /// Parses a heading; `Ok(None)` for other quantities, an error for an unsuitable unit.
-    pub fn parse(heading: &str) -> Result<Option<Heading<PoseColumn>>, String> {
-        let known = |name: &str| PoseColumn::named(name).map(|column| (column, column.dimension()));
-        match parse_heading(heading, known) {
-            Ok(heading) => Ok(Some(heading)),
-            Err(HeadingError::UnknownName(_)) => Ok(None),
-            Err(HeadingError::WrongUnit(found, expected)) => Err(format!("{found}, {expected}")),
-        }
-    }
+/// The columns of the attitude.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum AttitudeColumns {
+    /// Roll, pitch and yaw of [`PoseLayout::columns`].
+    Angles,
+    /// w, x, y, z.
+    Quaternion([usize; 4]),
+    /// The rotation of a matrix, row by row.
+    Matrix([usize; 9]),
 }
 
 /// The columns of a table of poses, each array in the order of [`POSE_COLUMNS`].
@@ -88,43 +93,51 @@ pub(super) struct PoseLayout {
     pub factors: [Option<f64>; 7],
     /// X is the longitude, Y the latitude.
     pub geographic: bool,
+    pub attitude: AttitudeColumns,
+    /// Number of columns of every line, and where the number is from.
+    pub width: Option<(usize, &'static str)>,
+    unread: Unread,
 }
 
-/// Columns as their headings are read one by one, in the order of [`PoseColumn`].
-#[derive(Default)]
-struct Headings([Option<(usize, Option<f64>)>; 9]);
+/// Headings of columns that are not read.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Unread {
+    /// Those with unknown names, and questions about what is meant.
+    unknown: Vec<String>,
+    help: Vec<String>,
+    /// Those of quantities that trajectories often have.
+    usual: Vec<String>,
+}
 
-impl Headings {
-    fn add(&mut self, column: usize, heading: Heading<PoseColumn>) -> Result<(), String> {
-        match self.0[heading.column as usize].replace((column, heading.factor)) {
-            Some(_) => Err(format!("a second column for {}", heading.column.name())),
-            None => Ok(()),
-        }
-    }
-
-    /// Returns the layout. Projected coordinates take precedence over latitude and longitude.
-    fn finish(self) -> PoseLayout {
-        let [time, roll, pitch, yaw, x, y, z, longitude, latitude] = self.0;
-        let geographic = longitude.is_some() && latitude.is_some() && (x.is_none() || y.is_none());
-        let (x, y) = if geographic { (longitude, latitude) } else { (x, y) };
-        let found = [time, roll, pitch, yaw, x, y, z];
-        PoseLayout {
-            columns: found.map(|f| f.map(|(column, _)| column)),
-            factors: found.map(|f| f.and_then(|(_, factor)| factor)),
-            geographic,
-        }
-    }
+/// The numbers of a row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct PoseNumbers {
+    /// Not converted, in the order of [`POSE_COLUMNS`]. Components without a column are 0.
+    pub values: [f64; 7],
+    /// Rotation from the body to the world in the axes of the file, of quaternions and matrices.
+    pub rotation: Option<Rotation>,
 }
 
 impl PoseLayout {
+    fn empty() -> PoseLayout {
+        PoseLayout {
+            columns: [None; 7],
+            factors: [None; 7],
+            geographic: false,
+            attitude: AttitudeColumns::Angles,
+            width: None,
+            unread: Unread::default(),
+        }
+    }
+
     /// Columns by number, in the order of [`POSE_COLUMNS`].
     pub fn numbered(columns: [usize; 7]) -> PoseLayout {
-        PoseLayout { columns: columns.map(Some), factors: [None; 7], geographic: false }
+        PoseLayout { columns: columns.map(Some), ..PoseLayout::empty() }
     }
 
     /// Columns in the order of `order`. If `time` is given, it is the index of the time column, and the others skip it.
     pub fn in_order(order: &[PoseColumn], time: Option<usize>) -> PoseLayout {
-        let mut layout = PoseLayout { columns: [None; 7], factors: [None; 7], geographic: false };
+        let mut layout = PoseLayout::empty();
         let places = (0..).filter(|place| Some(*place) != time);
         let others = order.iter().filter(|c| time.is_none() || **c != PoseColumn::Time);
         for (column, place) in others.zip(places) {
@@ -134,48 +147,102 @@ impl PoseLayout {
         layout
     }
 
+    /// Time, position and a quaternion with w last, as SLAM programs write them.
+    pub fn tum() -> PoseLayout {
+        use PoseColumn::{Time, X, Y, Z};
+        let attitude = AttitudeColumns::Quaternion([7, 4, 5, 6]);
+        PoseLayout { attitude, ..PoseLayout::in_order(&[Time, X, Y, Z], None) }
+    }
+
+    /// A matrix of `rows` rows and four columns from column `first`, after the time if there is one; a fourth row is not read.
+    pub fn matrix(first: usize, rows: usize) -> PoseLayout {
+        let mut layout = PoseLayout::empty();
+        for (column, place) in [(PoseColumn::X, 3), (PoseColumn::Y, 7), (PoseColumn::Z, 11)] {
+            layout.columns[column as usize] = Some(first + place);
+        }
+        layout.set_time((first > 0).then_some(0));
+        let rotation = [0, 1, 2, 4, 5, 6, 8, 9, 10].map(|place| first + place);
+        let width = Some((first + 4 * rows, "the first line"));
+        PoseLayout { attitude: AttitudeColumns::Matrix(rotation), width, ..layout }
+    }
+
     pub fn set_time(&mut self, time: Option<usize>) {
         if time.is_some() {
             self.columns[PoseColumn::Time as usize] = time;
         }
     }
 
-    /// The layout that headings describe; unknown names are ignored.
+    /// The layout that headings describe.
     pub fn from_headings(names: impl IntoIterator<Item = impl AsRef<str>>) -> Result<PoseLayout, String> {
-        let mut columns: Vec<String> = Vec::new();
-        for name in names {
-            let name = name.as_ref();
-            match columns.last_mut() {
-                // `roll (deg)` in a line separated by blanks is one heading.
-                Some(last) if name.starts_with(['(', '[']) && name.ends_with([')', ']']) => {
-                    last.push_str(name)
-                }
-                _ => columns.push(name.to_owned()),
-            }
-        }
-        let mut headings = Headings::default();
-        for (column, name) in columns.iter().enumerate() {
-            PoseColumn::parse(name)?.map_or(Ok(()), |heading| headings.add(column, heading))?;
-        }
-        Ok(headings.finish())
+        let names = join_units(names);
+        let mut layout = PoseLayout::of(Headings::of(&names, &SCHEMA))?;
+        layout.width = Some((names.len(), "the heading"));
+        Ok(layout)
     }
 
     /// The layout of an Arrow stream; other columns than those of poses need not be numbers.
-    fn from_fields(fields: &[TableField]) -> Result<PoseLayout, String> {
-        let mut headings = Headings::default();
-        for (column, field) in fields.iter().enumerate() {
-            match PoseColumn::parse(&field.heading)? {
-                Some(_) if !field.is_number() => {
-                    return Err(format!(
-                        "column `{}` holds {}, expected numbers",
-                        field.heading, field.holds
-                    ));
-                }
-                Some(heading) => headings.add(column, heading)?,
-                None => {}
-            }
+    pub fn from_fields(fields: &[TableField]) -> Result<PoseLayout, String> {
+        let headings = Headings::of(fields.iter().map(|field| &field.heading), &SCHEMA);
+        let read = headings.columns.iter().map(|column| &fields[column.index]);
+        if let Some(field) = read.into_iter().find(|field| !field.is_number()) {
+            return Err(format!("column `{}` holds {}, expected numbers", field.heading, field.holds));
         }
-        Ok(headings.finish())
+        PoseLayout::of(headings)
+    }
+
+    /// The layout of headings, which may repeat a height beside both projected and geographic coordinates. Projected
+    /// coordinates take precedence over latitude and longitude, and quaternions over angles.
+    fn of(mut headings: Headings) -> Result<PoseLayout, String> {
+        if let Some(wrong) = headings.wrong_units.first() {
+            return Err(wrong.clone());
+        }
+        let has = |quantity| headings.has(quantity);
+        let is_projected = has(Quantity::X) && has(Quantity::Y);
+        let is_geographic = has(Quantity::Longitude) && has(Quantity::Latitude);
+        for (name, earlier) in std::mem::take(&mut headings.repeated) {
+            if !(is_projected && is_geographic && name.eq_ignore_ascii_case(&earlier)) {
+                return Err(format!(
+                    "columns `{earlier}` and `{name}` have the same meaning; rename one, or choose with --trajectory-columns"
+                ));
+            }
+            headings.unused.push(name);
+        }
+        let mut unread = Unread {
+            help: headings.unknown.iter().filter_map(|name| headings.suggestion(name, &SCHEMA)).collect(),
+            unknown: std::mem::take(&mut headings.unknown),
+            usual: std::mem::take(&mut headings.unused),
+        };
+        let name_of = |quantity| headings.get(quantity).map(|column| column.name.clone());
+        let geographic = is_geographic && !is_projected;
+        let others =
+            if geographic { [Quantity::X, Quantity::Y] } else { [Quantity::Longitude, Quantity::Latitude] };
+        unread.usual.extend(others.into_iter().filter_map(name_of));
+        let quaternion = QUATERNION.map(|quantity| headings.get(quantity).map(|column| column.index));
+        let attitude = match quaternion {
+            [None, None, None, None] => AttitudeColumns::Angles,
+            [Some(w), Some(x), Some(y), Some(z)] => AttitudeColumns::Quaternion([w, x, y, z]),
+            _ => {
+                let missing = QUATERNION.iter().zip(quaternion).filter(|(_, column)| column.is_none());
+                let missing: Vec<&str> = missing.map(|(quantity, _)| quantity.name()).collect();
+                return Err(format!("no column for {}", missing.join(", ")));
+            }
+        };
+        let mut layout = PoseLayout { geographic, attitude, ..PoseLayout::empty() };
+        for column in POSE_COLUMNS {
+            let quantity = match column {
+                PoseColumn::X if geographic => Quantity::Longitude,
+                PoseColumn::Y if geographic => Quantity::Latitude,
+                column => column.quantity(),
+            };
+            let Some(found) = headings.get(quantity) else { continue };
+            if column.is_angle() && attitude != AttitudeColumns::Angles {
+                unread.unknown.push(found.name.clone());
+                continue;
+            }
+            layout.columns[column as usize] = Some(found.index);
+            layout.factors[column as usize] = found.factor;
+        }
+        Ok(PoseLayout { unread, ..layout })
     }
 
     /// The layout that a user chooses: headings in their order, where unknown names skip a column, or `heading=number`
@@ -194,29 +261,26 @@ impl PoseLayout {
                     format!("expected a name and a number from 1 to {MAX_COLUMNS}, such as time=1");
                 return Err(format!("`{column}`: {expected}"));
             }
-            match PoseColumn::parse(name)? {
-                Some(heading) => headings.add(number - 1, heading)?,
-                None if numbered => {
-                    return Err(format!("`{name}` is none of time, x, y, z, roll, pitch, yaw, lat, lon"));
-                }
-                None => {}
+            headings.add(number - 1, name.trim(), &SCHEMA);
+            let is_unknown = headings.unknown.pop().is_some() | headings.unused.pop().is_some();
+            if is_unknown && numbered {
+                return Err(format!("`{name}` is none of {CHOICES}"));
             }
         }
-        let layout = headings.finish();
-        match layout.shared_column() {
-            Some((one, other, column)) => Err(format!("{one} and {other} are both column {}", column + 1)),
-            None => Ok(layout),
+        if let Some((name, earlier)) = headings.repeated.first() {
+            return Err(format!("`{earlier}` and `{name}` have the same meaning"));
         }
-    }
-
-    /// Two quantities that are read from one column, if there are any, and that column.
-    fn shared_column(&self) -> Option<(&'static str, &'static str, usize)> {
-        let column = |c: PoseColumn| self.columns[c as usize];
-        POSE_COLUMNS.iter().enumerate().find_map(|(i, &later)| {
-            let earlier =
-                POSE_COLUMNS[..i].iter().find(|&&c| column(c).is_some() && column(c) == column(later))?;
-            Some((self.name_of(*earlier), self.name_of(later), column(later)?))
-        })
+        for (i, later) in headings.columns.iter().enumerate() {
+            if let Some(one) = headings.columns[..i].iter().find(|one| one.index == later.index) {
+                let (one, other) = (one.quantity.name(), later.quantity.name());
+                return Err(format!("{one} and {other} are both column {}", later.index + 1));
+            }
+        }
+        let layout = PoseLayout::of(headings)?;
+        if let Some(name) = layout.unread.unknown.iter().chain(&layout.unread.usual).next() {
+            return Err(format!("`{name}` would not be read beside the other columns"));
+        }
+        Ok(layout)
     }
 
     /// The first quantity that `named` has in another column: its name, its column here and there.
@@ -230,38 +294,99 @@ impl PoseLayout {
 
     fn name_of(&self, column: PoseColumn) -> &'static str {
         match column {
-            PoseColumn::X if self.geographic => PoseColumn::Longitude.name(),
-            PoseColumn::Y if self.geographic => PoseColumn::Latitude.name(),
-            column => column.name(),
+            PoseColumn::X if self.geographic => Quantity::Longitude.name(),
+            PoseColumn::Y if self.geographic => Quantity::Latitude.name(),
+            column => column.quantity().name(),
         }
     }
 
     pub fn complete(self, wanted: &[PoseColumn]) -> Result<PoseLayout, String> {
-        let is_missing = |c: &&PoseColumn| self.columns[**c as usize].is_none();
-        let missing: Vec<&str> = wanted.iter().filter(is_missing).map(|c| c.name()).collect();
-        if missing.is_empty() { Ok(self) } else { Err(format!("no column for {}", missing.join(", "))) }
+        let has_angles = self.attitude == AttitudeColumns::Angles;
+        let is_missing =
+            |c: &&PoseColumn| self.columns[**c as usize].is_none() && (has_angles || !c.is_angle());
+        let missing: Vec<&str> = wanted.iter().filter(is_missing).map(|c| c.quantity().name()).collect();
+        if missing.is_empty() {
+            return Ok(self);
+        }
+        let meant = self.unread.help.iter().map(|question| format!("; {question}")).collect::<String>();
+        Err(format!("no column for {}{meant}", missing.join(", ")))
     }
 
-    /// The numbers of a row, not converted, in the order of [`POSE_COLUMNS`]. Components without a column are 0.
-    pub fn read(&self, row: &Row) -> Result<[f64; 7], RowError> {
+    /// Warns of columns with unknown names, and lists others that are not read.
+    pub fn report_unread(&self, place: Option<Place>, found: &mut Diagnostics) {
+        let listed = |names: &[String]| names.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");
+        let Unread { unknown, help, usual } = &self.unread;
+        if !unknown.is_empty() {
+            let message = format!("columns that are not read: {}", listed(unknown));
+            let help = if help.is_empty() { SCHEMA.help.to_owned() } else { help.join("; ") };
+            found.warn(place.clone(), message).help(help);
+        }
+        if !usual.is_empty() {
+            found.note(place, format!("columns that are not used: {}", listed(usual)));
+        }
+    }
+
+    /// The layout of lines of `width` columns without names; columns beyond those of the layout give a warning.
+    pub fn with_width(mut self, width: usize, place: Option<Place>, found: &mut Diagnostics) -> PoseLayout {
+        let attitude: &[usize] = match &self.attitude {
+            AttitudeColumns::Angles => &[],
+            AttitudeColumns::Quaternion(columns) => columns,
+            AttitudeColumns::Matrix(columns) => columns,
+        };
+        let last = self.columns.iter().flatten().chain(attitude).max().copied().unwrap_or_default();
+        if last + 1 < width && self.width.is_none() {
+            let columns = match width - last {
+                2 => format!("column {width} has no name and is"),
+                _ => format!("columns {} to {width} have no names and are", last + 2),
+            };
+            found.warn(place, format!("{columns} not read"));
+        }
+        self.width = Some((width, "the first line"));
+        self
+    }
+
+    /// The numbers of a row.
+    pub fn read(&self, row: &Row) -> Result<PoseNumbers, RowError> {
+        if let Some((width, whose)) = self.width {
+            row.check_width(width, whose)?;
+        }
         let mut values = [0.0; 7];
         for column in POSE_COLUMNS {
             let Some(index) = self.columns[column as usize] else { continue };
             let name = self.name_of(column);
-            let number = row.number(index, name)?;
-            if !number.is_finite() {
-                return Err(row.expected_number(index, name));
+            let number = number_of(row, index, name)?;
+            if column.is_angle() && !quantity::ATTITUDE.contains(number) {
+                let (found, expected) = (quantity::number(number), quantity::ATTITUDE.expected);
+                return Err(row.error(Some(index), format!("{name} is {found}, expected {expected}")));
             }
             values[column as usize] = number;
         }
-        Ok(values)
+        let rotation = match &self.attitude {
+            AttitudeColumns::Angles => None,
+            AttitudeColumns::Quaternion(columns) => {
+                let mut numbers = [0.0; 4];
+                for ((number, quantity), column) in numbers.iter_mut().zip(QUATERNION).zip(columns) {
+                    *number = number_of(row, *column, quantity.name())?;
+                }
+                let rotation = of_quaternion(numbers);
+                Some(rotation.map_err(|message| row.error(columns.iter().min().copied(), message))?)
+            }
+            AttitudeColumns::Matrix(columns) => {
+                let mut numbers = [0.0; 9];
+                for (number, column) in numbers.iter_mut().zip(columns) {
+                    *number = number_of(row, *column, "the matrix")?;
+                }
+                Some(of_matrix(numbers).ok_or_else(|| row.error(None, MATRIX_HELP))?)
+            }
+        };
+        Ok(PoseNumbers { values, rotation })
     }
 
     /// Converts `values` to seconds, metres and radians. Angles without a unit are degrees if `degrees` is set.
     pub fn in_si(&self, mut values: [f64; 7], degrees: bool) -> [f64; 7] {
         for column in POSE_COLUMNS {
-            let is_angle = column.dimension() == Dimension::Angle
-                || self.geographic && matches!(column, PoseColumn::X | PoseColumn::Y);
+            let is_angle =
+                column.is_angle() || self.geographic && matches!(column, PoseColumn::X | PoseColumn::Y);
             let value = &mut values[column as usize];
             match self.factors[column as usize] {
                 Some(factor) => *value *= factor,
@@ -273,89 +398,20 @@ impl PoseLayout {
     }
 }
 
+fn number_of(row: &Row, column: usize, name: &str) -> Result<f64, RowError> {
+    let number = row.number(column, name)?;
+    if number.is_finite() { Ok(number) } else { Err(row.expected_number(column, name)) }
+}
+
 /// Maximum number of columns.
-const MAX_COLUMNS: usize = 1000;
-
-/// Directives about columns in the comments of a HELIOS++ trajectory file.
-#[derive(Debug, Default)]
-pub(super) struct Directives {
-    /// `#HEADER:`
-    pub layout: Option<PoseLayout>,
-    /// `#TIME_COLUMN:`
-    pub time_column: Option<usize>,
-}
-
-impl Directives {
-    /// Parses a comment line; returns whether it was a directive.
-    fn parse(&mut self, comment: &str) -> Result<bool, String> {
-        if let Some(names) = comment.strip_prefix("#HEADER:") {
-            let names = Separator::guess(names).split(names).map(|at| &names[at]);
-            self.layout = Some(PoseLayout::from_headings(names)?);
-        } else if let Some(column) = comment.strip_prefix("#TIME_COLUMN:") {
-            let column = column.trim();
-            let number = column.parse().ok().filter(|number| *number < MAX_COLUMNS);
-            self.time_column = Some(number.ok_or_else(|| {
-                format!("expected the number of a column below {MAX_COLUMNS}, found `{column}`")
-            })?);
-        } else {
-            return Ok(false);
-        }
-        Ok(true)
-    }
-}
-
-/// What a table of poses itself says of its columns.
-#[derive(Debug)]
-pub(super) struct StatedColumns {
-    pub directives: Directives,
-    pub has_directives: bool,
-    /// The texts of the first row; none in Arrow streams.
-    pub first: Vec<String>,
-    /// Whether the first row of text consists of headings: no column is a number, and at least one names a component of a
-    /// pose. Or whether there are the columns of an Arrow stream.
-    pub has_header: bool,
-    header: Result<PoseLayout, String>,
-}
-
-impl StatedColumns {
-    /// What the comments and the first row, or the columns of an Arrow stream, say.
-    ///
-    /// # Errors
-    /// A directive that cannot be parsed.
-    pub fn of(rows: &RowDecoder, first: Option<&Row>) -> Result<StatedColumns, RowError> {
-        let (mut directives, mut has_directives) = (Directives::default(), false);
-        for (place, comment) in rows.comments() {
-            let parsed = directives.parse(comment);
-            has_directives |= parsed.map_err(|message| RowError { place: place.clone(), message })?;
-        }
-        let first: Vec<String> = first.into_iter().flat_map(Row::texts).collect();
-        let (has_header, header) = match rows.fields() {
-            Some(fields) => (true, PoseLayout::from_fields(fields)),
-            None => (is_header(&first), PoseLayout::from_headings(&first)),
-        };
-        Ok(StatedColumns { directives, has_directives, first, has_header, header })
-    }
-
-    /// Whether the first row is text and names the columns.
-    pub fn has_header_row(&self) -> bool {
-        self.has_header && !self.first.is_empty()
-    }
-
-    /// The layout of the header.
-    pub fn header(&self) -> Result<PoseLayout, String> {
-        self.header.clone()
-    }
-}
-
-/// Whether the columns of a line are headings.
-fn is_header(names: &[String]) -> bool {
-    names.iter().all(|name| name.parse::<f64>().map_or(true, |v| !v.is_finite()))
-        && names.iter().any(|name| PoseColumn::parse(name) != Ok(None))
-}
+pub(super) const MAX_COLUMNS: usize = 1000;
+const CHOICES: &str = "time, x, y, z, roll, pitch, yaw, lat, lon, qx, qy, qz, qw";
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use vlscan_base::columns::Separator;
+    use vlscan_base::input::rows::RowDecoder;
 
     fn names(line: &str) -> Vec<String> {
         Separator::guess(line).split(line).map(|at| line[at].to_owned()).collect()
@@ -423,12 +479,47 @@ mod tests {
         assert!(refused(&l, "1,2,3").1.contains("column 4 for yaw is missing: 3 columns"));
         assert!(refused(&l, "1,2,3,nan,5,6,7").1.contains("found `nan`"));
         assert!(refused(&l, "1;2;3,5;4;5;6;7").1.contains("decimal comma"));
-        assert!(layout("time,x,x").unwrap_err().contains("second column for x"));
+        assert!(refused(&l, "1,2,3,1e30,5,6,7").1.contains("yaw is 1e30, expected an angle"));
+        assert!(layout("time,x,x").unwrap_err().contains("`x` and `x` have the same meaning"));
     }
 
     #[test]
-    fn headers_are_lines_of_headings() {
-        let lines = ["time,x,y", "1,x,y", "foo,bar", ""];
-        assert_eq!(lines.map(|line| is_header(&names(line))), [true, false, false, false]);
+    fn quaternions_are_columns_too() {
+        let l = layout(
+            "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []",
+        );
+        let l = l.unwrap().complete(&POSE_COLUMNS).unwrap();
+        assert_eq!((l.attitude, l.factors[0]), (AttitudeColumns::Quaternion([4, 5, 6, 7]), Some(1e-9)));
+        let l = layout("t,tx,ty,tz,qx,qy,qz,qw").unwrap();
+        assert_eq!(l.attitude, AttitudeColumns::Quaternion([7, 4, 5, 6]));
+        assert!(refused(&l, "0 0 0 0 0 0 0 2").1.contains("the quaternion's length is 2"));
+        assert!(refused(&l, "0 0 0 0 0 0 0 1 5").1.contains("9 fields, expected 8 as in the heading"));
+        assert!(layout("t,x,y,z,qx,qy,qz").unwrap_err().contains("no column for qw"));
+        let chosen = |list: &str| PoseLayout::chosen(&list.split(',').map(str::to_owned).collect::<Vec<_>>());
+        let l = chosen("time_ms,x,y,z,qw,qx,qy,qz").unwrap();
+        assert_eq!((l.attitude, l.factors[0]), (AttitudeColumns::Quaternion([4, 5, 6, 7]), Some(1e-3)));
+        assert!(chosen("time,x,y,z,qw,qx,qy,qz,yaw").unwrap_err().contains("`yaw` would not be read"));
+        assert!(chosen("time,x,y,easting").unwrap_err().contains("`x` and `easting`"));
+    }
+
+    #[test]
+    fn exports_of_navigation_programs_have_further_columns() {
+        let pospac = "TIME, DISTANCE, EASTING, NORTHING, ELLIPSOID HEIGHT, LATITUDE, LONGITUDE, ELLIPSOID HEIGHT, \
+                      ROLL, PITCH, HEADING, EAST VELOCITY, NORTH VELOCITY, UP VELOCITY, EAST SD, ROLL SD, HEADING SD";
+        let l = layout(pospac).unwrap().complete(&POSE_COLUMNS).unwrap();
+        assert_eq!(l.columns, [0, 8, 9, 10, 2, 3, 4].map(Some));
+        let mut found = Diagnostics::default();
+        l.report_unread(None, &mut found);
+        let said = found.render(false);
+        assert!(said.contains("note") && said.contains("`LATITUDE`") && !said.contains("warning"), "{said}");
+        let explorer = layout(
+            "Week GPSTime(sec) Latitude(deg) Longitude(deg) H-Ell(m) Azimuth(deg) Pitch(deg) Roll(deg) Q",
+        );
+        let l = explorer.unwrap().complete(&POSE_COLUMNS).unwrap();
+        assert_eq!((l.columns, l.geographic), ([1, 7, 6, 5, 3, 2, 4].map(Some), true));
+        assert!(layout("time,x,y,H-Ell,H-MSL,roll,pitch,yaw").unwrap_err().contains("have the same meaning"));
+        let mut found = Diagnostics::default();
+        layout("time,x,y,z,roll,pitch,hedaing").unwrap().report_unread(None, &mut found);
+        assert!(found.render(false).contains("did you mean `heading` by `hedaing`?"));
     }
 }

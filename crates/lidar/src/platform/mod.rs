@@ -12,10 +12,13 @@
 //! | `interpolated`, `table`, `trajectory_file` | motion along a table of recorded poses, the table, its files |
 //! | `stream` | motion along poses as they arrive |
 //! | `poses` | reads poses in any format while they arrive |
-//! | `layout` | columns of poses in text |
+//! | `layout`, `header` | columns of poses in text, and their names |
+//! | `attitude` | quaternions and matrices in the axes of other programs |
 
+mod attitude;
 mod course;
 mod ground_vehicle;
+mod header;
 mod interpolated;
 mod layout;
 mod linear;

@@ -1,8 +1,10 @@
 //! Reads the trajectory files of interpolated platforms (spec input-formats §2.8).
 
+use super::attitude::FileAxes;
 use super::course::reported_angles;
+use super::header::StatedColumns;
 use super::interpolated::composed;
-use super::layout::{ANGLES, POSE_COLUMNS, PoseColumn, PoseLayout, StatedColumns};
+use super::layout::{ANGLES, AttitudeColumns, POSE_COLUMNS, PoseColumn, PoseLayout};
 use super::poses::decoder::read_binary;
 use super::poses::fix::{Fix, FixPlace, Pose, RecordError};
 use super::poses::georeference::Georeference;
@@ -14,7 +16,7 @@ use vlscan_base::input;
 use vlscan_base::input::arrow::{ArrowDetection, detect_arrow};
 use vlscan_base::input::rows::{Row, RowDecoder};
 use vlscan_base::quantity;
-use vlscan_survey::{Interpolated, TrajectoryFile};
+use vlscan_survey::{AngleConvention, Interpolated, RotationSpec, TrajectoryFile};
 
 /// Maximum size of a file, bytes.
 const MAX_FILE_BYTES: u64 = 1 << 33;
@@ -76,7 +78,8 @@ fn read_file(
         }
         return Some(thin(pose_rows(&poses, settings), threshold));
     }
-    let (rows, layout) = read_rows(file, bytes, settings.position_only, problems)?;
+    let spec = (!settings.position_only).then_some(settings.rotation_spec);
+    let (rows, layout) = read_rows(file, bytes, spec, problems)?;
     let rows = thin(rows, threshold).into_iter().map(|(time, [roll, pitch, yaw, x, y, z])| {
         let [time, values @ ..] = layout.in_si([time, roll, pitch, yaw, x, y, z], settings.degrees);
         (time, values)
@@ -172,11 +175,12 @@ fn thin(mut rows: Vec<(f64, PoseValues)>, threshold: f64) -> Vec<(f64, PoseValue
     rows
 }
 
-/// The rows as they are written in the file (time; roll, pitch, yaw, x, y, z) and their layout.
+/// The rows as they are written in the file (time; roll, pitch, yaw, x, y, z) and their layout. Quaternions become angles in
+/// the composition `spec`; without it only positions are read.
 fn read_rows(
     file: &TrajectoryFile,
     bytes: &[u8],
-    position_only: bool,
+    spec: Option<RotationSpec>,
     problems: &mut Diagnostics,
 ) -> Option<(Vec<(f64, PoseValues)>, PoseLayout)> {
     if detect_arrow(bytes) != ArrowDetection::Arrow && bytes.contains(&0) {
@@ -184,9 +188,11 @@ fn read_rows(
         problems.error(Some(place), "expected a trajectory as text, SBET or TerraScan, found other bytes");
         return None;
     }
-    let mut decoder = RowDecoder::new(&file.path, "a pose", file.separator);
+    let mut decoder = RowDecoder::new(&file.path, "a pose", file.separator).with_preamble();
     let (mut layout, mut fields) = (None, Vec::new());
-    let (mut rows, mut wrong) = (Vec::new(), 0);
+    let (mut rows, mut wrong): (Vec<(f64, PoseValues)>, usize) = (Vec::new(), 0);
+    // As programs of robotics write quaternions.
+    let axes = FileAxes::of(AngleConvention::Ros, false);
     let mut pieces = bytes.chunks(PIECE_BYTES).peekable();
     while let Some(piece) = pieces.next() {
         decoder.feed(piece);
@@ -201,14 +207,24 @@ fn read_rows(
                 Some(layout) => layout,
                 None => {
                     let first = block.row(0, &mut fields);
-                    let (found, has_header) = find_layout(file, &decoder, &first, position_only, problems)?;
+                    let (found, has_header) = find_layout(file, &decoder, &first, spec.is_none(), problems)?;
                     begin = usize::from(has_header);
                     layout.insert(found)
                 }
             };
             for index in begin..block.len() {
                 match layout.read(&block.row(index, &mut fields)) {
-                    Ok([t, values @ ..]) => rows.push((t, values)),
+                    Ok(numbers) => {
+                        let [time, mut values @ ..] = numbers.values;
+                        if let (Some(rotation), Some(axes), Some(spec)) = (numbers.rotation, axes, spec) {
+                            let angles = reported_angles(axes.attitude(rotation), Some(spec));
+                            values[..3].copy_from_slice(&angles);
+                            if let Some((_, before)) = rows.last() {
+                                unwrap_angles(&mut values, before);
+                            }
+                        }
+                        rows.push((time, values));
+                    }
                     Err(e) => {
                         wrong += 1;
                         if wrong <= MAX_LISTED_ROWS {
@@ -244,14 +260,25 @@ fn find_layout(
         Err(e) => return report(e.with_help(""), problems),
     };
     match choose_layout(file, &stated, position_only) {
-        Ok(layout) => {
-            let named =
-                if stated.has_header { stated.header().ok() } else { stated.directives.layout.clone() };
+        Ok(mut layout) => {
+            let named = match stated.header() {
+                Some(header) => header.ok(),
+                None => stated.directives.layout.clone(),
+            };
             warn_of_other_columns(&layout, named, place(), problems);
-            Some((layout, stated.has_header_row()))
+            layout.report_unread(stated.header_place().or(place()), problems);
+            if layout.width.is_none() && decoder.fields().is_none() {
+                let mut found = Diagnostics::default();
+                layout = layout.with_width(stated.first.len(), place(), &mut found);
+                if file.columns.is_none() {
+                    problems.extend(found);
+                }
+            }
+            Some((layout, stated.has_header_row))
         }
         Err(message) => {
-            problems.error(place(), message).help(
+            let place = stated.words.clone().or(stated.header_place()).or(place());
+            problems.error(place, message).help(
                 "give tIndex, xIndex … in the survey or a line `#HEADER: \"t\", \"roll\", \"pitch\", \
                  \"yaw\", \"x\", \"y\", \"z\"` in the file",
             );
@@ -287,12 +314,14 @@ fn choose_layout(
     let time = stated.directives.time_column;
     let mut layout = if let Some(columns) = file.columns {
         PoseLayout::numbered(columns)
-    } else if let Some(layout) = &stated.directives.layout {
-        let mut layout = layout.clone();
+    } else if let Some(layout) = stated.directives.layout.clone().filter(|_| stated.words.is_none()) {
+        let mut layout = layout;
         layout.set_time(time);
         layout
-    } else if stated.has_header {
-        stated.header()?
+    } else if let Some(header) = stated.header() {
+        header?
+    } else if stated.words.is_some() {
+        return Err("none of these names is that of a component of a pose".to_owned());
     } else if time.is_some() {
         PoseLayout::in_order(wanted, time)
     } else {
@@ -300,6 +329,11 @@ fn choose_layout(
     };
     if position_only {
         ANGLES.iter().for_each(|&angle| layout.columns[angle as usize] = None);
+        layout.attitude = AttitudeColumns::Angles;
+    }
+    if layout.attitude != AttitudeColumns::Angles {
+        // Quaternions become angles in radians.
+        ANGLES.iter().for_each(|&angle| layout.factors[angle as usize] = Some(1.0));
     }
     layout.complete(wanted)
 }
@@ -315,7 +349,7 @@ mod tests {
 
     fn rows(file: &TrajectoryFile, text: &str) -> Result<Vec<(f64, PoseValues)>, String> {
         let mut d = Diagnostics::default();
-        let found = read_rows(file, text.as_bytes(), false, &mut d);
+        let found = read_rows(file, text.as_bytes(), Some(RotationSpec::Arinc705), &mut d);
         if d.is_fatal(false) { Err(d.render(false)) } else { Ok(found.unwrap().0) }
     }
 
@@ -337,7 +371,7 @@ mod tests {
     fn all_wrong_rows_are_listed_with_their_places() {
         let report = rows(&file(), "#TIME_COLUMN: 0\n1,2,3,x,5,6,7\n1,2,3\n1,2,3,4,5,6,7\n").unwrap_err();
         assert!(report.contains("f.txt:2:7") && report.contains("found `x`"), "{report}");
-        assert!(report.contains("f.txt:3:1") && report.contains("column 4"), "{report}");
+        assert!(report.contains("f.txt:3:1") && report.contains("3 fields, expected 7"), "{report}");
     }
 
     #[test]

@@ -14,8 +14,8 @@ pub struct PoseStream {
     pub content: Option<Arc<[u8]>>,
     /// The layout; `None` detects it from the content.
     pub format: Option<PoseFormat>,
-    /// Composition of the angles of text. `None`: [`AngleConvention::Helios`] for text files of HELIOS++,
-    /// [`AngleConvention::Heading`] for all others. SBET and TerraScan contain headings.
+    /// Composition of the angles of text. `None`: [`AngleConvention::Ros`] for quaternions and matrices,
+    /// [`AngleConvention::Helios`] for text files of HELIOS++, [`AngleConvention::Heading`] for all others. SBET and TerraScan contain headings.
     pub rotation: Option<AngleConvention>,
     /// Whether angles of text are degrees where the heading of a column names no unit.
     pub degrees: bool,
@@ -72,7 +72,7 @@ pub enum PoseFormat {
     TerraScan,
 }
 
-/// What the three angles of a pose mean.
+/// What the angles of a pose mean, or the axes of its quaternion or matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
@@ -94,8 +94,11 @@ pub enum AngleConvention {
     ///
     /// Spec kinematics §2.6.
     Helios,
-    /// Rotations about x, y and z in this order, as HELIOS++ writes them for platforms that fly from waypoint to waypoint.
+    /// Rotations about x, y and z in this order, as HELIOS++ writes them for platforms that fly from waypoint to waypoint;
+    /// quaternions of the axes right, forward, up.
     Canonical,
+    /// Quaternions of a camera's axes right, down, forward; the world of matrices is the first camera, as in KITTI.
+    Camera,
 }
 
 impl AngleConvention {

@@ -6,7 +6,7 @@ use super::georeference::Georeference;
 use super::text::PoseRows;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use vlscan_base::diag::Place;
+use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
 use vlscan_base::input::arrow::{ArrowDetection, detect_arrow};
 use vlscan_base::input::rows::RowError;
@@ -57,6 +57,14 @@ impl PoseDecoder {
     /// Whether the bytes fed so far are records, or can still be such.
     fn may_be_binary(&self) -> bool {
         !matches!(self.format, Format::Rows(_))
+    }
+
+    /// Problems of headings found since the last call that do not end the run.
+    pub fn take_remarks(&mut self) -> Diagnostics {
+        match &mut self.format {
+            Format::Rows(rows) => rows.take_remarks(),
+            _ => Diagnostics::default(),
+        }
     }
 
     /// Adds bytes that have arrived.

@@ -217,6 +217,11 @@ impl PoseReader {
                 }
                 if self.failure.is_none() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
             });
+            let remarks = decoder.take_remarks();
+            if self.strict && remarks.is_fatal(true) {
+                self.pending.clear();
+            }
+            self.report_found(remarks);
             self.keep_failure(decoded);
         }
         self.decoder = Some(decoder);
@@ -310,6 +315,10 @@ impl PoseReader {
     /// Calls the observer and reports the diagnostics that it returns.
     fn report(&mut self, event: PoseEvent) {
         let found = (self.observe)(event);
+        self.report_found(found);
+    }
+
+    fn report_found(&mut self, found: Diagnostics) {
         if found.is_empty() {
             return;
         }

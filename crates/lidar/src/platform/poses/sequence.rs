@@ -9,6 +9,8 @@ const MIN_GAP: f64 = 1.0;
 /// Minimum length of a gap as a multiple of the interval before it.
 const MIN_GAP_INTERVALS: f64 = 10.0;
 const MAX_WARNINGS: usize = 20;
+const TIME_UNIT: &str =
+    "name the unit of times in the heading or with --trajectory-columns: time[ms], time[us] or time[ns]";
 /// Maximum interval between two poses in which the platform is flown straight, s.
 pub const MAX_FLOWN_GAP: f64 = 3600.0;
 /// Distance after which headings are compared with the course, m.
@@ -57,7 +59,7 @@ impl SequenceChecks {
     pub fn check(&mut self, fix: &Fix) -> Result<Checked, RecordError> {
         if !quantity::TIME.contains(fix.time) {
             let message = format!("time {}, expected {}", number(fix.time), quantity::TIME.expected);
-            return Err(RecordError::new(message));
+            return Err(RecordError::new(message).help(TIME_UNIT));
         }
         let Some(last) = self.last.replace(*fix) else {
             self.first_time = fix.time;

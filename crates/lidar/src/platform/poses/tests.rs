@@ -7,8 +7,8 @@ use std::time::Duration;
 use vlscan_base::diag::Notice;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::input::InputStream;
-use vlscan_geom::DVec3;
-use vlscan_survey::PoseStream;
+use vlscan_geom::{DVec3, Rotation};
+use vlscan_survey::{AngleConvention, PoseStream};
 
 pub fn settings() -> PoseStream {
     PoseStream::at("-")
@@ -176,6 +176,132 @@ fn headings_across_the_course_are_noted_once() {
         .filter_map(|t| if let Notice::Note(note) = t { Some(note) } else { None })
         .collect();
     assert!(notes.len() == 1 && notes[0].contains("--trajectory-rotation"), "{notes:?}");
+}
+
+/// Attitudes that turn about all axes: time, x, y, z, and roll, pitch, yaw of ROS in degrees.
+fn turning() -> Vec<[f64; 7]> {
+    (0..40)
+        .map(|i| {
+            let i = f64::from(i);
+            [i / 10.0, 30.0 * i, i, 300.0, 40.0 - 3.0 * i, 2.5 * i - 60.0, 17.0 * i - 200.0]
+        })
+        .collect()
+}
+
+/// Lines of `rows` as time, x, y, z and a quaternion with w last, between `separator`.
+fn quaternions(rows: &[[f64; 7]], separator: &str) -> String {
+    let line = |[t, x, y, z, angles @ ..]: &[f64; 7]| {
+        let [roll, pitch, yaw] = angles.map(vlscan_geom::radians);
+        let q = Rotation::about_z(yaw).after(Rotation::about_y(pitch)).after(Rotation::about_x(roll));
+        let numbers = [*t, *x, *y, *z, q.u.x, q.u.y, q.u.z, q.w];
+        numbers.map(|number| number.to_string()).join(separator) + "\n"
+    };
+    rows.iter().map(line).collect()
+}
+
+fn assert_same(found: &[Pose], expected: &[Pose], tolerance: f64) {
+    assert_eq!(found.len(), expected.len());
+    for (a, b) in found.iter().zip(expected) {
+        assert!((a.time - b.time).abs() < tolerance && (a.position - b.position).length() < tolerance);
+        for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+            assert!((a.attitude.apply(axis) - b.attitude.apply(axis)).length() < tolerance, "{a:?} {b:?}");
+        }
+    }
+}
+
+#[test]
+fn quaternions_are_the_attitudes_of_their_angles() {
+    let ros = PoseStream { rotation: Some(AngleConvention::Ros), ..settings() };
+    let rows = turning();
+    let angles: String = rows.iter().map(|row| row.map(|v| v.to_string()).join(",") + "\n").collect();
+    let expected = read_all(&angles, 1000, &ros).unwrap();
+    let lines = quaternions(&rows, " ");
+    for text in [
+        lines.clone(),
+        format!("# ground truth\n# timestamp tx ty tz qx qy qz qw\n{lines}"),
+        format!("time x y z qx qy qz qw\n{lines}"),
+        format!(
+            "#timestamp [s],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_x [],q_RS_y [],q_RS_z [],q_RS_w []\n{}",
+            quaternions(&rows, ",")
+        ),
+    ] {
+        assert_same(&read_all(&text, 1000, &settings()).unwrap(), &expected, 1e-12);
+        assert_same(&read_all(&text, 1000, &ros).unwrap(), &expected, 1e-12);
+    }
+    let columns = "time,x,y,z,qx,qy,qz,qw".split(',').map(str::to_owned).collect();
+    let chosen = PoseStream { columns: Some(columns), ..settings() };
+    assert_same(&read_all(&lines, 1000, &chosen).unwrap(), &expected, 1e-12);
+    let yaw = PoseStream { rotation: Some(AngleConvention::Yaw), ..settings() };
+    assert!(read_all(&lines, 1000, &yaw).unwrap_err().contains("convention of angles"));
+    let camera = PoseStream { rotation: Some(AngleConvention::Camera), ..settings() };
+    assert!(read_all(&angles, 1000, &camera).unwrap_err().contains("not of angles"));
+}
+
+#[test]
+fn times_may_be_nanoseconds() {
+    let text = "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z [], \
+                v_RS_R_x [m s^-1], b_w_RS_S_x [rad s^-1]\n\
+                1403636580838555648,4.6,-1.7,0.7,1,0,0,0,0.1,0.2\n1403636580938555648,4.7,-1.7,0.7,1,0,0,0,0.1,0.2\n";
+    let poses = read_all(text, 1000, &settings()).unwrap();
+    assert!((poses[0].time - 1_403_636_580.838_555_6).abs() < 1e-6 && poses.len() == 2);
+    assert!((poses[0].attitude.forward() - DVec3::X).length() < 1e-12);
+    let (said, _) = notices_of(text.as_bytes(), true);
+    let said = warnings(&said);
+    assert!(said.contains("nanoseconds") && said.contains("`v_RS_R_x [m s^-1]`"), "{said}");
+}
+
+#[test]
+fn matrices_need_times() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("poses.txt");
+    // A camera that moves to its front.
+    std::fs::write(&path, "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 1 0 0 0 0 1 2\n").unwrap();
+    let read = |rotation| {
+        let settings = PoseStream { rotation, ..PoseStream::at(&path) };
+        let mut reader = PoseReader::open(&settings).unwrap();
+        let poses = std::iter::from_fn(|| next_block(&mut reader).transpose());
+        poses.collect::<Result<Vec<_>, _>>().map(|blocks| blocks.concat())
+    };
+    let said = read(None).unwrap_err();
+    assert!(said.contains("have no times") && said.contains("paste -d ' ' times.txt"), "{said}");
+    std::fs::write(dir.path().join("times.txt"), "0.0\n1e-1\n").unwrap();
+    let poses = read(Some(AngleConvention::Camera)).unwrap();
+    assert_eq!(poses.iter().map(|pose| pose.time).collect::<Vec<_>>(), [0.0, 0.1]);
+    assert!((poses[1].position - DVec3::new(0.0, 2.0, 0.0)).length() < 1e-12);
+    assert!((poses[1].attitude.forward() - DVec3::Y).length() < 1e-12);
+    assert!((read(None).unwrap()[1].position - DVec3::new(0.0, 0.0, 2.0)).length() < 1e-12);
+    std::fs::write(&path, "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 1 0 0 0 0 1 25\n").unwrap();
+    assert!(read(None).unwrap_err().contains("--trajectory-rotation camera"));
+    assert!(read(Some(AngleConvention::Ros)).is_ok() && read(Some(AngleConvention::Camera)).is_ok());
+    let timed = read_all("0 1 0 0 5 0 1 0 6 0 0 1 7\n", 100, &settings()).unwrap();
+    assert_eq!(timed[0].position, DVec3::new(5.0, 6.0, 7.0));
+    std::fs::write(dir.path().join("times.txt"), "0.0\n").unwrap();
+    assert!(read(None).unwrap_err().contains("poses.txt:2"));
+}
+
+#[test]
+fn columns_are_used_refused_or_reported() {
+    for (text, part) in [
+        ("time,x,y,z,roll,pitch,yaw\n0.3,3,00,0.9,40.3,0,0,80\n", "8 fields, expected 7 as in the heading"),
+        ("0.3,3,00,0.9,40.3,0,0,80\n", "8 columns without names"),
+        ("0,00,-15,00,0,00,40,00,0,00,0,00,80,00\n", "14 columns without names"),
+        ("1,2,3,4,0,0,0\n2,2,3,4,0,0,0,5\n", "8 fields, expected 7 as in the first line"),
+        ("1,2,3,4,0,0,0\n2,2,3,4,0,0\n", "6 fields, expected 7 as in the first line"),
+        ("0 0 0 0.3826834 0 0 0.9238795\n", "there is no time"),
+        ("1 2 3 4 5 6 7 8 9 10 11 12\n", "12 columns without names"),
+        ("t,a,b,c,roll,pitch,yaw\n1,2,3,4,5,6,7\n", "no column for x, y, z"),
+        ("a b c d p f g\n1 2 3 4 5 6 7\n", "none of these names"),
+        ("1,2,3,4,0,0,1e30\n", "yaw is 1e30"),
+        ("time,x,y,z,qx,qy,qz,qw\n1,2,3,4,0,0,0,0\n", "the quaternion's length is 0"),
+        ("time,x,x,y,z,roll,pitch,yaw\n1,2,3,4,5,6,7,8\n", "`x` and `x` have the same meaning"),
+    ] {
+        let said = read_all(text, 1000, &settings()).unwrap_err();
+        assert!(said.contains(part), "{text}: {said}");
+    }
+    let said = warnings(&notices_of(b"time,x,y,z,roll,pitch,yaw,yaww\n1,2,3,4,0,0,0,0\n", false).0);
+    assert!(said.contains("columns that are not read: `yaww`") && said.contains("<stdin>:1"), "{said}");
+    let strict = notices_of(b"time,x,y,z,roll,pitch,yaw,yaww\n1,2,3,4,0,0,0,0\n", true).1;
+    assert!(strict.unwrap_err().contains("`yaww`"));
 }
 
 #[test]

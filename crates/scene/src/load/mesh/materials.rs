@@ -104,6 +104,11 @@ fn read_rows(path: &Path, text: &str, diagnostics: &mut Diagnostics) -> HashMap<
         return rows;
     }
     let unknown = names.iter().find(|name| !COLUMNS.contains(&name.as_str()));
+    if let Some((_, name)) = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
+        let place = Place::in_line(path, number, heading, 0..heading.len());
+        diagnostics.error(Some(place), format!("duplicate column {name}")).help(HELP);
+        return rows;
+    }
     if !names.iter().any(|n| n == "name") || unknown.is_some() {
         let what = unknown.map_or("no column \"name\"".to_owned(), |name| format!("the column \"{name}\""));
         let place = Place::in_line(path, number, heading, 0..heading.len());

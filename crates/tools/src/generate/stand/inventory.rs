@@ -1,14 +1,14 @@
 //! Inventories of trees: one tree per line, columns found by their headings in English and German.
 
-use super::headings::{Headings, InventoryColumn, PROJECT};
+use super::headings::{PROJECT, read_headings};
 use std::collections::HashMap;
 use std::hash::Hash;
 use std::path::Path;
-use vlscan_base::columns::{Separator, unquoted};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::input::read_file;
 use vlscan_base::quantity::{self, Bounds};
+use vlscan_base::table::{Headings, Line, Quantity, TableColumn, TextTable};
 use vlscan_survey::decode_table;
 
 /// Maximum size of an inventory, bytes.
@@ -70,7 +70,7 @@ impl Inventory {
         if let Some(guess) = guess {
             table.problems.warn(Some(Place::of_file(path)), guess);
         }
-        table.read(text.trim_start_matches('\u{feff}'));
+        table.read(&text);
         let Table { problems, trees, .. } = table;
         let found = problems.finish(false)?;
         if trees.is_empty() {
@@ -85,47 +85,44 @@ struct Table<'p> {
     problems: Diagnostics,
     trees: Vec<Tree>,
     /// The line of each tree.
-    lines: Vec<u32>,
+    lines: Vec<usize>,
 }
 
 impl Table<'_> {
-    fn place(&self, number: u32, line: &str) -> Option<Place> {
-        let end = line.char_indices().map(|(i, _)| i).chain([line.len()]).take_while(|i| *i <= 200).last();
-        Some(Place::in_line(self.path, number as usize, line, 0..end.unwrap_or(0)))
-    }
-
     fn read(&mut self, text: &str) {
-        let mut lines = (1..).zip(text.lines()).filter(|(_, line)| {
-            let content = line.trim();
-            !content.is_empty() && !content.starts_with('#')
-        });
-        let Some(mut first) = lines.next() else { return };
-        // Spreadsheets may say which separator they have written.
-        let named = first.1.trim().to_lowercase().strip_prefix("sep=").and_then(|sep| sep.chars().next());
-        if named.is_some() {
-            let Some(next) = lines.next() else { return };
-            first = next;
-        }
-        let (number, heading) = first;
-        let separator = named.map_or_else(|| Separator::guess(heading), Separator::named);
-        let headings = Headings::read(&unquoted(heading, separator));
-        let place = self.place(number, heading);
-        headings.report(place.as_ref(), &mut self.problems);
+        let mut table = TextTable::new(self.path, text);
+        let Some(heading) = table.next() else { return };
+        let place = table.place(&heading, None);
+        let headings = read_headings(&heading, &place, &mut self.problems);
+        let place = Some(place);
         let (mut wrong, mut commas, mut points) = (0, None, None);
-        for (number, line) in lines {
+        while let Some(mut line) = table.next() {
             let mut row =
                 Row { headings: &headings, has_comma: false, has_point: false, problems: Vec::new() };
-            let tree = row.tree(&unquoted(line, separator), self.trees.len() + 1);
-            commas = commas.or(row.has_comma.then_some(number));
-            points = points.or(row.has_point.then_some(number));
+            let fitted = line.fit(headings.width, "the heading", table.separator());
+            let tree = match fitted {
+                Ok(()) => row.tree(&line, self.trees.len() + 1),
+                Err(e) => {
+                    let problem = self.problems.error(Some(table.place(&line, None)), e.message);
+                    if !e.help.is_empty() {
+                        problem.help(e.help);
+                    }
+                    wrong += 1;
+                    if wrong == MAX_PROBLEMS {
+                        break;
+                    }
+                    continue;
+                }
+            };
+            commas = commas.or(row.has_comma.then_some(line.number));
+            points = points.or(row.has_point.then_some(line.number));
             if row.problems.is_empty() {
                 self.trees.push(tree);
-                self.lines.push(number);
+                self.lines.push(line.number);
                 continue;
             }
-            let place = self.place(number, line);
             for problem in row.problems {
-                self.problems.error(place.clone(), problem);
+                self.problems.error(Some(table.place(&line, None)), problem);
             }
             wrong += 1;
             if wrong == MAX_PROBLEMS {
@@ -140,7 +137,8 @@ impl Table<'_> {
                 .help("use one style for all numbers, without thousands separators");
         }
         if !self.problems.is_fatal(false) {
-            self.resolve_stems(headings.has_unit(InventoryColumn::Stem), place.as_ref());
+            let stem = headings.get(Quantity::Stem);
+            self.resolve_stems(stem.is_some_and(|stem| stem.factor.is_some()), place.as_ref());
             self.check_places(place.as_ref());
         }
     }
@@ -234,7 +232,7 @@ struct Row<'h> {
 }
 
 impl Row<'_> {
-    fn tree(&mut self, fields: &[String], number: usize) -> Tree {
+    fn tree(&mut self, line: &Line, number: usize) -> Tree {
         let mut tree = Tree {
             id: number.to_string(),
             position: [f64::NAN, f64::NAN, 0.0],
@@ -244,37 +242,23 @@ impl Row<'_> {
             species: None,
         };
         let headings = self.headings;
-        let (found, expected) = (fields.len(), headings.columns.len());
-        if found < expected && headings.columns[found..].iter().any(Option::is_some)
-            || found > expected && fields[expected..].iter().any(|field| !field.is_empty())
-        {
-            let cause = match found > expected {
-                true => {
-                    "; numbers with decimal commas need columns separated by semicolons or tabs, or quotes"
-                }
-                false => "",
-            };
-            self.problems.push(format!("{found} columns, the heading has {expected}{cause}"));
-            return tree;
-        }
-        for (field, heading) in fields.iter().zip(&headings.columns) {
-            let Some(heading) = heading else { continue };
-            let field = field.trim();
+        for TableColumn { quantity, index, factor, name } in &headings.columns {
+            let field = line.fields[*index].as_ref();
             let is_missing =
                 field.is_empty() || field.eq_ignore_ascii_case("na") || field.eq_ignore_ascii_case("nan");
-            let mut value = |bounds: Bounds| self.number(field, &heading.name, heading.factor, bounds);
-            match heading.column {
-                InventoryColumn::Id if !is_missing => tree.id = field.to_owned(),
-                InventoryColumn::Species if !is_missing => tree.species = Some(field.to_owned()),
-                InventoryColumn::X => tree.position[0] = value(quantity::COORDINATE).unwrap_or(f64::NAN),
-                InventoryColumn::Y => tree.position[1] = value(quantity::COORDINATE).unwrap_or(f64::NAN),
-                InventoryColumn::Z if !is_missing => {
+            let mut value = |bounds: Bounds| self.number(field, name, *factor, bounds);
+            match quantity {
+                Quantity::TreeId if !is_missing => tree.id = field.to_owned(),
+                Quantity::Species if !is_missing => tree.species = Some(field.to_owned()),
+                Quantity::X => tree.position[0] = value(quantity::COORDINATE).unwrap_or(f64::NAN),
+                Quantity::Y => tree.position[1] = value(quantity::COORDINATE).unwrap_or(f64::NAN),
+                Quantity::Z | Quantity::Ground if !is_missing => {
                     tree.position[2] = value(quantity::COORDINATE).unwrap_or(f64::NAN)
                 }
-                InventoryColumn::Height => tree.height = value(SIZE).unwrap_or(f64::NAN),
-                InventoryColumn::Crown if !is_missing => tree.crown = value(SIZE),
-                InventoryColumn::Stem if !is_missing => {
-                    let bounds = if heading.factor.is_some() { STEM } else { STEM_WITHOUT_UNIT };
+                Quantity::TreeHeight => tree.height = value(SIZE).unwrap_or(f64::NAN),
+                Quantity::Crown if !is_missing => tree.crown = value(SIZE),
+                Quantity::Stem if !is_missing => {
+                    let bounds = if factor.is_some() { STEM } else { STEM_WITHOUT_UNIT };
                     // 0 stands for trees that were not measured.
                     tree.stem = value(bounds).filter(|stem| *stem > 0.0);
                 }
@@ -466,6 +450,26 @@ mod tests {
         assert!(refused("x,y,hieght\n1,2,10\n").contains("did you mean `height` by `hieght`?"));
         // The stem diameter is there: another one is none that is misspelt.
         assert!(!warned("x,y,height,dbh,dbh2\n1,2,10,0.3,0.4\n").contains("did you mean"));
+    }
+
+    #[test]
+    fn headings_of_other_programs_are_read() {
+        let height = |table: &str| read(table).unwrap().trees[0].height;
+        for table in [
+            "tree_x,tree_y,species,dbh,height\n1.5,2.5,beech,30,20\n",
+            "POINT_X,POINT_Y,HEIGHT\n1,2,20\n",
+            "x,y,Tree height (m)\n1,2,20\n",
+            "gx,gy,sp,dbh.mm,Height.cm\n1,2,beech,300,2000\n",
+            "Tree ID,X-Koordinate,Y-Koordinate,Baumhöhe\n7,1,2,20\n",
+        ] {
+            assert_eq!((height(table), warned(table).as_str()), (20.0, ""), "{table}");
+        }
+        assert_eq!(read("Tree ID,X,Y,H\nb7,1,2,20\n").unwrap().trees[0].id, "b7");
+        assert_eq!(read("x,y,h,elevation\n1,2,20,500\n").unwrap().trees[0].position[2], 500.0);
+        assert_eq!(read("x,y,h,ground\n1,2,20,500\n").unwrap().trees[0].position[2], 500.0);
+        assert!(refused("x,y,height\n1,2,20,5\n").contains("4 fields, expected 3 as in the heading"));
+        assert!(refused("x,y,height,note\n1,2,20\n").contains("3 fields, expected 4 as in the heading"));
+        assert_eq!(height("x;y;height;\n1;2;20;\n"), 20.0);
     }
 
     #[test]

@@ -1,0 +1,22 @@
+//! Tables with headings: one vocabulary of column names and one way to read headings for trajectories, pulses, instances,
+//! inventories and point clouds.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `dimension` | what columns measure, and its units |
+//! | `vocabulary` | quantities of columns and their names |
+//! | `heading` | a heading as a name and a unit |
+//! | `schema` | which quantities a table has; headings compared with it |
+//! | `lines` | tables of text in memory: separator, headings, rows with quoted fields |
+
+mod dimension;
+mod heading;
+mod lines;
+mod schema;
+mod vocabulary;
+
+pub use dimension::Dimension;
+pub use heading::{HeadingError, ParsedHeading, join_units, parse_heading, split_unit};
+pub use lines::{Field, Line, TextTable};
+pub use schema::{Headings, Schema, TableColumn, Use, WidthError, check_width};
+pub use vocabulary::{Quantity, is_usually_unused, plain};
