@@ -28,6 +28,7 @@
 //! | `file`, `format` | opens files and streams that are read, and recognises their formats |
 //! | `point_format` | the table of the formats that are written |
 //! | `record`, `settings`, `objects` | points as they are written; facts about a cloud; numbers of objects |
+//! | `strays` | the few points of a cloud that lie far from all others |
 //! | `encode`, `cloud_writer` | the two halves of a format; a writer for one thread |
 //! | `out`, `number` | buffered streams of bytes with jobs for idle threads; numbers as text |
 
