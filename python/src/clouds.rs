@@ -15,7 +15,7 @@ use std::io::BufReader;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
-use vlscan::base::files::{reads, refuse_existing, write_file};
+use vlscan::base::files::{FileGroup, reads, refuse_existing};
 use vlscan::base::machine;
 use vlscan::formats::{Attribute, AttributeSet, MISSES_KEY, PointRecord, PointRow, PointSink};
 use vlscan::options::Crs;
@@ -216,7 +216,9 @@ pub fn raster<'py>(
         let files: Vec<(&PathBuf, Vec<u8>)> =
             files.map(|(kind, path)| Ok((path, rasters.geotiff(kind)?))).collect::<vlscan::Result<_>>()?;
         interruption.begin_writing()?;
-        files.into_iter().try_for_each(|(path, bytes)| write_file(path, force, &bytes))?;
+        let mut group = FileGroup::default();
+        files.into_iter().try_for_each(|(path, bytes)| group.write(path, force, &bytes))?;
+        group.commit()?;
         Ok((rasters, values))
     })?;
     notices.issue(py)?;

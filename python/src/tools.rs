@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
-use vlscan::base::files::{refuse_existing, write_file};
+use vlscan::base::files::{FileGroup, refuse_existing, write_file};
 use vlscan::fit::flight::{self, FlightRequest};
 use vlscan::fit::scene::ReconstructOptions;
 use vlscan::fit::spinning::{Half, SpinningRequest, fit_spinning};
@@ -268,15 +268,18 @@ pub fn compare<'py>(
             None => None,
         };
         interruption.begin_writing()?;
+        let mut group = FileGroup::default();
         if let Some((path, page)) = shown {
-            write_file(path, outputs.3, page.as_bytes())?;
+            group.write(path, outputs.3, page.as_bytes())?;
         }
         if let Some(path) = &outputs.1 {
-            write_file(path, outputs.3, &comparison.change.map.geotiff(comparison.crs.as_deref())?)?;
+            group.write(path, outputs.3, &comparison.change.map.geotiff(comparison.crs.as_deref())?)?;
         }
         if let Some(path) = &outputs.2 {
-            write_changed(path, outputs.3, points, &changed_points(points, options.cell)?, &observer)?;
+            let changed = changed_points(points, options.cell)?;
+            write_changed(path, outputs.3, points, &changed, &observer, &mut group)?;
         }
+        group.commit()?;
         Ok((json(&comparison)?, comparison.change.map))
     })?;
     notices.issue(py)?;

@@ -13,7 +13,7 @@ use serde_json::json;
 use std::time::Instant;
 use vlscan_base::aligned::{Side, aligned};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{is_special, reads, write_file, write_stdout};
+use vlscan_base::files::{reads, refuse_existing, write_file, write_stdout};
 use vlscan_base::quantity::amount;
 use vlscan_survey::PlatformKind;
 use vlscan_trace::BuildOptions;
@@ -58,9 +58,7 @@ struct Shares {
 
 pub fn run(args: &BenchArgs, console: &Console) -> Result<()> {
     if let Some(path) = &args.json {
-        if path.exists() && !is_special(path) && !args.force {
-            return Err(Error::input(format!("{} exists; --force replaces it", path.display())));
-        }
+        refuse_existing(path, args.force)?;
         reads::refuse_input_of(path, [&args.survey])?;
     }
     let mut options = Options::parse(args.run.iter().cloned())

@@ -6,7 +6,7 @@ use super::preview::read_cloud;
 use super::watch::during;
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{reads, refuse_existing, write_file, write_stdout};
+use vlscan_base::files::{FileGroup, reads, refuse_existing, write_stdout};
 use vlscan_base::quantity::amount;
 use vlscan_formats::PointFormat;
 use vlscan_tools::compare::{changed_points, compare, json, page, table, write_changed};
@@ -19,25 +19,28 @@ pub fn run(args: &CompareArgs, console: &Console) -> Result<()> {
     let names = [&args.first, &args.second].map(|path| path.display().to_string());
     let clouds = [(names[0].as_str(), &first), (names[1].as_str(), &second)];
     let comparison = during(console, "comparing the clouds", || compare(clouds, &args.options, &observer))?;
+    let (mut group, mut written) = (FileGroup::default(), Vec::new());
     if let Some(path) = &args.page {
-        write_file(path, args.force, page(&comparison, [&first, &second])?.as_bytes())?;
-        console.say(format!("{}: open it in a browser", path.display()));
+        group.write(path, args.force, page(&comparison, [&first, &second])?.as_bytes())?;
+        written.push(format!("{}: open it in a browser", path.display()));
     }
     if let Some(path) = &args.change {
         let raster = comparison.change.map.geotiff(comparison.crs.as_deref())?;
-        write_file(path, args.force, &raster)?;
+        group.write(path, args.force, &raster)?;
         let system = match comparison.crs.as_deref().and_then(vlscan_base::crs::projected_epsg) {
             Some(code) => format!("EPSG:{code}"),
             None => "no coordinate system: the clouds name none with an EPSG code".to_owned(),
         };
-        console.say(format!("{}: {} cells, {system}", path.display(), comparison.change.cells));
+        written.push(format!("{}: {} cells, {system}", path.display(), comparison.change.cells));
     }
     if let Some(path) = &args.changed {
         let changed = changed_points([&first, &second], args.options.cell)?;
-        write_changed(path, args.force, [&first, &second], &changed, &observer)?;
+        write_changed(path, args.force, [&first, &second], &changed, &observer, &mut group)?;
         let [new, gone] = [&changed.new, &changed.gone].map(|points| amount(points.len() as f64));
-        console.say(format!("{}: {new} new and {gone} gone points", path.display()));
+        written.push(format!("{}: {new} new and {gone} gone points", path.display()));
     }
+    group.commit()?;
+    written.into_iter().for_each(|line| console.say(line));
     match args.json {
         true => write_stdout(&(json(&comparison)? + "\n")),
         false => write_stdout(&table(&comparison)),

@@ -12,7 +12,7 @@ use clap::{Command, CommandFactory};
 use clap_mangen::Man;
 use clap_mangen::roff::{Roff, bold, roman};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileWriter, NewFolder, Patched, reads, write_file, write_stdout};
+use vlscan_base::files::{FileGroup, FileWriter, Patched, reads, write_stdout};
 use vlscan_lidar::pulse::Corrections;
 
 /// Introduction below the short help, for new users.
@@ -84,7 +84,8 @@ const MARKS: [&str; 2] = [".TH VLSCAN", "`vlscan man --python`"];
 /// not.
 pub fn run(args: &ManArgs, console: &Console) -> Result<()> {
     let Some(dir) = &args.dir else { return schemas() };
-    let folder = NewFolder::create_all(dir).map_err(|e| Error::io("create", dir, e))?;
+    let mut group = FileGroup::default();
+    group.create_folder(dir)?;
     let pages = match args.python {
         true => vec![("_options.py".to_owned(), python_module()?.into_bytes())],
         false => manual()?,
@@ -99,9 +100,9 @@ pub fn run(args: &ManArgs, console: &Console) -> Result<()> {
         }
     }
     for (name, text) in &pages {
-        write_file(&dir.join(name), true, text)?;
+        group.write(&dir.join(name), true, text)?;
     }
-    folder.keep();
+    group.commit()?;
     if !args.python {
         let page = dir.join("vlscan.1");
         console.say(format!("{} pages in {}; look: man -l {}", pages.len(), dir.display(), page.display()));

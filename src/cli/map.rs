@@ -8,7 +8,7 @@ use crate::pipeline::LoadedScene;
 use crate::sketch::scene_points;
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{reads, refuse_existing, write_file};
+use vlscan_base::files::{FileGroup, reads, refuse_existing};
 use vlscan_base::quantity::number;
 use vlscan_tools::preview::Map;
 use vlscan_trace::BuildOptions;
@@ -39,8 +39,10 @@ pub fn run(args: &MapArgs, console: &Console) -> Result<()> {
             "`vlscan scene info` tells what a scene has",
         )
     })?;
-    write_file(&args.out, args.force, &map.picture.png()?)?;
-    write_file(&place, args.force, map.world_file().as_bytes())?;
+    let mut group = FileGroup::default();
+    group.write(&args.out, args.force, &map.picture.png()?)?;
+    group.write(&place, args.force, map.world_file().as_bytes())?;
+    group.commit()?;
     console.say(format!(
         "{}: {} m per pixel; {} tells where it lies",
         args.out.display(),

@@ -8,7 +8,7 @@ use std::io::IsTerminal as _;
 use std::path::Path;
 use vlscan_base::crs;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileWriter, Patched, reads, refuse_existing, write_file};
+use vlscan_base::files::{FileGroup, FileWriter, Patched, reads, refuse_existing};
 use vlscan_base::machine;
 use vlscan_base::quantity::{amount, number};
 use vlscan_tools::cloud::CloudSource;
@@ -37,13 +37,15 @@ pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
         0 => String::new(),
         count => format!(", without {} pulses that returned nothing", amount(count as f64)),
     };
+    let mut group = FileGroup::default();
+    for (kind, path) in wanted.iter().filter(|(_, path)| !is_stdout(path)) {
+        group.write(path, args.force, &rasters.geotiff(*kind)?)?;
+    }
+    for (kind, _) in wanted.iter().filter(|(_, path)| is_stdout(path)) {
+        FileWriter::stdout(Patched::Never)?.append(&rasters.geotiff(*kind)?)?;
+    }
+    group.commit()?;
     for (kind, path) in &wanted {
-        let bytes = rasters.geotiff(*kind)?;
-        if is_stdout(path) {
-            FileWriter::stdout(Patched::Never)?.append(&bytes)?;
-        } else {
-            write_file(path, args.force, &bytes)?;
-        }
         console.say(format!(
             "{}: {} of {} points, {columns} by {rows} cells of {} m, {system}{noise}{misses}",
             if is_stdout(path) { "stdout".to_owned() } else { path.display().to_string() },

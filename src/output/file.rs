@@ -11,7 +11,7 @@ use crate::shards::BlockTable;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::Patched;
+use vlscan_base::files::{FileGroup, Patched};
 use vlscan_formats::text::begin_archive;
 use vlscan_formats::{
     Destination, EncodedFile, Ending, FileBody, Offload, OutputStream, PACKETS_HEADER_BYTES, PacketPlace,
@@ -144,6 +144,7 @@ impl OpenOutput for OutputFile {
         plan: &OutputPlan,
         offload: &dyn Offload,
         partial: bool,
+        group: &mut FileGroup,
     ) -> Result<Vec<FileSummary>> {
         if partial && self.kind == FileKind::Shard {
             return Ok(Vec::new());
@@ -158,11 +159,12 @@ impl OpenOutput for OutputFile {
         let (out, tally) = self.file.finish(partial, offload, |out| {
             let Some(packets) = packets else { return Ok(None) };
             let at = packets.path.is_none().then_some(out.len());
-            packet_file = packets.finish(out, partial_path.as_deref().map(packets_path).as_deref())?;
+            let path = partial_path.as_deref().map(packets_path);
+            packet_file = packets.finish(out, path.as_deref(), group)?;
             Ok(at)
         })?;
         let bytes = out.len();
-        out.finish(partial_path.as_deref())?;
+        out.finish_in(group, partial_path.as_deref())?;
         let world = self.encoder.map_or(tally.bounds, |encoder| encoder.world(&tally.bounds));
         let path = partial_path.or(self.path);
         let points =
@@ -195,6 +197,7 @@ impl Packets {
         mut self,
         points: &mut OutputStream,
         partial_path: Option<&Path>,
+        group: &mut FileGroup,
     ) -> Result<Option<FileSummary>> {
         let bytes = self.out.len();
         self.out.patch(0, &packets_header(bytes - PACKETS_HEADER_BYTES))?;
@@ -203,7 +206,7 @@ impl Packets {
             return Ok(None);
         };
         let beside = partial_path.and_then(|_| self.out.existing());
-        self.out.finish(partial_path)?;
+        self.out.finish_in(group, partial_path)?;
         let (path, partial) = (Some(partial_path.map_or(path, Path::to_path_buf)), partial_path.is_some());
         let none = FileSummary::of(FileKind::Packets, &Tally::EMPTY, Tally::EMPTY.bounds);
         Ok(Some(FileSummary { path, partial, beside, bytes, ..none }))

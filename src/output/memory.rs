@@ -11,6 +11,7 @@ use ::arrow_schema::{DataType, Field, Schema, SchemaRef};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use vlscan_base::error::{Error, Result};
+use vlscan_base::files::FileGroup;
 use vlscan_formats::{
     CloudSettings, Column, ColumnType, EncodedPoints, Offload, Rows, TableColumn, Tally, point_schema,
     schema_of,
@@ -282,6 +283,7 @@ impl OpenOutput for OpenTable {
         _: &OutputPlan,
         _: &dyn Offload,
         partial: bool,
+        _: &mut FileGroup,
     ) -> Result<Vec<FileSummary>> {
         if !self.rows.is_empty() || !self.has_passed {
             self.pass()?;

@@ -3,6 +3,7 @@
 use super::plan::OutputPlan;
 use super::summary::FileSummary;
 use vlscan_base::error::Result;
+use vlscan_base::files::FileGroup;
 use vlscan_formats::{EncodedPoints, Offload};
 use vlscan_lidar::pulse::{Batch, WaveformRecord};
 
@@ -46,12 +47,13 @@ pub(super) trait OpenOutput: Send {
     }
 
     /// Completes the output. A `partial` file says so in its metadata, if its format has any, and in its name: it never has
-    /// the name of a complete one. A shard of a run is complete or absent.
+    /// the name of a complete one. A shard of a run is complete or absent. Files get their names with the others of `group`.
     fn finish(
         self: Box<Self>,
         plan: &OutputPlan,
         offload: &dyn Offload,
         partial: bool,
+        group: &mut FileGroup,
     ) -> Result<Vec<FileSummary>>;
 }
 

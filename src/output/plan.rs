@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex};
 use vlscan_base::crs;
 use vlscan_base::diag::{Diagnostics, ProblemKind};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileSet, NewFolder, identity, is_special, reads, remove_litter};
+use vlscan_base::files::{FileSet, NewFolder, identity, is_special, is_taken, reads, remove_litter};
 use vlscan_formats::{
     CloudSettings, Column, Destination, FrameNames, Needs, ObjectIds, PacketPlace, PointBatch, PointEncoder,
     PointFormat,
@@ -380,7 +380,7 @@ fn check_path(path: &Path, made: &[PathBuf], may_exist: bool, inputs: &Inputs, p
         problems
             .error(None, format!("{} is not a directory, so {shown} cannot be written", folder.display()));
     }
-    if !may_exist && path.exists() {
+    if !may_exist && is_taken(path) {
         let problem = problems.error(None, format!("{shown} exists already")).of_kind(ProblemKind::Exists);
         problem.help("overwrite it with --force");
     }

@@ -205,7 +205,7 @@ pub fn write_points(
         }
     }
     let (out, tally) = file.finish(false, &IdleThreads, |_| Ok(None))?;
-    out.finish(None)?;
+    out.finish()?;
     if tally.left_out > 0 {
         let message =
             format!("{} points are left out: the format cannot hold their coordinates", tally.left_out);

@@ -10,7 +10,7 @@ use super::summary::OutputSummary;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::NewFolder;
+use vlscan_base::files::{FileGroup, NewFolder};
 use vlscan_formats::Offload;
 
 /// All open outputs of a run. Dropping it unfinished is equivalent to [`Writer::abort`], except that a panic leaves
@@ -169,7 +169,7 @@ impl Writer {
     /// Completes all files and renames them to their final names.
     ///
     /// # Errors
-    /// [`Error::Io`]; files already completed are kept, the others are removed.
+    /// [`Error::Io`]; files of earlier legs are kept, the others are removed.
     pub fn finish(mut self) -> Result<OutputSummary> {
         self.epoch = self.plan.request.epochs.max(self.epoch);
         let closed = self.close_while(|_| true);
@@ -279,10 +279,11 @@ impl Writer {
         Ok(())
     }
 
-    /// Completes files in the order of their last legs, as long as these are `complete`. Files outside run
-    /// directories stay open until the last epoch.
+    /// Completes files in the order of their last legs, as long as these are `complete`, and gives them their names together.
+    /// Files outside run directories stay open until the last epoch.
     fn close_while(&mut self, complete: impl Fn(usize) -> bool) -> Result<()> {
         let plan = self.plan.clone();
+        let mut group = FileGroup::default();
         while let Some(&slot) = self.closing.get(self.closed) {
             let file = &plan.layout.files[slot as usize];
             if !complete(file.last_leg) {
@@ -296,7 +297,7 @@ impl Writer {
             if self.partial && open.is_file() && !open.has_records() {
                 continue;
             }
-            let done = match open.finish(&plan, &*self.offload, self.partial) {
+            let done = match open.finish(&plan, &*self.offload, self.partial, &mut group) {
                 Err(Error::ClosedPipe) => {
                     self.drop_closed_pipe(slot, Err(Error::ClosedPipe))?;
                     continue;
@@ -312,7 +313,7 @@ impl Writer {
             }
             self.summary.files.extend(done);
         }
-        Ok(())
+        group.commit()
     }
 }
 
@@ -322,12 +323,13 @@ impl Drop for Writer {
             return;
         }
         let plan = self.plan.clone();
+        let (mut group, mut files) = (FileGroup::default(), Vec::new());
         for file in self.files.iter_mut().filter_map(Option::take).filter(|file| file.has_records()) {
             // The run has failed already; a file that cannot be completed is removed.
-            let Ok(done) = file.finish(&plan, &*self.offload, true) else { continue };
-            if let Ok(mut rescued) = plan.rescued.lock() {
-                rescued.extend(done);
-            }
+            files.extend(file.finish(&plan, &*self.offload, true, &mut group).into_iter().flatten());
+        }
+        if let (Ok(()), Ok(mut rescued)) = (group.commit(), plan.rescued.lock()) {
+            rescued.extend(files);
         }
     }
 }

@@ -237,8 +237,5 @@ pub fn join_segments(shards: &ShardSet, outputs: &OutputRequest, control: RunCon
 }
 
 fn check_out(out: &Path, force: bool) -> Result<()> {
-    if out.exists() && !force && !vlscan_base::files::is_special(out) {
-        return Err(Error::input(format!("{} exists; --force replaces it", out.display())));
-    }
-    Ok(())
+    vlscan_base::files::refuse_existing(out, force)
 }

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use vlscan_base::crs::{differ, name as name_of_system};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileWriter, Patched, refuse_existing, write_file};
+use vlscan_base::files::{FileGroup, refuse_existing};
 use vlscan_base::quantity::number;
 use vlscan_base::{Observer, machine};
 use vlscan_geom::DVec3;
@@ -66,6 +66,23 @@ pub fn plan_survey(
         PlanRequest::Mobile(request) => planner.mobile(request),
     }?;
     planner.finish(plan, area.as_ref(), &told, command, stop)
+}
+
+/// Checks what a request says of its instrument and platform, which does not depend on the scene.
+///
+/// # Errors
+/// [`Error::Input`] for instruments and platforms that are not found, and what the instrument cannot do; [`Error::Io`].
+pub(crate) fn check_instrument(request: &PlanRequest) -> Result<()> {
+    let setup = request.common();
+    let (scanner, _) = find_scanner(&setup.scanner, &reading(setup))?;
+    if let Some(platform) = &setup.platform {
+        find_platform(platform, &reading(setup))?;
+    }
+    let instrument = SwathModel::new(setup.scanner.clone(), &scanner, setup.pulse_rate);
+    match request {
+        PlanRequest::Terrestrial(request) => plan::check_terrestrial(&instrument, &request.options),
+        PlanRequest::Airborne(_) | PlanRequest::Mobile(_) => Ok(()),
+    }
 }
 
 /// What plans of all kinds are made from.
@@ -293,9 +310,7 @@ impl Planner<'_> {
         plan.scene = self.reference()?;
         plan.crs = self.crs.as_ref().map(|(_, name)| name.clone());
         self.check_ground(&plan)?;
-        if let Some(path) = setup.out.as_ref().filter(|path| path.exists() && !setup.overwrite) {
-            return Err(Error::input(format!("{} exists; --force overwrites it", path.display())));
-        }
+        setup.out.as_ref().map_or(Ok(()), |path| refuse_existing(path, setup.overwrite))?;
         let height = |x: f64, y: f64| self.site.as_ref().and_then(|site| site.ground.height(x, y));
         plan.lines = plan::lines_of(&plan.waypoints, &height);
         plan.wkt = self.crs().map(str::to_owned);
@@ -305,14 +320,14 @@ impl Planner<'_> {
         let found = check::Check { plan: &plan, area, setup, scene, told, observer, stop }.run()?;
         warn(&found, observer)?;
         plan.warnings.extend(found);
+        let mut group = FileGroup::default();
         if let Some(path) = &setup.out {
-            let mut file = FileWriter::create(path, setup.overwrite, Patched::Never)?;
-            file.append(plan.text(command).as_bytes())?;
-            file.finish()?;
+            group.write(path, setup.overwrite, plan.text(command).as_bytes())?;
         }
         for (path, text) in lines {
-            write_file(path, setup.overwrite, text.as_bytes())?;
+            group.write(path, setup.overwrite, text.as_bytes())?;
         }
+        group.commit()?;
         Ok(plan)
     }
 

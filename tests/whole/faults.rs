@@ -2,8 +2,8 @@
 //! incomplete under a final name, no temporary file or folder left, and an end.
 //!
 //! `VLSCAN_FAULT=N` fails the N-th operation (creating, writing, reading back, synchronising and renaming files, creating
-//! folders, mapping memory, starting threads), `VLSCAN_FAULT=N+` all from the N-th on; builds without debug assertions
-//! have no such variable.
+//! folders, mapping memory, starting threads), `VLSCAN_FAULT=N+` all from the N-th on, `VLSCAN_FAULT=N!` kills the process before
+//! the N-th; builds without debug assertions have no such variable.
 
 use crate::common::{files, folder, succeed, text, vlscan};
 use std::collections::BTreeMap;
@@ -119,6 +119,95 @@ fn at_every_operation(args: &[&str], old: &[(&str, &[u8])]) {
         }
     }
     panic!("more than {MAX_OPERATIONS} operations");
+}
+
+/// Runs a command whose files are one output with every fault, and kills it before every operation: all of its files are there
+/// or none, and the same command succeeds afterwards. `inputs` are in the folder beforehand.
+fn all_or_nothing(args: &[&str], inputs: &[&str]) {
+    if !cfg!(debug_assertions) {
+        return;
+    }
+    let prepared = || {
+        let dir = folder();
+        for path in inputs.iter().map(Path::new) {
+            fs::copy(path, dir.path().join(path.file_name().unwrap())).unwrap();
+        }
+        dir
+    };
+    let all = |dir: &Path| -> BTreeMap<PathBuf, Vec<u8>> {
+        files(dir).into_iter().map(|path| (path.clone(), fs::read(dir.join(path)).unwrap())).collect()
+    };
+    let reference = prepared();
+    let before = all(reference.path());
+    succeed(reference.path(), args);
+    let complete = all(reference.path());
+    assert!(complete.len() > before.len() + 1, "{args:?} writes one file");
+    for number in 1..MAX_OPERATIONS {
+        for fault in [number.to_string(), format!("{number}+"), format!("{number}!")] {
+            let dir = prepared();
+            let out = faulty(dir.path(), args, &fault);
+            let what = format!("vlscan {} with fault {fault}: {}", args.join(" "), text(&out.stderr));
+            if out.status.success() {
+                assert!(number > 3 && all(dir.path()) == complete, "{what}");
+                return;
+            }
+            let found = all(dir.path());
+            if fault.ends_with('!') {
+                assert_eq!(out.status.code(), None, "{what}");
+            } else {
+                assert_eq!(out.status.code(), Some(1), "{what}");
+                let is_named = text(&out.stderr).contains("synchronise the folder") && found == complete;
+                assert!(found == before || is_named, "{what} leaves {:?}", found.keys());
+            }
+            if found != complete {
+                succeed(dir.path(), args);
+                let left = all(dir.path());
+                assert!(left == complete, "{what} then {:?}", left.keys());
+            }
+        }
+    }
+    panic!("more than {MAX_OPERATIONS} operations");
+}
+
+#[test]
+fn outputs_of_several_files_are_complete_or_absent() {
+    let inputs = Inputs::new();
+    let (survey, points, frames) = (inputs.survey(), inputs.path("a.laz"), inputs.path("a.mcap"));
+    succeed(inputs.folder.path(), &["run", &survey, "-q", "-o", &points, "-o", &frames]);
+    let run = ["run", &survey, "-q", "-j", "1", "-o"];
+    all_or_nothing(&[&run[..], &["a.las", "--wave-packets", "beside"]].concat(), &[]);
+    all_or_nothing(&[&run[..], &["tiles", "--format", "las", "--tile", "5"]].concat(), &[]);
+    all_or_nothing(&["raster", "a.laz", "--dsm", "s.tif", "--density", "d.tif", "-q"], &[&points]);
+    all_or_nothing(&["scene", "map", &survey, "-o", "map.png", "-q"], &[]);
+    for layout in ["kitti", "nuscenes"] {
+        all_or_nothing(&["frames", "a.mcap", "-o", "out", "--layout", layout, "-q"], &[&frames]);
+    }
+}
+
+#[test]
+#[ignore = "takes long; see docs/reliability.md"]
+fn other_outputs_of_several_files_are_complete_or_absent() {
+    let inputs = Inputs::new();
+    let (survey, points) = (inputs.survey(), inputs.path("a.laz"));
+    succeed(inputs.folder.path(), &["run", &survey, "-q", "-o", &points]);
+    all_or_nothing(&["scene", "make", "forest", "-q", "-n", "1000", "-o", "made"], &[]);
+    all_or_nothing(&["scene", "reconstruct", "a.laz", "-q", "-o", "scene"], &[&points]);
+    let changed = ["--page", "a.html", "--change", "c.tif", "--changed", "c.laz", "-q"];
+    all_or_nothing(&[&["compare", "a.laz", "a.laz"][..], &changed].concat(), &[&points]);
+    all_or_nothing(&["run", &survey, "-q", "-j", "1", "-o", "a.laz", "-o", "a.xyz", "--pulses"], &[]);
+    all_or_nothing(&["fit", "line.laz", "-o", "line.toml", "-q"], &[&recorded(&inputs)]);
+}
+
+/// A flight line that `vlscan fit` explains.
+fn recorded(inputs: &Inputs) -> String {
+    let folder = inputs.folder.path();
+    succeed(folder, &["scene", "make", "terrain", "-n", "2k", "--pulses", "1k", "-o", "hills", "-q"]);
+    let area = "POLYGON ((-30 -20, 30 -20, 30 20, -30 20))";
+    let plan = ["plan", "airborne", "--scanner", "riegl_vux-1uav", "--height", "60", "--density", "20"];
+    let site = ["--area", area, "--scene", "hills/scene.xml", "-o", "plan.toml", "-q"];
+    succeed(folder, &[&plan[..], &site].concat());
+    succeed(folder, &["run", "plan.toml", "-q", "-o", "line.laz"]);
+    inputs.path("line.laz")
 }
 
 /// Tests a run of the survey with these options.

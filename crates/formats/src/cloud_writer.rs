@@ -9,6 +9,7 @@ use std::path::Path;
 use std::sync::Arc;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{FileGroup, refuse_existing};
 
 /// A cloud that is being written. The file has its name once it is [finished](CloudWriter::finish); before, and if the writer is
 /// dropped, there is none.
@@ -29,9 +30,7 @@ impl CloudWriter {
         settings: &CloudSettings,
         found: &mut Diagnostics,
     ) -> Result<CloudWriter> {
-        if !replace && path.exists() {
-            return Err(Error::input(format!("{} exists already", path.display())));
-        }
+        refuse_existing(path, replace)?;
         if settings.las.packets.is_some() {
             return Err(Error::input("waveform packets are not written by a CloudWriter"));
         }
@@ -60,8 +59,19 @@ impl CloudWriter {
     /// # Errors
     /// [`Error::Io`].
     pub fn finish(self) -> Result<Tally> {
+        let mut group = FileGroup::default();
+        let tally = self.finish_in(&mut group)?;
+        group.commit()?;
+        Ok(tally)
+    }
+
+    /// [`CloudWriter::finish`] of a file that gets its name with the others of a group.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn finish_in(self, group: &mut FileGroup) -> Result<Tally> {
         let (out, tally) = self.file.finish(false, &NoOffload, |_| Ok(None))?;
-        out.finish(None)?;
+        out.finish_in(group, None)?;
         Ok(tally)
     }
 }

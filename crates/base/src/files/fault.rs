@@ -1,8 +1,8 @@
 //! Failures of chosen operations, for tests of what a run does when the machine fails.
 //!
 //! In builds with debug assertions the environment variable `VLSCAN_FAULT` names an operation by its number, from 1:
-//! `VLSCAN_FAULT=7` fails the seventh operation of the process, `VLSCAN_FAULT=7+` every one from the seventh on. Other
-//! builds contain nothing of it.
+//! `VLSCAN_FAULT=7` fails the seventh operation of the process, `VLSCAN_FAULT=7+` every one from the seventh on, and
+//! `VLSCAN_FAULT=7!` ends the process before it as a kill would. Other builds contain nothing of it.
 
 use std::io;
 
@@ -22,17 +22,20 @@ mod chosen {
 
     static OPERATIONS: AtomicU64 = AtomicU64::new(0);
 
-    /// The number of the first operation that fails, and whether all that follow fail, too.
-    static CHOSEN: LazyLock<Option<(u64, bool)>> = LazyLock::new(|| {
+    /// The number of the first operation that fails, and what follows it: `+` or `!`.
+    static CHOSEN: LazyLock<Option<(u64, Option<char>)>> = LazyLock::new(|| {
         let text = std::env::var("VLSCAN_FAULT").ok()?;
-        let number = text.trim_end_matches('+').parse().ok()?;
-        Some((number, text.ends_with('+')))
+        let number = text.trim_end_matches(['+', '!']).parse().ok()?;
+        Some((number, text.chars().last().filter(|last| !last.is_ascii_digit())))
     });
 
     pub fn check() -> io::Result<()> {
-        let Some((first, all)) = *CHOSEN else { return Ok(()) };
+        let Some((first, mark)) = *CHOSEN else { return Ok(()) };
         let number = OPERATIONS.fetch_add(1, Ordering::Relaxed) + 1;
-        if number == first || all && number > first {
+        if number == first && mark == Some('!') {
+            std::process::abort();
+        }
+        if number == first || mark == Some('+') && number > first {
             return Err(io::Error::new(
                 io::ErrorKind::StorageFull,
                 format!("injected failure of operation {first}"),

@@ -6,6 +6,7 @@
 //! * Symbolic links stay links: their target is written, also one that does not exist yet. Pipes, terminals and devices
 //!   are written directly and never replaced.
 //! * No output replaces a file that the same command has read, under whatever name ([`reads`]).
+//! * Files that are one output get their names together ([`FileGroup`]).
 //! * Temporary files are removed at every end of the process that allows it: an error, a signal ([`remove_temporary`]),
 //!   a panic. Those of a killed process are removed by the next one that writes into their folder while no other does:
 //!   every process holds a shared lock on the folders with its temporary files.
@@ -13,6 +14,7 @@
 //! | file | what it does |
 //! |---|---|
 //! | `writer` | [`FileWriter`]: a file, stream or scratch file that is written |
+//! | `group` | [`FileGroup`]: files that get their names together |
 //! | `temporary` | temporary files and new folders; their removal |
 //! | `positioned` | files that several threads write or read, each at its own offset |
 //! | `stream` | pipes, terminals and devices; how long a stopped run waits for their readers |
@@ -21,6 +23,7 @@
 //! | `fault` | failures of chosen operations, for tests |
 
 pub mod fault;
+mod group;
 mod paths;
 mod positioned;
 pub mod reads;
@@ -30,7 +33,8 @@ mod temporary;
 mod tests;
 mod writer;
 
-pub use paths::{free_name, identity, is_special, is_stdout, refuse_existing, with_suffix};
+pub use group::FileGroup;
+pub use paths::{free_name, identity, is_special, is_stdout, is_taken, refuse_existing, with_suffix};
 pub use positioned::{PositionedFile, read_exact_at};
 pub use reads::{FileSet, ReadGuard, Reads, Recording, Stamp};
 pub use stream::limit_waiting;

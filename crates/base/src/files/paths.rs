@@ -1,5 +1,6 @@
 //! Names of files: links, devices, and names beside another one.
 
+use super::temporary::is_there_after_cleaning;
 use crate::error::{Error, Result};
 use std::ffi::OsString;
 use std::fs;
@@ -24,7 +25,13 @@ pub fn is_special(path: &Path) -> bool {
 /// # Errors
 /// [`Error::Input`] of the kind [`Exists`](crate::diag::ProblemKind::Exists).
 pub fn refuse_existing(path: &Path, force: bool) -> Result<()> {
-    if !force && !is_special(path) && path.exists() { Err(Error::exists(path)) } else { Ok(()) }
+    if !force && is_taken(path) { Err(Error::exists(path)) } else { Ok(()) }
+}
+
+/// Whether there is a file or folder of this name that an output must not replace without permission. What killed processes left
+/// half done in its folder is undone first.
+pub fn is_taken(path: &Path) -> bool {
+    !is_special(path) && is_there_after_cleaning(path)
 }
 
 /// Whether the path is an open file of this process, such as `/dev/fd/3`. It must not be replaced: others that have

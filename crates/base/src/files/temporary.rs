@@ -1,7 +1,8 @@
 //! Temporary files and new folders, and their removal.
 
 use super::fault;
-use super::paths::folder_of;
+use super::group::roll_back_log;
+use super::paths::{folder_of, with_suffix};
 use super::reads::open_own;
 use crate::error::{Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
@@ -15,18 +16,51 @@ use std::time::Duration;
 
 /// What precedes the number in the name of a temporary file.
 const MARK: &str = ".vlscan-";
-/// The end of the name of a temporary file.
-const END: &str = ".part";
 const DIGITS: usize = 8;
+const END_BYTES: usize = 5;
 /// Maximum length of the target's name in that of its temporary file, bytes; file systems take 255 altogether.
-const MAX_NAME_BYTES: usize = 255 - MARK.len() - DIGITS - END.len();
+const MAX_NAME_BYTES: usize = 255 - MARK.len() - DIGITS - END_BYTES;
 /// How often, and at which interval, something that another process or thread holds for an instant is tried again.
 const ATTEMPTS: u32 = 100;
 const ATTEMPT_PERIOD: Duration = Duration::from_millis(10);
 
+/// What the end of the name of a temporary file stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum TemporaryName {
+    /// A file or folder that is not complete, or another name of a file that is being replaced.
+    Part,
+    /// How to undo the renaming of several files, see [`super::group`].
+    Undo,
+}
+
+impl TemporaryName {
+    const fn end(self) -> &'static str {
+        match self {
+            TemporaryName::Part => ".part",
+            TemporaryName::Undo => ".undo",
+        }
+    }
+
+    /// What a name stands for, if it is that of a temporary file.
+    fn of(name: &OsStr) -> Option<TemporaryName> {
+        let name = name.as_encoded_bytes();
+        [TemporaryName::Part, TemporaryName::Undo].into_iter().find(|kind| {
+            let name = name.strip_suffix(kind.end().as_bytes());
+            name.and_then(|name| name.split_last_chunk::<DIGITS>()).is_some_and(|(name, digits)| {
+                digits.iter().all(|d| matches!(d, b'0'..=b'9' | b'a'..=b'f'))
+                    && name.ends_with(MARK.as_bytes())
+            })
+        })
+    }
+}
+
 /// The temporary files and unfinished folders of this process.
-struct Live {
-    files: BTreeSet<PathBuf>,
+pub(super) struct Live {
+    /// Files, and folders that are removed with what is in them.
+    pub files: BTreeSet<PathBuf>,
+    /// Logs of files that are being renamed.
+    pub undo_logs: BTreeSet<PathBuf>,
+    /// New folders, which are removed if they are empty.
     folders: Vec<PathBuf>,
     locks: BTreeMap<PathBuf, Weak<FolderLock>>,
     /// Folders from which the files of killed processes have been removed.
@@ -39,12 +73,13 @@ type FolderLock = Option<File>;
 
 static LIVE: Mutex<Live> = Mutex::new(Live {
     files: BTreeSet::new(),
+    undo_logs: BTreeSet::new(),
     folders: Vec::new(),
     locks: BTreeMap::new(),
     cleaned: BTreeSet::new(),
 });
 
-fn live() -> MutexGuard<'static, Live> {
+pub(super) fn live() -> MutexGuard<'static, Live> {
     LIVE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -83,16 +118,41 @@ pub fn remove_litter(folder: &Path) {
     }
 }
 
-/// Removes all temporary files in a folder and returns their number.
-fn remove_parts(folder: &Path) -> usize {
-    let Ok(entries) = fs::read_dir(folder) else { return 0 };
-    let parts = entries.flatten().filter(|entry| {
-        is_temporary_name(&entry.file_name()) && entry.file_type().is_ok_and(|kind| kind.is_file())
-    });
-    parts.filter(|part| fs::remove_file(part.path()).is_ok()).count()
+/// Removes the temporary files of killed processes from the folder of a file, once in a process and unless another process writes
+/// into it, and undoes what they did to files that get their names together. Returns whether the file is there afterwards.
+pub(super) fn is_there_after_cleaning(file: &Path) -> bool {
+    if file.symlink_metadata().is_err() {
+        return false;
+    }
+    let folder = folder_of(file);
+    let is_first = live().cleaned.insert(folder.to_path_buf());
+    if is_first && File::open(folder).is_ok_and(|file| file.try_lock().is_ok()) {
+        remove_parts(folder);
+    }
+    file.exists()
 }
 
-fn temporary_name(target: &OsStr) -> std::ffi::OsString {
+/// Removes all temporary files in a folder and returns their number.
+fn remove_parts(folder: &Path) -> usize {
+    let list = |kind: TemporaryName| {
+        let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+        let of_kind = entries.filter(move |entry| TemporaryName::of(&entry.file_name()) == Some(kind));
+        of_kind.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_file() || kind.is_dir()))
+    };
+    let logs: Vec<PathBuf> = list(TemporaryName::Undo).map(|entry| entry.path()).collect();
+    logs.iter().for_each(|log| roll_back_log(log));
+    logs.len() + list(TemporaryName::Part).filter(|part| remove_any(&part.path()).is_ok()).count()
+}
+
+/// Removes a file, or a folder with what is in it.
+pub(super) fn remove_any(path: &Path) -> io::Result<()> {
+    match path.symlink_metadata()?.is_dir() {
+        true => fs::remove_dir_all(path),
+        false => fs::remove_file(path),
+    }
+}
+
+fn temporary_name(target: &OsStr, kind: TemporaryName) -> std::ffi::OsString {
     let mut name = match target.len() <= MAX_NAME_BYTES {
         true => target.to_os_string(),
         false => {
@@ -101,16 +161,24 @@ fn temporary_name(target: &OsStr) -> std::ffi::OsString {
         }
     };
     let number = RandomState::new().build_hasher().finish() as u32;
-    name.push(format!("{MARK}{number:0width$x}{END}", width = DIGITS));
+    name.push(format!("{MARK}{number:0width$x}{}", kind.end(), width = DIGITS));
     name
+}
+
+/// A path beside `target` that does not exist.
+pub(super) fn free_temporary_path(target: &Path, kind: TemporaryName) -> io::Result<PathBuf> {
+    let name = target.file_name().ok_or(io::ErrorKind::InvalidFilename)?;
+    loop {
+        let path = target.with_file_name(temporary_name(name, kind));
+        if path.symlink_metadata().is_err() {
+            return Ok(path);
+        }
+    }
 }
 
 /// Whether a name is that of a temporary file of this program, which no user gives by chance.
 pub fn is_temporary_name(name: &OsStr) -> bool {
-    let name = name.as_encoded_bytes().strip_suffix(END.as_bytes());
-    name.and_then(|name| name.split_last_chunk::<DIGITS>()).is_some_and(|(name, digits)| {
-        digits.iter().all(|d| matches!(d, b'0'..=b'9' | b'a'..=b'f')) && name.ends_with(MARK.as_bytes())
-    })
+    TemporaryName::of(name).is_some()
 }
 
 /// A file under a temporary name. Dropping this value removes the file unless it has been renamed.
@@ -124,25 +192,36 @@ pub(super) struct TemporaryFile {
 impl TemporaryFile {
     /// Creates a file beside `target` that did not exist before, and opens it for reading and writing.
     pub fn create(target: &Path) -> io::Result<(TemporaryFile, File)> {
+        TemporaryFile::create_by(target, |path| {
+            OpenOptions::new().read(true).write(true).create_new(true).open(path)
+        })
+    }
+
+    /// Creates a folder beside `target` that did not exist before. It is removed with what is in it.
+    pub fn create_folder(target: &Path) -> io::Result<TemporaryFile> {
+        TemporaryFile::create_by(target, |path| fs::create_dir(path)).map(|(folder, ())| folder)
+    }
+
+    fn create_by<T>(target: &Path, make: impl Fn(&Path) -> io::Result<T>) -> io::Result<(TemporaryFile, T)> {
         let name = target.file_name().ok_or(io::ErrorKind::InvalidFilename)?;
         let folder = folder_of(target);
         let mut live = live();
         let lock = live.lock(folder);
         loop {
             fault::point()?;
-            let path = target.with_file_name(temporary_name(name));
-            match OpenOptions::new().read(true).write(true).create_new(true).open(&path) {
+            let path = target.with_file_name(temporary_name(name, TemporaryName::Part));
+            match make(&path) {
                 Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
                 Err(e) => return Err(e),
-                Ok(file) => {
+                Ok(made) => {
                     live.files.insert(path.clone());
-                    return Ok((TemporaryFile { path, is_renamed: false, _lock: lock }, file));
+                    return Ok((TemporaryFile { path, is_renamed: false, _lock: lock }, made));
                 }
             }
         }
     }
 
-    /// Its temporary path.
+    /// Where it is until it is renamed.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -177,26 +256,45 @@ impl TemporaryFile {
         self.is_renamed = true;
         Ok(())
     }
+
+    /// Renames a complete file to `NAME.new.EXT`, or `NAME.new-2.EXT` …, and returns that name.
+    pub fn rename_beside(&mut self, path: &Path) -> io::Result<PathBuf> {
+        let exists = io::ErrorKind::AlreadyExists;
+        for number in 1..100 {
+            let suffix = if number == 1 { ".new".to_owned() } else { format!(".new-{number}") };
+            let beside = with_suffix(path, &suffix, None);
+            match self.rename(&beside, false) {
+                Err(e) if e.kind() == exists => {}
+                renamed => return renamed.map(|()| beside),
+            }
+        }
+        Err(exists.into())
+    }
 }
 
 impl Drop for TemporaryFile {
     fn drop(&mut self) {
         if !self.is_renamed {
             // The run has failed already; its error is the one to report.
-            let _ = fs::remove_file(&self.path);
+            let _ = remove_any(&self.path);
             live().files.remove(&self.path);
         }
     }
 }
 
-/// Renames a file without ever replacing another one.
+/// Renames a file or folder without ever replacing another one; an empty folder may be replaced by a folder.
 fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
     match fs::hard_link(from, to) {
         Ok(()) => fs::remove_file(from),
         Err(e) if e.kind() == io::ErrorKind::AlreadyExists => Err(e),
-        // Some file systems have no hard links.
-        Err(_) if to.symlink_metadata().is_ok() => Err(io::ErrorKind::AlreadyExists.into()),
-        Err(_) => fs::rename(from, to),
+        // Some file systems have no hard links, and folders have none. A folder replaces no file, and no folder that holds any.
+        Err(_) if to.symlink_metadata().is_ok_and(|about| !(about.is_dir() && from.is_dir())) => {
+            Err(io::ErrorKind::AlreadyExists.into())
+        }
+        Err(_) => fs::rename(from, to).map_err(|e| match e.kind() {
+            io::ErrorKind::DirectoryNotEmpty => io::ErrorKind::AlreadyExists.into(),
+            _ => e,
+        }),
     }
 }
 
@@ -298,8 +396,9 @@ pub fn remove_temporary() {
                 continue;
             }
         };
+        live.undo_logs.iter().for_each(|log| roll_back_log(log));
         for file in &live.files {
-            let _ = fs::remove_file(file);
+            let _ = remove_any(file);
         }
         for folder in live.folders.iter().rev() {
             let _ = fs::remove_dir(folder);

@@ -1,11 +1,12 @@
 //! A file, stream or scratch file that is written.
 
 use super::fault;
-use super::paths::{is_special, is_stdout, resolve, with_suffix};
+use super::group::{FileGroup, Member};
+use super::paths::{is_special, is_stdout, resolve};
 use super::positioned::PositionedFile;
-use super::reads::{is_input, is_read, refuse_input, refuse_input_at};
+use super::reads::{refuse_input, refuse_input_at};
 use super::stream::{Stream, stderr_file, stdout_file};
-use super::temporary::{TemporaryFile, synchronise, synchronise_folder};
+use super::temporary::{TemporaryFile, synchronise};
 use crate::error::{Error, Result};
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -197,7 +198,7 @@ impl FileWriter {
         let (stream, file) = match self.kind {
             Kind::Scratch | Kind::Stream(_) => return Ok(()),
             Kind::Spooled(ref mut stream) => (stream, &mut self.file),
-            Kind::Named { .. } => return self.commit(path),
+            Kind::Named { .. } => return FileGroup::of(self.complete(Some(path))?).commit(),
         };
         let Some(file) = file else { return Err(Error::Internal("a scratch file has no handle".to_owned())) };
         file.rewind().map_err(scratch_failed)?;
@@ -212,33 +213,19 @@ impl FileWriter {
         }
     }
 
-    fn commit(mut self, path: &Path) -> Result<()> {
+    /// Writes the content to the disk, or copies it to its stream. The file that then waits for its name, `path` or that of
+    /// [`FileWriter::target`]; `None` for streams.
+    pub(super) fn complete(mut self, path: Option<&Path>) -> Result<Option<Member>> {
+        if !matches!(self.kind, Kind::Named { .. }) {
+            return self.finish().map(|_| None);
+        }
         self.handle().and_then(|file| synchronise(file)).map_err(|e| self.failed("write", e))?;
         self.file = None;
-        let Kind::Named { mut temporary, replace, is_own, keeps_equal, .. } = self.kind else {
-            return Ok(());
+        let Kind::Named { temporary, target, replace, is_own, keeps_equal } = self.kind else {
+            return Ok(None);
         };
-        if !is_own && is_input(path) {
-            // It was read after this file was created.
-            let beside =
-                rename_beside(&mut temporary, path).map_err(|e| Error::io("give its name to", path, e))?;
-            return Err(Error::input(format!(
-                "{}; the complete output is {}",
-                is_read(path),
-                beside.display()
-            )));
-        }
-        let renamed = match temporary.rename(path, replace) {
-            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {
-                match keeps_equal && temporary.is_equal(path).unwrap_or(false) {
-                    true => Ok(()),
-                    false => Err(appeared(&mut temporary, path)),
-                }
-            }
-            renamed => renamed,
-        };
-        renamed.map_err(|e| Error::io("give its name to", path, e))?;
-        synchronise_folder(path).map_err(|e| Error::io("synchronise the folder of", path, e))
+        let target = path.map_or(target, Path::to_path_buf);
+        Ok(Some(Member { temporary, target, replace, is_own, keeps_equal }))
     }
 
     fn handle(&mut self) -> io::Result<&mut File> {
@@ -253,34 +240,6 @@ impl FileWriter {
         };
         Ok(self.file.insert(file))
     }
-}
-
-/// Leaves a complete file beside one of its name that has appeared meanwhile, and returns the error that tells so.
-fn appeared(temporary: &mut TemporaryFile, path: &Path) -> io::Error {
-    match rename_beside(temporary, path) {
-        Err(e) => e,
-        Ok(beside) => io::Error::new(
-            io::ErrorKind::AlreadyExists,
-            format!(
-                "a file of this name has appeared meanwhile and is kept; the complete output is {}",
-                beside.display()
-            ),
-        ),
-    }
-}
-
-/// Names a complete file `NAME.new.EXT`, or `NAME.new-2.EXT` …, and returns that name.
-fn rename_beside(temporary: &mut TemporaryFile, path: &Path) -> io::Result<PathBuf> {
-    let exists = io::ErrorKind::AlreadyExists;
-    for number in 1..100 {
-        let suffix = if number == 1 { ".new".to_owned() } else { format!(".new-{number}") };
-        let beside = with_suffix(path, &suffix, None);
-        match temporary.rename(&beside, false) {
-            Err(e) if e.kind() == exists => {}
-            renamed => return renamed.map(|()| beside),
-        }
-    }
-    Err(exists.into())
 }
 
 fn scratch() -> Result<File> {

@@ -6,7 +6,7 @@ use libm::exp;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use vlscan_base::error::Result;
-use vlscan_base::files::{refuse_existing, write_file};
+use vlscan_base::files::{FileGroup, refuse_existing};
 use vlscan_geom::DVec3;
 
 /// Pixels by which a plane reaches beyond the middles of the outermost ones: half a pixel, and half a column by which beams that look
@@ -35,12 +35,14 @@ impl SpinningFit {
         files.extend(planes.map(Path::to_path_buf));
         files.extend(materials.clone());
         files.iter().try_for_each(|path| refuse_existing(path, force))?;
+        let mut group = FileGroup::default();
         if let (Some(planes), Some(materials)) = (planes, &materials) {
             let (mesh, table) = self.scene(materials);
-            write_file(planes, force, mesh.as_bytes())?;
-            write_file(materials, force, table.as_bytes())?;
+            group.write(planes, force, mesh.as_bytes())?;
+            group.write(materials, force, table.as_bytes())?;
         }
-        write_file(path, force, self.pipeline(planes, calibration, command).as_bytes())?;
+        group.write(path, force, self.pipeline(planes, calibration, command).as_bytes())?;
+        group.commit()?;
         Ok(files)
     }
 

@@ -5,7 +5,7 @@ use super::writes::ParallelWrites;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use vlscan_base::error::Result;
-use vlscan_base::files::{FileWriter, Patched, free_name};
+use vlscan_base::files::{FileGroup, FileWriter, Patched, free_name};
 
 /// Where bytes go.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -197,15 +197,24 @@ impl OutputStream {
         self.out.target().filter(|target| target.is_file()).map(Path::to_path_buf)
     }
 
-    /// Completes the output: renames the file to its name, or to `partial`, or copies a spooled stream to its
-    /// destination.
-    pub fn finish(mut self, partial: Option<&Path>) -> Result<()> {
+    /// Completes the output: renames the file to its name, or copies a spooled stream to its destination.
+    pub fn finish(self) -> Result<()> {
+        let mut group = FileGroup::default();
+        self.finish_in(&mut group, None)?;
+        group.commit()
+    }
+
+    /// [`OutputStream::finish`] of a file that gets its name, or that of `partial`, with the others of a group. A stream is complete
+    /// afterwards.
+    pub fn finish_in(mut self, group: &mut FileGroup, partial: Option<&Path>) -> Result<()> {
         self.flush()?;
         self.join_writes()?;
-        match partial {
-            Some(path) => self.out.finish_as(path),
-            None => self.out.finish().map(drop),
+        match (self.out.target(), partial) {
+            (None, _) => return self.out.finish().map(drop),
+            (_, Some(path)) => group.add_as(self.out, path),
+            (_, None) => group.add(self.out),
         }
+        Ok(())
     }
 }
 
@@ -228,7 +237,9 @@ mod tests {
             assert_eq!(out.existing(), Some(path.clone()));
             let partial = out.partial_path(force, |path| path.exists()).unwrap();
             assert_eq!(partial, dir.path().join(expected));
-            out.finish(Some(&partial)).unwrap();
+            let mut group = FileGroup::default();
+            out.finish_in(&mut group, Some(&partial)).unwrap();
+            group.commit().unwrap();
             assert_eq!(fs::read_to_string(&path).unwrap(), "old");
             assert_eq!(fs::read_to_string(&partial).unwrap(), "new");
         }

@@ -115,7 +115,7 @@ pub fn unzip(name: &Path, file: impl BufRead, to: Option<&Path>, force: bool) ->
     let mut archive = Archive::open(name, file)?;
     let mut out = OutputStream::open(&place, force, Patched::Never)?;
     let lines = archive.expand(|bytes| out.append(bytes))?;
-    out.finish(None)?;
+    out.finish()?;
     Ok(lines)
 }
 
@@ -264,7 +264,7 @@ mod tests {
         parts.iter().for_each(|lines| body.append(lines.to_vec(), &mut out, &NoOffload).unwrap());
         let end = Ending { tally: &Tally::EMPTY, is_partial: false, packets_at: None };
         body.finish(&end, &mut out, &NoOffload).unwrap();
-        out.finish(None).unwrap();
+        out.finish().unwrap();
         fs::read(path).unwrap()
     }
 

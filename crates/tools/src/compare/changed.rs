@@ -14,6 +14,7 @@ use std::path::Path;
 use vlscan_base::Observer;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
+use vlscan_base::files::FileGroup;
 use vlscan_formats::{CloudSettings, CloudWriter, PointFormat, PointRecord};
 use vlscan_geom::{Aabb, radians};
 
@@ -64,7 +65,7 @@ pub fn changed_points(clouds: [&Points; 2], cell: f64) -> Result<ChangedPoints> 
     Ok(ChangedPoints { gone: far(0, 1), new: far(1, 0) })
 }
 
-/// Writes the changed points of both clouds to a file whose extension is that of a format: those of the first cloud have class 65
+/// Writes the changed points of both clouds to a file of `group` whose extension is that of a format: those of the first cloud have class 65
 /// (gone), those of the second one class 64 (new).
 ///
 /// # Errors
@@ -75,6 +76,7 @@ pub fn write_changed(
     clouds: [&Points; 2],
     changed: &ChangedPoints,
     observer: &Observer,
+    group: &mut FileGroup,
 ) -> Result<()> {
     let format = PointFormat::required(path);
     let format = format.map_err(|unknown| Error::input(format!("{}: {unknown}", path.display())))?;
@@ -110,7 +112,7 @@ pub fn write_changed(
             writer.write(&batch.iter().map(record).collect::<Vec<_>>())?;
         }
     }
-    writer.finish().map(drop)
+    writer.finish_in(group).map(drop)
 }
 
 #[cfg(test)]
@@ -156,12 +158,17 @@ mod tests {
         assert_eq!(changed_points([clouds[0], &unchanged], 1.0).unwrap(), ChangedPoints::default());
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("changed.laz");
-        write_changed(&path, false, clouds, &changed, &Observer::default()).unwrap();
+        let write = || {
+            let mut group = FileGroup::default();
+            write_changed(&path, false, clouds, &changed, &Observer::default(), &mut group)?;
+            group.commit()
+        };
+        write().unwrap();
         let written = read_points(&path).unwrap().0;
         let count = |class: u8| (0..written.len()).filter(|i| written.class_of(*i) == Some(class)).count();
         assert_eq!((count(64), count(65)), (changed.new.len(), changed.gone.len()));
         assert_eq!(written.intensity_of(0), Some(7.0));
         assert!((written.position(0) - clouds[0].position(changed.gone[0])).length() < 1e-3);
-        assert!(write_changed(&path, false, clouds, &changed, &Observer::default()).is_err());
+        assert!(write().is_err());
     }
 }

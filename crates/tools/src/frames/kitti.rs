@@ -15,7 +15,7 @@ use super::{FrameWriter, create, refuse_existing, write};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileWriter, Patched};
+use vlscan_base::files::{FileGroup, FileWriter, Patched};
 use vlscan_geom::{DVec3, Rotation};
 
 /// Without cameras their matrices are the identity, and the poses are those of the scanner.
@@ -37,9 +37,13 @@ pub(super) struct Kitti {
 }
 
 impl Kitti {
-    pub fn begin(folder: &Path, sequence: u32) -> Result<Kitti> {
-        let folder = folder.join("sequences").join(format!("{sequence:02}"));
+    /// Begins a sequence in `folder`, which gets its name with `group`.
+    pub fn begin(folder: &Path, sequence: u32, group: &mut FileGroup) -> Result<Kitti> {
+        let sequences = folder.join("sequences");
+        let folder = sequences.join(format!("{sequence:02}"));
         refuse_existing(&folder)?;
+        group.create_folder(&sequences)?;
+        let folder = group.stage_folder(&folder)?;
         create(&folder.join("velodyne"))?;
         create(&folder.join("labels"))?;
         let open = |name: &str| FileWriter::create(&folder.join(name), false, Patched::Never);

@@ -18,7 +18,7 @@ use std::path::Path;
 use vlscan_base::Observer;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::write_file;
+use vlscan_base::files::{FileGroup, is_taken, write_file};
 use vlscan_base::quantity::number;
 use vlscan_formats::read_frames;
 
@@ -133,7 +133,7 @@ fn rounded_down(value: f64) -> String {
 }
 
 /// Writes the frames of an MCAP file to a folder; `name` is that of the source in messages. One frame is in memory at a time.
-/// Intensities that the layout does not have are told to `observer`.
+/// The data set appears when it is complete. Intensities that the layout does not have are reported to `observer`.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Input`] for a source that is no MCAP with points and poses, for numbers that the files cannot hold, for
@@ -145,9 +145,10 @@ pub fn write_frames(
     options: &FrameOptions,
     observer: &Observer,
 ) -> Result<FrameCounts> {
+    let mut group = FileGroup::default();
     let mut writer: Box<dyn FrameWriter> = match options.layout {
-        FrameLayout::Kitti => Box::new(kitti::Kitti::begin(folder, options.sequence)?),
-        FrameLayout::Nuscenes => Box::new(nuscenes::Nuscenes::begin(folder)?),
+        FrameLayout::Kitti => Box::new(kitti::Kitti::begin(folder, options.sequence, &mut group)?),
+        FrameLayout::Nuscenes => Box::new(nuscenes::Nuscenes::begin(folder, &mut group)?),
     };
     let mut counts = FrameCounts::default();
     let mut intensities = Intensities { min: f32::INFINITY, max: f32::NEG_INFINITY, beyond: 0 };
@@ -167,6 +168,7 @@ pub fn write_frames(
     }
     observer.warnings(intensities.doubts(name, options))?;
     writer.finish()?;
+    group.commit()?;
     Ok(counts)
 }
 
@@ -177,7 +179,7 @@ fn write(path: &Path, bytes: &[u8]) -> Result<()> {
 
 /// Refuses a folder of a layout that exists: frames of another run would be among those that are written.
 fn refuse_existing(folder: &Path) -> Result<()> {
-    if folder.exists() {
+    if is_taken(folder) {
         return Err(Error::input_with_help(
             format!("{} exists", folder.display()),
             "name another folder, or remove this one",

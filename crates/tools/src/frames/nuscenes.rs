@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileWriter, Patched};
+use vlscan_base::files::{FileGroup, FileWriter, Patched};
 use vlscan_geom::Rotation;
 use xxhash_rust::xxh3::xxh3_128;
 
@@ -31,9 +31,17 @@ struct Table {
     is_empty: bool,
 }
 
+/// Where the folders of the layout are filled until they get their names.
+struct Folders {
+    tables: PathBuf,
+    samples: PathBuf,
+    labels: PathBuf,
+    maps: PathBuf,
+}
+
 impl Table {
-    fn begin(folder: &Path, name: &str) -> Result<Table> {
-        let path = folder.join(VERSION).join(name).with_extension("json");
+    fn begin(folders: &Folders, name: &str) -> Result<Table> {
+        let path = folders.tables.join(name).with_extension("json");
         Ok(Table { file: FileWriter::create(&path, false, Patched::Never)?, is_empty: true })
     }
 
@@ -51,7 +59,7 @@ impl Table {
 }
 
 pub(super) struct Nuscenes {
-    folder: PathBuf,
+    folders: Folders,
     frames: u64,
     classes: BTreeSet<u8>,
     poses: Table,
@@ -71,33 +79,30 @@ fn neighbour(table: &str, number: Option<u64>) -> String {
     number.map_or_else(String::new, |number| token(table, number))
 }
 
+/// The file of points of a frame in the folder `samples`.
 fn points_name(microseconds: u64) -> String {
-    format!("samples/{CHANNEL}/vlscan__{CHANNEL}__{microseconds}.pcd.bin")
+    format!("{CHANNEL}/vlscan__{CHANNEL}__{microseconds}.pcd.bin")
 }
 
 impl Nuscenes {
-    pub fn begin(folder: &Path) -> Result<Nuscenes> {
+    /// Begins a data set in `folder`, whose folders get their names with `group`.
+    pub fn begin(folder: &Path, group: &mut FileGroup) -> Result<Nuscenes> {
         for name in [VERSION, "samples", "lidarseg", "maps"] {
             refuse_existing(&folder.join(name))?;
         }
-        for path in [
-            VERSION.into(),
-            Path::new("samples").join(CHANNEL),
-            Path::new("lidarseg").join(VERSION),
-            "maps".into(),
-        ] {
-            create(&folder.join::<PathBuf>(path))?;
-        }
-        let table = |name: &str| Table::begin(folder, name);
-        Ok(Nuscenes {
-            folder: folder.to_path_buf(),
-            frames: 0,
-            classes: BTreeSet::new(),
-            poses: table("ego_pose")?,
-            samples: table("sample")?,
-            data: table("sample_data")?,
-            waiting: None,
-        })
+        group.create_folder(folder)?;
+        let mut stage = |name: &str| group.stage_folder(&folder.join(name));
+        let folders = Folders {
+            tables: stage(VERSION)?,
+            samples: stage("samples")?,
+            labels: stage("lidarseg")?,
+            maps: stage("maps")?,
+        };
+        create(&folders.samples.join(CHANNEL))?;
+        create(&folders.labels.join(VERSION))?;
+        let table = |name: &str| Table::begin(&folders, name);
+        let (poses, samples, data) = (table("ego_pose")?, table("sample")?, table("sample_data")?);
+        Ok(Nuscenes { folders, frames: 0, classes: BTreeSet::new(), poses, samples, data, waiting: None })
     }
 
     /// Writes the rows of the last frame.
@@ -113,14 +118,14 @@ impl Nuscenes {
             "token": token("sample_data", number), "sample_token": token("sample", number),
             "ego_pose_token": token("ego_pose", number), "calibrated_sensor_token": token("calibrated_sensor", 0),
             "timestamp": microseconds, "fileformat": "pcd", "is_key_frame": true, "height": 0, "width": 0,
-            "filename": points_name(microseconds),
+            "filename": format!("samples/{}", points_name(microseconds)),
             "prev": neighbour("sample_data", before), "next": neighbour("sample_data", after),
         }))
     }
 
     /// Writes a table as a whole.
     fn table(&self, name: &str, rows: &[Value]) -> Result<()> {
-        let mut table = Table::begin(&self.folder, name)?;
+        let mut table = Table::begin(&self.folders, name)?;
         rows.iter().try_for_each(|row| table.row(row))?;
         table.finish()
     }
@@ -146,10 +151,10 @@ impl FrameWriter for Nuscenes {
             self.classes.insert(class);
             labels.push(class);
         }
-        write(&self.folder.join(points_name(microseconds)), &points)?;
+        write(&self.folders.samples.join(points_name(microseconds)), &points)?;
         let data_token = token("sample_data", self.frames);
-        let labels_name = format!("lidarseg/{VERSION}/{data_token}_lidarseg.bin");
-        write(&self.folder.join(labels_name), &labels)?;
+        let labels_name = format!("{VERSION}/{data_token}_lidarseg.bin");
+        write(&self.folders.labels.join(labels_name), &labels)?;
         let p = pose.position;
         let r = pose.rotation.after(Rotation::about_z(-std::f64::consts::FRAC_PI_2));
         self.poses.row(&json!({
@@ -207,7 +212,7 @@ impl FrameWriter for Nuscenes {
         for name in ["attribute", "instance", "sample_annotation", "visibility"] {
             self.table(name, &[])?;
         }
-        write(&self.folder.join("maps/none.png"), &one_pixel()?)?;
+        write(&self.folders.maps.join("none.png"), &one_pixel()?)?;
         let Nuscenes { poses, samples, data, .. } = *self;
         [poses, samples, data].into_iter().try_for_each(Table::finish)
     }

@@ -33,6 +33,7 @@ use crate::args;
 use obj::Mesh;
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
+use vlscan_base::files::is_taken;
 use vlscan_geom::Aabb;
 
 pub use obj::SceneFolder;
@@ -281,7 +282,7 @@ fn check(options: &SceneOptions) -> Result<f64> {
 
 fn refuse_existing(folder: &Path) -> Result<()> {
     let fixed = ["survey.xml", "scene.xml", "scanners.xml", "platforms.xml", "ground.obj", "shell.obj"];
-    match fixed.iter().find(|name| folder.join(name).exists()) {
+    match fixed.iter().find(|name| is_taken(&folder.join(name))) {
         Some(name) => Err(Error::exists(folder.join(name))),
         None => Ok(()),
     }

@@ -3,8 +3,8 @@
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use vlscan_base::corrections::Corrections;
-use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileWriter, NewFolder, Patched, refuse_existing};
+use vlscan_base::error::Result;
+use vlscan_base::files::{FileGroup, FileWriter, Patched, refuse_existing};
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_scene::Material;
 
@@ -17,10 +17,7 @@ const FLUSH_AT: usize = 1 << 20;
 pub struct SceneFolder {
     path: PathBuf,
     overwrite: bool,
-    /// Dropped before `folders`, which can be removed only when they are empty.
-    complete: RefCell<Vec<FileWriter>>,
-    /// Inner ones first.
-    folders: RefCell<Vec<NewFolder>>,
+    complete: RefCell<FileGroup>,
 }
 
 impl SceneFolder {
@@ -28,16 +25,12 @@ impl SceneFolder {
     /// # Errors
     /// [`Error::Io`].
     pub fn create(path: &Path, overwrite: bool) -> Result<SceneFolder> {
-        let (folders, complete) = Default::default();
-        let folder = SceneFolder { path: path.to_path_buf(), overwrite, folders, complete };
+        let folder = SceneFolder { path: path.to_path_buf(), overwrite, complete: RefCell::default() };
         folder.add_folder("").map(|()| folder)
     }
 
     pub(super) fn add_folder(&self, name: &str) -> Result<()> {
-        let path = self.path.join(name);
-        let made = NewFolder::create_all(&path).map_err(|e| Error::io("create", &path, e))?;
-        self.folders.borrow_mut().insert(0, made);
-        Ok(())
+        self.complete.borrow_mut().create_folder(&self.path.join(name))
     }
 
     /// Creates a file in the folder.
@@ -63,9 +56,7 @@ impl SceneFolder {
     /// # Errors
     /// [`Error::Io`].
     pub fn commit(self) -> Result<()> {
-        self.complete.into_inner().into_iter().try_for_each(|file| file.finish().map(drop))?;
-        self.folders.into_inner().into_iter().for_each(NewFolder::keep);
-        Ok(())
+        self.complete.into_inner().commit()
     }
 }
 
@@ -82,9 +73,8 @@ impl NewFile<'_> {
     }
 
     /// Passes the complete file to its folder and returns its path.
-    pub(super) fn finish(mut self) -> PathBuf {
-        self.file.close_handle();
-        self.folder.complete.borrow_mut().push(self.file);
+    pub(super) fn finish(self) -> PathBuf {
+        self.folder.complete.borrow_mut().add(self.file);
         self.path
     }
 }
