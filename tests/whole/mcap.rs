@@ -102,7 +102,7 @@ def matrix(q):
                      [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
 poses, odometry, clouds = {}, [], []
 with open("a.mcap", "rb") as file:
-    reader = make_reader(file, decoder_factories=[DecoderFactory()])
+    reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
     for schema, channel, message, ros in reader.iter_decoded_messages():
         if channel.topic == "/tf":
             assert schema.name == "tf2_msgs/msg/TFMessage"
@@ -207,6 +207,70 @@ fn poses_take_points_to_the_world() {
             "{}",
             text(&out.stderr)
         );
+    }
+}
+
+/// Reads all records of a.mcap with their checksums, and compares that of the summary.
+const SUMS: &str = r#"
+import struct, zlib
+from mcap.stream_reader import StreamReader
+
+with open("a.mcap", "rb") as file:
+    records = list(StreamReader(file, validate_crcs=True, emit_chunks=True).records)
+by = lambda name: [record for record in records if type(record).__name__ == name]
+assert by("Chunk") and all(zlib.crc32(chunk.data) == chunk.uncompressed_crc for chunk in by("Chunk"))
+[end], [footer] = by("DataEnd"), by("Footer")
+assert end.data_section_crc != 0
+bytes = open("a.mcap", "rb").read()
+# The last four bytes before the magic are the checksum of those from the summary on.
+assert footer.summary_crc == struct.unpack("<I", bytes[-12:-8])[0] == zlib.crc32(bytes[footer.summary_start:-12])
+print(len(by("Chunk")))
+"#;
+
+#[test]
+fn every_part_of_a_file_has_a_checksum_and_any_changed_bit_is_found() {
+    let dir = folder();
+    drive(dir.path());
+    succeed(dir.path(), &["run", "drive.toml", "-q", "-o", "a.mcap"]);
+    if let Some(python) = common::python("mcap") {
+        common::judge(&python, dir.path(), SUMS);
+    }
+    let bytes = fs::read(dir.path().join("a.mcap")).unwrap();
+    let layout = ["--layout", "kitti", "-q"];
+    // All parts: the first and the last bytes, and steps through the rest.
+    let places =
+        (0..60).chain((60..bytes.len()).step_by(bytes.len() / 60)).chain(bytes.len() - 60..bytes.len());
+    for (i, at) in places.enumerate() {
+        let mut damaged = bytes.clone();
+        damaged[at] ^= 1 << (i % 8);
+        fs::write(dir.path().join("b.mcap"), &damaged).unwrap();
+        let out = common::run(dir.path(), &[&["frames", "b.mcap", "-o", "b"][..], &layout].concat());
+        let message = text(&out.stderr);
+        assert!(out.status.code() == Some(2) && message.contains("b.mcap: "), "byte {at}: {message}");
+        assert!(!dir.path().join("b").exists(), "byte {at} leaves frames");
+    }
+    succeed(dir.path(), &[&["frames", "a.mcap", "-o", "b"][..], &layout].concat());
+}
+
+#[test]
+fn frames_that_are_interrupted_leave_nothing() {
+    let dir = folder();
+    drive(dir.path());
+    succeed(dir.path(), &["run", "drive.toml", "-q", "-o", "a.mcap"]);
+    let bytes = fs::read(dir.path().join("a.mcap")).unwrap();
+    for (layout, signal) in [("kitti", "TERM"), ("nuscenes", "INT")] {
+        let args = ["frames", "-", "-o", "out", "--layout", layout, "-q"];
+        let mut child =
+            common::vlscan(dir.path()).args(args).stdin(std::process::Stdio::piped()).spawn().unwrap();
+        let mut stdin = child.stdin.take().unwrap();
+        std::io::Write::write_all(&mut stdin, &bytes[..bytes.len() / 2]).unwrap();
+        while !dir.path().join("out").exists() {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        let id = child.id().to_string();
+        assert!(Command::new("kill").args(["-s", signal, &id]).status().unwrap().success());
+        assert_eq!(child.wait().unwrap().code(), Some(130));
+        assert!(!dir.path().join("out").exists(), "{layout}: {:?}", common::files(dir.path()));
     }
 }
 

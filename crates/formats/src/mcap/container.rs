@@ -1,6 +1,8 @@
-//! Records of MCAP: schemas with a channel each, a chunk for each message, and the index at the end.
+//! Records of MCAP: schemas with a channel each, a chunk for each message, and the index at the end. Chunks, the data section and
+//! the summary have checksums (CRC-32), as <https://mcap.dev/spec> defines them.
 
 use crate::out::OutputStream;
+use flate2::Crc;
 use vlscan_base::error::Result;
 
 const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
@@ -24,6 +26,8 @@ mod op {
 
 /// Bytes of a record before its content: kind and length.
 const RECORD_HEAD_BYTES: u64 = 9;
+/// Bytes of the content of a footer.
+const FOOTER_BYTES: u64 = 20;
 /// Bytes of a message before its data.
 const MESSAGE_HEAD_BYTES: u64 = 22;
 
@@ -43,6 +47,8 @@ pub struct Container {
     counts: Vec<u32>,
     /// Times and places of the chunks.
     chunks: Vec<Chunk>,
+    /// Checksum of all bytes before the end of the data section.
+    sum: Crc,
 }
 
 /// A chunk with one message.
@@ -70,11 +76,17 @@ impl Container {
             let channel = Content::default().u16(id(i)).u16(id(i)).string(plan.topic).string("cdr").u32(0);
             channels.extend(channel.record(op::CHANNEL));
         }
-        out.append(&MAGIC)?;
-        out.append(&header.record(op::HEADER))?;
-        out.append(&schemas)?;
-        out.append(&channels)?;
-        Ok(Container { schemas, channels, counts: vec![0; plans.len()], chunks: Vec::new() })
+        let start = [&MAGIC[..], &header.record(op::HEADER), &schemas, &channels].concat();
+        let (counts, chunks, sum) = (vec![0; plans.len()], Vec::new(), Crc::new());
+        let mut container = Container { schemas, channels, counts, chunks, sum };
+        container.append(&start, out)?;
+        Ok(container)
+    }
+
+    /// Appends bytes of the data section.
+    fn append(&mut self, bytes: &[u8], out: &mut OutputStream) -> Result<()> {
+        self.sum.update(bytes);
+        out.append(bytes)
     }
 
     /// Appends a message of the channel of this index that consists of these pieces.
@@ -87,29 +99,33 @@ impl Container {
     ) -> Result<()> {
         let data: u64 = pieces.iter().map(|piece| piece.len() as u64).sum();
         let records_bytes = RECORD_HEAD_BYTES + MESSAGE_HEAD_BYTES + data;
-        // Times of the first and the last message, size and absent checksum, no compression.
-        let head = Content::default().u64(time_ns).u64(time_ns).u64(records_bytes).u32(0).string("");
-        let head = head.u64(records_bytes).0;
-        let at = out.len();
-        out.append(&record_head(op::CHUNK, head.len() as u64 + records_bytes))?;
-        out.append(&head)?;
-        out.append(&record_head(op::MESSAGE, MESSAGE_HEAD_BYTES + data))?;
         let sequence = self.counts[channel];
         self.counts[channel] += 1;
-        out.append(&Content::default().u16(id(channel)).u32(sequence).u64(time_ns).u64(time_ns).0)?;
+        let message = Content(record_head(op::MESSAGE, MESSAGE_HEAD_BYTES + data));
+        let message = message.u16(id(channel)).u32(sequence).u64(time_ns).u64(time_ns).0;
+        let mut sum = Crc::new();
+        std::iter::once(&&message[..]).chain(pieces).for_each(|piece| sum.update(piece));
+        // Times of the first and the last message, size and checksum, no compression.
+        let head = Content::default().u64(time_ns).u64(time_ns).u64(records_bytes).u32(sum.sum()).string("");
+        let head = head.u64(records_bytes).0;
+        let at = out.len();
+        self.append(&record_head(op::CHUNK, head.len() as u64 + records_bytes), out)?;
+        self.append(&head, out)?;
+        out.append(&message)?;
         pieces.iter().try_for_each(|piece| out.append(piece))?;
+        self.sum.combine(&sum);
         self.chunks.push(Chunk { channel, time_ns, at, bytes: out.len() - at, records_bytes });
         // The message is at the beginning of its chunk.
         let index = Content::default().u16(id(channel)).u32(16).u64(time_ns).u64(0);
-        out.append(&index.record(op::MESSAGE_INDEX))
+        self.append(&index.record(op::MESSAGE_INDEX), out)
     }
 
     /// Writes what is known about the file, and the index.
-    pub fn finish(&self, about: &[(&str, &str)], out: &mut OutputStream) -> Result<()> {
+    pub fn finish(&mut self, about: &[(&str, &str)], out: &mut OutputStream) -> Result<()> {
         let metadata = Content::default().string("vlscan").map(about).record(op::METADATA);
         let metadata_at = out.len();
-        out.append(&metadata)?;
-        out.append(&Content::default().u32(0).record(op::DATA_END))?;
+        self.append(&metadata, out)?;
+        out.append(&Content::default().u32(self.sum.sum()).record(op::DATA_END))?;
         let summary_at = out.len();
         let metadata_index = Content::default().u64(metadata_at).u64(metadata.len() as u64).string("vlscan");
         let groups = [
@@ -119,16 +135,19 @@ impl Container {
             (op::CHUNK_INDEX, self.chunks.iter().flat_map(Chunk::index).collect()),
             (op::METADATA_INDEX, metadata_index.record(op::METADATA_INDEX)),
         ];
-        let mut offsets = Vec::new();
+        let (mut offsets, mut sum) = (Vec::new(), Crc::new());
         for (kind, records) in groups.iter().filter(|(_, records)| !records.is_empty()) {
             let offset = Content::default().u8(*kind).u64(out.len()).u64(records.len() as u64);
             offsets.extend(offset.record(op::SUMMARY_OFFSET));
+            sum.update(records);
             out.append(records)?;
         }
         let offsets_at = out.len();
+        // The checksum of the summary includes that of the footer up to the checksum itself.
+        let footer = Content(record_head(op::FOOTER, FOOTER_BYTES)).u64(summary_at).u64(offsets_at);
+        [&offsets, &footer.0].into_iter().for_each(|bytes| sum.update(bytes));
         out.append(&offsets)?;
-        let footer = Content::default().u64(summary_at).u64(offsets_at).u32(0);
-        out.append(&footer.record(op::FOOTER))?;
+        out.append(&footer.u32(sum.sum()).0)?;
         out.append(&MAGIC)
     }
 

@@ -3,16 +3,19 @@
 
 use super::cdr::CdrReader;
 use crate::frames::{Frame, FramePoint, FramePose};
+use flate2::Crc;
 use std::collections::HashMap;
-use std::io::{self, Read};
-use std::ops::ControlFlow;
+use std::io::Read;
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
 
 const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
+/// Kind and length before the content of a record, bytes.
+const HEAD_BYTES: usize = 9;
 /// Longest record that is read, bytes.
 const MAX_RECORD_BYTES: u64 = 1 << 31;
 
+const FOOTER: u8 = 0x02;
 const SCHEMA: u8 = 0x03;
 const CHANNEL: u8 = 0x04;
 const MESSAGE: u8 = 0x05;
@@ -38,41 +41,105 @@ struct Reader {
 /// Calls `take` with the frames of a file, in order.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Input`] for a file that is no MCAP or damaged, and those of `take`.
+/// [`Error::Io`]; [`Error::Input`] for a file that is no MCAP or damaged, by the checksums that it has, and those of `take`. A damage
+/// may be found after frames were taken.
 pub(crate) fn read_frames(
     source: &mut dyn Read,
     path: &Path,
     take: &mut dyn FnMut(Frame) -> Result<()>,
 ) -> Result<()> {
-    let mut start = [0; 8];
-    let failed = |e: io::Error| match e.kind() {
-        io::ErrorKind::UnexpectedEof => wrong(path, "the file ends within its records; is it truncated?"),
-        _ => Error::io("read", path, e),
-    };
-    source.read_exact(&mut start).map_err(failed)?;
-    if start != MAGIC {
+    let mut input = Input { source, path, at: 0 };
+    let mut bytes = Vec::new();
+    input.read(MAGIC.len() as u64, &mut bytes)?;
+    if bytes != MAGIC {
         return Err(wrong(
             path,
             "it is no MCAP; frames are read from MCAP, as vlscan run -o points.mcap writes it",
         ));
     }
-    let mut reader = Reader::default();
-    let mut content = Vec::new();
+    let (mut reader, mut sum) = (Reader::default(), Crc::new());
+    sum.update(&bytes);
     loop {
-        let mut head = [0; 9];
-        source.read_exact(&mut head).map_err(failed)?;
-        let length = u64::from_le_bytes(std::array::from_fn(|i| head[1 + i]));
+        let at = input.at;
+        let kind = input.record(&mut bytes)?;
+        let content = &bytes[HEAD_BYTES..];
+        if kind == DATA_END {
+            let damaged = || wrong(path, &format!("the record at byte {at} is damaged"));
+            let stated = Fields(content).u32().ok_or_else(damaged)?;
+            check_sum(stated, &sum, path, || format!("the data before byte {at}"))?;
+            return input.check_summary();
+        }
+        reader.record((kind, at), content, path, take)?;
+        sum.update(&bytes);
+    }
+}
+
+/// Compares a checksum with what the file states; 0 means that it states none.
+fn check_sum(stated: u32, sum: &Crc, path: &Path, what: impl Fn() -> String) -> Result<()> {
+    if stated == 0 || stated == sum.sum() {
+        return Ok(());
+    }
+    let message = format!("the checksum of {} does not match: the file is damaged", what());
+    Err(wrong(path, &message))
+}
+
+/// A file that is being read.
+struct Input<'a> {
+    source: &'a mut dyn Read,
+    path: &'a Path,
+    /// Number of bytes that have been read.
+    at: u64,
+}
+
+impl Input<'_> {
+    /// Appends so many bytes of the file to `bytes`.
+    fn read(&mut self, length: u64, bytes: &mut Vec<u8>) -> Result<()> {
+        let read = Read::take(&mut *self.source, length).read_to_end(bytes);
+        let read = read.map_err(|e| Error::io("read", self.path, e))? as u64;
+        self.at += read;
+        if read != length {
+            let message =
+                format!("the file ends within its records, after byte {}; is it truncated?", self.at);
+            return Err(wrong(self.path, &message));
+        }
+        Ok(())
+    }
+
+    /// Reads the next record with its head and returns its kind.
+    fn record(&mut self, bytes: &mut Vec<u8>) -> Result<u8> {
+        let at = self.at;
+        bytes.clear();
+        self.read(HEAD_BYTES as u64, bytes)?;
+        let length = u64::from_le_bytes(std::array::from_fn(|i| bytes[1 + i]));
         if length > MAX_RECORD_BYTES {
-            return Err(wrong(path, "a record is longer than 2 GB"));
+            return Err(wrong(self.path, &format!("the record at byte {at} is longer than 2 GB")));
         }
-        content.clear();
-        let read = Read::take(&mut *source, length).read_to_end(&mut content).map_err(failed)?;
-        if read as u64 != length {
-            return Err(wrong(path, "the file ends within its records; is it truncated?"));
-        }
-        match reader.record(head[0], &content, path, take)? {
-            ControlFlow::Continue(()) => {}
-            ControlFlow::Break(()) => return Ok(()),
+        self.read(length, bytes)?;
+        Ok(bytes[0])
+    }
+
+    /// Verifies the checksum of the summary, which is not used, and the end of the file.
+    fn check_summary(mut self) -> Result<()> {
+        let (mut sum, mut bytes) = (Crc::new(), Vec::new());
+        loop {
+            let at = self.at;
+            if self.record(&mut bytes)? != FOOTER {
+                sum.update(&bytes);
+                continue;
+            }
+            // The checksum is the last field of the footer and includes the fields before it.
+            let stated = bytes.len().checked_sub(4).filter(|at| *at >= HEAD_BYTES);
+            let damaged = || wrong(self.path, &format!("the footer at byte {at} is damaged"));
+            let (before, stated) = bytes.split_at(stated.ok_or_else(damaged)?);
+            sum.update(before);
+            let stated = Fields(stated).u32().ok_or_else(damaged)?;
+            check_sum(stated, &sum, self.path, || format!("the summary before byte {at}"))?;
+            bytes.clear();
+            self.read(MAGIC.len() as u64, &mut bytes)?;
+            return match bytes == MAGIC {
+                true => Ok(()),
+                false => Err(wrong(self.path, "it does not end as an MCAP does: the file is damaged")),
+            };
         }
     }
 }
@@ -84,12 +151,12 @@ fn wrong(path: &Path, message: &str) -> Error {
 impl Reader {
     fn record(
         &mut self,
-        kind: u8,
+        (kind, at): (u8, u64),
         content: &[u8],
         path: &Path,
         take: &mut dyn FnMut(Frame) -> Result<()>,
-    ) -> Result<ControlFlow<()>> {
-        let damaged = || wrong(path, "a record is damaged");
+    ) -> Result<()> {
+        let damaged = || wrong(path, &format!("the record at byte {at} is damaged"));
         let mut fields = Fields(content);
         match kind {
             SCHEMA => {
@@ -130,8 +197,9 @@ impl Reader {
                 }
             }
             CHUNK => {
-                // Two times, size and checksum.
-                fields.take(28).ok_or_else(damaged)?;
+                // Two times and the size.
+                fields.take(24).ok_or_else(damaged)?;
+                let stated = fields.u32().ok_or_else(damaged)?;
                 let compression = fields.string().ok_or_else(damaged)?;
                 if !compression.is_empty() {
                     let message = format!(
@@ -141,20 +209,24 @@ impl Reader {
                     return Err(wrong(path, &message));
                 }
                 fields.take(8).ok_or_else(damaged)?;
+                if stated != 0 {
+                    let mut sum = Crc::new();
+                    sum.update(fields.0);
+                    check_sum(stated, &sum, path, || format!("the chunk at byte {at}"))?;
+                }
                 while !fields.0.is_empty() {
                     let kind = fields.take(1).ok_or_else(damaged)?[0];
                     let length =
                         fields.u64().and_then(|length| usize::try_from(length).ok()).ok_or_else(damaged)?;
                     let inner = fields.take(length).ok_or_else(damaged)?;
                     if kind != CHUNK {
-                        let _ = self.record(kind, inner, path, take)?;
+                        self.record((kind, at), inner, path, take)?;
                     }
                 }
             }
-            DATA_END => return Ok(ControlFlow::Break(())),
             _ => {}
         }
-        Ok(ControlFlow::Continue(()))
+        Ok(())
     }
 
     /// Collects the transforms of a message.
