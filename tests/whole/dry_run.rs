@@ -35,6 +35,29 @@ fn points_and_files_are_those_of_the_run() {
 }
 
 #[test]
+fn files_that_exist_are_noted_and_stay() {
+    let dir = folder();
+    let survey = fixture("room/survey.xml");
+    let args = ["run", survey.to_str().unwrap(), "-o", "a.laz", "-o", "a.csv", "--parts", "p.csv"];
+    for name in ["a.laz", "p.csv"] {
+        fs::write(dir.path().join(name), "mine").unwrap();
+    }
+    let out = succeed(dir.path(), &[&args[..], &["--dry-run"]].concat());
+    assert!(
+        text(&out.stdout).contains("a.laz") && text(&out.stdout).contains("pulses"),
+        "{}",
+        text(&out.stdout)
+    );
+    let said = text(&out.stderr);
+    for name in ["a.laz", "p.csv"] {
+        assert!(said.contains(&format!("{name} exists already; overwrite it with --force")), "{said}");
+        assert_eq!(fs::read(dir.path().join(name)).unwrap(), b"mine");
+    }
+    assert!(!said.contains("a.csv") && files(dir.path()).len() == 2, "{said}");
+    assert_eq!(run(dir.path(), &args).status.code(), Some(2));
+}
+
+#[test]
 fn forecasts_and_previews_are_the_same_for_any_number_of_threads() {
     let dir = folder();
     // The second is a flight on which parts of the scene move, the third is not counted.

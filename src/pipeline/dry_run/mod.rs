@@ -28,6 +28,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 use timeline::{LegTime, Timeline};
+use vlscan_base::diag::{Notice, ProblemKind};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::machine;
 use vlscan_geom::DVec3;
@@ -172,12 +173,27 @@ impl Session {
         let (flight, _) = self.plan_checked_flight(control.stop)?;
         let outputs = &self.complete(outputs.clone());
         let context = self.output_context();
-        self.plan_output(outputs.clone(), &context)?;
+        self.check_outputs(outputs, &context)?;
         let loading_s = started.elapsed().as_secs_f64();
         let (timeline, sample, summary) = self.sample_flight(&flight, outputs, &context, control)?;
         let seen =
             Observations { session: self, flight: &flight, timeline: &timeline, sample: &sample, outputs };
         Ok(seen.forecast(&summary, loading_s, control))
+    }
+
+    /// Checks the outputs of the run. Files that exist are noted and not refused, since a dry run does not write them.
+    fn check_outputs(&self, outputs: &OutputRequest, context: &OutputContext) -> Result<()> {
+        let planned = match self.plan_output(outputs.clone(), context) {
+            Err(Error::Input(problems)) if problems.has(ProblemKind::Exists) => {
+                for problem in problems.items().iter().filter(|item| item.kind == ProblemKind::Exists) {
+                    let help = problem.help.as_deref().map_or(String::new(), |help| format!("; {help}"));
+                    self.notify(Notice::Note(format!("the run would be refused: {}{help}", problem.message)));
+                }
+                self.plan_output(OutputRequest { force: true, ..outputs.clone() }, context)
+            }
+            planned => planned,
+        };
+        planned.map(drop)
     }
 
     /// Measures a sample of the flight over the first epoch, whose outputs are removed.
