@@ -8,14 +8,15 @@ use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::Result;
 use vlscan_base::files::{refuse_existing, write_stdout};
 use vlscan_base::quantity::amount;
-use vlscan_fit::flight::{FlightRequest, fit_flight, json, table};
+use vlscan_fit::flight::{FlightFiles, FlightRequest, fit_flight, json, table};
 use vlscan_fit::spinning::{Half, SpinningRequest, fit_spinning};
 
 pub fn run(args: &FitArgs, console: &Console) -> Result<()> {
-    refuse_existing(&args.out, args.force)?;
     if let Some(calibration) = &args.calibration {
+        refuse_existing(&args.out, args.force)?;
         return run_spinning(args, calibration, console);
     }
+    FlightFiles::check(&args.out, &args.cloud, args.force)?;
     let mut found = Diagnostics::default();
     let request = FlightRequest { flight_line: args.flight_line, extend: args.extend };
     let fit = during(console, "fitting the instrument", || fit_flight(&args.cloud, &request, &mut found));

@@ -87,6 +87,65 @@ fn a_flight_that_was_flown_here_is_found_and_flown_again() {
     }
 }
 
+/// A line of the drone over the field, with a cone and this number of pulses per second.
+fn recorded_line(folder: &Path, rate: u32) {
+    succeed(folder, &["scene", "make", "terrain", "-n", "20k", "--pulses", "1k", "-o", "hills", "-q"]);
+    let cone = "optics = \"conic\"\nscan_angle_max_deg = 20\nscan_freq_max_hz = 60\n";
+    let flown = pipeline(cone).replace("100000", &rate.to_string());
+    fs::write(folder.join("flown.toml"), flown).unwrap();
+    succeed(folder, &["run", "flown.toml", "-q", "-o", "line.laz"]);
+}
+
+#[test]
+fn a_written_flight_never_names_the_recording_or_another_file_as_its_output() {
+    let dir = folder();
+    recorded_line(dir.path(), 100_000);
+    let recording = fs::read(dir.path().join("line.laz")).unwrap();
+    let fit = ["fit", "line.laz", "-o", "line.toml", "-q"];
+    succeed(dir.path(), &fit);
+    let fly = ["run", "line.toml", "--scene", "hills/scene.xml", "-q"];
+    succeed(dir.path(), &fly);
+    assert!(fs::read(dir.path().join("line.laz")).unwrap() == recording);
+    let simulated = fs::read(dir.path().join("line.simulated.laz")).unwrap();
+    // The points of the first flight are the user's, too.
+    succeed(dir.path(), &[&fit[..], &["--force"]].concat());
+    succeed(dir.path(), &fly);
+    assert!(fs::read(dir.path().join("line.simulated.laz")).unwrap() == simulated);
+    assert!(dir.path().join("line.simulated-2.laz").exists());
+    // The recording is not replaced even where it is asked for.
+    let out = run(dir.path(), &["fit", "line.laz", "-o", "line.laz", "--force"]);
+    assert!(out.status.code() == Some(2) && text(&out.stderr).contains("is read"), "{}", text(&out.stderr));
+}
+
+#[test]
+fn files_of_an_earlier_fit_do_not_stay_and_few_pulses_have_a_constant_rate() {
+    let dir = folder();
+    recorded_line(dir.path(), 14_000);
+    // As an earlier fit leaves them, which had pulse times.
+    fs::write(dir.path().join("t.pulses.txt"), "0\n1\n").unwrap();
+    let fit = ["fit", "line.laz", "-o", "t.toml", "-q"];
+    let out = run(dir.path(), &fit);
+    assert!(out.status.code() == Some(2) && text(&out.stderr).contains("t.pulses.txt exists"));
+    succeed(dir.path(), &[&fit[..], &["--force"]].concat());
+    assert!(!dir.path().join("t.pulses.txt").exists() && dir.path().join("t.wander.txt").exists());
+    assert!(!fs::read_to_string(dir.path().join("t.toml")).unwrap().contains("pulse_times"));
+    succeed(dir.path(), &["run", "t.toml", "--scene", "hills/scene.xml", "-q"]);
+}
+
+#[test]
+fn the_cloud_of_a_tripod_is_no_flight() {
+    let dir = folder();
+    succeed(dir.path(), &["scene", "make", "forest", "-n", "3k", "--pulses", "1k", "-o", "f", "-q"]);
+    let plan = ["plan", "terrestrial", "--scanner", "riegl_vz400", "--scene", "f/scene.xml"];
+    let place = ["--around", "0,0", "--radius", "2", "-n", "1", "--resolution", "0.4", "-o", "p.toml", "-q"];
+    succeed(dir.path(), &[&plan[..], &place].concat());
+    succeed(dir.path(), &["run", "p.toml", "-o", "tripod.laz", "-q"]);
+    let out = run(dir.path(), &["fit", "tripod.laz", "-o", "t.toml"]);
+    let said = text(&out.stderr);
+    assert!(out.status.code() == Some(2) && said.contains("turn steadily by 36"), "{said}");
+    assert!(said.contains("this is no flight") && !dir.path().join("t.toml").exists(), "{said}");
+}
+
 #[test]
 fn two_channels_of_one_mirror_are_found() {
     let dir = folder();

@@ -101,6 +101,11 @@ fn a_known_scene_is_found_again() {
     assert!((roof / 144.0 - 1.0).abs() < 0.12, "{roof} m² of roofs, not 144");
     let spread = number(&report, "/terrain/spread_m");
     assert!((spread / 0.02 - 1.0).abs() < 0.2, "{spread} m of range noise, not 0.02");
+    // Lines are named as in the cloud.
+    let lines: Vec<&serde_json::Value> =
+        report["lines"].as_array().unwrap().iter().map(|line| &line["line"]).collect();
+    assert_eq!(lines[0], 1, "{lines:?}");
+    assert!(text(&said.stderr).contains("line 1: instrument found by"), "{}", text(&said.stderr));
     for line in report["lines"].as_array().unwrap() {
         let height = number(line, "/position_m/2");
         assert!((height - 400.0).abs() < 10.0, "the instrument was 400 m high: {line}");
@@ -136,7 +141,16 @@ fn a_known_scene_is_found_again() {
     let refused = run(dir, &["scene", "reconstruct", "first.laz", "-o", "found"]);
     assert_eq!(refused.status.code(), Some(2), "{}", text(&refused.stderr));
     let before = fs::read(dir.join("found/foliage_5.vox")).unwrap();
-    succeed(dir, &["scene", "reconstruct", "first.laz", "-o", "found", "--force"]);
+    // Files of an earlier scene do not stay.
+    fs::write(dir.join("found/foliage_99.vox"), "old").unwrap();
+    let said = succeed(dir, &["scene", "reconstruct", "first.laz", "-o", "found", "--force", "-v"]);
+    assert!(!dir.join("found/foliage_99.vox").exists());
+    let said = text(&said.stderr);
+    for stage in
+        ["pulses in 2 flight lines in ", "paths of", "terrain of", "densities of foliage", "receiver from"]
+    {
+        assert!(said.contains(stage), "{stage}: {said}");
+    }
     assert!(fs::read(dir.join("found/foliage_5.vox")).unwrap() == before);
 }
 

@@ -7,6 +7,7 @@
 //! | file | what it does |
 //! |---|---|
 //! | `recording` | pulses of one flight line, cut to lines of the scanner |
+//! | `turning` | scanners that stand and turn, which are refused |
 //! | `guess`, `lines`, `facets` | first guesses for each kind of mirror |
 //! | `model`, `mirror` | where the beam of a flown scanner meets the ground |
 //! | `solve`, `solution` | least squares for parameters and attitudes |
@@ -28,6 +29,7 @@ mod solution;
 mod solve;
 #[cfg(test)]
 mod tests;
+mod turning;
 mod write;
 
 pub use mirror::Mirror;
@@ -38,7 +40,7 @@ pub use report::{Figure, json, table};
 pub use solution::Solution;
 pub use write::FlightFiles;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::degrees;
@@ -47,6 +49,8 @@ use vlscan_geom::degrees;
 const TRIAL_SECTIONS: usize = 150;
 /// Sections by which one of many guesses of an elliptic cone is chosen.
 const ELLIPSE_SECTIONS: usize = 40;
+/// Sections by which a flight is doubted that meets none of the guesses.
+const DOUBTFUL_SECTIONS: usize = 1000;
 const MAX_SECTIONS: usize = 20_000;
 /// Sections per revolution of a mirror, within which the attitude counts as constant.
 const SECTIONS_PER_TURN: f64 = 8.0;
@@ -82,6 +86,8 @@ pub struct FlightRequest {
 /// A flight with its scanner.
 #[derive(Clone, Debug)]
 pub struct FlightFit {
+    /// The recorded cloud.
+    pub cloud: PathBuf,
     /// The pulses.
     pub recording: Recording,
     /// Model and attitudes.
@@ -162,7 +168,7 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
         let message = "too few points of ground lie together for the noise of ranges";
         found.warn(Some(Place::of_file(path)), message);
     }
-    Ok(FlightFit { recording, solution, rate, noise, extend: request.extend })
+    Ok(FlightFit { cloud: path.to_path_buf(), recording, solution, rate, noise, extend: request.extend })
 }
 
 /// The solution that leaves least to chance, over all kinds of mirrors; the error says why there is none.
@@ -186,7 +192,7 @@ fn best_solution(recording: &Recording) -> std::result::Result<Solution, String>
         let best = ellipses.min_by(|a, b| a.residual.total_cmp(&b.residual));
         trials.extend(best.map(|best| trial(&best.model)));
     }
-    let reasons: Vec<String> = trials
+    let reasons: Vec<(String, String, f64)> = trials
         .iter()
         .filter_map(|trial| Some((trial, misfit(trial, recording)?)))
         .map(|(trial, misfit)| {
@@ -195,20 +201,40 @@ fn best_solution(recording: &Recording) -> std::result::Result<Solution, String>
                 (1, facets) => format!(" with {facets} facets of different tilt"),
                 (count, _) => format!(" with {count} channels"),
             };
-            format!("{}{channels} {misfit}", trial.model.mirror.name())
+            (format!("{}{channels}", trial.model.mirror.name()), misfit, trial.residual)
         })
         .collect();
+    let is_doubtful = reasons.len() == trials.len();
     let smallest = trials.iter().map(|trial| trial.residual).fold(f64::INFINITY, f64::min);
     trials.retain(|trial| trial.residual <= RULED_OUT * smallest);
     let best = trials.into_iter().min_by(|a, b| a.unexplained().total_cmp(&b.unexplained()));
     let best =
         best.ok_or("neither circles nor lines across the track are found by the times of their pulses")?;
-    let best = solve::solve(recording, &best.model, &sections_of(&best.model, MAX_SECTIONS), true);
+    let solved = |max| solve::solve(recording, &best.model, &sections_of(&best.model, max), true);
+    // All sections take long: those that nothing meets are not tried where some tell it.
+    if is_doubtful && misfit(&solved(DOUBTFUL_SECTIONS), recording).is_some() {
+        return Err(told(&reasons));
+    }
+    let best = solved(MAX_SECTIONS);
     match misfit(&best, recording) {
         None => Ok(best),
         Some(misfit) if reasons.is_empty() => Err(format!("{} {misfit}", best.model.mirror.name())),
-        Some(_) => Err(reasons.join("; ")),
+        Some(_) => Err(told(&reasons)),
     }
+}
+
+/// The reasons against several guesses, each kind of mirror once with the guess that misses least, which is the first of its kind.
+fn told(reasons: &[(String, String, f64)]) -> String {
+    let mut best: Vec<&(String, String, f64)> = Vec::new();
+    for reason in reasons {
+        match best.iter_mut().find(|(kind, ..)| *kind == reason.0) {
+            Some(known) if reason.2 < known.2 => *known = reason,
+            Some(_) => {}
+            None => best.push(reason),
+        }
+    }
+    let texts: Vec<String> = best.iter().map(|(kind, misfit, _)| format!("{kind} {misfit}")).collect();
+    texts.join("; ")
 }
 
 /// Why a solution does not explain its points by a flight that could have been; `None` if it does.

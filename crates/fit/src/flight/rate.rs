@@ -178,16 +178,20 @@ impl PulseRate {
         runs
     }
 
-    /// Whether the rate depends neither on the place of the mirror nor on the line.
+    /// Whether the rate depends neither on the place of the mirror nor on the line. A recording with too few pulses to tell has a
+    /// constant rate.
     pub fn is_constant(&self) -> bool {
         let known: Vec<f64> = self.by_phase.iter().flatten().copied().collect();
+        if known.is_empty() {
+            return true;
+        }
         let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
         spread(&known) / mean < CONSTANT && self.of_lines < CONSTANT
     }
 
     /// Times of pulses from 0 to `duration` in the part of the revolution that was recorded, s. Lines that were not recorded have
-    /// the level of their place in the pattern of lines, or else that of the recorded line next to them. `None` if there are more
-    /// than `max`.
+    /// the level of their place in the pattern of lines, or else that of the recorded line next to them. `None` if there are fewer than
+    /// two, or more than `max`.
     pub fn times(&self, solution: &Solution, duration: f64, max: usize) -> Option<Vec<f64>> {
         let rate = solution.model.of_mirror()[1].abs();
         let is_backward = solution.model.of_mirror()[1] < 0.0;
@@ -217,7 +221,7 @@ impl PulseRate {
                 return None;
             }
         }
-        Some(times)
+        (times.len() > 1).then_some(times)
     }
 
     /// Factor of the intervals of the line at `time`.

@@ -7,8 +7,9 @@ use super::{Figure, FlightFit};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use vlscan_base::crs::{epsg, short_name, unit_problem};
-use vlscan_base::error::Result;
-use vlscan_base::files::{FileWriter, Patched, refuse_existing};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::reads::refuse_input_of;
+use vlscan_base::files::{FileGroup, free_name, refuse_existing};
 use vlscan_geom::{DVec3, degrees};
 
 /// More pulse times than this are not written: the file would be larger than what it is worth.
@@ -30,9 +31,34 @@ pub struct FlightFiles {
     pub wander: Option<PathBuf>,
     /// Times of pulses: text; `None` for a constant rate.
     pub pulse_times: Option<PathBuf>,
+    /// Where a run of the pipeline file writes its points.
+    pub simulated: PathBuf,
 }
 
+/// Extensions of the files beside a pipeline file.
+const TRAJECTORY: &str = "trajectory.csv";
+const WANDER: &str = "wander.txt";
+const PULSE_TIMES: &str = "pulses.txt";
+
 impl FlightFiles {
+    /// Checks that the pipeline file and any file that a fit may write beside it can be written: before a fit, which takes long.
+    ///
+    /// # Errors
+    /// [`vlscan_base::error::Error::Input`]: a file exists and `force` is not set, or is the recorded cloud.
+    pub fn check(pipeline: &Path, cloud: &Path, force: bool) -> Result<()> {
+        for path in FlightFiles::possible(pipeline) {
+            refuse_existing(&path, force)?;
+            refuse_input_of(&path, [cloud])?;
+        }
+        Ok(())
+    }
+
+    /// The pipeline file and all that a fit may write beside it.
+    fn possible(pipeline: &Path) -> [PathBuf; 4] {
+        let beside = |extension: &str| pipeline.with_extension(extension);
+        [pipeline.to_path_buf(), beside(TRAJECTORY), beside(WANDER), beside(PULSE_TIMES)]
+    }
+
     /// All files, the pipeline first.
     pub fn all(&self) -> impl Iterator<Item = &PathBuf> {
         [&self.pipeline, &self.trajectory].into_iter().chain(&self.wander).chain(&self.pulse_times)
@@ -41,10 +67,11 @@ impl FlightFiles {
 
 impl FlightFit {
     /// Writes the pipeline file at `path`, and beside it the trajectory and, if the pulse rate is not constant, the times of
-    /// pulses. `command` is the command line that made it.
+    /// pulses. `command` is the command line that made it. With `force`, files of an earlier fit are replaced, and those that this one
+    /// does not have are removed.
     ///
     /// # Errors
-    /// [`vlscan_base::error::Error::Io`]; a file exists and `force` is not set.
+    /// [`vlscan_base::error::Error::Io`], after which none of the files is written; a file exists and `force` is not set.
     pub fn write(&self, path: &Path, command: &str, force: bool) -> Result<FlightFiles> {
         // All channels fire at the times of a file, which are not those of the recorded parts of each channel.
         let has_times = !self.rate.is_constant() && self.solution.model.senses.len() == 1;
@@ -54,22 +81,30 @@ impl FlightFit {
         };
         let files = FlightFiles {
             pipeline: path.to_path_buf(),
-            trajectory: path.with_extension("trajectory.csv"),
-            wander: (self.solution.model.mirror == Mirror::Cone).then(|| path.with_extension("wander.txt")),
-            pulse_times: times.is_some().then(|| path.with_extension("pulses.txt")),
+            trajectory: path.with_extension(TRAJECTORY),
+            wander: (self.solution.model.mirror == Mirror::Cone).then(|| path.with_extension(WANDER)),
+            pulse_times: times.is_some().then(|| path.with_extension(PULSE_TIMES)),
+            // The recording itself is often NAME.laz.
+            simulated: free_name(&path.with_extension("laz"), "simulated", |path| path.exists()),
         };
-        files.all().try_for_each(|path| refuse_existing(path, force))?;
-        write(&files.trajectory, &self.trajectory(), force)?;
+        FlightFiles::check(path, &self.cloud, force)?;
+        let mut group = FileGroup::default();
+        group.write(&files.trajectory, force, self.trajectory().as_bytes())?;
         if let Some(path) = &files.wander {
-            write(path, &self.wander(), force)?;
+            group.write(path, force, self.wander().as_bytes())?;
         }
         if let (Some(path), Some(times)) = (&files.pulse_times, &times) {
             let mut text = String::with_capacity(times.len() * 12);
             // Writing to a string does not fail.
             times.iter().for_each(|time| _ = writeln!(text, "{time:.9}"));
-            write(path, &text, force)?;
+            group.write(path, force, text.as_bytes())?;
         }
-        write(&files.pipeline, &self.pipeline(&files, command), force)?;
+        group.write(&files.pipeline, force, self.pipeline(&files, command).as_bytes())?;
+        group.commit()?;
+        let is_old = |path: &PathBuf| force && path.is_file() && files.all().all(|own| own != path);
+        for path in FlightFiles::possible(&files.pipeline).iter().filter(|path| is_old(path)) {
+            std::fs::remove_file(path).map_err(|e| Error::io("remove", path, e))?;
+        }
         Ok(files)
     }
 
@@ -241,7 +276,7 @@ impl FlightFit {
                 self.rate.dither.iter().map(|factor| format!("{:.6}", 1e6 * factor / self.rate.mean));
             line(format!("pulse_intervals_us = [{}]", intervals.collect::<Vec<_>>().join(", ")));
         }
-        line(format!("\n[[output]]\npath = {}", quoted(&name(&files.pipeline.with_extension("laz")))));
+        line(format!("\n[[output]]\npath = {}", quoted(&name(&files.simulated))));
         out
     }
 
@@ -303,13 +338,6 @@ impl FlightFit {
         let distances: Vec<f64> = (0..pulses.len()).step_by(step).map(distance).collect();
         distances.iter().copied().fold(median(distances.clone()), f64::max)
     }
-}
-
-fn write(path: &Path, text: &str, force: bool) -> Result<()> {
-    let mut file = FileWriter::create(path, force, Patched::Never)?;
-    file.append(text.as_bytes())?;
-    file.finish()?;
-    Ok(())
 }
 
 /// A string of TOML.

@@ -28,9 +28,11 @@ pub use terrain::Terrain;
 
 use recording::Target;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 use vlscan_base::Observer;
-use vlscan_base::diag::{Diagnostics, Place, listed};
+use vlscan_base::diag::{Diagnostics, Notice, Place, listed};
 use vlscan_base::error::Result;
+use vlscan_base::quantity::{amount, duration};
 use vlscan_geom::DVec3;
 
 /// Voxels per distance between pulses, and their least and largest edge, m.
@@ -111,6 +113,20 @@ pub struct ReconstructedScene {
     pub divergence: f64,
 }
 
+/// Reports what each stage has made and how long it took.
+struct Stages<'a> {
+    observer: &'a Observer,
+    begun: Instant,
+}
+
+impl Stages<'_> {
+    fn done(&mut self, made: String) {
+        let took = duration(self.begun.elapsed().as_secs_f64());
+        self.observer.notify(Notice::Timing(format!("{made} in {took}")));
+        self.begun = Instant::now();
+    }
+}
+
 /// Estimates a scene from a classified point cloud. What is doubtful is told to `observer`.
 ///
 /// # Errors
@@ -118,9 +134,14 @@ pub struct ReconstructedScene {
 /// observer.
 pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<ReconstructedScene> {
     let mut found = Diagnostics::default();
+    let mut stages = Stages { observer, begun: Instant::now() };
+    observer.step("reading the cloud");
     let recording = recording::read(&options.cloud, &mut found)?;
+    let (returns, pulses) = (amount(recording.returns.len() as f64), amount(recording.pulses.len() as f64));
+    stages.done(format!("{returns} points of {pulses} pulses in {} flight lines", recording.lines.len()));
     observer.step("looking for the instrument");
     let paths = sensor::paths(&recording);
+    stages.done(format!("paths of {} flight lines", paths.len()));
     let unknown = paths.iter().filter(|p| p.found_by == PathSource::Nadir);
     let unknown: Vec<String> = unknown.map(|path| path.source.to_string()).collect();
     if !unknown.is_empty() {
@@ -145,15 +166,24 @@ pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<
     let spacing = 1.0 / recording.density().sqrt();
     let roofs =
         roofs::roofs(&on_roofs, &roof_classes, (1.5 * spacing).clamp(ROOF_CELLS[0], ROOF_CELLS[1]), &terrain);
+    stages.done(format!(
+        "terrain of {} by {} nodes, {} cells of roofs",
+        terrain.nodes[0],
+        terrain.nodes[1],
+        amount(roofs.cells as f64)
+    ));
     observer.step("estimating the density of leaves");
     let reach = NEAR_SPREADS * terrain.spread;
     let is_leaf = foliage::leaf_returns(&recording, |p| (p.z - terrain.height(p.x, p.y)).abs() <= reach);
     let size = options.voxel.unwrap_or((VOXEL_PER_SPACING * spacing).clamp(VOXEL_SIZES[0], VOXEL_SIZES[1]));
     let extinctions = foliage::extinctions(&recording, &paths, &is_leaf, size, |x, y| terrain.height(x, y));
+    let leaves = is_leaf.iter().filter(|is_leaf| **is_leaf).count();
+    stages.done(format!("densities of foliage from {} returns of leaves", amount(leaves as f64)));
     observer.step("estimating the receiver");
     let instrument = (&paths[..], options.divergence);
     let by_rest = extinctions.as_ref().map(|[_, rest]| rest);
     let receiver = receiver::receiver(&recording, instrument, by_rest, &is_leaf, &terrain);
+    stages.done(format!("receiver from {} pulses through foliage", amount(receiver.samples as f64)));
     let along_canopy = extinctions.as_ref().is_some_and(|[all, _]| all.along_canopy);
     let prior = extinctions.as_ref().map_or(0.0, |[all, _]| all.prior);
     let foliage = extinctions.map_or_else(Foliage::default, |[all, _]| {

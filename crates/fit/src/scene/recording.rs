@@ -58,7 +58,7 @@ pub(super) struct Return {
 /// One pass of the instrument over the place.
 #[derive(Clone, Debug)]
 pub(super) struct Line {
-    /// Point source id of LAS less one, or the number of the leg.
+    /// Point source id of LAS; of other formats the number of the leg, counted from 1.
     pub source: u16,
     /// Its pulses, as numbers in [`Recording::pulses`].
     pub pulses: Range<usize>,
@@ -113,7 +113,8 @@ impl PointSink for Sink {
                     of: row.number_of_returns.max(number),
                     time: row.time,
                     scan_angle: row.scan_angle,
-                    source: row.leg,
+                    // Readers count legs from 0, and files point sources from 1.
+                    source: row.leg.saturating_add(1),
                     channel: row.channel,
                     is_stray: false,
                 });

@@ -43,7 +43,7 @@ impl PathSource {
 /// The straight path of the instrument along a line.
 #[derive(Clone, Debug)]
 pub struct SensorPath {
-    /// Point source id less one, or number of the leg.
+    /// Point source id of LAS; of other formats the number of the leg, counted from 1.
     pub source: u16,
     /// First and last time, s.
     pub times: [f64; 2],

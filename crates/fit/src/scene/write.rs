@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
+use vlscan_base::files::reads;
 use vlscan_geom::DVec3;
 use vlscan_tools::generate::SceneFolder;
 
@@ -38,7 +39,26 @@ pub(super) fn write(scene: &ReconstructedScene, folder: &Path, overwrite: bool) 
     files.write("report.json", (report + "\n").as_bytes())?;
     let pipeline = files.write("scene.toml", pipeline(scene).as_bytes())?;
     files.commit()?;
+    if overwrite {
+        remove_old(folder, &parts)?;
+    }
     Ok(pipeline)
+}
+
+/// Removes the parts of an earlier scene that the new one does not have.
+fn remove_old(folder: &Path, parts: &[(String, String)]) -> Result<()> {
+    let is_part = |name: &str| {
+        let class = name.strip_prefix("foliage_").and_then(|name| name.strip_suffix(".vox"));
+        name == "roofs.obj" || class.is_some_and(|class| class.parse::<u8>().is_ok())
+    };
+    for path in reads::list(folder).map_err(|e| Error::io("read", folder, e))? {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let is_named = parts.iter().any(|(_, filter)| filter.contains(&format!("\"{name}\"")));
+        if is_part(&name) && !is_named {
+            std::fs::remove_file(&path).map_err(|e| Error::io("remove", &path, e))?;
+        }
+    }
+    Ok(())
 }
 
 fn leaf_classes(scene: &ReconstructedScene) -> BTreeSet<u8> {
