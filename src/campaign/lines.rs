@@ -2,6 +2,7 @@
 //! line in the file and what to write instead: an option that changes nothing must not stand in the record of a cell.
 
 use crate::options::Options;
+use crate::planning::check_instrument;
 use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches, Subcommand};
 use std::path::PathBuf;
@@ -61,6 +62,7 @@ impl Requests {
             lines.read::<Options>("run", variant.run.as_ref());
             let survey = match lines.read("plan", variant.plan.as_ref()) {
                 Some(request) => {
+                    lines.check_plan(&request, variant.plan.as_ref())?;
                     SurveySource::Plan { request, command: format!("vlscan plan {}", text_of(&variant.plan)) }
                 }
                 None => SurveySource::File(variant.survey.clone().unwrap_or_default()),
@@ -85,6 +87,19 @@ struct Lines<'f> {
 }
 
 impl Lines<'_> {
+    /// Finds before the first cell what every cell would fail for.
+    fn check_plan(&mut self, request: &PlanRequest, line: Option<&Spanned<String>>) -> Result<()> {
+        let Err(error) = check_instrument(request) else { return Ok(()) };
+        let Error::Input(problems) = error else { return Err(error) };
+        let place = line.and_then(|line| self.file.place(line));
+        for problem in problems.items() {
+            let message = format!("plan = \"…\": {}", problem.message);
+            let mine = self.problems.error(place.clone(), message);
+            mine.help = problem.help.clone();
+        }
+        Ok(())
+    }
+
     /// Parses a line; `None` without one, and after problems.
     fn read<T: FromArgMatches>(&mut self, key: &'static str, line: Option<&Spanned<String>>) -> Option<T> {
         let line = line?;

@@ -3,6 +3,8 @@
 use super::args::CampaignArgs;
 use super::{Console, Verbosity, interrupt};
 use crate::campaign::{Campaign, CampaignEvent, CampaignOptions, CampaignReport};
+use std::sync::{Arc, Mutex, PoisonError};
+use vlscan_base::diag::listed;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::write_stdout;
 use vlscan_base::quantity::{amount, duration};
@@ -15,12 +17,42 @@ pub fn run(args: &CampaignArgs, console: &Console) -> Result<()> {
         let left = campaign.left(&options)?;
         return write_stdout(&left.iter().map(|cell| format!("{}\n", cell.name)).collect::<String>());
     }
-    let shown = console.clone();
-    let report = campaign.run(&options, &interrupt::STOP, move |event| show(&shown, event))?;
-    tell(&report, args, console)
+    let (shown, failures) = (console.clone(), Arc::new(Mutex::new(Failures::default())));
+    let seen = failures.clone();
+    let report = campaign.run(&options, &interrupt::STOP, move |event| show(&shown, event, &seen));
+    for line in failures.lock().unwrap_or_else(PoisonError::into_inner).repeated() {
+        console.say(line);
+    }
+    tell(&report?, args, console)
 }
 
-fn show(console: &Console, event: CampaignEvent) {
+/// The reasons for which cells have failed, each with the cells after the first one.
+#[derive(Default)]
+struct Failures(Vec<(String, Vec<String>)>);
+
+impl Failures {
+    /// Adds a failure. Returns false if a cell has failed for the same reason before.
+    fn add(&mut self, cell: String, reason: &str) -> bool {
+        match self.0.iter_mut().find(|(known, _)| known == reason) {
+            Some((_, cells)) => cells.push(cell),
+            None => {
+                self.0.push((reason.to_owned(), Vec::new()));
+                return true;
+            }
+        }
+        false
+    }
+
+    /// A line for each reason for which several cells have failed.
+    fn repeated(&self) -> impl Iterator<Item = String> {
+        self.0.iter().filter(|(_, cells)| !cells.is_empty()).map(|(reason, cells)| {
+            let unit = if cells.len() == 1 { "cell has" } else { "cells have" };
+            format!("{} more {unit} failed ({}): {reason}", cells.len(), listed(cells, 3))
+        })
+    }
+}
+
+fn show(console: &Console, event: CampaignEvent, failures: &Mutex<Failures>) {
     match event {
         // What the stages of a cell say is for --verbose; their warnings are shown once, with the first cell that has them.
         CampaignEvent::Notice(notice) if console.shows(Verbosity::Verbose) => console.observer()(notice),
@@ -33,7 +65,11 @@ fn show(console: &Console, event: CampaignEvent) {
             console.say(format!("{cell}  {} points, {}", amount(points as f64), duration(seconds)));
         }
         CampaignEvent::Failed { cell, error } => {
-            console.say(format!("{cell}  failed: {}", error.lines().next().unwrap_or_default()));
+            let reason = error.lines().next().unwrap_or_default();
+            let mut failures = failures.lock().unwrap_or_else(PoisonError::into_inner);
+            if failures.add(cell.clone(), reason) {
+                console.say(format!("{cell}  failed: {reason}"));
+            }
         }
     }
 }

@@ -6,6 +6,7 @@ use super::run::{show_report, warn_of_few_points};
 use super::watch::during;
 use super::{Console, interrupt};
 use crate::options::{OneOf, Options};
+use crate::output::{Column, OutputRequest};
 use crate::pipeline::{
     LoadedScene, ResolvedRun, Session, Settings, join_segments, merge as merge_shards, merge_segment,
     merge_warnings, output_context, schedule_of,
@@ -14,7 +15,7 @@ use crate::shards::{ShardSet, shard_path};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::reads;
+use vlscan_base::files::{is_taken, reads};
 use vlscan_base::quantity::amount;
 
 /// Runs `vlscan run --shard K/N`.
@@ -23,7 +24,7 @@ pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> 
     let (folder, options) = folder_of_shards(&args.options)?;
     let path = shard_path(&folder, shard);
     let (force, resumes) = (options.output.force.is_on(), args.shards.resume.is_some());
-    if path.exists() && !force && !resumes {
+    if !force && !resumes && is_taken(&path) {
         return Err(Error::input_with_help(
             format!("{} exists already", path.display()),
             "replace it with --force; --resume recomputes it only if it is damaged",
@@ -34,6 +35,7 @@ pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> 
     // A merge may write any format.
     settings.physics.record_scanner_axes = true;
     refuse_part_table(part_table.as_deref())?;
+    refuse_heights(&output)?;
     let mut session = open_without_tree(settings, console)?;
     schedule_log.as_deref().map_or(Ok(()), reads::refuse_input)?;
     let companions = Companions::of(schedule_log, None, &mut output);
@@ -48,6 +50,18 @@ pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> 
     }
     let report = companions.run(console, progress_lines, legs, |control| shards.run(shard, control))?;
     show_report(console, &report, started)
+}
+
+/// Refuses heights above ground, which shards cannot give.
+fn refuse_heights(output: &OutputRequest) -> Result<()> {
+    let columns = output.columns.iter().flatten();
+    if !output.heights && columns.into_iter().all(|column| *column != Column::HeightAboveGround) {
+        return Ok(());
+    }
+    Err(Error::not_divisible(
+        "heights above ground need the scene, which shards do not have, and cannot be used with --shard or --resume",
+        "leave out --height-above-ground and the column HeightAboveGround, or run without --shard and --resume",
+    ))
 }
 
 /// Refuses the table of parts, which shards cannot give.

@@ -300,6 +300,51 @@ fn objects_have_files_of_their_own_and_heights_count_from_the_ground() {
 }
 
 #[test]
+fn cells_that_fail_alike_are_told_once_and_impossible_plans_before_the_first_cell() {
+    let dir = folder();
+    let name = boxes(dir.path(), "set", 5);
+    let good = fs::read_to_string(dir.path().join(&name)).unwrap();
+    fs::write(dir.path().join(&name), good.replace("--tile 10", "--tile 10 --columns X")).unwrap();
+    let said = text(&run(dir.path(), &["campaign", &name]).stderr);
+    assert_eq!(said.matches("--columns applies to").count(), 2, "{said}");
+    assert!(said.contains("4 more cells have failed (boxes-tiles-2, boxes-tiles-3"), "{said}");
+    let plan = |words: &str| {
+        format!(
+            "out = \"plans\"\nseeds = 3\n[[scene]]\nname = \"s\"\nfile = \"flat.obj\"\n\
+             [[variant]]\nname = \"v\"\nplan = \"{words}\"\n"
+        )
+    };
+    fs::write(dir.path().join("flat.obj"), flat(0.0)).unwrap();
+    for (words, reason) in [
+        ("terrestrial --scanner riegl_vz400 --spacing 20 --resolution 30", "--resolution 30"),
+        ("airborne --scanner riegl_vz999 --density 5", "riegl_vz999"),
+    ] {
+        fs::write(dir.path().join("p.toml"), plan(words)).unwrap();
+        let out = run(dir.path(), &["campaign", "p.toml"]);
+        let said = text(&out.stderr);
+        assert_eq!(out.status.code(), Some(2), "{said}");
+        assert!(said.contains("p.toml:8") && said.contains(reason), "{said}");
+        assert!(!dir.path().join("plans").exists(), "{said}");
+    }
+}
+
+#[test]
+fn areas_that_cannot_be_read_are_shown_with_their_line() {
+    let dir = folder();
+    fs::write(dir.path().join("flat.obj"), flat(0.0)).unwrap();
+    for area in ["none.geojson", "POLYGON ((0 0, 1 1))", "POLYGON ((0 0, 9 9, 9 0, 0 9))"] {
+        let file = format!(
+            "out = \"o\"\n[[scene]]\nname = \"s\"\nfile = \"flat.obj\"\narea = \"{area}\"\n\
+             [[variant]]\nname = \"v\"\nplan = \"airborne --scanner riegl_vux-1uav --density 5\"\n"
+        );
+        fs::write(dir.path().join("c.toml"), file).unwrap();
+        let out = run(dir.path(), &["campaign", "c.toml"]);
+        assert_eq!(out.status.code(), Some(2));
+        assert!(text(&out.stderr).contains("c.toml:5"), "{area}: {}", text(&out.stderr));
+    }
+}
+
+#[test]
 fn hostile_files_are_refused_with_a_reason() {
     let dir = folder();
     let scene =

@@ -259,6 +259,17 @@ fn tables_of_parts_are_refused_with_a_status_of_their_own() {
 }
 
 #[test]
+fn heights_above_ground_are_refused_with_the_status_of_what_cannot_be_divided() {
+    let (dir, survey) = (folder(), survey("forest/survey.xml"));
+    for options in [&["--resume", "-o", "a.laz"][..], &["--shard", "0/2", "-o", "shards"]] {
+        let out = run(dir.path(), &[&["run", &survey, "--height-above-ground"], options].concat());
+        let said = text(&out.stderr);
+        assert_eq!(out.status.code(), Some(4), "{options:?}: {said}");
+        assert!(said.contains("--resume") && !said.contains("vlscan merge"), "{said}");
+    }
+}
+
+#[test]
 fn poses_from_a_pipe_are_refused() {
     let dir = folder();
     let survey = survey("forest/survey.xml");

@@ -5,7 +5,7 @@ use super::plots;
 use crate::plan::{Area, read_area};
 use std::collections::BTreeSet;
 use std::sync::Arc;
-use vlscan_base::diag::Diagnostics;
+use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::rng::{Purpose, Stream};
 
@@ -50,7 +50,9 @@ impl Cells {
         let (mut scenes, mut found) = (Vec::new(), Diagnostics::default());
         for (index, scene) in file.scenes.iter().enumerate() {
             let scene = Arc::new(scene.clone());
-            let area = scene.area.as_deref().map(|area| read_area(area, None, None)).transpose()?;
+            let place = scene.area.as_ref().and_then(|area| file.place(area));
+            let area = scene.area.as_ref().map(|area| read_area(area.get_ref(), None, None)).transpose();
+            let area = area.map_err(|error| placed(error, place.as_ref()))?;
             let area = area.map(|(area, told)| {
                 found.extend(told);
                 area
@@ -58,7 +60,8 @@ impl Cells {
             match (scene.plots, area) {
                 (Some(count), Some(area)) => {
                     let plots = plots::draw(&area, count as usize, scene.plot_size(), 0)
-                        .map_err(|message| Error::input(format!("scene {}: {message}", scene.name)))?;
+                        .map_err(|message| Error::input(format!("scene {}: {message}", scene.name)))
+                        .map_err(|error| placed(error, place.as_ref()))?;
                     let digits = count.to_string().len();
                     for (number, plot) in (1..).zip(plots) {
                         let name = format!("{}_{number:0digits$}", scene.name);
@@ -158,6 +161,18 @@ fn assign(cells: &mut [Cell], split: &Split) {
     for cell in cells {
         cell.split = kinds.get(&cell.group).copied().unwrap_or_default();
     }
+}
+
+/// An error whose problems without a place have this one.
+fn placed(error: Error, place: Option<&Place>) -> Error {
+    let Error::Input(problems) = error else { return error };
+    let mut found = Diagnostics::default();
+    for item in problems.items() {
+        let mine = found.error(item.place.as_ref().or(place).cloned(), item.message.clone());
+        mine.of_kind(item.kind);
+        mine.help = item.help.clone();
+    }
+    Error::Input(Box::new(found))
 }
 
 #[cfg(test)]

@@ -147,7 +147,7 @@ pub struct SceneEntry {
     pub stand: Option<Spanned<String>>,
     /// The polygon that is scanned and within which points are kept.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub area: Option<String>,
+    pub area: Option<Spanned<String>>,
     /// Number of square plots within the area, each of which is a scene.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plots: Option<u32>,

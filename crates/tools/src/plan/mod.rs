@@ -56,4 +56,4 @@ pub use mobile::{MobileOptions, plan_mobile};
 pub use reach::{Reach, Seen};
 pub use request::{AirborneRequest, AreaSource, MobileRequest, PlanRequest, PlanSetup, TerrestrialRequest};
 pub use swath::{Scan, SwathModel};
-pub use terrestrial::{TerrestrialOptions, plan_terrestrial};
+pub use terrestrial::{TerrestrialOptions, check_terrestrial, plan_terrestrial};

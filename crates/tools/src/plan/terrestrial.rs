@@ -52,13 +52,15 @@ pub fn plan_terrestrial(
     plan(area, instrument, options, level, on_ground).map_err(Error::input)
 }
 
-fn plan(
-    area: Option<&Area>,
-    instrument: &SwathModel,
-    options: &TerrestrialOptions,
-    level: f64,
-    on_ground: bool,
-) -> Result<PlannedSurvey, String> {
+/// Checks what does not depend on the place: that the instrument can draw points of the resolution.
+///
+/// # Errors
+/// [`Error::Input`].
+pub fn check_terrestrial(instrument: &SwathModel, options: &TerrestrialOptions) -> Result<()> {
+    scan(instrument, options).map(drop).map_err(Error::input)
+}
+
+fn scan(instrument: &SwathModel, options: &TerrestrialOptions) -> Result<Scan, String> {
     args::check([
         ("spacing", options.spacing, POSITIVE),
         ("radius", options.radius, POSITIVE),
@@ -70,7 +72,17 @@ fn plan(
             instrument.name()
         ));
     }
-    let scan = resolved_scan(instrument, options)?;
+    resolved_scan(instrument, options)
+}
+
+fn plan(
+    area: Option<&Area>,
+    instrument: &SwathModel,
+    options: &TerrestrialOptions,
+    level: f64,
+    on_ground: bool,
+) -> Result<PlannedSurvey, String> {
+    let scan = scan(instrument, options)?;
     let places = positions(area, options)?;
     let mut document = PlannedSurvey {
         scanner: instrument.reference.clone(),

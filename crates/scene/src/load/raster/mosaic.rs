@@ -361,7 +361,14 @@ impl Mosaic {
         let raster = self.raster_of(tile);
         let height = |number: f64| number * self.scale + self.offset;
         raster.numbers(part, tile.band, &tile.no_data, height).map_err(|problem| {
-            Refusal::Unusable(raster.file.path().to_path_buf(), problem, super::tile::HELP)
+            let files =
+                std::iter::once(&raster.file).chain(raster.mask.as_ref().and_then(|m| m.file.as_ref()));
+            let changed =
+                files.filter_map(|file| Some((file.path().to_path_buf(), file.open().err()?))).next();
+            match changed {
+                Some((path, e)) => Refusal::Changed(path, e),
+                None => Refusal::Unusable(raster.file.path().to_path_buf(), problem, super::tile::HELP),
+            }
         })
     }
 

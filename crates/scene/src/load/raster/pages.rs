@@ -120,7 +120,7 @@ impl PagedRaster {
                 field.shift(shift);
                 Ok(field)
             }
-            Err(Refusal::Unread(path, e)) => Err(Error::io("read", &path, e)),
+            Err(Refusal::Unread(path, e) | Refusal::Changed(path, e)) => Err(Error::io("read", &path, e)),
             Err(Refusal::Unusable(path, problem, help)) => {
                 let message = format!("cannot read the raster {}: {problem}", path.display());
                 Err(Error::input_with_help(message, help))

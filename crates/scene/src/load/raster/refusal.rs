@@ -14,6 +14,8 @@ pub(super) const TOO_MANY: &str = "it has more pixels than can be numbered";
 pub(super) enum Refusal {
     /// The file cannot be opened.
     Unread(PathBuf, io::Error),
+    /// The file was changed or removed while it was being read.
+    Changed(PathBuf, io::Error),
     /// What is wrong with a file, and what to do about it.
     Unusable(PathBuf, String, &'static str),
     /// How two files do not go together, and what to do about it.
@@ -27,7 +29,7 @@ impl Refusal {
             Refusal::Unread(path, e) if is_wrong_name(&e) => {
                 (format!("cannot read {}: {e}", path.display()), "")
             }
-            Refusal::Unread(path, e) => return Err(Error::io("read", &path, e)),
+            Refusal::Unread(path, e) | Refusal::Changed(path, e) => return Err(Error::io("read", &path, e)),
             Refusal::Unusable(path, problem, help) => {
                 (format!("cannot read the raster {}: {problem}", path.display()), help)
             }
