@@ -5,12 +5,12 @@
 
 use super::fault;
 use super::paths::folder_of;
-use super::reads::{is_input, is_read, read_own};
-use super::temporary::{NewFolder, TemporaryFile, TemporaryName, free_temporary_path, live, remove_any};
+use super::reads::{is_input, is_read};
+use super::temporary::{NewFolder, TemporaryFile, TemporaryName, free_temporary_path, live};
 use super::temporary::{synchronise, synchronise_folder};
+use super::undo::{FileMark, Step, bytes_of, path_of, roll_back};
 use super::writer::{FileWriter, Patched};
 use crate::error::{Error, Result};
-use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fs::{self, OpenOptions};
 use std::io::{self, Write};
@@ -21,6 +21,8 @@ use std::path::{Path, PathBuf};
 pub struct FileGroup {
     writers: Vec<(FileWriter, Option<PathBuf>)>,
     staged: Vec<Member>,
+    /// Files of an earlier output of the same kind.
+    old: Vec<PathBuf>,
     /// Inner ones first. Dropped after the files, since only empty folders are removed.
     folders: Vec<NewFolder>,
 }
@@ -71,6 +73,12 @@ impl FileGroup {
         Ok(())
     }
 
+    /// Removes a file of an earlier output, which is not one of the new ones, when these have their names. To be called with the
+    /// permission to replace files only.
+    pub fn remove(&mut self, path: &Path) {
+        self.old.push(path.to_path_buf());
+    }
+
     /// Creates a folder for files of the group, with the folders around it. Those that are new are removed if the group is dropped
     /// and they are empty.
     ///
@@ -107,7 +115,7 @@ impl FileGroup {
     /// [`Error::Input`] if a file of a name has appeared meanwhile, or has been read: it is kept, and the complete output is
     /// `NAME.new.EXT`.
     pub fn commit(self) -> Result<()> {
-        let FileGroup { writers, staged, folders } = self;
+        let FileGroup { writers, staged, old, folders } = self;
         let mut members = staged;
         for (writer, path) in writers {
             members.extend(writer.complete(path.as_deref())?);
@@ -123,6 +131,9 @@ impl FileGroup {
             taken = taken.or(outcome);
         }
         undo.map(Undo::end);
+        for path in old.iter().filter(|path| path.is_file() && !is_input(path)) {
+            fs::remove_file(path).map_err(|e| Error::io("remove", path, e))?;
+        }
         folders.into_iter().for_each(NewFolder::keep);
         let folders: BTreeSet<&Path> = members.iter().map(|member| folder_of(&member.target)).collect();
         for folder in folders {
@@ -160,54 +171,6 @@ impl Member {
             renamed => renamed.map(|()| None).map_err(failed),
         }
     }
-}
-
-/// What undoes the renaming of one file.
-#[derive(Debug, Serialize, Deserialize)]
-struct Step {
-    temporary: Vec<u8>,
-    target: Vec<u8>,
-    /// Another name of the file that is replaced.
-    backup: Option<Vec<u8>>,
-    /// If set, a file is replaced.
-    replaces: bool,
-    mark: Option<FileMark>,
-}
-
-/// Number of a file on its file system, its size and the time of its last change, ns since 1970: all stay when it is renamed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct FileMark(u64, u64, i128);
-
-impl FileMark {
-    fn of(path: &Path) -> Option<FileMark> {
-        let about = fs::symlink_metadata(path).ok()?;
-        let since = about.modified().ok()?.duration_since(std::time::UNIX_EPOCH).ok()?;
-        #[cfg(unix)]
-        let number = std::os::unix::fs::MetadataExt::ino(&about);
-        #[cfg(not(unix))]
-        let number = 0;
-        Some(FileMark(number, about.len(), since.as_nanos() as i128))
-    }
-}
-
-#[cfg(unix)]
-fn bytes_of(path: &Path) -> Vec<u8> {
-    std::os::unix::ffi::OsStrExt::as_bytes(path.as_os_str()).to_vec()
-}
-
-#[cfg(unix)]
-fn path_of(bytes: &[u8]) -> PathBuf {
-    PathBuf::from(<std::ffi::OsStr as std::os::unix::ffi::OsStrExt>::from_bytes(bytes))
-}
-
-#[cfg(not(unix))]
-fn bytes_of(path: &Path) -> Vec<u8> {
-    path.to_string_lossy().into_owned().into_bytes()
-}
-
-#[cfg(not(unix))]
-fn path_of(bytes: &[u8]) -> PathBuf {
-    PathBuf::from(String::from_utf8_lossy(bytes).into_owned())
 }
 
 /// Undoes the renaming of several files, unless it is ended.
@@ -283,32 +246,6 @@ fn backup(target: &Path) -> Option<PathBuf> {
     Some(path)
 }
 
-/// Takes the new names back. Files that others have put there meanwhile stay.
-fn roll_back(steps: &[Step]) {
-    for step in steps.iter().rev() {
-        let (temporary, target) = (path_of(&step.temporary), path_of(&step.target));
-        let is_new = step.mark.is_some() && FileMark::of(&target) == step.mark;
-        let backup = step.backup.as_deref().map(path_of).filter(|path| path.exists());
-        match &backup {
-            Some(backup) if is_new => _ = fs::rename(backup, &target),
-            Some(backup) => _ = fs::remove_file(backup),
-            None if is_new && !step.replaces => _ = remove_any(&target),
-            None => {}
-        }
-        let _ = remove_any(&temporary);
-    }
-}
-
-/// Undoes what a log lists, and removes it.
-pub(super) fn roll_back_log(log: &Path) {
-    let Ok(bytes) = read_own(log) else { return };
-    // A log that is not complete was being written before the first file got its name.
-    if let Ok(steps) = postcard::from_bytes::<Vec<Step>>(&bytes) {
-        roll_back(&steps);
-    }
-    let _ = fs::remove_file(log);
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -378,7 +315,7 @@ mod tests {
         for renamed in 0..=4 {
             let folder = tempfile::tempdir().unwrap();
             fs::write(folder.path().join("c"), "old").unwrap();
-            let FileGroup { writers, staged, folders } = group(folder.path());
+            let FileGroup { writers, staged, folders, .. } = group(folder.path());
             let mut members = staged;
             members.extend(writers.into_iter().filter_map(|(file, _)| file.complete(None).unwrap()));
             let undo = Undo::begin(&members).unwrap();

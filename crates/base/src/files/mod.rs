@@ -16,6 +16,7 @@
 //! | `writer` | [`FileWriter`]: a file, stream or scratch file that is written |
 //! | `group` | [`FileGroup`]: files that get their names together |
 //! | `temporary` | temporary files and new folders; their removal |
+//! | `undo` | the names that a killed process has given are taken back |
 //! | `positioned` | files that several threads write or read, each at its own offset |
 //! | `stream` | pipes, terminals and devices; how long a stopped run waits for their readers |
 //! | `paths` | links, devices, names of partial files |
@@ -31,13 +32,16 @@ mod stream;
 mod temporary;
 #[cfg(test)]
 mod tests;
+mod undo;
 mod writer;
 
 pub use group::FileGroup;
-pub use paths::{free_name, identity, is_special, is_stdout, is_taken, refuse_existing, with_suffix};
+pub use paths::{free_name, identity, is_special, is_stdout, with_suffix};
 pub use positioned::{PositionedFile, read_exact_at};
 pub use reads::{FileSet, ReadGuard, Reads, Recording, Stamp};
 pub use stream::limit_waiting;
-pub use temporary::{NewFolder, is_temporary_name, publish, remove_litter, remove_temporary};
+pub use temporary::{
+    NewFolder, is_taken, is_temporary_name, publish, refuse_existing, remove_litter, remove_temporary,
+};
 pub use writer::scratch_failed;
 pub use writer::{FileWriter, Patched, write_file, write_stderr, write_stdout};

@@ -1,7 +1,5 @@
 //! Names of files: links, devices, and names beside another one.
 
-use super::temporary::is_there_after_cleaning;
-use crate::error::{Error, Result};
 use std::ffi::OsString;
 use std::fs;
 use std::io;
@@ -18,20 +16,6 @@ pub fn is_stdout(path: &Path) -> bool {
 /// Whether the path is a pipe, a terminal, a device or a descriptor of this process, which is written directly.
 pub fn is_special(path: &Path) -> bool {
     fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) || is_descriptor(path)
-}
-
-/// Refuses to overwrite a file, unless `force` is set; what is written as a stream is never overwritten.
-///
-/// # Errors
-/// [`Error::Input`] of the kind [`Exists`](crate::diag::ProblemKind::Exists).
-pub fn refuse_existing(path: &Path, force: bool) -> Result<()> {
-    if !force && is_taken(path) { Err(Error::exists(path)) } else { Ok(()) }
-}
-
-/// Whether there is a file or folder of this name that an output must not replace without permission. What killed processes left
-/// half done in its folder is undone first.
-pub fn is_taken(path: &Path) -> bool {
-    !is_special(path) && is_there_after_cleaning(path)
 }
 
 /// Whether the path is an open file of this process, such as `/dev/fd/3`. It must not be replaced: others that have

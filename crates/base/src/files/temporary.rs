@@ -1,9 +1,9 @@
 //! Temporary files and new folders, and their removal.
 
 use super::fault;
-use super::group::roll_back_log;
-use super::paths::{folder_of, with_suffix};
+use super::paths::{folder_of, is_special, with_suffix};
 use super::reads::open_own;
+use super::undo::{remove_any, roll_back_log};
 use crate::error::{Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
@@ -118,9 +118,23 @@ pub fn remove_litter(folder: &Path) {
     }
 }
 
+/// Refuses to overwrite a file, unless `force` is set; what is written as a stream is never overwritten.
+///
+/// # Errors
+/// [`Error::Input`] of the kind [`Exists`](crate::diag::ProblemKind::Exists).
+pub fn refuse_existing(path: &Path, force: bool) -> Result<()> {
+    if !force && is_taken(path) { Err(Error::exists(path)) } else { Ok(()) }
+}
+
+/// Whether there is a file or folder of this name that an output must not replace without permission. What killed processes left
+/// half done in its folder is undone first.
+pub fn is_taken(path: &Path) -> bool {
+    !is_special(path) && is_there_after_cleaning(path)
+}
+
 /// Removes the temporary files of killed processes from the folder of a file, once in a process and unless another process writes
 /// into it, and undoes what they did to files that get their names together. Returns whether the file is there afterwards.
-pub(super) fn is_there_after_cleaning(file: &Path) -> bool {
+fn is_there_after_cleaning(file: &Path) -> bool {
     if file.symlink_metadata().is_err() {
         return false;
     }
@@ -142,14 +156,6 @@ fn remove_parts(folder: &Path) -> usize {
     let logs: Vec<PathBuf> = list(TemporaryName::Undo).map(|entry| entry.path()).collect();
     logs.iter().for_each(|log| roll_back_log(log));
     logs.len() + list(TemporaryName::Part).filter(|part| remove_any(&part.path()).is_ok()).count()
-}
-
-/// Removes a file, or a folder with what is in it.
-pub(super) fn remove_any(path: &Path) -> io::Result<()> {
-    match path.symlink_metadata()?.is_dir() {
-        true => fs::remove_dir_all(path),
-        false => fs::remove_file(path),
-    }
 }
 
 fn temporary_name(target: &OsStr, kind: TemporaryName) -> std::ffi::OsString {

@@ -111,6 +111,18 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
         return Err(Error::input(message));
     }
     let mut recording = Recording::read(path, request.flight_line, found)?;
+    if let Some(turn) = turning::steady_turn(&recording.pulses, &recording.lines) {
+        let message = format!(
+            "{}: the scan lines turn steadily by {:.0}° in {:.0} s, as those of a scanner on a tripod do: this is no flight",
+            path.display(),
+            degrees(turn),
+            recording.duration()
+        );
+        return Err(Error::input_with_help(
+            message,
+            "a flight and its scanner are estimated from a flight line",
+        ));
+    }
     lines::find_channels(&mut recording);
     let mut fitted = best_solution(&recording);
     if fitted.is_err() {

@@ -1,6 +1,5 @@
 //! The pulses of one flight line of a recorded cloud.
 
-use super::turning::steady_turn;
 use std::collections::BTreeMap;
 use std::ops::{ControlFlow, Range};
 use std::path::Path;
@@ -217,16 +216,6 @@ impl Recording {
                 "a fit needs the pulses of one flight line, whose times differ; points that are in the file twice, flight lines with the same point source, and beams that fire together without a number of their channel have to be taken apart before",
             ));
         }
-        if let Some(turn) = steady_turn(&pulses, &line_ranges(&pulses).1) {
-            let seconds = pulses[pulses.len() - 1].time - pulses[0].time;
-            return Err(Error::input_with_help(
-                format!(
-                    "{name}: the scan lines turn steadily by {:.0}° in {seconds:.0} s, as those of a scanner on a tripod do: this is no flight",
-                    degrees(turn)
-                ),
-                "a flight and its scanner are estimated from a flight line",
-            ));
-        }
         let (outliers, distance) = remove_outliers(&mut pulses);
         if outliers > 0 {
             let message = format!(
@@ -268,7 +257,17 @@ impl Recording {
         if pulses.len() < MIN_PULSES {
             return None;
         }
-        let (interval, lines) = line_ranges(&pulses);
+        let is_same = |pair: &&[Pulse]| pair[0].file_channel == pair[1].file_channel;
+        let steps = pulses.windows(2).filter(is_same).map(|pair| pair[1].time - pair[0].time);
+        let interval = median(steps.collect());
+        let is_end = |i: &usize| {
+            pulses[*i].file_channel != pulses[i - 1].file_channel
+                || pulses[*i].time - pulses[i - 1].time > GAP_INTERVALS * interval
+        };
+        let mut borders = vec![0];
+        borders.extend((1..pulses.len()).filter(is_end));
+        borders.push(pulses.len());
+        let lines = borders.windows(2).map(|pair| pair[0]..pair[1]).collect();
         // Files of LAS 1.4 have steps of 0.006 degrees, also of angles that were rounded before.
         let is_whole = pulses.iter().all(|pulse| {
             let angle = degrees(pulse.angle);
@@ -327,21 +326,6 @@ impl Recording {
     pub fn duration(&self) -> f64 {
         self.pulses.iter().map(|pulse| pulse.time).fold(0.0, f64::max)
     }
-}
-
-/// Median interval between pulses, s, and the runs of pulses without longer gaps.
-fn line_ranges(pulses: &[Pulse]) -> (f64, Vec<Range<usize>>) {
-    let is_same = |pair: &&[Pulse]| pair[0].file_channel == pair[1].file_channel;
-    let steps = pulses.windows(2).filter(is_same).map(|pair| pair[1].time - pair[0].time);
-    let interval = median(steps.collect());
-    let is_end = |i: &usize| {
-        pulses[*i].file_channel != pulses[i - 1].file_channel
-            || pulses[*i].time - pulses[i - 1].time > GAP_INTERVALS * interval
-    };
-    let mut borders = vec![0];
-    borders.extend((1..pulses.len()).filter(is_end));
-    borders.push(pulses.len());
-    (interval, borders.windows(2).map(|pair| pair[0]..pair[1]).collect())
 }
 
 /// Removes pulses, and last returns of pulses, far above or below the others around their time. Returns their number, and the

@@ -7,7 +7,7 @@ use super::{Figure, FlightFit};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use vlscan_base::crs::{epsg, short_name, unit_problem};
-use vlscan_base::error::{Error, Result};
+use vlscan_base::error::Result;
 use vlscan_base::files::reads::refuse_input_of;
 use vlscan_base::files::{FileGroup, free_name, refuse_existing};
 use vlscan_geom::{DVec3, degrees};
@@ -100,11 +100,10 @@ impl FlightFit {
             group.write(path, force, text.as_bytes())?;
         }
         group.write(&files.pipeline, force, self.pipeline(&files, command).as_bytes())?;
+        let is_old = |path: &PathBuf| force && files.all().all(|own| own != path);
+        let possible = FlightFiles::possible(&files.pipeline);
+        possible.iter().filter(|path| is_old(path)).for_each(|path| group.remove(path));
         group.commit()?;
-        let is_old = |path: &PathBuf| force && path.is_file() && files.all().all(|own| own != path);
-        for path in FlightFiles::possible(&files.pipeline).iter().filter(|path| is_old(path)) {
-            std::fs::remove_file(path).map_err(|e| Error::io("remove", path, e))?;
-        }
         Ok(files)
     }
 

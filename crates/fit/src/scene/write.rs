@@ -38,27 +38,23 @@ pub(super) fn write(scene: &ReconstructedScene, folder: &Path, overwrite: bool) 
     let report = serde_json::to_string_pretty(&report(scene)).map_err(|e| Error::input(e.to_string()))?;
     files.write("report.json", (report + "\n").as_bytes())?;
     let pipeline = files.write("scene.toml", pipeline(scene).as_bytes())?;
-    files.commit()?;
     if overwrite {
-        remove_old(folder, &parts)?;
+        old_parts(folder, &parts)?.iter().for_each(|name| files.remove(name));
     }
+    files.commit()?;
     Ok(pipeline)
 }
 
-/// Removes the parts of an earlier scene that the new one does not have.
-fn remove_old(folder: &Path, parts: &[(String, String)]) -> Result<()> {
+/// The files of parts of an earlier scene that the new one does not have.
+fn old_parts(folder: &Path, parts: &[(String, String)]) -> Result<Vec<String>> {
     let is_part = |name: &str| {
         let class = name.strip_prefix("foliage_").and_then(|name| name.strip_suffix(".vox"));
         name == "roofs.obj" || class.is_some_and(|class| class.parse::<u8>().is_ok())
     };
-    for path in reads::list(folder).map_err(|e| Error::io("read", folder, e))? {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let is_named = parts.iter().any(|(_, filter)| filter.contains(&format!("\"{name}\"")));
-        if is_part(&name) && !is_named {
-            std::fs::remove_file(&path).map_err(|e| Error::io("remove", &path, e))?;
-        }
-    }
-    Ok(())
+    let is_new = |name: &str| parts.iter().any(|(_, filter)| filter.contains(&format!("\"{name}\"")));
+    let paths = reads::list(folder).map_err(|e| Error::io("read", folder, e))?;
+    let names = paths.iter().filter_map(|path| path.file_name()?.to_str());
+    Ok(names.filter(|name| is_part(name) && !is_new(name)).map(str::to_owned).collect())
 }
 
 fn leaf_classes(scene: &ReconstructedScene) -> BTreeSet<u8> {

@@ -51,6 +51,11 @@ impl SceneFolder {
         Ok(file.finish())
     }
 
+    /// Removes a file of an earlier scene when the files of this one have their names.
+    pub fn remove(&self, name: &str) {
+        self.complete.borrow_mut().remove(&self.path.join(name));
+    }
+
     /// Gives all files their names, in the order in which they were completed.
     ///
     /// # Errors
