@@ -78,7 +78,7 @@ impl Default for StrayFinder {
     fn default() -> StrayFinder {
         let end = |i: usize| End {
             axis: i / 2,
-            sign: if i % 2 == 0 { -1.0 } else { 1.0 },
+            sign: if i.is_multiple_of(2) { -1.0 } else { 1.0 },
             threshold: f64::NEG_INFINITY,
             points: Vec::new(),
         };
