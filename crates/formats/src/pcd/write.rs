@@ -159,7 +159,7 @@ mod tests {
         assert_eq!(viewpoint(&around(DVec3::NEG_INFINITY, DVec3::INFINITY)), None);
         assert_eq!(viewpoint(&Aabb::EMPTY), None);
         let of = |place| String::from_utf8(head(DVec3::ZERO, 7, "complete", place)).unwrap();
-        let (blank, found) = (of(Some(None)), of(Some(Some(DVec3::new(3.1, -1234.567_891, 0.25)))));
+        let (blank, found) = (of(Some(None)), of(Some(Some(DVec3::new(3.1, -1_234.567_891, 0.25)))));
         assert!(found.contains("\nVIEWPOINT 3.1 -1234.567891 0.25 1 0 0 0\n"), "{found}");
         assert!(blank.contains("\nVIEWPOINT 0 0 0 1 0 0 0\n") && blank.len() == found.len(), "{blank}");
         assert!(of(None).contains("\nVIEWPOINT 0 0 0 1 0 0 0\n"));
