@@ -19,7 +19,7 @@ fn of_xml(attributes: &str, children: &str, survey: &str) -> vlscan_base::Result
 /// The scanner of a pipeline with these keys in `[scanner]`; channels may follow them.
 fn of_toml(keys: &str) -> vlscan_base::Result<(Scanner, Diagnostics)> {
     let text = format!(
-        "scene = \"a.obj\"\n[[leg]]\nposition_m = [0, 0, 0]\nactive = false\n[platform]\nkind = \"linear_path\"\n\
+        "scene = \"a.obj\"\nplatform = {{ kind = \"linear_path\" }}\n[[leg]]\nposition_m = [0, 0, 0]\nactive = false\n\
          [scanner]\noptics = \"conic\"\nscan_angle_max_deg = 30\npulse_freqs_hz = [5]\n{keys}"
     );
     let folder =
