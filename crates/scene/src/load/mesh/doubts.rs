@@ -255,7 +255,7 @@ mod tests {
         });
         let mut f = Fixture::new();
         std::fs::write(f.file("box.bin", ""), bytes).unwrap();
-        let path = f.file("town.gltf", &document.to_string());
+        let path = f.file("town.gltf", document.to_string());
         let reading = vlscan_survey::MeshReading::default();
         change(f.part(Loader::MeshFiles { files: vec![path], reading }));
         f.load().unwrap().1.render(false)
