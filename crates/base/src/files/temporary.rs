@@ -64,7 +64,7 @@ pub(super) struct Live {
     folders: Vec<PathBuf>,
     locks: BTreeMap<PathBuf, Weak<FolderLock>>,
     /// Folders from which the files of killed processes have been removed.
-    cleaned: BTreeSet<PathBuf>,
+    pub cleaned: BTreeSet<PathBuf>,
 }
 
 /// A shared lock on a folder, if its file system has locks: while it is held, no other process takes the temporary
