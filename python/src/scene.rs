@@ -116,7 +116,7 @@ impl Part {
         part(Loader::Mesh(mesh.0.clone()), place)
     }
 
-    /// A part of a mesh file: OBJ, PLY, STL or glTF. `up`: `y` or `z`, none for that of the format. `unit`: of coordinates.
+    /// A part of a mesh file: OBJ, PLY, STL, OFF or glTF. `up`: `y` or `z`, none for that of the format. `unit`: of coordinates.
     /// `materials`: a table of materials.
     #[staticmethod]
     fn of_mesh_file(

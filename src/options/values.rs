@@ -12,6 +12,7 @@ use vlscan_base::error::Error;
 use vlscan_base::files::reads;
 use vlscan_base::input::read_file;
 use vlscan_base::quantity;
+use vlscan_base::recognise::{Wanted, foreign};
 use vlscan_geom::UtmZone;
 use vlscan_lidar::flight::{calendar_day, gps_start};
 use vlscan_survey::{NavigationErrors, parse_seed};
@@ -260,6 +261,9 @@ impl Crs {
             Crs::File(path) => path,
         };
         let bytes = read_file(path, MAX_WKT_BYTES).map_err(|e| Error::io("read", path, e))?;
+        if let Some(found) = foreign(path, &bytes, &Wanted::SYSTEM) {
+            return Err(found.error(path));
+        }
         let text = String::from_utf8_lossy(&bytes);
         if let Some(code) = crs::parse_epsg(&text) {
             return Crs::Epsg(code).wkt();

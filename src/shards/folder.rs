@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
+use vlscan_base::recognise::{Wanted, foreign_file};
 use vlscan_warehouse::Stop;
 
 /// The file of a shard in a folder.
@@ -80,6 +81,9 @@ impl ShardSet {
     /// # Errors
     /// [`Error::Io`] for a folder that cannot be read.
     pub fn list(folder: &Path) -> Result<BTreeMap<u32, BTreeSet<u32>>> {
+        if let Some(found) = foreign_file(folder, &Wanted::SHARDS) {
+            return Err(found.error(folder));
+        }
         let failed = |e| Error::open(folder, e);
         let mut found: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
         for entry in std::fs::read_dir(folder).map_err(failed)? {

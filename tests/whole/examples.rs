@@ -408,7 +408,7 @@ const MISTAKES: [(&str, &str); 33] = [
     ),
     (
         "printf 'OFF\\n8 6 0\\n' > tree.obj; vlscan scene info tree.obj",
-        "expected a mesh (OBJ, PLY, STL, glTF)",
+        "expected a mesh (OBJ, PLY, STL, OFF, glTF)",
     ),
     (
         "mkdir -p sub; cp scene.xml dem.tif dem.tfw house.obj site.mtl sub; vlscan scene info sub/scene.xml",

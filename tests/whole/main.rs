@@ -26,6 +26,7 @@ mod faults;
 mod files;
 mod fit;
 mod fixtures;
+mod foreign;
 mod formats;
 mod formats_alone;
 mod fuzz;

@@ -350,7 +350,7 @@ fn frames_are_data_sets_of_driving() {
     fs::write(dir.path().join("cut.mcap"), &mcap[..mcap.len() / 3]).unwrap();
     for (args, expected) in [
         (&["a.mcap", "-o", "kitti"][..], "00 exists"),
-        (&["a.csv", "-o", "x"], "no MCAP"),
+        (&["a.csv", "-o", "x"], "expected an MCAP log, found a table of text"),
         (&["cut.mcap", "-o", "y"], "truncated"),
     ] {
         let out = common::run(dir.path(), &[&["frames"], args, &["--layout", "kitti"]].concat());

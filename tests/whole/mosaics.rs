@@ -376,3 +376,81 @@ fn tiles_that_gdal_writes_are_one_raster() {
         assert!(single == load(format!("{kind}.vrt")), "{kind}.vrt");
     }
 }
+
+/// The terrain as a raster and as an ESRI ASCII grid, with steps that binary numbers hold.
+fn grid_and_twin(columns: [usize; 2], rows: [usize; 2]) -> [Vec<u8>; 2] {
+    const STEP: f64 = 0.75;
+    let heights: Vec<f32> = (rows[0]..rows[1])
+        .flat_map(|row| (columns[0]..columns[1]).map(move |column| height(column, row)))
+        .collect();
+    let origin = [500_000.25 + STEP * columns[0] as f64, 5_400_000.5 - STEP * rows[0] as f64];
+    let (width, count) = (columns[1] - columns[0], rows[1] - rows[0]);
+    let south = origin[1] - STEP * count as f64;
+    let mut text = format!("ncols {width}\nnrows {count}\nxllcorner {}\nyllcorner {south}\n", origin[0]);
+    text += "cellsize 0.75\nNODATA_value -9999\n";
+    for row in heights.chunks(width) {
+        let words: Vec<String> =
+            row.iter().map(|z| if z.is_nan() { "-9999".to_owned() } else { z.to_string() }).collect();
+        text += &(words.join(" ") + "\n");
+    }
+    [raster_of(width, &heights, origin, STEP, Some(25832)), text.into_bytes()]
+}
+
+#[test]
+fn grids_of_text_are_the_rasters_of_the_same_heights() {
+    let dir = folder();
+    let at = |name: &str| dir.path().join(name);
+    let prj = vlscan::base::crs::wkt_of_epsg(25832).unwrap();
+    let [raster, grid] = grid_and_twin([0, SIZE[0]], [0, SIZE[1]]);
+    fs::write(at("single.tif"), raster).unwrap();
+    fs::write(at("single.asc"), &grid).unwrap();
+    fs::write(at("single.prj"), &prj).unwrap();
+    fs::write(at("heights.txt"), text(&grid).to_uppercase().replace('\n', "\r\n")).unwrap();
+    fs::create_dir(at("tiles")).unwrap();
+    let mut sources = String::new();
+    for (r, rows) in ROWS.windows(2).enumerate() {
+        for (c, columns) in COLUMNS.windows(2).enumerate() {
+            let [_, grid] = grid_and_twin([columns[0], columns[1]], [rows[0], rows[1]]);
+            let (name, size) = (format!("tiles/dem_{r}{c}"), [columns[1] - columns[0], rows[1] - rows[0]]);
+            fs::write(at(&format!("{name}.asc")), grid).unwrap();
+            fs::write(at(&format!("{name}.prj")), &prj).unwrap();
+            sources += &format!(
+                "<ComplexSource><SourceFilename relativeToVRT=\"1\">{name}.asc</SourceFilename><SourceBand>1</SourceBand>\
+                 <SrcRect xOff=\"0\" yOff=\"0\" xSize=\"{0}\" ySize=\"{1}\"/>\
+                 <DstRect xOff=\"{2}\" yOff=\"{3}\" xSize=\"{0}\" ySize=\"{1}\"/><NODATA>-9999</NODATA></ComplexSource>",
+                size[0], size[1], columns[0], rows[0]
+            );
+        }
+    }
+    let document = format!(
+        "<VRTDataset rasterXSize=\"{}\" rasterYSize=\"{}\"><SRS>EPSG:25832</SRS>\
+         <GeoTransform>500000.25, 0.75, 0, 5400000.5, 0, -0.75</GeoTransform>\
+         <VRTRasterBand dataType=\"Float32\" band=\"1\"><NoDataValue>-9999</NoDataValue>{sources}</VRTRasterBand></VRTDataset>",
+        SIZE[0], SIZE[1]
+    );
+    fs::write(at("all.vrt"), document).unwrap();
+    let single = points(dir.path(), "single.tif", &[]);
+    assert!(single.len() > 50_000, "{}", single.len());
+    for scene in ["single.asc", "heights.txt", "tiles", "tiles/*.asc", "all.vrt"] {
+        for memory in ["500M", "25k"] {
+            let found = points(dir.path(), scene, &["--scene-memory", memory]);
+            assert!(found == single, "{scene}, {memory}");
+        }
+        assert!(points(dir.path(), scene, &[]) == single, "{scene}");
+    }
+    let facts = |scene: &str| -> Value {
+        let output = succeed(dir.path(), &["scene", "info", scene, "--json"]);
+        assert!(output.stderr.is_empty(), "{}", text(&output.stderr));
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    let single = facts("single.tif");
+    for scene in ["single.asc", "tiles", "all.vrt"] {
+        let facts = facts(scene);
+        ["triangles", "bounds_m", "crs"]
+            .iter()
+            .for_each(|key| assert_eq!(facts[key], single[key], "{scene}: {key}"));
+    }
+    fs::write(at("cut.asc"), &grid[..grid.len() / 2]).unwrap();
+    let said = text(&run(dir.path(), &["scene", "info", "cut.asc"]).stderr);
+    assert!(said.contains("cut.asc") && said.contains("expected 53 heights (ncols)"), "{said}");
+}

@@ -68,7 +68,7 @@ fn stale_and_foreign_packs_are_refused_with_the_reason() {
         "a.vlscene",
         b"<?xml version=\"1.0\"?><document>and so on, long enough for a header</document>",
     );
-    refused("not a packed scene");
+    refused("expected a packed scene (.vlscene), found an XML document");
     write(dir.path(), "a.vlscene", b"");
     refused("too short");
 }

@@ -6,6 +6,7 @@
 //! | `corrections` | departures from the reference's physics, materials and kinematics |
 //! | `observer` | the receiver of warnings, notes and times |
 //! | `rng` | counter-based random numbers |
+//! | `recognise` | kinds of files by first bytes and ending, and what to do with each |
 //! | `quantity`, `markup`, `aligned` | bounds of numbers, counts and sizes as text; text in XML and HTML, in aligned columns |
 //! | `crs` | coordinate reference systems: WKT by EPSG code, codes in WKT, areas of use; units of length |
 //! | `columns` | separators of columns and quoted fields |
@@ -30,6 +31,7 @@ pub mod machine;
 pub mod markup;
 pub mod observer;
 pub mod quantity;
+pub mod recognise;
 pub mod rng;
 pub mod store;
 pub mod table;

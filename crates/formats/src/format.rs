@@ -2,9 +2,9 @@
 
 use super::leica;
 use super::point_format::build_with;
-use super::text::is_line_end;
 use std::path::Path;
 use vlscan_base::input::arrow::{ArrowDetection, detect_arrow};
+use vlscan_base::recognise::{Family, Foreign, Kind, Wanted, foreign};
 
 /// Number of bytes by which a format is recognised, if the file has them.
 pub(super) const DETECTED_BYTES: usize = 4096;
@@ -39,40 +39,6 @@ const READ_FORMATS: &str = match (cfg!(feature = "e57"), cfg!(feature = "parquet
     (false, true) => "LAS, LAZ, PLY, PCD, PTS, PTX, text, Arrow and Parquet",
     (false, false) => "LAS, LAZ, PLY, PCD, PTS, PTX, text and Arrow",
 };
-
-/// Beginnings of files that are no points or are not read, with their names.
-const OTHERS: &[(&[u8], &str)] = &[
-    (
-        b"\x89MCAP0",
-        "an MCAP log, whose points are relative to the moving scanner; vlscan run -o a.mcap -o a.laz also writes them in world coordinates",
-    ),
-    (b"#ROSBAG", "a ROS bag, whose points are relative to the moving scanner"),
-    (b"SQLite format 3", "an SQLite database (GeoPackage, ROS 2 bag)"),
-    (b"RIEGL LMS RDB", "a RIEGL RDB database; export LAZ with RiSCAN PRO, RiPROCESS or rdbconvert"),
-    (b"PARE", "an encrypted Parquet file"),
-    (b"\x93NUMPY", "a NumPy array"),
-    (b"CCB2", "a CloudCompare project"),
-    (b"\x89HDF", "an HDF5 file"),
-    (b"\xd0\xcf\x11\xe0", "an OLE compound file (such as a FARO scan)"),
-    (b"PK\x03\x04", "a ZIP archive; unpack it"),
-    (b"\x1f\x8b", "a gzip file; unpack it with gunzip"),
-    (b"\x28\xb5\x2f\xfd", "a Zstandard file; unpack it with unzstd"),
-    (b"BZh", "a bzip2 file; unpack it with bunzip2"),
-    (b"\xfd7zXZ", "an XZ file; unpack it with unxz"),
-    (b"7z\xbc\xaf", "a 7z archive; unpack it"),
-    (b"\x89PNG", "a PNG picture"),
-    (b"\xff\xd8\xff", "a JPEG picture"),
-    (b"%PDF", "a PDF document"),
-    (b"II*\0", "a TIFF raster; `geotiffloader` of a scene reads terrain"),
-    (b"MM\0*", "a TIFF raster; `geotiffloader` of a scene reads terrain"),
-    (b"II+\0", "a BigTIFF raster; `geotiffloader` of a scene reads terrain"),
-    (b"\0\0\x27\x0a", "a shapefile"),
-    (b"glTF", "a glTF mesh"),
-    (b"Kaydara FBX", "an FBX mesh"),
-    (b"<?xml", "an XML file; points, not a survey or a scene, are expected"),
-    (b"<", "an XML file; points, not a survey or a scene, are expected"),
-    (b"{", "a JSON file (Potree, GeoJSON or another)"),
-];
 
 /// Names that end so belong to binary formats.
 const BINARY_EXTENSIONS: &[&str] = &["las", "laz", "ply", "pcd", "e57", "parquet", "arrow"];
@@ -136,10 +102,9 @@ impl CloudFormat {
         if first.starts_with(b"\xff\xfe") || first.starts_with(b"\xfe\xff") {
             return Err(UnreadFormat::Utf16);
         }
-        if let Some((_, name)) =
-            OTHERS.iter().find(|(magic, _)| first.starts_with(magic) || text.starts_with(magic))
-        {
-            return Err(UnreadFormat::Other { name });
+        let found = foreign(path, first, &Wanted::POINTS);
+        if let Some(Foreign { kind, help, .. }) = found.filter(|found| found.kind.family != Family::Binary) {
+            return Err(UnreadFormat::Other { kind, help });
         }
         let extension =
             path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
@@ -150,9 +115,6 @@ impl CloudFormat {
                 true => UnreadFormat::Empty { expected },
                 false => UnreadFormat::Misnamed { expected, beginning },
             });
-        }
-        if let Some(mesh) = mesh_of_text(text) {
-            return Err(UnreadFormat::Mesh { name: mesh });
         }
         // Text has no control characters but blanks and ends of lines.
         if first.iter().any(|b| *b < 0x20 && !matches!(b, b'\t' | b'\n' | b'\r' | 0x0b | 0x0c)) {
@@ -183,10 +145,12 @@ pub enum UnreadFormat {
     #[error("is text in UTF-16; save it as UTF-8, for example with `iconv -f UTF-16 -t UTF-8`")]
     Utf16,
     /// Another known format.
-    #[error("is {name}{}; {READ_FORMATS} are read", if .name.contains(';') { String::new() } else { format!("; {CONVERTERS}") })]
+    #[error("is {}{}{help}; {READ_FORMATS} are read", .kind.name, if .help.is_empty() { "" } else { "; " })]
     Other {
-        /// The format, with advice after a semicolon.
-        name: &'static str,
+        /// The format.
+        kind: &'static Kind,
+        /// What to do with the file.
+        help: String,
     },
     /// An empty file.
     #[error("is empty, expected {expected}")]
@@ -202,12 +166,6 @@ pub enum UnreadFormat {
         /// Its first bytes.
         beginning: String,
     },
-    /// A mesh.
-    #[error("is {name}, not a point cloud; {READ_FORMATS} are read")]
-    Mesh {
-        /// The format of the mesh.
-        name: &'static str,
-    },
     /// Binary data of an unknown format.
     #[error(
         "is binary and in no known format (it begins with \"{beginning}\"); {CONVERTERS}; {READ_FORMATS} are read"
@@ -216,21 +174,6 @@ pub enum UnreadFormat {
         /// Its first bytes.
         beginning: String,
     },
-}
-
-/// The name of a mesh format in text.
-fn mesh_of_text(text: &[u8]) -> Option<&'static str> {
-    let lines = text.split(|b| is_line_end(*b)).map(<[u8]>::trim_ascii);
-    let mut lines = lines.filter(|line| !(line.is_empty() || line.starts_with(b"#")));
-    match lines.next()?.split(u8::is_ascii_whitespace).next()? {
-        b"v" | b"vn" | b"vt" | b"o" | b"g" | b"mtllib" | b"usemtl" => Some("an OBJ mesh"),
-        // In small or large letters, as the programs that write them do.
-        word if word.eq_ignore_ascii_case(b"solid") => Some("an STL mesh"),
-        word if [&b"off"[..], b"coff", b"noff"].iter().any(|off| word.eq_ignore_ascii_case(off)) => {
-            Some("an OFF mesh")
-        }
-        _ => None,
-    }
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ use vlscan_base::diag::{Place, nearest};
 use vlscan_base::error::Error;
 use vlscan_base::files::reads;
 use vlscan_base::input::read_file;
+use vlscan_base::recognise::{Wanted, foreign};
 
 /// Minimum memory that one byte of a scene's description takes, bytes, as XML or as a table of instances.
 const MIN_MEMORY_PER_BYTE: u64 = 8;
@@ -85,6 +86,10 @@ impl Context {
     }
 
     fn parse(&self, path: &Path, bytes: &[u8]) -> Option<Rc<XmlDocument>> {
+        if let Some(found) = foreign(path, bytes, &Wanted::DOCUMENT) {
+            found.report(path, &mut self.problems.borrow_mut());
+            return None;
+        }
         let document = XmlDocument::parse(path, bytes, &mut self.problems.borrow_mut())?;
         let root = document.root();
         if root.name() != "document" {

@@ -24,6 +24,7 @@ use std::path::{Path, PathBuf};
 use vlscan_base::columns::comma_note;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::quantity;
+use vlscan_base::recognise::{Wanted, foreign};
 use vlscan_base::table::{Headings, Line, Quantity, Schema, TextTable, Use};
 use vlscan_geom::{DVec3, Rotation, radians};
 
@@ -125,6 +126,10 @@ fn read_text(context: &Context, path: &Path) -> Option<String> {
             return None;
         }
     };
+    if let Some(found) = foreign(path, &bytes, &Wanted::INSTANCES) {
+        found.report(path, &mut context.problems.borrow_mut());
+        return None;
+    }
     let is_wide = bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff");
     let place = Place::in_line(path, 1, "", 0..0);
     if bytes.contains(&0) && !is_wide {

@@ -45,7 +45,6 @@ mod documents;
 mod effects;
 mod fields;
 mod follow;
-mod foreign;
 pub mod formula;
 mod instances;
 mod instrument;
@@ -85,7 +84,6 @@ mod xml_limits;
 pub use self::toml::{PipelineSurvey, Source, Tables, field_names, read_pipeline_survey};
 pub use catalogue::{Catalogue, catalogue};
 pub use context::{ReadOptions, SceneChoice};
-pub use foreign::foreign_format;
 pub use formula::{Formula, FormulaError};
 pub use keys::{
     INSTRUMENT_KEYS, Key, KeyTable, KeyUse, SURVEY_TABLES, WrittenKey, key_named, named_as_in,

@@ -9,9 +9,10 @@ use std::sync::Arc;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
 use vlscan_base::files::reads;
+use vlscan_base::recognise::{Wanted, first_bytes, foreign};
 
 /// Endings of the rasters that the scene reads.
-const TILE_ENDINGS: [&str; 2] = ["tif", "tiff"];
+const TILE_ENDINGS: [&str; 4] = ["tif", "tiff", "asc", "grd"];
 /// Ending of virtual rasters.
 const VIRTUAL_ENDING: &str = "vrt";
 
@@ -26,9 +27,14 @@ pub fn find_raster(name: &str, options: &ReadOptions) -> Result<(RasterFiles, Di
     context.finish(files)
 }
 
-/// Whether a path is that of a raster by its ending, or that of a folder, which can hold tiles.
+/// Whether a path is that of a raster by its ending or its contents, or that of a folder, which can hold tiles.
 pub fn names_raster(path: &Path) -> bool {
-    has_ending(path, &TILE_ENDINGS) || is_virtual(path) || path.is_dir()
+    has_ending(path, &TILE_ENDINGS) || is_virtual(path) || path.is_dir() || holds_raster(path)
+}
+
+/// Whether a file holds a raster that is read, whatever its name.
+fn holds_raster(path: &Path) -> bool {
+    first_bytes(path).is_some_and(|bytes| foreign(path, &bytes, &Wanted::RASTER).is_none())
 }
 
 /// Whether a name ends as those of rasters do.
@@ -64,6 +70,12 @@ impl Context {
         }
     }
 
+    /// Whether a name is that of a raster by its ending or its contents, or of a folder of tiles.
+    pub fn is_terrain(&self, name: &str, folder: &Path) -> bool {
+        let holds_one = || self.assets.file(name, folder).is_some_and(|file| holds_raster(&file.found));
+        is_raster(name) || self.is_folder(name, folder) || holds_one()
+    }
+
     /// Whether a name is that of a folder, and not of a file.
     pub fn is_folder(&self, name: &str, folder: &Path) -> bool {
         self.assets.folder(name, folder).is_some() && self.assets.file(name, folder).is_none()
@@ -91,7 +103,7 @@ impl Context {
             let survey = folder.join("survey.xml");
             let help = match survey.is_file() {
                 true => format!("name {}", survey.display()),
-                false => "names of rasters end in .tif or .tiff".to_owned(),
+                false => "names of rasters end in .tif, .tiff, .asc or .grd".to_owned(),
             };
             self.error_help(place, message, help);
             return None;
@@ -161,7 +173,7 @@ mod tests {
     #[test]
     fn rasters_are_files_folders_and_patterns() {
         let folder = tempfile::tempdir().unwrap();
-        for name in ["b.tif", "a.TIFF", "a.tfw", "c.txt"] {
+        for name in ["b.tif", "a.TIFF", "a.tfw", "c.txt", "d.asc"] {
             std::fs::write(folder.path().join(name), "").unwrap();
         }
         std::fs::create_dir(folder.path().join("empty")).unwrap();
@@ -171,11 +183,11 @@ mod tests {
             let name = |path: &PathBuf| path.file_name().unwrap().to_str().unwrap().to_owned();
             found.all().iter().map(name).collect::<Vec<_>>()
         };
-        assert_eq!(names(""), ["a.TIFF", "b.tif"]);
+        assert_eq!(names(""), ["a.TIFF", "b.tif", "d.asc"]);
         assert_eq!(names("*.tif"), ["b.tif"]);
         assert_eq!(names("c.txt"), ["c.txt"]);
         for (name, expected) in
-            [("empty", "holds no raster"), ("d*.tif", "no file matches"), ("d.tif", "cannot find")]
+            [("empty", "holds no raster"), ("d*.tif", "no file matches"), ("e.tif", "cannot find")]
         {
             let error = find_raster(&at(name), &ReadOptions::default()).unwrap_err().to_string();
             assert!(error.contains(expected), "{error}");

@@ -3,7 +3,6 @@
 use super::assets::Found;
 use super::context::{Context, ReadOptions, SceneChoice};
 use super::documents::find_asset;
-use super::foreign::{MESH_ENDINGS, is_foreign_ending};
 use super::instances::{Base, Row, read_table};
 use super::instrument::scanner_named;
 use super::platform_xml::read_platform;
@@ -19,6 +18,7 @@ use std::path::{Path, PathBuf};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
 use vlscan_base::files::reads;
+use vlscan_base::recognise::{Family, Wanted, foreign_file, recognise_file};
 
 /// Reads the survey of an XML file and everything that it refers to, except the geometry. The second value contains
 /// the warnings to be shown.
@@ -27,6 +27,9 @@ use vlscan_base::files::reads;
 /// All problems of all files at once as [`vlscan_base::Error::Input`]; scan frequencies outside the scanner's limits and
 /// contradictory trajectory settings as [`vlscan_base::Error::Limits`].
 pub fn read_survey(path: &Path, options: &ReadOptions) -> Result<(Survey, Diagnostics)> {
+    if let Some(found) = foreign_file(path, &Wanted::SURVEY) {
+        return Err(found.error(path));
+    }
     let context = Context::new(options);
     let root = match reads::is_file(path) {
         true => context.open(&Found::File(path.to_path_buf())),
@@ -36,7 +39,7 @@ pub fn read_survey(path: &Path, options: &ReadOptions) -> Result<(Survey, Diagno
     context.finish(survey)
 }
 
-/// Reads a scene: `file.xml#id`, `file.xml` for its first scene, a geometry file (.obj, .tif, .vrt, .vox) or a folder of tiles of a
+/// Reads a scene: `file.xml#id`, `file.xml` for its first scene, a geometry file (.obj, .off, .tif, .asc, .vrt, .vox) or a folder of tiles of a
 /// raster as a scene of one part, a table of instances (.csv), or a packed scene (.vlscene). A raster is terrain, of
 /// [soil](MaterialDefinition::soil).
 ///
@@ -92,7 +95,7 @@ pub(super) fn find_scene_on_soil(
     place: Option<Place>,
 ) -> Option<SceneRecipe> {
     let mut scene = find_scene(context, reference, folder, place)?;
-    if is_raster(reference) || context.is_folder(reference, folder) {
+    if context.is_terrain(reference, folder) {
         let soil = MaterialChange { replaced: Replaced::All, material: MaterialDefinition::soil() };
         for part in &mut scene.parts {
             part.changes = vec![soil.clone()].into();
@@ -108,7 +111,10 @@ pub(super) fn find_scene(
     folder: &Path,
     place: Option<Place>,
 ) -> Option<SceneRecipe> {
-    if is_geometry(reference) || context.is_folder(reference, folder) {
+    if is_geometry(reference)
+        || context.is_folder(reference, folder)
+        || holds_no_xml(context, reference, folder)
+    {
         return scene_of_file(context, reference, folder, place);
     }
     let (file, id) = match reference.split_once('#') {
@@ -128,18 +134,27 @@ fn is_packed(name: &str) -> bool {
     extension(name) == "vlscene"
 }
 
-/// Whether a reference names a file that is a scene without XML. The loader of meshes tells what to do with foreign formats.
+/// Endings of the mesh files that the scene reads.
+pub(super) const MESH_ENDINGS: [&str; 6] = ["obj", "ply", "stl", "off", "gltf", "glb"];
+
+/// True if a reference names an existing file of a known kind that is not XML. The loader of meshes says what to do with those that
+/// are no scenes.
+fn holds_no_xml(context: &Context, reference: &str, folder: &Path) -> bool {
+    let kind = context.assets.file(reference, folder).and_then(|file| recognise_file(&file.found));
+    kind.is_some_and(|kind| !matches!(kind.family, Family::Document | Family::Markup))
+}
+
+/// True if a reference names a file that is a scene without XML, by its ending.
 pub(super) fn is_geometry(reference: &str) -> bool {
     let ending = extension(reference);
     is_packed(reference)
         || is_raster(reference)
         || matches!(ending.as_str(), "vox" | "csv")
         || MESH_ENDINGS.contains(&ending.as_str())
-        || is_foreign_ending(&ending)
 }
 
 fn scene_of_file(context: &Context, name: &str, folder: &Path, place: Option<Place>) -> Option<SceneRecipe> {
-    let rasters = match is_raster(name) || context.is_folder(name, folder) {
+    let rasters = match context.is_terrain(name, folder) {
         true => Some(context.raster(name, folder, place.clone())?),
         false => None,
     };

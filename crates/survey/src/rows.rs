@@ -5,6 +5,7 @@ use super::text::{decode, line_of_bytes};
 use std::borrow::Cow;
 use std::path::Path;
 use vlscan_base::diag::Place;
+use vlscan_base::recognise::{Wanted, foreign};
 
 /// Maximum size of a file, bytes.
 pub(super) const MAX_FILE_BYTES: u64 = 1 << 24;
@@ -29,6 +30,10 @@ pub(super) fn read_rows<const N: usize>(
             return None;
         }
     };
+    if let Some(found) = foreign(&path, &bytes, &Wanted::NUMBERS) {
+        found.report(&path, &mut context.problems.borrow_mut());
+        return None;
+    }
     let decoded = match std::str::from_utf8(&bytes) {
         Ok(text) if !text.starts_with('\u{feff}') => Ok(Cow::Borrowed(text)),
         _ => decode(&bytes).map(Cow::Owned),

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use vlscan_base::error::Error;
 use vlscan_base::files::reads;
+use vlscan_base::recognise::{Wanted, foreign};
 
 /// Elements of a virtual raster without effect on heights.
 const OF_DATASET: [&str; 9] = [
@@ -68,6 +69,10 @@ pub(super) fn read_virtual_raster(context: &Context, path: &Path) -> Option<Virt
             return None;
         }
     };
+    if let Some(found) = foreign(path, &bytes, &Wanted::VIRTUAL_RASTER) {
+        found.report(path, &mut context.problems.borrow_mut());
+        return None;
+    }
     let document = XmlDocument::parse(path, &bytes, &mut context.problems.borrow_mut())?;
     Reader { context, files: vec![path.to_path_buf()] }.dataset(&document.root())
 }

@@ -6,6 +6,7 @@ use super::arrow::{ArrowDecoder, ArrowDetection, NumberBatch, TableField, detect
 use crate::columns::{Separator, comma_note, has_decimal_comma, stated_separator};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
+use crate::recognise::{FIRST_BYTES, Family, Wanted, foreign};
 use crate::table::check_width;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -48,6 +49,8 @@ enum Format {
 struct TextDecoder {
     /// Bytes that have arrived and have not been returned.
     pending: Vec<u8>,
+    /// True once the kind of the stream has been checked.
+    is_checked: bool,
     /// Number of lines that have been returned.
     line: usize,
     /// The separator that is named, by the caller or in the stream.
@@ -183,7 +186,30 @@ impl RowDecoder {
 
 impl TextDecoder {
     fn new(pending: Vec<u8>, named: Option<char>, may_have_preamble: bool) -> TextDecoder {
-        TextDecoder { pending, line: 0, named, has_begun: false, may_have_preamble, leading: Vec::new() }
+        TextDecoder {
+            pending,
+            is_checked: false,
+            line: 0,
+            named,
+            has_begun: false,
+            may_have_preamble,
+            leading: Vec::new(),
+        }
+    }
+
+    /// Refuses a stream that begins as a file of another kind does, once its first line or enough bytes have arrived.
+    fn refuse_foreign(&mut self, path: &Path, ended: bool, what: &'static str) -> Result<()> {
+        let has_line = memchr::memchr2(b'\n', b'\r', &self.pending).is_some();
+        if self.is_checked || !(has_line || ended || self.pending.len() >= FIRST_BYTES) {
+            return Ok(());
+        }
+        self.is_checked = true;
+        let found = foreign(path, &self.pending, &Wanted::ROWS.named(what));
+        // Unknown bytes are errors at their line.
+        match found.filter(|found| found.kind.family != Family::Binary) {
+            Some(found) => Err(found.error(path)),
+            None => Ok(()),
+        }
     }
 
     /// The next complete lines with rows; `None` if there are none. The first one decides the separator.
@@ -192,8 +218,9 @@ impl TextDecoder {
         max_rows: usize,
         ended: bool,
         source: &mut Arc<Source>,
-        what: &str,
+        what: &'static str,
     ) -> Result<Option<Lines>> {
+        self.refuse_foreign(&source.path, ended, what)?;
         let named = source.clone();
         let refuse = |number, line: &[u8], message| {
             let start = String::from_utf8_lossy(&line[..line.len().min(SHOWN_OF_LONG_LINE)]);

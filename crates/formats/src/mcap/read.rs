@@ -8,6 +8,7 @@ use std::collections::HashMap;
 use std::io::Read;
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
+use vlscan_base::recognise::{FIRST_BYTES, Wanted, foreign};
 
 const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
 /// Kind and length before the content of a record, bytes.
@@ -48,6 +49,14 @@ pub(crate) fn read_frames(
     path: &Path,
     take: &mut dyn FnMut(Frame) -> Result<()>,
 ) -> Result<()> {
+    let mut first = Vec::new();
+    Read::take(&mut *source, FIRST_BYTES as u64)
+        .read_to_end(&mut first)
+        .map_err(|e| Error::io("read", path, e))?;
+    if let Some(found) = foreign(path, &first, &Wanted::LOG) {
+        return Err(found.error(path));
+    }
+    let source: &mut dyn Read = &mut first.as_slice().chain(source);
     let mut input = Input { source, path, at: 0 };
     let mut bytes = Vec::new();
     input.read(MAGIC.len() as u64, &mut bytes)?;

@@ -11,6 +11,7 @@ use std::io::{self, BufRead, Read};
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{Patched, is_special};
+use vlscan_base::recognise::{Family, Wanted, foreign};
 
 /// Minimum bytes of the archive that are compressed as one block; a block ends with a complete record.
 const MIN_BLOCK_BYTES: usize = 1 << 18;
@@ -140,6 +141,14 @@ struct Archive<'n, R> {
 impl<'n, R: BufRead> Archive<'n, R> {
     /// Begins to read the archive and checks that it is one.
     fn open(name: &'n Path, file: R) -> Result<Archive<'n, R>> {
+        let mut file = file;
+        let first = file.fill_buf().map_err(|e| Error::io("read", name, e))?;
+        let found = foreign(name, first, &Wanted::COMPRESSED);
+        if let Some(found) =
+            found.filter(|found| !matches!(found.kind.family, Family::Binary | Family::Empty))
+        {
+            return Err(found.error(name));
+        }
         let mut archive = Archive { name, bytes: ZlibDecoder::new(file), at: 0 };
         archive.check_head().map(|()| archive)
     }

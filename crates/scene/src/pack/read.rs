@@ -10,6 +10,7 @@ use std::path::Path;
 use std::sync::Arc;
 use vlscan_base::error::Result;
 use vlscan_base::quantity;
+use vlscan_base::recognise::{Family, Foreign, Wanted, foreign_file};
 use vlscan_base::store::ArrayFile;
 
 /// An open packed scene.
@@ -26,6 +27,11 @@ impl Pack {
     /// [`vlscan_base::Error::Input`] with the reason when the file is not a packed scene of this version and byte order, is
     /// damaged, or is older than the files that it was made from.
     pub fn open(path: &Path) -> Result<Pack> {
+        let is_known =
+            |found: &Foreign| !matches!(found.kind.family, Family::Binary | Family::Text | Family::Empty);
+        if let Some(found) = foreign_file(path, &Wanted::PACKED).filter(is_known) {
+            return Err(found.error(path));
+        }
         let file = ArrayFile::open(path)?;
         let origin = Origin::read(&file)?;
         origin.check_files(path).map_err(|reason| file.refuse(&reason))?;

@@ -44,7 +44,7 @@ pub async fn home(app: &Arc<App>, identity: &Identity) -> Result<Response, Failu
                 label { "or a folder" input type="file" name="file" webkitdirectory multiple; }
                 button type="submit" { "Upload" }
                 p { small {
-                    "Meshes (OBJ, PLY, STL, glTF), terrain (GeoTIFF), point clouds (LAZ …), voxels, surveys, inventories, areas; at most "
+                    "Meshes (OBJ, PLY, STL, OFF, glTF), terrain (GeoTIFF, ESRI grids), point clouds (LAZ …), voxels, surveys, inventories, areas; at most "
                     (bytes_text(limits.max_upload)) " and " (limits.max_files) " files."
                 } }
             }

@@ -91,7 +91,7 @@ keys! {
     /// `[[part]]`: a geometry file and where it stands. A point goes to `scale` times the rotated point plus `position_m`. Parts
     /// that name the same mesh share it.
     PartKeys = "[[part]]" {
-        /// Geometry file: a mesh (.obj, .ply, .stl, .gltf, .glb), a terrain raster (.tif, .vrt) or vegetation voxels (.vox); or a
+        /// Geometry file: a mesh (.obj, .ply, .stl, .off, .gltf, .glb), a terrain raster (.tif, .asc, .vrt) or vegetation voxels (.vox); or a
         /// folder or a pattern (`dem/*.tif`) of tiles of a raster.
         file;
         /// What points report as the id of the object. Default: the number of the part, from 0.

@@ -198,7 +198,7 @@ pub struct MaterialChoice {
 /// Loaders (spec input-formats §4); no others exist. File paths are resolved; several files come from `efilepath`.
 #[derive(Clone, Debug)]
 pub enum Loader {
-    /// Meshes: OBJ, PLY, STL, glTF.
+    /// Meshes: OBJ, PLY, STL, OFF, glTF.
     MeshFiles {
         /// The files.
         files: Vec<PathBuf>,

@@ -1,9 +1,8 @@
 //! The `[[part]]` tables: a scene in a pipeline file.
 
 use super::super::fields::{Fields, warn_of_repeated_keys};
-use super::super::foreign::MESH_ENDINGS;
 use super::super::keys::{MaterialKeys, PartKeys};
-use super::super::rasters::is_raster;
+use super::super::read::MESH_ENDINGS;
 use super::super::read::{loader_of_file, raster_loader};
 use super::super::{
     Loader, MaterialChange, MaterialDefinition, MeshReading, PartRecipe, Replaced, SceneRecipe, Transform,
@@ -77,10 +76,9 @@ fn read_loader(fields: &mut Fields) -> Option<Loader> {
     };
     let extension = Path::new(&name).extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let is_mesh = MESH_ENDINGS.contains(&extension.as_str());
-    let is_raster = is_raster(&name) || fields.context.is_folder(&name, fields.folder());
+    let is_raster = fields.context.is_terrain(&name, fields.folder());
     if !is_mesh && !is_raster && extension != "vox" {
-        let expected =
-            "a file that ends in .obj, .ply, .stl, .gltf, .glb, .tif, .vrt or .vox, or a folder of rasters";
+        let expected = "a file that ends in .obj, .ply, .stl, .off, .gltf, .glb, .tif, .asc, .vrt or .vox, or a folder of rasters";
         fields.refuse(keys.file, expected);
         fields.ignore(&of_meshes);
         return None;

@@ -7,6 +7,7 @@ use toml::Spanned;
 use vlscan_base::diag::Place;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::input::read_text;
+use vlscan_base::recognise::{Wanted, foreign_file};
 use vlscan_survey::Source;
 
 /// Maximum size of the file, bytes.
@@ -207,7 +208,10 @@ impl File {
     /// # Errors
     /// [`Error::Input`] with the line of what is wrong, [`Error::Io`].
     pub fn read(path: &Path) -> Result<File> {
-        File::parse(path, read_text(path, MAX_BYTES)?)
+        match foreign_file(path, &Wanted::CAMPAIGN) {
+            Some(found) => Err(found.error(path)),
+            None => File::parse(path, read_text(path, MAX_BYTES)?),
+        }
     }
 
     /// Reads the text of a campaign; `path` is for messages.

@@ -5,6 +5,7 @@ use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
+use vlscan_base::recognise::{Wanted, foreign};
 use vlscan_geom::DVec3;
 
 /// The recorded waveform of a pulse.
@@ -48,7 +49,11 @@ const MAX_LINE_BYTES: u64 = 1 << 28;
 pub fn read_wave(source: impl Read, path: &Path, number: u64) -> Result<Wave> {
     let mut source = BufReader::with_capacity(1 << 20, source);
     // gzip (RFC 1952) is recognised by its first two bytes.
-    let packed = source.fill_buf().map_err(|e| Error::io("read", path, e))?.starts_with(&[0x1f, 0x8b]);
+    let first = source.fill_buf().map_err(|e| Error::io("read", path, e))?;
+    let packed = first.starts_with(&[0x1f, 0x8b]);
+    if let Some(found) = foreign(path, first, &Wanted::WAVEFORMS).filter(|_| !packed) {
+        return Err(found.error(path));
+    }
     if packed {
         find(BufReader::new(MultiGzDecoder::new(source)), path, number)
     } else {

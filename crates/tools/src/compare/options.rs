@@ -20,7 +20,7 @@ pub struct CompareOptions {
     /// square cells if it has none.
     #[arg(long)]
     pub chance: bool,
-    /// Terrain that heights and residuals refer to: a raster (.tif, .vrt, a folder of tiles) or a mesh (.obj, .ply, .stl).
+    /// Terrain that heights and residuals refer to: a raster (.tif, .asc, .vrt, a folder of tiles) or a mesh (.obj, .ply, .stl, .off).
     /// [default: the ground points of the first cloud (class 2)]
     #[arg(long, value_name = "FILE")]
     pub terrain: Option<PathBuf>,

@@ -4,6 +4,7 @@ use super::cut::Cut;
 use crate::kd_tree::KdTree;
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
+use vlscan_base::recognise::{Wanted, foreign_file};
 use vlscan_base::{Observer, machine};
 use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::Corrections;
@@ -26,18 +27,21 @@ pub(super) enum Terrain {
 }
 
 impl Terrain {
-    /// Loads a raster (.tif, .vrt, a folder of tiles) or mesh (.obj, .ply, .stl).
+    /// Loads a raster (.tif, .asc, .vrt, a folder of tiles) or mesh (.obj, .ply, .stl, .off).
     ///
     /// # Errors
     /// Those of reading it.
     pub fn load(path: &Path, corner: DVec3, observer: &Observer) -> Result<Terrain> {
         let is_mesh = path.extension().is_some_and(|extension| {
-            ["obj", "ply", "stl"].iter().any(|known| extension.eq_ignore_ascii_case(known))
+            ["obj", "ply", "stl", "off"].iter().any(|known| extension.eq_ignore_ascii_case(known))
         });
+        if let Some(found) = foreign_file(path, &Wanted::SURFACE) {
+            return Err(found.error(path));
+        }
         let name = path.to_str().filter(|_| is_mesh || names_raster(path)).ok_or_else(|| {
             let shown = path.display();
             Error::input(format!(
-                "--terrain {shown}: expected a raster (.tif, .vrt, a folder of tiles) or a mesh (.obj, .ply, .stl)"
+                "--terrain {shown}: expected a raster (.tif, .asc, .vrt, a folder of tiles) or a mesh (.obj, .ply, .stl, .off)"
             ))
         })?;
         let (recipe, found) = read_scene(name, &ReadOptions::default())?;

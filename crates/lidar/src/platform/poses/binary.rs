@@ -10,7 +10,6 @@
 //! flags (TerraScan User Guide, Trajectory file formats). The heading counts clockwise from the grid's north.
 
 use super::fix::{Fix, FixPlace, RecordError, RecordPlace};
-use std::f64::consts::{FRAC_PI_2, TAU};
 use vlscan_geom::{Rotation, radians};
 
 const SBET_BYTES: usize = 136;
@@ -212,21 +211,6 @@ fn terrascan_fix(bytes: &[u8]) -> Result<Fix, RecordError> {
     Ok(Fix { time, place: FixPlace::Local([x, y, z]), attitude, unitless_angles: None })
 }
 
-/// Whether the bytes are plausible as the first record of an SBET.
-pub fn looks_like_sbet(bytes: &[u8]) -> bool {
-    if bytes.len() < SBET_BYTES {
-        return false;
-    }
-    let [time, latitude, longitude, height, vx, vy, vz, roll, pitch, heading, wander] = doubles(bytes);
-    // Zeros are plausible anywhere and prove nothing.
-    (1e-3..1e10).contains(&time)
-        && latitude.abs() <= FRAC_PI_2
-        && longitude.abs() <= TAU
-        && (-1e4..1e6).contains(&height)
-        && [vx, vy, vz].iter().all(|v| v.abs() < 1e5)
-        && [roll, pitch, heading, wander].iter().all(|a| a.abs() <= 2.0 * TAU)
-}
-
 /// Encodes records for tests.
 #[cfg(test)]
 pub mod testing {
@@ -257,6 +241,7 @@ pub mod testing {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::FRAC_PI_2;
 
     fn read_all(mut records: RecordDecoder, bytes: &[u8]) -> (Vec<Fix>, Option<String>) {
         let (mut fixes, mut at) = (Vec::new(), 0);

@@ -1,6 +1,6 @@
 //! Detects the format of a trajectory and decodes its bytes to fixes.
 
-use super::binary::{Decoded, RecordDecoder, looks_like_sbet};
+use super::binary::{Decoded, RecordDecoder};
 use super::fix::{Fix, Pose, RecordError, RecordPlace};
 use super::georeference::Georeference;
 use super::text::PoseRows;
@@ -10,6 +10,7 @@ use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
 use vlscan_base::input::arrow::{ArrowDetection, detect_arrow};
 use vlscan_base::input::rows::RowError;
+use vlscan_base::recognise::{Family, Wanted, foreign, is_sbet};
 use vlscan_survey::{PoseFormat, PoseStream};
 
 /// Takes the fixes that are decoded, with the name of their format; breaks after an error.
@@ -112,6 +113,13 @@ impl PoseDecoder {
     fn find_format(&mut self, ended: bool) -> Result<()> {
         let bytes = &self.pending;
         let is_named = self.settings.format.is_some();
+        let has_line = ended || bytes.len() >= DETECTION_BYTES || bytes.contains(&b'\n');
+        let found = if has_line { foreign(&self.path, bytes, &Wanted::POSES) } else { None };
+        if let Some(found) =
+            found.filter(|found| !matches!(found.kind.family, Family::Binary | Family::Utf16))
+        {
+            return Err(found.error(&self.path));
+        }
         let detected = match detect_arrow(bytes) {
             ArrowDetection::NeedMoreBytes if !ended => return Ok(()),
             ArrowDetection::Arrow => Detection::Text,
@@ -171,7 +179,7 @@ fn detect(bytes: &[u8], ended: bool) -> Detection {
     if start.len() < DETECTION_BYTES && !ended {
         return Detection::NeedMoreBytes;
     }
-    if looks_like_sbet(start) {
+    if is_sbet(start) {
         return Detection::Sbet;
     }
     Detection::Unsupported(if start.starts_with(&[0xff, 0xfe]) || start.starts_with(&[0xfe, 0xff]) {

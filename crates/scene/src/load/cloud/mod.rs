@@ -21,6 +21,7 @@ use std::ops::{ControlFlow, Range};
 use text::{LinePlace, RowFormat};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
+use vlscan_base::recognise::Wanted;
 use vlscan_formats::text::Widths;
 use vlscan_formats::{AttributeSet, CloudFormat, PointFile, PointRow, PointSink, Selection, StrayFinder};
 use vlscan_geom::{Aabb, DVec3, direction, rescaled};
@@ -160,7 +161,7 @@ impl<'s> Cloud<'s> {
         settings: &Settings,
         diagnostics: &mut Diagnostics,
     ) -> Option<Cloud<'s>> {
-        if !source.is_text("a point cloud", diagnostics) {
+        if !source.is_text(&Wanted::POINTS, diagnostics) {
             return None;
         }
         let mut found = Diagnostics::default();

@@ -5,7 +5,7 @@
 use super::gltf::GltfDocument;
 use super::gltf_nodes::{PlacedMesh, similarity};
 use super::materials::MaterialTable;
-use super::{FileFrame, Format, doubts, finish, foreign, table_of, warn_of_unknown};
+use super::{FileFrame, Format, doubts, finish, foreign_format, table_of, warn_of_unknown};
 use crate::builder::SceneBuilder;
 use crate::epoch::part_in_epoch;
 use crate::text::Source;
@@ -122,8 +122,9 @@ fn box_around(mesh: &Mesh, transform: &Transform) -> Aabb {
 /// Whether a file is glTF, by its name or its first bytes. A file that cannot be opened, or is of a format that is not read, is
 /// reported where it is loaded.
 pub(super) fn is_gltf(path: &Path) -> bool {
-    let is_one =
-        |source: &Source| Format::of(path, source.bytes()) == Format::Gltf && foreign(source).is_none();
+    let is_one = |source: &Source| {
+        Format::of(path, source.bytes()) == Format::Gltf && foreign_format(source).is_none()
+    };
     Source::open(path).is_ok_and(|source| is_one(&source))
 }
 

@@ -18,6 +18,7 @@ use vlscan_base::columns::{Separator, comma_note, unquoted};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::files::reads;
 use vlscan_base::input::read_file;
+use vlscan_base::recognise::{Wanted, foreign_file};
 use vlscan_survey::{MaterialDefinition, MeshReading};
 
 /// Name of the table that is looked for beside a mesh file.
@@ -39,6 +40,10 @@ impl MaterialTable {
     pub fn of(path: &Path, reading: &MeshReading, diagnostics: &mut Diagnostics) -> Option<MaterialTable> {
         let beside = || Some(path.with_file_name(FILE_NAME)).filter(|table| reads::is_file(table));
         let table = reading.materials.clone().or_else(beside)?;
+        if let Some(found) = foreign_file(&table, &Wanted::MATERIAL_TABLE) {
+            found.report(&table, diagnostics);
+            return None;
+        }
         let text = match read_text(&table) {
             Ok(text) => text,
             Err(e) => {

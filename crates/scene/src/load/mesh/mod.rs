@@ -1,10 +1,11 @@
-//! Mesh files: OBJ, PLY, STL and glTF, recognised by their contents.
+//! Mesh files: OBJ, PLY, STL, OFF and glTF, recognised by their contents.
 //!
 //! | file | what it does |
 //! |---|---|
 //! | `obj` | OBJ |
 //! | `ply` | PLY |
 //! | `stl` | STL |
+//! | `off` | OFF |
 //! | `gltf`, `gltf_buffers` | documents of glTF 2.0: accessors, meshes, materials; their bytes |
 //! | `gltf_extensions` | extensions that a document may require |
 //! | `gltf_materials` | materials of a glTF document with their extras |
@@ -25,6 +26,7 @@ mod gltf_nodes;
 mod materials;
 pub(super) mod memory;
 mod obj;
+mod off;
 mod ply;
 mod polygon;
 mod stl;
@@ -44,9 +46,10 @@ use std::collections::HashSet;
 use std::path::Path;
 use vlscan_base::diag::Place;
 use vlscan_base::error::{Error, Result};
+use vlscan_base::recognise::{Foreign, Wanted, foreign, is_off};
 use vlscan_formats::is_ply;
 use vlscan_geom::DVec3;
-use vlscan_survey::{MaterialDefinition, Mesh, MeshReading, UpAxis, foreign_format};
+use vlscan_survey::{MaterialDefinition, Mesh, MeshReading, UpAxis};
 
 /// Formats of mesh files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,6 +57,7 @@ enum Format {
     Obj,
     Ply,
     Stl,
+    Off,
     Gltf,
 }
 
@@ -64,6 +68,7 @@ impl Format {
             _ if is_ply(bytes) => Format::Ply,
             _ if bytes.starts_with(b"glTF") => Format::Gltf,
             "gltf" | "glb" => Format::Gltf,
+            _ if is_off(bytes) => Format::Off,
             "ply" => Format::Ply,
             "stl" => Format::Stl,
             _ if stl::is_stl(bytes) => Format::Stl,
@@ -170,10 +175,9 @@ pub(crate) fn load(
     reading: &MeshReading,
     names: &mut Names,
 ) -> Result<()> {
-    if let Some((found, help)) = foreign(source) {
-        let message =
-            format!("expected a mesh (OBJ, PLY, STL, glTF), found {found}: {}", source.path().display());
-        scene.diagnostics.error(part.place.cloned(), message).help(help);
+    if let Some(found) = foreign_format(source) {
+        let message = format!("{}: {}", found.message(), source.path().display());
+        scene.diagnostics.error(part.place.cloned(), message).help(found.help);
         return Ok(());
     }
     let format = Format::of(source.path(), source.bytes());
@@ -182,6 +186,7 @@ pub(crate) fn load(
         Format::Obj => return load_obj(scene, part, source, reading, names),
         Format::Ply => ply::read(source),
         Format::Stl => stl::read(source),
+        Format::Off => off::read(source),
         Format::Gltf => gltf::GltfDocument::open(source.path(), scene.free_memory()).and_then(|document| {
             scene.sources.extend(document.files().map(Path::to_path_buf));
             let warnings = document.warnings();
@@ -213,12 +218,11 @@ pub(crate) fn load(
     memory::load_with(scene, part, &mesh, materials, &face_of)
 }
 
-/// The format of a file that is none of the known ones, and what to do with it. The first bytes of a binary STL file are
-/// any.
-fn foreign(source: &Source) -> Option<(&'static str, &'static str)> {
+/// A file of none of the formats that are read. The first bytes of a binary STL file are any.
+fn foreign_format(source: &Source) -> Option<Foreign> {
     let bytes = source.bytes();
     let is_known = is_ply(bytes) || bytes.starts_with(b"glTF") || stl::is_stl(bytes);
-    (!is_known).then(|| foreign_format(source.path(), bytes)).flatten()
+    (!is_known).then(|| foreign(source.path(), bytes, &Wanted::MESH)).flatten()
 }
 
 /// The table of a mesh file's materials, if it has one.

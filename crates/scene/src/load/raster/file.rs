@@ -1,11 +1,13 @@
 //! Files of rasters, of which only the bytes that are needed are read.
 
+use super::ascii_grid;
 use std::borrow::Cow;
 use std::fs::{self, File};
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use tiff::decoder::Decoder;
 use vlscan_base::files::{fault, read_exact_at, reads};
+use vlscan_base::recognise::{FIRST_BYTES, is_ascii_grid};
 use vlscan_base::store::FileBytes;
 
 /// The decoder of a file's directories.
@@ -22,7 +24,7 @@ pub(super) struct RasterFile {
 enum Version {
     /// Size and times of a regular file.
     Stamp(Option<reads::Stamp>),
-    /// The bytes of a pipe.
+    /// The bytes of a pipe, or the raster of a grid.
     Held(FileBytes),
 }
 
@@ -33,17 +35,27 @@ pub(super) enum OpenFile {
 }
 
 impl RasterFile {
-    /// Opens a file for the first time.
+    /// Opens a file for the first time. A grid of text is held as the GeoTIFF that it is read as.
+    ///
+    /// # Errors
+    /// [`io::ErrorKind::InvalidData`] with a [`ascii_grid::GridError`] for a grid that cannot be read.
     pub fn find(path: &Path) -> io::Result<(RasterFile, OpenFile)> {
         fault::point()?;
         let is_regular = fs::metadata(path).is_ok_and(|about| about.is_file());
-        let (version, open) = if is_regular {
+        let open = if is_regular {
             let file = reads::open(path)?;
-            let about = file.metadata()?;
-            (Version::Stamp(reads::Stamp::of(&about)), OpenFile::Regular(file, about.len()))
+            let length = file.metadata()?.len();
+            OpenFile::Regular(file, length)
         } else {
-            let bytes = FileBytes::open(path)?;
-            (Version::Held(bytes.clone()), OpenFile::Held(bytes))
+            OpenFile::Held(FileBytes::open(path)?)
+        };
+        let open = match is_ascii_grid(&open.start(FIRST_BYTES)?) {
+            false => open,
+            true => OpenFile::Held(FileBytes::from(read_grid(path, &open)?)),
+        };
+        let version = match &open {
+            OpenFile::Regular(file, _) => Version::Stamp(reads::Stamp::of(&file.metadata()?)),
+            OpenFile::Held(bytes) => Version::Held(bytes.clone()),
         };
         Ok((RasterFile { path: path.to_path_buf(), version }, open))
     }
@@ -79,6 +91,18 @@ impl RasterFile {
             _ => Ok(()),
         }
     }
+}
+
+/// The GeoTIFF of a grid of text.
+fn read_grid(path: &Path, open: &OpenFile) -> io::Result<Vec<u8>> {
+    let text = match open {
+        OpenFile::Regular(..) => FileBytes::open(path)?,
+        OpenFile::Held(bytes) => bytes.clone(),
+    };
+    let raster =
+        ascii_grid::geotiff(&text, path).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e))?;
+    text.check_unchanged()?;
+    Ok(raster)
 }
 
 impl OpenFile {

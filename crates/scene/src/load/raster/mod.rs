@@ -7,12 +7,14 @@
 //! | `pages` | rasters that are in memory only where rays need them |
 //! | `tile` | one file: what it says of its pixels, and the numbers in a window |
 //! | `file` | files of which parts are read |
+//! | `ascii_grid` | ESRI ASCII grids, read as the GeoTIFF of the same heights |
 //! | `blocks`, `unpack` | strips and tiles: predictors and types of numbers; compressions |
 //! | `georeference` | where the pixels are, from tags or a world file |
 //! | `keys` | GeoKeys and GDAL's metadata: systems, units, scales |
 //! | `validity` | no-data values, masks, alpha bands |
 //! | `refusal` | why a raster cannot be used |
 
+mod ascii_grid;
 mod blocks;
 #[cfg(test)]
 mod field_tests;
@@ -163,7 +165,7 @@ pub(crate) fn load(
     let Some(mosaic) = find(scene, part, files)? else { return Ok(()) };
     let path = named(files);
     scene.check_memory(mosaic.memory(keeps_grid), path)?;
-    let unusable = |problem: String| Refusal::Unusable(path.clone(), problem, "");
+    let unusable = |problem: String| Refusal::Unusable(path.clone(), problem, "".into());
     let whole = mosaic.extent();
     let (heights, doubts) = match read_window(scene.options, &mosaic, whole, whole)? {
         Ok(found) => found,
@@ -276,7 +278,7 @@ fn read_window(
     window: Window,
     own: Window,
 ) -> Result<std::result::Result<(Heights, Doubts), Refusal>> {
-    let unusable = |problem| Refusal::Unusable(mosaic.path(), problem, "");
+    let unusable = |problem| Refusal::Unusable(mosaic.path(), problem, "".into());
     let mut heights = match mosaic.heights(window.pixels()) {
         Ok(heights) => heights,
         Err(problem) => return Ok(Err(unusable(problem))),

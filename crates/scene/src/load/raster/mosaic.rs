@@ -172,7 +172,7 @@ impl Mosaic {
             ));
         }
         let grid = raster.geo_transform.map(|c| Georeference::from_affine(c, false)).transpose();
-        let grid = grid.map_err(|problem| (None, Refusal::Unusable(own.clone(), problem, "")))?;
+        let grid = grid.map_err(|problem| (None, Refusal::Unusable(own.clone(), problem, "".into())))?;
         if grid.is_none() {
             warnings.push(UNPLACED.to_owned());
         }
@@ -280,11 +280,11 @@ impl Mosaic {
         if !self.georeference.is_near(self.columns, self.rows) {
             let problem =
                 format!("it reaches beyond {MAX_COORDINATE:e} m, where coordinates cannot be computed");
-            return Err(Refusal::Unusable(path, problem, ""));
+            return Err(Refusal::Unusable(path, problem, "".into()));
         }
         if self.triangles().max(self.pixels()) > MAX_ELEMENTS {
             let problem = format!("{}: {} x {}", TOO_MANY, self.columns, self.rows);
-            return Err(Refusal::Unusable(path, problem, ""));
+            return Err(Refusal::Unusable(path, problem, "".into()));
         }
         if self.tiles.len() > MAX_COMPARED_TILES {
             self.tiles.iter_mut().for_each(|tile| tile.overlaps = true);
@@ -367,7 +367,9 @@ impl Mosaic {
                 files.filter_map(|file| Some((file.path().to_path_buf(), file.open().err()?))).next();
             match changed {
                 Some((path, e)) => Refusal::Changed(path, e),
-                None => Refusal::Unusable(raster.file.path().to_path_buf(), problem, super::tile::HELP),
+                None => {
+                    Refusal::Unusable(raster.file.path().to_path_buf(), problem, super::tile::HELP.into())
+                }
             }
         })
     }

@@ -159,7 +159,7 @@ impl PagedRaster {
         let field = HeightField::new(grid, heights, 0);
         Ok(field
             .map(|field| (field, doubts))
-            .ok_or_else(|| Refusal::Unusable(mosaic.path(), TOO_MANY.to_owned(), "")))
+            .ok_or_else(|| Refusal::Unusable(mosaic.path(), TOO_MANY.to_owned(), "".into())))
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::builder::{PartSource, SceneBuilder};
 use crate::text::is_wrong_name;
+use std::borrow::Cow;
 use std::io;
 use std::path::PathBuf;
 use vlscan_base::diag::Place;
@@ -17,7 +18,7 @@ pub(super) enum Refusal {
     /// The file was changed or removed while it was being read.
     Changed(PathBuf, io::Error),
     /// What is wrong with a file, and what to do about it.
-    Unusable(PathBuf, String, &'static str),
+    Unusable(PathBuf, String, Cow<'static, str>),
     /// How two files do not go together, and what to do about it.
     Apart(String, &'static str),
 }
@@ -27,13 +28,13 @@ impl Refusal {
     pub fn report(self, scene: &mut SceneBuilder, part: &PartSource, place: Option<Place>) -> Result<()> {
         let (message, help) = match self {
             Refusal::Unread(path, e) if is_wrong_name(&e) => {
-                (format!("cannot read {}: {e}", path.display()), "")
+                (format!("cannot read {}: {e}", path.display()), Cow::Borrowed(""))
             }
             Refusal::Unread(path, e) | Refusal::Changed(path, e) => return Err(Error::io("read", &path, e)),
             Refusal::Unusable(path, problem, help) => {
                 (format!("cannot read the raster {}: {problem}", path.display()), help)
             }
-            Refusal::Apart(message, help) => (message, help),
+            Refusal::Apart(message, help) => (message, help.into()),
         };
         let error = scene.diagnostics.error(place.or_else(|| part.place.cloned()), message);
         if !help.is_empty() {

@@ -1,5 +1,6 @@
 //! One raster: what its file says of its pixels, and the numbers in a window of them.
 
+use super::ascii_grid::GridError;
 use super::blocks::{Blocks, Window, readable};
 use super::file::{Directory, OpenFile, RasterFile};
 use super::georeference::{self, Georeference};
@@ -10,7 +11,7 @@ use crate::builder::MAX_COORDINATE;
 use std::path::Path;
 use tiff::decoder::{Decoder, Limits};
 use tiff::tags::Tag;
-use vlscan_survey::foreign_format;
+use vlscan_base::recognise::{Wanted, foreign, recognise};
 
 /// Photometric interpretation of images whose numbers are those of colours.
 const PALETTE: u64 = 3;
@@ -45,11 +46,12 @@ pub(super) struct Raster {
 impl Raster {
     /// Reads the description of a raster.
     pub fn find(path: &Path) -> Result<Raster, Refusal> {
-        let (file, open) = RasterFile::find(path).map_err(|e| Refusal::Unread(path.to_path_buf(), e))?;
+        let (file, open) = RasterFile::find(path).map_err(|e| refused(path, e))?;
         describe(file, &open).map_err(|problem| {
             let start = open.start(START_BYTES).unwrap_or_default();
-            let help = other_format(path, &start).map_or(HELP, |(_, help)| help);
-            Refusal::Unusable(path.to_path_buf(), problem, help)
+            let help = foreign(path, &start, &Wanted::RASTER).map_or_else(String::new, |found| found.help);
+            let help = if help.is_empty() { HELP.to_owned() } else { help };
+            Refusal::Unusable(path.to_path_buf(), problem, help.into())
         })
     }
 
@@ -136,10 +138,12 @@ fn each_common(one: &Window, other: &Window, mut visit: impl FnMut(usize, usize)
     }
 }
 
-/// The format of a file that is not TIFF, and what to do with it.
-fn other_format(path: &Path, start: &[u8]) -> Option<(&'static str, &'static str)> {
-    let found = foreign_format(path, start).filter(|_| !is_tiff(start));
-    found.filter(|(name, _)| *name != "a TIFF raster")
+/// Why a file was not opened: what is wrong with a grid of text, or the error of the system.
+fn refused(path: &Path, error: std::io::Error) -> Refusal {
+    match error.get_ref().and_then(|inner| inner.downcast_ref::<GridError>()) {
+        Some(problem) => Refusal::Unusable(path.to_path_buf(), problem.to_string(), "".into()),
+        None => Refusal::Unread(path.to_path_buf(), error),
+    }
 }
 
 fn is_tiff(bytes: &[u8]) -> bool {
@@ -153,8 +157,10 @@ fn directory<'a>(path: &Path, open: &'a OpenFile) -> Result<Directory<'a>, Strin
         return Err("the file is empty".to_owned());
     }
     if !is_tiff(&start) {
-        let found = other_format(path, &start).map_or("bytes of another kind", |found| found.0);
-        return Err(format!("expected a TIFF file, found {found}"));
+        return Err(format!(
+            "expected a GeoTIFF file or an ESRI ASCII grid, found {}",
+            recognise(path, &start).name
+        ));
     }
     let mut limits = Limits::default();
     limits.ifd_value_size = limits.ifd_value_size.max(usize::try_from(open.length()).unwrap_or(usize::MAX));

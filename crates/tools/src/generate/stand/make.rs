@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::Bounds;
+use vlscan_base::recognise::{Wanted, foreign_file};
 use vlscan_base::{Observer, machine};
 use vlscan_lidar::pulse::Corrections;
 use vlscan_scene::{GroundModel, LoadOptions, read_materials};
@@ -29,7 +30,7 @@ pub struct StandOptions {
     /// in the folder `models` of the output, which stand for other conifers and broad-leaved trees, too]
     #[arg(long, value_name = "DIR")]
     pub trees: Option<PathBuf>,
-    /// Terrain: a mesh (.obj, .ply, .stl) or a raster (.tif, .vrt, a folder of tiles); may be given more than once. Rasters, and meshes without a ground material,
+    /// Terrain: a mesh (.obj, .ply, .stl, .off) or a raster (.tif, .asc, .vrt, a folder of tiles); may be given more than once. Rasters, and meshes without a ground material,
     /// become soil: class 2, reflectance 0.3, ground. [default: none; trees use z of the inventory]
     #[arg(long, value_name = "FILE")]
     pub terrain: Vec<PathBuf>,
@@ -209,11 +210,14 @@ fn read_terrain(
     let is_one_of = |endings: &[&str]| {
         path.extension().is_some_and(|e| endings.iter().any(|known| e.eq_ignore_ascii_case(known)))
     };
+    if let Some(found) = foreign_file(path, &Wanted::SURFACE) {
+        return Err(found.error(path));
+    }
     let (is_raster, is_obj) = (names_raster(path), is_one_of(&["obj"]));
-    let is_known = is_raster || is_obj || is_one_of(&["ply", "stl"]);
+    let is_known = is_raster || is_obj || is_one_of(&["ply", "stl", "off"]);
     let name = path.to_str().filter(|_| is_known).ok_or_else(|| {
         Error::input(format!(
-            "{}: expected a mesh (.obj, .ply, .stl) or a raster (.tif, .vrt, a folder of tiles) of the terrain",
+            "{}: expected a mesh (.obj, .ply, .stl, .off) or a raster (.tif, .asc, .vrt, a folder of tiles) of the terrain",
             path.display()
         ))
     })?;

@@ -22,6 +22,7 @@ use vlscan_base::columns::decoded;
 use vlscan_base::diag::{Place, nearest};
 use vlscan_base::error::Result;
 use vlscan_base::files::reads;
+use vlscan_base::recognise::Wanted;
 use vlscan_geom::DVec3;
 
 /// Bytes read by one task: small enough to keep all threads busy, large enough to make the overhead per task
@@ -44,7 +45,7 @@ pub(crate) fn load(
 ) -> Result<()> {
     let other = source.with_other_line_ends();
     let source = other.as_ref().unwrap_or(source);
-    if !source.is_text("an OBJ file", &mut scene.diagnostics) {
+    if !source.is_text(&Wanted::MESH.named("an OBJ file"), &mut scene.diagnostics) {
         return Ok(());
     }
     let start = scene.end();
@@ -79,7 +80,7 @@ fn check_whole(scene: &mut SceneBuilder, source: &Source, mesh: &Mesh) {
     let message = match (has_elements || mesh.polygons > 0, vertices) {
         (true, _) => return,
         (false, 0) if mesh.unknown == 0 => return,
-        (false, 0) => "expected a mesh (OBJ, PLY, STL, glTF), found no vertex and no face".to_owned(),
+        (false, 0) => "expected a mesh (OBJ, PLY, STL, OFF, glTF), found no vertex and no face".to_owned(),
         (false, n) => format!("expected faces of the {n} vertices, found none; is the file truncated?"),
     };
     let end = source.bytes().len();

@@ -210,14 +210,13 @@ fn coordinates_of_text_keep_all_digits_and_have_points() {
 #[test]
 fn formats_that_are_not_read_are_named_whatever_the_name_of_the_file() {
     for (bytes, name, help) in [
-        (&b"OFF\n3 1 0\n"[..], "OFF", "assimp"),
-        (b"Kaydara FBX Binary  \0", "FBX", "assimp"),
-        (b"<?xml version=\"1.0\"?>\n<COLLADA>", "COLLADA", "assimp"),
-        (b"ISO-10303-21;\nFILE_SCHEMA(('IFC2X3'));", "IFC", "IfcConvert"),
-        (b"LASF\0\0", "LAS points", "xyzloader"),
-        (b"ASTM-E57\0", "E57 points", "xyzloader"),
+        (&b"Kaydara FBX Binary  \0"[..], "an FBX mesh", "assimp"),
+        (b"<?xml version=\"1.0\"?>\n<COLLADA>", "a COLLADA scene", "assimp"),
+        (b"ISO-10303-21;\nFILE_SCHEMA(('IFC2X3'));", "an IFC model", "IfcConvert"),
+        (b"LASF\0\0", "a LAS point cloud", "xyzloader"),
+        (b"ASTM-E57\0", "an E57 point cloud", "xyzloader"),
         (b"II*\0\x08\0\0\0", "a TIFF raster", "geotiffloader"),
-        (b"PK\x03\x04\0", "a compressed archive", "unzip"),
+        (b"PK\x03\x04\0", "a ZIP archive", "unzip"),
     ] {
         for file in ["a.obj", "a.ply", "a.stl", "a.glb"] {
             let report = refused(file, bytes);

@@ -1,0 +1,270 @@
+//! What the readers want, and what they say of anything else.
+
+use super::Family::{self, *};
+use super::Foreign;
+use super::kinds::{self, Kind};
+use std::path::Path;
+
+/// What a file is read for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// A survey or a pipeline.
+    Survey,
+    /// A scene, or a part of it.
+    Scene,
+    /// A raster of heights.
+    Terrain,
+    /// A point cloud.
+    Points,
+    /// Poses of a platform.
+    Flight,
+    /// An area or a line.
+    Area,
+    /// A log of messages.
+    Log,
+    /// A table of text with columns of its own.
+    Table,
+    /// Another file with a format of its own.
+    Other,
+}
+
+/// What a reader wants.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wanted {
+    /// A noun with its article: "a survey".
+    pub what: &'static str,
+    /// What it is read for.
+    pub role: Role,
+    /// Families of which the files that are read may be.
+    families: &'static [Family],
+    /// Whether a file of unknown contents is refused if its ending is that of another kind.
+    pub(super) uses_endings: bool,
+    /// Kinds of other families that are read, or of these that are not although vlscan reads them elsewhere.
+    except: &'static [Kind],
+}
+
+const fn wanted(what: &'static str, role: Role, families: &'static [Family]) -> Wanted {
+    Wanted { what, role, families, uses_endings: false, except: &[] }
+}
+
+impl Wanted {
+    /// A survey, a scene or an instrument in XML.
+    pub const DOCUMENT: Wanted = Wanted {
+        except: &[kinds::XML],
+        ..wanted("an XML document (survey, scene, scanner, platform)", Role::Survey, &[Document])
+    };
+    /// What `vlscan run` takes, if it is not TOML by its name.
+    pub const SURVEY: Wanted = Wanted { what: "a survey (.xml) or a pipeline (.toml)", ..Wanted::DOCUMENT };
+    /// A pipeline in TOML, whose errors of syntax name their lines.
+    pub const PIPELINE: Wanted = wanted("a pipeline (TOML)", Role::Survey, &[Pipeline, Text, Empty]);
+    /// The file of a campaign.
+    pub const CAMPAIGN: Wanted = wanted("a campaign (TOML)", Role::Other, &[Pipeline, Text, Empty]);
+    /// A mesh; OBJ begins with any words.
+    pub const MESH: Wanted = Wanted {
+        uses_endings: true,
+        ..wanted("a mesh (OBJ, PLY, STL, OFF, glTF)", Role::Scene, &[Mesh, PointsOrMesh, Text, Empty])
+    };
+    /// Vegetation voxels.
+    pub const VOXELS: Wanted = wanted("voxels of AMAPVox (.vox)", Role::Scene, &[Voxels, Text, Table, Empty]);
+    /// A raster of heights.
+    pub const RASTER: Wanted = Wanted {
+        except: &[kinds::VRT],
+        ..wanted("a raster (GeoTIFF, ESRI ASCII grid)", Role::Terrain, &[Terrain])
+    };
+    /// Ground as a raster or a mesh.
+    pub const SURFACE: Wanted = wanted(
+        "a raster (.tif, .asc, .vrt, a folder of tiles) or a mesh (.obj, .ply, .stl, .off)",
+        Role::Terrain,
+        &[Terrain, Mesh, PointsOrMesh],
+    );
+    /// A virtual raster.
+    pub const VIRTUAL_RASTER: Wanted = Wanted {
+        except: &[kinds::VRT, kinds::XML],
+        ..wanted("a virtual raster of GDAL (VRT)", Role::Terrain, &[])
+    };
+    /// Materials of OBJ.
+    pub const MATERIALS: Wanted = wanted("a material file", Role::Other, &[Materials, Text, Empty]);
+    /// A table of materials by name.
+    pub const MATERIAL_TABLE: Wanted = wanted("a table of materials", Role::Table, TEXTS);
+    /// Reflectance by wavelength.
+    pub const SPECTRUM: Wanted = wanted("a spectrum", Role::Table, TEXTS);
+    /// Directions of leaves.
+    pub const LEAF_ANGLES: Wanted = wanted("a table of leaf angles", Role::Table, TEXTS);
+    /// Meshes with their places.
+    pub const INSTANCES: Wanted = wanted("a table of instances", Role::Table, TABLES);
+    /// Trees with their places.
+    pub const INVENTORY: Wanted = wanted("an inventory of trees as a table of text", Role::Table, TABLES);
+    /// Other columns of numbers.
+    pub const NUMBERS: Wanted = wanted("a table of numbers", Role::Table, TABLES);
+    /// Points as a text of columns, or in a format that is recognised elsewhere.
+    pub const POINTS: Wanted =
+        wanted("a point cloud", Role::Points, &[Points, PointsOrMesh, Columnar, Table, Text, Empty]);
+    /// Poses; rows of text and Arrow, SBET, TerraScan.
+    pub const POSES: Wanted = Wanted {
+        except: &[kinds::PARQUET],
+        ..wanted("poses of a platform", Role::Flight, &[Flight, Columnar, Table, Text, Empty])
+    };
+    /// Rows of text and Arrow, of whatever.
+    pub const ROWS: Wanted = Wanted {
+        except: &[kinds::PARQUET],
+        ..wanted("rows of text or Arrow", Role::Table, &[Columnar, Table, Text, Empty])
+    };
+    /// Polygons and lines.
+    pub const AREA: Wanted = Wanted {
+        uses_endings: true,
+        except: &[kinds::JSON],
+        ..wanted(
+            "polygons or lines (GeoJSON, KML, KMZ, GPX, shapefile, GeoPackage, well-known text)",
+            Role::Area,
+            &[Area, Empty],
+        )
+    };
+    /// A coordinate reference system.
+    pub const SYSTEM: Wanted = wanted(
+        "a coordinate reference system (WKT or an EPSG code)",
+        Role::Other,
+        &[System, Text, Table, Empty],
+    );
+    /// The calibration of a sensor.
+    pub const CALIBRATION: Wanted = Wanted {
+        except: &[kinds::JSON],
+        ..wanted("the calibration of an Ouster sensor (JSON)", Role::Other, &[Calibration])
+    };
+    /// A log of frames.
+    pub const LOG: Wanted = wanted("an MCAP log", Role::Log, &[Log]);
+    /// Sampled pulses.
+    pub const WAVEFORMS: Wanted = wanted("waveforms as text", Role::Other, &[Table, Text, Empty]);
+    /// A packed scene.
+    pub const PACKED: Wanted = wanted("a packed scene (.vlscene)", Role::Scene, &[Packed]);
+    /// The shards of a run.
+    pub const SHARDS: Wanted = wanted("a folder of shards", Role::Other, &[]);
+    /// Compressed text.
+    pub const COMPRESSED: Wanted = Wanted {
+        except: &[kinds::COMPRESSED_TEXT],
+        ..wanted("compressed text of HELIOS++ or vlscan (.bin)", Role::Other, &[])
+    };
+
+    /// The same files under another name: a noun with its article.
+    pub const fn named(self, what: &'static str) -> Wanted {
+        Wanted { what, ..self }
+    }
+
+    /// True if the file may be one of those that are read. Kinds that need a converter are not.
+    pub(super) fn accepts(&self, kind: &Kind) -> bool {
+        let is_odd = self.except.contains(kind);
+        is_odd != (self.families.contains(&kind.family) && kind.convert.is_empty())
+    }
+
+    /// The message for a file of another kind.
+    pub(super) fn refuse(&self, kind: &'static Kind, path: &Path) -> Foreign {
+        let name = quoted(path);
+        let help = match kind.convert {
+            "" => self.advice(kind).unwrap_or_else(|| use_of(kind).to_owned()),
+            convert => match (self.suits(kind.family), self.advice(kind), use_of(kind)) {
+                (true, ..) | (_, None, "") => convert.to_owned(),
+                (_, Some(advice), _) => format!("{convert}; {}", advice.replace("{f}", "FILE")),
+                (_, _, of) => format!("{convert}; {}", of.replace("{f}", "FILE")),
+            },
+        };
+        Foreign { kind, expected: self.what, help: help.replace("{f}", &name) }
+    }
+
+    /// True if a file of the family is what is wanted once it is converted.
+    fn suits(&self, family: Family) -> bool {
+        self.families.contains(&family)
+            || matches!(
+                (self.role, family),
+                (Role::Table | Role::Flight | Role::Points, Array | Sheet | Utf16)
+            )
+    }
+
+    /// What makes of files of the family what is wanted here.
+    fn advice(&self, kind: &Kind) -> Option<String> {
+        let text = match (self.role, kind.family) {
+            (Role::Scene, Points) => {
+                "a point cloud becomes voxels: a scene of XML with <filter type=\"xyzloader\"> and a voxelSize, or `vlscan scene \
+                 reconstruct {f} -o DIR`"
+            }
+            (Role::Scene, Terrain) => {
+                "a terrain raster is read by <filter type=\"geotiffloader\">, or as `--scene {f}`"
+            }
+            (Role::Terrain, Points | PointsOrMesh) => {
+                "a terrain of points: `vlscan raster {f} --dtm dtm.tif`"
+            }
+            (Role::Terrain, Mesh) => "a mesh is read by <filter type=\"objloader\">, or as `--scene {f}`",
+            (Role::Points, Terrain) => {
+                "`vlscan scene info {f}` describes it as terrain; points of its cells: gdal_translate -of XYZ {f} out.xyz"
+            }
+            (Role::Flight, Area | Log | Mesh | Document | Markup) => {
+                "write its positions as a table with headings: time,x,y,z,roll,pitch,yaw"
+            }
+            (Role::Flight, Points) => {
+                "`vlscan fit {f} --output flight.toml` estimates the flight of a recorded cloud"
+            }
+            (Role::Area, Table) => "write the corners as well-known text: POLYGON ((x y, x y, x y))",
+            (Role::Area, Flight) => "`vlscan run PIPELINE --trajectory {f}` flies it as it was recorded",
+            (Role::Area, Points) => {
+                "`vlscan info {f}` shows its extent; write the corners as well-known text: POLYGON ((x y, x y, x y))"
+            }
+            (Role::Table | Role::Flight, Columnar) => "write it as CSV, for example with Polars or pandas",
+            (Role::Survey, Text | Utf16 | Binary | Empty | Markup) => {
+                "`vlscan run` flies a survey (.xml) or a pipeline (.toml); docs/first-survey.md shows both"
+            }
+            (Role::Scene, Table) => {
+                "a table of instances ends in .csv; points become voxels: a scene of XML with <filter type=\"xyzloader\">"
+            }
+            (_, Binary | Text | Empty | Markup) => "",
+            _ => return None,
+        };
+        Some(text.to_owned())
+    }
+}
+
+const TEXTS: &[Family] = &[Table, Text, Empty];
+const TABLES: &[Family] = &[Table, Text, Utf16, Empty];
+
+/// The command for files of the kind, with `{f}` for the file.
+fn use_of(kind: &Kind) -> &'static str {
+    match kind.family {
+        Points | Columnar => {
+            "`vlscan info {f}` describes a point cloud, `vlscan preview {f} -o page.html` shows it"
+        }
+        PointsOrMesh => "`vlscan info {f}` describes its points, `vlscan scene info {f}` its mesh",
+        Mesh | Voxels | Terrain => {
+            "`vlscan scene info {f}` describes it, `vlscan run SURVEY --scene {f}` scans it"
+        }
+        Packed => "`vlscan scene info {f}` describes it, `vlscan run SURVEY --scene {f}` scans it",
+        Materials => "name the OBJ file that uses it: `vlscan scene info model.obj`",
+        Area => "`vlscan plan airborne --area {f}` takes areas, `vlscan plan mobile --along {f}` lines",
+        System => "`--crs {f}` takes coordinate reference systems",
+        Flight => "`vlscan run PIPELINE --trajectory {f}` flies it",
+        Log => {
+            "`vlscan frames {f} -o DIR --layout kitti` writes the frames of an MCAP log that vlscan wrote; \
+                `vlscan run -o a.mcap -o a.laz` also writes the points in world coordinates"
+        }
+        Document => {
+            "`vlscan run {f}` flies a survey, `vlscan scene info {f}` describes a scene; `--scanner {f}#ID` takes instruments"
+        }
+        Pipeline => {
+            "`vlscan run {f}` flies a pipeline, `vlscan campaign {f}` makes the data set of a campaign"
+        }
+        Shard => "`vlscan merge FOLDER` makes points of the shards of a run",
+        Calibration => "`--scanner {f}` takes calibrations",
+        Table => {
+            "points: `vlscan info {f}`; a trajectory: `vlscan run PIPELINE --trajectory {f}`; an inventory of trees: `vlscan scene \
+             stand {f} -o DIR`"
+        }
+        Array | Sheet => "tables: points for `vlscan info {f}`, a trajectory for `--trajectory {f}`",
+        Markup | Text | Utf16 | Archive | Picture | Other | Binary | Empty => "",
+    }
+}
+
+/// The name of a file as a shell takes it; a placeholder for standard input.
+fn quoted(path: &Path) -> String {
+    let name = path.to_string_lossy();
+    match name.as_ref() {
+        "-" | "<stdin>" | "STDIN" | "/dev/stdin" | "" => "FILE".to_owned(),
+        name if name.chars().all(|c| c.is_alphanumeric() || "/._-+=:@%\\".contains(c)) => name.to_owned(),
+        name => format!("'{}'", name.replace('\'', "'\\''")),
+    }
+}
