@@ -1,25 +1,25 @@
-//! Areas and lines from files of GeoJSON, KML and well-known text.
+//! Areas and lines from files of GeoJSON, KML, KMZ, GPX, shapefiles, GeoPackages and well-known text.
 
 use super::area::{Area, check_coordinates};
 use super::corridor::corridor;
 use super::geometries::{Format, Geometry, Line, Shape, System, is_well_known_text, read_geometries};
+use super::vector::{MAX_FILE_BYTES, read_file_geometries};
 use std::collections::BTreeMap;
 use std::path::Path;
 use vlscan_base::crs;
 use vlscan_base::diag::{Diagnostics, Place, ProblemKind};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::input::read_text;
+use vlscan_base::input::read_file;
 use vlscan_base::quantity::number;
+use vlscan_base::recognise::{self, foreign};
 use vlscan_geom::{UtmZone, radians};
 
-/// Maximum size of a file of an area or a line, bytes.
-const MAX_BYTES: u64 = 64 << 20;
 /// Extent below which coordinates without a system are degrees in every format: as metres such an area is too small to be
 /// scanned.
 const MAX_DEGREES: f64 = 1.0;
 
-/// Reads an area: a file of GeoJSON, KML or well-known text, or well-known text itself. Its first polygon counts, without its
-/// holes; with `buffer` (m) what is no farther from its first line. `scene_crs` is the system of the scene as WKT, if its files
+/// Reads an area: a file of GeoJSON, KML, KMZ, GPX or well-known text, a shapefile, a GeoPackage, or well-known text itself. Its
+/// first polygon or closed track counts, without its holes; with `buffer` (m) what is no farther from its first line. `scene_crs` is the system of the scene as WKT, if its files
 /// name one: coordinates of other systems are projected to it, if it is a UTM zone. Also returns what the user should know.
 ///
 /// # Errors
@@ -84,14 +84,14 @@ impl<'s> Source<'s> {
     /// Reads the first geometry that is wanted, and warns of all that is not used.
     fn read(name: &'s str, wanted: Wanted) -> Result<Source<'s>> {
         let failed = |what: String| Error::input(format!("{name}: {what}"));
-        let (text, place) = match is_well_known_text(name) {
-            true => (name.to_owned(), None),
+        let (read, place) = match is_well_known_text(name) {
+            true => (read_geometries(name), None),
             false if !Path::new(name).exists() && !is_like_file(name) => {
                 return Err(neither_file_nor_text(name, wanted));
             }
-            false => (read_text(Path::new(name), MAX_BYTES)?, Some(Place::of_file(Path::new(name)))),
+            false => (read_file_of(Path::new(name))?, Some(Place::of_file(Path::new(name)))),
         };
-        let (format, all) = read_geometries(text.trim_start_matches('\u{feff}')).map_err(failed)?;
+        let (format, all) = read.map_err(failed)?;
         let (mut used, mut others) = (Vec::new(), BTreeMap::<String, usize>::new());
         for Geometry { shape, system } in all {
             let kind = match (shape, wanted) {
@@ -99,10 +99,15 @@ impl<'s> Source<'s> {
                     used.push((rings, system));
                     continue;
                 }
-                (Shape::Line(line), Wanted::Line) => {
+                (Shape::Line(line) | Shape::Track(line), Wanted::Line) => {
                     used.push((vec![line], system));
                     continue;
                 }
+                (Shape::Track(line), Wanted::Polygon) if is_closed(&line) => {
+                    used.push((vec![line], system));
+                    continue;
+                }
+                (Shape::Track(_), _) => OPEN_TRACK.to_owned(),
                 (Shape::Polygon(_), _) => "Polygon".to_owned(),
                 (Shape::Line(_), _) => "LineString".to_owned(),
                 (Shape::Other(kind), _) => kind,
@@ -115,6 +120,12 @@ impl<'s> Source<'s> {
         let line = if rings.is_empty() { Line::default() } else { rings.remove(0) };
         let mut source = Source { name, place, format, line, system, found: Diagnostics::default() };
         source.warn_of_unused(wanted, count, rings.len(), &others);
+        if format == Format::Gpx
+            && wanted == Wanted::Polygon
+            && source.line.positions.first() != source.line.positions.last()
+        {
+            source.note("the ends of the track are joined".to_owned());
+        }
         Ok(source)
     }
 
@@ -178,37 +189,55 @@ impl<'s> Source<'s> {
 
     /// Decides what the coordinates are, and tells it where they can be understood otherwise.
     fn coordinates(&mut self, scene_crs: Option<&str>) -> Result<Coordinates, String> {
-        match self.system {
+        match self.system.clone() {
             System::OfScene => Ok(Coordinates::OfScene),
             System::Degrees => Ok(Coordinates::Degrees),
-            System::Epsg(code) => self.of_code(code, scene_crs),
+            System::Epsg(code) => {
+                let own = crs::wkt_of_epsg(code).ok();
+                let is_of_scene =
+                    |scene: &str| crs::epsg(scene).is_some_and(|(_, of_scene)| u32::from(of_scene) == code);
+                let has_same_code = match &own {
+                    Some(own) => {
+                        scene_crs.is_some_and(|scene| crs::epsg(scene).is_some() && !crs::differ(own, scene))
+                    }
+                    None => scene_crs.is_some_and(is_of_scene),
+                };
+                self.of_system(&format!("EPSG:{code}"), own.as_deref(), has_same_code, scene_crs)
+            }
+            System::Wkt(own) => {
+                let is_same =
+                    scene_crs.is_some_and(|scene| scene.trim() == own || crs::name(scene) == crs::name(&own));
+                self.of_system(&crs::name(&own), Some(&own), is_same, scene_crs)
+            }
             System::Unstated => Ok(self.unstated(scene_crs.is_some())),
         }
     }
 
-    fn of_code(&mut self, code: u32, scene_crs: Option<&str>) -> Result<Coordinates, String> {
-        let own = crs::wkt_of_epsg(code).ok();
-        if let Some(problem) = own.as_deref().and_then(crs::unit_problem) {
-            return Err(format!("it is in EPSG:{code}: {problem}; {REPROJECT}"));
+    /// Decides by the file's own system, which `name` names and `own` describes.
+    fn of_system(
+        &mut self,
+        name: &str,
+        own: Option<&str>,
+        is_same: bool,
+        scene_crs: Option<&str>,
+    ) -> Result<Coordinates, String> {
+        if let Some(problem) = own.and_then(crs::unit_problem) {
+            return Err(format!("it is in {name}: {problem}; {REPROJECT}"));
         }
         let Some(scene_crs) = scene_crs else {
             self.note(format!(
-                "its coordinates are in EPSG:{code}, but the scene's system is unknown; they are used as scene coordinates"
+                "its coordinates are in {name}, but the scene's system is unknown; they are used as scene coordinates"
             ));
             return Ok(Coordinates::OfScene);
         };
-        let has_same_code = match &own {
-            Some(own) => crs::epsg(scene_crs).is_some() && !crs::differ(own, scene_crs),
-            None => crs::epsg(scene_crs).is_some_and(|(_, of_scene)| u32::from(of_scene) == code),
-        };
-        let [zone, of_scene] = [own.as_deref(), Some(scene_crs)].map(|wkt| wkt.and_then(UtmZone::of_wkt));
+        let [zone, of_scene] = [own, Some(scene_crs)].map(|wkt| wkt.and_then(UtmZone::of_wkt));
         match zone.zip(of_scene) {
             Some((zone, of_scene)) if zone != of_scene => Ok(Coordinates::Utm(zone)),
             // ETRS89 and WGS 84 have zones of their own, which differ by less than a metre.
             Some(_) => Ok(Coordinates::OfScene),
-            None if has_same_code => Ok(Coordinates::OfScene),
+            None if is_same => Ok(Coordinates::OfScene),
             None => Err(format!(
-                "its coordinates are in EPSG:{code}, those of the scene in {}; {REPROJECT}",
+                "its coordinates are in {name}, those of the scene in {}; {REPROJECT}",
                 crs::name(scene_crs)
             )),
         }
@@ -226,8 +255,9 @@ impl<'s> Source<'s> {
         let is_geojson = self.format == Format::GeoJson;
         if spread < MAX_DEGREES {
             if !is_geojson {
+                let or_metres = self.or_metres();
                 self.note(format!(
-                    "its coordinates are read as longitude and latitude in degrees{OR_METRES_IN_WKT}"
+                    "its coordinates are read as longitude and latitude in degrees{or_metres}"
                 ));
             }
             return Coordinates::Degrees;
@@ -254,6 +284,20 @@ impl<'s> Source<'s> {
         }
     }
 
+    /// How to say that coordinates without a system are metres.
+    fn or_metres(&self) -> &'static str {
+        match (&self.system, self.format) {
+            (System::Unstated, Format::GeoJson) => {
+                "; if they are metres, write \"crs\": null after the first {"
+            }
+            (System::Unstated, Format::Shapefile) => {
+                "; if they are metres, a .prj file beside it must name their system"
+            }
+            (System::Unstated, _) => "; if they are metres, write SRID=0; before it",
+            _ => "",
+        }
+    }
+
     fn projected(&self, coordinates: Coordinates, scene_crs: Option<&str>) -> Result<Vec<[f64; 2]>, String> {
         let geographic = |[x, y]: [f64; 2]| match coordinates {
             Coordinates::Utm(zone) => zone.unproject(x, y),
@@ -262,13 +306,7 @@ impl<'s> Source<'s> {
         if coordinates == Coordinates::OfScene {
             return Ok(self.line.positions.clone());
         }
-        let or_metres = match (self.system, self.format) {
-            (System::Unstated, Format::GeoJson) => {
-                "; if they are metres, write \"crs\": null after the first {"
-            }
-            (System::Unstated, _) => OR_METRES_IN_WKT,
-            _ => "",
-        };
+        let or_metres = self.or_metres();
         let Some(zone) = scene_crs.and_then(UtmZone::of_wkt) else {
             let why = match scene_crs {
                 Some(wkt) => format!("the scene is in {}, which is not a UTM zone", crs::name(wkt)),
@@ -291,7 +329,31 @@ impl<'s> Source<'s> {
 }
 
 const REPROJECT: &str = "reproject it, for example with ogr2ogr -t_srs EPSG:25832";
-const OR_METRES_IN_WKT: &str = "; if they are metres, write SRID=0; before it";
+
+/// Name of tracks that are no areas.
+const OPEN_TRACK: &str = "open track";
+/// Maximum distance of the ends of a closed track, as a fraction of its length: receivers err by metres.
+const MAX_GAP: f64 = 0.05;
+
+/// True if a track, in degrees, ends about where it begins.
+fn is_closed(track: &Line) -> bool {
+    let [Some(first), Some(last)] = [track.positions.first(), track.positions.last()] else { return false };
+    let narrowing = libm::cos(radians(first[1]));
+    let distance = |a: &[f64; 2], b: &[f64; 2]| libm::hypot((b[0] - a[0]) * narrowing, b[1] - a[1]);
+    let length: f64 = track.positions.windows(2).map(|pair| distance(&pair[0], &pair[1])).sum();
+    track.positions.len() > 3 && distance(first, last) <= MAX_GAP * length
+}
+
+/// The geometries of a file, or what is wrong with them.
+type ReadGeometries = Result<(Format, Vec<Geometry>), String>;
+
+fn read_file_of(path: &Path) -> Result<ReadGeometries> {
+    let bytes = read_file(path, MAX_FILE_BYTES).map_err(|e| Error::open(path, e))?;
+    match foreign(path, &bytes, &recognise::Wanted::AREA) {
+        Some(found) => Err(found.error(path)),
+        None => Ok(read_file_geometries(path, &bytes)),
+    }
+}
 
 /// The larger extent of the positions.
 fn spread(positions: &[[f64; 2]]) -> f64 {
@@ -316,7 +378,7 @@ fn neither_file_nor_text(name: &str, wanted: Wanted) -> Error {
         Wanted::Line => "LINESTRING (0 0, 100 0, 100 80)",
     };
     let message = format!(
-        "{name}: neither a file nor well-known text; expected a file of GeoJSON, KML or well-known text, or such text itself: \
+        "{name}: neither a file nor well-known text; expected a file (GeoJSON, KML, KMZ, GPX, shapefile, GeoPackage, well-known text), or well-known text itself: \
          \"{example}\""
     );
     Error::input_of(ProblemKind::NotFound, message)
@@ -329,7 +391,9 @@ fn missing(wanted: Wanted, format: Format, others: &BTreeMap<String, usize>) -> 
         Wanted::Line => "LineString",
     };
     let help = match wanted {
-        Wanted::Polygon if others.contains_key("LineString") => "; --buffer makes an area of a line",
+        Wanted::Polygon if others.contains_key("LineString") || others.contains_key(OPEN_TRACK) => {
+            "; --buffer makes an area of a line"
+        }
         _ => "",
     };
     format!("no {kind} in the {}{help}", format.name())

@@ -1,4 +1,4 @@
-//! Geometries in GeoJSON, KML and well-known text, in the order of the text.
+//! Geometries in GeoJSON, KML, GPX and well-known text, in the order of the text.
 
 use serde_json::Value;
 use vlscan_base::crs;
@@ -8,11 +8,18 @@ const MAX_DEPTH: u32 = 64;
 /// EPSG codes of longitude and latitude that differ from WGS 84 by less than a few metres: WGS 84, ETRS89, NAD83.
 const DEGREES: [u32; 5] = [4326, 4979, 4258, 4937, 4269];
 
+/// Parts of the names of these systems, in capitals.
+const NAMES_OF_DEGREES: [&str; 7] =
+    ["WGS_1984", "WGS 84", "WGS84", "ETRS_1989", "ETRS89", "NORTH_AMERICAN_1983", "NAD83"];
+
 /// The format of a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Format {
     GeoJson,
     Kml,
+    Gpx,
+    Shapefile,
+    GeoPackage,
     WellKnownText,
 }
 
@@ -22,13 +29,16 @@ impl Format {
         match self {
             Format::GeoJson => "GeoJSON",
             Format::Kml => "KML",
+            Format::Gpx => "GPX",
+            Format::Shapefile => "shapefile",
+            Format::GeoPackage => "GeoPackage",
             Format::WellKnownText => "well-known text",
         }
     }
 }
 
 /// What a text says of its coordinates.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum System {
     /// Nothing.
     Unstated,
@@ -36,16 +46,34 @@ pub(super) enum System {
     Degrees,
     /// They are in the projected system of this EPSG code.
     Epsg(u32),
+    /// They are in the system of this well-known text, which has no code.
+    Wkt(String),
     /// They are those of the scene: `"crs": null` and `SRID=0`.
     OfScene,
 }
 
 impl System {
-    fn of_code(code: u32) -> System {
+    /// The system of an EPSG code, or of 0.
+    pub fn of_code(code: u32) -> System {
         match code {
             0 => System::OfScene,
             code if DEGREES.contains(&code) => System::Degrees,
             code => System::Epsg(code),
+        }
+    }
+
+    /// The system of a well-known text.
+    pub fn of_wkt(wkt: &str) -> System {
+        let code = crs::projected_epsg(wkt).or_else(|| crs::epsg(wkt).map(|(_, code)| code));
+        let upper = wkt.trim_start().to_ascii_uppercase();
+        // As ESRI and others name them: GEOGCS["GCS_WGS_1984", …
+        let is_known = |name: &str| NAMES_OF_DEGREES.iter().any(|known| name.contains(known));
+        match code {
+            Some(code) => System::of_code(code.into()),
+            None if upper.starts_with("GEOG") && upper.split('"').nth(1).is_some_and(is_known) => {
+                System::Degrees
+            }
+            None => System::Wkt(wkt.trim().to_owned()),
         }
     }
 
@@ -82,7 +110,7 @@ pub(super) struct Line {
 
 impl Line {
     /// A line of positions of at least two numbers each.
-    fn of(positions: impl Iterator<Item = Result<Vec<f64>, String>>) -> Result<Line, String> {
+    pub fn of(positions: impl Iterator<Item = Result<Vec<f64>, String>>) -> Result<Line, String> {
         let mut line = Line::default();
         for numbers in positions {
             let numbers = numbers?;
@@ -99,6 +127,8 @@ pub(super) enum Shape {
     /// The rings of a polygon, the outermost one first.
     Polygon(Vec<Line>),
     Line(Line),
+    /// A track or a route, which may be closed.
+    Track(Line),
     /// The name of another kind.
     Other(String),
 }
@@ -123,8 +153,14 @@ pub(super) fn read_geometries(text: &str) -> Result<(Format, Vec<Geometry>), Str
             Format::GeoJson
         }
         Some('<') => {
-            read_kml(text, &mut found)?;
-            Format::Kml
+            let document = roxmltree::Document::parse(text).map_err(|e| format!("no KML or GPX: {e}"))?;
+            if document.root_element().tag_name().name() == "gpx" {
+                read_gpx(&document, &mut found)?;
+                Format::Gpx
+            } else {
+                read_kml(&document, &mut found)?;
+                Format::Kml
+            }
         }
         _ => {
             read_wkt(text, MAX_DEPTH, &mut found)?;
@@ -139,13 +175,17 @@ fn read_geojson(json: &Value, system: System, found: &mut Vec<Geometry>) -> Resu
     let system = json.get("crs").map_or(Ok(system), System::of_geojson)?;
     let kind = json.get("type").and_then(Value::as_str).ok_or("not GeoJSON: an object without `type`")?;
     let member = |name: &str| list(json.get(name), || format!("the `{name}` of a {kind}"));
-    let mut add = |shape| found.push(Geometry { shape, system });
+    let mut add = |shape| found.push(Geometry { shape, system: system.clone() });
     match kind {
         "FeatureCollection" => {
-            return member("features")?.iter().try_for_each(|feature| read_geojson(feature, system, found));
+            return member("features")?
+                .iter()
+                .try_for_each(|feature| read_geojson(feature, system.clone(), found));
         }
         "GeometryCollection" => {
-            return member("geometries")?.iter().try_for_each(|part| read_geojson(part, system, found));
+            return member("geometries")?
+                .iter()
+                .try_for_each(|part| read_geojson(part, system.clone(), found));
         }
         "Feature" => match json.get("geometry") {
             None | Some(Value::Null) => {}
@@ -184,8 +224,7 @@ fn line(positions: &[Value]) -> Result<Line, String> {
 }
 
 /// OGC 12-007r2.
-fn read_kml(text: &str, found: &mut Vec<Geometry>) -> Result<(), String> {
-    let document = roxmltree::Document::parse(text).map_err(|e| format!("no KML: {e}"))?;
+fn read_kml(document: &roxmltree::Document, found: &mut Vec<Geometry>) -> Result<(), String> {
     for node in document.descendants() {
         let boundaries = |name: &'static str| {
             node.children().filter(move |child: &roxmltree::Node| child.tag_name().name() == name)
@@ -205,6 +244,38 @@ fn read_kml(text: &str, found: &mut Vec<Geometry>) -> Result<(), String> {
         found.push(Geometry { shape, system: System::Degrees });
     }
     Ok(())
+}
+
+/// The segments of tracks, and routes (GPX 1.1, <https://www.topografix.com/GPX/1/1/>).
+fn read_gpx(document: &roxmltree::Document, found: &mut Vec<Geometry>) -> Result<(), String> {
+    for node in document.descendants() {
+        let shape = match node.tag_name().name() {
+            "trkseg" => Shape::Track(track(node, "trkpt")?),
+            "rte" => Shape::Track(track(node, "rtept")?),
+            "wpt" => Shape::Other("waypoint".to_owned()),
+            _ => continue,
+        };
+        found.push(Geometry { shape, system: System::Degrees });
+    }
+    Ok(())
+}
+
+/// The positions of the points of a track or a route.
+fn track(node: roxmltree::Node, name: &str) -> Result<Line, String> {
+    let points = node.children().filter(|child| child.tag_name().name() == name);
+    Line::of(points.map(|point| {
+        let number = |name: &str| point.attribute(name).and_then(|text| text.trim().parse::<f64>().ok());
+        let (longitude, latitude) = number("lon").zip(number("lat")).ok_or_else(|| {
+            format!(
+                "a point of a track with lat {:?} and lon {:?}, expected degrees",
+                point.attribute("lat"),
+                point.attribute("lon")
+            )
+        })?;
+        let height = point.children().find(|child| child.tag_name().name() == "ele");
+        let height = height.and_then(|ele| ele.text()).and_then(|text| text.trim().parse().ok());
+        Ok(vec![longitude, latitude, height.unwrap_or(0.0)])
+    }))
 }
 
 fn is_boundary(ring: roxmltree::Node) -> bool {
@@ -246,7 +317,7 @@ fn is_srid(text: &str) -> bool {
 /// OGC 06-103r4, §7, with `SRID=25832;` before a geometry as PostGIS writes it. Several geometries follow each other.
 fn read_wkt(text: &str, depth: u32, found: &mut Vec<Geometry>) -> Result<(), String> {
     let expected = || {
-        "expected GeoJSON, KML or well-known text, POLYGON ((x y, x y, …)) or LINESTRING (x y, x y, …)"
+        "expected GeoJSON, KML, GPX or well-known text, POLYGON ((x y, x y, …)) or LINESTRING (x y, x y, …)"
             .to_owned()
     };
     let mut rest = text;
@@ -271,7 +342,7 @@ fn read_wkt(text: &str, depth: u32, found: &mut Vec<Geometry>) -> Result<(), Str
             false => bracketed(&rest[end..]).ok_or_else(expected)?,
         };
         let of = |name: &str| kind.strip_prefix(name).is_some_and(|rest| DIMENSIONS.contains(&rest));
-        let mut add = |shape| found.push(Geometry { shape, system });
+        let mut add = |shape| found.push(Geometry { shape, system: system.clone() });
         if of("POLYGON") {
             add(Shape::Polygon(rings(body)?));
         } else if of("LINESTRING") {
@@ -287,7 +358,7 @@ fn read_wkt(text: &str, depth: u32, found: &mut Vec<Geometry>) -> Result<(), Str
             let first = found.len();
             read_wkt(body, depth, found)?;
             let parts = found[first..].iter_mut().filter(|part| part.system == System::Unstated);
-            parts.for_each(|part| part.system = system);
+            parts.for_each(|part| part.system = system.clone());
         } else {
             add(Shape::Other(kind));
         }
@@ -405,7 +476,7 @@ mod tests {
         assert!(has_heights("LINESTRINGZ(0 0 5, 1 1 0)") && !has_heights("LINESTRING(0 0, 1 1)"));
         let of_crs = |crs: &str| {
             let text = format!(r#"{{"type":"LineString","crs":{crs},"coordinates":[[0,0],[9,9]]}}"#);
-            read_geometries(&text).map(|found| found.1[0].system)
+            read_geometries(&text).map(|found| found.1[0].system.clone())
         };
         let named = |name: &str| of_crs(&format!(r#"{{"type":"name","properties":{{"name":"{name}"}}}}"#));
         for (name, system) in [
@@ -434,7 +505,8 @@ mod tests {
             (r#"{"type":"LineString","coordinates":[[1],[2,3]]}"#, "[1], expected [x, y]"),
             ("<kml><Polygon/></kml>", "outerBoundaryIs"),
             ("<kml><LineString><coordinates>1, 2</coordinates></LineString></kml>", "`1,`"),
-            ("<kml>", "no KML"),
+            ("<kml>", "no KML or GPX"),
+            ("<gpx><trk><trkseg><trkpt lat=\"49\"/></trkseg></trk></gpx>", "lon None"),
             ("id,wkt\n1,POLYGON ((0 0, 1 1))", "expected GeoJSON"),
             ("POLYGON ((0 0, 1 1)", "expected GeoJSON"),
             ("POLYGON (0 0, 1 1)", "expected (x y"),

@@ -5,7 +5,8 @@
 //! | file | what it does |
 //! |---|---|
 //! | `area`, `corridor` | polygons and boxes; areas beside a line |
-//! | `area_file`, `geometries` | areas and lines from files, in the scene's coordinates; GeoJSON, KML, well-known text |
+//! | `area_file`, `geometries` | areas and lines from files, in the scene's coordinates; GeoJSON, KML, GPX, well-known text |
+//! | `vector` | shapefiles, GeoPackages, KMZ |
 //! | `swath` | scans within the limits of an instrument |
 //! | `beams` | where the beams of a scan meet flat ground; mounts that point them there |
 //! | `reach` | how far a device measures ground |
@@ -43,6 +44,7 @@ mod swath;
 mod terrestrial;
 #[cfg(test)]
 mod testing;
+mod vector;
 
 pub use airborne::{AirborneOptions, Carrier, plan_airborne};
 pub use area::{Area, AreaError};

@@ -57,7 +57,7 @@ impl PlanRequest {
 /// Where the polygon or line of an area comes from.
 #[derive(Clone, Debug, PartialEq)]
 pub enum AreaSource {
-    /// A file of GeoJSON, KML or well-known text, or well-known text itself.
+    /// A file of GeoJSON, KML, KMZ, GPX or well-known text, a shapefile, a GeoPackage, or well-known text itself.
     Named(String),
     /// A polygon in the scene's coordinates.
     Given(Area),
@@ -115,7 +115,7 @@ impl PlanSetup {
 /// A flight that is to be planned.
 #[derive(Clone, Debug, clap::Args)]
 pub struct AirborneRequest {
-    /// The area in the scene's coordinates: a file (GeoJSON, KML or WKT), or "POLYGON ((x y, …))". Longitudes and
+    /// The area in the scene's coordinates: a file (GeoJSON, KML, KMZ, GPX, shapefile, GeoPackage, WKT), or "POLYGON ((x y, …))". Longitudes and
     /// latitudes are projected to the scene's UTM zone. [default: the box of the scene's ground]
     #[arg(long, value_name = "AREA")]
     pub area: Option<AreaSource>,
@@ -133,7 +133,7 @@ pub struct AirborneRequest {
 /// Positions of a tripod that are to be planned.
 #[derive(Clone, Debug, clap::Args)]
 pub struct TerrestrialRequest {
-    /// The area in the scene's coordinates: a file (GeoJSON, KML or WKT), or "POLYGON ((x y, …))". [default: the
+    /// The area in the scene's coordinates: a file (GeoJSON, KML, KMZ, GPX, shapefile, GeoPackage, WKT), or "POLYGON ((x y, …))". [default: the
     /// scene's box]
     #[arg(long, value_name = "AREA", conflicts_with = "around")]
     pub area: Option<AreaSource>,
@@ -148,7 +148,7 @@ pub struct TerrestrialRequest {
 /// A drive that is to be planned.
 #[derive(Clone, Debug, clap::Args)]
 pub struct MobileRequest {
-    /// The line in the scene's coordinates: a file (GeoJSON, KML or WKT), or "LINESTRING (x y, …)".
+    /// The line in the scene's coordinates: a file (GeoJSON, KML, KMZ, GPX, shapefile, GeoPackage, WKT), or "LINESTRING (x y, …)".
     #[arg(long, value_name = "LINE")]
     pub along: String,
     /// Instrument, scene and output.

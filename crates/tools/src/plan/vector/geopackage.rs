@@ -1,0 +1,195 @@
+//! Geometries of GeoPackage (OGC 12-128r19): tables of features in an SQLite database, with well-known binary (OGC 06-103r4, §8).
+
+use super::super::geometries::{Geometry, Line, Shape, System};
+use super::sqlite::{Database, Row, Value};
+use std::collections::HashMap;
+use std::path::Path;
+use vlscan_base::crs;
+
+/// Maximum depth of collections within collections.
+const MAX_DEPTH: u32 = 64;
+/// Systems of the format without a place on Earth, and with degrees of an unknown one.
+const UNDEFINED_CARTESIAN: i64 = -1;
+const UNDEFINED_GEOGRAPHIC: i64 = 0;
+
+/// All geometries of the tables of features, in the order of the tables and of their rows. `path` is where a journal would be.
+///
+/// # Errors
+/// What is wrong with the file, or is not read.
+pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Vec<Geometry>, String> {
+    let mut journal = path.as_os_str().to_owned();
+    journal.push("-wal");
+    if std::fs::metadata(&journal).is_ok_and(|about| about.len() > 0) {
+        return Err(
+            "its last changes are in the journal beside it (-wal); close the program that has it open"
+                .to_owned(),
+        );
+    }
+    let database = Database::open(bytes)?;
+    let systems = systems(&database)?;
+    let columns = database.table("gpkg_geometry_columns")?;
+    let columns = columns.ok_or("no table `gpkg_geometry_columns`, so it has no features")?;
+    let mut tables: Vec<String> = Vec::new();
+    database.rows(columns, |(_, row)| {
+        let name = row.first().and_then(Value::text).ok_or("a layer without a name")?;
+        if !tables.iter().any(|table| table == name) {
+            tables.push(name.to_owned());
+        }
+        Ok(())
+    })?;
+    let mut found = Vec::new();
+    for table in tables {
+        let root = database.table(&table)?.ok_or_else(|| format!("no table `{table}`"))?;
+        database.rows(root, |row| {
+            feature(&row, &systems, &mut found).map_err(|problem| format!("{table}: {problem}"))
+        })?;
+    }
+    Ok(found)
+}
+
+/// The systems by their number in the file.
+fn systems(database: &Database) -> Result<HashMap<i64, System>, String> {
+    let mut systems =
+        HashMap::from([(UNDEFINED_CARTESIAN, System::OfScene), (UNDEFINED_GEOGRAPHIC, System::Degrees)]);
+    let Some(root) = database.table("gpkg_spatial_ref_sys")? else { return Ok(systems) };
+    // srs_name, srs_id (the id of the row), organization, organization_coordsys_id, definition
+    database.rows(root, |(id, row)| {
+        let [_, number, organization, code, definition, ..] = row.as_slice() else {
+            return Err("a system of coordinates without a definition".to_owned());
+        };
+        let id = number.integer().unwrap_or(id);
+        let is_epsg = organization.text().is_some_and(|name| name.eq_ignore_ascii_case("EPSG"));
+        let code = code.integer().filter(|_| is_epsg).and_then(|code| u32::try_from(code).ok());
+        let system = match (code, definition.text()) {
+            (Some(code), _) => System::of_code(code),
+            (None, Some(wkt)) if crs::is_wkt(wkt) => System::of_wkt(wkt),
+            _ => System::Unstated,
+        };
+        systems.entry(id).or_insert(system);
+        Ok(())
+    })?;
+    Ok(systems)
+}
+
+/// Appends the geometries of a row: of all values that begin as they do.
+fn feature((id, row): &Row, systems: &HashMap<i64, System>, found: &mut Vec<Geometry>) -> Result<(), String> {
+    for value in row {
+        let Value::Blob(bytes) = value else { continue };
+        if bytes.starts_with(b"GP") {
+            geometry(bytes, systems, found)
+                .map_err(|problem| format!("the geometry of row {id}: {problem}"))?;
+        }
+    }
+    Ok(())
+}
+
+/// The header of a geometry (§2.1.3) and the well-known binary behind it.
+fn geometry(bytes: &[u8], systems: &HashMap<i64, System>, found: &mut Vec<Geometry>) -> Result<(), String> {
+    let mut reader = Reader { rest: &bytes[2..], is_little: true };
+    let [_version, flags] = reader.array()?;
+    reader.is_little = flags & 1 != 0;
+    let id = i64::from(reader.u32()?.cast_signed());
+    let envelope = match flags >> 1 & 7 {
+        0 => 0,
+        1 => 32,
+        2 | 3 => 48,
+        4 => 64,
+        _ => return Err("an envelope of an unknown kind".to_owned()),
+    };
+    reader.take(envelope)?;
+    let (is_empty, is_extended) = (flags & 0x10 != 0, flags & 0x20 != 0);
+    let system = systems.get(&id).cloned().ok_or_else(|| format!("the system {id} is not in the file"))?;
+    if is_extended {
+        found.push(Geometry { shape: Shape::Other("extended geometry".to_owned()), system });
+        return Ok(());
+    }
+    if is_empty {
+        return Ok(());
+    }
+    let first = found.len();
+    reader.geometry(MAX_DEPTH, found)?;
+    found[first..].iter_mut().for_each(|geometry| geometry.system = system.clone());
+    Ok(())
+}
+
+/// Well-known binary.
+struct Reader<'b> {
+    rest: &'b [u8],
+    is_little: bool,
+}
+
+impl<'b> Reader<'b> {
+    fn take(&mut self, count: usize) -> Result<&'b [u8], String> {
+        let (taken, rest) = self.rest.split_at_checked(count).ok_or("it is truncated")?;
+        self.rest = rest;
+        Ok(taken)
+    }
+
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], String> {
+        self.take(N)?.try_into().map_err(|_| "it is truncated".to_owned())
+    }
+
+    fn u32(&mut self) -> Result<u32, String> {
+        let bytes = self.array()?;
+        Ok(if self.is_little { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) })
+    }
+
+    fn f64(&mut self) -> Result<f64, String> {
+        let bytes = self.array()?;
+        Ok(if self.is_little { f64::from_le_bytes(bytes) } else { f64::from_be_bytes(bytes) })
+    }
+
+    /// A number of parts that take at least `bytes` each.
+    fn count(&mut self, bytes: usize) -> Result<usize, String> {
+        let count = self.u32()? as usize;
+        let is_held = count.checked_mul(bytes).is_some_and(|bytes| bytes <= self.rest.len());
+        is_held.then_some(count).ok_or_else(|| format!("it states {count} parts, more than it holds"))
+    }
+
+    fn geometry(&mut self, depth: u32, found: &mut Vec<Geometry>) -> Result<(), String> {
+        let depth = depth.checked_sub(1).ok_or("geometry collections are nested too deeply")?;
+        self.is_little = match self.take(1)? {
+            [0] => false,
+            [1] => true,
+            _ => return Err("an order of bytes that is neither 0 nor 1".to_owned()),
+        };
+        let code = self.u32()?;
+        // Heights and measures: thousands of the code, or its first bits as PostGIS writes them.
+        let bits = usize::from(code & 0x8000_0000 != 0) + usize::from(code & 0x4000_0000 != 0);
+        let code = code & 0x1fff_ffff;
+        let numbers =
+            2 + bits + [0, 1, 1, 2].get(code as usize / 1000).ok_or("an unknown kind of geometry")?;
+        let mut add = |shape| found.push(Geometry { shape, system: System::Unstated });
+        match code % 1000 {
+            1 => {
+                self.take(8 * numbers)?;
+                add(Shape::Other("Point".to_owned()));
+            }
+            2 => {
+                let line = self.line(numbers)?;
+                add(Shape::Line(line));
+            }
+            3 => {
+                let count = self.count(4)?;
+                let rings = (0..count).map(|_| self.line(numbers)).collect::<Result<_, _>>()?;
+                add(Shape::Polygon(rings));
+            }
+            4..=7 => {
+                for _ in 0..self.count(5)? {
+                    self.geometry(depth, found)?;
+                }
+            }
+            // Curves and surfaces, whose lengths are not known: nothing follows them in a geometry of its own.
+            other => {
+                add(Shape::Other(format!("geometry of the kind {other}")));
+                self.rest = &[];
+            }
+        }
+        Ok(())
+    }
+
+    fn line(&mut self, numbers: usize) -> Result<Line, String> {
+        let count = self.count(8 * numbers)?;
+        Line::of((0..count).map(|_| (0..numbers).map(|_| self.f64()).collect()))
+    }
+}

@@ -1,0 +1,49 @@
+//! Geometries of files that are not text: shapefiles, GeoPackages, KML in ZIP archives.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `shapefile` | polygons and lines of shapefiles, with the `.prj` file beside them |
+//! | `geopackage` | tables of features, well-known binary |
+//! | `sqlite` | rows of tables in a database |
+//! | `archive` | the KML document of a KMZ archive |
+
+mod archive;
+mod geopackage;
+mod shapefile;
+mod sqlite;
+#[cfg(test)]
+mod tests;
+
+use super::geometries::{Format, Geometry, read_geometries};
+use std::path::Path;
+
+/// Maximum size of a text of geometries, bytes.
+pub(super) const MAX_TEXT_BYTES: u64 = 64 << 20;
+/// Maximum size of a file of geometries, bytes.
+pub(super) const MAX_FILE_BYTES: u64 = 256 << 20;
+
+/// The geometries of a file, in its order.
+///
+/// # Errors
+/// What is wrong with it, in a sentence.
+pub(super) fn read_file_geometries(path: &Path, bytes: &[u8]) -> Result<(Format, Vec<Geometry>), String> {
+    if bytes.starts_with(&[0, 0, 0x27, 0x0a]) {
+        // The index begins as the shapefile does.
+        if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("shx")) {
+            return Err("it is the index of a shapefile; name the .shp file beside it".to_owned());
+        }
+        return Ok((Format::Shapefile, shapefile::read(bytes, path)?));
+    }
+    if bytes.starts_with(b"SQLite format 3\0") {
+        return Ok((Format::GeoPackage, geopackage::read(bytes, path)?));
+    }
+    if bytes.starts_with(b"PK") {
+        let text = archive::document(bytes)?;
+        return read_geometries(&text);
+    }
+    if bytes.len() as u64 > MAX_TEXT_BYTES {
+        return Err(format!("it has more than {MAX_TEXT_BYTES} bytes, the maximum"));
+    }
+    // Names and descriptions are not used, so that letters of other encodings do no harm.
+    read_geometries(String::from_utf8_lossy(bytes).trim_start_matches('\u{feff}'))
+}
