@@ -30,7 +30,7 @@ pub(super) fn kind_of(bytes: &[u8]) -> &'static Kind {
     match text.first() {
         None => &kinds::EMPTY,
         Some(b'<') => of_xml(text),
-        Some(b'{' | b'[') if !text.starts_with(b"[[") && !is_toml(text) => of_json(text),
+        Some(b'{' | b'[') if is_json(text) => of_json(text),
         Some(_) => of_text(text),
     }
 }
@@ -199,6 +199,13 @@ fn root_of(text: &[u8]) -> &[u8] {
         let Some(at) = find(rest, end) else { return b"" };
         rest = &rest[at + end.len()..];
     }
+}
+
+/// True if the text begins as an object or a list of JSON does, and not as a heading or a table of TOML.
+fn is_json(text: &[u8]) -> bool {
+    let inner = text[1..].trim_ascii_start();
+    let begins_value = |b: &u8| b.is_ascii_digit() || b"{[\"-".contains(b);
+    text[0] == b'{' || !is_toml(text) && inner.first().is_none_or(begins_value)
 }
 
 /// By keys that only files of a kind have.

@@ -152,7 +152,9 @@ impl Wanted {
     /// True if the file may be one of those that are read. Kinds that need a converter are not.
     pub(super) fn accepts(&self, kind: &Kind) -> bool {
         let is_odd = self.except.contains(kind);
-        is_odd != (self.families.contains(&kind.family) && kind.convert.is_empty())
+        // Readers that want UTF-16 decode it themselves.
+        let is_read = kind.convert.is_empty() || kind.family == Utf16;
+        is_odd != (self.families.contains(&kind.family) && is_read)
     }
 
     /// The message for a file of another kind.
