@@ -41,6 +41,7 @@ mod manual;
 mod mcap;
 mod meshes;
 mod mosaics;
+mod mutation;
 mod navigation;
 mod noise;
 mod pipes;

@@ -1,0 +1,195 @@
+//! Twenty changes to each attribute, key and column of surveys, pipelines and tables: each is an error with its place, a
+//! warning, a change of the points that the value asks for, or a row of the table "Silent by nature" of docs/values.md.
+
+mod changes;
+mod subjects;
+
+use crate::common::text;
+use changes::{Change, Effect, changes};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+use subjects::Subject;
+
+/// A run that takes longer is ended: the change asked for more pulses.
+const LIMIT: Duration = Duration::from_secs(20);
+
+/// The result of one run.
+enum Outcome {
+    Refused { messages: String },
+    Done { bytes: u64, warnings: BTreeSet<String> },
+    Long,
+}
+
+/// Runs `vlscan` in `folder`, whose output is hashed and removed.
+fn outcome(folder: &Path, args: &[String]) -> Outcome {
+    let out = folder.join("out");
+    let _ = std::fs::remove_dir_all(&out);
+    std::fs::create_dir_all(&out).expect("a folder");
+    let messages = std::fs::File::create(folder.join("messages")).expect("a file");
+    let points = std::fs::File::create(folder.join("points")).expect("a file");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_vlscan"))
+        .args(args)
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .stdout(points)
+        .stderr(messages)
+        .spawn()
+        .expect("the program starts");
+    let begin = Instant::now();
+    let status = loop {
+        if let Some(status) = child.try_wait().expect("the program ends") {
+            break status;
+        }
+        if begin.elapsed() > LIMIT {
+            child.kill().expect("the program ends");
+            child.wait().expect("the program ends");
+            return Outcome::Long;
+        }
+        std::thread::sleep(Duration::from_millis(4));
+    };
+    let messages = text(&std::fs::read(folder.join("messages")).expect("messages"));
+    if !status.success() {
+        return Outcome::Refused { messages };
+    }
+    let mut digest = xxhash_rust::xxh3::Xxh3::new();
+    digest.update(&std::fs::read(folder.join("points")).expect("points"));
+    for file in crate::common::files(&out) {
+        let bytes = std::fs::read(&file).expect("an output");
+        digest.update(file.file_name().expect("a name").as_encoded_bytes());
+        digest.update(&bytes);
+    }
+    Outcome::Done { bytes: digest.digest(), warnings: warnings(&messages) }
+}
+
+/// The warnings and notes among messages, without the places in files, which changes move.
+fn warnings(messages: &str) -> BTreeSet<String> {
+    let begins = |line: &&str| line.starts_with("warning") || line.starts_with("note");
+    messages.lines().filter(begins).map(str::to_owned).collect()
+}
+
+/// True if an error names a file and a line, or the option that is at fault.
+fn has_place(messages: &str) -> bool {
+    messages.lines().any(|line| {
+        line.contains("-->")
+            || line.contains("--")
+            || line.split(':').any(|w| w.trim().parse::<u32>().is_ok())
+    })
+}
+
+/// A changed input that has no consequence which the user would notice.
+struct Silent {
+    label: String,
+    change: &'static str,
+    what: String,
+}
+
+/// Reports what is wrong with a changed run, if anything.
+fn judge(plain: (u64, &BTreeSet<String>), change: &Change, changed: &Outcome) -> Option<String> {
+    match changed {
+        Outcome::Long => None,
+        Outcome::Refused { messages } if messages.contains("panicked") => Some(format!("panic: {messages}")),
+        Outcome::Refused { messages } if !has_place(messages) => {
+            Some(format!("no place: {}", messages.trim()))
+        }
+        Outcome::Refused { .. } => None,
+        Outcome::Done { bytes, warnings } => {
+            if warnings.difference(plain.1).next().is_some() {
+                return None;
+            }
+            let is_same = *bytes == plain.0;
+            match change.effect {
+                Effect::None => (!is_same).then(|| "other points in silence".to_owned()),
+                Effect::Value if is_same => Some("no effect".to_owned()),
+                Effect::Value => None,
+                Effect::Message if is_same => Some("ignored".to_owned()),
+                Effect::Message => Some("other points in silence".to_owned()),
+            }
+        }
+    }
+}
+
+/// The table "Silent by nature" of docs/values.md: for each label the changes that have no message.
+fn documented() -> BTreeMap<String, BTreeSet<String>> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/values.md");
+    let page = std::fs::read_to_string(path).expect("docs/values.md");
+    let table = page.split("## Silent by nature").nth(1).expect("the section `Silent by nature`");
+    let mut all = BTreeMap::<String, BTreeSet<String>>::new();
+    for row in table.lines().filter(|line| line.starts_with("| `")) {
+        let cells: Vec<&str> = row.trim_matches('|').split('|').map(str::trim).collect();
+        let [labels, changes, _] = cells[..] else { panic!("three cells: {row}") };
+        for label in labels.split(", ") {
+            let of = all.entry(label.trim_matches('`').to_owned()).or_default();
+            of.extend(changes.split(", ").map(str::to_owned));
+        }
+    }
+    all
+}
+
+/// Tries all changes to a subject, in a copy of its own, and adds what is silent.
+fn attack(subject: &Subject, tried: &Mutex<BTreeSet<String>>, count: &AtomicUsize) -> Vec<Silent> {
+    let folder = crate::common::folder();
+    subject.copy_to(folder.path());
+    let Outcome::Done { bytes, warnings } = outcome(folder.path(), &subject.args) else {
+        panic!("the run of {} fails by itself", subject.name);
+    };
+    let mut silent = Vec::new();
+    for (name, content) in subject.changed_files() {
+        for place in subject.places(name, content) {
+            if !tried.lock().unwrap().insert(place.label.clone()) {
+                continue;
+            }
+            for change in changes(&place, content) {
+                std::fs::write(folder.path().join(name), &change.content).expect("a file");
+                let changed = outcome(folder.path(), &subject.args);
+                count.fetch_add(1, Ordering::Relaxed);
+                if let Some(what) = judge((bytes, &warnings), &change, &changed) {
+                    silent.push(Silent { label: place.label.clone(), change: change.name, what });
+                }
+            }
+        }
+        std::fs::write(folder.path().join(name), content).expect("a file");
+    }
+    silent
+}
+
+/// Tries all changes to all subjects on two threads.
+fn attack_all(subjects: &[Subject]) -> (Vec<Silent>, usize) {
+    let (next, count) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let (tried, silent) = (Mutex::new(BTreeSet::new()), Mutex::new(Vec::new()));
+    std::thread::scope(|scope| {
+        for _ in 0..2 {
+            scope.spawn(|| {
+                while let Some(subject) = subjects.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let found = attack(subject, &tried, &count);
+                    silent.lock().unwrap().extend(found);
+                }
+            });
+        }
+    });
+    (silent.into_inner().unwrap(), count.into_inner())
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn no_change_of_an_input_is_silent_unless_documented() {
+    let subjects = subjects::all();
+    let (silent, count) = attack_all(&subjects);
+    let documented = documented();
+    let is_documented = |silent: &Silent| {
+        let of = |label: &str| documented.get(label).is_some_and(|changes| changes.contains(silent.change));
+        // A row may name an attribute of every element.
+        of(&silent.label) || silent.label.split_once('@').is_some_and(|(_, name)| of(&format!("@{name}")))
+    };
+    let mut rows = BTreeMap::<(&str, &str), Vec<&str>>::new();
+    for silent in silent.iter().filter(|silent| !is_documented(silent)) {
+        rows.entry((&silent.label, &silent.what)).or_default().push(silent.change);
+    }
+    let list: Vec<String> =
+        rows.iter().map(|((label, what), names)| format!("{label}: {what}: {}", names.join(", "))).collect();
+    assert!(list.is_empty(), "of {count} changes, silent:\n{}", list.join("\n"));
+    assert!(count > 3000, "only {count} changes were tried");
+}
