@@ -130,7 +130,9 @@ impl FileGroup {
             let outcome = member.publish()?;
             taken = taken.or(outcome);
         }
-        undo.map(Undo::end);
+        if let Some(undo) = undo {
+            undo.end();
+        }
         for path in old.iter().filter(|path| path.is_file() && !is_input(path)) {
             fs::remove_file(path).map_err(|e| Error::io("remove", path, e))?;
         }
