@@ -391,7 +391,7 @@ mod tests {
             fs::write(folder.path().join("t.csv"), format!("{heading}\n{row}\n")).unwrap();
             let path = folder.path().join("t.csv");
             read_scene(&path.to_string_lossy(), &ReadOptions::default())
-                .map(|(scene, found)| (scene.parts[0].transform.clone(), found.render(false)))
+                .map(|(scene, found)| (scene.parts[0].transform, found.render(false)))
                 .map_err(|e| match e {
                     vlscan_base::Error::Input(problems) => problems.render(false),
                     other => panic!("{other}"),

@@ -41,7 +41,7 @@ pub(super) fn read_headings(line: &Line, place: &Place, problems: &mut Diagnosti
         axes.iter().any(|axis| axis.rank(&plain).is_some())
     };
     let degrees: Vec<&str> = headings.unknown.iter().filter(is_degrees).map(String::as_str).collect();
-    if !degrees.is_empty() && !(headings.has(Quantity::X) && headings.has(Quantity::Y)) {
+    if !(degrees.is_empty() || headings.has(Quantity::X) && headings.has(Quantity::Y)) {
         let missing = headings.missing(&SCHEMA).join(", ");
         let help = format!("{} are degrees; {PROJECT}", degrees.join(" and "));
         problems.error(Some(place.clone()), format!("no column {missing}")).help(help);
