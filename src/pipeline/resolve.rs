@@ -164,7 +164,7 @@ fn all_threads() -> usize {
 fn corrections(options: &Options, is_live: bool) -> Result<Corrections> {
     let mut in_any = if options.has_own_flight { Corrections::MOTION } else { Corrections::NONE };
     in_any.mount_offsets_turn |= is_live;
-    Ok(options.profile.corrections(in_any)?)
+    options.profile.corrections(in_any)
 }
 
 fn navigation(options: &Options) -> Result<NavigationErrors> {

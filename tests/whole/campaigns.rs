@@ -335,7 +335,7 @@ fn areas_that_cannot_be_read_are_shown_with_their_line() {
     for area in ["none.geojson", "POLYGON ((0 0, 1 1))", "POLYGON ((0 0, 9 9, 9 0, 0 9))"] {
         let file = format!(
             "out = \"o\"\n[[scene]]\nname = \"s\"\nfile = \"flat.obj\"\narea = \"{area}\"\n\
-             [[variant]]\nname = \"v\"\nplan = \"airborne --scanner riegl_vux-1uav --density 5\"\n"
+             [[variant]]\nname = \"v\"\nplan = \"airborne --scanner riegl_vux-1uav --density 5 --height 80\"\n"
         );
         fs::write(dir.path().join("c.toml"), file).unwrap();
         let out = run(dir.path(), &["campaign", "c.toml"]);

@@ -171,7 +171,7 @@ fn ground_that_did_not_change_has_volumes_within_their_uncertainties() {
     let rates = ["--density", "40", "--pulse-rate", "400000", "-o", "a.toml"];
     succeed(dir.path(), &[&fly[..], &rates].concat());
     let stand = ["plan", "terrestrial", "--scanner", "riegl_vz400", "--scene", "d.tif", "-q", "-o", "t.toml"];
-    let places = ["--around", "475040,5429040", "--radius", "15", "--resolution", "0.4"];
+    let places = ["--around", "475040,5429040", "--radius", "15", "--resolution", "0.28"];
     succeed(dir.path(), &[&stand[..], &places].concat());
     let run_as = |plan: &str, points: &str, options: &[&str]| {
         succeed(dir.path(), &[&["run", plan, "-o", points, "-q"], options].concat());

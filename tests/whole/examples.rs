@@ -339,7 +339,7 @@ const FLY: &str = r#"fly() {
 }"#;
 
 /// The mistakes of the table in docs/own-data.md: what makes them, and what is said, in the order of the table.
-const MISTAKES: [(&str, &str); 33] = [
+const MISTAKES: [(&str, &str); 40] = [
     ("fly '$2 -= 476000; $3 -= 5429000'", "coordinates of a grid such as UTM, the flight has local ones"),
     ("fly '$2 = 8.67176; $3 = 49.0121 + NR / 1e5'", "look like longitude and latitude"),
     ("fly '$2 -= 434000'", "as between neighbouring UTM zones"),
@@ -353,6 +353,21 @@ const MISTAKES: [(&str, &str); 33] = [
     ),
     ("fly '$4 -= 148'", "below the lowest point of the scene"),
     ("fly '$4 -= 105'", "below the terrain"),
+    (
+        "awk -F, -v OFS=, '{ print $0, NR == 1 ? \"yaww\" : 0 }' flight.csv > named.csv; \
+         vlscan run site.toml --trajectory named.csv -o wrong.laz --force",
+        "columns that are not read",
+    ),
+    (
+        "awk -F, 'NR > 1 { print $1, $2, $3, $4, 0, 0, 0, 1 }' flight.csv > tum.txt; \
+         vlscan run site.toml --trajectory tum.txt -o wrong.laz --force",
+        "the platform moves towards",
+    ),
+    (
+        "awk -F, 'NR > 1 { print 1, 0, 0, $2, 0, 1, 0, $3, 0, 0, 1, $4 }' flight.csv > kitti.txt; \
+         vlscan run site.toml --trajectory kitti.txt -o wrong.laz --force",
+        "have no times",
+    ),
     ("fly 'for (i = 5; i < 8; i++) $i /= 57.29578'", "the angles look like radians"),
     ("fly '$7 = 90'", "the platform moves towards"),
     (
@@ -407,6 +422,10 @@ const MISTAKES: [(&str, &str); 33] = [
         "no reflectance",
     ),
     (
+        "vlscan run site.toml -o site.laz --force -q; vlscan run site.laz",
+        "expected a survey (.xml) or a pipeline (.toml), found a LAZ point cloud",
+    ),
+    (
         "printf 'OFF\\n8 6 0\\n' > tree.obj; vlscan scene info tree.obj",
         "expected a mesh (OBJ, PLY, STL, OFF, glTF)",
     ),
@@ -428,6 +447,21 @@ const MISTAKES: [(&str, &str); 33] = [
         "0.785 rad would be 44.9772 degrees",
     ),
     ("fly '$4 /= 0.3048'", "if its heights are in feet"),
+    (
+        "sed 's/^catalogue = .*copter.*/kind = \"linear_path\"/' site.toml > ahead.toml; \
+         vlscan run ahead.toml -o wrong.laz --force --dry-run",
+        "of the beams point above the horizon",
+    ),
+    (
+        "sed '/^.scanner/a nep_w = 1e-3' site.toml > noisy.toml; \
+         vlscan run noisy.toml -o wrong.laz --force --dry-run",
+        "times per pulse",
+    ),
+    (
+        "sed '/^.scanner/a optics = \"conic\"\\nscan_angle_max_deg = 0' site.toml > straight.toml; \
+         vlscan run straight.toml -o wrong.laz --force --dry-run",
+        "never deflect the beam",
+    ),
     (
         "sed '/^.scanner/a range_min_m = 500' site.toml > near.toml; vlscan run near.toml -o wrong.laz --force",
         "which is nearer: fly higher",

@@ -90,7 +90,7 @@ fn read(text: &str) -> crate::Result<(Pipeline, Diagnostics)> {
         &document(
             "",
             "platform='plane'",
-            "<leg><platformSettings x='1'/><scannerSettings scanFreq_hz='50'/></leg>",
+            "<leg><platformSettings x='1' y='0' z='0'/><scannerSettings scanFreq_hz='50'/></leg>",
         ),
     );
     read_pipeline(&folder.path("p.toml"))

@@ -142,6 +142,10 @@ pub fn check_recording(
     is_stopped: &dyn Fn() -> bool,
 ) -> Diagnostics {
     let PlatformKind::Stream(stream) = &survey.platform.kind else { return Diagnostics::default() };
+    // What was read from a pipe ahead would be lost.
+    if !is_recording(stream) {
+        return Diagnostics::default();
+    }
     let bounds = scene.bounds.translated(scene.shift);
     let Some((mut found, poses)) = poses::read_ahead(stream, bounds, scene.shift, is_stopped) else {
         return Diagnostics::default();

@@ -355,8 +355,6 @@ impl PoseReader {
     }
 }
 
-/// Returns a warning for latitude and longitude of text that have no unit and look like radians. In degrees they would lie
-/// in the Gulf of Guinea.
 /// Latitudes that UTM covers, degrees.
 const UTM_LATITUDES: std::ops::RangeInclusive<f64> = -80.0..=84.0;
 
@@ -370,6 +368,8 @@ fn beyond_utm(fix: &Fix) -> Option<RecordError> {
     })
 }
 
+/// Returns a warning for latitude and longitude of text that have no unit and look like radians. In degrees they would lie
+/// in the Gulf of Guinea.
 fn radians_as_degrees(fix: &Fix) -> Option<RecordError> {
     let FixPlace::Geographic([latitude, longitude, _]) = fix.place else { return None };
     let (lat, lon) = (latitude.to_degrees(), longitude.to_degrees());
