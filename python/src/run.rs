@@ -360,10 +360,7 @@ pub fn run_batches(
     let notices = Notices::default();
     let interruption = Arc::new(Interruption::default());
     let (own_notices, own) = (notices.clone(), interruption.clone());
-    let end = move || {
-        interruption.request();
-        interruption.is_awaited()
-    };
+    let end = move || interruption.request();
     let batches = Batches::spawn(waiting, end, move |sink| {
         requests.insert(
             0,

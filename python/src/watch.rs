@@ -45,7 +45,7 @@ impl Interruption {
 
     /// Requests the end. Returns whether it has to be waited for, because outputs are completed; a scene that is loading, or
     /// work without files, just ends.
-    fn request(&self) -> bool {
+    pub fn request(&self) -> bool {
         self.loading.store(true, Ordering::Relaxed);
         self.stop.request();
         let stage = self.stage.compare_exchange(COMPUTING, GIVEN_UP, Ordering::SeqCst, Ordering::SeqCst);

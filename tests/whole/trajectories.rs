@@ -174,7 +174,7 @@ fn the_same_flight_in_every_layout_gives_the_same_points() {
     assert_near("HELIOS++", &points(dir.path(), helios(&flight).as_bytes(), &as_headings), &plain, 2e-3);
     let own = helios(&of_helios(&flight));
     assert_near("HELIOS++", &points(dir.path(), own.as_bytes(), &[]), &plain, 2e-3);
-    let tum: String = flight.iter().map(|row| quaternion_line(row)).collect();
+    let tum: String = flight.iter().map(quaternion_line).collect();
     assert_near("quaternions", &points(dir.path(), tum.as_bytes(), &[]), &plain, 1e-3);
     let named = format!("# timestamp tx ty tz qx qy qz qw\n{tum}");
     assert_near("named quaternions", &points(dir.path(), named.as_bytes(), &[]), &plain, 1e-3);
