@@ -121,14 +121,16 @@ fn a_written_flight_never_names_the_recording_or_another_file_as_its_output() {
 fn files_of_an_earlier_fit_do_not_stay_and_few_pulses_have_a_constant_rate() {
     let dir = folder();
     recorded_line(dir.path(), 14_000);
-    // As an earlier fit leaves them, which had pulse times.
+    // As an earlier fit leaves them, which had pulse times and a mirror that wanders.
     fs::write(dir.path().join("t.pulses.txt"), "0\n1\n").unwrap();
+    fs::write(dir.path().join("t.wander.txt"), "0 0\n1 0\n").unwrap();
     let fit = ["fit", "line.laz", "-o", "t.toml", "-q"];
     let out = run(dir.path(), &fit);
     assert!(out.status.code() == Some(2) && text(&out.stderr).contains("t.pulses.txt exists"));
     succeed(dir.path(), &[&fit[..], &["--force"]].concat());
-    assert!(!dir.path().join("t.pulses.txt").exists() && dir.path().join("t.wander.txt").exists());
-    assert!(!fs::read_to_string(dir.path().join("t.toml")).unwrap().contains("pulse_times"));
+    let written = fs::read_to_string(dir.path().join("t.toml")).unwrap();
+    assert!(!dir.path().join("t.pulses.txt").exists() && !written.contains("pulse_times"));
+    assert_eq!(dir.path().join("t.wander.txt").exists(), written.contains("t.wander.txt"));
     succeed(dir.path(), &["run", "t.toml", "--scene", "hills/scene.xml", "-q"]);
 }
 

@@ -46,7 +46,7 @@ fn kinds() -> Vec<Kind> {
         text("house.mtl", "newmtl grey\nKd 1 1 1\n", "an MTL material library", &[]),
         text("house.dae", "<?xml version=\"1.0\"?><COLLADA/>", "a COLLADA scene", &[]),
         kind("house.fbx", b"Kaydara FBX Binary", "an FBX mesh", &[]),
-        kind("house.3ds", b"MM\xc8\0\0\0", "a 3D Studio mesh", &[]),
+        kind("house.3ds", b"MM\xc8\0\0\0\x02\0\x0a\0\0\0\x03\0\0\0", "a 3D Studio mesh", &[]),
         kind("dem.tif", b"II*\0\x08\0\0\0", "a TIFF raster", SCENES),
         kind("plot.npy", b"\x93NUMPY\x01\0v\0{'descr'", "a NumPy array", &[]),
         kind("plot.h5", b"\x89HDF\r\n\x1a\n", "an HDF5 or NetCDF 4 file", &[]),
@@ -80,7 +80,7 @@ const COMMANDS: &[(&str, &str)] = &[
     ("pulses -", "trace - --scene roof.obj --scanner riegl_vux-1uav -o out.laz"),
     ("trace scene", "trace pulses.csv --scene FILE --scanner riegl_vux-1uav -o out.laz"),
     ("area", "plan airborne --area FILE --scanner riegl_vux-1uav --height 60 -o out.toml"),
-    ("line", "plan mobile --along FILE --scanner velodyne_vlp16 -o out.toml"),
+    ("line", "plan mobile --along FILE --scanner vlp16 -o out.toml"),
     ("stand", "scene stand FILE -o out"),
     ("info", "info FILE"),
     ("info -", "info -"),
@@ -96,15 +96,21 @@ const COMMANDS: &[(&str, &str)] = &[
     ("unzip", "unzip FILE out.txt"),
 ];
 
-const SURVEY: &str = "<document><survey name=\"s\" platform=\"data/platforms.xml#tripod\" \
+const SURVEY: &str = "<document><scene id=\"s\"><part><filter type=\"objloader\"><param type=\"string\" \
+    key=\"filepath\" value=\"roof.obj\"/></filter></part></scene>\
+    <survey name=\"s\" scene=\"survey.xml#s\" platform=\"data/platforms.xml#tripod\" \
     scanner=\"data/scanners_tls.xml#riegl_vz400\"><leg><platformSettings x=\"0\" y=\"0\" z=\"9\"/>\
-    <scannerSettings headRotateStop_deg=\"1\"/></leg></survey></document>";
+    <scannerSettings pulseFreq_hz=\"100000\" scanFreq_hz=\"100\" scanAngle_deg=\"50\" headRotatePerSec_deg=\"50\" \
+    headRotateStart_deg=\"0\" headRotateStop_deg=\"1\"/></leg></survey></document>";
+
+const FLIGHT: &str = "scene = \"roof.obj\"\nscanner = { catalogue = \"riegl_vux-1uav\" }\n\
+    platform = { catalogue = \"data/platforms.xml#sr22\" }\n[settings]\npulse_freq_hz = 100000\nscan_freq_hz = 100\n";
 
 /// Writes what the commands need beside the file.
 fn prepare(folder: &Path) {
     let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).expect("a file");
     write("survey.xml", SURVEY);
-    write("flight.toml", "scene = \"roof.obj\"\nscanner = \"riegl_vux-1uav\"\nplatform = \"cirrus_sr22\"\n");
+    write("flight.toml", FLIGHT);
     write("roof.obj", "v 0 0 0\nv 9 0 0\nv 0 9 0\nf 1 2 3\n");
     write("roof.xyz", "0 0 0\n9 0 0\n0 9 0\n");
     write("pulses.csv", "time,x,y,z,dx,dy,dz\n0,1,1,50,0,0,-1\n");

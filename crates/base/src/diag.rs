@@ -320,8 +320,9 @@ impl Diagnostics {
 impl Diagnostic {
     /// Adds a hint how to solve the problem.
     pub fn help(&mut self, text: impl Into<String>) -> &mut Diagnostic {
-        if self.message != FURTHER_PROBLEMS {
-            self.help = Some(shortened(text.into()));
+        let text = text.into();
+        if self.message != FURTHER_PROBLEMS && !text.is_empty() {
+            self.help = Some(shortened(text));
         }
         self
     }

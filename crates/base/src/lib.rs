@@ -6,13 +6,13 @@
 //! | `corrections` | departures from the reference's physics, materials and kinematics |
 //! | `observer` | the receiver of warnings, notes and times |
 //! | `rng` | counter-based random numbers |
-//! | `recognise` | kinds of files by first bytes and ending, and what to do with each |
 //! | `quantity`, `markup`, `aligned` | bounds of numbers, counts and sizes as text; text in XML and HTML, in aligned columns |
 //! | `crs` | coordinate reference systems: WKT by EPSG code, codes in WKT, areas of use; units of length |
 //! | `columns` | separators of columns and quoted fields |
 //! | `table` | headings of tables: the vocabulary of column names, units, schemas |
 //! | `files` | files named when complete, files that are read |
 //! | `damage`, `machine` | panics of decoders caught; threads and memory of the machine |
+//! | `recognise` | kinds of files by first bytes and ending, and what to do with each |
 //! | `input` | byte streams and Arrow tables read while they arrive |
 //! | `store` | files of arrays with checksums, the bytes of files |
 

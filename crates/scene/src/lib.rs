@@ -18,7 +18,7 @@
 //! | `load`, `builder` | load a scene from meshes, rasters, point clouds and vegetation voxels; the scene under construction |
 //! | `text`, `number` | files of text: lines, problems with their places, numbers |
 //! | `change` | materials that replace those of a part |
-//! | `library`, `mtl`, `spectra`, `reflectance_issues`, `reflectance_units` | material definitions, their resolution and problems |
+//! | `library`, `mtl`, `mtl_optics`, `spectra`, `reflectance_issues`, `reflectance_units` | material definitions, their resolution and problems |
 //! | `ground`, `plane` | drop parts to the ground; planes fitted to points |
 //! | `ground_model` | the ground of a loaded scene |
 //! | `instances`, `instance_set` | parts that share a mesh |

@@ -30,7 +30,6 @@
 //! | `platform_xml` | platforms |
 //! | `scene_xml`, `loaders`, `instances`, `motions` | the parts of a scene |
 //! | `rasters`, `vrt` | files of terrain rasters: tiles in folders, virtual rasters of GDAL |
-//! | `foreign` | endings of mesh files, and mesh formats that are not read |
 //! | `formula`, `seed` | formulas of calibration errors; the formats of a seed |
 
 #![deny(unsafe_code)]

@@ -1,6 +1,6 @@
 //! Detection of angles read in the wrong unit.
 
-use super::Finding;
+use super::finding::Finding;
 use std::f64::consts::TAU;
 use vlscan_geom::DVec3;
 use vlscan_survey::AngleConvention;

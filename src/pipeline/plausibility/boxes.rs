@@ -1,6 +1,6 @@
 //! Comparison of the box of a flight with the box of its scene, in world coordinates.
 
-use super::Finding;
+use super::finding::Finding;
 use vlscan_base::quantity::{fixed, metres};
 use vlscan_geom::{Aabb, DVec3, UtmZone};
 

@@ -1,7 +1,7 @@
 //! Vertical rays up and down from positions of a flight.
 
-use super::Finding;
 use super::boxes::heights;
+use super::finding::Finding;
 use vlscan_base::quantity::metres;
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_scene::Scene;

@@ -62,9 +62,8 @@ pub fn check_energy_model(survey: &Survey, options: &PhysicsOptions) -> Diagnost
         }
         _ => return found,
     };
-    found
-        .warn(None, format!("the older energy model (`legacy_energy`, --legacy-energy) has no effect {why}"))
-        .help(format!("leave it out, or {remedy}"));
+    let message = format!("the older energy model (`legacy_energy`, --legacy-energy) has no effect {why}");
+    found.warn(survey_place(survey), message).help(format!("leave it out, or {remedy}"));
     found
 }
 

@@ -2,8 +2,9 @@
 //! read as degrees, a run that hits almost nothing. Each is a warning that names cause and remedy, and an error under
 //! [`Settings::strict`].
 //!
-//! | file | what it checks |
+//! | file | what it holds or checks |
 //! |---|---|
+//! | `finding` | an implausible property of the input, with its remedy |
 //! | `boxes` | the box of the flight against that of the scene: zones, units, swapped axes, local coordinates |
 //! | `ground` | rays up and down from places of the flight: below the terrain, or on it |
 //! | `angles` | angles as written against the course: radians read as degrees and the reverse |
@@ -16,6 +17,7 @@
 
 mod angles;
 mod boxes;
+mod finding;
 mod ground;
 mod instrument;
 mod mirror;
@@ -28,6 +30,7 @@ use super::aim::AimTarget;
 #[cfg(doc)]
 use super::settings::Settings;
 use angles::AngleCheck;
+use finding::Finding;
 pub use instrument::{check_energy_model, check_instrument, check_noise, check_wavelengths};
 pub use mirror::describe_idle_mirror;
 pub use points::YieldCheck;
@@ -40,28 +43,6 @@ use vlscan_lidar::flight::FlightPlan;
 use vlscan_scene::Scene;
 use vlscan_survey::{AngleConvention, Interpolated, PlatformKind, PoseStream, RotationSpec, Survey};
 use vlscan_trace::Tree;
-
-/// An implausible property of the input.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Finding {
-    /// Observation.
-    message: String,
-    /// Likely cause and remedy.
-    help: String,
-}
-
-impl Finding {
-    fn new(message: impl Into<String>, help: impl Into<String>) -> Finding {
-        Finding { message: message.into(), help: help.into() }
-    }
-
-    /// Converts the finding to a warning at a place of the input.
-    pub fn into_warning(self, place: Option<Place>) -> Diagnostics {
-        let mut found = Diagnostics::default();
-        found.warn(place, self.message).help(self.help);
-        found
-    }
-}
 
 /// Positions per leg that are checked.
 const PLACES_PER_LEG: u32 = 33;

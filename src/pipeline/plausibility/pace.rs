@@ -1,6 +1,6 @@
 //! Check of a recorded flight's times: milliseconds read as seconds make it a thousand times slower.
 
-use super::Finding;
+use super::finding::Finding;
 use vlscan_base::quantity::{duration, metres};
 use vlscan_geom::DVec3;
 

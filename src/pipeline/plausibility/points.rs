@@ -1,6 +1,7 @@
 //! Check of the points per pulse: detects runs that hit nothing or almost nothing.
 
-use super::{Finding, boxes, flight_place, ground, target, view};
+use super::finding::Finding;
+use super::{boxes, flight_place, ground, target, view};
 use crate::pipeline::aim::{Aim, AimLog, SampledBeam};
 use crate::pipeline::progress::Progress;
 use crate::pipeline::settings::Settings;

@@ -1,9 +1,10 @@
 //! Check of a streamed flight, pose by pose.
 
 use super::angles::AngleCheck;
+use super::finding::Finding;
 use super::pace::Pace;
 use super::view::{Thinned, ViewPoint};
-use super::{Finding, boxes, stream_place};
+use super::{boxes, stream_place};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;

@@ -1,7 +1,8 @@
 //! What the beams of a flight see before it is flown: heights in feet, heights beyond the range, scanners that look up.
 //! The ground below a place is taken to be level, and the scene to fill its box.
 
-use super::{Finding, boxes};
+use super::boxes;
+use super::finding::Finding;
 use crate::pipeline::aim::SampledBeam;
 use vlscan_base::quantity::metres;
 use vlscan_geom::{Aabb, DVec3, Rotation};

@@ -141,7 +141,10 @@ pub fn read_file(path: &Path, max_bytes: u64) -> std::io::Result<Vec<u8>> {
 /// [`Error::Io`], also for more bytes; [`Error::Input`] for bytes that are no UTF-8.
 pub fn read_text(path: &Path, max_bytes: u64) -> Result<String> {
     let bytes = read_file(path, max_bytes).map_err(|e| Error::open(path, e))?;
-    String::from_utf8(bytes).map_err(|_| Error::input(format!("{}: expected text in UTF-8", path.display())))
+    String::from_utf8(bytes).map_err(|_| {
+        let message = format!("{}: expected text in UTF-8", path.display());
+        Error::input_with_help(message, "save it as UTF-8 in a text editor")
+    })
 }
 
 /// Whether the path means standard input: `-`, `STDIN`, `/dev/stdin`.

@@ -40,10 +40,14 @@ pub(super) fn is_text(bytes: &[u8]) -> bool {
     !bytes.iter().any(|b| *b < 0x20 && !matches!(b, b'\t' | b'\n' | b'\r' | 0x0b | 0x0c))
 }
 
-/// Beginnings of few letters, which text may have by chance, count in binary data only.
+/// Beginnings of few letters that no text has, whatever follows.
+const SURE: [&[u8]; 2] = [b"LASF", b"%PDF"];
+
+/// Beginnings of few letters, which text may have by chance, count in binary data only, but for those of [`SURE`].
 fn of_start(bytes: &[u8], is_text: bool) -> Option<&'static Kind> {
     let is_word = |start: &[u8]| start.len() < 5 && start.iter().all(|b| (0x20..0x7f).contains(b));
-    let agrees = |start: &&&[u8]| bytes.starts_with(start) && !(is_text && is_word(start));
+    let agrees =
+        |start: &&&[u8]| bytes.starts_with(start) && !(is_text && is_word(start) && !SURE.contains(start));
     kinds::BY_START.iter().find(|kind| kind.starts.iter().any(|start| agrees(&start)))
 }
 
@@ -116,10 +120,16 @@ fn of_binary(bytes: &[u8]) -> &'static Kind {
         () if bytes.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid")) => &kinds::STL,
         () if at(257, b"ustar") => &kinds::TAR,
         () if is_dbf(bytes) => &kinds::DBF,
+        () if is_3ds(bytes) => &kinds::STUDIO,
         () if is_sbet(bytes) => &kinds::SBET,
         () if is_off(bytes) => &kinds::OFF,
         () => &kinds::BINARY,
     }
+}
+
+/// The main chunk with its length, and in it the chunk of the version or of the objects.
+fn is_3ds(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"MM") && matches!(bytes.get(6..8), Some([0x02, 0x00] | [0x3d, 0x3d]))
 }
 
 /// The version, the date, and the lengths of header and record (dBASE III to 7).

@@ -130,6 +130,8 @@ pub(super) const COMPRESSED_TEXT: Kind = kind(
 pub(super) const PARQUET: Kind = kind("a Parquet table", Columnar, "", &[b"PAR1"], &["parquet"]);
 /// A mesh of triangles.
 pub(super) const STL: Kind = kind("an STL mesh", Mesh, "", &[], &["stl"]);
+/// A mesh of 3D Studio.
+pub(super) const STUDIO: Kind = kind("a 3D Studio mesh", Mesh, MESH, &[], &["3ds"]);
 /// Geometries in JSON.
 pub(super) const GEOJSON: Kind = kind("GeoJSON", Area, "", &[], &["geojson"]);
 /// Geometries in words.
@@ -253,6 +255,7 @@ pub(super) const BY_CONTENTS: &[Kind] = &[
     SBET,
     OBJ,
     STL,
+    STUDIO,
     GEOJSON,
     WKT,
     PRJ,
@@ -384,7 +387,6 @@ pub(super) const BY_START: &[Kind] = &[
     ),
     kind("a voxel file of AMAPVox", Voxels, "", &[b"VOXEL SPACE"], &["vox"]),
     kind("a VDB volume", Mesh, "make a mesh of it in Blender or ParaView", &[b" BDV"], &["vdb"]),
-    kind("a 3D Studio mesh", Mesh, MESH, &[], &["3ds"]),
     kind("a shapefile", Area, "", &[b"\0\0\x27\x0a"], &["shp"]),
     kind("a FlatGeobuf file", Area, OGR, &[b"fgb\x03fgb"], &["fgb"]),
     kind("a MapInfo file", Area, OGR, &[b"!table"], &["mif"]),

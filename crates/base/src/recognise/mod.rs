@@ -92,7 +92,7 @@ pub struct Foreign {
     pub kind: &'static Kind,
     /// What was expected, with an article.
     pub expected: &'static str,
-    /// What to do instead.
+    /// What to do instead; empty if nothing is known.
     pub help: String,
 }
 
