@@ -436,12 +436,15 @@ impl Complaints {
     fn refused(&mut self, case: &Case, bytes: &[u8], how: &str) {
         let (status, messages, _) = outcome(case, bytes);
         let name = case.file.rsplit('/').next().unwrap();
-        let named = messages.lines().any(|line| {
-            line.split(name).nth(1).is_some_and(|rest| {
-                let number = rest.trim_start_matches(':').bytes().take_while(u8::is_ascii_digit).count();
-                !case.is_text || (rest.starts_with(':') && number > 0)
-            })
-        });
+        // A file of another kind has no line that is at fault.
+        let is_other_kind = |line: &str| line.contains("expected ") && line.ends_with(&format!(": {name}"));
+        let named = messages.lines().any(is_other_kind)
+            || messages.lines().any(|line| {
+                line.split(name).nth(1).is_some_and(|rest| {
+                    let number = rest.trim_start_matches(':').bytes().take_while(u8::is_ascii_digit).count();
+                    !case.is_text || (rest.starts_with(':') && number > 0)
+                })
+            });
         self.expect(status == 2 && named, || {
             let named = if named { "" } else { ", no line is named" };
             format!("{} {how}: status {status}{named}\n{messages}", case.file)

@@ -1,7 +1,6 @@
 //! Triangles that repeat an earlier one: the same corners, part and material. Rays never report them, because the first of several equal
 //! hits counts. No tree can separate them, so a ray would test all. Trees are built without them.
 
-use super::model::Scene;
 use rayon::prelude::*;
 use std::collections::HashSet;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -13,9 +12,9 @@ const SAMPLE: usize = 4096;
 /// Stride of the sample, prime to the number of triangles in nearly all scenes.
 const STRIDE: usize = 2_654_435_761;
 
-/// The numbers of the stored triangles that repeat an earlier one. Scenes with few of them may have none here.
-pub(crate) fn repeated_triangles(scene: &Scene) -> HashSet<u32> {
-    let g = &scene.geometry;
+/// The numbers of the stored triangles that repeat an earlier one; `surface` returns part and material of a number. Geometry with
+/// few of them may have none here.
+pub(crate) fn repeated_triangles(g: &Geometry, surface: impl Fn(u32) -> (u32, u32) + Sync) -> HashSet<u32> {
     let count = g.triangles.len();
     let mut seen = HashSet::new();
     let sample = count.min(SAMPLE);
@@ -32,8 +31,8 @@ pub(crate) fn repeated_triangles(scene: &Scene) -> HashSet<u32> {
         let mut first: HashSet<([u64; 9], u32, u32)> = HashSet::new();
         let number = |index: usize| g.number_of(index) as u32;
         let is_repeated = |index: &usize| {
-            let surface = scene.surface(number(*index));
-            !first.insert((bits(g.stored_triangle(*index)), surface.part, surface.material))
+            let (part, material) = surface(number(*index));
+            !first.insert((bits(g.stored_triangle(*index)), part, material))
         };
         group.iter().map(|(_, index)| *index).filter(is_repeated).map(number).collect()
     };
@@ -71,7 +70,8 @@ mod tests {
         text += &format!("usemtl b\n{}f 2 3 1\nf 4 5 6\n", "f 1 2 3\n".repeat(3000));
         f.obj("a.obj", &text);
         let scene = f.scene();
-        let repeated = repeated_triangles(&scene);
+        let surface = |i| (scene.surface(i).part, scene.surface(i).material);
+        let repeated = repeated_triangles(&scene.geometry, surface);
         assert_eq!(repeated.len(), 2 * 2999);
         assert!([0, 3000, 6000, 6001].iter().all(|number| !repeated.contains(number)));
         for builder in [Builder::Bvh, Builder::Fsah] {

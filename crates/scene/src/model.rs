@@ -135,7 +135,11 @@ impl Scene {
 
     /// The tree over the static primitives that are stored, without triangles that repeat an earlier one.
     pub(crate) fn tree_of_stored(&self, options: &BuildOptions) -> Tree {
-        let repeated = repeated_triangles(self);
+        let surface = |i| {
+            let surface = self.surface(i);
+            (surface.part, surface.material)
+        };
+        let repeated = repeated_triangles(&self.geometry, surface);
         Tree::build_where(&self.geometry, options, |i| self.is_still(i) && !repeated.contains(&i))
     }
 

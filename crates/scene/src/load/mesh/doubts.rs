@@ -62,7 +62,7 @@ fn report(
         return;
     }
     // The standard of glTF has y up, other formats are read with z up.
-    let (doubt, help) = match super::is_gltf(file) {
+    let (doubt, help) = match super::expand::is_gltf(file) {
         true => (
             turned_doubt(own),
             "`up` of its loader reads it as it is (up = \"z\", <param type=\"string\" key=\"up\" value=\"z\"/>); \"y\" confirms that y is up, the standard of glTF",

@@ -33,7 +33,6 @@ mod stl;
 #[cfg(test)]
 mod tests;
 
-use expand::is_gltf;
 pub(crate) use expand::{EpochPart, parts_in_epoch};
 
 use crate::builder::{PartSource, SceneBuilder};
