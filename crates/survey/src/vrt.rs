@@ -404,10 +404,10 @@ mod tests {
             (document(SOURCE, "", "").replace("1.0e+02,", ""), "expected six numbers"),
             (document(SOURCE, "", "").replace("band=\"1\"", "band=\"2\""), "with band=\"1\", found none"),
             ("<VRTDataset rasterXSize=\"1\"/>".to_owned(), "needs the attribute `rasterYSize`"),
-            ("<document/>".to_owned(), "expected `VRTDataset`"),
+            ("<document/>".to_owned(), "expected a virtual raster"),
         ] {
             let report = read(&text).unwrap_err();
-            assert!(report.contains(expected) && report.contains("all.vrt:"), "{expected}: {report}");
+            assert!(report.contains(expected) && report.contains("all.vrt"), "{expected}: {report}");
         }
     }
 }

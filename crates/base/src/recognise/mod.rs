@@ -154,6 +154,12 @@ fn by_ending(path: &Path, contents: &Kind) -> Option<&'static Kind> {
     all.find(|kind| kind.endings.contains(&ending.as_str()) && may_be(kind))
 }
 
+/// True for names that end as those of tables do.
+fn is_table_by_name(path: &Path) -> bool {
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+    ending.is_some_and(|ending| kinds::TABLE.endings.contains(&ending.as_str()))
+}
+
 /// What to do with a file that is not what a reader wants; `None` if it may be. `bytes` are the first ones, see [`FIRST_BYTES`].
 ///
 /// ```
@@ -167,7 +173,9 @@ fn by_ending(path: &Path, contents: &Kind) -> Option<&'static Kind> {
 pub fn foreign(path: &Path, bytes: &[u8], wanted: &Wanted) -> Option<Foreign> {
     let contents = contents::kind_of(&bytes[..bytes.len().min(FIRST_BYTES)]);
     let named = by_ending(path, contents).unwrap_or(contents);
-    let is_accepted = wanted.accepts(if wanted.uses_endings { named } else { contents });
+    let is_accepted = wanted.accepts(if wanted.uses_endings { named } else { contents })
+        // Many texts have the same number of words on each line, as an OBJ or MTL file of few lines.
+        || *contents == kinds::TABLE && *named == *contents && wanted.accepts(&kinds::TEXT) && !is_table_by_name(path);
     (!is_accepted).then(|| wanted.refuse(named, path))
 }
 

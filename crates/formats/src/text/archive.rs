@@ -346,7 +346,7 @@ mod tests {
         *flipped.last_mut().unwrap() ^= 1;
         for (bytes, reason) in [
             (Vec::new(), "too early"),
-            (b"1 2 3\n".to_vec(), "no valid zlib stream"),
+            (b"1 2 3\n".to_vec(), "expected compressed text"),
             (good[..good.len() - 5].to_vec(), "too early"),
             (flipped, "no valid zlib stream"),
             ([&good[..], b"x"].concat(), "something follows"),

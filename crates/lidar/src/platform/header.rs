@@ -116,7 +116,9 @@ fn find_heading(
         }
         let headings = Headings::of(&names, &SCHEMA);
         let is_complete = headings.has(Quantity::Time)
-            && [Quantity::Z, Quantity::X, Quantity::Latitude].iter().any(|place| headings.has(*place));
+            && [[Quantity::X, Quantity::Y], [Quantity::Latitude, Quantity::Longitude]]
+                .iter()
+                .any(|place| place.iter().all(|quantity| headings.has(*quantity)));
         let is_heading = match line.is_comment {
             true => names.len() == width && is_complete,
             false => headings.columns.len() >= if names.len() == width { 1 } else { MIN_KNOWN },
