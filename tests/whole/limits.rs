@@ -121,7 +121,7 @@ fn cases() -> BTreeMap<&'static str, Case> {
     let formula = "<rangeError expr=\"1/(THETA-THETA)\"/><beamOrigin/>";
     let stl = "solid a\nfacet\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n";
     let mut table_of_materials = with_scene("mesh.stl", stl);
-    table_of_materials.files.insert(0, ("materials.csv", vec![b' '; 1 << 16]));
+    table_of_materials.files.insert(0, ("materials.csv", b"name,reflectance\n".repeat(1 << 12)));
     table_of_materials.length = (1 << 26) + 1;
     let instances = r#"{"asset":{"version":"2.0"},"scenes":[{"nodes":[0]}],"meshes":[{"primitives":[]}],
         "nodes":[{"mesh":0,"extensions":{"EXT_mesh_gpu_instancing":{"attributes":{"TRANSLATION":0}}}}],
@@ -164,7 +164,10 @@ fn cases() -> BTreeMap<&'static str, Case> {
             case.args.extend(["--scene-memory", "100"]);
             case
         }),
-        ("size of an XML document", Case { length: (1 << 27) + 1, ..run_of(" ".repeat(1 << 16)) }),
+        (
+            "size of an XML document",
+            Case { length: (1 << 27) + 1, ..run_of(format!("<document>{}", " ".repeat(1 << 16))) },
+        ),
         ("elements, texts and comments of a document", document(&"<a/>".repeat(1 << 22))),
         ("depth of elements", document(&"<a>".repeat(200))),
         ("attributes of an element", document(&format!("<a{wide}/>"))),
