@@ -426,7 +426,7 @@ const MISTAKES: [(&str, &str); 39] = [
         "expected a survey (.xml) or a pipeline (.toml), found a LAZ point cloud",
     ),
     (
-        "printf 'OFF\\n8 6 0\\n' > tree.obj; vlscan scene info tree.obj",
+        "printf 'Kaydara FBX Binary  ' > tree.obj; vlscan scene info tree.obj",
         "expected a mesh (OBJ, PLY, STL, OFF, glTF)",
     ),
     (
