@@ -178,8 +178,8 @@ pub fn cloud_info(py: Python<'_>, clouds: Vec<Named<'_>>) -> PyResult<(String, S
 /// A grid: columns, rows, side of cells (m) and south-western corner.
 type Grid = (usize, usize, f64, [f64; 2]);
 
-/// Makes rasters of clouds, by name and with the file of each that is written. Returns the grid, the system as WKT, and bytes of the
-/// values (doubles) of each raster, row by row from the south west.
+/// Makes rasters of clouds, by name and with the file of each that is written. Returns the grid, the system
+/// as WKT, and bytes of the values (doubles) of each raster, row by row from the south west.
 #[pyfunction]
 pub fn raster<'py>(
     py: Python<'py>,

@@ -17,7 +17,8 @@ use vlscan::tools::generate::{
 };
 use vlscan::{Error, Notice, Observer};
 
-/// Makes a scene with a survey in a folder. Returns the survey and the numbers of triangles, voxels and pulses.
+/// Makes a scene with a survey in a folder. Returns the survey and the numbers of triangles, voxels and
+/// pulses.
 #[pyfunction]
 pub fn make_scene(
     py: Python<'_>,

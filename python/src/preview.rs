@@ -23,7 +23,8 @@ fn colour_of(name: &str) -> PyResult<ColourBy> {
     known.ok_or_else(|| PyValueError::new_err(format!("colour is {name:?}; expected one of {names}")))
 }
 
-/// A picture (`png`) or a page (`html`) of a file of points, of the waveform of a pulse in a file, or of the survey of a request.
+/// A picture (`png`) or a page (`html`) of a file of points, of the waveform of a pulse in a file, or of the
+/// survey of a request.
 #[pyfunction]
 #[pyo3(signature = (kind, file, request, pulse, colour, title, light, width, height, max_points))]
 #[allow(clippy::too_many_arguments, reason = "called by the package")]

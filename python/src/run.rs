@@ -1,5 +1,5 @@
-//! Runs: a survey is flown, or pulses are traced, to tables in memory and to files. The interpreter is free meanwhile;
-//! Ctrl-C ends a run, and a function is told the progress.
+//! Runs: a survey is flown, or pulses are traced, to tables in memory and to files. The interpreter is free
+//! meanwhile; Ctrl-C ends a run, and a function is told the progress.
 
 use crate::batches::BatchIterator;
 use crate::errors::{Notices, exception};
@@ -21,8 +21,8 @@ use vlscan::{
 /// Rows of pulses that are traced together.
 const PULSE_ROWS: usize = 4096;
 
-/// What is run: a survey or pipeline file, or a pipeline as text; a scene that replaces its own; a trajectory or pulses in
-/// memory; options.
+/// What is run: a survey or pipeline file, or a pipeline as text; a scene that replaces its own; a trajectory
+/// or pulses in memory; options.
 #[pyclass(frozen, module = "vlscan")]
 pub struct Request {
     file: Option<PathBuf>,
@@ -121,7 +121,8 @@ impl Request {
     }
 }
 
-/// The columns of points in memory if no others are chosen: those of files, and those from which files are written again.
+/// The columns of points in memory if no others are chosen: those of files, and those from which files are
+/// written again.
 pub fn columns_in_memory(has_misses: bool, has_heights: bool, has_width: bool) -> Vec<Column> {
     let mut columns = Column::default_columns(has_misses);
     columns.extend(has_heights.then_some(Column::HeightAboveGround));
@@ -226,7 +227,7 @@ impl Outcome {
         self.counts.2
     }
 
-    /// Whether the run was stopped early.
+    /// True if the run was stopped early.
     #[getter]
     fn interrupted(&self) -> bool {
         self.counts.3
@@ -307,8 +308,8 @@ pub fn collected(names: Vec<String>) -> PyResult<(Vec<TableRequest>, CollectedTa
     Ok((requests, tables))
 }
 
-/// Runs a request and returns the tables of these names. `progress` is called with pulses, points, leg and the fraction
-/// done.
+/// Runs a request and returns the tables of these names. `progress` is called with pulses, points, leg and
+/// the fraction done.
 #[pyfunction]
 #[pyo3(signature = (request, tables, progress=None))]
 pub fn run(
@@ -343,9 +344,9 @@ pub fn tell(py: Python<'_>, progress: Option<&Py<PyAny>>, counters: &Progress) -
     Ok(())
 }
 
-/// Runs a request and returns its points batch by batch; at most `waiting` batches wait for their reader. A batch ends with its
-/// leg, or at a multiple of `seconds`, too. The tables of these names are in the outcome of the iterator, which exists once the
-/// last batch has been taken.
+/// Runs a request and returns its points batch by batch; at most `waiting` batches wait for their reader. A
+/// batch ends with its leg, or at a multiple of `seconds`, too. The tables of these names are in the outcome
+/// of the iterator, which exists once the last batch has been taken.
 #[pyfunction]
 #[pyo3(signature = (request, rows, per_leg, seconds, waiting, tables=Vec::new()))]
 pub fn run_batches(

@@ -1,4 +1,5 @@
-//! Scenes of files and of arrays. A scene and its tree are loaded once and shared by all runs that need the same ones.
+//! Scenes of files and of arrays. A scene and its tree are loaded once and shared by all runs that need the
+//! same ones.
 
 use crate::errors::{Notices, exception};
 use crate::table::Table;
@@ -22,8 +23,9 @@ pub struct Mesh(Arc<vlscan::Mesh>);
 
 #[pymethods]
 impl Mesh {
-    /// `vertices`: bytes of doubles, three per vertex, m. `triangles`: bytes of unsigned 32-bit integers, three per triangle.
-    /// `materials`: dictionaries. `material_of`: bytes of unsigned 32-bit integers, one per triangle, or none.
+    /// `vertices`: bytes of doubles, three per vertex, m. `triangles`: bytes of unsigned 32-bit integers,
+    /// three per triangle. `materials`: dictionaries. `material_of`: bytes of unsigned 32-bit integers, one
+    /// per triangle, or none.
     #[new]
     fn new(
         py: Python<'_>,
@@ -116,8 +118,8 @@ impl Part {
         part(Loader::Mesh(mesh.0.clone()), place)
     }
 
-    /// A part of a mesh file: OBJ, PLY, STL, OFF or glTF. `up`: `y` or `z`, none for that of the format. `unit`: of coordinates.
-    /// `materials`: a table of materials.
+    /// A part of a mesh file: OBJ, PLY, STL, OFF or glTF. `up`: `y` or `z`, none for that of the format.
+    /// `unit`: of coordinates. `materials`: a table of materials.
     #[staticmethod]
     fn of_mesh_file(
         path: PathBuf,
@@ -142,7 +144,8 @@ impl Part {
         part(Loader::MeshFiles { files: vec![path], reading }, place)
     }
 
-    /// A part of a terrain raster: a file, a virtual raster, a folder or a pattern of tiles, or several files as tiles.
+    /// A part of a terrain raster: a file, a virtual raster, a folder or a pattern of tiles, or several files
+    /// as tiles.
     #[staticmethod]
     fn of_raster(
         py: Python<'_>,
@@ -221,7 +224,7 @@ impl Part {
     }
 }
 
-/// Whether a path is that of a virtual raster or a folder, or a pattern.
+/// True if a path is that of a virtual raster or a folder, or a pattern.
 fn has_tiles(path: &Path) -> bool {
     let is_virtual = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("vrt"));
     is_virtual || path.is_dir() || path.to_string_lossy().contains(['*', '?'])
@@ -252,8 +255,8 @@ impl Changes {
         Changes(MaterialChanges::default())
     }
 
-    /// These changes and another one: of all primitives, of those whose material has a name, or of those with the indices in
-    /// the bytes of unsigned 32-bit integers.
+    /// These changes and another one: of all primitives, of those whose material has a name, or of those with
+    /// the indices in the bytes of unsigned 32-bit integers.
     fn then(&self, which: &Bound<'_, PyAny>, fields: &Bound<'_, PyDict>) -> PyResult<Changes> {
         let replaced = if which.is_none() {
             Replaced::All
@@ -348,7 +351,8 @@ impl Scene {
         self.recipe.parts.len()
     }
 
-    /// Loads scene and tree now; otherwise the first run does. `words` are options of a run, `document` is a pipeline.
+    /// Loads scene and tree now; otherwise the first run does. `words` are options of a run, `document` is a
+    /// pipeline.
     fn load(own: Py<Self>, py: Python<'_>, document: String, words: Vec<String>) -> PyResult<()> {
         let (notices, interruption) = (Notices::default(), Interruption::default());
         let is_by_itself = words.is_empty();
@@ -385,7 +389,7 @@ impl Scene {
         done.map_err(|error| exception(py, error))
     }
 
-    /// Whether scene and tree are in memory.
+    /// True if scene and tree are in memory.
     #[getter]
     fn is_loaded(&self) -> bool {
         self.lock().is_some()
@@ -396,7 +400,8 @@ impl Scene {
         *self.lock() = None;
     }
 
-    /// Box, number of primitives, ids of parts, materials (name, reflectance, class) and memory of the loaded scene.
+    /// Box, number of primitives, ids of parts, materials (name, reflectance, class) and memory of the loaded
+    /// scene.
     #[allow(clippy::type_complexity, reason = "unpacked by the package")]
     fn facts(&self) -> Option<([[f64; 3]; 2], u64, Vec<String>, Vec<(String, f64, i32)>, u64)> {
         let facts = self.lock().as_ref()?.facts();
@@ -442,7 +447,8 @@ impl Scene {
         ResolvedRun::of_text("<python>".as_ref(), document, &options).map(|(job, _)| job)
     }
 
-    /// A session over this scene, which is loaded if the one in memory is not the one that the settings ask for.
+    /// A session over this scene, which is loaded if the one in memory is not the one that the settings ask
+    /// for.
     pub fn session(&self, job: ResolvedRun, notices: &Notices) -> vlscan::Result<Session> {
         let loaded = self.lock().clone();
         if let Some(loaded) = loaded.filter(|loaded| loaded.suits(&job.settings)) {

@@ -102,7 +102,8 @@ impl Table {
         })
     }
 
-    /// The columns as an Arrow stream, those beside them, and what is known of the points: what [`Table::of_bytes`] takes.
+    /// The columns as an Arrow stream, those beside them, and what is known of the points: what
+    /// [`Table::of_bytes`] takes.
     fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Parts<Bound<'py, PyBytes>>> {
         let stream = |batch: &RecordBatch| {
             let bytes = py.detach(|| encode_stream(&batch.schema(), std::slice::from_ref(batch)));
@@ -127,7 +128,8 @@ impl Table {
         Ok(Table { batch: decode_stream(columns)?, exact, facts })
     }
 
-    /// A table of the columns of another one; `crs` is the coordinate reference system as WKT, if it is not in the metadata.
+    /// A table of the columns of another one; `crs` is the coordinate reference system as WKT, if it is not
+    /// in the metadata.
     #[staticmethod]
     fn of_columns(table: &Bound<'_, PyAny>, crs: Option<String>) -> PyResult<Table> {
         let (schema, batches) = batches(table)?;
@@ -220,7 +222,8 @@ impl Table {
     }
 }
 
-// The structures of the C data interface are the first and only fields, so that a pointer to a holder is one to the structure.
+// The structures of the C data interface are the first and only fields, so that a pointer to a holder is one
+// to the structure.
 #[repr(transparent)]
 struct ArrayHolder(#[allow(dead_code, reason = "read by the consumer of the capsule")] FFI_ArrowArray);
 #[repr(transparent)]
@@ -300,8 +303,8 @@ fn numbers(kind: &str, bytes: &[u8]) -> PyResult<ArrayRef> {
     })
 }
 
-/// The record batches of an object: of anything with `__arrow_c_stream__`, or of a dictionary of columns as bytes of
-/// doubles, or as types of NumPy with bytes.
+/// The record batches of an object: of anything with `__arrow_c_stream__`, or of a dictionary of columns as
+/// bytes of doubles, or as types of NumPy with bytes.
 pub fn batches(object: &Bound<'_, PyAny>) -> PyResult<(SchemaRef, Vec<RecordBatch>)> {
     if let Ok(columns) = object.cast::<PyDict>() {
         let mut fields = Vec::new();
@@ -323,8 +326,8 @@ pub fn batches(object: &Bound<'_, PyAny>) -> PyResult<(SchemaRef, Vec<RecordBatc
     }
     let capsule = object.call_method0("__arrow_c_stream__")?.cast_into::<PyCapsule>()?;
     let pointer = capsule.pointer_checked(Some(c"arrow_array_stream"))?;
-    // SAFETY: a capsule of this name holds an array stream (Arrow PyCapsule interface); the reader moves it out and marks it as
-    // released, so that the capsule does not release it again.
+    // SAFETY: a capsule of this name holds an array stream (Arrow PyCapsule interface); the reader moves it
+    // out and marks it as released, so that the capsule does not release it again.
     let reader = unsafe { RecordBatchStreamReader::from_raw(pointer.as_ptr().cast()) };
     let reader = reader.map_err(wrong)?;
     let schema = reader.schema();

@@ -124,7 +124,8 @@ pub fn plan<'py>(py: Python<'py>, kind: &str, fields: &Bound<'py, PyDict>) -> Py
     Ok(found)
 }
 
-/// Writes the lines of a plan to a file whose extension is that of a format; `carriers` are the references to platform and scanner.
+/// Writes the lines of a plan to a file whose extension is that of a format; `carriers` are the references to
+/// platform and scanner.
 #[pyfunction]
 pub fn write_lines(
     py: Python<'_>,
@@ -149,8 +150,8 @@ pub fn write_lines(
     written.map_err(|error: Error| exception(py, error))
 }
 
-/// Computes the cells of a campaign. `notify` is called with the kind of an event, the name of a cell and a text. Returns the state
-/// of the data set.
+/// Computes the cells of a campaign. `notify` is called with the kind of an event, the name of a cell and a
+/// text. Returns the state of the data set.
 #[pyfunction]
 pub fn run_campaign<'py>(
     py: Python<'py>,
@@ -223,8 +224,8 @@ pub fn campaign_cells(py: Python<'_>, path: PathBuf, fields: &Bound<'_, PyDict>)
 /// A cloud: its name, and its points or the file of that name.
 pub type Named<'py> = (String, Option<Bound<'py, PyAny>>);
 
-/// A map of change: its columns, rows, side of cells (m) and south-western corner, and bytes of the differences, levels of detection
-/// (doubles) and marks of change (bytes) of the cells.
+/// A map of change: its columns, rows, side of cells (m) and south-western corner, and bytes of the
+/// differences, levels of detection (doubles) and marks of change (bytes) of the cells.
 type Map<'py> = ((usize, usize, f64, [f64; 2]), [Bound<'py, PyBytes>; 3]);
 
 /// Compares two clouds. Returns the comparison as JSON and its map of change.
@@ -318,7 +319,8 @@ pub fn fit_flight(
     made.map_err(|error| exception(py, error))
 }
 
-/// Fits noise and detection of a spinning sensor to a revolution and writes the sensor. Returns the figures as JSON.
+/// Fits noise and detection of a spinning sensor to a revolution and writes the sensor. Returns the figures
+/// as JSON.
 #[pyfunction]
 pub fn fit_sensor(
     py: Python<'_>,

@@ -43,8 +43,8 @@ impl Interruption {
         }
     }
 
-    /// Requests the end. Returns whether it has to be waited for, because outputs are completed; a scene that is loading, or
-    /// work without files, just ends.
+    /// Requests the end. Returns whether it has to be waited for, because outputs are completed; a scene that
+    /// is loading, or work without files, just ends.
     pub fn request(&self) -> bool {
         self.loading.store(true, Ordering::Relaxed);
         self.stop.request();
@@ -58,8 +58,8 @@ impl Interruption {
     }
 }
 
-/// Calls `work` on another thread. Ctrl-C ends the call at once while `work` computes, and when its files are complete once it
-/// has called [`Interruption::begin_writing`].
+/// Calls `work` on another thread. Ctrl-C ends the call at once while `work` computes, and when its files are
+/// complete once it has called [`Interruption::begin_writing`].
 pub fn interruptible<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce(&Interruption) -> vlscan::Result<T> + Send + 'static,
@@ -69,7 +69,8 @@ pub fn interruptible<T: Send + 'static>(
     watched(py, &interruption, move || work(&own), || py.check_signals())
 }
 
-/// Calls `work` on another thread, and `check` from time to time until it is done. An error of `check` ends the work.
+/// Calls `work` on another thread, and `check` from time to time until it is done. An error of `check` ends
+/// the work.
 pub fn watched<T: Send + 'static>(
     py: Python<'_>,
     interruption: &Interruption,

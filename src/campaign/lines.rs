@@ -1,5 +1,6 @@
-//! The lines of a campaign's file that hold options of commands, as typed requests. What a campaign decides itself is refused, with its
-//! line in the file and what to write instead: an option that changes nothing must not stand in the record of a cell.
+//! The lines of a campaign's file that hold options of commands, as typed requests. What a campaign decides
+//! itself is refused, with its line in the file and what to write instead: an option that changes nothing
+//! must not stand in the record of a cell.
 
 use crate::options::Options;
 use crate::planning::check_instrument;

@@ -1,5 +1,5 @@
-//! `vlscan bench`: how fast a survey runs on this machine, with which threads, schedule, chunks and tree, and where the time
-//! goes.
+//! `vlscan bench`: how fast a survey runs on this machine, with which threads, schedule, chunks and tree, and
+//! where the time goes.
 
 use super::args::BenchArgs;
 use super::companions::open;

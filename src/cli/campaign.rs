@@ -54,7 +54,8 @@ impl Failures {
 
 fn show(console: &Console, event: CampaignEvent, failures: &Mutex<Failures>) {
     match event {
-        // What the stages of a cell say is for --verbose; their warnings are shown once, with the first cell that has them.
+        // What the stages of a cell say is for --verbose; their warnings are shown once, with the first cell
+        // that has them.
         CampaignEvent::Notice(notice) if console.shows(Verbosity::Verbose) => console.observer()(notice),
         CampaignEvent::Notice(_) => {}
         CampaignEvent::Warning { cell, text } => console.say(format!("{cell}  {text}")),

@@ -1,8 +1,8 @@
-//! Parts of the manual beyond the options: examples, files and exit statuses of every subcommand; and the manual
-//! pages, which `vlscan man DIR` writes in the format of man(7).
+//! Parts of the manual beyond the options: examples, files and exit statuses of every subcommand; and the
+//! manual pages, which `vlscan man DIR` writes in the format of man(7).
 //!
-//! The pages in `man/` are checked in, and so is `python/vlscan/_options.py`, which `vlscan man --python DIR` writes;
-//! `tests/whole/manual.rs` fails when they differ from the generated ones.
+//! The pages in `man/` are checked in, and so is `python/vlscan/_options.py`, which `vlscan man --python DIR`
+//! writes; `tests/whole/manual.rs` fails when they differ from the generated ones.
 
 use super::Cli;
 use super::args::{CompletionsArgs, ManArgs};
@@ -69,7 +69,8 @@ const EXIT_STATUS: &[(&str, &str)] = &[
     ),
 ];
 
-/// Returns the command line with the examples of `manual/pages.md` and the exit statuses at the end of each `--help`.
+/// Returns the command line with the examples of `manual/pages.md` and the exit statuses at the end of each
+/// `--help`.
 pub fn command() -> Command {
     let mut command = with_examples(Cli::command(), "vlscan").after_help(BEGIN);
     // Passes global options to the subcommands, and sets the full names of all commands.
@@ -80,8 +81,8 @@ pub fn command() -> Command {
 /// What every page of this program contains, and the module of options.
 const MARKS: [&str; 2] = [".TH VLSCAN", "`vlscan man --python`"];
 
-/// Runs `vlscan man`: writes a page for every subcommand to a directory. Existing pages of this program are replaced, other files are
-/// not.
+/// Runs `vlscan man`: writes a page for every subcommand to a directory. Existing pages of this program are
+/// replaced, other files are not.
 pub fn run(args: &ManArgs, console: &Console) -> Result<()> {
     let Some(dir) = &args.dir else { return schemas() };
     let mut group = FileGroup::default();
@@ -183,7 +184,8 @@ const USUAL: [&str; 13] = [
 /// Maximum number of options that `-h` shows all of.
 const MAX_SHORT_OPTIONS: usize = 28;
 
-/// Leaves all but the usual and the required options out of `-h` where there are many. `path` is the command's full name.
+/// Leaves all but the usual and the required options out of `-h` where there are many. `path` is the
+/// command's full name.
 fn with_short_help(command: Command, path: &str) -> Command {
     if command.get_arguments().filter(|arg| !arg.is_hide_set()).count() <= MAX_SHORT_OPTIONS {
         return command;
@@ -200,7 +202,8 @@ fn takes_corrections(command: &Command) -> bool {
     command.get_arguments().any(|arg| arg.get_id() == "correct")
 }
 
-/// Returns, for every correction, its name as typed, whether the refined physics includes it, and its meaning.
+/// Returns, for every correction, its name as typed, whether the refined physics includes it, and its
+/// meaning.
 fn correction_entries() -> impl Iterator<Item = (String, String)> {
     let mut refined = Corrections::REFINED;
     Corrections::NAMES.iter().zip(Corrections::HELP).map(move |(name, help)| {

@@ -17,8 +17,8 @@ group! {
 pub struct TrajectoryOptions {
     /// Replace the platform by a recorded trajectory, or by one from stdin (-).
     ///
-    /// Text (time,x,y,z,roll,pitch,yaw), an Arrow stream with such columns, SBET or TerraScan .trj; - or STDIN reads it from
-    /// stdin as it arrives.
+    /// Text (time,x,y,z,roll,pitch,yaw), an Arrow stream with such columns, SBET or TerraScan .trj; - or
+    /// STDIN reads it from stdin as it arrives.
     #[arg(id = "trajectory.path", long = "trajectory", value_name = "PATH", help_heading = "Input")]
     pub path: Option<PathBuf>,
     /// A trajectory in memory, instead of the contents of the file.
@@ -28,8 +28,9 @@ pub struct TrajectoryOptions {
     /// Layout of the trajectory. [default: detected from its content]
     #[arg(id = "trajectory.format", long = "trajectory-format", value_name = "FORMAT")]
     pub format: Option<PoseFormat>,
-    /// Columns of text: names in order (time, x, y, z, roll, pitch, yaw, lat, lon, qx, qy, qz, qw; others are skipped) or name=number,
-    /// from 1; a name may have a unit: roll[rad]. [default: the heading, else time,x,y,z,roll,pitch,yaw]
+    /// Columns of text: names in order (time, x, y, z, roll, pitch, yaw, lat, lon, qx, qy, qz, qw; others are
+    /// skipped) or name=number, from 1; a name may have a unit: roll[rad]. [default: the heading, else
+    /// time,x,y,z,roll,pitch,yaw]
     #[arg(id = "trajectory.columns", long = "trajectory-columns", value_name = "NAMES", value_delimiter = ',')]
     pub columns: Option<Vec<String>>,
     /// Character between columns of text. [default: detected from the first line]
@@ -38,29 +39,30 @@ pub struct TrajectoryOptions {
     /// Unit of angles in text whose column names have no unit. [default: deg]
     #[arg(id = "angles", long = "trajectory-angles", value_name = "UNIT")]
     pub angles: Option<AngleUnit>,
-    /// Whether angles are degrees, an older form of `angles`.
+    /// True if angles are degrees, an older form of `angles`.
     #[arg(skip)]
     pub degrees: Option<bool>,
-    /// Meaning of the angles of text, or axes of its quaternions and matrices. [default: ros for quaternions and matrices, helios
-    /// for files as HELIOS++ reads and writes them, else heading]
+    /// Meaning of the angles of text, or axes of its quaternions and matrices. [default: ros for quaternions
+    /// and matrices, helios for files as HELIOS++ reads and writes them, else heading]
     #[arg(id = "rotation", long = "trajectory-rotation", value_name = "MEANING")]
     pub rotation: Option<AngleConvention>,
-    /// UTM zone to which latitudes and longitudes are projected, such as 32N. [default: that of --crs, else that of the
-    /// first pose]
+    /// UTM zone to which latitudes and longitudes are projected, such as 32N. [default: that of --crs, else
+    /// that of the first pose]
     #[arg(long, value_name = "ZONE")]
     pub utm_zone: Option<Zone>,
-    /// Added to all heights of the trajectory, in metres, for example to convert ellipsoidal heights to those of the scene.
+    /// Added to all heights of the trajectory, in metres, for example to convert ellipsoidal heights to those
+    /// of the scene.
     #[arg(id = "height_offset_m", long = "height-offset", value_name = "METRES", allow_hyphen_values = true)]
     #[serde(rename = "height_offset_m", alias = "height_offset")]
     pub height_offset: Option<Finite>,
-    /// Lever arm: position of the scanner's platform frame relative to the recorded position, in metres to the right, forward and up of the
-    /// recorded body. It rotates with the attitude, not with the boresight.
+    /// Lever arm: position of the scanner's platform frame relative to the recorded position, in metres to
+    /// the right, forward and up of the recorded body. It rotates with the attitude, not with the boresight.
     #[arg(id = "lever_arm_m", long = "lever-arm", value_name = "X,Y,Z", allow_hyphen_values = true)]
     #[serde(rename = "lever_arm_m", alias = "lever_arm")]
     pub lever_arm: Option<Vector>,
-    /// Boresight: rotation of the scanner's platform frame in the recorded body: roll (right side down), pitch (nose up)
-    /// and heading (clockwise from above) in degrees, roll innermost. A point is at position + attitude (lever arm +
-    /// boresight (point in the frame of the platform's scanner)).
+    /// Boresight: rotation of the scanner's platform frame in the recorded body: roll (right side down),
+    /// pitch (nose up) and heading (clockwise from above) in degrees, roll innermost. A point is at position
+    /// + attitude (lever arm + boresight (point in the frame of the platform's scanner)).
     #[arg(id = "boresight_deg", long = "boresight", value_name = "R,P,H", allow_hyphen_values = true)]
     #[serde(rename = "boresight_deg", alias = "boresight")]
     pub boresight: Option<Vector>,
@@ -68,7 +70,8 @@ pub struct TrajectoryOptions {
     #[arg(id = "max_gap_s", long = "max-gap", value_name = "SECONDS")]
     #[serde(rename = "max_gap_s", alias = "max_gap")]
     pub max_gap: Option<Positive>,
-    /// How long, in seconds, points of a live trajectory may wait to be computed in larger batches. [default: 0.25]
+    /// How long, in seconds, points of a live trajectory may wait to be computed in larger batches. [default:
+    /// 0.25]
     #[arg(id = "latency_s", long = "latency", value_name = "SECONDS")]
     #[serde(rename = "latency_s", alias = "latency")]
     pub latency: Option<Latency>,

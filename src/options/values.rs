@@ -1,5 +1,5 @@
-//! Values with a syntax of their own. Each is parsed by [`FromStr`], on the command line as in a pipeline file, where a
-//! number may stand for its text.
+//! Values with a syntax of their own. Each is parsed by [`FromStr`], on the command line as in a pipeline
+//! file, where a number may stand for its text.
 
 use crate::output::Column;
 use serde::{Deserialize, Deserializer};
@@ -17,7 +17,8 @@ use vlscan_geom::UtmZone;
 use vlscan_lidar::flight::{calendar_day, gps_start};
 use vlscan_survey::{NavigationErrors, parse_seed};
 
-/// Reads a value from its text or from a number; `LIST`: or from a list, whose text joins the elements with commas.
+/// Reads a value from its text or from a number; `LIST`: or from a list, whose text joins the elements with
+/// commas.
 fn from_text<'de, const LIST: bool, D, T>(deserializer: D) -> Result<T, D::Error>
 where
     D: Deserializer<'de>,
@@ -176,7 +177,8 @@ impl FromStr for ColumnList {
 pub struct GpsStart(String);
 
 impl GpsStart {
-    /// The start, ns of the GPS week, see [`gps_start`], and the year and the day of the year, see [`calendar_day`].
+    /// The start, ns of the GPS week, see [`gps_start`], and the year and the day of the year, see
+    /// [`calendar_day`].
     ///
     /// # Errors
     /// A text that is no time.
@@ -194,7 +196,7 @@ impl GpsStart {
 }
 
 impl GpsStart {
-    /// Whether it has a fraction of a second, which does not count.
+    /// True if it has a fraction of a second, which does not count.
     pub fn has_fraction(&self) -> bool {
         let fraction = self.0.split_once('.').map_or("", |(_, fraction)| fraction);
         fraction.bytes().any(|digit| digit != b'0')

@@ -6,8 +6,8 @@ use vlscan_geom::{Aabb, DVec3, LIGHT_SPEED};
 use vlscan_scene::Scene;
 use vlscan_survey::{Deflector, Leg, PlatformKind, Scanner, Survey};
 
-/// Everything that outputs need to know about the survey and the scene of the first epoch: formats, headers and names of
-/// files follow from it and from the request alone.
+/// Everything that outputs need to know about the survey and the scene of the first epoch: formats, headers
+/// and names of files follow from it and from the request alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OutputContext {
     /// Name of the survey, or of its file if it has none.
@@ -16,7 +16,7 @@ pub struct OutputContext {
     pub legs: Vec<OutputLeg>,
     /// Display name of the scanner.
     pub scanner: String,
-    /// Whether the platform stands still in each leg.
+    /// True if the platform stands still in each leg.
     pub stands: bool,
     /// Devices of the scanner in firing order.
     pub devices: Vec<OutputDevice>,
@@ -32,10 +32,10 @@ pub struct OutputContext {
     pub highest_class: i32,
     /// Metres of range per nanosecond of the times of waveforms: of one way, or of the way there and back.
     pub metres_per_ns: f64,
-    /// The time that times of records count from, s, along a trajectory in adjusted standard GPS time; 0 where they are seconds of the
-    /// week.
+    /// The time that times of records count from, s, along a trajectory in adjusted standard GPS time; 0
+    /// where they are seconds of the week.
     pub time_origin: f64,
-    /// Whether the scene is there, whose ground heights count from: not where the facts come from shards.
+    /// True if the scene is there, whose ground heights count from: not where the facts come from shards.
     #[serde(skip)]
     pub has_ground: bool,
 }
@@ -45,11 +45,12 @@ pub struct OutputContext {
 pub struct OutputLeg {
     /// Number in the survey, from 0.
     pub number: u32,
-    /// Whether the scanner fires.
+    /// True if the scanner fires.
     pub active: bool,
     /// Legs of the same strip share their files.
     pub strip: Option<String>,
-    /// Duration of a revolution of the scanner's head, or of a mirror that sees all around, from 20 ms to 1 s, in s.
+    /// Duration of a revolution of the scanner's head, or of a mirror that sees all around, from 20 ms to 1
+    /// s, in s.
     pub revolution_s: Option<f64>,
 }
 
@@ -103,8 +104,9 @@ impl OutputContext {
     }
 }
 
-/// Duration of a revolution of a spinning scanner, by its first device, s: that of a mirror that sees all around, or of the
-/// head. Revolutions of other lengths are not frames: lines of airborne scanners, scans of terrestrial ones.
+/// Duration of a revolution of a spinning scanner, by its first device, s: that of a mirror that sees all
+/// around, or of the head. Revolutions of other lengths are not frames: lines of airborne scanners, scans of
+/// terrestrial ones.
 fn revolution(scanner: &Scanner, leg: &Leg) -> Option<f64> {
     let device = scanner.devices.first()?;
     let mirror = match device.deflector {

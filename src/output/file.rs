@@ -50,8 +50,8 @@ struct OutputFile {
 }
 
 struct Packets {
-    /// Path of the separate file; `None` when packets are collected in an unnamed file and appended to the points at
-    /// the end.
+    /// Path of the separate file; `None` when packets are collected in an unnamed file and appended to the
+    /// points at the end.
     path: Option<PathBuf>,
     out: OutputStream,
 }
@@ -192,7 +192,8 @@ impl Packets {
         Ok(Packets { path, out })
     }
 
-    /// Completes the separate file under its own name or `partial_path`, or appends the packets to the points.
+    /// Completes the separate file under its own name or `partial_path`, or appends the packets to the
+    /// points.
     fn finish(
         mut self,
         points: &mut OutputStream,

@@ -53,7 +53,8 @@ impl<T> RecordColumn<T> {
     }
 }
 
-/// Position of the platform, attitude as `--trajectory` reads it, and as HELIOS++ writes it. Adding 0 removes negative zeros.
+/// Position of the platform, attitude as `--trajectory` reads it, and as HELIOS++ writes it. Adding 0 removes
+/// negative zeros.
 const TRAJECTORY: &[RecordColumn<PoseSample>] = &[
     RecordColumn("time", "s", SECOND, F64(|p, frame| frame.seconds(p.time_ns))),
     RecordColumn("x", "m", PLATFORM, F64(|p, frame| (p.position + frame.origin).x)),
@@ -128,7 +129,8 @@ fn columns(content: TableContent) -> Vec<TableColumn> {
     }
 }
 
-/// Encodes the records of a batch other than points: a block of columns, and behind it the samples of waveforms.
+/// Encodes the records of a batch other than points: a block of columns, and behind it the samples of
+/// waveforms.
 pub(super) fn encode(content: TableContent, batch: &Batch, frame: WorldFrame) -> EncodedPoints {
     let mut out = EncodedPoints::with_capacity(0);
     match content {
@@ -221,7 +223,8 @@ impl OpenTable {
         }
     }
 
-    /// Passes the rows collected so far if row `from` of the block is in another interval. Returns the end of its rows there.
+    /// Passes the rows collected so far if row `from` of the block is in another interval. Returns the end of
+    /// its rows there.
     fn enter_interval(&mut self, block: &[&[u8]], from: usize, end: usize) -> Result<usize> {
         let Some(intervals) = &mut self.intervals else { return Ok(end) };
         let times = block[intervals.column];
@@ -293,7 +296,8 @@ impl OpenOutput for OpenTable {
 }
 
 impl Samples {
-    /// Takes the samples of a block of waveforms from the beginning of `bytes`; the last of its columns has their numbers.
+    /// Takes the samples of a block of waveforms from the beginning of `bytes`; the last of its columns has
+    /// their numbers.
     fn append(&mut self, block: &[&[u8]], bytes: &mut &[u8]) {
         let (counts, _) = block.last().copied().unwrap_or_default().as_chunks();
         let first = self.offsets.last().copied().unwrap_or(0);

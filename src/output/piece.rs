@@ -29,7 +29,7 @@ pub(super) trait OpenOutput: Send {
         Ok(())
     }
 
-    /// Whether the output is a file, which is left out if a run ends before it has records.
+    /// True if the output is a file, which is left out if a run ends before it has records.
     fn is_file(&mut self) -> bool {
         false
     }
@@ -41,13 +41,15 @@ pub(super) trait OpenOutput: Send {
         Ok(())
     }
 
-    /// Ends a leg: closes the file handle until the next append, and passes the rows of tables whose batches end with legs.
+    /// Ends a leg: closes the file handle until the next append, and passes the rows of tables whose batches
+    /// end with legs.
     fn end_leg(&mut self) -> Result<()> {
         self.close_handle()
     }
 
-    /// Completes the output. A `partial` file says so in its metadata, if its format has any, and in its name: it never has
-    /// the name of a complete one. A shard of a run is complete or absent. Files get their names with the others of `group`.
+    /// Completes the output. A `partial` file says so in its metadata, if its format has any, and in its
+    /// name: it never has the name of a complete one. A shard of a run is complete or absent. Files get their
+    /// names with the others of `group`.
     fn finish(
         self: Box<Self>,
         plan: &OutputPlan,

@@ -44,8 +44,9 @@ pub struct OutputPlan {
 }
 
 impl OutputPlan {
-    /// Plans every file and performs all checks that are possible before the run: existing files, duplicate names,
-    /// missing directories, binary formats on a terminal. All problems are reported together, and nothing is written.
+    /// Plans every file and performs all checks that are possible before the run: existing files, duplicate
+    /// names, missing directories, binary formats on a terminal. All problems are reported together, and
+    /// nothing is written.
     ///
     /// # Errors
     /// [`Error::Input`].
@@ -108,7 +109,7 @@ impl OutputPlan {
         CloudFacts::new(self.settings.clone(), self.legs.clone())
     }
 
-    /// Whether points have their height above the ground.
+    /// True if points have their height above the ground.
     pub fn has_heights(&self) -> bool {
         self.needs.height
     }
@@ -391,8 +392,9 @@ pub(super) fn stamp() -> String {
     chrono::Local::now().format("%Y-%m-%d_%H-%M-%S").to_string()
 }
 
-/// Creates `parent/stamp`, or the first of `parent/stamp_2` … `parent/stamp_99` that does not exist. Returns its path
-/// and the folders that were created, inner ones first. Run directories of killed runs lose their temporary files.
+/// Creates `parent/stamp`, or the first of `parent/stamp_2` … `parent/stamp_99` that does not exist. Returns
+/// its path and the folders that were created, inner ones first. Run directories of killed runs lose their
+/// temporary files.
 pub(super) fn create_run_directory(parent: &Path, stamp: &str) -> Result<(PathBuf, [NewFolder; 2])> {
     let made = NewFolder::create_all(parent).map_err(|e| Error::io("create", parent, e))?;
     for earlier in std::fs::read_dir(parent).into_iter().flatten().flatten() {

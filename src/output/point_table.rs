@@ -87,10 +87,10 @@ pub(super) struct PointTable<'t> {
     objects: &'t ObjectIds,
     /// World position of the origin of the scene, m.
     origin: DVec3,
-    /// Whether times count from the start of their frame and not from the beginning of the week.
+    /// True if times count from the start of their frame and not from the beginning of the week.
     has_frames: bool,
     frame: PositionFrame,
-    /// Whether return 0 of 0 marks a pulse without a return, as in tables of this program.
+    /// True if return 0 of 0 marks a pulse without a return, as in tables of this program.
     has_misses: bool,
 }
 

@@ -49,7 +49,8 @@ struct Stored {
 }
 
 impl CloudFacts {
-    /// The facts that a run knows; only its choice of columns counts, without those that are always beside a table.
+    /// The facts that a run knows; only its choice of columns counts, without those that are always beside a
+    /// table.
     pub(super) fn new(mut settings: CloudSettings, legs: Vec<(u16, f64)>) -> CloudFacts {
         let chosen = settings.columns.take().unwrap_or_default();
         let chosen: Vec<Column> =
@@ -59,8 +60,8 @@ impl CloudFacts {
         CloudFacts { settings, legs }
     }
 
-    /// What can be told of a table of another program: the box around its points, their highest class, its columns. `crs` is the
-    /// coordinate reference system as WKT.
+    /// What can be told of a table of another program: the box around its points, their highest class, its
+    /// columns. `crs` is the coordinate reference system as WKT.
     ///
     /// # Errors
     /// [`Error::Input`] for columns that are no numbers.
@@ -152,13 +153,14 @@ impl CloudFacts {
     }
 }
 
-/// Writes the points of a table to the file of a request, which has no other outputs. `exact` are the columns [`Column::EXACT`] of
-/// the same rows, as far as they are known: with them, and if the table has the columns that a run writes by default, the bytes
-/// are those that the run would have written. Returns the counts and what there is to know.
+/// Writes the points of a table to the file of a request, which has no other outputs. `exact` are the columns
+/// [`Column::EXACT`] of the same rows, as far as they are known: with them, and if the table has the columns
+/// that a run writes by default, the bytes are those that the run would have written. Returns the counts and
+/// what there is to know.
 ///
 /// # Errors
-/// [`Error::Input`] for a file that exists unless it is to be replaced, for columns that the format needs and the table lacks, and for
-/// requests of another kind; [`Error::Io`].
+/// [`Error::Input`] for a file that exists unless it is to be replaced, for columns that the format needs and
+/// the table lacks, and for requests of another kind; [`Error::Io`].
 pub fn write_points(
     table: &RecordBatch,
     exact: Option<&RecordBatch>,

@@ -15,8 +15,8 @@ pub enum TrajectoryFormat {
     /// `x y z time roll pitch yaw` as HELIOS++ writes it (spec outputs §5).
     #[default]
     Helios,
-    /// `time,x,y,z,roll,pitch,yaw` with a header line, seconds, metres (6 decimals) and degrees (9 decimals): what
-    /// `--trajectory` reads.
+    /// `time,x,y,z,roll,pitch,yaw` with a header line, seconds, metres (6 decimals) and degrees (9 decimals):
+    /// what `--trajectory` reads.
     Csv,
 }
 
@@ -29,8 +29,9 @@ pub enum Target {
     File(PathBuf),
     /// One file per active leg or strip, `legNNN_points.EXT`; created when missing.
     Directory(PathBuf),
-    /// The layout of HELIOS++ (spec outputs §1): `DIR/<survey>/<YYYY-MM-DD_HH-MM-SS>[_N]/legNNN_points.EXT`, with
-    /// `legNNN_trajectory.txt` beside it. A new run directory for every [`OutputPlan::open`](super::OutputPlan::open).
+    /// The layout of HELIOS++ (spec outputs §1): `DIR/<survey>/<YYYY-MM-DD_HH-MM-SS>[_N]/legNNN_points.EXT`,
+    /// with `legNNN_trajectory.txt` beside it. A new run directory for every
+    /// [`OutputPlan::open`](super::OutputPlan::open).
     Helios(PathBuf),
 }
 
@@ -48,13 +49,13 @@ pub struct ShardOutput {
 pub enum TableContent {
     /// Points, with the columns of [`OutputRequest::columns`].
     Points,
-    /// Poses of the platform: time (s), x, y, z (m), roll, pitch, yaw (deg, of a heading as `--trajectory` reads them),
-    /// and the angles in the platform's own convention.
+    /// Poses of the platform: time (s), x, y, z (m), roll, pitch, yaw (deg, of a heading as `--trajectory`
+    /// reads them), and the angles in the platform's own convention.
     Trajectory,
     /// Emitted pulses: time (s), x, y, z (m), dx, dy, dz, pulse, device, scan_angle (deg).
     Pulses,
-    /// Digitised waveforms: time (s), pulse, device, x, y, z (m), dx, dy, dz, one-way travel time of the first and the last
-    /// sample (ns), and the list of samples.
+    /// Digitised waveforms: time (s), pulse, device, x, y, z (m), dx, dy, dz, one-way travel time of the
+    /// first and the last sample (ns), and the list of samples.
     Waveforms,
 }
 
@@ -65,7 +66,7 @@ pub struct TableRequest {
     pub content: TableContent,
     /// Rows per batch; the last batch has the remaining rows.
     pub batch_rows: usize,
-    /// Whether a batch ends with its leg, too.
+    /// True if a batch ends with its leg, too.
     pub batch_per_leg: bool,
     /// Of points with the column `GpsTime`: whether a batch ends at every multiple of this many seconds, too.
     pub batch_seconds: Option<f64>,
@@ -73,7 +74,8 @@ pub struct TableRequest {
     pub sink: Arc<dyn TableSink>,
 }
 
-/// Takes the batches of a table. At least one batch is passed, in the thread that collects the results of a run.
+/// Takes the batches of a table. At least one batch is passed, in the thread that collects the results of a
+/// run.
 pub trait TableSink: Debug + Send + Sync {
     /// Takes what is known of the points of a table beside their columns, before the first batch.
     fn begin(&self, _facts: CloudFacts) {}
@@ -90,30 +92,31 @@ pub trait TableSink: Debug + Send + Sync {
 pub struct OutputRequest {
     /// Point clouds.
     pub sinks: Vec<(Target, PointFormat)>,
-    /// Whether to write waveforms beside the first point cloud that is not a stream (spec outputs §6):
+    /// True if to write waveforms beside the first point cloud that is not a stream (spec outputs §6):
     /// `legNNN_fullwave.txt` in directories, `STEM_fullwave.txt` beside single files.
     pub waveforms: bool,
-    /// Whether to write pulses beside the first point cloud that is not a stream (spec outputs §7):
+    /// True if to write pulses beside the first point cloud that is not a stream (spec outputs §7):
     /// `legNNN_pulse.txt`, `STEM_pulse.txt`.
     pub pulses: bool,
-    /// Whether waveforms and pulses are compressed text, `.bin` instead of `.txt`.
+    /// True if waveforms and pulses are compressed text, `.bin` instead of `.txt`.
     pub zip: bool,
     /// A trajectory in addition to those of [`Target::Helios`].
     pub trajectory: Option<(Target, TrajectoryFormat)>,
-    /// Whether each device of a scanner with several gets its own point file: `_dev<id>` before the extension.
+    /// True if each device of a scanner with several gets its own point file: `_dev<id>` before the
+    /// extension.
     pub split_by_channel: bool,
-    /// Columns of Arrow, Parquet and CSV, and, if set, also of the text format, which has the columns of HELIOS++
-    /// otherwise.
+    /// Columns of Arrow, Parquet and CSV, and, if set, also of the text format, which has the columns of
+    /// HELIOS++ otherwise.
     pub columns: Option<Vec<Column>>,
-    /// Whether to write pulses without echoes: as records with 0 returns at the beam's origin, among the points in
-    /// order of emission. LAS and PLY then contain the beam's direction as well.
+    /// True if to write pulses without echoes: as records with 0 returns at the beam's origin, among the
+    /// points in order of emission. LAS and PLY then contain the beam's direction as well.
     pub misses: bool,
-    /// Whether LAS, LAZ and PLY contain labels for machine learning: part, primitive, true range. Column formats
-    /// always can.
+    /// True if LAS, LAZ and PLY contain labels for machine learning: part, primitive, true range. Column
+    /// formats always can.
     pub labels: bool,
-    /// Whether LAS and LAZ contain positions without navigation errors. Column formats have them as columns.
+    /// True if LAS and LAZ contain positions without navigation errors. Column formats have them as columns.
     pub true_positions: bool,
-    /// Whether points have their height above the ground.
+    /// True if points have their height above the ground.
     pub heights: bool,
     /// Duration of the frames of MCAP, s; a revolution of the scanner if `None`.
     pub frame_s: Option<f64>,
@@ -123,20 +126,20 @@ pub struct OutputRequest {
     pub division: Option<Division>,
     /// Where points are kept; everywhere if `None`.
     pub clip: Option<Ring>,
-    /// Whether poses arrive during the run, so that Arrow streams must not wait for full batches.
+    /// True if poses arrive during the run, so that Arrow streams must not wait for full batches.
     pub live: bool,
     /// Settings of LAS and LAZ.
     pub las: LasSettings,
-    /// Whether to replace existing files and to write binary data to a terminal.
+    /// True if to replace existing files and to write binary data to a terminal.
     pub force: bool,
-    /// Whether an earlier run with the same outputs, which was ended, may have written some of them: a file that exists stays if it
-    /// holds the same bytes.
+    /// True if an earlier run with the same outputs, which was ended, may have written some of them: a file
+    /// that exists stays if it holds the same bytes.
     pub goes_on: bool,
     /// Files that the run reads; no output may replace them.
     pub inputs: Vec<PathBuf>,
     /// Files that the caller writes besides the outputs, which are checked with them.
     pub companions: Vec<PathBuf>,
-    /// Whether points are counted by part of the scene, see [`OutputSummary`](super::OutputSummary).
+    /// True if points are counted by part of the scene, see [`OutputSummary`](super::OutputSummary).
     pub counts_parts: bool,
     /// Coordinate reference system as WKT; the one of the survey if `None`.
     pub crs_wkt: Option<String>,
@@ -188,13 +191,13 @@ impl Default for OutputRequest {
 }
 
 impl OutputRequest {
-    /// Whether points need their height above the ground.
+    /// True if points need their height above the ground.
     pub fn wants_heights(&self) -> bool {
         self.heights || self.columns.iter().flatten().any(|column| *column == Column::HeightAboveGround)
     }
 
-    /// What has to be recorded beside echoes and poses for all outputs: the one place where formats, columns and tables say
-    /// what they need. A run records it, a merge refuses shards without it.
+    /// What has to be recorded beside echoes and poses for all outputs: the one place where formats, columns
+    /// and tables say what they need. A run records it, a merge refuses shards without it.
     pub fn records(&self) -> Records {
         let has_table = |content| self.tables.iter().any(|table| table.content == content);
         let own = Records {

@@ -13,8 +13,8 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileGroup, NewFolder};
 use vlscan_formats::Offload;
 
-/// All open outputs of a run. Dropping it unfinished is equivalent to [`Writer::abort`], except that a panic leaves
-/// nothing.
+/// All open outputs of a run. Dropping it unfinished is equivalent to [`Writer::abort`], except that a panic
+/// leaves nothing.
 pub struct Writer {
     plan: Arc<OutputPlan>,
     offload: Arc<dyn Offload>,
@@ -26,13 +26,13 @@ pub struct Writer {
     /// Slots of streams that their readers have closed.
     closed_pipes: Vec<u32>,
     partial: bool,
-    /// Whether an output could not be written.
+    /// True if an output could not be written.
     failed: bool,
     leg: u32,
     epoch: u32,
     summary: OutputSummary,
-    /// Run directories of the current epoch. Declared after `files`, as `folders`: a folder can be removed only when
-    /// it is empty.
+    /// Run directories of the current epoch. Declared after `files`, as `folders`: a folder can be removed
+    /// only when it is empty.
     runs: Vec<PathBuf>,
     /// Folders that were made for the outputs, inner ones first.
     folders: Vec<NewFolder>,
@@ -42,7 +42,7 @@ pub struct Writer {
 const MAX_OPEN_FILES: usize = 256;
 
 impl OutputPlan {
-    /// Whether the handles of all files stay open, so that workers can write to them.
+    /// True if the handles of all files stay open, so that workers can write to them.
     pub(super) fn keeps_files_open(&self) -> bool {
         self.layout.files.len() <= MAX_OPEN_FILES
     }
@@ -50,7 +50,8 @@ impl OutputPlan {
     /// Creates run directories and opens every output. Called before the first pulse is emitted.
     ///
     /// # Errors
-    /// [`Error::Io`] when something cannot be created, [`Error::Input`] when all names of run directories are taken.
+    /// [`Error::Io`] when something cannot be created, [`Error::Input`] when all names of run directories are
+    /// taken.
     pub fn open(self: &Arc<Self>, offload: Arc<dyn Offload>) -> Result<Writer> {
         let mut closing: Vec<u32> = (0..self.layout.files.len() as u32).collect();
         closing.sort_by_key(|&slot| self.layout.files[slot as usize].last_leg);
@@ -85,12 +86,13 @@ impl Writer {
         self.runs.iter().map(PathBuf::as_path)
     }
 
-    /// Appends a batch. Batches must arrive in chunk order, so that a file is complete when a later leg begins.
+    /// Appends a batch. Batches must arrive in chunk order, so that a file is complete when a later leg
+    /// begins.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::ClosedPipe`] when all outputs are closed pipes (one open output is enough to
-    /// continue); [`Error::Internal`] when a batch is out of order. Nothing can be written after an error; drop the
-    /// writer.
+    /// continue); [`Error::Internal`] when a batch is out of order. Nothing can be written after an error;
+    /// drop the writer.
     pub fn append(&mut self, encoded: Encoded) -> Result<()> {
         let appended = self.try_append(encoded);
         self.note_failure(appended)
@@ -146,8 +148,8 @@ impl Writer {
         Ok(())
     }
 
-    /// Begins the next epoch of a scene with swapped parts: its legs are written to new run directories, while the
-    /// files of other targets are continued.
+    /// Begins the next epoch of a scene with swapped parts: its legs are written to new run directories,
+    /// while the files of other targets are continued.
     pub fn next_epoch(&mut self) -> Result<()> {
         if self.epoch >= self.plan.request.epochs {
             return Err(Error::Internal(format!("more than {} epochs", self.plan.request.epochs)));
@@ -180,8 +182,8 @@ impl Writer {
         Ok(std::mem::take(&mut self.summary))
     }
 
-    /// [`Writer::finish`] of an interrupted run: every output is valid and marked as partial, and files without records
-    /// are left out.
+    /// [`Writer::finish`] of an interrupted run: every output is valid and marked as partial, and files
+    /// without records are left out.
     ///
     /// # Errors
     /// As for [`Writer::finish`].
@@ -203,7 +205,8 @@ impl Writer {
     }
 
     /// Ends a run that has failed. What was measured until then is completed as partial files, which
-    /// [`OutputPlan::rescued`] lists, unless an output could not be written: then the incomplete files are removed.
+    /// [`OutputPlan::rescued`] lists, unless an output could not be written: then the incomplete files are
+    /// removed.
     pub fn abort(self) {}
 
     /// Ends a run whose outputs can be made again, and removes the incomplete files.
@@ -246,7 +249,8 @@ impl Writer {
         Ok(())
     }
 
-    /// Opens a file of a division before its first point: tiles beyond the flight and objects that nothing hit have no files.
+    /// Opens a file of a division before its first point: tiles beyond the flight and objects that nothing
+    /// hit have no files.
     fn open_divided(&mut self, slot: u32) -> Result<()> {
         let plan = self.plan.clone();
         let Some(file) = plan.layout.files.get(slot as usize).filter(|file| file.divided) else {
@@ -279,8 +283,8 @@ impl Writer {
         Ok(())
     }
 
-    /// Completes files in the order of their last legs, as long as these are `complete`, and gives them their names together.
-    /// Files outside run directories stay open until the last epoch.
+    /// Completes files in the order of their last legs, as long as these are `complete`, and gives them their
+    /// names together. Files outside run directories stay open until the last epoch.
     fn close_while(&mut self, complete: impl Fn(usize) -> bool) -> Result<()> {
         let plan = self.plan.clone();
         let mut group = FileGroup::default();

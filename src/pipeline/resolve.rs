@@ -29,13 +29,13 @@ pub struct ResolvedRun {
     pub schedule_log: Option<PathBuf>,
     /// Where the table of the scene's parts goes.
     pub part_table: Option<PathBuf>,
-    /// Whether the progress is shown as plain lines.
+    /// True if the progress is shown as plain lines.
     pub progress_lines: bool,
 }
 
 impl ResolvedRun {
-    /// Reads the survey or pipeline and resolves every choice: the command line takes precedence over the file, the
-    /// file over the default.
+    /// Reads the survey or pipeline and resolves every choice: the command line takes precedence over the
+    /// file, the file over the default.
     ///
     /// # Errors
     /// All problems of all files at once.

@@ -1,4 +1,5 @@
-//! Runs that go on where they were ended: a run is divided into shards, of which those that exist are not computed again.
+//! Runs that go on where they were ended: a run is divided into shards, of which those that exist are not
+//! computed again.
 
 use super::merge::merge;
 use super::pass::RunContext;
@@ -29,7 +30,8 @@ impl ResumeOptions {
     /// Shards beside the first output that is a file or a folder: `out.laz.shards`.
     ///
     /// # Errors
-    /// [`Error::Input`] of the kind [`NotDivisible`](vlscan_base::diag::ProblemKind::NotDivisible) when all outputs are streams.
+    /// [`Error::Input`] of the kind [`NotDivisible`](vlscan_base::diag::ProblemKind::NotDivisible) when all
+    /// outputs are streams.
     pub fn beside(outputs: &OutputRequest, pulses_per_shard: u64) -> Result<ResumeOptions> {
         let path = outputs.sinks.iter().find_map(|(target, _)| path_of(target)).ok_or_else(|| {
             Error::not_divisible(
@@ -44,12 +46,12 @@ impl ResumeOptions {
 }
 
 impl Session {
-    /// [`Session::run`] in shards: those that an earlier run has completed are not computed again. The outputs are written
-    /// when all shards are complete, and are those of [`Session::run`], byte for byte.
+    /// [`Session::run`] in shards: those that an earlier run has completed are not computed again. The
+    /// outputs are written when all shards are complete, and are those of [`Session::run`], byte for byte.
     ///
     /// # Errors
-    /// As for [`Session::run`]; [`Error::Input`] for flights that cannot be divided, and when the shards are of another run,
-    /// unless outputs may be replaced.
+    /// As for [`Session::run`]; [`Error::Input`] for flights that cannot be divided, and when the shards are
+    /// of another run, unless outputs may be replaced.
     pub fn run_resumable(
         &mut self,
         outputs: OutputRequest,

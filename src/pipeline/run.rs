@@ -37,7 +37,7 @@ pub struct Report {
     pub pulses: u64,
     /// Time from the first pulse to the last point written, without the loading of later epochs, s.
     pub seconds: f64,
-    /// Whether the run was stopped: the outputs contain what was measured until then, and say so.
+    /// True if the run was stopped: the outputs contain what was measured until then, and say so.
     pub interrupted: bool,
 }
 
@@ -45,7 +45,7 @@ pub struct Report {
 pub(super) struct Epochs {
     pub range: RangeInclusive<u32>,
     pub options: PhysicsOptions,
-    /// Whether too few points are reported.
+    /// True if too few points are reported.
     pub is_checked: bool,
 }
 
@@ -114,8 +114,8 @@ impl Session {
         })
     }
 
-    /// Plans the flight over the first epoch's scene, checks it and the instrument, and reports what is hardly intended. Returns
-    /// whether the flight is.
+    /// Plans the flight over the first epoch's scene, checks it and the instrument, and reports what is
+    /// hardly intended. Returns whether the flight is.
     pub(super) fn plan_checked_flight(&mut self, stop: &Stop) -> Result<(FlightPlan, bool)> {
         self.enter_epoch(0, stop)?;
         let flight = self.plan_flight()?;
@@ -127,7 +127,8 @@ impl Session {
         Ok((flight, is_doubted))
     }
 
-    /// Checks a flight over the scene of the first epoch and reports what is hardly intended. Returns whether anything is.
+    /// Checks a flight over the scene of the first epoch and reports what is hardly intended. Returns whether
+    /// anything is.
     pub(super) fn check_flight(&self, flight: &FlightPlan, stop: &Stop) -> Result<bool> {
         let (survey, scene, tree) = (self.survey(), self.scene(), self.tree()?);
         let mut found = plausibility::check_flight(survey, scene, tree, flight);
@@ -192,8 +193,8 @@ impl Session {
         Ok(output)
     }
 
-    /// Runs epochs; outputs continue from one to the next. `is_reported` records whether the cause of too few points has
-    /// been reported.
+    /// Runs epochs; outputs continue from one to the next. `is_reported` records whether the cause of too few
+    /// points has been reported.
     pub(super) fn run_epochs(
         &mut self,
         output: Arc<OutputPlan>,

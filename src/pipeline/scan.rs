@@ -23,10 +23,11 @@ use vlscan_survey::{
 };
 use vlscan_warehouse::Stop;
 
-/// A scan of a scene with an instrument: where the instrument stands or moves, how it is set, what is written. It becomes a
-/// [`Session`] by [`Scan::session`], or points by [`Scan::run`] and [`Scan::batches`].
+/// A scan of a scene with an instrument: where the instrument stands or moves, how it is set, what is
+/// written. It becomes a [`Session`] by [`Scan::session`], or points by [`Scan::run`] and [`Scan::batches`].
 ///
-/// The physics is the refined one unless [`Scan::physics`] says otherwise, and the seed is 0: the same scan gives the same points.
+/// The physics is the refined one unless [`Scan::physics`] says otherwise, and the seed is 0: the same scan
+/// gives the same points.
 ///
 /// ```
 /// use vlscan::survey::{Mesh, ReadOptions, find_scanner};
@@ -68,9 +69,9 @@ pub struct Scan {
 }
 
 impl Scan {
-    /// A scan of a scene, which is a [`Mesh`](vlscan_survey::Mesh) in memory or what [`read_scene`](vlscan_survey::read_scene)
-    /// returns, with a scanner, which is one of the catalogue ([`find_scanner`](vlscan_survey::find_scanner)) or one of your own
-    /// ([`Scanner::new`]).
+    /// A scan of a scene, which is a [`Mesh`](vlscan_survey::Mesh) in memory or what
+    /// [`read_scene`](vlscan_survey::read_scene) returns, with a scanner, which is one of the catalogue
+    /// ([`find_scanner`](vlscan_survey::find_scanner)) or one of your own ([`Scanner::new`]).
     pub fn new(scene: impl Into<SceneRecipe>, scanner: Scanner) -> Scan {
         Scan {
             scene: scene.into(),
@@ -89,19 +90,20 @@ impl Scan {
         }
     }
 
-    /// Takes the scene from memory instead of loading it: that of an earlier scan, which [`Session::loaded`] returns.
+    /// Takes the scene from memory instead of loading it: that of an earlier scan, which [`Session::loaded`]
+    /// returns.
     pub fn over(self, loaded: LoadedScene) -> Scan {
         Scan { loaded: Some(loaded), ..self }
     }
 
-    /// Adds a position from which the scanner measures, world coordinates, m. It does so until its head has turned from
-    /// `head_start` to `head_stop`, or for `max_duration`; see [`Scan::configure`].
+    /// Adds a position from which the scanner measures, world coordinates, m. It does so until its head has
+    /// turned from `head_start` to `head_stop`, or for `max_duration`; see [`Scan::configure`].
     pub fn station(self, position: DVec3) -> Scan {
         self.path([position], 0.0)
     }
 
-    /// Adds positions through which the platform moves in straight lines, world coordinates, m, at a speed in m/s. It measures
-    /// from the first one to the last.
+    /// Adds positions through which the platform moves in straight lines, world coordinates, m, at a speed in
+    /// m/s. It measures from the first one to the last.
     pub fn path(mut self, positions: impl IntoIterator<Item = DVec3>, speed: f64) -> Scan {
         let settings =
             |position| PlatformSettings { speed, has_speed: true, ..PlatformSettings::at(position) };
@@ -114,8 +116,8 @@ impl Scan {
         Scan { poses: Some(poses), ..self }
     }
 
-    /// Follows the poses of a table instead of stations and paths: columns time (s), x, y, z (m), roll, pitch, yaw (degrees, of a heading),
-    /// as `--trajectory` reads them.
+    /// Follows the poses of a table instead of stations and paths: columns time (s), x, y, z (m), roll,
+    /// pitch, yaw (degrees, of a heading), as `--trajectory` reads them.
     ///
     /// # Errors
     /// [`Error::Input`] for a table that Arrow cannot encode; what its columns lack is an error of the run.
@@ -125,8 +127,8 @@ impl Scan {
     }
 
     /// Sets what carries the scanner: how it moves, how the scanner is mounted on it, its noise; see
-    /// [`find_platform`](vlscan_survey::find_platform). Otherwise the axes of the scanner are those of the world at stations, and
-    /// those of the motion along paths and trajectories.
+    /// [`find_platform`](vlscan_survey::find_platform). Otherwise the axes of the scanner are those of the
+    /// world at stations, and those of the motion along paths and trajectories.
     pub fn platform(self, platform: Platform) -> Scan {
         Scan { platform: Some(platform), ..self }
     }
@@ -191,7 +193,8 @@ impl Scan {
         self
     }
 
-    /// Changes everything else about the outputs: columns, settings of LAS, waveforms, tiles, whether files are replaced.
+    /// Changes everything else about the outputs: columns, settings of LAS, waveforms, tiles, whether files
+    /// are replaced.
     pub fn outputs(mut self, change: impl FnOnce(&mut OutputRequest)) -> Scan {
         change(&mut self.outputs);
         self
@@ -260,7 +263,8 @@ impl Scan {
         Ok(settings)
     }
 
-    /// A session of the scan, and the outputs to run it with: for progress, for requests to stop, for several runs.
+    /// A session of the scan, and the outputs to run it with: for progress, for requests to stop, for several
+    /// runs.
     ///
     /// # Errors
     /// As for [`Session::open`] and [`Scan::survey`].

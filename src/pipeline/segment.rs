@@ -1,5 +1,6 @@
-//! Merges that many processes share: each writes a segment of the points, a LAS or LAZ file of its own, and the segments are
-//! joined by copying. The name of a segment has the checksum of the file, with which joining compares what it copies.
+//! Merges that many processes share: each writes a segment of the points, a LAS or LAZ file of its own, and
+//! the segments are joined by copying. The name of a segment has the checksum of the file, with which joining
+//! compares what it copies.
 
 use super::merge::{check_records, merge_echoes};
 use super::pass::RunContext;
@@ -136,8 +137,8 @@ impl<'a> Segments<'a> {
         Err(Error::input_with_help(text, merge_again(of, &missing)))
     }
 
-    /// Moves the file of a segment from the folder of this process to the shared one, where it replaces earlier ones of its
-    /// number.
+    /// Moves the file of a segment from the folder of this process to the shared one, where it replaces
+    /// earlier ones of its number.
     fn publish(&self, private: PrivateFolder, written: &str, OneOf { number, of }: OneOf) -> Result<PathBuf> {
         let mut sum = Checksum::default();
         let path = private.path(written);
@@ -214,7 +215,8 @@ pub fn merge_segment(
 /// Joins the segments of an output, which stay as they are.
 ///
 /// # Errors
-/// [`Error::Input`] when segments are missing, with their numbers, or damaged; [`Error::Io`], [`Error::Interrupted`].
+/// [`Error::Input`] when segments are missing, with their numbers, or damaged; [`Error::Io`],
+/// [`Error::Interrupted`].
 pub fn join_segments(shards: &ShardSet, outputs: &OutputRequest, control: RunContext<'_>) -> Result<Report> {
     let started = Instant::now();
     let segments = Segments::new(shards, outputs)?;

@@ -12,8 +12,8 @@ use vlscan_survey::Survey;
 use vlscan_trace::BuildOptions;
 use vlscan_warehouse::{Policy, Schedule};
 
-/// Pulses per chunk: enough to make the cost of the queues negligible, few enough to keep all threads busy on short
-/// legs.
+/// Pulses per chunk: enough to make the cost of the queues negligible, few enough to keep all threads busy on
+/// short legs.
 pub const DEFAULT_CHUNK_SIZE: u32 = 1024;
 
 /// Maximum queued chunks per worker.
@@ -22,13 +22,13 @@ pub const DEFAULT_WAREHOUSE_FACTOR: usize = 4;
 /// Default maximum latency of points of a live trajectory.
 pub const DEFAULT_LATENCY: Duration = Duration::from_millis(250);
 
-/// Settings of a [`Session`](super::Session). A session reads neither the command line nor the environment nor the
-/// clock.
+/// Settings of a [`Session`](super::Session). A session reads neither the command line nor the environment
+/// nor the clock.
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// Legs, platform, scanner and the description of the scene.
     pub survey: Survey,
-    /// Whether warnings end the session as errors.
+    /// True if warnings end the session as errors.
     pub strict: bool,
     /// Options of scene loading.
     pub load: LoadOptions,
@@ -69,7 +69,8 @@ impl Settings {
         (self.load.seed, self.flight.seed, self.physics.seed) = (seed, seed, seed);
     }
 
-    /// Sets the number of threads, at least 1, that load the scene, build the tree and trace pulses. Points do not depend on it.
+    /// Sets the number of threads, at least 1, that load the scene, build the tree and trace pulses. Points
+    /// do not depend on it.
     pub fn set_threads(&mut self, threads: usize) {
         let threads = threads.max(1);
         (self.load.jobs, self.schedule.threads) = (threads, threads);

@@ -1,4 +1,5 @@
-//! Shards of a run: [`ShardRunner`] flies and measures shares of a survey's pulses, each of which becomes a file.
+//! Shards of a run: [`ShardRunner`] flies and measures shares of a survey's pulses, each of which becomes a
+//! file.
 
 use super::chunk;
 use super::crs;
@@ -57,9 +58,9 @@ impl Session {
         Ok(Divisible { flight, fingerprint })
     }
 
-    /// Prepares shards in `folder`, which is created when it is missing. The borders of the flight are read from it or,
-    /// when there are none, found by stepping once through the flight, and written to it. `creation` is the day for the
-    /// headers of files. `force` replaces borders of another flight.
+    /// Prepares shards in `folder`, which is created when it is missing. The borders of the flight are read
+    /// from it or, when there are none, found by stepping once through the flight, and written to it.
+    /// `creation` is the day for the headers of files. `force` replaces borders of another flight.
     ///
     /// # Errors
     /// [`Error::Input`] for flights that cannot be divided and for a folder of another flight, [`Error::Io`],
@@ -173,8 +174,8 @@ impl ShardRunner<'_> {
         shard_path(&self.folder, shard)
     }
 
-    /// Opens the file of a shard after comparing all its checksums; `None` if there is no such file, or only a damaged one,
-    /// which the observer is told of.
+    /// Opens the file of a shard after comparing all its checksums; `None` if there is no such file, or only
+    /// a damaged one, which the observer is told of.
     ///
     /// # Errors
     /// [`Error::Input`] for a shard of another run, with what differs, and for a file of another kind.
@@ -247,7 +248,8 @@ impl ShardRunner<'_> {
             true => None,
             false => Some(self.border(range.start, &mut poses, control.stop)?),
         };
-        // A firing of many beams is not divided: it belongs to the shard that its first pulse is in, which may then begin after its range.
+        // A firing of many beams is not divided: it belongs to the shard that its first pulse is in, which
+        // may then begin after its range.
         let Some(Border { epoch: first, mut state, pulses: begin }) =
             border.filter(|border| is_last || border.pulses < range.end)
         else {

@@ -30,8 +30,8 @@ use vlscan_warehouse::Stop;
 /// Height below which a flight is a drone's if no platform is named, m.
 const MAX_DRONE_HEIGHT: f64 = 150.0;
 
-/// Plans a survey, checks it, and writes it to the file that the request names, if it names one. `command` is what made the plan, in
-/// its first line.
+/// Plans a survey, checks it, and writes it to the file that the request names, if it names one. `command` is
+/// what made the plan, in its first line.
 ///
 /// ```
 /// use vlscan::tools::plan::{AirborneOptions, AirborneRequest, Area, AreaSource, PlanRequest, PlanSetup};
@@ -51,8 +51,8 @@ const MAX_DRONE_HEIGHT: f64 = 150.0;
 /// ```
 ///
 /// # Errors
-/// [`Error::Input`] for requests that contradict themselves, exceed the instrument, or result in surveys that do not keep what they
-/// promise or measure nothing; [`Error::Io`]; [`Error::Interrupted`].
+/// [`Error::Input`] for requests that contradict themselves, exceed the instrument, or result in surveys that
+/// do not keep what they promise or measure nothing; [`Error::Io`]; [`Error::Interrupted`].
 pub fn plan_survey(
     request: &PlanRequest,
     command: &str,
@@ -71,7 +71,8 @@ pub fn plan_survey(
 /// Checks what a request says of its instrument and platform, which does not depend on the scene.
 ///
 /// # Errors
-/// [`Error::Input`] for instruments and platforms that are not found, and what the instrument cannot do; [`Error::Io`].
+/// [`Error::Input`] for instruments and platforms that are not found, and what the instrument cannot do;
+/// [`Error::Io`].
 pub(crate) fn check_instrument(request: &PlanRequest) -> Result<()> {
     let setup = request.common();
     let (scanner, _) = find_scanner(&setup.scanner, &reading(setup))?;
@@ -190,7 +191,8 @@ impl Planner<'_> {
         Ok((PlannedSurvey { platform, ..plan }, None, told))
     }
 
-    /// The platform of the request, or the one that suits, with its reference, and all warnings that have been shown.
+    /// The platform of the request, or the one that suits, with its reference, and all warnings that have
+    /// been shown.
     fn platform(&self, suiting: &str) -> Result<(String, Platform, Diagnostics)> {
         let name = self.setup.platform.as_deref().unwrap_or(suiting);
         let (platform, warnings) = find_platform(name, &reading(self.setup))?;
@@ -201,13 +203,14 @@ impl Planner<'_> {
         Ok((in_catalogue(name, known.platforms.iter().map(|(name, _)| name)), platform, told))
     }
 
-    /// The system of the plan's coordinates as WKT: that of the scene, if its files name one, or of the request.
+    /// The system of the plan's coordinates as WKT: that of the scene, if its files name one, or of the
+    /// request.
     fn crs(&self) -> Option<&str> {
         let of_scene = self.site.as_ref().and_then(|site| site.ground.crs());
         of_scene.or(self.crs.as_ref().map(|(wkt, _)| wkt.as_str()))
     }
 
-    /// Whether waypoints are set on the scene's ground. They are not where the request has its height.
+    /// True if waypoints are set on the scene's ground. They are not where the request has its height.
     fn is_ground_used(&self) -> Result<bool> {
         let (Some(site), Some(name)) = (&self.site, &self.setup.scene) else { return Ok(false) };
         if !site.ground.has_ground() && self.setup.ground.is_none() {
@@ -276,7 +279,8 @@ impl Planner<'_> {
         Err(Error::input_with_help(message, help))
     }
 
-    /// The scene as a plan in the file of the request names it: relative references are relative to that file.
+    /// The scene as a plan in the file of the request names it: relative references are relative to that
+    /// file.
     fn reference(&self) -> Result<Option<String>> {
         let (Some(site), Some(name)) = (&self.site, &self.setup.scene) else { return Ok(None) };
         let (path, id) = match (holds_survey(Path::new(name)), name.split_once('#')) {
@@ -296,8 +300,8 @@ impl Planner<'_> {
         Ok(Some(id.map_or(path.to_owned(), |id| format!("{path}#{id}"))))
     }
 
-    /// Completes the plan, checks it by its own dry run and writes it. `area` is that of a flight, `told` the warnings that have been
-    /// shown.
+    /// Completes the plan, checks it by its own dry run and writes it. `area` is that of a flight, `told` the
+    /// warnings that have been shown.
     fn finish(
         &self,
         mut plan: PlannedSurvey,

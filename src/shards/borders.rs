@@ -1,5 +1,5 @@
-//! Where shards begin: the flight, stepped once, with its state at regular numbers of pulses. Any number of shards can use
-//! it: the state at a border is a few steps after the nearest one that is stored.
+//! Where shards begin: the flight, stepped once, with its state at regular numbers of pulses. Any number of
+//! shards can use it: the state at a border is a few steps after the nearest one that is stored.
 
 use super::fingerprint::Fingerprint;
 use super::private::PrivateFolder;
@@ -81,7 +81,8 @@ impl Borders {
         self.states.len()
     }
 
-    /// The last stored state with less than `pulses` pulses before it; `None`: the flight's start is the nearest.
+    /// The last stored state with less than `pulses` pulses before it; `None`: the flight's start is the
+    /// nearest.
     ///
     /// # Errors
     /// [`Error::Internal`] for a state that cannot be read.
@@ -131,7 +132,8 @@ impl Borders {
         }
     }
 
-    /// Writes the borders to a folder, complete or not at all. Other processes may do the same at the same time.
+    /// Writes the borders to a folder, complete or not at all. Other processes may do the same at the same
+    /// time.
     ///
     /// # Errors
     /// [`Error::Io`].

@@ -58,7 +58,7 @@ pub struct Records {
     pub truth: bool,
     /// Positions of echoes in the axes of the scanner.
     pub scanner_axes: bool,
-    /// Whether the echoes are the reflections of subrays.
+    /// True if the echoes are the reflections of subrays.
     pub subrays: bool,
 }
 
@@ -225,7 +225,8 @@ impl ShardFile {
         self.blocks.get(number).map(|(_, head)| *head)
     }
 
-    /// Reads the complete shard and compares its checksums, with all threads. The error is the reason why it cannot be used.
+    /// Reads the complete shard and compares its checksums, with all threads. The error is the reason why it
+    /// cannot be used.
     pub fn verify(&self) -> Result<(), String> {
         let check = |buffer: &mut Vec<u8>, (number, (at, head)): (usize, &(u64, BlockHead))| {
             buffer.resize(head.bytes_of_block(), 0);

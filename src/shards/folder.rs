@@ -24,12 +24,13 @@ fn parse_name(name: &str) -> Option<(u32, u32)> {
     (number < of).then_some((number, of))
 }
 
-/// Whether a file begins as every shard does, whatever follows: one of another kind is not the program's own.
+/// True if a file begins as every shard does, whatever follows: one of another kind is not the program's own.
 pub fn is_shard(path: &Path) -> bool {
     begins_with(path, file::MAGIC)
 }
 
-/// Whether a file belongs to a run in shards, by its name and by its first bytes: a shard, or the borders between them.
+/// True if a file belongs to a run in shards, by its name and by its first bytes: a shard, or the borders
+/// between them.
 pub fn is_file_of_shards(path: &Path) -> bool {
     let Some(name) = path.file_name() else { return false };
     let is_borders = || Borders::path(Path::new("")).file_name() == Some(name);
@@ -39,7 +40,7 @@ pub fn is_file_of_shards(path: &Path) -> bool {
     }
 }
 
-/// Whether the first bytes of a regular file are these.
+/// True if the first bytes of a regular file are these.
 fn begins_with(path: &Path, magic: &[u8; 8]) -> bool {
     let mut first = [0; 8];
     let read = reads::open_own(path).and_then(|mut file| file.read_exact(&mut first));

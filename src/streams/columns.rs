@@ -99,8 +99,8 @@ impl ColumnEntry {
     }
 }
 
-/// Parses a heading such as `time[s]`, `X (m)` or `scan_angle[deg]` to the column and the factor that converts its
-/// values to ns, rad or m. Without a unit, times are seconds.
+/// Parses a heading such as `time[s]`, `X (m)` or `scan_angle[deg]` to the column and the factor that
+/// converts its values to ns, rad or m. Without a unit, times are seconds.
 ///
 /// # Errors
 /// The problem and a hint.

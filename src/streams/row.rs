@@ -16,7 +16,8 @@ pub struct PulseRow {
     pub step: u64,
     /// Index of the epoch, from 0.
     pub epoch: u32,
-    /// Divergence of device 0 at the beginning of the survey and in this leg, rad, if the stream has these columns.
+    /// Divergence of device 0 at the beginning of the survey and in this leg, rad, if the stream has these
+    /// columns.
     pub divergence: Option<[f64; 2]>,
 }
 
@@ -71,7 +72,8 @@ const MAX_DISAGREEMENT: f64 = 1e-6;
 pub type RowFault = (PulseColumn, String);
 
 impl PulseRow {
-    /// Converts the pulse to the numbers of a row; `shift` is the world position of the scene frame's origin, m.
+    /// Converts the pulse to the numbers of a row; `shift` is the world position of the scene frame's origin,
+    /// m.
     pub fn values(&self, shift: DVec3) -> Values {
         let p = &self.pulse;
         let mut values = [0.0; COLUMNS];
@@ -116,8 +118,8 @@ impl PulseRow {
         values
     }
 
-    /// Converts a row of a stream with the columns `present` to a pulse. `order` is the index of the row in the
-    /// stream, from 0: the number of the pulse where the stream has no numbers.
+    /// Converts a row of a stream with the columns `present` to a pulse. `order` is the index of the row in
+    /// the stream, from 0: the number of the pulse where the stream has no numbers.
     ///
     /// # Errors
     /// The first value that no pulse can have.
@@ -250,8 +252,8 @@ fn two_sum(a: f64, b: f64) -> (f64, f64) {
     (sum, (a - (sum - virtual_b)) + (b - virtual_b))
 }
 
-/// Computes `high + low − shift`, exactly where `high` and `low` are the [`two_sum`] of the result and `shift`: both
-/// rounding errors are multiples of one small unit, so their sum is exact.
+/// Computes `high + low − shift`, exactly where `high` and `low` are the [`two_sum`] of the result and
+/// `shift`: both rounding errors are multiples of one small unit, so their sum is exact.
 fn subtract_exactly(high: f64, low: f64, shift: f64) -> f64 {
     let (difference, lost) = two_sum(high, -shift);
     difference + (lost + low)

@@ -1,4 +1,5 @@
-//! The columns of one stream and their positions. Headers of text and schemas of Arrow streams are checked alike.
+//! The columns of one stream and their positions. Headers of text and schemas of Arrow streams are checked
+//! alike.
 
 use super::columns::{COLUMNS, PulseColumn, parse_pulse_heading};
 use super::row::{ATTITUDE, ColumnSet, DIRECTION, EXACT, LOW, ORIGIN, PulseRow, RowFault, Values};
@@ -25,8 +26,8 @@ impl StreamSchema {
         StreamSchema { columns: Vec::new(), present: ColumnSet::default(), width, header_rows: 0 }
     }
 
-    /// The schema of text with this first row, which may be a header. Without a header seven numbers are time, origin and
-    /// direction, and six are origin and direction.
+    /// The schema of text with this first row, which may be a header. Without a header seven numbers are
+    /// time, origin and direction, and six are origin and direction.
     ///
     /// # Errors
     /// As [`StreamSchema::of_fields`], and for another number of columns without a header.
@@ -55,8 +56,8 @@ impl StreamSchema {
     /// The schema of an Arrow stream; `path` is its name in messages.
     ///
     /// # Errors
-    /// [`Error::Input`](vlscan_base::error::Error::Input) with every heading that is unknown, repeated or without numbers,
-    /// and with the missing columns that a pulse requires.
+    /// [`Error::Input`](vlscan_base::error::Error::Input) with every heading that is unknown, repeated or
+    /// without numbers, and with the missing columns that a pulse requires.
     pub fn of_fields(path: &Path, fields: &[TableField]) -> Result<StreamSchema> {
         let place = Place::of_file(path);
         let headings = fields
@@ -65,8 +66,8 @@ impl StreamSchema {
         StreamSchema::new(None).with_headings(headings, place.clone())
     }
 
-    /// Resolves headings to columns. Each heading has its place and, where its values are not numbers, a description
-    /// of them; `whole` is the place of the header.
+    /// Resolves headings to columns. Each heading has its place and, where its values are not numbers, a
+    /// description of them; `whole` is the place of the header.
     fn with_headings<'h>(
         mut self,
         headings: impl Iterator<Item = (&'h str, Place, Option<&'h str>)>,
@@ -105,8 +106,8 @@ impl StreamSchema {
         self.columns.iter().find(|c| c.0 == column).map(|c| c.2)
     }
 
-    /// The pulse of a row, if `check` accepts it, in the frame whose origin is at `shift` in the world. `order` is the index of
-    /// the row in the stream, from 0.
+    /// The pulse of a row, if `check` accepts it, in the frame whose origin is at `shift` in the world.
+    /// `order` is the index of the row in the stream, from 0.
     pub fn pulse(
         &self,
         row: &Row,

@@ -1,5 +1,5 @@
-//! Writes pulses and poses as an Arrow IPC stream. Columns and values are those of text; the metadata of each column
-//! contains its unit.
+//! Writes pulses and poses as an Arrow IPC stream. Columns and values are those of text; the metadata of each
+//! column contains its unit.
 
 use super::columns::{ENTRIES, PulseColumn};
 use super::row::{ColumnSet, PulseRow};
@@ -78,7 +78,7 @@ pub struct TableWriter<W> {
     columns: Vec<TableColumn>,
     /// Values of rows that do not fill a batch yet.
     pending: Vec<u8>,
-    /// Whether a flush writes incomplete batches.
+    /// True if a flush writes incomplete batches.
     live: bool,
 }
 

@@ -1,5 +1,5 @@
-//! Writes pulses and poses as comma-separated values: a header of names and units, then one row per line. Every
-//! number has the minimum number of digits that restores its bits.
+//! Writes pulses and poses as comma-separated values: a header of names and units, then one row per line.
+//! Every number has the minimum number of digits that restores its bits.
 
 use super::columns::{ENTRIES, PulseColumn};
 use super::row::{ATTITUDE, ColumnSet, DIRECTION, EXACT, LOW, ORIGIN, ORIGIN_ERROR, PulseRow, REPORTED};
@@ -55,8 +55,8 @@ pub fn push_pulse(out: &mut Vec<u8>, row: &PulseRow, present: ColumnSet, shift: 
     end_line(out);
 }
 
-/// Appends a pose as a line: seconds, metres, degrees (heading, pitch, roll innermost). `frame` is the world position of the scene
-/// frame's origin and the time that times count from, s.
+/// Appends a pose as a line: seconds, metres, degrees (heading, pitch, roll innermost). `frame` is the world
+/// position of the scene frame's origin and the time that times count from, s.
 pub fn push_pose(out: &mut Vec<u8>, pose: &PoseSample, frame: (DVec3, f64)) {
     for number in pose_values(pose, frame) {
         push_number(out, number);

@@ -1,11 +1,12 @@
-//! Point clouds as other programs write them: each variant of docs/clouds.md is written by another library, and `compare`, `preview`
-//! and the scene's loader have to find the points where they are.
+//! Point clouds as other programs write them: each variant of docs/clouds.md is written by another library,
+//! and `compare`, `preview` and the scene's loader have to find the points where they are.
 
 use crate::common::{self, folder, run, succeed, text};
 use std::fs;
 use std::path::Path;
 
-/// Writes `truth.csv`, the variants and `variants.txt`, a line for each: file, tolerance in m, whether it has the intensities.
+/// Writes `truth.csv`, the variants and `variants.txt`, a line for each: file, tolerance in m, whether it has
+/// the intensities.
 const SCRIPT: &str = r#"
 import struct
 import laspy, numpy as np, pyarrow as pa, pyarrow.ipc, pyarrow.parquet, pye57
@@ -178,7 +179,8 @@ fn every_variant_of_every_format_is_read_by_all_commands() {
 #[test]
 fn a_cloud_is_like_itself_to_its_last_point() {
     let dir = folder();
-    // Coordinates that 32-bit numbers, or differences to the lower corner in them, would move across the edge of the box.
+    // Coordinates that 32-bit numbers, or differences to the lower corner in them, would move across the edge
+    // of the box.
     let rows: String = (0..500)
         .map(|i| {
             let (x, y) = (431_000.1 + f64::from(i % 25) / 3.0, 5_412_000.7 + f64::from(i / 25) / 7.0);
@@ -372,7 +374,8 @@ fn misses_are_recognised_by_what_is_written_for_them_and_not_by_zeros() {
     assert_eq!((found["points"].as_u64(), found["misses"].as_u64()), (Some(2), Some(0)));
 }
 
-/// A meadow of 60 m with plants as LAS-like text, and where one of its points is moved to; `class` is that of the point.
+/// A meadow of 60 m with plants as LAS-like text, and where one of its points is moved to; `class` is that of
+/// the point.
 fn meadow(moved: [f64; 3], class: u8) -> String {
     let mut rows = "x,y,z,class,gps_time,return_number,number_of_returns,scan_angle\n".to_owned();
     for i in 0..3000u32 {

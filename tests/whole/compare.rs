@@ -68,7 +68,8 @@ fn runs_are_compared_in_every_format() {
     assert!(!again.status.success() && text(&again.stderr).contains("--force"));
 }
 
-/// A mesh of ground of 60 by 60 m in steps of 0.25 m, with a cone 3 m high and a conical pit 3 m deep of a radius of 10 m.
+/// A mesh of ground of 60 by 60 m in steps of 0.25 m, with a cone 3 m high and a conical pit 3 m deep of a
+/// radius of 10 m.
 fn mesh(is_changed: bool) -> String {
     const SIDE: usize = 241;
     let mut obj = String::from("mtllib ground.mtl\nusemtl ground\n");
@@ -143,7 +144,8 @@ fn a_dam_and_a_pit_of_two_epochs_are_told_apart() {
     );
 }
 
-/// The change that `vlscan compare` finds: volumes and uncertainties of fill, cut and net, and whether the clocks are one.
+/// The change that `vlscan compare` finds: volumes and uncertainties of fill, cut and net, and whether the
+/// clocks are one.
 fn change_of(dir: &Path, first: &str, second: &str) -> ([[f64; 2]; 3], bool) {
     let out = succeed(dir, &["compare", first, second, "--json", "-q"]);
     let found: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();

@@ -1,5 +1,5 @@
-//! The examples of the README, `docs/`, the manual pages and `pipelines/` work as they are written, in a folder of their
-//! own. Examples that need a program that is not installed are skipped.
+//! The examples of the README, `docs/`, the manual pages and `pipelines/` work as they are written, in a
+//! folder of their own. Examples that need a program that is not installed are skipped.
 
 use crate::common;
 use crate::common::{folder, text};
@@ -16,7 +16,8 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// A folder with the files that the examples of a page use, and a folder for the search path with the program.
+/// A folder with the files that the examples of a page use, and a folder for the search path with the
+/// program.
 struct Workspace {
     folder: tempfile::TempDir,
     programs: tempfile::TempDir,
@@ -61,7 +62,8 @@ impl Workspace {
         ran
     }
 
-    /// Runs the examples one after the other, adds those that fail or warn to `failures`, and returns how many ran.
+    /// Runs the examples one after the other, adds those that fail or warn to `failures`, and returns how
+    /// many ran.
     fn try_examples(&self, page: &str, examples: &[String], failures: &mut Vec<String>) -> usize {
         let mut ran = 0;
         for example in examples {
@@ -338,7 +340,8 @@ const FLY: &str = r#"fly() {
   vlscan run site.toml --trajectory wrong.csv -o wrong.laz --force
 }"#;
 
-/// The mistakes of the table in docs/own-data.md: what makes them, and what is said, in the order of the table.
+/// The mistakes of the table in docs/own-data.md: what makes them, and what is said, in the order of the
+/// table.
 const MISTAKES: [(&str, &str); 39] = [
     ("fly '$2 -= 476000; $3 -= 5429000'", "coordinates of a grid such as UTM, the flight has local ones"),
     ("fly '$2 = 8.67176; $3 = 49.0121 + NR / 1e5'", "look like longitude and latitude"),

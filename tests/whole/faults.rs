@@ -1,9 +1,10 @@
-//! The machine fails at every operation of a run, one after the other, in every format: status 1, one message, nothing
-//! incomplete under a final name, no temporary file or folder left, and an end.
+//! The machine fails at every operation of a run, one after the other, in every format: status 1, one
+//! message, nothing incomplete under a final name, no temporary file or folder left, and an end.
 //!
-//! `VLSCAN_FAULT=N` fails the N-th operation (creating, writing, reading back, synchronising and renaming files, creating
-//! folders, mapping memory, starting threads), `VLSCAN_FAULT=N+` all from the N-th on, `VLSCAN_FAULT=N!` kills the process before
-//! the N-th; builds without debug assertions have no such variable.
+//! `VLSCAN_FAULT=N` fails the N-th operation (creating, writing, reading back, synchronising and renaming
+//! files, creating folders, mapping memory, starting threads), `VLSCAN_FAULT=N+` all from the N-th on,
+//! `VLSCAN_FAULT=N!` kills the process before the N-th; builds without debug assertions have no such
+//! variable.
 
 use crate::common::{files, folder, succeed, text, vlscan};
 use std::collections::BTreeMap;
@@ -68,8 +69,8 @@ fn contents(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     files(dir).into_iter().map(read).collect()
 }
 
-/// Runs the program with every fault, and without any at the end. Files that exist before are `old`; of several
-/// outputs, those that were complete before the fault may stay.
+/// Runs the program with every fault, and without any at the end. Files that exist before are `old`; of
+/// several outputs, those that were complete before the fault may stay.
 fn at_every_operation(args: &[&str], old: &[(&str, &[u8])]) {
     if !cfg!(debug_assertions) {
         return;
@@ -83,7 +84,8 @@ fn at_every_operation(args: &[&str], old: &[(&str, &[u8])]) {
     succeed(reference.path(), args);
     let complete = contents(reference.path());
     for number in 1..MAX_OPERATIONS {
-        // A machine that goes on failing differs only in what is removed afterwards, so every fourth number does.
+        // A machine that goes on failing differs only in what is removed afterwards, so every fourth number
+        // does.
         let lasting = (number % 4 == 1).then(|| format!("{number}+"));
         for fault in std::iter::once(number.to_string()).chain(lasting) {
             let dir = prepared();
@@ -121,8 +123,9 @@ fn at_every_operation(args: &[&str], old: &[(&str, &[u8])]) {
     panic!("more than {MAX_OPERATIONS} operations");
 }
 
-/// Runs a command whose files are one output with every fault, and kills it before every operation: all of its files are there
-/// or none, and the same command succeeds afterwards. `inputs` are in the folder beforehand.
+/// Runs a command whose files are one output with every fault, and kills it before every operation: all of
+/// its files are there or none, and the same command succeeds afterwards. `inputs` are in the folder
+/// beforehand.
 fn all_or_nothing(args: &[&str], inputs: &[&str]) {
     if !cfg!(debug_assertions) {
         return;

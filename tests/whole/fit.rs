@@ -189,7 +189,8 @@ fn two_channels_of_one_mirror_are_found() {
     assert!(messages.contains("change so little") && messages.contains("known to 2 % only"), "{messages}");
 }
 
-/// Bit 0 of the global encoding of a LAS file, and the first and the last GPS time of the points in a CSV file.
+/// Bit 0 of the global encoding of a LAS file, and the first and the last GPS time of the points in a CSV
+/// file.
 fn times(folder: &Path, las: &str, csv: &str) -> (u8, f64, f64) {
     let points = fs::read_to_string(folder.join(csv)).unwrap();
     let mut lines = points.lines();

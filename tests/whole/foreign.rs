@@ -1,5 +1,5 @@
-//! Files of every kind given to every command that reads files: the message names the kind of the file and what to do with it, and
-//! never speaks of bytes that are not UTF-8, or of XML where there is none.
+//! Files of every kind given to every command that reads files: the message names the kind of the file and
+//! what to do with it, and never speaks of bytes that are not UTF-8, or of XML where there is none.
 
 use crate::common::{feed, folder, run, text};
 use std::path::Path;
@@ -116,7 +116,7 @@ fn prepare(folder: &Path) {
     write("pulses.csv", "time,x,y,z,dx,dy,dz\n0,1,1,50,0,0,-1\n");
 }
 
-/// What no message may contain.
+/// Texts that no message may contain.
 const NEVER: &[&str] =
     &["is not UTF-8", "unknown token", "not well-formed", "no Polygon in the KML", "panicked", "found \"\\"];
 

@@ -38,8 +38,8 @@ const SURVEY: &str = r#"<?xml version="1.0"?><document>
   <leg><platformSettings x="15" y="0" z="60" movePerSec_m="100"/><scannerSettings template="on" active="false"/></leg>
 </survey></document>"#;
 
-/// A folder with a survey `s.xml` of 1198 pulses from two channels, with noise everywhere, whose other files are in
-/// `kept/data` and `more`.
+/// A folder with a survey `s.xml` of 1198 pulses from two channels, with noise everywhere, whose other files
+/// are in `kept/data` and `more`.
 fn tiny() -> tempfile::TempDir {
     let dir = folder();
     let data = dir.path().join("kept/data");

@@ -1,9 +1,10 @@
-//! Damaged files of a scene: the run ends with points where the file can pass for a complete one, else with exit status 2
-//! and a message that names the file and the line; never with a panic or out of memory, and in finite time.
+//! Damaged files of a scene: the run ends with points where the file can pass for a complete one, else with
+//! exit status 2 and a message that names the file and the line; never with a panic or out of memory, and in
+//! finite time.
 //!
-//! Each format is one [`Case`]: a valid file, how it is damaged, and which cuts cannot be detected. Text formats have no end
-//! mark, so a file that was cut between two statements cannot be told from a whole one, nor one whose last number lost
-//! digits; such cuts must only not fail otherwise.
+//! Each format is one [`Case`]: a valid file, how it is damaged, and which cuts cannot be detected. Text
+//! formats have no end mark, so a file that was cut between two statements cannot be told from a whole one,
+//! nor one whose last number lost digits; such cuts must only not fail otherwise.
 
 use crate::common;
 use crate::common::text;
@@ -43,11 +44,11 @@ struct Case {
     parts: &'static str,
     /// Replacements (of the first occurrence), each of which makes the file invalid.
     broken: &'static [(&'static str, &'static str)],
-    /// Whether a beginning of the file can pass for a complete one.
+    /// True if a beginning of the file can pass for a complete one.
     passes: fn(&str) -> bool,
-    /// Whether lines can be named.
+    /// True if lines can be named.
     is_text: bool,
-    /// Whether an empty file is detected as an error.
+    /// True if an empty file is detected as an error.
     lines_may_change: bool,
 }
 
@@ -315,7 +316,8 @@ fn spectrum() -> Vec<u8> {
     format!("{header}0.5\t10.5\n1.0\t20.5\n1.5\t30.5\n").into_bytes()
 }
 
-/// A little-endian raster of size × size floats; its directory is behind the pixels, so that every cut is detected.
+/// A little-endian raster of size × size floats; its directory is behind the pixels, so that every cut is
+/// detected.
 pub fn raster(size: u32) -> Vec<u8> {
     let directory = 8 + 4 * size * size;
     let doubles = directory + 2 + 12 * 12 + 4;
@@ -373,8 +375,8 @@ fn write(folder: &Path, name: &str, bytes: &[u8]) {
     std::fs::write(path, bytes).unwrap();
 }
 
-/// Runs the survey with the case's file replaced by `bytes`: exit status, messages and points. 1.5 GB of address space,
-/// most of it stacks and maps, and a minute are the limits.
+/// Runs the survey with the case's file replaced by `bytes`: exit status, messages and points. 1.5 GB of
+/// address space, most of it stacks and maps, and a minute are the limits.
 fn outcome(case: &Case, bytes: &[u8]) -> (i32, String, Vec<u8>) {
     let dir = common::folder();
     let folder = dir.path();

@@ -94,8 +94,8 @@ fn a_full_disk_is_a_clear_error_and_status_1() {
     }
 }
 
-/// A run over poses that never end, interrupted by `signal` as soon as the temporary file of `watched` has grown to
-/// `bytes`.
+/// A run over poses that never end, interrupted by `signal` as soon as the temporary file of `watched` has
+/// grown to `bytes`.
 #[cfg(unix)]
 fn interrupted(folder: &std::path::Path, sinks: &[&str], watched: &str, bytes: u64, signal: &str) -> Output {
     let mut child = vlscan(folder)
@@ -190,7 +190,8 @@ assert parquet.metadata.metadata[b"state"].startswith(b"partial")
     }
 }
 
-/// A run with `--force` over a complete file that does not come to its end leaves that file, and its own points beside it.
+/// A run with `--force` over a complete file that does not come to its end leaves that file, and its own
+/// points beside it.
 #[cfg(unix)]
 #[test]
 fn an_interrupted_run_replaces_no_complete_file() {

@@ -1,5 +1,5 @@
-//! Runs of the whole program, and checks of the project's files. One program, since each would be linked with the whole
-//! library.
+//! Runs of the whole program, and checks of the project's files. One program, since each would be linked with
+//! the whole library.
 
 use std::alloc::System;
 

@@ -1,4 +1,5 @@
-//! MCAP, read back by the packages `mcap` and `mcap-ros2-support`: messages, times, places in the axes of the scanner.
+//! MCAP, read back by the packages `mcap` and `mcap-ros2-support`: messages, times, places in the axes of the
+//! scanner.
 
 use crate::common::{self, fixture, folder, succeed, text};
 use std::fs;
@@ -7,8 +8,8 @@ use std::process::Command;
 const COLUMNS: &str =
     "GpsTime,ScannerX,ScannerY,ScannerZ,Device,ReturnNumber,NumberOfReturns,Classification,Amplitude";
 
-/// Compares the points of a.mcap with those of a.csv and prints the number of messages, the shortest distance of their
-/// stamps, and the greatest time within one.
+/// Compares the points of a.mcap with those of a.csv and prints the number of messages, the shortest distance
+/// of their stamps, and the greatest time within one.
 const SCRIPT: &str = r#"
 import numpy as np
 from mcap.reader import make_reader
@@ -142,7 +143,8 @@ assert (np.concatenate([c["instance"] for _, c in clouds]) == wanted[:, 3]).all(
 print(len(clouds))
 "#;
 
-/// A vehicle at 4 m/s for half a second in a room, at coordinates of a map, with a head that turns ten times per second.
+/// A vehicle at 4 m/s for half a second in a room, at coordinates of a map, with a head that turns ten times
+/// per second.
 const DRIVE: &str = r#"
 scene = "room.xml#room"
 [platform]

@@ -308,7 +308,8 @@ fn what_is_not_one_grid_is_refused() {
     );
 }
 
-/// Tiles as GDAL writes them, with masks, alpha, scales, compressions; what rasterio reads of them in one raster.
+/// Tiles as GDAL writes them, with masks, alpha, scales, compressions; what rasterio reads of them in one
+/// raster.
 const TILES: &str = r#"
 import os
 import numpy as np

@@ -1,5 +1,5 @@
-//! Mistakes that are easy to make: each ends with an error, or with a warning that `--strict` makes an error, whose text names
-//! the cause. Correct input runs without a message.
+//! Mistakes that are easy to make: each ends with an error, or with a warning that `--strict` makes an error,
+//! whose text names the cause. Correct input runs without a message.
 
 use crate::common::{feed, fixture, folder, raster, run, succeed, text};
 use std::fs;
@@ -1054,7 +1054,8 @@ fn what_is_right_runs_without_a_word() {
     }
 }
 
-/// Every command that reads input of the user, with input that is warned of: an error with --strict, which writes nothing.
+/// Every command that reads input of the user, with input that is warned of: an error with --strict, which
+/// writes nothing.
 #[test]
 fn strict_is_for_all_commands() {
     let dir = folder();

@@ -9,8 +9,8 @@ use std::path::Path;
 const DENSITY: f64 = 0.8;
 const EDGE: f64 = 0.5;
 
-/// A meadow with a house and a crown of 12 m by 12 m by 5 m of elements of 0.3 m, and an aircraft that flies over them. Returns the leaf
-/// area, m².
+/// A meadow with a house and a crown of 12 m by 12 m by 5 m of elements of 0.3 m, and an aircraft that flies
+/// over them. Returns the leaf area, m².
 fn write_scene(folder: &Path) -> f64 {
     let material = |name: &str, class: u32, more: &str| {
         format!("newmtl {name}\nKd 1 1 1\nhelios_reflectance 0.3\nhelios_classification {class}\n{more}")
@@ -89,8 +89,8 @@ fn a_known_scene_is_found_again() {
     let report: serde_json::Value =
         serde_json::from_str(&fs::read_to_string(dir.join("found/report.json")).unwrap()).unwrap();
     let found = number(&report, "/foliage/leaf_area_m2");
-    // Low parts of a dense crown come out too thin: returns count as equal shares of the beam, and several elements that are met close
-    // to each other are one return.
+    // Low parts of a dense crown come out too thin: returns count as equal shares of the beam, and several
+    // elements that are met close to each other are one return.
     assert!((0.65..1.15).contains(&(found / leaf_area)), "{found} m² of leaves, not {leaf_area}");
     let upper = leaf_area_above(&dir.join("found/foliage_5.vox"), 6.5);
     assert!(

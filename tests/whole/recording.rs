@@ -1,11 +1,11 @@
-//! What a run records besides its points: no option that only records more changes a byte of the points.
+//! Options that record more than the points must not change a byte of the points.
 
 use crate::common::{folder, succeed, text};
 use std::fs;
 use std::path::Path;
 
-/// A flight of two channels of different wavelengths over foliage, with spectra, a receiver with noise, moving optics and errors of
-/// navigation: whatever a recording could disturb.
+/// A flight of two channels of different wavelengths over foliage, with spectra, a receiver with noise,
+/// moving optics and errors of navigation: whatever a recording could disturb.
 const PIPELINE: &str = "scene = 's.xml'\nassets = ['.']\nseed = 3\n[platform]\nkind = 'linear_path'\n\
     mount = { offset_m = [0, 0, 0], rotate_deg = [{ x = -90 }, { z = 90 }] }\n\
     [scanner]\nid = 'x'\noptics = 'rotating'\nscan_angle_max_deg = 20\nscan_angle_effective_max_deg = 15\nscan_freq_max_hz = 100\n\

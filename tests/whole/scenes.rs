@@ -1,5 +1,5 @@
-//! Scenes of every kind give the same points whether packed or loaded from their sources, with instances or without, on one
-//! thread or two.
+//! Scenes of every kind give the same points whether packed or loaded from their sources, with instances or
+//! without, on one thread or two.
 
 use crate::common::{fixture, folder, run, succeed, text};
 use std::fs;

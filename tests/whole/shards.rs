@@ -33,8 +33,8 @@ const EVERY_FORMAT: &[&str] = &[
     "way.csv",
 ];
 
-/// All files below a folder. Run directories are named after the time: `2026-11-22_23-05-01` becomes `TIME0`, the next one
-/// `TIME1`.
+/// All files below a folder. Run directories are named after the time: `2026-11-22_23-05-01` becomes `TIME0`,
+/// the next one `TIME1`.
 fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let is_time = |name: &str| name.len() >= 19 && name.as_bytes()[10] == b'_' && name.starts_with("20");
     let mut times: Vec<String> = Vec::new();
@@ -66,7 +66,8 @@ fn of_run(survey: &str, options: &[&str], outputs: &[&str]) -> BTreeMap<PathBuf,
     contents(dir.path())
 }
 
-/// Computes shards of a run into the folder `shards` of `dir`; each with options of its own, which must not show.
+/// Computes shards of a run into the folder `shards` of `dir`; each with options of its own, which must not
+/// show.
 fn compute(dir: &Path, survey: &str, options: &[&str], numbers: impl IntoIterator<Item = u32>, of: u32) {
     let ways: [&[&str]; 4] = [
         &["-j", "1"],
@@ -313,7 +314,8 @@ fn borders_found_before_give_the_same_shards() {
     succeed(planned.path(), &["index-shards", &survey, "-q", "-o", "shards", "--waveforms", "--seed", "4"]);
     assert!(planned.path().join("shards/flight.vlindex").is_file());
     for dir in [&planned, &unplanned] {
-        // Two of the ways of `compute`: the sizes of dynamic chunks, which are the blocks of a shard, depend on time.
+        // Two of the ways of `compute`: the sizes of dynamic chunks, which are the blocks of a shard, depend
+        // on time.
         compute(dir.path(), &survey, &["--seed", "4"], 0..2, 2);
     }
     assert_same(&contents(planned.path()), &contents(unplanned.path()), "shards");
@@ -506,7 +508,7 @@ fn an_output_that_appears_while_a_run_is_ended_is_kept() {
     assert_eq!(files(dir.path()), [Path::new("a.laz"), Path::new("a.laz.shards/notes.txt")]);
 }
 
-/// Whether a run has left shards.
+/// True if a run has left shards.
 fn has_shards(dir: &Path) -> bool {
     let names = fs::read_dir(dir).unwrap().map(|entry| entry.unwrap().file_name());
     names.into_iter().any(|name| name.to_string_lossy().ends_with(".shards"))
@@ -528,7 +530,8 @@ fn kill_until_complete(dir: &Path, command: &[&str], first: Duration, step: Dura
         if let Some(status) = status {
             let mut message = String::new();
             std::io::Read::read_to_string(&mut child.stderr.take().unwrap(), &mut message).unwrap();
-            // Killed after its last step, which removes the shards, the run before this one had written all outputs.
+            // Killed after its last step, which removes the shards, the run before this one had written all
+            // outputs.
             let was_complete = message.contains("exists already") && !has_shards(dir);
             assert!(status.success() || was_complete, "after {killed} kills: {message}");
             return killed;

@@ -117,7 +117,8 @@ fn round_tree() -> String {
     mesh
 }
 
-/// Labels hold the measures of the geometry, which has the crown of the inventory; its other columns are beside them.
+/// Labels hold the measures of the geometry, which has the crown of the inventory; its other columns are
+/// beside them.
 #[test]
 fn labels_are_measures_of_the_trees_as_placed() {
     let dir = folder();
@@ -177,7 +178,8 @@ fn labels_are_measures_of_the_trees_as_placed() {
     assert!(info["parts"][0]["leaf_area_m2"].as_f64().unwrap() > 50.0, "{info}");
 }
 
-/// A folder with `--copy` is found after it was moved and its sources are gone: the same trees stand on the same ground.
+/// A folder with `--copy` is found after it was moved and its sources are gone: the same trees stand on the
+/// same ground.
 #[test]
 fn a_copied_stand_can_be_moved() {
     let dir = folder();

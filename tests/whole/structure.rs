@@ -1,5 +1,6 @@
-//! The structure within crates: no lower module imports a higher one, no more than two files import each other in a
-//! circle, and the maps in the documentation of modules name the files that exist. Between crates the compiler holds it.
+//! The structure within crates: no lower module imports a higher one, no more than two files import each
+//! other in a circle, and the maps in the documentation of modules name the files that exist. Between crates
+//! the compiler holds it.
 
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::fs;
@@ -369,7 +370,8 @@ fn calls(patterns: &[&str], allowed: &[&str]) -> Vec<String> {
     found
 }
 
-/// A correction is a row of the table, a use of the field of its name elsewhere, and a row in the documentation.
+/// A correction is a row of the table, a use of the field of its name elsewhere, and a row in the
+/// documentation.
 #[test]
 fn every_correction_is_used_and_described() {
     const TABLE: &str = "crates/base/src/corrections.rs";

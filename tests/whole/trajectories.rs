@@ -1,5 +1,5 @@
-//! Recorded trajectories in every layout: the same flight gives the same points, wrong files are refused with the line or
-//! record, and points leave while poses still arrive.
+//! Recorded trajectories in every layout: the same flight gives the same points, wrong files are refused with
+//! the line or record, and points leave while poses still arrive.
 
 use crate::common;
 use crate::common::{feed, fixture, folder, run, succeed, text, vlscan};
@@ -242,8 +242,8 @@ fn pulses_and_poses_come_from_the_same_reader() {
     assert!((moved[0][6] - plain[0][6] + 3.0).abs() < 0.5 && (moved[0][3] - plain[0][3] + 48.0).abs() < 0.2);
 }
 
-/// Origin and direction of the first pulse along `trajectory` (text), of a scanner that looks forwards from a mount and an
-/// emitter away from the platform's origin.
+/// Origin and direction of the first pulse along `trajectory` (text), of a scanner that looks forwards from a
+/// mount and an emitter away from the platform's origin.
 fn first_pulse(dir: &Path, trajectory: &str, options: &[&str]) -> [f64; 6] {
     let scene = fixture("airborne/scene.xml");
     let pipeline = format!(
@@ -265,7 +265,8 @@ fn attitudes_are_those_of_aeronautics_and_offsets_turn_with_them() {
     let dir = folder();
     let row = |t: f64| format!("{t:.1},476000,5429000,500,30,30,90\n");
     let plain = format!("time,x,y,z,roll,pitch,heading\n{}{}", row(1.0), row(2.0));
-    // Roll innermost: the nose points to the east and 30° up; right, forward and up as in docs/trajectories.md.
+    // Roll innermost: the nose points to the east and 30° up; right, forward and up as in
+    // docs/trajectories.md.
     let (r, f, u) = ([0.25, -0.8660254, -0.4330127], [0.8660254, 0.0, 0.5], [-0.4330127, -0.5, 0.75]);
     let found = first_pulse(dir.path(), &plain, &[]);
     for i in 0..3 {
@@ -395,7 +396,8 @@ fn nothing_is_fired_in_gaps() {
     assert!(inside(&apart) == 0 && apart.iter().any(|t| *t < gap) && apart.iter().any(|t| *t > end));
 }
 
-/// Poses through a named pipe whose writer then pauses: the points of all of them arrive while the pipe is still open.
+/// Poses through a named pipe whose writer then pauses: the points of all of them arrive while the pipe is
+/// still open.
 #[cfg(unix)]
 #[test]
 fn points_do_not_wait_for_a_silent_writer() {

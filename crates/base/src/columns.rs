@@ -33,8 +33,8 @@ impl Separator {
         }
     }
 
-    /// The separator that `line` most likely uses: semicolon, comma, tab, or blanks. With semicolons, and where blanks separate
-    /// at least three numbers with one comma each, commas are decimal commas.
+    /// The separator that `line` most likely uses: semicolon, comma, tab, or blanks. With semicolons, and
+    /// where blanks separate at least three numbers with one comma each, commas are decimal commas.
     pub fn guess(line: impl AsRef<[u8]>) -> Separator {
         let line = line.as_ref();
         let has = |c: char| line.trim_ascii().contains(&(c as u8));
@@ -42,8 +42,8 @@ impl Separator {
         found.map_or(Separator::Blanks, Separator::Char)
     }
 
-    /// The columns of `line` as byte ranges without surrounding blanks. A separator at the end of the line does not start a
-    /// further column.
+    /// The columns of `line` as byte ranges without surrounding blanks. A separator at the end of the line
+    /// does not start a further column.
     pub fn split(self, line: &(impl AsRef<[u8]> + ?Sized)) -> impl Iterator<Item = Range<usize>> {
         let line = line.as_ref();
         // A character beyond ASCII is found by its first byte.
@@ -83,8 +83,8 @@ impl Separator {
         })
     }
 
-    /// The `count` columns of a line of a table, of which the last may be empty: then the separator at the end of the line
-    /// stands before it. `Err` has the number of columns found.
+    /// The `count` columns of a line of a table, of which the last may be empty: then the separator at the
+    /// end of the line stands before it. `Err` has the number of columns found.
     pub fn split_row(self, line: &str, count: usize) -> Result<Vec<Range<usize>>, usize> {
         let mut fields: Vec<_> = self.split(line).collect();
         if let Separator::Char(c) = self
@@ -140,12 +140,12 @@ impl ByteSet {
     }
 }
 
-/// Whether `byte` is a blank within a line. This includes the carriage return before a line feed.
+/// True if `byte` is a blank within a line. This includes the carriage return before a line feed.
 pub fn is_blank(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t' | b'\r' | 0x0b | 0x0c)
 }
 
-/// Whether the commas of a line are those of at least three numbers and other words between blanks.
+/// True if the commas of a line are those of at least three numbers and other words between blanks.
 fn has_decimal_commas(line: &[u8]) -> bool {
     let words = || Separator::Blanks.split(line).map(|at| &line[at]);
     let fits = |word: &[u8]| !word.contains(&b',') || std::str::from_utf8(word).is_ok_and(has_decimal_comma);
@@ -169,8 +169,8 @@ pub fn quoted(text: &str) -> String {
     }
 }
 
-/// The fields of a line without their quotes (RFC 4180) and without the blanks around fields. Line breaks within fields are not
-/// supported.
+/// The fields of a line without their quotes (RFC 4180) and without the blanks around fields. Line breaks
+/// within fields are not supported.
 pub fn unquoted(line: &str, separator: Separator) -> Vec<String> {
     let mut fields = Vec::with_capacity(8);
     let (mut field, mut is_quoted, mut was_quoted) = (String::new(), false, false);
@@ -218,7 +218,7 @@ pub fn stated_separator(line: &str) -> Option<char> {
     rest.next().is_none().then_some(separator)
 }
 
-/// Whether a text is a number with a comma in place of the decimal point, such as `-1234,5` and `1,5e3`.
+/// True if a text is a number with a comma in place of the decimal point, such as `-1234,5` and `1,5e3`.
 pub fn has_decimal_comma(text: &str) -> bool {
     let text = text.trim();
     let is_digit = |digit: Option<u8>| digit.is_some_and(|digit| digit.is_ascii_digit());
@@ -229,7 +229,8 @@ pub fn has_decimal_comma(text: &str) -> bool {
     })
 }
 
-/// What a message about a text that should be a number adds if it has a decimal comma; an empty text for others.
+/// What a message about a text that should be a number adds if it has a decimal comma; an empty text for
+/// others.
 pub fn comma_note(text: &str) -> &'static str {
     if has_decimal_comma(text) { ", which has a decimal comma; numbers need a decimal point" } else { "" }
 }

@@ -1,5 +1,5 @@
-//! Problems of the input, each with its place and the expected input. All problems of a file are collected before
-//! the run ends.
+//! Problems of the input, each with its place and the expected input. All problems of a file are collected
+//! before the run ends.
 
 use crate::error::{Error, Result};
 use std::collections::HashMap;
@@ -12,9 +12,11 @@ use std::path::{Path, PathBuf};
 pub enum Severity {
     /// The run cannot continue.
     Error,
-    /// An input is suspicious, or is not used as it is written; the message names what counts instead. An error with `--strict`.
+    /// An input is suspicious, or is not used as it is written; the message names what counts instead. An
+    /// error with `--strict`.
     Warning,
-    /// How an input was understood that can be read in more than one way. Shown beside the warnings; never ends a run.
+    /// How an input was understood that can be read in more than one way. Shown beside the warnings; never
+    /// ends a run.
     Note,
 }
 
@@ -31,7 +33,8 @@ pub enum ProblemKind {
     Exists,
     /// Input that needs more memory than the limit allows.
     TooLarge,
-    /// A run that cannot be divided into shards, or not continued with the shards that exist; it can be computed as a whole.
+    /// A run that cannot be divided into shards, or not continued with the shards that exist; it can be
+    /// computed as a whole.
     NotDivisible,
     /// A folder in which another process works; the same command succeeds when that one has ended.
     InUse,
@@ -69,8 +72,8 @@ pub struct Place {
 
 /// Maximum length of an excerpt, bytes; longer lines (files without line breaks) are cut around the mark.
 const MAX_EXCERPT: usize = 400;
-/// Byte of a line up to which columns count characters; columns behind it count bytes, so that many places in a long
-/// line take little time.
+/// Byte of a line up to which columns count characters; columns behind it count bytes, so that many places in
+/// a long line take little time.
 const MAX_COUNTED_CHARACTERS: usize = 1 << 16;
 /// Maximum length and number of lines of a message or hint; longer ones, which quote long values, are cut.
 const MAX_MESSAGE_BYTES: usize = 600;
@@ -92,7 +95,8 @@ impl Place {
         Place::in_line(path, 0, "", 0..0)
     }
 
-    /// The place of byte range `at` of `text`. A range over several lines is cut at the end of its first line.
+    /// The place of byte range `at` of `text`. A range over several lines is cut at the end of its first
+    /// line.
     pub fn in_text(path: &Path, text: &str, at: Range<usize>) -> Place {
         let mut start = at.start.min(text.len());
         while !text.is_char_boundary(start) {
@@ -105,8 +109,8 @@ impl Place {
         Place::in_line(path, line, &text[line_start..line_end], start - line_start..end - line_start)
     }
 
-    /// The place of a line of which only the number is known; `text` is the line. Line 0 with an empty text means
-    /// the complete file, for binary files.
+    /// The place of a line of which only the number is known; `text` is the line. Line 0 with an empty text
+    /// means the complete file, for binary files.
     pub fn in_line(path: &Path, line: usize, text: &str, marked: Range<usize>) -> Place {
         let text = text.trim_end_matches(['\n', '\r']);
         let start = text.floor_char_boundary(marked.start);
@@ -230,7 +234,7 @@ impl Diagnostics {
         rest
     }
 
-    /// Whether there are no problems.
+    /// True if there are no problems.
     pub fn is_empty(&self) -> bool {
         self.items.is_empty()
     }
@@ -240,7 +244,7 @@ impl Diagnostics {
         &self.items
     }
 
-    /// Whether one of the problems is of that kind.
+    /// True if one of the problems is of that kind.
     ///
     /// ```
     /// use vlscan_base::Error;
@@ -256,7 +260,7 @@ impl Diagnostics {
         self.items.iter().any(|problem| problem.kind == kind)
     }
 
-    /// Whether the run must end; with `strict` warnings end it, too.
+    /// True if the run must end; with `strict` warnings end it, too.
     pub fn is_fatal(&self, strict: bool) -> bool {
         self.items
             .iter()
@@ -285,8 +289,9 @@ impl Diagnostics {
         line
     }
 
-    /// The report of at most [`MAX_REPORT_LINES`] lines, errors first: file, line, column and the underlined text of the
-    /// first problems, one line for each of the following ones, and the number of those that have no line.
+    /// The report of at most [`MAX_REPORT_LINES`] lines, errors first: file, line, column and the underlined
+    /// text of the first problems, one line for each of the following ones, and the number of those that have
+    /// no line.
     pub fn render(&self, coloured: bool) -> String {
         self.render_where(coloured, |_| true)
     }
@@ -415,8 +420,8 @@ impl Diagnostic {
     }
 }
 
-/// `text` with at most [`MAX_MESSAGE_BYTES`] bytes and [`MAX_MESSAGE_LINES`] lines: what is between its beginning and its
-/// end is replaced by an ellipsis.
+/// `text` with at most [`MAX_MESSAGE_BYTES`] bytes and [`MAX_MESSAGE_LINES`] lines: what is between its
+/// beginning and its end is replaced by an ellipsis.
 fn shortened(text: String) -> String {
     let head = text.match_indices('\n').nth(MAX_MESSAGE_LINES - 1).map_or(text.len(), |(end, _)| end);
     if head == text.len() && text.len() <= MAX_MESSAGE_BYTES {
@@ -448,9 +453,10 @@ pub fn listed<T: AsRef<str>>(names: &[T], max: usize) -> String {
     }
 }
 
-/// The candidate that a misspelt `word` probably means: at most a third of its letters differ (an inserted, missing,
-/// wrong or swapped letter counts once; case is ignored). Among equally near candidates the first is returned. If none is as
-/// near, it is the shortest one of which `word` is a part, whatever the signs between its letters.
+/// The candidate that a misspelt `word` probably means: at most a third of its letters differ (an inserted,
+/// missing, wrong or swapped letter counts once; case is ignored). Among equally near candidates the first is
+/// returned. If none is as near, it is the shortest one of which `word` is a part, whatever the signs between
+/// its letters.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let lower = word.to_lowercase();
     let length = lower.chars().count();

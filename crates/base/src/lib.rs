@@ -1,4 +1,5 @@
-//! What every stage of vlscan uses: errors with the place of each problem, files, bounded input, random numbers.
+//! What every stage of vlscan uses: errors with the place of each problem, files, bounded input, random
+//! numbers.
 //!
 //! | module | what it does |
 //! |---|---|

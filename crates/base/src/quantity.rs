@@ -1,7 +1,7 @@
 //! Quantities: bounds of numbers that are read, and counts with unit prefixes, durations and lengths as text.
 //!
-//! Numbers within the bounds neither overflow nor lose all digits in what is computed from them, so that points are
-//! numbers.
+//! Numbers within the bounds neither overflow nor lose all digits in what is computed from them, so that
+//! points are numbers.
 
 /// Bounds of a number that is read, both included.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,7 +46,7 @@ impl Bounds {
         }
     }
 
-    /// Whether `value` is within the bounds; NaN is not.
+    /// True if `value` is within the bounds; NaN is not.
     #[inline]
     pub fn contains(&self, value: f64) -> bool {
         self.low <= value && value <= self.high
@@ -212,8 +212,8 @@ pub const ROUGHNESS: Bounds = Bounds::new(0.0, 90.0, "a roughness of 0 to 90 deg
 /// Size of the elements of foliage, m.
 pub const ELEMENT_SIZE: Bounds = Bounds::new(0.0, 100.0, "a size of 0 to 100 m");
 
-/// Formats a number for a message: six digits, or as many as three decimals need, without zeros at its end. Digits that
-/// arithmetic has left over do not appear.
+/// Formats a number for a message: six digits, or as many as three decimals need, without zeros at its end.
+/// Digits that arithmetic has left over do not appear.
 pub fn number(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 || !value.is_finite() {

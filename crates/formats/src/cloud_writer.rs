@@ -11,8 +11,8 @@ use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileGroup, refuse_existing};
 
-/// A cloud that is being written. The file has its name once it is [finished](CloudWriter::finish); before, and if the writer is
-/// dropped, there is none.
+/// A cloud that is being written. The file has its name once it is [finished](CloudWriter::finish); before,
+/// and if the writer is dropped, there is none.
 pub struct CloudWriter {
     encoder: Arc<dyn PointEncoder>,
     file: EncodedFile,
@@ -22,7 +22,8 @@ impl CloudWriter {
     /// Begins a file, which replaces one that exists if `replace` is set. Warnings are recorded in `found`.
     ///
     /// # Errors
-    /// [`Error::Input`] for settings that the format cannot follow, and for a file that exists; [`Error::Io`].
+    /// [`Error::Input`] for settings that the format cannot follow, and for a file that exists;
+    /// [`Error::Io`].
     pub fn create(
         path: &Path,
         replace: bool,

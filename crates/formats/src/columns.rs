@@ -71,7 +71,7 @@ impl Attribute {
     /// The components of the surface normal, in the order x, y, z.
     pub const NORMAL: [Attribute; 3] = [Attribute::NormalX, Attribute::NormalY, Attribute::NormalZ];
 
-    /// Whether values in text need not be numbers.
+    /// True if values in text need not be numbers.
     pub fn is_optional(self) -> bool {
         use Attribute::{Channel, Leg, NormalX, NormalY, NormalZ, NumberOfReturns, Object, ScanAngle, Time};
         matches!(
@@ -123,8 +123,8 @@ const NAME_OF_MISSES: &str = "beamdirectionx";
 /// Maximum number of names in a message.
 const MAX_LISTED_NAMES: usize = 8;
 
-/// Two names of an attribute that tables usually have together, with different values, so that both are no mistake: those of
-/// this program's own tables, and intensity and amplitude of other scanners' programs.
+/// Two names of an attribute that tables usually have together, with different values, so that both are no
+/// mistake: those of this program's own tables, and intensity and amplitude of other scanners' programs.
 const USUAL_PAIRS: [[&str; 2]; 5] = [
     ["intensity", "amplitude"],
     ["intensity", "heliosamplitude"],
@@ -142,7 +142,7 @@ impl Misfits {
         self.0 == 0
     }
 
-    /// Whether the value of `attribute` in the file does not fit its type.
+    /// True if the value of `attribute` in the file does not fit its type.
     pub fn has(self, attribute: Attribute) -> bool {
         self.0 & 1 << attribute as u16 != 0
     }
@@ -152,8 +152,8 @@ impl Misfits {
         Misfits(self.0 & !(1 << attribute as u16))
     }
 
-    /// A value of an attribute without what does not fit, which is noted: numbers have no fraction and are within the
-    /// attribute's range, and what is no number is 0.
+    /// A value of an attribute without what does not fit, which is noted: numbers have no fraction and are
+    /// within the attribute's range, and what is no number is 0.
     pub fn fitted(&mut self, attribute: Attribute, value: f64) -> f64 {
         let fitted = match attribute.entry().whole_numbers {
             _ if value.is_nan() => 0.0,
@@ -178,7 +178,7 @@ impl AttributeSet {
         AttributeSet(Attribute::ALL.map(has))
     }
 
-    /// Whether `attribute` is in the set.
+    /// True if `attribute` is in the set.
     pub fn has(&self, attribute: Attribute) -> bool {
         self.0[attribute as usize]
     }
@@ -194,7 +194,7 @@ pub struct Columns {
     seconds: f64,
     /// Degrees in a unit of the scan angle.
     degrees: f64,
-    /// Whether the table is one of this program, in which return 0 of 0 marks a pulse without a return.
+    /// True if the table is one of this program, in which return 0 of 0 marks a pulse without a return.
     is_own: bool,
 }
 
@@ -227,8 +227,8 @@ pub enum PositionsError {
 }
 
 impl Columns {
-    /// Finds the columns by their names, which are those of [`Quantity`]. Units in brackets or at the end of a name count for
-    /// coordinates, times and angles.
+    /// Finds the columns by their names, which are those of [`Quantity`]. Units in brackets or at the end of
+    /// a name count for coordinates, times and angles.
     pub fn find<'n>(names: impl IntoIterator<Item = &'n str>) -> Columns {
         let headings: Vec<&str> = names.into_iter().collect();
         let names: Vec<String> = headings.iter().copied().map(name_of).collect();
@@ -275,8 +275,8 @@ impl Columns {
         Err(PositionsError::Missing { missing, found })
     }
 
-    /// What should be said about the names of a file: names that occur twice or mean the same, units that are not known, and
-    /// names that are neither read nor known.
+    /// What should be said about the names of a file: names that occur twice or mean the same, units that are
+    /// not known, and names that are neither read nor known.
     pub fn remarks(&self, names: &[&str]) -> Vec<String> {
         let plain: Vec<String> = names.iter().copied().map(name_of).collect();
         let mut remarks = Vec::new();
@@ -341,7 +341,8 @@ impl Columns {
         self
     }
 
-    /// The columns of a table of this program if `is_own` is set, in which return 0 of 0 marks a pulse without a return.
+    /// The columns of a table of this program if `is_own` is set, in which return 0 of 0 marks a pulse
+    /// without a return.
     pub(crate) fn of_own_table(self, is_own: bool) -> Columns {
         Columns { is_own: self.is_own || is_own, ..self }
     }
@@ -371,8 +372,8 @@ impl Columns {
         Attribute::ALL.into_iter().filter_map(|a| Some((a, self.get(a)?)))
     }
 
-    /// The point of a row, where `value(i)` is the number in column `i`. A coordinate without a column is NaN; values that do
-    /// not fit are noted in the row.
+    /// The point of a row, where `value(i)` is the number in column `i`. A coordinate without a column is
+    /// NaN; values that do not fit are noted in the row.
     pub fn row(&self, value: impl Fn(usize) -> f64) -> PointRow {
         let number = |attribute| self.get(attribute).map(&value);
         let vector = |of: [Attribute; 3]| DVec3::from(of.map(|a| number(a).unwrap_or(f64::NAN)));
@@ -431,7 +432,8 @@ fn factor(attribute: Attribute, heading: &str) -> Option<f64> {
     Some(if dimension == Dimension::Angle { degrees(factor) } else { factor })
 }
 
-/// Whether a name is that of a geographic coordinate, or has a unit of angles and is one of a horizontal coordinate.
+/// True if a name is that of a geographic coordinate, or has a unit of angles and is one of a horizontal
+/// coordinate.
 fn is_angle(heading: &str) -> bool {
     let name = name_of(heading);
     let is_horizontal = [Attribute::X, Attribute::Y].iter().any(|axis| axis.has_name(&name));

@@ -19,13 +19,13 @@ pub trait PointEncoder: Debug + Send + Sync {
     /// Encodes points and counts them.
     fn encode(&self, batch: &PointBatch, out: &mut EncodedPoints);
 
-    /// Whether bytes of a file are replaced at its end.
+    /// True if bytes of a file are replaced at its end.
     fn patched(&self) -> Patched {
         Patched::Never
     }
 
-    /// Begins a file: writes what precedes the first point. A header that is not yet known is left blank, so that an incomplete
-    /// file is not mistaken for a complete one.
+    /// Begins a file: writes what precedes the first point. A header that is not yet known is left blank, so
+    /// that an incomplete file is not mistaken for a complete one.
     ///
     /// # Errors
     /// Those of writing.
@@ -50,7 +50,7 @@ pub trait PointEncoder: Debug + Send + Sync {
 pub struct Ending<'a> {
     /// Counts of all its points.
     pub tally: &'a Tally,
-    /// Whether points are missing because the run ended early.
+    /// True if points are missing because the run ended early.
     pub is_partial: bool,
     /// Position of the waveform packets in the file, if they follow the points.
     pub packets_at: Option<u64>,
@@ -181,8 +181,9 @@ impl EncodedFile {
         self.out.close_handle()
     }
 
-    /// Writes what follows the last point, calls `trailer`, which may append packets and return their position, and completes the
-    /// header. Returns the stream, which is to be [finished](OutputStream::finish), and the counts.
+    /// Writes what follows the last point, calls `trailer`, which may append packets and return their
+    /// position, and completes the header. Returns the stream, which is to be
+    /// [finished](OutputStream::finish), and the counts.
     ///
     /// # Errors
     /// Those of writing, and of `trailer`.

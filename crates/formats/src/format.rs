@@ -59,7 +59,8 @@ impl CloudFormat {
         }
     }
 
-    /// Whether it is read from its beginning to its end, so that it may come through a pipe without being stored.
+    /// True if it is read from its beginning to its end, so that it may come through a pipe without being
+    /// stored.
     pub(super) fn is_stream(self) -> bool {
         matches!(self, CloudFormat::Text | CloudFormat::Pts | CloudFormat::Ptx | CloudFormat::Arrow)
     }
@@ -149,7 +150,7 @@ pub enum UnreadFormat {
     Other {
         /// The format.
         kind: &'static Kind,
-        /// What to do with the file.
+        /// Advice for the file.
         help: String,
     },
     /// An empty file.

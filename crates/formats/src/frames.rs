@@ -1,4 +1,5 @@
-//! Frames: the points of a revolution of a scanner, or of a span of time, with the poses of the scanner meanwhile.
+//! Frames: the points of a revolution of a scanner, or of a span of time, with the poses of the scanner
+//! meanwhile.
 
 use std::io::Read;
 use std::path::Path;
@@ -45,8 +46,8 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// The pose at a time, ns: between the two poses around it along a line and the shortest turn, else that of the nearest one. `None`
-    /// without poses.
+    /// The pose at a time, ns: between the two poses around it along a line and the shortest turn, else that
+    /// of the nearest one. `None` without poses.
     pub fn pose_at(&self, time_ns: f64) -> Option<FramePose> {
         let after = self.poses.partition_point(|pose| (pose.time_ns as f64) < time_ns);
         let Some(next) = self.poses.get(after) else { return self.poses.last().copied() };
@@ -64,8 +65,8 @@ impl Frame {
 /// Calls `take` with the frames of an MCAP file, in order; `path` names it in messages.
 ///
 /// # Errors
-/// [`Error::Io`](vlscan_base::Error::Io); [`Error::Input`](vlscan_base::Error::Input) for other files, for damaged ones, and in a build
-/// without the feature `mcap`; those of `take`.
+/// [`Error::Io`](vlscan_base::Error::Io); [`Error::Input`](vlscan_base::Error::Input) for other files, for
+/// damaged ones, and in a build without the feature `mcap`; those of `take`.
 pub fn read_frames(
     source: &mut dyn Read,
     path: &Path,

@@ -1,19 +1,19 @@
-//! Point clouds of many formats, read and written point by point in bounded memory. Reader and writer of a format stand side by
-//! side.
+//! Point clouds of many formats, read and written point by point in bounded memory. Reader and writer of a
+//! format stand side by side.
 //!
-//! Every command and loader reads points through [`PointFile`] or [`read_points`], which recognise the format by the first bytes
-//! and pass the points one by one to a [`PointSink`]. Positions are metres.
+//! Every command and loader reads points through [`PointFile`] or [`read_points`], which recognise the format
+//! by the first bytes and pass the points one by one to a [`PointSink`]. Positions are metres.
 //!
-//! A [`PointFormat`] is a row in the table of formats that are written. Prepared for the [`CloudSettings`] of a cloud it is a
-//! [`PointEncoder`], which turns [`PointRecord`]s into bytes in any number of threads, and begins files, whose [`FileBody`] takes
-//! these bytes in one. [`CloudWriter`] does both in one thread.
+//! A [`PointFormat`] is a row in the table of formats that are written. Prepared for the [`CloudSettings`] of
+//! a cloud it is a [`PointEncoder`], which turns [`PointRecord`]s into bytes in any number of threads, and
+//! begins files, whose [`FileBody`] takes these bytes in one. [`CloudWriter`] does both in one thread.
 //!
 //! ```text
 //! PointRecord ─► PointEncoder::encode ─► EncodedPoints ─► FileBody::append ─► OutputStream
 //! ```
 //!
-//! The features `parquet` (with GeoParquet), `e57` and `mcap`, all on by default, build these formats. Without its feature a format
-//! is still recognised, and refused with a message that names the feature.
+//! The features `parquet` (with GeoParquet), `e57` and `mcap`, all on by default, build these formats.
+//! Without its feature a format is still recognised, and refused with a message that names the feature.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -91,7 +91,8 @@ use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_geom::DVec3;
 
-/// A point as stored in its file. Attributes that the file lacks are 0; an intensity that it marks as missing is NaN.
+/// A point as stored in its file. Attributes that the file lacks are 0; an intensity that it marks as missing
+/// is NaN.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PointRow {
     /// World position, m; not validated.
@@ -106,8 +107,9 @@ pub struct PointRow {
     pub return_number: u8,
     /// Number of returns of the pulse.
     pub number_of_returns: u8,
-    /// True for a pulse without a return, which is no point: a row that this program has written for `--misses`. Return 0 of 0
-    /// alone is no sign of one: points that are added to a cloud or merged into it have it, too.
+    /// True for a pulse without a return, which is no point: a row that this program has written for
+    /// `--misses`. Return 0 of 0 alone is no sign of one: points that are added to a cloud or merged into it
+    /// have it, too.
     pub is_miss: bool,
     /// Scan angle, degrees, as the file has it: in LAS across the track, negative to the left.
     pub scan_angle: f64,
@@ -142,11 +144,12 @@ pub trait PointSink {
     /// Called once, before the first point, with what the file is.
     fn file(&mut self, _facts: &FileFacts) {}
 
-    /// Called at most once, before the first point, with the system of the coordinates as WKT in files that name one.
+    /// Called at most once, before the first point, with the system of the coordinates as WKT in files that
+    /// name one.
     fn crs(&mut self, _wkt: &str) {}
 
-    /// Takes the next point in the order of the file; `object` is the name of its object in files that have names.
-    /// `Break` ends reading.
+    /// Takes the next point in the order of the file; `object` is the name of its object in files that have
+    /// names. `Break` ends reading.
     fn point(&mut self, row: &PointRow, object: Option<&str>) -> ControlFlow<()>;
 }
 
@@ -209,7 +212,8 @@ impl<'a> Reading<'a> {
         self.take_from(row, None, |_| Place::of_file(path))
     }
 
-    /// Passes a point to the sink, with the name of its object; `place` is where the value of an attribute stands.
+    /// Passes a point to the sink, with the name of its object; `place` is where the value of an attribute
+    /// stands.
     fn take_from(
         &mut self,
         row: &PointRow,

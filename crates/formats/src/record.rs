@@ -1,10 +1,12 @@
-//! Points as they are written, and what precedes their place in a file: records of one format, and their counts.
+//! Points as they are written, and what precedes their place in a file: records of one format, and their
+//! counts.
 
 use crate::PointRow;
 use vlscan_geom::{Aabb, DVec3, Rotation, degrees, radians};
 
-/// A point with everything that is known of it; a format writes what it has a place for. Positions are relative to
-/// [`CloudSettings::origin`](crate::CloudSettings::origin), so that large coordinates keep their digits.
+/// A point with everything that is known of it; a format writes what it has a place for. Positions are
+/// relative to [`CloudSettings::origin`](crate::CloudSettings::origin), so that large coordinates keep their
+/// digits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointRecord {
     /// Measured position, m. Of a pulse without echo that of the beam's origin.
@@ -47,7 +49,8 @@ pub struct PointRecord {
     pub number_of_returns: u32,
     /// Index of the scanner's device, from 0.
     pub device: u32,
-    /// Index into [`CloudSettings::parts`](crate::CloudSettings::parts), the names of what was hit; `u32::MAX` for nothing.
+    /// Index into [`CloudSettings::parts`](crate::CloudSettings::parts), the names of what was hit;
+    /// `u32::MAX` for nothing.
     pub part: u32,
     /// Index of the triangle or voxel; `u32::MAX` for none.
     pub primitive: u32,
@@ -61,7 +64,8 @@ pub struct PointRecord {
     pub leg: u16,
 }
 
-/// The true cause of an echo. Positions are relative to [`CloudSettings::origin`](crate::CloudSettings::origin).
+/// The true cause of an echo. Positions are relative to
+/// [`CloudSettings::origin`](crate::CloudSettings::origin).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cause {
     /// Point of the surface that was hit, m; NaN if no surface caused the echo.
@@ -115,7 +119,7 @@ impl Default for PointRecord {
 }
 
 impl PointRecord {
-    /// Whether it stands for a pulse without echo.
+    /// True if it stands for a pulse without echo.
     #[inline]
     pub fn is_miss(&self) -> bool {
         self.number_of_returns == 0
@@ -127,7 +131,7 @@ impl PointRecord {
         self.time_origin + self.time_ns / 1e9
     }
 
-    /// Whether its time lies outside of the week.
+    /// True if its time lies outside of the week.
     #[inline]
     pub(crate) fn has_adjusted_time(&self) -> bool {
         let seconds = self.seconds();
@@ -140,9 +144,9 @@ impl PointRecord {
         degrees(libm::acos(self.incidence_cosine.clamp(-1.0, 1.0))) as f32
     }
 
-    /// The amplitude as 16-bit intensity of LAS: `10000 + 1000·log10(amplitude)`, hundredths of a decibel above −100 dB.
-    /// Amplitudes of different surveys differ by ten powers of ten, and none of them comes out as 0 or saturated. 0 for
-    /// amplitudes that are not positive.
+    /// The amplitude as 16-bit intensity of LAS: `10000 + 1000·log10(amplitude)`, hundredths of a decibel
+    /// above −100 dB. Amplitudes of different surveys differ by ten powers of ten, and none of them comes out
+    /// as 0 or saturated. 0 for amplitudes that are not positive.
     #[inline]
     pub fn digital_intensity(&self) -> u16 {
         // The conversion saturates, and NaN becomes 0.
@@ -174,15 +178,16 @@ impl PointRecord {
 /// `1000·log10(a) = DECIBEL·ln(a)`.
 const DECIBEL: f64 = 1000.0 * std::f64::consts::LOG10_E;
 
-/// Equivalent of `f64::round_ties_even` for magnitudes below 2^51, without the function call on processors that lack
-/// the instruction. Larger numbers keep about their magnitude.
+/// Equivalent of `f64::round_ties_even` for magnitudes below 2^51, without the function call on processors
+/// that lack the instruction. Larger numbers keep about their magnitude.
 #[inline(always)]
 pub(crate) fn round_half_even(x: f64) -> f64 {
     const UNIT_IS_LAST_DIGIT: f64 = 1.5 * (1u64 << 52) as f64;
     (x + UNIT_IS_LAST_DIGIT) - UNIT_IS_LAST_DIGIT
 }
 
-/// Values of a [`PointRecord`] that only some formats and columns write, and that need not be computed for others.
+/// Values of a [`PointRecord`] that only some formats and columns write, and that need not be computed for
+/// others.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Needs {
     /// [`PointRecord::cause`].
@@ -267,8 +272,8 @@ impl EncodedPoints {
         }
     }
 
-    /// Encodes points one after the other and counts them. `encode` appends the record of a point and returns its coordinates as
-    /// stored, or `None`, with nothing appended, when the format cannot represent them.
+    /// Encodes points one after the other and counts them. `encode` appends the record of a point and returns
+    /// its coordinates as stored, or `None`, with nothing appended, when the format cannot represent them.
     #[inline]
     pub(crate) fn extend(
         &mut self,
@@ -283,7 +288,7 @@ impl EncodedPoints {
         }
     }
 
-    /// Whether points can be appended: offsets of packets count from the first packet of the piece.
+    /// True if points can be appended: offsets of packets count from the first packet of the piece.
     pub fn is_joinable(&self) -> bool {
         self.packets.is_empty()
     }
@@ -300,17 +305,17 @@ impl EncodedPoints {
 pub struct Tally {
     /// Number of records.
     pub records: u64,
-    /// Points left out because the format cannot represent them: coordinates that are not finite or exceed the 32
-    /// bits of LAS.
+    /// Points left out because the format cannot represent them: coordinates that are not finite or exceed
+    /// the 32 bits of LAS.
     pub left_out: u64,
     /// Points by return number: first returns at index 0, the fifteenth and later returns at index 14.
     pub by_return: [u64; 15],
     /// Box around the coordinates as stored: metres, or integers of LAS.
     pub bounds: Aabb,
-    /// Box around the origins of beams, relative to [`CloudSettings::origin`](crate::CloudSettings::origin), m; infinite if an
-    /// origin is unknown.
+    /// Box around the origins of beams, relative to [`CloudSettings::origin`](crate::CloudSettings::origin),
+    /// m; infinite if an origin is unknown.
     pub origins: Aabb,
-    /// Whether a time lies outside of the week, which times in adjusted standard GPS time do.
+    /// True if a time lies outside of the week, which times in adjusted standard GPS time do.
     pub has_adjusted_times: bool,
 }
 
@@ -358,8 +363,8 @@ impl Tally {
 }
 
 impl From<&PointRow> for PointRecord {
-    /// The point as it was read, with its position in the world; one of return 0 of 0 that is no miss is the only return of its
-    /// pulse.
+    /// The point as it was read, with its position in the world; one of return 0 of 0 that is no miss is the
+    /// only return of its pulse.
     fn from(row: &PointRow) -> PointRecord {
         PointRecord {
             position: row.position,

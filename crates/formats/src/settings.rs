@@ -50,14 +50,15 @@ impl Rings {
 pub struct CloudSettings {
     /// World position that the positions of records are relative to, m.
     pub origin: DVec3,
-    /// Box that the points are expected in, relative to `origin`, m; empty if unknown. Coordinates of limited width are chosen
-    /// by it.
+    /// Box that the points are expected in, relative to `origin`, m; empty if unknown. Coordinates of limited
+    /// width are chosen by it.
     pub bounds: Aabb,
     /// Coordinate reference system of the world as WKT.
     pub crs: Option<String>,
     /// Display name of the instrument.
     pub scanner: String,
-    /// Whether times are known to be adjusted standard GPS time, for headers that are written before the first point.
+    /// True if times are known to be adjusted standard GPS time, for headers that are written before the
+    /// first point.
     pub adjusted_times: bool,
     /// Year and day of the year (from 1), for headers.
     pub creation: (u16, u16),
@@ -69,22 +70,22 @@ pub struct CloudSettings {
     pub highest_class: i32,
     /// Columns of tables, and, if set, also of the text format, which has the columns of HELIOS++ otherwise.
     pub columns: Option<Vec<Column>>,
-    /// Whether there are pulses without echoes, so that directions are written.
+    /// True if there are pulses without echoes, so that directions are written.
     pub misses: bool,
-    /// Whether LAS and PLY have labels for machine learning: part, primitive, true range. Tables always can.
+    /// True if LAS and PLY have labels for machine learning: part, primitive, true range. Tables always can.
     pub labels: bool,
-    /// Whether LAS has positions without errors of navigation. Tables have them as columns.
+    /// True if LAS has positions without errors of navigation. Tables have them as columns.
     pub true_positions: bool,
-    /// Whether points have their height above the ground.
+    /// True if points have their height above the ground.
     pub heights: bool,
     /// Names of the coordinate frames of MCAP.
     pub frame_names: FrameNames,
     /// Settings of LAS, LAZ and COPC.
     pub las: LasSettings,
-    /// Row of each device of the scanner by elevation, from the lowest channel up, which PCD and MCAP have as `ring`. Empty: the
-    /// row of a device is its number.
+    /// Row of each device of the scanner by elevation, from the lowest channel up, which PCD and MCAP have as
+    /// `ring`. Empty: the row of a device is its number.
     pub rings: Vec<u16>,
-    /// Whether the scanner stands still in each leg, so that a file may have one viewpoint.
+    /// True if the scanner stands still in each leg, so that a file may have one viewpoint.
     pub stands: bool,
     /// Width of the bins of waveforms by device, ns.
     pub bins_ns: Vec<f64>,

@@ -1,8 +1,8 @@
-//! The few points of a cloud that lie far from all others, as bad fixes of GNSS, damaged files and birds give them: they are found
-//! in one pass over points in any number, and in memory that does not grow with it.
+//! The few points of a cloud that lie far from all others, as bad fixes of GNSS, damaged files and birds give
+//! them: they are found in one pass over points in any number, and in memory that does not grow with it.
 //!
-//! A stray lies behind a gap without points along x, y or z that is wider than three times the extent of most points, and wider
-//! than the way from these to the gap: the points of a tripod thin out with their distance.
+//! A stray lies behind a gap without points along x, y or z that is wider than three times the extent of most
+//! points, and wider than the way from these to the gap: the points of a tripod thin out with their distance.
 
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
@@ -11,7 +11,8 @@ use vlscan_geom::{Aabb, DVec3};
 
 /// Most strays at one end of an axis; more of them are a place of their own.
 const MAX_STRAYS: usize = 63;
-/// Largest share of the points that are strays at one end of an axis, and share that the extent of most points leaves out there.
+/// Largest share of the points that are strays at one end of an axis, and share that the extent of most
+/// points leaves out there.
 const MAX_SHARE: f64 = 0.05;
 /// Fewest points of which some can lie far from the others.
 const MIN_POINTS: u64 = 10;
@@ -62,8 +63,8 @@ impl End {
         self.threshold = self.points.last().map_or(f64::NEG_INFINITY, |last| last.0);
     }
 
-    /// The value behind which points are strays, in the middle of the innermost gap that is wide enough; `None` without strays.
-    /// `edge` is where most points end.
+    /// The value behind which points are strays, in the middle of the innermost gap that is wide enough;
+    /// `None` without strays. `edge` is where most points end.
     fn limit(mut self, count: u64, gap: f64, edge: f64) -> Option<f64> {
         self.shorten();
         let most = ((count as f64 * MAX_SHARE) as usize).clamp(1, MAX_STRAYS);
@@ -162,7 +163,7 @@ impl StrayFinder {
 /// The points of a cloud that lie far from all others.
 #[derive(Clone, Copy, Debug)]
 pub struct Strays {
-    /// Where the others are, m.
+    /// Centre of all other points, m.
     within: Aabb,
     /// Their number.
     pub count: u64,
@@ -171,7 +172,7 @@ pub struct Strays {
 }
 
 impl Strays {
-    /// Whether a point of the cloud is one of them.
+    /// True if a point of the cloud is one of them.
     pub fn contains(&self, p: DVec3) -> bool {
         let is_within =
             (0..3).all(|axis| self.within.min[axis] <= p[axis] && p[axis] <= self.within.max[axis]);

@@ -23,7 +23,8 @@ use vlscan_geom::{Aabb, DVec3};
 use vlscan_survey::{Identity, Scanner, UpAxis};
 use vlscan_trace::{Cube, Geometry, Model, Placement, VoxelGrid};
 
-/// Maximum number of vertices, and of primitives, of a scene: indices have 32 bits and the largest one means "none".
+/// Maximum number of vertices, and of primitives, of a scene: indices have 32 bits and the largest one means
+/// "none".
 pub(super) const MAX_ELEMENTS: usize = u32::MAX as usize - 1;
 
 /// Settings of [`load`](super::load()).
@@ -31,14 +32,16 @@ pub(super) const MAX_ELEMENTS: usize = u32::MAX as usize - 1;
 pub struct LoadOptions {
     /// Wavelength of the first device, nm, at which spectra are evaluated.
     pub wavelength_nm: f64,
-    /// Wavelengths of other devices, nm, at which spectra are evaluated, too ([`Material::further_reflectances`](super::Material::further_reflectances)). None is equal to the first
-    /// or to another one.
+    /// Wavelengths of other devices, nm, at which spectra are evaluated, too
+    /// ([`Material::further_reflectances`](super::Material::further_reflectances)). None is equal to the
+    /// first or to another one.
     pub further_wavelengths_nm: Vec<f64>,
     /// Seed of random materials and random voxel shifts.
     pub seed: u64,
     /// Departures from the reference's reading of materials and leaf angle tables.
     pub rules: Corrections,
-    /// Whether to skip OBJ faces with more than four vertices, as the reference does (spec input-formats §10, trap 51).
+    /// True if to skip OBJ faces with more than four vertices, as the reference does (spec input-formats §10,
+    /// trap 51).
     pub drop_polygons: bool,
     /// Maximum memory of the scene without its tree, bytes.
     pub max_memory: Option<u64>,
@@ -46,20 +49,22 @@ pub struct LoadOptions {
     pub jobs: usize,
     /// When parts share meshes.
     pub sharing: Sharing,
-    /// Whether rasters become triangles that are stored, not height fields. Changes nothing but memory and speed.
+    /// True if rasters become triangles that are stored, not height fields. Changes nothing but memory and
+    /// speed.
     pub triangulate_rasters: bool,
-    /// Minimum number of voxels of a file that become a grid, not stored cubes. Changes nothing but memory and speed.
+    /// Minimum number of voxels of a file that become a grid, not stored cubes. Changes nothing but memory
+    /// and speed.
     pub min_grid_voxels: usize,
-    /// Whether parts at rest are loaded when rays need them and dropped when they do not, and how; `None`: the scene is
-    /// loaded whole. Does not change the points of a survey.
+    /// True if parts at rest are loaded when rays need them and dropped when they do not, and how; `None`:
+    /// the scene is loaded whole. Does not change the points of a survey.
     pub tiles: Option<TileOptions>,
     /// Ends the loading soon after it is set, with [`Error::Interrupted`].
     pub stop: Option<Arc<AtomicBool>>,
 }
 
 impl LoadOptions {
-    /// The options with the wavelengths at which a scanner needs spectra by the rules: that of its first device, and those of others
-    /// with the correction `channel-spectra`.
+    /// The options with the wavelengths at which a scanner needs spectra by the rules: that of its first
+    /// device, and those of others with the correction `channel-spectra`.
     #[must_use]
     pub fn with_wavelengths_of(self, scanner: &Scanner) -> LoadOptions {
         let mut wavelengths = scanner.wavelengths().into_iter();
@@ -114,7 +119,8 @@ pub enum Sharing {
 /// A mesh that several parts can share.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) enum MeshFile {
-    /// Path of a mesh file, its up axis, the bits of its unit, its table of materials, and the changes of its materials.
+    /// Path of a mesh file, its up axis, the bits of its unit, its table of materials, and the changes of its
+    /// materials.
     File(PathBuf, Option<UpAxis>, Option<u64>, Option<PathBuf>, Option<Identity>),
     /// A mesh in memory, and the changes of its materials.
     Memory(Identity, Option<Identity>),
@@ -199,7 +205,7 @@ pub(super) struct PartSource<'a> {
 /// Which faces the triangles of a part come from. A face of its files can become several triangles, or none.
 #[derive(Default)]
 pub(super) struct FaceNumbers {
-    /// Whether they are recorded: a material is for faces by their numbers.
+    /// True if they are recorded: a material is for faces by their numbers.
     pub are_wanted: bool,
     /// The face of each triangle of the part, in the order of its files.
     pub of_triangles: Vec<u32>,
@@ -282,7 +288,8 @@ impl<'a> SceneBuilder<'a> {
         self.first_part + self.parts.len() as u32
     }
 
-    /// Whether primitives have each material, those of instances included, and of tiles, whose materials are `of_tiles`.
+    /// True if primitives have each material, those of instances included, and of tiles, whose materials are
+    /// `of_tiles`.
     pub fn used_materials(&self, of_tiles: impl Iterator<Item = u32>) -> Vec<bool> {
         let mut is_used = vec![false; self.surfaces.len()];
         let stored = self.triangle_surfaces.iter().chain(&self.field_surfaces).chain(&self.cube_surfaces);
@@ -357,8 +364,8 @@ impl<'a> SceneBuilder<'a> {
         self.cube_surfaces.truncate(kept);
     }
 
-    /// Completes triangles appended after `start`, whose vertex indices count from there: removes unused vertices and
-    /// converts the indices to indices in the scene.
+    /// Completes triangles appended after `start`, whose vertex indices count from there: removes unused
+    /// vertices and converts the indices to indices in the scene.
     pub fn finish_mesh(&mut self, start: &Extent) -> Result<()> {
         let (first, vertices) = (start.vertices.start, &mut self.geometry.vertices);
         let triangles = &mut self.geometry.triangles[start.triangles.start..];
@@ -420,8 +427,8 @@ impl<'a> SceneBuilder<'a> {
     /// Makes room for more primitives of `source`.
     ///
     /// # Errors
-    /// [`Error::Input`] if the scene then exceeds the memory limit, [`Error::Io`] if the system has no more memory,
-    /// [`Error::Interrupted`] after a request to stop.
+    /// [`Error::Input`] if the scene then exceeds the memory limit, [`Error::Io`] if the system has no more
+    /// memory, [`Error::Interrupted`] after a request to stop.
     pub fn reserve(&mut self, vertices: usize, triangles: usize, cubes: usize, source: &Path) -> Result<()> {
         self.options.check_stop()?;
         self.check_memory(memory_of(vertices, triangles, cubes), source)?;

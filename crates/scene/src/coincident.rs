@@ -1,5 +1,6 @@
-//! Triangles that repeat an earlier one: the same corners, part and material. Rays never report them, because the first of several equal
-//! hits counts. No tree can separate them, so a ray would test all. Trees are built without them.
+//! Triangles that repeat an earlier one: the same corners, part and material. Rays never report them, because
+//! the first of several equal hits counts. No tree can separate them, so a ray would test all. Trees are
+//! built without them.
 
 use rayon::prelude::*;
 use std::collections::HashSet;
@@ -7,13 +8,14 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use vlscan_geom::DVec3;
 use vlscan_trace::Geometry;
 
-/// Number of triangles of a scene that are looked at first: a few repeated ones cost less than a search among all.
+/// Number of triangles of a scene that are looked at first: a few repeated ones cost less than a search among
+/// all.
 const SAMPLE: usize = 4096;
 /// Stride of the sample, prime to the number of triangles in nearly all scenes.
 const STRIDE: usize = 2_654_435_761;
 
-/// The numbers of the stored triangles that repeat an earlier one; `surface` returns part and material of a number. Geometry with
-/// few of them may have none here.
+/// The numbers of the stored triangles that repeat an earlier one; `surface` returns part and material of a
+/// number. Geometry with few of them may have none here.
 pub(crate) fn repeated_triangles(g: &Geometry, surface: impl Fn(u32) -> (u32, u32) + Sync) -> HashSet<u32> {
     let count = g.triangles.len();
     let mut seen = HashSet::new();
@@ -47,7 +49,8 @@ fn hash(g: &Geometry, index: usize) -> u64 {
     hasher.finish()
 }
 
-/// The coordinates of corners in their order: a ray meets corners in another order at a distance that may differ in its last digit.
+/// The coordinates of corners in their order: a ray meets corners in another order at a distance that may
+/// differ in its last digit.
 fn bits(corners: [DVec3; 3]) -> [u64; 9] {
     let [a, b, c] = corners.map(|corner| corner.to_array().map(f64::to_bits));
     [a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]]
@@ -65,7 +68,8 @@ mod tests {
         f.file("m.mtl", "newmtl a\nhelios_reflectance 0.1\nnewmtl b\nhelios_reflectance 0.2\n");
         let mut text =
             String::from("mtllib m.mtl\nv 0 0 0\nv 9 0 0\nv 0 9 0\nv 0 0 5\nv 9 0 5\nv 0 9 5\nusemtl a\n");
-        // 3000 times the lower triangle, then the same of another material and in another order, and one above.
+        // 3000 times the lower triangle, then the same of another material and in another order, and one
+        // above.
         text += &"f 1 2 3\n".repeat(3000);
         text += &format!("usemtl b\n{}f 2 3 1\nf 4 5 6\n", "f 1 2 3\n".repeat(3000));
         f.obj("a.obj", &text);

@@ -13,11 +13,11 @@ pub struct Conditions {
     pub wavelength_nm: f64,
     /// See [`LoadOptions::further_wavelengths_nm`].
     pub further_wavelengths_nm: Vec<f64>,
-    /// Whether the scene reads files of spectra, so that its reflectances depend on the wavelength.
+    /// True if the scene reads files of spectra, so that its reflectances depend on the wavelength.
     pub has_spectra: bool,
     /// Seed of random materials and positions.
     pub seed: u64,
-    /// Whether the scene has random materials or positions.
+    /// True if the scene has random materials or positions.
     pub is_random: bool,
     /// See [`LoadOptions::rules`].
     pub rules: Corrections,

@@ -1,4 +1,5 @@
-//! Detection of parts in local coordinates beside parts on a projected grid, and of parts far from each other on it.
+//! Detection of parts in local coordinates beside parts on a projected grid, and of parts far from each other
+//! on it.
 
 use super::builder::SceneBuilder;
 use vlscan_base::diag::Place;

@@ -1,5 +1,5 @@
-//! Instances of shared meshes: if many or large parts name the same file, its mesh is stored once, as a model, and each
-//! of these parts is an instance of it.
+//! Instances of shared meshes: if many or large parts name the same file, its mesh is stored once, as a
+//! model, and each of these parts is an instance of it.
 
 use super::builder::{MAX_ELEMENTS, MeshFile, SceneBuilder, SharedMeshes, Sharing, bounds_of_points};
 use super::instance_set::InstanceSet;
@@ -11,7 +11,8 @@ use vlscan_geom::{Aabb, DVec3};
 use vlscan_survey::{Loader, PartRecipe, Transform};
 use vlscan_trace::{Geometry, Instances, Model, Placement};
 
-/// Minimum number of bytes of OBJ text whose repeated storage is avoided for [`Sharing::Auto`] to share a file.
+/// Minimum number of bytes of OBJ text whose repeated storage is avoided for [`Sharing::Auto`] to share a
+/// file.
 const MIN_SHARED_BYTES: u64 = 64 << 20;
 /// Typical number of bytes of OBJ text per triangle.
 const TRIANGLE_BYTES: u64 = 64;
@@ -65,8 +66,8 @@ fn size_of_mesh(loader: &Loader) -> u64 {
     }
 }
 
-/// Makes the next part an instance if its file is shared; the first use loads the file with `load`. Returns `None` if
-/// the part is to be stored; the instance has an index unless its mesh is empty.
+/// Makes the next part an instance if its file is shared; the first use loads the file with `load`. Returns
+/// `None` if the part is to be stored; the instance has an index unless its mesh is empty.
 pub(super) fn add_instance(
     scene: &mut SceneBuilder,
     part: &PartRecipe,
@@ -119,8 +120,8 @@ fn read_model(
     Ok(scene.meshes.models.len() as u32 - 1)
 }
 
-/// Completes the instances, whose triangle indices continue after the `own` primitives of the scene; `None` if there
-/// are none.
+/// Completes the instances, whose triangle indices continue after the `own` primitives of the scene; `None`
+/// if there are none.
 pub(super) fn freeze(meshes: SharedMeshes, own: usize) -> Result<Option<InstanceSet>> {
     if meshes.placements.is_empty() {
         return Ok(None);
@@ -136,8 +137,8 @@ pub(super) fn freeze(meshes: SharedMeshes, own: usize) -> Result<Option<Instance
     Ok(Some(InstanceSet { instances: Arc::new(instances), materials: meshes.materials, parts: meshes.parts }))
 }
 
-/// A box around an instance, world frame, m, larger than the exact one by up to an eighth of its size: thousands of instances need no
-/// look at every vertex.
+/// A box around an instance, world frame, m, larger than the exact one by up to an eighth of its size:
+/// thousands of instances need no look at every vertex.
 pub(super) fn outer_bounds(meshes: &SharedMeshes, instance: usize) -> Aabb {
     let (model, _, placement) = meshes.placements[instance];
     meshes.models[model as usize].box_at(&placement, DVec3::ZERO)

@@ -54,8 +54,8 @@ impl Inventory {
             .collect()
     }
 
-    /// Counts the contents of a scene by visiting every stored primitive. A tile that cannot be loaded is reported by
-    /// [`Tiles::check`](crate::Tiles::check).
+    /// Counts the contents of a scene by visiting every stored primitive. A tile that cannot be loaded is
+    /// reported by [`Tiles::check`](crate::Tiles::check).
     pub fn of(scene: &Scene) -> Inventory {
         let fields = || scene.geometry.fields.iter().zip(&scene.field_surfaces);
         let in_fields = fields().map(|(field, _)| field.triangles() as u64).sum::<u64>();
@@ -177,7 +177,8 @@ fn is_sliver([a, b, c]: &[DVec3; 3]) -> bool {
     (*b - *a).cross(*c - *a).length() <= MAX_SLIVER_RATIO * longest
 }
 
-/// A hash that is equal for triangles with the same corners in any order; the probability of a collision is 2⁻⁶⁴.
+/// A hash that is equal for triangles with the same corners in any order; the probability of a collision is
+/// 2⁻⁶⁴.
 fn fingerprint(corners: [DVec3; 3]) -> u64 {
     let mut bits = corners.map(|p| (p + DVec3::ZERO).to_array().map(f64::to_bits));
     bits.sort_unstable();

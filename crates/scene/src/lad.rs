@@ -1,7 +1,9 @@
-//! Leaf angle tables: the projection of leaf area in each direction (spec pulse-physics §2.6, input-formats §4.6).
+//! Leaf angle tables: the projection of leaf area in each direction (spec pulse-physics §2.6, input-formats
+//! §4.6).
 //!
-//! G is the mean projection of a unit of leaf area, |cos| averaged over the leaf normals (Ross 1981): its average over
-//! all directions is 1/2 for any leaf angles. The reference's tables contain 2πG, whose average is π.
+//! G is the mean projection of a unit of leaf area, |cos| averaged over the leaf normals (Ross 1981): its
+//! average over all directions is 1/2 for any leaf angles. The reference's tables contain 2πG, whose average
+//! is π.
 
 use super::material::SPHERICAL_MEAN_COSINE;
 use super::number::float;
@@ -22,8 +24,8 @@ pub struct LadTable {
     values: Vec<f64>,
     /// Mean of the values over all directions.
     mean: f64,
-    /// Mean over the leaves of (3 cos² − 1)/2 of the angle between normal and zenith: 1 for horizontal leaves, 0 for a
-    /// uniform distribution of directions, −1/2 for vertical leaves.
+    /// Mean over the leaves of (3 cos² − 1)/2 of the angle between normal and zenith: 1 for horizontal
+    /// leaves, 0 for a uniform distribution of directions, −1/2 for vertical leaves.
     horizontality: f64,
 }
 
@@ -55,8 +57,8 @@ fn is_unit(d: DVec3) -> bool {
 const SAME_ANGLE: f64 = 1e-7;
 
 impl LadTable {
-    /// The table of rows (unit direction, G). A direction with x < 0 has a zenith angle above π. The first of several
-    /// rows with equal angles counts. `None` without rows.
+    /// The table of rows (unit direction, G). A direction with x < 0 has a zenith angle above π. The first of
+    /// several rows with equal angles counts. `None` without rows.
     pub fn new(rows: impl IntoIterator<Item = (DVec3, f64)>) -> Option<LadTable> {
         let angle = |d: DVec3| {
             let angle = acos(d.z.clamp(-1.0, 1.0));
@@ -68,7 +70,8 @@ impl LadTable {
         (!rows.is_empty()).then(|| LadTable::of_rows(rows))
     }
 
-    /// The table of rows (unit direction, value) according to the rules, and its properties. `None` without rows.
+    /// The table of rows (unit direction, value) according to the rules, and its properties. `None` without
+    /// rows.
     fn by_rules(rows: Vec<(DVec3, f64)>, rules: Corrections) -> Option<(LadTable, TableKind)> {
         let is_half =
             rows.iter().all(|(d, _)| d.z > -SAME_ANGLE) || rows.iter().all(|(d, _)| d.z < SAME_ANGLE);
@@ -106,7 +109,8 @@ impl LadTable {
         let (angles, values) = rows.into_iter().unzip();
         let mut table = LadTable { angles, values, mean: 0.0, horizontality: 0.0 };
         table.mean = table.mean_of(|_, g| g);
-        // G is the cosine transform of the leaf normals' density: its second Legendre coefficient is 5/8 of that mean.
+        // G is the cosine transform of the leaf normals' density: its second Legendre coefficient is 5/8 of
+        // that mean.
         let second = table.mean_of(|z, g| g * (1.5 * z * z - 0.5));
         table.horizontality = (4.0 * second / table.mean).clamp(-0.5, 1.0);
         if table.horizontality.is_nan() {
@@ -115,8 +119,9 @@ impl LadTable {
         table
     }
 
-    /// Mean cosine of the incidence on the leaves that a ray along the unit vector `direction` hits, weighted by their
-    /// projection: the mean of cos² over the leaf normals, which follows from the second moment of G, divided by G.
+    /// Mean cosine of the incidence on the leaves that a ray along the unit vector `direction` hits, weighted
+    /// by their projection: the mean of cos² over the leaf normals, which follows from the second moment of
+    /// G, divided by G.
     pub fn mean_cosine(&self, direction: DVec3) -> f64 {
         let g = 0.5 * self.g(direction) / self.mean;
         let square = (1.0 + self.horizontality * (3.0 * direction.z * direction.z - 1.0)) / 3.0;
@@ -124,8 +129,8 @@ impl LadTable {
         if mean.is_nan() { SPHERICAL_MEAN_COSINE } else { mean }
     }
 
-    /// 2πG for a ray along the unit vector `direction`: linear between neighbouring angles, constant beyond the first
-    /// and the last. A vertical ray whose z exceeds 1 by rounding counts as vertical.
+    /// 2πG for a ray along the unit vector `direction`: linear between neighbouring angles, constant beyond
+    /// the first and the last. A vertical ray whose z exceeds 1 by rounding counts as vertical.
     pub fn g(&self, direction: DVec3) -> f64 {
         self.at(acos(direction.z.clamp(-1.0, 1.0)))
     }
@@ -143,8 +148,8 @@ impl LadTable {
         (b * self.values[upper] + a * self.values[upper - 1]) / (a + b)
     }
 
-    /// Reads a table of lines `x,y,z,G` according to the rules, and returns the rules that change it. `None` after
-    /// errors, all of which are reported.
+    /// Reads a table of lines `x,y,z,G` according to the rules, and returns the rules that change it. `None`
+    /// after errors, all of which are reported.
     pub(super) fn read(
         source: &Source,
         rules: Corrections,
@@ -304,8 +309,8 @@ mod tests {
         assert_eq!(report(&text(1.0), HELIOS), (false, vec![]));
     }
 
-    /// Mean cosines for closed forms of the leaf angles: cos² over |cos| is |cos| for horizontal leaves, (sin²/2)/(2
-    /// sin/π) for vertical ones, and 2/3 for spherical ones.
+    /// Mean cosines for closed forms of the leaf angles: cos² over |cos| is |cos| for horizontal leaves,
+    /// (sin²/2)/(2 sin/π) for vertical ones, and 2/3 for spherical ones.
     #[test]
     fn mean_cosines_by_leaf_angle() {
         let fine = |g: fn(f64) -> f64| {

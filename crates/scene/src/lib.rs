@@ -5,8 +5,8 @@
 //!                          └ mtl, spectra ─► library (materials at the scanner's wavelength)
 //! ```
 //!
-//! A scene is immutable once it is loaded. Moving parts have a plan and a state outside it, and scenes with swapped
-//! parts are loaded anew for every epoch:
+//! A scene is immutable once it is loaded. Moving parts have a plan and a state outside it, and scenes with
+//! swapped parts are loaded anew for every epoch:
 //!
 //! ```text
 //! SceneRecipe, Scene ─► MotionPlan, MotionState ─► DynamicScene: moving parts in the poses that rays hit

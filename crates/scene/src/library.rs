@@ -1,4 +1,5 @@
-//! Resolves material definitions to the scene's materials (spec pulse-physics §3.2, input-formats §3.5 and §5).
+//! Resolves material definitions to the scene's materials (spec pulse-physics §3.2, input-formats §3.5 and
+//! §5).
 
 use super::material::{Material, Reflection};
 use super::mtl;
@@ -21,7 +22,8 @@ pub(super) const DEFAULT: &str = "default";
 /// Maximum number of randomised variants of one material.
 const MAX_VARIANTS: u32 = 10_000;
 
-/// The materials of a scene and the files that define them. A material is resolved at its first use by a primitive.
+/// The materials of a scene and the files that define them. A material is resolved at its first use by a
+/// primitive.
 #[derive(Clone)]
 pub(super) struct Library {
     spectra: Spectra,
@@ -36,8 +38,8 @@ pub(super) struct Library {
     files: Vec<MtlFile>,
     /// Index in `files`.
     file_of: HashMap<DefinedBy, usize>,
-    /// Definitions without a source and without their places, by name, with their materials: meshes with equal ones share
-    /// them.
+    /// Definitions without a source and without their places, by name, with their materials: meshes with
+    /// equal ones share them.
     of_memory: HashMap<String, Vec<(MaterialDefinition, u32)>>,
     index_of: HashMap<Key, u32>,
     /// The material that another one differs from in its class or its colours only.
@@ -215,7 +217,8 @@ impl Library {
         (0..count).map(|index| self.defined(DefinitionId { file, index }, diagnostics)).collect()
     }
 
-    /// Adds the definitions of a table of materials to `names`, in which they precede those of files added later.
+    /// Adds the definitions of a table of materials to `names`, in which they precede those of files added
+    /// later.
     pub fn add_definitions(
         &mut self,
         path: &Path,
@@ -266,8 +269,8 @@ impl Library {
         index
     }
 
-    /// The materials that primitives have, given those that they have themselves; with each counts the one that it differs from
-    /// in its class or its colours only.
+    /// The materials that primitives have, given those that they have themselves; with each counts the one
+    /// that it differs from in its class or its colours only.
     pub fn with_bases(&self, mut used: Vec<bool>) -> Vec<bool> {
         for material in (0..self.materials.len()).filter(|m| used[*m]).collect::<Vec<_>>() {
             let mut next = self.base_of.get(&(material as u32));
@@ -393,8 +396,8 @@ impl Library {
         }
     }
 
-    /// The materials of a part whose loader defines none: the selected one and its randomised variants. Primitive i of
-    /// the part uses material i modulo their number. `None` after an error.
+    /// The materials of a part whose loader defines none: the selected one and its randomised variants.
+    /// Primitive i of the part uses material i modulo their number. `None` after an error.
     pub fn chosen(
         &mut self,
         choice: &MaterialChoice,

@@ -7,19 +7,22 @@ use vlscan_base::corrections::Corrections;
 pub struct Material {
     /// Name, that of `newmtl` for materials of MTL files.
     pub name: String,
-    /// ρ as used in the energy computation: `helios_reflectance` verbatim, otherwise that of the spectrum, otherwise
-    /// one half; spectra and the half are in per cent unless [`Corrections::reflectance_fraction`] is set.
+    /// ρ as used in the energy computation: `helios_reflectance` verbatim, otherwise that of the spectrum,
+    /// otherwise one half; spectra and the half are in per cent unless [`Corrections::reflectance_fraction`]
+    /// is set.
     pub reflectance: f64,
-    /// ρ at further wavelengths ([`LoadOptions::further_wavelengths_nm`](crate::LoadOptions::further_wavelengths_nm)); empty if it is the
-    /// same at all.
+    /// ρ at further wavelengths
+    /// ([`LoadOptions::further_wavelengths_nm`](crate::LoadOptions::further_wavelengths_nm)); empty if it is
+    /// the same at all.
     pub further_reflectances: Vec<f64>,
     /// Angular law of the reflection.
     pub reflection: Reflection,
     /// Point class of its returns.
     pub classification: i32,
-    /// Whether legs and parts may be placed on it.
+    /// True if legs and parts may be placed on it.
     pub is_ground: bool,
-    /// Size of the elements of foliage that intercept light as a whole, m; 0: leaves are much smaller than footprints.
+    /// Size of the elements of foliage that intercept light as a whole, m; 0: leaves are much smaller than
+    /// footprints.
     pub element_size: f64,
     /// True for leaves, as its definition says; `None` if it says nothing.
     pub leaf: Option<bool>,
@@ -41,16 +44,17 @@ pub enum Reflection {
     },
     /// ρ·[(1−s)·(A + B·sin θ·tan θ) + s·(N+2)/2·max(0, cos 2θ)^N]·cos θ.
     ///
-    /// The first term is the qualitative model of Oren and Nayar (1994) for light that returns to its source (both
-    /// polar angles are θ, the azimuths are equal); without roughness it is Lambert's law. The second is the modified
-    /// Phong lobe of Lafortune and Willems (1994), which reflects at most s·ρ: the mirror direction is 2θ away from the
-    /// source, and beyond 45° the lobe does not return any light.
+    /// The first term is the qualitative model of Oren and Nayar (1994) for light that returns to its source
+    /// (both polar angles are θ, the azimuths are equal); without roughness it is Lambert's law. The second
+    /// is the modified Phong lobe of Lafortune and Willems (1994), which reflects at most s·ρ: the mirror
+    /// direction is 2θ away from the source, and beyond 45° the lobe does not return any light.
     Lobes {
         /// Specular share s, 0–1.
         specularity: f64,
         /// Exponent N.
         exponent: f64,
-        /// Standard deviation σ of the slopes of the facets, rad: A = 1 − σ²/2/(σ² + 0.33), B = 0.45·σ²/(σ² + 0.09).
+        /// Standard deviation σ of the slopes of the facets, rad: A = 1 − σ²/2/(σ² + 0.33), B = 0.45·σ²/(σ² +
+        /// 0.09).
         roughness: f64,
     },
 }
@@ -80,8 +84,8 @@ impl Material {
         }
     }
 
-    /// True if triangles of this material are leaves: by its definition, else by an English or German word in its name. `None` if
-    /// neither shows it.
+    /// True if triangles of this material are leaves: by its definition, else by an English or German word in
+    /// its name. `None` if neither shows it.
     pub fn is_leaf(&self) -> Option<bool> {
         self.leaf.or_else(|| {
             let name = self.name.to_lowercase();
@@ -96,7 +100,8 @@ impl Material {
         further.copied().unwrap_or(self.reflectance)
     }
 
-    /// Reflectance factor f(θ) for the cosine of the incidence angle, `0 ≤ cos θ ≤ 1`, at a wavelength by its number.
+    /// Reflectance factor f(θ) for the cosine of the incidence angle, `0 ≤ cos θ ≤ 1`, at a wavelength by its
+    /// number.
     pub fn factor(&self, wavelength: usize, cosine: f64) -> f64 {
         let reflectance = self.reflectance_at(wavelength);
         match self.reflection {
@@ -122,11 +127,12 @@ impl Material {
         }
     }
 
-    /// Mean reflectance factor of the leaves that a ray hits in foliage, weighted by their projection, at a wavelength by its number;
-    /// `mean_cosine` is the mean of cos θ over them.
+    /// Mean reflectance factor of the leaves that a ray hits in foliage, weighted by their projection, at a
+    /// wavelength by its number; `mean_cosine` is the mean of cos θ over them.
     ///
-    /// Exact for Lambert's law with any leaf angles, and for all laws with uniformly distributed leaf normals, where
-    /// the density of cos θ is 2 cos θ. For other angles, other laws are scaled like Lambert's.
+    /// Exact for Lambert's law with any leaf angles, and for all laws with uniformly distributed leaf
+    /// normals, where the density of cos θ is 2 cos θ. For other angles, other laws are scaled like
+    /// Lambert's.
     pub fn leaf_factor(&self, wavelength: usize, mean_cosine: f64) -> f64 {
         let reflectance = self.reflectance_at(wavelength);
         let relative = mean_cosine / SPHERICAL_MEAN_COSINE;
@@ -152,9 +158,9 @@ fn oren_nayar(roughness: f64) -> (f64, f64) {
 
 /// Mean of the lobe (N+2)/2·cos^N(2θ)·cos θ over cos θ with the density 2 cos θ.
 ///
-/// With u = cos 2θ it is (N+2)/4·∫₀¹ u^N·√((1+u)/2) du, and with v = u^(N+1) an integral of a smooth function,
-/// evaluated by five-point Gauss-Legendre quadrature. For sharp lobes it tends to 1/4: specular leaves scatter like a
-/// specular sphere.
+/// With u = cos 2θ it is (N+2)/4·∫₀¹ u^N·√((1+u)/2) du, and with v = u^(N+1) an integral of a smooth
+/// function, evaluated by five-point Gauss-Legendre quadrature. For sharp lobes it tends to 1/4: specular
+/// leaves scatter like a specular sphere.
 fn mean_lobe(exponent: f64) -> f64 {
     const RULE: [(f64, f64); 5] = [
         (0.046910077030668, 0.118463442528095),
@@ -244,7 +250,8 @@ mod tests {
     #[test]
     fn a_faced_lobe_sends_back_its_share_and_no_more() {
         for exponent in [0.0, 1.0, 10.0, 200.0] {
-            // ∫ (n+2)/2π cos^n(α) cos α dω over the hemisphere, α from the normal; and f at normal incidence is π·BRDF
+            // ∫ (n+2)/2π cos^n(α) cos α dω over the hemisphere, α from the normal; and f at normal incidence
+            // is π·BRDF
             let peak = lobes(1.0, exponent, 0.0).factor(0, 1.0) / 0.5 / PI;
             let n = 200_000;
             let sum: f64 = (0..n)

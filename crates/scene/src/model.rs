@@ -19,8 +19,8 @@ use vlscan_trace::{
     BuildOptions, Builder, Cube, CubeAt, Geometry, HeightField, Hit, Tree, TriangleAt, VoxelGrid,
 };
 
-/// A loaded scene. Its frame is the world frame minus [`Scene::shift`], the centre of the box around all primitives, so
-/// that large world coordinates lose no digits. Immutable once built.
+/// A loaded scene. Its frame is the world frame minus [`Scene::shift`], the centre of the box around all
+/// primitives, so that large world coordinates lose no digits. Immutable once built.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
     /// World position of the local origin, m.
@@ -45,11 +45,11 @@ pub struct Scene {
     pub grid_voxels: Vec<GridVoxels>,
     /// Moving parts in document order; their primitives in the fields above are in the initial pose.
     pub moving_parts: Vec<MovingPart>,
-    /// Instances of shared meshes, if any; their triangle indices continue after the primitives of `geometry`. Moving
-    /// parts are never instances.
+    /// Instances of shared meshes, if any; their triangle indices continue after the primitives of
+    /// `geometry`. Moving parts are never instances.
     pub instances: Option<InstanceSet>,
-    /// Parts that are in memory only while rays need them, if any; their primitives are numbered after those of
-    /// `geometry` and of instances.
+    /// Parts that are in memory only while rays need them, if any; their primitives are numbered after those
+    /// of `geometry` and of instances.
     pub tiles: Option<Arc<Tiles>>,
     /// Number of simulation steps between updates of the moving parts.
     pub dyn_step: u32,
@@ -70,8 +70,8 @@ pub struct Scene {
 /// What [`Scene::sizes`] finds by reading all vertices and cubes.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Sizes {
-    /// Whether all primitives that are stored in the scene, those of moving parts in their initial pose, lie within its bounds:
-    /// parts that were moved to the ground need not.
+    /// True if all primitives that are stored in the scene, those of moving parts in their initial pose, lie
+    /// within its bounds: parts that were moved to the ground need not.
     pub are_within_bounds: bool,
     /// Edge of the largest cube, m; 0 without cubes.
     pub max_cube: f64,
@@ -110,13 +110,14 @@ pub struct Part {
     pub id: String,
     /// Name of its first file without the extension.
     pub name: String,
-    /// Leaf angle table of its voxels, if it has one; it changes the law for the strength of their returns (spec
-    /// pulse-physics §3.5).
+    /// Leaf angle table of its voxels, if it has one; it changes the law for the strength of their returns
+    /// (spec pulse-physics §3.5).
     pub lad: Option<Arc<LadTable>>,
 }
 
 impl Scene {
-    /// The tree over all static primitives and all instances. A packed scene contains the tree of one builder.
+    /// The tree over all static primitives and all instances. A packed scene contains the tree of one
+    /// builder.
     pub fn tree(&self, options: &BuildOptions) -> Arc<Tree> {
         let default = BuildOptions::of(options.builder);
         // The other settings apply to kd-trees.
@@ -143,8 +144,8 @@ impl Scene {
         Tree::build_where(&self.geometry, options, |i| self.is_still(i) && !repeated.contains(&i))
     }
 
-    /// Approximate memory of [`Scene::tree`], bytes, see [`Tree::estimate_build_memory`]; each model of instances has a
-    /// tree.
+    /// Approximate memory of [`Scene::tree`], bytes, see [`Tree::estimate_build_memory`]; each model of
+    /// instances has a tree.
     pub fn tree_forecast(&self, builder: Builder) -> u64 {
         let set = self.instances.as_ref().map_or(0, |p| {
             let models = p.instances.models.iter().map(|m| m.geometry.len() as u64).sum::<u64>();
@@ -167,13 +168,14 @@ impl Scene {
         self.numbers() - self.geometry.missing_before(self.geometry.triangle_count()) + in_tiles
     }
 
-    /// How many numbers the primitives that are no part of a tile have: one for each, and for each missing triangle of a
-    /// height field.
+    /// How many numbers the primitives that are no part of a tile have: one for each, and for each missing
+    /// triangle of a height field.
     pub fn numbers(&self) -> usize {
         self.geometry.len() + self.instances.as_ref().map_or(0, |p| p.instances.triangles() as usize)
     }
 
-    /// The sizes of its primitives. A packed scene contains them, so that runs read only what their pulses meet.
+    /// The sizes of its primitives. A packed scene contains them, so that runs read only what their pulses
+    /// meet.
     pub fn sizes(&self) -> Sizes {
         self.packed_sizes.unwrap_or_else(|| {
             let (b, g) = (self.bounds, &self.geometry);
@@ -220,8 +222,9 @@ impl Scene {
         self.find_triangle(i)?.corners()
     }
 
-    /// The first hit of a ray on the scene, with its tiles, among the primitives that `accept` accepts, each as a scene and its
-    /// number there. `tree` is that of [`Scene::tree`]. A tile that cannot be loaded is reported by [`Tiles::check`].
+    /// The first hit of a ray on the scene, with its tiles, among the primitives that `accept` accepts, each
+    /// as a scene and its number there. `tree` is that of [`Scene::tree`]. A tile that cannot be loaded is
+    /// reported by [`Tiles::check`].
     pub fn nearest_where(
         &self,
         tree: &Tree,
@@ -236,8 +239,8 @@ impl Scene {
         }
     }
 
-    /// The index of primitive `i` in the same scene without instances, height fields and tiles, where primitives are in the
-    /// order of their parts, cubes last.
+    /// The index of primitive `i` in the same scene without instances, height fields and tiles, where
+    /// primitives are in the order of their parts, cubes last.
     #[inline]
     pub fn number_when_stored(&self, i: u32) -> u32 {
         match &self.tiles {
@@ -296,7 +299,7 @@ impl Scene {
         p - self.shift
     }
 
-    /// Whether primitive `i` is static.
+    /// True if primitive `i` is static.
     pub fn is_still(&self, i: u32) -> bool {
         let (g, i) = (&self.geometry, i as usize);
         !self.moving_parts.iter().any(|m| match i.checked_sub(g.triangle_count()) {
@@ -329,8 +332,9 @@ impl Scene {
             + self.materials.capacity() * size_of::<Material>()
     }
 
-    /// Height of the ground at (x, y), local frame, m: the lowest surface whose material is ground; for a cube its
-    /// upper face (spec kinematics §2.7). `None` where there is no ground. Visits every primitive once.
+    /// Height of the ground at (x, y), local frame, m: the lowest surface whose material is ground; for a
+    /// cube its upper face (spec kinematics §2.7). `None` where there is no ground. Visits every primitive
+    /// once.
     pub fn ground_height(&self, x: f64, y: f64) -> Option<f64> {
         self.lowest_ground(x, y).map(|(_, height)| height)
     }
@@ -387,7 +391,8 @@ impl Scene {
 }
 
 impl Scene {
-    /// The box of all ground, local frame, m; instances and tiles with ground count with their whole box. `None` without ground.
+    /// The box of all ground, local frame, m; instances and tiles with ground count with their whole box.
+    /// `None` without ground.
     pub fn ground_bounds(&self) -> Option<Aabb> {
         let is_ground: Vec<bool> = self.materials.iter().map(|m| m.is_ground).collect();
         let surfaces: Vec<bool> = self.surfaces.iter().map(|s| is_ground[s.material as usize]).collect();

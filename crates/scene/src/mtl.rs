@@ -137,8 +137,8 @@ fn is_known(keyword: &[u8]) -> bool {
     KNOWN.iter().any(|known| known.as_bytes() == keyword)
 }
 
-/// Warns of a keyword that is none of [`KNOWN`] and looks like one of those that matter here: what is for pictures only is
-/// skipped.
+/// Warns of a keyword that is none of [`KNOWN`] and looks like one of those that matter here: what is for
+/// pictures only is skipped.
 fn warn_of_unknown(line: usize, keyword: &[u8], at: Range<usize>, problems: &mut Problems) {
     let keyword = shown(keyword);
     let lower = keyword.to_ascii_lowercase();

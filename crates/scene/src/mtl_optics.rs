@@ -8,7 +8,7 @@ use vlscan_survey::{MaterialDefinition, UnusedOptics};
 /// The illumination models without transparency and mirrors; those above are glass and mirrors.
 const OPAQUE_MODELS: std::ops::RangeInclusive<f64> = 0.0..=3.0;
 
-/// What a material file says about the transparency of one material.
+/// Transparency of one material as its file states it.
 #[derive(Default)]
 pub(super) struct Optics {
     /// Opacity `d`, transparency `Tr`, illumination model and texture of the opacity, if they are given.

@@ -8,8 +8,9 @@ use vlscan_trace::{Model, Placement};
 /// Facts about one part.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PartFacts {
-    /// Box around its primitives, world frame, m; moving parts are in their initial pose. Empty for a part without primitives. In
-    /// scenes with very many vertices of instances the boxes of these reach a little further.
+    /// Box around its primitives, world frame, m; moving parts are in their initial pose. Empty for a part
+    /// without primitives. In scenes with very many vertices of instances the boxes of these reach a little
+    /// further.
     pub bounds: Aabb,
     /// Number of primitives, including the triangles of instances.
     pub primitives: u64,
@@ -24,14 +25,14 @@ pub struct PartFacts {
 pub struct MaterialArea {
     /// Area of the triangles, one side of each, m².
     pub triangles: f64,
-    /// One-sided plant area of the voxels that transmit light, m²: plant area density times volume. Opaque voxels have none: their
-    /// size may stand for their density.
+    /// One-sided plant area of the voxels that transmit light, m²: plant area density times volume. Opaque
+    /// voxels have none: their size may stand for their density.
     pub plants: f64,
 }
 
 impl MaterialArea {
-    /// One-sided leaf area if the material is `material`, m²: that of plants in voxels, and of triangles if they are leaves.
-    /// `None` if it is unknown whether the material is leaves.
+    /// One-sided leaf area if the material is `material`, m²: that of plants in voxels, and of triangles if
+    /// they are leaves. `None` if it is unknown whether the material is leaves.
     pub fn leaves(&self, material: &Material) -> Option<f64> {
         match material.is_leaf() {
             Some(true) => Some(self.total()),
@@ -65,8 +66,8 @@ type Shares = BTreeMap<u32, Share>;
 const MAX_PLACED_VERTICES: u64 = 1 << 30;
 
 impl PartFacts {
-    /// Facts about every part of a scene, in order. All tiles are loaded once; one that cannot be loaded is reported by
-    /// [`Tiles::check`](crate::Tiles::check).
+    /// Facts about every part of a scene, in order. All tiles are loaded once; one that cannot be loaded is
+    /// reported by [`Tiles::check`](crate::Tiles::check).
     pub fn of_scene(scene: &Scene) -> Vec<PartFacts> {
         PartFacts::placing(scene, MAX_PLACED_VERTICES)
     }

@@ -64,8 +64,8 @@ impl ReflectanceIssues {
         }
     }
 
-    /// Reports one message per file and issue, with the number of materials and their names. Under the reference's rules
-    /// only reflectances that are missing count, which are 50 then.
+    /// Reports one message per file and issue, with the number of materials and their names. Under the
+    /// reference's rules only reflectances that are missing count, which are 50 then.
     pub fn report(&self, rules: Corrections, diagnostics: &mut Diagnostics) {
         let is_fraction = rules.reflectance_fraction;
         for Group { issue, materials } in &self.groups {

@@ -1,5 +1,5 @@
-//! Reflectance at the scanner's wavelength from spectral libraries (spec input-formats §5). Rows are taken as the reference
-//! takes them; those that hardly mean what is read of them are warned of.
+//! Reflectance at the scanner's wavelength from spectral libraries (spec input-formats §5). Rows are taken as
+//! the reference takes them; those that hardly mean what is read of them are warned of.
 
 use super::number::float;
 use super::text::{Lines, Problems, Source, Words, shown};
@@ -59,7 +59,8 @@ impl Spectra {
         }
     }
 
-    /// Reflectances of the spectrum `name` at the wavelengths in per cent; `None` if there is no such spectrum.
+    /// Reflectances of the spectrum `name` at the wavelengths in per cent; `None` if there is no such
+    /// spectrum.
     pub fn reflectances(&mut self, name: &str, diagnostics: &mut Diagnostics) -> Option<Vec<f64>> {
         if let Some(values) = self.known.get(name) {
             return values.clone();
@@ -211,7 +212,8 @@ fn warn_of_first(wrong: &[&Row], problems: &mut Problems, message: impl FnOnce(&
     row.warn(problems, || message(row, &others));
 }
 
-/// Warns of numbers that are no wavelengths or no reflectances in per cent. `used` is what follows from the table.
+/// Warns of numbers that are no wavelengths or no reflectances in per cent. `used` is what follows from the
+/// table.
 fn warn_of_numbers(rows: &[Row], used: &str, problems: &mut Problems) {
     let no_wavelengths: Vec<&Row> = rows.iter().filter(|row| row.wavelength <= 0.0).collect();
     warn_of_first(&no_wavelengths, problems, |row, others| {
@@ -271,8 +273,8 @@ fn warn_of_range((first, last): (&Row, &Row), wavelength: f32, used: &str, probl
     }
 }
 
-/// The value at `wavelength` in single precision: linear between rows, from (0, 0) below the first, constant beyond the
-/// last.
+/// The value at `wavelength` in single precision: linear between rows, from (0, 0) below the first, constant
+/// beyond the last.
 fn interpolate(rows: &[Row], wavelength: f32) -> f32 {
     let mut before = (0.0f32, 0.0f32);
     for &Row { wavelength: at, per_cent: value, .. } in rows {

@@ -67,8 +67,8 @@ impl Source {
         &self.path
     }
 
-    /// The same text with line feeds for the carriage returns that end a line alone, so that places in it are those in the
-    /// file; `None` if there are none.
+    /// The same text with line feeds for the carriage returns that end a line alone, so that places in it are
+    /// those in the file; `None` if there are none.
     pub fn with_line_feeds(&self) -> Option<Source> {
         let is_alone = |at: &usize| self.data.get(at + 1) != Some(&b'\n');
         memchr::memchr_iter(b'\r', &self.data).find(is_alone)?;
@@ -78,7 +78,8 @@ impl Source {
         Some(Source { path: self.path.clone(), data: FileBytes::from(data), begin: self.begin })
     }
 
-    /// The same text with line feeds if all its lines end in carriage returns, which formats take for blanks otherwise.
+    /// The same text with line feeds if all its lines end in carriage returns, which formats take for blanks
+    /// otherwise.
     pub fn with_other_line_ends(&self) -> Option<Source> {
         memchr(b'\n', &self.data).is_none().then(|| self.with_line_feeds()).flatten()
     }
@@ -93,8 +94,8 @@ impl Source {
         self.data.release(self.begin + part.start..self.begin + part.end);
     }
 
-    /// True if the file is text that may be what is wanted; otherwise reports its kind, or an error at the first line that is not
-    /// text.
+    /// True if the file is text that may be what is wanted; otherwise reports its kind, or an error at the
+    /// first line that is not text.
     pub fn is_text(&self, wanted: &Wanted, diagnostics: &mut Diagnostics) -> bool {
         let (bytes, what) = (self.bytes(), wanted.what);
         if let Some(found) =
@@ -134,7 +135,7 @@ impl Source {
         })
     }
 
-    /// Whether no line is too long; otherwise reports an error at the first one.
+    /// True if no line is too long; otherwise reports an error at the first one.
     fn has_short_lines(&self, what: &str, diagnostics: &mut Diagnostics) -> bool {
         let bytes = self.bytes();
         let mut start = 0;
@@ -179,7 +180,7 @@ impl Source {
     }
 }
 
-/// Whether an error is due to the file's name and thus a mistake in the scene's description.
+/// True if an error is due to the file's name and thus a mistake in the scene's description.
 pub(super) fn is_wrong_name(e: &std::io::Error) -> bool {
     use std::io::ErrorKind::{InvalidInput, IsADirectory, NotADirectory, NotFound, PermissionDenied};
     matches!(e.kind(), NotFound | PermissionDenied | IsADirectory | NotADirectory | InvalidInput)
@@ -246,7 +247,8 @@ impl<'a> Iterator for Lines<'a> {
         if !(self.continued && is_continued(text)) {
             return Some(Line { number, start, text: Cow::Borrowed(text) });
         }
-        // The `\` and the line end become blanks, so that offsets within the joined text remain offsets in the file.
+        // The `\` and the line end become blanks, so that offsets within the joined text remain offsets in
+        // the file.
         let mut joined = text.to_vec();
         while is_continued(&joined) {
             blank_continuation(&mut joined);
@@ -258,7 +260,7 @@ impl<'a> Iterator for Lines<'a> {
     }
 }
 
-/// Whether a line without its end continues in the next one.
+/// True if a line without its end continues in the next one.
 pub(super) fn is_continued(line: &[u8]) -> bool {
     matches!(line, [.., b'\\'] | [.., b'\\', b'\r'])
 }
@@ -298,8 +300,8 @@ impl<'a> Iterator for Words<'a> {
     }
 }
 
-/// The rest of a line from byte `at` on, without the blanks around it and without a comment: a word `#`. What begins with `#`
-/// otherwise belongs to the operand, as in the name `Material #25`.
+/// The rest of a line from byte `at` on, without the blanks around it and without a comment: a word `#`. What
+/// begins with `#` otherwise belongs to the operand, as in the name `Material #25`.
 pub(super) fn operand(line: &[u8], at: usize) -> Range<usize> {
     let start = skip_blanks(line, at);
     let is_end = |i: usize| line.get(i).is_none_or(|&b| is_blank(b));
@@ -309,8 +311,8 @@ pub(super) fn operand(line: &[u8], at: usize) -> Range<usize> {
     start..start + line[start..end].trim_ascii_end().len()
 }
 
-/// Problems of one file, collected in any order and reported in the order of the file: errors, where the file is
-/// provably broken, and warnings.
+/// Problems of one file, collected in any order and reported in the order of the file: errors, where the file
+/// is provably broken, and warnings.
 #[derive(Default)]
 pub(super) struct Problems {
     errors: List,
@@ -359,18 +361,19 @@ impl Problems {
         self.warnings.push(line, at, message);
     }
 
-    /// Whether further errors are only counted.
+    /// True if further errors are only counted.
     pub fn is_full(&self) -> bool {
         self.errors.shown.len() >= MAX_SHOWN_PROBLEMS
     }
 
-    /// Appends the problems of a later piece of the file, which begins `lines` lines and `bytes` bytes into it.
+    /// Appends the problems of a later piece of the file, which begins `lines` lines and `bytes` bytes into
+    /// it.
     pub fn append(&mut self, later: Problems, lines: usize, bytes: usize) {
         self.errors.append(later.errors, lines, bytes);
         self.warnings.append(later.warnings, lines, bytes);
     }
 
-    /// Whether there is no error.
+    /// True if there is no error.
     pub fn is_valid(&self) -> bool {
         self.errors.count == 0
     }
@@ -417,7 +420,7 @@ pub(super) fn cut_into_pieces(bytes: &[u8], length: usize) -> Vec<Range<usize>> 
     pieces
 }
 
-/// Whether a line consists of blanks only.
+/// True if a line consists of blanks only.
 pub(super) fn is_empty_line(line: &[u8]) -> bool {
     line.iter().all(|&b| is_blank(b))
 }

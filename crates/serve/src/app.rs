@@ -17,7 +17,8 @@ use subtle::ConstantTimeEq as _;
 pub struct Identity {
     /// Whose uploads and jobs they are.
     pub owner: String,
-    /// Whether a browser vouches for it, which sends a cookie or nothing along with requests of other pages, too.
+    /// True if a browser vouches for it, which sends a cookie or nothing along with requests of other pages,
+    /// too.
     pub is_ambient: bool,
 }
 
@@ -68,7 +69,7 @@ impl App {
         hex(&hash.finalize())
     }
 
-    /// Whether a form is from a page of the service that was made for this owner.
+    /// True if a form is from a page of the service that was made for this owner.
     pub fn is_genuine(&self, owner: &str, token: &str) -> bool {
         self.form_token(owner).as_bytes().ct_eq(token.as_bytes()).into()
     }
@@ -86,8 +87,8 @@ impl App {
         self.sessions.owner(headers).map(|owner| Identity { owner, is_ambient: true })
     }
 
-    /// Whether the name by which the service was reached is one of its own. A page of another site can have its name lead to the loopback
-    /// address and would then be of the same origin.
+    /// True if the name by which the service was reached is one of its own. A page of another site can have
+    /// its name lead to the loopback address and would then be of the same origin.
     pub fn is_own_host(&self, headers: &HeaderMap) -> bool {
         let host = headers.get(header::HOST).and_then(|host| host.to_str().ok()).unwrap_or_default();
         let name = match host.strip_prefix('[') {

@@ -1,5 +1,6 @@
-//! Files below a folder that the processes of a job can write. Whatever a job leaves there, names lead to regular files below the folder only:
-//! the system resolves them without links (`openat2`), so that nothing is checked first and opened later.
+//! Files below a folder that the processes of a job can write. Whatever a job leaves there, names lead to
+//! regular files below the folder only: the system resolves them without links (`openat2`), so that nothing
+//! is checked first and opened later.
 
 use std::fs::File;
 use std::io::{self, Read as _};
@@ -21,13 +22,13 @@ pub struct Beneath {
 pub struct Entry {
     /// Its path.
     pub path: PathBuf,
-    /// What it is.
+    /// Kind of the entry.
     pub kind: EntryKind,
     /// Bytes of a file.
     pub bytes: u64,
 }
 
-/// What something is.
+/// Kind of an entry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EntryKind {
     /// A regular file.
@@ -75,7 +76,7 @@ impl Beneath {
     /// Everything below the folder. What vanishes meanwhile is left out.
     ///
     /// # Errors
-    /// Those of folders, and for more than `most` entries or very deep folders.
+    /// Errors of folders, more than `most` entries, and very deep folders.
     pub fn entries(&self, most: usize) -> io::Result<Vec<Entry>> {
         let mut found = Vec::new();
         let mut folders = vec![PathBuf::new()];

@@ -1,4 +1,5 @@
-//! A bucket of an S3-compatible store. Credentials and the address of the store are taken from the variables `AWS_…` of the environment.
+//! A bucket of an S3-compatible store. Credentials and the address of the store are taken from the variables
+//! `AWS_…` of the environment.
 
 use crate::beneath::Beneath;
 use crate::records::Kind;
@@ -109,7 +110,7 @@ impl Bucket {
     /// A file.
     ///
     /// # Errors
-    /// Those of the store.
+    /// Errors of the store.
     pub(crate) fn read(&self, kind: Kind, id: &str, path: &str) -> io::Result<Vec<u8>> {
         let key = self.key(kind, id, path);
         let bytes = self.runtime.block_on(async { self.store.get(&key).await?.bytes().await })?;
@@ -119,7 +120,7 @@ impl Bucket {
     /// A part of a file as the body of an answer.
     ///
     /// # Errors
-    /// Those of the store.
+    /// Errors of the store.
     pub(crate) async fn body(&self, kind: Kind, id: &str, path: &str, range: Range<u64>) -> io::Result<Body> {
         // Ranges without bytes are none to the store.
         if range.is_empty() {
@@ -133,7 +134,7 @@ impl Bucket {
     /// The id of the service that the prefix belongs to, if it has one.
     ///
     /// # Errors
-    /// Those of the store.
+    /// Errors of the store.
     pub(crate) fn service(&self) -> io::Result<Option<String>> {
         let key = self.prefix.clone().join(SERVICE);
         let found = self.runtime.block_on(async {
@@ -149,7 +150,7 @@ impl Bucket {
     /// Gives the prefix to a service.
     ///
     /// # Errors
-    /// Those of the store.
+    /// Errors of the store.
     pub(crate) fn set_service(&self, id: &str) -> io::Result<()> {
         let key = self.prefix.clone().join(SERVICE);
         self.runtime.block_on(self.store.put(&key, id.to_owned().into()))?;
@@ -159,7 +160,7 @@ impl Bucket {
     /// Moves all files of an upload or of results below `lost/`.
     ///
     /// # Errors
-    /// Those of the store.
+    /// Errors of the store.
     pub(crate) fn set_aside(&self, kind: Kind, id: &str) -> io::Result<()> {
         self.runtime.block_on(async {
             let found = self.store.list(Some(&self.key(kind, id, "")));
@@ -176,7 +177,7 @@ impl Bucket {
     /// Removes all files of an upload or of results.
     ///
     /// # Errors
-    /// Those of the store.
+    /// Errors of the store.
     pub(crate) fn remove(&self, kind: Kind, id: &str) -> io::Result<()> {
         self.runtime.block_on(async {
             let found = self.store.list(Some(&self.key(kind, id, "")));
@@ -189,7 +190,7 @@ impl Bucket {
     /// The uploads or results that have files.
     ///
     /// # Errors
-    /// Those of the store.
+    /// Errors of the store.
     pub(crate) fn ids(&self, kind: Kind) -> io::Result<BTreeSet<String>> {
         let prefix = self.key(kind, "", "");
         let found = self.runtime.block_on(self.store.list_with_delimiter(Some(&prefix)))?;

@@ -1,4 +1,5 @@
-//! Calls of the system that the processes of a job are denied, by seccomp: what Landlock does not cover, or not on older kernels.
+//! Calls of the system that the processes of a job are denied, by seccomp: what Landlock does not cover, or
+//! not on older kernels.
 //!
 //! | denied | why |
 //! |---|---|
@@ -177,7 +178,8 @@ mod denied {
 
     /// Requests of ioctl(2) that change flags and keys of files which are open for reading only.
     const REQUESTS: [u64; 6] = [0x4008_6602, 0x4004_6602, 0x401c_5820, 0x800c_6613, 0x4040_6685, 0x4080_6685];
-    /// Commands of fcntl(2): signals to others (F_SETOWN, F_SETSIG, F_SETOWN_EX, F_NOTIFY), and leases, which keep others waiting.
+    /// Commands of fcntl(2): signals to others (F_SETOWN, F_SETSIG, F_SETOWN_EX, F_NOTIFY), and leases, which
+    /// keep others waiting.
     const COMMANDS: [u64; 5] = [8, 10, 15, 1024, 1026];
 
     fn rule(conditions: &[(u8, SeccompCmpOp, u64)]) -> Result<SeccompRule, BackendError> {
@@ -223,12 +225,13 @@ mod denied {
         Ok(rules)
     }
 
-    /// The same calls by the numbers of the x32 interface, which some kernels have and which counts as the same processor.
+    /// The same calls by the numbers of the x32 interface, which some kernels have and which counts as the
+    /// same processor.
     #[cfg(target_arch = "x86_64")]
     fn add_x32(rules: &mut BTreeMap<i64, Vec<SeccompRule>>) {
         const X32: i64 = 0x4000_0000;
-        // Those that have numbers of their own: ioctl, ptrace, rt_sigqueueinfo, kexec_load, move_pages, rt_tgsigqueueinfo,
-        // process_vm_readv, process_vm_writev, io_setup, execveat.
+        // Those that have numbers of their own: ioctl, ptrace, rt_sigqueueinfo, kexec_load, move_pages,
+        // rt_tgsigqueueinfo, process_vm_readv, process_vm_writev, io_setup, execveat.
         const OWN: [i64; 10] = [514, 521, 524, 528, 533, 536, 539, 540, 543, 545];
         let same: Vec<_> = rules.iter().map(|(call, rules)| (call | X32, rules.clone())).collect();
         rules.extend(same);

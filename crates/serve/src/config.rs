@@ -11,8 +11,8 @@ use std::path::PathBuf;
 
 /// vlscan as a service: an interface for programs (OGC API - Processes) and pages for a browser.
 ///
-/// Listens on the loopback address unless --listen names another one, for which tokens are compulsory. docs/service.md describes the
-/// interface, its limits and what protects it.
+/// Listens on the loopback address unless --listen names another one, for which tokens are compulsory.
+/// docs/service.md describes the interface, its limits and what protects it.
 #[derive(Debug, Parser)]
 #[command(name = "vlscan serve", bin_name = "vlscan serve", version, max_term_width = 110)]
 #[command(args_conflicts_with_subcommands = true)]
@@ -32,12 +32,14 @@ pub enum Command {
     Token {
         /// Whose token it is: letters, digits, - and _.
         owner: String,
-        /// Pulses that the owner may have computed within 24 hours; 10M and 2G are understood. [default: --quota]
+        /// Pulses that the owner may have computed within 24 hours; 10M and 2G are understood. [default:
+        /// --quota]
         #[arg(long, value_name = "PULSES", value_parser = amount)]
         quota: Option<u64>,
     },
-    /// Check the folder, database and bucket of a service that does not run, and change nothing: integrity, version, ids, files that are
-    /// missing, and files that the database does not list. Exits with status 1 if there is a problem.
+    /// Check the folder, database and bucket of a service that does not run, and change nothing: integrity,
+    /// version, ids, files that are missing, and files that the database does not list. Exits with status 1
+    /// if there is a problem.
     Check(CheckArgs),
     /// Restrict this process and execute a program in its place: how the service starts vlscan.
     Confine(ConfineArgs),
@@ -48,7 +50,7 @@ pub enum Command {
     Expand(ExpandArgs),
 }
 
-/// What is checked.
+/// Subject of the check.
 #[derive(Clone, Debug, Args)]
 pub struct CheckArgs {
     /// Folder of the service.
@@ -64,8 +66,8 @@ pub struct CheckArgs {
 pub struct TaskArgs {
     /// The file with what the engine was given.
     pub submission: PathBuf,
-    /// Number of the task, from 0. [default: SLURM_ARRAY_TASK_ID, JOB_COMPLETION_INDEX, PBS_ARRAY_INDEX or AWS_BATCH_JOB_ARRAY_INDEX, else
-    /// 0]
+    /// Number of the task, from 0. [default: SLURM_ARRAY_TASK_ID, JOB_COMPLETION_INDEX, PBS_ARRAY_INDEX or
+    /// AWS_BATCH_JOB_ARRAY_INDEX, else 0]
     #[arg(long, value_name = "K")]
     pub number: Option<u32>,
 }
@@ -94,19 +96,19 @@ pub struct ServeArgs {
     /// Address and port; port 0 is any free one. An address other than the loopback needs tokens.
     #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:8080")]
     pub listen: SocketAddr,
-    /// File with a line per token, as `vlscan serve token OWNER` prints it. The environment variable VLSCAN_TOKEN is a single token
-    /// instead, that of the owner `admin`.
+    /// File with a line per token, as `vlscan serve token OWNER` prints it. The environment variable
+    /// VLSCAN_TOKEN is a single token instead, that of the owner `admin`.
     #[arg(long, value_name = "FILE")]
     pub token_file: Option<PathBuf>,
-    /// Names under which browsers reach the service, if it is behind a proxy or has no tokens; may be given more than once. Names other
-    /// than localhost need tokens, or --open.
+    /// Names under which browsers reach the service, if it is behind a proxy or has no tokens; may be given
+    /// more than once. Names other than localhost need tokens, or --open.
     #[arg(long, value_name = "NAME", value_parser = clap::builder::NonEmptyStringValueParser::new())]
     pub host: Vec<String>,
     /// Serve everybody who reaches the names of --host, without tokens.
     #[arg(long, requires = "host", conflicts_with = "token_file")]
     pub open: bool,
-    /// Jobs that are computed at the same time, besides two plans, forecasts or other jobs that answer requests; 0 only queues them. Owners
-    /// take turns.
+    /// Jobs that are computed at the same time, besides two plans, forecasts or other jobs that answer
+    /// requests; 0 only queues them. Owners take turns.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub workers: usize,
     /// Threads of a job; 0 = all.
@@ -127,8 +129,8 @@ pub struct ServeArgs {
     /// Files of an upload.
     #[arg(long, value_name = "N", default_value_t = 10_000)]
     pub max_files: usize,
-    /// What the uploads and jobs of an owner take on the disk, failed jobs and the database included; 4 KiB for each file besides its
-    /// content.
+    /// Disk space of the uploads and jobs of an owner, failed jobs and the database included; 4 KiB for each
+    /// file besides its content.
     #[arg(long, value_name = "BYTES", default_value = "100G", value_parser = amount)]
     pub max_stored: u64,
     /// Remove finished jobs and their results after so many days. [default: keep them]
@@ -137,19 +139,22 @@ pub struct ServeArgs {
     /// Jobs of an owner that wait or run.
     #[arg(long, value_name = "N", default_value_t = 10_000)]
     pub max_queued: usize,
-    /// Pulses that an owner may have computed within 24 hours. Runs are priced by a dry run before they start. [default: unlimited]
+    /// Pulses that an owner may have computed within 24 hours. Runs are priced by a dry run before they
+    /// start. [default: unlimited]
     #[arg(long, value_name = "PULSES", value_parser = amount)]
     pub quota: Option<u64>,
-    /// Run jobs without the sandbox of the system, on the loopback address only: their files can then name any file that this user can
-    /// read.
+    /// Run jobs without the sandbox of the system, on the loopback address only: their files can then name
+    /// any file that this user can read.
     #[arg(long)]
     pub no_sandbox: bool,
-    /// Keep the files of uploads and results in a bucket of an S3-compatible store: s3://BUCKET/PREFIX. The variables AWS_ACCESS_KEY_ID,
-    /// AWS_SECRET_ACCESS_KEY, AWS_REGION and AWS_ENDPOINT tell the rest. [default: in the folder --data]
+    /// Keep the files of uploads and results in a bucket of an S3-compatible store: s3://BUCKET/PREFIX. The
+    /// variables AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_REGION and AWS_ENDPOINT tell the rest.
+    /// [default: in the folder --data]
     #[arg(long, value_name = "URL")]
     pub store: Option<String>,
-    /// Have runs and campaigns computed by an existing engine, such as Slurm: the command that hands a job in, executed without a shell.
-    /// Placeholders: {name}, {tasks}, {last} (= tasks - 1), {command}, {folder}, {minutes}, {megabytes}. Needs --poll and --cancel.
+    /// Have runs and campaigns computed by an existing engine, such as Slurm: the command that hands a job
+    /// in, executed without a shell. Placeholders: {name}, {tasks}, {last} (= tasks - 1), {command},
+    /// {folder}, {minutes}, {megabytes}. Needs --poll and --cancel.
     #[arg(long, value_name = "COMMAND", requires_all = ["poll", "cancel"], help_heading = "Engine")]
     pub submit: Option<String>,
     /// The command that prints something while the engine has the job {name}, and nothing otherwise.
@@ -195,7 +200,7 @@ pub struct ConfineArgs {
 /// A number, perhaps with k, M, G or T for thousands, millions, billions, trillions.
 ///
 /// # Errors
-/// What was expected.
+/// Expected value.
 pub fn amount(text: &str) -> Result<u64, String> {
     let (digits, factor) = match text.char_indices().last() {
         Some((at, 'k')) => (&text[..at], 1_000),
@@ -212,7 +217,7 @@ pub fn amount(text: &str) -> Result<u64, String> {
 /// A number of days above 0.
 ///
 /// # Errors
-/// What was expected.
+/// Expected value.
 fn days(text: &str) -> Result<f64, String> {
     let days: Option<f64> = text.parse().ok().filter(|days: &f64| *days > 0.0 && *days <= 100_000.0);
     days.ok_or_else(|| format!("`{text}`: expected a number of days above 0"))

@@ -1,5 +1,6 @@
-//! How a job's process is restricted before it becomes vlscan: it gives up rights of its own, in a program that has one thread and that
-//! then executes vlscan in its place. So nothing runs between fork and exec, and the restrictions can be tested by themselves.
+//! How a job's process is restricted before it becomes vlscan: it gives up rights of its own, in a program
+//! that has one thread and that then executes vlscan in its place. So nothing runs between fork and exec, and
+//! the restrictions can be tested by themselves.
 //!
 //! | what | by | where |
 //! |---|---|---|
@@ -35,7 +36,8 @@ pub struct Held {
     pub root: bool,
 }
 
-/// Restricts this process and becomes the program; returns only if that fails. Without a program, prints what this system allows.
+/// Restricts this process and becomes the program; returns only if that fails. Without a program, prints what
+/// this system allows.
 ///
 /// # Errors
 /// When a limit or the sandbox cannot be set, or the program cannot be started.
@@ -138,7 +140,7 @@ mod linux {
     use std::io;
     use std::path::{Path, PathBuf};
 
-    /// What a program needs of the system: its loader, and what it asks about processors and memory.
+    /// System paths that a program needs: its loader, and information on processors and memory.
     const SYSTEM: [&str; 9] = [
         "/lib64",
         "/usr/lib64",
@@ -154,8 +156,8 @@ mod linux {
     const GROUPS: &str = "/sys/fs/cgroup";
     const DEVICES: [&str; 3] = ["/dev/null", "/dev/zero", "/dev/urandom"];
 
-    /// The folders of the libraries that this program has, which are those of vlscan, too; all folders of libraries for a program that has
-    /// none.
+    /// The folders of the libraries that this program has, which are those of vlscan, too; all folders of
+    /// libraries for a program that has none.
     fn libraries() -> Vec<PathBuf> {
         let maps = std::fs::read_to_string("/proc/self/maps").unwrap_or_default();
         let files = maps.lines().filter_map(|line| line.split_once('/').map(|(_, path)| format!("/{path}")));
@@ -174,7 +176,7 @@ mod linux {
         folders.iter().cloned().chain(other).collect()
     }
 
-    /// What a job sees.
+    /// Paths that a job can access.
     fn all_paths(args: &ConfineArgs) -> Vec<(PathBuf, Access)> {
         let libraries = libraries().into_iter().map(|path| (path, Access::Program));
         let system = SYSTEM.iter().map(|path| (PathBuf::from(path), Access::Program));
@@ -192,7 +194,7 @@ mod linux {
         all_paths(args).into_iter().map(|(path, _)| path).collect()
     }
 
-    /// What a job may do with a file or folder.
+    /// Access of a job to a file or folder.
     #[derive(Clone, Copy)]
     enum Access {
         Read,

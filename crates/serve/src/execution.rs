@@ -1,5 +1,5 @@
-//! A process of vlscan: started under its restrictions, watched, and how it ended. Workers of the service use it, and tasks of an engine on
-//! its nodes.
+//! A process of vlscan: started under its restrictions, watched, and how it ended. Workers of the service use
+//! it, and tasks of an engine on its nodes.
 
 use crate::beneath::{BLOCK, Beneath, EntryKind};
 use crate::config::ConfineArgs;
@@ -20,12 +20,15 @@ const CHECK: Duration = Duration::from_secs(1);
 const MAX_ENTRIES: usize = 200_000;
 /// Longest message of a failed job, bytes.
 const MAX_MESSAGE: u64 = 8 << 10;
-/// How often a process that somebody kills is started again: the system may have wanted the memory for something else.
+/// How often a process that somebody kills is started again: the system may have wanted the memory for
+/// something else.
 const MAX_KILLS: usize = 2;
-/// Wait for a process that works in the same folder: one that an earlier service has started and that is about to end.
+/// Wait for a process that works in the same folder: one that an earlier service has started and that is
+/// about to end.
 const IN_USE: Duration = Duration::from_millis(200);
 
-/// Exit statuses of vlscan (docs/outputs.md): the run cannot be divided or continued; another process works in the folder.
+/// Exit statuses of vlscan (docs/outputs.md): the run cannot be divided or continued; another process works
+/// in the folder.
 const NOT_DIVISIBLE: i32 = 4;
 const FOLDER_IN_USE: i32 = 5;
 
@@ -54,7 +57,7 @@ pub struct Setting {
     pub folder: PathBuf,
     /// What the processes may do.
     pub restrictions: ConfineArgs,
-    /// Whether they work in the folder of inputs, else in that of results.
+    /// True if they work in the folder of inputs, else in that of results.
     pub within_inputs: bool,
     /// Time of a process, seconds.
     pub max_time: u64,
@@ -63,8 +66,9 @@ pub struct Setting {
 }
 
 impl Setting {
-    /// Executes vlscan with `words`; again if somebody kills it, each time after `prepare`. Messages go to the file `log`, standard output
-    /// to `stdout` when it is complete. `goes_on` is asked again and again whether the results are still wanted.
+    /// Executes vlscan with `words`; again if somebody kills it, each time after `prepare`. Messages go to
+    /// the file `log`, standard output to `stdout` when it is complete. `goes_on` is asked again and again
+    /// whether the results are still wanted.
     ///
     /// # Errors
     /// Those of files, of `prepare` and of `goes_on`.
@@ -187,7 +191,8 @@ impl Setting {
         self.without_folders(text[start..].trim())
     }
 
-    /// What vlscan said in the last of these logs that there is, without progress and the names of its outputs.
+    /// What vlscan said in the last of these logs that there is, without progress and the names of its
+    /// outputs.
     pub(crate) fn said(&self, logs: &[PathBuf]) -> String {
         let log = logs.iter().rev().find_map(|log| File::open(log).ok());
         log.map_or_else(String::new, |log| self.without_folders(&said_in(log)))
@@ -213,7 +218,7 @@ enum Ended {
     InUse(String),
 }
 
-/// Whether a process was ended from outside, not by a limit or a fault of its own.
+/// True if a process was ended from outside, not by a limit or a fault of its own.
 #[cfg(unix)]
 fn was_killed(status: ExitStatus) -> bool {
     use std::os::unix::process::ExitStatusExt as _;
@@ -226,7 +231,8 @@ fn was_killed(_: ExitStatus) -> bool {
     false
 }
 
-/// Starts a process in a group of its own, by which all its processes are ended where no sandbox keeps it to one.
+/// Starts a process in a group of its own, by which all its processes are ended where no sandbox keeps it to
+/// one.
 pub(crate) fn alone(command: std::process::Command) -> std::process::Command {
     #[cfg(unix)]
     {
@@ -239,7 +245,8 @@ pub(crate) fn alone(command: std::process::Command) -> std::process::Command {
     command
 }
 
-/// Ends a process, whether it has ended or not, and without a sandbox, which keeps it to one, all processes of its group.
+/// Ends a process, whether it has ended or not, and without a sandbox, which keeps it to one, all processes
+/// of its group.
 pub(crate) fn end(child: &mut Child, has_sandbox: bool) {
     #[cfg(unix)]
     if let (false, Ok(group)) = (has_sandbox, i32::try_from(child.id())) {
@@ -252,10 +259,10 @@ pub(crate) fn end(child: &mut Child, has_sandbox: bool) {
     let _ = child.wait();
 }
 
-/// What the files in a folder of a job take on the disk, bytes: those of their content, and a block for each file and folder.
+/// Disk space of a job folder, bytes: the content of its files, and a block for each file and folder.
 ///
 /// # Errors
-/// Those of files, and for very many.
+/// Errors of files, and too many files.
 pub(crate) fn bytes_in(folder: &Path) -> std::io::Result<u64> {
     let of = |bytes: u64| bytes.saturating_add(BLOCK);
     let entries = Beneath::of(folder)?.entries(MAX_ENTRIES)?;
@@ -275,8 +282,8 @@ fn tail(log: &Path, most: u64) -> String {
     String::from_utf8_lossy(&read().unwrap_or_default()).into_owned()
 }
 
-/// The lines of a log without progress and the names of outputs, at most [`MAX_MESSAGE`] bytes from its start: warnings come first, and the
-/// progress of hours may follow them.
+/// The lines of a log without progress and the names of outputs, at most [`MAX_MESSAGE`] bytes from its
+/// start: warnings come first, and the progress of hours may follow them.
 fn said_in(log: impl Read) -> String {
     let lines = BufReader::new(log).split(b'\n').map_while(std::io::Result::ok);
     let lines = lines.map(|line| String::from_utf8_lossy(&line).into_owned());
@@ -296,7 +303,7 @@ fn said_in(log: impl Read) -> String {
     said.trim().to_owned()
 }
 
-/// Whether a line tells progress, as `vlscan run` writes it to what is no terminal.
+/// True if a line tells progress, as `vlscan run` writes it to what is no terminal.
 fn is_progress(line: &str) -> bool {
     let text = line.split_once(" %  ").map_or(line, |(_, text)| text);
     text.starts_with("leg ") && text.contains(" pulses (")

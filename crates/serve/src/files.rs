@@ -1,5 +1,5 @@
-//! Where the files of uploads and results are kept: in the folder of the service, or in a bucket. From a bucket they are fetched into the
-//! folder when a job or a picture needs them, and removed there afterwards.
+//! Where the files of uploads and results are kept: in the folder of the service, or in a bucket. From a
+//! bucket they are fetched into the folder when a job or a picture needs them, and removed there afterwards.
 
 use crate::beneath::Beneath;
 use crate::bucket::Bucket;
@@ -22,7 +22,7 @@ pub enum Files {
 }
 
 impl Files {
-    /// Where the command line says.
+    /// Folder from the command line.
     ///
     /// # Errors
     /// For an address that is none of a bucket.
@@ -36,7 +36,7 @@ impl Files {
     /// The id of the service that a bucket belongs to, if it has one.
     ///
     /// # Errors
-    /// Those of the bucket.
+    /// Errors of the bucket.
     pub(crate) fn id(&self) -> Result<Option<String>> {
         match self {
             Files::Folder => Ok(None),
@@ -47,7 +47,7 @@ impl Files {
     /// Gives a bucket to a service.
     ///
     /// # Errors
-    /// Those of the bucket.
+    /// Errors of the bucket.
     pub(crate) fn set_id(&self, id: &str) -> Result<()> {
         match self {
             Files::Folder => Ok(()),
@@ -55,10 +55,10 @@ impl Files {
         }
     }
 
-    /// Whether a bucket has uploads or results.
+    /// True if a bucket has uploads or results.
     ///
     /// # Errors
-    /// Those of the bucket.
+    /// Errors of the bucket.
     pub(crate) fn has_objects(&self) -> Result<bool> {
         match self {
             Files::Folder => Ok(false),
@@ -114,7 +114,7 @@ impl Store {
     /// Keeps files that are in their folder. To be called before they are listed in the database.
     ///
     /// # Errors
-    /// Those of the bucket.
+    /// Errors of the bucket.
     pub fn keep(&self, kind: Kind, id: &str, paths: &[String]) -> Result<()> {
         match &self.kept {
             Files::Folder => {}
@@ -157,7 +157,8 @@ impl Store {
         }
     }
 
-    /// Removes the copy of files in a bucket, unless it is used, or an unfinished job reads it, perhaps by tasks of an engine.
+    /// Removes the copy of files in a bucket, unless it is used, or an unfinished job reads it, perhaps by
+    /// tasks of an engine.
     pub fn release_copy(&self, kind: Kind, id: &str) {
         let all = held(&self.fetches);
         if self.has_bucket() && !all.contains_key(&(kind, id.to_owned())) {
@@ -197,7 +198,8 @@ impl Store {
     /// Removes files that the database does not list any more, and the note of their removal.
     ///
     /// # Errors
-    /// Those of files and of the database. What stays in a bucket is told, and removed by the next start.
+    /// Errors of files and of the database. Objects that stay in a bucket are reported; the next start
+    /// removes them.
     pub(crate) fn discard(&self, kind: Kind, id: &str) -> Result<()> {
         let folder = match kind {
             Kind::Upload => self.upload_folder(id),
@@ -217,7 +219,7 @@ impl Store {
     /// The uploads or results that have files in the bucket.
     ///
     /// # Errors
-    /// Those of the bucket.
+    /// Errors of the bucket.
     pub(crate) fn in_bucket(&self, kind: Kind) -> Result<BTreeSet<String>> {
         match &self.kept {
             Files::Folder => Ok(BTreeSet::new()),
@@ -225,7 +227,7 @@ impl Store {
         }
     }
 
-    /// Whether files are in their folder only while they are used.
+    /// True if files are in their folder only while they are used.
     pub(crate) fn has_bucket(&self) -> bool {
         !matches!(self.kept, Files::Folder)
     }
@@ -233,7 +235,7 @@ impl Store {
     /// The files that the database lists.
     ///
     /// # Errors
-    /// Those of the database.
+    /// Errors of the database.
     pub(crate) fn listed(&self, kind: Kind, id: &str) -> Result<Vec<ResultFile>> {
         match kind {
             Kind::Upload => {

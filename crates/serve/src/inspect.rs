@@ -16,7 +16,7 @@ use std::sync::Mutex;
 /// Names that a line lists.
 const MAX_LISTED: usize = 20;
 
-/// What was found.
+/// Result of the check.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
     /// Lines to print.

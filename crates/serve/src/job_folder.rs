@@ -13,7 +13,7 @@ const MAX_RESULTS: usize = 100_000;
 /// Makes the folder of a job, or completes the one that an earlier worker has begun to make.
 ///
 /// # Errors
-/// Those of files.
+/// Errors of files.
 pub(crate) fn make(store: &Store, folder: &Path, prepared: &Prepared) -> Result<()> {
     let inputs = folder.join("in");
     for name in ["in", "in/jobs", "out", "view", "tmp"] {
@@ -47,7 +47,7 @@ fn link(target: &Path, name: &Path) -> std::io::Result<()> {
     }
 }
 
-/// Where campaigns keep notes of their own.
+/// Folder of the records of campaigns.
 const NOTES: &str = ".campaign";
 
 /// The files of results, sorted, or the name of one that cannot be served.
@@ -72,10 +72,11 @@ pub(crate) fn results(folder: &Path) -> Result<std::result::Result<Vec<ResultFil
     Ok(Ok(found))
 }
 
-/// Results that are complete: their files, as an earlier worker has recorded them, which was ended before the database had them.
+/// Results that are complete: their files, as an earlier worker has recorded them, which was ended before the
+/// database had them.
 ///
 /// # Errors
-/// Those of files.
+/// Errors of files.
 pub(crate) fn complete_results(folder: &Path) -> Result<Option<Vec<ResultFile>>> {
     match fs::read(folder.join(COMPLETE)) {
         Ok(text) => Ok(serde_json::from_slice(&text).ok()),
@@ -87,7 +88,7 @@ pub(crate) fn complete_results(folder: &Path) -> Result<Option<Vec<ResultFile>>>
 /// Records that results are complete.
 ///
 /// # Errors
-/// Those of files.
+/// Errors of files.
 pub(crate) fn record_complete(folder: &Path, files: &[ResultFile]) -> Result<()> {
     let text = serde_json::to_vec(files).map_err(std::io::Error::other)?;
     write_whole(&folder.join(COMPLETE), &text)
@@ -98,7 +99,7 @@ const COMPLETE: &str = "complete";
 /// Writes a file that is there as a whole or not at all.
 ///
 /// # Errors
-/// Those of files.
+/// Errors of files.
 pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     use std::io::Write as _;
     let folder = path.parent().unwrap_or(Path::new("."));
@@ -112,7 +113,8 @@ pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
 /// Largest record of a cell that is read, bytes.
 const MAX_RECORD: u64 = 16 << 20;
 
-/// Pulses of all cells of a data set that are complete, of a campaign that has ended in any way. `out` is the folder of its results.
+/// Pulses of all cells of a data set that are complete, of a campaign that has ended in any way. `out` is the
+/// folder of its results.
 pub(crate) fn campaign_pulses(out: &Path) -> u64 {
     let sum = || -> std::io::Result<u64> {
         let out = Beneath::of(out)?;

@@ -1,7 +1,8 @@
 //! vlscan as a service: an interface for programs by OGC API - Processes, and pages for a browser.
 //!
-//! The service computes nothing itself. It receives files and requests, keeps them in a folder, and has each job computed by a process of
-//! `vlscan` that can reach no files but its own. docs/service.md describes use, limits and threats.
+//! The service computes nothing itself. It receives files and requests, keeps them in a folder, and has each
+//! job computed by a process of `vlscan` that can reach no files but its own. docs/service.md describes use,
+//! limits and threats.
 //!
 //! | file | what it does |
 //! |---|---|

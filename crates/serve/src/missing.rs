@@ -1,4 +1,5 @@
-//! Files that the surveys and scenes of an upload name and that are neither in it nor in the catalogue: what its owner has forgotten.
+//! Files that the surveys and scenes of an upload name and that are neither in it nor in the catalogue: what
+//! its owner has forgotten.
 
 use crate::names::{DATA, relative_path};
 use crate::program::Program;
@@ -17,7 +18,7 @@ const ATTRIBUTES: [&str; 5] = ["scene", "scanner", "platform", "trajectory", "va
 /// The files that surveys and scenes of an upload name and that are not there, at most some.
 ///
 /// # Errors
-/// Those of the store.
+/// Errors of the store.
 pub fn missing(store: &Store, program: &Program, id: &str, files: &[UploadFile]) -> Result<Vec<String>> {
     let known: BTreeSet<&str> = files.iter().map(|file| file.path.as_str()).collect();
     let is_document = |file: &&UploadFile| file.kind != FileKind::Other && file.bytes <= MAX_BYTES;
@@ -39,7 +40,7 @@ pub fn missing(store: &Store, program: &Program, id: &str, files: &[UploadFile])
     Ok(found.into_iter().collect())
 }
 
-/// Whether a name leads to a file in the folder of the document or in one above it.
+/// True if a name leads to a file in the folder of the document or in one above it.
 fn is_there(name: &str, folder: &str, known: &BTreeSet<&str>) -> bool {
     // What leads elsewhere cannot be judged here.
     let Some(path) = relative_path(name) else { return true };

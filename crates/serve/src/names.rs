@@ -1,5 +1,5 @@
-//! Names that others choose: of uploads, of files within them, and of files that requests name. A name that passes here leads to no
-//! place outside of the folder that it is joined to.
+//! Names that others choose: of uploads, of files within them, and of files that requests name. A name that
+//! passes here leads to no place outside of the folder that it is joined to.
 
 use std::path::{Component, PathBuf};
 
@@ -13,12 +13,12 @@ pub const JOBS: &str = "jobs";
 /// The folder by whose name files of HELIOS++ name others, and references of the catalogue begin.
 pub const DATA: &str = "data";
 
-/// Names in the folder of a job's inputs that are not those of uploads, and that of the catalogue, whose instruments an upload would
-/// replace.
+/// Names in the folder of a job's inputs that are not those of uploads, and that of the catalogue, whose
+/// instruments an upload would replace.
 const RESERVED: [&str; 8] =
     [JOBS, DATA, "job.toml", "campaign.toml", "area.geojson", "along.geojson", "area.wkt", "along.wkt"];
 
-/// Whether a text can be the name of an upload: one part of a path without blanks that means nothing else.
+/// True if a text can be the name of an upload: one part of a path without blanks that means nothing else.
 pub fn is_upload_name(name: &str) -> bool {
     is_part(name)
         && !RESERVED.contains(&name)
@@ -38,8 +38,8 @@ pub fn upload_name_from(text: &str) -> String {
     if is_upload_name(&name) { name } else { "upload".to_owned() }
 }
 
-/// The path of a file within an upload or the results of a job: parts joined by `/`, none of which leads elsewhere. Backslashes
-/// of other systems separate parts, too.
+/// The path of a file within an upload or the results of a job: parts joined by `/`, none of which leads
+/// elsewhere. Backslashes of other systems separate parts, too.
 pub fn relative_path(name: &str) -> Option<PathBuf> {
     let name = name.replace('\\', "/");
     let parts: Vec<&str> = name.split('/').collect();
@@ -58,14 +58,15 @@ fn is_part(part: &str) -> bool {
         && !part.chars().any(|c| c.is_control() || "/\\:*?\"<>|".contains(c))
 }
 
-/// The words of a text of a request that may be names of files: the text itself, and what stands between blanks, quotes and the signs
-/// that separate options from their values.
+/// The words of a text of a request that may be names of files: the text itself, and what stands between
+/// blanks, quotes and the signs that separate options from their values.
 pub fn words(text: &str) -> impl Iterator<Item = &str> {
     let parts = text.split([' ', '\t', '\n', '\r', '"', '\'', '=', ',', ';', '(', ')', '[', ']']);
     std::iter::once(text).chain(parts).filter(|word| !word.is_empty())
 }
 
-/// The word of a text that leads out of the folder of a job: an absolute path, a home folder, a URL, or a path with `..`.
+/// The word of a text that leads out of the folder of a job: an absolute path, a home folder, a URL, or a
+/// path with `..`.
 pub fn leads_out(text: &str) -> Option<&str> {
     words(text).find(|word| {
         let slashes = word.replace('\\', "/");

@@ -1,8 +1,10 @@
-//! Whether a folder, its database and a bucket belong together, and what a start finds in them that the database does not list.
+//! Checks at start: folder, database and bucket must belong together; files that the database does not list
+//! are kept.
 //!
-//! Each service has a random id, in its database, in the file `DATA/id` and in its bucket. A service whose ids differ, or whose database is
-//! missing, empty or damaged, does not start; so a wrong volume or a lost database costs nothing. What the database does not list, as after
-//! the restoration of an older one, is moved to `DATA/lost` (in a bucket: below `lost/`) and never removed. Only what the database says was
+//! Each service has a random id, in its database, in the file `DATA/id` and in its bucket. A service whose
+//! ids differ, or whose database is missing, empty or damaged, does not start; so a wrong volume or a lost
+//! database costs nothing. What the database does not list, as after the restoration of an older one, is
+//! moved to `DATA/lost` (in a bucket: below `lost/`) and never removed. Only what the database says was
 //! removed, or never completed, is removed.
 
 use crate::files::Files;
@@ -32,7 +34,7 @@ pub struct Lost {
 }
 
 impl Lost {
-    /// What a start says of it.
+    /// Message of a start.
     pub fn message(&self, root: &Path) -> Option<String> {
         let number = self.names.len();
         let listed = self.names.iter().take(MAX_LISTED).cloned().collect::<Vec<_>>().join(", ");
@@ -59,7 +61,8 @@ impl Store {
     /// Opens or makes the store of a folder, with the files of uploads and results where `kept` says.
     ///
     /// # Errors
-    /// [`StoreError`]; for a database that is missing, damaged, of another version or of another service, before anything is changed.
+    /// [`StoreError`]; for a database that is missing, damaged, of another version or of another service,
+    /// before anything is changed.
     pub fn open(root: &Path, kept: Files) -> Result<Store> {
         make_private(root)?;
         let root = root.canonicalize()?;
@@ -102,8 +105,8 @@ impl Store {
         })
     }
 
-    /// Removes what an interrupted service has left, incomplete uploads and what was to be removed, and moves what the database does not
-    /// list to `lost`. To be called at the start, while nothing is received.
+    /// Removes what an interrupted service has left, incomplete uploads and what was to be removed, and moves
+    /// what the database does not list to `lost`. To be called at the start, while nothing is received.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -133,7 +136,7 @@ impl Store {
         Ok(lost)
     }
 
-    /// Whether the database lists an upload, or a job with a folder.
+    /// True if the database lists an upload, or a job with a folder.
     pub(crate) fn is_known(&self, kind: Kind, id: &str) -> Result<bool> {
         let query = match kind {
             Kind::Upload => "SELECT 1 FROM uploads WHERE id = ?",
@@ -179,7 +182,7 @@ impl Store {
 /// The id of a folder, if it has one.
 ///
 /// # Errors
-/// Those of files.
+/// Errors of files.
 pub(crate) fn read_id(root: &Path) -> Result<Option<String>> {
     match fs::read_to_string(root.join(ID)) {
         Ok(text) => Ok(Some(text.trim().to_owned())),
@@ -188,7 +191,7 @@ pub(crate) fn read_id(root: &Path) -> Result<Option<String>> {
     }
 }
 
-/// Whether a folder has uploads or jobs.
+/// True if a folder has uploads or jobs.
 fn has_files(root: &Path) -> Result<bool> {
     let all = [Kind::Upload, Kind::Results].map(|kind| names_in(&root.join(folder_of(kind))));
     Ok(all.into_iter().collect::<Result<Vec<_>>>()?.iter().any(|names| !names.is_empty()))

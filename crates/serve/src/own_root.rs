@@ -1,5 +1,6 @@
-//! A root of its own for the process of a job, in a mount namespace: only what the job may read and write has a name there, so that it cannot
-//! even find out what else exists on the machine. Landlock closes the same files where the system has no such namespaces.
+//! A root of its own for the process of a job, in a mount namespace: only what the job may read and write has
+//! a name there, so that it cannot even find out what else exists on the machine. Landlock closes the same
+//! files where the system has no such namespaces.
 
 use nix::mount::{MntFlags, MsFlags, mount, umount2};
 use nix::sched::{CloneFlags, unshare};
@@ -10,7 +11,7 @@ use std::io;
 use std::os::fd::{AsRawFd as _, OwnedFd};
 use std::path::{Path, PathBuf};
 
-/// What of the namespaces this process has.
+/// Namespaces of this process.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Namespaces {
     /// A network without devices.
@@ -48,13 +49,13 @@ impl Namespaces {
         Namespaces::default()
     }
 
-    /// Whether limits of a user count the processes of this namespace only.
+    /// True if limits of a user count the processes of this namespace only.
     pub fn counts_anew(&self) -> bool {
         self.users
     }
 
-    /// Gives this process a root that has only these files and folders, by the names that they have now. Returns whether the system lets
-    /// it.
+    /// Gives this process a root that has only these files and folders, by the names that they have now.
+    /// Returns whether the system lets it.
     ///
     /// # Errors
     /// If the system fails halfway.
@@ -110,7 +111,8 @@ impl Namespaces {
         pivot_root(".", ".")?;
         umount2(".", MntFlags::MNT_DETACH)?;
         std::env::set_current_dir("/")?;
-        // The folder of the job has the name that it had; a folder that the job does not see is no place to be.
+        // The folder of the job has the name that it had; a folder that the job does not see is no place to
+        // be.
         let _ = std::env::set_current_dir(here);
         Ok(true)
     }

@@ -1,5 +1,5 @@
-//! The program vlscan: where it is, what it takes, which instruments it knows. The service asks the program itself, so that descriptions and
-//! results are of the same version.
+//! The program vlscan: where it is, what it takes, which instruments it knows. The service asks the program
+//! itself, so that descriptions and results are of the same version.
 
 use crate::config::ConfineArgs;
 use crate::confine::Held;
@@ -75,13 +75,13 @@ impl Program {
         entries.filter_map(|entry| Some((entry["reference"].as_str()?, entry)))
     }
 
-    /// Whether a text is the full reference of a scanner or platform of the catalogue.
+    /// True if a text is the full reference of a scanner or platform of the catalogue.
     pub fn is_reference(&self, text: &str) -> bool {
         let lists = self.catalogue.as_object().into_iter().flatten().filter_map(|(_, list)| list.as_array());
         lists.flatten().any(|entry| entry["reference"] == text)
     }
 
-    /// Whether the catalogue has a file of this name.
+    /// True if the catalogue has a file of this name.
     pub fn has_file(&self, name: &str) -> bool {
         let lists = self.catalogue.as_object().into_iter().flatten().filter_map(|(_, list)| list.as_array());
         let mut references = lists.flatten().filter_map(|entry| entry["reference"].as_str());
@@ -189,7 +189,8 @@ pub fn confined(args: &ConfineArgs, words: &[OsString]) -> std::io::Result<Comma
     Ok(command)
 }
 
-/// The program that confines: this one. Its path is that of the start, so that a file that replaces it is used from then on.
+/// The program that confines: this one. Its path is that of the start, so that a file that replaces it is
+/// used from then on.
 ///
 /// # Errors
 /// When this program does not know where it is.

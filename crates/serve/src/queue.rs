@@ -1,7 +1,8 @@
 //! The queue: jobs that wait, and leases of those that are computed.
 //!
-//! A worker holds a job for some seconds and renews this lease while it computes. A service that ends takes its workers along, and a lease
-//! that is not renewed runs out; so the job is given to another worker, which continues it. Only who holds a job can finish it.
+//! A worker holds a job for some seconds and renews this lease while it computes. A service that ends takes
+//! its workers along, and a lease that is not renewed runs out; so the job is given to another worker, which
+//! continues it. Only who holds a job can finish it.
 
 use crate::processes::Process;
 use crate::records::Kind;
@@ -55,12 +56,13 @@ pub enum Outcome {
     Failed(String),
 }
 
-/// Which jobs a worker takes.
+/// Jobs that a worker takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lane {
     /// All.
     Any,
-    /// Those that answer requests, of each owner at most this many at a time, so that nobody takes all workers of the lane.
+    /// Jobs that answer requests: at most this many of an owner at a time, so that no owner can take all
+    /// workers of the lane.
     Quick {
         /// Jobs of an owner.
         share: usize,
@@ -77,8 +79,8 @@ struct Waiting {
 }
 
 impl Store {
-    /// Adds a job to the queue, or, with `answer`, as successful with the results of that earlier job. Returns `false` and adds nothing if
-    /// the owner has `max_queued` jobs that are not finished.
+    /// Adds a job to the queue, or, with `answer`, as successful with the results of that earlier job.
+    /// Returns `false` and adds nothing if the owner has `max_queued` jobs that are not finished.
     ///
     /// # Errors
     /// [`crate::store::StoreError`].
@@ -154,8 +156,9 @@ impl Store {
         Ok(found)
     }
 
-    /// Takes a job for `holder`, one that waits or whose lease has run out: of the owner of whom the fewest are computed, of several the one
-    /// who was served longest ago, and of that owner the one that has waited longest.
+    /// Takes a job for `holder`, one that waits or whose lease has run out: of the owner of whom the fewest
+    /// are computed, of several the one who was served longest ago, and of that owner the one that has waited
+    /// longest.
     ///
     /// # Errors
     /// [`crate::store::StoreError`].
@@ -185,7 +188,8 @@ impl Store {
         Ok(taken)
     }
 
-    /// Renews a lease and records the progress, in percent. Returns whether the job is still to be computed by this holder.
+    /// Renews a lease and records the progress, in percent. Returns whether the job is still to be computed
+    /// by this holder.
     ///
     /// # Errors
     /// [`crate::store::StoreError`].
@@ -256,7 +260,8 @@ impl Store {
         Ok(changed > 0)
     }
 
-    /// Gives a job that is held the results in the folder of another one. If these have been removed since, the job returns to the queue.
+    /// Gives a job that is held the results in the folder of another one. If these have been removed since,
+    /// the job returns to the queue.
     fn finish_as(&self, id: &str, holder: &str, folder: &str) -> Result<bool> {
         let changed = self.database().execute(
             "UPDATE jobs SET status = 'successful', message = found.message, progress = 100, folder = ?1, results = found.results, finished = ?2,
@@ -327,8 +332,8 @@ impl Store {
         self.remove_unused()
     }
 
-    /// Dismisses a job of an owner: what waits or runs is given up, results are removed, unless `holder` is to hold the job until it lets
-    /// go. Returns whether there was one.
+    /// Dismisses a job of an owner: what waits or runs is given up, results are removed, unless `holder` is
+    /// to hold the job until it lets go. Returns whether there was one.
     ///
     /// # Errors
     /// [`crate::store::StoreError`].
@@ -347,8 +352,8 @@ impl Store {
         Ok(changed > 0)
     }
 
-    /// Charges a job's pulses to its owner, unless this exceeds `quota` within 24 hours. Returns what the others in that time have cost
-    /// if it does. A job that is continued is charged once.
+    /// Charges a job's pulses to its owner, unless this exceeds `quota` within 24 hours. Returns what the
+    /// others in that time have cost if it does. A job that is continued is charged once.
     ///
     /// # Errors
     /// [`crate::store::StoreError`].

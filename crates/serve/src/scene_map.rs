@@ -1,4 +1,5 @@
-//! Pictures of scenes from above, on which areas are drawn. They are kept by the contents of the files that they are drawn from.
+//! Pictures of scenes from above, on which areas are drawn. They are kept by the contents of the files that
+//! they are drawn from.
 
 use crate::beneath::Beneath;
 use crate::job_folder;
@@ -45,7 +46,7 @@ impl SceneMap {
     /// The picture (PNG).
     ///
     /// # Errors
-    /// Those of files.
+    /// Errors of files.
     pub fn picture(&self) -> std::io::Result<Vec<u8>> {
         Beneath::of(&self.folder)?.read(PICTURE, MAX_PICTURE)
     }
@@ -70,7 +71,8 @@ impl Frame {
         }
     }
 
-    /// Coordinates of a place in the picture, pixels from its upper left corner, rounded to what a pixel can tell.
+    /// Coordinates of a place in the picture, pixels from its upper left corner, rounded to what a pixel can
+    /// tell.
     pub fn place(&self, x: f64, y: f64) -> [f64; 2] {
         let digits = (1.0 - self.pixel.log10().floor()).clamp(0.0, 6.0);
         let unit = 10f64.powi(digits as i32);

@@ -1,15 +1,15 @@
 //! The tables of the database, their version, and whether a database is sound.
 //!
-//! A database states its version (`PRAGMA user_version`). Older ones are migrated in one transaction, after a copy beside them; newer ones
-//! and damaged ones are refused before anything is written.
+//! A database states its version (`PRAGMA user_version`). Older ones are migrated in one transaction, after a
+//! copy beside them; newer ones and damaged ones are refused before anything is written.
 
 use crate::store::{Result, StoreError};
 use rusqlite::{Connection, OptionalExtension as _};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-// With the exclusive lock SQLite needs no memory that processes share, which network file systems do not have. Pages that dismissed jobs
-// leave are given back to the disk (`Store::shrink`).
+// With the exclusive lock SQLite needs no memory that processes share, which network file systems do not
+// have. Pages that dismissed jobs leave are given back to the disk (`Store::shrink`).
 const SETTINGS: &str = "
 PRAGMA auto_vacuum = INCREMENTAL;
 PRAGMA locking_mode = EXCLUSIVE;
@@ -21,7 +21,7 @@ PRAGMA foreign_keys = ON;
 PRAGMA cache_size = -4000;
 ";
 
-/// What each version adds to the one before. Databases before version 1 have some of its tables.
+/// Changes of each version of the schema. Databases before version 1 have some of its tables.
 const STEPS: [&str; 2] = ["
 CREATE TABLE IF NOT EXISTS uploads (
     id TEXT PRIMARY KEY, owner TEXT NOT NULL, name TEXT, files INTEGER NOT NULL, bytes INTEGER NOT NULL, sha256 TEXT NOT NULL,
@@ -66,7 +66,7 @@ CREATE INDEX jobs_finished ON jobs (finished) WHERE status IN ('successful', 'fa
 /// The version of the tables.
 pub(crate) const VERSION: i64 = STEPS.len() as i64;
 
-/// What a database has.
+/// Tables and columns of a database.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum State {
     /// No tables.
@@ -75,7 +75,7 @@ pub(crate) enum State {
     Version(i64),
 }
 
-/// Whether there is a database that has something.
+/// True if there is a database that has something.
 pub(crate) fn exists(path: &Path) -> bool {
     let has_bytes = |path: &Path| std::fs::metadata(path).is_ok_and(|about| about.len() > 0);
     has_bytes(path) || has_bytes(&path.with_extension("db-wal"))
@@ -122,11 +122,11 @@ pub(crate) fn check(database: &Connection, path: &Path) -> Result<State> {
     }
 }
 
-/// Opens the database that a check has found sound, or makes it, with the tables of this version. `id` becomes that of a database
-/// which has none. Returns the id.
+/// Opens the database that a check has found sound, or makes it, with the tables of this version. `id`
+/// becomes that of a database which has none. Returns the id.
 ///
 /// # Errors
-/// Those of the database, and for columns that are not those of this version.
+/// Errors of the database, and columns of another version.
 pub(crate) fn open(path: &Path, state: State, id: &str) -> Result<(Connection, String)> {
     let mut database = Connection::open(path)?;
     database.execute_batch(SETTINGS)?;
@@ -160,7 +160,7 @@ pub(crate) fn open(path: &Path, state: State, id: &str) -> Result<(Connection, S
 /// The id in a database; `None` before version 1.
 ///
 /// # Errors
-/// Those of the database.
+/// Errors of the database.
 pub(crate) fn id_of(database: &Connection) -> Result<Option<String>> {
     let has_table = "SELECT 1 FROM sqlite_schema WHERE name = 'service'";
     if database.query_row(has_table, [], |_| Ok(())).optional()?.is_none() {

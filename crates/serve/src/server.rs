@@ -118,7 +118,7 @@ pub fn serve(args: &ServeArgs) -> Result<(), ServeError> {
     Ok(done?)
 }
 
-/// Whether a name leads to this machine only, whatever a proxy does.
+/// True if a name leads to this machine only, whatever a proxy does.
 fn is_loopback_name(name: &str) -> bool {
     let name = name.trim_end_matches('.').trim_matches(['[', ']']);
     name.eq_ignore_ascii_case("localhost") || name.parse().is_ok_and(|ip: std::net::IpAddr| ip.is_loopback())

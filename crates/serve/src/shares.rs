@@ -1,4 +1,5 @@
-//! What requests share, such as uploads at a time, of which each owner has a part, so that nobody takes it all.
+//! Shared limits of requests, such as concurrent uploads: each owner has a share, so that no owner can use
+//! all.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError, Weak};

@@ -1,4 +1,5 @@
-//! What is executed for the results of a job: one step, or parts that any number of processes compute and a last step.
+//! What is executed for the results of a job: one step, or parts that any number of processes compute and a
+//! last step.
 
 use crate::execution::{End, Setting};
 use crate::processes::Process;
@@ -160,7 +161,7 @@ fn empty(folder: &Path) -> Result<()> {
     Ok(fs::create_dir(folder)?)
 }
 
-/// Whether an earlier worker has left shards of a run, which is then continued.
+/// True if an earlier worker has left shards of a run, which is then continued.
 fn has_shards(out: &Path) -> Result<bool> {
     let names = crate::opening::names_in(out)?;
     Ok(names.iter().any(|name| name.ends_with(".shards")))

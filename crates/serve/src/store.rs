@@ -15,8 +15,9 @@
 //!
 //! With a bucket, uploads and `out` are there only while they are used (`files`).
 //!
-//! A row is written when its files are complete. Files are removed when no row names them, after a note of their removal; so the next
-//! start completes what is interrupted, and removes nothing without a note (`opening`).
+//! A row is written when its files are complete. Files are removed when no row names them, after a note of
+//! their removal; so the next start completes what is interrupted, and removes nothing without a note
+//! (`opening`).
 
 use crate::beneath::BLOCK;
 use crate::files::{Fetches, Files};
@@ -102,7 +103,8 @@ impl Store {
         self.database.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Lists an upload whose files are in their folder. Returns `false`, and lists nothing, if its owner has one of that name.
+    /// Lists an upload whose files are in their folder. Returns `false`, and lists nothing, if its owner has
+    /// one of that name.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -176,8 +178,8 @@ impl Store {
         Ok(removed > 0)
     }
 
-    /// What an owner takes on the disk, bytes: files of uploads and jobs, whatever has become of these, a block for each file and folder,
-    /// and the rows of the database.
+    /// Disk space of an owner, bytes: files of uploads and jobs in any state, a block for each file and
+    /// folder, and the rows of the database.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -252,8 +254,9 @@ impl Store {
         Ok(query.query_row([owner, id], job_of).optional()?)
     }
 
-    /// The newest jobs of an owner, of these states and processes if any are named, after the first `skip`. Lists have no long texts: not
-    /// what is executed, long inputs in part, and results only in lists of `Listed::Results`, unless they are very many.
+    /// The newest jobs of an owner, of these states and processes if any are named, after the first `skip`.
+    /// Lists have no long texts: not what is executed, long inputs in part, and results only in lists of
+    /// `Listed::Results`, unless they are very many.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -351,13 +354,13 @@ impl Store {
         Ok(text.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default())
     }
 
-    /// Whether an unfinished job reads an upload or results.
+    /// True if an unfinished job reads an upload or results.
     pub(crate) fn is_used(&self, id: &str) -> Result<bool> {
         let query = "SELECT 1 FROM uses JOIN jobs ON jobs.id = uses.job WHERE target = ? AND status IN ('accepted', 'running')";
         Ok(self.database().query_row(query, [id], |_| Ok(())).optional()?.is_some())
     }
 
-    /// Whether the files of an upload, or results, are kept.
+    /// True if the files of an upload, or results, are kept.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -370,7 +373,7 @@ impl Store {
     }
 }
 
-/// What lists of jobs have besides states.
+/// Fields of job lists besides the state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Listed {
     /// Nothing.

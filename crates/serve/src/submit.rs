@@ -30,8 +30,8 @@ pub enum SubmitError {
 }
 
 impl Workshop {
-    /// The newest job of an owner that was asked for the same and has not failed: names of uploads may stand for other files since, which
-    /// the fingerprint tells.
+    /// The newest job of an owner that was asked for the same and has not failed: names of uploads may stand
+    /// for other files since, which the fingerprint tells.
     ///
     /// # Errors
     /// [`SubmitError`].

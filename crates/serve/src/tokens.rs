@@ -87,7 +87,7 @@ impl Tokens {
         Ok(Tokens(tokens))
     }
 
-    /// Whether there are none.
+    /// True if there are none.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }

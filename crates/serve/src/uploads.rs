@@ -1,5 +1,5 @@
-//! Uploads: files of a form are received into a folder of their own, archives expanded by a confined process, everything hashed, and only
-//! then listed under the name that their owner gives them.
+//! Uploads: files of a form are received into a folder of their own, archives expanded by a confined process,
+//! everything hashed, and only then listed under the name that their owner gives them.
 
 use crate::beneath::{BLOCK, Beneath, EntryKind};
 use crate::config::{ConfineArgs, ExpandArgs, ServeArgs};
@@ -71,7 +71,8 @@ pub struct Received {
     files: BTreeSet<PathBuf>,
 }
 
-/// Receives the files of a form. `is_genuine` judges the field `csrf`, which forms of pages begin with; `None` where none is needed.
+/// Receives the files of a form. `is_genuine` judges the field `csrf`, which forms of pages begin with;
+/// `None` where none is needed.
 ///
 /// # Errors
 /// [`UploadError`].
@@ -255,7 +256,8 @@ fn is_archive(path: &Path) -> io::Result<bool> {
     Ok(is_named && fs::File::open(path)?.read_exact(&mut start).is_ok() && start == ZIP)
 }
 
-/// The folder itself, or the only thing in it if that is a folder. The folder `data` stays: files of HELIOS++ name others by it.
+/// The folder itself, or the only thing in it if that is a folder. The folder `data` stays: files of HELIOS++
+/// name others by it.
 fn inner_folder(folder: &Path) -> io::Result<PathBuf> {
     let entries: Vec<_> = fs::read_dir(folder)?.collect::<io::Result<_>>()?;
     match entries.as_slice() {
@@ -264,7 +266,8 @@ fn inner_folder(folder: &Path) -> io::Result<PathBuf> {
     }
 }
 
-/// All files of an upload, sorted, and a hash over their names and contents. The files are written to the disk.
+/// All files of an upload, sorted, and a hash over their names and contents. The files are written to the
+/// disk.
 fn hash_files(root: &Path, limits: &ServeArgs) -> Result<(Vec<UploadFile>, String), UploadError> {
     let folder = Beneath::of(root)?;
     let mut paths = BTreeSet::new();
@@ -336,7 +339,8 @@ fn sync_folder(_: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Expands a zip archive within limits of what it really contains, not of what it says of itself: the command of the confined process.
+/// Expands a zip archive within limits of what it really contains, not of what it says of itself: the command
+/// of the confined process.
 ///
 /// # Errors
 /// A message.

@@ -51,7 +51,7 @@ impl Workshop {
     /// Draws a picture if there is none. Returns whether there is one in the folder `view` of the job.
     ///
     /// # Errors
-    /// Those of files.
+    /// Errors of files.
     pub fn view(&self, job: &Job, name: &str) -> Result<bool> {
         let folder = self.store.job_folder(&job.folder);
         let is_there = || {

@@ -1,7 +1,9 @@
-//! Workers: threads that take jobs from the queue and have them computed, each by a process of its own, or by an engine.
+//! Workers: threads that take jobs from the queue and have them computed, each by a process of its own, or by
+//! an engine.
 //!
-//! A worker makes the job's folder, has the results computed under restrictions, and renews the lease meanwhile. It gives the job up when the
-//! job is dismissed, or when the service ends. What an earlier worker has begun is continued.
+//! A worker makes the job's folder, has the results computed under restrictions, and renews the lease
+//! meanwhile. It gives the job up when the job is dismissed, or when the service ends. What an earlier worker
+//! has begun is continued.
 
 use crate::beneath::{BLOCK, Beneath};
 use crate::config::{ConfineArgs, ServeArgs};
@@ -88,7 +90,8 @@ impl Workshop {
     pub fn start(self: &Arc<Workshop>) -> std::io::Result<Vec<JoinHandle<()>>> {
         let start = |name: String, work: fn(&Workshop)| {
             let workshop = Arc::clone(self);
-            // The processes end with the thread that starts them, which therefore lives as long as the service.
+            // The processes end with the thread that starts them, which therefore lives as long as the
+            // service.
             std::thread::Builder::new().name(name).spawn(move || work(&workshop))
         };
         let any = (0..self.limits.workers)
@@ -384,7 +387,8 @@ impl Workshop {
         Ok(End::Success)
     }
 
-    /// Whether a job is still to be computed by its holder; records its progress, at first and then now and then.
+    /// True if a job is still to be computed by its holder; records its progress, at first and then now and
+    /// then.
     fn renewing<'a>(
         &'a self,
         job: &'a Job,
@@ -432,10 +436,11 @@ impl Workshop {
         })
     }
 
-    /// Dismisses a job of an owner: what waits or runs is given up, results are removed. Returns whether there was one.
+    /// Dismisses a job of an owner: what waits or runs is given up, results are removed. Returns whether
+    /// there was one.
     ///
     /// # Errors
-    /// Those of the store.
+    /// Errors of the store.
     pub fn dismiss(self: &Arc<Workshop>, owner: &str, id: &str) -> Result<bool> {
         let tasks = Tasks::of(&self.store.job_folder(id));
         if self.engine.is_none() || tasks.last_submission()?.is_none() {
@@ -467,12 +472,13 @@ impl Workshop {
         }
     }
 
-    /// Goes on with what an earlier service has left: cancels dismissed jobs that an engine has, gives what was held back to the queue,
-    /// removes what was to be removed and moves what the database does not list to `lost`. To be called before the workers start. Returns an unfinished job that an engine has, if this
-    /// service has no engine.
+    /// Goes on with what an earlier service has left: cancels dismissed jobs that an engine has, gives what
+    /// was held back to the queue, removes what was to be removed and moves what the database does not list
+    /// to `lost`. To be called before the workers start. Returns an unfinished job that an engine has, if
+    /// this service has no engine.
     ///
     /// # Errors
-    /// Those of the store.
+    /// Errors of the store.
     pub fn resume(&self) -> Result<Option<String>> {
         for id in self.store.ids(&[Status::Accepted, Status::Running])? {
             let tasks = Tasks::of(&self.store.job_folder(&id));

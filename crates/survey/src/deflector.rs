@@ -51,8 +51,8 @@ impl Deflector {
     }
 }
 
-/// Applies optics, angles, frequencies and prisms to a device. Flat prisms stay until [`leave_out_flat_prisms`]. `None` for
-/// unknown optics.
+/// Applies optics, angles, frequencies and prisms to a device. Flat prisms stay until
+/// [`leave_out_flat_prisms`]. `None` for unknown optics.
 pub(super) fn change_deflector(fields: &mut Fields, device: &mut Device, in_channel: bool) -> Option<()> {
     let is_toml = fields.is_toml();
     let kinds = [
@@ -69,7 +69,8 @@ pub(super) fn change_deflector(fields: &mut Fields, device: &mut Device, in_chan
         fields.ignore(&[PRISM_1, PRISM_2, PRISM_3].concat());
         return None;
     }
-    // In XML a channel with other optics starts from defaults, one with the same optics from the scanner's settings.
+    // In XML a channel with other optics starts from defaults, one with the same optics from the scanner's
+    // settings.
     let chosen = chosen.filter(|new| is_toml || new.optics() != device.deflector.optics());
     let is_new = chosen.is_some();
     if let Some(new) = chosen {
@@ -156,7 +157,8 @@ fn check_cone(fields: &Fields, device: &Device) {
     }
 }
 
-/// Reports keys that only the optics `own` have: an error in TOML, a warning in XML. Numbers are checked all the same.
+/// Reports keys that only the optics `own` have: an error in TOML, a warning in XML. Numbers are checked all
+/// the same.
 pub(super) fn refuse_unused(fields: &mut Fields, keys: &[Key], own: &str, optics: &str) {
     if fields.is_toml() {
         for key in keys.iter().filter(|key| fields.has(**key)) {
@@ -224,7 +226,7 @@ fn check_prism(fields: &Fields, keys: &[Key], prism: &Prism, air: f64) {
     fields.warn(at, &message);
 }
 
-/// Whether conic or line optics have an angle, or are on a head that turns them instead.
+/// True if conic or line optics have an angle, or are on a head that turns them instead.
 fn can_deflect(device: &Device) -> bool {
     device.scan_angle_max > 0.0 || device.head.max_rate > 0.0
 }
@@ -233,8 +235,8 @@ fn can_deflect(device: &Device) -> bool {
 pub(super) const DEFLECTING: [Key; 4] =
     [K.optics, K.prisms, K.scan_angle_max_deg, K.scan_angle_effective_max_deg];
 
-/// Warns of a mirror or of prisms whose settings prevent all pulses or leave the beam as it is, and refuses a cone that XML
-/// describes incompletely.
+/// Warns of a mirror or of prisms whose settings prevent all pulses or leave the beam as it is, and refuses a
+/// cone that XML describes incompletely.
 pub(super) fn check_deflector(fields: &Fields, device: &Device, in_channel: bool) {
     match &device.deflector {
         Deflector::EllipticConic { .. } if !fields.is_toml() => check_cone(fields, device),

@@ -1,5 +1,5 @@
-//! A device of an instrument: what the keys of `[scanner]`, `<scanner>`, channels, `[detector]`, `<detectorSettings>` and
-//! waveform settings change of it (spec input-formats §2.11–2.12, §6).
+//! A device of an instrument: what the keys of `[scanner]`, `<scanner>`, channels, `[detector]`,
+//! `<detectorSettings>` and waveform settings change of it (spec input-formats §2.11–2.12, §6).
 
 use super::deflector::{change_deflector, refuse_unused};
 use super::fields::Fields;
@@ -15,7 +15,8 @@ use vlscan_geom::{DVec3, degrees};
 
 const K: InstrumentKeys = InstrumentKeys::KEYS;
 
-/// The pulse length that the waveform settings of a multi-channel scanner assume, ns (spec input-formats §2.11).
+/// The pulse length that the waveform settings of a multi-channel scanner assume, ns (spec input-formats
+/// §2.11).
 pub(super) const MULTI_CHANNEL_PULSE_LENGTH: f64 = 4.0;
 
 pub(super) const WAVEFORM: WaveformSettings =
@@ -49,8 +50,8 @@ pub(super) const DEVICE_BEAM: Beam = Beam {
 };
 
 impl Device {
-    /// A device with this deflector on a head that does not turn, and otherwise the defaults of `[scanner]` in pipeline files:
-    /// 1064 nm, 0.3 mrad, pulses of 4 ns, any range, no noise.
+    /// A device with this deflector on a head that does not turn, and otherwise the defaults of `[scanner]`
+    /// in pipeline files: 1064 nm, 0.3 mrad, pulses of 4 ns, any range, no noise.
     pub fn new(deflector: Deflector) -> Device {
         Device {
             id: String::new(),
@@ -212,8 +213,8 @@ pub(super) fn waveform_place(fields: &Fields) -> Option<WaveformPlace> {
     Some(WaveformPlace { place, keys: keys.map(|key| fields.name(key)) })
 }
 
-/// Applies the `<FWFSettings>` of an element. Whenever there is one, the window is reset to a quarter of the pulse length (ns)
-/// (spec input-formats §2.11).
+/// Applies the `<FWFSettings>` of an element. Whenever there is one, the window is reset to a quarter of the
+/// pulse length (ns) (spec input-formats §2.11).
 pub(super) fn change_waveform_of(fields: &mut Fields, device: &mut Device, pulse_length: f64) {
     let Some(mut child) = fields.element_child("FWFSettings") else { return };
     device.waveform.window = pulse_length / 4.0;

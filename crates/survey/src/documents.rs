@@ -38,7 +38,8 @@ fn like_built_in(context: &Context, kind: &str, id: &str) -> Option<String> {
 }
 
 impl Context {
-    /// The bytes of a description of at most `max_bytes`; an error if its contents would need more memory than the limit.
+    /// The bytes of a description of at most `max_bytes`; an error if its contents would need more memory
+    /// than the limit.
     pub fn read(&self, path: &Path, max_bytes: u64) -> std::io::Result<Vec<u8>> {
         let about = std::fs::metadata(path);
         reads::note_opened(path, &about);
@@ -115,8 +116,8 @@ impl Context {
         Some(document)
     }
 
-    /// The asset that an attribute refers to: `file.xml#id`, `id` or `#id` in the same document, or `file.xml` for
-    /// the first asset of that kind in the file (spec input-formats §1.2).
+    /// The asset that an attribute refers to: `file.xml#id`, `id` or `#id` in the same document, or
+    /// `file.xml` for the first asset of that kind in the file (spec input-formats §1.2).
     pub fn asset(&self, kind: &str, from: &Element, attribute: &str) -> Option<Element> {
         let reference = from.value(attribute)?;
         let place = || from.value_place(attribute);
@@ -208,8 +209,9 @@ impl Context {
         }
     }
 
-    /// The existing file of a name, which may have no place. A missing file is an error that lists the searched folders; a file
-    /// of the working directory that hides another one beside the referring file is warned of.
+    /// The existing file of a name, which may have no place. A missing file is an error that lists the
+    /// searched folders; a file of the working directory that hides another one beside the referring file is
+    /// warned of.
     pub fn file(&self, name: &str, folder: &Path, place: impl Into<Option<Place>>) -> Option<PathBuf> {
         let place = place.into();
         let Some(Located { found, respelled }) = self.assets.file(name, folder) else {
@@ -251,8 +253,8 @@ fn shortened(ids: &[String]) -> String {
     list
 }
 
-/// The element of a scanner or a platform: `file.xml#id`, `file.xml` for its first one, or the id of a built-in one. Files are
-/// searched from `folder`; `place` is the place of the reference.
+/// The element of a scanner or a platform: `file.xml#id`, `file.xml` for its first one, or the id of a
+/// built-in one. Files are searched from `folder`; `place` is the place of the reference.
 pub(super) fn find_asset(
     context: &Context,
     kind: &str,

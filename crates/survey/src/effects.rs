@@ -1,5 +1,5 @@
-//! Settings of legs that the scanner or the platform limits, replaces or does not have. Each is a warning that names
-//! what is used instead.
+//! Settings of legs that the scanner or the platform limits, replaces or does not have. Each is a warning
+//! that names what is used instead.
 
 use super::checks::LegCheck;
 use super::keys::{Key, LegKeys, SettingsKeys};
@@ -247,8 +247,8 @@ impl LegCheck<'_> {
     }
 }
 
-/// Whether an angle (rad) was written as a number that is no round number of degrees, and a round one if it stands for
-/// radians.
+/// True if an angle (rad) was written as a number that is no round number of degrees, and a round one if it
+/// stands for radians.
 fn looks_like_radians(angle: f64) -> bool {
     let written = degrees(angle).abs();
     let is_multiple =

@@ -6,9 +6,9 @@ use super::{
 use vlscan_geom::DVec3;
 
 impl Survey {
-    /// Replaces the platform by a stream of poses; mount and noise are kept. The legs are replaced by one active leg
-    /// with the scanner settings of the first active leg (else of the first leg, else the scanner's defaults),
-    /// without a maximum duration: the flight ends with the stream.
+    /// Replaces the platform by a stream of poses; mount and noise are kept. The legs are replaced by one
+    /// active leg with the scanner settings of the first active leg (else of the first leg, else the
+    /// scanner's defaults), without a maximum duration: the flight ends with the stream.
     pub fn follow(&mut self, stream: PoseStream) {
         self.platform.kind = PlatformKind::Stream(stream);
         let model = self.legs.iter().find(|leg| leg.scanner.active).or(self.legs.first());
@@ -62,8 +62,8 @@ impl Scanner {
         }
     }
 
-    /// Default scanner settings of a leg: the first pulse frequency, the first device's divergence and the turn of the head that
-    /// the scanner states; other angles and frequencies 0, no vertical limits.
+    /// Default scanner settings of a leg: the first pulse frequency, the first device's divergence and the
+    /// turn of the head that the scanner states; other angles and frequencies 0, no vertical limits.
     pub fn own_settings(&self) -> ScannerSettings {
         let beam = self.devices.first().map(|d| d.beam.divergence);
         let settings = super::settings::ScannerLayer::of_scanner(

@@ -6,15 +6,16 @@
 //! beech_2.obj,431009.1,5412203.7,113.0,275.5,0.9,1.3
 //! ```
 //!
-//! `file` is searched beside the table, x, y and z are metres, yaw is degrees about the vertical axis from x to y,
-//! scale is a factor, and scale_xy the factor of the mesh's x and y. Yaw, scale and scale_xy are optional (0, 1 and scale). A first line without a number names the columns, in any
-//! order; without headings the order is that of the example. Blank lines and lines that begin with `#` are skipped. Every
-//! line becomes a separate part.
+//! `file` is searched beside the table, x, y and z are metres, yaw is degrees about the vertical axis from x
+//! to y, scale is a factor, and scale_xy the factor of the mesh's x and y. Yaw, scale and scale_xy are
+//! optional (0, 1 and scale). A first line without a number names the columns, in any order; without headings
+//! the order is that of the example. Blank lines and lines that begin with `#` are skipped. Every line
+//! becomes a separate part.
 //!
-//! A table is used as a part of a scene (`<filter type="instances">` with the parameter `filepath`) or as a complete
-//! scene (`scene = "trees.csv"`). After an `objloader` an empty `file` means the file of that loader, whose
-//! parameters apply to all instances; filters between the loader and the table transform the mesh before it is placed,
-//! filters after the table transform all instances together.
+//! A table is used as a part of a scene (`<filter type="instances">` with the parameter `filepath`) or as a
+//! complete scene (`scene = "trees.csv"`). After an `objloader` an empty `file` means the file of that
+//! loader, whose parameters apply to all instances; filters between the loader and the table transform the
+//! mesh before it is placed, filters after the table transform all instances together.
 
 use super::context::Context;
 use super::text::decode_table;
@@ -180,7 +181,8 @@ impl Reader<'_> {
         (!is_fatal).then_some(headings)
     }
 
-    /// The instance of a line; `None` after errors. `is_cut`: the line has no end and fewer fields than the line before.
+    /// The instance of a line; `None` after errors. `is_cut`: the line has no end and fewer fields than the
+    /// line before.
     fn row(&mut self, table: &TextTable, line: &mut Line, is_cut: bool) -> Option<Row> {
         let context = self.context;
         let width = line.fields.len();
@@ -286,8 +288,8 @@ impl Reader<'_> {
 }
 
 impl Transform {
-    /// The composition `self ∘ first`; the grounding mode is that of `self` unless that is 0. If `self` widens, `first` must
-    /// turn about z only.
+    /// The composition `self ∘ first`; the grounding mode is that of `self` unless that is 0. If `self`
+    /// widens, `first` must turn about z only.
     pub fn after(&self, first: &Transform) -> Transform {
         Transform {
             rotation: self.rotation.after(first.rotation),

@@ -120,8 +120,9 @@ fn read_channels(
     elements.iter().enumerate().filter_map(read).collect()
 }
 
-/// Channels that differ by the elevation of their beams, `elevations_deg`, from channel 0 on, by their azimuth, `azimuths_deg`, by
-/// where they begin, `originRadii_m`, and by when they fire within a cycle, `firingOffsets_us`. `None` without elevations.
+/// Channels that differ by the elevation of their beams, `elevations_deg`, from channel 0 on, by their
+/// azimuth, `azimuths_deg`, by where they begin, `originRadii_m`, and by when they fire within a cycle,
+/// `firingOffsets_us`. `None` without elevations.
 fn channels_of_table(fields: &mut Fields, base: &Device) -> Option<Vec<Device>> {
     let elevations = fields.text("elevations_deg");
     let others = [AZIMUTHS, ORIGIN_RADII, FIRING_OFFSETS].map(|key| (key, fields.text(key)));
@@ -161,8 +162,8 @@ fn channels_of_table(fields: &mut Fields, base: &Device) -> Option<Vec<Device>> 
     Some(channels_of_beams(base, &elevations, &azimuths, &radii, &offsets))
 }
 
-/// Channels like `base` that differ by elevation and azimuth (degrees) of their beams, by the distance of their origin (m) and by
-/// the time of their pulse (µs); lists of one value hold for all.
+/// Channels like `base` that differ by elevation and azimuth (degrees) of their beams, by the distance of
+/// their origin (m) and by the time of their pulse (µs); lists of one value hold for all.
 fn channels_of_beams(
     base: &Device,
     elevations: &[f64],
@@ -182,7 +183,8 @@ fn channels_of_beams(
     elevations.iter().enumerate().map(channel).collect()
 }
 
-/// The channels that `elevations_deg` of a pipeline file lists, or `None` where they cannot be read. Outer `None` without elevations.
+/// The channels that `elevations_deg` of a pipeline file lists, or `None` where they cannot be read. Outer
+/// `None` without elevations.
 fn listed_channels(fields: &mut Fields, base: &Device) -> Option<Option<Vec<Device>>> {
     let others = [K.azimuths_deg, K.origin_radii_m];
     if !fields.has(K.elevations_deg) {
@@ -209,8 +211,8 @@ fn listed_channels(fields: &mut Fields, base: &Device) -> Option<Option<Vec<Devi
     Some(elevations.map(|elevations| channels_of_beams(base, &elevations, &azimuths, &radii, &offsets)))
 }
 
-/// The scanner of a reference: `file.xml#id`, a calibration file, or the id of a built-in one. Files are searched from `folder`;
-/// `place` is the place of the reference.
+/// The scanner of a reference: `file.xml#id`, a calibration file, or the id of a built-in one. Files are
+/// searched from `folder`; `place` is the place of the reference.
 pub(super) fn scanner_named(
     context: &Context,
     reference: &str,
@@ -248,7 +250,8 @@ const MAX_AZIMUTH: f64 = 360.0;
 /// Largest distance of the origin of a beam from that of the emitter, m.
 const MAX_ORIGIN_RADIUS: f64 = 1.0;
 
-/// The instrument of a `[scanner]` table, based on `inherited` (the scanner of a survey) or its catalogue entry.
+/// The instrument of a `[scanner]` table, based on `inherited` (the scanner of a survey) or its catalogue
+/// entry.
 pub(super) fn read_instrument(fields: &mut Fields, inherited: Option<Scanner>) -> Option<Scanner> {
     let base = match fields.has(K.catalogue) {
         false => inherited,
@@ -256,7 +259,8 @@ pub(super) fn read_instrument(fields: &mut Fields, inherited: Option<Scanner>) -
             let name = fields.near_name(K.catalogue)?;
             let place = Some(fields.place(K.catalogue));
             let mut scanner = scanner_named(fields.context, &name, fields.folder(), place)?;
-            // The catalogue's widths count here whatever the physics; surveys in XML keep the reference's meaning.
+            // The catalogue's widths count here whatever the physics; surveys in XML keep the reference's
+            // meaning.
             scanner.devices.iter_mut().for_each(|device| device.beam.take_stated_width());
             Some(scanner)
         }

@@ -1,12 +1,14 @@
-//! Surveys of virtual laser scanning as plain values, with every template, default and unit resolved: from HELIOS++ XML and
-//! from TOML. Geometry is not loaded here.
+//! Surveys of virtual laser scanning as plain values, with every template, default and unit resolved: from
+//! HELIOS++ XML and from TOML. Geometry is not loaded here.
 //!
-//! * [`read_survey`] reads a survey of XML, [`read_pipeline_survey`] that of a pipeline file: a [`Survey`] of a [`Scanner`], a
-//!   [`Platform`], [`Leg`]s and a [`SceneRecipe`].
-//! * [`read_scene`], [`find_scanner`] and [`find_platform`] read one of these alone, [`catalogue`](fn@catalogue) all that are built in.
-//! * All readers return the warnings to be shown beside the value, and all problems of all files at once as an error: each with
-//!   its place, what was found and what was expected.
-//! * [`INSTRUMENT_KEYS`] and [`SURVEY_TABLES`] list what can be stated, with names in both formats and bounds.
+//! * [`read_survey`] reads a survey of XML, [`read_pipeline_survey`] that of a pipeline file: a [`Survey`] of
+//!   a [`Scanner`], a [`Platform`], [`Leg`]s and a [`SceneRecipe`].
+//! * [`read_scene`], [`find_scanner`] and [`find_platform`] read one of these alone,
+//!   [`catalogue`](fn@catalogue) all that are built in.
+//! * All readers return the warnings to be shown beside the value, and all problems of all files at once as
+//!   an error: each with its place, what was found and what was expected.
+//! * [`INSTRUMENT_KEYS`] and [`SURVEY_TABLES`] list what can be stated, with names in both formats and
+//!   bounds.
 //!
 //! Angles are radians, lengths metres, frequencies hertz, positions world coordinates.
 //!

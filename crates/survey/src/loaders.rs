@@ -113,7 +113,7 @@ fn read_xyz(params: &mut Fields) -> Option<Loader> {
     })))
 }
 
-/// Whether files with this extension are point clouds whose columns need no separator.
+/// True if files with this extension are point clouds whose columns need no separator.
 fn is_binary_cloud(extension: &std::ffi::OsStr) -> bool {
     ["las", "laz", "ply", "pcd", "e57", "pts", "ptx", "arrow", "parquet"]
         .iter()

@@ -114,12 +114,12 @@ fn read_kind(fields: &mut Fields, element: &Element, kind: &str) -> Option<Motio
     })
 }
 
-/// Largest angle about a null axis that counts as no motion, degrees. The matrix of such a rotation is cos(angle) times the
-/// identity: up to here the reference shrinks a part by less than 0.02 %.
+/// Largest angle about a null axis that counts as no motion, degrees. The matrix of such a rotation is
+/// cos(angle) times the identity: up to here the reference shrinks a part by less than 0.02 %.
 const MAX_NULL_AXIS_ANGLE: f64 = 1.0;
 
-/// Whether the axis is the null vector and the angle small, as programs write a part that hardly turns and round the axis
-/// to a few digits.
+/// True if the axis is the null vector and the angle small, as programs write a part that hardly turns and
+/// round the axis to a few digits.
 fn has_null_axis(element: &Element) -> bool {
     let angle = element.value("angle").and_then(|text| text.trim().parse::<f64>().ok());
     angle.is_some_and(|angle| angle.abs() <= MAX_NULL_AXIS_ANGLE)
@@ -168,7 +168,8 @@ pub(super) fn read_timing(fields: &mut Fields) -> MotionTiming {
     }
 }
 
-/// Warns of a moving part that the document gives no time step, so that it moves at every pulse. `scene` is its scene.
+/// Warns of a moving part that the document gives no time step, so that it moves at every pulse. `scene` is
+/// its scene.
 fn check_steps(context: &Context, part: &Element, scene: &Element) {
     if part.value(STEPS[0]).is_none() && scene.value(STEPS[0]).is_none() {
         context.warn_help(
@@ -183,8 +184,8 @@ fn check_steps(context: &Context, part: &Element, scene: &Element) {
 const STEPS: [&str; 2] = ["dynStep", "kdtDynStep"];
 const TIMES: [&str; 2] = ["dynTimeStep", "kdtDynTimeStep"];
 
-/// Warns of timing of a `<part>` that has no effect or is no whole number of the steps that it is counted in. `scene` is the
-/// `dynTimeStep` of the scene.
+/// Warns of timing of a `<part>` that has no effect or is no whole number of the steps that it is counted in.
+/// `scene` is the `dynTimeStep` of the scene.
 pub(super) fn check_timing(context: &Context, part: &Element, scene_element: &Element, scene: Option<f64>) {
     let unused = |names: &[&str], why: &str| {
         for name in names.iter().filter(|name| part.value(name).is_some()) {

@@ -1,16 +1,16 @@
 //! Calibration files of Ouster sensors as instruments.
 //!
-//! The sensor writes one JSON file of itself. Its beams have altitudes and azimuths relative to the column that fires, and all of
-//! them leave from a circle around the axis:
+//! The sensor writes one JSON file of itself. Its beams have altitudes and azimuths relative to the column
+//! that fires, and all of them leave from a circle around the axis:
 //!
 //! ```text
 //! position = n·ê(θ) + (r − n)·d(θ − azimuth, altitude)      θ = −2π·column/columns
 //! ```
 //!
-//! with the range r that the sensor reports and the distance n of the beams' origin from the axis (Ouster, "Sensor Data:
-//! Coordinate Frames and XYZ Calculation"). The axes here are those of an emitter: the sensor's x axis, towards its connector,
-//! where column 0 fires, is y (forward); the sensor turns clockwise seen from above. Ranges count from the origin of the beam,
-//! so that they are r − n.
+//! with the range r that the sensor reports and the distance n of the beams' origin from the axis (Ouster,
+//! "Sensor Data: Coordinate Frames and XYZ Calculation"). The axes here are those of an emitter: the sensor's
+//! x axis, towards its connector, where column 0 fires, is y (forward); the sensor turns clockwise seen from
+//! above. Ranges count from the origin of the beam, so that they are r − n.
 //!
 //! The file says nothing of beam and receiver: they are those of the built-in entry of its product line.
 
@@ -34,8 +34,8 @@ const MAX_COLUMNS: f64 = 16384.0;
 const MAX_FRAME_RATE: f64 = 100.0;
 /// Largest distance of a beam's origin from the centre of the sensor, mm.
 const MAX_ORIGIN: f64 = 1000.0;
-/// Distance of the beams' origin from the axis in sensors whose firmware is older than 1.14 and does not state it, mm (Ouster
-/// SDK, default for such files).
+/// Distance of the beams' origin from the axis in sensors whose firmware is older than 1.14 and does not
+/// state it, mm (Ouster SDK, default for such files).
 const ORIGIN_BEFORE_1_14: f64 = 12.163;
 /// Product lines and the built-in entries of their beams and receivers.
 const PRODUCTS: [(&str, &str); 3] =
@@ -43,12 +43,13 @@ const PRODUCTS: [(&str, &str); 3] =
 /// The entry of other product lines.
 const OTHER_PRODUCT: &str = "ouster_os1-128";
 
-/// Whether a reference to a scanner is one to a calibration file.
+/// True if a reference to a scanner is one to a calibration file.
 pub(super) fn is_calibration(reference: &str) -> bool {
     Path::new(reference).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"))
 }
 
-/// Reads the calibration file `name`, searched from `folder`. Problems are recorded; `place` is that of the reference.
+/// Reads the calibration file `name`, searched from `folder`. Problems are recorded; `place` is that of the
+/// reference.
 pub(super) fn read_calibration(
     context: &Context,
     name: &str,
@@ -283,8 +284,8 @@ fn numbers(value: &Value) -> Option<Vec<f64>> {
     value.as_array()?.iter().map(Value::as_f64).collect()
 }
 
-/// Pose of an emitter whose beam leaves at an altitude and an azimuth (degrees, clockwise seen from above) relative to that of
-/// `base`, from where that one begins.
+/// Pose of an emitter whose beam leaves at an altitude and an azimuth (degrees, clockwise seen from above)
+/// relative to that of `base`, from where that one begins.
 pub(super) fn beam_pose(base: &Mount, altitude: f64, azimuth: f64) -> Mount {
     let turn = Rotation::about_x(radians(altitude));
     let turn = match azimuth {

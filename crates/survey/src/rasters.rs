@@ -1,4 +1,5 @@
-//! The files of terrain rasters by name: a file, a virtual raster, the tiles in a folder, or those of a pattern.
+//! The files of terrain rasters by name: a file, a virtual raster, the tiles in a folder, or those of a
+//! pattern.
 
 use super::RasterFiles;
 use super::assets::{Located, NoMatch};
@@ -16,8 +17,8 @@ const TILE_ENDINGS: [&str; 4] = ["tif", "tiff", "asc", "grd"];
 /// Ending of virtual rasters.
 const VIRTUAL_ENDING: &str = "vrt";
 
-/// Finds the files of a terrain raster: a raster, a virtual raster (.vrt), a folder of tiles, or a pattern such as
-/// `dem/*.tif`. Tiles are sorted by name.
+/// Finds the files of a terrain raster: a raster, a virtual raster (.vrt), a folder of tiles, or a pattern
+/// such as `dem/*.tif`. Tiles are sorted by name.
 ///
 /// # Errors
 /// The errors of [`crate::read_survey`].
@@ -27,17 +28,18 @@ pub fn find_raster(name: &str, options: &ReadOptions) -> Result<(RasterFiles, Di
     context.finish(files)
 }
 
-/// Whether a path is that of a raster by its ending or its contents, or that of a folder, which can hold tiles.
+/// True if a path is that of a raster by its ending or its contents, or that of a folder, which can hold
+/// tiles.
 pub fn names_raster(path: &Path) -> bool {
     has_ending(path, &TILE_ENDINGS) || is_virtual(path) || path.is_dir() || holds_raster(path)
 }
 
-/// Whether a file holds a raster that is read, whatever its name.
+/// True if a file holds a raster that is read, whatever its name.
 fn holds_raster(path: &Path) -> bool {
     first_bytes(path).is_some_and(|bytes| foreign(path, &bytes, &Wanted::RASTER).is_none())
 }
 
-/// Whether a name ends as those of rasters do.
+/// True if a name ends as those of rasters do.
 pub(super) fn is_raster(name: &str) -> bool {
     has_ending(Path::new(name), &TILE_ENDINGS) || is_virtual(Path::new(name))
 }
@@ -70,18 +72,19 @@ impl Context {
         }
     }
 
-    /// Whether a name is that of a raster by its ending or its contents, or of a folder of tiles.
+    /// True if a name is that of a raster by its ending or its contents, or of a folder of tiles.
     pub fn is_terrain(&self, name: &str, folder: &Path) -> bool {
         let holds_one = || self.assets.file(name, folder).is_some_and(|file| holds_raster(&file.found));
         is_raster(name) || self.is_folder(name, folder) || holds_one()
     }
 
-    /// Whether a name is that of a folder, and not of a file.
+    /// True if a name is that of a folder, and not of a file.
     pub fn is_folder(&self, name: &str, folder: &Path) -> bool {
         self.assets.folder(name, folder).is_some() && self.assets.file(name, folder).is_none()
     }
 
-    /// Whether a name that is relative to the working directory is that of a folder, or a pattern of names of files.
+    /// True if a name that is relative to the working directory is that of a folder, or a pattern of names of
+    /// files.
     pub fn are_tiles(&self, name: &str) -> bool {
         let matches = |name: &str| self.assets.matching(&of_wildcards(name), Path::new("")).is_ok();
         Path::new(name).is_dir() || has_wildcards(name) && matches(name)
@@ -111,8 +114,8 @@ impl Context {
         Some(RasterFiles::Tiles(files))
     }
 
-    /// All files that match an expression, see [`super::assets::Assets::matching`]; none is an error that names the files as
-    /// they are `written`.
+    /// All files that match an expression, see [`super::assets::Assets::matching`]; none is an error that
+    /// names the files as they are `written`.
     pub fn files_matching(
         &self,
         written: &str,

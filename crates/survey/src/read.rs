@@ -20,12 +20,12 @@ use vlscan_base::error::Result;
 use vlscan_base::files::reads;
 use vlscan_base::recognise::{Family, Wanted, foreign_file, recognise_file};
 
-/// Reads the survey of an XML file and everything that it refers to, except the geometry. The second value contains
-/// the warnings to be shown.
+/// Reads the survey of an XML file and everything that it refers to, except the geometry. The second value
+/// contains the warnings to be shown.
 ///
 /// # Errors
-/// All problems of all files at once as [`vlscan_base::Error::Input`]; scan frequencies outside the scanner's limits and
-/// contradictory trajectory settings as [`vlscan_base::Error::Limits`].
+/// All problems of all files at once as [`vlscan_base::Error::Input`]; scan frequencies outside the scanner's
+/// limits and contradictory trajectory settings as [`vlscan_base::Error::Limits`].
 pub fn read_survey(path: &Path, options: &ReadOptions) -> Result<(Survey, Diagnostics)> {
     if let Some(found) = foreign_file(path, &Wanted::SURVEY) {
         return Err(found.error(path));
@@ -39,9 +39,9 @@ pub fn read_survey(path: &Path, options: &ReadOptions) -> Result<(Survey, Diagno
     context.finish(survey)
 }
 
-/// Reads a scene: `file.xml#id`, `file.xml` for its first scene, a geometry file (.obj, .off, .tif, .asc, .vrt, .vox) or a folder of tiles of a
-/// raster as a scene of one part, a table of instances (.csv), or a packed scene (.vlscene). A raster is terrain, of
-/// [soil](MaterialDefinition::soil).
+/// Reads a scene: `file.xml#id`, `file.xml` for its first scene, a geometry file (.obj, .off, .tif, .asc,
+/// .vrt, .vox) or a folder of tiles of a raster as a scene of one part, a table of instances (.csv), or a
+/// packed scene (.vlscene). A raster is terrain, of [soil](MaterialDefinition::soil).
 ///
 /// # Errors
 /// The errors of [`read_survey`].
@@ -51,9 +51,9 @@ pub fn read_scene(reference: &str, options: &ReadOptions) -> Result<(SceneRecipe
     context.finish(scene)
 }
 
-/// Reads a scanner: `file.xml#id`, `file.xml` for its first scanner, the calibration file of an Ouster sensor (.json), or the id of a
-/// built-in scanner. An id that two built-in
-/// scanners have is an error that tells their full references.
+/// Reads a scanner: `file.xml#id`, `file.xml` for its first scanner, the calibration file of an Ouster sensor
+/// (.json), or the id of a built-in scanner. An id that two built-in scanners have is an error that tells
+/// their full references.
 ///
 /// # Errors
 /// The errors of [`read_survey`].
@@ -86,8 +86,8 @@ pub(super) fn chosen_scene(
     }
 }
 
-/// As [`find_scene`]; a raster that the reference names is terrain, of soil. Scenes of XML surveys are as HELIOS++ has them: rasters
-/// without a material are no ground.
+/// As [`find_scene`]; a raster that the reference names is terrain, of soil. Scenes of XML surveys are as
+/// HELIOS++ has them: rasters without a material are no ground.
 pub(super) fn find_scene_on_soil(
     context: &Context,
     reference: &str,
@@ -137,8 +137,8 @@ fn is_packed(name: &str) -> bool {
 /// Endings of the mesh files that the scene reads.
 pub(super) const MESH_ENDINGS: [&str; 6] = ["obj", "ply", "stl", "off", "gltf", "glb"];
 
-/// True if a reference names an existing file of a known kind that is not XML. The loader of meshes says what to do with those that
-/// are no scenes.
+/// True if a reference names an existing file of a known kind that is not XML. The loader of meshes says what
+/// to do with those that are no scenes.
 fn holds_no_xml(context: &Context, reference: &str, folder: &Path) -> bool {
     let kind = context.assets.file(reference, folder).and_then(|file| recognise_file(&file.found));
     kind.is_some_and(|kind| !matches!(kind.family, Family::Document | Family::Markup))

@@ -8,11 +8,12 @@ use vlscan_geom::{DVec3, Rotation};
 const STEP: f64 = 1e-9;
 
 impl Scanner {
-    /// The row of each device, which drivers of spinning scanners publish as `ring`: 0 is the lowest channel, as in the driver of
-    /// Velodyne for ROS. Channels of one elevation are in the order of devices; the only device of a scanner has row 0.
+    /// The row of each device, which drivers of spinning scanners publish as `ring`: 0 is the lowest channel,
+    /// as in the driver of Velodyne for ROS. Channels of one elevation are in the order of devices; the only
+    /// device of a scanner has row 0.
     ///
-    /// The elevation is that of a beam with its deflector at rest above the plane in which the scanner turns: the head around
-    /// the upright axis, or a mirror that sees all around.
+    /// The elevation is that of a beam with its deflector at rest above the plane in which the scanner turns:
+    /// the head around the upright axis, or a mirror that sees all around.
     pub fn rings(&self) -> Vec<u16> {
         let steps = |device: &Device| (elevation(device) / STEP).round() as i64;
         let mut order: Vec<usize> = (0..self.devices.len()).collect();

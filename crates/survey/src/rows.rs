@@ -12,8 +12,9 @@ pub(super) const MAX_FILE_BYTES: u64 = 1 << 24;
 /// Maximum size of a file of a line per pulse, bytes.
 pub(super) const MAX_LONG_FILE_BYTES: u64 = 1 << 31;
 
-/// Passes the rows of the file `name` of at most `max_bytes`, searched from `folder`, to `row`, which returns what it expects instead. Problems are
-/// recorded with file and line; `place` is the place of the reference, `columns` and `help` say what a line is.
+/// Passes the rows of the file `name` of at most `max_bytes`, searched from `folder`, to `row`, which returns
+/// what it expects instead. Problems are recorded with file and line; `place` is the place of the reference,
+/// `columns` and `help` say what a line is.
 pub(super) fn read_rows<const N: usize>(
     context: &Context,
     name: &str,
@@ -56,8 +57,8 @@ pub(super) fn read_rows<const N: usize>(
     }
 }
 
-/// Parses lines of `N` numbers, separated by comma, semicolon or blanks; empty lines, `#` comments and a header line are
-/// skipped.
+/// Parses lines of `N` numbers, separated by comma, semicolon or blanks; empty lines, `#` comments and a
+/// header line are skipped.
 ///
 /// # Errors
 /// The expected content, with the line number from 1.

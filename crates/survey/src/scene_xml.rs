@@ -63,8 +63,8 @@ pub(super) fn warn_of_repeated_ids(context: &Context, what: &str, elements: impl
     }
 }
 
-/// Reads a `<part>`: usually one recipe, none for a part without geometry, and one per file for a part without an id
-/// that is loaded from several files.
+/// Reads a `<part>`: usually one recipe, none for a part without geometry, and one per file for a part
+/// without an id that is loaded from several files.
 fn read_part(context: &Context, element: &Element, number: u32) -> Vec<PartRecipe> {
     let mut fields = Fields::new(context, element);
     let id = fields.text("id").filter(|id| !id.is_empty());
@@ -129,7 +129,7 @@ enum Where {
 #[derive(Default)]
 struct Chain {
     loader: Option<Loader>,
-    /// Whether a loader occurred that could not be read.
+    /// True if a loader occurred that could not be read.
     loader_failed: bool,
     /// The instances of a table; `None` without a table.
     rows: Option<Vec<Row>>,

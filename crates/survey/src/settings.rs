@@ -1,5 +1,5 @@
-//! Scanner and platform settings of a leg: attributes and keys, merged from the leg, its template and the scanner (spec
-//! input-formats §2.4–2.6, spec kinematics §1.7).
+//! Scanner and platform settings of a leg: attributes and keys, merged from the leg, its template and the
+//! scanner (spec input-formats §2.4–2.6, spec kinematics §1.7).
 
 use super::context::Context;
 use super::fields::Fields;
@@ -29,7 +29,8 @@ type Row = (Key, Kind, fn(&mut ScannerLayer) -> &mut f64);
 /// Defines the settings, each with its key and the value that means "not given" in merging.
 macro_rules! settings {
     ($($field:ident: $key:ident, $kind:ident = $default:expr;)*) => {
-        /// Scanner settings as written, before merging, in the units of the model. Vertical angles that are NaN are not set.
+        /// Scanner settings as written, before merging, in the units of the model. Vertical angles that are
+        /// NaN are not set.
         #[derive(Clone, Debug)]
         pub(super) struct ScannerLayer {
             pub active: bool,
@@ -38,7 +39,7 @@ macro_rules! settings {
             own_divergence: f64,
             /// When pulses leave, in place of a constant rate; only pipeline files say so.
             pulse_times: Option<PulseTimes>,
-            /// Where a scan angle of 0 is written, which counts as not given, and its name there.
+            /// Place and name of a scan angle of 0, which counts as not given.
             zero_angle: Option<(Place, &'static str)>,
         }
 
@@ -183,8 +184,8 @@ impl ScannerLayer {
         }
     }
 
-    /// Selects each value from the leg (`self`), the template or the scanner by comparing values (spec input-formats
-    /// §2.5).
+    /// Selects each value from the leg (`self`), the template or the scanner by comparing values (spec
+    /// input-formats §2.5).
     pub fn merged(&self, template: Option<&ScannerLayer>, scanner: &ScannerLayer) -> ScannerLayer {
         let mut default = ScannerLayer::DEFAULT;
         let (mut own, mut scanner) = (self.clone(), scanner.clone());
@@ -250,7 +251,8 @@ impl ScannerLayer {
         }
     }
 
-    /// Computes scan frequency and head speed from the angular resolutions (spec input-formats §2.6), which `fields` have.
+    /// Computes scan frequency and head speed from the angular resolutions (spec input-formats §2.6), which
+    /// `fields` have.
     pub fn apply_resolution(&mut self, fields: &Fields, scanner: &Scanner) {
         let keys = [K.vertical_resolution_deg, K.horizontal_resolution_deg];
         let angles = [self.vertical_resolution, self.horizontal_resolution];
@@ -313,7 +315,8 @@ impl ScannerLayer {
     }
 }
 
-/// Warns of a place of which some coordinates are given and others are missing, unless a template may have them.
+/// Warns of a place of which some coordinates are given and others are missing, unless a template may have
+/// them.
 pub(super) fn warn_of_missing_coordinates(context: &Context, element: &Element) {
     let on_ground = matches!(element.value("onGround"), Some(value) if !matches!(value, "false" | "0"));
     let missing: Vec<&str> =
@@ -333,7 +336,7 @@ pub(super) struct PlatformLayer {
 }
 
 impl PlatformLayer {
-    /// Whether the element says how the platform turns at its departure.
+    /// True if the element says how the platform turns at its departure.
     pub fn has_departure(&self) -> bool {
         self.settings.yaw_at_departure.is_some()
     }

@@ -1,5 +1,6 @@
-//! Virtual rasters of GDAL (VRT, <https://gdal.org/en/stable/drivers/raster/vrt.html>): windows of files, pixel by pixel, in one
-//! grid. What would change numbers or positions of pixels, such as resampling, warping and lookup tables, is an error.
+//! Virtual rasters of GDAL (VRT, <https://gdal.org/en/stable/drivers/raster/vrt.html>): windows of files,
+//! pixel by pixel, in one grid. What would change numbers or positions of pixels, such as resampling, warping
+//! and lookup tables, is an error.
 
 use super::context::Context;
 use super::xml::{Element, XmlDocument};
@@ -57,7 +58,8 @@ const OF_SOURCE: [&str; 10] = [
 const SIMPLE: &str = "SimpleSource";
 const COMPLEX: &str = "ComplexSource";
 
-/// Maximum distance of the borders of a window from those of pixels, pixels: GDAL computes them from coordinates.
+/// Maximum distance of the borders of a window from those of pixels, pixels: GDAL computes them from
+/// coordinates.
 const MAX_WINDOW_ERROR: f64 = 1e-3;
 
 /// Reads a virtual raster. Problems are recorded in `context`.

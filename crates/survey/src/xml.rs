@@ -113,8 +113,8 @@ impl XmlDocument {
     }
 }
 
-/// The text without an XML declaration that follows blank lines, which XML forbids and the reference reads: blanks take its
-/// place, so that positions stay the same.
+/// The text without an XML declaration that follows blank lines, which XML forbids and the reference reads:
+/// blanks take its place, so that positions stay the same.
 fn without_late_declaration<'t>(path: &Path, text: &'t str, problems: &mut Diagnostics) -> Cow<'t, str> {
     let start = text.len() - text.trim_start().len();
     if start == 0 || !text[start..].starts_with("<?xml ") {
@@ -195,7 +195,7 @@ impl Element {
         self.document.path.parent().unwrap_or(Path::new(""))
     }
 
-    /// Whether it is in a file of the built-in catalogue.
+    /// True if it is in a file of the built-in catalogue.
     pub fn is_built_in(&self) -> bool {
         self.path().starts_with(BUILT_IN)
     }

@@ -7,8 +7,8 @@ const MAX_LEAF_POINTS: usize = 8;
 /// In place of an axis: all points of a range are at one place, and in the order of indices.
 const ONE_PLACE: u8 = 3;
 
-/// A k-d tree: points in an order in which the middle one of a range separates those before it from those behind it along an
-/// axis, and each half likewise. Where the points lie makes no difference to its depth.
+/// A k-d tree: points in an order in which the middle one of a range separates those before it from those
+/// behind it along an axis, and each half likewise. Where the points lie makes no difference to its depth.
 pub(crate) struct KdTree {
     /// With their indices before they were ordered.
     points: Vec<([f64; 3], u32)>,
@@ -33,18 +33,18 @@ impl KdTree {
         self.nearest_few(p, 1, |_| true).first().map_or(f64::INFINITY, |(distance, _)| *distance)
     }
 
-    /// Whether a point lies within `radius` of a place.
+    /// True if a point lies within `radius` of a place.
     pub fn is_near(&self, p: &[f64; 3], radius: f64) -> bool {
         !self.nearest_within(p, 1, radius * radius, |_| true).is_empty()
     }
 
-    /// The squares of the distances to the `count` nearest points whose index is accepted, ascending, with the indices; of equal
-    /// distances in the order of indices.
+    /// The squares of the distances to the `count` nearest points whose index is accepted, ascending, with
+    /// the indices; of equal distances in the order of indices.
     pub fn nearest_few(&self, p: &[f64; 3], count: usize, accepts: impl Fn(u32) -> bool) -> Vec<(f64, u32)> {
         self.nearest_within(p, count, f64::INFINITY, accepts)
     }
 
-    /// Those of which the square of the distance is at most `square`.
+    /// Points whose squared distance is at most `square`.
     fn nearest_within(
         &self,
         p: &[f64; 3],

@@ -1,4 +1,5 @@
-//! What surrounds a run: scenes and surveys that are made, campaigns of many runs, clouds that are compared and drawn.
+//! What surrounds a run: scenes and surveys that are made, campaigns of many runs, clouds that are compared
+//! and drawn.
 //!
 //! | module | what it does |
 //! |---|---|

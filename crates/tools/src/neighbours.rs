@@ -21,21 +21,22 @@ impl Neighbours {
         &self.points
     }
 
-    /// Whether a point lies within `radius` of a place.
+    /// True if a point lies within `radius` of a place.
     pub fn is_near(&self, x: f64, y: f64, radius: f64) -> bool {
         self.tree.is_near(&[x, y, 0.0], radius)
     }
 
-    /// The nearest `count` points and their squared distances, nearest first, of equal distances in the order of points; `without`
-    /// is left out. The time does not depend on where points lie.
+    /// The nearest `count` points and their squared distances, nearest first, of equal distances in the order
+    /// of points; `without` is left out. The time does not depend on where points lie.
     pub fn nearest(&self, x: f64, y: f64, count: usize, without: Option<usize>) -> Vec<(f64, usize)> {
         let found = self.tree.nearest_few(&[x, y, 0.0], count, |i| Some(i as usize) != without);
         found.into_iter().map(|(square, i)| (square, i as usize)).collect()
     }
 }
 
-/// Height at a place of the plane through points near it (squared distances and numbers, nearest first), weighted by
-/// (1 − (d/h)²)² with h a little beyond the farthest. Where they lie to one side or on a line, their weighted mean.
+/// Height at a place of the plane through points near it (squared distances and numbers, nearest first),
+/// weighted by (1 − (d/h)²)² with h a little beyond the farthest. Where they lie to one side or on a line,
+/// their weighted mean.
 pub fn plane_at(points: &[DVec3], near: &[(f64, usize)], [x, y]: [f64; 2]) -> f64 {
     let reach = near.last().map_or(1.0, |n| n.0) * 1.2 + 1e-12;
     // Sums relative to the place and the nearest height.

@@ -1,9 +1,9 @@
 //! Instances: models with several placements that are stored once.
 //!
-//! A scene of instances has the primitives that copies of every model at its placements would have, and the exact
-//! test uses exactly the corners that copies would store: [`Placement::place`] computes them from the model's when
-//! they are needed. The models' trees and the tree over the boxes of all instances are filters only: rays are
-//! transformed into the model's frame with a margin for all rounding of the transformation.
+//! A scene of instances has the primitives that copies of every model at its placements would have, and the
+//! exact test uses exactly the corners that copies would store: [`Placement::place`] computes them from the
+//! model's when they are needed. The models' trees and the tree over the boxes of all instances are filters
+//! only: rays are transformed into the model's frame with a margin for all rounding of the transformation.
 
 use super::Geometry;
 use crate::memory::vec_bytes;
@@ -12,13 +12,14 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use vlscan_geom::{Aabb, DVec3, Rotation};
 
-/// Bound of the rounding error of a placed point and of the inverse transformation, relative to the largest number
-/// involved.
+/// Bound of the rounding error of a placed point and of the inverse transformation, relative to the largest
+/// number involved.
 const ROUNDING: f64 = 1e-14;
 
 const OUTLINE_CELLS: usize = 8;
 
-/// Transformation of a model into the scene: `scale · R · W · p + offset`, then up by `raise`. W multiplies x and y by `widening`.
+/// Transformation of a model into the scene: `scale · R · W · p + offset`, then up by `raise`. W multiplies x
+/// and y by `widening`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Placement {
@@ -44,7 +45,8 @@ impl Placement {
         raise: -0.0,
     };
 
-    /// Returns the image of a point of the model, less `shift`, with the arithmetic of a scene that stores the image.
+    /// Returns the image of a point of the model, less `shift`, with the arithmetic of a scene that stores
+    /// the image.
     #[inline(always)]
     pub fn place(&self, p: DVec3, shift: DVec3) -> DVec3 {
         let p = self.rotation.apply(self.widened(p)) * self.scale + self.offset;
@@ -135,7 +137,8 @@ impl Model {
         Model { geometry, reach, outline }
     }
 
-    /// Box around the model at a placement, less `shift`, widened for all rounding and by up to an eighth of its size.
+    /// Box around the model at a placement, less `shift`, widened for all rounding and by up to an eighth of
+    /// its size.
     pub fn box_at(&self, placement: &Placement, shift: DVec3) -> Aabb {
         let matrix = placement.matrix();
         let spread = DMat3::from_cols(matrix.x_axis.abs(), matrix.y_axis.abs(), matrix.z_axis.abs());
@@ -170,8 +173,8 @@ impl Model {
 pub struct Instance {
     /// Index of its model in [`Instances::models`].
     pub model: u32,
-    /// Number of the geometry's own triangles that would precede this model if it were stored among them: decides
-    /// between equal distances as storage would.
+    /// Number of the geometry's own triangles that would precede this model if it were stored among them:
+    /// decides between equal distances as storage would.
     pub before: u32,
     /// Number of its first triangle.
     pub first: u32,
@@ -188,15 +191,16 @@ pub struct Instances {
     pub all: Vec<Instance>,
     /// Subtracted from every placed point, m.
     pub shift: DVec3,
-    /// Number of the first triangle of any instance, equal to the number of primitives of the geometry itself.
+    /// Number of the first triangle of any instance, equal to the number of primitives of the geometry
+    /// itself.
     pub(super) first: u32,
     /// Number of triangles of all instances.
     triangles: u32,
     index: InstanceIndex,
 }
 
-/// Finds the instance of a triangle without a search through all of them: the instances of equally long ranges of
-/// triangle numbers.
+/// Finds the instance of a triangle without a search through all of them: the instances of equally long
+/// ranges of triangle numbers.
 #[derive(Clone, Debug, Default)]
 struct InstanceIndex {
     /// Logarithm of the length of a range.
@@ -230,9 +234,9 @@ impl InstanceIndex {
 }
 
 impl Instances {
-    /// Creates instances of `models`: for each instance the model's number, the number of the geometry's triangles
-    /// before it (ascending) and its placement. `first` is the number of primitives in the geometry itself. Returns
-    /// `None` when the triangles cannot be numbered with 32 bits.
+    /// Creates instances of `models`: for each instance the model's number, the number of the geometry's
+    /// triangles before it (ascending) and its placement. `first` is the number of primitives in the geometry
+    /// itself. Returns `None` when the triangles cannot be numbered with 32 bits.
     pub fn new(
         models: Vec<Arc<Model>>,
         places: impl IntoIterator<Item = (u32, u32, Placement)>,
@@ -250,7 +254,8 @@ impl Instances {
         Some(Instances { models, all, shift: DVec3::ZERO, first, triangles: next - first, index })
     }
 
-    /// Number of the first triangle of any instance, equal to the number of primitives of the geometry itself.
+    /// Number of the first triangle of any instance, equal to the number of primitives of the geometry
+    /// itself.
     pub fn first(&self) -> u32 {
         self.first
     }
@@ -266,8 +271,8 @@ impl Instances {
         &self.models[instance.model as usize]
     }
 
-    /// Returns the instance that triangle number `i` belongs to, and the number of the triangle in its model. `None`
-    /// for a primitive of the geometry itself.
+    /// Returns the instance that triangle number `i` belongs to, and the number of the triangle in its model.
+    /// `None` for a primitive of the geometry itself.
     #[inline]
     pub fn locate(&self, i: u32) -> Option<(usize, usize)> {
         let n = i.checked_sub(self.first).filter(|n| *n < self.triangles)?;
@@ -289,8 +294,8 @@ impl Instances {
         corners.map(|p| instance.placement.place(p, self.shift))
     }
 
-    /// Returns the number that primitive `i` would have if all instances were stored: in the order of parts, cubes
-    /// last; and that of the first triangle of its model, or `i` itself, among the geometry's own.
+    /// Returns the number that primitive `i` would have if all instances were stored: in the order of parts,
+    /// cubes last; and that of the first triangle of its model, or `i` itself, among the geometry's own.
     pub fn number_when_stored(&self, i: u32, own_triangles: usize) -> (u32, u32) {
         if let Some((instance, _)) = self.locate(i) {
             let before = self.all[instance].before;
@@ -303,8 +308,8 @@ impl Instances {
         (i + self.all.get(at).map_or(self.triangles, |p| p.first - self.first), i)
     }
 
-    /// Whether triangle `new` of an instance, preceded by `before` own triangles, wins against `old` at the same
-    /// distance.
+    /// True if triangle `new` of an instance, preceded by `before` own triangles, wins against `old` at the
+    /// same distance.
     #[inline(always)]
     pub(super) fn comes_first(&self, new: u32, before: u32, old: u32) -> bool {
         if old < self.first { old >= before } else { new < old }
@@ -327,7 +332,8 @@ impl Instances {
         vertices.fold(|| Aabb::EMPTY, |b, v| b.with(place(v))).reduce(|| Aabb::EMPTY, Aabb::union)
     }
 
-    /// Exact box around `known` and all instances. Computes only the vertices of instances that may extend it.
+    /// Exact box around `known` and all instances. Computes only the vertices of instances that may extend
+    /// it.
     pub fn exact_bounds(&self, known: Aabb) -> Aabb {
         let boxes = self.boxes();
         let mut exact = known;

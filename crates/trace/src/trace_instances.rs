@@ -1,5 +1,5 @@
-//! Tracing of single rays among instances, and of pulses that are in no packet: through the tree over the boxes of
-//! the instances, then through the trees of the models hit.
+//! Tracing of single rays among instances, and of pulses that are in no packet: through the tree over the
+//! boxes of the instances, then through the trees of the models hit.
 
 use super::frustum::Frustum;
 use super::index::InstanceTree;
@@ -89,8 +89,8 @@ impl InstanceTree {
         (id[0] != Hits::MISS).then_some(Hit { t: t[0], primitive: id[0] })
     }
 
-    /// Merges the hits of the instances into the hits of some rays. `local` is memory for directions in the frame of
-    /// a model.
+    /// Merges the hits of the instances into the hits of some rays. `local` is memory for directions in the
+    /// frame of a model.
     fn trace(&self, mut rays: Rays, accept: &impl Fn(u32) -> bool, local: &mut Vec<DVec3>) {
         let directions = (0..rays.len()).map(|r| rays.direction(r));
         match Frustum::around(&self.top.frame, rays.origin, directions) {

@@ -2,12 +2,12 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A request to stop early, shared by all threads of a run. It outlives the run: the failure of one run does not stop the
-/// next.
+/// A request to stop early, shared by all threads of a run. It outlives the run: the failure of one run does
+/// not stop the next.
 #[derive(Debug, Default)]
 pub struct Stop {
     requested: AtomicBool,
-    /// Whether a thread of the present run has failed.
+    /// True if a thread of the present run has failed.
     failed: AtomicBool,
     heeded: AtomicBool,
 }
@@ -27,7 +27,7 @@ impl Stop {
         self.requested.store(true, Ordering::Relaxed);
     }
 
-    /// Whether the stop was requested, or the present run has failed.
+    /// True if the stop was requested, or the present run has failed.
     pub fn is_requested(&self) -> bool {
         self.requested.load(Ordering::Relaxed) || self.failed.load(Ordering::Relaxed)
     }
@@ -42,8 +42,8 @@ impl Stop {
         self.heeded.store(false, Ordering::Relaxed);
     }
 
-    /// Whether a request ends the run in order. Before that nothing has been measured, and behind it nothing is open: the
-    /// process can just be ended.
+    /// True if a request ends the run in order. Before that nothing has been measured, and behind it nothing
+    /// is open: the process can just be ended.
     pub fn is_heeded(&self) -> bool {
         self.heeded.load(Ordering::Relaxed)
     }

@@ -7,8 +7,8 @@
 //! | `area` | the ground that is covered |
 //! | `spacing` | footprint, distance of points along and across |
 //!
-//! Points, sizes and time are those of the sample in proportion to the pulses, with twice the standard error of the mean over
-//! the strata as uncertainty.
+//! Points, sizes and time are those of the sample in proportion to the pulses, with twice the standard error
+//! of the mean over the strata as uncertainty.
 
 mod area;
 mod sample;
@@ -126,7 +126,7 @@ pub struct DryRunReport {
     pub duration_s: f64,
     /// Number of pulses, over all epochs.
     pub pulses: f64,
-    /// Whether the pulses were counted and not estimated.
+    /// True if the pulses were counted and not estimated.
     pub pulses_are_counted: bool,
     /// Number of points, over all epochs.
     pub points: Estimate,
@@ -158,8 +158,9 @@ pub struct FlightCoverage {
 }
 
 impl Session {
-    /// Flies a sample of the survey and estimates what [`Session::run`] will do. Outputs are checked and not touched: the
-    /// sample is written to a folder that is removed. `started` is when the program began to load the scene.
+    /// Flies a sample of the survey and estimates what [`Session::run`] will do. Outputs are checked and not
+    /// touched: the sample is written to a folder that is removed. `started` is when the program began to
+    /// load the scene.
     ///
     /// # Errors
     /// As for [`Session::run`].
@@ -181,7 +182,8 @@ impl Session {
         Ok(seen.forecast(&summary, loading_s, control))
     }
 
-    /// Checks the outputs of the run. Files that exist are noted and not refused, since a dry run does not write them.
+    /// Checks the outputs of the run. Files that exist are noted and not refused, since a dry run does not
+    /// write them.
     fn check_outputs(&self, outputs: &OutputRequest, context: &OutputContext) -> Result<()> {
         let planned = match self.plan_output(outputs.clone(), context) {
             Err(Error::Input(problems)) if problems.has(ProblemKind::Exists) => {

@@ -20,7 +20,7 @@ const MAX_DEVIATION: f64 = 25.0;
 #[derive(Debug)]
 pub(super) struct AngleCheck {
     convention: AngleConvention,
-    /// Whether the angles are read as degrees.
+    /// True if the angles are read as degrees.
     degrees: bool,
     /// The option that selects the unit.
     option: &'static str,

@@ -11,7 +11,8 @@ const MIN_DEPTH: f64 = 2.0;
 /// Plausible magnitudes of the geoid undulation (geoid over ellipsoid), m.
 pub(super) const UNDULATION: std::ops::RangeInclusive<f64> = 10.0..=110.0;
 
-/// Finds a flight that cannot reach any part of the scene, or is below it. `reach` is the scanner's maximum range, m.
+/// Finds a flight that cannot reach any part of the scene, or is below it. `reach` is the scanner's maximum
+/// range, m.
 pub(super) fn compare(who: &str, scene: &Aabb, flight: &Aabb, reach: f64) -> Option<Finding> {
     let gap = (scene.min - flight.max).max(flight.min - scene.max).max(DVec3::ZERO);
     let across = gap.x.hypot(gap.y);
@@ -134,12 +135,12 @@ fn swap(p: DVec3) -> DVec3 {
     DVec3::new(p.y, p.x, p.z)
 }
 
-/// Whether the boxes overlap in plan view.
+/// True if the boxes overlap in plan view.
 fn overlaps(a: &Aabb, b: &Aabb) -> bool {
     a.min.x <= b.max.x && b.min.x <= a.max.x && a.min.y <= b.max.y && b.min.y <= a.max.y
 }
 
-/// Whether longitude and latitude `p` (degrees), projected to their UTM zone, are near the position `grid`.
+/// True if longitude and latitude `p` (degrees), projected to their UTM zone, are near the position `grid`.
 fn is_projected_onto(p: DVec3, grid: DVec3) -> bool {
     const MAX_DISTANCE: f64 = 300_000.0;
     let (latitude, longitude) = (p.y.to_radians(), p.x.to_radians());
@@ -147,7 +148,7 @@ fn is_projected_onto(p: DVec3, grid: DVec3) -> bool {
     place.is_some_and(|q| (q.easting - grid.x).hypot(q.northing - grid.y) < MAX_DISTANCE)
 }
 
-/// Whether the coordinates look like easting and northing of a projected system: six or seven digits.
+/// True if the coordinates look like easting and northing of a projected system: six or seven digits.
 fn is_grid(p: DVec3) -> bool {
     let size = |v: f64, digits: std::ops::Range<f64>| digits.contains(&v.abs());
     size(p.x, 1e5..1e8) && size(p.y, 1e5..1.1e7)
@@ -157,8 +158,8 @@ fn is_local(p: DVec3) -> bool {
     p.x.abs() < 1e5 && p.y.abs() < 1e5
 }
 
-/// Whether the coordinates look like longitudes and latitudes: small numbers, and an extent far smaller than that of
-/// the heights.
+/// True if the coordinates look like longitudes and latitudes: small numbers, and an extent far smaller than
+/// that of the heights.
 fn is_degrees(b: &Aabb) -> bool {
     let size = b.size();
     let in_range = b.min.x.abs().max(b.max.x.abs()) <= 180.0 && b.min.y.abs().max(b.max.y.abs()) <= 90.0;

@@ -7,14 +7,15 @@ use vlscan_geom::{Aabb, DVec3};
 use vlscan_scene::Scene;
 use vlscan_trace::Tree;
 
-/// Maximum fraction of positions over the scene that may be below the ground, as in a valley of a coarse terrain.
+/// Maximum fraction of positions over the scene that may be below the ground, as in a valley of a coarse
+/// terrain.
 const MAX_SHARE_BELOW: f64 = 0.1;
 /// Minimum fraction of positions on a surface at which the flight is taken to be on the surface.
 const MIN_SHARE_ON: f64 = 0.9;
 /// Distance from a surface below which a scanner is taken to be on it, m.
 const ON_SURFACE: f64 = 0.05;
-/// Number of rays around a position that distinguish a terrain from a tree crown or a bridge, and the number that
-/// must agree.
+/// Number of rays around a position that distinguish a terrain from a tree crown or a bridge, and the number
+/// that must agree.
 const RING: usize = 8;
 const MIN_AGREEING: usize = 7;
 
@@ -34,8 +35,8 @@ enum Side {
     Elsewhere,
 }
 
-/// Finds scanner positions (scene frame) below the terrain, and flights on its surface. The scanner is `mount` metres
-/// above its platform.
+/// Finds scanner positions (scene frame) below the terrain, and flights on its surface. The scanner is
+/// `mount` metres above its platform.
 pub(super) fn check(who: &str, scene: &Scene, tree: &Tree, places: &[DVec3], mount: f64) -> Option<Finding> {
     let step = if scene.tiles.is_some() { places.len().div_ceil(MAX_PLACES_OVER_TILES) } else { 1 };
     let sides: Vec<Side> =

@@ -172,7 +172,8 @@ mod tests {
 
     #[test]
     fn pulses_are_as_wide_as_the_instrument_states_them_where_the_physics_takes_that() {
-        // The data sheet of a catalogue's instrument says 5 ns at half maximum, which is 10.3 ns in the measure of HELIOS++.
+        // The data sheet of a catalogue's instrument says 5 ns at half maximum, which is 10.3 ns in the
+        // measure of HELIOS++.
         let report = |corrections: Corrections, bin: f64| {
             report(corrections, |d| {
                 (d.beam.pulse_length, d.beam.stated_width) = (5.0, Some(5.0));

@@ -1,6 +1,6 @@
-//! Detection of inputs that are valid but hardly intended: a flight beside its scene or below its terrain, radians
-//! read as degrees, a run that hits almost nothing. Each is a warning that names cause and remedy, and an error under
-//! [`Settings::strict`].
+//! Detection of inputs that are valid but hardly intended: a flight beside its scene or below its terrain,
+//! radians read as degrees, a run that hits almost nothing. Each is a warning that names cause and remedy,
+//! and an error under [`Settings::strict`].
 //!
 //! | file | what it holds or checks |
 //! |---|---|
@@ -113,8 +113,9 @@ fn check_view(
     view::check("the flight", scene, tree, &Sight { beams: &beams, mount, ranges }, poses)
 }
 
-/// Checks a recorded flight before it is flown: all poses of a trajectory that can be read a second time, in the same way as those of
-/// a stream, and what the beams see from them. Nothing is found in a file with errors, which the flight reports where they stand.
+/// Checks a recorded flight before it is flown: all poses of a trajectory that can be read a second time, in
+/// the same way as those of a stream, and what the beams see from them. Nothing is found in a file with
+/// errors, which the flight reports where they stand.
 pub fn check_recording(
     survey: &Survey,
     scene: &Scene,
@@ -141,7 +142,7 @@ pub fn check_recording(
     found
 }
 
-/// Whether the poses of a stream are checked before the flight: those of a file or of a table in memory.
+/// True if the poses of a stream are checked before the flight: those of a file or of a table in memory.
 pub fn is_recording(stream: &PoseStream) -> bool {
     stream.content.is_some() || !is_stdin(&stream.path) && stream.path.is_file()
 }

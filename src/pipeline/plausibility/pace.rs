@@ -28,7 +28,7 @@ pub(super) struct Pace {
     step_start: Option<(f64, DVec3)>,
     /// Steps that were too slow before any that was not, and their duration and length.
     slow: (u32, f64, f64),
-    /// Whether a step was fast enough.
+    /// True if a step was fast enough.
     has_moved: bool,
 }
 

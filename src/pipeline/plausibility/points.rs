@@ -26,13 +26,13 @@ const MIN_SHARE_MISSED: f64 = 0.5;
 /// Points per pulse below which the height of a flight is compared with one in feet.
 const MIN_YIELD_OF_METRES: f64 = 0.5;
 
-/// Checks whether a run finds too few points for its pulses. The cause is reported once, unless another check has
-/// reported it.
+/// Checks whether a run finds too few points for its pulses. The cause is reported once, unless another check
+/// has reported it.
 pub struct YieldCheck<'a> {
     pub settings: &'a Settings,
     pub scene: &'a Scene,
     pub tree: &'a Tree,
-    /// Whether the cause has been reported.
+    /// True if the cause has been reported.
     pub is_reported: &'a AtomicBool,
     pub observer: &'a (dyn Fn(Notice) + Send + Sync),
 }
@@ -169,14 +169,16 @@ impl YieldCheck<'_> {
         Finding::new(message, feet.map_or(help.to_owned(), |feet| format!("{feet}; {help}")))
     }
 
-    /// Advice where most of the surfaces that beams meet are nearer, or most are farther, than the scanner measures.
+    /// Advice where most of the surfaces that beams meet are nearer, or most are farther, than the scanner
+    /// measures.
     fn limits_missed(&self, log: &AimLog, [nearest, farthest]: [f64; 2]) -> Option<String> {
         let cast = |beam: &SampledBeam| {
             let hit = self.scene.nearest_where(self.tree, beam.origin, beam.direction, |_, _| true);
             hit.map(|hit| hit.t)
         };
         let mut ranges: Vec<f64> = log.beams.iter().filter_map(cast).collect();
-        // Surfaces that fill a small part of the box are missed by the sample; then the distance of the box counts.
+        // Surfaces that fill a small part of the box are missed by the sample; then the distance of the box
+        // counts.
         if ranges.is_empty() {
             let to_box = |beam: &SampledBeam| self.scene.bounds.slabs(beam.origin, beam.direction);
             ranges =
@@ -228,10 +230,9 @@ mod tests {
     use vlscan_survey::{Mount, ReadOptions, read_survey};
     use vlscan_trace::{BuildOptions, Builder, Geometry};
 
-    /// Returns the help for a run of 10 000 pulses from `place`, of a scanner for 1 to 500 m, over a square of 20 m
-    /// at height 0. `beams` counts, of a hundred, the beams that point at its box, hit it within the range, and point
-    /// upwards.
-    /// `weak` pulses hit and were too weak.
+    /// Returns the help for a run of 10 000 pulses from `place`, of a scanner for 1 to 500 m, over a square
+    /// of 20 m at height 0. `beams` counts, of a hundred, the beams that point at its box, hit it within the
+    /// range, and point upwards. `weak` pulses hit and were too weak.
     fn find(place: [f64; 3], echoes: u64, beams: [u64; 3], weak: u64) -> Option<Finding> {
         let corners = [[-10.0, -10.0, 0.0], [10.0, -10.0, 0.0], [10.0, 10.0, 0.0], [-10.0, 10.0, 0.0]];
         let geometry = Geometry {

@@ -25,15 +25,15 @@ pub struct PoseCheck {
     scene: Aabb,
     /// Box around all poses. A flight past the scene is detected by its points per pulse instead.
     flight: Aabb,
-    /// Whether the user has been told that the flight has not come near the scene so far.
+    /// True if the user has been told that the flight has not come near the scene so far.
     is_noted: bool,
     angles: AngleCheck,
     pace: Pace,
-    /// Whether the whole flight is read before anything is reported.
+    /// True if the whole flight is read before anything is reported.
     is_complete: bool,
-    /// Whether the flight has been reported to be slow.
+    /// True if the flight has been reported to be slow.
     is_pace_reported: bool,
-    /// Whether a misplaced flight has been reported, by this check or another one.
+    /// True if a misplaced flight has been reported, by this check or another one.
     is_reported: Arc<AtomicBool>,
 }
 
@@ -58,8 +58,8 @@ impl PoseCheck {
         }
     }
 
-    /// Checks the next pose, or the complete flight at the end of the stream. What the rest of the flight may yet disprove is
-    /// a note until then.
+    /// Checks the next pose, or the complete flight at the end of the stream. What the rest of the flight may
+    /// yet disprove is a note until then.
     pub fn add(&mut self, seen: PoseEvent) -> Diagnostics {
         let mut found = Diagnostics::default();
         let finding = match seen {
@@ -105,8 +105,9 @@ impl PoseCheck {
     }
 }
 
-/// Reads all poses of a recorded trajectory and checks them over a scene with the box `scene` (world). Returns the warnings and
-/// some of the poses, in the scene frame, whose origin is at `shift`. `None` for a trajectory with errors.
+/// Reads all poses of a recorded trajectory and checks them over a scene with the box `scene` (world).
+/// Returns the warnings and some of the poses, in the scene frame, whose origin is at `shift`. `None` for a
+/// trajectory with errors.
 pub(super) fn read_ahead(
     stream: &PoseStream,
     scene: Aabb,

@@ -1,5 +1,5 @@
-//! What the beams of a flight see before it is flown: heights in feet, heights beyond the range, scanners that look up.
-//! The ground below a place is taken to be level, and the scene to fill its box.
+//! Checks of a flight by its beams, before it is flown: heights in feet or beyond the range, scanners that
+//! look up. The ground below a place is taken to be level, and the scene to fill its box.
 
 use super::boxes;
 use super::finding::Finding;
@@ -15,7 +15,8 @@ const FOOT: f64 = 0.3048;
 const MIN_SUSPECT_HEIGHT: f64 = 100.0;
 /// Share of the downward beams that meet the scene, below which a height is doubted.
 const MIN_SHARE: f64 = 0.3;
-/// Factor by which more of them meet it where the heights are read as feet; a swath is at most 3.28 times as wide.
+/// Factor by which more of them meet it where the heights are read as feet; a swath is at most 3.28 times as
+/// wide.
 const MIN_GAIN: f64 = 2.5;
 /// Vertical component of beams that count as downward: within 60° of straight down.
 const DOWNWARD: f64 = -0.5;
@@ -54,7 +55,8 @@ impl ViewPoint {
     }
 }
 
-/// The scanner of a flight: directions of its beams in the frame of the platform, and the ranges that it measures, m.
+/// The scanner of a flight: directions of its beams in the frame of the platform, and the ranges that it
+/// measures, m.
 pub(super) struct Sight<'a> {
     pub beams: &'a [DVec3],
     /// Place of the scanner above the platform, m.
@@ -62,8 +64,8 @@ pub(super) struct Sight<'a> {
     pub ranges: [f64; 2],
 }
 
-/// Finds flights over the scene whose beams mostly miss it, end before it, or point above the horizon. `poses` are those of the
-/// whole flight.
+/// Finds flights over the scene whose beams mostly miss it, end before it, or point above the horizon.
+/// `poses` are those of the whole flight.
 pub(super) fn check(
     who: &str,
     scene: &Scene,
@@ -137,7 +139,8 @@ fn too_high(
     Some(Finding::new(message, help))
 }
 
-/// A flight whose ground is mostly nearer, or mostly farther, than the scanner measures. `beams` have the height above the ground.
+/// A flight whose ground is mostly nearer, or mostly farther, than the scanner measures. `beams` have the
+/// height above the ground.
 fn out_of_range(
     who: &str,
     beams: &[(f64, SampledBeam)],
@@ -163,8 +166,8 @@ fn out_of_range(
     Some(Finding::new(message, remedy))
 }
 
-/// A hint where few of the beams that point down meet the scene within the ranges of the scanner, and many more would if heights were in
-/// feet. `level` is the height of the origin of the scene's frame, m.
+/// A hint where few of the beams that point down meet the scene within the ranges of the scanner, and many
+/// more would if heights were in feet. `level` is the height of the origin of the scene's frame, m.
 pub(super) fn in_feet(scene: &Aabb, level: f64, beams: &[SampledBeam], ranges: [f64; 2]) -> Option<String> {
     let down: Vec<SampledBeam> = beams.iter().copied().filter(is_downward).collect();
     let mut heights: Vec<f64> = down.iter().map(|beam| beam.origin.z + level).collect();
@@ -188,7 +191,7 @@ fn is_downward(beam: &SampledBeam) -> bool {
     beam.direction.z < DOWNWARD
 }
 
-/// Whether a beam from `lower` metres below its origin meets the box of the scene within the ranges.
+/// True if a beam from `lower` metres below its origin meets the box of the scene within the ranges.
 fn meets(scene: &Aabb, beam: &SampledBeam, lower: f64, [nearest, farthest]: [f64; 2]) -> bool {
     let farthest = farthest.min(boxes::MAX_REACH);
     let slabs = scene.slabs(beam.origin - DVec3::Z * lower, beam.direction);
@@ -260,7 +263,7 @@ mod tests {
         (-20..=20).map(|i| DVec3::new(at(i).sin(), 0.0, -at(i).cos())).collect()
     }
 
-    /// What is found on a flight northwards at height `z` over ground at `at` of 300 m across.
+    /// Finding of a flight northwards at height `z` over ground at `at` of 300 m across.
     fn fly(z: f64, at: f64, beams: &[DVec3], farthest: f64) -> Option<String> {
         let (scene, tree) = ground(150.0, at);
         let positions: Vec<DVec3> = (-20..=20).map(|i| DVec3::new(0.0, 10.0 * f64::from(i), z)).collect();

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-/// Where a value stands.
+/// Place of a value.
 pub struct Place {
     /// Element and attribute, table and key, or file and column.
     pub label: String,

@@ -1,5 +1,6 @@
-//! Twenty changes to each attribute, key and column of surveys, pipelines and tables: each is an error with its place, a
-//! warning, a change of the points that the value asks for, or a row of the table "Silent by nature" of docs/values.md.
+//! Twenty changes to each attribute, key and column of surveys, pipelines and tables: each is an error with
+//! its place, a warning, a change of the points that the value asks for, or a row of the table "Silent by
+//! nature" of docs/values.md.
 
 mod changes;
 mod subjects;

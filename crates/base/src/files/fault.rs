@@ -1,13 +1,15 @@
 //! Failures of chosen operations, for tests of what a run does when the machine fails.
 //!
-//! In builds with debug assertions the environment variable `VLSCAN_FAULT` names an operation by its number, from 1:
-//! `VLSCAN_FAULT=7` fails the seventh operation of the process, `VLSCAN_FAULT=7+` every one from the seventh on, and
-//! `VLSCAN_FAULT=7!` ends the process before it as a kill would. Other builds contain nothing of it.
+//! In builds with debug assertions the environment variable `VLSCAN_FAULT` names an operation by its number,
+//! from 1: `VLSCAN_FAULT=7` fails the seventh operation of the process, `VLSCAN_FAULT=7+` every one from the
+//! seventh on, and `VLSCAN_FAULT=7!` ends the process before it as a kill would. Other builds contain nothing
+//! of it.
 
 use std::io;
 
-/// Fails if this is the chosen operation. To be called before an operation of the system that can fail: creating,
-/// writing, synchronising and renaming a file, creating a folder, mapping memory, starting a thread.
+/// Fails if this is the chosen operation. To be called before an operation of the system that can fail:
+/// creating, writing, synchronising and renaming a file, creating a folder, mapping memory, starting a
+/// thread.
 pub fn point() -> io::Result<()> {
     #[cfg(debug_assertions)]
     chosen::check()?;

@@ -1,7 +1,8 @@
 //! Files that are one output: all of them get their names, or none does.
 //!
-//! Their content is on the disk before the first one is renamed. If a process is killed while it renames several, a log beside
-//! them lets the next process that writes into the folder undo what was done: new files are removed, replaced ones restored.
+//! Their content is on the disk before the first one is renamed. If a process is killed while it renames
+//! several, a log beside them lets the next process that writes into the folder undo what was done: new files
+//! are removed, replaced ones restored.
 
 use super::fault;
 use super::paths::folder_of;
@@ -16,7 +17,8 @@ use std::fs::{self, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// Files and folders that get their names together, in the order in which they are added. Dropping it removes them.
+/// Files and folders that get their names together, in the order in which they are added. Dropping it removes
+/// them.
 #[derive(Debug, Default)]
 pub struct FileGroup {
     writers: Vec<(FileWriter, Option<PathBuf>)>,
@@ -47,7 +49,8 @@ impl FileGroup {
         FileGroup { staged: staged.into_iter().collect(), ..FileGroup::default() }
     }
 
-    /// Adds a file whose content is complete. A stream receives the rest of its bytes before any file gets its name.
+    /// Adds a file whose content is complete. A stream receives the rest of its bytes before any file gets
+    /// its name.
     pub fn add(&mut self, file: FileWriter) {
         self.add_under(file, None);
     }
@@ -73,14 +76,14 @@ impl FileGroup {
         Ok(())
     }
 
-    /// Removes a file of an earlier output, which is not one of the new ones, when these have their names. To be called with the
-    /// permission to replace files only.
+    /// Removes a file of an earlier output, which is not one of the new ones, when these have their names. To
+    /// be called with the permission to replace files only.
     pub fn remove(&mut self, path: &Path) {
         self.old.push(path.to_path_buf());
     }
 
-    /// Creates a folder for files of the group, with the folders around it. Those that are new are removed if the group is dropped
-    /// and they are empty.
+    /// Creates a folder for files of the group, with the folders around it. Those that are new are removed if
+    /// the group is dropped and they are empty.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -90,8 +93,8 @@ impl FileGroup {
         Ok(())
     }
 
-    /// Adds a new folder with whatever is in it when the group is committed, and returns the path under which to fill it until then.
-    /// An empty folder of the name is replaced.
+    /// Adds a new folder with whatever is in it when the group is committed, and returns the path under which
+    /// to fill it until then. An empty folder of the name is replaced.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -111,9 +114,9 @@ impl FileGroup {
     /// Gives all files and folders their names.
     ///
     /// # Errors
-    /// [`Error::Io`], after which no file has its name, unless only a folder could not be synchronised. [`Error::Io`] or
-    /// [`Error::Input`] if a file of a name has appeared meanwhile, or has been read: it is kept, and the complete output is
-    /// `NAME.new.EXT`.
+    /// [`Error::Io`], after which no file has its name, unless only a folder could not be synchronised.
+    /// [`Error::Io`] or [`Error::Input`] if a file of a name has appeared meanwhile, or has been read: it is
+    /// kept, and the complete output is `NAME.new.EXT`.
     pub fn commit(self) -> Result<()> {
         let FileGroup { writers, staged, old, folders } = self;
         let mut members = staged;

@@ -8,25 +8,26 @@ use std::path::{Path, PathBuf};
 /// Maximum number of links that lead to a file, as in Linux.
 const MAX_LINKS: usize = 40;
 
-/// Whether the path denotes standard output.
+/// True if the path denotes standard output.
 pub fn is_stdout(path: &Path) -> bool {
     ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"].iter().any(|name| path == Path::new(name))
 }
 
-/// Whether the path is a pipe, a terminal, a device or a descriptor of this process, which is written directly.
+/// True if the path is a pipe, a terminal, a device or a descriptor of this process, which is written
+/// directly.
 pub fn is_special(path: &Path) -> bool {
     fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) || is_descriptor(path)
 }
 
-/// Whether the path is an open file of this process, such as `/dev/fd/3`. It must not be replaced: others that have
-/// it open would not see it.
+/// True if the path is an open file of this process, such as `/dev/fd/3`. It must not be replaced: others
+/// that have it open would not see it.
 fn is_descriptor(path: &Path) -> bool {
     let folder = path.parent().and_then(|folder| fs::canonicalize(folder).ok());
     folder.is_some_and(|folder| folder.starts_with("/proc") && folder.ends_with("fd"))
 }
 
-/// Follows symbolic links to the file that they denote, which need not exist. A path that is no link is returned
-/// unchanged.
+/// Follows symbolic links to the file that they denote, which need not exist. A path that is no link is
+/// returned unchanged.
 ///
 /// # Errors
 /// The links form a circle, or cannot be read.
@@ -44,8 +45,8 @@ pub fn resolve(path: &Path) -> io::Result<PathBuf> {
     Err(io::Error::other(format!("more than {MAX_LINKS} symbolic links")))
 }
 
-/// Returns a path that is equal for all names of the same file, whether it exists or not: the canonical folder and the
-/// name of the file that links lead to.
+/// Returns a path that is equal for all names of the same file, whether it exists or not: the canonical
+/// folder and the name of the file that links lead to.
 pub fn identity(path: &Path) -> PathBuf {
     let path = resolve(path).unwrap_or_else(|_| path.to_path_buf());
     let folder = fs::canonicalize(folder_of(&path));
@@ -60,8 +61,8 @@ pub(super) fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Returns `dir/stem.ext` with `suffix` after the stem, and with another extension if one is given. `.copc.laz` is one
-/// extension; a leading point belongs to the stem.
+/// Returns `dir/stem.ext` with `suffix` after the stem, and with another extension if one is given.
+/// `.copc.laz` is one extension; a leading point belongs to the stem.
 pub fn with_suffix(path: &Path, suffix: &str, extension: Option<&str>) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default();
     let own = path.extension().map(OsString::from);

@@ -18,13 +18,15 @@ use std::time::Duration;
 const MARK: &str = ".vlscan-";
 const DIGITS: usize = 8;
 const END_BYTES: usize = 5;
-/// Maximum length of the target's name in that of its temporary file, bytes; file systems take 255 altogether.
+/// Maximum length of the target's name in that of its temporary file, bytes; file systems take 255
+/// altogether.
 const MAX_NAME_BYTES: usize = 255 - MARK.len() - DIGITS - END_BYTES;
-/// How often, and at which interval, something that another process or thread holds for an instant is tried again.
+/// How often, and at which interval, something that another process or thread holds for an instant is tried
+/// again.
 const ATTEMPTS: u32 = 100;
 const ATTEMPT_PERIOD: Duration = Duration::from_millis(10);
 
-/// What the end of the name of a temporary file stands for.
+/// Purpose of a temporary file, by the end of its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum TemporaryName {
     /// A file or folder that is not complete, or another name of a file that is being replaced.
@@ -41,7 +43,7 @@ impl TemporaryName {
         }
     }
 
-    /// What a name stands for, if it is that of a temporary file.
+    /// Purpose of the temporary file with this name; `None` for other names.
     fn of(name: &OsStr) -> Option<TemporaryName> {
         let name = name.as_encoded_bytes();
         [TemporaryName::Part, TemporaryName::Undo].into_iter().find(|kind| {
@@ -67,8 +69,8 @@ pub(super) struct Live {
     pub cleaned: BTreeSet<PathBuf>,
 }
 
-/// A shared lock on a folder, if its file system has locks: while it is held, no other process takes the temporary
-/// files in the folder for those of a killed one.
+/// A shared lock on a folder, if its file system has locks: while it is held, no other process takes the
+/// temporary files in the folder for those of a killed one.
 type FolderLock = Option<File>;
 
 static LIVE: Mutex<Live> = Mutex::new(Live {
@@ -84,7 +86,8 @@ pub(super) fn live() -> MutexGuard<'static, Live> {
 }
 
 impl Live {
-    /// Returns the lock on a folder. Before the first file of this process the files of killed ones are removed.
+    /// Returns the lock on a folder. Before the first file of this process the files of killed ones are
+    /// removed.
     fn lock(&mut self, folder: &Path) -> Arc<FolderLock> {
         if let Some(lock) = self.locks.get(folder).and_then(Weak::upgrade) {
             return lock;
@@ -126,14 +129,15 @@ pub fn refuse_existing(path: &Path, force: bool) -> Result<()> {
     if !force && is_taken(path) { Err(Error::exists(path)) } else { Ok(()) }
 }
 
-/// Whether there is a file or folder of this name that an output must not replace without permission. What killed processes left
-/// half done in its folder is undone first.
+/// True if a file or folder of this name exists that an output must not replace without permission. Leftovers
+/// of killed processes half done in its folder is undone first.
 pub fn is_taken(path: &Path) -> bool {
     !is_special(path) && is_there_after_cleaning(path)
 }
 
-/// Removes the temporary files of killed processes from the folder of a file, once in a process and unless another process writes
-/// into it, and undoes what they did to files that get their names together. Returns whether the file is there afterwards.
+/// Removes the temporary files of killed processes from the folder of a file, once in a process and unless
+/// another process writes into it, and undoes what they did to files that get their names together. Returns
+/// whether the file is there afterwards.
 fn is_there_after_cleaning(file: &Path) -> bool {
     if file.symlink_metadata().is_err() {
         return false;
@@ -182,7 +186,7 @@ pub(super) fn free_temporary_path(target: &Path, kind: TemporaryName) -> io::Res
     }
 }
 
-/// Whether a name is that of a temporary file of this program, which no user gives by chance.
+/// True if a name is that of a temporary file of this program, which no user gives by chance.
 pub fn is_temporary_name(name: &OsStr) -> bool {
     TemporaryName::of(name).is_some()
 }
@@ -227,7 +231,7 @@ impl TemporaryFile {
         }
     }
 
-    /// Where it is until it is renamed.
+    /// Path until the folder is renamed.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -238,7 +242,7 @@ impl TemporaryFile {
         OpenOptions::new().read(true).write(true).open(&self.path)
     }
 
-    /// Whether another regular file holds the same bytes.
+    /// True if another regular file holds the same bytes.
     pub fn is_equal(&self, other: &Path) -> io::Result<bool> {
         let (mut mine, mut theirs) = (BufReader::new(self.reopen()?), BufReader::new(open_own(other)?));
         loop {
@@ -293,7 +297,8 @@ fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
     match fs::hard_link(from, to) {
         Ok(()) => fs::remove_file(from),
         Err(e) if e.kind() == io::ErrorKind::AlreadyExists => Err(e),
-        // Some file systems have no hard links, and folders have none. A folder replaces no file, and no folder that holds any.
+        // Some file systems have no hard links, and folders have none. A folder replaces no file, and no
+        // folder that holds any.
         Err(_) if to.symlink_metadata().is_ok_and(|about| !(about.is_dir() && from.is_dir())) => {
             Err(io::ErrorKind::AlreadyExists.into())
         }
@@ -313,7 +318,8 @@ pub(super) fn synchronise(file: &File) -> io::Result<()> {
     }
 }
 
-/// Writes the names in a file's folder to the disk. A folder that cannot be opened for reading is passed over.
+/// Writes the names in a file's folder to the disk. A folder that cannot be opened for reading is passed
+/// over.
 pub(super) fn synchronise_folder(file: &Path) -> io::Result<()> {
     if cfg!(not(unix)) {
         return Ok(());
@@ -324,8 +330,8 @@ pub(super) fn synchronise_folder(file: &Path) -> io::Result<()> {
     }
 }
 
-/// Moves a complete file or folder, which is on the disk, within its file system, and writes its name to the disk. A file
-/// of the same name is replaced.
+/// Moves a complete file or folder, which is on the disk, within its file system, and writes its name to the
+/// disk. A file of the same name is replaced.
 ///
 /// # Errors
 /// [`Error::Io`].
@@ -390,8 +396,8 @@ impl Drop for NewFolder {
     }
 }
 
-/// Removes the temporary files and the empty new folders of this process, which must end after it: no other file can
-/// be created or renamed.
+/// Removes the temporary files and the empty new folders of this process, which must end after it: no other
+/// file can be created or renamed.
 pub fn remove_temporary() {
     for _ in 0..ATTEMPTS {
         let live = match LIVE.try_lock() {

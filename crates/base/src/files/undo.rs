@@ -6,7 +6,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// What undoes the renaming of one file.
+/// Action that undoes the renaming of one file.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Step {
     pub temporary: Vec<u8>,
@@ -18,7 +18,8 @@ pub(super) struct Step {
     pub mark: Option<FileMark>,
 }
 
-/// Number of a file on its file system, its size and the time of its last change, ns since 1970: all stay when it is renamed.
+/// Number of a file on its file system, its size and the time of its last change, ns since 1970: all stay
+/// when it is renamed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct FileMark(u64, u64, i128);
 

@@ -12,7 +12,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// Whether bytes at the beginning will be replaced at the end.
+/// True if bytes at the beginning will be replaced at the end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Patched {
     /// Bytes are only appended, so any stream is a possible destination.
@@ -30,7 +30,7 @@ pub struct FileWriter {
     kind: Kind,
     /// The file, unless bytes go directly to a stream; `None` while the handle is closed.
     file: Option<File>,
-    /// Whether bytes at the beginning can be replaced.
+    /// True if bytes at the beginning can be replaced.
     seekable: bool,
 }
 
@@ -50,9 +50,9 @@ enum Kind {
 const COPY_BYTES: usize = 64 * 1024;
 
 impl FileWriter {
-    /// Opens `path` for writing. A pipe, terminal or device is written directly, or at the end if bytes at the
-    /// beginning are `patched`; a file gets its name when it is [finished](FileWriter::finish), and replaces an
-    /// existing one only with `replace`, and never one that this command has read.
+    /// Opens `path` for writing. A pipe, terminal or device is written directly, or at the end if bytes at
+    /// the beginning are `patched`; a file gets its name when it is [finished](FileWriter::finish), and
+    /// replaces an existing one only with `replace`, and never one that this command has read.
     pub fn create(path: &Path, replace: bool, patched: Patched) -> Result<FileWriter> {
         if is_stdout(path) {
             return FileWriter::stdout(patched);
@@ -74,8 +74,8 @@ impl FileWriter {
         Ok(FileWriter { name: path.to_path_buf(), kind, file: Some(file), seekable: true })
     }
 
-    /// Opens a file of the program's own state, which replaces an existing one. A pipe or link in its place is an error and is not
-    /// waited for.
+    /// Opens a file of the program's own state, which replaces an existing one. A pipe or link in its place
+    /// is an error and is not waited for.
     pub fn create_own(path: &Path) -> Result<FileWriter> {
         let failed = |e| Error::io("create", path, e);
         if path.symlink_metadata().is_ok_and(|about| !about.is_file()) {
@@ -87,8 +87,8 @@ impl FileWriter {
         Ok(FileWriter { name: path.to_path_buf(), kind, file: Some(file), seekable: true })
     }
 
-    /// Whether a file of the same name that is not to be replaced is no error if it holds the same bytes: it stays, and this one is
-    /// removed.
+    /// True if a file of the same name that is not to be replaced is no error if it holds the same bytes: it
+    /// stays, and this one is removed.
     pub fn keeping_equal(mut self, keeps: bool) -> FileWriter {
         if let Kind::Named { keeps_equal, .. } = &mut self.kind {
             *keeps_equal = keeps;
@@ -118,12 +118,12 @@ impl FileWriter {
         Ok(FileWriter { name, kind: Kind::Spooled(stream), file: Some(scratch()?), seekable: true })
     }
 
-    /// Whether bytes that were written can be replaced.
+    /// True if bytes that were written can be replaced.
     pub fn is_seekable(&self) -> bool {
         self.seekable
     }
 
-    /// Whether bytes are written directly to a pipe, terminal or device.
+    /// True if bytes are written directly to a pipe, terminal or device.
     pub fn is_stream(&self) -> bool {
         matches!(self.kind, Kind::Stream(_))
     }
@@ -149,8 +149,8 @@ impl FileWriter {
         self.write_all(bytes).map_err(|e| self.failed("write", e))
     }
 
-    /// Closes the handle of a named file until the next write, so that thousands of files do not need thousands of
-    /// handles.
+    /// Closes the handle of a named file until the next write, so that thousands of files do not need
+    /// thousands of handles.
     pub fn close_handle(&mut self) {
         if matches!(self.kind, Kind::Named { .. }) {
             self.file = None;
@@ -186,8 +186,8 @@ impl FileWriter {
     /// Completes the file under its name and returns that, or copies what was collected to a stream.
     ///
     /// # Errors
-    /// [`Error::Io`]. The file is removed, unless only its folder could not be synchronised, or another file of its
-    /// name has appeared, beside which it is left as `NAME.new.EXT`.
+    /// [`Error::Io`]. The file is removed, unless only its folder could not be synchronised, or another file
+    /// of its name has appeared, beside which it is left as `NAME.new.EXT`.
     pub fn finish(self) -> Result<PathBuf> {
         let (name, target) = (self.name.clone(), self.target().map(Path::to_path_buf));
         self.finish_as(target.as_deref().unwrap_or(&name)).map(|()| name)
@@ -213,8 +213,8 @@ impl FileWriter {
         }
     }
 
-    /// Writes the content to the disk, or copies it to its stream. The file that then waits for its name, `path` or that of
-    /// [`FileWriter::target`]; `None` for streams.
+    /// Writes the content to the disk, or copies it to its stream. The file that then waits for its name,
+    /// `path` or that of [`FileWriter::target`]; `None` for streams.
     pub(super) fn complete(mut self, path: Option<&Path>) -> Result<Option<Member>> {
         if !matches!(self.kind, Kind::Named { .. }) {
             return self.finish().map(|_| None);

@@ -1,5 +1,6 @@
-//! Input that is read while it arrives: [`InputStream`] reads bytes on a separate thread, so that the consumer can
-//! wait for them with a timeout; [`arrow`] decodes Arrow streams batch by batch, [`rows`] rows of numbers in text and Arrow.
+//! Input that is read while it arrives: [`InputStream`] reads bytes on a separate thread, so that the
+//! consumer can wait for them with a timeout; [`arrow`] decodes Arrow streams batch by batch, [`rows`] rows
+//! of numbers in text and Arrow.
 
 pub mod arrow;
 pub mod rows;
@@ -28,8 +29,8 @@ pub enum ReadEvent {
     Error(std::io::Error),
 }
 
-/// A byte stream that is read by a separate thread. The thread ends with the stream, or after the read during which
-/// this value was dropped.
+/// A byte stream that is read by a separate thread. The thread ends with the stream, or after the read during
+/// which this value was dropped.
 #[derive(Debug)]
 pub struct InputStream {
     reads: flume::Receiver<std::io::Result<Vec<u8>>>,
@@ -93,8 +94,8 @@ impl InputStream {
     }
 }
 
-/// A named pipe that is opened by its first read, on the reading thread: `open` blocks until a writer opens the
-/// pipe, and the run must remain interruptible.
+/// A named pipe that is opened by its first read, on the reading thread: `open` blocks until a writer opens
+/// the pipe, and the run must remain interruptible.
 enum LazyPipe {
     Closed(std::path::PathBuf),
     Open(std::fs::File),
@@ -147,7 +148,7 @@ pub fn read_text(path: &Path, max_bytes: u64) -> Result<String> {
     })
 }
 
-/// Whether the path means standard input: `-`, `STDIN`, `/dev/stdin`.
+/// True if the path means standard input: `-`, `STDIN`, `/dev/stdin`.
 pub fn is_stdin(path: &Path) -> bool {
     ["-", "STDIN", "/dev/stdin"].iter().any(|name| path.as_os_str() == *name)
 }

@@ -1,6 +1,7 @@
-//! Rows of tables of numbers, as lines of text or as record batches of an Arrow stream, decoded while they arrive:
-//! [`RowDecoder`] takes bytes and returns blocks of complete rows, whose numbers any thread can read. What the columns mean is
-//! up to the caller, who finds the names in [`RowDecoder::fields`] or in the first row of the text.
+//! Rows of tables of numbers, as lines of text or as record batches of an Arrow stream, decoded while they
+//! arrive: [`RowDecoder`] takes bytes and returns blocks of complete rows, whose numbers any thread can read.
+//! What the columns mean is up to the caller, who finds the names in [`RowDecoder::fields`] or in the first
+//! row of the text.
 
 use super::arrow::{ArrowDecoder, ArrowDetection, NumberBatch, TableField, detect_arrow};
 use crate::columns::{Separator, comma_note, has_decimal_comma, stated_separator};
@@ -19,7 +20,8 @@ const SHOWN_OF_LONG_LINE: usize = 40;
 /// Maximum number of lines before the first row.
 const MAX_LEADING_LINES: usize = 1000;
 
-/// Decodes a stream of rows. Blank lines and comments of text are passed over; the first bytes tell text from Arrow.
+/// Decodes a stream of rows. Blank lines and comments of text are passed over; the first bytes tell text from
+/// Arrow.
 #[derive(Debug)]
 pub struct RowDecoder {
     source: Arc<Source>,
@@ -56,7 +58,7 @@ struct TextDecoder {
     /// The separator that is named, by the caller or in the stream.
     named: Option<char>,
     has_begun: bool,
-    /// Whether lines of words may stand before the first row of numbers.
+    /// True if lines of words may stand before the first row of numbers.
     may_have_preamble: bool,
     /// The comments and lines of words before the first row.
     leading: Vec<LeadingLine>,
@@ -69,20 +71,20 @@ pub struct LeadingLine {
     pub place: Place,
     /// Its text without blanks around it.
     pub text: String,
-    /// Whether it begins with `#`.
+    /// True if it begins with `#`.
     pub is_comment: bool,
 }
 
 impl RowDecoder {
-    /// A decoder without bytes. `path` is the name in messages, `what` says what a row is; without a separator the first row
-    /// tells it.
+    /// A decoder without bytes. `path` is the name in messages, `what` says what a row is; without a
+    /// separator the first row tells it.
     pub fn new(path: &Path, what: &'static str, separator: Option<char>) -> RowDecoder {
         let source = Arc::new(Source { path: path.to_path_buf(), separator: Separator::Blanks });
         RowDecoder { source, what, format: Format::Unknown(Vec::new(), separator, false), rows: 0 }
     }
 
-    /// This decoder for files in which lines of words may stand before the first row of numbers; they are among
-    /// [`RowDecoder::leading`]. In a text without numbers the last line of words is the first row.
+    /// This decoder for files in which lines of words may stand before the first row of numbers; they are
+    /// among [`RowDecoder::leading`]. In a text without numbers the last line of words is the first row.
     pub fn with_preamble(mut self) -> RowDecoder {
         if let Format::Unknown(_, _, may_have_preamble) = &mut self.format {
             *may_have_preamble = true;
@@ -129,12 +131,12 @@ impl RowDecoder {
         }
     }
 
-    /// Whether about `bytes` bytes of text have arrived that have not been returned.
+    /// True if about `bytes` bytes of text have arrived that have not been returned.
     pub fn has_pending(&self, bytes: usize) -> bool {
         !matches!(&self.format, Format::Text(text) if text.pending.len() < bytes)
     }
 
-    /// Whether a row of text or the columns of an Arrow stream have arrived.
+    /// True if a row of text or the columns of an Arrow stream have arrived.
     pub fn has_begun(&self) -> bool {
         match &self.format {
             Format::Unknown(..) => false,
@@ -143,12 +145,12 @@ impl RowDecoder {
         }
     }
 
-    /// The next rows that have arrived, at most `max_rows`; `ended` means that no further bytes follow. The first row of text may
-    /// hold the names of the columns.
+    /// The next rows that have arrived, at most `max_rows`; `ended` means that no further bytes follow. The
+    /// first row of text may hold the names of the columns.
     ///
     /// # Errors
-    /// [`Error::Input`] for lines that are too long, for bytes that are not text, and for damaged and cut Arrow streams. The rows
-    /// before are returned first.
+    /// [`Error::Input`] for lines that are too long, for bytes that are not text, and for damaged and cut
+    /// Arrow streams. The rows before are returned first.
     pub fn next_block(&mut self, max_rows: usize, ended: bool) -> Result<Option<RowBlock>> {
         if ended && let Format::Unknown(first, named, may_have_preamble) = &mut self.format {
             // A beginning of an Arrow stream that is too short to be recognised is read as text.
@@ -197,7 +199,8 @@ impl TextDecoder {
         }
     }
 
-    /// Refuses a stream that begins as a file of another kind does, once its first line or enough bytes have arrived.
+    /// Refuses a stream that begins as a file of another kind does, once its first line or enough bytes have
+    /// arrived.
     fn refuse_foreign(&mut self, path: &Path, ended: bool, what: &'static str) -> Result<()> {
         let has_line = memchr::memchr2(b'\n', b'\r', &self.pending).is_some();
         if self.is_checked || !(has_line || ended || self.pending.len() >= FIRST_BYTES) {
@@ -302,7 +305,7 @@ impl LeadingLine {
     }
 }
 
-/// Whether a line consists of numbers, or mostly of numbers, so that it is no heading and no sentence.
+/// True if a line consists of numbers, or mostly of numbers, so that it is no heading and no sentence.
 fn is_row_of_numbers(line: &[u8], separator: Separator) -> bool {
     let is_number = |word: &[u8]| {
         let text = std::str::from_utf8(word).ok().map(str::trim);
@@ -319,8 +322,8 @@ fn is_row_of_numbers(line: &[u8], separator: Separator) -> bool {
     begins && 2 * numbers >= fields || numbers >= 6 && 4 * numbers >= 3 * fields
 }
 
-/// Length of the first line of a text, without and with its end: a line feed, a carriage return or both. `None` while it is
-/// incomplete; `ended` means that no further bytes follow.
+/// Length of the first line of a text, without and with its end: a line feed, a carriage return or both.
+/// `None` while it is incomplete; `ended` means that no further bytes follow.
 pub fn line_length(text: &[u8], ended: bool) -> Option<(usize, usize)> {
     let Some(at) = memchr::memchr2(b'\n', b'\r', text) else {
         return (ended && !text.is_empty()).then_some((text.len(), text.len()));
@@ -361,7 +364,7 @@ impl RowBlock {
         self.rows.len()
     }
 
-    /// Whether there are no rows.
+    /// True if there are no rows.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
@@ -420,7 +423,7 @@ enum RowContent<'b> {
 pub struct RowError {
     /// The line and the column, or the complete stream if it is no text.
     pub place: Place,
-    /// What is wrong.
+    /// Description of the problem.
     pub message: String,
 }
 
@@ -458,8 +461,8 @@ impl Row<'_> {
         }
     }
 
-    /// Checks the number of fields of a line; `whose` says where `expected` is from, such as `the heading`. Rows of batches
-    /// always have the columns of their stream.
+    /// Checks the number of fields of a line; `whose` says where `expected` is from, such as `the heading`.
+    /// Rows of batches always have the columns of their stream.
     ///
     /// # Errors
     /// Surplus and missing fields, with a hint at their likely cause.

@@ -1,5 +1,5 @@
-//! Kinds that take more than a comparison of the first bytes: roots of XML, keys of JSON, entries of archives, records, and
-//! statements and columns of text.
+//! Kinds that take more than a comparison of the first bytes: roots of XML, keys of JSON, entries of
+//! archives, records, and statements and columns of text.
 
 use super::kinds::{self, Kind};
 use crate::columns::Separator;
@@ -43,7 +43,8 @@ pub(super) fn is_text(bytes: &[u8]) -> bool {
 /// Beginnings of few letters that no text has, whatever follows.
 const SURE: [&[u8]; 2] = [b"LASF", b"%PDF"];
 
-/// Beginnings of few letters, which text may have by chance, count in binary data only, but for those of [`SURE`].
+/// Beginnings of few letters, which text may have by chance, count in binary data only, but for those of
+/// [`SURE`].
 fn of_start(bytes: &[u8], is_text: bool) -> Option<&'static Kind> {
     let is_word = |start: &[u8]| start.len() < 5 && start.iter().all(|b| (0x20..0x7f).contains(b));
     let agrees =
@@ -315,7 +316,8 @@ fn first_word(bytes: &[u8]) -> &[u8] {
     &bytes[..bytes.len().min(6)]
 }
 
-/// True if all words behind the first one are numbers, and there are at least three: `v 1 2 3`, `f 1/1 2/2 3/3`.
+/// True if all words behind the first one are numbers, and there are at least three: `v 1 2 3`, `f 1/1 2/2
+/// 3/3`.
 fn has_numbers(line: &[u8]) -> bool {
     let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).skip(1).peekable();
     let is_number = |word: &[u8]| word.iter().all(|b| b.is_ascii_digit() || b"+-.eE/".contains(b));
@@ -336,8 +338,8 @@ fn is_pcd(bytes: &[u8]) -> bool {
     matches!(words.next(), Some(b"VERSION" | b"FIELDS" | b"COLUMNS")) && words.next().is_some()
 }
 
-/// True if the first word is that of OFF, or of a variant with colours, normals, textures or dimensions (Geomview's manual, "OFF
-/// Files"). Numbers may follow it without a blank, as in ModelNet.
+/// True if the first word is that of OFF, or of a variant with colours, normals, textures or dimensions
+/// (Geomview's manual, "OFF Files"). Numbers may follow it without a blank, as in ModelNet.
 pub fn is_off(bytes: &[u8]) -> bool {
     let mut lines = bytes.split(|b| matches!(b, b'\n' | b'\r')).map(<[u8]>::trim_ascii);
     let line = lines.find(|line| !(line.is_empty() || line.starts_with(b"#"))).unwrap_or_default();

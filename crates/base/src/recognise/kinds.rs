@@ -7,11 +7,11 @@ use super::Family::{self, *};
 pub struct Kind {
     /// Its name with an article, as it stands in "found a NumPy array".
     pub name: &'static str,
-    /// What it contains.
+    /// Content of such files.
     pub family: Family,
     /// How to convert it to a format that vlscan reads, with `{f}` for the file; empty if vlscan reads it.
     pub(super) convert: &'static str,
-    /// What files of the kind begin with.
+    /// First bytes of such files.
     pub(super) starts: &'static [&'static [u8]],
     /// The endings of their names, in small letters.
     pub(super) endings: &'static [&'static str],

@@ -1,5 +1,5 @@
-//! Names the kind of a file by its first bytes and its ending, and says what to do with a file that a command cannot use: every
-//! reader compares what it [`Wanted`] with what the file is.
+//! Names the kind of a file by its first bytes and its ending, and says what to do with a file that a command
+//! cannot use: every reader compares what it [`Wanted`] with what the file is.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -26,7 +26,7 @@ use std::path::Path;
 /// Number of bytes by which a kind is recognised, if the file has them.
 pub const FIRST_BYTES: usize = 8192;
 
-/// What files of a kind contain.
+/// Content of the files of a kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Family {
     /// A point cloud.
@@ -90,9 +90,9 @@ pub enum Family {
 pub struct Foreign {
     /// The kind of the file.
     pub kind: &'static Kind,
-    /// What was expected, with an article.
+    /// Kind of file that was expected, with an article.
     pub expected: &'static str,
-    /// What to do instead; empty if nothing is known.
+    /// Command or converter to use instead; empty if none is known.
     pub help: String,
 }
 
@@ -116,8 +116,8 @@ impl Foreign {
     }
 }
 
-/// The kind of a file that begins with `bytes`, of which [`FIRST_BYTES`] suffice. The ending of its name decides where the bytes
-/// do not.
+/// The kind of a file that begins with `bytes`, of which [`FIRST_BYTES`] suffice. The ending of its name
+/// decides where the bytes do not.
 pub fn recognise(path: &Path, bytes: &[u8]) -> &'static Kind {
     let kind = contents::kind_of(&bytes[..bytes.len().min(FIRST_BYTES)]);
     by_ending(path, kind).unwrap_or(kind)
@@ -139,7 +139,8 @@ pub fn first_bytes(path: &Path) -> Option<Vec<u8>> {
     Some(bytes)
 }
 
-/// The kind of a name's ending where the contents are of no known kind. What vlscan reads is recognised by its contents alone.
+/// The kind of a name's ending where the contents are of no known kind. What vlscan reads is recognised by
+/// its contents alone.
 fn by_ending(path: &Path, contents: &Kind) -> Option<&'static Kind> {
     let ending = path.extension()?.to_string_lossy().to_ascii_lowercase();
     let may_be = |kind: &Kind| match contents.family {
@@ -160,7 +161,8 @@ fn is_table_by_name(path: &Path) -> bool {
     ending.is_some_and(|ending| kinds::TABLE.endings.contains(&ending.as_str()))
 }
 
-/// What to do with a file that is not what a reader wants; `None` if it may be. `bytes` are the first ones, see [`FIRST_BYTES`].
+/// Recognises a file that a reader cannot read; `None` if the reader may be able to. `bytes` are the first
+/// bytes, see [`FIRST_BYTES`].
 ///
 /// ```
 /// use std::path::Path;

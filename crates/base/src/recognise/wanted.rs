@@ -1,11 +1,11 @@
-//! What the readers want, and what they say of anything else.
+//! Kinds of files that each reader accepts, and the messages for all others.
 
 use super::Family::{self, *};
 use super::Foreign;
 use super::kinds::{self, Kind};
 use std::path::Path;
 
-/// What a file is read for.
+/// Purpose for which a file is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// A survey or a pipeline.
@@ -28,16 +28,16 @@ pub enum Role {
     Other,
 }
 
-/// What a reader wants.
+/// Kinds of files that a reader accepts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wanted {
     /// A noun with its article: "a survey".
     pub what: &'static str,
-    /// What it is read for.
+    /// Purpose of the file.
     pub role: Role,
     /// Families of which the files that are read may be.
     families: &'static [Family],
-    /// Whether a file of unknown contents is refused if its ending is that of another kind.
+    /// True if a file of unknown contents is refused if its ending is that of another kind.
     pub(super) uses_endings: bool,
     /// Kinds of other families that are read, or of these that are not although vlscan reads them elsewhere.
     except: &'static [Kind],
@@ -53,7 +53,7 @@ impl Wanted {
         except: &[kinds::XML],
         ..wanted("an XML document (survey, scene, scanner, platform)", Role::Survey, &[Document])
     };
-    /// What `vlscan run` takes, if it is not TOML by its name.
+    /// A file for `vlscan run` whose extension is not `.toml`.
     pub const SURVEY: Wanted = Wanted { what: "a survey (.xml) or a pipeline (.toml)", ..Wanted::DOCUMENT };
     /// A pipeline in TOML, whose errors of syntax name their lines.
     pub const PIPELINE: Wanted = wanted("a pipeline (TOML)", Role::Survey, &[Pipeline, Text, Empty]);
@@ -180,7 +180,7 @@ impl Wanted {
             )
     }
 
-    /// What makes of files of the family what is wanted here.
+    /// Advice for files of a family, by the purpose of the reader.
     fn advice(&self, kind: &Kind) -> Option<String> {
         let text = match (self.role, kind.family) {
             (Role::Scene, Points) => {

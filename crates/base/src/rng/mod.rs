@@ -1,8 +1,8 @@
 //! Counter-based random numbers: pure functions of seed, purpose and counters.
 //!
-//! Every draw is Philox4x32-10 (Salmon et al. 2011, "Parallel random numbers: as easy as 1, 2, 3"). The key is the
-//! survey's seed; the plain text holds the [`Purpose`], the emitting device, the pulse number and a counter. There
-//! is no state, so no draw depends on threads, chunks or previous draws.
+//! Every draw is Philox4x32-10 (Salmon et al. 2011, "Parallel random numbers: as easy as 1, 2, 3"). The key
+//! is the survey's seed; the plain text holds the [`Purpose`], the emitting device, the pulse number and a
+//! counter. There is no state, so no draw depends on threads, chunks or previous draws.
 
 mod normals;
 
@@ -10,7 +10,8 @@ pub use normals::NORMALS_PER_BLOCK;
 
 use libm::{cos, log, sin};
 
-/// Consecutive multiples of the golden ratio, without their integers, are evenly distributed and repeat nowhere.
+/// Consecutive multiples of the golden ratio, without their integers, are evenly distributed and repeat
+/// nowhere.
 pub const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// The purpose of a draw. Streams of different purposes are independent.
@@ -72,8 +73,8 @@ impl Stream {
         Stream { key: [seed as u32, (seed >> 32) as u32], purpose: purpose as u32 }
     }
 
-    /// 128 random bits for (`group`, `number`, `counter`): device, pulse number, draw within the pulse. Only the low
-    /// 24 bits of `group` are used; the purpose takes the other 8 bits of its word.
+    /// 128 random bits for (`group`, `number`, `counter`): device, pulse number, draw within the pulse. Only
+    /// the low 24 bits of `group` are used; the purpose takes the other 8 bits of its word.
     pub fn bits(&self, group: u32, number: u64, counter: u32) -> [u32; 4] {
         let plain = [number as u32, (number >> 32) as u32, counter, group.wrapping_shl(8) ^ self.purpose];
         philox4x32_10(plain, self.key)

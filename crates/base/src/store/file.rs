@@ -6,10 +6,10 @@
 //!      table, a value: for each array its name, bytes, bytes of an element, checksums of its blocks
 //! ```
 //!
-//! An array is divided into blocks of 256 KiB, each with a checksum. Opening a file checks header and table; reading an
-//! array reads its blocks into memory, by all threads in parallel, and compares each with its checksum before the array
-//! is returned. So the numbers that a program computes with are those that were compared, whatever happens to the file
-//! afterwards.
+//! An array is divided into blocks of 256 KiB, each with a checksum. Opening a file checks header and table;
+//! reading an array reads its blocks into memory, by all threads in parallel, and compares each with its
+//! checksum before the array is returned. So the numbers that a program computes with are those that were
+//! compared, whatever happens to the file afterwards.
 
 use crate::error::{Error, Result};
 use crate::files::{FileWriter, Patched, fault, read_exact_at, reads};
@@ -26,7 +26,8 @@ use xxhash_rust::xxh3::xxh3_64;
 
 const MAGIC: &[u8; 8] = b"VLSCENE\n";
 
-/// Version of the contents; incremented whenever the meaning of any content changes, such as the elements of an array.
+/// Version of the contents; incremented whenever the meaning of any content changes, such as the elements of
+/// an array.
 const VERSION: u32 = 14;
 
 /// Written in native byte order; a machine of the opposite order reads a different number.
@@ -92,8 +93,8 @@ impl ArrayFileWriter {
         self.finish_checked(|_| Ok(()))
     }
 
-    /// As [`ArrayFileWriter::finish`], but a file gets its name only if `check` accepts it, whose path is a temporary one then.
-    /// Streams are not checked.
+    /// As [`ArrayFileWriter::finish`], but a file gets its name only if `check` accepts it, whose path is a
+    /// temporary one then. Streams are not checked.
     pub fn finish_checked(mut self, check: impl FnOnce(&Path) -> Result<()>) -> Result<u64> {
         let (table, start) = (encode(&self.table)?, self.at);
         self.put(&table)?;

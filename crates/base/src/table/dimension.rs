@@ -1,8 +1,8 @@
-//! What columns measure, and its units.
+//! Dimensions of columns, and their units.
 
 use crate::crs::LengthUnit;
 
-/// What the values of a column measure.
+/// Dimension of the values of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dimension {
     /// Seconds.

@@ -25,7 +25,8 @@ pub enum HeadingError {
     WrongUnit(Quantity, String, String),
 }
 
-/// Splits a heading into its name and the unit in brackets behind it (`Roll[deg]`, `heading (deg)`); an empty unit is none.
+/// Splits a heading into its name and the unit in brackets behind it (`Roll[deg]`, `heading (deg)`); an empty
+/// unit is none.
 pub fn split_unit(heading: &str) -> (&str, Option<&str>) {
     let Some(open) = heading.find(['[', '(', '{']) else { return (heading, None) };
     let unit = heading[open + 1..].split([']', ')', '}']).next().unwrap_or_default();
@@ -33,7 +34,8 @@ pub fn split_unit(heading: &str) -> (&str, Option<&str>) {
     (heading[..open].trim_end(), Some(unit).filter(|unit| !unit.is_empty()))
 }
 
-/// Appends units in brackets that stand alone, as in `roll (deg) pitch (deg)` between blanks, to the names before them.
+/// Appends units in brackets that stand alone, as in `roll (deg) pitch (deg)` between blanks, to the names
+/// before them.
 pub fn join_units(names: impl IntoIterator<Item = impl AsRef<str>>) -> Vec<String> {
     let mut joined: Vec<String> = Vec::new();
     for name in names {
@@ -47,8 +49,8 @@ pub fn join_units(names: impl IntoIterator<Item = impl AsRef<str>>) -> Vec<Strin
     joined
 }
 
-/// Parses a heading: a name, quoted or not, with a unit in brackets or at its end (`time_ns`, `Height.cm`, `z ft`).
-/// `quantities` are those that the table may have; the first one that has the name counts.
+/// Parses a heading: a name, quoted or not, with a unit in brackets or at its end (`time_ns`, `Height.cm`, `z
+/// ft`). `quantities` are those that the table may have; the first one that has the name counts.
 ///
 /// # Errors
 /// A name of none of them, or a unit of another dimension.
@@ -78,7 +80,7 @@ pub fn parse_heading(
     Ok(ParsedHeading { quantity, factor: Some(factor) })
 }
 
-/// Whether a text in lower case is a unit of any dimension.
+/// True if a text in lower case is a unit of any dimension.
 fn is_unit(text: &str) -> bool {
     OTHER_UNITS.contains(&text)
         || Dimension::MEASURED.iter().any(|dimension| dimension.factor(text).is_some())

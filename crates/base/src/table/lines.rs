@@ -6,7 +6,8 @@ use crate::diag::Place;
 use std::borrow::Cow;
 use std::path::Path;
 
-/// A table of text. Blank lines and comments (`#`) are skipped; a first line such as `sep=;` states the separator.
+/// A table of text. Blank lines and comments (`#`) are skipped; a first line such as `sep=;` states the
+/// separator.
 #[derive(Clone, Debug)]
 pub struct TextTable<'t> {
     path: &'t Path,
@@ -27,8 +28,8 @@ pub struct Line<'t> {
 }
 
 impl Line<'_> {
-    /// Removes empty fields beyond the first `expected` ones, and checks that no others are left or missing; `whose` says where
-    /// the number is from.
+    /// Removes empty fields beyond the first `expected` ones, and checks that no others are left or missing;
+    /// `whose` says where the number is from.
     ///
     /// # Errors
     /// Another number of fields.

@@ -1,5 +1,5 @@
-//! Tables with headings: one vocabulary of column names and one way to read headings for trajectories, pulses, instances,
-//! inventories and point clouds.
+//! Tables with headings: one vocabulary of column names and one way to read headings for trajectories,
+//! pulses, instances, inventories and point clouds.
 //!
 //! | file | what it does |
 //! |---|---|

@@ -23,8 +23,8 @@ pub enum Use {
 pub struct Schema {
     /// The quantities with their use.
     pub columns: &'static [(Quantity, Use)],
-    /// If set, a second column for a quantity is an error; otherwise the name that comes first in the vocabulary counts, with a
-    /// warning.
+    /// If set, a second column for a quantity is an error; otherwise the name that comes first in the
+    /// vocabulary counts, with a warning.
     pub is_unique: bool,
     /// The columns of the table, as help.
     pub help: &'static str,
@@ -130,7 +130,7 @@ impl Headings {
         self.columns.iter().find(|column| column.quantity == quantity)
     }
 
-    /// Whether a column holds the quantity.
+    /// True if a column holds the quantity.
     pub fn has(&self, quantity: Quantity) -> bool {
         self.get(quantity).is_some()
     }
@@ -202,9 +202,9 @@ fn quoted(names: &[String]) -> String {
 /// A row with more or fewer fields than expected.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WidthError {
-    /// What is wrong.
+    /// Description of the problem.
     pub message: String,
-    /// What to do; may be empty.
+    /// Advice; may be empty.
     pub help: &'static str,
 }
 

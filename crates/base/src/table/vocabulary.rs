@@ -139,7 +139,7 @@ const UNUSED_STARTS: [&str; 14] = [
     "wander",
 ];
 
-/// Whether a name in the form of [`plain`] is one that tables often have and that no table here uses.
+/// True if a name in the form of [`plain`] is one that tables often have and that no table here uses.
 pub fn is_usually_unused(name: &str) -> bool {
     UNUSED.split_ascii_whitespace().any(|unused| unused == name)
         || matches!(name, "vx" | "vy" | "vz" | "ve" | "vn" | "vu" | "wx" | "wy" | "wz" | "ax" | "ay" | "az")
@@ -147,8 +147,8 @@ pub fn is_usually_unused(name: &str) -> bool {
         || UNUSED_STARTS.iter().any(|start| name.starts_with(start))
 }
 
-/// A name in the form in which names are compared: lower case, without blanks, punctuation and quotes, and without the
-/// prefixes of CloudCompare's scalar fields and of exported ROS topics.
+/// A name in the form in which names are compared: lower case, without blanks, punctuation and quotes, and
+/// without the prefixes of CloudCompare's scalar fields and of exported ROS topics.
 pub fn plain(name: &str) -> String {
     const IGNORED: [char; 14] =
         ['_', '-', '.', '"', '\'', '`', '#', '%', '/', ':', '\u{feff}', '*', '+', ','];
@@ -164,7 +164,7 @@ impl Quantity {
         ENTRIES[self as usize].name
     }
 
-    /// What the values measure.
+    /// Dimension of the values.
     pub fn dimension(self) -> Dimension {
         ENTRIES[self as usize].dimension
     }
@@ -179,8 +179,8 @@ impl Quantity {
         self.names().position(|name| name == plain)
     }
 
-    /// The first of `quantities` that has the name `plain`. Names that differ by K for C (`Koord_X`, `Krown`) are accepted
-    /// if only one quantity has them.
+    /// The first of `quantities` that has the name `plain`. Names that differ by K for C (`Koord_X`, `Krown`)
+    /// are accepted if only one quantity has them.
     pub fn of_name(plain: &str, quantities: impl IntoIterator<Item = Quantity> + Clone) -> Option<Quantity> {
         let exact = quantities.clone().into_iter().find(|quantity| quantity.rank(plain).is_some());
         exact.or_else(|| {

@@ -1,8 +1,9 @@
 //! A flight and its scanner, estimated from a recorded cloud with GPS times and scan angles.
 //!
-//! The beam of a model (a platform on a parabola, a mirror that turns or swings) is intersected with the height of each recorded
-//! point; least squares make it meet the point's place, and its angle across the track that of the file. The attitude of each line
-//! is estimated with the parameters, as a random walk. The scan angle is what tells the height of the flight.
+//! The beam of a model (a platform on a parabola, a mirror that turns or swings) is intersected with the
+//! height of each recorded point; least squares make it meet the point's place, and its angle across the
+//! track that of the file. The attitude of each line is estimated with the parameters, as a random walk. The
+//! scan angle is what tells the height of the flight.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -58,7 +59,8 @@ const SECTIONS_PER_TURN: f64 = 8.0;
 const RULED_OUT: f64 = 3.0;
 /// A fit that misses its points by more than this, m on the ground, explains nothing.
 const MAX_RESIDUAL: f64 = 0.5;
-/// Nor does one with larger deviations of the attitude, rad, or of the scan angles, in steps of these and rad.
+/// Nor does one with larger deviations of the attitude, rad, or of the scan angles, in steps of these and
+/// rad.
 const MAX_ATTITUDE: f64 = 0.05;
 const MAX_ANGLE_STEPS: f64 = 0.6;
 const MAX_ANGLE: f64 = 0.02;
@@ -103,8 +105,8 @@ pub struct FlightFit {
 /// Fits a flight and its scanner to one flight line of a cloud. Warnings are added to `found`.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Input`] for clouds without GPS times or scan angles, with too few pulses, or with pulses that are
-/// neither on the circles of a cone nor on lines across a flight.
+/// [`Error::Io`]; [`Error::Input`] for clouds without GPS times or scan angles, with too few pulses, or with
+/// pulses that are neither on the circles of a cone nor on lines across a flight.
 pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics) -> Result<FlightFit> {
     if !(0.0..=MAX_EXTENSION).contains(&request.extend) {
         let message = format!("--extend {}: expected seconds from 0 to {MAX_EXTENSION}", request.extend);
@@ -235,7 +237,8 @@ fn best_solution(recording: &Recording) -> std::result::Result<Solution, String>
     }
 }
 
-/// The reasons against several guesses, each kind of mirror once with the guess that misses least, which is the first of its kind.
+/// The reasons against several guesses, each kind of mirror once with the guess that misses least, which is
+/// the first of its kind.
 fn told(reasons: &[(String, String, f64)]) -> String {
     let mut best: Vec<&(String, String, f64)> = Vec::new();
     for reason in reasons {

@@ -1,5 +1,5 @@
-//! When pulses leave: their mean rate, its dependence on the place of the mirror, its deviations from line to line, and intervals
-//! that repeat.
+//! When pulses leave: their mean rate, its dependence on the place of the mirror, its deviations from line to
+//! line, and intervals that repeat.
 
 use super::recording::{Recording, median};
 use super::repeat::{LinePattern, interval_pattern};
@@ -37,7 +37,8 @@ pub struct PulseRate {
     pub of_lines: f64,
     /// Share of the pulses that have no return.
     pub lost: f64,
-    /// Step of the times, s, if it is too large to tell the intervals of pulses, and if the places of the points do not, either.
+    /// Step of the times, s, if it is too large to tell the intervals of pulses, and if the places of the
+    /// points do not, either.
     pub coarse_step: Option<f64>,
     /// Factors of the intervals of successive pulses, which repeat; empty if they do not.
     pub dither: Vec<f64>,
@@ -153,8 +154,8 @@ impl PulseRate {
         rate
     }
 
-    /// Relative deviations of intervals from those of their place and line: runs of neighbouring pulses, `None` where a pulse is
-    /// missing. `times` are those of the pulses, s.
+    /// Relative deviations of intervals from those of their place and line: runs of neighbouring pulses,
+    /// `None` where a pulse is missing. `times` are those of the pulses, s.
     fn deviations(&self, recording: &Recording, solution: &Solution, times: &[f64]) -> Vec<Vec<Option<f64>>> {
         let mut runs = vec![Vec::new()];
         for range in &recording.lines {
@@ -178,8 +179,8 @@ impl PulseRate {
         runs
     }
 
-    /// Whether the rate depends neither on the place of the mirror nor on the line. A recording with too few pulses to tell has a
-    /// constant rate.
+    /// True if the rate depends neither on the place of the mirror nor on the line. A recording with too few
+    /// pulses to tell has a constant rate.
     pub fn is_constant(&self) -> bool {
         let known: Vec<f64> = self.by_phase.iter().flatten().copied().collect();
         if known.is_empty() {
@@ -189,9 +190,9 @@ impl PulseRate {
         spread(&known) / mean < CONSTANT && self.of_lines < CONSTANT
     }
 
-    /// Times of pulses from 0 to `duration` in the part of the revolution that was recorded, s. Lines that were not recorded have
-    /// the level of their place in the pattern of lines, or else that of the recorded line next to them. `None` if there are fewer than
-    /// two, or more than `max`.
+    /// Times of pulses from 0 to `duration` in the part of the revolution that was recorded, s. Lines that
+    /// were not recorded have the level of their place in the pattern of lines, or else that of the recorded
+    /// line next to them. `None` if there are fewer than two, or more than `max`.
     pub fn times(&self, solution: &Solution, duration: f64, max: usize) -> Option<Vec<f64>> {
         let rate = solution.model.of_mirror()[1].abs();
         let is_backward = solution.model.of_mirror()[1] < 0.0;
@@ -250,8 +251,8 @@ struct FinerTimes {
     coarse: Option<f64>,
 }
 
-/// Times of pulses as the places of their points tell them, where these are finer than the times in the file: the time at which
-/// the beam of the model passes the point.
+/// Times of pulses as the places of their points tell them, where these are finer than the times in the file:
+/// the time at which the beam of the model passes the point.
 fn finer_times(recording: &Recording, solution: &Solution) -> FinerTimes {
     const STEP: f64 = 1e-7;
     let by_time: Vec<f64> = recording.pulses.iter().map(|pulse| pulse.time).collect();
@@ -292,7 +293,8 @@ fn finer_times(recording: &Recording, solution: &Solution) -> FinerTimes {
 
 /// The step of times that is too large to tell the intervals of pulses, s; `None` if the times tell them.
 ///
-/// Where it is nearly an interval, most intervals have one value, which differs from what the places of the points say.
+/// Where it is nearly an interval, most intervals have one value, which differs from what the places of the
+/// points say.
 fn coarse_step(recording: &Recording, step: f64, by_place: &[f64]) -> Option<f64> {
     const MAX_DIFFERENCE: f64 = 0.05;
     if step > MAX_TIME_STEP * recording.interval {
@@ -321,7 +323,8 @@ fn time_step(recording: &Recording) -> f64 {
     if values.len() > MAX_VALUES { 0.0 } else { 1e-8 * smallest as f64 }
 }
 
-/// The usual interval between neighbouring pulses, s, of intervals of which some hold pulses without a return.
+/// The usual interval between neighbouring pulses, s, of intervals of which some hold pulses without a
+/// return.
 fn usual(intervals: &[f64]) -> f64 {
     let mut sorted = intervals.to_vec();
     sorted.sort_by(f64::total_cmp);

@@ -11,11 +11,13 @@ use vlscan_geom::{DVec3, degrees, radians};
 
 /// A gap of this many median intervals between pulses ends a line.
 const GAP_INTERVALS: f64 = 100.0;
-/// A pause of this many seconds ends a flight line; channels that look ahead and back pass a small place some seconds apart.
+/// A pause of this many seconds ends a flight line; channels that look ahead and back pass a small place some
+/// seconds apart.
 const FLIGHT_PAUSE: f64 = 20.0;
 /// Pulses before and after one whose heights are compared with it.
 const NEIGHBOURS: usize = 12;
-/// Points that lie farther from the median height of their neighbours are noise, m, or so many times as far as 95 % of the points.
+/// Points that lie farther from the median height of their neighbours are noise, m, or so many times as far
+/// as 95 % of the points.
 const MIN_OUTLIER: f64 = 50.0;
 const OUTLIER: f64 = 6.0;
 /// Fewer pulses say nothing of a flight.
@@ -120,8 +122,8 @@ impl PointSink for Rows {
 }
 
 impl Recording {
-    /// Reads one flight line of a cloud: that of the point source `source`, else the one with the most pulses. Warnings, also
-    /// of lines that are left out, are added to `found`.
+    /// Reads one flight line of a cloud: that of the point source `source`, else the one with the most
+    /// pulses. Warnings, also of lines that are left out, are added to `found`.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Input`] for clouds without GPS times or scan angles, or with too few pulses.
@@ -251,8 +253,8 @@ impl Recording {
         Ok(Recording { origin, start, source: rows[0].source, ..recording })
     }
 
-    /// A recording of pulses in ascending order of channel of the file and time, at the origin of coordinates and of times; `None`
-    /// for fewer than 500.
+    /// A recording of pulses in ascending order of channel of the file and time, at the origin of coordinates
+    /// and of times; `None` for fewer than 500.
     pub fn new(pulses: Vec<Pulse>) -> Option<Recording> {
         if pulses.len() < MIN_PULSES {
             return None;
@@ -312,7 +314,7 @@ impl Recording {
         (self.pulses.iter().map(|pulse| (pulse.angle - mean).powi(2)).sum::<f64>() / count).sqrt()
     }
 
-    /// Whether the scan angles are rounded to degrees.
+    /// True if the scan angles are rounded to degrees.
     pub fn has_whole_angles(&self) -> bool {
         self.angle_step > radians(0.5)
     }
@@ -328,8 +330,8 @@ impl Recording {
     }
 }
 
-/// Removes pulses, and last returns of pulses, far above or below the others around their time. Returns their number, and the
-/// distance that is too far, m.
+/// Removes pulses, and last returns of pulses, far above or below the others around their time. Returns their
+/// number, and the distance that is too far, m.
 fn remove_outliers(pulses: &mut Vec<Pulse>) -> (usize, f64) {
     let mut near = Vec::with_capacity(2 * NEIGHBOURS + 1);
     let medians: Vec<f64> = (0..pulses.len())

@@ -33,7 +33,7 @@ const OF_FACETS: [&str; MAX_FACETS] = [
 /// An estimated quantity.
 #[derive(Clone, Debug, Serialize)]
 pub struct Figure {
-    /// What it is.
+    /// Kind of the entry.
     pub name: &'static str,
     /// Its value.
     pub value: f64,

@@ -10,15 +10,16 @@ use std::ops::Range;
 const LINES: usize = 16;
 /// Lines of fewer pulses have no direction.
 const MIN_PULSES: usize = 8;
-/// Directions that agree less have no mean: 1 if all are the same and all points are on straight lines seen from above.
+/// Directions that agree less have no mean: 1 if all are the same and all points are on straight lines seen
+/// from above.
 const MIN_AGREEMENT: f64 = 0.8;
 /// Smaller turns may be those of a curved flight, rad.
 const MIN_TURN: f64 = TAU / 3.0;
 /// Largest standard deviation from an even turn, as a share of the turn.
 const MAX_UNEVEN: f64 = 0.1;
 
-/// Total turn of the scan lines seen from above, rad, if they turn steadily and so far that no flight explains them. A platform that
-/// flies straight draws lines or arcs whose directions stay, or recur.
+/// Total turn of the scan lines seen from above, rad, if they turn steadily and so far that no flight
+/// explains them. A platform that flies straight draws lines or arcs whose directions stay, or recur.
 pub fn steady_turn(pulses: &[Pulse], lines: &[Range<usize>]) -> Option<f64> {
     let mut groups = Vec::new();
     for lines in lines.chunks(LINES) {
@@ -50,8 +51,8 @@ pub fn steady_turn(pulses: &[Pulse], lines: &[Range<usize>]) -> Option<f64> {
     (turn >= MIN_TURN && uneven <= MAX_UNEVEN * turn).then_some(turn)
 }
 
-/// Cosine and sine of twice the direction in which the points of a line spread, seen from above, times 1 for a straight line to 0 for
-/// points that spread alike in all directions.
+/// Cosine and sine of twice the direction in which the points of a line spread, seen from above, times 1 for
+/// a straight line to 0 for points that spread alike in all directions.
 fn direction(pulses: &[Pulse]) -> Option<[f64; 2]> {
     if pulses.len() < MIN_PULSES {
         return None;
@@ -110,7 +111,8 @@ mod tests {
     #[test]
     fn lines_of_flights_do_not_turn() {
         let along = |line: usize| DVec3::new(0.0, 0.4 * line as f64, 0.0);
-        // Straight, with two channels that look ahead and back, with a wind that turns, in a curve of 60 degrees, as arcs.
+        // Straight, with two channels that look ahead and back, with a wind that turns, in a curve of 60
+        // degrees, as arcs.
         let flights: [&dyn Fn(usize) -> f64; 5] = [
             &|_| 0.3,
             &|line| if line % 2 == 0 { 0.25 } else { -0.25 },

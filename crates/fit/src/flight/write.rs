@@ -16,7 +16,8 @@ use vlscan_geom::{DVec3, degrees};
 const MAX_TIMES: usize = 20_000_000;
 /// Poses are written at most so many times per second.
 const MAX_POSES_PER_S: f64 = 1000.0;
-/// Reflectance of the target that is assumed to be seen at [`ASSUMED_RANGE`] times the greatest recorded range.
+/// Reflectance of the target that is assumed to be seen at [`ASSUMED_RANGE`] times the greatest recorded
+/// range.
 const ASSUMED_REFLECTANCE: f64 = 0.1;
 const ASSUMED_RANGE: f64 = 1.5;
 
@@ -31,7 +32,7 @@ pub struct FlightFiles {
     pub wander: Option<PathBuf>,
     /// Times of pulses: text; `None` for a constant rate.
     pub pulse_times: Option<PathBuf>,
-    /// Where a run of the pipeline file writes its points.
+    /// Output path of a run of the pipeline file.
     pub simulated: PathBuf,
 }
 
@@ -41,7 +42,8 @@ const WANDER: &str = "wander.txt";
 const PULSE_TIMES: &str = "pulses.txt";
 
 impl FlightFiles {
-    /// Checks that the pipeline file and any file that a fit may write beside it can be written: before a fit, which takes long.
+    /// Checks that the pipeline file and any file that a fit may write beside it can be written: before a
+    /// fit, which takes long.
     ///
     /// # Errors
     /// [`vlscan_base::error::Error::Input`]: a file exists and `force` is not set, or is the recorded cloud.
@@ -66,14 +68,16 @@ impl FlightFiles {
 }
 
 impl FlightFit {
-    /// Writes the pipeline file at `path`, and beside it the trajectory and, if the pulse rate is not constant, the times of
-    /// pulses. `command` is the command line that made it. With `force`, files of an earlier fit are replaced, and those that this one
-    /// does not have are removed.
+    /// Writes the pipeline file at `path`, and beside it the trajectory and, if the pulse rate is not
+    /// constant, the times of pulses. `command` is the command line that made it. With `force`, files of an
+    /// earlier fit are replaced, and those that this one does not have are removed.
     ///
     /// # Errors
-    /// [`vlscan_base::error::Error::Io`], after which none of the files is written; a file exists and `force` is not set.
+    /// [`vlscan_base::error::Error::Io`], after which none of the files is written; a file exists and `force`
+    /// is not set.
     pub fn write(&self, path: &Path, command: &str, force: bool) -> Result<FlightFiles> {
-        // All channels fire at the times of a file, which are not those of the recorded parts of each channel.
+        // All channels fire at the times of a file, which are not those of the recorded parts of each
+        // channel.
         let has_times = !self.rate.is_constant() && self.solution.model.senses.len() == 1;
         let times = match has_times {
             true => self.rate.times(&self.solution, self.end(), MAX_TIMES),
@@ -148,7 +152,8 @@ impl FlightFit {
         times.push(self.end() + 0.01);
         for time in times {
             let (place, attitude) = (self.position(time) + origin, self.solution.attitude(time));
-            // A cone turns by its mirror, whose wander is a file of its own; lines are turned by the platform.
+            // A cone turns by its mirror, whose wander is a file of its own; lines are turned by the
+            // platform.
             let yaw = if is_cone { 0.0 } else { attitude[2] + model.of_mirror()[3] };
             let heading = (course + degrees(yaw)).rem_euclid(360.0);
             let angles = [degrees(attitude[0]), degrees(attitude[1]), heading];
@@ -320,8 +325,9 @@ impl FlightFit {
         keys
     }
 
-    /// Half angle of an oscillating mirror, rad. Between its turns, which take 50 pulses each and at most half of a sweep, it moves as
-    /// evenly as one that turns at once would, but faster than that one with the same angle (docs/physics.md, kinematics).
+    /// Half angle of an oscillating mirror, rad. Between its turns, which take 50 pulses each and at most
+    /// half of a sweep, it moves as evenly as one that turns at once would, but faster than that one with the
+    /// same angle (docs/physics.md, kinematics).
     pub(super) fn half_angle(&self) -> f64 {
         const TURN: f64 = 50.0;
         let p = self.solution.model.of_mirror();

@@ -1,13 +1,15 @@
 //! Foliage as voxels: leaf area density by the law of Beer and Lambert from what beams lose in them.
 //!
-//! A return k of a pulse with n returns has intercepted 1/n of the beam, and (n − k)/n goes on. In every voxel the intercepted shares
-//! are added up, and so are the lengths of the beams within it, each weighted by the share that is left there. Their ratio is the
-//! estimate of the extinction σ with the greatest likelihood where paths are exponentially distributed (Pimont et al. 2018,
-//! *Estimators and confidence intervals for plant area density at voxel scale with T-LiDAR*, Remote Sensing of Environment 215), and
-//! the leaf area density is σ/G with G = 1/2 of leaves that face all directions alike. Neighbouring columns share what they know:
-//! both sums are smoothed over columns, along the ground or the canopy and never up or down, since tops of crowns are sharp, and what
-//! is known at one level of smoothing is the prior of the next finer one (a gamma distribution, conjugate to exponential paths). Which surface is followed
-//! and how much the prior counts is decided by the likelihood of a quarter of the pulses by what the other three quarters say.
+//! A return k of a pulse with n returns has intercepted 1/n of the beam, and (n − k)/n goes on. In every
+//! voxel the intercepted shares are added up, and so are the lengths of the beams within it, each weighted by
+//! the share that is left there. Their ratio is the estimate of the extinction σ with the greatest likelihood
+//! where paths are exponentially distributed (Pimont et al. 2018, *Estimators and confidence intervals for
+//! plant area density at voxel scale with T-LiDAR*, Remote Sensing of Environment 215), and the leaf area
+//! density is σ/G with G = 1/2 of leaves that face all directions alike. Neighbouring columns share what they
+//! know: both sums are smoothed over columns, along the ground or the canopy and never up or down, since tops
+//! of crowns are sharp, and what is known at one level of smoothing is the prior of the next finer one (a
+//! gamma distribution, conjugate to exponential paths). Which surface is followed and how much the prior
+//! counts is decided by the likelihood of a quarter of the pulses by what the other three quarters say.
 
 use super::recording::{Recording, Target};
 use super::sensor::SensorPath;
@@ -18,8 +20,8 @@ use vlscan_tools::neighbours::Neighbours;
 
 /// Mean projection of leaves that face all directions alike.
 pub(super) const PROJECTION: f64 = 0.5;
-/// Most voxels of the grid, filled or not; those of few points, and more for each of them: work and memory are those of points, not
-/// of the place over which they are spread.
+/// Most voxels of the grid, filled or not; those of few points, and more for each of them: work and memory
+/// are those of points, not of the place over which they are spread.
 const MAX_VOXELS: f64 = 40e6;
 const MIN_VOXELS: f64 = 4e6;
 const VOXELS_PER_POINT: f64 = 256.0;
@@ -83,7 +85,8 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// The grid around `positions`, of voxels of that size, or larger ones if they were too many; `None` without positions.
+    /// The grid around `positions`, of voxels of that size, or larger ones if they were too many; `None`
+    /// without positions.
     fn around(positions: impl Iterator<Item = DVec3>, size: f64) -> Option<Grid> {
         let none = (DVec3::INFINITY, DVec3::NEG_INFINITY, 0.0);
         let (min, max, count) = positions.fold(none, |(a, b, n), p| (a.min(p), b.max(p), n + 1.0));
@@ -131,8 +134,8 @@ impl Grid {
         is_within.then(|| self.number(index.map(|v| v as usize)))
     }
 
-    /// Visits the voxels along `origin` + t·`direction` up to `end` m with the t at which the beam enters and leaves them (Amanatides
-    /// and Woo 1987, *A fast voxel traversal algorithm for ray tracing*).
+    /// Visits the voxels along `origin` + t·`direction` up to `end` m with the t at which the beam enters and
+    /// leaves them (Amanatides and Woo 1987, *A fast voxel traversal algorithm for ray tracing*).
     pub fn along(&self, origin: DVec3, direction: DVec3, end: f64, mut visit: impl FnMut(usize, f64, f64)) {
         let max = self.min
             + DVec3::new(self.cells[0] as f64, self.cells[1] as f64, self.cells[2] as f64) * self.size;
@@ -212,7 +215,7 @@ pub(super) struct Extinctions {
     classes: Vec<u8>,
     /// Length of beams, m, for which the next coarser level of smoothing counts.
     pub prior: f64,
-    /// Whether smoothing follows the canopy rather than the ground.
+    /// True if smoothing follows the canopy rather than the ground.
     pub along_canopy: bool,
 }
 
@@ -220,11 +223,12 @@ const NO_CLASS: u8 = u8::MAX;
 
 /// Passes of smoothing of the levels, finest first.
 const PASSES: [usize; 4] = [0, 2, 6, 18];
-/// Lengths of beam for which the coarser level counts, m, among which the likelihood of pulses that were left out decides.
+/// Lengths of beam for which the coarser level counts, m, among which the likelihood of pulses that were left
+/// out decides.
 const PRIOR_LENGTHS: [f64; 6] = [0.1, 0.3, 1.0, 3.0, 10.0, 30.0];
 
-/// The extinctions by all pulses of a recording, and those by all but the ones that are held out; `None` without foliage. `is_leaf`
-/// tells which returns are from foliage, `terrain` is the height of the ground.
+/// The extinctions by all pulses of a recording, and those by all but the ones that are held out; `None`
+/// without foliage. `is_leaf` tells which returns are from foliage, `terrain` is the height of the ground.
 pub(super) fn extinctions(
     recording: &Recording,
     paths: &[SensorPath],
@@ -326,8 +330,8 @@ fn sums(
 }
 
 impl Sums {
-    /// Replaces both sums by means over 3 by 3 columns with the weights 1, 2, 1 along x and y, at the same height over the ground:
-    /// `ground` is the number of the voxel at the ground of each column.
+    /// Replaces both sums by means over 3 by 3 columns with the weights 1, 2, 1 along x and y, at the same
+    /// height over the ground: `ground` is the number of the voxel at the ground of each column.
     fn smooth(&mut self, grid: &Grid, ground: &[i32]) {
         for values in [&mut self.hits, &mut self.lengths] {
             for axis in 0..2 {
@@ -363,8 +367,8 @@ impl Levels {
         Levels(levels)
     }
 
-    /// Extinctions of the finest level, where each has the next coarser one for a prior that counts like `prior` metres of beams:
-    /// the mean of a gamma distribution, which is conjugate to exponential paths.
+    /// Extinctions of the finest level, where each has the next coarser one for a prior that counts like
+    /// `prior` metres of beams: the mean of a gamma distribution, which is conjugate to exponential paths.
     fn extinctions(&self, prior: f64) -> Vec<f32> {
         let mut sigma: Vec<f32> = Vec::new();
         for (sums, count) in self.0.iter().rev() {
@@ -418,7 +422,8 @@ impl Extinctions {
         Foliage { min: grid.min, size: grid.size, cells: grid.cells, voxels: filled.map(voxel).collect() }
     }
 
-    /// The class of most of the light from a voxel and, where it has none of its own, that of the nearest one that has.
+    /// The class of most of the light from a voxel and, where it has none of its own, that of the nearest one
+    /// that has.
     fn class(&self, number: usize, index: [usize; 3]) -> u8 {
         if self.classes[number] != NO_CLASS {
             return self.classes[number];
@@ -450,7 +455,8 @@ impl Extinctions {
     }
 }
 
-/// Which returns are from foliage: those of no surface, unless they are unclassified and as near to the terrain as its own points.
+/// Which returns are from foliage: those of no surface, unless they are unclassified and as near to the
+/// terrain as its own points.
 pub(super) fn leaf_returns(recording: &Recording, near_terrain: impl Fn(DVec3) -> bool + Sync) -> Vec<bool> {
     let is_leaf = |r: &super::recording::Return| {
         r.target == Target::Foliage && !(r.class <= 1 && near_terrain(r.position))

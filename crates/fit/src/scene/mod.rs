@@ -1,7 +1,9 @@
-//! A scene from a classified point cloud: terrain, roofs with walls, foliage as voxels, and the instrument as far as returns tell it.
+//! A scene from a classified point cloud: terrain, roofs with walls, foliage as voxels, and the instrument as
+//! far as returns tell it.
 //!
-//! The classes are those of the LAS specification 1.4. Ground, water, roads and rails become the terrain; buildings and bridges become
-//! roofs with walls; what else there is becomes foliage, of the class of its points. Everything is estimated from the cloud.
+//! The classes are those of the LAS specification 1.4. Ground, water, roads and rails become the terrain;
+//! buildings and bridges become roofs with walls; what else there is becomes foliage, of the class of its
+//! points. Everything is estimated from the cloud.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -48,8 +50,8 @@ const NEAR_SPREADS: f64 = 3.0;
 /// What a scene is reconstructed from.
 #[derive(Clone, Debug, PartialEq, clap::Args)]
 pub struct ReconstructOptions {
-    /// The point cloud, LAS or LAZ with classes, return numbers and times. Class 2 is ground, 6 buildings, 9 water; 7 and 18 are noise;
-    /// other points are foliage
+    /// The point cloud, LAS or LAZ with classes, return numbers and times. Class 2 is ground, 6 buildings, 9
+    /// water; 7 and 18 are noise; other points are foliage
     pub cloud: PathBuf,
     /// Edge of the voxels of foliage in metres. [default: the mean distance between pulses, 0.3 to 0.75]
     #[arg(long, value_name = "METRES", value_parser = voxel_size)]
@@ -105,7 +107,7 @@ pub struct ReconstructedScene {
     pub foliage: Foliage,
     /// Length of beams, m, for which what the surroundings of a voxel say counts in its density.
     pub prior: f64,
-    /// Whether the surroundings lie along the canopy rather than along the ground.
+    /// True if the surroundings lie along the canopy rather than along the ground.
     pub along_canopy: bool,
     /// Receiver and grain of foliage.
     pub receiver: Receiver,
@@ -130,8 +132,8 @@ impl Stages<'_> {
 /// Estimates a scene from a classified point cloud. What is doubtful is told to `observer`.
 ///
 /// # Errors
-/// [`vlscan_base::Error::Io`]; [`vlscan_base::Error::Input`] for files that are no point cloud or have no ground, and for warnings of a strict
-/// observer.
+/// [`vlscan_base::Error::Io`]; [`vlscan_base::Error::Input`] for files that are no point cloud or have no
+/// ground, and for warnings of a strict observer.
 pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<ReconstructedScene> {
     let mut found = Diagnostics::default();
     let mut stages = Stages { observer, begun: Instant::now() };
@@ -215,11 +217,13 @@ pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<
 }
 
 impl ReconstructedScene {
-    /// Writes the scene to a folder: `scene.xml` with its meshes, materials and voxels, `scene.toml` with scene and instrument for
-    /// `vlscan trace --scanner` and `vlscan run`, `trajectory.csv`, `report.json`. Returns the path of `scene.toml`.
+    /// Writes the scene to a folder: `scene.xml` with its meshes, materials and voxels, `scene.toml` with
+    /// scene and instrument for `vlscan trace --scanner` and `vlscan run`, `trajectory.csv`, `report.json`.
+    /// Returns the path of `scene.toml`.
     ///
     /// # Errors
-    /// [`vlscan_base::Error::Io`]; [`vlscan_base::Error::Input`] for files that exist, unless they may be replaced.
+    /// [`vlscan_base::Error::Io`]; [`vlscan_base::Error::Input`] for files that exist, unless they may be
+    /// replaced.
     pub fn write(&self, folder: &Path, overwrite: bool) -> Result<PathBuf> {
         write::write(self, folder, overwrite)
     }

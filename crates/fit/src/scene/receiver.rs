@@ -1,14 +1,16 @@
 //! The receiver and the grain of foliage, by how many returns pulses through foliage have.
 //!
-//! Two returns of a pulse are told apart from a distance on: the least one in the recording. An echo of a part of the beam is a return
-//! from a share of the energy on: the threshold. And how often a beam is divided at all follows from the size of the elements of
-//! foliage (shoots, clusters of leaves): a beam that is narrower than they are is intercepted as a whole. Threshold and
-//! size of the elements are estimated together, and in turn with them factors on the extinctions by height over the ground, since a first
-//! return is the nearest of all that a beam meets and not their mean: recorded beams are sent through the estimated foliage by the very
-//! rules by which `vlscan` simulates them (elements that intercept columns of the footprint at an exponentially distributed optical
-//! depth), with the same random numbers for every trial, until the shares of pulses with one, two, three and more returns, of pulses
-//! whose first return is from foliage, and of those whose last one is, are as recorded, and so are the heights of first returns. The extinctions are those by the other pulses:
-//! foliage that was estimated by a pulse fits that pulse too well.
+//! Two returns of a pulse are told apart from a distance on: the least one in the recording. An echo of a
+//! part of the beam is a return from a share of the energy on: the threshold. And how often a beam is divided
+//! at all follows from the size of the elements of foliage (shoots, clusters of leaves): a beam that is
+//! narrower than they are is intercepted as a whole. Threshold and size of the elements are estimated
+//! together, and in turn with them factors on the extinctions by height over the ground, since a first return
+//! is the nearest of all that a beam meets and not their mean: recorded beams are sent through the estimated
+//! foliage by the very rules by which `vlscan` simulates them (elements that intercept columns of the
+//! footprint at an exponentially distributed optical depth), with the same random numbers for every trial,
+//! until the shares of pulses with one, two, three and more returns, of pulses whose first return is from
+//! foliage, and of those whose last one is, are as recorded, and so are the heights of first returns. The
+//! extinctions are those by the other pulses: foliage that was estimated by a pulse fits that pulse too well.
 
 use super::foliage::{Beam, Extinctions, beam};
 use super::recording::Recording;
@@ -26,7 +28,8 @@ const MIN_SAMPLES: usize = 200;
 const MIN_DEPTH: f64 = 0.05;
 /// Rays of a beam.
 const SUBRAYS: usize = 40;
-/// Shares that are compared: pulses with one, two, three, more returns; first return from foliage, last return from foliage.
+/// Shares that are compared: pulses with one, two, three, more returns; first return from foliage, last
+/// return from foliage.
 const SHARES: usize = 6;
 /// Layers of heights over the ground, each with as many first returns.
 const LAYERS: usize = 10;
@@ -59,7 +62,8 @@ pub struct Receiver {
     pub max_returns: u8,
     /// Pulses through foliage by which threshold, size and factor were estimated; 0: they are assumed.
     pub samples: usize,
-    /// Of these the share with one, two, three, more returns, with a first return from foliage, with a last one from foliage.
+    /// Of these the share with one, two, three, more returns, with a first return from foliage, with a last
+    /// one from foliage.
     pub recorded: [f64; SHARES],
     /// The same as simulated.
     pub simulated: [f64; SHARES],
@@ -303,8 +307,8 @@ fn simulated_shares(
         samples.par_iter().map(|sample| simulate(sample, settings, factors, resolution)).collect();
     let (mut counts, mut layers) = ([0.0; SHARES], [0.0; LAYERS]);
     let (mut n, mut firsts, mut lasts) = (0.0f64, 0.0f64, 0.0f64);
-    // A pulse without a return is not in a recording. Only where the recorded pulse tells it, first and last returns count, so that both
-    // are shares of the same pulses.
+    // A pulse without a return is not in a recording. Only where the recorded pulse tells it, first and last
+    // returns count, so that both are shares of the same pulses.
     for (echoes, sample) in all.iter().zip(samples).filter_map(|(e, s)| Some((e.as_ref()?, s))) {
         n += 1.0;
         counts[echoes.count.clamp(1, 4) - 1] += 1.0;

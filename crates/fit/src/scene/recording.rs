@@ -51,7 +51,7 @@ pub(super) struct Return {
     pub scan_angle: f64,
     source: u16,
     channel: u16,
-    /// Whether it lies far from all others and is left out.
+    /// True if it lies far from all others and is left out.
     is_stray: bool,
 }
 
@@ -77,8 +77,8 @@ pub(super) struct Recording {
     /// Points of the noise classes 7 and 18, which are left out.
     pub noise: usize,
     pub has_scan_angles: bool,
-    /// For each pulse whether it is held out, to judge what the others say: every fourth of the recording, so that a stray that is left
-    /// out changes it for no other pulse.
+    /// For each pulse whether it is held out, to judge what the others say: every fourth of the recording, so
+    /// that a stray that is left out changes it for no other pulse.
     pub is_held_out: Vec<bool>,
 }
 
@@ -127,7 +127,8 @@ impl PointSink for Sink {
 /// Reads a point cloud; problems that do not prevent that are added to `found`.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Input`] for files that are no point cloud, without classes, or without points of the ground.
+/// [`Error::Io`]; [`Error::Input`] for files that are no point cloud, without classes, or without points of
+/// the ground.
 pub(super) fn read(path: &Path, found: &mut Diagnostics) -> Result<Recording> {
     let attributes = AttributeSet::default();
     let mut sink = Sink { returns: Vec::new(), attributes, noise: 0, skipped: 0 };

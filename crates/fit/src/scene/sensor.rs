@@ -1,10 +1,11 @@
 //! Where the instrument was when it emitted a pulse.
 //!
-//! All returns of a pulse lie on its beam, so that the beams of pulses with several returns meet in the instrument (Gatziolis and
-//! McGaughey 2019, *Reconstructing aircraft trajectories from multi-return airborne laser-scanning data*, Remote Sensing 11(19)).
-//! A pass over a place is short: the instrument moves along a straight line, x(t) = a + b·(t − t₀), whose six numbers are found by
-//! least squares of the distances of the beams. Where these are too few, or meet too badly, the scan angle tells the instrument's
-//! place across the track: its tangent grows by 1/height per metre, in the direction to the right of the flight.
+//! All returns of a pulse lie on its beam, so that the beams of pulses with several returns meet in the
+//! instrument (Gatziolis and McGaughey 2019, *Reconstructing aircraft trajectories from multi-return airborne
+//! laser-scanning data*, Remote Sensing 11(19)). A pass over a place is short: the instrument moves along a
+//! straight line, x(t) = a + b·(t − t₀), whose six numbers are found by least squares of the distances of the
+//! beams. Where these are too few, or meet too badly, the scan angle tells the instrument's place across the
+//! track: its tangent grows by 1/height per metre, in the direction to the right of the flight.
 
 use super::recording::{Line, Recording};
 use vlscan_geom::DVec3;
@@ -139,7 +140,8 @@ fn by_beams(recording: &Recording, line: &Line, place: DVec3, base: &SensorPath)
         normal[5][5] += 1e6 * normal[0][0];
         let inverse = inverse(&normal)?;
         solution = std::array::from_fn(|i| (0..6).map(|j| inverse[i][j] * right[j]).sum());
-        // Residual angle of each beam; those far off are of lower weight (Cauchy), and the variance follows from all.
+        // Residual angle of each beam; those far off are of lower weight (Cauchy), and the variance follows
+        // from all.
         let angle = |beam: &Beam| {
             let x = DVec3::new(solution[0], solution[1], solution[2])
                 + DVec3::new(solution[3], solution[4], solution[5]) * (beam.time / duration);
@@ -180,7 +182,8 @@ fn by_beams(recording: &Recording, line: &Line, place: DVec3, base: &SensorPath)
     })
 }
 
-/// The path by tan(scan angle) = c + g·(x, y): the gradient g points to the right of the flight and is 1/height.
+/// The path by tan(scan angle) = c + g·(x, y): the gradient g points to the right of the flight and is
+/// 1/height.
 fn by_scan_angles(recording: &Recording, line: &Line, place: DVec3, base: &SensorPath) -> Option<SensorPath> {
     if !recording.has_scan_angles {
         return None;
@@ -200,11 +203,13 @@ fn by_scan_angles(recording: &Recording, line: &Line, place: DVec3, base: &Senso
     let inverse = inverse(&sums)?;
     let [centre, gx, gy] = std::array::from_fn(|i| (0..3).map(|j| inverse[i][j] * right[j]).sum::<f64>());
     let slope = libm::hypot(gx, gy);
-    // Lower than 20 m and higher than 20 km no airborne scanner flies: whole degrees over a small place say too little.
+    // Lower than 20 m and higher than 20 km no airborne scanner flies: whole degrees over a small place say
+    // too little.
     let height = Some(1.0 / slope).filter(|h| (20.0..20_000.0).contains(h))?;
     let to_right = DVec3::new(gx, gy, 0.0) / slope;
     let position = place - to_right * (centre * height) + DVec3::Z * height;
-    // The beam lies in the plane across the flight: the instrument is as far along the track as what it meets.
+    // The beam lies in the plane across the flight: the instrument is as far along the track as what it
+    // meets.
     let forward = DVec3::new(-to_right.y, to_right.x, 0.0);
     let velocity = forward * speed_along(recording, line, place, forward);
     Some(SensorPath { position, velocity, found_by: PathSource::ScanAngles, ..base.clone() })

@@ -1,7 +1,8 @@
 //! The terrain: heights on a grid, by planes through the nearest points of the ground.
 //!
-//! A plane by weighted least squares, rather than a triangulation, averages the noise of ranges and follows slopes. What the points
-//! scatter about it (noise of ranges, grass, stones) is estimated from each point and the plane of its neighbours without it.
+//! A plane by weighted least squares, rather than a triangulation, averages the noise of ranges and follows
+//! slopes. What the points scatter about it (noise of ranges, grass, stones) is estimated from each point and
+//! the plane of its neighbours without it.
 
 use rayon::prelude::*;
 use vlscan_geom::{Aabb, DVec3};
@@ -31,7 +32,8 @@ pub struct Terrain {
     pub nodes: [usize; 2],
     /// Heights, m, by rows of ascending y.
     pub heights: Vec<f64>,
-    /// Robust standard deviation of the points about the plane of their neighbours, m: 1.4826 × their median distance.
+    /// Robust standard deviation of the points about the plane of their neighbours, m: 1.4826 × their median
+    /// distance.
     pub spread: f64,
     /// Class of each node: that of the nearest point.
     pub(super) classes: Vec<u8>,
@@ -62,7 +64,8 @@ pub(super) fn terrain(points: &[DVec3], classes: &[u8], bounds: Aabb) -> Terrain
     Terrain { min: [min.x, min.y], spacing, nodes, heights, spread, classes: node_classes }
 }
 
-/// Median distance of points to their nearest neighbour but two, which is that of a square grid of the same density, nearly.
+/// Median distance of points to their nearest neighbour but two, which is that of a square grid of the same
+/// density, nearly.
 fn spacing(points: &[DVec3], neighbours: &Neighbours) -> f64 {
     let step = points.len().div_ceil(MAX_SAMPLES);
     let mut distances: Vec<f64> = (0..points.len())

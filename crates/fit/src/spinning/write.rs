@@ -9,17 +9,19 @@ use vlscan_base::error::Result;
 use vlscan_base::files::{FileGroup, refuse_existing};
 use vlscan_geom::DVec3;
 
-/// Pixels by which a plane reaches beyond the middles of the outermost ones: half a pixel, and half a column by which beams that look
-/// aside are off.
+/// Pixels by which a plane reaches beyond the middles of the outermost ones: half a pixel, and half a column
+/// by which beams that look aside are off.
 const MARGIN: f64 = 0.75;
 /// Reflectances of planes come in so many steps per factor of e.
 const STEPS: f64 = 20.0;
-/// Least and largest reflectance of a plane: those of retroreflectors are above 1, and above 2 they would be taken as per cent.
+/// Least and largest reflectance of a plane: those of retroreflectors are above 1, and above 2 they would be
+/// taken as per cent.
 const REFLECTANCES: (f64, f64) = (1e-4, 1.95);
 
 impl SpinningFit {
-    /// Writes the pipeline file at `path`, with the scanner and, if `planes` is given, the planes there as the scene of a static
-    /// platform. `calibration` is the sensor's file, `command` the command line that made it.
+    /// Writes the pipeline file at `path`, with the scanner and, if `planes` is given, the planes there as
+    /// the scene of a static platform. `calibration` is the sensor's file, `command` the command line that
+    /// made it.
     ///
     /// # Errors
     /// [`vlscan_base::error::Error::Io`]; a file exists and `force` is not set.
@@ -82,7 +84,8 @@ impl SpinningFit {
         text
     }
 
-    /// The planes as a Wavefront mesh of quadrangles and its table of materials: each reflects as much as the recording says.
+    /// The planes as a Wavefront mesh of quadrangles and its table of materials: each reflects as much as the
+    /// recording says.
     fn scene(&self, materials: &Path) -> (String, String) {
         let name = materials.file_name().unwrap_or_default().to_string_lossy();
         let (mut mesh, mut table) = (format!("mtllib {name}\n"), String::new());

@@ -6,5 +6,5 @@ mod write;
 pub(crate) use read::read;
 pub(crate) use write::e57;
 
-/// What precedes the number of the leg in the name of a scan.
+/// Prefix of the leg number in the name of a scan.
 const SCAN_NAME: &str = "leg ";

@@ -1,5 +1,5 @@
-//! E57 (ASTM E2807), all scans of a file with their poses. Points with an invalid state are left out; spherical coordinates are
-//! read where a scan has no Cartesian ones. Positions are metres by the standard.
+//! E57 (ASTM E2807), all scans of a file with their poses. Points with an invalid state are left out;
+//! spherical coordinates are read where a scan has no Cartesian ones. Positions are metres by the standard.
 
 use super::SCAN_NAME;
 use crate::{Attribute, AttributeSet, Misfits, PointRow, Reading};
@@ -77,7 +77,7 @@ struct Scan {
     time: Option<usize>,
     class: Option<usize>,
     pose: Transform,
-    /// Whether this program has written the scan; its pulses without a return have no returns.
+    /// True if this program has written the scan; its pulses without a return have no returns.
     is_own: bool,
 }
 

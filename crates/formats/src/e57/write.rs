@@ -1,5 +1,5 @@
-//! E57 (ASTM E2807): a scan for each leg, with the pose of the scanner. Points are collected in a temporary file, because the
-//! sections of a scan are completed one after the other.
+//! E57 (ASTM E2807): a scan for each leg, with the pose of the scanner. Points are collected in a temporary
+//! file, because the sections of a scan are completed one after the other.
 
 use super::SCAN_NAME;
 use crate::encode::{Ending, FileBody, PointEncoder};

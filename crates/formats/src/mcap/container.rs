@@ -1,5 +1,5 @@
-//! Records of MCAP: schemas with a channel each, a chunk for each message, and the index at the end. Chunks, the data section and
-//! the summary have checksums (CRC-32), as <https://mcap.dev/spec> defines them.
+//! Records of MCAP: schemas with a channel each, a chunk for each message, and the index at the end. Chunks,
+//! the data section and the summary have checksums (CRC-32), as <https://mcap.dev/spec> defines them.
 
 use crate::out::OutputStream;
 use flate2::Crc;

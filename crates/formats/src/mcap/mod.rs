@@ -1,6 +1,7 @@
-//! MCAP (<https://mcap.dev/spec>) for robotics: points as messages `sensor_msgs/msg/PointCloud2` of ROS 2, as the driver of the
-//! instrument would publish them. A message is a frame, a revolution of the instrument or a span of time, with points in the
-//! axes of the scanner, relative to where their beam left it. The poses of the scanner are transforms and odometry.
+//! MCAP (<https://mcap.dev/spec>) for robotics: points as messages `sensor_msgs/msg/PointCloud2` of ROS 2, as
+//! the driver of the instrument would publish them. A message is a frame, a revolution of the instrument or a
+//! span of time, with points in the axes of the scanner, relative to where their beam left it. The poses of
+//! the scanner are transforms and odometry.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -73,8 +74,8 @@ const POINTS: usize = 0;
 const TRANSFORMS: usize = 1;
 const ODOMETRY: usize = 2;
 
-/// Encoder of points as collected points. `ring` is the row of the channel by elevation, `label` the class, `instance` the object. Frames begin at
-/// the multiples of their duration.
+/// Encoder of points as collected points. `ring` is the row of the channel by elevation, `label` the class,
+/// `instance` the object. Frames begin at the multiples of their duration.
 #[derive(Debug)]
 struct Mcap {
     /// World position of the origin of points, m.

@@ -1,5 +1,5 @@
-//! Reads frames of points and the poses of their scanner from MCAP: messages `sensor_msgs/msg/PointCloud2` and `tf2_msgs/msg/TFMessage`,
-//! in chunks that are not compressed, or outside of chunks.
+//! Reads frames of points and the poses of their scanner from MCAP: messages `sensor_msgs/msg/PointCloud2`
+//! and `tf2_msgs/msg/TFMessage`, in chunks that are not compressed, or outside of chunks.
 
 use super::cdr::CdrReader;
 use crate::frames::{Frame, FramePoint, FramePose};
@@ -42,8 +42,8 @@ struct Reader {
 /// Calls `take` with the frames of a file, in order.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Input`] for a file that is no MCAP or damaged, by the checksums that it has, and those of `take`. A damage
-/// may be found after frames were taken.
+/// [`Error::Io`]; [`Error::Input`] for a file that is no MCAP or damaged, by the checksums that it has, and
+/// those of `take`. A damage may be found after frames were taken.
 pub(crate) fn read_frames(
     source: &mut dyn Read,
     path: &Path,

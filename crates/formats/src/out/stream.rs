@@ -66,8 +66,8 @@ impl OutputStream {
         OutputStream { out, buffer: Vec::new(), len: 0, is_parallel: false, writes: None }
     }
 
-    /// Creates a file that is removed when it is dropped: beside this one, where its handle can be closed, or in the folder for
-    /// temporary files if this is no file.
+    /// Creates a file that is removed when it is dropped: beside this one, where its handle can be closed, or
+    /// in the folder for temporary files if this is no file.
     pub fn scratch_beside(&self) -> Result<FileWriter> {
         match self.out.target() {
             Some(target) => FileWriter::create(target, true, Patched::Always),
@@ -81,17 +81,17 @@ impl OutputStream {
         self.out.copy_to(|bytes| other.append(bytes))
     }
 
-    /// Whether [`OutputStream::patch`] is possible.
+    /// True if [`OutputStream::patch`] is possible.
     pub fn is_seekable(&self) -> bool {
         self.out.is_seekable()
     }
 
-    /// Whether bytes are written directly to a pipe, terminal or device.
+    /// True if bytes are written directly to a pipe, terminal or device.
     pub fn is_stream(&self) -> bool {
         self.out.is_stream()
     }
 
-    /// Whether the output is a file that gets its name at the end.
+    /// True if the output is a file that gets its name at the end.
     pub fn is_file(&self) -> bool {
         self.out.target().is_some()
     }
@@ -175,7 +175,8 @@ impl OutputStream {
         patched.map(drop).map_err(|e| out.failed("write", e))
     }
 
-    /// Closes the file handle until the next append, so that thousands of legs do not need thousands of handles.
+    /// Closes the file handle until the next append, so that thousands of legs do not need thousands of
+    /// handles.
     pub fn close_handle(&mut self) -> Result<()> {
         if self.is_file() {
             self.flush()?;
@@ -186,8 +187,9 @@ impl OutputStream {
         Ok(())
     }
 
-    /// Returns the name of the file if it is partial: `a.partial.laz` for `a.laz`. With `force` a partial file of an
-    /// earlier run is replaced, otherwise the next name is chosen that is not `taken`. `None` for streams.
+    /// Returns the name of the file if it is partial: `a.partial.laz` for `a.laz`. With `force` a partial
+    /// file of an earlier run is replaced, otherwise the next name is chosen that is not `taken`. `None` for
+    /// streams.
     pub fn partial_path(&self, force: bool, taken: impl Fn(&Path) -> bool) -> Option<PathBuf> {
         self.out.target().map(|target| free_name(target, "partial", |path| !force && taken(path)))
     }
@@ -204,8 +206,8 @@ impl OutputStream {
         group.commit()
     }
 
-    /// [`OutputStream::finish`] of a file that gets its name, or that of `partial`, with the others of a group. A stream is complete
-    /// afterwards.
+    /// [`OutputStream::finish`] of a file that gets its name, or that of `partial`, with the others of a
+    /// group. A stream is complete afterwards.
     pub fn finish_in(mut self, group: &mut FileGroup, partial: Option<&Path>) -> Result<()> {
         self.flush()?;
         self.join_writes()?;

@@ -1,5 +1,6 @@
-//! PCD of the Point Cloud Library, 0.5 to 0.7: text, binary, and binary compressed by LZF. Points with coordinates that are NaN,
-//! as organised clouds have them, are no points. The offset that this program writes as a comment is added.
+//! PCD of the Point Cloud Library, 0.5 to 0.7: text, binary, and binary compressed by LZF. Points with
+//! coordinates that are NaN, as organised clouds have them, are no points. The offset that this program
+//! writes as a comment is added.
 
 use crate::text::{float, is_line_end, last_of_line_ends};
 use crate::{Attribute, Columns, Reading};
@@ -10,7 +11,7 @@ use vlscan_geom::DVec3;
 /// Bytes that LZF can make of one byte, at most.
 const MAX_EXPANSION: usize = 132;
 
-/// Whether a file begins as PCD does: a line VERSION, FIELDS or COLUMNS after comments.
+/// True if a file begins as PCD does: a line VERSION, FIELDS or COLUMNS after comments.
 pub(crate) fn is_pcd(first: &[u8]) -> bool {
     let mut lines = first.split(|b| is_line_end(*b)).map(<[u8]>::trim_ascii);
     if first.starts_with(b"# .PCD") {
@@ -65,7 +66,7 @@ struct Header {
     points: usize,
     encoding: Encoding,
     offset: DVec3,
-    /// Whether this program has written the file.
+    /// True if this program has written the file.
     is_own: bool,
     /// Offset of the points in the file.
     data: usize,
@@ -285,8 +286,9 @@ fn decompressed(data: &[u8], header: &Header) -> Result<Vec<u8>, String> {
     lzf(packed, unpacked).ok_or_else(|| "its compressed points are damaged".to_owned())
 }
 
-/// Decompresses LZF: a byte below 32 precedes one more literals than it says; others are references to earlier output, whose
-/// length is in the upper three bits, with a further byte if they are 7, and whose distance is in the rest and a byte.
+/// Decompresses LZF: a byte below 32 precedes one more literals than it says; others are references to
+/// earlier output, whose length is in the upper three bits, with a further byte if they are 7, and whose
+/// distance is in the rest and a byte.
 fn lzf(packed: &[u8], length: usize) -> Option<Vec<u8>> {
     let mut out: Vec<u8> = Vec::with_capacity(length);
     let mut rest = packed;

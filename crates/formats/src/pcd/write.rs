@@ -1,5 +1,5 @@
-//! PCD 0.7 of the Point Cloud Library, binary. Coordinates are 32-bit floats there, so that points far from the origin are
-//! written relative to a whole thousand metres, which a comment of the header names.
+//! PCD 0.7 of the Point Cloud Library, binary. Coordinates are 32-bit floats there, so that points far from
+//! the origin are written relative to a whole thousand metres, which a comment of the header names.
 
 use crate::encode::{Counted, FileBody, PointEncoder};
 use crate::out::OutputStream;
@@ -54,8 +54,9 @@ fn viewpoint(origins: &Aabb) -> Option<DVec3> {
     stands.then(|| DVec3::from(origins.centre().to_array().map(|c| (c * 1e6).round() / 1e6 + 0.0)))
 }
 
-/// Returns the header of a file with `count` points, whose length does not depend on the count. `viewpoint` is where the scanner
-/// stands; `Some(None)` stands for one that moves after all, and `None` leaves no room for such a place.
+/// Returns the header of a file with `count` points, whose length does not depend on the count. `viewpoint`
+/// is where the scanner stands; `Some(None)` stands for one that moves after all, and `None` leaves no room
+/// for such a place.
 fn head(offset: DVec3, count: u64, state: &str, viewpoint: Option<Option<DVec3>>) -> Vec<u8> {
     let list =
         |text: &dyn Fn(&(&str, u8, char)) -> String| FIELDS.iter().map(text).collect::<Vec<_>>().join(" ");
@@ -85,7 +86,7 @@ struct Pcd {
     /// Origin of points in the frame of the file, m.
     origin: DVec3,
     rings: Rings,
-    /// Whether the scanner stands, so that files may have one viewpoint.
+    /// True if the scanner stands, so that files may have one viewpoint.
     stands: bool,
 }
 

@@ -1,6 +1,6 @@
-//! Ray clouds: PLY whose vertices are the ends of rays, with the vector to the sensor in place of a normal, as raycloudtools
-//! reads it (<https://github.com/csiro-robotics/raycloudtools>). `alpha` is 255, and 0 for a pulse without echo, whose ray ends
-//! in free space.
+//! Ray clouds: PLY whose vertices are the ends of rays, with the vector to the sensor in place of a normal,
+//! as raycloudtools reads it (<https://github.com/csiro-robotics/raycloudtools>). `alpha` is 255, and 0 for a
+//! pulse without echo, whose ray ends in free space.
 
 use crate::encode::{Counted, FileBody, PointEncoder};
 use crate::out::OutputStream;
@@ -58,7 +58,8 @@ impl PointEncoder for RayCloud {
     }
 }
 
-/// Returns the header of a file with `count` vertices. A padded comment makes its length independent of the count.
+/// Returns the header of a file with `count` vertices. A padded comment makes its length independent of the
+/// count.
 fn head(count: u64, state: &str) -> Vec<u8> {
     let count = count.to_string();
     let padding = " ".repeat(20 - count.len());

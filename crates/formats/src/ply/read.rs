@@ -35,11 +35,11 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
 struct PlyReader<'a> {
     values: Values<'a>,
     element: ElementDef,
-    /// Whether no other elements follow the vertices.
+    /// True if no other elements follow the vertices.
     is_last: bool,
     /// The attributes of the vertices; the column of each is the number of the attribute.
     columns: Columns,
-    /// Whether vertices are the ends of rays, of which those of the opacity 0 end in free space.
+    /// True if vertices are the ends of rays, of which those of the opacity 0 end in free space.
     is_ray_cloud: bool,
     remarks: Vec<String>,
 }
@@ -132,8 +132,8 @@ fn read_text_element(numbers: &mut PlyNumbers, element: &ElementDef) -> Result<V
     Ok(vertex)
 }
 
-/// Renames the properties that hold attributes to the attributes' numbers, so that names are compared once per file
-/// instead of once per vertex.
+/// Renames the properties that hold attributes to the attributes' numbers, so that names are compared once
+/// per file instead of once per vertex.
 fn number_properties(element: &mut ElementDef, found: &Columns) -> Columns {
     let (mut numbered, mut columns) = (KeyMap::new(), *found);
     for (column, property) in std::mem::take(&mut element.properties).into_values().enumerate() {
@@ -171,7 +171,7 @@ impl PropertyAccess for Vertex {
     }
 }
 
-/// Whether a header is one of this program or of raycloudtools.
+/// True if a header is one of this program or of raycloudtools.
 fn is_ray_cloud(header: &[u8]) -> bool {
     let text = String::from_utf8_lossy(header);
     let mut comments = text.lines().filter_map(|line| line.trim().strip_prefix("comment"));

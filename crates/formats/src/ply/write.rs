@@ -12,8 +12,8 @@ use vlscan_base::error::Result;
 use vlscan_base::files::Patched;
 use vlscan_geom::{DVec3, degrees};
 
-/// Types and names of the properties. Metres, nanoseconds (echo width), seconds of the GPS week, degrees. CloudCompare keeps
-/// what its names call scalar; the rest of a name is that of the column in other formats.
+/// Types and names of the properties. Metres, nanoseconds (echo width), seconds of the GPS week, degrees.
+/// CloudCompare keeps what its names call scalar; the rest of a name is that of the column in other formats.
 const PROPERTIES: [(&str, &str); 16] = [
     ("double", "x"),
     ("double", "y"),
@@ -83,7 +83,8 @@ impl<const ASCII: bool> Ply<ASCII> {
         Ply { origin, labels, directions: misses, heights, head }
     }
 
-    /// Returns the header of a file with `count` vertices. A padded comment makes its length independent of the count.
+    /// Returns the header of a file with `count` vertices. A padded comment makes its length independent of
+    /// the count.
     fn head(&self, count: u64, state: &str) -> Vec<u8> {
         let count = count.to_string();
         let padding = " ".repeat(20 - count.len());

@@ -19,7 +19,8 @@ use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::input::arrow::{ArrowDecoder, TableField, numbers};
 
-/// Key of the metadata of tables in memory in which return 0 of 0 marks a pulse without a return, whatever their columns.
+/// Key of the metadata of tables in memory in which return 0 of 0 marks a pulse without a return, whatever
+/// their columns.
 pub const MISSES_KEY: &str = "misses";
 
 /// Finds the columns of the points by name, and starts the sink; columns without numbers have empty names.
@@ -71,8 +72,8 @@ pub(super) fn read_arrow(mut source: impl Read, reading: &mut Reading) -> Result
 /// Reads the points of a table in memory; `name` stands for it in messages.
 ///
 /// # Errors
-/// [`Error::Input`] for tables without the columns X, Y and Z, and for columns of other numbers than integers and floats of 32
-/// and 64 bits.
+/// [`Error::Input`] for tables without the columns X, Y and Z, and for columns of other numbers than integers
+/// and floats of 32 and 64 bits.
 pub fn read_record_batch(
     batch: &RecordBatch,
     name: &str,

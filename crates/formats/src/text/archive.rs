@@ -1,4 +1,5 @@
-//! Compressed text as HELIOS++ writes it (spec outputs §8): a zlib stream of an archive in which every line is a record.
+//! Compressed text as HELIOS++ writes it (spec outputs §8): a zlib stream of an archive in which every line
+//! is a record.
 //!
 //! The stream is compressed in independent blocks by idle workers; its bytes depend on the lines alone.
 
@@ -18,7 +19,8 @@ const MIN_BLOCK_BYTES: usize = 1 << 18;
 
 const NAME: &[u8; 22] = b"serialization::archive";
 
-/// Sizes in bytes of int, long, float and double, then the number 1 as 32-bit integer, which reveals the byte order.
+/// Sizes in bytes of int, long, float and double, then the number 1 as 32-bit integer, which reveals the byte
+/// order.
 const NUMBERS: [u8; 8] = [4, 8, 4, 8, 1, 0, 0, 0];
 
 /// Library version in the archives written here; archives of every version are read.
@@ -82,10 +84,12 @@ impl ArchiveBody {
     }
 }
 
-/// Compresses one block as a part of a deflate stream that ends at a byte boundary and refers to no earlier block.
+/// Compresses one block as a part of a deflate stream that ends at a byte boundary and refers to no earlier
+/// block.
 fn deflate(plain: &[u8], mut out: Vec<u8>) -> std::result::Result<Vec<u8>, String> {
     let mut deflate = Compress::new(Compression::best(), false);
-    // Capacity for the worst case: a full output buffer would interrupt the compressor and so change the bytes.
+    // Capacity for the worst case: a full output buffer would interrupt the compressor and so change the
+    // bytes.
     out.reserve(plain.len() + plain.len() / 8 + 1024);
     loop {
         let done = deflate.total_in() as usize;
@@ -102,12 +106,12 @@ fn deflate(plain: &[u8], mut out: Vec<u8>) -> std::result::Result<Vec<u8>, Strin
     }
 }
 
-/// Expands a compressed text file of this program or of HELIOS++ to the file `to`, or to standard output. Returns the
-/// number of lines. Messages refer to the compressed file as `name`.
+/// Expands a compressed text file of this program or of HELIOS++ to the file `to`, or to standard output.
+/// Returns the number of lines. Messages refer to the compressed file as `name`.
 ///
 /// # Errors
-/// [`Error::Input`] when the input is not such an archive, is damaged or truncated, or when `to` exists and `force`
-/// is not set; [`Error::Io`]. After an error no file of the name `to` is left.
+/// [`Error::Input`] when the input is not such an archive, is damaged or truncated, or when `to` exists and
+/// `force` is not set; [`Error::Io`]. After an error no file of the name `to` is left.
 pub fn unzip(name: &Path, file: impl BufRead, to: Option<&Path>, force: bool) -> Result<u64> {
     let place = to.map_or(Destination::Stdout, |path| Destination::Path(path.to_path_buf()));
     if let Some(path) = to.filter(|path| !force && !is_special(path) && path.symlink_metadata().is_ok()) {

@@ -1,5 +1,5 @@
-//! Finds out how the lines of a text file are split and what their columns hold: by names where the first line, or the last
-//! comment before the points, consists of names; else by the number of columns.
+//! Finds out how the lines of a text file are split and what their columns hold: by names where the first
+//! line, or the last comment before the points, consists of names; else by the number of columns.
 
 use super::lines::{is_heading, is_skipped};
 use crate::{Attribute, Columns};
@@ -27,8 +27,9 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// The positions of the words of a line; `words` is emptied first. In files of eleven columns without names the name of the
-    /// object may be empty, which is not visible between blanks: its word is inserted then.
+    /// The positions of the words of a line; `words` is emptied first. In files of eleven columns without
+    /// names the name of the object may be empty, which is not visible between blanks: its word is inserted
+    /// then.
     pub fn split(&self, line: &[u8], words: &mut Vec<Range<usize>>) {
         words.clear();
         words.extend(self.separator.split(line));
@@ -38,8 +39,8 @@ impl Layout {
         }
     }
 
-    /// What is wrong with the number of words of a line, if it has less than there are names: between blanks, an empty value
-    /// shifts those behind it.
+    /// What is wrong with the number of words of a line, if it has less than there are names: between blanks,
+    /// an empty value shifts those behind it.
     pub fn missing_values(&self, words: &[Range<usize>]) -> Option<String> {
         let named = self.named.filter(|named| self.separator == Separator::Blanks && words.len() < *named)?;
         Some(format!("expected {named} values, one for each named column, found {}", words.len()))
@@ -50,7 +51,7 @@ impl Layout {
         self.separator.split(&[b'1', byte, b'1']).count() > 1
     }
 
-    /// Whether names tell what the columns hold.
+    /// True if names tell what the columns hold.
     pub fn is_named(&self) -> bool {
         self.named.is_some()
     }
@@ -77,8 +78,8 @@ impl LayoutFinder {
         LayoutFinder { separator, ..LayoutFinder::default() }
     }
 
-    /// Looks at the next line of the file `path`, whose number counts from 1. Returns the layout when it is the first one with a
-    /// point; earlier lines are to be skipped. Problems of names go to `found`.
+    /// Looks at the next line of the file `path`, whose number counts from 1. Returns the layout when it is
+    /// the first one with a point; earlier lines are to be skipped. Problems of names go to `found`.
     pub fn next(
         &mut self,
         path: &Path,
@@ -110,7 +111,8 @@ impl LayoutFinder {
         Some(self.layout(path, number, separator, line, &words, found))
     }
 
-    /// The separator of a line; single tabs where the file has names between tabs, since names may have blanks in them.
+    /// The separator of a line; single tabs where the file has names between tabs, since names may have
+    /// blanks in them.
     fn separator_of(&self, line: &[u8]) -> Separator {
         let has_tabs = |heading: &Heading| heading.text.contains(&b'\t');
         let heading = self.heading.as_ref().or(self.comment.as_ref());
@@ -202,8 +204,8 @@ impl Layout {
     }
 }
 
-/// The columns of lines like this one without names: those of point files of this program and of HELIOS++, or a position and,
-/// where there is just one more column, an intensity.
+/// The columns of lines like this one without names: those of point files of this program and of HELIOS++, or
+/// a position and, where there is just one more column, an intensity.
 fn columns_by_count(line: &[u8], words: &[Range<usize>]) -> Columns {
     let columns = Attribute::POSITION.into_iter().zip(0..);
     let columns = columns.fold(Columns::default(), |columns, (a, column)| columns.with(a, column));
@@ -220,8 +222,8 @@ fn columns_by_count(line: &[u8], words: &[Range<usize>]) -> Columns {
     if words.len() == 4 { columns.with(Attribute::Intensity, 3) } else { columns }
 }
 
-/// Whether a line is a row of this program or of HELIOS++, whose object may have no name: its sixth to eighth columns are the
-/// number of the return, the number of returns and the number of the pulse.
+/// True if a line is a row of this program or of HELIOS++, whose object may have no name: its sixth to eighth
+/// columns are the number of the return, the number of returns and the number of the pulse.
 fn is_full_row(line: &[u8], words: &[Range<usize>]) -> bool {
     let whole = |column: usize| {
         std::str::from_utf8(line[words[column].clone()].trim_ascii()).ok()?.parse::<u64>().ok()
@@ -234,7 +236,8 @@ fn is_full_row(line: &[u8], words: &[Range<usize>]) -> bool {
 mod tests {
     use super::*;
 
-    /// The attributes and columns that are found in a file, the number of its first line with a point and the messages.
+    /// The attributes and columns that are found in a file, the number of its first line with a point and the
+    /// messages.
     fn layout(text: &str) -> (Vec<(Attribute, usize)>, usize, Vec<String>) {
         let (mut finder, mut found) = (LayoutFinder::default(), Diagnostics::default());
         let mut lines = (1..).zip(text.lines());

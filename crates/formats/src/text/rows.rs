@@ -20,9 +20,9 @@ pub struct RowReader {
 pub struct BadRow {
     /// The place in the line.
     pub at: Range<usize>,
-    /// What is expected and found.
+    /// Expected and found values.
     pub message: String,
-    /// What to do, if it is known.
+    /// Advice, if there is any.
     pub help: Option<&'static str>,
 }
 
@@ -49,8 +49,8 @@ impl RowReader {
         self.layout.is_named()
     }
 
-    /// True for a line without a point: a blank line, a comment, and those before the first point of a file whose lines are
-    /// counted from 1.
+    /// True for a line without a point: a blank line, a comment, and those before the first point of a file
+    /// whose lines are counted from 1.
     pub fn is_skipped(&self, number: usize, line: &[u8]) -> bool {
         number < self.layout.first_line || is_skipped(line)
     }

@@ -15,8 +15,9 @@ const BEAMS: u32 = 64;
 const STEPS: (f64, f64) = (1024.0, 1_048_576.0);
 
 impl FlightPlan {
-    /// Directions of some beams of the first active leg, in the frame of the platform (x right, y forward, z up): those of up
-    /// to eight channels, spread over some periods of the mirror and one turn of the head. Empty without an active leg.
+    /// Directions of some beams of the first active leg, in the frame of the platform (x right, y forward, z
+    /// up): those of up to eight channels, spread over some periods of the mirror and one turn of the head.
+    /// Empty without an active leg.
     pub fn sample_beams(&self) -> Vec<DVec3> {
         let Some(leg) = self.legs.iter().find(|leg| leg.settings.active) else { return Vec::new() };
         let stride = self.devices.len().div_ceil(MAX_DEVICES).max(1);

@@ -1,8 +1,8 @@
 //! The clock of a survey: legs, steps and pulses. Platform and scanner move here, one step per pulse period.
 //!
-//! A [`FlightPlan`] is made once from a survey. A [`FlightState`] is a snapshot of a flight: the producer of chunks
-//! steps one and clones it from time to time, and workers replay the same steps from the clones. Both run the same
-//! arithmetic, so that the pulses do not depend on where the chunks were cut.
+//! A [`FlightPlan`] is made once from a survey. A [`FlightState`] is a snapshot of a flight: the producer of
+//! chunks steps one and clones it from time to time, and workers replay the same steps from the clones. Both
+//! run the same arithmetic, so that the pulses do not depend on where the chunks were cut.
 //!
 //! | file | what it does |
 //! |---|---|

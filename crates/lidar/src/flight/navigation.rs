@@ -12,8 +12,8 @@ use vlscan_survey::NavigationErrors;
 const NODE_SPACING: f64 = 8.0;
 /// Draws that contribute to a node. Older ones weigh less than exp(−3·8) < 1e-10.
 const NODE_TERMS: i64 = 3;
-/// Bisections of the interval between two nodes, below which the process is interpolated linearly. The smallest
-/// interval is 8/2¹⁵ of the correlation time, which lowers the variance in its middle by 1/8192.
+/// Bisections of the interval between two nodes, below which the process is interpolated linearly. The
+/// smallest interval is 8/2¹⁵ of the correlation time, which lowers the variance in its middle by 1/8192.
 const BISECTIONS: u32 = 15;
 /// Smallest intervals between two nodes.
 const LEAVES: u32 = 1 << BISECTIONS;
@@ -30,19 +30,19 @@ struct Leaf {
 }
 
 thread_local! {
-    /// The latest interval of each process: successive pulses of a worker mostly lie in the same one. The values are those of a pure
-    /// function, so that they do not depend on the thread.
+    /// The latest interval of each process: successive pulses of a worker mostly lie in the same one. The
+    /// values are those of a pure function, so that they do not depend on the thread.
     static LATEST: [Cell<Leaf>; PROCESSES] =
         const { [const { Cell::new(Leaf { key: None, low: 0.0, high: 0.0 }) }; PROCESSES] };
 }
 
-/// A first-order Gauss–Markov (Ornstein–Uhlenbeck) process of unit variance: mean 0, covariance exp(−|Δt|/τ) (Gelb
-/// 1974, Applied Optimal Estimation, §3.8).
+/// A first-order Gauss–Markov (Ornstein–Uhlenbeck) process of unit variance: mean 0, covariance exp(−|Δt|/τ)
+/// (Gelb 1974, Applied Optimal Estimation, §3.8).
 ///
-/// Nodes that are `NODE_SPACING` correlation times apart are x(k) = w Σ aʲ n(k−j) with a = exp(−NODE_SPACING) and
-/// standard normal draws n, which is the process sampled there. Between two nodes it is found by bisection: given its
-/// values x and y at either end of an interval of length 2δ, the value in the middle is normal with mean (x + y)/(2
-/// cosh(δ/τ)) and variance tanh(δ/τ).
+/// Nodes that are `NODE_SPACING` correlation times apart are x(k) = w Σ aʲ n(k−j) with a = exp(−NODE_SPACING)
+/// and standard normal draws n, which is the process sampled there. Between two nodes it is found by
+/// bisection: given its values x and y at either end of an interval of length 2δ, the value in the middle is
+/// normal with mean (x + y)/(2 cosh(δ/τ)) and variance tanh(δ/τ).
 #[derive(Clone, Debug)]
 struct GaussMarkov {
     stream: Stream,
@@ -76,7 +76,8 @@ impl GaussMarkov {
         low + (high - low) * share
     }
 
-    /// The node before a time and the smallest interval after it that holds the time, and where in the interval, from 0 to 1.
+    /// The node before a time and the smallest interval after it that holds the time, and where in the
+    /// interval, from 0 to 1.
     fn leaf_at(&self, time: f64) -> ((i64, u32), f64) {
         let cells = time / (NODE_SPACING * self.correlation);
         let cell = cells.floor();
@@ -122,7 +123,8 @@ pub(super) struct Navigation {
     boresight: Rotation,
     /// From the navigation system's body to the scanner's platform frame, and back.
     mounting: [Rotation; 2],
-    /// The platform frame's position relative to the navigation system, m, in its body axes: true and reported.
+    /// The platform frame's position relative to the navigation system, m, in its body axes: true and
+    /// reported.
     arm: DVec3,
     reported_arm: DVec3,
 }
@@ -133,8 +135,8 @@ const BORESIGHT: u32 = 6;
 const LEVER_ARM: u32 = 9;
 
 impl Navigation {
-    /// Navigation errors under `seed`, for a platform whose frame is at `arm` in the navigation system's body and
-    /// rotated by `boresight` relative to it.
+    /// Navigation errors under `seed`, for a platform whose frame is at `arm` in the navigation system's body
+    /// and rotated by `boresight` relative to it.
     pub fn new(errors: NavigationErrors, seed: u64, arm: DVec3, boresight: [f64; 3]) -> Navigation {
         let stream = Stream::new(seed, Purpose::Navigation);
         let drawn = |row: u32, constant: [f64; 3], sigma: [f64; 3]| -> [f64; 3] {
@@ -153,7 +155,8 @@ impl Navigation {
         }
     }
 
-    /// Errors of the reported position to the east, north and up, m, `time` seconds after the start of the flight.
+    /// Errors of the reported position to the east, north and up, m, `time` seconds after the start of the
+    /// flight.
     fn position_error(&self, time: f64) -> DVec3 {
         let e = &self.errors;
         DVec3::from(std::array::from_fn::<f64, 3, _>(|i| {
@@ -173,10 +176,10 @@ impl Navigation {
         })
     }
 
-    /// Reported position and attitude of the scanner's platform frame, given its true `position` and `attitude` at
-    /// `time` seconds after the start of the flight: r' = r_nav + ε + R'(l + δl), R'_platform = R' B δB, where R' has
-    /// the angles of R with their errors (Glennie 2007, Rigorous 3D error analysis of kinematic scanning lidar systems,
-    /// eq. 1).
+    /// Reported position and attitude of the scanner's platform frame, given its true `position` and
+    /// `attitude` at `time` seconds after the start of the flight: r' = r_nav + ε + R'(l + δl), R'_platform =
+    /// R' B δB, where R' has the angles of R with their errors (Glennie 2007, Rigorous 3D error analysis of
+    /// kinematic scanning lidar systems, eq. 1).
     pub fn reported(&self, position: DVec3, attitude: Rotation, time: f64) -> (DVec3, Rotation) {
         let [mounting, back] = self.mounting;
         let body = attitude.after(back);
@@ -281,8 +284,8 @@ mod tests {
         let n = Navigation::new(errors, 1, DVec3::new(2.0, 0.0, 0.0), [0.0; 3]);
         let attitude = Rotation::of_heading(0.0, 0.0, radians(90.0));
         let (position, reported) = n.reported(DVec3::new(10.0, 20.0, 30.0), attitude, 60.0);
-        // The antenna is at (10, 22, 30), reported at (10.1, 22.2, 30.3); the reported heading is south, so that right
-        // is west and forward south, 30° up: its arm is (2, 1, 0).
+        // The antenna is at (10, 22, 30), reported at (10.1, 22.2, 30.3); the reported heading is south, so
+        // that right is west and forward south, 30° up: its arm is (2, 1, 0).
         let c = 3f64.sqrt() / 2.0;
         assert!((position - DVec3::new(8.1, 22.2 - c, 30.8)).length() < 1e-9, "{position}");
         assert!((reported.forward() - DVec3::new(0.0, -c, 0.5)).length() < 1e-9);

@@ -20,9 +20,9 @@ use vlscan_survey::{
 pub struct FlightOptions {
     /// Seed of all noise.
     pub seed: u64,
-    /// Whether position and attitude of the platform have the noise that the survey asks for.
+    /// True if position and attitude of the platform have the noise that the survey asks for.
     pub platform_noise: bool,
-    /// Whether the positions of legs have the noise that the survey asks for.
+    /// True if the positions of legs have the noise that the survey asks for.
     pub leg_noise: bool,
     /// Start of the GPS clock, ns of the week, unless a trajectory determines it.
     pub gps_start_ns: f64,
@@ -30,8 +30,8 @@ pub struct FlightOptions {
     pub kinematics: Corrections,
     /// Errors of the reported pose.
     pub navigation: NavigationErrors,
-    /// Whether a leg on the ground where there is none is an error. The reference puts it at the height of the scene's
-    /// centre (spec kinematics §2.7).
+    /// True if a leg on the ground where there is none is an error. The reference puts it at the height of
+    /// the scene's centre (spec kinematics §2.7).
     pub needs_ground: bool,
 }
 
@@ -50,8 +50,8 @@ impl Default for FlightOptions {
     }
 }
 
-/// A survey ready to be flown: its legs, including those that interpolated trajectories add, and all constants of
-/// platform and devices.
+/// A survey ready to be flown: its legs, including those that interpolated trajectories add, and all
+/// constants of platform and devices.
 #[derive(Clone, Debug)]
 pub struct FlightPlan {
     pub(super) platform: PlatformPlan,
@@ -69,12 +69,12 @@ pub struct FlightPlan {
 }
 
 impl FlightPlan {
-    /// Plans `survey` in the scene frame (world minus `shift`). `ground` returns the height of the lowest ground
-    /// surface at x and y, all in the scene frame. Also returns the warnings.
+    /// Plans `survey` in the scene frame (world minus `shift`). `ground` returns the height of the lowest
+    /// ground surface at x and y, all in the scene frame. Also returns the warnings.
     ///
     /// # Errors
-    /// [`Error::Input`] with all problems: invalid numbers, legs that cannot end, malformed trajectories; [`Error::Io`]
-    /// for trajectory files that cannot be read.
+    /// [`Error::Input`] with all problems: invalid numbers, legs that cannot end, malformed trajectories;
+    /// [`Error::Io`] for trajectory files that cannot be read.
     pub fn new(
         survey: &Survey,
         shift: DVec3,
@@ -204,8 +204,8 @@ impl FlightPlan {
         }
     }
 
-    /// The time that leg `leg` of the plan takes, s, as far as its settings tell: by its duration, its part of a trajectory, the
-    /// straight way to its end or the turn of the head. `None` for streams of poses.
+    /// The time that leg `leg` of the plan takes, s, as far as its settings tell: by its duration, its part
+    /// of a trajectory, the straight way to its end or the turn of the head. `None` for streams of poses.
     pub(super) fn planned_seconds(&self, leg: usize) -> Option<f64> {
         let (planned, course) = (&self.legs[leg], &self.platform.legs[leg]);
         let settings = &planned.settings;
@@ -235,13 +235,14 @@ impl FlightPlan {
         self.platform.table()
     }
 
-    /// Whether the platform follows a stream of poses.
+    /// True if the platform follows a stream of poses.
     pub fn is_stream(&self) -> bool {
         self.platform.is_stream()
     }
 }
 
-/// Table of an interpolated platform in the scene frame, corrected by `kinematics`; `None` if its files have problems.
+/// Table of an interpolated platform in the scene frame, corrected by `kinematics`; `None` if its files have
+/// problems.
 fn load_table(
     settings: &Interpolated,
     shift: DVec3,

@@ -113,8 +113,8 @@ fn check_leg_numbers(leg: &Leg, problems: &mut Diagnostics) {
     }
 }
 
-/// Warns of optics that fire nothing or backwards, and of recorded wander that is shorter than the leg, which takes `seconds` if
-/// that is known.
+/// Warns of optics that fire nothing or backwards, and of recorded wander that is shorter than the leg, which
+/// takes `seconds` if that is known.
 pub(super) fn check_optics(
     leg: &PlannedLeg,
     devices: &[DevicePlan],
@@ -162,8 +162,8 @@ pub(super) fn check_optics(
     }
 }
 
-/// Refuses pulse times with platforms that are integrated in equal steps, and warns of times after the end of the leg, which takes
-/// `seconds` if that is known.
+/// Refuses pulse times with platforms that are integrated in equal steps, and warns of times after the end of
+/// the leg, which takes `seconds` if that is known.
 pub(super) fn check_pulse_times(
     leg: &PlannedLeg,
     platform: &PlatformPlan,
@@ -235,8 +235,8 @@ pub(super) fn check_reference(
     }
 }
 
-/// Warns of oscillating mirrors whose period in this leg is shorter than in the leg before: the reference goes on counting and may
-/// miss the turn, so that its angle runs away. Here the mirror begins a new period.
+/// Warns of oscillating mirrors whose period in this leg is shorter than in the leg before: the reference
+/// goes on counting and may miss the turn, so that its angle runs away. Here the mirror begins a new period.
 pub(super) fn check_shorter_periods(
     [before, leg]: [&PlannedLeg; 2],
     devices: &[DevicePlan],
@@ -279,8 +279,8 @@ pub(super) fn check_firing(leg: &mut PlannedLeg, devices: &[DevicePlan], problem
     }
 }
 
-/// Explains why leg `index` cannot end and how to fix it, as far as this is known before the flight; `None` for legs
-/// with a maximum duration.
+/// Explains why leg `index` cannot end and how to fix it, as far as this is known before the flight; `None`
+/// for legs with a maximum duration.
 pub(super) fn why_endless(
     index: usize,
     legs: &[PlannedLeg],

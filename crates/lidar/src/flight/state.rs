@@ -61,8 +61,8 @@ pub struct FlightState {
     pub(super) leg_ticks: u64,
     /// Time from the start of the run to the start of the leg, ns.
     pub(super) elapsed_base_ns: f64,
-    /// The GPS clock, ns of the week: a running sum, which rounds, in the reference, and a product with the exact
-    /// clock.
+    /// The GPS clock, ns of the week: a running sum, which rounds, in the reference, and a product with the
+    /// exact clock.
     pub(super) time_ns: f64,
     pub(super) start_ns: f64,
     /// The GPS clock when the leg's maximum duration began.
@@ -102,8 +102,8 @@ impl FlightState {
         state
     }
 
-    /// Restarts the flight while clock and pulse numbers continue (spec kinematics §1.6, repetitions). Streams of poses
-    /// cannot be repeated.
+    /// Restarts the flight while clock and pulse numbers continue (spec kinematics §1.6, repetitions).
+    /// Streams of poses cannot be repeated.
     pub fn repeat(&mut self, plan: &FlightPlan) {
         self.platform.restore(&FlightState::start(plan).platform);
         self.ended = false;
@@ -117,8 +117,8 @@ impl FlightState {
         self.timer_is_pending &= plan.kinematics.legs_on_time;
     }
 
-    /// The step clock. Depending on the corrections, every leg has its own period, and the steps that leg changes take
-    /// in the reference do not count.
+    /// The step clock. Depending on the corrections, every leg has its own period, and the steps that leg
+    /// changes take in the reference do not count.
     #[inline]
     pub(super) fn step_clock<'p>(&self, plan: &'p FlightPlan) -> StepClock<'p> {
         if let Some(times) = &plan.legs[self.leg].times {
@@ -139,7 +139,8 @@ impl FlightState {
         self.step_clock(plan).after(0)
     }
 
-    /// Seconds since the first step; navigation errors are functions of it. A flight takes less than half a week.
+    /// Seconds since the first step; navigation errors are functions of it. A flight takes less than half a
+    /// week.
     #[inline]
     fn since_start(&self) -> f64 {
         let elapsed = self.time_ns - self.start_ns;
@@ -164,8 +165,8 @@ impl FlightState {
         self.leg_ticks = 0;
     }
 
-    /// The step that is `ahead` after the next one, before which nothing but steps happens: its number, counted from 0, with pulse times
-    /// that of its time; and its time, s after the start of the leg.
+    /// The step that is `ahead` after the next one, before which nothing but steps happens: its number,
+    /// counted from 0, with pulse times that of its time; and its time, s after the start of the leg.
     pub(super) fn step_ahead(&self, plan: &FlightPlan, ahead: u32) -> (u64, f64) {
         let leg = &plan.legs[self.leg];
         let tick = self.leg_ticks + u64::from(ahead);
@@ -311,7 +312,8 @@ impl FlightState {
         }
     }
 
-    /// Whether the platform has reached the end of the leg, before the next step if pulses have times of their own.
+    /// True if the platform has reached the end of the leg, before the next step if pulses have times of
+    /// their own.
     fn is_arrived(&mut self, plan: &FlightPlan, leg: &PlannedLeg, clock: f64) -> bool {
         match &self.platform {
             PlatformState::Linear(_) if leg.times.is_some() => {
@@ -321,7 +323,8 @@ impl FlightState {
         }
     }
 
-    /// Time from the step before, or the start of the leg, to the next step of a leg with pulse times, in steps of its mean rate.
+    /// Time from the step before, or the start of the leg, to the next step of a leg with pulse times, in
+    /// steps of its mean rate.
     fn steps_since_last(&self, plan: &FlightPlan) -> f64 {
         let leg = &plan.legs[self.leg];
         let Some(times) = &leg.times else { return 1.0 };
@@ -329,8 +332,8 @@ impl FlightState {
         (times.at(self.leg_ticks) - before) * leg.frequency
     }
 
-    /// Starts the timer if it is pending. Returns whether the leg's maximum duration is over (spec kinematics §1.3,
-    /// items 1 and 2).
+    /// Starts the timer if it is pending. Returns whether the leg's maximum duration is over (spec kinematics
+    /// §1.3, items 1 and 2).
     fn check_duration(&mut self, leg: &PlannedLeg, legs_on_time: bool) -> bool {
         let waiting = self.devices[0].pulses == self.pulses_before;
         if self.timer_is_pending {
@@ -451,8 +454,8 @@ impl FlightState {
         self.platform.position()
     }
 
-    /// The time that times of pulses and poses count from, s, along a trajectory in adjusted standard GPS time; 0 where they are seconds of
-    /// the week.
+    /// The time that times of pulses and poses count from, s, along a trajectory in adjusted standard GPS
+    /// time; 0 where they are seconds of the week.
     pub fn time_origin(&self, plan: &FlightPlan) -> f64 {
         self.platform.time_origin(&plan.platform).unwrap_or(0.0)
     }
@@ -462,7 +465,8 @@ impl FlightState {
         self.time_ns
     }
 
-    /// The completed fraction of the current leg (spec outputs §10.3); 0 for a stream without a maximum duration.
+    /// The completed fraction of the current leg (spec outputs §10.3); 0 for a stream without a maximum
+    /// duration.
     pub fn progress(&self, plan: &FlightPlan) -> f64 {
         let leg = &plan.legs[self.leg];
         if self.ended {

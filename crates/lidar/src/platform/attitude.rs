@@ -23,7 +23,8 @@ pub(super) fn of_quaternion([w, x, y, z]: [f64; 4]) -> Result<Rotation, String> 
     Ok(Rotation { w: w / length, u: u / length })
 }
 
-/// The rotation of a matrix, row by row; `None` if it is none. From the largest of w, x, y, z (Shepperd, 1978).
+/// The rotation of a matrix, row by row; `None` if it is none. From the largest of w, x, y, z (Shepperd,
+/// 1978).
 pub(super) fn of_matrix(m: [f64; 9]) -> Option<Rotation> {
     let row = |i: usize| DVec3::new(m[3 * i], m[3 * i + 1], m[3 * i + 2]);
     let (a, b, c) = (row(0), row(1), row(2));
@@ -54,12 +55,13 @@ pub(super) struct FileAxes {
     body: Rotation,
     /// From the axes of the file's world to east, north, up.
     world: Rotation,
-    /// Whether positions are in the same world axes as the rotations.
+    /// True if positions are in the same world axes as the rotations.
     turns_positions: bool,
 }
 
 impl FileAxes {
-    /// The axes that a convention means for quaternions or, if `is_matrix`, for matrices; `None` for conventions of angles.
+    /// The axes that a convention means for quaternions or, if `is_matrix`, for matrices; `None` for
+    /// conventions of angles.
     pub fn of(convention: AngleConvention, is_matrix: bool) -> Option<FileAxes> {
         let identity = Rotation::IDENTITY;
         let camera = Rotation::about_x(FRAC_PI_2);

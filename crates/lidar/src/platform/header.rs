@@ -1,5 +1,5 @@
-//! Names of columns in a file of poses: a heading among the lines before the first pose, the columns of an Arrow stream, and
-//! the directives of HELIOS++.
+//! Names of columns in a file of poses: a heading among the lines before the first pose, the columns of an
+//! Arrow stream, and the directives of HELIOS++.
 
 use super::layout::{MAX_COLUMNS, PoseLayout, SCHEMA};
 use vlscan_base::columns::Separator;
@@ -40,14 +40,14 @@ impl Directives {
     }
 }
 
-/// What a table of poses itself says of its columns.
+/// Columns of a table of poses as its heading and comments state them.
 #[derive(Debug)]
 pub(super) struct StatedColumns {
     pub directives: Directives,
     pub has_directives: bool,
     /// The texts of the first row; none in Arrow streams.
     pub first: Vec<String>,
-    /// Whether the first row is a heading, in a file without poses.
+    /// True if the first row is a heading, in a file without poses.
     pub has_header_row: bool,
     /// The last line before the first pose that is neither a comment nor a heading, if there is no heading.
     pub words: Option<Place>,
@@ -56,7 +56,8 @@ pub(super) struct StatedColumns {
 }
 
 impl StatedColumns {
-    /// What the lines before the first row, or the columns of an Arrow stream, say. `first` is the first row.
+    /// Reads the columns that the lines before the first row, or the schema of an Arrow stream, state.
+    /// `first` is the first row.
     ///
     /// # Errors
     /// A directive that cannot be parsed.
@@ -82,7 +83,7 @@ impl StatedColumns {
         Ok(StatedColumns { directives, has_directives, first: texts, has_header_row, words, header })
     }
 
-    /// Whether there is a heading, or there are the columns of an Arrow stream.
+    /// True if there is a heading, or there are the columns of an Arrow stream.
     pub fn has_header(&self) -> bool {
         self.header.is_some()
     }
@@ -188,7 +189,8 @@ fn with_units(names: Vec<String>, units: Option<Vec<String>>) -> Vec<String> {
     names.into_iter().zip(units).map(with_unit).collect()
 }
 
-/// Whether the columns of a line are headings: no column is a number, and at least one names a component of a pose.
+/// True if the columns of a line are headings: no column is a number, and at least one names a component of a
+/// pose.
 fn is_header(names: &[String]) -> bool {
     names.iter().all(|name| name.parse::<f64>().map_or(true, |v| !v.is_finite())) && {
         let headings = Headings::of(join_units(names), &SCHEMA);

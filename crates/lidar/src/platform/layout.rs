@@ -102,10 +102,10 @@ pub(super) struct PoseLayout {
 /// Headings of columns that are not read.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Unread {
-    /// Those with unknown names, and questions about what is meant.
+    /// Columns with unknown names, with suggestions.
     unknown: Vec<String>,
     help: Vec<String>,
-    /// Those of quantities that trajectories often have.
+    /// Columns of quantities that are common in trajectories and unused here.
     usual: Vec<String>,
 }
 
@@ -135,7 +135,8 @@ impl PoseLayout {
         PoseLayout { columns: columns.map(Some), ..PoseLayout::empty() }
     }
 
-    /// Columns in the order of `order`. If `time` is given, it is the index of the time column, and the others skip it.
+    /// Columns in the order of `order`. If `time` is given, it is the index of the time column, and the
+    /// others skip it.
     pub fn in_order(order: &[PoseColumn], time: Option<usize>) -> PoseLayout {
         let mut layout = PoseLayout::empty();
         let places = (0..).filter(|place| Some(*place) != time);
@@ -154,7 +155,8 @@ impl PoseLayout {
         PoseLayout { attitude, ..PoseLayout::in_order(&[Time, X, Y, Z], None) }
     }
 
-    /// A matrix of `rows` rows and four columns from column `first`, after the time if there is one; a fourth row is not read.
+    /// A matrix of `rows` rows and four columns from column `first`, after the time if there is one; a fourth
+    /// row is not read.
     pub fn matrix(first: usize, rows: usize) -> PoseLayout {
         let mut layout = PoseLayout::empty();
         for (column, place) in [(PoseColumn::X, 3), (PoseColumn::Y, 7), (PoseColumn::Z, 11)] {
@@ -190,8 +192,8 @@ impl PoseLayout {
         PoseLayout::of(headings)
     }
 
-    /// The layout of headings, which may repeat a height beside both projected and geographic coordinates. Projected
-    /// coordinates take precedence over latitude and longitude, and quaternions over angles.
+    /// The layout of headings, which may repeat a height beside both projected and geographic coordinates.
+    /// Projected coordinates take precedence over latitude and longitude, and quaternions over angles.
     fn of(mut headings: Headings) -> Result<PoseLayout, String> {
         if let Some(wrong) = headings.wrong_units.first() {
             return Err(wrong.clone());
@@ -245,8 +247,8 @@ impl PoseLayout {
         Ok(PoseLayout { unread, ..layout })
     }
 
-    /// The layout that a user chooses: headings in their order, where unknown names skip a column, or `heading=number`
-    /// with numbers from 1.
+    /// The layout that a user chooses: headings in their order, where unknown names skip a column, or
+    /// `heading=number` with numbers from 1.
     pub fn chosen(columns: &[String]) -> Result<PoseLayout, String> {
         let mut headings = Headings::default();
         let numbered = columns.iter().any(|column| column.contains('='));
@@ -326,7 +328,8 @@ impl PoseLayout {
         }
     }
 
-    /// The layout of lines of `width` columns without names; columns beyond those of the layout give a warning.
+    /// The layout of lines of `width` columns without names; columns beyond those of the layout give a
+    /// warning.
     pub fn with_width(mut self, width: usize, place: Option<Place>, found: &mut Diagnostics) -> PoseLayout {
         let attitude: &[usize] = match &self.attitude {
             AttitudeColumns::Angles => &[],
@@ -382,7 +385,8 @@ impl PoseLayout {
         Ok(PoseNumbers { values, rotation })
     }
 
-    /// Converts `values` to seconds, metres and radians. Angles without a unit are degrees if `degrees` is set.
+    /// Converts `values` to seconds, metres and radians. Angles without a unit are degrees if `degrees` is
+    /// set.
     pub fn in_si(&self, mut values: [f64; 7], degrees: bool) -> [f64; 7] {
         for column in POSE_COLUMNS {
             let is_angle =

@@ -1,7 +1,7 @@
 //! Platforms, which carry the scanner: position and attitude per step (spec kinematics §2).
 //!
-//! [`PlatformPlan`] is immutable during a run, [`PlatformState`] moves. A step along a straight path costs a square
-//! root and no trigonometry; attitudes are composed only for steps with a pulse.
+//! [`PlatformPlan`] is immutable during a run, [`PlatformState`] moves. A step along a straight path costs a
+//! square root and no trigonometry; attitudes are composed only for steps with a pulse.
 //!
 //! | file | what it does |
 //! |---|---|

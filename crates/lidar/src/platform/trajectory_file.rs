@@ -25,8 +25,8 @@ const PIECE_BYTES: usize = 1 << 20;
 /// Maximum number of wrong rows that are listed; further ones are only counted.
 const MAX_LISTED_ROWS: usize = 20;
 
-/// Reads all files of `settings` into one table in world coordinates and radians. All problems of a file go into
-/// `problems` with line and column; `None` if any of them prevents the run.
+/// Reads all files of `settings` into one table in world coordinates and radians. All problems of a file go
+/// into `problems` with line and column; `None` if any of them prevents the run.
 ///
 /// # Errors
 /// Files that cannot be read.
@@ -175,8 +175,8 @@ fn thin(mut rows: Vec<(f64, PoseValues)>, threshold: f64) -> Vec<(f64, PoseValue
     rows
 }
 
-/// The rows as they are written in the file (time; roll, pitch, yaw, x, y, z) and their layout. Quaternions become angles in
-/// the composition `spec`; without it only positions are read.
+/// The rows as they are written in the file (time; roll, pitch, yaw, x, y, z) and their layout. Quaternions
+/// become angles in the composition `spec`; without it only positions are read.
 fn read_rows(
     file: &TrajectoryFile,
     bytes: &[u8],
@@ -302,8 +302,8 @@ fn warn_of_other_columns(
     }
 }
 
-/// Chooses by precedence: the survey's column numbers, the file's `#HEADER`, a first line of headings, the order roll,
-/// pitch, yaw, x, y, z around a `#TIME_COLUMN`.
+/// Chooses by precedence: the survey's column numbers, the file's `#HEADER`, a first line of headings, the
+/// order roll, pitch, yaw, x, y, z around a `#TIME_COLUMN`.
 fn choose_layout(
     file: &TrajectoryFile,
     stated: &StatedColumns,

@@ -31,8 +31,8 @@ use vlscan_trace::simd::portable::Portable;
 
 /// Maximum number of rings of subrays: 512 rings are 822,000 rays per pulse.
 const MAX_RINGS: u32 = 512;
-/// Threshold of instruments that state none, nW. As 1e-4 W it would hide every echo, so it counts as not given and is
-/// in nanowatts with and without the correction of the unit.
+/// Threshold of instruments that state none, nW. As 1e-4 W it would hide every echo, so it counts as not
+/// given and is in nanowatts with and without the correction of the unit.
 const DEFAULT_THRESHOLD: f64 = 1e-4;
 /// Cosine of the angle of incidence below which the depth of a footprint grows no more: 84°.
 const MIN_INCIDENCE_COSINE: f64 = 0.1;
@@ -48,7 +48,8 @@ pub(super) struct Instrument {
     /// Half angle of the beam, the larger one of an elliptical beam, rad.
     pub footprint_angle: f64,
     pub detector: DetectorSettings,
-    /// Fast path for light within one bin, where ranges are not read between bins and waveforms are not cut off.
+    /// Fast path for light within one bin, where ranges are not read between bins and waveforms are not cut
+    /// off.
     pub single_bin: Option<SingleBinDetector>,
     /// Fast path where ranges are read between bins.
     pub clusters: Option<ClusterRule>,
@@ -177,14 +178,14 @@ impl Instrument {
         }
     }
 
-    /// Standard deviation of the depths within the footprint on the slope that caused the echo, m: a Gaussian beam has half of its half
-    /// angle at 1/e² as the standard deviation of its directions.
+    /// Standard deviation of the depths within the footprint on the slope that caused the echo, m: a Gaussian
+    /// beam has half of its half angle at 1/e² as the standard deviation of its directions.
     fn footprint_depth(&self, echo: &Echo) -> f64 {
         let cosine = echo.incidence_cosine.abs().clamp(MIN_INCIDENCE_COSINE, 1.0);
         echo.true_range * self.footprint_angle * 0.5 * sqrt(1.0 - cosine * cosine) / cosine
     }
 
-    /// Whether noise or the step of ranges moves echoes.
+    /// True if noise or the step of ranges moves echoes.
     pub fn moves_ranges(&self) -> bool {
         self.range_accuracy != 0.0 || self.range_noise.is_some() || self.range_step > 0.0
     }
@@ -230,9 +231,9 @@ fn peak_rule(device: &Device, c: &Corrections) -> PeakRule {
     }
 }
 
-/// Detection threshold, nW: the peak of an echo at the instrument's maximum range, if it states one; a multiple of its
-/// noise, if it has noise and states no threshold; otherwise the threshold of `rule`. `amplitude_of` computes the peak
-/// of a target's echo, nW.
+/// Detection threshold, nW: the peak of an echo at the instrument's maximum range, if it states one; a
+/// multiple of its noise, if it has noise and states no threshold; otherwise the threshold of `rule`.
+/// `amplitude_of` computes the peak of a target's echo, nW.
 fn threshold(
     device: &Device,
     receiver: &Receiver,
@@ -297,8 +298,8 @@ impl InstrumentTable {
     /// Computes the instruments that `survey` uses.
     ///
     /// # Errors
-    /// Settings that no instrument can have (bins without width), or that need too much memory (millions of subrays or
-    /// of pulse samples).
+    /// Settings that no instrument can have (bins without width), or that need too much memory (millions of
+    /// subrays or of pulse samples).
     pub fn new(survey: &Survey, options: &PhysicsOptions) -> Result<InstrumentTable> {
         let devices = &survey.scanner.devices;
         devices.iter().try_for_each(|d| check(d, &options.corrections))?;
@@ -365,7 +366,8 @@ impl InstrumentTable {
     }
 }
 
-/// Leg settings reach device 0 only, and the rays only before the first leg (spec pulse-physics §5.3, trap 8).
+/// Leg settings reach device 0 only, and the rays only before the first leg (spec pulse-physics §5.3, trap
+/// 8).
 fn divergence(
     survey: &Survey,
     leg: &ScannerSettings,

@@ -17,7 +17,8 @@ pub struct Physics<'a> {
     /// Box that the beam's axis must hit for the pulse to be simulated.
     pub(super) bounds_cull: Option<Aabb>,
     pub(super) instruments: InstrumentTable,
-    /// Number of each device's wavelength among those of the scene's spectra; empty if all devices have the first.
+    /// Number of each device's wavelength among those of the scene's spectra; empty if all devices have the
+    /// first.
     pub(super) wavelengths: Vec<usize>,
     pub(super) options: PhysicsOptions,
     pub(super) range_noise: Stream,
@@ -64,7 +65,8 @@ impl<'a> Physics<'a> {
         &self.instruments
     }
 
-    /// Whether a beam from `origin` along `axis` hits the culling box, if there is one; a box behind it is not hit.
+    /// True if a beam from `origin` along `axis` hits the culling box, if there is one; a box behind it is
+    /// not hit.
     pub(super) fn hits_bounds(&self, origin: DVec3, axis: DVec3) -> bool {
         let Some(b) = self.bounds_cull else { return true };
         b.slabs(origin, axis).is_some_and(|(enter, exit)| !(enter < 0.0 && exit <= 0.0))
@@ -81,8 +83,8 @@ fn wavelengths(survey: &Survey, o: &PhysicsOptions) -> Vec<usize> {
     survey.scanner.devices.iter().map(|device| number(device.beam.wavelength)).collect()
 }
 
-/// The scene's box, outside of which primitives are invisible; `None` unless some may lie there because they move once
-/// the scene is loaded.
+/// The scene's box, outside of which primitives are invisible; `None` unless some may lie there because they
+/// move once the scene is loaded.
 fn visible_bounds(scene: &Scene, sizes: Sizes, o: &PhysicsOptions) -> Option<Aabb> {
     let may_leave = !sizes.are_within_bounds || !scene.moving_parts.is_empty();
     (!o.corrections.unbounded_scene && may_leave).then_some(scene.bounds)

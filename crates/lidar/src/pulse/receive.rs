@@ -59,7 +59,7 @@ fn is_too_near(range: f64, detector: &DetectorSettings) -> bool {
     range < detector.range_min
 }
 
-/// Whether the device's range error puts a return beyond the maximum range.
+/// True if the device's range error puts a return beyond the maximum range.
 fn is_moved_too_far(range: f64, pulse: &Pulse, detector: &DetectorSettings) -> bool {
     detector.corrections.range_gate
         && pulse.range_error > 0.0
@@ -155,8 +155,8 @@ impl Detection {
         Ok(())
     }
 
-    /// Counts a pulse without a return that met something at a range that is measured: its light stays below the threshold, be
-    /// it all at once or because it is spread over time. Others hit too near.
+    /// Counts a pulse without a return that met something at a range that is measured: its light stays below
+    /// the threshold, be it all at once or because it is spread over time. Others hit too near.
     #[inline(never)]
     fn count_weak(&self, detector: &DetectorSettings, pulse: &Pulse, batch: &mut Batch) {
         let is_measured = |range: &&f64| !is_too_near(**range + pulse.range_error, detector);
@@ -186,9 +186,9 @@ impl Detection {
         found.is_some()
     }
 
-    /// Appends an echo for each return: its range error and the surface it is attributed to (spec pulse-physics
-    /// §4.7–4.9). `traced` is given if the truth of the echoes is recorded, `scanner` is the attitude
-    /// of the scanner where it is recorded.
+    /// Appends an echo for each return: its range error and the surface it is attributed to (spec
+    /// pulse-physics §4.7–4.9). `traced` is given if the truth of the echoes is recorded, `scanner` is the
+    /// attitude of the scanner where it is recorded.
     #[inline(always)]
     fn emit_echoes(
         &mut self,
@@ -262,8 +262,8 @@ impl Detection {
         }
     }
 
-    /// Index of the reflection to which a return is attributed; `None` if it is farther from all reflections than the
-    /// pulse length, so that only noise of the receiver can have caused it.
+    /// Index of the reflection to which a return is attributed; `None` if it is farther from all reflections
+    /// than the pulse length, so that only noise of the receiver can have caused it.
     #[inline(always)]
     fn source_of(&self, r: &Return, instrument: &Instrument) -> Option<usize> {
         let source = attribute(&self.reflections, r.range);
@@ -272,8 +272,8 @@ impl Detection {
         (instrument.receiver.is_none() || !is_far()).then_some(source)
     }
 
-    /// Appends every reflection of a subray as an echo at the position of the surface, in the order of the subrays. Its
-    /// return number is the number of the return that contains it, or 0.
+    /// Appends every reflection of a subray as an echo at the position of the surface, in the order of the
+    /// subrays. Its return number is the number of the return that contains it, or 0.
     #[inline(never)]
     fn emit_subrays(&mut self, view: &SceneView, traced: &TracedPulse, pulse: &Pulse, batch: &mut Batch) {
         let hits = self.scratch.hits.as_ref().unwrap_or(&self.reflections);

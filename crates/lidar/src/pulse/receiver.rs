@@ -1,9 +1,10 @@
 //! Receivers that are not ideal: noise, saturation, range walk, and ranging between bins.
 //!
-//! Amplitudes are received power in nanowatts. Light is summed up first ([`super::waveform`]), then noise is added to
-//! the samples, then echoes are detected. Saturation is a function of the momentary power that grows with it, so that
-//! maxima stay where they are: ranges are read as an instrument does that knows its own response, from the samples
-//! before saturation. Amplitudes, recorded waveforms and the widths of echoes are those after it.
+//! Amplitudes are received power in nanowatts. Light is summed up first ([`super::waveform`]), then noise is
+//! added to the samples, then echoes are detected. Saturation is a function of the momentary power that grows
+//! with it, so that maxima stay where they are: ranges are read as an instrument does that knows its own
+//! response, from the samples before saturation. Amplitudes, recorded waveforms and the widths of echoes are
+//! those after it.
 
 use super::detector_settings::{DetectorSettings, Return};
 use super::energy::NANO;
@@ -21,7 +22,8 @@ const MAX_ALARMS: f64 = 10_000.0;
 /// Maximum length of a waveform with noise on all bins; longer ones have noise where light is stored.
 const MAX_FILLED_BINS: u64 = 4096;
 
-/// Noise of a receiver in nanowatts; `None` for an ideal one. `amplitude_of` computes the peak of a target's echo, nW.
+/// Noise of a receiver in nanowatts; `None` for an ideal one. `amplitude_of` computes the peak of a target's
+/// echo, nW.
 pub(super) fn receiver_noise(
     receiver: &Receiver,
     shape: &PulseShape,
@@ -40,9 +42,9 @@ pub(super) fn receiver_noise(
     (dark > 0.0 || per_light > 0.0).then(|| ReceiverNoise::new(dark, per_light, bandwidth * 1e-9, shape.bin))
 }
 
-/// Output of a receiver that saturates at `limit`: v/√(1 + (v/limit)²), linear below and never above (Rapp 1991,
-/// "Effects of HPA-nonlinearity on a 4-DPSK/OFDM-signal for a digital sound broadcasting system", with the smoothness
-/// 1). The order of amplitudes stays, so that a peak stays a peak.
+/// Output of a receiver that saturates at `limit`: v/√(1 + (v/limit)²), linear below and never above (Rapp
+/// 1991, "Effects of HPA-nonlinearity on a 4-DPSK/OFDM-signal for a digital sound broadcasting system", with
+/// the smoothness 1). The order of amplitudes stays, so that a peak stays a peak.
 fn saturated(value: f64, limit: f64) -> f64 {
     let ratio = value / limit;
     if ratio > 0.0 { value / sqrt(1.0 + ratio * ratio) } else { value }
@@ -54,10 +56,10 @@ fn unsaturated(value: f64, limit: f64) -> f64 {
     if ratio < 1.0 { value / sqrt((1.0 - ratio) * (1.0 + ratio)) } else { f64::INFINITY }
 }
 
-/// Shift of a measured range by the amplitude, m: a timer that stops where a linearly rising edge crosses the threshold
-/// stops the later the weaker the echo is, in proportion to threshold over amplitude (Amann et al. 2001, "Laser
-/// ranging: a critical review of usual techniques for distance measurement", Optical Engineering 40(1), walk error).
-/// `walk` is the shift of an echo right at the threshold.
+/// Shift of a measured range by the amplitude, m: a timer that stops where a linearly rising edge crosses the
+/// threshold stops the later the weaker the echo is, in proportion to threshold over amplitude (Amann et al.
+/// 2001, "Laser ranging: a critical review of usual techniques for distance measurement", Optical Engineering
+/// 40(1), walk error). `walk` is the shift of an echo right at the threshold.
 pub(super) fn range_walk(walk: f64, threshold: f64, amplitude: f64) -> f64 {
     if amplitude > threshold { walk * threshold / amplitude } else { walk }
 }
@@ -98,11 +100,12 @@ pub(super) struct ReceiverModel {
 }
 
 impl ReceiverModel {
-    /// The model of a receiver; `None` if it is ideal. `gate` are the travel times between which echoes count, ns.
+    /// The model of a receiver; `None` if it is ideal. `gate` are the travel times between which echoes
+    /// count, ns.
     ///
     /// # Errors
-    /// A message if the threshold is so low that noise causes more than [`MAX_ALARMS`] echoes per pulse, or so high that
-    /// the saturated output never reaches it.
+    /// A message if the threshold is so low that noise causes more than [`MAX_ALARMS`] echoes per pulse, or
+    /// so high that the saturated output never reaches it.
     pub fn new(
         receiver: &Receiver,
         noise: Option<ReceiverNoise>,
@@ -159,7 +162,7 @@ impl ReceiverModel {
         })
     }
 
-    /// Whether pulses may have echoes without reflections.
+    /// True if pulses may have echoes without reflections.
     pub fn has_false_alarms(&self) -> bool {
         self.noise.as_ref().is_some_and(|noise| noise.alarm_rate(self.threshold) > 0.0)
     }
@@ -169,8 +172,8 @@ impl ReceiverModel {
         self.threshold
     }
 
-    /// Adds noise to the samples of a pulse. Recorded and short waveforms have noise on all bins, others on the stored bins
-    /// only.
+    /// Adds noise to the samples of a pulse. Recorded and short waveforms have noise on all bins, others on
+    /// the stored bins only.
     pub fn add_noise(&self, waveform: &mut Waveform, is_recorded: bool, (device, pulse): (u32, u64)) {
         let Some(noise) = &self.noise else { return };
         waveform.store_gaps(if is_recorded { MAX_RECORD_SAMPLES } else { MAX_FILLED_BINS });
@@ -195,8 +198,8 @@ impl ReceiverModel {
         saturated(power, self.limit)
     }
 
-    /// Position of the maximum of an echo relative to bin `peak` by this receiver's method, bins; `None` for the default
-    /// method.
+    /// Position of the maximum of an echo relative to bin `peak` by this receiver's method, bins; `None` for
+    /// the default method.
     pub fn offset(&self, waveform: &Waveform, peak: u64) -> Option<f64> {
         let reader = self.reader.as_ref()?;
         let shift = reader.offset(|k| peak.checked_add_signed(k).map_or(0.0, |bin| waveform.at(bin)));
@@ -208,7 +211,8 @@ impl ReceiverModel {
         if self.walk == 0.0 { 0.0 } else { range_walk(self.walk, self.threshold, power) }
     }
 
-    /// Inserts the false alarms of a pulse into its returns, sorted by range, and truncates to the detector's maximum.
+    /// Inserts the false alarms of a pulse into its returns, sorted by range, and truncates to the detector's
+    /// maximum.
     #[inline(never)]
     pub fn add_false_alarms(
         &self,
@@ -242,7 +246,8 @@ impl ReceiverModel {
     }
 }
 
-/// The reader that is calibrated for the pulse; `None` for the peak, which the shape of the pulse reads itself.
+/// The reader that is calibrated for the pulse; `None` for the peak, which the shape of the pulse reads
+/// itself.
 fn calibrated_reader(receiver: &Receiver, shape: &PulseShape) -> Option<RangeReader> {
     let pulse = |k: i64, by: f64| {
         let at = shape.peak.checked_add_signed(k as isize).filter(|at| *at < shape.samples.len());

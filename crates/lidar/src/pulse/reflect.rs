@@ -18,11 +18,12 @@ pub(super) struct ReflectScratch {
     /// Position among the reflections and cross-section of voxels that follow their own radar equation.
     cross_sections: Vec<(usize, f64)>,
     continuum: FoliageContinuum,
-    /// Whether [`ReflectScratch::hits`] is needed.
+    /// True if [`ReflectScratch::hits`] is needed.
     pub records_hits: bool,
-    /// Subrays whose light foliage intercepts and returns from all along their paths, each where it is intercepted.
+    /// Subrays whose light foliage intercepts and returns from all along their paths, each where it is
+    /// intercepted.
     intercepted: Reflections,
-    /// What each subray hits, in their order, where that may differ from the reflections and is needed.
+    /// Hit of each subray, in order, if the hits may differ from the reflections and are needed.
     pub hits: Option<Reflections>,
     pub triangles: TriangleCache,
 }
@@ -54,8 +55,8 @@ impl<'a> SceneView<'a> {
         }
     }
 
-    /// [`SceneView::reflect`] for pulses that hit only opaque triangles, in blocks of subrays; `false` for any other
-    /// pulse.
+    /// [`SceneView::reflect`] for pulses that hit only opaque triangles, in blocks of subrays; `false` for
+    /// any other pulse.
     #[inline(always)]
     fn shade_triangles(
         &self,
@@ -168,8 +169,9 @@ impl<'a> SceneView<'a> {
         }
     }
 
-    /// Follows subray `i` of `ring` through foliage to what reflects it: a solid surface or an element of foliage. `None` if there is
-    /// none, or if foliage of small leaves intercepts the subray, whose light then joins the continuum.
+    /// Follows subray `i` of `ring` through foliage to what reflects it: a solid surface or an element of
+    /// foliage. `None` if there is none, or if foliage of small leaves intercepts the subray, whose light
+    /// then joins the continuum.
     fn scatter_continuously(
         &self,
         (instrument, i, ring): (&Instrument, u32, u32),
@@ -229,7 +231,8 @@ impl<'a> SceneView<'a> {
         None
     }
 
-    /// Follows a subray from its first interaction to the one that reflects it (spec pulse-physics §2.7), or `None`.
+    /// Follows a subray from its first interaction to the one that reflects it (spec pulse-physics §2.7), or
+    /// `None`.
     #[inline(never)]
     fn walk_voxels(
         &self,
@@ -293,13 +296,15 @@ impl FootprintFrame {
         FootprintFrame { origin, axes: [u, direction.cross(u)] }
     }
 
-    /// The column, `size` m wide, of the footprint that holds a point; `shift` moves the columns, in shares of their size.
+    /// The column, `size` m wide, of the footprint that holds a point; `shift` moves the columns, in shares
+    /// of their size.
     fn column(&self, point: DVec3, size: f64, shift: [f64; 2]) -> [i32; 2] {
         [0, 1].map(|i| ((point - self.origin).dot(self.axes[i]) / size + shift[i]).floor() as i32)
     }
 }
 
-/// Reflection properties of the primitive of the last interaction: neighbouring subrays mostly hit the same one.
+/// Reflection properties of the primitive of the last interaction: neighbouring subrays mostly hit the same
+/// one.
 struct ShadedSurface<'a> {
     primitive: u32,
     /// The scene that holds it in its current position, and its index there.
@@ -376,8 +381,8 @@ impl<'a> ShadedSurface<'a> {
     }
 }
 
-/// Normal of the cube's face whose centre is nearest to `p` (relative to the cube's centre); of equally near faces the
-/// first in the order +x, −x, +y, −y, +z, −z.
+/// Normal of the cube's face whose centre is nearest to `p` (relative to the cube's centre); of equally near
+/// faces the first in the order +x, −x, +y, −y, +z, −z.
 fn face_of_cube(p: DVec3, half: f64) -> DVec3 {
     let faces = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
     let mut best = (f64::INFINITY, DVec3::X);

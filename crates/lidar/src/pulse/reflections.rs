@@ -9,7 +9,8 @@ use vlscan_trace::Hits;
 pub(super) struct Reflections {
     /// Number of reflections; the fields are longer.
     count: usize,
-    /// All reflections are at the entries of opaque triangles; `entry`, `ring` and `subray` are not filled in.
+    /// All reflections are at the entries of opaque triangles; `entry`, `ring` and `subray` are not filled
+    /// in.
     is_opaque_only: bool,
     range: Vec<f64>,
     entry: Vec<f64>,
@@ -40,7 +41,8 @@ impl Reflections {
         }
     }
 
-    /// Appends the reflection of a subray in a ring; [`Reflections::apply_energy`] turns its factor into an intensity.
+    /// Appends the reflection of a subray in a ring; [`Reflections::apply_energy`] turns its factor into an
+    /// intensity.
     pub fn push(
         &mut self,
         (subray, ring): (u32, u32),
@@ -60,7 +62,8 @@ impl Reflections {
         self.count += 1;
     }
 
-    /// Appends a reflection of known intensity, after [`Reflections::apply_energy`]; may exceed the reserved memory.
+    /// Appends a reflection of known intensity, after [`Reflections::apply_energy`]; may exceed the reserved
+    /// memory.
     pub fn push_lit(&mut self, range: f64, primitive: u32, cosine: f64, intensity: f64) {
         if self.count == self.range.len() {
             self.reserve(2 * self.count + LANES);
@@ -83,7 +86,8 @@ impl Reflections {
         all
     }
 
-    /// Appends the reflections of the subrays of a block that are in `mask`; see [`Reflections::mark_opaque_only`].
+    /// Appends the reflections of the subrays of a block that are in `mask`; see
+    /// [`Reflections::mark_opaque_only`].
     #[inline(always)]
     pub fn push_triangles(
         &mut self,
@@ -112,8 +116,8 @@ impl Reflections {
         }
     }
 
-    /// Turns reflectance factors into intensities; those at the positions in `cross_sections` follow from their
-    /// cross-section.
+    /// Turns reflectance factors into intensities; those at the positions in `cross_sections` follow from
+    /// their cross-section.
     pub fn apply_energy(&mut self, energy: &Energy, cross_sections: &[(usize, f64)]) {
         let n = self.count;
         energy.apply(&self.ring[..n], &self.entry[..n], &mut self.intensity[..n]);
@@ -122,7 +126,8 @@ impl Reflections {
         }
     }
 
-    /// Declares that all reflections come from [`Reflections::push_triangles`]: from the entries of opaque triangles.
+    /// Declares that all reflections come from [`Reflections::push_triangles`]: from the entries of opaque
+    /// triangles.
     #[inline(always)]
     pub fn mark_opaque_only(&mut self) {
         self.is_opaque_only = true;
@@ -195,7 +200,7 @@ impl LaneMask {
         self.0.count_ones() as usize
     }
 
-    /// Whether no subray before the last one is missing.
+    /// True if no subray before the last one is missing.
     #[inline(always)]
     fn is_prefix(self) -> bool {
         self.0 & ((self.0 << 8) | 1) == self.0

@@ -27,7 +27,8 @@ const MAX_BATCH_PULSES: usize = 128;
 const MAX_BATCH_RAYS: usize = 1 << 16;
 /// Maximum coordinate of a point in the scene frame, m: that of a scene, and as much again from its centre.
 const MAX_POSITION: f64 = 1e13;
-/// Number of pulses whose ranges and gains are computed in one go, so that the latency of square roots overlaps.
+/// Number of pulses whose ranges and gains are computed in one go, so that the latency of square roots
+/// overlaps.
 const GAIN_BATCH: usize = 8;
 
 /// Simulates pulses. One per worker: it owns the scratch memory, which is reused from pulse to pulse.
@@ -81,15 +82,15 @@ impl<'p> PulseSimulator<'p> {
         }
     }
 
-    /// Replaces the instruments. They must have as many devices as the survey; leg indices refer to the survey from
-    /// which they were computed.
+    /// Replaces the instruments. They must have as many devices as the survey; leg indices refer to the
+    /// survey from which they were computed.
     pub fn set_instruments(&mut self, instruments: &InstrumentTable) {
         self.instruments = instruments.clone();
     }
 
-    /// Simulates `pulses` of leg `leg` (index into the survey's legs) and appends their records to `batch` in the order
-    /// of the pulses. The records of a pulse do not depend on the pulses simulated with it; many at once are traced
-    /// several times faster.
+    /// Simulates `pulses` of leg `leg` (index into the survey's legs) and appends their records to `batch` in
+    /// the order of the pulses. The records of a pulse do not depend on the pulses simulated with it; many at
+    /// once are traced several times faster.
     ///
     /// # Errors
     /// A leg or device that the survey does not have, or a waveform that is too long to be recorded.
@@ -116,9 +117,9 @@ impl<'p> PulseSimulator<'p> {
         Ok(())
     }
 
-    /// [`PulseSimulator::simulate`] over a dynamic scene that is in the state of the first pulse. `updates` are ordered
-    /// by the first pulse to which they apply. The static objects are traced for many pulses at once, however often the
-    /// others move.
+    /// [`PulseSimulator::simulate`] over a dynamic scene that is in the state of the first pulse. `updates`
+    /// are ordered by the first pulse to which they apply. The static objects are traced for many pulses at
+    /// once, however often the others move.
     pub fn simulate_dynamic(
         &mut self,
         leg: u32,
@@ -149,8 +150,8 @@ impl<'p> PulseSimulator<'p> {
         Ok(())
     }
 
-    /// Generates the rays of the first of `pulses`, as many as are traced together, and traces them through the static scene.
-    /// Returns their number.
+    /// Generates the rays of the first of `pulses`, as many as are traced together, and traces them through
+    /// the static scene. Returns their number.
     fn trace_some(&mut self, leg: u32, pulses: &[Pulse], mut on_end: impl FnMut(Phase)) -> Result<usize> {
         let mut count = self.batch_pulses().min(pulses.len());
         loop {
@@ -168,12 +169,14 @@ impl<'p> PulseSimulator<'p> {
         }
     }
 
-    /// Allows the tiles to be dropped that were needed since the last call; fails if one of them was not available.
+    /// Allows the tiles to be dropped that were needed since the last call; fails if one of them was not
+    /// available.
     fn release_tiles(&mut self) -> Result<()> {
         self.tiles.as_mut().map_or(Ok(()), TileTracer::release)
     }
 
-    /// Box around what the rays could hit since the last call, scene frame, m; `None` in a scene without tiles.
+    /// Box around what the rays could hit since the last call, scene frame, m; `None` in a scene without
+    /// tiles.
     pub fn take_area(&mut self) -> Option<Aabb> {
         self.tiles.as_mut().map(TileTracer::take_area)
     }
@@ -186,8 +189,8 @@ impl<'p> PulseSimulator<'p> {
         dispatch!(self.level, _simd => self.generate_rays_generic(leg, pulses))
     }
 
-    /// [`PulseSimulator::generate_rays`] for the instruction set of the caller: plain Rust without fused or reordered
-    /// operations, so that all sets give the same bits.
+    /// [`PulseSimulator::generate_rays`] for the instruction set of the caller: plain Rust without fused or
+    /// reordered operations, so that all sets give the same bits.
     #[inline(always)]
     fn generate_rays_generic(&mut self, leg: u32, pulses: &[Pulse]) -> Result<()> {
         let PulseSimulator { physics, instruments, batches, slots, .. } = self;
@@ -270,7 +273,8 @@ impl<'p> PulseSimulator<'p> {
         })
     }
 
-    /// [`PulseSimulator::detect`] of `pulses` with the slots `range` on one instruction set; all give the same bits.
+    /// [`PulseSimulator::detect`] of `pulses` with the slots `range` on one instruction set; all give the
+    /// same bits.
     #[inline(always)]
     fn detect_generic<S: Simd>(
         &mut self,
@@ -329,7 +333,8 @@ impl<'p> PulseSimulator<'p> {
     }
 }
 
-/// Refuses points that are no places: whatever was not foreseen where numbers are read must not become a point.
+/// Refuses points that are no places: whatever was not foreseen where numbers are read must not become a
+/// point.
 #[inline(always)]
 fn check_positions(echoes: &[Echo]) -> Result<()> {
     let is_place = |echo: &Echo| {

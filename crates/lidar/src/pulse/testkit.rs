@@ -64,8 +64,8 @@ pub fn rectangles(material: Material, of: &[[DVec3; 3]]) -> Scene {
     scene
 }
 
-/// A scene of a column of cubes of 1 m along +y, as (start, density, kind), and of a wall at 120 m if there are more
-/// than four. All cubes are one part, with that leaf angle table.
+/// A scene of a column of cubes of 1 m along +y, as (start, density, kind), and of a wall at 120 m if there
+/// are more than four. All cubes are one part, with that leaf angle table.
 pub fn foliage(cubes: &[(f64, f64, VoxelKind)], lad: Option<LadTable>) -> Scene {
     let walls = [wall(-20.0, 20.0, 120.0)];
     let mut scene = rectangles(half_white(), if cubes.len() > 4 { &walls } else { &[] });

@@ -159,9 +159,9 @@ impl TriangleCache {
         }
     }
 
-    /// Prefetches where the corners and surfaces of triangles among `primitives` are. In scenes with instances, where pulses hit
-    /// more triangles than elsewhere and each takes longer to find, these are all that are not in the cache, and they are
-    /// appended to `missing`.
+    /// Prefetches where the corners and surfaces of triangles among `primitives` are. In scenes with
+    /// instances, where pulses hit more triangles than elsewhere and each takes longer to find, these are all
+    /// that are not in the cache, and they are appended to `missing`.
     #[inline(always)]
     pub fn prefetch<'s>(&self, scene: &'s Scene, primitives: &[u32], missing: &mut Vec<SceneTriangle<'s>>) {
         if scene.instances.is_none() {

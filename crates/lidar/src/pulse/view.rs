@@ -47,7 +47,8 @@ pub(super) struct SceneView<'a> {
     pub moving: &'a [DynamicObject],
     /// The tiles that rays may hit, if the scene has tiles.
     pub tiles: Option<NearTiles<'a>>,
-    /// The scene's box, outside of which nothing is visible; `None` if nothing lies outside or all is visible.
+    /// The scene's box, outside of which nothing is visible; `None` if nothing lies outside or all is
+    /// visible.
     pub visible_bounds: Option<Aabb>,
     /// All surfaces face the beam.
     pub fixed_incidence: bool,
@@ -126,7 +127,7 @@ impl<'a> SceneView<'a> {
         }
     }
 
-    /// Whether primitive `i` is a triangle.
+    /// True if primitive `i` is a triangle.
     #[inline]
     pub fn is_triangle(&self, i: u32) -> bool {
         let (triangles, own) = (self.scene.geometry.triangle_count(), self.scene.geometry.len());
@@ -160,8 +161,8 @@ impl<'a> SceneView<'a> {
         all
     }
 
-    /// Position of an interaction relative to the scene's box. Only moving objects ever leave it (spec pulse-physics
-    /// §6).
+    /// Position of an interaction relative to the scene's box. Only moving objects ever leave it (spec
+    /// pulse-physics §6).
     pub fn side_of_bounds(&self, at: &Interaction, direction: DVec3) -> SideOfBounds {
         let Some(b) = self.visible_bounds else { return SideOfBounds::Inside };
         let point = at.point(direction);
@@ -180,8 +181,8 @@ impl<'a> SceneView<'a> {
         }
     }
 
-    /// The nearest interaction of the ray `from` + t·`direction` with a primitive that `accept` accepts; `origin` is
-    /// the pulse's origin.
+    /// The nearest interaction of the ray `from` + t·`direction` with a primitive that `accept` accepts;
+    /// `origin` is the pulse's origin.
     pub fn nearest(
         &self,
         from: DVec3,

@@ -1,5 +1,5 @@
-//! Builds the finished scene from its description (spec input-formats §3.6): loads and transforms all parts, drops
-//! those with `onGround` to the ground, and moves the origin to the centre of the scene.
+//! Builds the finished scene from its description (spec input-formats §3.6): loads and transforms all parts,
+//! drops those with `onGround` to the ground, and moves the origin to the centre of the scene.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -47,8 +47,9 @@ use vlscan_geom::{Aabb, Rotation};
 use vlscan_survey::{Loader, MaterialChoice, PartRecipe, Replaced, SceneRecipe, Transform, VoxelMode};
 use vlscan_trace::{Similarity, VoxelGrid};
 
-/// Loads a scene in its first epoch and returns it with its warnings. All problems of all files are collected before an
-/// error is returned. The result does not depend on the number of threads. Moving parts are in their initial pose.
+/// Loads a scene in its first epoch and returns it with its warnings. All problems of all files are collected
+/// before an error is returned. The result does not depend on the number of threads. Moving parts are in
+/// their initial pose.
 ///
 /// ```
 /// use vlscan_geom::DVec3;
@@ -78,8 +79,8 @@ pub fn load(recipe: &SceneRecipe, options: &LoadOptions) -> Result<(Scene, Diagn
     load_epoch(recipe, options, 0, None)
 }
 
-/// Loads a scene in an epoch, counted from 0. Later epochs share the frame of the `first`. Part indices are equal in
-/// all epochs: a swapped part keeps its index and its single id, also while it is absent.
+/// Loads a scene in an epoch, counted from 0. Later epochs share the frame of the `first`. Part indices are
+/// equal in all epochs: a swapped part keeps its index and its single id, also while it is absent.
 pub fn load_epoch(
     recipe: &SceneRecipe,
     options: &LoadOptions,
@@ -395,8 +396,8 @@ fn load_files(
     Ok(())
 }
 
-/// Applies a part's transform (spec input-formats §3.3), except dropping it to the ground. Triangles and point clouds
-/// are fully transformed; cubes remain axis-aligned, and vegetation cubes are scaled in place.
+/// Applies a part's transform (spec input-formats §3.3), except dropping it to the ground. Triangles and
+/// point clouds are fully transformed; cubes remain axis-aligned, and vegetation cubes are scaled in place.
 fn apply_transform(scene: &mut SceneBuilder, loader: &Loader, transform: &Transform, extent: &Extent) {
     if (Transform { on_ground: 0, ..*transform }) == Transform::IDENTITY {
         return;
@@ -426,7 +427,8 @@ fn similarity(transform: &Transform) -> Similarity {
     Similarity { rotation, scale, offset }
 }
 
-/// Whether the voxels of a part that are on a grid when they are loaded are on one when they are placed, and are alike.
+/// True if the voxels of a part that are on a grid when they are loaded are on one when they are placed, and
+/// are alike.
 fn keeps_voxel_grids(part: &PartRecipe) -> bool {
     let Transform { rotation, scale, .. } = part.transform;
     let is_scaled = |loader: &Loader| matches!(loader, Loader::DetailedVoxels(voxels) if matches!(voxels.mode, VoxelMode::Scaled(_)));

@@ -19,7 +19,8 @@ use vlscan_geom::{Aabb, DVec3};
 use vlscan_survey::{Loader, PartRecipe, VoxelMode};
 use vlscan_trace::{Geometry, LoadError, Residency, Tree};
 
-/// Maximum number of sizes of cubes in a tile: the box around cubes is known exactly in any frame for one size at a time.
+/// Maximum number of sizes of cubes in a tile: the box around cubes is known exactly in any frame for one
+/// size at a time.
 const MAX_CUBE_SIZES: usize = 16;
 
 /// The tiles found so far.
@@ -49,12 +50,13 @@ struct TileFiles {
     recipe: Arc<PartRecipe>,
     files: Vec<PathBuf>,
     part: Part,
-    /// Names of materials that files of the same part have defined before, as the number of the first ones in all names.
+    /// Names of materials that files of the same part have defined before, as the number of the first ones in
+    /// all names.
     known_names: usize,
     names: Arc<Names>,
 }
 
-/// Whether a part can be a tile: its files can be read again, and give what they gave.
+/// True if a part can be a tile: its files can be read again, and give what they gave.
 pub(super) fn is_tile(options: &LoadOptions, part: &PartRecipe) -> bool {
     let is_readable = match &part.loader {
         Loader::MeshFiles { .. } | Loader::Xyz(_) => true,
@@ -71,8 +73,9 @@ impl TileIndex {
         self.tiles.is_empty()
     }
 
-    /// Makes a tile of the primitives of `extent`, the last ones of the scene, and removes them. Returns `false` if they have
-    /// to stay. `names` are the number of names of materials before the part's files were read.
+    /// Makes a tile of the primitives of `extent`, the last ones of the scene, and removes them. Returns
+    /// `false` if they have to stay. `names` are the number of names of materials before the part's files
+    /// were read.
     pub fn add(
         &mut self,
         scene: &mut SceneBuilder,
@@ -180,7 +183,8 @@ impl TileIndex {
         self.tiles.iter().fold(Aabb::EMPTY, |all, tile| all.union(tile.bounds(DVec3::ZERO)))
     }
 
-    /// Box around all tiles in the frame with its origin at `shift`, m, as if their primitives were stored there.
+    /// Box around all tiles in the frame with its origin at `shift`, m, as if their primitives were stored
+    /// there.
     pub fn bounds_from(&self, shift: DVec3) -> Aabb {
         self.tiles.iter().fold(Aabb::EMPTY, |all, tile| all.union(tile.bounds(shift)))
     }
@@ -342,7 +346,8 @@ fn materials_of(scene: &SceneBuilder, extent: &Extent) -> Vec<u32> {
     found
 }
 
-/// The half sizes of cubes, and the box around the centres of those of each size; `None` for more sizes than tiles may have.
+/// The half sizes of cubes, and the box around the centres of those of each size; `None` for more sizes than
+/// tiles may have.
 fn centres_of_cubes(scene: &SceneBuilder, extent: &Extent) -> Option<Vec<(f64, Aabb)>> {
     let mut found: Vec<(f64, Aabb)> = Vec::new();
     for cube in &scene.geometry.cubes[extent.cubes.clone()] {

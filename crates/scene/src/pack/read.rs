@@ -24,8 +24,8 @@ impl Pack {
     /// Opens a packed scene. Its arrays are read with the scene of an epoch.
     ///
     /// # Errors
-    /// [`vlscan_base::Error::Input`] with the reason when the file is not a packed scene of this version and byte order, is
-    /// damaged, or is older than the files that it was made from.
+    /// [`vlscan_base::Error::Input`] with the reason when the file is not a packed scene of this version and
+    /// byte order, is damaged, or is older than the files that it was made from.
     pub fn open(path: &Path) -> Result<Pack> {
         let is_known =
             |found: &Foreign| !matches!(found.kind.family, Family::Binary | Family::Text | Family::Empty);
@@ -62,17 +62,18 @@ impl Pack {
         }
     }
 
-    /// Whether parts of the scene of an epoch are tiles, which are read when rays need them.
+    /// True if parts of the scene of an epoch are tiles, which are read when rays need them.
     pub fn has_tiles(&self, epoch: u32) -> bool {
         has_tiles(&self.file, &prefix(epoch))
     }
 
-    /// Reads the scene of an epoch, with its tree. All that it consists of is compared with its checksums; tiles are when rays
-    /// need them. Without [`LoadOptions::tiles`] they stay in memory.
+    /// Reads the scene of an epoch, with its tree. All that it consists of is compared with its checksums;
+    /// tiles are when rays need them. Without [`LoadOptions::tiles`] they stay in memory.
     ///
     /// # Errors
-    /// [`vlscan_base::Error::Input`] when the scene was packed under other conditions that affect it, is damaged, or needs more
-    /// memory than the options permit; [`vlscan_base::Error::Io`] when it cannot be read.
+    /// [`vlscan_base::Error::Input`] when the scene was packed under other conditions that affect it, is
+    /// damaged, or needs more memory than the options permit; [`vlscan_base::Error::Io`] when it cannot be
+    /// read.
     pub fn scene(&self, options: &LoadOptions, epoch: u32) -> Result<Scene> {
         let checked = self.origin.conditions.check(options);
         checked.map_err(|reason| self.file.refuse(&format!("{reason}; pack the scene again for that")))?;

@@ -29,12 +29,12 @@ pub struct Packed {
     pub opens: Option<Duration>,
 }
 
-/// Loads a scene from its sources and packs it with its tree as `path`. `warn` gets the warnings before the file has its name,
-/// which it gets only if it can be opened.
+/// Loads a scene from its sources and packs it with its tree as `path`. `warn` gets the warnings before the
+/// file has its name, which it gets only if it can be opened.
 ///
 /// # Errors
-/// The errors of [`load_epoch`]; [`vlscan_base::Error::Input`] for more than 64 epochs, for a scene that is already packed,
-/// and for a `path` that is one of the sources; those of `warn`.
+/// The errors of [`load_epoch`]; [`vlscan_base::Error::Input`] for more than 64 epochs, for a scene that is
+/// already packed, and for a `path` that is one of the sources; those of `warn`.
 pub fn pack(
     recipe: &SceneRecipe,
     options: &LoadOptions,

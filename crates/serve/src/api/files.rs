@@ -166,7 +166,8 @@ impl Part {
     }
 }
 
-/// A single range of bytes, its end exclusive: `None` for what is no such range, `Some(None)` for one beyond the file.
+/// A single range of bytes, its end exclusive: `None` for what is no such range, `Some(None)` for one beyond
+/// the file.
 fn parse_range(text: &str, length: u64) -> Option<Option<(u64, u64)>> {
     let (start, end) = text.strip_prefix("bytes=")?.split_once('-')?;
     let (start, end) = match (start.trim(), end.trim()) {

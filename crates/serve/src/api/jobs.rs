@@ -237,7 +237,8 @@ pub async fn events(
             "too many streams are open; ask for /jobs/JOB now and then instead",
         ));
     };
-    // State between events: what was sent last, and whether that was the end. Browsers open a stream that ends again.
+    // State between events: what was sent last, and whether that was the end. Browsers open a stream that
+    // ends again.
     let start = Instant::now();
     let begin = (app, identity, id, String::new(), false, share);
     let events = stream::unfold(begin, move |(app, identity, id, mut last, is_over, share)| async move {

@@ -15,7 +15,7 @@ const NEWEST: u32 = 10;
 /// The first page.
 ///
 /// # Errors
-/// Those of the store.
+/// Errors of the store.
 pub async fn home(app: &Arc<App>, identity: &Identity) -> Result<Response, Failure> {
     let owner = identity.owner.clone();
     let (uploads, jobs) = blocking(app, move |workshop| -> StoreResult<_> {

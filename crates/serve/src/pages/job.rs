@@ -1,4 +1,5 @@
-//! The page of a job: its progress, then its results with pictures, and the command that does the same in a shell.
+//! The page of a job: its progress, then its results with pictures, and the command that does the same in a
+//! shell.
 
 use super::cloud::{cloud, is_cloud, is_octree, show_form};
 use super::home::encoded as in_query;
@@ -70,7 +71,7 @@ impl Shown {
 /// The page of a job, with the points of its file `points`.
 ///
 /// # Errors
-/// Those of the store.
+/// Errors of the store.
 pub async fn job(
     app: &Arc<App>,
     identity: &Identity,

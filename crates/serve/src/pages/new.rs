@@ -1,4 +1,5 @@
-//! Forms of new jobs: a flight, a plot or a drive to plan, a recorded flight, a survey, a stand to make, two clouds to compare.
+//! Forms of new jobs: a flight, a plot or a drive to plan, a recorded flight, a survey, a stand to make, two
+//! clouds to compare.
 
 use super::form_body::{FormBody, genuine};
 use super::home::encoded;
@@ -33,17 +34,17 @@ const TRAJECTORIES: [&str; 5] = ["csv", "txt", "out", "sbet", "trj"];
 const TABLES: [&str; 3] = ["csv", "txt", "tsv"];
 const TERRAINS: [&str; 6] = ["tif", "tiff", "vrt", "obj", "ply", "stl"];
 
-/// Whether a scene can be made of the file by itself.
+/// True if a scene can be made of the file by itself.
 pub fn is_scene(name: &str) -> bool {
     has_ending(name, &SCENES)
 }
 
-/// Whether the file may be an inventory.
+/// True if the file may be an inventory.
 pub fn is_table(name: &str) -> bool {
     has_ending(name, &TABLES)
 }
 
-/// Whether the file may be a trajectory.
+/// True if the file may be a trajectory.
 pub fn is_trajectory(name: &str) -> bool {
     has_ending(name, &TRAJECTORIES)
 }
@@ -121,7 +122,8 @@ impl Files {
         self.0.iter().find(|file| file.name == name).map_or(name, |file| &file.label)
     }
 
-    /// A list of files to choose from. `first` stands for no file, where none is needed; the first file that begins with `wanted` is chosen.
+    /// A list of files to choose from. `first` stands for no file, where none is needed; the first file that
+    /// begins with `wanted` is chosen.
     fn choice(&self, name: &str, label: &str, files: &[&str], first: Option<&str>, wanted: &str) -> Markup {
         let chosen = files.iter().position(|file| !wanted.is_empty() && file.starts_with(wanted));
         html! {
@@ -183,7 +185,7 @@ const KINDS: [(&str, &str); 6] = [
 /// Values of the fields of a form: those of an address or of a form that is shown again, else the first ones.
 struct Values {
     given: BTreeMap<String, String>,
-    /// Whether fields without a value are empty.
+    /// True if fields without a value are empty.
     is_again: bool,
     /// What is wrong with one of them.
     wrong: String,
@@ -208,7 +210,8 @@ impl Values {
         }
     }
 
-    /// A field for a shape as text, which a script has drawn on the scene; without scripts a click on the picture adds a corner.
+    /// A field for a shape as text, which a script has drawn on the scene; without scripts a click on the
+    /// picture adds a corner.
     fn shape(&self, shape: Shape, scene: &str) -> Markup {
         let Shape { field, kind, example, .. } = shape;
         let text = self.of(field, "");

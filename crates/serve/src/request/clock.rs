@@ -1,5 +1,5 @@
-//! Whether results depend on the time of the computation: those with `gps_start = "now"`, in the document of a request or in a pipeline file that
-//! it names. They are never given again.
+//! Recognises results that depend on the time of computation: those with `gps_start = "now"`, in the document
+//! of a request or in a pipeline file that it names. They are never given again.
 
 use super::named::name_of;
 use super::prepared::{Prepared, RequestError};
@@ -13,7 +13,7 @@ const MAX_BYTES: u64 = 1 << 20;
 /// Most files that are looked into.
 const MAX_FILES: usize = 100;
 
-/// Whether the results depend on the time.
+/// True if the results depend on the time.
 pub(super) fn depends_on_time(prepared: &Prepared, store: &Store) -> Result<bool, RequestError> {
     let Some((_, text)) = &prepared.document else { return Ok(false) };
     let Ok(table) = text.parse::<toml::Table>() else { return Ok(true) };
@@ -58,7 +58,8 @@ fn candidates<'u>(name: &str, folder: &str, uses: &'u BTreeSet<Use>) -> Vec<(Str
     all.filter_map(|path| used(&path).map(|used| (path, used))).collect()
 }
 
-/// Whether a value has the time of the computation as its GPS start; collects the pipeline files that it names.
+/// True if a value has the time of the computation as its GPS start; collects the pipeline files that it
+/// names.
 fn is_now(value: &toml::Value, files: &mut BTreeSet<String>) -> bool {
     match value {
         toml::Value::Table(table) => table.iter().any(|(key, value)| {
@@ -80,7 +81,7 @@ fn is_now_text(text: &str) -> bool {
     matches!(text.trim(), "" | "now")
 }
 
-/// Whether options of a campaign have `--gps-start now`.
+/// True if options of a campaign have `--gps-start now`.
 fn has_option(text: &str) -> bool {
     let Some(words) = shlex::split(text) else { return text.contains("--gps-start") };
     let follows = words.windows(2).any(|pair| pair[0] == "--gps-start" && is_now_text(&pair[1]));

@@ -98,8 +98,8 @@ fn toml_value(key: &str, value: Value) -> Result<toml::Value, RequestError> {
         .map_err(|_| wrong(key, "has a null, which pipeline files do not have; leave the key out"))
 }
 
-/// The folders in which files are looked for besides that of the file which names them: for each file of an upload that the inputs
-/// name its parents within the upload, nearest first, then all uploads.
+/// The folders in which files are looked for besides that of the file which names them: for each file of an
+/// upload that the inputs name its parents within the upload, nearest first, then all uploads.
 pub(super) fn asset_folders(inputs: &Value, uses: &BTreeSet<Use>) -> Vec<String> {
     let uploads: Vec<String> = uses
         .iter()
@@ -156,7 +156,8 @@ pub(super) fn plan(
     Ok(Prepared { words, within_inputs: true, stdout: Some("plan.toml".to_owned()), ..Prepared::default() })
 }
 
-/// Inputs as words of a command line: `--name=value`, so that no value is taken for an option, and operands behind `--`.
+/// Inputs as words of a command line: `--name=value`, so that no value is taken for an option, and operands
+/// behind `--`.
 pub(super) fn options(inputs: &Map<String, Value>, schema: &Value) -> Result<Vec<String>, RequestError> {
     let mut words = Vec::new();
     let mut operands = Vec::new();

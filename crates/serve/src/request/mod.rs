@@ -1,5 +1,5 @@
-//! From the inputs of a request to the command that is executed: keys are checked, names of files resolved to uploads and results of the
-//! same owner, and everything that determines the result is hashed.
+//! From the inputs of a request to the command that is executed: keys are checked, names of files resolved to
+//! uploads and results of the same owner, and everything that determines the result is hashed.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -35,7 +35,8 @@ use values::{check_type, geometry, nearest, unqualified};
 /// Points in pages that show a cloud.
 pub const PAGE_POINTS: &str = "500k";
 
-/// A request that can be executed, and the hash of all that determines its result; empty if that depends on the time.
+/// A request that can be executed, and the hash of all that determines its result; empty if that depends on
+/// the time.
 #[derive(Clone, Debug)]
 pub struct Checked {
     /// What is executed.

@@ -13,8 +13,8 @@ const MAX_PIPELINE_BYTES: u64 = 1 << 20;
 /// Deepest nesting of inputs.
 const MAX_DEPTH: usize = 12;
 
-/// Looks through all texts of the inputs for names of files: refuses those that lead out of the job's folder, whatever key has them, and
-/// collects uploads and results of the owner that are named.
+/// Looks through all texts of the inputs for names of files: refuses those that lead out of the job's folder,
+/// whatever key has them, and collects uploads and results of the owner that are named.
 pub(super) fn find_files(
     key: &str,
     value: &Value,

@@ -35,7 +35,7 @@ pub struct Prepared {
     pub geometries: Vec<(String, String)>,
     /// The words behind `vlscan`.
     pub words: Vec<String>,
-    /// Whether it works in the folder of inputs, else in that of results.
+    /// True if it works in the folder of inputs, else in that of results.
     pub within_inputs: bool,
     /// The file of results that standard output becomes.
     pub stdout: Option<String>,

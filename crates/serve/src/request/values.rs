@@ -24,8 +24,8 @@ pub(super) fn unqualified(key: &str, value: Value) -> Result<Value, RequestError
 /// Longest well-known text that stands in a command, bytes.
 const MAX_TEXT: usize = 4096;
 
-/// The ending and text of the file that an area or line becomes: GeoJSON, as an object or as text, which vlscan reads from files only, and
-/// well-known text that is too long for a command line.
+/// The ending and text of the file that an area or line becomes: GeoJSON, as an object or as text, which
+/// vlscan reads from files only, and well-known text that is too long for a command line.
 pub(super) fn geometry(value: &Value) -> Option<(&'static str, String)> {
     match value {
         Value::Object(_) => Some(("geojson", value.to_string())),

@@ -1,5 +1,6 @@
-//! What others may send: requests of strangers and of pages of other sites, names and files that lead elsewhere, damaged files. Nothing of it
-//! yields an error of the service (5xx), or a byte that is not the sender's.
+//! What others may send: requests of strangers and of pages of other sites, names and files that lead
+//! elsewhere, damaged files. Nothing of it yields an error of the service (5xx), or a byte that is not the
+//! sender's.
 
 use crate::client::{Answer, Service, files_of, fixtures, form};
 use serde_json::{Value, json};

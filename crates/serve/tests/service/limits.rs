@@ -1,4 +1,4 @@
-//! What an owner takes, of the disk and of others' turns.
+//! Limits of owners: disk and turns.
 
 use crate::client::{Service, files_of, fixtures, vlscan};
 use crate::jobs::{flight, with_field};

@@ -60,7 +60,7 @@ fn text(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
-/// What a start says if it refuses the folder.
+/// Message of a start that refuses the folder.
 fn refused(data: &Path) -> Option<String> {
     let mut command = program(&["--listen", "127.0.0.1:0"], data);
     let mut process = command.arg("--program").arg(vlscan()).stderr(Stdio::piped()).spawn().unwrap();

@@ -1,5 +1,5 @@
-//! A program in place of vlscan that tries to leave its sandbox (`takeover.c`): as the user of the tests, and, if that is root, as another
-//! user, too.
+//! A program in place of vlscan that tries to leave its sandbox (`takeover.c`): as the user of the tests,
+//! and, if that is root, as another user, too.
 
 use crate::client::{Service, files_of, fixtures, vlscan};
 use crate::jobs::{flight, wait_for_processes};

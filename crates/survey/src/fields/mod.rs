@@ -1,8 +1,9 @@
-//! Typed values of the attributes of an XML element, of the keys of a TOML table, and of the `<param>` children of a filter
-//! (spec input-formats §1.3, §3.3). The one place that tells what was found where and what was expected.
+//! Typed values of the attributes of an XML element, of the keys of a TOML table, and of the `<param>`
+//! children of a filter (spec input-formats §1.3, §3.3). The one place that tells what was found where and
+//! what was expected.
 //!
-//! [`Fields::done`] reports everything that has not been read. `typed` reads values, whose types are in `values`; `mounts` reads
-//! poses and rotations.
+//! [`Fields::done`] reports everything that has not been read. `typed` reads values, whose types are in
+//! `values`; `mounts` reads poses and rotations.
 
 mod mounts;
 mod typed;
@@ -83,8 +84,8 @@ impl<'c> Fields<'c> {
         Fields::of(context, Reading::Required, Origin::Table(source, table, at))
     }
 
-    /// The parameters of a filter: `<param type= key= value=>`. A declared type other than the expected one causes a warning;
-    /// the value is read anyway.
+    /// The parameters of a filter: `<param type= key= value=>`. A declared type other than the expected one
+    /// causes a warning; the value is read anyway.
     pub fn of_params(context: &'c Context, filter: &Element) -> Fields<'c> {
         let mut fields = Fields::new(context, filter);
         fields.ignore(&["type"]);
@@ -117,12 +118,12 @@ impl<'c> Fields<'c> {
         Fields { context, reading, origin, known: Vec::new(), known_children: Vec::new() }
     }
 
-    /// Whether these are keys of a pipeline file.
+    /// True if these are keys of a pipeline file.
     pub fn is_toml(&self) -> bool {
         matches!(self.origin, Origin::Table(..))
     }
 
-    /// Whether this is an element of the built-in catalogue.
+    /// True if this is an element of the built-in catalogue.
     pub fn is_built_in(&self) -> bool {
         matches!(&self.origin, Origin::Element(element) if element.is_built_in())
     }
@@ -188,7 +189,7 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// Whether a key is there: in XML its attribute, or its child element if it has one.
+    /// True if a key is there: in XML its attribute, or its child element if it has one.
     pub fn has(&self, key: impl Into<Key>) -> bool {
         let name = self.name(key);
         match &self.origin {
@@ -197,7 +198,7 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// Whether a key of a pipeline file is a table.
+    /// True if a key of a pipeline file is a table.
     pub fn has_table(&self, key: Key) -> bool {
         self.entry(key.key).is_some_and(|value| value.get_ref().as_table().is_some())
     }
@@ -209,7 +210,8 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// The place of the value or of the name of a key; that of the element, filter or table if it is not there.
+    /// The place of the value or of the name of a key; that of the element, filter or table if it is not
+    /// there.
     fn place_of(&self, name: &str, of_name: bool) -> Place {
         match &self.origin {
             Origin::Element(element) => match element.child(name) {
@@ -269,8 +271,8 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// Reports what has not been read: unknown keys of TOML are errors; unknown attributes, parameters, and child elements
-    /// other than `children` are warned of.
+    /// Reports what has not been read: unknown keys of TOML are errors; unknown attributes, parameters, and
+    /// child elements other than `children` are warned of.
     pub fn done(self, children: &[&'static str]) {
         let known = &self.known;
         match &self.origin {
@@ -333,7 +335,8 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// The keys of an instrument that not every physics makes use of; none in the built-in catalogue, which serves all.
+    /// The keys of an instrument that not every physics makes use of; none in the built-in catalogue, which
+    /// serves all.
     pub fn written_keys(&self, channel: Option<usize>) -> Vec<WrittenKey> {
         let all: Vec<(Option<&'static Key>, Place)> = match &self.origin {
             Origin::Element(element) if !element.is_built_in() => {
@@ -395,8 +398,8 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// Refuses a lower limit above the upper one, at the key that states one of them; an inherited contradiction has been
-    /// reported.
+    /// Refuses a lower limit above the upper one, at the key that states one of them; an inherited
+    /// contradiction has been reported.
     pub fn in_order<K: Into<Key> + Copy>(&self, (least, most): (f64, f64), [lower, upper]: [K; 2], or: &str) {
         let (low, high) = (self.name(lower), self.name(upper));
         if least > most && self.has(upper) {
@@ -431,7 +434,8 @@ impl<'c> Fields<'c> {
     }
 }
 
-/// Warns of tables whose text of a key, an id, is that of an earlier one, so that outputs cannot tell them apart.
+/// Warns of tables whose text of a key, an id, is that of an earlier one, so that outputs cannot tell them
+/// apart.
 pub(super) fn warn_of_repeated_keys(tables: &[Fields], key: Key) {
     let mut ids = HashSet::new();
     for table in tables {

@@ -14,7 +14,8 @@ use vlscan_base::quantity::{self, NUMBER, number};
 use vlscan_geom::{DVec3, degrees, radians};
 
 impl<'c> Fields<'c> {
-    /// The value of a key, unless it is not there; `Some(None)` if it cannot be read, which TOML has then reported.
+    /// The value of a key, unless it is not there; `Some(None)` if it cannot be read, which TOML has then
+    /// reported.
     fn parsed<T: Value>(&mut self, key: Key) -> Option<Option<T>> {
         let name = self.name(key);
         self.known.push(name);
@@ -31,8 +32,8 @@ impl<'c> Fields<'c> {
         source.report_value(error, Some(span), &mut self.context.problems.borrow_mut());
     }
 
-    /// The number of a key, in the unit of its name; `None` if it is not there or unusable. `default` counts instead; if it is
-    /// NaN, nothing does.
+    /// The number of a key, in the unit of its name; `None` if it is not there or unusable. `default` counts
+    /// instead; if it is NaN, nothing does.
     fn number_or<T: Number>(&mut self, key: Key, default: f64) -> Option<f64> {
         match self.parsed::<T>(key)?.map(T::to_f64) {
             Some(value) if key.bounds.contains(value) => {
@@ -94,7 +95,7 @@ impl<'c> Fields<'c> {
         number
     }
 
-    /// Whether an attribute is infinite, as "unlimited" may be written out.
+    /// True if an attribute is infinite, as "unlimited" may be written out.
     pub fn is_infinite(&mut self, key: Key) -> bool {
         let text = self.written_text(self.name(key)).filter(|_| !self.is_toml());
         let is_infinite = matches!(text, Some("inf" | "Inf" | "INF" | "infinity"));

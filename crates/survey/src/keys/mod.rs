@@ -1,5 +1,5 @@
-//! Every setting that a survey may state: its names in pipeline files and in XML, its bounds, and which physics makes use of
-//! it. Readers of both formats take names and bounds from here.
+//! Every setting that a survey may state: its names in pipeline files and in XML, its bounds, and which
+//! physics makes use of it. Readers of both formats take names and bounds from here.
 
 mod tables;
 
@@ -140,7 +140,8 @@ pub(crate) fn key_of_attribute(name: &str) -> Option<&'static Key> {
     keys.find(|known| !name.is_empty() && known.attribute == name)
 }
 
-/// `text` with the keys of pipeline files in place of the attributes of XML that it names, if `place` is in such a file.
+/// `text` with the keys of pipeline files in place of the attributes of XML that it names, if `place` is in
+/// such a file.
 pub fn named_as_in(place: Option<&Place>, text: &str) -> String {
     let is_toml =
         place.is_some_and(|place| place.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")));
@@ -168,7 +169,7 @@ pub fn named_as_in(place: Option<&Place>, text: &str) -> String {
 /// A key as the user wrote it.
 #[derive(Clone, Debug)]
 pub struct WrittenKey {
-    /// What it is.
+    /// Kind of the entry.
     pub key: &'static Key,
     /// Its name as written.
     pub name: &'static str,
@@ -178,7 +179,8 @@ pub struct WrittenKey {
     pub channel: Option<usize>,
 }
 
-/// Warns of the keys that the physics with these corrections passes over. `is_on` tells whether a correction is on.
+/// Warns of the keys that the physics with these corrections passes over. `is_on` tells whether a correction
+/// is on.
 pub fn warn_of_unused_keys(written: &[WrittenKey], is_on: impl Fn(&str) -> bool, problems: &mut Diagnostics) {
     for WrittenKey { key, name, place, channel } in written {
         let (message, help) = match key.used {

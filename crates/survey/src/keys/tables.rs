@@ -1,6 +1,6 @@
-//! The keys of each table of a pipeline file: meaning, XML name, bounds, physics that makes use of it. Unknown keys are
-//! errors; omitted keys have the default that their documentation states. Keys that are also options of a run are in the
-//! program's `options`.
+//! The keys of each table of a pipeline file: meaning, XML name, bounds, physics that makes use of it.
+//! Unknown keys are errors; omitted keys have the default that their documentation states. Keys that are also
+//! options of a run are in the program's `options`.
 
 use super::{Key, KeyTable, KeyUse};
 use KeyUse::{InLaterChannelsWith, UnlessBeside, With, Without};
@@ -16,8 +16,8 @@ macro_rules! or {
     };
 }
 
-/// Defines the keys of a table, each with its meaning: `key = "xmlName" in BOUNDS, use;`. Without bounds a number is any
-/// number, without a use the key always has an effect.
+/// Defines the keys of a table, each with its meaning: `key = "xmlName" in BOUNDS, use;`. Without bounds a
+/// number is any number, without a use the key always has an effect.
 macro_rules! keys {
     (
         $(#[doc = $about:literal])+
@@ -58,15 +58,15 @@ macro_rules! keys {
 keys! {
     /// A pipeline file.
     ///
-    /// A run starts either from `survey`, or from `scene` with `[scanner]` and a way to move: `[trajectory]`, or `[platform]`
-    /// with `[[leg]]` tables. Tables that stand beside `survey` replace or change what the survey says. Paths of input files
-    /// are relative to the pipeline file (then the asset folders are searched); paths of outputs are relative to the working
-    /// directory.
+    /// A run starts either from `survey`, or from `scene` with `[scanner]` and a way to move: `[trajectory]`,
+    /// or `[platform]` with `[[leg]]` tables. Tables that stand beside `survey` replace or change what the
+    /// survey says. Paths of input files are relative to the pipeline file (then the asset folders are
+    /// searched); paths of outputs are relative to the working directory.
     SurveyKeys = "" {
         /// Survey XML file to start from.
         survey;
-        /// What is scanned: `file.xml#id`, `file.xml` (its first scene), a geometry file (.obj, .tif, .vrt, .vox), a folder of
-        /// tiles of a raster, a table of instances (.csv) or a packed scene (.vlscene).
+        /// What is scanned: `file.xml#id`, `file.xml` (its first scene), a geometry file (.obj, .tif, .vrt,
+        /// .vox), a folder of tiles of a raster, a table of instances (.csv) or a packed scene (.vlscene).
         scene;
         /// Parts of the scene, instead of `scene`.
         part;
@@ -88,19 +88,21 @@ keys! {
 }
 
 keys! {
-    /// `[[part]]`: a geometry file and where it stands. A point goes to `scale` times the rotated point plus `position_m`. Parts
-    /// that name the same mesh share it.
+    /// `[[part]]`: a geometry file and where it stands. A point goes to `scale` times the rotated point plus
+    /// `position_m`. Parts that name the same mesh share it.
     PartKeys = "[[part]]" {
-        /// Geometry file: a mesh (.obj, .ply, .stl, .off, .gltf, .glb), a terrain raster (.tif, .asc, .vrt) or vegetation voxels (.vox); or a
-        /// folder or a pattern (`dem/*.tif`) of tiles of a raster.
+        /// Geometry file: a mesh (.obj, .ply, .stl, .off, .gltf, .glb), a terrain raster (.tif, .asc, .vrt)
+        /// or vegetation voxels (.vox); or a folder or a pattern (`dem/*.tif`) of tiles of a raster.
         file;
         /// What points report as the id of the object. Default: the number of the part, from 0.
         id;
         /// Axis of a mesh that points up, `z` or `y`. Default: `y` for glTF, `z` for other meshes.
         up;
-        /// Unit of the coordinates of a mesh: `m`, `cm`, `mm`, `km`, `ft`, `us-ft`, `in`, or a number of metres. Default: `m`.
+        /// Unit of the coordinates of a mesh: `m`, `cm`, `mm`, `km`, `ft`, `us-ft`, `in`, or a number of
+        /// metres. Default: `m`.
         unit;
-        /// Table of the materials of a mesh by name. Default: `materials.csv` beside it, if it is no OBJ file.
+        /// Table of the materials of a mesh by name. Default: `materials.csv` beside it, if it is no OBJ
+        /// file.
         materials;
         /// Scale. Default: 1.
         scale in SCALE;
@@ -120,7 +122,8 @@ keys! {
     MaterialKeys = "[[part.material]]" {
         /// Name of the material that is replaced. Default: all of the part.
         of;
-        /// Numbers of the faces (then voxels) of the part whose material is replaced, from 0, as its file has them, instead of `of`.
+        /// Numbers of the faces (then voxels) of the part whose material is replaced, from 0, as its file has
+        /// them, instead of `of`.
         primitives;
         /// Its name. Default: `of`, else `material`.
         name;
@@ -130,14 +133,15 @@ keys! {
         spectrum;
         /// Class of the points. Default: 0.
         classification;
-        /// Whether legs and parts stand on it. Default: false.
+        /// True if legs and parts stand on it. Default: false.
         is_ground;
-        /// Whether it is leaves, whose area counts as leaf area. Default: by its name (leaf, needle, foliage, Laub, Blatt, Nadel).
+        /// True if it is leaves, whose area counts as leaf area. Default: by its name (leaf, needle, foliage,
+        /// Laub, Blatt, Nadel).
         is_leaf;
         /// Roughness of the surface, degrees; refined physics. Default: 0.
         roughness_deg in ROUGHNESS;
-        /// Size of the elements of foliage (shoots, clusters of leaves) that intercept light as a whole, m; refined physics. Default:
-        /// 0, leaves much smaller than a footprint.
+        /// Size of the elements of foliage (shoots, clusters of leaves) that intercept light as a whole, m;
+        /// refined physics. Default: 0, leaves much smaller than a footprint.
         element_size_m in ELEMENT_SIZE;
     }
 }
@@ -161,7 +165,8 @@ keys! {
         offset_m;
         /// Rotations in degrees, one axis each: `[{ x = -90 }, { z = 90 }]`. Default: none.
         rotate_deg;
-        /// Each rotation is about the axes as turned by those before it, instead of the fixed ones. Default: false.
+        /// Each rotation is about the axes as turned by those before it, instead of the fixed ones. Default:
+        /// false.
         local;
     }
 }
@@ -179,17 +184,18 @@ keys! {
 }
 
 keys! {
-    /// `[scanner]` and `[[scanner.channel]]`: a catalogue entry, changed by the other keys, or a custom instrument. A
-    /// channel starts from the scanner and changes what it names.
+    /// `[scanner]` and `[[scanner.channel]]`: a catalogue entry, changed by the other keys, or a custom
+    /// instrument. A channel starts from the scanner and changes what it names.
     InstrumentKeys = "[scanner]" {
-        /// The id of a scanner that ships (`vlscan catalogue`), for example `riegl_vz400`, `file.xml#id`, or the calibration file
-        /// of an Ouster sensor (.json). Not in channels.
+        /// The id of a scanner that ships (`vlscan catalogue`), for example `riegl_vz400`, `file.xml#id`, or
+        /// the calibration file of an Ouster sensor (.json). Not in channels.
         catalogue;
         /// Name that outputs report. Default: that of the catalogue entry; channels are numbered from 0.
         id = "id";
         /// Name for people. Not in channels.
         name = "name";
-        /// Beam deflector: `rotating` (polygon mirror), `oscillating`, `conic`, `line` (fibres) or `risley` (prisms).
+        /// Beam deflector: `rotating` (polygon mirror), `oscillating`, `conic`, `line` (fibres) or `risley`
+        /// (prisms).
         optics = "optics";
         /// Pulse frequencies in Hz; the first is the default of a leg. Not in channels.
         pulse_freqs_hz = "pulseFreqs_Hz";
@@ -197,29 +203,33 @@ keys! {
         scan_angle_max_deg = "scanAngleMax_deg" in HALF_ANGLE_LIMIT;
         /// Largest usable half angle, degrees; `rotating` only. Default: the mechanical one.
         scan_angle_effective_max_deg = "scanAngleEffectiveMax_deg" in HALF_ANGLE_LIMIT;
-        /// Angles in degrees by which the facets of the mirror turn the beam towards +x, along its axis, in the order in which they
-        /// come into the beam: each line is a cone around the axis; `rotating` only. Default: all lines are plane.
+        /// Angles in degrees by which the facets of the mirror turn the beam towards +x, along its axis, in
+        /// the order in which they come into the beam: each line is a cone around the axis; `rotating` only.
+        /// Default: all lines are plane.
         facet_tilts_deg = "facetTilts_deg";
-        /// Largest half angle of an elliptic cone along the flight, degrees; `conic` only. Default: a circular cone.
+        /// Largest half angle of an elliptic cone along the flight, degrees; `conic` only. Default: a
+        /// circular cone.
         scan_angle_along_max_deg = "scanAngleAlongMax_deg" in HALF_ANGLE_LIMIT;
         /// The deflector turns, swings or steps the other way. Default: false.
         scan_reverse = "scanReverse";
-        /// Place of the deflector in its revolution or period at the first pulse of a leg, where it restarts, degrees from 0 to 360
-        /// of a revolution (`conic`), a facet (`rotating`), a period (`oscillating`), a sequence of fibres (`line`) or a turn of the
-        /// first prism (`risley`, a step before that pulse). Default: 0.
+        /// Place of the deflector in its revolution or period at the first pulse of a leg, where it restarts,
+        /// degrees from 0 to 360 of a revolution (`conic`), a facet (`rotating`), a period (`oscillating`), a
+        /// sequence of fibres (`line`) or a turn of the first prism (`risley`, a step before that pulse).
+        /// Default: 0.
         scan_phase_deg = "scanPhase_deg" in ANGLE;
-        /// Tilt of the deflector's axis, degrees: angles about the emitter's x axis and then about its z axis by which the deflected
-        /// beam is turned. Default: `[0, 0]`.
+        /// Tilt of the deflector's axis, degrees: angles about the emitter's x axis and then about its z axis
+        /// by which the deflected beam is turned. Default: `[0, 0]`.
         scan_axis_tilt_deg = "scanAxisTilt_deg";
-        /// Deviation of the deflector from even motion, in the degrees of `scan_phase_deg`: a file of two columns, seconds from
-        /// the start of the leg and the angle, linear in between; or `{ amplitude_deg = 0.2, freq_hz = 3, phase_deg = 0 }`, a
-        /// sine. Not `line`. Default: none.
+        /// Deviation of the deflector from even motion, in the degrees of `scan_phase_deg`: a file of two
+        /// columns, seconds from the start of the leg and the angle, linear in between; or `{ amplitude_deg =
+        /// 0.2, freq_hz = 3, phase_deg = 0 }`, a sine. Not `line`. Default: none.
         scan_wander = "scanWander";
         /// Lowest scan frequency, Hz. Default: 0.
         scan_freq_min_hz = "scanFreqMin_Hz" in SCAN_FREQ;
         /// Highest scan frequency, Hz; 0 is no limit, the default.
         scan_freq_max_hz = "scanFreqMax_Hz" in SCAN_FREQ;
-        /// Upper limit of half angle (degrees) times scan frequency (Hz); `oscillating` only. Default: 1 000 000.
+        /// Upper limit of half angle (degrees) times scan frequency (Hz); `oscillating` only. Default: 1 000
+        /// 000.
         scan_product_deg_hz = "scanProduct" in POSITIVE;
         /// Number of fibres; `line` only. Default: 1.
         fibres = "numFibers" in COUNT_ABOVE_0;
@@ -235,23 +245,25 @@ keys! {
         head_rate_max_deg_per_s = "headRotatePerSecMax_deg" in HEAD_RATE;
         /// Pose of the emitter on the head. Default: none.
         beam_origin = "beamOrigin";
-        /// Time from the start of a firing cycle, which is a pulse period, to the pulse of the channel, µs. Default: 0, all channels
-        /// fire at once.
+        /// Time from the start of a firing cycle, which is a pulse period, to the pulse of the channel, µs.
+        /// Default: 0, all channels fire at once.
         firing_offset_us = "firingOffset_us" in FIRING_OFFSET_US, With("firing_offsets");
-        /// Beam divergence, rad, at 1/e²; of an elliptical beam the one along the emitter's x axis. Default: 0.0003.
+        /// Beam divergence, rad, at 1/e²; of an elliptical beam the one along the emitter's x axis. Default:
+        /// 0.0003.
         beam_divergence_rad = "beamDivergence_rad" in DIVERGENCE;
         /// Beam divergence along the emitter's z axis, rad; refined physics. Default: the beam is round.
         beam_divergence_y_rad = "beamDivergenceY_rad" in DIVERGENCE, With("equal_energy");
         /// `gaussian` (the default) or `top_hat`: even within the divergence; refined physics.
         beam_profile = "beamProfile", With("equal_energy");
-        /// Diameter of the beam where it leaves the instrument, m; refined physics. Default: 0, as small as diffraction allows.
+        /// Diameter of the beam where it leaves the instrument, m; refined physics. Default: 0, as small as
+        /// diffraction allows.
         exit_aperture_m = "exitAperture_m" in APERTURE, With("equal_energy");
         /// Pulse length, ns. Default: 4.
         pulse_length_ns = "pulseLength_ns" in PULSE_LENGTH_NS, UnlessBeside { key: "pulse_shape", correction: "receiver" };
         /// Full width of the pulse at half maximum, ns, instead of `pulse_length_ns`, of which it is 0.485.
         pulse_fwhm_ns = "pulseFwhm_ns" in PULSE_LENGTH_NS, UnlessBeside { key: "pulse_shape", correction: "receiver" };
-        /// File of the pulse's power over time: two columns, ns and power in any unit; refined physics. Default: a raised
-        /// cosine of the width at half maximum.
+        /// File of the pulse's power over time: two columns, ns and power in any unit; refined physics.
+        /// Default: a raised cosine of the width at half maximum.
         pulse_shape = "pulseShape", With("receiver");
         /// Energy of a pulse, µJ; refined physics. Default: by the average power.
         pulse_energy_uj = "pulseEnergy_uJ" in PULSE_ENERGY_UJ, With("radiometry");
@@ -277,42 +289,46 @@ keys! {
         max_returns = "maxNOR" in COUNT;
         /// Detection threshold, W. Default: 0.0001.
         received_energy_min_w = "receivedEnergyMin_W" in NOT_NEGATIVE;
-        /// Target whose echo just reaches the threshold, instead of `received_energy_min_w`: `{ range_m = 600, reflectance =
-        /// 0.9, pulse_freq_hz = 100000 }`; refined physics.
+        /// Target whose echo just reaches the threshold, instead of `received_energy_min_w`: `{ range_m =
+        /// 600, reflectance = 0.9, pulse_freq_hz = 100000 }`; refined physics.
         max_range = "maxRange", With("receiver");
-        /// Noise of detector and amplifier: standard deviation of a sample, W (noise equivalent power); refined physics.
-        /// Default: no noise.
+        /// Noise of detector and amplifier: standard deviation of a sample, W (noise equivalent power);
+        /// refined physics. Default: no noise.
         nep_w = "nep_W" in NOISE_POWER_W, With("receiver");
-        /// The same noise by a target and the ratio of its echo's peak to it: `{ range_m = 100, reflectance = 0.2, value = 20
-        /// }`; refined physics.
+        /// The same noise by a target and the ratio of its echo's peak to it: `{ range_m = 100, reflectance =
+        /// 0.2, value = 20 }`; refined physics.
         snr = "snr", With("receiver");
-        /// Mean power of background light on the detector, W, of which there is shot noise; refined physics. Default: 0.
+        /// Mean power of background light on the detector, W, of which there is shot noise; refined physics.
+        /// Default: 0.
         background_w = "background_W" in NOT_NEGATIVE, With("receiver");
-        /// Photocurrent per optical power, A/W; makes shot noise of background light and echoes; refined physics. Default: no
-        /// shot noise.
+        /// Photocurrent per optical power, A/W; makes shot noise of background light and echoes; refined
+        /// physics. Default: no shot noise.
         responsivity_a_per_w = "responsivity_A_per_W" in RESPONSIVITY, With("receiver");
-        /// Electrical bandwidth of the receiver, Hz; refined physics. Default: 0.44 over the pulse's width at half maximum.
+        /// Electrical bandwidth of the receiver, Hz; refined physics. Default: 0.44 over the pulse's width at
+        /// half maximum.
         bandwidth_hz = "bandwidth_Hz" in BANDWIDTH, With("receiver");
         /// Amplitude at which the receiver saturates, W; refined physics. Default: never.
         saturation_w = "saturation_W" in POSITIVE, With("receiver");
-        /// Range that an echo right at the threshold is measured too far, m; stronger ones in proportion to threshold over
-        /// amplitude; refined physics. Default: 0.
+        /// Range that an echo right at the threshold is measured too far, m; stronger ones in proportion to
+        /// threshold over amplitude; refined physics. Default: 0.
         range_walk_m = "rangeWalk_m" in RANGE_WALK, With("receiver");
-        /// Samples lie on a grid of bins counted from the emission, instead of beginning with the first return; refined
-        /// physics. Default: false.
+        /// Samples lie on a grid of bins counted from the emission, instead of beginning with the first
+        /// return; refined physics. Default: false.
         digitiser_clock = "digitiserClock", With("receiver");
-        /// How the range of an echo is read from the waveform: `peak` (the default), `centroid` or `gaussian` (fit); or `photons`: every
-        /// photoelectron is a return of its own; refined physics.
+        /// How the range of an echo is read from the waveform: `peak` (the default), `centroid` or `gaussian`
+        /// (fit); or `photons`: every photoelectron is a return of its own; refined physics.
         detector = "detector", With("receiver");
-        /// Standard deviation of the range by the strength of the echo, instead of `accuracy_m`: `{ constant_m = 0.005, shot_m =
-        /// 0.02, amplifier_m = 0.01 }`; refined physics.
+        /// Standard deviation of the range by the strength of the echo, instead of `accuracy_m`: `{
+        /// constant_m = 0.005, shot_m = 0.02, amplifier_m = 0.01 }`; refined physics.
         range_noise = "rangeNoise", With("receiver");
-        /// Photoelectrons of an echo right at the threshold, a whole number: strengths have the Poisson statistics of photons, so that
-        /// echoes near the threshold are detected now and then; refined physics. Default: strengths do not vary.
+        /// Photoelectrons of an echo right at the threshold, a whole number: strengths have the Poisson
+        /// statistics of photons, so that echoes near the threshold are detected now and then; refined
+        /// physics. Default: strengths do not vary.
         threshold_photons = "thresholdPhotons" in THRESHOLD_PHOTONS, With("receiver");
         /// Share of the echoes that are lost whatever their strength; refined physics. Default: 0.
         dropout_rate = "dropoutRate" in DROPOUT_RATE, With("receiver");
-        /// Time after an echo during which the receiver detects no other one, ns; refined physics. Default: 0.
+        /// Time after an echo during which the receiver detects no other one, ns; refined physics. Default:
+        /// 0.
         dead_time_ns = "deadTime_ns" in DEAD_TIME_NS, With("receiver");
         /// Ranges are reported in multiples of it, m; refined physics. Default: 0, any range.
         range_step_m = "rangeStep_m" in ACCURACY, With("receiver");
@@ -322,12 +338,14 @@ keys! {
         deflection_error_rad = "deflectionError";
         /// Radians added to the head angle, a formula of THETA; `rotating` only. Default: none.
         head_error_rad = "headError";
-        /// Elevations of the beams of channels, degrees, from channel 0 on, instead of `[[scanner.channel]]` tables. Not in channels.
+        /// Elevations of the beams of channels, degrees, from channel 0 on, instead of `[[scanner.channel]]`
+        /// tables. Not in channels.
         elevations_deg in ANGLE;
-        /// Azimuths of the beams of these channels, degrees, clockwise seen from above. Not in channels. Default: 0.
+        /// Azimuths of the beams of these channels, degrees, clockwise seen from above. Not in channels.
+        /// Default: 0.
         azimuths_deg in ANGLE;
-        /// Distance of the origin of these beams from that of the emitter, towards azimuth 0, m: one number in brackets, or one for each
-        /// channel. Not in channels. Default: 0.
+        /// Distance of the origin of these beams from that of the emitter, towards azimuth 0, m: one number
+        /// in brackets, or one for each channel. Not in channels. Default: 0.
         origin_radii_m in NUMBER;
         /// Channels that fire at the same time. Default: none, the scanner is one device.
         channel = "channels";
@@ -365,12 +383,14 @@ keys! {
     RangeNoiseKeys = "range_noise" {
         /// Of echoes of any strength, m. Default: 0.
         constant_m = "constant_m" in ACCURACY;
-        /// By photon noise, of an echo right at the threshold, m: falls with the root of the strength. Default: 0.
+        /// By photon noise, of an echo right at the threshold, m: falls with the root of the strength.
+        /// Default: 0.
         shot_m = "shot_m" in ACCURACY;
-        /// By noise of the amplifier, of an echo right at the threshold, m: falls with the strength. Default: 0.
+        /// By noise of the amplifier, of an echo right at the threshold, m: falls with the strength. Default:
+        /// 0.
         amplifier_m = "amplifier_m" in ACCURACY;
-        /// By the texture of surfaces within the footprint, over the standard deviation of the depths within the footprint, which
-        /// grows with the angle of incidence. Default: 0.
+        /// By the texture of surfaces within the footprint, over the standard deviation of the depths within
+        /// the footprint, which grows with the angle of incidence. Default: 0.
         footprint = "footprint" in NOT_NEGATIVE;
     }
 }
@@ -404,8 +424,9 @@ keys! {
     SettingsKeys = "[settings]" {
         /// Pulses per second. Default: the scanner's first frequency.
         pulse_freq_hz = "pulseFreq_hz" in PULSE_FREQ;
-        /// File of the times at which pulses leave, in place of `pulse_freq_hz`: one per line, s from the start of the leg,
-        /// ascending. After the last one the leg goes on without pulses. Platforms that stand, fly straight or follow a trajectory.
+        /// File of the times at which pulses leave, in place of `pulse_freq_hz`: one per line, s from the
+        /// start of the leg, ascending. After the last one the leg goes on without pulses. Platforms that
+        /// stand, fly straight or follow a trajectory.
         pulse_times;
         /// Intervals between pulses in µs that repeat, in place of `pulse_freq_hz`: `[0.54, 0.66, 0.84]`.
         pulse_intervals_us;
@@ -423,8 +444,8 @@ keys! {
         head_start_deg = "headRotateStart_deg" in ANGLE;
         /// Angle at which the head stops, degrees. Default: 0.
         head_stop_deg = "headRotateStop_deg" in ANGLE;
-        /// Spacing of lines along the mirror's sweep, degrees: with the horizontal one it replaces scan frequency and head
-        /// speed (`rotating` only).
+        /// Spacing of lines along the mirror's sweep, degrees: with the horizontal one it replaces scan
+        /// frequency and head speed (`rotating` only).
         vertical_resolution_deg = "verticalResolution_deg" in ANGLE;
         /// Spacing of lines along the head's rotation, degrees.
         horizontal_resolution_deg = "horizontalResolution_deg" in ANGLE;
@@ -440,7 +461,8 @@ keys! {
 }
 
 keys! {
-    /// `[[leg]]`: a waypoint and the way to the next one. The last leg of a moving platform is where it arrives.
+    /// `[[leg]]`: a waypoint and the way to the next one. The last leg of a moving platform is where it
+    /// arrives.
     LegKeys = "[[leg]]" {
         /// World position x, y, z in metres.
         position_m = "x";
@@ -448,10 +470,10 @@ keys! {
         on_ground = "onGround";
         /// Speed, m/s. Default: 70.
         speed_m_per_s = "movePerSec_m" in SPEED;
-        /// Whether the scanner fires. Default: true.
+        /// True if the scanner fires. Default: true.
         active = "active";
-        /// The id of a platform that ships, or `file.xml#id`, of one that carries the scanner in this leg, with its mount; it has to be of
-        /// the kind of `[platform]`. Default: `[platform]`.
+        /// The id of a platform that ships, or `file.xml#id`, of one that carries the scanner in this leg,
+        /// with its mount; it has to be of the kind of `[platform]`. Default: `[platform]`.
         platform = "platform";
         /// Mount of the scanner in this leg. Default: that of the leg's `platform`, or of `[platform]`.
         mount = "scannerMount";

@@ -17,8 +17,9 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// A mesh of `vertices` (m) and `triangles` (indices of vertices). `material_of` holds the index of each triangle's
-    /// material; if it is empty all triangles have the first one. Without materials the mesh has the default one.
+    /// A mesh of `vertices` (m) and `triangles` (indices of vertices). `material_of` holds the index of each
+    /// triangle's material; if it is empty all triangles have the first one. Without materials the mesh has
+    /// the default one.
     ///
     /// # Errors
     /// [`Error::Input`] for indices out of range, and for coordinates that are not finite or too large.
@@ -115,8 +116,8 @@ pub struct MaterialDefinition {
     pub ns: f64,
     /// Roughness of the surface (`vlscan_roughness_deg`), rad.
     pub roughness: f64,
-    /// Size of the elements of foliage that intercept light as a whole (`vlscan_element_size_m`), m; 0: leaves are much smaller
-    /// than footprints.
+    /// Size of the elements of foliage that intercept light as a whole (`vlscan_element_size_m`), m; 0:
+    /// leaves are much smaller than footprints.
     pub element_size: f64,
     /// Reflectance, 0 to 1 (`helios_reflectance`).
     pub reflectance: Option<f64>,
@@ -124,7 +125,7 @@ pub struct MaterialDefinition {
     pub spectrum: Option<String>,
     /// Class of points (`helios_classification`).
     pub classification: i32,
-    /// Whether the surface is ground (`helios_isGround`).
+    /// True if the surface is ground (`helios_isGround`).
     pub is_ground: bool,
     /// True for leaves (`vlscan_leaf`); `None` if the definition says nothing.
     pub leaf: Option<bool>,
@@ -174,7 +175,7 @@ impl MaterialDefinition {
         }
     }
 
-    /// Whether the line of its definition is known.
+    /// True if the line of its definition is known.
     pub fn has_line(&self) -> bool {
         self.place.as_ref().is_some_and(|place| place.line > 0)
     }
@@ -196,8 +197,8 @@ pub enum Replaced {
     All,
     /// Those whose material has this name.
     Named(String),
-    /// Those of the faces with these indices within the part, as its file or its mesh has them; voxels follow them. An index
-    /// beyond is an error.
+    /// Those of the faces with these indices within the part, as its file or its mesh has them; voxels follow
+    /// them. An index beyond is an error.
     Faces(Vec<u32>),
 }
 

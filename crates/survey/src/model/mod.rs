@@ -1,5 +1,5 @@
-//! The survey model: a survey after every template, default and unit has been resolved. Angles are radians, lengths
-//! metres, frequencies hertz, positions world coordinates.
+//! The survey model: a survey after every template, default and unit has been resolved. Angles are radians,
+//! lengths metres, frequencies hertz, positions world coordinates.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -83,7 +83,8 @@ pub struct Platform {
     pub kind: PlatformKind,
     /// Pose of the scanner on the platform.
     pub mount: Mount,
-    /// Noise of the platform's pose. Noise elements of the survey have already replaced those of the platform.
+    /// Noise of the platform's pose. Noise elements of the survey have already replaced those of the
+    /// platform.
     pub noise: PlatformNoise,
 }
 
@@ -120,8 +121,8 @@ impl PlatformKind {
         }
     }
 
-    /// Whether a platform of this kind can carry the scanner in a leg of a survey whose platform is `other`: it moves in the
-    /// same way, or `other` follows poses, along which anything moves.
+    /// True if a platform of this kind can carry the scanner in a leg of a survey whose platform is `other`:
+    /// it moves in the same way, or `other` follows poses, along which anything moves.
     pub(super) fn can_fly_for(&self, other: &PlatformKind) -> bool {
         match (self, other) {
             (_, PlatformKind::Interpolated(_) | PlatformKind::Stream(_)) => true,
@@ -173,11 +174,11 @@ pub enum RotationSpec {
 pub struct Interpolated {
     /// Composition of the attitude angles in the files.
     pub rotation_spec: RotationSpec,
-    /// Whether only positions are used and the attitude is the identity.
+    /// True if only positions are used and the attitude is the identity.
     pub position_only: bool,
-    /// Whether angles in the files are degrees.
+    /// True if angles in the files are degrees.
     pub degrees: bool,
-    /// Whether the GPS clock starts at the trajectory's time.
+    /// True if the GPS clock starts at the trajectory's time.
     pub sync_gps_time: bool,
     /// The distinct files in the order of their first reference.
     pub files: Vec<TrajectoryFile>,
@@ -190,7 +191,8 @@ pub struct Interpolated {
 pub struct TrajectoryFile {
     /// Path of the file.
     pub path: PathBuf,
-    /// Zero-based columns of t, roll, pitch, yaw, x, y, z. `None`: by the file's header or in the default order.
+    /// Zero-based columns of t, roll, pitch, yaw, x, y, z. `None`: by the file's header or in the default
+    /// order.
     pub columns: Option<[usize; 7]>,
     /// Column separator. `None` when the survey names none: a comma, or blanks in lines without a comma.
     pub separator: Option<char>,
@@ -257,11 +259,11 @@ pub struct Leg {
 pub struct PlatformSettings {
     /// World position of the leg's start, m.
     pub position: DVec3,
-    /// Whether z is replaced by the ground height.
+    /// True if z is replaced by the ground height.
     pub on_ground: bool,
     /// Speed, m/s.
     pub speed: f64,
-    /// Whether the speed is written, and not the default.
+    /// True if the speed is written, and not the default.
     pub has_speed: bool,
     /// Multicopter: stop and turn at the waypoint.
     pub stop_and_turn: bool,
@@ -286,15 +288,15 @@ pub struct LegTrajectory {
     pub start: Option<f64>,
     /// End in the file's own time, s; `None` = last sample.
     pub end: Option<f64>,
-    /// Whether the platform jumps to the start instead of travelling to it.
+    /// True if the platform jumps to the start instead of travelling to it.
     pub teleport: bool,
 }
 
-/// Resolved scanner settings of a leg (spec input-formats §2.5–2.6): templates, the scanner's default values and the
-/// resolution settings have been applied.
+/// Resolved scanner settings of a leg (spec input-formats §2.5–2.6): templates, the scanner's default values
+/// and the resolution settings have been applied.
 #[derive(Clone, Debug)]
 pub struct ScannerSettings {
-    /// Whether the scanner fires; inactive legs emit no pulses.
+    /// True if the scanner fires; inactive legs emit no pulses.
     pub active: bool,
     /// Pulses per second; with pulse times of their own the mean, rounded.
     pub pulse_freq: u32,
@@ -344,7 +346,7 @@ pub struct Scanner {
     pub pulse_freqs: Vec<u32>,
     /// Devices in firing order; at least one.
     pub devices: Vec<Device>,
-    /// Whether the devices come from `<channels>`. Such scanners never use the legacy energy model (spec
+    /// True if the devices come from `<channels>`. Such scanners never use the legacy energy model (spec
     /// pulse-physics §0.4).
     pub multi_channel: bool,
     /// Keys of the user's files that not every physics makes use of.
@@ -424,8 +426,8 @@ pub enum Deflector {
     Polygon {
         /// Usable half angle, rad.
         effective_max: f64,
-        /// Angles, rad, by which the facets turn the beam towards +x, along the mirror's axis, in the order in which they come
-        /// into the beam: each line is a cone around the axis. Empty: all lines are plane.
+        /// Angles, rad, by which the facets turn the beam towards +x, along the mirror's axis, in the order
+        /// in which they come into the beam: each line is a cone around the axis. Empty: all lines are plane.
         facet_tilts: Vec<f64>,
     },
     /// `oscillating` mirror.
@@ -460,10 +462,12 @@ pub enum Deflector {
 
 /// A scan pattern of a program's own: where the beam points, as a function of time.
 ///
-/// The pattern is asked for the same times again and again, by many threads and in any order, so it must be a function of time
-/// alone: what is drawn at random has to follow from the time. Runs are deterministic then, as with every other deflector.
+/// The pattern is asked for the same times again and again, by many threads and in any order, so it must be a
+/// function of time alone: what is drawn at random has to follow from the time. Runs are deterministic then,
+/// as with every other deflector.
 ///
-/// `Debug` has to tell different patterns apart: what was computed of a run earlier is used again only for equal surveys.
+/// `Debug` has to tell different patterns apart: what was computed of a run earlier is used again only for
+/// equal surveys.
 ///
 /// ```
 /// use vlscan_geom::DVec3;
@@ -481,13 +485,13 @@ pub enum Deflector {
 /// }
 /// ```
 pub trait ScanPattern: std::fmt::Debug + Send + Sync {
-    /// The direction of the beam, of any length above 0, in the frame of the emitter: x to the right, y forward, z up. `time` is that
-    /// since the first step of the leg, s.
+    /// The direction of the beam, of any length above 0, in the frame of the emitter: x to the right, y
+    /// forward, z up. `time` is that since the first step of the leg, s.
     ///
     /// A direction that is 0 or not finite ends the run with an error if the beam fires then.
     fn direction(&self, time: f64) -> DVec3;
 
-    /// Whether a pulse is emitted at that time.
+    /// True if a pulse is emitted at that time.
     fn is_firing(&self, time: f64) -> bool {
         let _ = time;
         true
@@ -527,8 +531,8 @@ pub struct Beam {
     pub aperture: f64,
     /// Pulse length, ns, in the reference's measure.
     pub pulse_length: f64,
-    /// Full width of the pulse at half maximum as the data sheet of an instrument that ships states it, ns; the reference takes
-    /// the same number as `pulse_length`, whose pulses are half as wide.
+    /// Full width of the pulse at half maximum as the data sheet of an instrument that ships states it, ns;
+    /// the reference takes the same number as `pulse_length`, whose pulses are half as wide.
     pub stated_width: Option<f64>,
     /// Wavelength, nm.
     pub wavelength: f64,
@@ -549,7 +553,8 @@ pub struct Beam {
 }
 
 impl Beam {
-    /// Pulse length, ns, in the reference's measure: from the stated width, if there is one and `by_width` says so.
+    /// Pulse length, ns, in the reference's measure: from the stated width, if there is one and `by_width`
+    /// says so.
     pub fn length(&self, by_width: bool) -> f64 {
         let stated = self.stated_width.filter(|_| by_width);
         stated.map_or(self.pulse_length, pulse_length_of_width)
@@ -562,8 +567,8 @@ impl Beam {
     }
 }
 
-/// Diameter (m) of a beam at a range (m): sqrt(d² + (R·γ)²) with the diameter d at the exit of the instrument (m) and the full
-/// divergence γ (rad), the far field of a Gaussian beam.
+/// Diameter (m) of a beam at a range (m): sqrt(d² + (R·γ)²) with the diameter d at the exit of the instrument
+/// (m) and the full divergence γ (rad), the far field of a Gaussian beam.
 pub fn footprint(aperture: f64, divergence: f64, range: f64) -> f64 {
     libm::hypot(aperture, range * divergence)
 }
@@ -581,8 +586,8 @@ pub struct Detector {
     pub max_returns: u32,
     /// Detection threshold on the waveform, W.
     pub threshold: f64,
-    /// Whether the instrument specifies its threshold. Otherwise it is a default, which the reference compares with
-    /// nanowatts.
+    /// True if the instrument specifies its threshold. Otherwise it is a default, which the reference
+    /// compares with nanowatts.
     pub threshold_given: bool,
     /// Factor on the range noise as a function of the range in metres.
     pub distance_error: Option<Formula>,
@@ -613,7 +618,7 @@ pub struct MechanicalErrors {
 }
 
 impl MechanicalErrors {
-    /// Whether any error is present; points are then reported along the direction without errors.
+    /// True if any error is present; points are then reported along the direction without errors.
     pub fn any(&self) -> bool {
         self.range.is_some() || self.deflection.is_some() || self.head.is_some()
     }

@@ -15,12 +15,13 @@ pub struct PoseStream {
     /// The layout; `None` detects it from the content.
     pub format: Option<PoseFormat>,
     /// Composition of the angles of text. `None`: [`AngleConvention::Ros`] for quaternions and matrices,
-    /// [`AngleConvention::Helios`] for text files of HELIOS++, [`AngleConvention::Heading`] for all others. SBET and TerraScan contain headings.
+    /// [`AngleConvention::Helios`] for text files of HELIOS++, [`AngleConvention::Heading`] for all others.
+    /// SBET and TerraScan contain headings.
     pub rotation: Option<AngleConvention>,
-    /// Whether angles of text are degrees where the heading of a column names no unit.
+    /// True if angles of text are degrees where the heading of a column names no unit.
     pub degrees: bool,
-    /// Columns of text, by name in their order or as `name=number` from 1. `None`: by the header line, or in the
-    /// default order time,x,y,z,roll,pitch,yaw.
+    /// Columns of text, by name in their order or as `name=number` from 1. `None`: by the header line, or in
+    /// the default order time,x,y,z,roll,pitch,yaw.
     pub columns: Option<Vec<String>>,
     /// Column separator; `None` guesses from the first line.
     pub separator: Option<char>,
@@ -30,7 +31,8 @@ pub struct PoseStream {
     pub height_offset: f64,
     /// Position of the scanner's platform frame in the frame of the poses (x right, y forward, z up), m.
     pub lever_arm: DVec3,
-    /// Roll, pitch and heading of the scanner's platform frame in the frame of the poses, rad, composed as headings.
+    /// Roll, pitch and heading of the scanner's platform frame in the frame of the poses, rad, composed as
+    /// headings.
     pub boresight: [f64; 3],
     /// Maximum time between poses across which pulses are fired, s.
     pub max_gap: f64,
@@ -63,7 +65,8 @@ impl PoseStream {
 pub enum PoseFormat {
     /// Lines of numbers.
     Text,
-    /// Lines of numbers; without names in the order in which HELIOS++ writes them: x, y, z, t, roll, pitch, yaw.
+    /// Lines of numbers; without names in the order in which HELIOS++ writes them: x, y, z, t, roll, pitch,
+    /// yaw.
     Helios,
     /// Applanix' smoothed best estimate of trajectory: records of 17 doubles.
     Sbet,
@@ -72,13 +75,13 @@ pub enum PoseFormat {
     TerraScan,
 }
 
-/// What the angles of a pose mean, or the axes of its quaternion or matrix.
+/// Meaning of the angles of a pose, or the axes of its quaternion or matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum AngleConvention {
-    /// Yaw is the heading, clockwise from +y (north), pitch has the nose up, roll the right side down; roll is the innermost
-    /// rotation (ARINC 705).
+    /// Yaw is the heading, clockwise from +y (north), pitch has the nose up, roll the right side down; roll
+    /// is the innermost rotation (ARINC 705).
     ///
     /// See [`vlscan_geom::Rotation::of_heading`].
     #[cfg_attr(feature = "clap", value(alias = "arinc705"))]
@@ -86,18 +89,19 @@ pub enum AngleConvention {
     Heading,
     /// Yaw turns counter-clockwise from +x (east); pitch, roll and order as with headings.
     Yaw,
-    /// Rz(yaw) Ry(pitch) Rx(roll) of the axes forward, left, up, as in ROS (REP 103): yaw turns counter-clockwise from +x
-    /// (east), pitch is positive with the nose down, roll with the right side down.
+    /// Rz(yaw) Ry(pitch) Rx(roll) of the axes forward, left, up, as in ROS (REP 103): yaw turns
+    /// counter-clockwise from +x (east), pitch is positive with the nose down, roll with the right side down.
     Ros,
-    /// The angles of headings in the order of HELIOS++, pitch innermost: Rz(−yaw) Ry(roll) Rx(pitch) of the axes right,
-    /// forward, up.
+    /// The angles of headings in the order of HELIOS++, pitch innermost: Rz(−yaw) Ry(roll) Rx(pitch) of the
+    /// axes right, forward, up.
     ///
     /// Spec kinematics §2.6.
     Helios,
-    /// Rotations about x, y and z in this order, as HELIOS++ writes them for platforms that fly from waypoint to waypoint;
-    /// quaternions of the axes right, forward, up.
+    /// Rotations about x, y and z in this order, as HELIOS++ writes them for platforms that fly from waypoint
+    /// to waypoint; quaternions of the axes right, forward, up.
     Canonical,
-    /// Quaternions of a camera's axes right, down, forward; the world of matrices is the first camera, as in KITTI.
+    /// Quaternions of a camera's axes right, down, forward; the world of matrices is the first camera, as in
+    /// KITTI.
     Camera,
 }
 

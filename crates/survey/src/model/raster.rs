@@ -7,7 +7,8 @@ use vlscan_base::diag::Place;
 /// The files of a terrain raster.
 #[derive(Clone, Debug)]
 pub enum RasterFiles {
-    /// A raster, or several that are tiles of one grid; where they overlap, later ones count where they have data.
+    /// A raster, or several that are tiles of one grid; where they overlap, later ones count where they have
+    /// data.
     Tiles(Vec<PathBuf>),
     /// A virtual raster of GDAL.
     Virtual(Arc<VirtualRaster>),
@@ -63,7 +64,8 @@ pub struct VirtualSource {
     pub file: usize,
     /// Number of the band, from 1.
     pub band: usize,
-    /// First column and row, and number of columns and rows of the window in the file; `None` for the whole file.
+    /// First column and row, and number of columns and rows of the window in the file; `None` for the whole
+    /// file.
     pub window: Option<[usize; 4]>,
     /// First column and row, and number of columns and rows in the virtual raster; `None` for all of it.
     pub target: Option<[usize; 4]>,
@@ -100,7 +102,7 @@ impl PixelType {
         ("Float64", PixelType::Float(64)),
     ];
 
-    /// Whether every number of the other type is one of this.
+    /// True if every number of the other type is one of this.
     pub fn holds(self, other: PixelType) -> bool {
         // Digits of the significand, with the hidden one (IEEE 754).
         let digits = |bits: u32| match bits {

@@ -148,7 +148,8 @@ pub struct MeshReading {
     pub up: Option<UpAxis>,
     /// Length of a unit of their coordinates, m; `None`: 1 m, which is doubted if it is improbable.
     pub unit_m: Option<f64>,
-    /// Table of materials, resolved; `None`: `materials.csv` beside the file, if there is one and it is no OBJ file.
+    /// Table of materials, resolved; `None`: `materials.csv` beside the file, if there is one and it is no
+    /// OBJ file.
     pub materials: Option<PathBuf>,
 }
 
@@ -195,7 +196,8 @@ pub struct MaterialChoice {
     pub random_range: f64,
 }
 
-/// Loaders (spec input-formats §4); no others exist. File paths are resolved; several files come from `efilepath`.
+/// Loaders (spec input-formats §4); no others exist. File paths are resolved; several files come from
+/// `efilepath`.
 #[derive(Clone, Debug)]
 pub enum Loader {
     /// Meshes: OBJ, PLY, STL, OFF, glTF.
@@ -250,7 +252,7 @@ pub struct XyzLoader {
     pub rgb_columns: Option<[usize; 3]>,
     /// Columns of the normal, from 0.
     pub normal_columns: Option<[usize; 3]>,
-    /// Whether the normal of a voxel is that of the point nearest to its centre.
+    /// True if the normal of a voxel is that of the point nearest to its centre.
     pub snap_neighbor_normal: bool,
     /// 0: none, 1: a plane per voxel, 2 and more: a plane per voxel, in batches.
     pub estimate_normals: u32,
@@ -276,7 +278,7 @@ pub struct VoxelLoader {
     pub files: Vec<PathBuf>,
     /// How rays intersect them.
     pub mode: VoxelMode,
-    /// Whether voxels without density are dropped; true where the scene states no mode.
+    /// True if voxels without density are dropped; true where the scene states no mode.
     pub drop_empty: bool,
     /// `scaled` mode: random displacement within the original cell.
     pub random_shift: bool,
@@ -304,7 +306,7 @@ pub struct MotionSequence {
 pub struct Motion {
     /// The rigid motion that each step applies.
     pub kind: MotionKind,
-    /// Whether the centre is the part's own centroid instead of the scene origin.
+    /// True if the centre is the part's own centroid instead of the scene origin.
     pub about_self: bool,
     /// Fraction of the scene shift that is applied to centres and vectors.
     pub auto_crs: f64,
@@ -347,9 +349,9 @@ impl Default for MotionTiming {
 pub struct Swap {
     /// Number of epochs for which the state lasts, at least 1; the last state of a part stays.
     pub epochs: u32,
-    /// Whether the scene shift of the first epoch is kept.
+    /// True if the scene shift of the first epoch is kept.
     pub keep_crs: bool,
-    /// Whether the part is absent in this state; afterwards only a new loader brings it back.
+    /// True if the part is absent in this state; afterwards only a new loader brings it back.
     pub vanish: bool,
     /// New geometry; `None` unless the first filter is a loader.
     pub loader: Option<Loader>,

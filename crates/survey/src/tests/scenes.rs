@@ -54,8 +54,8 @@ fn rotate(axis: &str, angle: &str) -> String {
 
 #[test]
 fn transforms_accumulate_as_the_format_says() {
-    // spec input-formats §3.3: rotations accumulate, the last scale and offset win, the order of different kinds is
-    // irrelevant
+    // spec input-formats §3.3: rotations accumulate, the last scale and offset win, the order of different
+    // kinds is irrelevant
     let part = [
         obj(),
         translate("9;9;9"),

@@ -1,5 +1,5 @@
-//! Every attribute of surveys, scanners and platforms, with every kind of value: each has an effect, is refused, or is
-//! warned of by its name.
+//! Every attribute of surveys, scanners and platforms, with every kind of value: each has an effect, is
+//! refused, or is warned of by its name.
 
 use super::*;
 
@@ -244,8 +244,8 @@ fn check_base(case: &Case, about: &str) {
     }
 }
 
-/// The document of a case with an attribute in place of one that it may have already, in the first of the elements where the
-/// attribute stands.
+/// The document of a case with an attribute in place of one that it may have already, in the first of the
+/// elements where the attribute stands.
 fn with(case: &Case, name: &str, value: Option<&str>) -> String {
     let at = case.text.find("HERE").unwrap();
     let (before, after) = (&case.text[..at], case.text[at + 4..].replace("HERE", ""));

@@ -236,8 +236,8 @@ fn read_leg(
     Leg { number, strip, platform: settings, scanner, place: Some(table.own_place()) }
 }
 
-/// Completes the legs: those of the file or of its survey, or a single one that follows a stream, with the settings of all legs
-/// and of each. Then checks the survey.
+/// Completes the legs: those of the file or of its survey, or a single one that follows a stream, with the
+/// settings of all legs and of each. Then checks the survey.
 fn set_legs(
     fields: &Fields,
     survey: &mut Survey,

@@ -74,7 +74,8 @@ impl Source {
         self.text.get(at).unwrap_or_default()
     }
 
-    /// The place of a part of the string `value` in quotes at `span`; the complete value if it contains escapes.
+    /// The place of a part of the string `value` in quotes at `span`; the complete value if it contains
+    /// escapes.
     pub(crate) fn part_of(&self, span: Range<usize>, value: &str, part: &Range<usize>) -> Place {
         let is_verbatim = self.slice(span.start + 1..span.end.saturating_sub(1)) == value;
         let part = span.start + 1 + part.start..span.start + 1 + part.end;
@@ -94,8 +95,8 @@ impl Source {
         })
     }
 
-    /// Records an error of serde, whose message has the names of keys and variants in backticks. `span` is its place
-    /// unless the error has one.
+    /// Records an error of serde, whose message has the names of keys and variants in backticks. `span` is
+    /// its place unless the error has one.
     pub(crate) fn report_value(
         &self,
         error: &toml::de::Error,
@@ -178,7 +179,8 @@ pub struct Tables<'t> {
 }
 
 impl<'t> Tables<'t> {
-    /// Takes the keys of a table that are fields of `T`. Problems are recorded; unreadable keys have their defaults.
+    /// Takes the keys of a table that are fields of `T`. Problems are recorded; unreadable keys have their
+    /// defaults.
     pub fn take<T: Deserialize<'t> + Default>(&mut self, table: &'static str) -> T {
         let fields = field_names::<T>();
         self.known.entry(table).or_default().extend(fields);
@@ -222,8 +224,8 @@ impl<'t> Tables<'t> {
         }
     }
 
-    /// Deserialises `T` from a table. Unreadable keys are reported and removed one at a time, so that all of them
-    /// are found in one run.
+    /// Deserialises `T` from a table. Unreadable keys are reported and removed one at a time, so that all of
+    /// them are found in one run.
     fn read<T: Deserialize<'t>>(&mut self, mut table: Spanned<DeTable<'t>>) -> Option<T> {
         for _ in 0..MAX_PROBLEMS {
             match T::deserialize(Deserializer::from(table.clone())) {
@@ -239,8 +241,8 @@ impl<'t> Tables<'t> {
         None
     }
 
-    /// The keys that have not been taken, at the top level, and the names of those that have. Other keys of the tables of
-    /// which some have been taken are reported as unknown; the caller shows the problems.
+    /// The keys that have not been taken, at the top level, and the names of those that have. Other keys of
+    /// the tables of which some have been taken are reported as unknown; the caller shows the problems.
     pub(super) fn finish(mut self) -> (DeTable<'t>, Vec<&'static str>, Diagnostics) {
         let mut root = std::mem::take(self.root.get_mut());
         let mut names = self.known.remove("").unwrap_or_default();
@@ -260,7 +262,7 @@ impl<'t> Tables<'t> {
         (root, names, self.problems)
     }
 
-    /// Whether the file has an entry of this name at its top level.
+    /// True if the file has an entry of this name at its top level.
     pub fn has(&self, table: &str) -> bool {
         self.root.get_ref().contains_key(table)
     }

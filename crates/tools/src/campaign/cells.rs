@@ -31,7 +31,8 @@ pub struct Cell {
     pub variant_index: usize,
     /// Seed of the run.
     pub seed: u64,
-    /// The group that it belongs to, and what that group is for: train, validation or test; empty without a split.
+    /// The group that it belongs to, and what that group is for: train, validation or test; empty without a
+    /// split.
     pub group: String,
     /// Subset of the split: `train`, `validation` or `test`; empty without a split.
     pub split: &'static str,
@@ -140,7 +141,8 @@ fn file_name(name: &str) -> String {
     if clean.chars().all(|c| c == '.') { format!("_{clean}") } else { clean }
 }
 
-/// Assigns groups to training, validation and test: in an order drawn by the seed, each gets its share of the groups.
+/// Assigns groups to training, validation and test: in an order drawn by the seed, each gets its share of the
+/// groups.
 fn assign(cells: &mut [Cell], split: &Split) {
     let groups: BTreeSet<&str> = cells.iter().map(|cell| cell.group.as_str()).collect();
     let stream = Stream::new(split.seed, Purpose::SceneMaking);

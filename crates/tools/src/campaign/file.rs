@@ -14,8 +14,8 @@ use vlscan_survey::Source;
 const MAX_BYTES: u64 = 16 << 20;
 const MAX_SEEDS: usize = 1_000_000;
 
-/// A campaign as written. Paths are relative to the file's folder; options are those of the commands that they are for, as
-/// typed.
+/// A campaign as written. Paths are relative to the file's folder; options are those of the commands that
+/// they are for, as typed.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct File {

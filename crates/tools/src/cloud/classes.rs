@@ -30,10 +30,12 @@ const NAMES: [&str; 23] = [
 /// Classes of points that are noise.
 pub(crate) const NOISE: [u8; 2] = [7, 18];
 
-/// Classes that point formats 0 to 5 of LAS name (ASPRS LAS 1.4 R15, table 9): 10, 11 and those from 13 on are reserved there.
+/// Classes that point formats 0 to 5 of LAS name (ASPRS LAS 1.4 R15, table 9): 10, 11 and those from 13 on
+/// are reserved there.
 const NAMED_IN_OLD_FORMATS: [u8; 11] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 12];
 
-/// The name of a point class in files of LAS of the point formats 0 to 5; `None` for reserved and user-defined ones.
+/// The name of a point class in files of LAS of the point formats 0 to 5; `None` for reserved and
+/// user-defined ones.
 pub(super) fn class_name_in_old_formats(class: u8) -> Option<&'static str> {
     class_name(class).filter(|_| NAMED_IN_OLD_FORMATS.contains(&class))
 }

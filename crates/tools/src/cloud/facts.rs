@@ -1,5 +1,5 @@
-//! What a point cloud is: counts, density, extent, system, classes, returns, times, flight lines, in one pass and in memory that does not
-//! grow with the number of points.
+//! What a point cloud is: counts, density, extent, system, classes, returns, times, flight lines, in one pass
+//! and in memory that does not grow with the number of points.
 
 use super::occupancy::Occupancy;
 use super::source::CloudSource;
@@ -83,7 +83,7 @@ pub struct CloudSummary {
     objects: HashSet<u64>,
     cover: Occupancy,
     strays: StrayFinder,
-    /// Whether the file that is being read is LAS, and what its points have.
+    /// True if the file that is being read is LAS, and what its points have.
     is_las: bool,
     of_file: AttributeSet,
 }
@@ -91,7 +91,8 @@ pub struct CloudSummary {
 /// Describes the points of some clouds as if they were one. Returns also what there is to say of the clouds.
 ///
 /// # Errors
-/// [`Error::Io`](vlscan_base::Error::Io); [`Error::Input`](vlscan_base::Error::Input) when a file is of no format that is read or damaged.
+/// [`Error::Io`](vlscan_base::Error::Io); [`Error::Input`](vlscan_base::Error::Input) when a file is of no
+/// format that is read or damaged.
 pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)> {
     let (mut facts, mut all) = (CloudSummary::default(), Diagnostics::default());
     for cloud in clouds {
@@ -245,7 +246,7 @@ impl CloudSummary {
         }
     }
 
-    /// Whether points of at least one file have an attribute.
+    /// True if points of at least one file have an attribute.
     pub fn has(&self, attribute: Attribute) -> bool {
         self.attributes.contains(&attribute)
     }
@@ -272,13 +273,14 @@ impl CloudSummary {
         self.has(Attribute::Object).then_some((self.objects.len(), self.objects.len() >= MAX_OBJECTS))
     }
 
-    /// Whether times are adjusted standard GPS time, by the headers of LAS; `None` of other formats, where files differ, and where
-    /// times cannot be seconds of the GPS week, as the headers state.
+    /// True if times are adjusted standard GPS time, by the headers of LAS; `None` of other formats, where
+    /// files differ, and where times cannot be seconds of the GPS week, as the headers state.
     pub fn has_adjusted_times(&self) -> Option<bool> {
         self.stated_times().filter(|is_adjusted| *is_adjusted || !self.has_times_beyond_the_week())
     }
 
-    /// Whether times are adjusted standard GPS time, as the headers of LAS state; `None` of other formats and where files differ.
+    /// True if times are adjusted standard GPS time, as the headers of LAS state; `None` of other formats and
+    /// where files differ.
     fn stated_times(&self) -> Option<bool> {
         let mut kinds =
             self.files.iter().map(|(_, file)| Some(file.as_ref()?.las.as_ref()?.has_adjusted_times));
@@ -290,18 +292,18 @@ impl CloudSummary {
         self.time.is_some_and(|span| span.min < 0.0 || span.max > WEEK_S)
     }
 
-    /// Whether the headers state seconds of the GPS week, and the times are none.
+    /// True if the headers state seconds of the GPS week, and the times are none.
     pub(super) fn has_wrong_times(&self) -> bool {
         self.stated_times() == Some(false) && self.has_times_beyond_the_week()
     }
 
-    /// Whether classes have the meanings that point formats 0 to 5 of LAS give them.
+    /// True if classes have the meanings that point formats 0 to 5 of LAS give them.
     pub(super) fn has_old_classes(&self) -> bool {
         let mut formats = self.files.iter().filter_map(|(_, file)| file.as_ref()?.las.as_ref());
         formats.any(|las| las.point_format < 6)
     }
 
-    /// Whether flight lines are point source ids of LAS; otherwise they are legs.
+    /// True if flight lines are point source ids of LAS; otherwise they are legs.
     pub fn lines_are_sources(&self) -> bool {
         self.files.iter().all(|(_, file)| file.as_ref().is_some_and(|file| file.las.is_some()))
     }

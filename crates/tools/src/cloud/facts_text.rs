@@ -224,7 +224,8 @@ fn described(file: &FileFacts) -> String {
     text
 }
 
-/// The date and time of adjusted standard GPS time, as ISO 8601 without a zone: leap seconds are not subtracted.
+/// The date and time of adjusted standard GPS time, as ISO 8601 without a zone: leap seconds are not
+/// subtracted.
 fn date(adjusted_s: f64) -> String {
     let seconds = (adjusted_s + ADJUSTMENT_S + GPS_EPOCH_DAYS * DAY_S).floor();
     let is_number = seconds.abs() < 1e13;

@@ -8,8 +8,8 @@ const MIN_SIDE: f64 = 0.25;
 const BLOCK_CELLS: i64 = 64;
 /// Most blocks of 520 bytes that are kept; beyond it cells get twice as large.
 const MAX_BLOCKS: usize = 1 << 17;
-/// Least number of points per occupied cell at which empty cells within the cover are rare: of points that are strewn at random, 1 in
-/// 22 000 cells is empty.
+/// Least number of points per occupied cell at which empty cells within the cover are rare: of points that
+/// are strewn at random, 1 in 22 000 cells is empty.
 const MIN_POINTS_PER_CELL: f64 = 10.0;
 
 /// The cells of a place that have points.
@@ -68,11 +68,12 @@ impl Occupancy {
         self.blocks.values().map(|rows| ones(rows)).sum()
     }
 
-    /// The area of the cells with points, m², and their side, m: that of the smallest cells which have ten points on average, or
-    /// of those that no doubling joins. `None` without points.
+    /// The area of the cells with points, m², and their side, m: that of the smallest cells which have ten
+    /// points on average, or of those that no doubling joins. `None` without points.
     pub fn area(&self, points: u64) -> Option<(f64, f64)> {
         let mut cover = self.clone();
-        // Ends: each doubling halves the indices of cells until all are 0 or −1. Cells on two sides of an axis never join.
+        // Ends: each doubling halves the indices of cells until all are 0 or −1. Cells on two sides of an
+        // axis never join.
         loop {
             let cells = cover.cells();
             if cells == 0 {

@@ -1,4 +1,5 @@
-//! A point cloud in memory: 24 bytes for each position and up to 22 for its attributes, and a bounded number of points.
+//! A point cloud in memory: 24 bytes for each position and up to 22 for its attributes, and a bounded number
+//! of points.
 
 use std::collections::HashMap;
 use std::ops::ControlFlow;
@@ -32,7 +33,7 @@ pub struct Points {
     /// System of the coordinates as WKT.
     crs: Option<String>,
     bounds: Aabb,
-    /// Whether 0 stands for no leg, and N + 1 for leg N.
+    /// True if 0 stands for no leg, and N + 1 for leg N.
     legs_from_one: bool,
     object_numbers: HashMap<String, u16>,
     latest_object: u16,
@@ -89,8 +90,9 @@ impl Points {
         }
     }
 
-    /// Adds a point; `object` is the name of its object, if it has one besides its number. A point with a coordinate that is NaN or
-    /// beyond [`MAX_COORDINATE`], and a pulse without a return, is counted and skipped. Object names beyond the first 65 535 share one number.
+    /// Adds a point; `object` is the name of its object, if it has one besides its number. A point with a
+    /// coordinate that is NaN or beyond [`MAX_COORDINATE`], and a pulse without a return, is counted and
+    /// skipped. Object names beyond the first 65 535 share one number.
     pub fn push(&mut self, row: &PointRow, object: Option<&str>) {
         if row.is_miss {
             self.misses += 1;
@@ -278,7 +280,7 @@ impl Points {
         self.crs.as_deref()
     }
 
-    /// Whether the cloud had more points than are kept.
+    /// True if the cloud had more points than are kept.
     pub fn is_thinned(&self) -> bool {
         self.stride > 1
     }
@@ -298,7 +300,7 @@ impl Points {
         self.added as usize
     }
 
-    /// Whether there are no points.
+    /// True if there are no points.
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
     }
@@ -308,7 +310,8 @@ impl Points {
         if self.is_empty() { Aabb::EMPTY } else { self.bounds }
     }
 
-    /// A warning of the points of the file `path` that are left out, and a note of its pulses without a return.
+    /// A warning of the points of the file `path` that are left out, and a note of its pulses without a
+    /// return.
     pub fn doubts(&self, path: &Path) -> Diagnostics {
         let mut found = Diagnostics::default();
         if self.skipped > 0 {
@@ -339,7 +342,7 @@ impl Points {
         self.skipped
     }
 
-    /// Whether the points have an attribute.
+    /// True if the points have an attribute.
     pub fn has(&self, attribute: Attribute) -> bool {
         self.attributes.has(attribute)
     }

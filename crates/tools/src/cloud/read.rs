@@ -7,8 +7,8 @@ use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::MAX_COORDINATE;
 
-/// Reads a point cloud in any format of [`vlscan_formats`]; `-` is stdin. Returns the points and what is to be said of
-/// them: warnings, also of points that are left out, and notes on how the file was interpreted.
+/// Reads a point cloud in any format of [`vlscan_formats`]; `-` is stdin. Returns the points and what is to
+/// be said of them: warnings, also of points that are left out, and notes on how the file was interpreted.
 ///
 /// # Errors
 /// [`Error::Input`] when the file is of no format that is read or damaged, with the invalid lines of text.
@@ -22,8 +22,8 @@ pub fn read_points(path: &Path) -> Result<(Points, Diagnostics)> {
 /// The points of a table in memory, and what is to be said of them as [`read_points`] does.
 ///
 /// # Errors
-/// [`Error::Input`] for tables without the columns X, Y and Z, for columns of other numbers than integers and floats of 32 and
-/// 64 bits, and for empty ones.
+/// [`Error::Input`] for tables without the columns X, Y and Z, for columns of other numbers than integers and
+/// floats of 32 and 64 bits, and for empty ones.
 pub fn points_of_table(batch: &RecordBatch) -> Result<(Points, Diagnostics)> {
     const NAME: &str = "the table";
     let (mut points, mut found) = (Points::default(), Diagnostics::default());

@@ -11,7 +11,8 @@ use vlscan_formats::{PointSink, read_points, read_record_batch};
 pub enum CloudSource {
     /// A file in any format of [`vlscan_formats`]; `-` is stdin.
     File(PathBuf),
-    /// A table in memory with its name in messages. The key `crs` of the metadata of its schema is the system of its coordinates, WKT.
+    /// A table in memory with its name in messages. The key `crs` of the metadata of its schema is the system
+    /// of its coordinates, WKT.
     Table(PathBuf, RecordBatch),
 }
 
@@ -29,7 +30,7 @@ impl CloudSource {
         }
     }
 
-    /// Whether the points can be read more than once: not those of stdin and named pipes.
+    /// True if the points can be read more than once: not those of stdin and named pipes.
     pub(crate) fn can_be_read_again(&self) -> bool {
         match self {
             CloudSource::File(path) => path.is_file(),

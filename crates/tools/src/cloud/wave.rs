@@ -44,8 +44,8 @@ const MAX_LINE_BYTES: u64 = 1 << 28;
 /// Finds the waveform of pulse `number`, from the first channel that has one.
 ///
 /// # Errors
-/// [`Error::Input`] when a line is not a waveform, with its place, or when the pulse is missing, with the nearest
-/// pulses.
+/// [`Error::Input`] when a line is not a waveform, with its place, or when the pulse is missing, with the
+/// nearest pulses.
 pub fn read_wave(source: impl Read, path: &Path, number: u64) -> Result<Wave> {
     let mut source = BufReader::with_capacity(1 << 20, source);
     // gzip (RFC 1952) is recognised by its first two bytes.

@@ -1,18 +1,21 @@
-//! The change between two epochs: the ground of the second cloud minus that of the first, cell by cell, with the uncertainty of
-//! each cell, and the volumes of cut and fill beyond the level of detection.
+//! The change between two epochs: the ground of the second cloud minus that of the first, cell by cell, with
+//! the uncertainty of each cell, and the volumes of cut and fill beyond the level of detection.
 //!
-//! The surface of a cell is the least-squares plane through its points at its centre ([`super::cell_surface`]). Its random variance is
-//! that of the residuals times the leverage of the centre. Errors that cells share, of registration and along strips, come from the
-//! cells that did not change ([`super::registration`]). The level of detection at 95 % is 1.96 √(σ₁² + σ₂² + s² + o²), with the
-//! random deviations σ of both surfaces, the scatter s and the offset o of shared errors (Lane, Westaway & Hicks, 2003, Estimation
-//! of erosion and deposition volumes in a large, gravel-bed, braided river using synoptic remote sensing; Lague, Brodu & Leroux,
-//! 2013, Accurate 3D comparison of complex topography with terrestrial laser scanner, on the error of registration). One cell in
-//! twenty is beyond the level by chance, so that two of the eight neighbours of a changed cell must have changed in the same sense
-//! (Wheaton et al., 2010, Accounting for uncertainty in DEMs from repeat topographic surveys, on spatial coherence).
+//! The surface of a cell is the least-squares plane through its points at its centre
+//! ([`super::cell_surface`]). Its random variance is that of the residuals times the leverage of the centre.
+//! Errors that cells share, of registration and along strips, come from the cells that did not change
+//! ([`super::registration`]). The level of detection at 95 % is 1.96 √(σ₁² + σ₂² + s² + o²), with the random
+//! deviations σ of both surfaces, the scatter s and the offset o of shared errors (Lane, Westaway & Hicks,
+//! 2003, Estimation of erosion and deposition volumes in a large, gravel-bed, braided river using synoptic
+//! remote sensing; Lague, Brodu & Leroux, 2013, Accurate 3D comparison of complex topography with terrestrial
+//! laser scanner, on the error of registration). One cell in twenty is beyond the level by chance, so that
+//! two of the eight neighbours of a changed cell must have changed in the same sense (Wheaton et al., 2010,
+//! Accounting for uncertainty in DEMs from repeat topographic surveys, on spatial coherence).
 //!
-//! The variance of a volume has three parts (Anderson, 2019, Uncertainty in quantitative analyses of topographic change: error
-//! propagation and the role of thresholding): the random errors of its cells; shared errors, which are those of blocks of as many
-//! cells, and the offset; and the volume that the level of detection cuts off.
+//! The variance of a volume has three parts (Anderson, 2019, Uncertainty in quantitative analyses of
+//! topographic change: error propagation and the role of thresholding): the random errors of its cells;
+//! shared errors, which are those of blocks of as many cells, and the offset; and the volume that the level
+//! of detection cuts off.
 
 use super::cell_surface::{CellSurface, cell_surfaces};
 use super::cut::{CellGrid, Cut};
@@ -36,10 +39,11 @@ pub struct Change {
     pub surface: &'static str,
     /// Number of cells with a difference.
     pub cells: usize,
-    /// Number of these cells whose difference is the mean of the neighbouring cells, since a surface would be extrapolated.
+    /// Number of these cells whose difference is the mean of the neighbouring cells, since a surface would be
+    /// extrapolated.
     pub cells_interpolated: usize,
-    /// Number of cells with points of both that are left out, since their surface would be extrapolated in the first or in the second
-    /// cloud and too few neighbouring cells have a difference.
+    /// Number of cells with points of both that are left out, since their surface would be extrapolated in
+    /// the first or in the second cloud and too few neighbouring cells have a difference.
     pub cells_extrapolated: [usize; 2],
     /// Number of cells with points of the first, and of the second cloud alone.
     pub cells_of_one: [usize; 2],
@@ -104,10 +108,11 @@ impl Change {
 pub struct Volume {
     /// m³.
     pub volume_m3: f64,
-    /// Its standard uncertainty, m³, which contains the volume below the level of detection; NaN without cells.
+    /// Its standard uncertainty, m³, which contains the volume below the level of detection; NaN without
+    /// cells.
     pub uncertainty_m3: f64,
-    /// Volume of the same sense below the level of detection, m³: cells that did not change significantly, summed in blocks,
-    /// relative to the offset.
+    /// Volume of the same sense below the level of detection, m³: cells that did not change significantly,
+    /// summed in blocks, relative to the offset.
     pub undetected_m3: f64,
     /// Area of its cells, m².
     pub area_m2: f64,
@@ -128,7 +133,8 @@ pub struct ChangeMap {
     pub differences: Vec<f64>,
     /// Level of detection at 95 %, m; NaN where a surface is missing.
     pub detection: Vec<f64>,
-    /// Whether the difference is beyond the level of detection, and that of at least two of the eight neighbours in the same sense.
+    /// True if the difference is beyond the level of detection, and that of at least two of the eight
+    /// neighbours in the same sense.
     pub is_changed: Vec<bool>,
 }
 
@@ -143,8 +149,8 @@ impl ChangeMap {
     }
 }
 
-/// The change in the cells of a grid over the common box, whose corner is at `corner`. `registration` is the standard deviation of
-/// the registration of the clouds, m; `None` to estimate it.
+/// The change in the cells of a grid over the common box, whose corner is at `corner`. `registration` is the
+/// standard deviation of the registration of the clouds, m; `None` to estimate it.
 pub(super) fn change(
     grid: &CellGrid,
     cuts: [&Cut; 2],
@@ -277,8 +283,9 @@ impl<'g> Measured<'g> {
         libm::hypot(of_cells, undetected)
     }
 
-    /// The volume of a sign in the cells that did not change significantly, m³: the sum of the blocks in which it prevails, so that
-    /// random errors cancel. Errors that blocks share do not, since they hide as much change.
+    /// The volume of a sign in the cells that did not change significantly, m³: the sum of the blocks in
+    /// which it prevails, so that random errors cancel. Errors that blocks share do not, since they hide as
+    /// much change.
     fn undetected(&self, sign: f64) -> f64 {
         let columns = self.grid.columns.div_ceil(BLOCK);
         let mut sums = vec![0.0; columns * self.grid.rows.div_ceil(BLOCK)];
@@ -309,8 +316,9 @@ impl<'g> Measured<'g> {
     }
 }
 
-/// The differences of cells with points of both clouds in which a surface would be extrapolated: the mean of the neighbouring cells', if at
-/// least half of them have one. The variance is that of a neighbour, with the scatter among them.
+/// The differences of cells with points of both clouds in which a surface would be extrapolated: the mean of
+/// the neighbouring cells', if at least half of them have one. The variance is that of a neighbour, with the
+/// scatter among them.
 fn interpolated(
     grid: &CellGrid,
     surfaces: &[Vec<CellSurface>; 2],
@@ -336,7 +344,7 @@ fn interpolated(
     (0..grid.len()).filter(is_left_out).filter_map(between).collect()
 }
 
-/// Whether a cell has a sign, and at least two of its eight neighbours the same.
+/// True if a cell has a sign, and at least two of its eight neighbours the same.
 fn has_like_neighbours(grid: &CellGrid, signs: &[f64], cell: usize) -> bool {
     const LEAST: usize = 2;
     let is_alike = |other: &usize| signs[*other] == signs[cell];

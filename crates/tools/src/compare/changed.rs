@@ -1,9 +1,9 @@
 //! Points that are new or gone: far from all points of the other epoch, as measured by the spacing there.
 //!
-//! A point is new if its distance from the nearest point of the first cloud is more than twice the distance of that point from its
-//! eighth neighbour, and gone if the same is so the other way round. Of points that are scattered evenly over a surface one in
-//! 10¹³ lies so far from the others by chance (a Poisson process: exp(−4 · 8)). Only places count that both clouds saw: cells where
-//! both have points.
+//! A point is new if its distance from the nearest point of the first cloud is more than twice the distance
+//! of that point from its eighth neighbour, and gone if the same is so the other way round. Of points that
+//! are scattered evenly over a surface one in 10¹³ lies so far from the others by chance (a Poisson process:
+//! exp(−4 · 8)). Only places count that both clouds saw: cells where both have points.
 
 use super::comparison::common_box;
 use super::cut::{CellGrid, Cut};
@@ -65,11 +65,12 @@ pub fn changed_points(clouds: [&Points; 2], cell: f64) -> Result<ChangedPoints> 
     Ok(ChangedPoints { gone: far(0, 1), new: far(1, 0) })
 }
 
-/// Writes the changed points of both clouds to a file of `group` whose extension is that of a format: those of the first cloud have class 65
-/// (gone), those of the second one class 64 (new).
+/// Writes the changed points of both clouds to a file of `group` whose extension is that of a format: those
+/// of the first cloud have class 65 (gone), those of the second one class 64 (new).
 ///
 /// # Errors
-/// [`Error::Input`] for a file that exists unless it is to be replaced, and for an extension that is no format; [`Error::Io`].
+/// [`Error::Input`] for a file that exists unless it is to be replaced, and for an extension that is no
+/// format; [`Error::Io`].
 pub fn write_changed(
     path: &Path,
     replace: bool,

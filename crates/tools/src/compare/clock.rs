@@ -1,9 +1,9 @@
 //! Pulses of two clouds at the same time.
 //!
-//! Equal GPS times mean the same instant only if both clouds have one clock: that of a recording and of its simulation along the
-//! recorded flight, or of two runs of a survey. Runs of different surveys start at the same default time, and times of the GPS week
-//! repeat every week. File headers do not distinguish these cases. Therefore clocks count as one if the clouds are at the same
-//! places at the same times.
+//! Equal GPS times mean the same instant only if both clouds have one clock: that of a recording and of its
+//! simulation along the recorded flight, or of two runs of a survey. Runs of different surveys start at the
+//! same default time, and times of the GPS week repeat every week. File headers do not distinguish these
+//! cases. Therefore clocks count as one if the clouds are at the same places at the same times.
 
 use super::cut::Cut;
 use super::pulses::{Pulse, Pulses, distance};
@@ -19,8 +19,8 @@ const MIN_SHARE: f64 = 0.05;
 /// Maximum distance of the centres of both clouds, as a fraction of the spread of their pulses.
 const MAX_DISTANCE: f64 = 0.25;
 
-/// Checks that two clouds are at the same places at the same times: of parts of the first cloud by time, the median distance of both
-/// centres is small against the spread of the pulses.
+/// Checks that two clouds are at the same places at the same times: of parts of the first cloud by time, the
+/// median distance of both centres is small against the spread of the pulses.
 ///
 /// # Errors
 /// A reason: no common times, or other places.
@@ -93,8 +93,8 @@ impl<'p> Angles<'p> {
         Some(Angles { pulses, by_time: by_time(pulses), reach: REACH * usual })
     }
 
-    /// Scan angles of `others` minus those of the cloud, degrees, with the cloud's scan lines: of the pulse of the same time, if
-    /// possible of the same source, or else interpolated.
+    /// Scan angles of `others` minus those of the cloud, degrees, with the cloud's scan lines: of the pulse
+    /// of the same time, if possible of the same source, or else interpolated.
     pub fn differences(&self, others: &[Pulse]) -> Vec<(f64, u32)> {
         let difference = |pulse: &Pulse| {
             let begin = self.by_time.partition_point(|i| self.pulses.pulses[*i].time < pulse.time);
@@ -111,7 +111,8 @@ impl<'p> Angles<'p> {
         others.iter().filter_map(difference).collect()
     }
 
-    /// Scan angles of the cloud's pulses minus those that follow from the pulses before and after, degrees, with their scan lines.
+    /// Scan angles of the cloud's pulses minus those that follow from the pulses before and after, degrees,
+    /// with their scan lines.
     pub fn errors(&self) -> Vec<(f64, u32)> {
         self.pulses.pulses.iter().filter_map(|pulse| self.interpolated(pulse)).collect()
     }

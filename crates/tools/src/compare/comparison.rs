@@ -20,7 +20,8 @@ use vlscan_geom::DVec3;
 
 /// Side of the squares whose lowest point counts as ground without a terrain, m.
 const GROUND_CELL: f64 = 5.0;
-/// Number of cells of the common box that are blocks of neighbouring points where there are no scan lines, about.
+/// Number of cells of the common box that are blocks of neighbouring points where there are no scan lines,
+/// about.
 const BLOCK_CELLS: f64 = 400.0;
 
 /// One cloud.
@@ -34,8 +35,8 @@ pub struct Cloud {
     pub min: [f64; 3],
     /// Upper corner of its box, world coordinates, m.
     pub max: [f64; 3],
-    /// Points within the box that both clouds share. If the file has more points than are kept in memory, its own number is
-    /// estimated from them.
+    /// Points within the box that both clouds share. If the file has more points than are kept in memory, its
+    /// own number is estimated from them.
     pub points_in_box: f64,
     /// Points per m² of the cells that hold points of either cloud.
     pub density_per_m2: f64,
@@ -96,11 +97,12 @@ impl Comparison {
     }
 }
 
-/// Compares `second` with `first` within the box that both share horizontally. Clouds are named for messages and pages.
+/// Compares `second` with `first` within the box that both share horizontally. Clouds are named for messages
+/// and pages.
 ///
 /// # Errors
-/// [`Error::Input`] for clouds that do not overlap, cells that are too small, a terrain that cannot be read; warnings if they are
-/// errors.
+/// [`Error::Input`] for clouds that do not overlap, cells that are too small, a terrain that cannot be read;
+/// warnings if they are errors.
 pub fn compare(
     [first, second]: [(&str, &Points); 2],
     options: &CompareOptions,

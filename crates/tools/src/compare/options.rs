@@ -13,19 +13,21 @@ pub struct CompareOptions {
     /// Side of the voxels whose occupancy is compared, m.
     #[arg(long, value_name = "M", default_value = "0.5", value_parser = args::positive)]
     pub voxel: f64,
-    /// Maximum number of points of each cloud, evenly sampled, whose distance to the other cloud and height above the terrain are computed.
+    /// Maximum number of points of each cloud, evenly sampled, whose distance to the other cloud and height
+    /// above the terrain are computed.
     #[arg(long, value_name = "N", default_value = "200k", value_parser = args::number_of_points)]
     pub most_distances: usize,
-    /// Show what chance alone gives: beside each figure the largest difference between random halves of the first cloud's scan lines, or of
-    /// square cells if it has none.
+    /// Show what chance alone gives: beside each figure the largest difference between random halves of the
+    /// first cloud's scan lines, or of square cells if it has none.
     #[arg(long)]
     pub chance: bool,
-    /// Terrain that heights and residuals refer to: a raster (.tif, .asc, .vrt, a folder of tiles) or a mesh (.obj, .ply, .stl, .off).
-    /// [default: the ground points of the first cloud (class 2)]
+    /// Terrain that heights and residuals refer to: a raster (.tif, .asc, .vrt, a folder of tiles) or a mesh
+    /// (.obj, .ply, .stl, .off). [default: the ground points of the first cloud (class 2)]
     #[arg(long, value_name = "FILE")]
     pub terrain: Option<PathBuf>,
-    /// Standard deviation of the registration of the clouds to each other, m, in the level of detection of change and the uncertainty of
-    /// volumes. [default: the median difference of the cells that did not change]
+    /// Standard deviation of the registration of the clouds to each other, m, in the level of detection of
+    /// change and the uncertainty of volumes. [default: the median difference of the cells that did not
+    /// change]
     #[arg(long, value_name = "M", value_parser = args::deviation)]
     pub registration: Option<f64>,
 }

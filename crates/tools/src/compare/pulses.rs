@@ -1,5 +1,5 @@
-//! Pulses and scan lines of a recording: points of one time and source are one pulse; lines end where times have a gap or the scan
-//! angle turns.
+//! Pulses and scan lines of a recording: points of one time and source are one pulse; lines end where times
+//! have a gap or the scan angle turns.
 
 use super::cut::Cut;
 use std::ops::Range;
@@ -37,7 +37,7 @@ pub(super) struct Pulses {
     pub lines: Vec<Range<usize>>,
     /// The pulse of each point of the cut.
     pub pulse_of: Vec<u32>,
-    /// Whether the lines are those of a scanner; otherwise there is one for each source.
+    /// True if the lines are those of a scanner; otherwise there is one for each source.
     pub has_lines: bool,
     pub has_angles: bool,
 }
@@ -151,8 +151,9 @@ impl Pulses {
         self.long_lines().map(|i| (self.lines[i].len() as f64, i as u32))
     }
 
-    /// The time of each line of some, s: when its scan angle passes the median one of its source, so that the margin of the cloud, which
-    /// cuts lines at other angles, does not move it; without scan angles the middle of the line. `None` of lines that do not pass it.
+    /// The time of each line of some, s: when its scan angle passes the median one of its source, so that the
+    /// margin of the cloud, which cuts lines at other angles, does not move it; without scan angles the
+    /// middle of the line. `None` of lines that do not pass it.
     fn line_times(&self, lines: &[usize]) -> Vec<Option<f64>> {
         /// Less than the steps of angles in files, so that no pulse is at the angle itself.
         const BETWEEN_STEPS: f64 = 1e-3;
@@ -178,8 +179,8 @@ impl Pulses {
         times
     }
 
-    /// Times from one line to the next of its source, s, with the first of them; the next one follows within [`MAX_LINE_GAP`] times
-    /// the usual time, in other cases strips end.
+    /// Times from one line to the next of its source, s, with the first of them; the next one follows within
+    /// [`MAX_LINE_GAP`] times the usual time, in other cases strips end.
     pub fn line_intervals(&self) -> Vec<(f64, u32)> {
         let lines: Vec<usize> = self.long_lines().collect();
         let source = |line: usize| self.pulses[self.lines[line].start].source;
@@ -195,9 +196,9 @@ impl Pulses {
         all.into_iter().filter(|(time, _)| *time <= MAX_LINE_GAP * usual).collect()
     }
 
-    /// Horizontal distances from pulses of a line to the nearest of the next three lines of its source, m, with the line: two arcs
-    /// of one revolution of a conic scanner lie far apart, and the next but one is the neighbour. At most 25 pulses
-    /// of each of at most 2000 lines, evenly chosen.
+    /// Horizontal distances from pulses of a line to the nearest of the next three lines of its source, m,
+    /// with the line: two arcs of one revolution of a conic scanner lie far apart, and the next but one is
+    /// the neighbour. At most 25 pulses of each of at most 2000 lines, evenly chosen.
     pub fn line_spacings(&self, cut: &Cut) -> Vec<(f64, u32)> {
         const NEXT: usize = 3;
         const MAX_PULSES: usize = 25;
@@ -225,7 +226,8 @@ impl Pulses {
         found
     }
 
-    /// The distance of a place from the polyline of a line's first echoes; `None` where the line does not pass it.
+    /// The distance of a place from the polyline of a line's first echoes; `None` where the line does not
+    /// pass it.
     fn distance_to_line(&self, cut: &Cut, place: [f64; 2], line: &Range<usize>) -> Option<f64> {
         let nearest = line.clone().min_by(|a, b| {
             distance(place, self.place(cut, *a)).total_cmp(&distance(place, self.place(cut, *b)))
@@ -257,9 +259,10 @@ fn lines_of(pulses: &[Pulse], has_angles: bool) -> Vec<Range<usize>> {
     lines
 }
 
-/// The shortest time between two lines, s: intervals fall into those of pulses, with a few lost ones, and those of lines. Their
-/// limit is the widest step of the ascending intervals on a logarithmic scale, weighted by the logarithm of the number of
-/// intervals beyond, so that a few pauses between strips are no lines. Infinite without such a step.
+/// The shortest time between two lines, s: intervals fall into those of pulses, with a few lost ones, and
+/// those of lines. Their limit is the widest step of the ascending intervals on a logarithmic scale, weighted
+/// by the logarithm of the number of intervals beyond, so that a few pauses between strips are no lines.
+/// Infinite without such a step.
 fn gap_between_lines(pulses: &[Pulse]) -> f64 {
     /// Ratio beyond which a wider step says nothing more.
     const CLEAR: f64 = 10.0;
@@ -283,8 +286,8 @@ fn gap_between_lines(pulses: &[Pulse]) -> f64 {
     gap
 }
 
-/// The smallest change of the scan angle against its sense that is a turn: a twentieth of its range, and more than one step of the
-/// file; `None` if the angle does not vary by more than a few steps.
+/// The smallest change of the scan angle against its sense that is a turn: a twentieth of its range, and more
+/// than one step of the file; `None` if the angle does not vary by more than a few steps.
 fn smallest_turn(pulses: &[Pulse]) -> Option<f64> {
     let mut angles: Vec<f64> = pulses.iter().map(|pulse| pulse.angle).collect();
     angles.sort_unstable_by(f64::total_cmp);
@@ -294,7 +297,8 @@ fn smallest_turn(pulses: &[Pulse]) -> Option<f64> {
     (range >= 4.0 * step).then(|| (0.05 * range).max(1.5 * step))
 }
 
-/// Appends the lines of a range of pulses: they end where the scan angle turns, or jumps back by half its range.
+/// Appends the lines of a range of pulses: they end where the scan angle turns, or jumps back by half its
+/// range.
 fn between_turns(pulses: &[Pulse], range: Range<usize>, turn: f64, lines: &mut Vec<Range<usize>>) {
     let jump = 10.0 * turn;
     let mut start = range.start;
@@ -344,7 +348,8 @@ pub(super) mod tests {
     use vlscan_formats::{AttributeSet, PointRow};
     use vlscan_geom::DVec3;
 
-    /// Lines of 100 pulses of 1 µs, 10 ms apart, 0.5 m along and 2 m across; every fifth pulse has two returns. Angles turn or jump.
+    /// Lines of 100 pulses of 1 µs, 10 ms apart, 0.5 m along and 2 m across; every fifth pulse has two
+    /// returns. Angles turn or jump.
     pub fn recording(turns: bool, period: f64) -> Points {
         let mut points = Points::new(AttributeSet::of(|_| true));
         for (line, pulse) in (0..40).flat_map(|line| (0..100).map(move |pulse| (line, pulse))) {
@@ -399,7 +404,8 @@ pub(super) mod tests {
     #[test]
     fn lost_pulses_and_pauses_are_no_lines() {
         let pulse = |time: f64| Pulse { source: (0, 0), time, first: 0, returns: 1, angle: 0.0 };
-        // Lines of 200 pulses of 2 µs every 5 ms, with gaps of up to 50 intervals, and a pause of ten minutes.
+        // Lines of 200 pulses of 2 µs every 5 ms, with gaps of up to 50 intervals, and a pause of ten
+        // minutes.
         let mut pulses = Vec::new();
         for line in 0..100 {
             for i in (0..200).filter(|i| !(50..50 + line % 50).contains(i)) {

@@ -90,7 +90,8 @@ impl Setting<'_> {
         found.add("height range of cells", self.of_cells(definition, &ranges));
     }
 
-    /// The height of each point of a cut; NaN where there is no terrain, and of points that are left out for their number.
+    /// The height of each point of a cut; NaN where there is no terrain, and of points that are left out for
+    /// their number.
     fn heights_of(&self, cut: &Cut) -> Vec<f64> {
         match &self.terrain {
             Some(terrain) => {

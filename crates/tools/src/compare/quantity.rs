@@ -6,8 +6,9 @@ use super::statistic::{Statistic, largest_distance};
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Ratio of errors of values between two neighbours to those of values at one of them: variances of 1 + 2/3 and 1 + 1/2, where
-/// neighbours are interpolated at any and at the middle place, and a little more for rounding.
+/// Ratio of errors of values between two neighbours to those of values at one of them: variances of 1 + 2/3
+/// and 1 + 1/2, where neighbours are interpolated at any and at the middle place, and a little more for
+/// rounding.
 const ERROR_RATIO: f64 = 1.06;
 
 /// A number of both clouds.
@@ -25,7 +26,7 @@ pub struct Figure {
     pub difference: f64,
     /// The largest difference between random halves of the first cloud; at least what the values resolve.
     pub chance: Option<f64>,
-    /// Whether the difference is within that bound.
+    /// True if the difference is within that bound.
     pub is_within_chance: Option<bool>,
 }
 
@@ -36,7 +37,7 @@ pub struct DistributionDistance {
     pub largest: f64,
     /// The largest one between random halves of the first cloud.
     pub chance: Option<f64>,
-    /// Whether the distance is within that bound.
+    /// True if the distance is within that bound.
     pub is_within_chance: Option<bool>,
 }
 
@@ -70,16 +71,17 @@ pub(super) struct Definition {
     pub unit: &'static str,
     pub per: &'static str,
     pub meaning: String,
-    /// Whether values are whole numbers.
+    /// True if values are whole numbers.
     pub is_whole: bool,
-    /// If values are differences from the first cloud: the errors of its own values, with their blocks. Values are within chance
-    /// if they are not larger.
+    /// If values are differences from the first cloud: the errors of its own values, with their blocks.
+    /// Values are within chance if they are not larger.
     pub errors: Option<Vec<(f64, u32)>>,
     pub statistics: Vec<Statistic>,
 }
 
 impl Definition {
-    /// The quantity of values of the first cloud with their blocks, and of values of the second; `None` if either has none.
+    /// The quantity of values of the first cloud with their blocks, and of values of the second; `None` if
+    /// either has none.
     pub fn measure(
         mut self,
         mut first: Vec<(f64, u32)>,
@@ -97,8 +99,8 @@ impl Definition {
         self.compare(values(&first), second, errors.as_ref().map(values), of_split)
     }
 
-    /// The quantity of values of both clouds, where `errors` are ascending errors of the first cloud's values, and `of_split` are
-    /// values of the halves in a split; `None` if either cloud has none.
+    /// The quantity of values of both clouds, where `errors` are ascending errors of the first cloud's
+    /// values, and `of_split` are values of the halves in a split; `None` if either cloud has none.
     pub fn compare(
         self,
         mut first: Vec<f64>,
@@ -155,8 +157,8 @@ impl Definition {
         })
     }
 
-    /// The largest difference between halves of each statistic, and the largest distance of their distributions; `None` if a half
-    /// is empty.
+    /// The largest difference between halves of each statistic, and the largest distance of their
+    /// distributions; `None` if a half is empty.
     fn bounds(&self, of_split: &(dyn Fn(usize) -> [Vec<f64>; 2] + Sync)) -> Option<Vec<f64>> {
         let differences = |split: usize| {
             let [mut a, mut b] = of_split(split);
@@ -222,7 +224,8 @@ mod tests {
         let alike = measure(&blocks(2, 0.0, 0.0));
         assert!(alike.figures.iter().all(|figure| figure.is_within_chance == Some(true)), "{alike:?}");
         assert_eq!(alike.distribution.is_within_chance, Some(true));
-        // The mean of 5000 values differs from that of 5000 others by 0.02; the largest of 39 is two to three times that.
+        // The mean of 5000 values differs from that of 5000 others by 0.02; the largest of 39 is two to three
+        // times that.
         let bound = alike.figures[0].chance.unwrap();
         assert!((0.03..0.08).contains(&bound), "{bound}");
         let shifted = measure(&blocks(2, 0.2, 0.0));

@@ -1,13 +1,15 @@
-//! Errors that neighbouring cells share, as errors of registration, of navigation along a strip and of calibration: their mean and
-//! their scatter where the clouds agree, alone and in blocks of cells.
+//! Errors that neighbouring cells share, as errors of registration, of navigation along a strip and of
+//! calibration: their mean and their scatter where the clouds agree, alone and in blocks of cells.
 //!
-//! Differences of surfaces that did not change have random errors, which the residuals of the planes give, and errors with a
-//! correlation over many cells, which they do not: those of a flight line tilt or lift a whole strip. Their mean is the error of
-//! registration (Lague, Brodu & Leroux, 2013, Accurate 3D comparison of complex topography with terrestrial laser scanner, whose
-//! level of detection contains it). How fast they average out is read from the differences themselves, as the scatter of the
-//! means of square blocks of cells: a variogram integrated over a block, without a model (Rolstad, Haug & Denby, 2009, Spatially
-//! integrated geodetic glacier mass balance and its uncertainty based on geostatistical analysis; Anderson, 2019, Uncertainty in
-//! quantitative analyses of topographic change: error propagation and the role of thresholding).
+//! Differences of surfaces that did not change have random errors, which the residuals of the planes give,
+//! and errors with a correlation over many cells, which they do not: those of a flight line tilt or lift a
+//! whole strip. Their mean is the error of registration (Lague, Brodu & Leroux, 2013, Accurate 3D comparison
+//! of complex topography with terrestrial laser scanner, whose level of detection contains it). How fast they
+//! average out is read from the differences themselves, as the scatter of the means of square blocks of
+//! cells: a variogram integrated over a block, without a model (Rolstad, Haug & Denby, 2009, Spatially
+//! integrated geodetic glacier mass balance and its uncertainty based on geostatistical analysis; Anderson,
+//! 2019, Uncertainty in quantitative analyses of topographic change: error propagation and the role of
+//! thresholding).
 
 use super::cut::CellGrid;
 use super::statistic::{Statistic, quantile};
@@ -61,16 +63,17 @@ impl Registration {
         Registration { offset, deviation, of_blocks }
     }
 
-    /// Standard deviation of the mean error that a number of cells share, m: that of blocks of about as many cells, or of the
-    /// largest blocks whose scatter is known.
+    /// Standard deviation of the mean error that a number of cells share, m: that of blocks of about as many
+    /// cells, or of the largest blocks whose scatter is known.
     pub fn deviation_of_mean(&self, cells: usize) -> f64 {
         let known = self.of_blocks.iter().take_while(|(side, _)| side * side <= cells);
         known.last().map_or(self.deviation, |(_, deviation)| *deviation)
     }
 }
 
-/// The middle of the shortest interval with half of the values, and half its length in standard deviations (Rousseeuw, 1984, Least
-/// median of squares regression): up to half of the cells may have changed. 0 without values.
+/// The middle of the shortest interval with half of the values, and half its length in standard deviations
+/// (Rousseeuw, 1984, Least median of squares regression): up to half of the cells may have changed. 0 without
+/// values.
 fn densest_half(values: impl Iterator<Item = f64>) -> (f64, f64) {
     /// Half of a normal distribution lies within this many standard deviations.
     const QUARTILE: f64 = 0.6745;
@@ -81,8 +84,8 @@ fn densest_half(values: impl Iterator<Item = f64>) -> (f64, f64) {
     shortest.map_or((0.0, 0.0), |(low, high)| (0.5 * (low + high), 0.5 * (high - low) / QUARTILE))
 }
 
-/// Scatter of the means of square blocks beyond random errors, by the side of the blocks: each power of 2 of which there are enough
-/// blocks with at least half of their cells.
+/// Scatter of the means of square blocks beyond random errors, by the side of the blocks: each power of 2 of
+/// which there are enough blocks with at least half of their cells.
 fn blocks(grid: &CellGrid, stable: &[CellDifference], offset: f64) -> Vec<(usize, f64)> {
     let mut found = Vec::new();
     let mut side = 2;
@@ -125,7 +128,8 @@ mod tests {
 
     const SIDE: usize = 64;
 
-    /// Cells with random errors of 1 cm, errors that squares of `shared` cells have in common, and a change of 1 m in every third.
+    /// Cells with random errors of 1 cm, errors that squares of `shared` cells have in common, and a change
+    /// of 1 m in every third.
     fn cells(offset: f64, common: f64, shared: usize) -> (CellGrid, Vec<CellDifference>) {
         let stream = Stream::new(3, Purpose::SceneMaking);
         let grid = CellGrid { side: 1.0, columns: SIDE, rows: SIDE };

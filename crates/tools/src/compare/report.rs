@@ -26,7 +26,7 @@ pub(super) struct Row {
     pub second: String,
     pub difference: String,
     pub chance: String,
-    /// Whether the difference is within what chance gives, if that is told.
+    /// True if the difference is within what chance gives, if that is told.
     pub is_within: Option<bool>,
 }
 

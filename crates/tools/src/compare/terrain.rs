@@ -1,4 +1,5 @@
-//! The terrain that residuals and heights refer to: the ground points of the first cloud, or a raster or mesh.
+//! The terrain that residuals and heights refer to: the ground points of the first cloud, or a raster or
+//! mesh.
 
 use super::cut::Cut;
 use crate::kd_tree::KdTree;
@@ -56,7 +57,8 @@ impl Terrain {
         Ok(Terrain::Model(model, corner))
     }
 
-    /// Height of the terrain at a place relative to the common box, m, and whether its surroundings support it.
+    /// Height of the terrain at a place relative to the common box, m, and whether its surroundings support
+    /// it.
     pub fn height(&self, [x, y]: [f64; 2]) -> Option<(f64, bool)> {
         match self {
             Terrain::Planes(planes) => planes.height([x, y]),
@@ -99,9 +101,10 @@ impl Planes {
         Some(Planes { tree: KdTree::new(&flat), points, lines })
     }
 
-    /// Height of the least-squares plane through the nearest ground points, and whether it is no extrapolation; otherwise it is
-    /// their mean height. The nearest ground point is left out with its scan line: of a point that makes the terrain that is itself,
-    /// and other points lie as far from the lines that remain as it does.
+    /// Height of the least-squares plane through the nearest ground points, and whether it is no
+    /// extrapolation; otherwise it is their mean height. The nearest ground point is left out with its scan
+    /// line: of a point that makes the terrain that is itself, and other points lie as far from the lines
+    /// that remain as it does.
     fn height(&self, [x, y]: [f64; 2]) -> Option<(f64, bool)> {
         let place = [x, y, 0.0];
         let (_, nearest) = *self.tree.nearest_few(&place, 1, |_| true).first()?;
@@ -119,7 +122,7 @@ impl Planes {
 pub(super) struct PlaneAt {
     /// Height at the place, or the mean height of the points where that would be extrapolated.
     pub height: f64,
-    /// Whether the place is within what the points support.
+    /// True if the place is within what the points support.
     pub is_supported: bool,
     /// Variance of the height over that of a point.
     pub leverage: f64,
@@ -127,7 +130,8 @@ pub(super) struct PlaneAt {
     pub squares: f64,
 }
 
-/// The least-squares plane through points, or their mean height where the place has too high a leverage; `None` without points.
+/// The least-squares plane through points, or their mean height where the place has too high a leverage;
+/// `None` without points.
 pub(super) fn plane(points: &[[f64; 3]], place: [f64; 2]) -> Option<PlaneAt> {
     if points.is_empty() {
         return None;
@@ -141,7 +145,8 @@ pub(super) fn plane(points: &[[f64; 3]], place: [f64; 2]) -> Option<PlaneAt> {
     })
 }
 
-/// The least-squares plane through points, at a place, however far it lies from them; `None` of points on a line.
+/// The least-squares plane through points, at a place, however far it lies from them; `None` of points on a
+/// line.
 pub(super) fn fitted_plane(points: &[[f64; 3]], [x, y]: [f64; 2]) -> Option<PlaneAt> {
     let count = points.len() as f64;
     let mean = [0, 1, 2].map(|axis| points.iter().map(|p| p[axis]).sum::<f64>() / count);

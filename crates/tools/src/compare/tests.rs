@@ -152,9 +152,10 @@ fn a_raised_canopy_and_a_thinned_cloud_are_seen() {
     assert!((c.quantity("height").unwrap().distribution.largest - 0.5).abs() < 0.01);
 }
 
-/// A strip of 120 scan lines 0.5 m apart with 200 pulses each, 0.25 m along and 1 µs apart, over rolling ground with noise of 2 cm
-/// (a centimetre of it common to a line), of which every `nth` pulse has a second return 5 m above. The seed is that of the noise,
-/// of the phase of each line, and of which pulses meet two things.
+/// A strip of 120 scan lines 0.5 m apart with 200 pulses each, 0.25 m along and 1 µs apart, over rolling
+/// ground with noise of 2 cm (a centimetre of it common to a line), of which every `nth` pulse has a second
+/// return 5 m above. The seed is that of the noise, of the phase of each line, and of which pulses meet two
+/// things.
 fn strip(seed: u64, bias: f64, nth: u64) -> Points {
     let mut points = Points::new(AttributeSet::of(|_| true));
     let stream = Stream::new(seed, Purpose::SceneMaking);
@@ -232,7 +233,8 @@ fn a_centimetre_of_bias_and_a_third_more_returns_are_beyond_chance() {
     assert!((figure(&c, "spacing across scan lines", "median").first - 0.5).abs() < 1e-6);
 }
 
-/// Ground of 60 by 60 m with noise of 2 cm and, if `is_changed`, a cone 3 m high and a conical pit 3 m deep, of a radius of 10 m.
+/// Ground of 60 by 60 m with noise of 2 cm and, if `is_changed`, a cone 3 m high and a conical pit 3 m deep,
+/// of a radius of 10 m.
 fn epoch(seed: u64, is_changed: bool) -> Points {
     let stream = Stream::new(seed, Purpose::SceneMaking);
     let mut points = Points::new(AttributeSet::of(|_| true));
@@ -250,7 +252,8 @@ fn epoch(seed: u64, is_changed: bool) -> Points {
 #[test]
 fn a_cone_and_a_pit_have_their_volumes() {
     let change = compared(&epoch(1, false), &epoch(2, true), &options()).change;
-    // π r² h / 3; what is lower than the level of detection at the rim is missing, some 0.02 m on 2 % of the radius.
+    // π r² h / 3; what is lower than the level of detection at the rim is missing, some 0.02 m on 2 % of the
+    // radius.
     let cone = std::f64::consts::PI * 100.0;
     for volume in [change.fill, change.cut] {
         let missing = cone - volume.volume_m3;
@@ -267,7 +270,8 @@ fn a_cone_and_a_pit_have_their_volumes() {
     assert!(none.fill.volume_m3 + none.cut.volume_m3 < 10.0, "{none:?}");
 }
 
-/// Ground of 60 by 60 m in strips of 20 m, of which each has a tilt and an offset of its own, with noise of 2 cm.
+/// Ground of 60 by 60 m in strips of 20 m, of which each has a tilt and an offset of its own, with noise of 2
+/// cm.
 fn epoch_with_strips(seed: u64, is_changed: bool) -> Points {
     let stream = Stream::new(seed, Purpose::SceneMaking);
     let flown = epoch(seed, is_changed);
@@ -301,7 +305,8 @@ fn errors_of_strips_are_within_the_uncertainties_of_the_volumes() {
                 beyond += usize::from(off > 2.0);
             }
             assert!(change.net_m3.abs() < 2.0 * change.net_uncertainty_m3, "{seed}: {change:?}");
-            // Not that anything would do: errors of some centimetres on the area of the cone, and below the level on all.
+            // Not that anything would do: errors of some centimetres on the area of the cone, and below the
+            // level on all.
             assert!(change.fill.uncertainty_m3 < 150.0, "{seed}: {:?}", change.fill);
         }
     }

@@ -1,5 +1,5 @@
-//! The layout of KITTI odometry (Geiger, Lenz & Urtasun, 2012, Are we ready for autonomous driving?), with labels as SemanticKITTI has them
-//! (Behley et al., 2019). Axes are x forward, y left, z up.
+//! The layout of KITTI odometry (Geiger, Lenz & Urtasun, 2012, Are we ready for autonomous driving?), with
+//! labels as SemanticKITTI has them (Behley et al., 2019). Axes are x forward, y left, z up.
 //!
 //! ```text
 //! sequences/00/velodyne/000000.bin   float32: x, y, z, intensity

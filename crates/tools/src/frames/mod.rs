@@ -1,6 +1,8 @@
-//! Frames of a scanner as data sets of driving: a file per frame, in the axes of the scanner, with poses and labels.
+//! Frames of a scanner as data sets of driving: a file per frame, in the axes of the scanner, with poses and
+//! labels.
 //!
-//! A frame's points are moved to where the scanner was at its first point, so that its pose takes all of them to the world.
+//! A frame's points are moved to where the scanner was at its first point, so that its pose takes all of them
+//! to the world.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -25,7 +27,8 @@ use vlscan_formats::read_frames;
 /// A layout of files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum FrameLayout {
-    /// KITTI odometry with labels as SemanticKITTI: sequences/00/velodyne, labels, poses.txt, times.txt, calib.txt.
+    /// KITTI odometry with labels as SemanticKITTI: sequences/00/velodyne, labels, poses.txt, times.txt,
+    /// calib.txt.
     Kitti,
     /// nuScenes: samples/LIDAR_TOP, lidarseg and the tables of v1.0-vlscan.
     Nuscenes,
@@ -62,7 +65,8 @@ pub struct FrameOptions {
     /// Number of the sequence of KITTI.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..100))]
     pub sequence: u32,
-    /// Factor from the intensities of the instrument to those of the files, which are 0 to 1 in KITTI and 0 to 255 in nuScenes.
+    /// Factor from the intensities of the instrument to those of the files, which are 0 to 1 in KITTI and 0
+    /// to 255 in nuScenes.
     #[arg(long, value_name = "FACTOR", default_value = "1", value_parser = crate::args::positive)]
     pub intensity_factor: f64,
 }
@@ -132,12 +136,13 @@ fn rounded_down(value: f64) -> String {
     format!("{:.1e}", (value / unit * (1.0 - 1e-9)).floor() * unit)
 }
 
-/// Writes the frames of an MCAP file to a folder; `name` is that of the source in messages. One frame is in memory at a time.
-/// The data set appears when it is complete. Intensities that the layout does not have are reported to `observer`.
+/// Writes the frames of an MCAP file to a folder; `name` is that of the source in messages. One frame is in
+/// memory at a time. The data set appears when it is complete. Intensities that the layout does not have are
+/// reported to `observer`.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Input`] for a source that is no MCAP with points and poses, for numbers that the files cannot hold, for
-/// folders of the layout that exist, and for warnings of a strict observer.
+/// [`Error::Io`]; [`Error::Input`] for a source that is no MCAP with points and poses, for numbers that the
+/// files cannot hold, for folders of the layout that exist, and for warnings of a strict observer.
 pub fn write_frames(
     source: &mut dyn Read,
     name: &Path,

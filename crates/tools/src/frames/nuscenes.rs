@@ -1,5 +1,6 @@
-//! The layout of nuScenes (Caesar et al., 2020, nuScenes: a multimodal dataset for autonomous driving) with the labels of nuScenes-lidarseg. Axes
-//! are x right, y forward, z up; every frame is a sample, and the frame of the vehicle is that of the scanner.
+//! The layout of nuScenes (Caesar et al., 2020, nuScenes: a multimodal dataset for autonomous driving) with
+//! the labels of nuScenes-lidarseg. Axes are x right, y forward, z up; every frame is a sample, and the frame
+//! of the vehicle is that of the scanner.
 //!
 //! ```text
 //! samples/LIDAR_TOP/vlscan__LIDAR_TOP__MICROSECONDS.pcd.bin   float32: x, y, z, intensity, ring
@@ -8,8 +9,9 @@
 //! v1.0-vlscan/*.json                                          the tables
 //! ```
 //!
-//! The tables of annotations (attribute, instance, sample_annotation, visibility) are empty. There is no table lidarseg: with it the devkit
-//! refuses classes that are not those of nuScenes. The token in the name of labels is that of `sample_data`.
+//! The tables of annotations (attribute, instance, sample_annotation, visibility) are empty. There is no
+//! table lidarseg: with it the devkit refuses classes that are not those of nuScenes. The token in the name
+//! of labels is that of `sample_data`.
 
 use super::placed::PlacedFrame;
 use super::{FrameWriter, create, refuse_existing, write};
@@ -31,7 +33,7 @@ struct Table {
     is_empty: bool,
 }
 
-/// Where the folders of the layout are filled until they get their names.
+/// Temporary folder in which the folders of the layout are filled.
 struct Folders {
     tables: PathBuf,
     samples: PathBuf,

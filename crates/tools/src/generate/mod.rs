@@ -1,8 +1,9 @@
 //! Generates scenes of a chosen size, with the surveys that scan them.
 //!
-//! A forest, hills or a room is written as OBJ and MTL files with `scene.xml`, `scanners.xml`, `platforms.xml` and
-//! `survey.xml`, ready to run. The same options give the same bytes on every machine: all random numbers come from
-//! [`vlscan_base::rng`], all transcendental functions from `libm`, and coordinates are written with four decimals.
+//! A forest, hills or a room is written as OBJ and MTL files with `scene.xml`, `scanners.xml`,
+//! `platforms.xml` and `survey.xml`, ready to run. The same options give the same bytes on every machine: all
+//! random numbers come from [`vlscan_base::rng`], all transcendental functions from `libm`, and coordinates
+//! are written with four decimals.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -123,8 +124,8 @@ pub struct SceneOptions {
     /// Forest: make every tree a separate part, so that points have the number of their tree.
     #[arg(long)]
     pub separate_trees: bool,
-    /// Forest: make this many different trees and place each --copies times; -n 1G --models 50 --copies 1000 is a forest of a billion
-    /// triangles.
+    /// Forest: make this many different trees and place each --copies times; -n 1G --models 50 --copies 1000
+    /// is a forest of a billion triangles.
     #[arg(long, value_name = "N", conflicts_with = "separate_trees")]
     pub models: Option<u64>,
     /// Forest: add this many opaque voxels of 0.25 m to the crowns.
@@ -181,12 +182,12 @@ pub struct GeneratedScene {
     pub pulses: u64,
 }
 
-/// Writes a scene and its survey into `folder`, which is created if it does not exist. The files appear under their
-/// names when all are complete.
+/// Writes a scene and its survey into `folder`, which is created if it does not exist. The files appear under
+/// their names when all are complete.
 ///
 /// # Errors
-/// [`Error::Input`] for impossible sizes and for existing files (unless [`SceneOptions::overwrite`]); [`Error::Io`]
-/// when writing fails.
+/// [`Error::Input`] for impossible sizes and for existing files (unless [`SceneOptions::overwrite`]);
+/// [`Error::Io`] when writing fails.
 pub fn write_scene(options: &SceneOptions, folder: &Path) -> Result<GeneratedScene> {
     let extent = check(options)?;
     if !options.overwrite {

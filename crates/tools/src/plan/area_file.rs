@@ -14,13 +14,15 @@ use vlscan_base::quantity::number;
 use vlscan_base::recognise::{self, foreign};
 use vlscan_geom::{UtmZone, radians};
 
-/// Extent below which coordinates without a system are degrees in every format: as metres such an area is too small to be
-/// scanned.
+/// Extent below which coordinates without a system are degrees in every format: as metres such an area is too
+/// small to be scanned.
 const MAX_DEGREES: f64 = 1.0;
 
-/// Reads an area: a file of GeoJSON, KML, KMZ, GPX or well-known text, a shapefile, a GeoPackage, or well-known text itself. Its
-/// first polygon or closed track counts, without its holes; with `buffer` (m) what is no farther from its first line. `scene_crs` is the system of the scene as WKT, if its files
-/// name one: coordinates of other systems are projected to it, if it is a UTM zone. Also returns what the user should know.
+/// Reads an area: a file of GeoJSON, KML, KMZ, GPX or well-known text, a shapefile, a GeoPackage, or
+/// well-known text itself. Its first polygon or closed track counts, without its holes; with `buffer` (m)
+/// what is no farther from its first line. `scene_crs` is the system of the scene as WKT, if its files name
+/// one: coordinates of other systems are projected to it, if it is a UTM zone. Also returns what the user
+/// should know.
 ///
 /// # Errors
 /// [`Error::Input`], [`Error::Io`].
@@ -243,8 +245,8 @@ impl<'s> Source<'s> {
         }
     }
 
-    /// GeoJSON without a system has degrees (RFC 7946, §4), well-known text the coordinates of the scene, unless it is too small
-    /// for metres.
+    /// GeoJSON without a system has degrees (RFC 7946, §4), well-known text the coordinates of the scene,
+    /// unless it is too small for metres.
     fn unstated(&mut self, has_scene_crs: bool) -> Coordinates {
         let positions = &self.line.positions;
         let in_range = positions.iter().all(|p| p[0].abs() <= 180.0 && p[1].abs() <= 90.0);
@@ -364,7 +366,7 @@ fn spread(positions: &[[f64; 2]]) -> f64 {
     extent(0).max(extent(1))
 }
 
-/// Whether a name has a folder, or an ending as names of files have it.
+/// True if a name has a folder, or an ending as names of files have it.
 fn is_like_file(name: &str) -> bool {
     let ending = Path::new(name).extension().and_then(|ending| ending.to_str()).unwrap_or_default();
     let is_word = ending.chars().all(|c| c.is_ascii_alphanumeric());

@@ -5,7 +5,8 @@ use vlscan_base::crs;
 
 /// Maximum depth of collections within collections.
 const MAX_DEPTH: u32 = 64;
-/// EPSG codes of longitude and latitude that differ from WGS 84 by less than a few metres: WGS 84, ETRS89, NAD83.
+/// EPSG codes of longitude and latitude that differ from WGS 84 by less than a few metres: WGS 84, ETRS89,
+/// NAD83.
 const DEGREES: [u32; 5] = [4326, 4979, 4258, 4937, 4269];
 
 /// Parts of the names of these systems, in capitals.
@@ -104,7 +105,7 @@ impl System {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Line {
     pub positions: Vec<[f64; 2]>,
-    /// Whether a position has a height other than 0, or a measure.
+    /// True if a position has a height other than 0, or a measure.
     pub has_heights: bool,
 }
 
@@ -294,7 +295,7 @@ fn coordinates(node: roxmltree::Node) -> Result<Line, String> {
     }))
 }
 
-/// Whether a text is well-known text rather than the name of a file.
+/// True if a text is well-known text rather than the name of a file.
 pub(super) fn is_well_known_text(text: &str) -> bool {
     let text = text.trim();
     let kind = text.split_once(';').filter(|(before, _)| is_srid(before)).map_or(text, |(_, rest)| rest);
@@ -314,7 +315,8 @@ fn is_srid(text: &str) -> bool {
     text.trim().get(..5).is_some_and(|start| start.eq_ignore_ascii_case("SRID="))
 }
 
-/// OGC 06-103r4, §7, with `SRID=25832;` before a geometry as PostGIS writes it. Several geometries follow each other.
+/// OGC 06-103r4, §7, with `SRID=25832;` before a geometry as PostGIS writes it. Several geometries follow
+/// each other.
 fn read_wkt(text: &str, depth: u32, found: &mut Vec<Geometry>) -> Result<(), String> {
     let expected = || {
         "expected GeoJSON, KML, GPX or well-known text, POLYGON ((x y, x y, …)) or LINESTRING (x y, x y, …)"
@@ -365,8 +367,8 @@ fn read_wkt(text: &str, depth: u32, found: &mut Vec<Geometry>) -> Result<(), Str
     }
 }
 
-/// What is between the first bracket of a text and the one that closes it, and what is behind that; `None` for a text that does
-/// not begin with a bracket, or does not close it.
+/// What is between the first bracket of a text and the one that closes it, and what is behind that; `None`
+/// for a text that does not begin with a bracket, or does not close it.
 fn bracketed(text: &str) -> Option<(&str, &str)> {
     let inner = text.strip_prefix('(')?;
     let mut depth = 1_usize;

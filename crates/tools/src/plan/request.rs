@@ -9,12 +9,13 @@ use std::path::PathBuf;
 pub enum PlanRequest {
     /// Parallel flight lines over an area.
     ///
-    /// The swath W at that height above ground and the N pulses per second that reach it are sampled from the instrument's optics. With the
-    /// speed v, f scan lines per second and the line distance S: overlap 1 − S/W, density N/(v·S), spacing v/f along and W·f/N across.
-    /// Density is the mean number of pulses per m² of flat ground; it determines the speed or, with --speed, the distance of the lines.
-    /// Coverage is uniform up to the edges of the area. If the mount of the default platform does not point the scanner at the ground, the
-    /// plan rotates it. Before the plan is written, a sample of the flight is flown over flat ground and over the scene; plans that the
-    /// instrument cannot fly are rejected.
+    /// The swath W at that height above ground and the N pulses per second that reach it are sampled from the
+    /// instrument's optics. With the speed v, f scan lines per second and the line distance S: overlap 1 −
+    /// S/W, density N/(v·S), spacing v/f along and W·f/N across. Density is the mean number of pulses per m²
+    /// of flat ground; it determines the speed or, with --speed, the distance of the lines. Coverage is
+    /// uniform up to the edges of the area. If the mount of the default platform does not point the scanner
+    /// at the ground, the plan rotates it. Before the plan is written, a sample of the flight is flown over
+    /// flat ground and over the scene; plans that the instrument cannot fly are rejected.
     Airborne(Box<AirborneRequest>),
     /// Tripod positions on a grid over an area, or around a plot.
     ///
@@ -57,7 +58,8 @@ impl PlanRequest {
 /// Where the polygon or line of an area comes from.
 #[derive(Clone, Debug, PartialEq)]
 pub enum AreaSource {
-    /// A file of GeoJSON, KML, KMZ, GPX or well-known text, a shapefile, a GeoPackage, or well-known text itself.
+    /// A file of GeoJSON, KML, KMZ, GPX or well-known text, a shapefile, a GeoPackage, or well-known text
+    /// itself.
     Named(String),
     /// A polygon in the scene's coordinates.
     Given(Area),
@@ -81,7 +83,8 @@ pub struct PlanSetup {
     /// The scene of the plan; it gives the ground height and, without --area, the area.
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<String>,
-    /// Height of the ground where the scene has none, m; tripods and vehicles stand at this height in any case. [default: 0]
+    /// Height of the ground where the scene has none, m; tripods and vehicles stand at this height in any
+    /// case. [default: 0]
     #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = args::coordinate)]
     pub ground: Option<f64>,
     /// Pulses per second. [default: the scanner's first]
@@ -90,11 +93,12 @@ pub struct PlanSetup {
     /// Folder to look for files in; may be given more than once.
     #[arg(long, value_name = "DIR")]
     pub assets: Vec<PathBuf>,
-    /// Coordinate reference system of the plan's coordinates if no file of its scene names it: EPSG:25832, WKT, or a file with either.
+    /// Coordinate reference system of the plan's coordinates if no file of its scene names it: EPSG:25832,
+    /// WKT, or a file with either.
     #[arg(long, value_name = "CRS")]
     pub crs: Option<String>,
-    /// Also write the flight lines, the drive or the positions as .geojson, .kml (both in longitude and latitude) or .csv (in the plan's
-    /// coordinates, too); may be given more than once.
+    /// Also write the flight lines, the drive or the positions as .geojson, .kml (both in longitude and
+    /// latitude) or .csv (in the plan's coordinates, too); may be given more than once.
     #[arg(long, value_name = "FILE")]
     pub lines: Vec<PathBuf>,
     /// The pipeline file. [default: stdout]
@@ -115,8 +119,9 @@ impl PlanSetup {
 /// A flight that is to be planned.
 #[derive(Clone, Debug, clap::Args)]
 pub struct AirborneRequest {
-    /// The area in the scene's coordinates: a file (GeoJSON, KML, KMZ, GPX, shapefile, GeoPackage, WKT), or "POLYGON ((x y, …))". Longitudes and
-    /// latitudes are projected to the scene's UTM zone. [default: the box of the scene's ground]
+    /// The area in the scene's coordinates: a file (GeoJSON, KML, KMZ, GPX, shapefile, GeoPackage, WKT), or
+    /// "POLYGON ((x y, …))". Longitudes and latitudes are projected to the scene's UTM zone. [default: the
+    /// box of the scene's ground]
     #[arg(long, value_name = "AREA")]
     pub area: Option<AreaSource>,
     /// Make the area a corridor: everything within this distance of the line, m.
@@ -133,8 +138,8 @@ pub struct AirborneRequest {
 /// Positions of a tripod that are to be planned.
 #[derive(Clone, Debug, clap::Args)]
 pub struct TerrestrialRequest {
-    /// The area in the scene's coordinates: a file (GeoJSON, KML, KMZ, GPX, shapefile, GeoPackage, WKT), or "POLYGON ((x y, …))". [default: the
-    /// scene's box]
+    /// The area in the scene's coordinates: a file (GeoJSON, KML, KMZ, GPX, shapefile, GeoPackage, WKT), or
+    /// "POLYGON ((x y, …))". [default: the scene's box]
     #[arg(long, value_name = "AREA", conflicts_with = "around")]
     pub area: Option<AreaSource>,
     /// Instrument, scene and output.
@@ -148,7 +153,8 @@ pub struct TerrestrialRequest {
 /// A drive that is to be planned.
 #[derive(Clone, Debug, clap::Args)]
 pub struct MobileRequest {
-    /// The line in the scene's coordinates: a file (GeoJSON, KML, KMZ, GPX, shapefile, GeoPackage, WKT), or "LINESTRING (x y, …)".
+    /// The line in the scene's coordinates: a file (GeoJSON, KML, KMZ, GPX, shapefile, GeoPackage, WKT), or
+    /// "LINESTRING (x y, …)".
     #[arg(long, value_name = "LINE")]
     pub along: String,
     /// Instrument, scene and output.

@@ -1,8 +1,8 @@
 //! What an instrument does in a straight flight over flat ground.
 //!
-//! The strip is sampled from the instrument's own optics (`beams`): its width W across the flight, the pulses N per second that
-//! reach the ground within the instrument's ranges, and how they are spread. With the speed v, f scan lines per second and
-//! the distance S between flight lines:
+//! The strip is sampled from the instrument's own optics (`beams`): its width W across the flight, the pulses
+//! N per second that reach the ground within the instrument's ranges, and how they are spread. With the speed
+//! v, f scan lines per second and the distance S between flight lines:
 //!
 //! ```text
 //! overlap            o = 1 − S / W
@@ -60,7 +60,8 @@ pub struct Scan {
 }
 
 impl SwathModel {
-    /// The instrument `scanner` at a pulse rate, Hz, or its first one; `reference` is how pipeline files refer to it.
+    /// The instrument `scanner` at a pulse rate, Hz, or its first one; `reference` is how pipeline files
+    /// refer to it.
     pub fn new(reference: String, scanner: &Scanner, wanted_rate: Option<u32>) -> SwathModel {
         SwathModel { scanner: scanner.clone(), reference, wanted_rate }
     }
@@ -125,7 +126,8 @@ impl SwathModel {
         self.device().head.max_rate
     }
 
-    /// Limits of the scan frequency as the data sheet states them, Hz; the upper one is infinite if there is none.
+    /// Limits of the scan frequency as the data sheet states them, Hz; the upper one is infinite if there is
+    /// none.
     pub fn scan_frequencies(&self) -> (f64, f64) {
         let (least, most) = self.device().scan_freq;
         (least, if most > 0.0 { most } else { f64::INFINITY })
@@ -136,29 +138,29 @@ impl SwathModel {
         self.device().scan_angle_max
     }
 
-    /// Whether it has a polygon mirror, for which settings can state resolutions.
+    /// True if it has a polygon mirror, for which settings can state resolutions.
     pub fn has_polygon(&self) -> bool {
         matches!(self.device().deflector, Deflector::Polygon { .. })
     }
 
-    /// Whether the head spins all the time, as that of multi-channel scanners does.
+    /// True if the head spins all the time, as that of multi-channel scanners does.
     pub fn spins(&self) -> bool {
         let most = self.head_rate();
         let has_mirror = self.has_mirror();
         most >= TAU * MIN_SPIN * (1.0 - 1e-9) || most > 0.0 && !has_mirror && self.devices() > 1.0
     }
 
-    /// Whether a mirror of its own turns beside a head; spinning scanners often have none.
+    /// True if a mirror of its own turns beside a head; spinning scanners often have none.
     pub fn has_mirror(&self) -> bool {
         self.sweeps() && (self.device().scan_freq.1 > 0.0 || self.devices() == 1.0)
     }
 
-    /// Whether the instrument sweeps lines, whose spacing along the flight depends on a scan frequency.
+    /// True if the instrument sweeps lines, whose spacing along the flight depends on a scan frequency.
     fn sweeps(&self) -> bool {
         !matches!(self.device().deflector, Deflector::Risley { .. } | Deflector::Fibres { .. })
     }
 
-    /// Whether settings can narrow the field.
+    /// True if settings can narrow the field.
     fn can_narrow(&self) -> bool {
         !self.spins() && !matches!(self.device().deflector, Deflector::Risley { .. })
     }
@@ -170,7 +172,8 @@ impl SwathModel {
         }
     }
 
-    /// The half opening angle, rad, of a request in degrees; `None` if the instrument's field cannot be narrowed.
+    /// The half opening angle, rad, of a request in degrees; `None` if the instrument's field cannot be
+    /// narrowed.
     ///
     /// # Errors
     /// A sentence with the limits.
@@ -220,8 +223,8 @@ impl SwathModel {
         format!("half opening angle {}°, expected above 0 and at most {}°", number(angle), number(most))
     }
 
-    /// The scan with the requested scan frequency (of spinning scanners turns per second), or within the instrument's limits
-    /// the one that draws about `lines` lines per second.
+    /// The scan with the requested scan frequency (of spinning scanners turns per second), or within the
+    /// instrument's limits the one that draws about `lines` lines per second.
     ///
     /// # Errors
     /// A sentence with the limits.
@@ -272,8 +275,9 @@ impl SwathModel {
         Ok(Scan { scan_freq, line_rate: turns, head_rate: TAU * turns, ..still })
     }
 
-    /// Scan frequency of a mirror beside a head that turns, Hz: within the mirror's limits as many lines in a turn as make a square
-    /// grid, but where possible no whole number of them, which would draw the same lines in each turn.
+    /// Scan frequency of a mirror beside a head that turns, Hz: within the mirror's limits as many lines in a
+    /// turn as make a square grid, but where possible no whole number of them, which would draw the same
+    /// lines in each turn.
     fn lines_beside_head(&self, turns: f64, pulse_rate: u32) -> f64 {
         let (least, most) = self.scan_frequencies();
         let height = 2.0 * self.usable_angle();
@@ -398,7 +402,8 @@ mod tests {
         let (found, pulses) = strip("riegl_lms-q780", Some(25.0));
         assert!((found / width(25.0) - 1.0).abs() < 5e-3, "{found}");
         assert!((pulses / (100_000.0 * 25.0 / 45.0) - 1.0).abs() < 5e-3, "{pulses}");
-        // Two channels turned by 14 degrees about the look: the strip is narrower by the cosine, the pulses are of both.
+        // Two channels turned by 14 degrees about the look: the strip is narrower by the cosine, the pulses
+        // are of both.
         let (found, pulses) = strip("riegl_vq-1560ii", Some(29.0));
         assert!((found / (width(29.0) * 14f64.to_radians().cos()) - 1.0).abs() < 5e-3, "{found}");
         assert!((pulses / (2.0 * 270_000.0 * 29.0 / 45.0) - 1.0).abs() < 5e-3, "{pulses}");

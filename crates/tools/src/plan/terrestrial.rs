@@ -38,7 +38,8 @@ pub struct TerrestrialOptions {
     pub resolution: f64,
 }
 
-/// Plans full turns of the head at each position, at the height `level`, m, or on the ground of the scene. A grid lies over `area`.
+/// Plans full turns of the head at each position, at the height `level`, m, or on the ground of the scene. A
+/// grid lies over `area`.
 ///
 /// # Errors
 /// [`Error::Input`]: no position, too many, an instrument without a turning head, a resolution that it cannot draw.
@@ -105,8 +106,8 @@ fn plan(
     Ok(document)
 }
 
-/// The scan with the requested resolution at the requested pulse rate, else at the first of the instrument's rates that its
-/// mirror and its head can draw it with.
+/// The scan with the requested resolution at the requested pulse rate, else at the first of the instrument's
+/// rates that its mirror and its head can draw it with.
 fn resolved_scan(instrument: &SwathModel, options: &TerrestrialOptions) -> Result<Scan, String> {
     let first = instrument.pulse_rate()?;
     let others = instrument.pulse_rates().iter().copied().filter(|_| instrument.wanted_rate.is_none());
@@ -122,9 +123,9 @@ fn resolved_scan(instrument: &SwathModel, options: &TerrestrialOptions) -> Resul
     Err(refused.unwrap_or_default())
 }
 
-/// The scan with that resolution, degrees, at that pulse rate. Lines of a mirror and steps of the head are that far apart (spec
-/// kinematics §4.2: pulses are counted over the mirror's whole mechanical angle); of a scanner whose channels the head alone
-/// turns the steps of the head.
+/// The scan with that resolution, degrees, at that pulse rate. Lines of a mirror and steps of the head are
+/// that far apart (spec kinematics §4.2: pulses are counted over the mirror's whole mechanical angle); of a
+/// scanner whose channels the head alone turns the steps of the head.
 fn scan_of(instrument: &SwathModel, resolution: f64, pulse_rate: u32) -> Result<Scan, String> {
     let (rate, most_head) = (f64::from(pulse_rate), instrument.head_rate());
     let step = radians(resolution);

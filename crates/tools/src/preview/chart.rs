@@ -1,5 +1,5 @@
-//! Draws the waveform of a pulse as a chart: amplitude over range and travel time, returns with the Gaussians fitted to
-//! them. The chart becomes a picture or a page.
+//! Draws the waveform of a pulse as a chart: amplitude over range and travel time, returns with the Gaussians
+//! fitted to them. The chart becomes a picture or a page.
 
 use crate::chart::label::{grouped, round_number};
 use crate::chart::{Anchor, Axis, Drawing, Mark, Picture, Plot, Role, Theme, style};
@@ -44,8 +44,8 @@ impl Field {
 }
 
 impl Chart {
-    /// Draws a waveform. `name` is the name of its file and may be empty. The size is clamped to 320 to 16384 by 240 to
-    /// 16384 dots.
+    /// Draws a waveform. `name` is the name of its file and may be empty. The size is clamped to 320 to 16384
+    /// by 240 to 16384 dots.
     pub fn new(wave: &Wave, name: &str, width: u32, height: u32) -> Chart {
         let (width, height) = (f64::from(width.clamp(320, 16_384)), f64::from(height.clamp(240, 16_384)));
         let t = (width.min(height * 4.0 / 3.0) / 620.0).floor().max(1.0);

@@ -35,9 +35,9 @@ struct Tile {
 /// The cells of a tile.
 #[derive(Clone, Debug)]
 enum TileCells {
-    /// Those with points in the order of their places: points that are spread over a wide place take little memory.
+    /// Cells with points, ordered by place, so that scattered points take little memory.
     Few(Vec<(u16, Cell, Ground)>),
-    /// Those at all places; without ground if it is not wanted.
+    /// All cells; without ground if no ground is requested.
     All(Vec<Cell>, Vec<Ground>),
 }
 
@@ -207,7 +207,7 @@ impl Cells {
         })
     }
 
-    /// Where the cells with points lie, in words; there must be points.
+    /// Extent of the cells with points, as text; there must be points.
     pub fn described_extent(&self) -> String {
         let (low, high) = self.extent();
         let at = |cell: i64, end: i64| (cell + end) as f64 * self.side;

@@ -1,7 +1,8 @@
 //! Rasters from point clouds: terrain, surface, canopy height, densities.
 //!
-//! Points are read once and summed in cells, so that memory grows with the number of cells that have points and not with that of points.
-//! Corners of cells are at multiples of their side, so that rasters of neighbouring tiles fit together.
+//! Points are read once and summed in cells, so that memory grows with the number of cells that have points
+//! and not with that of points. Corners of cells are at multiples of their side, so that rasters of
+//! neighbouring tiles fit together.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -136,12 +137,12 @@ impl PointSink for Sink {
 }
 
 impl CloudRasters {
-    /// Reads point clouds as one, for rasters of some kinds. `crs` is the system of clouds that name none, as WKT; `memory` the memory of the
-    /// machine, bytes. Returns also what there is to say of the clouds.
+    /// Reads point clouds as one, for rasters of some kinds. `crs` is the system of clouds that name none, as
+    /// WKT; `memory` the memory of the machine, bytes. Returns also what there is to say of the clouds.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Input`] for files that are no point cloud, clouds in different systems, no points, too many cells, and without
-    /// ground points if they are needed.
+    /// [`Error::Io`]; [`Error::Input`] for files that are no point cloud, clouds in different systems, no
+    /// points, too many cells, and without ground points if they are needed.
     pub fn read(
         clouds: &[CloudSource],
         kinds: &[RasterKind],
@@ -258,8 +259,9 @@ impl CloudRasters {
         }
     }
 
-    /// Heights of the ground at the centres of cells: the plane through the nearest mean ground points of cells, within the convex hull
-    /// of the cells with points and not farther from a ground point than is filled.
+    /// Heights of the ground at the centres of cells: the plane through the nearest mean ground points of
+    /// cells, within the convex hull of the cells with points and not farther from a ground point than is
+    /// filled.
     fn terrain(&self) -> Vec<f64> {
         let side = self.cells.side();
         let samples: Vec<DVec3> = self.cells.ground().collect();

@@ -10,14 +10,16 @@ use vlscan_base::damage;
 /// Maximum length of a compressed record, bytes: the decompressor takes up to 16 kB of memory per byte of it.
 const MAX_COMPRESSED_RECORD_BYTES: u16 = 4096;
 
-/// The compressor that stores points as they are, and the one that writes one chunk without a table of chunks.
+/// The compressor that stores points as they are, and the one that writes one chunk without a table of
+/// chunks.
 const UNCOMPRESSED: u16 = 0;
 const POINT_WISE: u16 = 1;
 
 /// What to do with points that are compressed in another way than those that are read.
 const CONVERT: &str = "convert it to LAS, with the program that wrote it, `laszip -i in.laz -o out.las` or `pdal translate in.laz out.las`";
 
-/// Offset of the number of points of a chunk in the record of the compression, and a number beyond that of any file.
+/// Offset of the number of points of a chunk in the record of the compression, and a number beyond that of
+/// any file.
 const CHUNK_SIZE_AT: usize = 12;
 const MAX_CHUNK_POINTS: u32 = u32::MAX - 1;
 
@@ -25,7 +27,8 @@ pub(super) struct Compressed<'a> {
     pub decompressor: LasZipDecompressor<'a, Cursor<&'a [u8]>>,
     /// Number of layers of a chunk, if chunks are layered.
     layers: Option<usize>,
-    /// Number of the first point of the next chunk. The layers of that chunk are checked before they are decompressed.
+    /// Number of the first point of the next chunk. The layers of that chunk are checked before they are
+    /// decompressed.
     next_chunk: u64,
 }
 
@@ -123,8 +126,8 @@ impl<'a> Compressed<'a> {
         Ok((size, layered.then_some(layers)))
     }
 
-    /// Checks that the layers of the chunk starting at point number `at`, if one does, lie within the file. The
-    /// decompressor allocates memory for them before it reads them.
+    /// Checks that the layers of the chunk starting at point number `at`, if one does, lie within the file.
+    /// The decompressor allocates memory for them before it reads them.
     pub fn check_chunk(&mut self, at: u64, record_length: usize) -> Result<(), String> {
         let Some(layers) = self.layers.filter(|_| at == self.next_chunk) else { return Ok(()) };
         let source = self.decompressor.get_mut();
@@ -170,7 +173,8 @@ fn unread(error: LasZipError) -> String {
     format!("{what}; {CONVERT}")
 }
 
-/// Checks that the chunk table is no longer than the file: the decompressor allocates memory for it before it reads it.
+/// Checks that the chunk table is no longer than the file: the decompressor allocates memory for it before it
+/// reads it.
 fn check_chunk_table(file: Fields, data_at: usize, points: u64) -> Result<(), String> {
     let Ok(mut at) = file.u64(data_at) else { return Err("the file ends before its points".to_owned()) };
     if at <= data_at as u64 || at >= i64::MAX as u64 {

@@ -35,12 +35,12 @@ pub struct LasFacts {
     pub version: (u8, u8),
     /// Point format, 0 to 10.
     pub point_format: u8,
-    /// Whether points are compressed (LAZ).
+    /// True if points are compressed (LAZ).
     pub is_compressed: bool,
-    /// Whether chunks are the nodes of an octree (COPC).
+    /// True if chunks are the nodes of an octree (COPC).
     pub is_copc: bool,
-    /// Whether times are adjusted standard GPS time (seconds since 6 January 1980, less 10⁹); otherwise they are seconds of the GPS
-    /// week.
+    /// True if times are adjusted standard GPS time (seconds since 6 January 1980, less 10⁹); otherwise they
+    /// are seconds of the GPS week.
     pub has_adjusted_times: bool,
     /// Steps of the coordinates, in the unit of the file.
     pub scale: DVec3,
@@ -114,8 +114,8 @@ impl Header {
         Ok(header)
     }
 
-    /// The data of the first variable length record, or extended one (LAS 1.4), of a user and a number. All records are
-    /// read: each must end within the file. They are not copied: waveform packets take gigabytes.
+    /// The data of the first variable length record, or extended one (LAS 1.4), of a user and a number. All
+    /// records are read: each must end within the file. They are not copied: waveform packets take gigabytes.
     pub(super) fn variable_record<'a>(
         &self,
         file: Fields<'a>,
@@ -166,7 +166,7 @@ impl Header {
         }
     }
 
-    /// Whether the coordinate reference system is stated as WKT, by a bit of the global encoding.
+    /// True if the coordinate reference system is stated as WKT, by a bit of the global encoding.
     pub(super) fn states_wkt(&self) -> bool {
         self.raw.global_encoding & 0x10 != 0
     }
@@ -218,7 +218,8 @@ impl Header {
         record[14] & if self.fields.is_extended { 0x0f } else { 0x07 }
     }
 
-    /// Whether a record is that of a pulse without a return: this program writes return 0 of 0 of the intensity 0, withheld.
+    /// True if a record is that of a pulse without a return: this program writes return 0 of 0 of the
+    /// intensity 0, withheld.
     pub(super) fn is_miss(&self, record: &[u8]) -> bool {
         let is_withheld =
             if self.fields.is_extended { record[15] & 1 << 2 != 0 } else { record[15] & 1 << 7 != 0 };
@@ -242,12 +243,13 @@ impl Header {
         usize::from(self.fields.len())
     }
 
-    /// Whether records have a time.
+    /// True if records have a time.
     pub(super) fn has_time(&self) -> bool {
         self.fields.has_gps_time
     }
 
-    /// Number of records that fit between the start of the points and what follows them, for records that are not compressed.
+    /// Number of records that fit between the start of the points and what follows them, for records that are
+    /// not compressed.
     pub(super) fn room(&self, file: Fields) -> u64 {
         let extended = self.raw.evlr.filter(|_| self.raw.header_size >= HEADER_BYTES_1_4);
         let packets = self.raw.start_of_waveform_data_packet_record.filter(|_| self.raw.header_size >= 235);

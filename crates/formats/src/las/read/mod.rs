@@ -1,4 +1,5 @@
-//! LAS and LAZ files (ASPRS LAS 1.0 to 1.5, point formats 0 to 10). Bounds in headers are not looked at: they are often wrong.
+//! LAS and LAZ files (ASPRS LAS 1.0 to 1.5, point formats 0 to 10). Bounds in headers are not looked at: they
+//! are often wrong.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -80,8 +81,8 @@ impl<'a> LasReader<'a> {
         Ok(extra::dimensions(descriptors, self.header.extra_bytes_at()))
     }
 
-    /// Calls `take` with the bytes and the position of each record of the next batch; returns `false` after the last
-    /// one, and when `take` breaks.
+    /// Calls `take` with the bytes and the position of each record of the next batch; returns `false` after
+    /// the last one, and when `take` breaks.
     pub fn read_records(
         &mut self,
         mut take: impl FnMut(&[u8], DVec3) -> ControlFlow<()>,
@@ -123,8 +124,8 @@ impl<'a> LasReader<'a> {
         Ok(())
     }
 
-    /// Compares the number of points with the size of the file. A header without a number, as a writer leaves it that was
-    /// interrupted, is completed.
+    /// Compares the number of points with the size of the file. A header without a number, as a writer leaves
+    /// it that was interrupted, is completed.
     fn check_count(&mut self, reading: &mut Reading) {
         if self.header.is_compressed {
             return;
@@ -143,7 +144,8 @@ impl<'a> LasReader<'a> {
 
 /// The extra dimensions that are read as attributes of points.
 struct Shown {
-    /// The unscaled amplitude of this program. Amplitudes of other programs are another quantity than the intensity.
+    /// The unscaled amplitude of this program. Amplitudes of other programs are another quantity than the
+    /// intensity.
     intensity: Option<ExtraDimension>,
     object: Option<ExtraDimension>,
     device: Option<ExtraDimension>,

@@ -1,13 +1,14 @@
 //! Trajectories of records of fixed size.
 //!
-//! SBET (Applanix, smoothed best estimate of trajectory): records of 17 little-endian doubles: time, latitude,
-//! longitude (rad), ellipsoidal height (m), three velocities, roll, pitch, platform heading, wander angle (rad), three
-//! accelerations, three angular rates. The platform heading is that in the wander frame, so the true heading is the
-//! platform heading minus the wander angle.
+//! SBET (Applanix, smoothed best estimate of trajectory): records of 17 little-endian doubles: time,
+//! latitude, longitude (rad), ellipsoidal height (m), three velocities, roll, pitch, platform heading, wander
+//! angle (rad), three accelerations, three angular rates. The platform heading is that in the wander frame,
+//! so the true heading is the platform heading minus the wander angle.
 //!
-//! TerraScan (.trj): a header that begins with `TSCANTRJ`, version, its own size, the number of records and their size
-//! (32-bit, little-endian), then records of doubles: time, x, y, z (m), heading, roll, pitch (degrees), and quality
-//! flags (TerraScan User Guide, Trajectory file formats). The heading counts clockwise from the grid's north.
+//! TerraScan (.trj): a header that begins with `TSCANTRJ`, version, its own size, the number of records and
+//! their size (32-bit, little-endian), then records of doubles: time, x, y, z (m), heading, roll, pitch
+//! (degrees), and quality flags (TerraScan User Guide, Trajectory file formats). The heading counts clockwise
+//! from the grid's north.
 
 use super::fix::{Fix, FixPlace, RecordError, RecordPlace};
 use vlscan_geom::{Rotation, radians};
@@ -277,7 +278,8 @@ mod tests {
         assert_eq!((fixes.len(), error), (3, None));
         assert_eq!(fixes[2].place, FixPlace::Local([1.0, 2.0, 3.0]));
         assert!((fixes[2].attitude.forward() - vlscan_geom::DVec3::X).length() < 1e-12);
-        // A writer that does not know the number of records leaves 0; anything after the last record is ignored.
+        // A writer that does not know the number of records leaves 0; anything after the last record is
+        // ignored.
         let mut unknown = bytes.clone();
         unknown[16] = 0;
         assert_eq!(read_all(RecordDecoder::terrascan(), &unknown).0.len(), 3);

@@ -55,7 +55,7 @@ impl PoseDecoder {
         PoseDecoder { path: path.to_path_buf(), settings: settings.clone(), pending: Vec::new(), format }
     }
 
-    /// Whether the bytes fed so far are records, or can still be such.
+    /// True if the bytes fed so far are records, or can still be such.
     fn may_be_binary(&self) -> bool {
         !matches!(self.format, Format::Rows(_))
     }
@@ -161,8 +161,8 @@ enum Detection {
     Unsupported(&'static str),
 }
 
-/// Detects by content: text has no control characters, TerraScan begins with its name, and the first record of an SBET
-/// is plausible.
+/// Detects by content: text has no control characters, TerraScan begins with its name, and the first record
+/// of an SBET is plausible.
 fn detect(bytes: &[u8], ended: bool) -> Detection {
     if bytes.is_empty() || bytes.len() < MIN_POSE_BYTES && !ended {
         return Detection::NeedMoreBytes;

@@ -1,4 +1,5 @@
-//! Reads a trajectory from a file, a named pipe or standard input: turns bytes, as they arrive, into blocks of poses.
+//! Reads a trajectory from a file, a named pipe or standard input: turns bytes, as they arrive, into blocks
+//! of poses.
 
 use super::decoder::PoseDecoder;
 use super::fix::{Fix, FixPlace, Pose, RecordError, RecordPlace};
@@ -56,7 +57,7 @@ pub struct PoseReader {
     decoder: Option<PoseDecoder>,
     georeference: Georeference,
     checks: SequenceChecks,
-    /// Whether the UTM zone is detected from the first pose.
+    /// True if the UTM zone is detected from the first pose.
     zone_is_detected: bool,
     /// Options that say how text is read.
     text_options: Vec<&'static str>,
@@ -155,8 +156,9 @@ impl PoseReader {
     /// Waits up to `timeout` for poses and returns those that have arrived, at most 1024.
     ///
     /// # Errors
-    /// An invalid line or record, or a time that does not ascend, with its number; a trajectory that cannot be read or
-    /// is empty. Poses before the error are returned first. Every later call returns the error again.
+    /// An invalid line or record, or a time that does not ascend, with its number; a trajectory that cannot
+    /// be read or is empty. Poses before the error are returned first. Every later call returns the error
+    /// again.
     pub fn poll(&mut self, timeout: Duration) -> Result<PollResult> {
         let until = Instant::now() + timeout;
         while self.pending.is_empty() && self.failure.is_none() && !self.ended {
@@ -184,8 +186,8 @@ impl PoseReader {
         self.georeference.projected_zone()
     }
 
-    /// Waits for the first pose, unless `is_stopped`, and returns its time in the trajectory's own scale, s. No pose may have been
-    /// returned before.
+    /// Waits for the first pose, unless `is_stopped`, and returns its time in the trajectory's own scale, s.
+    /// No pose may have been returned before.
     pub fn first_time(&mut self, is_stopped: &dyn Fn() -> bool) -> Option<f64> {
         self.await_first(is_stopped);
         self.pending.front().map(|pose| pose.time)
@@ -368,8 +370,8 @@ fn beyond_utm(fix: &Fix) -> Option<RecordError> {
     })
 }
 
-/// Returns a warning for latitude and longitude of text that have no unit and look like radians. In degrees they would lie
-/// in the Gulf of Guinea.
+/// Returns a warning for latitude and longitude of text that have no unit and look like radians. In degrees
+/// they would lie in the Gulf of Guinea.
 fn radians_as_degrees(fix: &Fix) -> Option<RecordError> {
     let FixPlace::Geographic([latitude, longitude, _]) = fix.place else { return None };
     let (lat, lon) = (latitude.to_degrees(), longitude.to_degrees());

@@ -9,7 +9,7 @@ const COMPARED_DISTANCE: f64 = 20.0;
 /// Minimum cosine of the angle between the way and the z axis of a body that is probably a camera: 26°.
 const MIN_CAMERA_COSINE: f64 = 0.9;
 
-/// What lines of numbers without names can be.
+/// Possible layouts of rows of numbers without names.
 #[derive(Debug, PartialEq)]
 pub(super) enum Numbers {
     /// At most seven numbers.
@@ -55,7 +55,7 @@ pub(super) struct CameraCheck {
 }
 
 impl CameraCheck {
-    /// Whether the body has now moved along its z axis far enough to be a camera, which looks along z.
+    /// True if the body has now moved along its z axis far enough to be a camera, which looks along z.
     pub fn finds(&mut self, fix: &Fix) -> bool {
         let FixPlace::Local(position) = fix.place else { return false };
         let position = DVec3::from(position);

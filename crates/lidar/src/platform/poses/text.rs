@@ -1,6 +1,7 @@
-//! Trajectories in rows, of text or of an Arrow stream: a header names columns in any order, otherwise they are time, x, y, z,
-//! roll, pitch, yaw, or a quaternion or a matrix that is recognised by its numbers. Of the comments of text the directives
-//! `#HEADER:` and `#TIME_COLUMN:` of HELIOS++'s files count. Lines that HELIOS++ wrote are detected by their numbers of decimals.
+//! Trajectories in rows, of text or of an Arrow stream: a header names columns in any order, otherwise they
+//! are time, x, y, z, roll, pitch, yaw, or a quaternion or a matrix that is recognised by its numbers. Of the
+//! comments of text the directives `#HEADER:` and `#TIME_COLUMN:` of HELIOS++'s files count. Lines that
+//! HELIOS++ wrote are detected by their numbers of decimals.
 
 use super::decoder::TakeFix;
 use super::fix::{Fix, FixPlace, RecordPlace};
@@ -35,7 +36,8 @@ const ADD_TIMES: &str = "put the times before the poses: `paste -d ' ' times.txt
 /// Name of the file of times that KITTI has beside its poses.
 const TIMES_FILE: &str = "times.txt";
 const MAX_TIMES_BYTES: u64 = 1 << 28;
-/// Times that are too large for seconds in any scale: nanoseconds from 1973 on, up to those that a 64-bit integer holds.
+/// Times that are too large for seconds in any scale: nanoseconds from 1973 on, up to those that a 64-bit
+/// integer holds.
 const MIN_NANOSECONDS: f64 = 1e17;
 const MAX_NANOSECONDS: f64 = 1e19;
 
@@ -182,7 +184,8 @@ impl PoseRows {
         Ok(stated.has_header_row || is_text && self.settings.columns.is_some() && has_no_number())
     }
 
-    /// Chooses by precedence: the user's columns, the stream's heading, a `#HEADER` directive, the default orders.
+    /// Chooses by precedence: the user's columns, the stream's heading, a `#HEADER` directive, the default
+    /// orders.
     fn choose_layout(
         &mut self,
         stated: &StatedColumns,
@@ -336,7 +339,7 @@ impl PoseRows {
 struct NoLayout {
     message: String,
     help: &'static str,
-    /// Whether the problem is in the last line of words before the first pose.
+    /// True if the problem is in the last line of words before the first pose.
     is_of_words: bool,
 }
 

@@ -43,8 +43,8 @@ fn a_homogeneous_slab_is_one_echo_and_the_wall_behind_another() {
     assert!(most_without > 4, "subrays are echoes without it: {most_without}");
 }
 
-/// The mean amplitude of the wall is exp(−T) of its amplitude without foliage, T = 0.5 · 0.4/m · 5 m, within four
-/// standard errors.
+/// The mean amplitude of the wall is exp(−T) of its amplitude without foliage, T = 0.5 · 0.4/m · 5 m, within
+/// four standard errors.
 #[test]
 fn the_wall_keeps_what_foliage_lets_through_on_average() {
     let amplitude = |density| {
@@ -68,8 +68,8 @@ fn of_elements(size: f64) -> Vec<Vec<Echo>> {
     echoes(&scene, 6, PhysicsOptions::refined(), 1500)
 }
 
-/// The mean light of the wall is that of the law of Beer and Lambert whatever the size of the elements; its variance, and the share
-/// of pulses with a single return, grow with the size.
+/// The mean light of the wall is that of the law of Beer and Lambert whatever the size of the elements; its
+/// variance, and the share of pulses with a single return, grow with the size.
 #[test]
 fn larger_elements_keep_the_mean_and_leave_fewer_returns() {
     let clear = echoes(&column(0, 0.0, None), 6, PhysicsOptions::refined(), 1)[0][0].intensity;
@@ -94,8 +94,8 @@ fn larger_elements_keep_the_mean_and_leave_fewer_returns() {
     assert!((last.0 / (p * (1.0 - p)) - 1.0).abs() < 0.1 && last.1 > 0.98, "{last:?}");
 }
 
-/// Depths of single returns of large elements are exponential: half of those of the foliage lie above the median of the
-/// exponential distribution cut at the depth 2.
+/// Depths of single returns of large elements are exponential: half of those of the foliage lie above the
+/// median of the exponential distribution cut at the depth 2.
 #[test]
 fn large_elements_are_met_by_the_law_of_beer_and_lambert() {
     let ranges = of_elements(10.0).into_iter().filter(|e| e.len() == 1 && e[0].range < 118.0);
@@ -105,8 +105,8 @@ fn large_elements_are_met_by_the_law_of_beer_and_lambert() {
     assert!((below - 0.5).abs() < 4.0 * 0.5 / (ranges.len() as f64).sqrt(), "{below} of {}", ranges.len());
 }
 
-/// The share of the subrays that reach the wall is that of the light that the wall returns, pulse by pulse: subrays and truths are of
-/// the draw that the points are of.
+/// The share of the subrays that reach the wall is that of the light that the wall returns, pulse by pulse:
+/// subrays and truths are of the draw that the points are of.
 #[test]
 fn subrays_and_truths_show_the_foliage_of_the_points() {
     let clear = echoes(&column(0, 0.0, None), 6, PhysicsOptions::refined(), 1)[0][0].intensity;
@@ -170,8 +170,8 @@ fn a_leaf_angle_table_of_the_same_leaves_changes_nothing() {
     }
 }
 
-/// Horizontal leaves have no projection along a ray at 90° from the zenith; a ray 60° off the zenith hits them at cos θ
-/// = 1/2.
+/// Horizontal leaves have no projection along a ray at 90° from the zenith; a ray 60° off the zenith hits
+/// them at cos θ = 1/2.
 #[test]
 fn leaves_of_a_table_are_met_at_their_own_angle() {
     let level = || {

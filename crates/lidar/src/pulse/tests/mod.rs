@@ -269,7 +269,8 @@ fn a_later_leg_s_divergence_is_half_applied_unless_corrected() {
 
 #[test]
 fn beams_without_divergence_or_minimum_range_have_one_echo() {
-    // The reference computes NaN for the one and nothing for the other (spec pulse-physics §9, traps 21 and 4).
+    // The reference computes NaN for the one and nothing for the other (spec pulse-physics §9, traps 21 and
+    // 4).
     for options in [legacy(), PhysicsOptions::helios(), PhysicsOptions::refined()] {
         for (divergence, range_min) in [(0.0, 1.5), (3e-4, 0.0), (0.0, 0.0)] {
             let survey = tls_with(|d| (d.beam.divergence, d.detector.range_min) = (divergence, range_min));

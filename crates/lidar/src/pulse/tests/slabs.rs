@@ -1,7 +1,8 @@
 //! Slabs of foliage in the refined physics: the transmission is exp(−σL), however the voxels lie.
 //!
-//! Of n pulses with transmission probabilities pᵢ, Σpᵢ get through with a variance of Σpᵢ(1−pᵢ); counts may differ by
-//! four standard deviations. The draws are fixed by the seed, so the tests always give the same result.
+//! Of n pulses with transmission probabilities pᵢ, Σpᵢ get through with a variance of Σpᵢ(1−pᵢ); counts may
+//! differ by four standard deviations. The draws are fixed by the seed, so the tests always give the same
+//! result.
 
 use super::*;
 use crate::flight::Pulse;
@@ -25,8 +26,8 @@ fn number() -> u64 {
 const FRONT: f64 = 20.0;
 const EDGE: f64 = 0.5;
 
-/// A slab of voxels of that density across +y: `layers` voxels deep, 12 m by 12 m wide, in random order in the file,
-/// before a wall.
+/// A slab of voxels of that density across +y: `layers` voxels deep, 12 m by 12 m wide, in random order in
+/// the file, before a wall.
 fn slab(layers: usize, density: f64, lad: Option<LadTable>) -> Scene {
     const ACROSS: usize = 24;
     // A material that reflects at any angle.
@@ -179,7 +180,8 @@ fn view<'a>(scene: &'a Scene, tree: &'a vlscan_trace::Tree) -> SceneView<'a> {
     }
 }
 
-/// Follows a ray through foliage too thin to scatter it; returns the number of voxels for which it drew a free path.
+/// Follows a ray through foliage too thin to scatter it; returns the number of voxels for which it drew a
+/// free path.
 fn voxels_drawn(view: &SceneView, origin: DVec3, direction: DVec3) -> u32 {
     let mut instrument = tls_instrument(5.0);
     instrument.detector.corrections = Corrections::REFINED;

@@ -1,6 +1,7 @@
-//! Point clouds as cubes (spec input-formats §4.4), from text and, beyond the reference, from every format of points. The
-//! file is read twice, once for its extent and once into the cells of the grid, so that memory grows with the number of
-//! occupied cells instead of the number of points. Very many cells are found in several readings, some at a time.
+//! Point clouds as cubes (spec input-formats §4.4), from text and, beyond the reference, from every format of
+//! points. The file is read twice, once for its extent and once into the cells of the grid, so that memory
+//! grows with the number of occupied cells instead of the number of points. Very many cells are found in
+//! several readings, some at a time.
 
 mod cells;
 mod occupancy;
@@ -175,8 +176,8 @@ impl<'s> Cloud<'s> {
         format.filter(|_| !is_wrong).map(|format| Cloud::Text { pieces, format: Box::new(format) })
     }
 
-    /// The box around all points, and whether any of them has a normal; `None` after an error. Says what there is to say of the
-    /// points.
+    /// The box around all points, and whether any of them has a normal; `None` after an error. Says what
+    /// there is to say of the points.
     fn look_at(
         &self,
         source: &Source,
@@ -217,8 +218,8 @@ impl<'s> Cloud<'s> {
         Ok((!is_wrong).then_some((extent, has_normals)))
     }
 
-    /// Passes batches of points to `take`, in the order of the file, as long as it returns true. What is wrong with them goes to
-    /// `found`.
+    /// Passes batches of points to `take`, in the order of the file, as long as it returns true. What is
+    /// wrong with them goes to `found`.
     fn each_batch(
         &self,
         source: &Source,
@@ -347,7 +348,7 @@ struct Settings {
     voxel_size: f64,
     default_normal: Option<DVec3>,
     rule: NormalRule,
-    /// Whether the scene names a material; if so, its class overrides that of the points.
+    /// True if the scene names a material; if so, its class overrides that of the points.
     has_material: bool,
 }
 
@@ -397,7 +398,7 @@ impl Settings {
         seen
     }
 
-    /// Whether a point has no normal, or one of a direction; normals that are not looked at are usable.
+    /// True if a point has no normal, or one of a direction; normals that are not looked at are usable.
     fn has_usable_normal(&self, point: &PointRow) -> bool {
         self.rule == NormalRule::Plane || point.normal.is_none_or(|n| n.is_finite() && n != DVec3::ZERO)
     }

@@ -10,7 +10,8 @@ use std::ops::Range;
 use vlscan_base::error::{Error, Result};
 use vlscan_formats::PointRow;
 
-/// Memory of all tables of cells of which a cloud has at least so many that it is read several times, bytes; few in tests.
+/// Memory of all tables of cells of which a cloud has at least so many that it is read several times, bytes;
+/// few in tests.
 const MIN_TABLE_BYTES: u64 = if cfg!(test) { 1 << 20 } else { 400 << 20 };
 
 /// The tables of cells may take this fraction of the memory if that is more.
@@ -25,9 +26,10 @@ const BATCHES: usize = 2;
 /// Cells that are looked at to halve their number.
 const SAMPLE: usize = 1 << 10;
 
-/// Sorts points into cells. Each cell receives its points in the order of the file for any number of threads, and all of them in
-/// the same reading. Where a first reading finds too many cells, it also finds which ones there are, if the grid is not too large
-/// for that: then further readings have room for several times as many.
+/// Sorts points into cells. Each cell receives its points in the order of the file for any number of threads,
+/// and all of them in the same reading. Where a first reading finds too many cells, it also finds which ones
+/// there are, if the grid is not too large for that: then further readings have room for several times as
+/// many.
 pub(super) struct Sorter<'a, S> {
     grid: &'a CloudGrid,
     settings: &'a Settings,
@@ -114,7 +116,8 @@ impl<'a, S: CellSums> Sorter<'a, S> {
         let cell = self.grid.cell_of(point.position);
         let is_collected = self.range.contains(&self.grid.order(cell));
         match (&self.dense, &self.occupied) {
-            // A file that changes between two readings, which is told afterwards, may have other cells than the first one found.
+            // A file that changes between two readings, which is told afterwards, may have other cells than
+            // the first one found.
             (Some(dense), Some(occupied)) if is_collected && occupied.contains(cell) => {
                 sorted[(occupied.rank(cell) - dense.first) / dense.shard_cells()].push(point);
             }
@@ -124,8 +127,8 @@ impl<'a, S: CellSums> Sorter<'a, S> {
         }
     }
 
-    /// Leaves cells to the next reading until there is room for more points. Tables keep the size that very many points at once
-    /// have given them.
+    /// Leaves cells to the next reading until there is room for more points. Tables keep the size that very
+    /// many points at once have given them.
     fn make_room(&mut self, sorted: &[[Vec<PointRow>; SHARDS]]) {
         let more: Vec<usize> =
             (0..SHARDS).map(|shard| sorted.iter().map(|batch| batch[shard].len()).sum()).collect();
@@ -237,8 +240,8 @@ mod tests {
         (0..3 * CELLS).map(point).collect()
     }
 
-    /// The cells in order with what a function finds in their sums, the number of readings, and whether all cells were known before
-    /// the last one.
+    /// The cells in order with what a function finds in their sums, the number of readings, and whether all
+    /// cells were known before the last one.
     fn sorted<S: CellSums, T>(
         points: &[PointRow],
         size: [f64; 3],

@@ -21,8 +21,9 @@ pub(super) type LinePlace = (usize, Range<usize>);
 const DEFAULT_NORMAL: [usize; 3] = [3, 4, 5];
 
 impl RowFormat {
-    /// The format of a file: columns by their names if its first line has any, else by their order. The default columns of the
-    /// normal are not looked at if they contain colours or have names. `None` for a file without points.
+    /// The format of a file: columns by their names if its first line has any, else by their order. The
+    /// default columns of the normal are not looked at if they contain colours or have names. `None` for a
+    /// file without points.
     pub fn new(
         loader: &XyzLoader,
         has_normals: bool,
@@ -82,8 +83,8 @@ impl RowFormat {
         Some(RowFormat { rows })
     }
 
-    /// Detects a truncated last line: one without a line end and with fewer columns than the first point. Returns the
-    /// number of columns of both.
+    /// Detects a truncated last line: one without a line end and with fewer columns than the first point.
+    /// Returns the number of columns of both.
     pub fn find_truncation(&self, last: &[u8]) -> Option<(usize, usize)> {
         let mut words = Vec::new();
         self.rows.split(last, &mut words);
@@ -96,7 +97,8 @@ impl RowFormat {
         widths.warnings(&self.rows)
     }
 
-    /// Calls `take` with every point of a piece of the file; returns the number of lines, and those of other lengths.
+    /// Calls `take` with every point of a piece of the file; returns the number of lines, and those of other
+    /// lengths.
     pub fn read(
         &self,
         bytes: &[u8],

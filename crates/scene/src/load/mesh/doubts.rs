@@ -1,6 +1,6 @@
-//! Meshes that are probably read in the wrong unit or with the wrong axis up: coordinates in millimetres are taken as metres,
-//! and a mesh whose y is up lies on its side. Both can be told from the extent of most meshes, and are warned of unless the
-//! scene states unit or axis.
+//! Meshes that are probably read in the wrong unit or with the wrong axis up: coordinates in millimetres are
+//! taken as metres, and a mesh whose y is up lies on its side. Both can be told from the extent of most
+//! meshes, and are warned of unless the scene states unit or axis.
 
 use crate::builder::SceneBuilder;
 use crate::ground::{Body, bounds_of};
@@ -31,8 +31,8 @@ pub(crate) fn check(scene: &mut SceneBuilder, part: &PartRecipe, files: &[PathBu
     report(scene, part, (file, reading), placed.size(), own);
 }
 
-/// As [`check`] for a glTF file whose meshes become parts of their own; `own` is the box around all in the frame of the file,
-/// z up.
+/// As [`check`] for a glTF file whose meshes become parts of their own; `own` is the box around all in the
+/// frame of the file, z up.
 pub(super) fn check_document(scene: &mut SceneBuilder, part: &PartRecipe, own: Aabb) {
     if let Loader::MeshFiles { reading, files } = &part.loader
         && let [file] = &files[..]
@@ -128,14 +128,14 @@ fn axis_doubt(bounds: Aabb) -> Option<String> {
     })
 }
 
-/// Whether a mesh of this size is a landscape on its side.
+/// True if a mesh of this size is a landscape on its side.
 fn is_sheet(size: DVec3) -> bool {
     let smallest = size.x.min(size.z);
     smallest >= MIN_SHEET && size.y <= 0.2 * smallest
 }
 
-/// What is doubtful about the axes of a glTF mesh whose box is this after y of the file has become up: if z of the file was
-/// up, it now points to -y.
+/// Returns doubts about the axes of a glTF mesh whose box is this after y of the file has become up: if z of
+/// the file was up, it now points to -y.
 fn turned_doubt(bounds: Aabb) -> Option<String> {
     let (size, centre, top) = (bounds.size(), bounds.centre(), bounds.max.y);
     let is_on_both_sides =

@@ -1,6 +1,6 @@
-//! glTF files as parts: each mesh that a node places is a part, an instance of its mesh as any other part. A part with an id,
-//! with motions, with swaps or with materials for faces by their numbers stays one part, and so does one that is dropped to the
-//! ground as a whole.
+//! glTF files as parts: each mesh that a node places is a part, an instance of its mesh as any other part. A
+//! part with an id, with motions, with swaps or with materials for faces by their numbers stays one part, and
+//! so does one that is dropped to the ground as a whole.
 
 use super::gltf::GltfDocument;
 use super::gltf_nodes::{PlacedMesh, similarity};
@@ -56,7 +56,8 @@ pub(crate) fn parts_in_epoch<'r>(
     Ok(parts)
 }
 
-/// The parts of a glTF file; `None` for a part that stays as it is. `are_gltf` are the files that have been looked at.
+/// The parts of a glTF file; `None` for a part that stays as it is. `are_gltf` are the files that have been
+/// looked at.
 fn expand<'r>(
     scene: &mut SceneBuilder,
     part: &'r PartRecipe,
@@ -119,8 +120,8 @@ fn box_around(mesh: &Mesh, transform: &Transform) -> Aabb {
     Aabb::around((0..8).map(|i| transform.apply(corner(i))))
 }
 
-/// Whether a file is glTF, by its name or its first bytes. A file that cannot be opened, or is of a format that is not read, is
-/// reported where it is loaded.
+/// True if a file is glTF, by its name or its first bytes. A file that cannot be opened, or is of a format
+/// that is not read, is reported where it is loaded.
 pub(super) fn is_gltf(path: &Path) -> bool {
     let is_one = |source: &Source| {
         Format::of(path, source.bytes()) == Format::Gltf && foreign_format(source).is_none()
@@ -145,8 +146,8 @@ impl Meshes<'_> {
         FileFrame::new(self.reading, Format::Gltf)
     }
 
-    /// The linear map that the mesh itself gets, and the transform that places it: all of the linear map is in the transform
-    /// if it rotates and scales equally along all axes.
+    /// The linear map that the mesh itself gets, and the transform that places it: all of the linear map is
+    /// in the transform if it rotates and scales equally along all axes.
     fn split(&self, placed: &PlacedMesh) -> (DMat3, Transform) {
         let frame = self.frame();
         let offset = frame.apply(placed.transform.translation);

@@ -6,8 +6,8 @@
 //! soil,,2,true,,loam
 //! ```
 //!
-//! The first line names the columns, of which `name` is required, in any order. A table is named by the loader, or is the
-//! file `materials.csv` beside a PLY, STL or glTF file.
+//! The first line names the columns, of which `name` is required, in any order. A table is named by the
+//! loader, or is the file `materials.csv` beside a PLY, STL or glTF file.
 
 use super::diffuse;
 use crate::text::printable;
@@ -35,8 +35,8 @@ pub(super) struct MaterialTable {
 }
 
 impl MaterialTable {
-    /// The table that the loader names, or the one beside the mesh file `path`; `None` if there is none, and after an error
-    /// in it.
+    /// The table that the loader names, or the one beside the mesh file `path`; `None` if there is none, and
+    /// after an error in it.
     pub fn of(path: &Path, reading: &MeshReading, diagnostics: &mut Diagnostics) -> Option<MaterialTable> {
         let beside = || Some(path.with_file_name(FILE_NAME)).filter(|table| reads::is_file(table));
         let table = reading.materials.clone().or_else(beside)?;
@@ -145,8 +145,8 @@ fn read_rows(path: &Path, text: &str, diagnostics: &mut Diagnostics) -> HashMap<
     rows
 }
 
-/// The fields of a row and their places, of which the last may be empty; `Err` has their number if it is not `count`. Fields in
-/// quotes may hold the separator.
+/// The fields of a row and their places, of which the last may be empty; `Err` has their number if it is not
+/// `count`. Fields in quotes may hold the separator.
 fn fields_of(line: &str, separator: Separator, count: usize) -> Result<Vec<(String, Range<usize>)>, usize> {
     if !line.contains('"') {
         let fields = separator.split_row(line, count)?;

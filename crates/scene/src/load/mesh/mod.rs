@@ -166,7 +166,8 @@ fn diffuse(name: impl AsRef<str>) -> MaterialDefinition {
     MaterialDefinition { kd: [1.0; 3], ..MaterialDefinition::new(printable(name.as_ref())) }
 }
 
-/// Appends the triangles of a mesh file to the scene. `names` holds the materials known to the part's OBJ files.
+/// Appends the triangles of a mesh file to the scene. `names` holds the materials known to the part's OBJ
+/// files.
 pub(crate) fn load(
     scene: &mut SceneBuilder,
     part: &PartSource,
@@ -217,7 +218,8 @@ pub(crate) fn load(
     memory::load_with(scene, part, &mesh, materials, &face_of)
 }
 
-/// A file of none of the formats that are read. The first bytes of a binary STL file are any, and a damaged one has only its name.
+/// A file of none of the formats that are read. The first bytes of a binary STL file are any, and a damaged
+/// one has only its name.
 fn foreign_format(source: &Source) -> Option<Foreign> {
     let bytes = source.bytes();
     let is_known = is_ply(bytes) || bytes.starts_with(b"glTF") || stl::is_stl(bytes);
@@ -247,9 +249,9 @@ fn warn_of_unknown(scene: &mut SceneBuilder, path: &Path, mut unknown: Vec<Strin
     scene.diagnostics.warn(Some(Place::of_file(path)), message).help(help);
 }
 
-/// Gives the materials of a mesh the properties of its table, and checks the mesh; `None` after an error in the input. Names
-/// of materials without a reflectance are appended to `unknown`, but for those that a row of the table describes: the library
-/// reports these at their lines.
+/// Gives the materials of a mesh the properties of its table, and checks the mesh; `None` after an error in
+/// the input. Names of materials without a reflectance are appended to `unknown`, but for those that a row of
+/// the table describes: the library reports these at their lines.
 fn finish(
     scene: &mut SceneBuilder,
     path: &Path,

@@ -1,12 +1,13 @@
-//! OFF, the Object File Format of Geomview: the variants `OFF`, `COFF`, `NOFF`, `STOFF` and their combinations, as text. Normals,
-//! colours and texture coordinates are not used: what a surface reflects follows from its material.
+//! OFF, the Object File Format of Geomview: the variants `OFF`, `COFF`, `NOFF`, `STOFF` and their
+//! combinations, as text. Normals, colours and texture coordinates are not used: what a surface reflects
+//! follows from its material.
 
 use super::{RawMesh, diffuse};
 use crate::text::Source;
 use vlscan_base::columns::comma_note;
 use vlscan_geom::DVec3;
 
-/// What the first word says of a line of a vertex.
+/// Layout of a vertex line, by the first word of the file.
 struct Layout {
     /// Numbers behind the coordinates, in all forms that programs write.
     more: Vec<usize>,

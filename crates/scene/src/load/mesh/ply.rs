@@ -1,4 +1,5 @@
-//! PLY meshes, text and binary: the faces of `vertex_indices`, and strips of triangles. The material is named after the file.
+//! PLY meshes, text and binary: the faces of `vertex_indices`, and strips of triangles. The material is named
+//! after the file.
 
 use super::{RawMesh, diffuse};
 use crate::text::Source;
@@ -134,7 +135,7 @@ fn read_text_element(numbers: &mut PlyNumbers, definition: &ElementDef) -> Resul
     Ok(element)
 }
 
-/// Whether a list has the name of the corners of faces.
+/// True if a list has the name of the corners of faces.
 fn is_corners(name: &str) -> bool {
     ["vertex_indices", "vertex_index"].iter().any(|known| name.eq_ignore_ascii_case(known))
 }
@@ -148,7 +149,7 @@ fn first_line(e: &impl ToString) -> String {
 struct Element {
     position: [f64; 3],
     corners: Vec<i64>,
-    /// Whether the corners are floats, which are no indices.
+    /// True if the corners are floats, which are no indices.
     has_fractions: bool,
 }
 

@@ -1,4 +1,5 @@
-//! STL, binary and text. The solids of a text file are its materials; a binary file has one, named after the file.
+//! STL, binary and text. The solids of a text file are its materials; a binary file has one, named after the
+//! file.
 
 use super::{RawMesh, diffuse};
 use crate::text::Source;
@@ -13,20 +14,20 @@ const MAX_FACET_OFFSET: usize = 1 << 12;
 /// Bytes of a triangle: normal and corners as twelve floats, and two bytes more.
 const TRIANGLE_BYTES: usize = 50;
 
-/// Whether a file without the extension of STL is STL.
+/// True if a file without the extension of STL is STL.
 pub(super) fn is_stl(bytes: &[u8]) -> bool {
     is_binary(bytes)
         || (begins_as_text(bytes)
             && bytes.windows(5).take(MAX_FACET_OFFSET).any(|word| word.eq_ignore_ascii_case(b"facet")))
 }
 
-/// Whether a file begins as a text file does: binary files may, too.
+/// True if a file begins as a text file does: binary files may, too.
 fn begins_as_text(bytes: &[u8]) -> bool {
     let start = bytes.trim_ascii_start();
     start.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"))
 }
 
-/// Whether the length is that of a binary file with the number of triangles that it states.
+/// True if the length is that of a binary file with the number of triangles that it states.
 fn is_binary(bytes: &[u8]) -> bool {
     stated_count(bytes).is_some_and(|n| {
         n > 0 && n.checked_mul(TRIANGLE_BYTES).is_some_and(|size| bytes.len() - HEADER_BYTES == size)

@@ -1,5 +1,5 @@
-//! ESRI ASCII grids: heights as text, read as the GeoTIFF of 32-bit floats that `gdal_translate` makes of them, so that all that
-//! holds for rasters holds for them.
+//! ESRI ASCII grids: heights as text, read as the GeoTIFF of 32-bit floats that `gdal_translate` makes of
+//! them, so that all that holds for rasters holds for them.
 
 use std::fmt::Write as _;
 use std::io::Cursor;
@@ -44,10 +44,11 @@ struct Grid<'t> {
     heights: Vec<f32>,
 }
 
-/// The bytes of a GeoTIFF with the heights of the grid in `text`. A `.prj` file beside `path` names its system.
+/// The bytes of a GeoTIFF with the heights of the grid in `text`. A `.prj` file beside `path` names its
+/// system.
 ///
 /// # Errors
-/// What is wrong with the grid, with its line.
+/// Problem of a grid, with its line.
 pub(super) fn geotiff(text: &[u8], path: &Path) -> Result<Vec<u8>, GridError> {
     let text =
         std::str::from_utf8(text).map_err(|_| GridError("it has bytes that are not text".to_owned()))?;
@@ -56,8 +57,8 @@ pub(super) fn geotiff(text: &[u8], path: &Path) -> Result<Vec<u8>, GridError> {
     encoded(&grid, &keys).map_err(|e| GridError(format!("it cannot be used: {e}")))
 }
 
-/// The keys of the system in the `.prj` file: those of its code, or that its coordinates are degrees. A system without a code is
-/// read from the file itself.
+/// The keys of the system in the `.prj` file: those of its code, or that its coordinates are degrees. A
+/// system without a code is read from the file itself.
 fn keys(path: &Path) -> Result<Vec<[u16; 4]>, String> {
     let mut keys = Vec::new();
     let prj =

@@ -47,7 +47,7 @@ impl Georeference {
         }
     }
 
-    /// Whether all pixels of an image of this size have representable coordinates.
+    /// True if all pixels of an image of this size have representable coordinates.
     pub fn is_near(&self, columns: usize, rows: usize) -> bool {
         let corners = [(0, 0), (columns, 0), (0, rows), (columns, rows)];
         corners.iter().all(|&(column, row)| {
@@ -70,7 +70,7 @@ impl Georeference {
         [(x * d - y * b) / determinant, (y * a - x * c) / determinant]
     }
 
-    /// Whether x depends on the column only and y on the row only.
+    /// True if x depends on the column only and y on the row only.
     pub fn is_upright(&self) -> bool {
         self.of_column.1 == 0.0 && self.of_row.0 == 0.0
     }
@@ -85,8 +85,8 @@ impl Georeference {
         }
     }
 
-    /// Converts the coefficients x = c₀ + c₁·column + c₂·row, y = c₃ + c₄·column + c₅·row, where (column, row) is the
-    /// corner of a pixel, or its centre if `is_point`.
+    /// Converts the coefficients x = c₀ + c₁·column + c₂·row, y = c₃ + c₄·column + c₅·row, where (column,
+    /// row) is the corner of a pixel, or its centre if `is_point`.
     pub fn from_affine(c: [f64; 6], is_point: bool) -> Result<Georeference, String> {
         if c.iter().any(|v| !v.is_finite()) || c[1] * c[5] == c[2] * c[4] {
             return Err(format!("expected a pixel size other than 0, found {} by {}", c[1], c[5]));
@@ -96,8 +96,9 @@ impl Georeference {
         Ok(Georeference { origin, of_column: (c[1], c[4]), of_row: (c[2], c[5]) })
     }
 
-    /// Whether the coordinates are degrees of longitude and latitude: according to the raster's keys, or, without such
-    /// keys, because its pixel size and its distance from the origin are plausible for degrees only.
+    /// True if the coordinates are degrees of longitude and latitude: according to the raster's keys, or,
+    /// without such keys, because its pixel size and its distance from the origin are plausible for degrees
+    /// only.
     pub fn is_geographic(&self, directory: &mut Directory) -> bool {
         keys::is_geographic(directory).unwrap_or_else(|| {
             let (x, y) = self.origin;
@@ -107,7 +108,8 @@ impl Georeference {
     }
 }
 
-/// The georeference of the current image: from its tags, otherwise from the world file beside it, otherwise `None`.
+/// The georeference of the current image: from its tags, otherwise from the world file beside it, otherwise
+/// `None`.
 pub(super) fn read(directory: &mut Directory, path: &Path) -> Result<Option<Georeference>, String> {
     let is_point = keys::is_point(directory)?;
     if let Some(m) = doubles(directory, Tag::ModelTransformationTag)?.filter(|m| m.len() >= 8) {

@@ -1,5 +1,6 @@
-//! Terrain from a raster (spec input-formats §4.3): one vertex at the centre of each pixel, two triangles between each
-//! four pixels. They are a height field unless the part moves or has materials by face; then they are stored.
+//! Terrain from a raster (spec input-formats §4.3): one vertex at the centre of each pixel, two triangles
+//! between each four pixels. They are a height field unless the part moves or has materials by face; then
+//! they are stored.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -68,14 +69,14 @@ pub struct RasterNeed {
     pub rows: usize,
     /// Number of triangles if no pixel is without data.
     pub triangles: u64,
-    /// Whether it is a height field: its triangles are not stored, and need no tree.
+    /// True if it is a height field: its triangles are not stored, and need no tree.
     pub is_field: bool,
     /// Memory in the scene, or of decoding if that is more, if no pixel is without data.
     pub bytes: u64,
 }
 
-/// The sizes of the rasters of a scene that are in memory as a whole, from their headers. Damaged rasters are omitted; the loader
-/// reports them.
+/// The sizes of the rasters of a scene that are in memory as a whole, from their headers. Damaged rasters are
+/// omitted; the loader reports them.
 pub fn raster_needs(recipe: &SceneRecipe, options: &LoadOptions) -> Vec<RasterNeed> {
     let parts = recipe.parts.iter().filter(|part| recipe.packed.is_none() && !is_paged(options, part));
     let rasters = parts.filter_map(|part| match &part.loader {
@@ -97,7 +98,7 @@ pub fn raster_needs(recipe: &SceneRecipe, options: &LoadOptions) -> Vec<RasterNe
     rasters.filter_map(need).collect()
 }
 
-/// Whether a raster can remain a height field: its triangles do not move, and have one material.
+/// True if a raster can remain a height field: its triangles do not move, and have one material.
 pub(crate) fn keeps_grid(part: &PartRecipe) -> bool {
     let Transform { rotation, scale, .. } = part.transform;
     // Of other factors and angles nothing remains that could be seen, or computed.
@@ -107,7 +108,7 @@ pub(crate) fn keeps_grid(part: &PartRecipe) -> bool {
         && !part.changes.iter().any(|change| matches!(change.replaced, Replaced::Faces(_)))
 }
 
-/// Whether a raster is in memory only where rays need it.
+/// True if a raster is in memory only where rays need it.
 pub(crate) fn is_paged(options: &LoadOptions, part: &PartRecipe) -> bool {
     let is_raster = matches!(part.loader, Loader::GeoTiff { .. });
     let can_be_paged = keeps_grid(part) && part.transform.on_ground == 0 && part.swaps.is_empty();
@@ -135,8 +136,8 @@ pub(crate) fn changed_material(
     changed
 }
 
-/// The system of a raster's coordinates as WKT, with the file that names it: if it has a code that is built in, and coordinates
-/// are those of the scene, metres.
+/// The system of a raster's coordinates as WKT, with the file that names it: if it has a code that is built
+/// in, and coordinates are those of the scene, metres.
 pub(crate) fn crs_of(files: &RasterFiles) -> Option<(String, PathBuf)> {
     if let RasterFiles::Virtual(raster) = files
         && let Some(text) = &raster.crs
@@ -153,8 +154,8 @@ pub(crate) fn crs_of(files: &RasterFiles) -> Option<(String, PathBuf)> {
     Some((crs::wkt_of_epsg(code.into()).ok()?, first.clone()))
 }
 
-/// Appends a raster with one material: as a height field if it `keeps_grid`, else as triangles, which are the same. Problems of
-/// the files are errors of the part.
+/// Appends a raster with one material: as a height field if it `keeps_grid`, else as triangles, which are the
+/// same. Problems of the files are errors of the part.
 pub(crate) fn load(
     scene: &mut SceneBuilder,
     part: &PartSource,
@@ -195,8 +196,8 @@ pub(crate) fn load(
     scene.finish_mesh(&start)
 }
 
-/// Finds the grid of a raster, and reports what is read otherwise than one might expect. `None` if its files cannot be used,
-/// which is an error of the part.
+/// Finds the grid of a raster, and reports what is read otherwise than one might expect. `None` if its files
+/// cannot be used, which is an error of the part.
 fn find(scene: &mut SceneBuilder, part: &PartSource, files: &RasterFiles) -> Result<Option<Mosaic>> {
     let mut warnings = Vec::new();
     scene.sources.extend_from_slice(files.all());
@@ -251,8 +252,8 @@ fn warn_of_files(scene: &mut SceneBuilder, part: &PartSource, mosaic: &Mosaic) {
 }
 
 impl Mosaic {
-    /// Memory, bytes: of a height field, or of vertices and triangles; or of heights and the parts that are read at a time, if
-    /// that is more.
+    /// Memory, bytes: of a height field, or of vertices and triangles; or of heights and the parts that are
+    /// read at a time, if that is more.
     fn memory(&self, keeps_grid: bool) -> u64 {
         let parts = |tile: &Tile| self.raster_of(tile).parts(tile.window).len();
         let at_a_time = PARTS_PER_THREAD * rayon::current_num_threads();
@@ -271,7 +272,8 @@ impl Mosaic {
     }
 }
 
-/// Reads the numbers of a window of the grid; NaN for a pixel without data. Doubts about pixels beyond `own` are not counted.
+/// Reads the numbers of a window of the grid; NaN for a pixel without data. Doubts about pixels beyond `own`
+/// are not counted.
 fn read_window(
     options: &LoadOptions,
     mosaic: &Mosaic,
@@ -320,8 +322,8 @@ fn append_vertices(scene: &mut SceneBuilder, grid: &HeightGrid, heights: &Height
     Ok(())
 }
 
-/// Appends two triangles between each four pixels; triangles with a missing corner are omitted. Vertex indices count
-/// from the raster's first vertex.
+/// Appends two triangles between each four pixels; triangles with a missing corner are omitted. Vertex
+/// indices count from the raster's first vertex.
 fn append_triangles(scene: &mut SceneBuilder, mosaic: &Mosaic, first_vertex: usize) {
     let columns = mosaic.columns;
     // Growth by doubling would exceed the stated memory. If the reservation fails, growth may still succeed.

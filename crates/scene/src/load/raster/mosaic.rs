@@ -1,8 +1,8 @@
 //! Rasters that are tiles of one grid: which pixel of which file each pixel of the grid is.
 //!
-//! The grid reaches from the first to the last column and row of any tile. Its pixels lie exactly where those of a single raster
-//! would that begins with the first of them. Where tiles overlap, the later one counts where it has data; where there is no
-//! tile, there is no data.
+//! The grid reaches from the first to the last column and row of any tile. Its pixels lie exactly where those
+//! of a single raster would that begins with the first of them. Where tiles overlap, the later one counts
+//! where it has data; where there is no tile, there is no data.
 
 use super::blocks::Window;
 use super::georeference::Georeference;
@@ -16,9 +16,9 @@ use vlscan_base::diag::Place;
 use vlscan_survey::{RasterFiles, VirtualRaster};
 use vlscan_trace::{HeightGrid, Heights};
 
-/// What to do about a virtual raster that cannot be read.
+/// Advice for a virtual raster that cannot be read.
 const ONE_RASTER: &str = "gdal_translate in.vrt out.tif makes one raster of it";
-/// What to do about a virtual raster of another type than one of its files.
+/// Advice for a virtual raster whose type differs from that of a source.
 const OTHER_TYPE: &str = "write dataType=\"Float64\" in its <VRTRasterBand>, or give all files one type with gdal_translate -ot Float32 in.tif out.tif and make it anew with gdalbuildvrt";
 
 /// Maximum distance of the pixels of a tile from those of the grid, pixels: coordinates of tiles are rounded.
@@ -26,7 +26,8 @@ const MAX_OFFSET: f64 = 0.01;
 /// Maximum relative difference of lengths of pixels that round-off can explain.
 const MAX_SIZE_DIFFERENCE: f64 = 1e-6;
 
-/// Maximum number of tiles among which those that overlap are looked for; of more, all are read as if they did.
+/// Maximum number of tiles among which those that overlap are looked for; of more, all are read as if they
+/// did.
 const MAX_COMPARED_TILES: usize = 10_000;
 
 /// A grid of pixels and its tiles.
@@ -53,7 +54,7 @@ pub(super) struct Tile {
     pub window: Window,
     /// Column and row of the grid at which they begin.
     pub at: [usize; 2],
-    /// Whether it may cover pixels of an earlier one.
+    /// True if it may cover pixels of an earlier one.
     overlaps: bool,
 }
 
@@ -78,7 +79,8 @@ impl Mosaic {
     /// The grid of these files. Warnings are for a single file, or for all if they name none.
     ///
     /// # Errors
-    /// Files that cannot be read, or that are not tiles of one grid, with the place in the virtual raster that names them.
+    /// Files that cannot be read, or that are not tiles of one grid, with the place in the virtual raster
+    /// that names them.
     pub fn find(files: &RasterFiles, warnings: &mut Vec<String>) -> Result<Mosaic, Misplaced> {
         match files {
             RasterFiles::Tiles(paths) => {
@@ -374,7 +376,8 @@ impl Mosaic {
         })
     }
 
-    /// Puts the numbers of a part of a tile into `heights`, which hold a window of the grid that encloses the part.
+    /// Puts the numbers of a part of a tile into `heights`, which hold a window of the grid that encloses the
+    /// part.
     pub fn put(
         &self,
         tile: &Tile,
@@ -512,7 +515,8 @@ fn virtual_units(
     [horizontal, own.or(vertical)]
 }
 
-/// The lengths of the units of coordinates and of heights, m. Heights without a unit have that of the coordinates.
+/// The lengths of the units of coordinates and of heights, m. Heights without a unit have that of the
+/// coordinates.
 fn metres([horizontal, vertical]: &[Option<LengthUnit>; 2], warnings: &mut Vec<String>) -> (f64, f64) {
     let is_foreign = |unit: &Option<LengthUnit>| unit.as_ref().is_some_and(|unit| !unit.is_metre());
     let metres = |unit: &Option<LengthUnit>| unit.as_ref().map_or(1.0, |unit| unit.metres);

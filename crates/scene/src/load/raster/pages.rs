@@ -1,8 +1,8 @@
-//! Rasters that are in memory only where rays need them: they are divided into pages, height fields over a part of the grid
-//! each.
+//! Rasters that are in memory only where rays need them: they are divided into pages, height fields over a
+//! part of the grid each.
 //!
-//! All heights are read once when the scene is loaded, page by page, for what must be known of pages that are not in memory:
-//! their boxes, and how many triangles are missing before each row.
+//! All heights are read once when the scene is loaded, page by page, for what must be known of pages that are
+//! not in memory: their boxes, and how many triangles are missing before each row.
 
 use super::blocks::Window;
 use super::mosaic::{Mosaic, named};
@@ -46,8 +46,8 @@ pub(crate) struct PageFacts {
 }
 
 impl PagedRaster {
-    /// Reads all heights of a raster once. The box of every page with triangles is where a part with this transform has
-    /// them. Problems of the files are errors of the part; then there is no raster.
+    /// Reads all heights of a raster once. The box of every page with triangles is where a part with this
+    /// transform has them. Problems of the files are errors of the part; then there is no raster.
     pub fn index(
         scene: &mut SceneBuilder,
         part: &PartSource,
@@ -172,7 +172,8 @@ fn checksum(field: &HeightField) -> u64 {
 }
 
 impl Mosaic {
-    /// The columns and rows of cells at which pages begin, and the ends: where tiles begin, and where blocks of tiles do.
+    /// The columns and rows of cells at which pages begin, and the ends: where tiles begin, and where blocks
+    /// of tiles do.
     fn cuts(&self) -> (Vec<usize>, Vec<usize>) {
         let block = |of: &dyn Fn(&[usize; 2]) -> usize| {
             let sizes = self.rasters.iter().map(|raster| [raster.blocks.size.0, raster.blocks.size.1]);

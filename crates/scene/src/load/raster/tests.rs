@@ -426,8 +426,8 @@ fn the_material_comes_from_its_file() {
 
 #[test]
 fn the_need_of_a_large_raster_is_stated_before_it_is_built() {
-    // 10 000 × 10 000 single-precision pixels: 100 M vertices of 24 bytes, 200 M triangles of 16. The file itself is
-    // small, because all but one of its tiles are sparse.
+    // 10 000 × 10 000 single-precision pixels: 100 M vertices of 24 bytes, 200 M triangles of 16. The file
+    // itself is small, because all but one of its tiles are sparse.
     let mut file = TiffFile::new(1, &[0.0])
         .without(278)
         .with(256, Values::Long(vec![10_000]))

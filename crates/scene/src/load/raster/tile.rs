@@ -29,7 +29,7 @@ pub(super) struct Raster {
     /// Where its pixels are, in the unit of its coordinates; `None` if it does not say so.
     pub georeference: Option<Georeference>,
     pub system: System,
-    /// Whether its coordinates are longitudes and latitudes.
+    /// True if its coordinates are longitudes and latitudes.
     pub is_geographic: bool,
     /// Units of coordinates and of heights.
     pub units: [Option<LengthUnit>; 2],
@@ -55,8 +55,8 @@ impl Raster {
         })
     }
 
-    /// The numbers of a window of one band, row by row, with NaN for pixels without data. Sources of doubt are counted.
-    /// `scaled` computes the height of a number.
+    /// The numbers of a window of one band, row by row, with NaN for pixels without data. Sources of doubt
+    /// are counted. `scaled` computes the height of a number.
     pub fn numbers(
         &self,
         window: Window,
@@ -94,8 +94,8 @@ impl Raster {
         Ok((all, doubts))
     }
 
-    /// Divides a window into parts to be read one by one, so that blocks of few pixels are read together and few blocks are
-    /// read more than once.
+    /// Divides a window into parts to be read one by one, so that blocks of few pixels are read together and
+    /// few blocks are read more than once.
     pub fn parts(&self, window: Window) -> Vec<Window> {
         let (mut width, mut height) = self.blocks.size;
         if self.mask.as_ref().is_some_and(|mask| mask.blocks.size != self.blocks.size) {
@@ -167,7 +167,8 @@ fn directory<'a>(path: &Path, open: &'a OpenFile) -> Result<Directory<'a>, Strin
     Ok(Decoder::new(open.reader()).map_err(readable)?.with_limits(limits))
 }
 
-/// EPSG code of a raster's projected system, if its keys name one and its coordinates are those of the scene: metres.
+/// EPSG code of a raster's projected system, if its keys name one and its coordinates are those of the scene:
+/// metres.
 pub(super) fn projected_epsg(path: &Path) -> Option<u16> {
     let (_, open) = RasterFile::find(path).ok()?;
     let mut directory = directory(path, &open).ok()?;

@@ -6,7 +6,7 @@ use std::ops::Range;
 /// Plant area density above which a value is probably not one, 1/m: that of dense hedges is about 20.
 const MAX_USUAL_DENSITY: f64 = 1000.0;
 
-/// What the rows of a file have in common.
+/// Columns and limits that all rows of a file share.
 #[derive(Debug, Default)]
 pub(super) struct CellCheck {
     /// Number of rows.
@@ -68,7 +68,8 @@ impl CellCheck {
             return problems.warn(line, at, || "the file has no voxels".to_owned());
         }
         let cells = split.iter().map(|count| *count as u64).fold(1, u64::saturating_mul);
-        // Files may list cells with plants only. Those that list empty cells, or cells without a gap, are meant to be complete.
+        // Files may list cells with plants only. Those that list empty cells, or cells without a gap, are
+        // meant to be complete.
         let [x, y, z] = split.map(|count| count as u64);
         let are_without_gap =
             |order: usize, run: u64| self.rows > run && self.highest[order] == self.rows - 1;

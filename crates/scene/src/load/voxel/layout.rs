@@ -7,7 +7,8 @@ use vlscan_base::diag::nearest;
 const COLUMNS: usize = 16;
 const DENSITY: usize = 3;
 const TRANSMITTANCE: usize = 13;
-/// Names of plant area density, in small letters: of the versions of AMAPVox, and of programs that write its format.
+/// Names of plant area density, in small letters: of the versions of AMAPVox, and of programs that write its
+/// format.
 const DENSITY_NAMES: [&str; 4] = ["padbvtotal", "pad", "plant_area_density", "padbfltotal"];
 const TRANSMITTANCE_NAMES: [&str; 2] = ["transmittance", "transmittance_tmp"];
 

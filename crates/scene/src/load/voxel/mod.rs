@@ -1,5 +1,5 @@
-//! AMAPVox vegetation voxels (spec input-formats §4.5). Their header is in `header`, their columns are in `layout`, and `cells` has
-//! what a file says about its cells as a whole.
+//! AMAPVox vegetation voxels (spec input-formats §4.5). Their header is in `header`, their columns are in
+//! `layout`, and `cells` has what a file says about its cells as a whole.
 
 mod cells;
 mod header;
@@ -38,8 +38,8 @@ pub(crate) struct Densities {
     pub largest: f64,
 }
 
-/// Appends the voxels of a file, without the part's transform and scaling. Returns the data for scaling; `None` after
-/// an error.
+/// Appends the voxels of a file, without the part's transform and scaling. Returns the data for scaling;
+/// `None` after an error.
 pub(crate) fn load(
     scene: &mut SceneBuilder,
     part: &PartSource,
@@ -252,9 +252,9 @@ fn read_row(
     })
 }
 
-/// Applies `scaled` to voxels after the part's transform: the edge is multiplied by (PAD/PAD_max)^exponent, and with
-/// `random_shift` the cube gets a random position within the original one. A voxel without density (NaN) has no size
-/// and is removed.
+/// Applies `scaled` to voxels after the part's transform: the edge is multiplied by (PAD/PAD_max)^exponent,
+/// and with `random_shift` the cube gets a random position within the original one. A voxel without density
+/// (NaN) has no size and is removed.
 pub(crate) fn scale_by_density(
     scene: &mut SceneBuilder,
     files: &[Densities],

@@ -20,13 +20,14 @@ pub(super) struct Choice {
     pub scale_xy: f64,
     /// Degrees from x to y.
     pub yaw: f64,
-    /// Whether the model is of the tree's species.
+    /// True if the model is of the tree's species.
     pub same_species: bool,
 }
 
-/// Chooses the model for the tree with that number in the inventory: of its species, among the three whose shape (crown over
-/// height) and height are nearest, drawn by seed and number. Without a model of its species all are considered. The crown
-/// of a tree for which only the stem diameter is known is taken as 20 times that, a usual ratio in forests.
+/// Chooses the model for the tree with that number in the inventory: of its species, among the three whose
+/// shape (crown over height) and height are nearest, drawn by seed and number. Without a model of its species
+/// all are considered. The crown of a tree for which only the stem diameter is known is taken as 20 times
+/// that, a usual ratio in forests.
 pub(super) fn choose(tree: &Tree, number: usize, models: &[Model], stream: &Stream) -> Choice {
     let wanted = tree.species.as_deref().map(str::to_lowercase);
     let is_same = |model: &Model| {

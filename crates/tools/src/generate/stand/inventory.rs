@@ -56,9 +56,10 @@ pub struct Inventory {
 }
 
 impl Inventory {
-    /// Reads a table of text with headings: `x`, `y` and `height` are needed; `crown`, `dbh`, `species`, `id` and `z` may be
-    /// there, others are ignored, with a warning. Lengths are m unless the heading has another unit; a `dbh` without a unit
-    /// whose largest value is above 3 is cm. Numbers may have decimal commas. Also returns what the user should know.
+    /// Reads a table of text with headings: `x`, `y` and `height` are needed; `crown`, `dbh`, `species`, `id`
+    /// and `z` may be there, others are ignored, with a warning. Lengths are m unless the heading has another
+    /// unit; a `dbh` without a unit whose largest value is above 3 is cm. Numbers may have decimal commas.
+    /// Also returns what the user should know.
     ///
     /// # Errors
     /// [`Error::Input`] with all problems of the headings and those of up to five lines, [`Error::Io`].

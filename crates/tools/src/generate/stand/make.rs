@@ -26,19 +26,22 @@ const FLAT_MARGIN: f64 = 20.0;
 pub struct StandOptions {
     /// The inventory: a table of text with a heading.
     pub inventory: PathBuf,
-    /// Folder of tree models, OBJ files whose names begin with their species: beech_1.obj. [default: models of spruces, beeches and birches
-    /// in the folder `models` of the output, which stand for other conifers and broad-leaved trees, too]
+    /// Folder of tree models, OBJ files whose names begin with their species: beech_1.obj. [default: models
+    /// of spruces, beeches and birches in the folder `models` of the output, which stand for other conifers
+    /// and broad-leaved trees, too]
     #[arg(long, value_name = "DIR")]
     pub trees: Option<PathBuf>,
-    /// Terrain: a mesh (.obj, .ply, .stl, .off) or a raster (.tif, .asc, .vrt, a folder of tiles); may be given more than once. Rasters, and meshes without a ground material,
-    /// become soil: class 2, reflectance 0.3, ground. [default: none; trees use z of the inventory]
+    /// Terrain: a mesh (.obj, .ply, .stl, .off) or a raster (.tif, .asc, .vrt, a folder of tiles); may be
+    /// given more than once. Rasters, and meshes without a ground material, become soil: class 2, reflectance
+    /// 0.3, ground. [default: none; trees use z of the inventory]
     #[arg(long, value_name = "FILE")]
     pub terrain: Vec<PathBuf>,
-    /// Flat ground under the trees and 20 m around them, of soil, at the height 0 or that which all trees have in the inventory.
+    /// Flat ground under the trees and 20 m around them, of soil, at the height 0 or that which all trees
+    /// have in the inventory.
     #[arg(long, conflicts_with = "terrain")]
     pub flat: bool,
-    /// Material of terrain from rasters and OBJ files: a material file and the name of a ground material in it. [default: the mesh's own if
-    /// it is ground, else soil]
+    /// Material of terrain from rasters and OBJ files: a material file and the name of a ground material in
+    /// it. [default: the mesh's own if it is ground, else soil]
     #[arg(long, value_name = "FILE.mtl#NAME", requires = "terrain")]
     pub terrain_mtl: Option<String>,
     /// Seed of the choice of models, yaw, thinning and storm.
@@ -50,7 +53,8 @@ pub struct StandOptions {
     /// Growth, thinning and storm damage from one epoch to the next.
     #[command(flatten)]
     pub development: Development,
-    /// Copy tree models and terrain into the output folder, which can then be moved, instead of naming where they are.
+    /// Copy tree models and terrain into the output folder, which can then be moved, instead of naming where
+    /// they are.
     #[arg(long)]
     pub copy: bool,
     /// Replace existing files.
@@ -79,8 +83,8 @@ impl StandOptions {
 /// Makes a stand in `folder` of the trees at places (x, y in m) that `stands` accepts.
 ///
 /// # Errors
-/// [`Error::Input`] for inventories, models and terrain that cannot be read or do not fit each other, and for files that exist;
-/// [`Error::Io`].
+/// [`Error::Input`] for inventories, models and terrain that cannot be read or do not fit each other, and for
+/// files that exist; [`Error::Io`].
 pub fn make_stand(
     options: &StandOptions,
     folder: &Path,
@@ -200,8 +204,8 @@ fn refuse_all_beside(
     Err(Error::input_with_help(message, help))
 }
 
-/// Reads the height of a terrain, and decides what it is made of: of the material that is asked for; of its own, if that
-/// is ground; else of soil, since that is what the option says that it is.
+/// Reads the height of a terrain, and decides what it is made of: of the material that is asked for; of its
+/// own, if that is ground; else of soil, since that is what the option says that it is.
 fn read_terrain(
     path: &Path,
     named: Option<&TerrainSurface>,

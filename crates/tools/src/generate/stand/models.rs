@@ -46,7 +46,8 @@ pub fn read_models(folder: &Path) -> Result<Vec<Model>> {
     paths.into_iter().map(measure).collect()
 }
 
-/// Makes models of all species of the generator in a folder of a stand. Returns them with their names in the stand.
+/// Makes models of all species of the generator in a folder of a stand. Returns them with their names in the
+/// stand.
 ///
 /// # Errors
 /// [`Error::Io`].
@@ -73,7 +74,8 @@ pub fn make_models(files: &SceneFolder, seed: u64) -> Result<(Vec<Model>, Vec<St
     Ok((models, names))
 }
 
-/// The species of a model that is made which stands for a species, by a word of its English, German or Latin name.
+/// The species of a model that is made which stands for a species, by a word of its English, German or Latin
+/// name.
 pub fn stands_for(word: &str) -> Option<&'static str> {
     const SPRUCES: [&str; 16] = [
         "spruce",
@@ -124,7 +126,7 @@ pub fn stands_for(word: &str) -> Option<&'static str> {
     made.into_iter().find(|(words, _)| words.contains(&word)).map(|(_, species)| species.name())
 }
 
-/// Whether a word is a name of a species of the models that are made, not of one that they stand for.
+/// True if a word is a name of a species of the models that are made, not of one that they stand for.
 pub fn is_own_name(word: &str) -> bool {
     ["spruce", "fichte", "picea", "birch", "birke", "betula", "beech", "rotbuche", "buche", "fagus"]
         .contains(&word)

@@ -20,7 +20,8 @@ pub struct StemProfile {
     diameters: Vec<Option<f64>>,
 }
 
-/// Height of a section as a fraction of the model's height: where breast height is in trees of certain heights.
+/// Height of a section as a fraction of the model's height: where breast height is in trees of certain
+/// heights.
 fn section_height(section: usize) -> f64 {
     let [low, high] = TREE_HEIGHTS;
     BREAST_HEIGHT / high * libm::pow(high / low, section as f64 / (SECTIONS - 1) as f64)
@@ -43,7 +44,8 @@ impl StemProfile {
         StemProfile { diameters: sections.iter().map(|section| section.stem(foot)).collect() }
     }
 
-    /// Diameter of the model's stem at this fraction of its height, m, between two sections; `None` if it is not known.
+    /// Diameter of the model's stem at this fraction of its height, m, between two sections; `None` if it is
+    /// not known.
     pub fn diameter(&self, fraction: f64) -> Option<f64> {
         let above = (0..self.diameters.len()).find(|&i| section_height(i) >= fraction)?.max(1);
         let (low, high) = (section_height(above - 1), section_height(above));
@@ -53,8 +55,8 @@ impl StemProfile {
     }
 }
 
-/// A point of a section: the edge of the mesh that it is on, by the bits of its ends. Triangles that share an edge have the
-/// same points, even if the file repeats its vertices.
+/// A point of a section: the edge of the mesh that it is on, by the bits of its ends. Triangles that share an
+/// edge have the same points, even if the file repeats its vertices.
 type PointKey = [[u64; 3]; 2];
 
 /// The lines in which the triangles of a mesh cross a level.
@@ -93,8 +95,8 @@ impl Section {
         })
     }
 
-    /// Diameter of the stem as a tape around it measures it: of the closed outlines around the foot the smallest, else the
-    /// nearest to it.
+    /// Diameter of the stem as a tape around it measures it: of the closed outlines around the foot the
+    /// smallest, else the nearest to it.
     fn stem(&self, foot: DVec3) -> Option<f64> {
         let foot = [foot.x, foot.y];
         let hulls = self.outlines().into_iter().map(|points| hull(&points));

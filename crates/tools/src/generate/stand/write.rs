@@ -26,7 +26,8 @@ pub(super) struct StandSite<'o> {
     pub terrain: &'o [Terrain],
     /// Height of the ground at x, y, m; `None` leaves z as the inventory has it.
     pub ground: &'o dyn Fn(f64, f64) -> Option<f64>,
-    /// Whether a tree at x, y stands. Others keep their numbers, so that those that stand are the same models without them.
+    /// True if a tree at x, y stands. Others keep their numbers, so that those that stand are the same models
+    /// without them.
     pub stands: &'o dyn Fn([f64; 2]) -> bool,
     /// Is told of the trees of the first epoch, by their number, before anything is written.
     pub told: &'o dyn Fn(usize, &StandMade) -> Result<()>,
@@ -86,7 +87,7 @@ pub struct Substitute {
     pub trees: usize,
     /// The species of their models.
     pub models: BTreeSet<String>,
-    /// Whether these models are meant to stand for the species.
+    /// True if these models are meant to stand for the species.
     pub is_meant: bool,
 }
 
@@ -116,7 +117,8 @@ pub(super) fn write_stand(
     site: &StandSite,
 ) -> Result<StandMade> {
     let StandSite { folder, stands, told, .. } = *site;
-    // No file is replaced before all are complete: the inventory, a model or the terrain may have one of their names.
+    // No file is replaced before all are complete: the inventory, a model or the terrain may have one of
+    // their names.
     let files = SceneFolder::create(folder, options.overwrite)?;
     let are_made = models.is_none();
     let (models, meshes) = match models {
@@ -191,12 +193,13 @@ struct ModelSet<'m> {
     models: &'m [Model],
     /// Their names in the tables.
     names: &'m [String],
-    /// Whether they are those of the generator, which stand for trees of other species, too.
+    /// True if they are those of the generator, which stand for trees of other species, too.
     are_made: bool,
 }
 
 impl ModelSet<'_> {
-    /// Chooses the model for the tree with that number in the inventory, and tells whether it is meant to stand for another species.
+    /// Chooses the model for the tree with that number in the inventory, and tells whether it is meant to
+    /// stand for another species.
     fn choose(&self, tree: &Tree, number: usize, stream: &Stream) -> (Choice, bool) {
         let species = tree.species.as_deref().filter(|_| self.are_made).map(str::to_lowercase);
         let words = species.iter().flat_map(|species| species.split(|c: char| !c.is_alphabetic()));
@@ -292,7 +295,8 @@ impl StandMade {
     }
 }
 
-/// Copies all files of the folder of the models, among them their materials. Returns the names of the models in the stand.
+/// Copies all files of the folder of the models, among them their materials. Returns the names of the models
+/// in the stand.
 fn copy_models(models: &[Model], files: &SceneFolder) -> Result<Vec<String>> {
     files.add_folder(MODEL_FOLDER)?;
     let folder = models.first().and_then(|model| model.path.parent()).unwrap_or(Path::new("."));
@@ -303,7 +307,8 @@ fn copy_models(models: &[Model], files: &SceneFolder) -> Result<Vec<String>> {
     models.iter().map(|model| in_folder(MODEL_FOLDER, &model.path)).collect()
 }
 
-/// Copies a file of the terrain, with the material files beside it that an OBJ file names. Returns its name in the stand.
+/// Copies a file of the terrain, with the material files beside it that an OBJ file names. Returns its name
+/// in the stand.
 fn copy_terrain(path: &Path, number: usize, files: &SceneFolder) -> Result<String> {
     let folder = format!("terrain_{}", number + 1);
     files.add_folder(&folder)?;

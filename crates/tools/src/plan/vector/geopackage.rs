@@ -1,4 +1,5 @@
-//! Geometries of GeoPackage (OGC 12-128r19): tables of features in an SQLite database, with well-known binary (OGC 06-103r4, §8).
+//! Geometries of GeoPackage (OGC 12-128r19): tables of features in an SQLite database, with well-known binary
+//! (OGC 06-103r4, §8).
 
 use super::super::geometries::{Geometry, Line, Shape, System};
 use super::sqlite::{Database, Row, Value};
@@ -12,10 +13,11 @@ const MAX_DEPTH: u32 = 64;
 const UNDEFINED_CARTESIAN: i64 = -1;
 const UNDEFINED_GEOGRAPHIC: i64 = 0;
 
-/// All geometries of the tables of features, in the order of the tables and of their rows. `path` is where a journal would be.
+/// All geometries of the tables of features, in the order of the tables and of their rows. `path` is where a
+/// journal would be.
 ///
 /// # Errors
-/// What is wrong with the file, or is not read.
+/// Problem of the file, or a feature that is not supported.
 pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Vec<Geometry>, String> {
     let mut journal = path.as_os_str().to_owned();
     journal.push("-wal");
@@ -179,7 +181,8 @@ impl<'b> Reader<'b> {
                     self.geometry(depth, found)?;
                 }
             }
-            // Curves and surfaces, whose lengths are not known: nothing follows them in a geometry of its own.
+            // Curves and surfaces, whose lengths are not known: nothing follows them in a geometry of its
+            // own.
             other => {
                 add(Shape::Other(format!("geometry of the kind {other}")));
                 self.rest = &[];

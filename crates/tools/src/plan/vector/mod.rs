@@ -25,7 +25,7 @@ pub(super) const MAX_FILE_BYTES: u64 = 256 << 20;
 /// The geometries of a file, in its order.
 ///
 /// # Errors
-/// What is wrong with it, in a sentence.
+/// Problem of the file, in a sentence.
 pub(super) fn read_file_geometries(path: &Path, bytes: &[u8]) -> Result<(Format, Vec<Geometry>), String> {
     if bytes.starts_with(&[0, 0, 0x27, 0x0a]) {
         // The index begins as the shapefile does.

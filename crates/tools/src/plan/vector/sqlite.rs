@@ -1,6 +1,7 @@
-//! Rows of the tables of an SQLite database in memory (<https://sqlite.org/fileformat.html>). Only tables with row ids are read, by
-//! their pages in order. Every page is visited at most once for each table, and the bytes of all rows are bounded by the size of the
-//! file, so that a damaged or hostile file ends with an error.
+//! Rows of the tables of an SQLite database in memory (<https://sqlite.org/fileformat.html>). Only tables
+//! with row ids are read, by their pages in order. Every page is visited at most once for each table, and the
+//! bytes of all rows are bounded by the size of the file, so that a damaged or hostile file ends with an
+//! error.
 
 use std::collections::HashSet;
 
@@ -64,7 +65,7 @@ impl<'b> Database<'b> {
     /// Reads the header.
     ///
     /// # Errors
-    /// What is wrong with it, or is not read.
+    /// Problem of the database, or a feature that is not supported.
     pub fn open(bytes: &'b [u8]) -> Result<Database<'b>, String> {
         if bytes.len() < FILE_HEADER || !bytes.starts_with(b"SQLite format 3\0") {
             return Err(DAMAGED.to_owned());
@@ -151,7 +152,8 @@ impl<'b> Database<'b> {
         page.map(|page| &page[..self.usable]).ok_or_else(|| "the database is truncated".to_owned())
     }
 
-    /// The id and the bytes of a row, with those on overflow pages. `budget` is the number of bytes that all rows may have.
+    /// The id and the bytes of a row, with those on overflow pages. `budget` is the number of bytes that all
+    /// rows may have.
     fn payload(&self, page: &[u8], at: usize, budget: &mut usize) -> Result<(i64, Vec<u8>), String> {
         let (length, at) = varint(page, at)?;
         let (id, at) = varint(page, at)?;

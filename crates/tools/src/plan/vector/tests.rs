@@ -11,8 +11,9 @@ use vlscan_geom::UtmZone;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-/// Made with the module `sqlite3` of Python, in pages of 512 bytes: the table `plots` of 59 points and, in row 30, the polygon below
-/// with a hole; the table `roads` of a line of 150 positions, big-endian and with heights, and of a row without a geometry.
+/// Made with the module `sqlite3` of Python, in pages of 512 bytes: the table `plots` of 59 points and, in
+/// row 30, the polygon below with a hole; the table `roads` of a line of 150 positions, big-endian and with
+/// heights, and of a row without a geometry.
 const GEOPACKAGE: &[u8] = include_bytes!("plots.gpkg");
 
 const L_SHAPE: [[f64; 2]; 7] =

@@ -1,6 +1,6 @@
 //! Loads Wavefront OBJ files (spec input-formats §4.1): the file is divided at line ends and read by all
-//! threads in parallel; the pieces are appended in the order of the file, so the result does not depend on their
-//! number.
+//! threads in parallel; the pieces are appended in the order of the file, so the result does not depend on
+//! their number.
 
 mod slice;
 #[cfg(test)]
@@ -72,8 +72,8 @@ pub(crate) fn load(
     Ok(())
 }
 
-/// Reports a mesh that is probably incomplete. Vertices come first in nearly all files, so a file truncated in its
-/// first half has no face.
+/// Reports a mesh that is probably incomplete. Vertices come first in nearly all files, so a file truncated
+/// in its first half has no face.
 fn check_whole(scene: &mut SceneBuilder, source: &Source, mesh: &Mesh) {
     let vertices = scene.geometry.vertices.len() - mesh.first_vertex;
     let has_elements = scene.geometry.triangles.len() > mesh.first_triangle || mesh.elements > 0;
@@ -177,8 +177,8 @@ fn append(
     scene.geometry.triangles.append(&mut slice.triangles);
 }
 
-/// Assigns every triangle the material in force at its face. Materials are looked up at the faces, so libraries must be
-/// named before them.
+/// Assigns every triangle the material in force at its face. Materials are looked up at the faces, so
+/// libraries must be named before them.
 fn assign_materials(
     scene: &mut SceneBuilder,
     part: &PartSource,
@@ -232,8 +232,8 @@ fn assign_materials(
     Ok(())
 }
 
-/// Reads a material library in the folder of the OBJ file. The rest of the line after `mtllib` is one file name; if no such
-/// file exists, `\` separates folders, and then each word is a name.
+/// Reads a material library in the folder of the OBJ file. The rest of the line after `mtllib` is one file
+/// name; if no such file exists, `\` separates folders, and then each word is a name.
 fn add_library(
     scene: &mut SceneBuilder,
     source: &Source,

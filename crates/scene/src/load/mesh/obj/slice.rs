@@ -21,11 +21,12 @@ pub(super) struct Slice {
     pub face_of: Vec<u32>,
     /// Number of faces.
     pub faces: usize,
-    /// Corners (3·triangle + corner) whose index counts from the first vertex of this piece, as a wrapped `i32`.
+    /// Corners (3·triangle + corner) whose index counts from the first vertex of this piece, as a wrapped
+    /// `i32`.
     pub relative: Vec<u32>,
     pub switches: Vec<Switch>,
-    /// Faces of four and more corners, which are to be divided; none if polygons are omitted, so that the reference's
-    /// division of quadrangles remains.
+    /// Faces of four and more corners, which are to be divided; none if polygons are omitted, so that the
+    /// reference's division of quadrangles remains.
     pub fans: Vec<Fan>,
     /// Problems, with lines and bytes counted from the start of the piece.
     pub problems: Problems,
@@ -61,11 +62,11 @@ pub(super) enum Statement {
 /// Reading options.
 #[derive(Clone, Copy)]
 pub(crate) struct Reading {
-    /// Whether (x, y, z) is converted to (x, −z, y).
+    /// True if (x, y, z) is converted to (x, −z, y).
     pub y_up: bool,
-    /// Whether faces with more than four corners are omitted.
+    /// True if faces with more than four corners are omitted.
     pub drop_polygons: bool,
-    /// Whether the face of each triangle is recorded.
+    /// True if the face of each triangle is recorded.
     pub number_faces: bool,
 }
 

@@ -240,7 +240,8 @@ fn warnings_about_materials_name_the_file_and_the_row_that_define_them() {
 
 #[test]
 fn nodes_of_gltf_are_parts_of_shared_meshes() {
-    // A parent that turns by 90° about y (up), a child shifted by 1 along x, a child stretched unevenly, one that mirrors.
+    // A parent that turns by 90° about y (up), a child shifted by 1 along x, a child stretched unevenly, one
+    // that mirrors.
     let h = 0.5f64.sqrt();
     let nodes = format!(
         r#"[{{"children":[1,2,3],"rotation":[0,{h},0,{h}],"translation":[10,20,30]}},
