@@ -97,6 +97,11 @@ pub struct Foreign {
 }
 
 impl Foreign {
+    /// True if neither contents nor name of the file are those of a known format.
+    pub fn is_unknown(&self) -> bool {
+        [kinds::BINARY, kinds::TEXT].contains(self.kind)
+    }
+
     /// "expected a survey, found a LAZ point cloud".
     pub fn message(&self) -> String {
         format!("expected {}, found {}", self.expected, self.kind.name)

@@ -51,8 +51,8 @@ pub(super) struct Return {
     pub scan_angle: f64,
     source: u16,
     channel: u16,
-    /// True if it lies far from all others and is left out.
-    is_stray: bool,
+    /// True for noise and for points far from all others.
+    is_left_out: bool,
 }
 
 /// One pass of the instrument over the place.
@@ -102,13 +102,14 @@ impl PointSink for Sink {
         match Target::of_class(row.class) {
             _ if row.is_miss => {}
             _ if !is_placed => self.skipped += 1,
-            None => self.noise += 1,
-            Some(target) => {
+            target => {
+                self.noise += usize::from(target.is_none());
                 let number = row.return_number.max(1);
                 self.returns.push(Return {
                     position: row.position,
                     class: row.class,
-                    target,
+                    // Noise is left out, whatever its target.
+                    target: target.unwrap_or(Target::Foliage),
                     number,
                     of: row.number_of_returns.max(number),
                     time: row.time,
@@ -116,7 +117,7 @@ impl PointSink for Sink {
                     // Readers count legs from 0, and files point sources from 1.
                     source: row.leg.saturating_add(1),
                     channel: row.channel,
-                    is_stray: false,
+                    is_left_out: target.is_none(),
                 });
             }
         }
@@ -134,12 +135,12 @@ pub(super) fn read(path: &Path, found: &mut Diagnostics) -> Result<Recording> {
     let mut sink = Sink { returns: Vec::new(), attributes, noise: 0, skipped: 0 };
     read_points(path, &mut sink, found)?;
     *found = std::mem::take(found).finish(false)?;
-    let strays = StrayFinder::of(sink.returns.iter().map(|r| r.position));
+    let strays = StrayFinder::of(sink.returns.iter().filter(|r| !r.is_left_out).map(|r| r.position));
     strays.warn(path, "left out", found);
-    sink.returns.iter_mut().for_each(|r| r.is_stray = strays.contains(r.position));
+    sink.returns.iter_mut().for_each(|r| r.is_left_out |= strays.contains(r.position));
     let name = path.display();
     let has = |attribute| sink.attributes.has(attribute);
-    if sink.returns.iter().all(|r| r.is_stray) {
+    if sink.returns.iter().all(|r| r.is_left_out) {
         return Err(Error::input(format!("{name} has no points that could be a scene")));
     }
     let count = sink.returns.iter().filter(|r| matches!(r.class, 2 | 8)).count();
@@ -180,16 +181,16 @@ pub(super) fn assemble(mut returns: Vec<Return>, has_times: bool) -> Recording {
     let ends_pulse = |r: &Return, next: Option<&Return>| {
         next.is_none_or(|next| !has_times || key(next) != key(r) || next.number <= r.number)
     };
-    // Numbers of pulses with the strays among them.
+    // Numbers of pulses, those that are left out included.
     let mut numbers = Vec::with_capacity(returns.len());
     let mut number = 0usize;
     for (i, r) in returns.iter().enumerate() {
-        if !r.is_stray {
+        if !r.is_left_out {
             numbers.push(number);
         }
         number += usize::from(ends_pulse(r, returns.get(i + 1)));
     }
-    returns.retain(|r| !r.is_stray);
+    returns.retain(|r| !r.is_left_out);
     let mut all = Recording { bounds: Aabb::EMPTY, ..Recording::default() };
     let mut start = 0;
     for i in 0..returns.len() {

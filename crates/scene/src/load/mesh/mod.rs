@@ -224,9 +224,8 @@ fn foreign_format(source: &Source) -> Option<Foreign> {
     let bytes = source.bytes();
     let is_known = is_ply(bytes) || bytes.starts_with(b"glTF") || stl::is_stl(bytes);
     let found = (!is_known).then(|| foreign(source.path(), bytes, &Wanted::MESH)).flatten()?;
-    let is_damaged = source.path().extension().is_some_and(|e| e.eq_ignore_ascii_case("stl"))
-        && found.kind.name == "binary data of an unknown format";
-    (!is_damaged).then_some(found)
+    let has_name = source.path().extension().is_some_and(|e| e.eq_ignore_ascii_case("stl"));
+    (!(has_name && found.is_unknown())).then_some(found)
 }
 
 /// The table of a mesh file's materials, if it has one.
