@@ -6,7 +6,7 @@ use super::watch::during;
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::write_stdout;
-use vlscan_base::recognise::{Wanted, foreign_file};
+use vlscan_base::recognise::{Expected, foreign_file};
 use vlscan_tools::cloud::{CloudSource, cloud_facts};
 
 pub fn run(args: &CloudInfoArgs, console: &Console) -> Result<()> {
@@ -30,7 +30,7 @@ pub(super) fn check_cloud(path: &Path) -> Result<()> {
     if ["xml", "toml", "obj", "gltf", "glb", "stl", "tif", "tiff", "vrt", "vox", "vlscene"]
         .contains(&&*ending)
     {
-        if let Some(found) = foreign_file(path, &Wanted::POINTS) {
+        if let Some(found) = foreign_file(path, &Expected::POINTS) {
             return Err(found.error(path));
         }
         return Err(Error::input_with_help(

@@ -12,7 +12,7 @@ use vlscan_base::error::Error;
 use vlscan_base::files::reads;
 use vlscan_base::input::read_file;
 use vlscan_base::quantity;
-use vlscan_base::recognise::{Wanted, foreign};
+use vlscan_base::recognise::{Expected, foreign};
 use vlscan_geom::UtmZone;
 use vlscan_lidar::flight::{calendar_day, gps_start};
 use vlscan_survey::{NavigationErrors, parse_seed};
@@ -263,7 +263,7 @@ impl Crs {
             Crs::File(path) => path,
         };
         let bytes = read_file(path, MAX_WKT_BYTES).map_err(|e| Error::io("read", path, e))?;
-        if let Some(found) = foreign(path, &bytes, &Wanted::SYSTEM) {
+        if let Some(found) = foreign(path, &bytes, &Expected::SYSTEM) {
             return Err(found.error(path));
         }
         let text = String::from_utf8_lossy(&bytes);

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
-use vlscan_base::recognise::{Wanted, foreign_file};
+use vlscan_base::recognise::{Expected, foreign_file};
 use vlscan_warehouse::Stop;
 
 /// The file of a shard in a folder.
@@ -82,7 +82,7 @@ impl ShardSet {
     /// # Errors
     /// [`Error::Io`] for a folder that cannot be read.
     pub fn list(folder: &Path) -> Result<BTreeMap<u32, BTreeSet<u32>>> {
-        if let Some(found) = foreign_file(folder, &Wanted::SHARDS) {
+        if let Some(found) = foreign_file(folder, &Expected::SHARDS) {
             return Err(found.error(folder));
         }
         let failed = |e| Error::open(folder, e);

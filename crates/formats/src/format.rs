@@ -4,7 +4,7 @@ use super::leica;
 use super::point_format::build_with;
 use std::path::Path;
 use vlscan_base::input::arrow::{ArrowDetection, detect_arrow};
-use vlscan_base::recognise::{Family, Foreign, Kind, Wanted, foreign};
+use vlscan_base::recognise::{Expected, Family, Foreign, Kind, foreign};
 
 /// Number of bytes by which a format is recognised, if the file has them.
 pub(super) const DETECTED_BYTES: usize = 4096;
@@ -103,7 +103,7 @@ impl CloudFormat {
         if first.starts_with(b"\xff\xfe") || first.starts_with(b"\xfe\xff") {
             return Err(UnreadFormat::Utf16);
         }
-        let found = foreign(path, first, &Wanted::POINTS);
+        let found = foreign(path, first, &Expected::POINTS);
         if let Some(Foreign { kind, help, .. }) = found.filter(|found| found.kind.family != Family::Binary) {
             return Err(UnreadFormat::Other { kind, help });
         }

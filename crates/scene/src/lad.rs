@@ -12,7 +12,7 @@ use libm::acos;
 use std::f64::consts::{PI, TAU};
 use vlscan_base::corrections::Corrections;
 use vlscan_base::diag::Diagnostics;
-use vlscan_base::recognise::Wanted;
+use vlscan_base::recognise::Expected;
 use vlscan_geom::DVec3;
 
 /// The projection function G over the zenith angle, on the scale where an isotropic canopy has the value π.
@@ -155,7 +155,7 @@ impl LadTable {
         rules: Corrections,
         diagnostics: &mut Diagnostics,
     ) -> Option<(LadTable, Corrections)> {
-        if !source.is_text(&Wanted::LEAF_ANGLES, diagnostics) {
+        if !source.is_text(&Expected::LEAF_ANGLES, diagnostics) {
             return None;
         }
         let mut problems = Problems::default();

@@ -8,7 +8,7 @@ use std::path::Path;
 use vlscan_base::columns::{comma_note, decoded};
 use vlscan_base::diag::{Diagnostics, nearest};
 use vlscan_base::quantity::CLASSES;
-use vlscan_base::recognise::Wanted;
+use vlscan_base::recognise::Expected;
 use vlscan_survey::MaterialDefinition;
 
 /// Reads the materials of a file by itself.
@@ -26,7 +26,7 @@ pub fn read_materials(path: &Path) -> vlscan_base::Result<(Vec<MaterialDefinitio
 pub(super) fn read(source: &Source, diagnostics: &mut Diagnostics) -> Vec<MaterialDefinition> {
     let other = source.with_other_line_ends();
     let source = other.as_ref().unwrap_or(source);
-    if !source.is_text(&Wanted::MATERIALS, diagnostics) {
+    if !source.is_text(&Expected::MATERIALS, diagnostics) {
         return Vec::new();
     }
     let mut problems = Problems::default();

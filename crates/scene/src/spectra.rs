@@ -10,7 +10,7 @@ use vlscan_base::columns::comma_note;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::files::reads;
 use vlscan_base::quantity::number;
-use vlscan_base::recognise::Wanted;
+use vlscan_base::recognise::Expected;
 
 /// Number of lines before the table.
 const HEADER_LINES: usize = 26;
@@ -115,7 +115,7 @@ fn reflectances_in(path: &Path, wavelengths: &[f32], diagnostics: &mut Diagnosti
             return None;
         }
     };
-    if !source.is_text(&Wanted::SPECTRUM, diagnostics) {
+    if !source.is_text(&Expected::SPECTRUM, diagnostics) {
         return None;
     }
     let mut problems = Problems::default();

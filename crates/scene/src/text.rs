@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::recognise::{Family, Wanted, foreign};
+use vlscan_base::recognise::{Expected, Family, foreign};
 use vlscan_base::store::FileBytes;
 
 /// Maximum number of problems of one file that are reported one by one.
@@ -96,7 +96,7 @@ impl Source {
 
     /// True if the file is text that may be what is wanted; otherwise reports its kind, or an error at the
     /// first line that is not text.
-    pub fn is_text(&self, wanted: &Wanted, diagnostics: &mut Diagnostics) -> bool {
+    pub fn is_text(&self, wanted: &Expected, diagnostics: &mut Diagnostics) -> bool {
         let (bytes, what) = (self.bytes(), wanted.what);
         if let Some(found) =
             foreign(&self.path, bytes, wanted).filter(|found| found.kind.family != Family::Binary)
@@ -486,7 +486,7 @@ mod tests {
     fn lines_have_a_greatest_length() {
         let refused = |text: Vec<u8>| {
             let mut d = Diagnostics::default();
-            let is_text = Source::of("l.obj", &text).is_text(&Wanted::MESH.named("vertices"), &mut d);
+            let is_text = Source::of("l.obj", &text).is_text(&Expected::MESH.named("vertices"), &mut d);
             assert_eq!(is_text, d.is_empty());
             d.items().first().map(|d| (d.place.as_ref().map_or(0, |p| p.line), d.message.clone()))
         };

@@ -14,7 +14,7 @@ use vlscan_base::diag::{Place, nearest};
 use vlscan_base::error::Error;
 use vlscan_base::files::reads;
 use vlscan_base::input::read_file;
-use vlscan_base::recognise::{Wanted, foreign};
+use vlscan_base::recognise::{Expected, foreign};
 
 /// Minimum memory that one byte of a scene's description takes, bytes, as XML or as a table of instances.
 const MIN_MEMORY_PER_BYTE: u64 = 8;
@@ -87,7 +87,7 @@ impl Context {
     }
 
     fn parse(&self, path: &Path, bytes: &[u8]) -> Option<Rc<XmlDocument>> {
-        if let Some(found) = foreign(path, bytes, &Wanted::DOCUMENT) {
+        if let Some(found) = foreign(path, bytes, &Expected::DOCUMENT) {
             found.report(path, &mut self.problems.borrow_mut());
             return None;
         }

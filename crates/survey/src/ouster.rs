@@ -23,7 +23,7 @@ use serde_json::{Map, Value};
 use std::f64::consts::TAU;
 use std::path::Path;
 use vlscan_base::diag::Place;
-use vlscan_base::recognise::{Wanted, foreign};
+use vlscan_base::recognise::{Expected, foreign};
 use vlscan_geom::{DVec3, Rotation, radians};
 
 /// Maximum size of a file, bytes.
@@ -64,7 +64,7 @@ pub(super) fn read_calibration(
             return None;
         }
     };
-    if let Some(found) = foreign(&path, &bytes, &Wanted::CALIBRATION) {
+    if let Some(found) = foreign(&path, &bytes, &Expected::CALIBRATION) {
         found.report(&path, &mut context.problems.borrow_mut());
         return None;
     }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
 use vlscan_base::files::reads;
-use vlscan_base::recognise::{Wanted, first_bytes, foreign};
+use vlscan_base::recognise::{Expected, first_bytes, foreign};
 
 /// Endings of the rasters that the scene reads.
 const TILE_ENDINGS: [&str; 4] = ["tif", "tiff", "asc", "grd"];
@@ -36,7 +36,7 @@ pub fn names_raster(path: &Path) -> bool {
 
 /// True if a file holds a raster that is read, whatever its name.
 fn holds_raster(path: &Path) -> bool {
-    first_bytes(path).is_some_and(|bytes| foreign(path, &bytes, &Wanted::RASTER).is_none())
+    first_bytes(path).is_some_and(|bytes| foreign(path, &bytes, &Expected::RASTER).is_none())
 }
 
 /// True if a name ends as those of rasters do.

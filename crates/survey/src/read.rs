@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
 use vlscan_base::files::reads;
-use vlscan_base::recognise::{Family, Wanted, foreign_file, recognise_file};
+use vlscan_base::recognise::{Expected, Family, foreign_file, recognise_file};
 
 /// Reads the survey of an XML file and everything that it refers to, except the geometry. The second value
 /// contains the warnings to be shown.
@@ -27,7 +27,7 @@ use vlscan_base::recognise::{Family, Wanted, foreign_file, recognise_file};
 /// All problems of all files at once as [`vlscan_base::Error::Input`]; scan frequencies outside the scanner's
 /// limits and contradictory trajectory settings as [`vlscan_base::Error::Limits`].
 pub fn read_survey(path: &Path, options: &ReadOptions) -> Result<(Survey, Diagnostics)> {
-    if let Some(found) = foreign_file(path, &Wanted::SURVEY) {
+    if let Some(found) = foreign_file(path, &Expected::SURVEY) {
         return Err(found.error(path));
     }
     let context = Context::new(options);

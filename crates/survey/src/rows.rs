@@ -5,7 +5,7 @@ use super::text::{decode, line_of_bytes};
 use std::borrow::Cow;
 use std::path::Path;
 use vlscan_base::diag::Place;
-use vlscan_base::recognise::{Wanted, foreign};
+use vlscan_base::recognise::{Expected, foreign};
 
 /// Maximum size of a file, bytes.
 pub(super) const MAX_FILE_BYTES: u64 = 1 << 24;
@@ -31,7 +31,7 @@ pub(super) fn read_rows<const N: usize>(
             return None;
         }
     };
-    if let Some(found) = foreign(&path, &bytes, &Wanted::NUMBERS) {
+    if let Some(found) = foreign(&path, &bytes, &Expected::NUMBERS) {
         found.report(&path, &mut context.problems.borrow_mut());
         return None;
     }

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use vlscan_base::error::Error;
 use vlscan_base::files::reads;
-use vlscan_base::recognise::{Wanted, foreign};
+use vlscan_base::recognise::{Expected, foreign};
 
 /// Elements of a virtual raster without effect on heights.
 const OF_DATASET: [&str; 9] = [
@@ -71,7 +71,7 @@ pub(super) fn read_virtual_raster(context: &Context, path: &Path) -> Option<Virt
             return None;
         }
     };
-    if let Some(found) = foreign(path, &bytes, &Wanted::VIRTUAL_RASTER) {
+    if let Some(found) = foreign(path, &bytes, &Expected::VIRTUAL_RASTER) {
         found.report(path, &mut context.problems.borrow_mut());
         return None;
     }

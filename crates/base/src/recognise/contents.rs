@@ -16,6 +16,10 @@ pub(super) fn kind_of(bytes: &[u8]) -> &'static Kind {
         return &kinds::EMPTY;
     }
     let is_text = is_text(bytes);
+    // The low bytes of a time can be those that compressed files begin with.
+    if !is_text && is_sbet(bytes) {
+        return &kinds::SBET;
+    }
     if let Some(kind) = of_start(bytes, is_text) {
         return of_container(kind, bytes);
     }
@@ -122,7 +126,6 @@ fn of_binary(bytes: &[u8]) -> &'static Kind {
         () if at(257, b"ustar") => &kinds::TAR,
         () if is_dbf(bytes) => &kinds::DBF,
         () if is_3ds(bytes) => &kinds::STUDIO,
-        () if is_sbet(bytes) => &kinds::SBET,
         () if is_off(bytes) => &kinds::OFF,
         () => &kinds::BINARY,
     }
@@ -276,17 +279,7 @@ fn of_text(text: &[u8]) -> &'static Kind {
     ]) {
         return &kinds::PRJ;
     }
-    let geometries = [
-        "POLYGON",
-        "LINESTRING",
-        "MULTIPOLYGON",
-        "MULTILINESTRING",
-        "GEOMETRYCOLLECTION",
-        "POINT",
-        "MULTIPOINT",
-        "SRID=",
-    ];
-    if starts(&geometries) && text.contains(&b'(') {
+    if is_wkt(&upper) {
         return &kinds::WKT;
     }
     let mut lines = text.split(|b| matches!(b, b'\n' | b'\r')).map(<[u8]>::trim_ascii);
@@ -301,7 +294,8 @@ fn of_text(text: &[u8]) -> &'static Kind {
         }
         b"0" if find(&upper, b"SECTION").is_some() => return &kinds::DXF,
         word if word.eq_ignore_ascii_case(b"solid") => return &kinds::STL,
-        b"import" | b"def" | b"class" => return &kinds::PROGRAM,
+        b"def" | b"class" if first.ends_with(b":") => return &kinds::PROGRAM,
+        b"import" if is_import(first) => return &kinds::PROGRAM,
         b"from" if find(first, b" import ").is_some() => return &kinds::PROGRAM,
         _ if is_off(first) => return &kinds::OFF,
         _ => {}
@@ -310,6 +304,41 @@ fn of_text(text: &[u8]) -> &'static Kind {
         return &kinds::PIPELINE;
     }
     if is_table(text) { &kinds::TABLE } else { &kinds::TEXT }
+}
+
+/// True for well-known text of a geometry (OGC 06-103r4, section 7), in capitals: `POLYGON Z ((`, `POINT
+/// EMPTY`.
+fn is_wkt(text: &[u8]) -> bool {
+    const GEOMETRIES: [&[u8]; 7] = [
+        b"POLYGON",
+        b"LINESTRING",
+        b"MULTIPOLYGON",
+        b"MULTILINESTRING",
+        b"GEOMETRYCOLLECTION",
+        b"POINT",
+        b"MULTIPOINT",
+    ];
+    let system = text.strip_prefix(b"SRID=").and_then(|rest| {
+        let end = rest.iter().position(|b| !b.is_ascii_digit())?;
+        rest[end..].strip_prefix(b";").filter(|_| end > 0)
+    });
+    let text = system.unwrap_or(text).trim_ascii_start();
+    GEOMETRIES.iter().filter_map(|name| text.strip_prefix(*name)).any(|rest| {
+        let rest = rest.trim_ascii_start();
+        let dimensions: [&[u8]; 3] = [b"ZM", b"Z", b"M"];
+        let inner = dimensions.iter().find_map(|dimension| rest.strip_prefix(*dimension)).unwrap_or(rest);
+        let inner = inner.trim_ascii_start();
+        inner.starts_with(b"(") || inner.starts_with(b"EMPTY")
+    })
+}
+
+/// True for `import` of Python with names of modules behind it.
+fn is_import(line: &[u8]) -> bool {
+    let is_name = |b: &u8| b.is_ascii_alphanumeric() || b"_., ".contains(b);
+    let names = line.strip_prefix(b"import").unwrap_or_default().trim_ascii();
+    let words = || names.split(|b| b" ,".contains(b)).filter(|word| !word.is_empty());
+    let is_list = names.contains(&b',') || words().count() == 1 || words().nth(1) == Some(b"as");
+    !names.is_empty() && names.iter().all(is_name) && is_list
 }
 
 fn first_word(bytes: &[u8]) -> &[u8] {
@@ -343,10 +372,14 @@ fn is_pcd(bytes: &[u8]) -> bool {
 pub fn is_off(bytes: &[u8]) -> bool {
     let mut lines = bytes.split(|b| matches!(b, b'\n' | b'\r')).map(<[u8]>::trim_ascii);
     let line = lines.find(|line| !(line.is_empty() || line.starts_with(b"#"))).unwrap_or_default();
-    let word = line.split(u8::is_ascii_whitespace).next().unwrap_or_default();
+    let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+    let word = words.next().unwrap_or_default();
     let word = word[..word.len().min(16)].to_ascii_uppercase();
     let Some(at) = find(&word, b"OFF") else { return false };
-    word[..at].len() <= 5
+    // The counts may follow, in the line of a heading that begins with such a word names do.
+    let is_count = |word: &[u8]| word.iter().all(u8::is_ascii_digit);
+    words.take_while(|word| !word.starts_with(b"#")).all(|word| word == b"BINARY" || is_count(word))
+        && word[..at].len() <= 5
         && word[..at].iter().all(|b| b"STCN4".contains(b))
         && word[at + 3..].iter().all(u8::is_ascii_digit)
 }
@@ -377,10 +410,21 @@ pub fn is_ascii_grid(bytes: &[u8]) -> bool {
     is_key() && is_key()
 }
 
-/// A table in brackets, or a key with a value, as the first statement.
+/// A table in brackets, or a key with a value, as the first statement; a number as the value tells only if a
+/// second statement follows, since tables may have such lines above their heading.
 fn is_toml(text: &[u8]) -> bool {
-    let mut lines = text.split(|b| *b == b'\n').map(<[u8]>::trim_ascii);
-    let first = lines.find(|line| !(line.is_empty() || line.starts_with(b"#"))).unwrap_or_default();
+    let lines = text.split(|b| *b == b'\n').map(<[u8]>::trim_ascii);
+    let mut lines = lines.filter(|line| !(line.is_empty() || line.starts_with(b"#")));
+    let first = lines.next().unwrap_or_default();
+    let is_number = first.rsplit(|b| *b == b'=').next().is_some_and(|value| {
+        value.trim_ascii().first().is_some_and(|b| b.is_ascii_digit() || b"+-".contains(b))
+    });
+    is_statement(first)
+        && (!is_number || lines.next().is_none_or(|second| second.starts_with(b"[") || is_statement(second)))
+}
+
+/// True for a line of TOML: a table in brackets, or a key with a value.
+fn is_statement(first: &[u8]) -> bool {
     let is_name = |b: &u8| b.is_ascii_alphanumeric() || b"_-.".contains(b);
     if let Some(inner) = first.strip_prefix(b"[") {
         let inner = inner.strip_prefix(b"[").unwrap_or(inner);

@@ -59,6 +59,8 @@ pub(super) const TABLE: Kind = kind("a table of text", Table, "", &[], &["csv", 
 pub(super) const TEXT: Kind = kind("text of an unknown format", Text, "", &[], &[]);
 /// Bytes that are not text.
 pub(super) const BINARY: Kind = kind("binary data of an unknown format", Binary, "", &[], &[]);
+/// Kinds of contents that say little: any reader may take them by their name.
+pub(super) const GENERAL: [Kind; 3] = [TABLE, TEXT, BINARY];
 /// No bytes.
 pub(super) const EMPTY: Kind = kind("an empty file", Empty, "", &[], &[]);
 /// JSON without known keys.

@@ -1,21 +1,21 @@
 //! Names the kind of a file by its first bytes and its ending, and says what to do with a file that a command
-//! cannot use: every reader compares what it [`Wanted`] with what the file is.
+//! cannot use: every reader compares what it [`Expected`] with what the file is.
 //!
 //! | file | what it does |
 //! |---|---|
 //! | `kinds` | the kinds, with their first bytes, endings and converters |
 //! | `contents` | roots of XML, keys of JSON, entries of archives, statements and columns of text |
-//! | `wanted` | what the readers want |
+//! | `expected` | what the readers want |
 
 mod contents;
+mod expected;
 mod kinds;
 #[cfg(test)]
 mod tests;
-mod wanted;
 
 pub use contents::{is_ascii_grid, is_off, is_sbet};
+pub use expected::{Expected, Role};
 pub use kinds::Kind;
-pub use wanted::{Role, Wanted};
 
 use crate::diag::{Diagnostics, Place};
 use crate::error::Error;
@@ -97,11 +97,6 @@ pub struct Foreign {
 }
 
 impl Foreign {
-    /// True if neither contents nor name of the file are those of a known format.
-    pub fn is_unknown(&self) -> bool {
-        [kinds::BINARY, kinds::TEXT].contains(self.kind)
-    }
-
     /// "expected a survey, found a LAZ point cloud".
     pub fn message(&self) -> String {
         format!("expected {}, found {}", self.expected, self.kind.name)
@@ -160,33 +155,27 @@ fn by_ending(path: &Path, contents: &Kind) -> Option<&'static Kind> {
     all.find(|kind| kind.endings.contains(&ending.as_str()) && may_be(kind))
 }
 
-/// True for names that end as those of tables do.
-fn is_table_by_name(path: &Path) -> bool {
-    let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
-    ending.is_some_and(|ending| kinds::TABLE.endings.contains(&ending.as_str()))
-}
-
 /// Recognises a file that a reader cannot read; `None` if the reader may be able to. `bytes` are the first
 /// bytes, see [`FIRST_BYTES`].
 ///
 /// ```
 /// use std::path::Path;
-/// use vlscan_base::recognise::{Wanted, foreign};
+/// use vlscan_base::recognise::{Expected, foreign};
 ///
-/// let found = foreign(Path::new("plot.npy"), b"\x93NUMPY\x01\0", &Wanted::AREA).expect("no area");
+/// let found = foreign(Path::new("plot.npy"), b"\x93NUMPY\x01\0", &Expected::AREA).expect("no area");
 /// assert!(found.message().ends_with("found a NumPy array") && found.help.contains("numpy.savetxt"));
-/// assert_eq!(foreign(Path::new("plot.kml"), b"<?xml version='1.0'?><kml/>", &Wanted::AREA), None);
+/// assert_eq!(foreign(Path::new("plot.kml"), b"<?xml version='1.0'?><kml/>", &Expected::AREA), None);
 /// ```
-pub fn foreign(path: &Path, bytes: &[u8], wanted: &Wanted) -> Option<Foreign> {
+pub fn foreign(path: &Path, bytes: &[u8], expected: &Expected) -> Option<Foreign> {
     let contents = contents::kind_of(&bytes[..bytes.len().min(FIRST_BYTES)]);
     let named = by_ending(path, contents).unwrap_or(contents);
-    let is_accepted = wanted.accepts(if wanted.uses_endings { named } else { contents })
-        // Many texts have the same number of words on each line, as an OBJ or MTL file of few lines.
-        || *contents == kinds::TABLE && *named == *contents && wanted.accepts(&kinds::TEXT) && !is_table_by_name(path);
-    (!is_accepted).then(|| wanted.refuse(named, path))
+    let is_accepted = expected.accepts(if expected.uses_endings { named } else { contents })
+        // Contents that say nothing are left to the reader if the name is that of a file it reads.
+        || kinds::GENERAL.contains(contents) && *named == *contents && expected.accepts_name(path);
+    (!is_accepted).then(|| expected.refuse(named, path))
 }
 
 /// As [`foreign`], of a file in the file system.
-pub fn foreign_file(path: &Path, wanted: &Wanted) -> Option<Foreign> {
-    foreign(path, &first_bytes(path)?, wanted)
+pub fn foreign_file(path: &Path, expected: &Expected) -> Option<Foreign> {
+    foreign(path, &first_bytes(path)?, expected)
 }

@@ -7,9 +7,9 @@ fn name(path: &str, bytes: &[u8]) -> &'static str {
     recognise(Path::new(path), bytes).name
 }
 
-/// The message and the help for a file that is not wanted.
-fn refused(path: &str, bytes: &[u8], wanted: &Wanted) -> String {
-    let found = foreign(Path::new(path), bytes, wanted).unwrap_or_else(|| panic!("{path} is wanted"));
+/// The message and the help for a file that is not expected.
+fn refused(path: &str, bytes: &[u8], expected: &Expected) -> String {
+    let found = foreign(Path::new(path), bytes, expected).unwrap_or_else(|| panic!("{path} is expected"));
     format!("{}; {}", found.message(), found.help)
 }
 
@@ -132,37 +132,75 @@ fn endings_decide_where_contents_do_not() {
 
 #[test]
 fn readers_refuse_what_they_do_not_read_with_what_to_do() {
-    for (path, bytes, wanted, parts) in [
-        ("site.laz", &b"LASF\0\0"[..], &Wanted::SURVEY, ["found a LAS point cloud", "vlscan info site.laz"]),
-        ("my house.obj", b"v 0 0 0\nv 1 0 0\n", &Wanted::SURVEY, ["an OBJ mesh", "--scene 'my house.obj'"]),
-        ("plot.npy", b"\x93NUMPY\x01", &Wanted::INVENTORY, ["a NumPy array", "numpy.savetxt"]),
-        ("-", b"\x93NUMPY\x01", &Wanted::ROWS, ["a NumPy array", "numpy.load('FILE')"]),
-        ("a.fbx", b"Kaydara FBX", &Wanted::POINTS, ["an FBX mesh", "--scene FILE"]),
-        ("a.las", b"LASF\0\0", &Wanted::MESH, ["a LAS point cloud", "xyzloader"]),
-        ("a.csv", b"x,y,z\n1,2,3\n", &Wanted::SURVEY, ["a table of text", "--trajectory a.csv"]),
-        ("a.parquet", b"PAR1\x15", &Wanted::POSES, ["a Parquet table", "as CSV"]),
-        ("a.gz", b"\x1f\x8b\x08", &Wanted::MESH, ["a gzip file", "gunzip a.gz"]),
+    for (path, bytes, expected, parts) in [
+        (
+            "site.laz",
+            &b"LASF\0\0"[..],
+            &Expected::SURVEY,
+            ["found a LAS point cloud", "vlscan info site.laz"],
+        ),
+        ("my house.obj", b"v 0 0 0\nv 1 0 0\n", &Expected::SURVEY, ["an OBJ mesh", "--scene 'my house.obj'"]),
+        ("plot.npy", b"\x93NUMPY\x01", &Expected::INVENTORY, ["a NumPy array", "numpy.savetxt"]),
+        ("-", b"\x93NUMPY\x01", &Expected::ROWS, ["a NumPy array", "numpy.load('FILE')"]),
+        ("a.fbx", b"Kaydara FBX", &Expected::POINTS, ["an FBX mesh", "--scene FILE"]),
+        ("a.las", b"LASF\0\0", &Expected::MESH, ["a LAS point cloud", "xyzloader"]),
+        ("a.csv", b"x,y,z\n1,2,3\n", &Expected::SURVEY, ["a table of text", "--trajectory a.csv"]),
+        ("a.parquet", b"PAR1\x15", &Expected::POSES, ["a Parquet table", "as CSV"]),
+        ("a.gz", b"\x1f\x8b\x08", &Expected::MESH, ["a gzip file", "gunzip a.gz"]),
     ] {
-        let said = refused(path, bytes, wanted);
-        assert!(said.starts_with(&format!("expected {}", wanted.what)), "{said}");
+        let said = refused(path, bytes, expected);
+        assert!(said.starts_with(&format!("expected {}", expected.what)), "{said}");
         parts.iter().for_each(|part| assert!(said.contains(part), "{part}: {said}"));
     }
 }
 
 #[test]
 fn readers_take_what_they_read() {
-    for (path, bytes, wanted) in [
-        ("a.xml", &b"<document/>"[..], &Wanted::SURVEY),
-        ("a.xml", b"<survey/>", &Wanted::SURVEY),
-        ("a.obj", b"# solid block\n\n", &Wanted::MESH),
-        ("a.gltf", b"{\"a\": 1}", &Wanted::MESH),
-        ("a.toml", b"survey = ", &Wanted::PIPELINE),
-        ("flight.pts", b"0 1 2 3\n1 2 3 4\n", &Wanted::POSES),
-        ("flight.las", b"time,x,y,z,roll,pitch,yaw\n0,1,2,3,4,5,6\n", &Wanted::POSES),
-        ("a.csv", b"\xff\xfex\0;\0", &Wanted::INVENTORY),
-        ("a.tif", b"II*\0", &Wanted::RASTER),
+    for (path, bytes, expected) in [
+        ("a.xml", &b"<document/>"[..], &Expected::SURVEY),
+        ("a.xml", b"<survey/>", &Expected::SURVEY),
+        ("a.obj", b"# solid block\n\n", &Expected::MESH),
+        ("a.gltf", b"{\"a\": 1}", &Expected::MESH),
+        ("a.toml", b"survey = ", &Expected::PIPELINE),
+        ("flight.pts", b"0 1 2 3\n1 2 3 4\n", &Expected::POSES),
+        ("flight.las", b"time,x,y,z,roll,pitch,yaw\n0,1,2,3,4,5,6\n", &Expected::POSES),
+        ("a.csv", b"\xff\xfex\0;\0", &Expected::INVENTORY),
+        ("a.tif", b"II*\0", &Expected::RASTER),
+        // What looks like another kind.
+        ("a.stl", b"Exported from Blender\0\0\0\0\0", &Expected::SURFACE),
+        ("a.obj", b"# a comment\n# and another\n", &Expected::SURFACE),
+        ("a.obj", b"v 1 2 3 # note\nv 1 2 4 # note\n", &Expected::SURFACE),
+        ("a.mtl", b"Kd 0.5 0.5 0.5\nKs 0 0 0\n", &Expected::MATERIALS),
+        ("a.csv", b"Point,X (m),Y (m),Z (m)\n1,2,3,4\n", &Expected::POINTS),
+        ("a.csv", b"Point,X (m),Y (m),Z (m)\n1,2,3,4\n", &Expected::INVENTORY),
+        ("a.txt", b"class\tx\ty\tz\n2\t1\t2\t3\n", &Expected::POINTS),
+        ("a.txt", b"def x y z\n1 2 3 4\n", &Expected::POINTS),
+        ("a.txt", b"import x y z\n1 2 3 4\n", &Expected::POINTS),
+        ("a.txt", b"off x y z\n1 2 3 4\n", &Expected::POINTS),
+        ("a.txt", b"Week = 2100\ntime,x,y,z,roll,pitch,yaw\n0,1,2,3,4,5,6\n", &Expected::POSES),
     ] {
-        assert_eq!(foreign(Path::new(path), bytes, wanted), None, "{path}");
+        assert_eq!(foreign(Path::new(path), bytes, expected), None, "{path}");
+    }
+}
+
+#[test]
+fn a_trajectory_may_begin_with_the_bytes_of_compressed_data() {
+    let mut record =
+        [400_000.5f64, 0.8, 0.15, 300.0].iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>();
+    record.resize(2 * super::contents::SBET_BYTES, 0);
+    record[..2].copy_from_slice(b"\x78\x9c");
+    assert_eq!(foreign(Path::new("a.out"), &record, &Expected::POSES), None);
+}
+
+#[test]
+fn geometries_as_text_have_brackets_behind_their_name() {
+    for text in [
+        "POLYGON ((0 0, 1 0, 1 1))",
+        "SRID=25832;POINT Z(1 2 3)",
+        "linestring m (1 2 3, 4 5 6)",
+        "POINT EMPTY",
+    ] {
+        assert_eq!(foreign(Path::new("a.txt"), text.as_bytes(), &Expected::AREA), None, "{text}");
     }
 }
 
@@ -177,8 +215,8 @@ proptest::proptest! {
         for start in [&b""[..], b"PK\x03\x04", b"LASF", b"SQLite format 3\0", b"<?xml ", b"<!"] {
             for rest in [&bytes[..], text.as_bytes()] {
                 let all = [start, rest].concat();
-                foreign(Path::new(&path), &all, &Wanted::MESH);
-                foreign(Path::new(&path), &all, &Wanted::POINTS);
+                foreign(Path::new(&path), &all, &Expected::MESH);
+                foreign(Path::new(&path), &all, &Expected::POINTS);
             }
         }
     }

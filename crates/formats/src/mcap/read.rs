@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use std::io::Read;
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::recognise::{FIRST_BYTES, Wanted, foreign};
+use vlscan_base::recognise::{Expected, FIRST_BYTES, foreign};
 
 const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
 /// Kind and length before the content of a record, bytes.
@@ -53,7 +53,7 @@ pub(crate) fn read_frames(
     Read::take(&mut *source, FIRST_BYTES as u64)
         .read_to_end(&mut first)
         .map_err(|e| Error::io("read", path, e))?;
-    if let Some(found) = foreign(path, &first, &Wanted::LOG) {
+    if let Some(found) = foreign(path, &first, &Expected::LOG) {
         return Err(found.error(path));
     }
     let source: &mut dyn Read = &mut first.as_slice().chain(source);

@@ -38,9 +38,9 @@ pub(crate) fn read(mut source: impl BufRead, reading: &mut Reading) -> Result<()
         };
         rows.split(text, &mut words);
         let path = reading.path;
-        widths.see(rows, text, &words, |at| line_place(path, number, text, at));
         match rows.parse(text, &words) {
             Ok(row) => {
+                widths.see(rows, text, &words, |at| line_place(path, number, text, at));
                 let object = rows.word(Attribute::Object, &words);
                 let object = object.map(|at| String::from_utf8_lossy(text[at].trim_ascii()));
                 let place = |attribute| {

@@ -10,7 +10,7 @@ use std::path::Path;
 use std::sync::Arc;
 use vlscan_base::error::Result;
 use vlscan_base::quantity;
-use vlscan_base::recognise::{Family, Foreign, Wanted, foreign_file};
+use vlscan_base::recognise::{Expected, Family, Foreign, foreign_file};
 use vlscan_base::store::ArrayFile;
 
 /// An open packed scene.
@@ -29,7 +29,7 @@ impl Pack {
     pub fn open(path: &Path) -> Result<Pack> {
         let is_known =
             |found: &Foreign| !matches!(found.kind.family, Family::Binary | Family::Text | Family::Empty);
-        if let Some(found) = foreign_file(path, &Wanted::PACKED).filter(is_known) {
+        if let Some(found) = foreign_file(path, &Expected::PACKED).filter(is_known) {
             return Err(found.error(path));
         }
         let file = ArrayFile::open(path)?;

@@ -15,7 +15,7 @@ use vlscan_base::diag::{Diagnostic, Diagnostics, Place, nearest};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
 use vlscan_base::input::read_file;
-use vlscan_base::recognise::{Wanted, foreign};
+use vlscan_base::recognise::{Expected, foreign};
 
 /// A pipeline file: its path and its TOML text.
 #[derive(Debug)]
@@ -36,7 +36,7 @@ impl Source {
     /// [`Error::Io`], or [`Error::Input`] for bytes that are not text.
     pub fn read(path: &Path) -> Result<Source> {
         let bytes = read_file(path, MAX_FILE_BYTES).map_err(|e| Error::io("read", path, e))?;
-        if let Some(found) = foreign(path, &bytes, &Wanted::PIPELINE) {
+        if let Some(found) = foreign(path, &bytes, &Expected::PIPELINE) {
             return Err(found.error(path));
         }
         match decode(&bytes) {

@@ -10,7 +10,7 @@ use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
 use vlscan_base::input::arrow::{ArrowDetection, detect_arrow};
 use vlscan_base::input::rows::RowError;
-use vlscan_base::recognise::{Family, Wanted, foreign, is_sbet};
+use vlscan_base::recognise::{Expected, Family, foreign, is_sbet};
 use vlscan_survey::{PoseFormat, PoseStream};
 
 /// Takes the fixes that are decoded, with the name of their format; breaks after an error.
@@ -114,7 +114,7 @@ impl PoseDecoder {
         let bytes = &self.pending;
         let is_named = self.settings.format.is_some();
         let has_line = ended || bytes.len() >= DETECTION_BYTES || bytes.contains(&b'\n');
-        let found = if has_line { foreign(&self.path, bytes, &Wanted::POSES) } else { None };
+        let found = if has_line { foreign(&self.path, bytes, &Expected::POSES) } else { None };
         if let Some(found) =
             found.filter(|found| !matches!(found.kind.family, Family::Binary | Family::Utf16))
         {

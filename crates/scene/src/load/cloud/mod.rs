@@ -22,7 +22,7 @@ use std::ops::{ControlFlow, Range};
 use text::{LinePlace, RowFormat};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
-use vlscan_base::recognise::Wanted;
+use vlscan_base::recognise::Expected;
 use vlscan_formats::text::Widths;
 use vlscan_formats::{AttributeSet, CloudFormat, PointFile, PointRow, PointSink, Selection, StrayFinder};
 use vlscan_geom::{Aabb, DVec3, direction, rescaled};
@@ -162,7 +162,7 @@ impl<'s> Cloud<'s> {
         settings: &Settings,
         diagnostics: &mut Diagnostics,
     ) -> Option<Cloud<'s>> {
-        if !source.is_text(&Wanted::POINTS, diagnostics) {
+        if !source.is_text(&Expected::POINTS, diagnostics) {
             return None;
         }
         let mut found = Diagnostics::default();

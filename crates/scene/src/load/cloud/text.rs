@@ -116,9 +116,9 @@ impl RowFormat {
             }
             self.rows.split(&line.text, &mut words);
             let in_file = |at: Range<usize>| line.start + at.start..line.start + at.end;
-            widths.see(&self.rows, &line.text, &words, |at| (line.number, in_file(at)));
             match self.parse(&line.text, &words) {
                 Ok(point) => {
+                    widths.see(&self.rows, &line.text, &words, |at| (line.number, in_file(at)));
                     self.warn_of_class(&point, &line, &words, problems);
                     take(point);
                 }

@@ -11,7 +11,7 @@ use crate::builder::MAX_COORDINATE;
 use std::path::Path;
 use tiff::decoder::{Decoder, Limits};
 use tiff::tags::Tag;
-use vlscan_base::recognise::{Wanted, foreign, recognise};
+use vlscan_base::recognise::{Expected, foreign, recognise};
 
 /// Photometric interpretation of images whose numbers are those of colours.
 const PALETTE: u64 = 3;
@@ -49,7 +49,7 @@ impl Raster {
         let (file, open) = RasterFile::find(path).map_err(|e| refused(path, e))?;
         describe(file, &open).map_err(|problem| {
             let start = open.start(START_BYTES).unwrap_or_default();
-            let help = foreign(path, &start, &Wanted::RASTER).map_or_else(String::new, |found| found.help);
+            let help = foreign(path, &start, &Expected::RASTER).map_or_else(String::new, |found| found.help);
             let help = if help.is_empty() { HELP.to_owned() } else { help };
             Refusal::Unusable(path.to_path_buf(), problem, help.into())
         })

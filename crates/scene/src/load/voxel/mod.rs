@@ -20,7 +20,7 @@ use std::ops::Range;
 use vlscan_base::columns::comma_note;
 use vlscan_base::diag::Place;
 use vlscan_base::error::Result;
-use vlscan_base::recognise::Wanted;
+use vlscan_base::recognise::Expected;
 use vlscan_base::rng::{Purpose, Stream};
 use vlscan_geom::DVec3;
 use vlscan_survey::{VoxelLoader, VoxelMode};
@@ -47,7 +47,7 @@ pub(crate) fn load(
     loader: &VoxelLoader,
     (materials, keeps_grid): (&[u32], bool),
 ) -> Result<Option<Densities>> {
-    if !source.is_text(&Wanted::VOXELS, &mut scene.diagnostics) {
+    if !source.is_text(&Expected::VOXELS, &mut scene.diagnostics) {
         return Ok(None);
     }
     let mut problems = Problems::default();

@@ -30,7 +30,7 @@ pub enum Role {
 
 /// Kinds of files that a reader accepts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Wanted {
+pub struct Expected {
     /// A noun with its article: "a survey".
     pub what: &'static str,
     /// Purpose of the file.
@@ -43,110 +43,112 @@ pub struct Wanted {
     except: &'static [Kind],
 }
 
-const fn wanted(what: &'static str, role: Role, families: &'static [Family]) -> Wanted {
-    Wanted { what, role, families, uses_endings: false, except: &[] }
+const fn expected(what: &'static str, role: Role, families: &'static [Family]) -> Expected {
+    Expected { what, role, families, uses_endings: false, except: &[] }
 }
 
-impl Wanted {
+impl Expected {
     /// A survey, a scene or an instrument in XML.
-    pub const DOCUMENT: Wanted = Wanted {
+    pub const DOCUMENT: Expected = Expected {
         except: &[kinds::XML],
-        ..wanted("an XML document (survey, scene, scanner, platform)", Role::Survey, &[Document])
+        ..expected("an XML document (survey, scene, scanner, platform)", Role::Survey, &[Document])
     };
     /// A file for `vlscan run` whose extension is not `.toml`.
-    pub const SURVEY: Wanted = Wanted { what: "a survey (.xml) or a pipeline (.toml)", ..Wanted::DOCUMENT };
+    pub const SURVEY: Expected =
+        Expected { what: "a survey (.xml) or a pipeline (.toml)", ..Expected::DOCUMENT };
     /// A pipeline in TOML, whose errors of syntax name their lines.
-    pub const PIPELINE: Wanted = wanted("a pipeline (TOML)", Role::Survey, &[Pipeline, Text, Empty]);
+    pub const PIPELINE: Expected = expected("a pipeline (TOML)", Role::Survey, &[Pipeline, Text, Empty]);
     /// The file of a campaign.
-    pub const CAMPAIGN: Wanted = wanted("a campaign (TOML)", Role::Other, &[Pipeline, Text, Empty]);
+    pub const CAMPAIGN: Expected = expected("a campaign (TOML)", Role::Other, &[Pipeline, Text, Empty]);
     /// A mesh; OBJ begins with any words.
-    pub const MESH: Wanted = Wanted {
+    pub const MESH: Expected = Expected {
         uses_endings: true,
-        ..wanted("a mesh (OBJ, PLY, STL, OFF, glTF)", Role::Scene, &[Mesh, PointsOrMesh, Text, Empty])
+        ..expected("a mesh (OBJ, PLY, STL, OFF, glTF)", Role::Scene, &[Mesh, PointsOrMesh, Text, Empty])
     };
     /// Vegetation voxels.
-    pub const VOXELS: Wanted = wanted("voxels of AMAPVox (.vox)", Role::Scene, &[Voxels, Text, Table, Empty]);
+    pub const VOXELS: Expected =
+        expected("voxels of AMAPVox (.vox)", Role::Scene, &[Voxels, Text, Table, Empty]);
     /// A raster of heights.
-    pub const RASTER: Wanted = Wanted {
+    pub const RASTER: Expected = Expected {
         except: &[kinds::VRT],
-        ..wanted("a raster (GeoTIFF, ESRI ASCII grid)", Role::Terrain, &[Terrain])
+        ..expected("a raster (GeoTIFF, ESRI ASCII grid)", Role::Terrain, &[Terrain])
     };
     /// Ground as a raster or a mesh.
-    pub const SURFACE: Wanted = wanted(
+    pub const SURFACE: Expected = expected(
         "a raster (.tif, .asc, .vrt, a folder of tiles) or a mesh (.obj, .ply, .stl, .off)",
         Role::Terrain,
         &[Terrain, Mesh, PointsOrMesh],
     );
     /// A virtual raster.
-    pub const VIRTUAL_RASTER: Wanted = Wanted {
+    pub const VIRTUAL_RASTER: Expected = Expected {
         except: &[kinds::VRT, kinds::XML],
-        ..wanted("a virtual raster of GDAL (VRT)", Role::Terrain, &[])
+        ..expected("a virtual raster of GDAL (VRT)", Role::Terrain, &[])
     };
     /// Materials of OBJ.
-    pub const MATERIALS: Wanted = wanted("a material file", Role::Other, &[Materials, Text, Empty]);
+    pub const MATERIALS: Expected = expected("a material file", Role::Other, &[Materials, Text, Empty]);
     /// A table of materials by name.
-    pub const MATERIAL_TABLE: Wanted = wanted("a table of materials", Role::Table, TEXTS);
+    pub const MATERIAL_TABLE: Expected = expected("a table of materials", Role::Table, TEXTS);
     /// Reflectance by wavelength.
-    pub const SPECTRUM: Wanted = wanted("a spectrum", Role::Table, TEXTS);
+    pub const SPECTRUM: Expected = expected("a spectrum", Role::Table, TEXTS);
     /// Directions of leaves.
-    pub const LEAF_ANGLES: Wanted = wanted("a table of leaf angles", Role::Table, TEXTS);
+    pub const LEAF_ANGLES: Expected = expected("a table of leaf angles", Role::Table, TEXTS);
     /// Meshes with their places.
-    pub const INSTANCES: Wanted = wanted("a table of instances", Role::Table, TABLES);
+    pub const INSTANCES: Expected = expected("a table of instances", Role::Table, TABLES);
     /// Trees with their places.
-    pub const INVENTORY: Wanted = wanted("an inventory of trees as a table of text", Role::Table, TABLES);
+    pub const INVENTORY: Expected = expected("an inventory of trees as a table of text", Role::Table, TABLES);
     /// Other columns of numbers.
-    pub const NUMBERS: Wanted = wanted("a table of numbers", Role::Table, TABLES);
+    pub const NUMBERS: Expected = expected("a table of numbers", Role::Table, TABLES);
     /// Points as a text of columns, or in a format that is recognised elsewhere.
-    pub const POINTS: Wanted =
-        wanted("a point cloud", Role::Points, &[Points, PointsOrMesh, Columnar, Table, Text, Empty]);
+    pub const POINTS: Expected =
+        expected("a point cloud", Role::Points, &[Points, PointsOrMesh, Columnar, Table, Text, Empty]);
     /// Poses; rows of text and Arrow, SBET, TerraScan.
-    pub const POSES: Wanted = Wanted {
+    pub const POSES: Expected = Expected {
         except: &[kinds::PARQUET],
-        ..wanted("poses of a platform", Role::Flight, &[Flight, Columnar, Table, Text, Empty])
+        ..expected("poses of a platform", Role::Flight, &[Flight, Columnar, Table, Text, Empty])
     };
     /// Rows of text and Arrow, of whatever.
-    pub const ROWS: Wanted = Wanted {
+    pub const ROWS: Expected = Expected {
         except: &[kinds::PARQUET],
-        ..wanted("rows of text or Arrow", Role::Table, &[Columnar, Table, Text, Empty])
+        ..expected("rows of text or Arrow", Role::Table, &[Columnar, Table, Text, Empty])
     };
     /// Polygons and lines.
-    pub const AREA: Wanted = Wanted {
+    pub const AREA: Expected = Expected {
         uses_endings: true,
         except: &[kinds::JSON],
-        ..wanted(
+        ..expected(
             "polygons or lines (GeoJSON, KML, KMZ, GPX, shapefile, GeoPackage, well-known text)",
             Role::Area,
             &[Area, Empty],
         )
     };
     /// A coordinate reference system.
-    pub const SYSTEM: Wanted = wanted(
+    pub const SYSTEM: Expected = expected(
         "a coordinate reference system (WKT or an EPSG code)",
         Role::Other,
         &[System, Text, Table, Empty],
     );
     /// The calibration of a sensor.
-    pub const CALIBRATION: Wanted = Wanted {
+    pub const CALIBRATION: Expected = Expected {
         except: &[kinds::JSON],
-        ..wanted("the calibration of an Ouster sensor (JSON)", Role::Other, &[Calibration])
+        ..expected("the calibration of an Ouster sensor (JSON)", Role::Other, &[Calibration])
     };
     /// A log of frames.
-    pub const LOG: Wanted = wanted("an MCAP log", Role::Log, &[Log]);
+    pub const LOG: Expected = expected("an MCAP log", Role::Log, &[Log]);
     /// Sampled pulses.
-    pub const WAVEFORMS: Wanted = wanted("waveforms as text", Role::Other, &[Table, Text, Empty]);
+    pub const WAVEFORMS: Expected = expected("waveforms as text", Role::Other, &[Table, Text, Empty]);
     /// A packed scene.
-    pub const PACKED: Wanted = wanted("a packed scene (.vlscene)", Role::Scene, &[Packed]);
+    pub const PACKED: Expected = expected("a packed scene (.vlscene)", Role::Scene, &[Packed]);
     /// The shards of a run.
-    pub const SHARDS: Wanted = wanted("a folder of shards", Role::Other, &[]);
+    pub const SHARDS: Expected = expected("a folder of shards", Role::Other, &[]);
     /// Compressed text.
-    pub const COMPRESSED: Wanted = Wanted {
+    pub const COMPRESSED: Expected = Expected {
         except: &[kinds::COMPRESSED_TEXT],
-        ..wanted("compressed text of HELIOS++ or vlscan (.bin)", Role::Other, &[])
+        ..expected("compressed text of HELIOS++ or vlscan (.bin)", Role::Other, &[])
     };
 
     /// The same files under another name: a noun with its article.
-    pub const fn named(self, what: &'static str) -> Wanted {
-        Wanted { what, ..self }
+    pub const fn named(self, what: &'static str) -> Expected {
+        Expected { what, ..self }
     }
 
     /// True if the file may be one of those that are read. Kinds that need a converter are not.
@@ -155,6 +157,14 @@ impl Wanted {
         // Readers that want UTF-16 decode it themselves.
         let is_read = kind.convert.is_empty() || kind.family == Utf16;
         is_odd != (self.families.contains(&kind.family) && is_read)
+    }
+
+    /// True if the name ends as that of a kind that is read.
+    pub(super) fn accepts_name(&self, path: &Path) -> bool {
+        let Some(ending) = path.extension() else { return false };
+        let ending = ending.to_string_lossy().to_ascii_lowercase();
+        let mut kinds = kinds::BY_START.iter().chain(kinds::BY_CONTENTS);
+        kinds.any(|kind| kind.endings.contains(&ending.as_str()) && self.accepts(kind))
     }
 
     /// The message for a file of another kind.
@@ -171,7 +181,7 @@ impl Wanted {
         Foreign { kind, expected: self.what, help: help.replace("{f}", &name) }
     }
 
-    /// True if a file of the family is what is wanted once it is converted.
+    /// True if a file of the family is what is expected once it is converted.
     fn suits(&self, family: Family) -> bool {
         self.families.contains(&family)
             || matches!(
