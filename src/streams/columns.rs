@@ -107,8 +107,10 @@ impl ColumnEntry {
 pub fn parse_pulse_heading(text: &str) -> Result<(PulseColumn, f64), (String, String)> {
     match parse_heading(text, ENTRIES.iter().map(|entry| entry.quantity)) {
         Ok(ParsedHeading { quantity, factor }) => {
-            let entry = ENTRIES.iter().find(|entry| entry.quantity == quantity);
-            let column = entry.map_or(PulseColumn::Time, |entry| entry.column);
+            let Some(entry) = ENTRIES.iter().find(|entry| entry.quantity == quantity) else {
+                return Err((format!("unknown column `{}`", text.trim()), String::new()));
+            };
+            let column = entry.column;
             let inside = if quantity.dimension() == Dimension::Time { 1e9 } else { 1.0 };
             Ok((column, inside * factor.unwrap_or(1.0)))
         }

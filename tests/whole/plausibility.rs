@@ -882,7 +882,7 @@ fn instruments() -> Vec<Mistake> {
             survey()
                 .replace("template=\"strip\" active=\"false\"", "template=\"strip\" scanFreq_hz=\"20\""),
             "run s.xml -o a.xyz",
-            "swings faster than in the leg before (20 Hz after 15 Hz)",
+            "takes fewer pulses than in the leg before (",
         ),
         written(
             "a part that moves at every pulse",

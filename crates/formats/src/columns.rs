@@ -3,7 +3,7 @@
 use super::PointRow;
 use vlscan_base::diag::listed;
 use vlscan_base::table::{
-    Dimension, ParsedHeading, Quantity, is_usually_unused, parse_heading, plain, split_unit,
+    Dimension, ParsedHeading, Quantity, is_usually_unused, parse_heading, plain, split_suffix, split_unit,
 };
 use vlscan_geom::{DVec3, degrees};
 
@@ -59,8 +59,8 @@ attributes! {
     NumberOfReturns NumberOfReturns, "number of returns", "the number of returns of the pulse", BYTE;
     ScanAngle ScanAngle, "scan angle", "a scan angle, a number of degrees", None;
     Object Object, "object", "an object", LONG;
-    Leg Leg, "leg", "the number of a leg", SHORT;
-    Channel Device, "channel", "the number of a channel", SHORT;
+    Leg Source, "leg", "the number of a leg", SHORT;
+    Channel Channel, "channel", "the number of a channel", SHORT;
     Time Time, "time", "a time", None;
 }
 
@@ -411,7 +411,7 @@ fn name_of(heading: &str) -> String {
     let quantities = Attribute::ALL.into_iter().map(Attribute::quantity);
     match parse_heading(name, quantities) {
         Ok(ParsedHeading { factor: Some(_), .. }) => {
-            name.rsplit_once(['_', '.', ' ', '-']).map_or(whole, |(stem, _)| plain(stem))
+            split_suffix(name, |stem| is_known(&plain(stem))).map_or(whole, |(stem, _)| plain(stem))
         }
         _ => whole,
     }
@@ -421,8 +421,8 @@ fn name_of(heading: &str) -> String {
 fn unit_of(heading: &str) -> Option<&str> {
     let (name, bracketed) = split_unit(heading);
     let has_suffix = || name_of(heading) != plain(name);
-    bracketed
-        .or_else(|| name.rsplit_once(['_', '.', ' ', '-']).filter(|_| has_suffix()).map(|(_, unit)| unit))
+    let is_known = |stem: &str| Attribute::ALL.iter().any(|attribute| attribute.has_name(&plain(stem)));
+    bracketed.or_else(|| split_suffix(name, is_known).filter(|_| has_suffix()).map(|(_, unit)| unit))
 }
 
 /// Metres, seconds or degrees in the unit of a column; `None` without a unit that is known.

@@ -22,10 +22,10 @@ use super::text::decode_table;
 use super::{Loader, MeshReading, Transform};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use vlscan_base::columns::comma_note;
+use vlscan_base::columns::{comma_note, has_decimal_comma};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::quantity;
-use vlscan_base::recognise::{Wanted, foreign};
+use vlscan_base::recognise::{Expected, foreign};
 use vlscan_base::table::{Headings, Line, Quantity, Schema, TextTable, Use};
 use vlscan_geom::{DVec3, Rotation, radians};
 
@@ -105,7 +105,9 @@ pub(super) fn read_table(context: &Context, path: &Path, base: &Base) -> Option<
             context.error_help(Place::in_line(path, line.number, "", 0..0), message, HELP);
             return None;
         }
-        if std::mem::take(&mut is_first) && line.fields.iter().all(|field| field.parse::<f64>().is_err()) {
+        if std::mem::take(&mut is_first)
+            && line.fields.iter().all(|field| field.parse::<f64>().is_err() && !has_decimal_comma(field))
+        {
             reader.columns = Some(reader.headings(&table, &line)?);
             continue;
         }
@@ -127,7 +129,7 @@ fn read_text(context: &Context, path: &Path) -> Option<String> {
             return None;
         }
     };
-    if let Some(found) = foreign(path, &bytes, &Wanted::INSTANCES) {
+    if let Some(found) = foreign(path, &bytes, &Expected::INSTANCES) {
         found.report(path, &mut context.problems.borrow_mut());
         return None;
     }

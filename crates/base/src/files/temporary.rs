@@ -129,8 +129,8 @@ pub fn refuse_existing(path: &Path, force: bool) -> Result<()> {
     if !force && is_taken(path) { Err(Error::exists(path)) } else { Ok(()) }
 }
 
-/// True if a file or folder of this name exists that an output must not replace without permission. Leftovers
-/// of killed processes half done in its folder is undone first.
+/// True if a file or folder of this name exists that an output must not replace without permission.
+/// Unfinished renames of killed processes in the folder are undone first.
 pub fn is_taken(path: &Path) -> bool {
     !is_special(path) && is_there_after_cleaning(path)
 }
@@ -144,7 +144,11 @@ fn is_there_after_cleaning(file: &Path) -> bool {
     }
     let folder = folder_of(file);
     let is_first = live().cleaned.insert(folder.to_path_buf());
-    if is_first && File::open(folder).is_ok_and(|file| file.try_lock().is_ok()) {
+    // The lock is held while files are removed.
+    if is_first
+        && let Ok(lock) = File::open(folder)
+        && lock.try_lock().is_ok()
+    {
         remove_parts(folder);
     }
     file.exists()

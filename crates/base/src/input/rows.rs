@@ -7,7 +7,7 @@ use super::arrow::{ArrowDecoder, ArrowDetection, NumberBatch, TableField, detect
 use crate::columns::{Separator, comma_note, has_decimal_comma, stated_separator};
 use crate::diag::{Diagnostics, Place};
 use crate::error::{Error, Result};
-use crate::recognise::{FIRST_BYTES, Family, Wanted, foreign};
+use crate::recognise::{Expected, FIRST_BYTES, Family, foreign};
 use crate::table::check_width;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -207,7 +207,7 @@ impl TextDecoder {
             return Ok(());
         }
         self.is_checked = true;
-        let found = foreign(path, &self.pending, &Wanted::ROWS.named(what));
+        let found = foreign(path, &self.pending, &Expected::ROWS.named(what));
         // Unknown bytes are errors at their line.
         match found.filter(|found| found.kind.family != Family::Binary) {
             Some(found) => Err(found.error(path)),
@@ -309,7 +309,7 @@ impl LeadingLine {
 fn is_row_of_numbers(line: &[u8], separator: Separator) -> bool {
     let is_number = |word: &[u8]| {
         let text = std::str::from_utf8(word).ok().map(str::trim);
-        text.is_some_and(|text| text.parse::<f64>().is_ok_and(f64::is_finite) || has_decimal_comma(text))
+        text.is_some_and(|text| text.parse::<f64>().is_ok() || has_decimal_comma(text))
     };
     let (mut fields, mut numbers, mut begins) = (0, 0, false);
     for at in separator.split(line) {
@@ -468,6 +468,13 @@ impl Row<'_> {
     /// Surplus and missing fields, with a hint at their likely cause.
     pub fn check_width(&self, expected: usize, whose: &str) -> std::result::Result<(), RowError> {
         if !matches!(self.content, RowContent::Text(..)) {
+            return Ok(());
+        }
+        // A separator at the end of the line stands before an empty last field.
+        let ends_empty = matches!(self.source.separator, Separator::Char(c)
+            if self.width() + 1 == expected
+                && self.line().trim_ascii_end().ends_with(c.encode_utf8(&mut [0; 4]).as_bytes()));
+        if ends_empty {
             return Ok(());
         }
         check_width(self.width(), expected, whose, self.source.separator).map_err(|e| {

@@ -65,9 +65,8 @@ pub fn parse_heading(
     };
     let found = known(name).map(|quantity| (quantity, bracketed.map(str::to_lowercase)));
     let found = found.or_else(|| {
-        let (stem, unit) = name.rsplit_once(['_', '.', ' ', '-']).filter(|_| bracketed.is_none())?;
-        let unit = unit.to_lowercase();
-        Some((known(stem)?, is_unit(&unit).then_some(Some(unit))?))
+        let suffix = split_suffix(name, |stem| known(stem).is_some()).filter(|_| bracketed.is_none());
+        suffix.and_then(|(stem, unit)| Some((known(stem)?, Some(unit.to_lowercase()))))
     });
     let Some((quantity, unit)) = found else { return Err(HeadingError::UnknownName(name.to_owned())) };
     let Some(unit) = unit.filter(|_| quantity.dimension() != Dimension::Text) else {
@@ -78,6 +77,17 @@ pub fn parse_heading(
         HeadingError::WrongUnit(quantity, found, format!("expected {}", quantity.dimension().units()))
     })?;
     Ok(ParsedHeading { quantity, factor: Some(factor) })
+}
+
+/// Splits a unit off the end of a name (`x_us-ft`, `Height.cm`, `z ft`), the longest that leaves a known name.
+pub fn split_suffix(name: &str, is_known: impl Fn(&str) -> bool) -> Option<(&str, &str)> {
+    let separators = name.char_indices().filter(|(_, c)| matches!(c, '_' | '.' | ' ' | '-'));
+    let mut parts = separators.map(|(at, _)| (&name[..at], &name[at + 1..]));
+    parts.find(|(stem, unit)| {
+        let unit = unit.to_lowercase();
+        // A single letter is a unit in brackets only: `crown_d` is a diameter.
+        is_unit(&unit) && !matches!(unit.as_str(), "d" | "dd") && is_known(stem)
+    })
 }
 
 /// True if a text in lower case is a unit of any dimension.
@@ -102,6 +112,7 @@ mod tests {
             ("x[]", Quantity::X, None),
             ("tree_x", Quantity::X, None),
             ("x_ft", Quantity::X, Some(0.3048)),
+            ("x_us-ft", Quantity::X, Some(1200.0 / 3937.0)),
             ("Height.cm", Quantity::Z, Some(0.01)),
             ("\"ELLIPSOID HEIGHT\"", Quantity::Z, None),
             ("Roll(d)", Quantity::Roll, Some(std::f64::consts::PI / 180.0)),
@@ -109,7 +120,7 @@ mod tests {
         ] {
             assert_eq!(parse(text), Ok((quantity, factor)), "{text}");
         }
-        for text in ["roll_sd", "x_low", "time_offset", "height above ground", "tree"] {
+        for text in ["roll_sd", "x_low", "time_offset", "height above ground", "tree", "roll_d"] {
             assert!(matches!(parse(text), Err(HeadingError::UnknownName(_))), "{text}: {:?}", parse(text));
         }
         for text in ["roll[m]", "time_deg", "x[furlong]", "z_kg"] {

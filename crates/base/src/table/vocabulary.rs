@@ -56,7 +56,7 @@ quantities! {
     TreeHeight "height" Length, "height h treeheight totalheight heighttotal ht hgt höhe hoehe baumhöhe baumhoehe \
         scheitelhöhe scheitelhoehe";
     Ground "ground" Length, "ground groundheight groundelevation geländehöhe gelaendehoehe";
-    Crown "crown" Length, "crown crowndiameter crownwidth crowndiam cd krone kronendurchmesser kronenbreite kd";
+    Crown "crown" Length, "crown crowndiameter crownwidth crowndiam crownd cd krone kronendurchmesser kronenbreite kd";
     Stem "dbh" Length, "dbh bhd diameter stemdiameter diam diameteratbreastheight d13 brusthöhendurchmesser \
         brusthoehendurchmesser durchmesser";
     Species "species" Text, "species treespecies type sp speciescode spcode art baumart holzart";
@@ -69,8 +69,10 @@ quantities! {
     NumberOfReturns "number_of_returns" Count, "numberofreturns numreturns";
     ScanAngle "scan_angle" Angle, "scanangle scananglerank";
     Object "object" Text, "objectid hitobjectid object partid part treeid instanceid instance";
-    Leg "leg" Count, "leg pointsourceid";
-    Device "device" Count, "device channel userdata scannerchannel ring";
+    Leg "leg" Count, "leg";
+    Source "leg" Count, "leg pointsourceid";
+    Device "device" Count, "device channel";
+    Channel "channel" Count, "device channel userdata scannerchannel ring";
     DirectionX "dx" Ratio, "dx directionx dirx beamdirectionx";
     DirectionY "dy" Ratio, "dy directiony diry beamdirectiony";
     DirectionZ "dz" Ratio, "dz directionz dirz beamdirectionz";
@@ -96,7 +98,7 @@ quantities! {
     OriginErrorZ "z_error" Length, "zerror";
 }
 
-/// Names, in the form of [`plain`], of columns that tables often have and that no table here uses.
+/// Names, in the form of [`plain`], of columns that tables often have and that most readers here do not use.
 const UNUSED: &str = "a acceleration alpha azimuthangle b beamdirectionx beamdirectiony beamdirectionz beamoriginx \
     beamoriginy beamoriginz blue classflags comment curvature date day distance echowidth edgeofflightline fid fix \
     footprintfraction frame frameid flightline fullwaveindex g gdop green hdop headerframeid headerseq headerstamp \

@@ -249,15 +249,15 @@ pub(super) fn check_shorter_periods(
     let is_shorter = before.settings.active && leg.settings.active && period(leg) < period(before);
     if is_oscillating && is_shorter && !kinematics.oscillation_at_leg_frequency {
         let message = format!(
-            "leg {}: the mirror swings faster than in the leg before ({} Hz after {} Hz); it begins a new period, where the angle of \
-             HELIOS++ can run away",
+            "leg {}: a period of the mirror takes fewer pulses than in the leg before ({:.0} after {:.0}); it begins a new period, \
+             where the angle of HELIOS++ can run away",
             leg.number,
-            number(leg.settings.scan_freq),
-            number(before.settings.scan_freq)
+            period(leg),
+            period(before)
         );
         problems
             .warn(leg.place.clone(), message)
-            .help("put the faster leg first, or use --physics refined, whose mirrors begin each leg anew");
+            .help("put that leg first, or use --physics refined, whose mirrors begin each leg anew");
     }
 }
 

@@ -75,8 +75,14 @@ impl StatedColumns {
             (None, Some(row)) if has_header_row => {
                 Some((PoseLayout::from_headings(&texts), Some(row.error(None, "").place)))
             }
-            _ => find_heading(rows.leading(), texts.len(), separator)
-                .map(|(layout, place)| (layout, Some(place))),
+            _ => match find_heading(rows.leading(), texts.len(), separator) {
+                Some((layout, heading)) => {
+                    let lines = rows.leading();
+                    check_below(&lines[heading + 1..], texts.len())?;
+                    Some((layout, Some(lines[heading].place.clone())))
+                }
+                None => None,
+            },
         };
         let words = rows.leading().iter().rfind(|line| !line.is_comment && header.is_none());
         let words = words.map(|line| line.place.clone());
@@ -104,12 +110,31 @@ impl StatedColumns {
     }
 }
 
-/// The last heading among the lines before the first pose, which has `width` columns.
+/// Checks the lines between the heading and the first pose: units, and rules without letters and digits.
+///
+/// # Errors
+/// Another line, such as a damaged pose.
+fn check_below(lines: &[LeadingLine], width: usize) -> Result<(), RowError> {
+    let is_pose = |(i, line): &(usize, &LeadingLine)| {
+        let is_units = *i == 0
+            && (line.text.starts_with(['(', '[']) || !matches!(units_of(&line.text, width), Ok(None)));
+        !line.is_comment && !is_units && line.text.contains(char::is_alphanumeric)
+    };
+    match lines.iter().enumerate().find(is_pose) {
+        Some((_, line)) => {
+            let message = format!("expected a pose below the heading, found `{}`", line.text);
+            Err(RowError { place: line.place.clone(), message })
+        }
+        None => Ok(()),
+    }
+}
+
+/// The last heading among the lines before the first pose, which has `width` columns, and its index.
 fn find_heading(
     lines: &[LeadingLine],
     width: usize,
     separator: Separator,
-) -> Option<(Result<PoseLayout, String>, Place)> {
+) -> Option<(Result<PoseLayout, String>, usize)> {
     for (i, line) in lines.iter().enumerate().rev().take(MAX_LOOKED_AT) {
         let names = names_of(&line.text, width, separator);
         if names.iter().any(|name| name.parse::<f64>().is_ok_and(f64::is_finite)) {
@@ -127,7 +152,7 @@ fn find_heading(
         if is_heading {
             let units = lines.get(i + 1).map_or(Ok(None), |line| units_of(&line.text, names.len()));
             let layout = units.and_then(|units| PoseLayout::from_headings(with_units(names, units)));
-            return Some((layout, line.place.clone()));
+            return Some((layout, i));
         }
     }
     None

@@ -33,6 +33,9 @@ const NAME_COLUMNS: &str = "name the columns in a first line, or with --trajecto
 /// Hint where poses have no times.
 const ADD_TIMES: &str = "put the times before the poses: `paste -d ' ' times.txt poses.txt > timed.txt`, or at 10 Hz: \
      `awk '{ print (NR - 1) / 10, $0 }' poses.txt > timed.txt`";
+/// Hint where seven numbers are poses without times, or poses with times and angles.
+const NAME_OR_ADD_TIMES: &str = "put the times before the poses: `paste -d ' ' times.txt poses.txt > timed.txt`; if the columns are \
+     time, x, y, z, roll, pitch, yaw, name them so in a first line";
 /// Name of the file of times that KITTI has beside its poses.
 const TIMES_FILE: &str = "times.txt";
 const MAX_TIMES_BYTES: u64 = 1 << 28;
@@ -236,7 +239,7 @@ impl PoseRows {
             }
             Numbers::QuaternionWithoutTime => Err(NoLayout {
                 message: "columns 4 to 7 are a quaternion of length 1, and there is no time".to_owned(),
-                help: ADD_TIMES,
+                help: NAME_OR_ADD_TIMES,
                 is_of_words: false,
             }),
             Numbers::TimedQuaternion => {
