@@ -163,9 +163,9 @@ impl StrayFinder {
 /// The points of a cloud that lie far from all others.
 #[derive(Clone, Copy, Debug)]
 pub struct Strays {
-    /// Centre of all other points, m.
+    /// Box of all other points, m; infinite where there is no stray.
     within: Aabb,
-    /// Their number.
+    /// Number of strays.
     pub count: u64,
     /// The farthest one, and its distance from most points, m.
     pub farthest: Option<(DVec3, f64)>,

@@ -63,8 +63,10 @@ pub enum Reflection {
 const LEAF_WORDS: [&str; 10] =
     ["leaf", "leaves", "needle", "foliage", "laub", "blatt", "blätt", "bla\u{308}tt", "blaett", "nadel"];
 /// Words in the names of wood and bare crowns that may contain a leaf word: `Laubbaum_Stamm`.
-const WOOD_WORDS: [&str; 10] =
-    ["bark", "trunk", "stamm", "rinde", "borke", "holz", "leafless", "leaf-off", "laublos", "blattlos"];
+const WOOD_WORDS: [&str; 15] = [
+    "bark", "trunk", "stamm", "rinde", "borke", "holz", "stem", "wood", "branch", "twig", "zweig",
+    "leafless", "leaf-off", "laublos", "blattlos",
+];
 
 /// Mean of cos θ over uniformly distributed leaf normals, weighted by projected area: 1/3 over 1/2.
 pub const SPHERICAL_MEAN_COSINE: f64 = 2.0 / 3.0;

@@ -7,7 +7,7 @@ use toml::Spanned;
 use vlscan_base::diag::Place;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::input::read_text;
-use vlscan_base::recognise::{Wanted, foreign_file};
+use vlscan_base::recognise::{Expected, foreign_file};
 use vlscan_survey::Source;
 
 /// Maximum size of the file, bytes.
@@ -208,7 +208,7 @@ impl File {
     /// # Errors
     /// [`Error::Input`] with the line of what is wrong, [`Error::Io`].
     pub fn read(path: &Path) -> Result<File> {
-        match foreign_file(path, &Wanted::CAMPAIGN) {
+        match foreign_file(path, &Expected::CAMPAIGN) {
             Some(found) => Err(found.error(path)),
             None => File::parse(path, read_text(path, MAX_BYTES)?),
         }

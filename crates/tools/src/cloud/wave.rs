@@ -5,7 +5,7 @@ use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::recognise::{Wanted, foreign};
+use vlscan_base::recognise::{Expected, foreign};
 use vlscan_geom::DVec3;
 
 /// The recorded waveform of a pulse.
@@ -51,7 +51,7 @@ pub fn read_wave(source: impl Read, path: &Path, number: u64) -> Result<Wave> {
     // gzip (RFC 1952) is recognised by its first two bytes.
     let first = source.fill_buf().map_err(|e| Error::io("read", path, e))?;
     let packed = first.starts_with(&[0x1f, 0x8b]);
-    if let Some(found) = foreign(path, first, &Wanted::WAVEFORMS).filter(|_| !packed) {
+    if let Some(found) = foreign(path, first, &Expected::WAVEFORMS).filter(|_| !packed) {
         return Err(found.error(path));
     }
     if packed {

@@ -5,7 +5,7 @@ use super::cut::Cut;
 use crate::kd_tree::KdTree;
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::recognise::{Wanted, foreign_file};
+use vlscan_base::recognise::{Expected, foreign_file};
 use vlscan_base::{Observer, machine};
 use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::Corrections;
@@ -36,7 +36,7 @@ impl Terrain {
         let is_mesh = path.extension().is_some_and(|extension| {
             ["obj", "ply", "stl", "off"].iter().any(|known| extension.eq_ignore_ascii_case(known))
         });
-        if let Some(found) = foreign_file(path, &Wanted::SURFACE) {
+        if let Some(found) = foreign_file(path, &Expected::SURFACE) {
             return Err(found.error(path));
         }
         let name = path.to_str().filter(|_| is_mesh || names_raster(path)).ok_or_else(|| {

@@ -34,7 +34,7 @@ pub fn read_area(source: &str, scene_crs: Option<&str>, buffer: Option<f64>) -> 
             (corridor(&line, distance), found)
         }
         None => {
-            let (corners, found) = Source::read(source, Wanted::Polygon)?.positions(scene_crs)?;
+            let (corners, found) = Source::read(source, Expected::Polygon)?.positions(scene_crs)?;
             (Area::new(corners).map_err(String::from), found)
         }
     };
@@ -47,7 +47,7 @@ pub fn read_area(source: &str, scene_crs: Option<&str>, buffer: Option<f64>) -> 
 /// As [`read_area`].
 pub fn read_line(source: &str, scene_crs: Option<&str>) -> Result<(Vec<[f64; 2]>, Diagnostics)> {
     let failed = |what: String| Error::input(format!("{source}: {what}"));
-    let (mut line, found) = Source::read(source, Wanted::Line)?.positions(scene_crs)?;
+    let (mut line, found) = Source::read(source, Expected::Line)?.positions(scene_crs)?;
     line.dedup();
     check_coordinates(&line).map_err(|e| failed(e.to_string()))?;
     match line.len() {
@@ -58,7 +58,7 @@ pub fn read_line(source: &str, scene_crs: Option<&str>) -> Result<(Vec<[f64; 2]>
 
 /// The kind of geometry that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Wanted {
+enum Expected {
     Polygon,
     Line,
 }
@@ -84,7 +84,7 @@ struct Source<'s> {
 
 impl<'s> Source<'s> {
     /// Reads the first geometry that is wanted, and warns of all that is not used.
-    fn read(name: &'s str, wanted: Wanted) -> Result<Source<'s>> {
+    fn read(name: &'s str, wanted: Expected) -> Result<Source<'s>> {
         let failed = |what: String| Error::input(format!("{name}: {what}"));
         let (read, place) = match is_well_known_text(name) {
             true => (read_geometries(name), None),
@@ -97,15 +97,15 @@ impl<'s> Source<'s> {
         let (mut used, mut others) = (Vec::new(), BTreeMap::<String, usize>::new());
         for Geometry { shape, system } in all {
             let kind = match (shape, wanted) {
-                (Shape::Polygon(rings), Wanted::Polygon) => {
+                (Shape::Polygon(rings), Expected::Polygon) => {
                     used.push((rings, system));
                     continue;
                 }
-                (Shape::Line(line) | Shape::Track(line), Wanted::Line) => {
+                (Shape::Line(line) | Shape::Track(line), Expected::Line) => {
                     used.push((vec![line], system));
                     continue;
                 }
-                (Shape::Track(line), Wanted::Polygon) if is_closed(&line) => {
+                (Shape::Track(line), Expected::Polygon) if is_closed(&line) => {
                     used.push((vec![line], system));
                     continue;
                 }
@@ -123,7 +123,7 @@ impl<'s> Source<'s> {
         let mut source = Source { name, place, format, line, system, found: Diagnostics::default() };
         source.warn_of_unused(wanted, count, rings.len(), &others);
         if format == Format::Gpx
-            && wanted == Wanted::Polygon
+            && wanted == Expected::Polygon
             && source.line.positions.first() != source.line.positions.last()
         {
             source.note("the ends of the track are joined".to_owned());
@@ -133,14 +133,14 @@ impl<'s> Source<'s> {
 
     fn warn_of_unused(
         &mut self,
-        wanted: Wanted,
+        wanted: Expected,
         count: usize,
         holes: usize,
         others: &BTreeMap<String, usize>,
     ) {
         let (many, one) = match wanted {
-            Wanted::Polygon => ("polygons", "polygon"),
-            Wanted::Line => ("lines", "line"),
+            Expected::Polygon => ("polygons", "polygon"),
+            Expected::Line => ("lines", "line"),
         };
         if count > 1 {
             let message = format!("of {count} {many} only the first one is used");
@@ -351,7 +351,7 @@ type ReadGeometries = Result<(Format, Vec<Geometry>), String>;
 
 fn read_file_of(path: &Path) -> Result<ReadGeometries> {
     let bytes = read_file(path, MAX_FILE_BYTES).map_err(|e| Error::open(path, e))?;
-    match foreign(path, &bytes, &recognise::Wanted::AREA) {
+    match foreign(path, &bytes, &recognise::Expected::AREA) {
         Some(found) => Err(found.error(path)),
         None => Ok(read_file_geometries(path, &bytes)),
     }
@@ -374,10 +374,10 @@ fn is_like_file(name: &str) -> bool {
     has_ending || name.contains(['/', '\\']) && !name.contains('(')
 }
 
-fn neither_file_nor_text(name: &str, wanted: Wanted) -> Error {
+fn neither_file_nor_text(name: &str, wanted: Expected) -> Error {
     let example = match wanted {
-        Wanted::Polygon => "POLYGON ((0 0, 100 0, 100 80, 0 80))",
-        Wanted::Line => "LINESTRING (0 0, 100 0, 100 80)",
+        Expected::Polygon => "POLYGON ((0 0, 100 0, 100 80, 0 80))",
+        Expected::Line => "LINESTRING (0 0, 100 0, 100 80)",
     };
     let message = format!(
         "{name}: neither a file nor well-known text; expected a file (GeoJSON, KML, KMZ, GPX, shapefile, GeoPackage, well-known text), or well-known text itself: \
@@ -387,13 +387,13 @@ fn neither_file_nor_text(name: &str, wanted: Wanted) -> Error {
 }
 
 /// The message for a source without the geometry that is wanted.
-fn missing(wanted: Wanted, format: Format, others: &BTreeMap<String, usize>) -> String {
+fn missing(wanted: Expected, format: Format, others: &BTreeMap<String, usize>) -> String {
     let kind = match wanted {
-        Wanted::Polygon => "Polygon",
-        Wanted::Line => "LineString",
+        Expected::Polygon => "Polygon",
+        Expected::Line => "LineString",
     };
     let help = match wanted {
-        Wanted::Polygon if others.contains_key("LineString") || others.contains_key(OPEN_TRACK) => {
+        Expected::Polygon if others.contains_key("LineString") || others.contains_key(OPEN_TRACK) => {
             "; --buffer makes an area of a line"
         }
         _ => "",

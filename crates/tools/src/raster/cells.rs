@@ -177,7 +177,7 @@ impl Cells {
         }
         self.latest = self.tiles.len();
         self.places.insert(key, self.latest);
-        self.tiles.push(Tile { key, cells: TileCells::Few(Vec::new()) });
+        self.tiles.push(Tile { key, cells: TileCells::Few(Vec::with_capacity(1)) });
         true
     }
 

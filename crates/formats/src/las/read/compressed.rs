@@ -92,11 +92,12 @@ impl<'a> Compressed<'a> {
         let mut source = Cursor::new(file.0);
         source.set_position(header.data_at as u64);
         let wanted = match selection {
-            // With the flags, which mark pulses without a return.
+            // With flags and intensity, which mark pulses without a return.
             Selection::PositionAndClass => DecompressionSelection::xy_returns_channel()
                 .decompress_z()
                 .decompress_classification()
-                .decompress_flags(),
+                .decompress_flags()
+                .decompress_intensity(),
             Selection::All => DecompressionSelection::all(),
         };
         let decompressor = LasZipDecompressor::selective(source, vlr, wanted).map_err(unread)?;

@@ -18,7 +18,7 @@ use vlscan_base::columns::{Separator, comma_note, unquoted};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::files::reads;
 use vlscan_base::input::read_file;
-use vlscan_base::recognise::{Wanted, foreign_file};
+use vlscan_base::recognise::{Expected, foreign_file};
 use vlscan_survey::{MaterialDefinition, MeshReading};
 
 /// Name of the table that is looked for beside a mesh file.
@@ -40,7 +40,7 @@ impl MaterialTable {
     pub fn of(path: &Path, reading: &MeshReading, diagnostics: &mut Diagnostics) -> Option<MaterialTable> {
         let beside = || Some(path.with_file_name(FILE_NAME)).filter(|table| reads::is_file(table));
         let table = reading.materials.clone().or_else(beside)?;
-        if let Some(found) = foreign_file(&table, &Wanted::MATERIAL_TABLE) {
+        if let Some(found) = foreign_file(&table, &Expected::MATERIAL_TABLE) {
             found.report(&table, diagnostics);
             return None;
         }
@@ -101,13 +101,6 @@ fn read_rows(path: &Path, text: &str, diagnostics: &mut Diagnostics) -> HashMap<
     };
     let names = separator.split(heading).map(|at| column(heading[at].to_ascii_lowercase()));
     let names: Vec<String> = names.collect();
-    if let Some(name) =
-        names.iter().enumerate().find_map(|(i, name)| names[..i].contains(name).then_some(name))
-    {
-        let place = Place::in_line(path, number, heading, 0..heading.len());
-        diagnostics.error(Some(place), format!("two columns are `{name}`")).help(HELP);
-        return rows;
-    }
     let unknown = names.iter().find(|name| !COLUMNS.contains(&name.as_str()));
     if let Some((_, name)) = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
         let place = Place::in_line(path, number, heading, 0..heading.len());

@@ -45,7 +45,7 @@ use std::collections::HashSet;
 use std::path::Path;
 use vlscan_base::diag::Place;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::recognise::{Foreign, Wanted, foreign, is_off};
+use vlscan_base::recognise::{Expected, Foreign, foreign, is_off};
 use vlscan_formats::is_ply;
 use vlscan_geom::DVec3;
 use vlscan_survey::{MaterialDefinition, Mesh, MeshReading, UpAxis};
@@ -218,14 +218,11 @@ pub(crate) fn load(
     memory::load_with(scene, part, &mesh, materials, &face_of)
 }
 
-/// A file of none of the formats that are read. The first bytes of a binary STL file are any, and a damaged
-/// one has only its name.
+/// A file of none of the formats that are read. The first bytes of a binary STL file are any.
 fn foreign_format(source: &Source) -> Option<Foreign> {
     let bytes = source.bytes();
     let is_known = is_ply(bytes) || bytes.starts_with(b"glTF") || stl::is_stl(bytes);
-    let found = (!is_known).then(|| foreign(source.path(), bytes, &Wanted::MESH)).flatten()?;
-    let has_name = source.path().extension().is_some_and(|e| e.eq_ignore_ascii_case("stl"));
-    (!(has_name && found.is_unknown())).then_some(found)
+    (!is_known).then(|| foreign(source.path(), bytes, &Expected::MESH)).flatten()
 }
 
 /// The table of a mesh file's materials, if it has one.

@@ -72,7 +72,7 @@ pub(super) fn read(source: &Source) -> Result<RawMesh, String> {
     let (mut number, mut line) = lines.next("OFF")?;
     let mut layout = Layout { more: vec![0] };
     // The word may be missing, and the counts may follow it without a blank, as in ModelNet.
-    let end = line.find("OFF").or_else(|| line.find("off")).map_or(0, |at| at + 3);
+    let end = line.to_ascii_uppercase().find("OFF").map_or(0, |at| at + 3);
     if let Some(found) = Layout::of(&line[..end].to_ascii_uppercase()) {
         layout = found?;
         line = line[end..].trim_start();

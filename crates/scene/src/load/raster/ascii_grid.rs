@@ -132,7 +132,9 @@ impl<'t> Grid<'t> {
         for (number, line) in lines {
             let before = grid.heights.len();
             for word in line.split_ascii_whitespace() {
-                grid.heights.push(height(word, number)?);
+                // The value itself may be beyond 32 bits.
+                let is_missing = grid.no_data == Some(word);
+                grid.heights.push(if is_missing { f32::NAN } else { height(word, number)? });
             }
             counts.push((number, grid.heights.len() - before));
             last = number;
@@ -144,19 +146,21 @@ impl<'t> Grid<'t> {
 
 /// Refuses grids with other numbers of heights than the header states. Rows may go on in further lines.
 fn check_counts(grid: &Grid, counts: &[(usize, usize)], last: usize, cells: usize) -> Result<(), String> {
+    if grid.heights.len() == cells {
+        return Ok(());
+    }
     let has_rows = counts.iter().any(|(_, count)| *count == grid.columns);
     let odd = counts.iter().find(|(_, count)| *count != grid.columns);
     match odd {
         Some((number, count)) if has_rows => {
             Err(format!("line {number}: expected {} heights (ncols), found {count}", grid.columns))
         }
-        _ if grid.heights.len() != cells => {
+        _ => {
             let mut message = format!("line {last}: expected {cells} heights");
             let _ =
                 write!(message, " ({} rows of {}), found {}", grid.rows, grid.columns, grid.heights.len());
             Err(message)
         }
-        _ => Ok(()),
     }
 }
 
@@ -245,7 +249,14 @@ impl<'t> Header<'t> {
 
     fn grid(&self) -> Result<Grid<'t>, String> {
         let steps = [self.step("dx")?, self.step("dy")?];
-        self.number("nodata_value")?;
+        if let Some((line, text)) = self.text("nodata_value")
+            && text.parse::<f64>().is_err()
+        {
+            return Err(format!(
+                "line {line}: expected a number as nodata_value, found \"{text}\"{}",
+                comma_note(text)
+            ));
+        }
         Ok(Grid {
             columns: self.count("ncols")?,
             rows: self.count("nrows")?,

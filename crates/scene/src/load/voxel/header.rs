@@ -130,6 +130,10 @@ impl Fields {
             let words = field[colon + 1..].split(|b| b" \t\r,()".contains(b)).filter(|w| !w.is_empty());
             let values: Option<Vec<f64>> =
                 words.map(|w| float(w).filter(|v| v.abs() <= MAX_COORDINATE)).collect();
+            // The maximum is optional, and may be empty.
+            if *name == "max_pad" && values.as_ref().is_some_and(Vec::is_empty) {
+                continue;
+            }
             let Some(values) = values.filter(|values| counts.contains(&values.len())) else {
                 self.is_sound = false;
                 problems.error(line.number, at, || wrong(name, counts, &field[colon + 1..]));

@@ -8,7 +8,7 @@ use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::input::read_file;
 use vlscan_base::quantity::{self, Bounds};
-use vlscan_base::recognise::{Wanted, foreign};
+use vlscan_base::recognise::{Expected, foreign};
 use vlscan_base::table::{Headings, Line, Quantity, TableColumn, TextTable};
 use vlscan_survey::decode_table;
 
@@ -65,7 +65,7 @@ impl Inventory {
     /// [`Error::Input`] with all problems of the headings and those of up to five lines, [`Error::Io`].
     pub fn read(path: &Path) -> Result<(Inventory, Diagnostics)> {
         let bytes = read_file(path, MAX_BYTES).map_err(|e| Error::open(path, e))?;
-        if let Some(found) = foreign(path, &bytes, &Wanted::INVENTORY) {
+        if let Some(found) = foreign(path, &bytes, &Expected::INVENTORY) {
             return Err(found.error(path));
         }
         let (text, guess) =

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::Bounds;
-use vlscan_base::recognise::{Wanted, foreign_file};
+use vlscan_base::recognise::{Expected, foreign_file};
 use vlscan_base::{Observer, machine};
 use vlscan_lidar::pulse::Corrections;
 use vlscan_scene::{GroundModel, LoadOptions, read_materials};
@@ -214,7 +214,7 @@ fn read_terrain(
     let is_one_of = |endings: &[&str]| {
         path.extension().is_some_and(|e| endings.iter().any(|known| e.eq_ignore_ascii_case(known)))
     };
-    if let Some(found) = foreign_file(path, &Wanted::SURFACE) {
+    if let Some(found) = foreign_file(path, &Expected::SURFACE) {
         return Err(found.error(path));
     }
     let (is_raster, is_obj) = (names_raster(path), is_one_of(&["obj"]));

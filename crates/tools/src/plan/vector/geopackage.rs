@@ -158,6 +158,10 @@ impl<'b> Reader<'b> {
         let code = self.u32()?;
         // Heights and measures: thousands of the code, or its first bits as PostGIS writes them.
         let bits = usize::from(code & 0x8000_0000 != 0) + usize::from(code & 0x4000_0000 != 0);
+        // The number of the system, which PostGIS may put here.
+        if code & 0x2000_0000 != 0 {
+            self.u32()?;
+        }
         let code = code & 0x1fff_ffff;
         let numbers =
             2 + bits + [0, 1, 1, 2].get(code as usize / 1000).ok_or("an unknown kind of geometry")?;

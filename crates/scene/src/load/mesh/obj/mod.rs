@@ -22,7 +22,7 @@ use vlscan_base::columns::decoded;
 use vlscan_base::diag::{Place, nearest};
 use vlscan_base::error::Result;
 use vlscan_base::files::reads;
-use vlscan_base::recognise::Wanted;
+use vlscan_base::recognise::Expected;
 use vlscan_geom::DVec3;
 
 /// Bytes read by one task: small enough to keep all threads busy, large enough to make the overhead per task
@@ -45,7 +45,7 @@ pub(crate) fn load(
 ) -> Result<()> {
     let other = source.with_other_line_ends();
     let source = other.as_ref().unwrap_or(source);
-    if !source.is_text(&Wanted::MESH.named("an OBJ file"), &mut scene.diagnostics) {
+    if !source.is_text(&Expected::MESH.named("an OBJ file"), &mut scene.diagnostics) {
         return Ok(());
     }
     let start = scene.end();
