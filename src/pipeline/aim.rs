@@ -1,6 +1,7 @@
 //! Statistics of where beams point: a few pulses of every chunk are compared with the box around the scene, so that
 //! the cause can be reported when a run hits nothing.
 
+use super::spread::Spread;
 use vlscan_base::rng::GOLDEN;
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_lidar::flight::Pulse;
@@ -8,8 +9,8 @@ use vlscan_lidar::pulse::WeakPulses;
 
 /// Pulses per chunk that are compared.
 const SAMPLED_PULSES: usize = 8;
-/// Maximum number of beams in an [`AimLog`].
-const MAX_BEAMS: usize = 64;
+/// Maximum number of beams of each kind in an [`AimLog`].
+const MAX_BEAMS: usize = 256;
 
 /// What beams are compared with, scene frame.
 #[derive(Clone, Copy, Debug)]
@@ -33,8 +34,10 @@ pub struct Aim {
     pub upwards: u64,
     /// Box around the origins, scene frame, m.
     pub origins: Aabb,
-    /// One of the beams.
+    /// One of the beams, wherever it points.
     pub beam: Option<SampledBeam>,
+    /// One of the beams that point at the box around the scene.
+    pub aimed: Option<SampledBeam>,
     /// Of all pulses those that hit and were too weak.
     pub weak: WeakPulses,
 }
@@ -54,6 +57,7 @@ impl Aim {
         upwards: 0,
         origins: Aabb::EMPTY,
         beam: None,
+        aimed: None,
         weak: WeakPulses { count: 0, strongest: 0.0, threshold: 0.0 },
     };
 
@@ -73,12 +77,11 @@ impl Aim {
         self.sampled += 1;
         self.upwards += u64::from(direction.z > 0.0);
         self.origins = self.origins.with(origin);
+        let beam = SampledBeam { origin, direction };
+        self.beam.get_or_insert(beam);
         let slabs = target.bounds.slabs(origin, direction).filter(|(_, leave)| *leave > 0.0);
-        // A beam that points at the box is kept rather than one that does not.
-        if self.beam.is_none() || slabs.is_some() && self.towards == 0 {
-            self.beam = Some(SampledBeam { origin, direction });
-        }
         if let Some((enter, leave)) = slabs {
+            self.aimed.get_or_insert(beam);
             self.towards += 1;
             let [nearest, farthest] = target.ranges;
             self.within += u64::from(enter <= farthest && leave >= nearest);
@@ -92,6 +95,7 @@ impl Aim {
         self.upwards += other.upwards;
         self.origins = self.origins.union(other.origins);
         self.beam = self.beam.or(other.beam);
+        self.aimed = self.aimed.or(other.aimed);
         self.weak.add(&other.weak);
     }
 }
@@ -100,37 +104,24 @@ impl Aim {
 #[derive(Clone, Debug)]
 pub struct AimLog {
     pub sum: Aim,
-    pub beams: Vec<SampledBeam>,
-    /// Number of pieces from one kept beam to the next, and number of pieces since the last.
-    stride: u32,
-    since: u32,
+    /// Beams, wherever they point.
+    pub beams: Spread<SampledBeam>,
+    /// Beams that point at the box around the scene.
+    pub aimed: Spread<SampledBeam>,
 }
 
 impl Default for AimLog {
     fn default() -> AimLog {
-        AimLog { sum: Aim::NONE, beams: Vec::new(), stride: 1, since: 0 }
+        AimLog { sum: Aim::NONE, beams: Spread::new(MAX_BEAMS), aimed: Spread::new(MAX_BEAMS) }
     }
 }
 
 impl AimLog {
-    /// Adds a piece. Every second beam is removed when there are more than [`MAX_BEAMS`].
+    /// Adds a piece.
     pub fn add(&mut self, piece: &Aim) {
         self.sum.add(piece);
-        let Some(beam) = piece.beam else { return };
-        self.since += 1;
-        if self.since < self.stride && !self.beams.is_empty() {
-            return;
-        }
-        self.since = 0;
-        self.beams.push(beam);
-        if self.beams.len() > MAX_BEAMS {
-            let mut keep = false;
-            self.beams.retain(|_| {
-                keep = !keep;
-                keep
-            });
-            self.stride *= 2;
-        }
+        piece.beam.into_iter().for_each(|beam| self.beams.add(beam));
+        piece.aimed.into_iter().for_each(|beam| self.aimed.add(beam));
     }
 }
 
@@ -192,14 +183,19 @@ mod tests {
     }
 
     #[test]
-    fn beams_stay_few_and_spread() {
+    fn the_beams_of_a_log_point_where_those_of_the_flight_do() {
+        let bounds = Aabb { min: DVec3::new(-1.0, -1.0, 0.0), max: DVec3::new(1.0, 1.0, 1.0) };
+        let target = AimTarget { bounds, ranges: [0.0, 100.0] };
         let mut log = AimLog::default();
-        for i in 0..10_000 {
-            let beam = SampledBeam { origin: DVec3::X * f64::from(i), direction: DVec3::Y };
-            log.add(&Aim { sampled: 1, beam: Some(beam), ..Aim::NONE });
+        for _ in 0..1000 {
+            let mut piece = Aim::NONE;
+            // One of four beams of a piece meets the box, the last one.
+            let sideways = [DVec3::X, DVec3::Y, DVec3::Z, -DVec3::Z];
+            sideways.iter().for_each(|direction| piece.add_beam(&target, DVec3::Z * 50.0, *direction));
+            log.add(&piece);
         }
-        assert!((MAX_BEAMS / 2..=MAX_BEAMS).contains(&log.beams.len()), "{}", log.beams.len());
-        assert!(log.beams[0].origin.x == 0.0 && log.beams.last().unwrap().origin.x > 9500.0);
-        assert_eq!(log.sum.sampled, 10_000);
+        assert_eq!((log.sum.sampled, log.sum.towards), (4000, 1000));
+        assert!(log.beams.items().iter().all(|beam| beam.direction == DVec3::X));
+        assert!(log.aimed.items().iter().all(|beam| beam.direction == -DVec3::Z));
     }
 }

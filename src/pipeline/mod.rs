@@ -58,6 +58,7 @@ mod segment;
 mod session;
 mod settings;
 mod shard;
+mod spread;
 mod stream;
 mod worker;
 

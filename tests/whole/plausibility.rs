@@ -231,6 +231,12 @@ fn plausible_numbers() -> Vec<Mistake> {
             poses([x, y, 2297.0], TO_EAST),
             "if its heights are in feet, 2298 ft are 700 m",
         ),
+        flown(
+            "the same in a stream",
+            OVER_UTM,
+            poses([x, y, 2297.0], TO_EAST),
+            "if its heights are in feet, 2298 ft are 700 m",
+        ),
         recording("a file of a flight below the terrain", poses([x, y, 255.0], TO_EAST), "ellipsoid"),
         recording(
             "a file of a flight upside down",

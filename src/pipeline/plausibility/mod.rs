@@ -90,9 +90,7 @@ pub fn check_flight(survey: &Survey, scene: &Scene, tree: &Tree, flight: &Flight
     }
     let around = Aabb::around(places.iter().map(|place| scene.to_world(place.position)));
     let legs = places.chunk_by(|one, other| one.leg == other.leg);
-    let poses: Vec<ViewPoint> = legs
-        .flat_map(|leg| ViewPoint::along(&leg.iter().map(|place| place.position).collect::<Vec<_>>()))
-        .collect();
+    let poses: Vec<ViewPoint> = legs.flat_map(ViewPoint::along).collect();
     let finding = boxes::compare("the flight", &bounds, &around, reach)
         .or_else(|| ground::check("the flight", scene, tree, &scanner, mount.z))
         .or_else(|| check_view(survey, scene, tree, flight, &poses));

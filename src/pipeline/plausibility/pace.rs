@@ -49,10 +49,11 @@ impl Pace {
         }
     }
 
-    /// Finds what the poses so far show already: all steps take too long.
+    /// Finds what the poses so far show: all steps take too long, over more than a platform that stands
+    /// drifts.
     pub fn find_early(&self) -> Option<Finding> {
         let (count, seconds, length) = self.slow;
-        let is_slow = count >= EARLY_STEPS && !self.has_moved;
+        let is_slow = count >= EARLY_STEPS && length >= MIN_LENGTH && !self.has_moved;
         if is_slow { Some(Pace::finding(seconds, length)) } else { self.find() }
     }
 
@@ -112,9 +113,11 @@ mod tests {
             });
             found.map(|i| i + 1)
         };
-        assert_eq!(early(&[(100.0, 1.0); 10]), Some(3), "10 m/s, ten poses a second");
-        assert_eq!(early(&[(10.0, 0.125); 30]), Some(12), "a hundred poses a second");
+        assert_eq!(early(&[(100.0, 1.0); 20]), Some(10), "10 m/s, ten poses a second");
+        assert_eq!(early(&[(10.0, 0.125); 100]), Some(80), "a hundred poses a second");
         assert_eq!(early(&[(0.1, 1.0); 10]), None);
+        // A vehicle that drifts while it stands, and starts.
+        assert_eq!(early(&[[(60.0, 0.6); 5], [(0.1, 1.0); 5]].concat()), None);
         // A tripod that is carried from place to place.
         assert_eq!(early(&[(5.0, 2.0), (600.0, 0.01), (5.0, 2.0), (600.0, 0.01), (5.0, 2.0)]), None);
     }

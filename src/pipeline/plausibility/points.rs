@@ -70,7 +70,7 @@ impl YieldCheck<'_> {
         let of_sampled = |count: u64| count as f64 / (aim.sampled as f64).max(1.0);
         let (towards, within) = (of_sampled(aim.towards), of_sampled(aim.within));
         let share = echoes as f64 / fired;
-        let feet = || view::in_feet(&scene.bounds, scene.shift.z, &log.beams, target.ranges);
+        let feet = || view::in_feet(&scene.bounds, scene.shift.z, log.beams.items(), target.ranges);
         if share >= MIN_YIELD && share >= MIN_YIELD_WITHIN * within {
             let help = if share < MIN_YIELD_OF_METRES { feet()? } else { return None };
             let message = format!(
@@ -89,7 +89,7 @@ impl YieldCheck<'_> {
         let flight = aim.origins.translated(scene.shift);
         let gap = (bounds.min - flight.max).max(flight.min - bounds.max).max(DVec3::ZERO);
         let across = gap.x.hypot(gap.y);
-        let origins: Vec<DVec3> = log.beams.iter().map(|beam| beam.origin).collect();
+        let origins: Vec<DVec3> = log.beams.items().iter().map(|beam| beam.origin).collect();
         let below = ground::check("the flight", scene, self.tree, &origins, mount.offset.z);
         let message = format!(
             "{} points for {} pulses: {:.0} % of the beams point at the box of the scene and {:.0} % meet it within the \
@@ -176,13 +176,13 @@ impl YieldCheck<'_> {
             let hit = self.scene.nearest_where(self.tree, beam.origin, beam.direction, |_, _| true);
             hit.map(|hit| hit.t)
         };
-        let mut ranges: Vec<f64> = log.beams.iter().filter_map(cast).collect();
+        let aimed = log.aimed.items();
+        let mut ranges: Vec<f64> = aimed.iter().filter_map(cast).collect();
         // Surfaces that fill a small part of the box are missed by the sample; then the distance of the box
         // counts.
         if ranges.is_empty() {
             let to_box = |beam: &SampledBeam| self.scene.bounds.slabs(beam.origin, beam.direction);
-            ranges =
-                log.beams.iter().filter_map(to_box).map(|(enter, _)| enter).filter(|t| *t > 0.0).collect();
+            ranges = aimed.iter().filter_map(to_box).map(|(enter, _)| enter).filter(|t| *t > 0.0).collect();
         }
         ranges.sort_by(f64::total_cmp);
         let share = |count: usize| count as f64 / ranges.len().max(1) as f64;
@@ -247,7 +247,7 @@ mod tests {
         let origins = Aabb::around([place]);
         let weak = WeakPulses { count: weak, strongest: 3.0, threshold: 10.0 };
         let beam = Some(SampledBeam { origin: place, direction: -DVec3::Z });
-        aim.add(&Aim { sampled: 100, towards, within, upwards, origins, beam, weak });
+        aim.add(&Aim { sampled: 100, towards, within, upwards, origins, beam, aimed: beam, weak });
         let path = std::path::Path::new("fixtures/room/survey.xml");
         let mut settings = Settings::new(read_survey(path, &ReadOptions::default()).unwrap().0);
         let detector = &mut settings.survey.scanner.devices[0].detector;

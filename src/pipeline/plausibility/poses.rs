@@ -3,8 +3,9 @@
 use super::angles::AngleCheck;
 use super::finding::Finding;
 use super::pace::Pace;
-use super::view::{Thinned, ViewPoint};
+use super::view::{PLACES, ViewPoint};
 use super::{boxes, stream_place};
+use crate::pipeline::spread::Spread;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -115,7 +116,7 @@ pub(super) fn read_ahead(
     is_stopped: &dyn Fn() -> bool,
 ) -> Option<(Diagnostics, Vec<ViewPoint>)> {
     let check = PoseCheck { is_complete: true, ..PoseCheck::new(stream, scene, Arc::default()) };
-    let seen = Arc::new(Mutex::new((check, Diagnostics::default(), Thinned::default())));
+    let seen = Arc::new(Mutex::new((check, Diagnostics::default(), Spread::new(4 * PLACES))));
     let shared = seen.clone();
     let observe = move |event: PoseEvent| {
         let mut seen = shared.lock().unwrap_or_else(PoisonError::into_inner);
@@ -134,5 +135,5 @@ pub(super) fn read_ahead(
     }
     drop(reader);
     let (_, found, poses) = Arc::into_inner(seen)?.into_inner().unwrap_or_else(PoisonError::into_inner);
-    Some((found, poses.poses().to_vec()))
+    Some((found, poses.items().to_vec()))
 }

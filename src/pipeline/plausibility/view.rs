@@ -6,6 +6,7 @@ use super::finding::Finding;
 use crate::pipeline::aim::SampledBeam;
 use vlscan_base::quantity::metres;
 use vlscan_geom::{Aabb, DVec3, Rotation};
+use vlscan_lidar::flight::PlannedPosition;
 use vlscan_scene::Scene;
 use vlscan_trace::Tree;
 
@@ -29,7 +30,7 @@ const STEEP: f64 = -0.866;
 /// Height above the ground from which a scanner is expected to look down, m.
 const MIN_AIRBORNE: f64 = 30.0;
 /// Places at which a flight is looked at, and over a scene of tiles, each of which may have to be loaded.
-const PLACES: usize = 48;
+pub(super) const PLACES: usize = 48;
 const PLACES_OVER_TILES: usize = 8;
 
 /// A pose of a platform, scene frame.
@@ -41,17 +42,18 @@ pub(super) struct ViewPoint {
 }
 
 impl ViewPoint {
-    /// Level poses along positions, with the nose towards the next one.
-    pub fn along(positions: &[DVec3]) -> Vec<ViewPoint> {
-        let pose = |i: usize| {
-            let (from, to) = match positions.get(i + 1) {
-                Some(next) => (positions[i], *next),
-                None => (positions[i.saturating_sub(1)], positions[i]),
+    /// Poses of a leg: the recorded ones, otherwise level ones with the nose towards the next position.
+    pub fn along(places: &[PlannedPosition]) -> Vec<ViewPoint> {
+        let pose = |(i, place): (usize, &PlannedPosition)| {
+            let (from, to) = match places.get(i + 1) {
+                Some(next) => (place, next),
+                None => (&places[i.saturating_sub(1)], place),
             };
-            let way = to - from;
-            ViewPoint { position: positions[i], attitude: Rotation::about_z(-libm::atan2(way.x, way.y)) }
+            let way = to.position - from.position;
+            let ahead = || Rotation::about_z(-libm::atan2(way.x, way.y));
+            ViewPoint { position: place.position, attitude: place.attitude.unwrap_or_else(ahead) }
         };
-        (0..positions.len()).map(pose).collect()
+        places.iter().enumerate().map(pose).collect()
     }
 }
 
@@ -202,42 +204,6 @@ fn share_of<T>(all: &[T], is_counted: impl Fn(&T) -> bool) -> f64 {
     all.iter().filter(|one| is_counted(one)).count() as f64 / all.len().max(1) as f64
 }
 
-/// Keeps some of many poses, evenly spread over them.
-#[derive(Debug)]
-pub(super) struct Thinned {
-    kept: Vec<ViewPoint>,
-    stride: usize,
-    count: usize,
-}
-
-impl Default for Thinned {
-    fn default() -> Thinned {
-        Thinned { kept: Vec::new(), stride: 1, count: 0 }
-    }
-}
-
-impl Thinned {
-    /// Adds the next pose; every second one is removed when there are too many.
-    pub fn add(&mut self, pose: ViewPoint) {
-        if self.count.is_multiple_of(self.stride) {
-            self.kept.push(pose);
-        }
-        self.count += 1;
-        if self.kept.len() >= 4 * PLACES {
-            let mut index = 0;
-            self.kept.retain(|_| {
-                index += 1;
-                index % 2 == 1
-            });
-            self.stride *= 2;
-        }
-    }
-
-    pub fn poses(&self) -> &[ViewPoint] {
-        &self.kept
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -265,10 +231,23 @@ mod tests {
 
     /// Finding of a flight northwards at height `z` over ground at `at` of 300 m across.
     fn fly(z: f64, at: f64, beams: &[DVec3], farthest: f64) -> Option<String> {
+        fly_with(z, at, beams, farthest, None)
+    }
+
+    /// Finding of such a flight with recorded attitudes.
+    fn fly_with(
+        z: f64,
+        at: f64,
+        beams: &[DVec3],
+        farthest: f64,
+        attitude: Option<Rotation>,
+    ) -> Option<String> {
         let (scene, tree) = ground(150.0, at);
-        let positions: Vec<DVec3> = (-20..=20).map(|i| DVec3::new(0.0, 10.0 * f64::from(i), z)).collect();
+        let position = |i| DVec3::new(0.0, 10.0 * f64::from(i), z);
+        let places: Vec<PlannedPosition> =
+            (-20..=20).map(|i| PlannedPosition { leg: 0, position: position(i), attitude }).collect();
         let sight = Sight { beams, mount: 0.0, ranges: [1.0, farthest] };
-        let found = check("the flight", &scene, &tree, &sight, &ViewPoint::along(&positions));
+        let found = check("the flight", &scene, &tree, &sight, &ViewPoint::along(&places));
         found.map(|finding| format!("{}; {}", finding.message, finding.help))
     }
 
@@ -300,17 +279,8 @@ mod tests {
             .collect();
         assert!(fly(60.0, 0.0, &ahead, 1e9).unwrap().contains("above the horizon"));
         assert_eq!(fly(10.0, 0.0, &ahead, 1e9), None, "a vehicle");
+        let nose_down = Some(Rotation::about_x(radians(-90.0)));
+        assert_eq!(fly_with(60.0, 0.0, &ahead, 1e9, nose_down), None, "the recorded attitude turns it down");
         assert_eq!(fly(60.0, 0.0, &fan(0.0, 180.0), 1e9), None, "a mirror that turns all round");
-    }
-
-    #[test]
-    fn thinned_poses_span_all_of_them() {
-        let mut thinned = Thinned::default();
-        for i in 0..100_000 {
-            thinned.add(ViewPoint { position: DVec3::X * f64::from(i), attitude: Rotation::IDENTITY });
-        }
-        let kept = thinned.poses();
-        assert!((PLACES..4 * PLACES).contains(&kept.len()), "{}", kept.len());
-        assert!(kept[0].position.x == 0.0 && kept[kept.len() - 1].position.x > 97_000.0);
     }
 }

@@ -37,5 +37,6 @@ pub use advance::Skipped;
 pub use clock::{TimeError, calendar_day, gps_start};
 pub use jump::LegClock;
 pub use plan::{FlightOptions, FlightPlan};
+pub use positions::PlannedPosition;
 pub use pulse::{FlightSink, PoseSample, Pulse};
 pub use state::{FlightState, Step};

@@ -1,7 +1,7 @@
 //! Positions along a planned flight, without flying it.
 
 use super::FlightPlan;
-use vlscan_geom::DVec3;
+use vlscan_geom::{DVec3, Rotation};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlannedPosition {
@@ -9,6 +9,9 @@ pub struct PlannedPosition {
     pub leg: u32,
     /// Position of the platform, m, scene frame.
     pub position: DVec3,
+    /// Recorded attitude, from the axes of the platform to those of the scene; `None` where it is not
+    /// recorded.
+    pub attitude: Option<Rotation>,
 }
 
 impl FlightPlan {
@@ -21,12 +24,18 @@ impl FlightPlan {
         for (i, (leg, course)) in
             self.legs.iter().zip(courses).enumerate().filter(|(_, (l, _))| l.settings.active)
         {
-            let mut add = |position: DVec3| positions.push(PlannedPosition { leg: leg.number, position });
+            let mut add = |position: DVec3| {
+                positions.push(PlannedPosition { leg: leg.number, position, attitude: None });
+            };
             let fractions = (0..per_leg.max(2)).map(|k| f64::from(k) / f64::from(per_leg.max(2) - 1));
             match (self.platform.table(), course.span, courses.get(i + 1)) {
                 _ if self.platform.is_stream() => {}
                 (Some(table), Some(span), _) => {
-                    fractions.for_each(|s| add(table.position_at(span.start + s * (span.end - span.start))));
+                    positions.extend(fractions.map(|s| {
+                        let time = span.start + s * (span.end - span.start);
+                        let (position, attitude) = table.pose_at(time, self.platform.rotation_spec);
+                        PlannedPosition { leg: leg.number, position, attitude: Some(attitude) }
+                    }));
                 }
                 (None, _, Some(next)) if self.platform.has_waypoints() => {
                     fractions.for_each(|s| add(course.position.lerp(next.position, s)));

@@ -1,7 +1,9 @@
 //! A table of recorded poses over time (spec kinematics §2.6).
 
+use super::interpolated::composed;
 use std::f64::consts::TAU;
-use vlscan_geom::{DVec3, UtmZone};
+use vlscan_geom::{DVec3, Rotation, UtmZone};
+use vlscan_survey::RotationSpec;
 
 /// Roll, pitch, yaw (rad) and x, y, z (m, scene frame).
 pub(super) type PoseValues = [f64; 6];
@@ -122,10 +124,20 @@ impl TrajectoryTable {
 
     /// The position at `time` seconds after the first row; beyond the ends it is extrapolated.
     pub fn position_at(&self, time: f64) -> DVec3 {
+        let [.., x, y, z] = self.values_at(time);
+        DVec3::new(x, y, z)
+    }
+
+    /// The position at `time` like [`position_at`](Self::position_at), and the attitude there.
+    pub(crate) fn pose_at(&self, time: f64, spec: RotationSpec) -> (DVec3, Rotation) {
+        let [roll, pitch, yaw, x, y, z] = self.values_at(time);
+        (DVec3::new(x, y, z), composed(spec, roll, pitch, yaw))
+    }
+
+    fn values_at(&self, time: f64) -> PoseValues {
         let after = self.rows.partition_point(|r| r.time <= time);
         let row = &self.rows[after.saturating_sub(1).min(self.rows.len().saturating_sub(2))];
-        let at = |c: usize| row.values[c] + (time - row.time) * row.slopes[c];
-        DVec3::new(at(3), at(4), at(5))
+        std::array::from_fn(|c| row.values[c] + (time - row.time) * row.slopes[c])
     }
 
     /// Roll, pitch and yaw (rad) and position (m) of every row.
