@@ -6,7 +6,7 @@ mod changes;
 mod subjects;
 
 use crate::common::text;
-use changes::{Change, Effect, changes};
+use changes::{Change, Effect, Place, changes};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -20,9 +20,17 @@ const LIMIT: Duration = Duration::from_secs(20);
 
 /// The result of one run.
 enum Outcome {
-    Refused { messages: String },
-    Done { bytes: u64, warnings: BTreeSet<String> },
-    Long,
+    Refused {
+        messages: String,
+    },
+    Done {
+        bytes: u64,
+        warnings: BTreeSet<String>,
+    },
+    /// Ended before its time.
+    Long {
+        warnings: BTreeSet<String>,
+    },
 }
 
 /// Runs `vlscan` in `folder`, whose output is hashed and removed.
@@ -48,7 +56,8 @@ fn outcome(folder: &Path, args: &[String]) -> Outcome {
         if begin.elapsed() > LIMIT {
             child.kill().expect("the program ends");
             child.wait().expect("the program ends");
-            return Outcome::Long;
+            let messages = text(&std::fs::read(folder.join("messages")).expect("messages"));
+            return Outcome::Long { warnings: warnings(&messages) };
         }
         std::thread::sleep(Duration::from_millis(4));
     };
@@ -59,7 +68,7 @@ fn outcome(folder: &Path, args: &[String]) -> Outcome {
     let mut digest = xxhash_rust::xxh3::Xxh3::new();
     digest.update(&std::fs::read(folder.join("points")).expect("points"));
     for file in crate::common::files(&out) {
-        let bytes = std::fs::read(&file).expect("an output");
+        let bytes = std::fs::read(out.join(&file)).expect("an output");
         digest.update(file.file_name().expect("a name").as_encoded_bytes());
         digest.update(&bytes);
     }
@@ -91,7 +100,10 @@ struct Silent {
 /// Reports what is wrong with a changed run, if anything.
 fn judge(plain: (u64, &BTreeSet<String>), change: &Change, changed: &Outcome) -> Option<String> {
     match changed {
-        Outcome::Long => None,
+        Outcome::Long { warnings } => {
+            let is_told = warnings.difference(plain.1).next().is_some();
+            (change.effect != Effect::Value && !is_told).then(|| "a longer run in silence".to_owned())
+        }
         Outcome::Refused { messages } if messages.contains("panicked") => Some(format!("panic: {messages}")),
         Outcome::Refused { messages } if !has_place(messages) => {
             Some(format!("no place: {}", messages.trim()))
@@ -130,48 +142,74 @@ fn documented() -> BTreeMap<String, BTreeSet<String>> {
     all
 }
 
-/// Tries all changes to a subject, in a copy of its own, and adds what is silent.
-fn attack(subject: &Subject, tried: &Mutex<BTreeSet<String>>, count: &AtomicUsize) -> Vec<Silent> {
-    let folder = crate::common::folder();
-    subject.copy_to(folder.path());
-    let Outcome::Done { bytes, warnings } = outcome(folder.path(), &subject.args) else {
-        panic!("the run of {} fails by itself", subject.name);
+/// A subject and the values that it is the first to have, by file.
+struct Attack<'a> {
+    subject: &'a Subject,
+    places: Vec<(&'a str, &'a str, Vec<Place>)>,
+}
+
+/// Assigns each value to the first subject that has it.
+fn assign(subjects: &[Subject]) -> Vec<Attack<'_>> {
+    let mut tried = BTreeSet::new();
+    let mut places_of = |subject: &Subject, name: &str, content: &str| {
+        let mut places = subject.places(name, content);
+        places.retain(|place| tried.insert(place.label.clone()));
+        places
     };
-    let mut silent = Vec::new();
-    for (name, content) in subject.changed_files() {
-        for place in subject.places(name, content) {
-            if !tried.lock().unwrap().insert(place.label.clone()) {
-                continue;
-            }
-            for change in changes(&place, content) {
-                std::fs::write(folder.path().join(name), &change.content).expect("a file");
-                let changed = outcome(folder.path(), &subject.args);
-                count.fetch_add(1, Ordering::Relaxed);
-                if let Some(what) = judge((bytes, &warnings), &change, &changed) {
-                    silent.push(Silent { label: place.label.clone(), change: change.name, what });
+    let of = |subject| Attack { subject, places: Vec::new() };
+    let mut all: Vec<Attack> = subjects.iter().map(of).collect();
+    for attack in &mut all {
+        for (name, content) in attack.subject.changed_files() {
+            attack.places.push((name, content, places_of(attack.subject, name, content)));
+        }
+    }
+    all
+}
+
+impl Attack<'_> {
+    /// Tries all changes in a copy of the subject; returns what is silent, and the number of changes.
+    fn run(&self) -> (Vec<Silent>, usize) {
+        let folder = crate::common::folder();
+        self.subject.copy_to(folder.path());
+        let Outcome::Done { bytes, warnings } = outcome(folder.path(), &self.subject.args) else {
+            panic!("the run of {} fails by itself", self.subject.name);
+        };
+        let (mut silent, mut count) = (Vec::new(), 0);
+        for (name, content, places) in &self.places {
+            for place in places {
+                for change in changes(place, content) {
+                    std::fs::write(folder.path().join(name), &change.content).expect("a file");
+                    let changed = outcome(folder.path(), &self.subject.args);
+                    count += 1;
+                    if let Some(what) = judge((bytes, &warnings), &change, &changed) {
+                        silent.push(Silent { label: place.label.clone(), change: change.name, what });
+                    }
                 }
             }
+            std::fs::write(folder.path().join(name), content).expect("a file");
         }
-        std::fs::write(folder.path().join(name), content).expect("a file");
+        (silent, count)
     }
-    silent
 }
 
 /// Tries all changes to all subjects on two threads.
 fn attack_all(subjects: &[Subject]) -> (Vec<Silent>, usize) {
-    let (next, count) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let (tried, silent) = (Mutex::new(BTreeSet::new()), Mutex::new(Vec::new()));
+    let attacks = assign(subjects);
+    let next = AtomicUsize::new(0);
+    let all = Mutex::new((Vec::new(), 0));
     std::thread::scope(|scope| {
         for _ in 0..2 {
             scope.spawn(|| {
-                while let Some(subject) = subjects.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let found = attack(subject, &tried, &count);
-                    silent.lock().unwrap().extend(found);
+                while let Some(attack) = attacks.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let (silent, count) = attack.run();
+                    let mut all = all.lock().unwrap();
+                    all.0.extend(silent);
+                    all.1 += count;
                 }
             });
         }
     });
-    (silent.into_inner().unwrap(), count.into_inner())
+    all.into_inner().unwrap()
 }
 
 #[test]

@@ -140,11 +140,11 @@ fn conformance(folder: &Path) -> Subject {
         &["run", "survey.xml", "--assets", ".", "--output", "out", "-j", "1", "--seed", "43"],
     );
     for path in crate::common::files(folder) {
-        let inner = path.strip_prefix(folder).expect("a file of the case").to_string_lossy().into_owned();
+        let inner = path.to_string_lossy().into_owned();
         if inner.starts_with("expected") || inner == "case.json" {
             continue;
         }
-        let content = std::fs::read(&path).expect("a file of the case");
+        let content = std::fs::read(folder.join(&path)).expect("a file of the case");
         if inner.ends_with(".xml") {
             subject.changed.push(inner.clone());
         }
