@@ -3,6 +3,7 @@
 use super::FlightPlan;
 use vlscan_geom::{DVec3, Rotation};
 
+/// A place of the platform along a planned leg.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlannedPosition {
     /// Number of the leg in the survey.
