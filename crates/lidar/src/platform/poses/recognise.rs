@@ -6,7 +6,8 @@ use vlscan_geom::DVec3;
 
 /// Distance after which the way of a body is compared with its axes, m.
 const COMPARED_DISTANCE: f64 = 20.0;
-/// Distance after which a body that climbs along its z axis is compared no longer, m.
+/// The same for a body whose z axis is that of the file: a camera in its own frame, or a drone that climbs
+/// before it flies away, m.
 const COMPARED_AFTER_CLIMB: f64 = 150.0;
 /// Minimum cosine of the angle between the way and the z axis of a body that is probably a camera: 26°.
 const MIN_CAMERA_COSINE: f64 = 0.9;
@@ -66,13 +67,13 @@ impl CameraCheck {
             return false;
         }
         let axis = fix.attitude.apply(DVec3::Z);
-        // A body whose z axis points up climbs along it: only the flight that follows tells.
-        let climbs = axis.z.abs() > MIN_CAMERA_COSINE;
-        if climbs && way.length() < COMPARED_AFTER_CLIMB {
+        // A body whose z axis points up may climb along it, which its further way shows.
+        let may_climb = axis.z.abs() > MIN_CAMERA_COSINE;
+        if may_climb && way.length() < COMPARED_AFTER_CLIMB {
             return false;
         }
         self.is_over = true;
-        !climbs && way.dot(axis) > MIN_CAMERA_COSINE * way.length()
+        way.dot(axis) > MIN_CAMERA_COSINE * way.length()
     }
 }
 

@@ -271,6 +271,8 @@ fn matrices_need_times() {
     assert!((poses[1].attitude.forward() - DVec3::Y).length() < 1e-12);
     assert!((read(None).unwrap()[1].position - DVec3::new(0.0, 0.0, 2.0)).length() < 1e-12);
     std::fs::write(&path, "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 1 0 0 0 0 1 25\n").unwrap();
+    assert!(read(None).is_ok(), "a drone that climbs");
+    std::fs::write(&path, "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 1 0 0 0 0 1 160\n").unwrap();
     assert!(read(None).unwrap_err().contains("--trajectory-rotation camera"));
     assert!(read(Some(AngleConvention::Ros)).is_ok() && read(Some(AngleConvention::Camera)).is_ok());
     let timed = read_all("0 1 0 0 5 0 1 0 6 0 0 1 7\n", 100, &settings()).unwrap();

@@ -132,9 +132,11 @@ impl<'t> Grid<'t> {
         for (number, line) in lines {
             let before = grid.heights.len();
             for word in line.split_ascii_whitespace() {
-                // The value itself may be beyond 32 bits.
-                let is_missing = grid.no_data == Some(word);
-                grid.heights.push(if is_missing { f32::NAN } else { height(word, number)? });
+                grid.heights.push(match height(word, number) {
+                    // The number of missing heights may be beyond 32 bits.
+                    Err(_) if grid.no_data == Some(word) => f32::NAN,
+                    height => height?,
+                });
             }
             counts.push((number, grid.heights.len() - before));
             last = number;

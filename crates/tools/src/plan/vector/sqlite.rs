@@ -170,12 +170,15 @@ impl<'b> Database<'b> {
         };
         let mut bytes = page.get(at..at + local).ok_or(DAMAGED)?.to_vec();
         let mut next = if local < length { u32_at(page, at + local)? } else { 0 };
-        // Each page adds bytes, so that a loop of pages ends, too.
+        // Each page adds bytes, so that a chain that leads in a circle ends, too.
         while bytes.len() < length {
             let page = self.page(next)?;
             next = u32_at(page, 0)?;
             let count = (length - bytes.len()).min(overflow_bytes);
             bytes.extend_from_slice(&page[4..4 + count]);
+        }
+        if next != 0 {
+            return Err(DAMAGED.to_owned());
         }
         Ok((id, bytes))
     }
