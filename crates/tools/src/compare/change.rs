@@ -112,7 +112,7 @@ pub struct Volume {
     /// cells.
     pub uncertainty_m3: f64,
     /// Volume of the same sense below the level of detection, m³: cells that did not change significantly,
-    /// summed in blocks, relative to the offset.
+    /// summed in blocks, relative to the offset, or to 0 if the registration is stated.
     pub undetected_m3: f64,
     /// Area of its cells, m².
     pub area_m2: f64,
@@ -210,6 +210,8 @@ struct Measured<'g> {
     shared: Registration,
     /// Standard deviation of the registration, m.
     offset: f64,
+    /// Difference of cells that did not change, m: the measured offset, or 0 with a stated registration.
+    unchanged: f64,
     /// Number of cells, the last of `cells`, whose difference is that of their neighbours.
     interpolated: usize,
     /// By cell of the grid.
@@ -229,14 +231,18 @@ impl<'g> Measured<'g> {
         };
         let mut cells: Vec<CellDifference> = (0..grid.len()).filter_map(difference).collect();
         let shared = Registration::of(grid, &cells);
-        let offset = registration.unwrap_or(shared.offset.abs());
+        let (offset, unchanged) = match registration {
+            Some(deviation) => (deviation, 0.0),
+            None => (shared.offset.abs(), shared.offset),
+        };
         let between = interpolated(grid, surfaces, &cells);
         let interpolated = between.len();
         cells.extend(between);
         let mut has_difference = vec![false; grid.len()];
         cells.iter().for_each(|cell| has_difference[cell.cell] = true);
         let is_changed = vec![false; grid.len()];
-        let mut measured = Measured { grid, cells, shared, offset, interpolated, has_difference, is_changed };
+        let mut measured =
+            Measured { grid, cells, shared, offset, unchanged, interpolated, has_difference, is_changed };
         let mut signs = vec![0.0; grid.len()];
         for cell in &measured.cells {
             if cell.difference.abs() > measured.detection(cell) {
@@ -291,7 +297,7 @@ impl<'g> Measured<'g> {
         let mut sums = vec![0.0; columns * self.grid.rows.div_ceil(BLOCK)];
         for cell in self.cells.iter().filter(|cell| !self.is_changed[cell.cell]) {
             let [column, row] = [cell.cell % self.grid.columns, cell.cell / self.grid.columns];
-            sums[row / BLOCK * columns + column / BLOCK] += sign * (cell.difference - self.shared.offset);
+            sums[row / BLOCK * columns + column / BLOCK] += sign * (cell.difference - self.unchanged);
         }
         let prevailing = sums.into_iter().map(|sum| f64::max(sum, 0.0)).sum::<f64>();
         positive_zero(self.grid.side * self.grid.side * prevailing)

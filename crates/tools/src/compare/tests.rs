@@ -373,6 +373,23 @@ fn a_stated_registration_takes_the_place_of_the_offset() {
 }
 
 #[test]
+fn a_uniform_change_below_the_level_is_undetected_if_the_registration_is_stated() {
+    let snow = epoch(2, false);
+    let mut shallow = Points::new(AttributeSet::of(|_| true));
+    for i in 0..snow.len() {
+        let position = snow.position(i) + DVec3::Z * 0.03;
+        shallow.push(&PointRow { position, class: 2, ..PointRow::default() }, None);
+    }
+    let stated = CompareOptions { registration: Some(0.02), ..options() };
+    let fill = compared(&epoch(1, false), &shallow, &stated).change.fill;
+    assert!((fill.volume_m3 + fill.undetected_m3 - 108.0).abs() < 5.0, "{fill:?}");
+    assert!(fill.undetected_m3 > 50.0 && fill.uncertainty_m3 > fill.undetected_m3, "{fill:?}");
+    // By default the measured offset counts as an error of registration.
+    let by_default = compared(&epoch(1, false), &shallow, &options()).change.fill;
+    assert!(by_default.undetected_m3 < 10.0, "{by_default:?}");
+}
+
+#[test]
 fn a_common_offset_widens_the_uncertainty() {
     let mut lifted = Points::new(AttributeSet::of(|_| true));
     let changed = epoch(2, true);
