@@ -45,6 +45,8 @@ pub struct Change {
     /// Number of cells with points of both that are left out, since their surface would be extrapolated in
     /// the first or in the second cloud and too few neighbouring cells have a difference.
     pub cells_extrapolated: [usize; 2],
+    /// Number of cells with points of both that are left out, each counted once.
+    pub cells_left_out: usize,
     /// Number of cells with points of the first, and of the second cloud alone.
     pub cells_of_one: [usize; 2],
     /// Mean difference, m.
@@ -81,8 +83,7 @@ impl Change {
     pub(super) fn doubts(&self, side: f64) -> Option<String> {
         /// Least share of cells left out that is mentioned.
         const SHARE: f64 = 0.1;
-        let [first, second] = self.cells_extrapolated;
-        let left_out = first.max(second);
+        let left_out = self.cells_left_out;
         let all = left_out + self.cells;
         (left_out as f64 > SHARE * all as f64).then(|| {
             format!(
@@ -168,6 +169,8 @@ pub(super) fn change(
         [count(0), count(1)]
     };
     let all = sorted(measured.cells.iter().map(|cell| cell.difference));
+    let has_both = |cell: &usize| surfaces.iter().all(|of_cloud| of_cloud[*cell] != CellSurface::Missing);
+    let is_left_out = |cell: &usize| has_both(cell) && !measured.has_difference[*cell];
     let total: f64 = positive_zero(all.iter().sum());
     let count = (all.len() as f64).max(1.0);
     Change {
@@ -184,6 +187,7 @@ pub(super) fn change(
                 && other != CellSurface::Missing
                 && !measured.has_difference[cell]
         }),
+        cells_left_out: (0..grid.len()).filter(is_left_out).count(),
         cells_of_one: count_of(&|_, surface, other| {
             surface != CellSurface::Missing && other == CellSurface::Missing
         }),

@@ -350,6 +350,15 @@ fn cells_whose_planes_would_be_extrapolated_are_left_out_and_counted() {
     assert!((change.fill.volume_m3, change.cut.volume_m3) == (0.0, 0.0), "{change:?}");
     assert!(c.missing.iter().any(|missing| missing.contains("--cell 2")), "{:?}", c.missing);
     assert!(table(&c).contains("cells left out as extrapolated"), "{}", table(&c));
+    // The first cloud has narrow strips in the south, the second in the north: no cell is left out twice.
+    let half = |is_narrow: fn(f64) -> bool| {
+        let place = |i: u32| (f64::from(i % 100) * 0.2 + 0.05, f64::from(i / 100) * 0.2);
+        let is_kept = move |(x, y): &(f64, f64)| !is_narrow(*y) || x.fract() < 0.3;
+        cloud((0..10_000).map(place).filter(is_kept).map(|(x, y)| slope(x, y)))
+    };
+    let change = compared(&half(|y| y < 10.0), &half(|y| y >= 10.0), &options()).change;
+    assert!(change.cells_extrapolated.iter().all(|count| *count < 250), "{change:?}");
+    assert!(change.cells_left_out > 350, "{change:?}");
 }
 
 #[test]
