@@ -233,7 +233,8 @@ fn change(change: &Change) -> Section {
     Section {
         title: format!("change of the ground ({} cells)", change.cells),
         meaning: format!(
-            "second minus first, planes through {} at the centres of cells that both have; cut and fill beyond the level of              detection at 95 %, with standard uncertainties, which contain the volume below that level",
+            "second minus first, planes through {} at the centres of cells that both have; cut and fill beyond the \
+             level of detection at 95 %, with standard uncertainties, which contain the volume below that level",
             change.surface
         ),
         rows: vec![
