@@ -92,7 +92,7 @@ pub fn run_shard(
         let scene = LoadedScene::of(&job.settings, &own_notices.observer())?;
         let mut session = Session::new(job.settings, scene, observer)?;
         let control = RunContext::new(&own_counters, &own.stop);
-        let mut shards = session.shards(&folder, job.output.creation, force, &own.stop)?;
+        let mut shards = session.shards(&folder, &job.output, force, &own.stop)?;
         let Some((number, of)) = shard else {
             return Ok((folder, shards.pulses()));
         };

@@ -6,7 +6,6 @@ use super::run::{show_report, warn_of_few_points};
 use super::watch::during;
 use super::{Console, interrupt};
 use crate::options::{OneOf, Options};
-use crate::output::{Column, OutputRequest};
 use crate::pipeline::{
     LoadedScene, ResolvedRun, Session, Settings, join_segments, merge as merge_shards, merge_segment,
     merge_warnings, output_context, schedule_of,
@@ -35,12 +34,11 @@ pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> 
     // A merge may write any format.
     settings.physics.record_scanner_axes = true;
     refuse_part_table(part_table.as_deref())?;
-    refuse_heights(&output)?;
     let mut session = open_without_tree(settings, console)?;
     schedule_log.as_deref().map_or(Ok(()), reads::refuse_input)?;
     let companions = Companions::of(schedule_log, None, &mut output);
     let legs = session.survey().legs.len();
-    let mut shards = session.shards(&folder, output.creation, force, &interrupt::STOP)?;
+    let mut shards = session.shards(&folder, &output, force, &interrupt::STOP)?;
     if args.shards.part_points.is_some() {
         console.say("--part-points has no effect any more: every output format can be made from a shard");
     }
@@ -50,18 +48,6 @@ pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> 
     }
     let report = companions.run(console, progress_lines, legs, |control| shards.run(shard, control))?;
     show_report(console, &report, started)
-}
-
-/// Refuses heights above ground, which shards cannot give.
-fn refuse_heights(output: &OutputRequest) -> Result<()> {
-    let columns = output.columns.iter().flatten();
-    if !output.heights && columns.into_iter().all(|column| *column != Column::HeightAboveGround) {
-        return Ok(());
-    }
-    Err(Error::not_divisible(
-        "heights above ground need the scene, which shards do not have, and cannot be used with --shard or --resume",
-        "leave out --height-above-ground and the column HeightAboveGround, or run without --shard and --resume",
-    ))
 }
 
 /// Refuses the table of parts, which shards cannot give.
@@ -88,7 +74,7 @@ pub fn index(args: &IndexShardsArgs, console: &Console) -> Result<()> {
     let ResolvedRun { settings, output, .. } = resolve(&args.file, &options, console)?;
     let mut session = open_without_tree(settings, console)?;
     let shards = during(console, "counting pulses", || {
-        session.shards(&folder, output.creation, options.output.force.is_on(), &interrupt::STOP)
+        session.shards(&folder, &output, options.output.force.is_on(), &interrupt::STOP)
     })?;
     console.say(format!(
         "{}  {} pulses, for any number of shards",

@@ -7,7 +7,7 @@ use super::progress::Progress;
 use super::resume_folder::{ResumeFolder, RunId, State};
 use super::run::Report;
 use super::session::Session;
-use super::shard::Divisible;
+use super::shard::{Divisible, check_outputs};
 use crate::output::{OutputContext, OutputPlan, OutputRequest, OutputSummary, Target};
 use crate::shards::{OneOf, ShardSet};
 use std::path::{Path, PathBuf};
@@ -58,12 +58,7 @@ impl Session {
         how: &ResumeOptions,
         control: RunContext<'_>,
     ) -> Result<Report> {
-        if outputs.wants_heights() {
-            return Err(Error::not_divisible(
-                "heights above ground need the scene, without which a run with --resume writes its outputs",
-                "leave out --resume, or --height-above-ground and the column HeightAboveGround",
-            ));
-        }
+        check_outputs(&outputs)?;
         let path = how.folder.as_path();
         let known = ResumeFolder::state_of(path)?;
         self.record_for(&outputs);

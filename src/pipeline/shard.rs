@@ -60,23 +60,24 @@ impl Session {
 
     /// Prepares shards in `folder`, which is created when it is missing. The borders of the flight are read
     /// from it or, when there are none, found by stepping once through the flight, and written to it.
-    /// `creation` is the day for the headers of files. `force` replaces borders of another flight.
+    /// `outputs` are those of the merge. `force` replaces borders of another flight.
     ///
     /// # Errors
-    /// [`Error::Input`] for flights that cannot be divided and for a folder of another flight, [`Error::Io`],
-    /// [`Error::Interrupted`].
+    /// [`Error::Input`] for flights and outputs that cannot be divided and for a folder of another flight,
+    /// [`Error::Io`], [`Error::Interrupted`].
     pub fn shards(
         &mut self,
         folder: &Path,
-        creation: (u16, u16),
+        outputs: &OutputRequest,
         force: bool,
         stop: &Stop,
     ) -> Result<ShardRunner<'_>> {
+        check_outputs(outputs)?;
         let run = self.divisible()?;
-        self.shards_of(run, folder, creation, force, stop)
+        self.shards_of(run, folder, outputs.creation, force, stop)
     }
 
-    /// [`Session::shards`] of a flight that is planned.
+    /// [`Session::shards`] of a planned flight. `creation` is the day for the headers of files.
     pub(super) fn shards_of(
         &mut self,
         run: Divisible,
@@ -301,6 +302,17 @@ impl ShardRunner<'_> {
         self.session.check_flight(&self.flight, stop)?;
         Ok(())
     }
+}
+
+/// Refuses heights above ground, for which a merge has no scene.
+pub(super) fn check_outputs(outputs: &OutputRequest) -> Result<()> {
+    if !outputs.wants_heights() {
+        return Ok(());
+    }
+    Err(Error::not_divisible(
+        "heights above ground need the scene, which shards do not have, and cannot be used with --shard or --resume",
+        "leave out --height-above-ground and the column HeightAboveGround, or run without --shard and --resume",
+    ))
 }
 
 /// Refuses poses that cannot be read more than once.

@@ -291,7 +291,7 @@ impl Bench {
         let (progress, recorder) = (Progress::default(), Recorder::new());
         let control = RunContext { recorder: Some(&recorder), ..RunContext::new(&progress, &stop) };
         let mut session = self.session(&built.loaded, tree, alone(chunk))?;
-        let mut shards = session.shards(&folder, self.output.creation, true, &stop)?;
+        let mut shards = session.shards(&folder, &self.output, true, &stop)?;
         shards.run(shard, control)?;
         let (path, shard) = (shards.path(shard), recorder.finish());
 
