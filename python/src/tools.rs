@@ -11,9 +11,9 @@ use pyo3::types::{PyBytes, PyDict, PyList};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan::base::files::{FileGroup, refuse_existing, write_file};
-use vlscan::fit::flight::{self, FlightRequest};
+use vlscan::fit::flight::{self, FlightFiles, FlightRequest};
 use vlscan::fit::scene::ReconstructOptions;
-use vlscan::fit::spinning::{Half, SpinningRequest, fit_spinning};
+use vlscan::fit::spinning::{Half, SpinningFiles, SpinningRequest, fit_spinning};
 use vlscan::tools::cloud::{Points, points_of_table, read_points};
 use vlscan::tools::compare::{
     CompareOptions, changed_points, compare as compare_clouds, json, page, write_changed,
@@ -307,6 +307,7 @@ pub fn fit_flight(
     let notices = Notices::default();
     let own = notices.clone();
     let made = interruptible(py, move |interruption| {
+        FlightFiles::check(&output, &cloud, force)?;
         let mut found = Diagnostics::default();
         let fit = flight::fit_flight(&cloud, &FlightRequest { flight_line, extend }, &mut found);
         own.add(Notice::Warnings(found.finish(false)?));
@@ -334,6 +335,8 @@ pub fn fit_sensor(
     let notices = Notices::default();
     let own = notices.clone();
     let made = interruptible(py, move |interruption| {
+        let files = SpinningFiles::new(&output, planes.as_deref());
+        files.check([&revolution, &calibration], force)?;
         let mut found = Diagnostics::default();
         let half = if odd { Half::Odd } else { Half::Even };
         let fit = fit_spinning(&revolution, &calibration, &SpinningRequest { half }, &mut found);
@@ -341,7 +344,7 @@ pub fn fit_sensor(
         let fit = fit?;
         interruption.begin_writing()?;
         let command = format!("vlscan.fit_sensor {} {}", revolution.display(), calibration.display());
-        fit.write(&output, planes.as_deref(), (&calibration, &command), force)?;
+        fit.write(&files, (&calibration, &command), force)?;
         fit.figures().json()
     })?;
     notices.issue(py)?;

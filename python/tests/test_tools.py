@@ -82,7 +82,7 @@ def test_a_flight_is_fitted_and_a_scene_reconstructed(tmp_path):
     assert abs(value - 60) < 1 and 0 < deviation < 1 and unit == "m"
     assert 'optics = "rotating"' in (tmp_path / "fit.toml").read_text()
     with pytest.raises(vlscan.Error, match="force"):
-        vlscan.fit_flight(tmp_path / "line.laz", tmp_path / "fit.toml")
+        vlscan.fit_flight(tmp_path / "none.laz", tmp_path / "fit.toml")
     (tmp_path / "plain.xyz").write_text("1 2 3\n4 5 6\n")
     with pytest.raises(vlscan.InputError, match="GPS times"):
         vlscan.fit_flight(tmp_path / "plain.xyz", tmp_path / "other.toml")
@@ -124,3 +124,6 @@ def test_a_spinning_sensor_is_fitted(tmp_path):
         vlscan.fit_sensor(*files, half="both")
     with pytest.raises(vlscan.Error, match="sensor.json"):
         vlscan.fit_sensor(tmp_path / "sensor.json", tmp_path / "sensor.json", tmp_path / "other.toml")
+    # Names are checked before the recording is read.
+    with pytest.raises(vlscan.Error, match="planes.obj exists already"):
+        vlscan.fit_sensor(tmp_path / "none.parquet", files[1], tmp_path / "other.toml", planes=tmp_path / "planes.obj")

@@ -6,14 +6,13 @@ use super::watch::during;
 use std::path::Path;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::Result;
-use vlscan_base::files::{refuse_existing, write_stdout};
+use vlscan_base::files::write_stdout;
 use vlscan_base::quantity::amount;
 use vlscan_fit::flight::{FlightFiles, FlightRequest, fit_flight, json, table};
-use vlscan_fit::spinning::{Half, SpinningRequest, fit_spinning};
+use vlscan_fit::spinning::{Half, SpinningFiles, SpinningRequest, fit_spinning};
 
 pub fn run(args: &FitArgs, console: &Console) -> Result<()> {
     if let Some(calibration) = &args.calibration {
-        refuse_existing(&args.out, args.force)?;
         return run_spinning(args, calibration, console);
     }
     FlightFiles::check(&args.out, &args.cloud, args.force)?;
@@ -40,6 +39,8 @@ pub fn run(args: &FitArgs, console: &Console) -> Result<()> {
 
 /// Fits the noise and the detection of a spinning sensor.
 fn run_spinning(args: &FitArgs, calibration: &Path, console: &Console) -> Result<()> {
+    let files = SpinningFiles::new(&args.out, args.planes.as_deref());
+    files.check([&args.cloud, calibration], args.force)?;
     let mut found = Diagnostics::default();
     let half = match args.half {
         FittedHalf::Even => Half::Even,
@@ -51,13 +52,13 @@ fn run_spinning(args: &FitArgs, calibration: &Path, console: &Console) -> Result
     console.warnings(&found.finish(false)?)?;
     let fit = fit?;
     let command = format!("vlscan fit {} --calibration {}", args.cloud.display(), calibration.display());
-    let files = fit.write(&args.out, args.planes.as_deref(), (calibration, &command), args.force)?;
+    fit.write(&files, (calibration, &command), args.force)?;
     let figures = fit.figures();
     match args.json {
         true => write_stdout(&(figures.json()? + "\n"))?,
         false => write_stdout(&figures.table())?,
     }
-    let beside: Vec<String> = files.iter().skip(1).map(|path| format!(", {}", path.display())).collect();
+    let beside: Vec<String> = files.all().skip(1).map(|path| format!(", {}", path.display())).collect();
     console.say(format!(
         "{}: {} planes fitted{}",
         args.out.display(),

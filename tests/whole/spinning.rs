@@ -125,3 +125,20 @@ fn recordings_that_are_none_are_refused() {
         assert!(!dir.path().join("s.toml").exists());
     }
 }
+
+#[test]
+fn names_of_all_files_are_checked_before_a_recording_is_read() {
+    let dir = folder();
+    fs::write(dir.path().join("sensor.json"), SENSOR).unwrap();
+    fs::write(dir.path().join("text.parquet"), "no Parquet").unwrap();
+    fs::write(dir.path().join("p.mtl"), "precious").unwrap();
+    let fit = ["fit", "text.parquet", "--calibration", "sensor.json", "-o"];
+    for (args, said) in [
+        (&["s.toml", "--planes", "p.obj"][..], "p.mtl exists already"),
+        (&["sensor.json", "--force"], "sensor.json is read"),
+        (&["s.toml", "--planes", "text.parquet", "--force"], "text.parquet is read"),
+    ] {
+        let out = run(dir.path(), &[&fit[..], args].concat());
+        assert!(text(&out.stderr).contains(said), "{said}: {}", text(&out.stderr));
+    }
+}

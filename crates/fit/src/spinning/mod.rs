@@ -25,6 +25,7 @@ mod write;
 pub use image::{Pixel, RangeImage};
 pub use planes::{Patch, Sample};
 pub use report::{ClassFigures, SpinningFigures};
+pub use write::SpinningFiles;
 
 use detection::{Detection, detection};
 use noise::{NoiseLaw, noise_law, white_strength};

@@ -6,6 +6,7 @@ use libm::exp;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use vlscan_base::error::Result;
+use vlscan_base::files::reads::refuse_input_of;
 use vlscan_base::files::{FileGroup, refuse_existing};
 use vlscan_geom::DVec3;
 
@@ -18,34 +19,63 @@ const STEPS: f64 = 20.0;
 /// taken as per cent.
 const REFLECTANCES: (f64, f64) = (1e-4, 1.95);
 
+/// The files of a fitted sensor.
+#[derive(Clone, Debug)]
+pub struct SpinningFiles {
+    /// The pipeline file.
+    pub pipeline: PathBuf,
+    /// Planes and their materials: a Wavefront mesh and its library.
+    pub planes: Option<[PathBuf; 2]>,
+}
+
+impl SpinningFiles {
+    /// The pipeline file and, if `planes` is given, the mesh of the planes with its library beside it.
+    pub fn new(pipeline: &Path, planes: Option<&Path>) -> SpinningFiles {
+        let with_materials = |planes: &Path| [planes.to_path_buf(), planes.with_extension("mtl")];
+        SpinningFiles { pipeline: pipeline.to_path_buf(), planes: planes.map(with_materials) }
+    }
+
+    /// Checks that the files can be written: before a fit, which takes long. `inputs` are the recording and
+    /// the calibration file.
+    ///
+    /// # Errors
+    /// [`vlscan_base::error::Error::Input`]: a file exists and `force` is not set, or is an input.
+    pub fn check(&self, inputs: [&Path; 2], force: bool) -> Result<()> {
+        self.all().try_for_each(|path| {
+            refuse_existing(path, force)?;
+            refuse_input_of(path, inputs)
+        })
+    }
+
+    /// All files, the pipeline first.
+    pub fn all(&self) -> impl Iterator<Item = &PathBuf> {
+        [&self.pipeline].into_iter().chain(self.planes.iter().flatten())
+    }
+}
+
 impl SpinningFit {
-    /// Writes the pipeline file at `path`, with the scanner and, if `planes` is given, the planes there as
-    /// the scene of a static platform. `calibration` is the sensor's file, `command` the command line that
-    /// made it.
+    /// Writes the pipeline file with the scanner and, if `files` contains planes, with these as the scene of
+    /// a static platform. `calibration` is the sensor's file, `command` the command line that made it.
     ///
     /// # Errors
     /// [`vlscan_base::error::Error::Io`]; a file exists and `force` is not set.
     pub fn write(
         &self,
-        path: &Path,
-        planes: Option<&Path>,
+        files: &SpinningFiles,
         (calibration, command): (&Path, &str),
         force: bool,
-    ) -> Result<Vec<PathBuf>> {
-        let materials = planes.map(|planes| planes.with_extension("mtl"));
-        let mut files = vec![path.to_path_buf()];
-        files.extend(planes.map(Path::to_path_buf));
-        files.extend(materials.clone());
-        files.iter().try_for_each(|path| refuse_existing(path, force))?;
+    ) -> Result<()> {
+        files.all().try_for_each(|path| refuse_existing(path, force))?;
         let mut group = FileGroup::default();
-        if let (Some(planes), Some(materials)) = (planes, &materials) {
+        if let Some([planes, materials]) = &files.planes {
             let (mesh, table) = self.scene(materials);
             group.write(planes, force, mesh.as_bytes())?;
             group.write(materials, force, table.as_bytes())?;
         }
-        group.write(path, force, self.pipeline(planes, calibration, command).as_bytes())?;
-        group.commit()?;
-        Ok(files)
+        let planes = files.planes.as_ref().map(|[planes, _]| planes.as_path());
+        let pipeline = self.pipeline(planes, calibration, command);
+        group.write(&files.pipeline, force, pipeline.as_bytes())?;
+        group.commit()
     }
 
     fn pipeline(&self, planes: Option<&Path>, calibration: &Path, command: &str) -> String {
