@@ -101,7 +101,7 @@ def test_lines_of_plans_are_those_of_the_command(command, tmp_path):
         plan.write_lines(tmp_path / "own.shp")
     without = vlscan.plan_terrestrial("riegl_vz400", area=SQUARE, spacing=20)
     without.write_lines(tmp_path / "places.csv")
-    with pytest.raises(vlscan.InputError, match="--crs"):
+    with pytest.raises(vlscan.InputError, match="crs="):
         without.write_lines(tmp_path / "places.kml")
     assert all(len(line.vertices) == 1 and line.speed_m_per_s is None for line in without.lines)
     geopandas = pytest.importorskip("geopandas")

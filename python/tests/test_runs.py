@@ -425,8 +425,14 @@ def test_missing_and_odd_arguments():
 def test_messages_name_keywords_instead_of_options():
     for text, expected in [
         ("overwrite it with --force", "overwrite it with force=True"),
-        ("--las-scale 0.001 holds it", "las_scale= 0.001 holds it"),
+        ("--las-scale 0.001 holds it", "las_scale=0.001 holds it"),
         ("state it with --crs CODE", "state it with crs="),
+        ("name it with --crs EPSG:25832, or", 'name it with crs="EPSG:25832", or'),
+        ("larger cells have more points (--cell 2)", "larger cells have more points (cell=2)"),
+        ("--height -5: expected more than 0", "height=-5: expected more than 0"),
+        ("--planes FILE.obj, --extend or --density", "planes=, extend= or density="),
+        ("--physics helios, --chance --task 1/2", 'physics="helios", chance=True task= 1/2'),
+        ('run = "--seed 3": --seed 1.5.2', 'run = "--seed 3": seed= 1.5.2'),
         ("`vlscan run --force` of `--force`", "`vlscan run --force` of `force=True`"),
         ("--no-such-option, a -- b and x--force", "--no-such-option, a -- b and x--force"),
     ]:

@@ -2,32 +2,57 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import re
 import sys
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import cache
+from importlib import import_module
 from typing import Any
 
 from ._options import RunOptions
 
-# An option of the command line in a message, with the name of its value.
-_OPTION = re.compile(r"(?<![\w-])--([a-z][a-z0-9-]*)(?![\w-])(?: [A-Z][A-Z0-9_]*\b)?")
+# Text in double quotes, or an option of the command line with the word after it.
+_OPTION = re.compile(r'"[^"\n]*"|(?<![\w-])--([a-z][a-z0-9-]*)(?![\w-])(?: (-?\w(?:[\w.:#+-]*\w)?)(?![\w/]))?')
+_PLACEHOLDER = re.compile(r"[A-Z][A-Z0-9_]*(?:\.[a-z]+)?(?:#[A-Z]+)?")
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+
+
+@cache
+def _keywords() -> dict[str, str]:
+    """Return the annotations of all keywords of runs and of public functions."""
+    package = import_module(__package__)
+    kinds = {name: str(getattr(kind, "__forward_arg__", kind)) for name, kind in RunOptions.__annotations__.items()}
+    for function in filter(inspect.isfunction, (getattr(package, name) for name in package.__all__)):
+        for parameter in inspect.signature(function).parameters.values():
+            kinds.setdefault(parameter.name, str(parameter.annotation))
+    return kinds
 
 
 def _keyword(option: re.Match[str]) -> str:
-    """Return the keyword of an option: ``force=True`` of ``--force``, ``las_scale=`` of ``--las-scale METRES``."""
-    name = option[1].replace("-", "_")
-    kind = RunOptions.__annotations__.get(name)
+    """Return the keyword of an option: ``force=True`` of ``--force``, ``cell=2`` of ``--cell 2``, ``crs=`` of ``--crs CODE``."""
+    name = (option[1] or "").replace("-", "_")
+    kind = _keywords().get(name)
     if kind is None:
         return option[0]
-    is_switch = getattr(kind, "__forward_arg__", kind) == "bool | None"
-    return f"{name}=True" if is_switch else f"{name}="
+    word = option[2] or ""
+    rest = word and f" {word}"
+    if kind in ("bool", "bool | None"):
+        return f"{name}=True{rest}"
+    if _PLACEHOLDER.fullmatch(word):
+        return f"{name}="
+    if _NUMBER.fullmatch(word):
+        return f"{name}={word}"
+    if word.startswith("EPSG:") or f"'{word}'" in kind:
+        return f'{name}="{word}"'
+    return f"{name}={rest}"
 
 
 def in_python(text: str) -> str:
-    """Return a message of the engine with the options of a run as keywords; commands in backticks stay.
+    """Return a message of the engine with options as keywords; commands in backticks and quoted text stay.
 
     Parameters
     ----------
@@ -41,7 +66,7 @@ def in_python(text: str) -> str:
     """
     parts = text.split("`")
     is_command = [part.startswith("vlscan ") for part in parts]
-    return "`".join(part if kept else _OPTION.sub(_keyword, part) for part, kept in zip(parts, is_command))
+    return "`".join(part if kept else _OPTION.sub(_keyword, part) for part, kept in zip(parts, is_command, strict=True))
 
 
 @dataclass(frozen=True)

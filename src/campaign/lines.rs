@@ -115,7 +115,7 @@ impl Lines<'_> {
         let command = command(key);
         let decided = decided(&command, key, &typed);
         for (option, advice) in &decided {
-            let message = format!("{key} = \"…\": {option} cannot be used in a campaign");
+            let message = format!("{key} = \"… {option} …\" cannot be used in a campaign");
             self.problems.error(place.clone(), message).help(*advice);
         }
         if !decided.is_empty() {
