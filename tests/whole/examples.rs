@@ -453,7 +453,7 @@ const MISTAKES: [(&str, &str); 39] = [
     (
         "sed '/^.scanner/a nep_w = 1e-3' site.toml > noisy.toml; \
          vlscan run noisy.toml -o wrong.laz --force --dry-run",
-        "times per pulse",
+        "crosses the detection threshold",
     ),
     (
         "sed '/^.scanner/a optics = \"conic\"\\nscan_angle_max_deg = 0' site.toml > straight.toml; \

@@ -839,12 +839,12 @@ fn instruments() -> Vec<Mistake> {
         of_scanner(
             "noise ten times the threshold",
             &and("max_returns = 4, range_max_m = 250, nep_w = 1e-8, received_energy_min_w = 1e-9"),
-            "times per pulse: most of the points are false",
+            "false points per pulse",
         ),
         of_scanner(
             "noise a third of the threshold",
             &and("max_returns = 4, range_max_m = 250, nep_w = 1e-9, received_energy_min_w = 3.3e-9"),
-            "times per pulse",
+            "crosses the detection threshold",
         ),
         of_scanner(
             "mA/W for A/W",

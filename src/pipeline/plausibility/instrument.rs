@@ -8,6 +8,10 @@ use vlscan_survey::{Device, Survey, WaveformPlace, WrittenKey, warn_of_unused_ke
 
 /// Quotients of window and bin that are less than this below two count as two: rounding.
 const WINDOW_TOLERANCE: f64 = 1e-9;
+/// False alarms per pulse above which they are reported.
+const MAX_FALSE_ALARMS: f64 = 0.01;
+/// Threshold over noise of a receiver with hardly any false alarms.
+const SAFE_THRESHOLD: f64 = 6.0;
 
 /// Checks the scanner of a survey against the physics with `corrections`.
 pub fn check_instrument(survey: &Survey, corrections: &Corrections) -> Diagnostics {
@@ -21,9 +25,6 @@ pub fn check_instrument(survey: &Survey, corrections: &Corrections) -> Diagnosti
     found
 }
 
-/// False alarms per pulse above which they are reported.
-const MAX_FALSE_ALARMS: f64 = 0.01;
-
 /// Warns of receivers whose noise crosses their detection threshold in many pulses.
 pub fn check_noise(survey: &Survey, options: &PhysicsOptions) -> Diagnostics {
     let mut found = Diagnostics::default();
@@ -33,12 +34,13 @@ pub fn check_noise(survey: &Survey, options: &PhysicsOptions) -> Diagnostics {
     if alarms.per_pulse <= MAX_FALSE_ALARMS {
         return found;
     }
+    let rate = match alarms.per_pulse {
+        per_pulse if per_pulse < 0.5 => format!("one false point in about {:.0} pulses", 1.0 / per_pulse),
+        per_pulse => format!("about {per_pulse:.1} false points per pulse"),
+    };
     let message = format!(
-        "noise of {:.2e} W crosses the detection threshold of {:.2e} W about {} times per pulse: {} of the points are false",
-        alarms.sigma,
-        alarms.threshold,
-        number((alarms.per_pulse * 1000.0).round() / 1000.0),
-        if alarms.per_pulse < 1.0 { "many" } else { "most" }
+        "noise of {:.2e} W crosses the detection threshold of {:.2e} W: {rate}",
+        alarms.sigma, alarms.threshold
     );
     let is_noise = |key: &&WrittenKey| matches!(key.key.key, "nep_w" | "snr" | "background_w");
     let place = survey.scanner.written.iter().find(is_noise).map(|written| written.place.clone());
@@ -66,9 +68,6 @@ pub fn check_energy_model(survey: &Survey, options: &PhysicsOptions) -> Diagnost
     found.warn(survey_place(survey), message).help(format!("leave it out, or {remedy}"));
     found
 }
-
-/// Threshold over noise of a receiver with hardly any false alarms.
-const SAFE_THRESHOLD: f64 = 6.0;
 
 /// Warns of channels whose wavelength is not that of the first one, at which the spectra of a scene are read.
 pub fn check_wavelengths(survey: &Survey) -> Diagnostics {
