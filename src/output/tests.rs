@@ -276,6 +276,24 @@ fn what_was_measured_before_a_failure_is_kept_as_partial() {
 }
 
 #[test]
+fn an_output_that_cannot_be_completed_leaves_no_packets_and_others_are_kept() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut request = points(Target::File(dir.path().join("b.xyz")));
+    request.sinks.push((Target::File(dir.path().join("a.las")), PointFormat::Las));
+    request.las.packets = Some(PacketPlace::Beside);
+    let plan = plan(request, &survey(2, &[None, None]));
+    let mut writer = plan.open(Arc::new(NoOffload)).unwrap();
+    writer.append(plan.encode(&batch(0, 0, 10), None)).unwrap();
+    // The next leg closes the handles of the last one.
+    writer.append(plan.encode(&batch(1, 10, 0), None)).unwrap();
+    let temporary = files(dir.path()).into_iter().find(|name| name.starts_with("a.las")).unwrap();
+    fs::remove_file(dir.path().join(temporary)).unwrap();
+    writer.abort();
+    assert_eq!(files(dir.path()), ["b.partial.xyz"]);
+    assert_eq!(plan.rescued().len(), 1);
+}
+
+#[test]
 fn an_abandoned_run_leaves_no_directory() {
     let dir = tempfile::tempdir().unwrap();
     let survey = survey(1, &[None]);

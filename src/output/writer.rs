@@ -327,13 +327,15 @@ impl Drop for Writer {
             return;
         }
         let plan = self.plan.clone();
-        let (mut group, mut files) = (FileGroup::default(), Vec::new());
         for file in self.files.iter_mut().filter_map(Option::take).filter(|file| file.has_records()) {
-            // The run has failed already; a file that cannot be completed is removed.
-            files.extend(file.finish(&plan, &*self.offload, true, &mut group).into_iter().flatten());
-        }
-        if let (Ok(()), Ok(mut rescued)) = (group.commit(), plan.rescued.lock()) {
-            rescued.extend(files);
+            // The run has failed already; an output that cannot be completed is removed, with its packets.
+            let mut group = FileGroup::default();
+            if let Ok(files) = file.finish(&plan, &*self.offload, true, &mut group)
+                && group.commit().is_ok()
+                && let Ok(mut rescued) = plan.rescued.lock()
+            {
+                rescued.extend(files);
+            }
         }
     }
 }
