@@ -45,7 +45,8 @@ pub(super) fn check_clocks([first, second]: [&Pulses; 2], [a, b]: [&Cut; 2]) -> 
         let (other_centre, other_spread) = centre_of(other.iter().map(|i| second.place(b, *i)));
         distances.push((distance(centre, other_centre), spread.max(other_spread)));
     }
-    distances.sort_unstable_by(|a, b| (a.0 * b.1).total_cmp(&(b.0 * a.1)));
+    let ratio = |(distance, spread): &(f64, f64)| distance / spread.max(f64::MIN_POSITIVE);
+    distances.sort_unstable_by(|a, b| ratio(a).total_cmp(&ratio(b)));
     match distances.get(distances.len() / 2) {
         None => Err("the clouds share no GPS times".to_owned()),
         Some((distance, spread)) if *distance <= MAX_DISTANCE * spread => Ok(()),
