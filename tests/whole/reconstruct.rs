@@ -163,6 +163,12 @@ fn clouds_without_ground_are_refused_with_what_to_do() {
     assert_eq!(found.status.code(), Some(2));
     assert!(text(&found.stderr).contains("class 2 (ground)") && text(&found.stderr).contains("smrf"));
     // Three points of ground and nothing else are a scene, with warnings about what is missing.
+    // Of the ground, a point far from all others does not count.
+    let plants: String = (0..60).map(|i| format!("{},{},3,5\n", i % 8, i / 8)).collect();
+    let ground = "0,0,0,2\n7,0,0,2\n4,4,-900,2\n";
+    fs::write(dir.join("stray.csv"), format!("x,y,z,class\n{plants}{ground}")).unwrap();
+    let found = run(dir, &["scene", "reconstruct", "stray.csv", "-o", "found"]);
+    assert!(text(&found.stderr).contains("has 2 points of class 2"), "{}", text(&found.stderr));
     fs::write(dir.join("bare.csv"), "x,y,z,class\n0,0,0,2\n10,0,0,2\n0,10,0,2\n").unwrap();
     let found = succeed(dir, &["scene", "reconstruct", "bare.csv", "-o", "bare"]);
     assert!(text(&found.stderr).contains("no times of pulses"), "{}", text(&found.stderr));

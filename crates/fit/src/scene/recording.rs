@@ -140,10 +140,11 @@ pub(super) fn read(path: &Path, found: &mut Diagnostics) -> Result<Recording> {
     sink.returns.iter_mut().for_each(|r| r.is_left_out |= strays.contains(r.position));
     let name = path.display();
     let has = |attribute| sink.attributes.has(attribute);
-    if sink.returns.iter().all(|r| r.is_left_out) {
+    let kept = || sink.returns.iter().filter(|r| !r.is_left_out);
+    let Some(first) = kept().next() else {
         return Err(Error::input(format!("{name} has no points that could be a scene")));
-    }
-    let count = sink.returns.iter().filter(|r| matches!(r.class, 2 | 8)).count();
+    };
+    let count = kept().filter(|r| matches!(r.class, 2 | 8)).count();
     if count < 3 {
         return Err(Error::input(format!(
             "{name} has {count} points of class 2 (ground), and at least 3 are needed; classify the ground first, for example: \
@@ -165,8 +166,7 @@ pub(super) fn read(path: &Path, found: &mut Diagnostics) -> Result<Recording> {
         );
     }
     let has_times = has(Attribute::Time);
-    let has_scan_angles =
-        has(Attribute::ScanAngle) && sink.returns.iter().any(|r| r.scan_angle != sink.returns[0].scan_angle);
+    let has_scan_angles = has(Attribute::ScanAngle) && kept().any(|r| r.scan_angle != first.scan_angle);
     let noise = sink.noise;
     Ok(Recording { has_scan_angles, noise, ..assemble(sink.returns, has_times) })
 }
