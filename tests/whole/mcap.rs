@@ -266,7 +266,9 @@ fn frames_that_are_interrupted_leave_nothing() {
             common::vlscan(dir.path()).args(args).stdin(std::process::Stdio::piped()).spawn().unwrap();
         let mut stdin = child.stdin.take().unwrap();
         std::io::Write::write_all(&mut stdin, &bytes[..bytes.len() / 2]).unwrap();
+        let started = std::time::Instant::now();
         while !dir.path().join("out").exists() {
+            assert!(started.elapsed().as_secs() < 60, "{layout}: no frame is written");
             std::thread::sleep(std::time::Duration::from_millis(5));
         }
         let id = child.id().to_string();
