@@ -92,10 +92,10 @@ pub trait TableSink: Debug + Send + Sync {
 pub struct OutputRequest {
     /// Point clouds.
     pub sinks: Vec<(Target, PointFormat)>,
-    /// True if to write waveforms beside the first point cloud that is not a stream (spec outputs §6):
+    /// If set, waveforms are written beside the first point cloud that is not a stream (spec outputs §6):
     /// `legNNN_fullwave.txt` in directories, `STEM_fullwave.txt` beside single files.
     pub waveforms: bool,
-    /// True if to write pulses beside the first point cloud that is not a stream (spec outputs §7):
+    /// If set, pulses are written beside the first point cloud that is not a stream (spec outputs §7):
     /// `legNNN_pulse.txt`, `STEM_pulse.txt`.
     pub pulses: bool,
     /// True if waveforms and pulses are compressed text, `.bin` instead of `.txt`.
@@ -108,8 +108,8 @@ pub struct OutputRequest {
     /// Columns of Arrow, Parquet and CSV, and, if set, also of the text format, which has the columns of
     /// HELIOS++ otherwise.
     pub columns: Option<Vec<Column>>,
-    /// True if to write pulses without echoes: as records with 0 returns at the beam's origin, among the
-    /// points in order of emission. LAS and PLY then contain the beam's direction as well.
+    /// If set, pulses without echoes are written among the points in order of emission: as records with 0
+    /// returns at the beam's origin. LAS and PLY then contain the beam's direction as well.
     pub misses: bool,
     /// True if LAS, LAZ and PLY contain labels for machine learning: part, primitive, true range. Column
     /// formats always can.
@@ -130,10 +130,9 @@ pub struct OutputRequest {
     pub live: bool,
     /// Settings of LAS and LAZ.
     pub las: LasSettings,
-    /// True if to replace existing files and to write binary data to a terminal.
+    /// If set, existing files are replaced, and binary data may go to a terminal.
     pub force: bool,
-    /// True if an earlier run with the same outputs, which was ended, may have written some of them: a file
-    /// that exists stays if it holds the same bytes.
+    /// If set, the run resumes an interrupted one: an existing output with the same bytes is kept.
     pub goes_on: bool,
     /// Files that the run reads; no output may replace them.
     pub inputs: Vec<PathBuf>,

@@ -40,8 +40,8 @@ pub struct LoadOptions {
     pub seed: u64,
     /// Departures from the reference's reading of materials and leaf angle tables.
     pub rules: Corrections,
-    /// True if to skip OBJ faces with more than four vertices, as the reference does (spec input-formats §10,
-    /// trap 51).
+    /// If set, OBJ faces with more than four vertices are skipped, as by the reference (spec input-formats
+    /// §10, trap 51).
     pub drop_polygons: bool,
     /// Maximum memory of the scene without its tree, bytes.
     pub max_memory: Option<u64>,
@@ -55,8 +55,8 @@ pub struct LoadOptions {
     /// Minimum number of voxels of a file that become a grid, not stored cubes. Changes nothing but memory
     /// and speed.
     pub min_grid_voxels: usize,
-    /// True if parts at rest are loaded when rays need them and dropped when they do not, and how; `None`:
-    /// the scene is loaded whole. Does not change the points of a survey.
+    /// How parts at rest are loaded when rays need them and dropped when they do not; `None` loads the whole
+    /// scene. Does not change the points of a survey.
     pub tiles: Option<TileOptions>,
     /// Ends the loading soon after it is set, with [`Error::Interrupted`].
     pub stop: Option<Arc<AtomicBool>>,
