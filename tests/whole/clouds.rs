@@ -485,4 +485,7 @@ fn seconds_that_no_week_has_and_classes_of_old_formats_are_described_as_such() {
     assert!(said.contains("which are 0 to 604800"), "{said}");
     assert!(shown.contains("15 ") && shown.contains("reserved") && !shown.contains("tower"), "{shown}");
     assert!(described(dir.path(), "b.las")["time_kind"].is_null());
+    // Once for each file with such times.
+    let said = text(&common::succeed(dir.path(), &["info", "a.las", "b.las", "b.las"]).stderr);
+    assert_eq!(said.matches("which are 0 to 604800").count(), 2, "{said}");
 }

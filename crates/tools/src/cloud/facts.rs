@@ -33,6 +33,15 @@ impl Span {
         let Some(Span { min, max }) = span else { return Some(Span { min: value, max: value }) };
         Some(Span { min: min.min(value), max: max.max(value) })
     }
+
+    fn union(self, other: Span) -> Span {
+        Span { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+
+    /// True if times, s, cannot be seconds of the GPS week.
+    fn is_beyond_week(self) -> bool {
+        self.min < 0.0 || self.max > WEEK_S
+    }
 }
 
 /// The points of a flight line.
@@ -101,7 +110,7 @@ pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)
         let mut found = Diagnostics::default();
         facts.files.push((path.to_path_buf(), None));
         facts.is_las = false;
-        let named = std::mem::take(&mut facts.crs);
+        let (named, times_before) = (facts.crs.take(), facts.time.take());
         cloud.read(&mut facts, &mut found)?;
         if let (Some(first), Some(this)) = (&named, &facts.crs)
             && crs::differ(first, this)
@@ -111,6 +120,18 @@ pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)
             found.warn(Some(Place::of_file(path)), message);
         }
         facts.crs = named.or(facts.crs.take());
+        let times = facts.time.filter(|span| facts.states_week_of_last_file() && span.is_beyond_week());
+        if let Some(span) = times {
+            let message = format!(
+                "its header states seconds of the GPS week, which are 0 to {WEEK_S}, and times are {:.3} to {:.3}; as \
+                 adjusted standard GPS time they are {}",
+                span.min,
+                span.max,
+                facts.dates(span)
+            );
+            found.warn(Some(Place::of_file(path)), message);
+        }
+        facts.time = [times_before, facts.time].into_iter().flatten().reduce(Span::union);
         let left_out = facts.skipped - skipped;
         if left_out > 0 {
             let message =
@@ -125,16 +146,6 @@ pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)
         all.extend(found.finish(false)?);
     }
     let mut found = Diagnostics::default();
-    if let Some(span) = facts.time.filter(|_| facts.has_wrong_times()) {
-        let message = format!(
-            "its header states seconds of the GPS week, which are 0 to {WEEK_S}, and times are {:.3} to {:.3}; as adjusted \
-             standard GPS time they are {}",
-            span.min,
-            span.max,
-            facts.dates(span)
-        );
-        found.warn(Some(Place::of_file(clouds[0].name())), message);
-    }
     let names: Vec<String> = clouds.iter().map(|cloud| cloud.name().display().to_string()).collect();
     facts.strays.strays().warn(Path::new(&names.join(", ")), "described like the rest", &mut found);
     all.extend(found);
@@ -288,8 +299,14 @@ impl CloudSummary {
         kinds.all(|kind| kind == Some(first)).then_some(first)
     }
 
+    /// True if the header of the last file states seconds of the GPS week.
+    fn states_week_of_last_file(&self) -> bool {
+        let file = self.files.last().and_then(|(_, file)| file.as_ref()?.las.as_ref());
+        file.is_some_and(|las| !las.has_adjusted_times)
+    }
+
     fn has_times_beyond_the_week(&self) -> bool {
-        self.time.is_some_and(|span| span.min < 0.0 || span.max > WEEK_S)
+        self.time.is_some_and(Span::is_beyond_week)
     }
 
     /// True if the headers state seconds of the GPS week, and the times are none.
