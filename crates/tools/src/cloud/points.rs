@@ -147,7 +147,9 @@ impl Points {
         }
     }
 
-    /// Leaves out the points that lie far from all others, with a warning.
+    /// Leaves out the points that lie far from all others, with a warning. Above [`MAX_POINTS`], where the
+    /// cloud is thinned, strays are found and counted among all points, and the bounds become those of the
+    /// points that are kept.
     pub(super) fn leave_out_strays(&mut self, path: &Path, found: &mut Diagnostics) {
         fn keep<T: Copy>(values: &mut Vec<T>, is_kept: &[bool]) {
             let mut kept = is_kept.iter();
