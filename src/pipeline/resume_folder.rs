@@ -266,15 +266,7 @@ fn lock(folder: &Path) -> Result<File> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn names(folder: &Path) -> Vec<String> {
-        let mut names: Vec<String> = fs::read_dir(folder)
-            .unwrap()
-            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-            .collect();
-        names.sort();
-        names
-    }
+    use vlscan_base::files::testkit::names;
 
     fn open(path: &Path) -> Result<ResumeFolder> {
         ResumeFolder::open(path, ResumeFolder::state_of(path)?.as_ref())

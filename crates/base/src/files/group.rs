@@ -257,15 +257,7 @@ fn backup(target: &Path) -> Option<PathBuf> {
 mod tests {
     use super::*;
     use crate::files::is_taken;
-
-    fn names(folder: &Path) -> Vec<String> {
-        let mut names: Vec<String> = fs::read_dir(folder)
-            .unwrap()
-            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-            .collect();
-        names.sort();
-        names
-    }
+    use crate::files::testkit::names;
 
     /// Two new files, one that replaces another, and a folder.
     fn group(folder: &Path) -> FileGroup {

@@ -1,16 +1,10 @@
 //! Tests of the writer of files.
 
+use super::testkit::names;
 use super::*;
 use std::fs;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
-
-fn names(folder: &Path) -> Vec<String> {
-    let entries = fs::read_dir(folder).unwrap();
-    let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
-    names.sort();
-    names
-}
 
 fn create(path: &Path, replace: bool) -> FileWriter {
     FileWriter::create(path, replace, Patched::Always).unwrap()
