@@ -25,7 +25,7 @@ use vlscan_warehouse::Stop;
 /// Why a cell has failed.
 pub struct Failure {
     pub error: Error,
-    /// Whether the same inputs give the same error again. It is not kept otherwise, so that the next start computes the cell.
+    /// True if the same inputs give the same error again. It is not kept otherwise, so that the next start computes the cell.
     pub is_lasting: bool,
 }
 
@@ -58,7 +58,7 @@ pub struct CellRunner<'c> {
 struct Site {
     /// As `--scene` takes it.
     name: String,
-    /// Whether other cells scan the same.
+    /// True if other cells scan the same.
     is_shared: bool,
     labels: Labels,
 }

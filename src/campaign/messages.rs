@@ -3,7 +3,7 @@
 use std::path::{MAIN_SEPARATOR, Path};
 use vlscan_base::error::Error;
 
-/// Whether an error says something about the machine and nothing about the cell: a full disk, a file that cannot be written.
+/// True if an error says something about the machine and nothing about the cell: a full disk, a file that cannot be written.
 pub fn is_of_machine(error: &Error) -> bool {
     use std::io::ErrorKind as Kind;
     match error {

@@ -66,7 +66,7 @@ pub struct CampaignOptions {
     /// Threads of this process; 0 = all, the default.
     #[arg(short = 'j', long, value_name = "N")]
     pub threads: Option<usize>,
-    /// Whether warnings are errors.
+    /// True if warnings are errors.
     #[arg(skip)]
     pub strict: bool,
 }
@@ -121,7 +121,7 @@ pub struct FailedCell {
     pub cell: String,
     /// Why it has failed.
     pub error: String,
-    /// Whether the failure is kept, so that the cell is computed again only with [`CampaignOptions::retry`].
+    /// True if the failure is kept, so that the cell is computed again only with [`CampaignOptions::retry`].
     pub is_kept: bool,
 }
 
@@ -138,7 +138,7 @@ pub struct CampaignReport {
     pub left: usize,
     /// The manifest, which is written when no cell is left.
     pub manifest: Option<PathBuf>,
-    /// Whether a manifest was there that was not that of the cells.
+    /// True if an existing manifest did not match the cells.
     pub is_manifest_replaced: bool,
     /// Number of points of all cells.
     pub points: u64,
@@ -354,7 +354,7 @@ impl Campaign {
     }
 }
 
-/// Whether the stop was requested, and not only the run of a cell has failed.
+/// True if the stop was requested, and not only the run of a cell has failed.
 fn is_interrupted(stop: &Stop) -> bool {
     stop.begin_run();
     stop.is_requested()

@@ -88,17 +88,17 @@ impl Console {
         Console { is_strict, ..self }
     }
 
-    /// Whether warnings are errors.
+    /// True if warnings are errors.
     pub fn is_strict(&self) -> bool {
         self.is_strict
     }
 
-    /// Whether a progress bar may be drawn on stderr.
+    /// True if a progress bar may be drawn on stderr.
     pub fn draws(&self) -> bool {
         self.stderr && self.shows(Verbosity::Normal)
     }
 
-    /// Whether messages of this level are shown.
+    /// True if messages of this level are shown.
     pub fn shows(&self, level: Verbosity) -> bool {
         self.verbosity >= level
     }

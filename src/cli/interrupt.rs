@@ -11,7 +11,7 @@ use vlscan_warehouse::Stop;
 /// Stop request that a run checks between chunks.
 pub static STOP: Stop = Stop::new();
 
-/// Whether a signal has arrived. Failures of a run request its stop, too.
+/// True if a signal has arrived. Failures of a run request its stop, too.
 static SIGNALLED: AtomicBool = AtomicBool::new(false);
 
 /// How long a stopped run waits for the readers of its streams, and the end of the process for that of its messages.
@@ -30,7 +30,7 @@ pub fn listen(console: &Console) {
     });
 }
 
-/// Whether the user has asked for the end.
+/// True if the user has requested the end.
 pub fn is_signalled() -> bool {
     SIGNALLED.load(Ordering::Relaxed)
 }

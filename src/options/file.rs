@@ -54,7 +54,7 @@ fn read_source(source: &Source, typed: Options) -> Result<(Survey, Options, Diag
     Ok((survey, options, warnings))
 }
 
-/// Whether the file is a pipeline, or an XML file with a survey in it; one that is too large to be read is neither.
+/// True if the file is a pipeline, or an XML file with a survey in it; one that is too large to be read is neither.
 pub fn holds_survey(path: &Path) -> bool {
     let is_xml = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("xml"));
     is_pipeline(path)

@@ -62,7 +62,7 @@ pub struct Options {
     /// height and number of points.
     #[arg(long = "parts", value_name = "PATH", help_heading = "Output")]
     pub part_table: Option<PathBuf>,
-    /// Whether pulses of a stream are traced instead of a flight.
+    /// True if pulses of a stream are traced instead of a flight.
     #[arg(skip)]
     pub is_traced: bool,
     /// A scene in memory, which replaces that of the survey.
@@ -71,7 +71,7 @@ pub struct Options {
     /// Outputs of a pipeline file, which those of the command line replace.
     #[arg(skip)]
     pub outputs: Vec<OutputKeys>,
-    /// Whether a pipeline file describes a flight of its own, whose kinematics are always the corrected ones.
+    /// True if a pipeline file describes a flight of its own, whose kinematics are always the corrected ones.
     #[arg(skip)]
     pub has_own_flight: bool,
 }

@@ -6,7 +6,7 @@ use std::any::TypeId;
 use std::convert::Infallible;
 use std::str::FromStr;
 
-/// Whether an option without a value is chosen.
+/// State of an option without a value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(from = "bool")]
 pub enum Switch {
@@ -20,7 +20,7 @@ pub enum Switch {
 }
 
 impl Switch {
-    /// Whether it is chosen.
+    /// True if the option is chosen.
     pub fn is_on(self) -> bool {
         self == Switch::On
     }

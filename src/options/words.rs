@@ -12,11 +12,11 @@ pub struct OptionName {
     pub long: String,
     /// What it does.
     pub help: String,
-    /// Whether it takes a value.
+    /// True if the option takes a value.
     pub has_value: bool,
-    /// Whether it may be given more than once.
+    /// True if the option may be given more than once.
     pub is_list: bool,
-    /// Whether it only says how files are written.
+    /// True if the option concerns only the writing of files.
     pub is_of_files: bool,
     /// Type of its values in Python, if they have one.
     pub python_type: Option<String>,
@@ -26,7 +26,7 @@ pub struct OptionName {
 const NOT_LISTED: [&str; 9] =
     ["out", "output", "trajectory", "scene", "waveforms", "pulses", "schedule-log", "progress", "parts"];
 
-/// Whether an option may be given more than once.
+/// True if an option may be given more than once.
 pub(super) fn is_list(option: &Arg) -> bool {
     matches!(option.get_action(), ArgAction::Append)
 }

@@ -60,13 +60,13 @@ impl fmt::Display for OutputLocation {
 pub(super) struct FilePlan {
     pub location: OutputLocation,
     pub content: Content,
-    /// Whether the lines of the file are compressed.
+    /// True if the lines of the file are compressed.
     pub zipped: bool,
     /// Index of the last leg that writes to the file.
     pub last_leg: usize,
     /// Number of the sink that requested the file; two sinks must not share a file.
     pub sink: usize,
-    /// Whether it is one of the files of a divided folder.
+    /// True if it is one of the files of a divided folder.
     pub divided: bool,
 }
 
@@ -124,7 +124,7 @@ pub(super) struct OutputLayout {
     /// Files requested by more than one sink.
     pub clashes: Vec<OutputLocation>,
     slots: BTreeMap<OutputLocation, u32>,
-    /// Whether waveforms and pulses are compressed.
+    /// True if waveforms and pulses are compressed.
     zip: bool,
 }
 

@@ -41,7 +41,7 @@ pub enum FileKind {
 pub struct FileSummary {
     /// Path; `None` for standard output and for tables in memory.
     pub path: Option<PathBuf>,
-    /// Whether the run ended before the file was complete.
+    /// True if the run ended before the file was complete.
     pub partial: bool,
     /// The complete file of an earlier run that this partial file did not replace.
     pub beside: Option<PathBuf>,

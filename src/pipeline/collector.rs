@@ -13,9 +13,9 @@ use vlscan_warehouse::Collect;
 pub(super) struct PassEnd<'a> {
     /// Check for too few points, run before the outputs get their names.
     pub check: Option<&'a YieldCheck<'a>>,
-    /// Whether no epoch follows.
+    /// True if no epoch follows.
     pub is_last: bool,
-    /// Whether the outputs are worth keeping when the run fails.
+    /// True if the outputs are worth keeping when the run fails.
     pub keeps_partial: bool,
 }
 

@@ -86,7 +86,7 @@ impl FlightRows {
 pub(crate) struct Flight {
     shift: DVec3,
     columns: ColumnSet,
-    /// Whether poses are true poses, not reported ones.
+    /// True if poses are true poses, not reported ones.
     as_flown: bool,
     /// Divergence at the start of the survey and in the leg, by leg, rad.
     divergences: Vec<[f64; 2]>,

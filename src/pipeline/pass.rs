@@ -48,6 +48,6 @@ pub struct Pass<'a> {
     pub check: Option<YieldCheck<'a>>,
     /// Epoch of the scene, from 0.
     pub epoch: u32,
-    /// Whether no epoch follows.
+    /// True if no epoch follows.
     pub is_last: bool,
 }

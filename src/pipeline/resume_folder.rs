@@ -171,7 +171,7 @@ impl State {
         State::Complete(run, paths.map(|path| (path.clone(), stamp(&path))).collect())
     }
 
-    /// Whether the outputs are complete and as they were.
+    /// True if the outputs are complete and as they were.
     pub fn is_complete(&self) -> bool {
         match self {
             State::Complete(_, files) => {
@@ -181,7 +181,7 @@ impl State {
         }
     }
 
-    /// Whether outputs of this run may have their names.
+    /// True if outputs of this run may have their names.
     pub fn has_outputs_of(&self, run: RunId) -> bool {
         match self {
             State::Shards => false,
@@ -195,7 +195,7 @@ fn stamp(path: &Path) -> Option<Stamp> {
     Stamp::of(&fs::metadata(path).ok()?)
 }
 
-/// Whether a folder holds nothing, or an unfinished mark, which a run has left that was killed before it marked the folder.
+/// True if a folder holds nothing, or an unfinished mark, which a run has left that was killed before it marked the folder.
 fn is_unused(path: &Path) -> bool {
     let is_left = |entry: &DirEntry| {
         let name = entry.file_name();
@@ -237,7 +237,7 @@ fn remove_files_of_shards(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Whether a file is a lock, which holds nothing.
+/// True if a file is a lock, which holds nothing.
 fn is_lock(path: &Path) -> bool {
     path.symlink_metadata().is_ok_and(|about| about.is_file() && about.len() == 0)
 }

@@ -93,7 +93,7 @@ impl LoadedScene {
         })
     }
 
-    /// Whether a session with these settings can be opened over the scene: not if they ask for spectra at another wavelength,
+    /// True if a session with these settings can be opened over the scene: not if they ask for spectra at another wavelength,
     /// other random materials, another kind of tree. That the settings describe this very scene is up to the caller.
     pub fn suits(&self, settings: &Settings) -> bool {
         self.check(settings).is_ok()

@@ -136,7 +136,7 @@ impl Session {
         self.scene.epochs()
     }
 
-    /// Whether the scene reads files of spectra.
+    /// True if the scene reads files of spectra.
     pub(super) fn has_spectra(&self) -> bool {
         self.scene.conditions.has_spectra
     }

@@ -15,11 +15,11 @@ use vlscan_warehouse::{Feed, Outcome, Stop, Tasks};
 /// Mapping of the legs of a stream to legs of the outputs and of the physics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LegRule {
-    /// Whether the survey of the pulses is known: its legs have their own divergence.
+    /// True if the survey of the pulses is known: its legs have their own divergence.
     pub known: bool,
-    /// Whether each leg has its own files, so that leg numbers must ascend.
+    /// True if each leg has its own files, so that leg numbers must ascend.
     pub separate_files: bool,
-    /// Whether divergences in the stream are used.
+    /// True if divergences in the stream are used.
     pub streamed_divergence: bool,
 }
 

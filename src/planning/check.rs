@@ -261,7 +261,7 @@ fn other_scene() -> Error {
     Error::Internal("the scene of the plan was loaded for another survey".to_owned())
 }
 
-/// Whether all pulses, but for rounding, point beside the scene.
+/// True if all pulses, but for rounding, point beside the scene.
 fn is_beside_scene(forecast: &DryRunReport) -> bool {
     1.0 - forecast.missed.beside_scene < 0.01
 }

@@ -86,7 +86,7 @@ impl BlockHead {
         HEAD_BYTES.saturating_add(self.length as usize)
     }
 
-    /// Whether `bytes` are a block with this head that is not damaged.
+    /// True if `bytes` are a block with this head that is not damaged.
     pub(super) fn is_of(&self, bytes: &[u8]) -> bool {
         bytes.split_at_checked(HEAD_BYTES).is_some_and(|(head, columns)| {
             head == self.bytes() && columns.len() as u64 == self.length && self.checksum(columns) == self.sum

@@ -11,7 +11,7 @@ pub struct Fingerprint(Vec<Fact>);
 struct Fact {
     name: String,
     value: String,
-    /// Whether the flight depends on it, and not only what is measured.
+    /// True if the value affects the flight, not only the measurement.
     is_of_flight: bool,
 }
 

@@ -38,7 +38,7 @@ impl PrivateFolder {
         }
     }
 
-    /// Whether a folder of this name is a private one, of this or of another process.
+    /// True if a folder of this name is a private one, of this or of another process.
     pub fn is_name(name: &OsStr) -> bool {
         let number = name.to_str().and_then(|name| name.strip_prefix(PREFIX));
         number.is_some_and(|n| n.len() == 16 && n.bytes().all(|b| matches!(b, b'0'..=b'9' | b'a'..=b'f')))

@@ -4,7 +4,7 @@ use crate::common::{feed, fixture, folder, raster, run, succeed, text};
 use std::fs;
 use std::path::Path;
 
-/// Whether a file holds a text.
+/// True if a file holds a text.
 fn holds(folder: &Path, name: &str, wanted: &str) -> bool {
     let bytes = fs::read(folder.join(name)).unwrap();
     bytes.windows(wanted.len()).any(|window| window == wanted.as_bytes())

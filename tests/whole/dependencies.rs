@@ -33,7 +33,7 @@ fn packages() -> Vec<Value> {
     packages.iter().filter(|package| wanted.contains(&package["id"])).cloned().collect()
 }
 
-/// Whether an SPDX expression of ORs and ANDs can be met with the licences allowed.
+/// True if an SPDX expression of ORs and ANDs can be met with the licences allowed.
 fn is_allowed(expression: &str, allowed: &[&str]) -> bool {
     let plain = expression.replace(['(', ')'], " ").replace('/', " OR ");
     // AND binds closer than OR; the parentheses in use surround ORs beside an AND, where each side must be met.

@@ -76,7 +76,7 @@ fn slips_are_read_as_the_reference_reads_them() {
     assert!(rotated != plain && (repeated == rotated || nearly_equal(&repeated, &rotated)));
 }
 
-/// Whether coordinates differ by no more than the last digit that is written.
+/// True if coordinates differ by no more than the last digit that is written.
 fn nearly_equal(a: &str, b: &str) -> bool {
     let numbers = |line: &str| -> Vec<f64> { line.split(' ').take(3).map(|f| f.parse().unwrap()).collect() };
     a.lines()

@@ -36,7 +36,7 @@ pub struct Args {
     /// Threads that build and compute; one thread is always among them. [default: 1, 2, 4, … to all]
     #[arg(short = 'j', long, value_name = "N,…", value_delimiter = ',')]
     pub threads: Vec<usize>,
-    /// Whether a leg begins only when everything of the one before is done, as in the paper.
+    /// Barrier: a leg begins only when the one before is complete, as in the paper.
     #[arg(long, value_name = "WHEN", default_value = "off")]
     pub leg_barrier: Barriers,
     /// Dynamic chunks: idle times shorter than this are ignored, in milliseconds.
@@ -123,7 +123,7 @@ fn count(text: &str) -> Result<u64, String> {
     number.ok_or_else(|| format!("expected a number such as 250000 or 250k, found {text:?}"))
 }
 
-/// Whether legs wait for one another.
+/// Barriers between legs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Barriers {
     /// They do not.

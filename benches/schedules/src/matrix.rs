@@ -32,7 +32,7 @@ pub struct Combination {
     pub chunk_size: u32,
     /// Maximum queued chunks per worker.
     pub warehouse_factor: Option<usize>,
-    /// Whether there is a barrier between legs.
+    /// True if there is a barrier between legs.
     pub leg_barrier: bool,
     pub threads: usize,
 }

@@ -18,7 +18,7 @@ struct Chart {
     title: String,
     x: &'static str,
     y: &'static str,
-    /// Whether the axes are logarithmic.
+    /// True for logarithmic axes.
     log: [bool; 2],
     lines: Vec<Line>,
     /// Category names on the x axis; the lines' points are then bars beside one another.

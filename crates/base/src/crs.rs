@@ -39,7 +39,7 @@ fn keyword(wkt: &str) -> String {
     wkt.trim_start().split(['[', '(']).next().unwrap_or_default().trim().to_ascii_uppercase()
 }
 
-/// Whether a text looks like WKT.
+/// True if a text looks like WKT.
 pub fn is_wkt(text: &str) -> bool {
     text.trim_start().starts_with(|c: char| c.is_ascii_alphabetic()) && text.contains('[')
 }
@@ -115,7 +115,7 @@ pub fn short_name(wkt: &str) -> String {
     epsg(wkt).map_or_else(|| name(wkt), |(_, code)| format!("EPSG:{code}"))
 }
 
-/// Whether two systems are known to differ in easting and northing: by their codes, else by their UTM zones.
+/// True if two systems are known to differ in easting and northing: by their codes, else by their UTM zones.
 pub fn differ(one: &str, other: &str) -> bool {
     let (one, other) = (horizontal(one), horizontal(other));
     if let (Some((_, a)), Some((_, b))) = (epsg(one), epsg(other)) {

@@ -5,7 +5,7 @@ use std::panic::{self, AssertUnwindSafe};
 use std::sync::Once;
 
 thread_local! {
-    /// Whether a panic of this thread is caught by [`catch_decoder_panic`].
+    /// True if a panic of this thread is caught by [`catch_decoder_panic`].
     static IS_CAUGHT: Cell<bool> = const { Cell::new(false) };
 }
 

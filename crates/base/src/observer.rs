@@ -17,7 +17,7 @@ impl Observer {
         Observer { is_strict, notify: Arc::new(notify) }
     }
 
-    /// Whether warnings are errors.
+    /// True if warnings are errors.
     pub fn is_strict(&self) -> bool {
         self.is_strict
     }

@@ -18,7 +18,7 @@ const PTX_HEAD_LINES: usize = 9;
 /// Maximum number of columns.
 const MAX_COLUMNS: usize = 7;
 
-/// Whether a file with this beginning is PTX, PTS, or neither.
+/// True if a file with this beginning is PTX, false if it is PTS; `None` if it is neither.
 pub(super) fn detect(first: &[u8]) -> Option<bool> {
     let mut lines = first.split(|b| is_line_end(*b)).filter(|line| !is_skipped(line.trim_ascii()));
     let mut next = || numbers(lines.next()?.trim_ascii());
@@ -189,7 +189,7 @@ fn ptx_scan<R: BufRead>(
     }))
 }
 
-/// Whether a scan has the points that its head states; too few are an error, more a warning.
+/// True if a scan has the points that its head states; too few are an error, more a warning.
 fn is_complete(scan: &Scan, reading: &mut Reading) -> bool {
     let Scan { count, read, .. } = scan;
     if read > count {

@@ -175,7 +175,7 @@ impl PointFormat {
         PointFormat::of_file(path).unwrap_or_else(|| Err(UnknownExtension(String::new())))
     }
 
-    /// Whether a file with the extension of this format may hold the other: the last part of its extension is the same.
+    /// True if a file with the extension of this format may hold the other: the last part of its extension is the same.
     pub fn shares_extension(self, other: PointFormat) -> bool {
         other.extension().rsplit('.').next() == Some(self.extension())
     }
@@ -196,27 +196,27 @@ impl PointFormat {
         self.facts().extension
     }
 
-    /// Whether the format is LAS, compressed or not.
+    /// True if the format is LAS, compressed or not.
     pub fn is_las(self) -> bool {
         self.is(LAS)
     }
 
-    /// Whether the format has a place for the coordinate reference system.
+    /// True if the format has a place for the coordinate reference system.
     pub fn holds_crs(self) -> bool {
         self.is(CRS)
     }
 
-    /// Whether the format is text that a terminal can show.
+    /// True if the format is text that a terminal can show.
     pub fn is_text(self) -> bool {
         self.is(TEXT)
     }
 
-    /// Whether the columns can be chosen.
+    /// True if the columns can be chosen.
     pub fn has_columns(self) -> bool {
         self.is(COLUMNS)
     }
 
-    /// Whether points come in frames, whose duration can be chosen.
+    /// True if points come in frames, whose duration can be chosen.
     pub fn has_frames(self) -> bool {
         self.is(FRAMES)
     }

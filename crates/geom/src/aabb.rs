@@ -47,7 +47,7 @@ impl Aabb {
         self.max - self.min
     }
 
-    /// Whether the box holds no point.
+    /// True if the box holds no point.
     pub fn is_empty(&self) -> bool {
         self.min.x > self.max.x || self.min.y > self.max.y || self.min.z > self.max.z
     }

@@ -1,6 +1,6 @@
 //! Polygons in the plane.
 
-/// Whether a point is inside of a polygon, by the number of sides that a ray to the right crosses (even-odd rule). The last corner
+/// True if a point is inside of a polygon, by the number of sides that a ray to the right crosses (even-odd rule). The last corner
 /// is joined to the first one.
 pub fn is_inside(corners: &[[f64; 2]], [x, y]: [f64; 2]) -> bool {
     let next = corners.iter().cycle().skip(1);

@@ -28,7 +28,7 @@ const RECTIFYING: f64 = A / (1.0 + N) * (1.0 + N * N * (1.0 / 4.0 + N * N * (1.0
 pub struct UtmZone {
     /// Zone number, 1 to 60.
     number: u8,
-    /// Whether 10 000 km are added to northings.
+    /// True if 10 000 km are added to northings.
     south: bool,
 }
 

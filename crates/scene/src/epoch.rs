@@ -47,7 +47,7 @@ impl SceneFrame {
     }
 }
 
-/// Whether later epochs keep the frame of the first: this depends on the last swap of each part, and a single part that
+/// True if later epochs keep the frame of the first: this depends on the last swap of each part, and a single part that
 /// does not keep it suffices.
 pub(super) fn keeps_frame(recipe: &SceneRecipe) -> bool {
     recipe.parts.iter().filter_map(|p| p.swaps.last()).all(|swap| swap.keep_crs)

@@ -189,7 +189,7 @@ impl GridVoxels {
         self.count
     }
 
-    /// Whether there are no voxels.
+    /// True if there are no voxels.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }

@@ -58,12 +58,12 @@ impl GroundModel {
         self.scene.crs.as_deref()
     }
 
-    /// Whether a material of the scene is ground.
+    /// True if a material of the scene is ground.
     pub fn has_ground(&self) -> bool {
         self.has_ground
     }
 
-    /// Whether a leg at x, y, world coordinates, finds ground, as a run looks for it.
+    /// True if a leg at x, y, world coordinates, finds ground, as a run looks for it.
     pub fn is_under(&self, x: f64, y: f64) -> bool {
         let place = self.scene.to_local(DVec3::new(x, y, 0.0));
         self.scene.ground_height(place.x, place.y).is_some()

@@ -33,7 +33,7 @@ impl SurfaceIds {
         }
     }
 
-    /// Whether there are no primitives.
+    /// True if there are no primitives.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -25,13 +25,13 @@ pub enum SceneChoice {
 pub struct ReadOptions {
     /// Folders that are searched for files, after the working directory (`--assets`).
     pub assets: Vec<PathBuf>,
-    /// Whether warnings are errors.
+    /// True if warnings are errors.
     pub strict: bool,
     /// Replaces the scene of the survey.
     pub scene: Option<SceneChoice>,
     /// Replaces the platform of the survey ([`super::Survey::follow`]) before the survey is checked.
     pub trajectory: Option<PoseStream>,
-    /// Whether the pulses come from a stream: the survey then needs no legs, and its legs need not be flyable.
+    /// True if the pulses come from a stream: the survey then needs no legs, and its legs need not be flyable.
     pub is_traced: bool,
     /// Maximum number of bytes that the survey and its scene may need. Files that certainly need more are refused
     /// before they are read.
@@ -106,7 +106,7 @@ impl Context {
         set_help(self.limits.borrow_mut().error(place, message), help.into());
     }
 
-    /// Whether errors have been recorded, so that dependent values need not be built.
+    /// True if errors have been recorded, so that dependent values need not be built.
     pub fn failed(&self) -> bool {
         self.failure.borrow().is_some() || self.problems.borrow().is_fatal(false)
     }

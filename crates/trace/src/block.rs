@@ -65,7 +65,7 @@ impl Block {
         }
     }
 
-    /// Whether the block's primitives are cubes, which have no third corner.
+    /// True if the block's primitives are cubes, which have no third corner.
     #[inline(always)]
     pub fn holds_cubes(&self) -> bool {
         self.corner[2][0][0].is_nan()

@@ -122,7 +122,7 @@ impl Frustum {
         [lower, upper]
     }
 
-    /// Whether the rays reach the lower side of planes across `axis` first.
+    /// True if the rays reach the lower side of planes across `axis` first.
     #[inline(always)]
     pub fn is_ascending(&self, axis: usize) -> bool {
         self.slope[axis][0] + self.slope[axis][1] >= 0.0

@@ -156,7 +156,7 @@ impl Geometry {
         }
     }
 
-    /// Whether there are no primitives.
+    /// True if there are no primitives.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -70,7 +70,7 @@ impl Tree {
         self
     }
 
-    /// Whether all numbers in the trees are those of nodes, blocks and primitives that exist.
+    /// True if all numbers in the trees are those of nodes, blocks and primitives that exist.
     pub fn is_sound(&self, geometry: &Geometry) -> bool {
         let Some(instances) = &self.instances else { return self.is_sound_over(geometry.len(), geometry) };
         let models = instances.models.iter().zip(&instances.instances.models);
@@ -100,7 +100,7 @@ impl Tree {
 }
 
 impl Geometry {
-    /// Whether all vertex numbers of triangles are valid.
+    /// True if all vertex numbers of triangles are valid.
     pub fn is_sound(&self) -> bool {
         let count = self.vertices.len();
         self.triangles.iter().flatten().all(|&v| (v as usize) < count)

@@ -124,7 +124,7 @@ impl RayGroup {
         }
     }
 
-    /// Whether two pulses may be merged; false if the first ray of either is NaN.
+    /// True if two pulses may be merged; false if the first ray of either is NaN.
     fn are_near(&self, a: usize, b: usize) -> bool {
         let turn = (self.direction(a, 0) - self.direction(b, 0)).abs();
         let away = (self.origins[a] - self.origins[b]).abs();
@@ -132,7 +132,7 @@ impl RayGroup {
             && away.cmple(DVec3::splat(MAX_MERGE_DISTANCE.1)).all()
     }
 
-    /// Whether the pulses are those of [`RayGroup::merge_pulses`].
+    /// True if the pulses are those of [`RayGroup::merge_pulses`].
     pub(super) fn is_merged(&self) -> bool {
         !self.ray_origins[0].is_empty()
     }
@@ -156,7 +156,7 @@ impl RayGroup {
         self.origins.len()
     }
 
-    /// Whether there are no pulses.
+    /// True if there are no pulses.
     pub fn is_empty(&self) -> bool {
         self.origins.is_empty()
     }

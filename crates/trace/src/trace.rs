@@ -210,7 +210,7 @@ impl Tree {
 /// Maximum number of pending visits in the wide tree: every level leaves up to fifteen.
 pub(super) const MAX_WIDE_STACK: usize = MAX_WIDE_DEPTH as usize * (BLOCK_SIZE - 1) + BLOCK_SIZE;
 
-/// Whether a range of depths is not empty and begins before the limit.
+/// True if a range of depths is not empty and begins before the limit.
 #[inline(always)]
 fn is_met([lo, hi]: [f32; 2], limit: f32) -> bool {
     lo <= hi.min(limit) * DEPTH_MARGIN

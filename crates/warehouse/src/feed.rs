@@ -217,7 +217,7 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
         }
     }
 
-    /// Whether chunks wait in the queue; under other schedules an idle worker is about to take them.
+    /// True if chunks wait in the queue; under other schedules an idle worker is about to take them.
     fn has_warehouse(&self) -> bool {
         matches!(self.schedule.policy, Policy::Warehouse { .. })
     }

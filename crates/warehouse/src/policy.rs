@@ -74,7 +74,7 @@ pub struct Schedule {
     pub threads: usize,
     /// How chunks are distributed.
     pub policy: Policy,
-    /// Whether a leg begins only when the one before it is done, as in the paper. This costs time and does not change
+    /// True if a leg begins only when the one before it is done, as in the paper. This costs time and does not change
     /// the results.
     pub leg_barrier: bool,
 }

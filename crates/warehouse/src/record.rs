@@ -139,7 +139,7 @@ pub struct Log {
     pub schedule: &'static str,
     /// Computing threads including the producer's.
     pub threads: usize,
-    /// Whether there was a barrier between legs.
+    /// True if there was a barrier between legs.
     pub leg_barrier: bool,
     /// Time from start to end, s.
     pub seconds: f64,

@@ -62,7 +62,7 @@ fn refuse_shards(args: &TraceArgs) -> Result<()> {
 struct Setting {
     survey: Survey,
     options: Options,
-    /// Whether the survey is described by a file.
+    /// True if the survey is described by a file.
     known: bool,
 }
 

@@ -45,7 +45,7 @@ pub struct LegTime {
 pub struct Timeline {
     /// The legs of the plan, in order.
     pub legs: Vec<LegTime>,
-    /// Whether the pulses were counted.
+    /// True if the pulses were counted.
     pub is_exact: bool,
     /// States from which equal numbers of pulses follow, in order.
     pub starts: Vec<FlightState>,

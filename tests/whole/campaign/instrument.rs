@@ -8,7 +8,7 @@ pub struct Instrument {
     pub xml: String,
     pub pulse_freqs: [u32; 2],
     pub optics: &'static str,
-    /// Whether its head turns.
+    /// True if its head turns.
     pub has_head: bool,
 }
 

@@ -162,7 +162,7 @@ impl LengthUnit {
         LengthUnit::of_epsg(HEIGHTS.iter().find(|(code, _)| *code == system).map_or(METRE, |(_, unit)| *unit))
     }
 
-    /// Whether the unit is the metre.
+    /// True if the unit is the metre.
     pub fn is_metre(&self) -> bool {
         (self.metres - 1.0).abs() < METRE_TOLERANCE
     }

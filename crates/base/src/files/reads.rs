@@ -27,7 +27,7 @@ pub struct Reads {
 }
 
 impl Reads {
-    /// Whether sizes and times of the files that were opened are what they were then.
+    /// True if sizes and times of all opened files are unchanged.
     pub fn are_unchanged(&self) -> bool {
         let is_same = |(path, then): (&PathBuf, &Option<Stamp>)| {
             let now = fs::metadata(path).ok().and_then(|about| Stamp::of(&about));
@@ -80,7 +80,7 @@ impl Stamp {
         Some(Stamp { bytes: about.len(), modified_ns, changed_ns })
     }
 
-    /// Whether size and time of the last change of the contents are the same.
+    /// True if size and time of the last change of the contents are the same.
     pub fn is_same_content(&self, other: &Stamp) -> bool {
         (self.bytes, self.modified_ns) == (other.bytes, other.modified_ns)
     }
@@ -110,7 +110,7 @@ impl FileSet {
         }
     }
 
-    /// Whether a path is a name of one of the files.
+    /// True if a path is a name of one of the files.
     pub fn contains(&self, path: &Path) -> bool {
         if self.paths.is_empty() {
             return false;
@@ -200,7 +200,7 @@ impl Drop for ReadGuard {
     }
 }
 
-/// Whether a path is a name of a file that this command has read.
+/// True if a path is a name of a file that this command has read.
 pub fn is_input(path: &Path) -> bool {
     locked(&GUARDED).as_ref().is_some_and(|set| set.contains(path))
 }
@@ -340,7 +340,7 @@ pub fn read_to_string(path: impl AsRef<Path>) -> io::Result<String> {
     Ok(text)
 }
 
-/// Whether there is a file of this name. One that is not there is a result, too.
+/// True if a file of this name exists. The absence of a file is recorded, too.
 pub fn is_file(path: impl AsRef<Path>) -> bool {
     let path = path.as_ref();
     let found = path.is_file();
@@ -350,7 +350,7 @@ pub fn is_file(path: impl AsRef<Path>) -> bool {
     found
 }
 
-/// Whether there is a named pipe of this name.
+/// True if a named pipe of this name exists.
 #[cfg(unix)]
 pub fn is_pipe(path: &Path) -> bool {
     use std::os::unix::fs::FileTypeExt as _;

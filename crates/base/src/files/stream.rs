@@ -18,10 +18,10 @@ pub fn limit_waiting(time: Duration) {
 #[derive(Debug)]
 pub(super) struct Stream {
     file: File,
-    /// Whether a write may wait for a reader.
+    /// True if a write may wait for a reader.
     #[cfg(unix)]
     waits: bool,
-    /// Whether a write that would have to wait returns instead.
+    /// True if a write that would have to wait returns instead.
     #[cfg(unix)]
     returns: bool,
 }
@@ -90,7 +90,7 @@ mod unix {
             }
         }
 
-        /// Whether every write goes to the end of the file (`>>`).
+        /// True if every write goes to the end of the file (`>>`).
         pub(super) fn appends(&self) -> bool {
             rustix::fs::fcntl_getfl(&self.file).is_ok_and(|flags| flags.contains(rustix::fs::OFlags::APPEND))
         }
@@ -144,7 +144,7 @@ pub(super) use other::{stderr_file, stdout_file};
 pub(super) use unix::{stderr_file, stdout_file};
 
 impl Stream {
-    /// Whether bytes at the beginning can be replaced later. The name alone does not decide (`/dev/stdout`, `<(…)`),
+    /// True if bytes at the beginning can be replaced later. The name alone does not decide (`/dev/stdout`, `<(…)`),
     /// and in a file that the shell opened for appending, or that is not empty, offsets do not count from the first
     /// byte of the stream.
     pub fn is_seekable(&mut self) -> bool {

@@ -35,7 +35,7 @@ const MAX_METADATA_BYTES: usize = 1 << 24;
 /// Maximum length of a message's body, bytes.
 const MAX_BATCH_BYTES: usize = 1 << 30;
 
-/// Whether a stream is an Arrow stream, by its first bytes.
+/// Detection of an Arrow stream by its first bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ArrowDetection {
     /// An Arrow stream or file.
@@ -94,7 +94,7 @@ impl TableField {
         TableField { heading, holds, is_number }
     }
 
-    /// Whether values of the column can be read as numbers: integers, or floats of 32 or 64 bits.
+    /// True if values of the column can be read as numbers: integers, or floats of 32 or 64 bits.
     pub fn is_number(&self) -> bool {
         self.is_number
     }
@@ -141,7 +141,7 @@ pub struct ArrowDecoder {
     /// Bytes that have arrived and have not been decoded.
     pending: Vec<u8>,
     has_begun: bool,
-    /// Whether the next bytes may be padding after the first bytes of a file.
+    /// True if the next bytes may be padding after the first bytes of a file.
     may_be_padding: bool,
     has_ended: bool,
     schema: Option<Schema>,

@@ -27,7 +27,7 @@ pub struct RangeImage {
     pub pixels: Vec<Pixel>,
     /// Reported ranges are multiples of it, m.
     pub range_step: f64,
-    /// Whether strengths are those of a recorded signal; otherwise reflectance over squared range.
+    /// True if strengths are those of a recorded signal; otherwise reflectance over squared range.
     pub has_signal: bool,
 }
 
@@ -49,7 +49,7 @@ pub struct Pixel {
 }
 
 impl Pixel {
-    /// Whether the pulse has an echo.
+    /// True if the pulse has an echo.
     pub fn is_seen(&self) -> bool {
         self.range.is_finite()
     }

@@ -21,7 +21,7 @@ pub(super) struct NoiseLaw {
     pub parts: [f64; PARTS],
     /// Their standard deviations.
     pub deviations: [f64; PARTS],
-    /// Whether the scatter of each patch is that of a plane.
+    /// True if the scatter of each patch is that of a plane.
     pub is_plane: Vec<bool>,
 }
 

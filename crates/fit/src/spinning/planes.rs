@@ -49,7 +49,7 @@ pub struct Sample {
     pub residual: f64,
     /// Variance of the expected range over that of a range.
     pub leverage: f64,
-    /// Whether its column is of the half that was fitted.
+    /// True if the sample's column is in the fitted half.
     pub is_fitted: bool,
     /// Point of the plane, m.
     pub point: DVec3,

@@ -54,7 +54,7 @@ impl Rows {
         self.rows
     }
 
-    /// Whether no rows are collected.
+    /// True if no rows are collected.
     pub fn is_empty(&self) -> bool {
         self.rows == 0
     }
@@ -94,7 +94,7 @@ impl Rows {
         rows.start + count
     }
 
-    /// Whether the group is complete.
+    /// True if the group is complete.
     pub fn is_full(&self) -> bool {
         self.rows == self.full
     }

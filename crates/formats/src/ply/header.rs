@@ -17,7 +17,7 @@ pub struct PlyHeader {
     pub body: usize,
 }
 
-/// Whether a file begins with the signature of PLY files.
+/// True if a file begins with the signature of PLY files.
 pub fn is_ply(bytes: &[u8]) -> bool {
     matches!(bytes, [b'p', b'l', b'y', b'\r' | b'\n' | b' ' | b'\t', ..])
 }

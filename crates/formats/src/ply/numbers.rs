@@ -15,7 +15,7 @@ impl<'b> PlyNumbers<'b> {
         PlyNumbers(body)
     }
 
-    /// Whether nothing but blanks is left.
+    /// True if nothing but blanks is left.
     pub fn is_at_end(&self) -> bool {
         self.0.trim_ascii_start().is_empty()
     }

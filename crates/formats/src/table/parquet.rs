@@ -101,7 +101,7 @@ fn number_columns(file: Bytes, names: &[&str]) -> std::result::Result<Vec<Option
     Ok(columns)
 }
 
-/// Whether a column holds one number per row; dates, times, decimals and members of nested columns are none.
+/// True if a column holds one number per row; dates, times, decimals and members of nested columns are none.
 fn is_number(leaf: &ColumnDescriptor) -> bool {
     let plain = matches!(leaf.logical_type_ref(), None | Some(LogicalType::Integer(_)));
     leaf.path().parts().len() == 1

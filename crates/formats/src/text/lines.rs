@@ -8,7 +8,7 @@ use vlscan_base::columns::is_blank;
 /// Maximum length of a line, bytes: a binary file without line ends must not fill the memory.
 const MAX_LINE_BYTES: usize = 1 << 16;
 
-/// Whether `byte` ends a line. Both bytes of CRLF do, so that an empty line follows each of its lines where lines are split by
+/// True if `byte` ends a line. Both bytes of CRLF do, so that an empty line follows each of its lines where lines are split by
 /// this.
 pub fn is_line_end(byte: u8) -> bool {
     matches!(byte, b'\n' | b'\r')
@@ -60,12 +60,12 @@ pub fn float(word: &[u8]) -> Option<f64> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
-/// Whether a line contains no point: it is blank, or a comment marked by `//` or `#`.
+/// True if a line contains no point: it is blank, or a comment marked by `//` or `#`.
 pub fn is_skipped(line: &[u8]) -> bool {
     matches!(line.trim_ascii_start(), [] | [b'/', b'/', ..] | [b'#', ..]) || line.iter().all(|&b| is_blank(b))
 }
 
-/// Whether a line is a heading: at least three words, all of them names but for empty ones, which begin with a letter or `_` and
+/// True if a line is a heading: at least three words, all of them names but for empty ones, which begin with a letter or `_` and
 /// are no numbers.
 pub fn is_heading(line: &[u8], words: &[Range<usize>]) -> bool {
     let is_name = |word: &[u8]| {

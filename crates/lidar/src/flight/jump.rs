@@ -13,7 +13,7 @@ const MAX_DEFLECTOR_STEPS: u64 = 8191;
 pub struct LegClock {
     /// Number of the leg in the survey.
     pub number: u32,
-    /// Whether the scanner fires.
+    /// True if the scanner fires.
     pub active: bool,
     /// Steps per second of the step clock.
     pub frequency: f64,

@@ -56,7 +56,7 @@ impl PlannedLeg {
 }
 
 impl PlannedLeg {
-    /// Whether the scanner fires in step `number` of its pulse times; always without them.
+    /// True if the scanner fires in step `number` of its pulse times; always without them.
     #[inline]
     pub fn fires(&self, number: u64) -> bool {
         self.times.as_ref().and_then(PulseTimes::count).is_none_or(|count| number < count)

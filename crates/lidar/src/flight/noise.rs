@@ -37,7 +37,7 @@ impl PoseNoise {
         DVec3::new(along(0), along(1), along(2))
     }
 
-    /// Whether attitudes have noise.
+    /// True if attitudes have noise.
     #[inline]
     pub fn has_attitude(&self) -> bool {
         !matches!(self.attitude, [None, None, None])

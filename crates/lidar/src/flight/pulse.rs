@@ -35,7 +35,7 @@ pub struct Pulse {
 }
 
 impl Pulse {
-    /// Whether attitude and range error are numbers; formulas can give others.
+    /// True if attitude and range error are numbers; formulas can give others.
     pub(super) fn is_valid(&self) -> bool {
         self.attitude.w.is_finite()
             && self.attitude.u.is_finite()

@@ -77,7 +77,7 @@ impl Course {
         self.target - self.position
     }
 
-    /// Whether the target is less than one step away: `|D − p| / |v| < 1`.
+    /// True if the target is less than one step away: `|D − p| / |v| < 1`.
     #[inline]
     pub fn is_reached(&self) -> bool {
         let q = self.to_target();

@@ -177,7 +177,7 @@ impl Slope {
 struct Bearing {
     /// +1: to the left, −1: straight ahead or to the right.
     side: f64,
-    /// Whether the angle exceeds [`WIDE_ANGLE`].
+    /// True if the angle exceeds [`WIDE_ANGLE`].
     wide: bool,
 }
 

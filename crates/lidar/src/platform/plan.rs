@@ -68,7 +68,7 @@ impl PlatformPlan {
         matches!(self.motion, Motion::Stream(_))
     }
 
-    /// Whether the platform accelerates and steers, so that its time of arrival is known only by simulation.
+    /// True if the platform accelerates and steers, so that its time of arrival is known only by simulation.
     pub fn is_physical(&self) -> bool {
         matches!(self.motion, Motion::GroundVehicle { .. } | Motion::Multicopter(_))
     }

@@ -61,7 +61,7 @@ impl PlatformState {
         }
     }
 
-    /// Whether the next step can be taken; always, unless the platform follows a stream.
+    /// Readiness of the next step; always ready, unless the platform follows a stream.
     #[inline]
     pub fn readiness(&self, plan: &PlatformPlan) -> Readiness {
         match (self, &plan.motion) {
@@ -112,7 +112,7 @@ impl PlatformState {
         }
     }
 
-    /// Whether a platform with waypoints reaches its next one before `steps` steps of the mean rate have passed.
+    /// True if a platform with waypoints reaches its next one before `steps` steps of the mean rate have passed.
     pub fn arrives_within(&self, steps: f64) -> bool {
         self.course().is_some_and(|course| {
             let (way, step) = (course.to_target().length(), course.velocity.length());

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use vlscan_geom::{DVec3, Rotation};
 use vlscan_survey::PulseTimes;
 
-/// Whether the next step's pose is known.
+/// Availability of the pose of the next step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Readiness {
     /// The step can be taken.
@@ -25,7 +25,7 @@ pub struct StreamPlan {
     pub times: Option<PulseTimes>,
     /// Longest interval between two poses in which steps are taken, s.
     pub max_gap: f64,
-    /// Whether times in adjusted standard GPS time stay what they are.
+    /// True if times in adjusted standard GPS time stay what they are.
     pub keeps_adjusted_times: bool,
 }
 

@@ -16,7 +16,7 @@ pub(super) struct PeakRule {
 }
 
 impl PeakRule {
-    /// Whether a neighbour of amplitude `other` lets a bin of amplitude `top` be a peak. NaN, for which all comparisons
+    /// True if a neighbour of amplitude `other` lets a bin of amplitude `top` be a peak. NaN, for which all comparisons
     /// are false, rules out no peak (spec pulse-physics trap 21).
     #[inline(always)]
     pub fn admits(&self, other: f64, top: f64) -> bool {
@@ -58,6 +58,6 @@ pub(super) struct Return {
     pub amplitude: f64,
     /// Width of the fit, ns, or 0.
     pub width: f64,
-    /// Whether it is caused by noise of the receiver alone.
+    /// True if the return is caused by noise of the receiver alone.
     pub is_noise: bool,
 }

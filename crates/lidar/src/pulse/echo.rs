@@ -129,7 +129,7 @@ impl Echo {
         truths.get(self.truth_index as usize).map_or(self.position, |t| t.beam[0] + t.beam[1] * self.range)
     }
 
-    /// Whether it represents a pulse without echoes.
+    /// True if the record represents a pulse without echoes.
     pub fn is_miss(&self) -> bool {
         self.number_of_returns == 0
     }

@@ -84,7 +84,7 @@ pub(super) fn medium_event(
     if path > exit - entry { MediumEvent::Exit(exit) } else { MediumEvent::Scatter(path) }
 }
 
-/// Whether primitive `i` scatters rays within itself rather than at its surface.
+/// True if primitive `i` scatters rays within itself rather than at its surface.
 pub(super) fn is_scattering(scene: &Scene, i: u32) -> bool {
     scene.voxel(i).is_some_and(|v| v.kind() == VoxelKind::Transmittive)
 }
@@ -138,7 +138,7 @@ fn extinction(density: f64, table: Option<&LadTable>, corrections: &Corrections,
     }
 }
 
-/// Whether a ray that enters voxel `i` at `entry` metres runs through its interior or along a lower face; an upper face
+/// True if a ray that enters voxel `i` at `entry` metres runs through its interior or along a lower face; an upper face
 /// belongs to the neighbour.
 pub(super) fn is_within(scene: &Scene, i: u32, (from, direction): (DVec3, DVec3), entry: f64) -> bool {
     let Some(cube) = scene.geometry.cube_of(i) else { return true };

@@ -140,7 +140,7 @@ impl MediumWalk<'_, '_> {
         Step::Continue(self.origin + self.direction * from)
     }
 
-    /// Whether the listed foliage transmits nothing up to that range.
+    /// True if the listed foliage transmits nothing up to that range.
     fn is_extinguished(&self, range: f64) -> bool {
         let Search::Segments(segments) = &self.search else { return false };
         depth(segments, range) > MAX_DEPTH

@@ -35,7 +35,7 @@ impl<'a, S: Simd> Peaks<'a, S> {
         Peaks { simd, waveform, rule, segment: 0, offset: 0 }
     }
 
-    /// Whether a direct neighbour of bin `i` = `bins[offset]` rules out a peak, which is the usual case.
+    /// True if a direct neighbour of bin `i` = `bins[offset]` rules out a peak, which is the usual case.
     fn is_ruled_out(&self, bins: &[f64], offset: usize, i: u64) -> bool {
         let top = bins[offset];
         let rules_out = |other: &f64| !self.rule.admits(*other, top);
@@ -62,7 +62,7 @@ impl<'a, S: Simd> Peaks<'a, S> {
         }
     }
 
-    /// Whether stored bin `i` of amplitude `top` is higher than its neighbours.
+    /// True if stored bin `i` of amplitude `top` is higher than its neighbours.
     fn is_highest(&self, i: u64, top: f64) -> bool {
         let reach = self.rule.window;
         let left = (i + 1).saturating_sub(reach).max(self.first_neighbour())..i;

@@ -91,7 +91,7 @@ impl PhotonCounter {
         }))
     }
 
-    /// Whether pulses have returns without reflections.
+    /// True if pulses have returns without reflections.
     pub fn has_background(&self) -> bool {
         self.background > 0.0
     }

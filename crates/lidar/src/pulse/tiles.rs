@@ -64,7 +64,7 @@ impl TileTracer {
         std::mem::replace(&mut self.area, Aabb::EMPTY)
     }
 
-    /// Whether the tiles that the batch has met need more memory than there is.
+    /// True if the tiles that the batch has met need more memory than there is.
     pub fn is_over_budget(&self) -> bool {
         self.reader.is_over_budget()
     }
@@ -132,7 +132,7 @@ impl TileTracer {
     }
 }
 
-/// Whether the tile may be hit before what the rays have hit so far.
+/// True if the tile may be hit before what the rays have hit so far.
 fn may_be_nearer(facts: &TileFacts, bundles: &[Bundle], batch: &RayBatch) -> bool {
     let (rays, stride) = (batch.rays.rays(), batch.rays.stride());
     bundles.iter().enumerate().any(|(pulse, bundle)| {

@@ -170,7 +170,7 @@ impl DeflectorState {
         }
     }
 
-    /// Whether the state depends on each of the steps that led to it, and not only on their number.
+    /// True if the state depends on each of the steps that led to it, and not only on their number.
     pub(super) fn depends_on_steps(&self, plan: &DevicePlan) -> bool {
         match self {
             DeflectorState::Polygon(_) | DeflectorState::Custom { .. } => true,
@@ -276,7 +276,7 @@ impl DeflectorState {
         steps
     }
 
-    /// Whether the device emits a pulse at the current angle.
+    /// True if the device emits a pulse at the current angle.
     #[inline]
     pub fn is_firing(&self) -> bool {
         match self {

@@ -20,7 +20,7 @@ pub struct DeviceState {
     timed: Option<TimedMotion>,
     /// Pulses emitted so far, over all legs.
     pub pulses: u64,
-    /// Whether the warm-up steps of the current leg have been taken.
+    /// True if the warm-up steps of the current leg have been taken.
     pub is_warmed_up: bool,
 }
 
@@ -51,7 +51,7 @@ impl DeviceState {
             .map(|(per_step, next)| TimedMotion::new(next - wander, per_step, frequency));
     }
 
-    /// Whether the deflector moves as a function of time.
+    /// True if the deflector moves as a function of time.
     pub fn is_timed(&self) -> bool {
         self.timed.is_some()
     }
@@ -190,7 +190,7 @@ impl DeviceState {
         DeviceState { head: self.head.within_step(part), deflector, ..*self }
     }
 
-    /// Whether the formula of the deflection error had a value, and a pattern of a program's own a direction;
+    /// True if the formula of the deflection error had a value, and a pattern of a program's own a direction;
     /// [`DeviceState::formula_error`] names the one without it.
     #[inline]
     pub fn has_deflection(&self) -> bool {

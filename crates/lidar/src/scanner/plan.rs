@@ -31,7 +31,7 @@ pub struct DevicePlan {
     pub errors: MechanicalErrors,
     /// Corrections of the reference's kinematics that are enabled.
     pub kinematics: Corrections,
-    /// Whether the beam may have no direction at some time: by a formula of an error, or a pattern of a program's own.
+    /// True if the beam may have no direction at some time: by a formula of an error, or a pattern of a program's own.
     pub may_lack_deflection: bool,
     pub(super) prisms: Option<PrismTrain>,
 }

@@ -9,7 +9,7 @@ use vlscan_survey::Prism;
 pub(super) struct PrismTrain {
     prisms: Vec<Wedge>,
     incident: DVec3,
-    /// Whether total reflection is possible at some time.
+    /// True if total reflection is possible at some time.
     pub may_reflect_totally: bool,
 }
 
@@ -69,7 +69,7 @@ fn refract_at_face(b: DVec3, n: DVec3, eta: f64) -> Option<DVec3> {
     (r2 <= 1.0).then(|| unit(b * eta + n * (eta * k - (1.0 - r2).sqrt())))
 }
 
-/// Whether total reflection is possible at some time. The bound on the beam's tilt is conservative: refraction at a
+/// True if total reflection is possible at some time. The bound on the beam's tilt is conservative: refraction at a
 /// face maps the axis to a known direction and scales distances on the sphere around it by at most the largest slope of
 /// Snell's law within reach.
 fn may_reflect_totally(prisms: &[Prism], air: f64, incident: DVec3) -> bool {

@@ -51,7 +51,7 @@ pub(super) struct Sequence {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Move {
     pub map: Affine,
-    /// Whether it rotates about the part's centre.
+    /// True if the motion rotates about the part's centre.
     pub about_self: bool,
 }
 

@@ -33,7 +33,7 @@ pub(super) fn prefix(epoch: u32) -> String {
     format!("epoch {epoch} ")
 }
 
-/// Whether an array is needed for an epoch, by its name. Tiles are read when they are needed.
+/// True if an array is needed for an epoch, by its name. Tiles are read when they are needed.
 pub(super) fn is_of_epoch(name: &str, epoch: u32) -> bool {
     match name.strip_prefix(&prefix(epoch)) {
         Some(what) => !is_of_tile(what),
@@ -138,7 +138,7 @@ pub(super) fn read_scene(file: &ArrayFile, prefix: &str, builder: Builder) -> Re
     Ok(scene)
 }
 
-/// Whether the numbers of height fields are those of no other triangles, and the indices of grids those of no other cubes.
+/// True if the numbers of height fields are those of no other triangles, and the indices of grids those of no other cubes.
 fn are_numbered(g: &Geometry) -> bool {
     let are_apart = |mut ranges: Vec<Range<usize>>, end: usize| {
         ranges.push(end..end);
@@ -148,7 +148,7 @@ fn are_numbered(g: &Geometry) -> bool {
         && are_apart(g.grids.iter().map(VoxelGrid::indices).collect(), g.cube_count())
 }
 
-/// Whether the numbers in everything but the large arrays are those of existing things.
+/// True if the numbers in everything but the large arrays are those of existing things.
 fn are_numbers_valid(scene: &Scene) -> bool {
     let (parts, materials, g) = (scene.parts.len(), scene.materials.len(), &scene.geometry);
     let is_within = |range: &Range<usize>, len: usize| range.start <= range.end && range.end <= len;
@@ -177,7 +177,7 @@ fn are_numbers_valid(scene: &Scene) -> bool {
         && scene.instances.as_ref().is_none_or(are_instances)
 }
 
-/// Whether the numbers in the large arrays are those of existing things. Reads all of them.
+/// True if the numbers in the large arrays are those of existing things. Reads all of them.
 pub(super) fn are_arrays_valid(scene: &Scene) -> bool {
     let materials = scene.materials.len();
     let geometries = scene.instances.iter().flat_map(|set| &set.instances.models).map(|m| &m.geometry);

@@ -20,7 +20,7 @@ fn prefix_of(prefix: &str, tile: usize) -> String {
     format!("{prefix}tile {tile} ")
 }
 
-/// Whether an array is that of a tile, by its name without the prefix of the epoch.
+/// True if an array is that of a tile, by its name without the prefix of the epoch.
 pub(super) fn is_of_tile(name: &str) -> bool {
     name.starts_with("tile ")
 }
@@ -52,7 +52,7 @@ struct StoredPlace {
     missing: u32,
 }
 
-/// Whether the scene whose arrays begin with `prefix` has tiles.
+/// True if the scene whose arrays begin with `prefix` has tiles.
 pub(super) fn has_tiles(file: &ArrayFile, prefix: &str) -> bool {
     file.element(&format!("{prefix}{NAME}")).is_some()
 }

@@ -47,7 +47,7 @@ impl TileReader {
         self.tiles.number_with(scene, i, |i| scene.number_without_tiles(i), |tile| self.get(tile))
     }
 
-    /// Whether the tiles asked for since the last release need more memory than there is.
+    /// True if the tiles asked for since the last release need more memory than there is.
     pub fn is_over_budget(&self) -> bool {
         self.pins.is_over_budget()
     }

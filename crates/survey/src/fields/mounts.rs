@@ -63,7 +63,7 @@ pub(crate) fn read_mount(context: &Context, element: &Element) -> Mount {
     Mount { offset, rotation: read_rotations(context, element, local) }
 }
 
-/// Whether rotations are about axes that turn with them, by the attribute `rotations` of an element.
+/// True if rotations are about axes that turn with them, by the attribute `rotations` of an element.
 fn is_local(fields: &mut Fields) -> bool {
     fields.choice("rotations", &[("local", true), ("global", false)], Some("global")).unwrap_or(false)
 }

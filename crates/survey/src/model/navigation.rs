@@ -73,7 +73,7 @@ impl NavigationErrors {
     /// one number for all three components, or three numbers.
     pub const KEYS: &[(&str, &str)] = &KEYS;
 
-    /// Whether any error, bias, drift or misalignment is not 0; correlation times do not count.
+    /// True if any error, bias, drift or misalignment is not 0; correlation times do not count.
     pub fn any(&self) -> bool {
         let vectors = [
             self.position,

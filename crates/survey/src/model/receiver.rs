@@ -32,7 +32,7 @@ pub struct Receiver {
     pub saturation: Option<f64>,
     /// Amount by which the range of an echo right at the threshold is too long, m.
     pub range_walk: f64,
-    /// Whether samples lie on a grid of bins counted from the emission, instead of beginning with the first return.
+    /// True if samples lie on a grid of bins counted from the emission, instead of beginning with the first return.
     pub digitiser_clock: bool,
     /// Estimator of the range of an echo.
     pub ranging: Ranging,

@@ -9,7 +9,7 @@ use vlscan_geom::radians;
 /// fibres (`line`) or a turn of the first prism that turns (`risley`). Scan patterns of a program have a tilt only.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ScanMotion {
-    /// Whether it turns, swings or steps the other way.
+    /// True if the deflector turns, swings or steps the other way.
     pub is_reversed: bool,
     /// Phase at the first pulse of a leg, where the deflector restarts, rad from 0 to 2π.
     pub phase: f64,

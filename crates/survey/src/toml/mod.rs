@@ -26,9 +26,9 @@ use vlscan_base::error::Result;
 pub struct PipelineSurvey {
     /// The survey.
     pub survey: Survey,
-    /// Whether the file itself describes a flight, instead of taking that of a survey file.
+    /// True if the file itself describes a flight, instead of taking that of a survey file.
     pub has_own_flight: bool,
-    /// Whether the file changes the survey of an XML file, instead of describing its own.
+    /// True if the file changes the survey of an XML file, instead of describing its own.
     pub is_of_survey: bool,
 }
 

@@ -116,12 +116,12 @@ pub(crate) fn hint_for_name(name: &str) -> String {
     if name.chars().any(|c| c.is_control()) { ESCAPES.to_owned() } else { String::new() }
 }
 
-/// Whether a text in double quotes in this line has a backslash.
+/// True if a text in double quotes in this line has a backslash.
 fn has_escape(line: &str) -> bool {
     line.split_once('"').is_some_and(|(before, text)| !before.contains('#') && text.contains('\\'))
 }
 
-/// Whether the value in this line is a number with a decimal comma.
+/// True if the value in this line is a number with a decimal comma.
 fn is_with_decimal_comma(line: &str) -> bool {
     let Some((_, value)) = line.split_once('=') else { return false };
     let value = value.split('#').next().unwrap_or_default().trim();

@@ -51,7 +51,7 @@ impl Inputs {
         format!("{:016x}", sum.finish())
     }
 
-    /// Whether everything that a record depends on is as it was.
+    /// True if everything that a record depends on is as it was.
     pub(super) fn are_as_in(&mut self, record: &Record) -> bool {
         record.inputs.iter().all(|(path, sum)| self.sum(Path::new(path)).as_ref() == Some(sum))
             && !record.absent.iter().any(|path| Path::new(path).is_file())

@@ -50,7 +50,7 @@ pub(super) fn moved(path: &Path) -> String {
     format!("move it to another folder (mv '{}' FOLDER), then start the campaign again", path.display())
 }
 
-/// Whether a folder holds a note.
+/// True if a folder holds a note.
 pub(super) fn is_in(folder: &Path) -> bool {
     let paths = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let mut notes = paths.filter(|path| path.extension().is_some_and(|e| e == "made"));

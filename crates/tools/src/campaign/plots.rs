@@ -55,7 +55,7 @@ pub fn draw(area: &Area, count: usize, size: f64, seed: u64) -> Result<Vec<Area>
     Ok(fitting.into_iter().map(|(_, area)| area).collect())
 }
 
-/// Whether a line from `a` to `b` has a part within the rectangle (Liang and Barsky 1984).
+/// True if a line from `a` to `b` has a part within the rectangle (Liang and Barsky 1984).
 fn crosses([a, b]: [[f64; 2]; 2], [low, high]: [[f64; 2]; 2]) -> bool {
     // The fractions of the line between which it is within.
     let (mut from, mut to) = (0.0_f64, 1.0_f64);

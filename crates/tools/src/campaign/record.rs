@@ -97,7 +97,7 @@ impl Record {
         serde_json::from_str(&whole).ok()
     }
 
-    /// Whether the same cell, described by `wanted`, would have this record again: version, options, group, the contents of all
+    /// True if the same cell, described by `wanted`, would have this record again: version, options, group, the contents of all
     /// files that were read, and the absence of those that were looked for and not found.
     pub fn is_current(&self, wanted: &Record, inputs: &mut Inputs) -> bool {
         let head = |record: &Record| {

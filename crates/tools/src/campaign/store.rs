@@ -40,9 +40,9 @@ const WORK_MARK: &str = "vlscan-unfinished-cell";
 pub struct Store {
     /// Path of the data set's folder.
     pub folder: PathBuf,
-    /// Whether no other process computes the cells that this one locks, so that it needs no locks.
+    /// True if no other process computes the cells that this one locks, so that it needs no locks.
     needs_no_locks: bool,
-    /// Whether the checksums of all files are compared.
+    /// True if the checksums of all files are compared.
     verifies: bool,
 }
 
@@ -273,7 +273,7 @@ impl Store {
         Ok(Some(CellLock { _lock: lock, work }))
     }
 
-    /// Whether a cell is this process's own after the attempt to lock it.
+    /// True if a cell is this process's own after the attempt to lock it.
     fn is_locked(&self, attempt: std::result::Result<(), TryLockError>) -> Result<bool> {
         match attempt {
             Ok(()) => Ok(true),
@@ -361,7 +361,7 @@ impl Store {
     }
 }
 
-/// Whether a file holds a line of a cell, as in the manifest or among the times. Other lines may be damaged.
+/// True if a file holds a line of a cell, as in the manifest or among the times. Other lines may be damaged.
 fn is_of_cells(path: &Path) -> bool {
     let is_of_cell = |line: &[u8]| {
         let Ok(line) = serde_json::from_slice::<serde_json::Value>(line) else { return false };
@@ -373,7 +373,7 @@ fn is_of_cells(path: &Path) -> bool {
     lines.any(|line| is_of_cell(&line))
 }
 
-/// Whether a folder is one with unfinished files, or empty.
+/// True if a folder is one with unfinished files, or empty.
 fn is_work(work: &Path) -> bool {
     let is_folder = work.symlink_metadata().is_ok_and(|about| about.is_dir());
     let is_marked = || work.join(WORK_MARK).symlink_metadata().is_ok_and(|about| about.is_file());

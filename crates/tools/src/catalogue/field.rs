@@ -75,7 +75,7 @@ fn half_angle(device: &Device) -> f64 {
     half.min(PI)
 }
 
-/// Whether a mirror moves the beams. Channels that the head alone turns have none, though they state the angle of one.
+/// True if a mirror moves the beams. Channels that the head alone turns have none, though they state the angle of one.
 fn has_mirror(scanner: &Scanner) -> bool {
     scanner.devices[0].scan_freq.1 > 0.0 || !scanner.multi_channel
 }

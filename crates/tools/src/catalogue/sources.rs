@@ -16,7 +16,7 @@ impl Sources<'_> {
         Sources(&scanner.sources)
     }
 
-    /// Whether a figure has a source.
+    /// True if a figure has a source.
     pub fn has(&self, figure: &str) -> bool {
         self.source_of(figure).is_some()
     }

@@ -10,7 +10,7 @@ pub struct Axis {
     pub low: f64,
     /// The value at its end.
     pub high: f64,
-    /// Whether distances show ratios.
+    /// True if distances show ratios.
     pub is_log: bool,
 }
 

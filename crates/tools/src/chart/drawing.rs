@@ -19,7 +19,7 @@ pub enum Role {
     Series(usize),
 }
 
-/// Whether a drawing is dark on white or follows the colour scheme of its reader, dark by default.
+/// Colours of a drawing: dark on white, or the colour scheme of its reader, dark by default.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Theme {
     /// Dark on white.
@@ -112,7 +112,7 @@ pub enum Mark {
         path: Vec<[f64; 2]>,
         /// Width of the line.
         width: f64,
-        /// Whether it has gaps.
+        /// True if the line has gaps.
         dashed: bool,
         /// Decides the colour.
         role: Role,

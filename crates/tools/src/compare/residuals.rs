@@ -86,7 +86,7 @@ impl Setting<'_> {
     }
 }
 
-/// Whether a cloud has ground points.
+/// True if a cloud has ground points.
 fn has_ground(cut: &Cut) -> bool {
     (0..cut.len()).any(|i| cut.class(i) == Some(GROUND))
 }

@@ -80,7 +80,7 @@ pub struct AirborneOptions {
 pub struct Carrier {
     /// Mount of the scanner on the platform.
     pub mount: Mount,
-    /// Whether the plan may turn the scanner where that mount does not point it at the ground.
+    /// True if the plan may turn the scanner where that mount does not point it at the ground.
     pub may_turn: bool,
 }
 

@@ -113,7 +113,7 @@ impl Area {
         0.5 * self.sides().map(cross).sum::<f64>().abs()
     }
 
-    /// Whether a point is inside.
+    /// True if a point is inside.
     pub fn contains(&self, place: [f64; 2]) -> bool {
         is_inside(&self.corners, place)
     }

@@ -239,7 +239,7 @@ impl Field {
         2.0 * distance * self.mean_profile([-distance, distance])
     }
 
-    /// Whether the strip lies on both sides of the flight line alike.
+    /// True if the strip lies on both sides of the flight line alike.
     pub fn is_symmetric(&self) -> bool {
         let width = self.width();
         width > 0.0 && (self.across[0] + self.across[1]).abs() < 0.06 * width

@@ -13,9 +13,9 @@ pub struct Waypoint {
     pub position: DVec3,
     /// m/s.
     pub speed: Option<f64>,
-    /// Whether the scanner fires on the way to the next waypoint.
+    /// True if the scanner fires on the way to the next waypoint.
     pub active: bool,
-    /// Whether z is taken from the ground.
+    /// True if z is taken from the ground.
     pub on_ground: bool,
     /// Legs of one strip share their output.
     pub strip: Option<String>,

@@ -20,7 +20,7 @@ pub struct Reach {
 /// Full width at half maximum of a normal distribution over its standard deviation.
 const WIDTH_OF_NORMAL: f64 = 2.354_820_045;
 
-/// Whether a device measures a place on the ground.
+/// Visibility of a place on the ground for a device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Seen {
     /// It is measured.

@@ -41,7 +41,7 @@ impl ColourBy {
         ["height", "class", "intensity", "object", "return", "leg", "channel", "time"][self as usize]
     }
 
-    /// Whether the points have the attribute of this colouring.
+    /// True if the points have the attribute of this colouring.
     pub(super) fn shown_by(self, points: &Points) -> bool {
         points.has(match self {
             ColourBy::Height => return true,

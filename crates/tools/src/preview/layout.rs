@@ -388,7 +388,7 @@ fn fullest(points: &Points, extent: &Extent, thickness: f64) -> f64 {
     middle.max(extent.low[1] + half).min(extent.high[1] - half)
 }
 
-/// Whether a ceiling covers most of the floor.
+/// True if a ceiling covers most of the floor.
 fn is_room(points: &Points, extent: &Extent) -> bool {
     const CELLS: usize = 48;
     let height = extent.size(2);

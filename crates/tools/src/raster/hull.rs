@@ -8,7 +8,7 @@ pub(super) struct RowSpan {
 }
 
 impl RowSpan {
-    /// Whether the centre of a column is within the span.
+    /// True if the centre of a column is within the span.
     pub fn contains(self, column: f64) -> bool {
         /// Room for rounding on an edge.
         const ROOM: f64 = 1e-9;

@@ -36,7 +36,7 @@ impl RasterKind {
         }
     }
 
-    /// Whether it is made of ground points.
+    /// True if the raster is made of ground points.
     pub fn needs_ground(self) -> bool {
         matches!(self, RasterKind::Dtm | RasterKind::Chm)
     }

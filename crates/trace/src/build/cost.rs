@@ -163,7 +163,7 @@ impl CostAccount {
         CostAccount::Global(Mutex::new(RunningCost::of_root(options, root, count)))
     }
 
-    /// Whether the split makes the tree cheaper. If so, it is added to the cost of the tree.
+    /// True if the split makes the tree cheaper. If so, it is added to the cost of the tree.
     pub fn try_split(&self, options: &BuildOptions, split: &Proposal) -> bool {
         let counts = split.counts.map(|c| c.next_multiple_of(options.grain.max(1)) as f64);
         match self {

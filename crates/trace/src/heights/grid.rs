@@ -82,7 +82,7 @@ impl HeightGrid {
         DVec3::new(p.x, p.y, p.z + self.raise) - self.shift
     }
 
-    /// Whether x depends on the column only and y on the row only.
+    /// True if x depends on the column only and y on the row only.
     #[inline(always)]
     pub(super) fn is_upright(&self) -> bool {
         self.of_row[0] == 0.0 && self.of_column[1] == 0.0

@@ -109,7 +109,7 @@ impl HeightField {
         2 * self.grid.cell_columns() * self.grid.cell_rows()
     }
 
-    /// Whether there are no cells.
+    /// True if there are no cells.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -135,7 +135,7 @@ impl HeightField {
         known + (from..count).filter(|&i| self.is_missing(i)).count()
     }
 
-    /// Whether triangle `i`, counted from the field's first, has a corner without data.
+    /// True if triangle `i`, counted from the field's first, has a corner without data.
     fn is_missing(&self, i: usize) -> bool {
         let columns = self.grid.cell_columns();
         let a = i / 2 / columns * self.grid.columns + i / 2 % columns;

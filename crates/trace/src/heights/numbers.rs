@@ -49,7 +49,7 @@ impl Heights {
         }
     }
 
-    /// Whether there are no vertices.
+    /// True if there are no vertices.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -132,7 +132,7 @@ pub(super) struct BlockSlopes<S: Simd> {
     pub range: DepthRange<S>,
     /// Triangles beside or behind the apex, whose slopes are meaningless.
     is_beside: S::Mask16,
-    /// Whether the slopes are widened by the offsets of all pulses, so that the offsets need no further test.
+    /// True if the slopes are widened by the offsets of all pulses, so that the offsets need no further test.
     cover_offsets: bool,
 }
 

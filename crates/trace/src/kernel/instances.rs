@@ -48,7 +48,7 @@ impl InstanceTree {
         }
     }
 
-    /// Whether triangle `new` of an instance comes before primitive `own` of the geometry.
+    /// True if triangle `new` of an instance comes before primitive `own` of the geometry.
     fn comes_before(&self, new: u32, own: u32) -> bool {
         let place = self.instances.locate(new).map(|(instance, _)| self.instances.all[instance].before);
         place.is_some_and(|before| self.instances.comes_first(new, before, own))

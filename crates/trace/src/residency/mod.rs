@@ -287,7 +287,7 @@ impl<T> Paged<T> {
         self.len
     }
 
-    /// Whether there are no items.
+    /// True if there are no items.
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }

@@ -60,7 +60,7 @@ impl Pins {
         taken.get_or_init(|| self.take(items.first + index)).as_ref()?.downcast_ref()
     }
 
-    /// Whether the items that the packet has asked for exceed the budget.
+    /// True if the items that the packet has asked for exceed the budget.
     pub fn is_over_budget(&self) -> bool {
         self.packet.borrow().refused > 0
     }

@@ -126,7 +126,7 @@ pub trait Simd: Copy + Debug + 'static {
     /// Sixteen indices into a table of sixteen.
     type Indices: Copy;
 
-    /// Whether one register holds eight `f64`; then replacing branches by work on complete registers pays.
+    /// True if one register holds eight `f64`; then replacing branches by work on complete registers pays.
     const HAS_WIDE_REGISTERS: bool;
 
     /// Calls `f` in a separate function, which has all registers available and is compiled with the features of the

@@ -84,7 +84,7 @@ impl VoxelCells {
         self.along.len()
     }
 
-    /// Whether no cell is occupied.
+    /// True if no cell is occupied.
     pub fn is_empty(&self) -> bool {
         self.along.is_empty()
     }
@@ -190,7 +190,7 @@ impl VoxelCells {
         })
     }
 
-    /// Whether the cells take less memory than the cubes and the tree over them would.
+    /// True if the cells take less memory than the cubes and the tree over them would.
     pub fn are_compact(&self) -> bool {
         4 * self.starts.len() <= 64 * self.along.len()
     }

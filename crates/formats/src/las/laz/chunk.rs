@@ -5,7 +5,7 @@
 use super::extra;
 use super::point::{POINT, Points, channel};
 
-/// Whether all points have the same scanner channel, which [`compress`] requires.
+/// True if all points have the same scanner channel, which [`compress`] requires.
 pub(super) fn has_one_channel(records: &[u8], length: usize) -> bool {
     let Some(first) = records.get(..length) else { return false };
     records.chunks_exact(length).all(|record| channel(record) == channel(first))

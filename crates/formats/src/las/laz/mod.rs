@@ -127,7 +127,7 @@ pub(super) fn compress(points: &[u8], mut out: Vec<u8>, laszip: &LazVlr) -> ::la
     }
 }
 
-/// Whether [`chunk`] supports the layout of the records: points of format 6, with or without extra bytes.
+/// True if [`chunk`] supports the layout of the records: points of format 6, with or without extra bytes.
 fn has_known_layers(laszip: &LazVlr) -> bool {
     let items = laszip.items();
     items.first().is_some_and(|i| i.version() >= 3 && i.item_type() == LazItemType::Point14)

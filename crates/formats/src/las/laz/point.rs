@@ -64,7 +64,7 @@ pub(super) fn channel(record: &[u8]) -> u8 {
 /// The layers of the points of a chunk, all of one scanner channel.
 pub(super) struct Points {
     last: Point,
-    /// Whether the last point's time differs from the time before it.
+    /// True if the last point's time differs from the time before it.
     time_changed: bool,
     positions: Positions,
     heights: Layer,
@@ -320,7 +320,7 @@ const KINDS: [[u8; 16]; 16] = [
 #[derive(Clone, Copy, Debug)]
 struct Median {
     sorted: [i32; 5],
-    /// Whether the largest is replaced next.
+    /// True if the largest is replaced next.
     high: bool,
 }
 

@@ -46,7 +46,7 @@ pub(super) fn dimensions(descriptors: &[u8], mut offset: usize) -> Vec<(String, 
 }
 
 impl ExtraDimension {
-    /// Whether it is a single number.
+    /// True if the dimension is a single number.
     pub fn is_number(self) -> bool {
         (1..=10).contains(&self.kind)
     }

@@ -28,7 +28,7 @@ const USER_DEFINED: u16 = 32_767;
 pub(super) struct PositionUnits {
     /// Metres in a unit of x, y and z.
     pub metres: Option<DVec3>,
-    /// Whether horizontal coordinates are angles.
+    /// True if horizontal coordinates are angles.
     pub is_angle: bool,
     /// The system of the coordinates as WKT, as far as the file names it.
     pub crs: Option<String>,

@@ -54,7 +54,7 @@ pub enum RecordPlace<'r> {
 pub struct RecordError {
     pub message: String,
     pub help: &'static str,
-    /// Whether the time of the record is to be marked; otherwise all of it is.
+    /// True if the time of the record is to be marked; otherwise all of it is.
     pub is_of_time: bool,
 }
 

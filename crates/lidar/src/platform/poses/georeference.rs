@@ -11,7 +11,7 @@ pub struct Georeference {
     height_offset: f64,
     lever_arm: DVec3,
     boresight: Option<Rotation>,
-    /// Whether a position was projected to the grid.
+    /// True if a position was projected to the grid.
     has_projected: bool,
 }
 

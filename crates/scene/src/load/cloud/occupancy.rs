@@ -40,7 +40,7 @@ impl Occupancy {
         }
     }
 
-    /// Whether a cell is marked.
+    /// True if a cell is marked.
     pub fn contains(&self, cell: Cell) -> bool {
         let (word, bit) = self.bit(cell);
         self.words[word].load(Ordering::Relaxed) & bit != 0

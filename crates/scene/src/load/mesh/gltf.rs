@@ -329,7 +329,7 @@ impl GltfDocument {
         Ok(())
     }
 
-    /// Whether a compressed primitive has no uncompressed positions or indices beside the compressed ones.
+    /// True if a compressed primitive has no uncompressed positions or indices beside the compressed ones.
     fn lacks_fallback(&self, primitive: &Primitive) -> bool {
         let accessors = primitive.attributes.get("POSITION").into_iter().chain(&primitive.indices);
         let has_data = |&accessor: &usize| {

@@ -142,7 +142,7 @@ mod tests {
         0.5 * (b - a).cross(c - a)
     }
 
-    /// Whether a point of the plane z = 0 is in one of the triangles.
+    /// True if a point of the plane z = 0 is in one of the triangles.
     fn covers(corners: &[DVec3], triangles: &[[u32; 3]], x: f64, y: f64) -> bool {
         let p = DVec3::new(x, y, 0.0);
         triangles.iter().any(|t| {

@@ -117,7 +117,7 @@ impl NoData {
         NoData { values, is_stated }
     }
 
-    /// Whether a number is a height, before it is scaled. Doubtful ones are counted.
+    /// True if a number is a height, before it is scaled. Doubtful ones are counted.
     pub fn is_height(&self, number: f64, doubts: &mut Doubts) -> bool {
         if number.is_nan() || self.values.iter().any(|value| (number - value).abs() < 1e-7) {
             return false;
